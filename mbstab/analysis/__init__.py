@@ -1,0 +1,1 @@
+"""What is computed from the matrices: reference motion, linearization, eigenvalues."""

@@ -1,0 +1,1 @@
+"""From definitions to kernels, from kernels to the matrices of a scene."""

@@ -1,0 +1,1 @@
+"""Generated kernels of the built-in elements; regenerate with python -m mbstab.compiler.emit."""

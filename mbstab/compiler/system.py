@@ -1,0 +1,331 @@
+"""A scene as numbers: gather the coordinates of each element, run its kernel, scatter what it returns.
+
+The arrays that come out (the notation of the whole package):
+
+========  ==============================================  ==========================
+symbol    meaning                                         shape
+========  ==============================================  ==========================
+q, u, a   coordinates, speeds q̇, accelerations q̈          (n_q,)
+M         ∂F/∂a, the mass matrix                          (n_q, n_q)
+F0        F at a = 0 and ν = 0                            (n_q,)
+E         constraint residuals C(q, t) and D(q, u, t)     (n_c,)
+V         velocity residuals dC/dt and D                  (n_c,)
+J         [C_q; D_u], ∂V/∂u                               (n_c, n_q)
+B         acceleration residual of the rows at a = 0      (n_c,)
+K, R      ∂F/∂q (with ∂(Jᵀν)/∂q) and ∂F/∂u                (n_q, n_q)
+D_q       ∂D/∂q, nonholonomic rows only                   (n_n, n_q)
+nu        multipliers [λ; μ]                              (n_c,)
+========  ==============================================  ==========================
+
+The residual of the equations of motion is F = M a + F0 + Jᵀ ν. Rows of holonomic
+constraints come first (n_h of them), then the n_n nonholonomic ones.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.errors import Location, NumericalError
+from mbstab.mechanics.bodies import inertia_element
+from mbstab.mechanics.catalogue import GROUND, ElementUse
+from mbstab.mechanics.elements import ELEMENTS
+from mbstab.model.expressions import Expression
+from mbstab.model.jets import Jet
+from mbstab.model.schema import Entry
+from mbstab.model.values import Scene
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One constraint row: which entry it belongs to, what it says, and its unit."""
+
+    section: str
+    name: str
+    label: str
+    unit: str
+    location: Location
+
+    def __str__(self) -> str:
+        return f"{self.section.removesuffix('s')} {self.name!r} ({self.label})"
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """Matrices of the equations of motion at a state; see the table of this module."""
+
+    M: Any
+    F0: Any
+    E: Any
+    V: Any
+    J: Any
+    B: Any
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """An element at its place: its kernel, where its coordinates and rows are, its numbers."""
+
+    kernel: Any
+    columns: tuple[int, ...]
+    rows: tuple[int, ...]
+    parameters: tuple[Any, ...]
+    laws: tuple[Any, ...]
+    takes_acceleration: bool
+    path: str
+
+
+class System:
+    """The equations of motion of a scene.
+
+    Attributes
+    ----------
+    scene : Scene
+    n_q, n_h, n_n : int
+        Numbers of coordinates, holonomic and nonholonomic rows.
+    names : list of str
+        Coordinates in the order of q.
+    rows : list of Row
+        Constraint rows in the order of E.
+    body_slices : list of slice
+        Coordinates of each body.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.names = scene.coordinate_names()
+        self.n_q = len(self.names)
+        self.body_slices: list[slice] = []
+        start = 0
+        for body in scene.bodies:
+            self.body_slices.append(slice(start, start + len(body.coordinates)))
+            start += len(body.coordinates)
+        uses = self._uses()
+        holonomic = [self._row_list(use, entry) for use, entry, role in uses if role == "holonomic"]
+        nonholonomic = [self._row_list(use, entry) for use, entry, role in uses if role == "nonholonomic"]
+        self.rows = [row for group in (*holonomic, *nonholonomic) for row in group]
+        self.n_h, self.n_n = (sum(map(len, groups)) for groups in (holonomic, nonholonomic))
+        self._elements = self._place(uses)
+        self._plans: dict[str, dict[str, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]] = {}
+
+    @property
+    def n_c(self) -> int:
+        """Number of constraint rows."""
+        return self.n_h + self.n_n
+
+    # --- what is in the scene ---------------------------------------------------------------------------------------
+
+    def _uses(self) -> list[tuple[Any, Entry | None, str]]:
+        scene = self.scene
+        uses: list[tuple[Any, Entry | None, str]] = []
+        for number, body in enumerate(scene.bodies):
+            element = inertia_element(number, body.orientation, body.mass, body.inertia, body.center, scene.gravity)
+            uses.append((element, None, "inertia"))
+        for item in scene.items:
+            if item.entry.section == "constraints":
+                role = item.kind.name
+                uses.append(((item.entry.values[role],), item.entry, role))
+            elif item.kind.name == "expression":
+                uses.append((tuple(item.entry.values["on"].values()), item.entry, "force"))
+            else:
+                for use in item.kind.build(item):
+                    uses.append((use, item.entry, ELEMENTS[self._kernel_name(use)].role))
+        return uses
+
+    def _kernel_name(self, use: ElementUse) -> str:
+        frame = "coordinate" if use.element.startswith("coordinate_") else "planar" if self.scene.dimension == 2 else "spatial"
+        return f"{frame}_{use.element}"
+
+    def _row_list(self, use: Any, entry: Entry | None) -> list[Row]:
+        assert entry is not None
+        if not isinstance(use, ElementUse):
+            return [Row(entry.section, entry.name, entry.kind.name, "unit of the expression", entry.location)]
+        element = ELEMENTS[self._kernel_name(use)]
+        count = self.scene.dimension if element.name == "coincident" else 1
+        label = use.labels[0] if use.labels else element.name
+        unit = element.units[0]
+        if unit.startswith("unit"):
+            of_length = self.names[use.slots[0]].rpartition(".")[2] in ("x", "y", "z")
+            unit = unit.replace("unit", "m" if of_length else "rad")
+        labels = [label] if count == 1 else [f"{label} {axis}" for axis in "xyz"[:count]]
+        return [Row(entry.section, entry.name, text, unit, entry.location) for text in labels]
+
+    def _place(self, uses: list[tuple[Any, Entry | None, str]]) -> list[_Placed]:
+        next_row = {"holonomic": 0, "nonholonomic": self.n_h}
+        placed = []
+        for use, entry, role in uses:
+            rows: tuple[int, ...] = ()
+            if role in next_row:
+                count = len(self._row_list(use, entry))
+                rows = tuple(range(next_row[role], next_row[role] + count))
+                next_row[role] += count
+            path = entry.path if entry else f"bodies.{self.scene.bodies[use.slots[0]].name}"
+            if isinstance(use, ElementUse):
+                name = self._kernel_name(use)
+                kernel = importlib.import_module(f"mbstab.compiler.kernels.{name}")
+                columns, bases = self._columns(use, name)
+                placed.append(_Placed(kernel, columns, rows, (*bases, *use.parameters), use.laws, role == "inertia", path))
+            else:
+                assert entry is not None
+                placed.append(self._place_expressions(use, entry, role, rows))
+        return placed
+
+    def _columns(self, use: ElementUse, name: str) -> tuple[tuple[int, ...], tuple[Any, ...]]:
+        """Return the coordinate numbers of an element, n_q where a coordinate is fixed, and its base rotations."""
+        if name.startswith("coordinate_"):
+            return use.slots, ()
+        size = 3 if self.scene.dimension == 2 else 6
+        columns: list[int] = []
+        bases: list[Any] = []
+        identity = tuple(float(i == j) for i in range(3) for j in range(3))
+        for body in use.slots:
+            if body == GROUND:
+                columns += [self.n_q] * size
+                bases += identity if size == 6 else ()
+                continue
+            own = range(*self.body_slices[body].indices(self.n_q))
+            columns += [*own, *[self.n_q] * (size - len(own))]
+            bases += self.scene.bodies[body].base
+        return tuple(columns), tuple(bases)
+
+    def _place_expressions(self, expressions: tuple[Expression, ...], entry: Entry, role: str, rows: tuple[int, ...]) -> _Placed:
+        from mbstab.compiler.user import user_kernel
+
+        number = {name: i for i, name in enumerate(self.names)}
+        acted = tuple(entry.values["on"]) if role == "force" else ()
+        used = {name for e in expressions for name in (*e.names(), *e.rates())} | set(acted)
+        coordinates = tuple(name for name in self.names if name in used)
+        parameters = tuple(name for name in self.scene.parameters if name in used)
+        kernel = user_kernel(role, expressions, acted, coordinates, parameters)
+        values = tuple(self.scene.parameters[name] for name in parameters)
+        columns = tuple(number[name] for name in coordinates)
+        return _Placed(kernel, columns, rows, values, (_TIME,), False, entry.path)
+
+    # --- numbers ----------------------------------------------------------------------------------------------------
+
+    def dynamics(self, q: Any, u: Any, time: Any = None) -> Dynamics:
+        """Return the matrices of the equations of motion.
+
+        Parameters
+        ----------
+        q, u : array_like, shape (n_q,)
+            Coordinates (m, rad) and speeds.
+        time : float, optional
+            Time (s), for given motions and forces; the reference time if not given.
+        """
+        n, c = self.n_q, self.n_c
+        out = self._run("dynamics", q, u, time, {"M": (n, n), "F": (n,), "E": (c,), "V": (c,), "J": (c, n), "B": (c,)})
+        return Dynamics(out["M"], out["F"], out["E"], out["V"], out["J"], out["B"])
+
+    def linearize(self, q: Any, u: Any, a: Any, nu: Any, time: Any = None) -> tuple[Any, Any, Any]:
+        """Return K = ∂F/∂q, R = ∂F/∂u and D_q at fixed accelerations and multipliers.
+
+        Parameters
+        ----------
+        q, u, a : array_like, shape (n_q,)
+        nu : array_like, shape (n_c,)
+            Multipliers [λ; μ].
+        time : float, optional
+        """
+        n, c = self.n_q, self.n_c
+        out = self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu)
+        return out["K"], out["R"], out["D"][self.n_h :]
+
+    def _run(
+        self, function: str, q: Any, u: Any, time: Any, shapes: dict[str, tuple[int, ...]], a: Any = None, nu: Any = None
+    ) -> dict[str, Any]:
+        time = self.scene.time if time is None else time
+        f = self.scene.arithmetic
+        q, u = _padded(q), _padded(u)
+        a = _padded(a) if a is not None else None
+        nu = _listed(nu) if nu is not None else None
+        values: list[Any] = []
+        for element in self._elements:
+            signals = _signals(element.laws, time) if element.laws else ()
+            arguments = [[q[i] for i in element.columns], [u[i] for i in element.columns], element.parameters, signals]
+            if function == "linearize" and (element.rows or element.takes_acceleration):
+                if element.takes_acceleration:
+                    arguments.append([a[i] for i in element.columns])
+                else:
+                    arguments.append([nu[i] for i in element.rows])
+            try:
+                values.extend(getattr(element.kernel, function)(f, *arguments))
+            except (ArithmeticError, ValueError) as error:
+                raise NumericalError(
+                    f"{element.path} has no finite equations here ({error})\n"
+                    "hint: a spring of zero length, a wheel lying flat or an expression outside its domain has no derivative"
+                ) from None
+        plan = self._plans.get(function)
+        if plan is None:
+            plan = self._plans[function] = self._plan(function, shapes)
+        return {key: _scatter(values, *plan[key], shape) for key, shape in shapes.items()}
+
+    def _plan(
+        self, function: str, shapes: dict[str, tuple[int, ...]]
+    ) -> dict[str, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
+        """Return for each matrix which returned value is added to which entry (counted row by row)."""
+        take: dict[str, list[int]] = {key: [] for key in shapes}
+        target: dict[str, list[int]] = {key: [] for key in shapes}
+        position = 0
+        for element in self._elements:
+            for key, entries in getattr(element.kernel, function.upper()).items():
+                for index in entries:
+                    first = element.rows if key in ("E", "V", "B", "J", "D") else element.columns
+                    place = first[index[0]]
+                    inside = place < self.n_q or first is element.rows
+                    if len(index) == 2:
+                        column = element.columns[index[1]]
+                        inside = inside and column < self.n_q
+                        place = place * self.n_q + column
+                    if inside:
+                        take[key].append(position)
+                        target[key].append(place)
+                    position += 1
+        return {key: (np.array(take[key], dtype=np.intp), np.array(target[key], dtype=np.intp)) for key in shapes}
+
+
+class _Time:
+    """The time itself as a given function, for expressions that contain t."""
+
+    @staticmethod
+    def at(time: Any) -> Jet:
+        return Jet(time, 1.0, 0.0)
+
+
+_TIME = _Time()
+
+
+def _signals(laws: tuple[Any, ...], time: Any) -> list[Any]:
+    """Return all values, then all rates, then all second derivatives."""
+    jets = [law.at(time) for law in laws]
+    return [jet.value for jet in jets] + [jet.rate for jet in jets] + [jet.second for jet in jets]
+
+
+def _listed(x: Any) -> list[Any]:
+    # Python floats are several times faster than array elements in a kernel.
+    return x.tolist() if isinstance(x, np.ndarray) and x.dtype != object and x.ndim == 1 else list(x)
+
+
+def _padded(x: Any) -> list[Any]:
+    """Return a vector as a list with one fixed coordinate behind it."""
+    return [*_listed(x), 0.0]
+
+
+def _scatter(values: Sequence[Any], take: Any, target: Any, shape: tuple[int, ...]) -> Any:
+    size = int(np.prod(shape))
+    chosen = [values[i] for i in take]
+    if not chosen:
+        return np.zeros(shape)
+    if all(isinstance(value, (int, float)) for value in chosen):
+        return np.bincount(target, weights=np.array(chosen, dtype=float), minlength=size).reshape(shape)
+    dense = np.full(size, 0, dtype=object)
+    for place, value in zip(target, chosen, strict=True):
+        dense[place] = dense[place] + value
+    return dense.reshape(shape)

@@ -1,0 +1,102 @@
+"""What can go wrong, where, and which exit code says so.
+
+Exit codes: 0 answered, 1 the computation failed, 2 the file or the command line
+is wrong, 3 an expectation (``expect:`` or ``--require``) did not hold.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, order=True)
+class Location:
+    """A place in a text file; line and column count from 1."""
+
+    file: str
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong with a model file: where, at which path, which rule, and what to do."""
+
+    location: Location
+    path: str
+    message: str
+    hint: str = ""
+    source: str = ""
+
+    def __str__(self) -> str:
+        head = f"{self.location}: {self.path}: {self.message}" if self.path else f"{self.location}: {self.message}"
+        lines = [head]
+        if self.source:
+            text, at = _window(self.source, self.location.column - 1)
+            number = str(self.location.line)
+            lines += [f" {number} | {text}", f" {' ' * len(number)} | {' ' * at}^"]
+        if self.hint:
+            lines.append(f"hint: {self.hint}")
+        return "\n".join(lines)
+
+
+def _window(source: str, at: int, width: int = 100) -> tuple[str, int]:
+    """Cut a long source line around position `at`; control characters become blanks."""
+    text = "".join(c if c.isprintable() else " " for c in source)
+    if len(text) <= width:
+        return text, at
+    start = max(0, min(at - width // 2, len(text) - width))
+    return text[start : start + width], at - start
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return ``did you mean 'mass'?`` for the nearest of the known words, or an empty string."""
+    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+    return f"did you mean {near[0]!r}?" if near else ""
+
+
+class MbstabError(Exception):
+    """Base of every error that is the user's to mend; carries the exit code."""
+
+    exit_code = 1
+
+
+class ModelFileError(MbstabError):
+    """A model file is wrong; holds all its problems in the order of the file."""
+
+    exit_code = 2
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = sorted(problems, key=lambda problem: problem.location)
+        super().__init__("\n\n".join(str(problem) for problem in self.problems))
+
+
+class UsageError(MbstabError):
+    """The call is wrong: an unknown parameter, a value out of range, a name that is no model."""
+
+    exit_code = 2
+
+
+class ConstraintError(MbstabError):
+    """The constraints cannot be used: their rank has no gap or changes at this configuration."""
+
+
+class MassError(MbstabError):
+    """A motion that the constraints allow carries no mass."""
+
+    exit_code = 2
+
+
+class NumericalError(MbstabError):
+    """A computation did not reach its threshold; the message says number, threshold and next step."""
+
+
+class ExpectationError(MbstabError):
+    """An ``expect:`` block or ``--require`` did not hold."""
+
+    exit_code = 3

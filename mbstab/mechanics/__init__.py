@@ -1,0 +1,1 @@
+"""What physics says: each physical element defined once, as symbols."""

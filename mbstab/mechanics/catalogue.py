@@ -1,0 +1,206 @@
+"""What a type of body, joint, contact, drive or force is made of, as data.
+
+A `Kind` describes one type that a model file may name: its fields, with units and
+documentation, and the elements it stands for. The reader, the JSON Schema and the
+compiler all work from these tables, so a new type is one entry.
+
+An `Element` is the smallest thing that has equations: a kinetic energy, one group of
+constraint rows, or one force. Its definition is symbolic and stands in one function;
+every derivative is derived from it ahead of time (`mbstab.compiler.derive`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+Number = Any  # float, array of the points of a sweep, or any number of the arithmetic in use
+Vector = tuple[Number, ...]
+
+COORDINATES: dict[str, tuple[str, ...]] = {
+    "planar": ("x", "y", "theta"),
+    "spatial": ("x", "y", "z", "phi", "theta", "psi"),
+    "coordinate": ("c",),
+}
+"""Coordinates of a slot of an element: a body of a planar or spatial scene, or any one coordinate."""
+
+GROUND = -1
+
+Role = Literal["inertia", "force", "holonomic", "nonholonomic"]
+
+
+@dataclass(frozen=True)
+class Element:
+    """One group of equations, defined once as symbols.
+
+    Attributes
+    ----------
+    name : str
+        Without the frame; the kernel of the planar version is called ``planar_name``.
+    role : str
+        ``inertia``: `define` returns the Lagrangian T − V; ``force``: a `Load`;
+        ``holonomic``: rows C(q, s); ``nonholonomic``: rows D(q, u, s).
+    frames : tuple of str
+        For which kind of slot it exists, keys of `COORDINATES`.
+    slots : int
+        Number of bodies (or coordinates) it connects.
+    parameters : tuple of (str, int)
+        Names and sizes of its constant numbers; size 0 stands for the dimension of the frame.
+    signals : int
+        Number of given functions of time.
+    units : tuple of str
+        Unit of each row; one unit stands for all rows.
+    define : callable
+        ``define(frames, parameters, signals)`` with symbolic frames; SymPy is imported inside.
+    """
+
+    name: str
+    role: Role
+    frames: tuple[str, ...]
+    slots: int
+    parameters: tuple[tuple[str, int], ...]
+    define: Callable[..., Any]
+    signals: int = 0
+    units: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Load:
+    """What a force element does, as symbols: any of a potential, a dissipation function, and virtual power.
+
+    Attributes
+    ----------
+    potential : expression
+        V(q); the force is −∂V/∂q.
+    dissipation : expression
+        Φ(q, u); the force is −∂Φ/∂u.
+    power : iterable of (force, velocity)
+        Column matrices; the generalized force is Σ (∂velocity/∂u)ᵀ force.
+    """
+
+    potential: Any = 0
+    dissipation: Any = 0
+    power: tuple[tuple[Any, Any], ...] = ()
+
+
+Shape = Literal[
+    "number", "vector", "tensor", "markers", "marker", "directions", "direction", "coordinate", "joint", "body",
+    "choice", "law", "law vector", "loads", "constraint", "shape", "parts", "points", "angles",
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Field:
+    """One key of an entry in a model file."""
+
+    name: str
+    shape: Shape
+    doc: str
+    unit: str = "1"
+    required: bool = False
+    default: str | None = None
+    sign: Literal["any", "positive", "nonnegative", "nonzero"] = "any"
+    choices: tuple[str, ...] = ()
+    dimensions: tuple[int, ...] = (2, 3)
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A point fixed in a body (or in the ground), in the frame of the body."""
+
+    body: int
+    point: Vector
+
+
+@dataclass(frozen=True)
+class Triad:
+    """Three orthogonal unit vectors fixed in a body; `v1` is the axis of a joint."""
+
+    v1: Vector
+    v2: Vector
+    v3: Vector
+
+
+@dataclass(frozen=True)
+class ElementUse:
+    """One element at work in a scene.
+
+    Attributes
+    ----------
+    element : str
+        Name of the element, without the frame.
+    slots : tuple of int
+        Body numbers, or coordinate numbers where the element's frame is ``coordinate``.
+    parameters : tuple
+        Its numbers, in the order of `Element.parameters`, flattened.
+    laws : tuple
+        Functions of time, as the model reader made them.
+    labels : tuple of str
+        A word for each row, for messages.
+    """
+
+    element: str
+    slots: tuple[int, ...]
+    parameters: Vector
+    laws: tuple[Any, ...] = ()
+    labels: tuple[str, ...] = ()
+
+
+class Item(Protocol):
+    """An entry of a model with its numbers, as `Kind.build` sees it."""
+
+    name: str
+    kind: Kind
+    dimension: int
+
+    def given(self, name: str) -> bool: ...  # noqa: D102
+    def number(self, name: str) -> Number: ...  # noqa: D102
+    def vector(self, name: str) -> Vector: ...  # noqa: D102
+    def unit_vector(self, name: str) -> Vector: ...  # noqa: D102
+    def choice(self, name: str) -> str: ...  # noqa: D102
+    def body(self, name: str) -> int: ...  # noqa: D102
+    def marker(self, name: str) -> Marker: ...  # noqa: D102
+    def markers(self, name: str) -> tuple[Marker, Marker]: ...  # noqa: D102
+    def direction(self, name: str) -> Vector: ...  # noqa: D102
+    def triads(self, axis: str, zero: str) -> tuple[Triad, Triad]: ...  # noqa: D102
+    def coordinate(self, name: str) -> int: ...  # noqa: D102
+    def joint(self, name: str) -> Item: ...  # noqa: D102
+    def law(self, name: str) -> Any: ...  # noqa: D102
+    def laws(self, name: str) -> tuple[Any, ...]: ...  # noqa: D102
+
+
+Build = Callable[[Item], Iterable[ElementUse]]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One type that a model file may name.
+
+    Attributes
+    ----------
+    name, doc : str
+        What stands behind ``type:`` and what it is.
+    dimensions : tuple of int
+        In which scenes it exists: 2 planar, 3 spatial.
+    fields : tuple of Field
+        Its keys.
+    build : callable
+        From an `Item` to the elements it stands for.
+    motions : tuple of str
+        For joints: the motions a drive or a spring can act on (``angle``, ``displacement``).
+    one_of : tuple of tuple of str
+        Groups of fields of which exactly one must be given.
+    """
+
+    name: str
+    doc: str
+    dimensions: tuple[int, ...]
+    fields: tuple[Field, ...]
+    build: Build
+    motions: tuple[str, ...] = ()
+    one_of: tuple[tuple[str, ...], ...] = ()
+
+    def field(self, name: str) -> Field:
+        """Return the field of that name."""
+        return next(field for field in self.fields if field.name == name)

@@ -1,0 +1,161 @@
+"""Contacts with a fixed line or plane: rolling wheels, skates, knife edges.
+
+The wheel is a circle of radius R thickened by a tube of radius r (r = 0: a knife edge).
+With axle a and plane normal n the contact point lies at
+−R (n − (n·a) a)/|n − (n·a) a| − r n from the centre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind
+from mbstab.mechanics.vectors import dot, turned
+
+# --- elements -------------------------------------------------------------------------------------------------------
+
+
+def _disk_height(frames: Any, p: Any, s: Any) -> Any:
+    return [p.normal.dot(frames[0].position(p.center)) - p.level[0]]
+
+
+def _disk_slip(frames: Any, p: Any, s: Any) -> Any:
+    # Material velocity along the line at the contact: v + ω × (−R n), along t = −n turned.
+    velocity = frames[0].velocity(p.center)
+    return [p.normal[1] * velocity[0] - p.normal[0] * velocity[1] + p.radius[0] * frames[0].u[2]]
+
+
+def _wheel(frame: Any, p: Any) -> tuple[Any, Any, Any]:
+    """Return the vector from the centre to the contact, and the unit directions along and across the track."""
+    import sympy
+
+    axle = frame.direction(p.axle)
+    heading = axle.cross(p.normal)
+    tilt = sympy.sqrt(heading.dot(heading))
+    down = p.normal - p.normal.dot(axle) * axle
+    return -p.radius[0] * down / tilt - p.tube[0] * p.normal, heading / tilt, p.normal.cross(heading) / tilt
+
+
+def _wheel_height(frames: Any, p: Any, s: Any) -> Any:
+    arm, _, _ = _wheel(frames[0], p)
+    return [p.normal.dot(frames[0].position(p.center) + arm) - p.level[0]]
+
+
+def _wheel_slip(frames: Any, p: Any, sideways: bool) -> Any:
+    arm, along, across = _wheel(frames[0], p)
+    velocity = frames[0].velocity(p.center) + frames[0].angular_velocity().cross(arm)
+    return [(across if sideways else along).dot(velocity)]
+
+
+def _knife_edge_planar(frames: Any, p: Any, s: Any) -> Any:
+    return [frames[0].direction(p.across).dot(frames[0].velocity(p.point))]
+
+
+def _knife_edge_spatial(frames: Any, p: Any, s: Any) -> Any:
+    return [p.normal.cross(frames[0].direction(p.along)).dot(frames[0].velocity(p.point))]
+
+
+_WHEEL = (("center", 3), ("axle", 3), ("radius", 1), ("tube", 1), ("normal", 3))
+
+ELEMENTS = (
+    Element("disk_height", "holonomic", ("planar",), 1, (("center", 2), ("normal", 2), ("level", 1)), _disk_height, units=("m",)),
+    Element("disk_slip", "nonholonomic", ("planar",), 1, (("center", 2), ("normal", 2), ("radius", 1)), _disk_slip, units=("m/s",)),
+    Element("wheel_height", "holonomic", ("spatial",), 1, (*_WHEEL, ("level", 1)), _wheel_height, units=("m",)),
+    Element("wheel_slip_along", "nonholonomic", ("spatial",), 1, _WHEEL, lambda f, p, s: _wheel_slip(f, p, False), units=("m/s",)),
+    Element("wheel_slip_across", "nonholonomic", ("spatial",), 1, _WHEEL, lambda f, p, s: _wheel_slip(f, p, True), units=("m/s",)),
+    Element("knife_edge", "nonholonomic", ("planar",), 1, (("point", 2), ("across", 2)), _knife_edge_planar, units=("m/s",)),
+    Element("knife_edge", "nonholonomic", ("spatial",), 1, (("point", 3), ("along", 3), ("normal", 3)), _knife_edge_spatial, units=("m/s",)),
+)  # fmt: skip
+
+# --- kinds ----------------------------------------------------------------------------------------------------------
+
+_ROWS = {
+    "rolling": ("wheel_slip_along", "wheel_slip_across"),
+    "skate": ("wheel_slip_across",),
+    "sideways": ("wheel_slip_along",),
+    "frictionless": (),
+}
+
+
+def _disk(item: Item) -> Iterable[ElementUse]:
+    center, radius = item.marker("center"), item.number("radius")
+    normal = item.unit_vector("normal")
+    level = radius + dot(normal, item.vector("origin"))
+    yield ElementUse("disk_height", (center.body,), (*center.point, *normal, level), labels=("height",))
+    if item.choice("motion") == "rolling":
+        yield ElementUse("disk_slip", (center.body,), (*center.point, *normal, radius), labels=("slip",))
+
+
+def _wheel_elements(item: Item) -> Iterable[ElementUse]:
+    center, normal = item.marker("center"), item.unit_vector("normal")
+    numbers = (*center.point, *item.direction("axle"), item.number("radius"), item.number("tube"), *normal)
+    level = dot(normal, item.vector("origin"))
+    yield ElementUse("wheel_height", (center.body,), (*numbers, level), labels=("height",))
+    for element in _ROWS[item.choice("motion")]:
+        label = element.replace("wheel_", "").replace("_", " ")
+        yield ElementUse(element, (center.body,), numbers, labels=(label,))
+
+
+def _knife_edge_elements(item: Item) -> Iterable[ElementUse]:
+    point, along = item.marker("at"), item.direction("along")
+    heading = (turned(along),) if item.dimension == 2 else (along, item.unit_vector("normal"))
+    numbers = tuple(x for vector in (point.point, *heading) for x in vector)
+    yield ElementUse("knife_edge", (point.body,), numbers, labels=("sideways",))
+
+
+_ORIGIN = Field("origin", "vector", "a point of the line or plane", "m", default="0")
+_CENTER = Field("center", "marker", "centre of the wheel: body or body.point", required=True)
+_RADIUS = Field("radius", "number", "radius of the wheel", "m", required=True, sign="positive")
+
+KINDS: dict[tuple[str, int], Kind] = {
+    (kind.name, dimension): kind
+    for kind in (
+        Kind(
+            "disk",
+            "disk on a fixed straight line",
+            (2,),
+            (
+                _CENTER,
+                _RADIUS,
+                Field("normal", "vector", "normal of the line, towards the disk", default="y"),
+                _ORIGIN,
+                Field("motion", "choice", "rolling, or sliding without friction", default="rolling", choices=("rolling", "frictionless")),
+            ),
+            _disk,
+        ),
+        Kind(
+            "wheel",
+            "wheel with a knife edge or a round tread on a fixed plane",
+            (3,),
+            (
+                _CENTER,
+                Field("axle", "direction", "axis of the wheel in the frame of its body", required=True),
+                Field("radius", "number", "radius of the circle in the middle of the tread", "m", required=True, sign="positive"),
+                Field("tube", "number", "radius of the round tread; 0 is a knife edge", "m", default="0", sign="nonnegative"),
+                Field("normal", "vector", "normal of the plane, towards the wheel", default="z"),
+                _ORIGIN,
+                Field(
+                    "motion",
+                    "choice",
+                    "rolling: no slip; skate: slips along its track only; sideways: slips across it only; frictionless: slips freely",
+                    default="rolling",
+                    choices=tuple(_ROWS),
+                ),
+            ),
+            _wheel_elements,
+        ),
+        Kind(
+            "knife_edge",
+            "a point that moves only along a direction of its body (sleigh, skate, towed wheel)",
+            (2, 3),
+            (
+                Field("at", "marker", "the point: body or body.point", required=True),
+                Field("along", "direction", "direction of the blade in the frame of the body", required=True),
+                Field("normal", "vector", "normal of the plane of motion", default="z", dimensions=(3,)),
+            ),
+            _knife_edge_elements,
+        ),
+    )
+    for dimension in kind.dimensions
+}  # fmt: skip

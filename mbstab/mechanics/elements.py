@@ -1,0 +1,28 @@
+"""All elements, and all kinds of entries, in one place."""
+
+from __future__ import annotations
+
+from mbstab.mechanics import bodies, contacts, drives, forces, joints
+from mbstab.mechanics.catalogue import Element, Kind
+
+ELEMENTS: dict[str, Element] = {
+    f"{frame}_{element.name}": element
+    for module in (bodies, joints, contacts, drives, forces)
+    for element in module.ELEMENTS
+    for frame in element.frames
+}
+"""Every built-in element under the name of its kernel, such as ``planar_coincident``."""
+
+
+def _by_dimension(kinds: dict[str, Kind]) -> dict[tuple[str, int], Kind]:
+    return {(kind.name, dimension): kind for kind in kinds.values() for dimension in kind.dimensions}
+
+
+KINDS: dict[str, dict[tuple[str, int], Kind]] = {
+    "bodies": _by_dimension(bodies.KINDS),
+    "joints": joints.KINDS,
+    "contacts": contacts.KINDS,
+    "drives": _by_dimension(drives.KINDS),
+    "forces": forces.KINDS,
+}
+"""Types by section of a model file, under (name, dimension of the scene)."""

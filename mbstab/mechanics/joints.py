@@ -1,0 +1,231 @@
+"""Joints as tables of primitive constraints on two markers.
+
+A marker is a point and a triad (v1, v2, v3) fixed in a body; v1 is the axis of the
+joint. A new joint type that combines these primitives is one entry in `KINDS`; the rows
+of Pappalardo, Lettieri, Guida (2020), Eqs. (145)-(150), are the ones listed there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind
+
+# --- elements: the primitives ---------------------------------------------------------------------------------------
+
+
+def _coincident(frames: Any, p: Any, s: Any) -> Any:
+    first, second = frames
+    return list(first.position(p.first) - second.position(p.second))
+
+
+def _in_plane(frames: Any, p: Any, s: Any) -> Any:
+    first, second = frames
+    return [first.direction(p.normal).dot(first.position(p.first) - second.position(p.second))]
+
+
+def _perpendicular(frames: Any, p: Any, s: Any) -> Any:
+    first, second = frames
+    return [first.direction(p.first).dot(second.direction(p.second))]
+
+
+def _aligned(frames: Any, p: Any, s: Any) -> Any:
+    first, second = frames
+    return [first.q[2] - second.q[2] + p.angle[0]]
+
+
+def _distance(frames: Any, p: Any, s: Any) -> Any:
+    # (d² − l²)/2l has the unit of a length and no square root of the coordinates.
+    first, second = frames
+    gap = first.position(p.first) - second.position(p.second)
+    return [(gap.dot(gap) - p.length[0] ** 2) / (2 * p.length[0])]
+
+
+def _screw(frames: Any, p: Any, s: Any) -> Any:
+    # The sine keeps the row smooth over any number of turns; near the solution it is the angle itself.
+    import sympy
+
+    first, second = frames
+    lift = 2 * sympy.pi / p.lead[0] * joint_displacement(first, second, p)
+    cosine, sine = joint_angle_functions(first, second, p)
+    return [p.lead[0] / (2 * sympy.pi) * (sine * sympy.cos(lift) - cosine * sympy.sin(lift))]
+
+
+def joint_angle_functions(first: Any, second: Any, p: Any) -> tuple[Any, Any]:
+    """Return cosine and sine of the turn of the first body against the second about the joint axis."""
+    zero = first.direction(p.first_v2)
+    return zero.dot(second.direction(p.second_v2)), zero.dot(second.direction(p.second_v3))
+
+
+def joint_displacement(first: Any, second: Any, p: Any) -> Any:
+    """Return the travel of the first body against the second along the second's axis."""
+    return second.direction(p.second_v1).dot(first.position(p.first) - second.position(p.second))
+
+
+_BOTH = ("planar", "spatial")
+_POINTS = (("first", 0), ("second", 0))
+
+ELEMENTS = (
+    Element("coincident", "holonomic", _BOTH, 2, _POINTS, _coincident, units=("m",)),
+    Element("in_plane", "holonomic", _BOTH, 2, (*_POINTS, ("normal", 0)), _in_plane, units=("m",)),
+    Element("perpendicular", "holonomic", ("spatial",), 2, _POINTS, _perpendicular, units=("1",)),
+    Element("aligned", "holonomic", ("planar",), 2, (("angle", 1),), _aligned, units=("rad",)),
+    Element("distance", "holonomic", _BOTH, 2, (*_POINTS, ("length", 1)), _distance, units=("m",)),
+    Element(
+        "screw",
+        "holonomic",
+        ("spatial",),
+        2,
+        (*_POINTS, ("first_v2", 0), ("second_v1", 0), ("second_v2", 0), ("second_v3", 0), ("lead", 1)),
+        _screw,
+        units=("m",),
+    ),
+)
+
+# --- kinds: the table of joints -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """One primitive constraint of a joint: the element and the triad vectors it takes from each marker."""
+
+    element: str
+    first: str = ""
+    second: str = ""
+
+
+_AT = "a point of each body, written body.point, body or ground"
+BETWEEN = Field("between", "markers", f"the two points joined: {_AT}; angles and travel count the first against the second", required=True)  # fmt: skip
+AXIS = Field("axis", "directions", "joint axis in the frame of each body: x, -y, a named direction or a vector; a list of two if they differ", required=True)  # fmt: skip
+ZERO = Field("zero", "directions", "direction from which the joint angle counts, in the frame of each body", dimensions=(3,))  # fmt: skip
+
+
+def _build(*primitives: Primitive) -> Any:
+    def build(item: Item) -> Iterable[ElementUse]:
+        first, second = item.markers("between")
+        triads = item.triads("axis", "zero") if any(p.first or p.second for p in primitives) else None
+        for primitive in primitives:
+            parameters: tuple[Any, ...]
+            label = primitive.element.replace("_", " ")
+            match primitive.element:
+                case "coincident":
+                    parameters = (*first.point, *second.point)
+                case "distance":
+                    parameters = (*first.point, *second.point, item.number("length"))
+                case "in_plane":
+                    assert triads is not None
+                    parameters = (*first.point, *second.point, *getattr(triads[0], primitive.first))
+                    label = f"{label} {primitive.first}"
+                case "aligned":
+                    parameters = (_angle_between(item),)
+                case "screw":
+                    parameters = (*motion_parameters(item, "angle and displacement"), item.number("lead"))
+                case _:
+                    assert triads is not None
+                    parameters = (*getattr(triads[0], primitive.first), *getattr(triads[1], primitive.second))
+                    label = f"{label} {primitive.first}-{primitive.second}"
+            yield ElementUse(primitive.element, (first.body, second.body), parameters, labels=(label,))
+
+    return build
+
+
+def _angle_between(item: Item) -> Any:
+    """Return what the angle of the first body lacks against the second when their axes are parallel."""
+    if not item.given("axis"):
+        return 0.0
+    first, second = (t.v1 for t in item.triads("axis", "zero"))
+    if all(isinstance(x, float) for x in (*first, *second)) and first == second:
+        return 0.0
+    from math import atan2
+
+    return atan2(first[1], first[0]) - atan2(second[1], second[0])
+
+
+def motion_parameters(item: Item, motion: str) -> tuple[Any, ...]:
+    """Return the parameters from which the angle or the displacement of a joint is computed."""
+    first, second = item.markers("between")
+    if item.dimension == 2:
+        if motion == "angle":
+            return ()
+        return (*first.point, *second.point, *item.triads("axis", "zero")[1].v1)
+    one, two = item.triads("axis", "zero")
+    if motion == "angle":
+        return (*one.v2, *two.v2, *two.v3)
+    if motion == "displacement":
+        return (*first.point, *second.point, *two.v1)
+    return (*first.point, *second.point, *one.v2, *two.v1, *two.v2, *two.v3)
+
+
+_COINCIDENT = Primitive("coincident")
+_PARALLEL = (Primitive("perpendicular", "v2", "v1"), Primitive("perpendicular", "v3", "v1"))
+_ON_LINE = (Primitive("in_plane", "v2"), Primitive("in_plane", "v3"))
+_NO_TURN = Primitive("perpendicular", "v2", "v3")
+
+
+def _joint(
+    name: str,
+    doc: str,
+    *primitives: Primitive,
+    dimensions: tuple[int, ...] = (3,),
+    fields: tuple[Field, ...] = (AXIS, ZERO),
+    motions: tuple[str, ...] = (),
+) -> Kind:
+    return Kind(name, doc, dimensions, (BETWEEN, *fields), _build(*primitives), motions)
+
+
+_FREE_AXIS = Field(AXIS.name, AXIS.shape, "direction held parallel, in the frame of each body", default="x")
+
+KINDS: dict[tuple[str, int], Kind] = {
+    (kind.name, dimension): kind
+    for kind in (
+        _joint("revolute", "turns about an axis", _COINCIDENT, *_PARALLEL, motions=("angle",)),
+        _joint("revolute", "turns about a point", _COINCIDENT, dimensions=(2,), fields=(), motions=("angle",)),
+        _joint("prismatic", "slides along an axis", *_ON_LINE, *_PARALLEL, _NO_TURN, motions=("displacement",)),
+        _joint(
+            "prismatic",
+            "slides along an axis",
+            Primitive("in_plane", "v2"),
+            Primitive("aligned"),
+            dimensions=(2,),
+            fields=(AXIS,),
+            motions=("displacement",),
+        ),
+        _joint("cylindrical", "turns about and slides along an axis", *_ON_LINE, *_PARALLEL, motions=("angle", "displacement")),
+        _joint(
+            "universal",
+            "Hooke's joint: the axes of the two bodies meet at a right angle",
+            _COINCIDENT,
+            Primitive("perpendicular", "v1", "v1"),
+        ),
+        _joint("spherical", "turns in every direction about a point", _COINCIDENT, dimensions=(2, 3), fields=()),
+        _joint(
+            "planar",
+            "slides and turns in the plane across the axis",
+            Primitive("in_plane", "v1"),
+            Primitive("perpendicular", "v1", "v2"),
+            Primitive("perpendicular", "v1", "v3"),
+            motions=("angle",),
+        ),
+        _joint("fixed", "holds the bodies together; their axes coincide", _COINCIDENT, *_PARALLEL, _NO_TURN, fields=(Field(AXIS.name, AXIS.shape, AXIS.doc, default="z"), ZERO)),
+        _joint("fixed", "holds the bodies together", _COINCIDENT, Primitive("aligned"), dimensions=(2,), fields=(_FREE_AXIS,)),
+        _joint(
+            "distance",
+            "massless rod: keeps two points at a distance",
+            Primitive("distance"),
+            dimensions=(2, 3),
+            fields=(Field("length", "number", "the distance", "m", required=True, sign="positive"),),
+        ),
+        _joint(
+            "screw",
+            "turns about an axis and advances by the lead in each turn",
+            *_ON_LINE,
+            *_PARALLEL,
+            Primitive("screw"),
+            fields=(AXIS, ZERO, Field("lead", "number", "advance in one turn, negative for a left-hand thread", "m", required=True, sign="nonzero")),
+            motions=("angle", "displacement"),
+        ),
+    )
+    for dimension in kind.dimensions
+}  # fmt: skip

@@ -1,0 +1,341 @@
+"""The arithmetic a model file may contain: read safely, evaluate in any number system.
+
+Grammar: numbers, names (with a dot for coordinates, ``rod.theta``), ``+ - * / **``,
+parentheses, the functions and constants of `mbstab.model.arithmetic`, and
+``rate(rod.theta)`` for the time derivative of a coordinate. Nothing else: no
+attribute access, no calls of anything that is not on the list. Limits on length,
+depth and exponent keep a hostile text from costing time.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mbstab.errors import MbstabError, suggestion
+from mbstab.model.arithmetic import CONSTANTS, FUNCTIONS, Arithmetic
+
+MAX_LENGTH = 5_000
+MAX_DEPTH = 60
+MAX_EXPONENT = 100.0
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
+    r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z_][A-Za-z0-9_]*)*)"
+    r"|(?P<operator>\*\*|[-+*/(),]))"
+)
+
+
+class ExpressionError(MbstabError):
+    """A text is no expression, or has no value; `position` counts characters from 0."""
+
+    exit_code = 2
+
+    def __init__(self, message: str, position: int = 0, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.position = position
+        self.hint = hint
+
+
+@dataclass(frozen=True)
+class Number:
+    """A literal, kept as text so that every number system reads all its digits."""
+
+    text: str
+    position: int
+
+
+@dataclass(frozen=True)
+class Name:
+    """A parameter, a constant, the time ``t`` or a coordinate ``body.x``."""
+
+    name: str
+    position: int
+
+
+@dataclass(frozen=True)
+class Rate:
+    """The time derivative of a coordinate: ``rate(body.x)``."""
+
+    name: str
+    position: int
+
+
+@dataclass(frozen=True)
+class Call:
+    """A function of the list applied to its arguments."""
+
+    function: str
+    arguments: tuple[Node, ...]
+    position: int
+
+
+@dataclass(frozen=True)
+class Binary:
+    """``left operator right`` with one of ``+ - * / **``."""
+
+    operator: str
+    left: Node
+    right: Node
+    position: int
+
+
+@dataclass(frozen=True)
+class Negative:
+    """``-operand``."""
+
+    operand: Node
+    position: int
+
+
+Node = Number | Name | Rate | Call | Binary | Negative
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A parsed expression and the text it came from."""
+
+    text: str
+    root: Node
+
+    @property
+    def literal(self) -> bool:
+        """Whether the text is a plain number, with or without a sign."""
+        root = self.root.operand if isinstance(self.root, Negative) else self.root
+        return isinstance(root, Number)
+
+    def walk(self) -> Iterator[Node]:
+        """Yield every node."""
+        stack: list[Node] = [self.root]
+        while stack:
+            node = stack.pop()
+            yield node
+            if isinstance(node, Call):
+                stack.extend(node.arguments)
+            elif isinstance(node, Binary):
+                stack.extend((node.left, node.right))
+            elif isinstance(node, Negative):
+                stack.append(node.operand)
+
+    def names(self) -> dict[str, int]:
+        """Return the names that are not constants, with the position of their first use."""
+        found: dict[str, int] = {}
+        for node in self.walk():
+            if isinstance(node, Name) and node.name not in CONSTANTS:
+                found[node.name] = min(node.position, found.get(node.name, node.position))
+        return found
+
+    def rates(self) -> dict[str, int]:
+        """Return the coordinates whose rate occurs, with the position of their first use."""
+        found: dict[str, int] = {}
+        for node in self.walk():
+            if isinstance(node, Rate):
+                found[node.name] = min(node.position, found.get(node.name, node.position))
+        return found
+
+    def evaluate(
+        self, names: Mapping[str, Any], arithmetic: Arithmetic, rates: Mapping[str, Any] | None = None
+    ) -> Any:
+        """Return the value.
+
+        Parameters
+        ----------
+        names : mapping
+            Value of every name that occurs.
+        arithmetic : Arithmetic
+            The number system of the values.
+        rates : mapping, optional
+            Value of every ``rate(...)`` that occurs.
+
+        Raises
+        ------
+        ExpressionError
+            If the expression has no value (division by zero, logarithm of a negative number, …).
+        """
+        return _evaluate(self.root, names, rates or {}, arithmetic)
+
+
+def _evaluate(node: Node, names: Mapping[str, Any], rates: Mapping[str, Any], f: Arithmetic) -> Any:
+    try:
+        match node:
+            case Number():
+                return f.number(node.text)
+            case Name():
+                return f.constants[node.name] if node.name in CONSTANTS else names[node.name]
+            case Rate():
+                return rates[node.name]
+            case Negative():
+                return -_evaluate(node.operand, names, rates, f)
+            case Call():
+                return getattr(f, node.function)(*[_evaluate(a, names, rates, f) for a in node.arguments])
+            case Binary():
+                left = _evaluate(node.left, names, rates, f)
+                right = _evaluate(node.right, names, rates, f)
+                return _OPERATIONS[node.operator](left, right, f)
+    except (ArithmeticError, ValueError) as error:
+        raise ExpressionError(f"the expression has no value here ({error})", node.position) from None
+
+
+_OPERATIONS: dict[str, Callable[[Any, Any, Arithmetic], Any]] = {
+    "+": lambda a, b, f: a + b,
+    "-": lambda a, b, f: a - b,
+    "*": lambda a, b, f: a * b,
+    "/": lambda a, b, f: a / b,
+    "**": lambda a, b, f: f.power(a, b),
+}
+
+
+def parse(text: str) -> Expression:
+    """Read an expression.
+
+    Raises
+    ------
+    ExpressionError
+        With the position of the first character that does not fit the grammar.
+    """
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(f"an expression may have {MAX_LENGTH} characters, this one has {len(text)}")
+    return Expression(text, _Parser(text).parse())
+
+
+class _Parser:
+    """Recursive descent; every level of nesting costs one unit of `MAX_DEPTH`."""
+
+    def __init__(self, text: str) -> None:
+        self.tokens = list(self._tokens(text))
+        self.index = 0
+        self.depth = 0
+
+    @staticmethod
+    def _tokens(text: str) -> Iterator[tuple[str, str, int]]:
+        at = 0
+        end = len(text.rstrip())
+        while at < end:
+            match = _TOKEN.match(text, at)
+            if match is None:
+                at += len(text[at:]) - len(text[at:].lstrip())
+                hint = "powers are written **" if text[at] == "^" else ""
+                raise ExpressionError(f"unexpected character {text[at]!r} in an expression", at, hint)
+            kind = match.lastgroup or ""
+            yield kind, match.group(kind), match.start(kind)
+            at = match.end()
+        yield "end", "", end
+
+    def parse(self) -> Node:
+        if self.tokens[0][0] == "end":
+            raise ExpressionError("the expression is empty")
+        root = self._sum()
+        kind, token, at = self.tokens[self.index]
+        if kind != "end":
+            raise ExpressionError(f"unexpected {token!r} in an expression", at)
+        return root
+
+    def _accept(self, *operators: str) -> tuple[str, int] | None:
+        kind, token, at = self.tokens[self.index]
+        if kind == "operator" and token in operators:
+            self.index += 1
+            return token, at
+        return None
+
+    def _expect(self, operator: str) -> None:
+        if self._accept(operator) is None:
+            kind, token, at = self.tokens[self.index]
+            found = "the end" if kind == "end" else repr(token)
+            raise ExpressionError(f"expected {operator!r}, found {found}", at)
+
+    def _deeper(self, at: int) -> None:
+        self.depth += 1
+        if self.depth > MAX_DEPTH:
+            raise ExpressionError(f"an expression may be nested {MAX_DEPTH} deep", at)
+
+    def _sum(self) -> Node:
+        node = self._product()
+        terms = 0
+        while found := self._accept("+", "-"):
+            node = Binary(found[0], node, self._product(), found[1])
+            terms += 1
+            self._chain(terms, found[1])
+        return node
+
+    def _product(self) -> Node:
+        node = self._sign()
+        factors = 0
+        while found := self._accept("*", "/"):
+            node = Binary(found[0], node, self._sign(), found[1])
+            factors += 1
+            self._chain(factors, found[1])
+        return node
+
+    @staticmethod
+    def _chain(length: int, at: int) -> None:
+        # A chain of operators is as deep to evaluate as it is long.
+        if length > 8 * MAX_DEPTH:
+            raise ExpressionError(f"an expression may chain {8 * MAX_DEPTH} operators", at)
+
+    def _sign(self) -> Node:
+        found = self._accept("+", "-")
+        if found is None:
+            return self._power()
+        self._deeper(found[1])
+        operand = self._sign()
+        self.depth -= 1
+        return Negative(operand, found[1]) if found[0] == "-" else operand
+
+    def _power(self) -> Node:
+        base = self._atom()
+        found = self._accept("**")
+        if found is None:
+            return base
+        self._deeper(found[1])
+        exponent = self._sign()
+        self.depth -= 1
+        literal = Expression("", exponent)
+        if literal.literal and abs(float(_magnitude(exponent))) > MAX_EXPONENT:
+            raise ExpressionError(f"an exponent may be {MAX_EXPONENT:g} at most", exponent.position)
+        return Binary("**", base, exponent, found[1])
+
+    def _atom(self) -> Node:
+        kind, token, at = self.tokens[self.index]
+        self.index += 1
+        if kind == "number":
+            return Number(token, at)
+        if kind == "operator" and token == "(":
+            self._deeper(at)
+            node = self._sum()
+            self._expect(")")
+            self.depth -= 1
+            return node
+        if kind == "name":
+            if self.tokens[self.index][:2] == ("operator", "("):
+                return self._call(token, at)
+            return Name(token, at)
+        found = "the expression ends" if kind == "end" else f"found {token!r}"
+        raise ExpressionError(f"expected a number, a name or '(', {found}", at)
+
+    def _call(self, function: str, at: int) -> Node:
+        if function != "rate" and function not in FUNCTIONS:
+            hint = suggestion(function, [*FUNCTIONS, "rate"]) or "known functions: " + ", ".join(FUNCTIONS)
+            raise ExpressionError(f"unknown function {function!r}", at, hint)
+        self._expect("(")
+        self._deeper(at)
+        arguments = [self._sum()]
+        while self._accept(","):
+            arguments.append(self._sum())
+        self._expect(")")
+        self.depth -= 1
+        if function == "rate":
+            if len(arguments) != 1 or not isinstance(arguments[0], Name):
+                raise ExpressionError("rate(...) takes one coordinate, such as rate(body.x)", at)
+            return Rate(arguments[0].name, at)
+        expected = FUNCTIONS[function][0]
+        if len(arguments) != expected:
+            plural = "" if expected == 1 else "s"
+            raise ExpressionError(f"{function}() takes {expected} argument{plural}, got {len(arguments)}", at)
+        return Call(function, tuple(arguments), at)
+
+
+def _magnitude(node: Node) -> str:
+    return _magnitude(node.operand) if isinstance(node, Negative) else node.text if isinstance(node, Number) else "0"

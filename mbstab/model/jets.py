@@ -1,0 +1,152 @@
+"""Numbers that carry their first two time derivatives.
+
+A drive prescribes a law f(t); its velocity and acceleration rows need f' and f''.
+Evaluating the law with the time ``Jet(t, 1, 0)`` gives all three, exactly to round-off,
+in any number system.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from mbstab.model.arithmetic import Arithmetic
+
+
+@dataclass(frozen=True)
+class Jet:
+    """A value with its first and second time derivative."""
+
+    value: Any
+    rate: Any = 0.0
+    second: Any = 0.0
+
+    @staticmethod
+    def of(x: Any) -> Jet:
+        """Return `x` as a jet; a plain number is a constant."""
+        return x if isinstance(x, Jet) else Jet(x)
+
+    def chain(self, value: Any, first: Any, second: Any) -> Jet:
+        """Return g(self) from g, g' and g'' at this value."""
+        return Jet(value, first * self.rate, first * self.second + second * self.rate * self.rate)
+
+    def __add__(self, other: Any) -> Jet:
+        other = Jet.of(other)
+        return Jet(self.value + other.value, self.rate + other.rate, self.second + other.second)
+
+    __radd__ = __add__
+
+    def __neg__(self) -> Jet:
+        return Jet(-self.value, -self.rate, -self.second)
+
+    def __sub__(self, other: Any) -> Jet:
+        return self + -Jet.of(other)
+
+    def __rsub__(self, other: Any) -> Jet:
+        return Jet.of(other) + -self
+
+    def __mul__(self, other: Any) -> Jet:
+        other = Jet.of(other)
+        return Jet(
+            self.value * other.value,
+            self.rate * other.value + self.value * other.rate,
+            self.second * other.value + 2 * self.rate * other.rate + self.value * other.second,
+        )
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Jet:
+        other = Jet.of(other)
+        value = self.value / other.value
+        rate = (self.rate - value * other.rate) / other.value
+        return Jet(value, rate, (self.second - 2 * rate * other.rate - value * other.second) / other.value)
+
+    def __rtruediv__(self, other: Any) -> Jet:
+        return Jet.of(other) / self
+
+
+def jet_arithmetic(f: Arithmetic) -> Arithmetic:
+    """Return the arithmetic of jets over the number system `f`."""
+
+    def lift(derivatives: Any) -> Any:
+        def function(x: Any) -> Jet:
+            x = Jet.of(x)
+            return x.chain(*derivatives(x.value))
+
+        return function
+
+    def power(base: Any, exponent: Any) -> Jet:
+        base, exponent = Jet.of(base), Jet.of(exponent)
+        if _is_zero(exponent.rate) and _is_zero(exponent.second):
+            n, x = exponent.value, base.value
+            value = f.power(x, n)
+            # x**(n-1) has no value at x = 0 for n < 1 even where the factor n or the rate is zero.
+            first = 0 * value if _is_zero(n) else n * f.power(x, n - 1)
+            second = 0 * value if _is_zero(n) or _is_zero(n - 1) else n * (n - 1) * f.power(x, n - 2)
+            return base.chain(value, first, second)
+        return functions["exp"](exponent * functions["log"](base))  # type: ignore[no-any-return]
+
+    def atan2(y: Any, x: Any) -> Jet:
+        y, x = Jet.of(y), Jet.of(x)
+        square = x.value * x.value + y.value * y.value
+        rate = (x.value * y.rate - y.value * x.rate) / square
+        growth = 2 * (x.value * x.rate + y.value * y.rate)
+        second = (x.value * y.second - y.value * x.second - rate * growth) / square
+        return Jet(f.atan2(y.value, x.value), rate, second)
+
+    def smooth_start(x: Any) -> Jet:
+        x = Jet.of(x)
+        inside = (x.value > 0) * (x.value < 1)
+        return x.chain(f.smooth_start(x.value), inside * 6 * x.value * (1 - x.value), inside * (6 - 12 * x.value))
+
+    def tan(x: Any) -> tuple[Any, Any, Any]:
+        tangent = f.tan(x)
+        return tangent, 1 + tangent * tangent, 2 * tangent * (1 + tangent * tangent)
+
+    def tanh(x: Any) -> tuple[Any, Any, Any]:
+        tangent = f.tanh(x)
+        return tangent, 1 - tangent * tangent, -2 * tangent * (1 - tangent * tangent)
+
+    def asin(x: Any) -> tuple[Any, Any, Any]:
+        root = f.sqrt(1 - x * x)
+        return f.asin(x), 1 / root, x / (root * (1 - x * x))
+
+    def acos(x: Any) -> tuple[Any, Any, Any]:
+        root = f.sqrt(1 - x * x)
+        return f.acos(x), -1 / root, -x / (root * (1 - x * x))
+
+    def atan(x: Any) -> tuple[Any, Any, Any]:
+        return f.atan(x), 1 / (1 + x * x), -2 * x / (1 + x * x) ** 2
+
+    def sqrt(x: Any) -> tuple[Any, Any, Any]:
+        root = f.sqrt(x)
+        return root, 1 / (2 * root), -1 / (4 * x * root)
+
+    def absolute(x: Any) -> tuple[Any, Any, Any]:
+        sign = (x > 0) * 1.0 - (x < 0) * 1.0
+        return f.abs(x), sign, 0 * sign
+
+    functions: dict[str, Any] = {
+        "sin": lift(lambda x: (f.sin(x), f.cos(x), -f.sin(x))),
+        "cos": lift(lambda x: (f.cos(x), -f.sin(x), -f.cos(x))),
+        "sinh": lift(lambda x: (f.sinh(x), f.cosh(x), f.sinh(x))),
+        "cosh": lift(lambda x: (f.cosh(x), f.sinh(x), f.cosh(x))),
+        "exp": lift(lambda x: (f.exp(x),) * 3),
+        "log": lift(lambda x: (f.log(x), 1 / x, -1 / (x * x))),
+        "tan": lift(tan),
+        "tanh": lift(tanh),
+        "asin": lift(asin),
+        "acos": lift(acos),
+        "atan": lift(atan),
+        "sqrt": lift(sqrt),
+        "abs": lift(absolute),
+        "atan2": atan2,
+        "smooth_start": smooth_start,
+        "power": power,
+    }
+    return Arithmetic(f"jet of {f.name}", f.number, f.constants, functions)
+
+
+def _is_zero(x: Any) -> bool:
+    zero = x == 0
+    return bool(zero.all()) if hasattr(zero, "all") else bool(zero)

@@ -1,0 +1,195 @@
+"""Units of parameters, and a check that expressions fit the unit of the place they stand in.
+
+A dimension is the triple of exponents of kilogram, metre and second; radians and plain
+numbers have none. What carries no declared unit is never complained about.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from fractions import Fraction
+
+from mbstab.errors import suggestion
+from mbstab.model.arithmetic import CONSTANTS
+from mbstab.model.expressions import Binary, Call, Expression, ExpressionError, Name, Negative, Node, Number, Rate
+
+Dimension = tuple[Fraction, Fraction, Fraction]
+
+
+def _dimension(kilogram: int, metre: int, second: int) -> Dimension:
+    return Fraction(kilogram), Fraction(metre), Fraction(second)
+
+
+NONE = _dimension(0, 0, 0)
+
+UNITS: dict[str, tuple[float, Dimension]] = {
+    "1": (1.0, NONE),
+    "rad": (1.0, NONE),
+    "deg": (CONSTANTS["deg"], NONE),
+    "kg": (1.0, _dimension(1, 0, 0)),
+    "g": (1e-3, _dimension(1, 0, 0)),
+    "t": (1e3, _dimension(1, 0, 0)),
+    "m": (1.0, _dimension(0, 1, 0)),
+    "mm": (1e-3, _dimension(0, 1, 0)),
+    "cm": (1e-2, _dimension(0, 1, 0)),
+    "km": (1e3, _dimension(0, 1, 0)),
+    "s": (1.0, _dimension(0, 0, 1)),
+    "ms": (1e-3, _dimension(0, 0, 1)),
+    "min": (60.0, _dimension(0, 0, 1)),
+    "h": (3600.0, _dimension(0, 0, 1)),
+    "Hz": (1.0, _dimension(0, 0, -1)),
+    "rpm": (CONSTANTS["pi"] / 30.0, _dimension(0, 0, -1)),
+    "N": (1.0, _dimension(1, 1, -2)),
+    "kN": (1e3, _dimension(1, 1, -2)),
+    "J": (1.0, _dimension(1, 2, -2)),
+    "W": (1.0, _dimension(1, 2, -3)),
+    "Pa": (1.0, _dimension(1, -1, -2)),
+}
+"""Factor to SI and dimension of every unit a file may name."""
+
+_FACTOR = re.compile(r"\s*(?P<name>[A-Za-z]+|1)\s*(?:(?:\^|\*\*)\s*(?P<power>-?\d{1,2}))?\s*")
+
+
+def parse_unit(text: str) -> tuple[float, Dimension]:
+    """Return the factor to SI and the dimension of a unit such as ``kg*m^2`` or ``N*s/m``.
+
+    Raises
+    ------
+    ExpressionError
+        If the text is no product of known units.
+    """
+    factor, dimension, at, sign = 1.0, NONE, 0, 1
+    while True:
+        match = _FACTOR.match(text, at)
+        if match is None:
+            raise ExpressionError(f"{text!r} is no unit", at, "write products of units, such as kg*m^2 or N*s/m")
+        name = match.group("name")
+        if name not in UNITS:
+            hint = suggestion(name, UNITS) or "known units: " + ", ".join(UNITS)
+            raise ExpressionError(f"unknown unit {name!r}", match.start("name"), hint)
+        power = sign * int(match.group("power") or 1)
+        factor *= UNITS[name][0] ** power
+        dimension = _times(dimension, UNITS[name][1], power)
+        at = match.end()
+        if at == len(text):
+            return factor, dimension
+        if text[at] not in "*/":
+            raise ExpressionError(f"{text!r} is no unit", at, "write products of units, such as kg*m^2 or N*s/m")
+        sign = -1 if text[at] == "/" else 1
+        at += 1
+
+
+def _times(a: Dimension, b: Dimension, power: Fraction | int = 1) -> Dimension:
+    return a[0] + b[0] * power, a[1] + b[1] * power, a[2] + b[2] * power
+
+
+def show(dimension: Dimension) -> str:
+    """Return a dimension in SI units, such as ``kg*m^2/s^2``."""
+    over = [_power(n, e) for n, e in zip(("kg", "m", "s"), dimension, strict=True) if e > 0]
+    under = [_power(n, -e) for n, e in zip(("kg", "m", "s"), dimension, strict=True) if e < 0]
+    return "/".join(["*".join(over) or "1", *under])
+
+
+def _power(name: str, exponent: Fraction) -> str:
+    return name if exponent == 1 else f"{name}^{exponent}"
+
+
+LITERAL = "literal"
+UNKNOWN = "unknown"
+Known = Dimension | str
+
+
+def dimension_of(expression: Expression, names: Mapping[str, Known]) -> Known:
+    """Return the dimension of an expression.
+
+    Parameters
+    ----------
+    expression : Expression
+    names : mapping
+        Dimension of the names; a missing one is unknown.
+
+    Returns
+    -------
+    dimension : Dimension or str
+        ``LITERAL`` if only literals occur (they fit any unit), ``UNKNOWN`` if a name
+        without a unit decides.
+
+    Raises
+    ------
+    ExpressionError
+        If quantities of different dimension are added, or a function gets one.
+    """
+    return _infer(expression.root, names)
+
+
+def _infer(node: Node, names: Mapping[str, Known]) -> Known:
+    match node:
+        case Number():
+            return LITERAL
+        case Name():
+            return LITERAL if node.name in CONSTANTS else names.get(node.name, UNKNOWN)
+        case Rate():
+            return UNKNOWN
+        case Negative():
+            return _infer(node.operand, names)
+        case Call():
+            return _infer_call(node, names)
+        case Binary():
+            left, right = _infer(node.left, names), _infer(node.right, names)
+            if node.operator in "+-":
+                return _same(left, right, node.position)
+            if node.operator == "**":
+                return _raise(left, right, node)
+            if left == UNKNOWN or right == UNKNOWN:
+                return UNKNOWN
+            if left == LITERAL and right == LITERAL:
+                return LITERAL
+            return _times(_plain(left), _plain(right), 1 if node.operator == "*" else -1)
+
+
+def _plain(known: Known) -> Dimension:
+    return NONE if isinstance(known, str) else known
+
+
+def _same(left: Known, right: Known, position: int) -> Known:
+    if left in (LITERAL, UNKNOWN):
+        return right if left == LITERAL else UNKNOWN
+    if right in (LITERAL, UNKNOWN):
+        return left if right == LITERAL else UNKNOWN
+    if left != right:
+        raise ExpressionError(f"{_name(left)} and {_name(right)} cannot be added or compared", position)
+    return left
+
+
+def _raise(base: Known, exponent: Known, node: Binary) -> Known:
+    if exponent not in (LITERAL, UNKNOWN, NONE):
+        raise ExpressionError(f"an exponent is a plain number, this one has the unit {_name(exponent)}", node.position)
+    if isinstance(base, str) or base == NONE:
+        return base
+    power = node.right.operand if isinstance(node.right, Negative) else node.right
+    if not isinstance(power, Number):
+        return UNKNOWN
+    value = Fraction(power.text) * (-1 if isinstance(node.right, Negative) else 1)
+    return _times(NONE, base, value)
+
+
+def _infer_call(node: Call, names: Mapping[str, Known]) -> Known:
+    arguments = [_infer(argument, names) for argument in node.arguments]
+    if node.function == "abs":
+        return arguments[0]
+    if node.function == "sqrt":
+        return arguments[0] if isinstance(arguments[0], str) else _times(NONE, arguments[0], Fraction(1, 2))
+    if node.function == "atan2":
+        _same(arguments[0], arguments[1], node.position)
+        return NONE
+    if arguments[0] not in (LITERAL, UNKNOWN, NONE):
+        raise ExpressionError(
+            f"{node.function}() takes a plain number or an angle, its argument has the unit {_name(arguments[0])}",
+            node.position,
+        )
+    return LITERAL if arguments[0] == LITERAL else NONE
+
+
+def _name(dimension: Known) -> str:
+    return dimension if isinstance(dimension, str) else show(dimension)
