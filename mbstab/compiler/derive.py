@@ -1,4 +1,4 @@
-"""From the definition of an element to every derivative the analyses need, as symbols.
+"""From the definition of an element to every derivative the analyses need.
 
 With F the residual of the equations of motion, F = d/dt ∂T/∂u − ∂T/∂q − Q + Jᵀν, each
 element adds to
@@ -14,85 +14,23 @@ Given functions of time enter as s with their derivatives.
 
 from __future__ import annotations
 
-import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
-import sympy
-
+from mbstab.compiler.tape import Tape, Term
 from mbstab.mechanics.bodies import TENSOR_SIZE
-from mbstab.mechanics.catalogue import COORDINATES, Element, Load
-from mbstab.mechanics.frames import Frame
+from mbstab.mechanics.catalogue import Element, Load
 
-Entries = dict[tuple[int, ...], Any]
-
-
-class Tape:
-    """A straight-line program of small steps that can be differentiated.
-
-    Differentiating whole expression trees doubles their size with every derivative. Here
-    every subexpression has a name, its derivative with respect to each variable is one
-    more named step, and equal steps share a name, so the size grows with the number of
-    variables only.
-    """
-
-    def __init__(self) -> None:
-        self.steps: dict[Any, Any] = {}
-        self._names: dict[Any, Any] = {}
-        self._derivatives: dict[tuple[Any, Any], Any] = {}
-        self._fresh = (sympy.Symbol(f"w{i}") for i in itertools.count())
-
-    def put(self, expression: Any) -> Any:
-        """Return the name of an expression; numbers and symbols stand for themselves."""
-        expression = sympy.sympify(expression)
-        if expression.is_Atom:
-            return expression
-        known = self._names.get(expression)
-        if known is not None:
-            return known
-        sign, rest = expression.as_coeff_Mul()
-        if sign != 1 and not rest.is_Atom:
-            return sign * self.put(rest) if sign == -1 else self._step(sign * self.put(rest))
-        return self._step(expression.func(*[self.put(argument) for argument in expression.args]))
-
-    def _step(self, small: Any) -> Any:
-        if small.is_Atom:
-            return small
-        sign, rest = small.as_coeff_Mul()
-        if sign == -1:
-            return -self._step(rest)
-        if small not in self._names:
-            name = next(self._fresh)
-            self.steps[name] = small
-            self._names[small] = name
-        return self._names[small]
-
-    def diff(self, expression: Any, x: Any) -> Any:
-        """Return the derivative of an expression of names with respect to a variable."""
-        terms = []
-        for symbol in sorted(expression.free_symbols, key=str):
-            inner = self._symbol_derivative(symbol, x)
-            if inner != 0:
-                terms.append(self.put(self.put(expression.diff(symbol)) * inner))
-        return self.put(sympy.Add(*terms))
-
-    def _symbol_derivative(self, symbol: Any, x: Any) -> Any:
-        if symbol == x:
-            return sympy.S.One
-        if symbol not in self.steps:
-            return sympy.S.Zero
-        key = (symbol, x)
-        if key not in self._derivatives:
-            self._derivatives[key] = self.diff(self.steps[symbol], x)
-        return self._derivatives[key]
+Entries = dict[tuple[int, ...], Term]
 
 
 @dataclass(frozen=True)
 class Derived:
     """The two functions of a kernel: names of their inputs, the steps, and the non-zero entries of their outputs."""
 
-    inputs: dict[str, list[Any]]
+    inputs: dict[str, list[str]]
     tape: Tape
     dynamics: dict[str, Entries]
     linearize: dict[str, Entries]
@@ -114,6 +52,10 @@ def derive(element: Element, frame: str) -> Derived:
     frame : str
         One of `Element.frames`.
     """
+    import sympy
+
+    from mbstab.mechanics.frames import Frame
+
     frames = [Frame(frame, number + 1) for number in range(element.slots)]
     p = SimpleNamespace()
     flat: list[Any] = []
@@ -123,95 +65,122 @@ def derive(element: Element, frame: str) -> Derived:
         flat += symbols
     s = [sympy.Symbol(f"s{i + 1}", real=True) for i in range(element.signals)]
     definition = element.define(frames, p, s)
-    q, u, a = ([x for f in frames for x in getattr(f, name)] for name in "qua")
-    return differentiate(element.role, definition, q, u, a, s, flat, [f.base for f in frames])
+    tape = Tape()
+    put = from_symbols(tape)
+    if isinstance(definition, Load):
+        pairs = tuple(([put(x) for x in force], [put(x) for x in velocity]) for force, velocity in definition.power)
+        definition = Load(put(definition.potential), put(definition.dissipation), pairs)
+    else:
+        definition = [put(row) for row in definition] if isinstance(definition, list) else put(definition)
+    q, u, a = ([x.name for f in frames for x in getattr(f, name)] for name in "qua")
+    parameters = [x.name for x in (*(b for f in frames for b in f.base), *flat)]
+    return differentiate(tape, element.role, definition, q, u, a, [x.name for x in s], parameters)
+
+
+def from_symbols(tape: Tape) -> Callable[[Any], Term]:
+    """Return the function that puts SymPy expressions on a tape."""
+    import sympy
+
+    f = tape.arithmetic()
+    known: dict[Any, Term] = {}
+
+    def put(x: Any) -> Term:
+        if x not in known:
+            known[x] = new(sympy.sympify(x))
+        return known[x]
+
+    def new(x: Any) -> Term:
+        if x.is_Symbol:
+            return tape.input(x.name)
+        if x.is_Rational:
+            return tape.term(x.p) / x.q
+        if x is sympy.pi:
+            return tape.literal("pi")
+        arguments = [put(argument) for argument in sorted(x.args, key=str)] if x.is_Add else [*map(put, x.args)]
+        if x.is_Add:
+            return tape.sum(arguments)
+        if x.is_Mul:
+            return tape.product(arguments)
+        if x.is_Pow:
+            return tape.power(*arguments)
+        term: Term = getattr(f, x.func.__name__.lower())(*arguments)
+        return term
+
+    return put
 
 
 def differentiate(
-    role: str, definition: Any, q: list[Any], u: list[Any], a: list[Any], s: list[Any], parameters: list[Any],
-    bases: list[list[Any]],
-) -> Derived:  # fmt: skip
-    """Derive the outputs of a kernel from a symbolic definition.
+    tape: Tape, role: str, definition: Any, q: list[str], u: list[str], a: list[str], s: list[str], p: list[str]
+) -> Derived:
+    """Derive the outputs of a kernel from a definition on a tape.
 
     Parameters
     ----------
+    tape : Tape
     role : str
         As in `Element`.
-    definition : expression, Load or list of expressions
+    definition : Term, Load or list of Term
         What `Element.define` returned.
-    q, u, a : list of Symbol
-        Coordinates, speeds and accelerations.
-    s : list of Symbol
+    q, u, a : list of str
+        Names of coordinates, speeds and accelerations.
+    s : list of str
         Given functions of time; their derivatives get the endings ``_t`` and ``_tt``.
-    parameters : list of Symbol
-    bases : list of list of Symbol
-        Base rotation of each slot, empty where there is none.
+    p : list of str
+        Parameters, base rotations first.
     """
-    s_t, s_tt = ([sympy.Symbol(f"{x.name}{end}", real=True) for x in s] for end in ("_t", "_tt"))
-    inputs = {"q": q, "u": u, "p": [x for base in bases for x in base] + parameters, "s": [*s, *s_t, *s_tt]}
-    pairs = [*zip(q, u, strict=True), *zip(s, s_t, strict=True), *zip(s_t, s_tt, strict=True)]
-    tape = Tape()
+    inputs = {"q": q, "u": u, "p": p, "s": [*s, *(f"{x}_t" for x in s), *(f"{x}_tt" for x in s)]}
+    Q, U, A, S = ([tape.input(name) for name in names] for names in (q, u, a, inputs["s"]))
+    rates = dict(zip([*Q, *S[: 2 * len(s)]], [*U, *S[len(s) :]], strict=True))
+    total = tape.tangent(rates)
 
-    def total_derivative(expression: Any) -> Any:
-        return tape.put(sympy.Add(*[tape.put(tape.diff(expression, x) * rate) for x, rate in pairs]))
-
-    def gradient(expression: Any, variables: list[Any]) -> list[Any]:
-        return [tape.diff(expression, x) for x in variables]
-
-    def jacobian(values: list[Any], variables: list[Any]) -> Entries:
-        return _entries([gradient(value, variables) for value in values])
+    def jacobian(values: list[Term], names: list[Term]) -> Entries:
+        slopes = [tape.tangent({name: tape.term(1)}) for name in names]
+        return _entries([[slope(value) for slope in slopes] for value in values])
 
     if role == "inertia":
         inputs["a"] = a
-        lagrangian = tape.put(definition)
-        momentum = gradient(lagrangian, u)
-        M = [gradient(p, u) for p in momentum]
-        F = [
-            tape.put(total_derivative(p) - slope) for p, slope in zip(momentum, gradient(lagrangian, q), strict=True)
-        ]
-        full = [tape.put(f + sum(m * x for m, x in zip(row, a, strict=True))) for f, row in zip(F, M, strict=True)]
-        dynamics = {"M": _entries(M), "F": _entries(F)}
-        return Derived(inputs, tape, dynamics, {"K": jacobian(full, q), "R": jacobian(F, u)})
+        momentum, slope = (tape.gradient([(tape.term(1), definition)], names) for names in (U, Q))
+        F = [total(p) - x for p, x in zip(momentum, slope, strict=True)]
+        moving = tape.tangent(rates | dict(zip(U, A, strict=True)))
+        full = [moving(p) - x for p, x in zip(momentum, slope, strict=True)]
+        dynamics = {"M": jacobian(momentum, U), "F": _entries(F)}
+        return Derived(inputs, tape, dynamics, {"K": jacobian(full, Q), "R": jacobian(F, U)})
     if role == "force":
-        F = _generalized_force(tape, definition, q, u)
-        return Derived(inputs, tape, {"F": _entries(F)}, {"K": jacobian(F, q), "R": jacobian(F, u)})
-    rows = [tape.put(row) for row in definition]
-    nu = [sympy.Symbol(f"nu{i + 1}", real=True) for i in range(len(rows))]
-    inputs["nu"] = nu
-    speeds = [total_derivative(row) for row in rows] if role == "holonomic" else rows
-    J = [gradient(speed, u) for speed in speeds]
-    bias = [total_derivative(speed) for speed in speeds]
-    push = [tape.put(sympy.Add(*[n * row[j] for n, row in zip(nu, J, strict=True)])) for j in range(len(q))]
-    dynamics = {"E": _entries(rows), "V": _entries(speeds), "J": _entries(J), "B": _entries(bias)}
-    linearize = {"K": jacobian(push, q)}
-    if role == "nonholonomic":
-        linearize |= {"R": jacobian(push, u), "D": jacobian(rows, q)}
+        F = _generalized_force(tape, definition, Q, U)
+        return Derived(inputs, tape, {"F": _entries(F)}, {"K": jacobian(F, Q), "R": jacobian(F, U)})
+    inputs["nu"] = [f"nu{i + 1}" for i in range(len(definition))]
+    nu = [tape.input(name) for name in inputs["nu"]]
+    holonomic = role == "holonomic"
+    speeds = [total(row) for row in definition] if holonomic else definition
+    bias = [total(speed) for speed in speeds]
+    push = tape.gradient(zip(nu, definition, strict=True), Q if holonomic else U)
+    dynamics = {
+        "E": _entries(definition),
+        "V": _entries(speeds),
+        "J": jacobian(definition, Q if holonomic else U),
+        "B": _entries(bias),
+    }
+    linearize = {"K": jacobian(push, Q)}
+    if not holonomic:
+        linearize |= {"R": jacobian(push, U), "D": jacobian(definition, Q)}
     return Derived(inputs, tape, dynamics, linearize)
 
 
-def _generalized_force(tape: Tape, load: Load, q: list[Any], u: list[Any]) -> list[Any]:
+def _generalized_force(tape: Tape, load: Load, q: list[Term], u: list[Term]) -> list[Term]:
     """Return −Q, the term a force adds to F."""
-    potential, dissipation = tape.put(load.potential), tape.put(load.dissipation)
-    F = []
-    for x, v in zip(q, u, strict=True):
-        terms = [tape.diff(potential, x), tape.diff(dissipation, v)]
-        for force, velocity in load.power:
-            terms += [-tape.put(f) * tape.diff(tape.put(w), v) for f, w in zip(force, velocity, strict=True)]
-        F.append(tape.put(sympy.Add(*terms)))
-    return F
+    one = tape.term(1)
+    by_speed = [(one, tape.term(load.dissipation))]
+    by_speed += [(-f, v) for force, velocity in load.power for f, v in zip(force, velocity, strict=True)]
+    parts = tape.gradient([(one, tape.term(load.potential))], q), tape.gradient(by_speed, u)
+    return [x + y for x, y in zip(*parts, strict=True)]
 
 
 def _entries(values: list[Any]) -> Entries:
-    """Return the entries of a vector or matrix that are not zero as written."""
+    """Return the entries of a vector or matrix that do not vanish identically."""
     entries: Entries = {}
     for i, value in enumerate(values):
         if isinstance(value, list):
-            entries |= {(i, j): entry for j, entry in enumerate(value) if entry != 0}
-        elif value != 0:
+            entries |= {(i, j): entry for j, entry in enumerate(value) if not entry.is_zero}
+        elif not value.is_zero:
             entries[(i,)] = value
     return entries
-
-
-def slot_coordinates(frame: str) -> int:
-    """Return how many coordinates a slot of this frame has."""
-    return len(COORDINATES[frame])

@@ -1,0 +1,526 @@
+"""Eigenvalues of the linearized equations, how far each can be trusted, and what they say.
+
+The default method deflates: the constraints first (`mbstab.analysis.linearize`), then the
+zero eigenvalues by a staircase null(S), null(S₂₂), … of orthogonal steps with rank gaps, so
+that neutral directions do not spoil small physical eigenvalues. Each remaining eigenvalue
+is judged on the undeflated quadratic eigenproblem (s²M̄ + sR̄ + K̄) x = 0 with right and left
+vectors x, y: backward error η and condition number κ as in Tisseur (2000), Linear Algebra
+Appl. 309, sections 2.2-2.3; κ·η bounds the error to first order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.linearize import Linearization, StateSpace, state_space
+from mbstab.analysis.subspaces import rank_of
+from mbstab.analysis.symmetry import Symmetry
+from mbstab.compiler.system import Array
+from mbstab.errors import UsageError
+
+Complex = npt.NDArray[np.complex128]
+
+METHODS = ("nullspace", "index3", "paper")
+
+EPS = float(np.finfo(float).eps)
+NEUTRAL_TOLERANCE = 1e-9
+NEUTRAL_GAP = 1e3
+"""A singular value of S is zero below this fraction of the largest, if the next is larger by this factor."""
+
+CLUSTER = 100.0
+"""The first-order bound is trusted for eigenvalues whose distance to the next is this many bounds."""
+
+
+@dataclass(frozen=True)
+class Eigenvalue:
+    """One finite eigenvalue.
+
+    Attributes
+    ----------
+    value : complex (1/s)
+    kind : str
+        ``stable node``, ``unstable node``, ``saddle``, ``stable focus``, ``unstable focus``,
+        ``center``, ``neutral`` (zero), or ``undecided``.
+    error_bound : float (1/s)
+        κ·η; nan for neutral eigenvalues, which are exact zeros of the structure.
+    condition, backward_error : float
+        Relative condition number κ and backward error η.
+    participation : dict
+        Share of each body in the kinetic energy of the mode; sums to 1.
+    """
+
+    value: complex
+    kind: str
+    error_bound: float
+    condition: float
+    backward_error: float
+    participation: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def frequency(self) -> float:
+        """Frequency of oscillation |Im s|/2π (Hz)."""
+        return abs(self.value.imag) / (2.0 * math.pi)
+
+    @property
+    def damping_ratio(self) -> float:
+        """−Re s/|s|, nan for a neutral eigenvalue."""
+        return -self.value.real / abs(self.value) if self.kind != "neutral" and self.value else math.nan
+
+    @property
+    def time_to_double(self) -> float:
+        """Time in which a disturbance doubles (s); negative: the time in which it halves; inf if it does neither."""
+        if self.kind in ("center", "neutral") or self.value.real == 0.0:
+            return math.inf
+        return math.log(2.0) / self.value.real
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Sizes of the problem.
+
+    Attributes
+    ----------
+    n_q, n_holonomic, n_nonholonomic : int
+        Coordinates and constraint rows.
+    rank_holonomic, rank_nonholonomic : int
+        rank C_q and rank D_u N.
+    expected, found : int
+        Finite eigenvalues: 2(n_q − rank C_q) − rank(D_u N), and what the method returned.
+    neutral : int
+        How many of them are zero.
+    infinite, undefined : int
+        Infinite eigenvalues and 0/0 pairs that the method returned besides.
+    """
+
+    n_q: int
+    n_holonomic: int
+    n_nonholonomic: int
+    rank_holonomic: int
+    rank_nonholonomic: int
+    expected: int
+    found: int
+    neutral: int
+    infinite: int
+    undefined: int
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of independent speeds."""
+        return self.n_q - self.rank_holonomic - self.rank_nonholonomic
+
+
+@dataclass(frozen=True)
+class EigenResult:
+    """Eigenvalues, verdict and what they rest on.
+
+    Attributes
+    ----------
+    eigenvalues : list of Eigenvalue
+        Sorted by decreasing real part, neutral ones last.
+    verdict : str
+        ``asymptotically stable``, ``marginally stable``, ``unstable`` or ``undecided``.
+    reasons : tuple of str
+        What decides the verdict, in words.
+    counts : Counts
+    chains : tuple of int
+        Sizes of the steps of the neutral staircase: how many zero eigenvalues have a vector,
+        how many a second one in their chain, …
+    symmetries : tuple of str
+        Symmetries of the scene, which explain neutral eigenvalues.
+    method : str
+    warnings : tuple of str
+    """
+
+    eigenvalues: list[Eigenvalue]
+    verdict: str
+    reasons: tuple[str, ...]
+    counts: Counts
+    chains: tuple[int, ...]
+    symmetries: tuple[str, ...]
+    method: str
+    warnings: tuple[str, ...]
+
+    def values(self) -> Complex:
+        """Return the eigenvalues that are not neutral, shape (n,)."""
+        return np.array([e.value for e in self.eigenvalues if e.kind != "neutral"], dtype=complex)
+
+
+@dataclass(frozen=True)
+class Deflated:
+    """A matrix in which the zero eigenvalues are separated: Qᵀ S Q = [[nilpotent, T], [0, S_r]]."""
+
+    Q: Array
+    nilpotent: Array
+    coupling: Array
+    S: Array
+    steps: tuple[int, ...]
+    dropped: float
+    undecided: str
+
+
+def deflate_neutral(S: Array) -> Deflated:
+    """Separate the zero eigenvalues of S by the staircase null(S), null(S₂₂), …
+
+    Parameters
+    ----------
+    S : ndarray, shape (n, n)
+        Scaled so that its blocks are of similar size.
+    """
+    n = len(S)
+    Q, T = np.eye(n), S.copy()
+    done, steps, dropped, undecided = 0, [], 0.0, ""
+    size = float(np.linalg.norm(S, 2)) if n else 0.0
+    while done < n:
+        block = T[done:, done:]
+        _, s, right = np.linalg.svd(block)
+        zeros, gap = _count_zeros(s, size)
+        if zeros == 0:
+            break
+        if gap < NEUTRAL_GAP and not undecided:
+            undecided = (
+                f"{zeros} eigenvalues are close to zero without a gap (singular values {s[-zeros]:.1e} and "
+                f"{s[-zeros - 1]:.1e} 1/s): neutral or merely slow cannot be told in double precision"
+            )
+            break
+        dropped = max(dropped, float(s[-zeros]))
+        # Null vectors first.
+        turn = np.vstack([right[len(s) - zeros :], right[: len(s) - zeros]]).T
+        full = np.eye(n)
+        full[done:, done:] = turn
+        Q, T = Q @ full, full.T @ T @ full
+        T[done:, done : done + zeros] = 0.0
+        steps.append(zeros)
+        done += zeros
+    return Deflated(Q, T[:done, :done], T[:done, done:], T[done:, done:], tuple(steps), dropped, undecided)
+
+
+def _count_zeros(s: Array, size: float) -> tuple[int, float]:
+    """Return how many singular values are zero, and the ratio across the decision."""
+    if size == 0.0:
+        return len(s), math.inf
+    zeros = int(np.sum(s <= NEUTRAL_TOLERANCE * size))
+    if zeros in (0, len(s)):
+        return zeros, math.inf
+    return zeros, float(s[-zeros - 1] / max(s[-zeros], EPS * size * 1e-3))
+
+
+def eigenvalues(
+    linear: Linearization, method: str = "nullspace", find_symmetries: Callable[[], list[Symmetry]] = list
+) -> EigenResult:
+    """Return the eigenvalues of the linearized equations with bounds and a verdict.
+
+    Parameters
+    ----------
+    linear : Linearization
+    method : str
+        ``nullspace`` (deflated, default), ``index3`` (QZ on the regular pencil) or ``paper``
+        (QZ on the singular pencil of Eq. (70)).
+    find_symmetries : callable, optional
+        Returns the symmetries that explain neutral eigenvalues; called only if there are any.
+
+    Raises
+    ------
+    UsageError
+        If the method is unknown.
+    """
+    if method not in METHODS:
+        raise UsageError(f"unknown method {method!r}\nhint: one of {', '.join(METHODS)}")
+    space = state_space(linear)
+    gamma = _time_scale(space)
+    deflated = deflate_neutral(_balanced(space, gamma))
+    judge = _Judge(linear, space, gamma, deflated)
+    infinite = undefined = 0
+    if method == "nullspace":
+        found = judge.nullspace()
+    else:
+        from mbstab.analysis.pencil import finite_eigenvalues
+
+        values, vectors, infinite, undefined = finite_eigenvalues(linear, method, gamma)
+        found = judge.pencil(values, vectors)
+    return judge.result(found, method, infinite, undefined, find_symmetries() if judge.n_neutral else [])
+
+
+def _time_scale(space: StateSpace) -> float:
+    """Return a typical rate of the deflated system (1/s)."""
+    A, n = space.A, space.n_xi
+    size = [math.sqrt(float(np.linalg.norm(A[n:, :n]))), float(np.linalg.norm(A[n:, n:])), float(np.linalg.norm(A[:n, :n]))]
+    return max(size, default=0.0) or 1.0
+
+
+def _balanced(space: StateSpace, gamma: float) -> Array:
+    """Return S with speeds counted in units of γ: its blocks are of similar size."""
+    weights = np.ones(len(space.A))
+    weights[space.n_xi :] = gamma
+    result: Array = space.A * weights / weights[:, None]
+    return result
+
+
+class _Judge:
+    """Bounds, kinds and the verdict for eigenvalues of one linearization."""
+
+    def __init__(self, linear: Linearization, space: StateSpace, gamma: float, deflated: Deflated) -> None:
+        self.linear, self.space, self.gamma, self.deflated = linear, space, gamma, deflated
+        spaces = linear.motion.spaces
+        self.n_neutral = sum(deflated.steps)
+        # Composite matrices in scaled coordinates and rows, the rows as heavy as the stiffness.
+        n = len(linear.M)
+        M, R, K = linear.composite()
+        scale = np.concatenate([spaces.scale, spaces.row_scale])
+        M, R, K = (x * scale * scale[:, None] for x in (M, R, K))
+        heavy = max(float(np.linalg.norm(K[:n, :n])), gamma * float(np.linalg.norm(R[:n, :n])), gamma * gamma)
+        rows = np.ones(len(M))
+        rows[n : n + linear.n_h] = heavy
+        rows[n + linear.n_h :] = heavy / gamma
+        self.M, self.R, self.K = (x * rows[:, None] * rows for x in (M, R, K))
+        self.sizes = [float(np.linalg.norm(x, 2)) for x in (self.M, self.R, self.K)]
+        self.n = n
+
+    # --- eigenvectors -----------------------------------------------------------------------------------------------
+
+    def nullspace(self) -> list[Eigenvalue]:
+        """Return all finite eigenvalues from the deflated system."""
+        values, right, left = self._deflated_vectors()
+        neutral = [Eigenvalue(0j, "neutral", math.nan, math.nan, math.nan)] * self.n_neutral
+        return self._judged(values, *self._composite_vectors(values, right, left)) + neutral
+
+    @cache  # noqa: B019 - a judge lives as long as one answer
+    def _deflated_vectors(self) -> tuple[Complex, Complex, Complex]:
+        """Return eigenvalues with right and left vectors of S, as columns."""
+        d = self.deflated
+        n, k = len(d.Q), self.n_neutral
+        if n == k:
+            empty = np.zeros((n, 0), dtype=complex)
+            return np.zeros(0, dtype=complex), empty, empty
+        values, inner = np.linalg.eig(d.S.astype(complex) if d.S.size == 0 else d.S)
+        values, inner = values.astype(complex), inner.astype(complex)
+        try:
+            dual = np.linalg.inv(inner).conj().T
+        except np.linalg.LinAlgError:
+            dual = np.full_like(inner, np.nan)
+        upper = np.zeros((k, n - k), dtype=complex)
+        for j, s in enumerate(values):
+            upper[:, j] = np.linalg.solve(s * np.eye(k) - d.nilpotent, d.coupling @ inner[:, j]) if k else 0.0
+        right = d.Q @ np.vstack([upper, inner])
+        left = d.Q @ np.vstack([np.zeros((k, n - k)), dual])
+        return values, right, left
+
+    def _composite_vectors(self, values: Complex, right: Complex, left: Complex) -> tuple[Complex, Complex]:
+        """Return right and left vectors of the scaled quadratic problem from those of the balanced S."""
+        spaces, space = self.linear.motion.spaces, self.space
+        m = space.n_xi
+        x_q = spaces.N @ right[:m]
+        w = np.linalg.solve(space.M_z.T, left[m:]) if space.M_z.size else left[m:]
+        y_q = spaces.N @ (spaces.Z @ w)
+        x = np.vstack([x_q, self._multipliers(values, x_q, False)])
+        y = np.vstack([y_q, self._multipliers(values, y_q, True)])
+        for j in range(len(values)):
+            if np.linalg.norm(left[m:, j]) <= 1e-10 * np.linalg.norm(left[:, j]):
+                y[:, j] = self._kinematic_left_vector(complex(values[j]))
+        return x, y
+
+    def _kinematic_left_vector(self, s: complex) -> Complex:
+        """Return the left vector of a mode that the nonholonomic rows alone decide: no forces, only rows of D."""
+        spaces, n, n_h = self.linear.motion.spaces, self.n, self.linear.n_h
+        D = s * self.R[n + n_h :, :n] + self.K[n + n_h :, :n]
+        # Combinations of rows that vanish because rows repeat each other decide nothing.
+        rows = rank_of(spaces.W.left_null.T).null
+        left, _, _ = np.linalg.svd(rows.T @ D @ spaces.N, full_matrices=True)
+        mu = rows @ left[:, -1]
+        C = self.K[n : n + n_h, :n]
+        lam = np.linalg.lstsq(C.T.astype(complex), -(D.conj().T @ mu), rcond=1e-13)[0] if n_h else np.zeros(0)
+        return np.concatenate([np.zeros(n), lam, mu]).astype(complex)
+
+    def _multipliers(self, values: Complex, vectors: Complex, left: bool) -> Complex:
+        """Complete vectors with the multipliers that the first block row asks for, by least squares."""
+        n, c = self.n, len(self.M) - self.n
+        if c == 0:
+            return np.zeros((0, len(values)), dtype=complex)
+        M, R, K = (x.T if left else x for x in (self.M, self.R, self.K))
+        result = np.zeros((c, len(values)), dtype=complex)
+        for j, s in enumerate(values):
+            s = np.conj(s) if left else s
+            v = vectors[:, j]
+            known = s * s * (M[:n, :n] @ v) + s * (R[:n, :n] @ v) + K[:n, :n] @ v
+            result[:, j] = np.linalg.lstsq(s * R[:n, n:] + K[:n, n:], -known, rcond=1e-13)[0]
+        return result
+
+    def pencil(self, values: Complex, vectors: Complex) -> list[Eigenvalue]:
+        """Return eigenvalues that QZ found, judged with its own vectors and the deflated left ones."""
+        if len(values) == 0:
+            return []
+        scale = np.concatenate([self.linear.motion.spaces.scale, self.linear.motion.spaces.row_scale])
+        deflated, right, left = self._deflated_vectors()
+        _, y = self._composite_vectors(deflated, right, left)
+        order = np.argsort(np.abs(values))
+        neutral = set(order[: self.n_neutral].tolist())
+        found = []
+        for i in range(len(values)):
+            if i in neutral:
+                found.append(Eigenvalue(complex(values[i]), "neutral", math.nan, math.nan, math.nan))
+                continue
+            nearest = int(np.argmin(np.abs(deflated - values[i]))) if len(deflated) else -1
+            x = vectors[: self.n, i] / scale[: self.n]
+            x = np.concatenate([x, self._multipliers(values[i : i + 1], x[:, None], False)[:, 0]])
+            other = y[:, nearest] if nearest >= 0 else np.full_like(x, np.nan)
+            found += self._judged(values[i : i + 1], x[:, None], other[:, None])
+        return found
+
+    # --- bounds -----------------------------------------------------------------------------------------------------
+
+    def _judged(self, values: Complex, x: Complex, y: Complex) -> list[Eigenvalue]:
+        if len(values) == 0:
+            return []
+        size = np.abs(values)
+        weight = size**2 * self.sizes[0] + size * self.sizes[1] + self.sizes[2]
+        residual = (self.M @ x) * values**2 + (self.R @ x) * values + self.K @ x
+        slope = np.abs(np.sum(y.conj() * (2.0 * (self.M @ x) * values + self.R @ x), axis=0))
+        length_x, length_y = np.linalg.norm(x, axis=0), np.linalg.norm(y, axis=0)
+        with np.errstate(all="ignore"):
+            eta = np.linalg.norm(residual, axis=0) / (weight * length_x)
+            kappa = weight * length_x * length_y / slope
+            # The data themselves are known to round-off only.
+            bound = kappa * np.maximum(eta, EPS) + self.deflated.dropped
+        found = []
+        for j, s in enumerate(values):
+            error = float(bound[j]) if np.isfinite(bound[j]) else math.inf
+            relative = float(kappa[j] / size[j]) if size[j] > 0.0 else math.inf
+            kind = _kind(complex(s), error, self._separation(complex(s)))
+            value = complex(s.real + 0.0, s.imag + 0.0)  # no −0
+            found.append(Eigenvalue(value, kind, error, relative, float(eta[j]), self._participation(x[: self.n, j])))
+        return found
+
+    def _separation(self, s: complex) -> float:
+        """Return the distance of an eigenvalue to the next one, itself left out."""
+        distance = np.sort(np.abs(self._deflated_vectors()[0] - s))
+        others = [float(distance[1])] if len(distance) > 1 else []
+        return min([*others, abs(s)] if self.n_neutral else [*others, math.inf])
+
+    def _participation(self, x: Complex) -> dict[str, float]:
+        """Return the share of each body in the kinetic energy of a mode."""
+        M = self.M[: self.n, : self.n]
+        energy = np.real(x.conj() * (M @ x))
+        total = float(np.sum(energy))
+        shares: dict[str, float] = {}
+        for name, value in zip(self.linear.names, energy, strict=True):
+            body = name.partition(".")[0]
+            shares[body] = shares.get(body, 0.0) + (float(value) / total if total > 0.0 else 0.0)
+        return shares
+
+    # --- verdict ----------------------------------------------------------------------------------------------------
+
+    def result(
+        self, found: list[Eigenvalue], method: str, infinite: int, undefined: int, known: list[Symmetry]
+    ) -> EigenResult:
+        linear = self.linear
+        found = _with_saddles(found)
+        found.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), e.value.imag))
+        spaces = linear.motion.spaces
+        counts = Counts(
+            len(linear.M), linear.n_h, len(linear.J) - linear.n_h, spaces.C.rank, spaces.W.rank, linear.n_f, len(found),
+            self.n_neutral, infinite, undefined,
+        )  # fmt: skip
+        verdict, reasons = self._verdict(found, counts, known)
+        return EigenResult(
+            found, verdict, tuple(reasons), counts, self.deflated.steps, tuple(s.name for s in known), method,
+            linear.motion.warnings,
+        )  # fmt: skip
+
+    def _verdict(self, found: list[Eigenvalue], counts: Counts, known: list[Symmetry]) -> tuple[str, list[str]]:
+        doubts = []
+        if not self.linear.constant:
+            change = self.linear.variation
+            size = f"by {change:.1%}" if math.isfinite(change) else "without bound"
+            doubts.append(
+                f"frozen-time: the coefficients of the linearized equations change {size} along the motion, so eigenvalues "
+                "at one instant are not a stability verdict; describe the motion so that it stands still"
+            )
+        if counts.found != counts.expected:
+            doubts.append(f"{counts.expected} finite eigenvalues exist, the method returned {counts.found}; use --method nullspace")
+        unstable = [e for e in found if e.kind in ("unstable node", "unstable focus") or (e.kind == "saddle" and e.value.real > 0)]
+        if unstable and not doubts:
+            worst = max(unstable, key=lambda e: e.value.real)
+            return "unstable", [f"the eigenvalue {_show(worst.value)} 1/s grows (error bound {worst.error_bound:.1e})"]
+        if self.deflated.undecided:
+            doubts.append(self.deflated.undecided)
+        if self.n_neutral > 2 * len(known):
+            explained = f"{len(known)} {'symmetry explains' if len(known) == 1 else 'symmetries explain'} {2 * len(known)} at most"
+            doubts.append(
+                f"{self.n_neutral} eigenvalues are zero, but {explained}: a critical state or a continuum of equilibria, "
+                "which the linearized equations cannot judge"
+            )
+        for e in found:
+            if e.kind == "undecided":
+                doubts.append(
+                    f"the eigenvalue {_show(e.value)} 1/s lies within its error bound {e.error_bound:.1e} of the imaginary axis "
+                    f"or too close to another one to be placed on it (condition number {e.condition:.1e})"
+                )
+        if doubts:
+            return "undecided", doubts
+        centers = sum(e.kind == "center" for e in found)
+        if centers:
+            return "marginally stable", [f"{centers} eigenvalues lie on the imaginary axis, none to the right of it"]
+        if self.n_neutral:
+            what = "neutral, the others decay" if counts.found > self.n_neutral else "neutral"
+            return "marginally stable", [f"{self.n_neutral} eigenvalues are {what}"]
+        return "asymptotically stable", ["all eigenvalues lie to the left of the imaginary axis"]
+
+
+def _kind(s: complex, bound: float, separation: float) -> str:
+    """Return the type of singular point; `separation` is the distance to the nearest other eigenvalue."""
+    real = s.imag == 0.0
+    clustered = not bound * CLUSTER < separation
+    # Nearly multiple eigenvalues move by the root of a disturbance, not by the first-order bound.
+    margin = max(bound, 10.0 * separation, math.sqrt(EPS) * abs(s)) if clustered else bound
+    if abs(s.real) > margin:
+        return ("un" if s.real > 0 else "") + ("stable node" if real else "stable focus")
+    return "undecided" if clustered or real else "center"
+
+
+def _with_saddles(found: list[Eigenvalue]) -> list[Eigenvalue]:
+    """Pair real eigenvalues of opposite sign: two such directions form a saddle."""
+    growing = [e for e in found if e.kind == "unstable node"]
+    decaying = [e for e in found if e.kind == "stable node"]
+    saddles: set[int] = set()
+    for e in growing:
+        partner = min(
+            (d for d in decaying if id(d) not in saddles), key=lambda d: abs(d.value.real + e.value.real), default=None
+        )
+        if partner is not None:
+            saddles |= {id(e), id(partner)}
+    return [_replaced(e) if id(e) in saddles else e for e in found]
+
+
+def _replaced(e: Eigenvalue) -> Eigenvalue:
+    return Eigenvalue(e.value, "saddle", e.error_bound, e.condition, e.backward_error, e.participation)
+
+
+def _show(s: complex) -> str:
+    return f"{s.real:.6g}" if s.imag == 0.0 else f"{s.real:.6g}{s.imag:+.6g}i"
+
+
+def matched(found: Any, expected: Any) -> Array:
+    """Return |found − expected| after the pairing that makes the sum smallest.
+
+    Parameters
+    ----------
+    found, expected : array_like of complex, the same number
+
+    Notes
+    -----
+    Sorting complex numbers pairs them wrongly when real parts differ by round-off.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    found, expected = np.asarray(found, dtype=complex), np.asarray(expected, dtype=complex)
+    distance = np.abs(found[:, None] - expected[None, :])
+    i, j = linear_sum_assignment(distance)
+    result = np.empty(len(expected))
+    result[j] = distance[i, j]
+    return result

@@ -1,0 +1,113 @@
+"""The ``expect:`` block of a model file: what the answer must be, and whether it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbstab.analysis.eigen import EigenResult, eigenvalues, matched
+from mbstab.analysis.linearize import linearize
+from mbstab.analysis.motion import reference_motion
+from mbstab.analysis.symmetry import symmetries
+from mbstab.compiler.system import System
+from mbstab.errors import Location, MbstabError
+from mbstab.model.arithmetic import FLOAT
+from mbstab.model.expressions import ExpressionError
+from mbstab.model.schema import Expectation, Model
+from mbstab.model.values import evaluate, evaluate_parameters
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Whether one expectation holds.
+
+    Attributes
+    ----------
+    what : str
+        What was expected, in words.
+    passed : bool
+    detail : str
+        What was found.
+    """
+
+    location: Location
+    what: str
+    passed: bool
+    detail: str
+
+
+def check_expectations(model: Model) -> list[Outcome]:
+    """Return the outcome of every expectation of a model."""
+    return [outcome for expectation in model.expect for outcome in _outcomes(model, expectation)]
+
+
+def _outcomes(model: Model, expectation: Expectation) -> list[Outcome]:
+    at = ", ".join(f"{name}={x.text}" for name, x in expectation.at.items())
+    where = f" at {at}" if at else ""
+    try:
+        nominal = evaluate_parameters(model, {}, FLOAT)
+        overrides = {
+            name: x.evaluate(nominal, FLOAT) * (model.parameters[name].factor if x.literal else 1.0)
+            for name, x in expectation.at.items()
+        }
+        outcomes = []
+        if expectation.eigenvalues is not None or expectation.neutral is not None or expectation.verdict:
+            outcomes += _eigen_outcomes(model, expectation, overrides, where)
+        if expectation.critical is not None:
+            outcomes.append(_critical_outcome(model, expectation, overrides, where))
+        return outcomes
+    except (MbstabError, ExpressionError) as error:
+        return [Outcome(expectation.location, f"an answer{where}", False, str(error))]
+
+
+def _answer(model: Model, overrides: dict[str, float]) -> EigenResult:
+    system = System(evaluate(model, overrides))
+    motion = reference_motion(system)
+    return eigenvalues(linearize(system, motion), find_symmetries=lambda: symmetries(system, motion))
+
+
+def _eigen_outcomes(model: Model, expectation: Expectation, overrides: dict[str, float], where: str) -> list[Outcome]:
+    result = _answer(model, overrides)
+    outcomes = []
+    if expectation.eigenvalues is not None:
+        parameters = evaluate_parameters(model, overrides, FLOAT)
+        expected: list[complex] = []
+        for item in expectation.eigenvalues:
+            value = complex(item.real.evaluate(parameters, FLOAT), item.imag.evaluate(parameters, FLOAT))
+            expected += [value, value.conjugate()] if value.imag else [value]
+        outcomes.append(_compare(result, expected, expectation, where))
+    if expectation.neutral is not None:
+        found = result.counts.neutral
+        what = f"{expectation.neutral} neutral eigenvalues{where}"
+        outcomes.append(Outcome(expectation.location, what, found == expectation.neutral, f"found {found}"))
+    if expectation.verdict:
+        detail = f"found {result.verdict}" + (f": {result.reasons[0]}" if result.reasons else "")
+        passed = result.verdict == expectation.verdict
+        outcomes.append(Outcome(expectation.location, f"{expectation.verdict}{where}", passed, detail))
+    return outcomes
+
+
+def _compare(result: EigenResult, expected: list[complex], expectation: Expectation, where: str) -> Outcome:
+    found = result.values()
+    what = f"{len(expected)} eigenvalues to {expectation.tolerance:g}{where}"
+    if len(found) != len(expected):
+        listed = ", ".join(f"{s:.6g}" for s in found)
+        return Outcome(expectation.location, what, False, f"found {len(found)} that are not neutral: {listed}")
+    if not expected:
+        return Outcome(expectation.location, what, True, "none, as expected")
+    difference = matched(found, expected) / np.maximum(np.abs(expected), 1e-300)
+    worst = int(np.argmax(difference))
+    detail = f"largest relative difference {difference[worst]:.1e}, at {expected[worst]:.15g}"
+    return Outcome(expectation.location, what, bool(difference[worst] <= expectation.tolerance), detail)
+
+
+def _critical_outcome(model: Model, expectation: Expectation, overrides: dict[str, float], where: str) -> Outcome:
+    critical = expectation.critical
+    assert critical is not None
+    value = critical.value.evaluate(evaluate_parameters(model, overrides, FLOAT), FLOAT)
+    step = critical.tolerance * abs(value)
+    found = [_answer(model, {**overrides, critical.parameter: value + side * step}).verdict for side in (-1, 1)]
+    what = f"{critical.parameter} critical at {value:.12g} to {critical.tolerance:g}{where}"
+    passed = found == [critical.below, critical.above]
+    return Outcome(critical.location, what, passed, f"{found[0]} below, {found[1]} above")

@@ -1,0 +1,315 @@
+"""The reference motion: assembled from what the file gives, checked, with accelerations and multipliers.
+
+Missing coordinates are solved from C(q, t) = 0 and missing rates from the velocity rows;
+given ones are checked. Then
+
+    M a + Jᵀ ν = −F0,   J a = −B
+
+gives the accelerations and the multipliers.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbstab.analysis.subspaces import Redundancy, Subspaces, redundancies, subspaces
+from mbstab.compiler.system import Array, Dynamics, System
+from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem
+
+TOLERANCE = 1e-9
+"""A reference satisfies its constraints if the residuals are below this, relative to the sizes in the scene."""
+
+EQUILIBRIUM_TOLERANCE = 1e-8
+"""At rest, accelerations may be this large relative to what the forces would give alone."""
+
+CHART_ERROR = 1e-6
+CHART_WARNING = 0.02
+NEWTON_STEPS = 60
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The reference motion at an instant.
+
+    Attributes
+    ----------
+    q, u, a : ndarray, shape (n_q,)
+        Coordinates (m, rad), speeds, accelerations.
+    nu : ndarray, shape (n_c,)
+        Multipliers [λ; μ]; of least size where constraints are redundant.
+    dynamics : Dynamics
+        Matrices at this state.
+    spaces : Subspaces
+    redundant : list of Redundancy
+    solved : tuple of str
+        Coordinates and rates that the file left to the program.
+    warnings : tuple of str
+    """
+
+    q: Array
+    u: Array
+    a: Array
+    nu: Array
+    time: float
+    dynamics: Dynamics
+    spaces: Subspaces
+    redundant: list[Redundancy]
+    solved: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing moves at this instant."""
+        return not np.any(self.u)
+
+
+def reference_motion(system: System) -> Motion:
+    """Return the reference motion of a scene.
+
+    Raises
+    ------
+    ModelFileError
+        If the reference satisfies the constraints or the equations of motion not, names the
+        joint or the body and the residual.
+    ConstraintError
+        If the rank of the constraints cannot be decided.
+    MassError
+        If a motion that nothing holds has no mass.
+    """
+    finder = _Finder(system)
+    q = finder.coordinates()
+    u = finder.rates(q)
+    return finder.motion(q, u)
+
+
+def motion_at(system: System, q: Array, u: Array, time: float) -> Motion:
+    """Return accelerations and multipliers of a state that satisfies the constraints."""
+    return _Finder(system).motion(q, u, time, check=False)
+
+
+class _Finder:
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.scene = system.scene
+        self.document = system.scene.model.document
+        self.is_length = np.array([name.rpartition(".")[2] in ("x", "y", "z") for name in system.names])
+        given = [abs(v) for n, v in self.scene.coordinates.items() if n.rpartition(".")[2] in ("x", "y", "z")]
+        self.length = max([*self.scene.lengths, *given], default=0.0) or 1.0
+        self.solved: list[str] = []
+        self.warnings: list[str] = []
+
+    def _fail(self, problems: list[Problem]) -> None:
+        if problems:
+            raise ModelFileError(problems)
+
+    def _problem(self, row: int, message: str, hint: str) -> Problem:
+        entry = self.system.rows[row]
+        source = self.document.lines[entry.location.line - 1]
+        return Problem(entry.location, f"{entry.section}.{entry.name}", message, hint, source)
+
+    # --- position ---------------------------------------------------------------------------------------------------
+
+    def coordinates(self) -> Array:
+        system, scene = self.system, self.scene
+        q = np.array([scene.coordinates.get(n, scene.guess.get(n, 0.0)) for n in system.names], dtype=float)
+        missing = np.array([n not in scene.coordinates for n in system.names])
+        self._check_chart(q, missing)
+        sizes = np.where(self.is_length, self.length, 1.0)
+        if missing.any() and system.n_h:
+            q = self._assemble(q, missing, sizes)
+            self._check_chart(q, np.zeros(len(q), dtype=bool))
+        self.solved += [n for n, lacks in zip(system.names, missing, strict=True) if lacks]
+        state = system.dynamics(q, np.zeros(system.n_q), scene.time)
+        allowed = TOLERANCE * np.abs(state.J) @ sizes
+        bad = [i for i in range(system.n_h) if not abs(state.E[i]) <= allowed[i] + 1e-300]
+        hint = "correct the values, or leave out those that the constraints determine"
+        if missing.any():
+            hint = "the missing coordinates could not be assembled; give starting values under reference.guess"
+        self._fail([self._residual(i, state.E[i], "", hint) for i in bad])
+        return q
+
+    def _residual(self, i: int, value: float, per: str, hint: str) -> Problem:
+        row = self.system.rows[i]
+        unit = "" if row.unit == "1" else f" {row.unit}{per}"
+        return self._problem(i, f"the reference does not satisfy {row}: the residual is {value:.6g}{unit}", hint)
+
+    def _check_chart(self, q: Array, skip: Array) -> None:
+        """Euler angles lose a direction where cos θ = 0; say so before numbers degrade."""
+        problems = []
+        for body, part in zip(self.scene.bodies, self.system.body_slices, strict=True):
+            if len(body.coordinates) != 6 or skip[part.start + 4]:
+                continue
+            distance = abs(math.cos(q[part.start + 4]))
+            hint = "give the body another base rotation with axes: [phi, theta, psi], so that theta stays away from ±pi/2"
+            if distance < CHART_ERROR:
+                message = f"the Euler angles of {body.name!r} are singular here: |cos theta| = {distance:.1e}"
+                source = self.document.lines[body.location.line - 1]
+                problems.append(Problem(body.location, f"bodies.{body.name}", message, hint, source))
+            elif distance < CHART_WARNING:
+                warning = f"the Euler angles of body {body.name!r} are close to singular: |cos theta| = {distance:.1e}; {hint}"
+                self.warnings.append(warning)
+        self._fail(problems)
+
+    def _assemble(self, q: Array, missing: Array, sizes: Array) -> Array:
+        """Solve C = 0 for the missing coordinates: damped Gauss-Newton with least corrections."""
+        zero = np.zeros(self.system.n_q)
+        n_h = self.system.n_h
+        columns = np.flatnonzero(missing)
+
+        def state(x: Array) -> tuple[Array, Array, Array]:
+            found = self.system.dynamics(x, zero, self.scene.time)
+            J = found.J[:n_h] * sizes
+            lengths = np.linalg.norm(J, axis=1)
+            lengths[lengths == 0.0] = 1.0
+            return found.E[:n_h] / lengths, J / lengths[:, None], lengths
+
+        E, J, _ = state(q)
+        for _ in range(NEWTON_STEPS):
+            step = np.zeros(len(q))
+            step[columns] = np.linalg.lstsq(J[:, columns], -E, rcond=1e-12)[0] * sizes[columns]
+            if not np.any(step):
+                break
+            fraction, before = 1.0, float(np.linalg.norm(E))
+            while True:
+                trial = q + fraction * step
+                E, J, _ = state(trial)
+                if np.linalg.norm(E) <= before * (1.0 - 1e-4 * fraction) or fraction < 1e-4:
+                    break
+                fraction *= 0.5
+            improved = float(np.linalg.norm(E)) < before
+            if improved:
+                q = trial
+            if not improved or np.linalg.norm(fraction * step / sizes) < 1e-15:
+                break
+        return q
+
+    # --- velocity ---------------------------------------------------------------------------------------------------
+
+    def rates(self, q: Array) -> Array:
+        system, scene = self.system, self.scene
+        u = np.array([scene.rates.get(n, 0.0) for n in system.names], dtype=float)
+        missing = np.array([n not in scene.rates for n in system.names])
+        columns = np.flatnonzero(missing)
+        sizes = np.where(self.is_length, self.length, 1.0)
+        state = system.dynamics(q, u, scene.time)
+        if len(columns) and system.n_c:
+            # The rows may be nonlinear in the rates; one step solves linear rows.
+            for _ in range(NEWTON_STEPS):
+                step = np.linalg.lstsq(state.J[:, columns] * sizes[columns], -state.V, rcond=1e-12)[0] * sizes[columns]
+                small = np.abs(step) <= 1e-15 * sizes[columns] * max(1.0, float(np.max(np.abs(u / sizes), initial=0.0)))
+                if np.all(small):
+                    break
+                u[columns] += step
+                state = system.dynamics(q, u, scene.time)
+        # Round-off of the solution is no motion.
+        fastest = float(np.max(np.abs(u / sizes), initial=0.0))
+        u[missing & (np.abs(u / sizes) < 1e-14 * fastest)] = 0.0
+        state = system.dynamics(q, u, scene.time)
+        allowed = TOLERANCE * np.abs(state.J) @ (sizes * fastest)
+        bad = [i for i in range(system.n_c) if not abs(state.V[i]) <= allowed[i] + 1e-300]
+        hint = "correct the rates, or leave out those that the constraints determine"
+        problems = [self._residual(i, state.V[i], "/s" if i < system.n_h else "", hint) for i in bad]
+        self._fail(problems)
+        return u
+
+    # --- accelerations and multipliers ------------------------------------------------------------------------------
+
+    def motion(self, q: Array, u: Array, time: float | None = None, check: bool = True) -> Motion:
+        system = self.system
+        time = self.scene.time if time is None else time
+        state = system.dynamics(q, u, time)
+        spaces = subspaces(state.M, state.J, system.n_h, system.rows)
+        redundant = redundancies(state.J, spaces, system.n_h, system.rows)
+        scale, row_scale = spaces.scale, spaces.row_scale
+        J = state.J * scale * row_scale[:, None]
+        M = state.M * scale * scale[:, None]
+        allowed = spaces.N @ spaces.Z
+        M_z = allowed.T @ M @ allowed
+        self._check_mass(M_z, allowed)
+        inverse = np.linalg.pinv(J, rcond=1e-11) if len(J) else J.T
+        bias = state.B * row_scale
+        particular = -inverse @ bias
+        self._check_compatible(J @ particular + bias, J, bias)
+        force = -(state.F0 * scale)
+        free = np.linalg.solve(M_z, allowed.T @ (force - M @ particular)) if M_z.size else np.zeros(0)
+        a = particular + allowed @ free
+        nu = inverse.T @ (force - M @ a)
+        if check:
+            a = self._check_rest(u, a, state, scale, allowed, force)
+        if redundant:
+            self._check_constant_rank(q, u, time, spaces)
+            self.warnings += [f"redundant constraint: {item}" for item in redundant]
+        return Motion(
+            q, u, a * scale, nu * row_scale, time, state, spaces, redundant, tuple(self.solved), tuple(self.warnings)
+        )
+
+    def _check_mass(self, M_z: Array, allowed: Array) -> None:
+        """Every motion that the constraints allow must carry mass."""
+        if not M_z.size:
+            return
+        values, vectors = np.linalg.eigh(M_z)
+        if values[0] > 1e-13 * values[-1]:
+            return
+        motion = np.abs(allowed @ vectors[:, 0])
+        involved = [self.system.names[i] for i in np.argsort(-motion) if motion[i] > 0.3 * motion.max()][:4]
+        body = involved[0].partition(".")[0]
+        location = next(b.location for b in self.scene.bodies if b.name == body)
+        message = f"a motion of {', '.join(involved)} carries no mass and nothing holds it"
+        hint = "give the body an inertia in this direction, add a joint or a drive, or make it a point"
+        source = self.document.lines[location.line - 1]
+        raise MassError(str(Problem(location, f"bodies.{body}", message, hint, source)))
+
+    def _check_compatible(self, residual: Array, J: Array, bias: Array) -> None:
+        """Redundant rows must agree about the accelerations as well."""
+        if len(residual) and np.max(np.abs(residual)) > 1e-7 * max(float(np.max(np.abs(bias))), 1e-300):
+            worst = int(np.argmax(np.abs(residual)))
+            row = self.system.rows[worst]
+            raise ConstraintError(
+                f"{row.location}: {row} contradicts other constraints: no accelerations satisfy all of them "
+                f"(residual {residual[worst]:.3g} of {np.max(np.abs(bias)):.3g})"
+            )
+
+    def _check_rest(self, u: Array, a: Array, state: Dynamics, scale: Array, allowed: Array, force: Array) -> Array:
+        """A reference at rest must stay at rest."""
+        if np.any(u):
+            return a
+        # What each force alone would do, before they balance.
+        typical = float(np.max(np.abs(force), initial=0.0))
+        worst = int(np.argmax(np.abs(a))) if len(a) else 0
+        if len(a) == 0 or abs(a[worst]) <= EQUILIBRIUM_TOLERANCE * typical:
+            return np.zeros_like(a)
+        name = self.system.names[worst]
+        unit, push = ("m/s^2", "N") if self.is_length[worst] else ("rad/s^2", "N*m")
+        unbalanced = (allowed @ (allowed.T @ force))[worst] / scale[worst]
+        message = (
+            f"the reference is at rest but not in equilibrium: {name} would accelerate with "
+            f"{a[worst] * scale[worst]:.6g} {unit} (unbalanced {unbalanced:.6g} {push})"
+        )
+        hint = "give coordinates at which the forces balance, or the rates of the motion you mean"
+        location = self.scene.model.reference.location
+        source = self.document.lines[location.line - 1] if location.line <= len(self.document.lines) else ""
+        raise ModelFileError([Problem(location, "reference", message, hint, source)])
+
+    def _check_constant_rank(self, q: Array, u: Array, time: float, spaces: Subspaces) -> None:
+        """Redundancy is harmless if it persists nearby: Nᵀ (Σ δ_i ∇²C_i) N = 0 for every dependence δ."""
+        n_h = self.system.n_h
+        zero = np.zeros(self.system.n_q)
+        for combination in spaces.C.left_null.T:
+            nu = np.zeros(self.system.n_c)
+            nu[:n_h] = combination * spaces.row_scale[:n_h]
+            K, _, _ = self.system.linearize(q, u, zero, nu, time)
+            curvature = spaces.N.T @ (K * spaces.scale * spaces.scale[:, None]) @ spaces.N
+            K_force, _, _ = self.system.linearize(q, u, zero, 0.0 * nu, time)
+            curvature -= spaces.N.T @ (K_force * spaces.scale * spaces.scale[:, None]) @ spaces.N
+            size = float(np.max(np.abs(curvature), initial=0.0))
+            if size > 1e-7:
+                weights = np.abs(combination)
+                names = [str(self.system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
+                raise ConstraintError(
+                    f"the mechanism is at a singular configuration: constraints that are independent nearby depend on each "
+                    f"other here (curvature {size:.3g})\nthe rows involved: {'; '.join(names)}\n"
+                    "hint: eigenvalues do not exist at such a point; move the reference away from it"
+                )

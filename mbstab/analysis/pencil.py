@@ -1,0 +1,55 @@
+"""QZ on undeflated pencils, for comparison with the default method.
+
+The regular index-3 pencil has infinite eigenvalues in Jordan blocks of size 3 and 2; the
+pencil of Eq. (70) of Pappalardo, Lettieri, Guida (2020) is singular, because its last n_c
+rows and columns are zero in both matrices, and QZ returns as many pairs 0/0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.linearize import Linearization
+
+FINITE_LIMIT = 1e5
+"""Eigenvalues larger than this times the typical rate of the system count as infinite."""
+
+ZERO_PAIR = 1e-13
+"""A pair α/β with both parts below this times the size of the matrices is 0/0."""
+
+
+def finite_eigenvalues(
+    linear: Linearization, method: str, gamma: float
+) -> tuple[npt.NDArray[np.complex128], npt.NDArray[np.complex128], int, int]:
+    """Return finite eigenvalues and vectors of a pencil, and how many were infinite and how many 0/0.
+
+    Parameters
+    ----------
+    linear : Linearization
+    method : str
+        ``index3`` or ``paper``.
+    gamma : float
+        Typical rate (1/s): the pencil is solved in the time unit 1/γ.
+    """
+    from scipy.linalg import eig
+
+    A, E = linear.pencil() if method == "index3" else linear.paper_pencil()
+    n, c = len(linear.M), len(linear.J)
+    scale = linear.motion.spaces.scale
+    rows = linear.motion.spaces.row_scale
+    # Coordinates by mass, rows to unit length, speeds in units of γ: y = right · scaled y.
+    if method == "index3":
+        right = np.concatenate([scale, rows * gamma * gamma, scale * gamma])
+        left = np.concatenate([1.0 / scale, scale, rows])
+    else:
+        right = np.concatenate([scale, rows * gamma * gamma, scale * gamma, rows * gamma**3])
+        left = np.concatenate([scale, rows, scale, rows])
+    A, E = A * left[:, None] * right, gamma * E * left[:, None] * right
+    (alpha, beta), vectors = eig(A, E, homogeneous_eigvals=True)
+    size = max(float(np.linalg.norm(A)), float(np.linalg.norm(E)))
+    undefined = (np.abs(alpha) < ZERO_PAIR * size) & (np.abs(beta) < ZERO_PAIR * size)
+    finite = ~undefined & (np.abs(alpha) < FINITE_LIMIT * np.abs(beta))
+    values = gamma * alpha[finite] / beta[finite]
+    vectors = (right[:, None] * vectors)[: n + c, finite]
+    return values, vectors, int(np.sum(~finite & ~undefined)), int(np.sum(undefined))

@@ -1,0 +1,194 @@
+"""Which motions the constraints allow: scaling, ranks with gaps, and orthonormal bases.
+
+Coordinates are scaled by the square roots of the masses they carry and constraint rows to
+unit length, so that a rank decision does not depend on units. With J = [C_q; D_u],
+
+    C_q N = 0,   W = D_u N,   W_q = D_q N,   W Z = 0,   P = −W⁺ W_q,
+
+a small motion is Δq = N ξ with ξ̇ = P ξ + Z η, and there are n_f = dim ξ + dim η finite
+eigenvalues.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbstab.compiler.system import Array, Row
+from mbstab.errors import ConstraintError
+
+RANK_TOLERANCE = 1e-11
+"""Singular values below this fraction of the largest count as zero."""
+
+RANK_GAP = 1e3
+"""A rank decision is trusted if the singular values next to it differ by this factor at least."""
+
+
+@dataclass(frozen=True)
+class Rank:
+    """A rank decision.
+
+    Attributes
+    ----------
+    rank : int
+    smallest_kept, largest_dropped : float
+        Singular values on both sides of the decision (0 and inf where there is none).
+    range, null : ndarray
+        Orthonormal bases of the row space and the null space, as columns.
+    left_null : ndarray
+        Orthonormal combinations of rows that vanish, as columns.
+    pseudo_inverse : ndarray
+    """
+
+    rank: int
+    smallest_kept: float
+    largest_dropped: float
+    range: Array
+    null: Array
+    left_null: Array
+    pseudo_inverse: Array
+
+    @property
+    def gap(self) -> float:
+        """Ratio of the singular values on both sides of the decision."""
+        return self.smallest_kept / self.largest_dropped if self.largest_dropped > 0.0 else np.inf
+
+
+def rank_of(matrix: Array, tolerance: float = RANK_TOLERANCE) -> Rank:
+    """Return rank, null spaces and pseudo-inverse of a matrix with rows of unit length."""
+    rows, columns = matrix.shape
+    if rows == 0 or columns == 0:
+        return Rank(0, np.inf, 0.0, np.zeros((columns, 0)), np.eye(columns), np.eye(rows), np.zeros((columns, rows)))
+    left, s, right = np.linalg.svd(matrix)
+    rank = int(np.sum(s > tolerance * s[0])) if s[0] > 0.0 else 0
+    kept = float(s[rank - 1]) if rank else np.inf
+    dropped = float(s[rank]) if rank < len(s) else 0.0
+    inverse = (right[:rank].T / s[:rank]) @ left[:, :rank].T
+    return Rank(rank, kept, dropped, right[:rank].T, right[rank:].T, left[:, rank:], inverse)
+
+
+@dataclass(frozen=True)
+class Redundancy:
+    """A constraint row that others already imply."""
+
+    row: Row
+    repeats: tuple[Row, ...]
+
+    def __str__(self) -> str:
+        if not self.repeats:
+            return f"{self.row} restricts nothing here"
+        others = ", ".join(dict.fromkeys(f"{row.section.removesuffix('s')} {row.name!r}" for row in self.repeats))
+        return f"{self.row} repeats what {others} already impose{'s' if ',' not in others else ''}"
+
+
+@dataclass(frozen=True)
+class Subspaces:
+    """Scaled bases of the motions the constraints allow.
+
+    Attributes
+    ----------
+    scale : ndarray, shape (n_q,)
+        q = scale · scaled q.
+    row_scale : ndarray, shape (n_c,)
+        Factors that give the scaled rows unit length.
+    C, W : Rank
+        Rank decisions about scaled C_q and scaled D_u N.
+    """
+
+    scale: Array
+    row_scale: Array
+    C: Rank
+    W: Rank
+
+    @property
+    def N(self) -> Array:
+        """Null-space basis of the scaled C_q, shape (n_q, n_q − rank C_q)."""
+        return self.C.null
+
+    @property
+    def Z(self) -> Array:
+        """Null-space basis of W, in the coordinates of N."""
+        return self.W.null
+
+    @property
+    def n_f(self) -> int:
+        """Number of finite eigenvalues."""
+        return self.N.shape[1] + self.Z.shape[1]
+
+
+def coordinate_scale(M: Array) -> Array:
+    """Return 1/√M_ii, and the median of the others where a coordinate carries no mass."""
+    diagonal = np.diag(M)
+    heavy = diagonal > 0.0
+    scale = np.ones(len(diagonal))
+    scale[heavy] = 1.0 / np.sqrt(diagonal[heavy])
+    if heavy.any():
+        scale[~heavy] = np.median(scale[heavy])
+    return scale
+
+
+def subspaces(M: Array, J: Array, n_h: int, rows: Sequence[Row]) -> Subspaces:
+    """Return the motions that the constraints allow.
+
+    Parameters
+    ----------
+    M : ndarray, shape (n_q, n_q)
+    J : ndarray, shape (n_c, n_q)
+        [C_q; D_u]; element (i, j) is the derivative of row i with respect to speed j.
+    n_h : int
+        Number of holonomic rows.
+    rows : sequence of Row
+        For messages.
+
+    Raises
+    ------
+    ConstraintError
+        If a rank decision has no gap.
+    """
+    scale = coordinate_scale(M)
+    scaled = J * scale
+    lengths = np.linalg.norm(scaled, axis=1)
+    row_scale = np.where(lengths > 0.0, 1.0 / np.where(lengths > 0.0, lengths, 1.0), 1.0)
+    scaled = scaled * row_scale[:, None]
+    C = rank_of(scaled[:n_h])
+    _require_gap(C, rows[:n_h])
+    W = rank_of(scaled[n_h:] @ C.null)
+    _require_gap(W, rows[n_h:])
+    return Subspaces(scale, row_scale, C, W)
+
+
+def _require_gap(rank: Rank, rows: Sequence[Row]) -> None:
+    if rank.largest_dropped > 0.0 and rank.gap < RANK_GAP:
+        combination = np.abs(rank.left_null[:, 0])
+        involved = [str(rows[i]) for i in np.argsort(-combination)[:4] if combination[i] > 0.1]
+        raise ConstraintError(
+            f"the rank of the constraints cannot be decided: singular values {rank.smallest_kept:.1e} and "
+            f"{rank.largest_dropped:.1e} differ by less than a factor {RANK_GAP:g}\n"
+            f"the rows that nearly depend on each other: {'; '.join(involved)}\n"
+            "hint: the mechanism is close to a singular configuration; move the reference, or remove one of these rows"
+        )
+
+
+def redundancies(J: Array, spaces: Subspaces, n_h: int, rows: Sequence[Row]) -> list[Redundancy]:
+    """Return the rows that the rows before them imply, with the rows they repeat."""
+    count = len(spaces.row_scale) - spaces.C.rank - spaces.W.rank
+    if count == 0:
+        return []
+    scaled = J * spaces.scale * spaces.row_scale[:, None]
+    found: list[Redundancy] = []
+    basis = np.zeros((0, scaled.shape[1]))
+    kept: list[int] = []
+    for i, row in enumerate(scaled):
+        rest = row - basis.T @ (basis @ row)
+        rest = rest - basis.T @ (basis @ rest)
+        length = np.linalg.norm(rest)
+        # Much coarser than the rank decision, which said that a dependence exists.
+        if length > 1e-7:
+            basis = np.vstack([basis, rest / length])
+            kept.append(i)
+            continue
+        weights = np.linalg.lstsq(scaled[kept].T, row, rcond=None)[0] if kept else np.zeros(0)
+        found.append(Redundancy(rows[i], tuple(rows[k] for k, w in zip(kept, weights, strict=True) if abs(w) > 1e-7)))
+    return found

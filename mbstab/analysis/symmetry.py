@@ -1,0 +1,220 @@
+"""Symmetries of a scene: what explains its zero eigenvalues.
+
+Two kinds are found numerically. A *constant* direction w of the coordinates is ignorable if
+no equation depends on q along it: K w = 0, C_q w = 0, D_q w = 0 at arbitrary states. A
+*rotation* of everything about a fixed axis is a symmetry if it carries the reference motion
+into another motion with the same accelerations, turned.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbstab.analysis.motion import Motion, motion_at
+from mbstab.compiler.system import Array, System
+from mbstab.errors import MbstabError
+from mbstab.mechanics.vectors import unit
+from mbstab.model.arithmetic import FLOAT
+from mbstab.model.values import BodyValues, euler_matrix
+
+STATES = 3
+TOLERANCE = 1e-9
+ANGLE = 0.7
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """A direction in which the motion can be shifted without effect.
+
+    Attributes
+    ----------
+    name : str
+        Such as ``wheel.psi``, ``translation along x``, ``rotation about z``.
+    direction : ndarray, shape (n_q,)
+        The shift of the coordinates.
+    """
+
+    name: str
+    direction: Array
+
+
+def symmetries(system: System, motion: Motion) -> list[Symmetry]:
+    """Return independent symmetries of the scene at the reference motion."""
+    found = _constant_directions(system, motion)
+    for name, axis in _axes(system):
+        generator = _rotation(system, motion, axis)
+        if generator is not None:
+            basis = np.array([s.direction for s in found] + [generator]) / motion.spaces.scale
+            if np.linalg.matrix_rank(basis, tol=1e-8 * np.max(np.abs(basis))) == len(basis):
+                found.append(Symmetry(name, generator))
+    return found
+
+
+def _constant_directions(system: System, motion: Motion) -> list[Symmetry]:
+    rng = np.random.default_rng(20)
+    scale = motion.spaces.scale
+    blocks: list[Array] = []
+    size = np.maximum(np.abs(motion.q), 0.3)
+    while len(blocks) < STATES:
+        for spread in (1.0, 0.1, 0.01, 0.0):
+            try:
+                blocks.append(_dependence(system, motion, rng, size * spread))
+                break
+            except MbstabError:
+                continue
+        else:
+            return []
+    stacked = np.vstack(blocks) * scale
+    lengths = np.linalg.norm(stacked, axis=1)
+    stacked = stacked[lengths > 0.0] / lengths[lengths > 0.0, None]
+    if not len(stacked):
+        stacked = np.zeros((1, system.n_q))
+    _, s, right = np.linalg.svd(stacked)
+    rank = int(np.sum(s > TOLERANCE * max(s[0], 1e-300)))
+    null = right[rank:].T
+    return _named(system, null, scale)
+
+
+def _dependence(system: System, motion: Motion, rng: np.random.Generator, spread: Array) -> Array:
+    """Return K, C_q and D_q at a random state near the reference."""
+    n = system.n_q
+    q = motion.q + spread * rng.uniform(-1.0, 1.0, n)
+    u = motion.u + spread * rng.uniform(-1.0, 1.0, n)
+    a, nu = spread * rng.uniform(-1.0, 1.0, n), rng.uniform(0.5, 1.5, system.n_c)
+    K, _, D_q = system.linearize(q, u, a, nu, motion.time)
+    C_q = system.dynamics(q, u, motion.time).J[: system.n_h]
+    return np.vstack([K, C_q, D_q])
+
+
+def _named(system: System, null: Array, scale: Array) -> list[Symmetry]:
+    """Return a basis of the null space made of coordinates, joint translations and the rest."""
+    found: list[Symmetry] = []
+    candidates: list[tuple[str, Array]] = []
+    for axis in "xyz":
+        shift = np.array([float(name.endswith(f".{axis}")) for name in system.names])
+        if np.sum(shift) > 1:
+            candidates.append((f"translation along {axis}", shift))
+    candidates += [(name, np.eye(system.n_q)[i]) for i, name in enumerate(system.names)]
+    basis = np.zeros((0, len(scale)))
+    for name, direction in candidates:
+        scaled = direction / scale
+        scaled /= np.linalg.norm(scaled)
+        inside = np.linalg.norm(scaled - null @ (null.T @ scaled)) < 1e-7
+        rest = scaled - basis.T @ (basis @ scaled)
+        if inside and np.linalg.norm(rest) > 1e-6:
+            basis = np.vstack([basis, rest / np.linalg.norm(rest)])
+            found.append(Symmetry(name, direction))
+    remaining = null - basis.T @ (basis @ null)
+    left, s, _ = np.linalg.svd(remaining, full_matrices=False)
+    for vector in left.T[: int(np.sum(s > 1e-6))]:
+        direction = vector * scale
+        strong = [n for n, x in zip(system.names, np.abs(direction), strict=True) if x > 0.3 * np.max(np.abs(direction))]
+        found.append(Symmetry("joint shift of " + ", ".join(strong[:4]), direction))
+    return found
+
+
+# --- rotations ------------------------------------------------------------------------------------------------------
+
+
+def _axes(system: System) -> list[tuple[str, Array]]:
+    gravity = system.scene.gravity
+    if system.scene.dimension == 2:
+        return [("rotation in the plane", np.array([0.0, 0.0, 1.0]))] if not any(gravity) else []
+    if any(gravity):
+        axis = np.array(unit(tuple(-g for g in gravity), math.sqrt))
+        k = int(np.argmax(np.abs(axis)))
+        name = f"rotation about {'xyz'[k]}" if abs(axis[k]) > 1.0 - 1e-12 else "rotation about the vertical"
+        return [(name, axis)]
+    return [(f"rotation about {name}", np.eye(3)[i]) for i, name in enumerate("xyz")]
+
+
+def _rotation(system: System, motion: Motion, axis: Array) -> Array | None:
+    """Return the direction of a rotation about an axis through the origin, or None if it is no symmetry."""
+    try:
+        q, u, _, generator = _turned(system, motion, axis, ANGLE)
+        turned = motion_at(system, q, u, motion.time)
+        expected = _turned(system, motion, axis, ANGLE)[2]
+    except (MbstabError, ValueError, np.linalg.LinAlgError):
+        return None
+    scale = motion.spaces.scale
+    size = max(float(np.max(np.abs(motion.dynamics.F0 * scale), initial=0.0)), float(np.max(np.abs(motion.u / scale))), 1e-300)
+    if np.max(np.abs((turned.a - expected) / scale), initial=0.0) > 1e-8 * size:
+        return None
+    J = turned.dynamics.J
+    lengths = np.abs(J) @ np.maximum(np.abs(q), 1e-3)
+    speeds = np.abs(J) @ np.maximum(np.abs(u), 1e-300)
+    if np.any(np.abs(turned.dynamics.E[: system.n_h]) > TOLERANCE * lengths[: system.n_h] + 1e-13):
+        return None
+    if np.any(np.abs(turned.dynamics.V) > TOLERANCE * speeds + 1e-300 + 1e-13 * np.max(np.abs(u), initial=0.0)):
+        return None
+    return generator
+
+
+def _turned(system: System, motion: Motion, axis: Array, angle: float) -> tuple[Array, Array, Array, Array]:
+    """Return q, u, a after turning everything, and the direction dq/dangle at the reference."""
+    q, u, a = motion.q.copy(), motion.u.copy(), motion.a.copy()
+    generator = np.zeros_like(q)
+    turn = _rotation_matrix(axis, angle)
+    for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
+        i = part.start
+        if system.scene.dimension == 2:
+            plane = turn[:2, :2]
+            generator[i : i + 2] = -motion.q[i + 1], motion.q[i]
+            for x in (q, u, a):
+                x[i : i + 2] = plane @ x[i : i + 2]
+            if body.orientation:
+                q[i + 2] += angle
+                generator[i + 2] = 1.0
+            continue
+        generator[i : i + 3] = np.cross(axis, motion.q[i : i + 3])
+        for x in (q, u, a):
+            x[i : i + 3] = turn @ x[i : i + 3]
+        if body.orientation:
+            angles = slice(i + 3, i + 6)
+            at, rate, second = motion.q[angles], motion.u[angles], motion.a[angles]
+            generator[angles] = np.linalg.solve(rate_matrix(body, at), axis)
+            new = _angles(body, turn @ _orientation(body, at))
+            G = rate_matrix(body, new)
+            spin = turn @ rate_matrix(body, at) @ rate
+            new_rate = np.linalg.solve(G, spin)
+            growth = turn @ (rate_matrix(body, at) @ second + _rate_drift(body, at, rate))
+            q[angles], u[angles] = new, new_rate
+            a[angles] = np.linalg.solve(G, growth - _rate_drift(body, new, new_rate))
+    return q, u, a, generator
+
+
+def _rotation_matrix(axis: Array, angle: float) -> Array:
+    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    result: Array = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+    return result
+
+
+def _orientation(body: BodyValues, angles: Array) -> Array:
+    return np.array(body.base).reshape(3, 3) @ np.array(euler_matrix(tuple(angles), FLOAT)).reshape(3, 3)
+
+
+def _angles(body: BodyValues, rotation: Array) -> Array:
+    """Return Euler X-Y-Z angles of a rotation after the base rotation of a body."""
+    inner = np.array(body.base).reshape(3, 3).T @ rotation
+    theta = math.asin(max(-1.0, min(1.0, inner[0, 2])))
+    return np.array([math.atan2(-inner[1, 2], inner[2, 2]), theta, math.atan2(-inner[0, 1], inner[0, 0])])
+
+
+def rate_matrix(body: BodyValues, angles: Array) -> Array:
+    """Return the matrix from Euler rates to the angular velocity in ground axes."""
+    (c1, s1), (c2, s2) = ((math.cos(x), math.sin(x)) for x in angles[:2])
+    columns = np.array([[1.0, 0.0, s2], [0.0, c1, -s1 * c2], [0.0, s1, c1 * c2]])
+    result: Array = np.array(body.base).reshape(3, 3) @ columns
+    return result
+
+
+def _rate_drift(body: BodyValues, angles: Array, rates: Array) -> Array:
+    """Return d/dt of the rate matrix times the rates."""
+    (c1, s1), (c2, s2) = ((math.cos(x), math.sin(x)) for x in angles[:2])
+    p, t, s = rates
+    drift = np.array([t * s * c2, -p * t * s1 - p * s * c1 * c2 + t * s * s1 * s2, p * t * c1 - p * s * s1 * c2 - t * s * c1 * s2])
+    result: Array = np.array(body.base).reshape(3, 3) @ drift
+    return result

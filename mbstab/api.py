@@ -1,0 +1,124 @@
+"""The library as people use it: load a model file, ask a question, get a result object.
+
+>>> import mbstab
+>>> model = mbstab.load("pendulum.yaml")
+>>> result = model.eig()
+>>> result.verdict
+'marginally stable'
+>>> f"{result.eigenvalues[1].value.imag:.12f}"
+'6.065269985747'
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from mbstab.analysis.check import CheckReport, check_scene
+from mbstab.analysis.eigen import EigenResult, eigenvalues
+from mbstab.analysis.expectations import Outcome, check_expectations
+from mbstab.analysis.linearize import Linearization, StateSpace, linearize, state_space
+from mbstab.analysis.motion import Motion, reference_motion
+from mbstab.analysis.symmetry import symmetries
+from mbstab.compiler.system import System
+from mbstab.model.library import find_model
+from mbstab.model.reader import read_model, read_model_text
+from mbstab.model.schema import Model
+from mbstab.model.values import evaluate, parse_overrides
+
+Setting = float | str
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """A model file that can be asked questions.
+
+    Every method takes parameter values as keywords: ``model.eig(omega=5.6)``. A number
+    counts in the declared unit of the parameter, a text is an expression.
+
+    Attributes
+    ----------
+    model : Model
+        What the file says.
+    """
+
+    model: Model
+
+    def system(self, **parameters: Setting) -> System:
+        """Return the equations of motion at parameter values.
+
+        Raises
+        ------
+        UsageError
+            If a parameter is unknown.
+        ModelFileError
+            If a value is out of range.
+        """
+        return System(evaluate(self.model, parse_overrides(self.model, parameters)))
+
+    def motion(self, **parameters: Setting) -> Motion:
+        """Return the reference motion: q, u, a (m, rad, s) and multipliers.
+
+        Raises
+        ------
+        ModelFileError
+            If the reference does not satisfy constraints or equations of motion.
+        """
+        return reference_motion(self.system(**parameters))
+
+    def linearize(self, **parameters: Setting) -> Linearization:
+        """Return M, R, K, J, D_q at the reference motion (Pappalardo et al. 2020, Eqs. (57)-(67))."""
+        system = self.system(**parameters)
+        return linearize(system, reference_motion(system))
+
+    def state_space(self, **parameters: Setting) -> StateSpace:
+        """Return the deflated system ẏ = A y with the maps to Δq and Δu."""
+        return state_space(self.linearize(**parameters))
+
+    def eig(self, method: str = "nullspace", **parameters: Setting) -> EigenResult:
+        """Return eigenvalues (1/s) with error bounds, and the verdict.
+
+        Parameters
+        ----------
+        method : str
+            ``nullspace``, ``index3`` or ``paper``; see `mbstab.analysis.eigen`.
+
+        Raises
+        ------
+        ModelFileError
+            If the reference is not a motion of the system.
+        ConstraintError
+            If the rank of the constraints cannot be decided.
+        MassError
+            If a motion that nothing holds has no mass.
+        """
+        system = self.system(**parameters)
+        motion = reference_motion(system)
+        linear = linearize(system, motion)
+        return eigenvalues(linear, method, lambda: symmetries(system, motion))
+
+    def check(self, **parameters: Setting) -> CheckReport:
+        """Return what the scene consists of, what it does not need, and how well the reference fits."""
+        return check_scene(self.system(**parameters))
+
+    def test(self) -> list[Outcome]:
+        """Return for each entry of ``expect:`` whether it holds."""
+        return check_expectations(self.model)
+
+
+def load(path: str | Path) -> Mechanism:
+    """Load a model file; a name that is no file is looked up among the installed examples.
+
+    Raises
+    ------
+    ModelFileError
+        With all problems of the file.
+    UsageError
+        If there is no such file or example.
+    """
+    return Mechanism(read_model(find_model(str(path)).path))
+
+
+def loads(text: str, name: str = "<text>") -> Mechanism:
+    """Load a model from text; `name` is what messages call it."""
+    return Mechanism(read_model_text(text, name))

@@ -1,0 +1,430 @@
+"""Straight-line programs of small steps that can be differentiated.
+
+Differentiating whole expression trees doubles their size with every derivative. A `Tape`
+holds each subexpression once, as a numbered step; derivatives are more steps.
+
+Two steps are the same if they agree at one random state, computed exactly in the integers
+modulo a prime: inputs are random residues, sine and cosine of an angle a random point of
+the unit circle, and the value of every other function a random residue of its own. So
+whatever follows from the rules of arithmetic and from sin² + cos² = 1 is found: entries
+that vanish identically are dropped and a symmetric matrix is computed once. What holds for
+some states only, such as |x| = x, is not. The chance of a mistake is below 1e-30.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from hashlib import sha256
+from math import gcd, lcm
+from typing import Any
+
+from mbstab.model.arithmetic import FUNCTIONS, Arithmetic
+
+PRIME = 2**127 - 1
+ONE = 0
+"""The step that is the number one."""
+
+MAX_POWER = 100
+MAX_COEFFICIENT = 1000
+
+# --- steps ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """A number that the program is given."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Literal:
+    """A number with its digits, or ``pi``."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sum:
+    """Σ coefficient · step."""
+
+    terms: tuple[tuple[int, Fraction], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Product:
+    """Π step ** exponent."""
+
+    factors: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A function of an `Arithmetic` applied to coefficient · step, ...."""
+
+    function: str
+    arguments: tuple[tuple[int, Fraction], ...]
+
+
+Step = Input | Literal | Sum | Product | Call
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Term:
+    """A rational number times a step; the number type in which a program is written."""
+
+    tape: Tape
+    coefficient: Fraction
+    step: int
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether this is the number zero."""
+        return self.coefficient == 0
+
+    @property
+    def number(self) -> Fraction | None:
+        """The value of a rational number, None for anything else."""
+        return self.coefficient if self.step == ONE else None
+
+    def __neg__(self) -> Term:
+        return Term(self.tape, -self.coefficient, self.step)
+
+    def __add__(self, other: Any) -> Term:
+        return self.tape.sum((self, self.tape.term(other)))
+
+    def __sub__(self, other: Any) -> Term:
+        return self.tape.sum((self, -self.tape.term(other)))
+
+    def __mul__(self, other: Any) -> Term:
+        return self.tape.product((self, self.tape.term(other)))
+
+    def __truediv__(self, other: Any) -> Term:
+        return self * self.tape.power(self.tape.term(other), self.tape.term(-1))
+
+    def __radd__(self, other: Any) -> Term:
+        return self + other
+
+    def __rsub__(self, other: Any) -> Term:
+        return -self + other
+
+    def __rmul__(self, other: Any) -> Term:
+        return self * other
+
+    def __rtruediv__(self, other: Any) -> Term:
+        return self.tape.term(other) / self
+
+
+# --- the tape -------------------------------------------------------------------------------------------------------
+
+
+class Tape:
+    """A growing program.
+
+    Attributes
+    ----------
+    steps : list of Step
+        Each after those it uses; the first is the number one.
+    """
+
+    def __init__(self) -> None:
+        self.steps: list[Step] = [Literal("1")]
+        self._values = [1]
+        self._depends = [0]  # which inputs a step depends on, as bits
+        self._terms: dict[Step, Term] = {}
+        self._by_value = {1: ONE}
+        self._partials: dict[int, list[tuple[int, Term]]] = {}
+        self._inputs = 0
+
+    # --- making terms -----------------------------------------------------------------------------------------------
+
+    def term(self, x: Term | int | Fraction) -> Term:
+        """Return a number as a term; terms stay what they are."""
+        return x if isinstance(x, Term) else Term(self, Fraction(x), ONE)
+
+    def input(self, name: str) -> Term:
+        """Return the input of that name."""
+        return self._put(Input(name))
+
+    def literal(self, text: str) -> Term:
+        """Return the number written as `text`, or ``pi``."""
+        if text == "pi":
+            return self._put(Literal(text))
+        value = Fraction(text)
+        if max(abs(value.numerator), value.denominator) <= MAX_COEFFICIENT:
+            return self.term(value)
+        return self._put(Literal(text))
+
+    def sum(self, terms: Iterable[Term]) -> Term:
+        """Return the sum of terms."""
+        total: dict[int, Fraction] = {}
+        for term in terms:
+            total[term.step] = total.get(term.step, Fraction(0)) + term.coefficient
+        entries = sorted((step, c) for step, c in total.items() if c)
+        if len(entries) < 2:
+            return Term(self, entries[0][1], entries[0][0]) if entries else self.term(0)
+        # Without a common factor, so that multiples of a sum share its step.
+        size = Fraction(gcd(*(c.numerator for _, c in entries)), lcm(*(c.denominator for _, c in entries)))
+        content = size if sum(1 if c > 0 else -1 for _, c in entries) >= 0 else -size
+        inner = self._put(Sum(tuple((step, c / content) for step, c in entries)))
+        return Term(self, content * inner.coefficient, inner.step)
+
+    def product(self, factors: Iterable[Term]) -> Term:
+        """Return the product of terms."""
+        coefficient, exponents = Fraction(1), dict[int, int]()
+        for factor in factors:
+            if factor.is_zero:
+                return self.term(0)
+            coefficient *= factor.coefficient
+            for step, exponent in self._as_power(factor.step):
+                exponents[step] = exponents.get(step, 0) + exponent
+        entries = tuple(sorted((step, e) for step, e in exponents.items() if e))
+        inner = self._put(Product(entries)) if entries and entries != ((entries[0][0], 1),) else None
+        if inner is None:
+            return Term(self, coefficient, entries[0][0] if entries else ONE)
+        return Term(self, coefficient * inner.coefficient, inner.step)
+
+    def _as_power(self, step: int) -> Sequence[tuple[int, int]]:
+        """Return a power of one step as that, anything else as itself to the power one."""
+        if step == ONE:
+            return ()
+        known = self.steps[step]
+        return known.factors if isinstance(known, Product) and len(known.factors) == 1 else ((step, 1),)
+
+    def power(self, base: Term, exponent: Term) -> Term:
+        """Return base ** exponent."""
+        e = exponent.number
+        if e is None or abs(e) > MAX_POWER:
+            return self.call("power", base, exponent)
+        if base.is_zero:
+            if e < 0:
+                raise ZeroDivisionError("division by zero")
+            return self.term(0 if e > 0 else 1)
+        if e.denominator == 1:
+            limit = MAX_COEFFICIENT**4
+            if max(abs(base.coefficient.numerator), base.coefficient.denominator) ** abs(int(e)) > limit:
+                return self.call("power", base, exponent)
+            factors = [(step, exponent * int(e)) for step, exponent in self._as_power(base.step)]
+            inner = self._power_of_factors(factors)
+            return Term(self, base.coefficient**e.numerator * inner.coefficient, inner.step)
+        if e.denominator == 2 and abs(e.numerator) == 1:
+            root = self.call("sqrt", base)
+            return root if e > 0 else 1 / root
+        return self.call("power", base, exponent)
+
+    def _power_of_factors(self, factors: list[tuple[int, int]]) -> Term:
+        factors = [(step, e) for step, e in factors if e]
+        if not factors:
+            return self.term(1)
+        return Term(self, Fraction(1), factors[0][0]) if factors[0][1] == 1 else self._put(Product(tuple(factors)))
+
+    def call(self, function: str, *arguments: Term) -> Term:
+        """Return a function of `FUNCTIONS`, ``power`` or ``sign`` applied to terms."""
+        return self._put(Call(function, tuple((a.step, a.coefficient) for a in arguments)))
+
+    def arithmetic(self) -> Arithmetic:
+        """Return the arithmetic of terms, to write expressions on the tape."""
+
+        def function(name: str) -> Callable[..., Term]:
+            return lambda *arguments: self.call(name, *(self.term(a) for a in arguments))
+
+        pi = self.literal("pi")
+        functions: dict[str, Callable[..., Term]] = {name: function(name) for name in (*FUNCTIONS, "sign")}
+        return Arithmetic("tape", self.literal, {"pi": pi, "deg": pi / 180}, functions | {"power": self.power})
+
+    def _put(self, step: Step) -> Term:
+        known = self._terms.get(step)
+        if known is not None:
+            return known
+        value = self._value(step)
+        if value == 0:
+            term = self.term(0)
+        else:
+            size = min(value, PRIME - value)
+            number = self._by_value.get(size)
+            if number is None:
+                number = self._by_value[size] = len(self.steps)
+                self.steps.append(step)
+                self._values.append(value)
+                self._depends.append(self._dependence(step))
+            term = Term(self, Fraction(1 if self._values[number] == value else -1), number)
+        self._terms[step] = term
+        return term
+
+    def _dependence(self, step: Step) -> int:
+        if isinstance(step, Input):
+            self._inputs += 1
+            return 1 << (self._inputs - 1)
+        depends = 0
+        for used in uses(step):
+            depends |= self._depends[used]
+        return depends
+
+    def _value(self, step: Step) -> int:
+        values = self._values
+        match step:
+            case Sum():
+                return sum(values[n] * _residue(c) for n, c in step.terms) % PRIME
+            case Product():
+                result = 1
+                for n, e in step.factors:
+                    result = result * pow(values[n], e, PRIME) % PRIME
+                return result
+            case Literal() if step.text != "pi":
+                return _residue(Fraction(step.text))
+            case Call("sin" | "cos"):
+                tangent = _random(f"half of {step.arguments}")
+                over = pow(1 + tangent * tangent, -1, PRIME)
+                return (2 * tangent if step.function == "sin" else 1 - tangent * tangent) * over % PRIME
+            case _:
+                return _random(repr(step))
+
+    # --- derivatives ------------------------------------------------------------------------------------------------
+
+    def tangent(self, rates: Mapping[Term, Term]) -> Callable[[Term], Term]:
+        """Return the function that gives the derivative of a term in the direction in which inputs have these rates."""
+        known = {name.step: rate for name, rate in rates.items()}
+        mask = self._mask(rates)
+
+        def derivative(term: Term) -> Term:
+            for step in self._below([term.step], mask, known):
+                known[step] = self.sum(
+                    partial * known[used] for used, partial in self.partials(step) if self._depends[used] & mask
+                )
+            return term.coefficient * known[term.step] if self._depends[term.step] & mask else self.term(0)
+
+        return derivative
+
+    def gradient(self, weighted: Iterable[tuple[Term, Term]], names: Sequence[Term]) -> list[Term]:
+        """Return Σ weight · ∂term/∂name over pairs (weight, term), for each of some inputs."""
+        mask = self._mask(names)
+        parts: dict[int, list[Term]] = {}
+        for weight, term in weighted:
+            parts.setdefault(term.step, []).append(term.coefficient * weight)
+        queue = [-step for step in parts if self._depends[step] & mask]
+        heapq.heapify(queue)
+        while queue:
+            step = -heapq.heappop(queue)
+            adjoint = self.sum(parts[step])
+            parts[step] = [adjoint]
+            for used, partial in self.partials(step):
+                if self._depends[used] & mask:
+                    if used not in parts:
+                        heapq.heappush(queue, -used)
+                    parts.setdefault(used, []).append(adjoint * partial)
+        return [self.sum(parts.get(name.step, ())) for name in names]
+
+    def _mask(self, names: Iterable[Term]) -> int:
+        mask = 0
+        for name in names:
+            mask |= self._depends[name.step]
+        return mask
+
+    def _below(self, steps: list[int], mask: int, known: Mapping[int, Any]) -> list[int]:
+        """Return the unknown steps that some steps are made of and that depend on masked inputs, in order."""
+        found: set[int] = set()
+        stack = list(steps)
+        while stack:
+            step = stack.pop()
+            if step not in found and step not in known and self._depends[step] & mask:
+                found.add(step)
+                stack.extend(uses(self.steps[step]))
+        return sorted(found)
+
+    def partials(self, step: int) -> list[tuple[int, Term]]:
+        """Return the steps that a step uses with its partial derivatives."""
+        if step not in self._partials:
+            self._partials[step] = self._differentiated(step)
+        return self._partials[step]
+
+    def _differentiated(self, number: int) -> list[tuple[int, Term]]:
+        step = self.steps[number]
+        match step:
+            case Sum():
+                return [(n, self.term(c)) for n, c in step.terms]
+            case Product():
+                found = []
+                for i, (n, e) in enumerate(step.factors):
+                    factors = [(m, k - (i == j)) for j, (m, k) in enumerate(step.factors)]
+                    powers = [self._power_of_factors([factor]) for factor in factors]
+                    found.append((n, e * self.product(powers)))
+                return found
+            case Call():
+                arguments = [Term(self, c, n) for n, c in step.arguments]
+                slopes = self._slopes(step.function, Term(self, Fraction(1), number), arguments)
+                return [(a.step, a.coefficient * slope) for a, slope in zip(arguments, slopes, strict=True)]
+            case _:
+                return []
+
+    def _slopes(self, function: str, value: Term, arguments: list[Term]) -> tuple[Term, ...]:
+        """Return the partial derivatives of a function by its arguments."""
+        x = arguments[0]
+        match function:
+            case "sin":
+                return (self.call("cos", x),)
+            case "cos":
+                return (-self.call("sin", x),)
+            case "tan":
+                return (1 + value * value,)
+            case "asin":
+                return (1 / self.call("sqrt", 1 - x * x),)
+            case "acos":
+                return (-1 / self.call("sqrt", 1 - x * x),)
+            case "atan":
+                return (1 / (1 + x * x),)
+            case "atan2":
+                other = arguments[1]
+                square = x * x + other * other
+                return other / square, -x / square
+            case "sinh":
+                return (self.call("cosh", x),)
+            case "cosh":
+                return (self.call("sinh", x),)
+            case "tanh":
+                return (1 - value * value,)
+            case "exp":
+                return (value,)
+            case "log":
+                return (1 / x,)
+            case "sqrt":
+                return (1 / (2 * value),)
+            case "abs":
+                return (self.call("sign", x),)
+            case "sign":
+                return (self.term(0),)
+            case "smooth_start":
+                # 6 c (1 − c) with c = x held between 0 and 1.
+                held = (1 + self.call("abs", x) - self.call("abs", x - 1)) / 2
+                return (6 * held * (1 - held),)
+            case "power":
+                exponent = arguments[1]
+                slope = exponent * self.power(x, exponent - 1)
+                return slope, value * self.call("log", x) if self._depends[exponent.step] else self.term(0)
+            case _:
+                raise ValueError(f"{function} has no derivative")
+
+
+def uses(step: Step) -> Iterable[int]:
+    """Return the numbers of the steps that a step uses."""
+    match step:
+        case Sum():
+            return (n for n, _ in step.terms)
+        case Product():
+            return (n for n, _ in step.factors)
+        case Call():
+            return (n for n, _ in step.arguments)
+        case _:
+            return ()
+
+
+def _residue(x: Fraction) -> int:
+    if x.denominator == 1:
+        return x.numerator % PRIME
+    return x.numerator * pow(x.denominator, -1, PRIME) % PRIME
+
+
+def _random(text: str) -> int:
+    return int.from_bytes(sha256(text.encode()).digest()) % PRIME

@@ -1,0 +1,53 @@
+"""The example models that come with the program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from mbstab.errors import UsageError, suggestion
+
+SUFFIX = ".yaml"
+
+
+@dataclass(frozen=True)
+class FoundModel:
+    """A model file, and whether it came from the installed examples."""
+
+    path: Path
+    installed: bool
+
+
+def models_folder() -> Path:
+    """Return the folder of the example models: inside the installed package, or beside it in a checkout."""
+    package = Path(__file__).resolve().parent.parent
+    inside = package / "models"
+    return inside if inside.is_dir() else package.parent / "models"
+
+
+def installed_models() -> list[Path]:
+    """Return the example models, by name."""
+    return sorted(models_folder().glob(f"*{SUFFIX}"))
+
+
+def find_model(name: str) -> FoundModel:
+    """Return the file a name stands for: a file, or one of the examples (``pendulum.yaml`` or ``pendulum``).
+
+    Raises
+    ------
+    UsageError
+        If it is neither.
+    """
+    path = Path(name)
+    try:
+        if path.exists():
+            return FoundModel(path, False)
+    except (OSError, ValueError):  # a name that the system refuses
+        raise UsageError(f"{name!r} is no file name") from None
+    if path.name == name:
+        example = models_folder() / (name if name.endswith(SUFFIX) else name + SUFFIX)
+        if example.is_file():
+            return FoundModel(example, True)
+    known = [model.name for model in installed_models()]
+    hint = suggestion(path.name, known) or "mbstab models list shows the examples"
+    raise UsageError(f"{name}: no such file, and no example model has this name\nhint: {hint}")
