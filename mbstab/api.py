@@ -19,12 +19,14 @@ from mbstab.analysis.eigen import EigenResult, eigenvalues
 from mbstab.analysis.expectations import Outcome, check_expectations
 from mbstab.analysis.linearize import Linearization, StateSpace, linearize, state_space
 from mbstab.analysis.motion import Motion, reference_motion
+from mbstab.analysis.symbolic import SymbolicBlocks, symbolic_blocks
 from mbstab.analysis.symmetry import symmetries
 from mbstab.compiler.system import System
+from mbstab.model.arithmetic import FLOAT
 from mbstab.model.library import find_model
 from mbstab.model.reader import read_model, read_model_text
 from mbstab.model.schema import Model
-from mbstab.model.values import evaluate, parse_overrides
+from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides
 
 Setting = float | str
 
@@ -100,6 +102,14 @@ class Mechanism:
     def check(self, **parameters: Setting) -> CheckReport:
         """Return what the scene consists of, what it does not need, and how well the reference fits."""
         return check_scene(self.system(**parameters))
+
+    def symbolic(self) -> SymbolicBlocks:
+        """Return the blocks of the composite matrices with symbols (Pappalardo et al. 2020, Eqs. (62)-(67))."""
+        return symbolic_blocks(self.model)
+
+    def parameters(self, **parameters: Setting) -> dict[str, float]:
+        """Return the value of every parameter in SI."""
+        return evaluate_parameters(self.model, parse_overrides(self.model, parameters), FLOAT)
 
     def test(self) -> list[Outcome]:
         """Return for each entry of ``expect:`` whether it holds."""

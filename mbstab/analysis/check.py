@@ -113,10 +113,8 @@ def _unneeded(system: System, motion: Motion) -> list[str]:
     allowed = spaces.scale[:, None] * spaces.N
     moving = np.linalg.norm(spaces.N, axis=1) > 1e-9
     found = [f"{item} (one row, one multiplier)" for item in motion.redundant]
-    still = []
     for body, part in zip(scene.bodies, system.body_slices, strict=True):
         if not moving[part].any() and not np.any(motion.u[part]):
-            still.append(body.name)
             found.append(f"body {body.name!r} cannot move: as part of the ground it saves {len(body.coordinates)} coordinates")
     if scene.dimension == 3 and motion.at_rest:
         axis = _planar_axis(system, motion, allowed)
@@ -125,11 +123,6 @@ def _unneeded(system: System, motion: Motion) -> list[str]:
             found.append(
                 f"every small motion stays in the plane across {axis}: a planar scene has {count} coordinates instead of {system.n_q}"
             )
-    for body, part in zip(scene.bodies, system.body_slices, strict=True):
-        turns = slice(part.start + scene.dimension, part.stop)
-        if body.orientation and body.name not in still and len(system.rows) and not moving[turns].any() and not np.any(motion.u[turns]):
-            saved = turns.stop - turns.start
-            found.append(f"body {body.name!r} moves without turning: a point mass has {saved} coordinates less")
     model = scene.model
     used = _used_parameters(system)
     found += [f"parameter {name!r} is not used" for name in model.parameters if name not in used]

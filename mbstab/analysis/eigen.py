@@ -5,7 +5,9 @@ zero eigenvalues by a staircase null(S), null(S₂₂), … of orthogonal steps 
 that neutral directions do not spoil small physical eigenvalues. Each remaining eigenvalue
 is judged on the undeflated quadratic eigenproblem (s²M̄ + sR̄ + K̄) x = 0 with right and left
 vectors x, y: backward error η and condition number κ as in Tisseur (2000), Linear Algebra
-Appl. 309, sections 2.2-2.3; κ·η bounds the error to first order.
+Appl. 309, sections 2.2-2.3; κ·η bounds the error to first order. Where zero eigenvalues are
+held at zero by their structure, κ is the condition number in the deflated matrix: disturbances
+that would move the zeros do not occur.
 """
 
 from __future__ import annotations
@@ -30,9 +32,12 @@ Complex = npt.NDArray[np.complex128]
 METHODS = ("nullspace", "index3", "paper")
 
 EPS = float(np.finfo(float).eps)
-NEUTRAL_TOLERANCE = 1e-9
+NEUTRAL_TOLERANCE = 1e-12
 NEUTRAL_GAP = 1e3
 """A singular value of S is zero below this fraction of the largest, if the next is larger by this factor."""
+
+LONGEST_CHAIN = 3
+"""A place that drifts because an angle drifts because a rate is constant: longer chains no symmetry explains."""
 
 CLUSTER = 100.0
 """The first-order bound is trusted for eigenvalues whose distance to the next is this many bounds."""
@@ -386,7 +391,10 @@ class _Judge:
             eta = np.linalg.norm(residual, axis=0) / (weight * length_x)
             kappa = weight * length_x * length_y / slope
             # The data themselves are known to round-off only.
-            bound = kappa * np.maximum(eta, EPS) + self.deflated.dropped
+            if self.n_neutral:
+                kappa = self._deflated_condition(values)
+            # The data themselves are known to round-off only.
+            bound = kappa * np.maximum(eta, EPS)
         found = []
         for j, s in enumerate(values):
             error = float(bound[j]) if np.isfinite(bound[j]) else math.inf
@@ -395,6 +403,22 @@ class _Judge:
             value = complex(s.real + 0.0, s.imag + 0.0)  # no −0
             found.append(Eigenvalue(value, kind, error, relative, float(eta[j]), self._participation(x[: self.n, j])))
         return found
+
+    def _deflated_condition(self, values: Complex) -> Array:
+        """Return absolute condition numbers (1/s) of eigenvalues in the matrix without its zeros."""
+        known, right, left = self._deflated_vectors()
+        k = self.n_neutral
+        inner, dual = self.deflated.Q.T @ right, self.deflated.Q.T @ left
+        inner, dual = inner[k:], dual[k:]
+        product = np.abs(np.sum(dual.conj() * inner, axis=0))
+        condition = np.linalg.norm(inner, axis=0) * np.linalg.norm(dual, axis=0) / product
+        M_z = self.space.M_z
+        size = float(np.linalg.norm(_balanced(self.space, self.gamma), 2)) * (float(np.linalg.cond(M_z)) if M_z.size else 1.0)
+        # Zeros were separated by dropping what is this large against round-off.
+        size = max(size, self.deflated.dropped / EPS)
+        nearest = [int(np.argmin(np.abs(known - s))) for s in values]
+        result: Array = condition[nearest] * size
+        return result
 
     def _separation(self, s: complex) -> float:
         """Return the distance of an eigenvalue to the next one, itself left out."""
@@ -420,7 +444,7 @@ class _Judge:
     ) -> EigenResult:
         linear = self.linear
         found = _with_saddles(found)
-        found.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), e.value.imag))
+        found.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
         spaces = linear.motion.spaces
         counts = Counts(
             len(linear.M), linear.n_h, len(linear.J) - linear.n_h, spaces.C.rank, spaces.W.rank, linear.n_f, len(found),
@@ -446,17 +470,23 @@ class _Judge:
         unstable = [e for e in found if e.kind in ("unstable node", "unstable focus") or (e.kind == "saddle" and e.value.real > 0)]
         if unstable and not doubts:
             worst = max(unstable, key=lambda e: e.value.real)
-            return "unstable", [f"the eigenvalue {_show(worst.value)} 1/s grows (error bound {worst.error_bound:.1e})"]
+            plural, verb = ("s", "grow") if worst.value.imag else ("", "grows")
+            return "unstable", [f"the eigenvalue{plural} {_show(worst.value)} 1/s {verb} (error bound {worst.error_bound:.1e})"]
         if self.deflated.undecided:
             doubts.append(self.deflated.undecided)
-        if self.n_neutral > 2 * len(known):
+        if len(self.deflated.steps) > LONGEST_CHAIN:
+            doubts.append(
+                f"zero eigenvalues form a chain of length {len(self.deflated.steps)}, longer than symmetries explain: a critical "
+                "state, which the linearized equations cannot judge"
+            )
+        elif self.n_neutral > 2 * len(known):
             explained = f"{len(known)} {'symmetry explains' if len(known) == 1 else 'symmetries explain'} {2 * len(known)} at most"
             doubts.append(
                 f"{self.n_neutral} eigenvalues are zero, but {explained}: a critical state or a continuum of equilibria, "
                 "which the linearized equations cannot judge"
             )
         for e in found:
-            if e.kind == "undecided":
+            if e.kind == "undecided" and e.value.imag >= 0.0:
                 doubts.append(
                     f"the eigenvalue {_show(e.value)} 1/s lies within its error bound {e.error_bound:.1e} of the imaginary axis "
                     f"or too close to another one to be placed on it (condition number {e.condition:.1e})"
@@ -502,7 +532,7 @@ def _replaced(e: Eigenvalue) -> Eigenvalue:
 
 
 def _show(s: complex) -> str:
-    return f"{s.real:.6g}" if s.imag == 0.0 else f"{s.real:.6g}{s.imag:+.6g}i"
+    return f"{s.real:.6g}" if s.imag == 0.0 else f"{s.real:.6g} ± {abs(s.imag):.6g}i"
 
 
 def matched(found: Any, expected: Any) -> Array:

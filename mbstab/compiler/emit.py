@@ -8,9 +8,10 @@ table of which entry of which matrix each number is. Regenerate the shipped kern
 
 from __future__ import annotations
 
+import heapq
 import sys
 from collections import Counter
-from collections.abc import Iterable
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
@@ -20,7 +21,13 @@ from mbstab.mechanics.elements import ELEMENTS
 
 KERNELS = Path(__file__).parent / "kernels"
 MAX_INLINE = 60
-MAX_REPEAT = 3
+MAX_FACTORS = 8
+
+Parts = list[tuple[int, Fraction]]
+"""Terms of a sum with their coefficients, or factors of a product with their exponents (±1 as often as needed)."""
+
+Pair = tuple[int, int, Fraction]
+"""a + r b in a sum, a · b ** r in a product."""
 
 
 def emit(derived: Derived, title: str) -> str:
@@ -35,91 +42,251 @@ def emit(derived: Derived, title: str) -> str:
 
 def _function(name: str, derived: Derived, outputs: dict[str, Entries]) -> list[str]:
     arguments = [key for key in derived.inputs if name == "linearize" or key not in ("a", "nu")]
-    program = _Program(derived.tape.steps, [term for table in outputs.values() for term in table.values()])
+    terms = [term for table in outputs.values() for term in table.values()]
+    steps = _reduced(dict(enumerate(derived.tape.steps)), terms)
+    used = {step.name for step in steps.values() if isinstance(step, Input)}
     lines = [f"def {name}({', '.join(['f', *arguments])}):"]
     for argument in arguments:
-        names = [x if x in program.inputs else "_" for x in derived.inputs[argument]]
+        names = [x if x in used else "_" for x in derived.inputs[argument]]
         while names and names[-1] == "_":
             names.pop()
         if names:
             rest = ", *_" if len(names) < len(derived.inputs[argument]) else ","
             lines.append(f"    {', '.join(names)}{rest} = {argument}")
-    lines += [f"    {line}" for line in program.lines]
-    return [*lines, "    return (", *[f"        {value}," for value in program.values], "    )", ""]
+    writer = _Writer(steps, terms)
+    lines += [f"    {line}" for line in writer.lines]
+    return [*lines, "    return (", *[f"        {writer.term(t.step, t.coefficient)}," for t in terms], "    )", ""]
 
 
-class _Program:
-    """The steps that some terms need, with fewer operations, as lines of Python.
+# --- fewer operations -----------------------------------------------------------------------------------------------
+
+
+def _reduced(steps: dict[int, Step], terms: list[Term]) -> dict[int, Step]:
+    """Return the steps that the terms need, rewritten with fewer operations, each after those it uses."""
+    steps = _flat(_needed(steps, terms), terms)
+    for kind in (Product, Sum):
+        steps |= _shared(_needed(steps, terms), kind, 1 + max(steps, default=0))
+    return _needed(steps, terms)
+
+
+def _needed(steps: dict[int, Step], terms: list[Term]) -> dict[int, Step]:
+    needed: dict[int, Step] = {}
+    stack = [(term.step, False) for term in reversed(terms)]
+    while stack:
+        number, done = stack.pop()
+        if done:
+            needed[number] = steps[number]
+        elif number not in needed:
+            stack.append((number, True))
+            stack.extend((used, False) for used in reversed(list(uses(steps[number]))))
+    return needed
+
+
+def _counts(steps: dict[int, Step], terms: list[Term]) -> Counter[int]:
+    """Return how often each step is used."""
+    counts = Counter(term.step for term in terms)
+    for step in steps.values():
+        match step:
+            case Product():
+                counts.update(n for n, e in step.factors for _ in range(min(abs(e), MAX_FACTORS)))
+            case _:
+                counts.update(uses(step))
+    return counts
+
+
+def _flat(steps: dict[int, Step], terms: list[Term]) -> dict[int, Step]:
+    """Merge a sum that is used once, in a sum, into that sum; the same for products."""
+    counts = _counts(steps, terms)
+    flat: dict[int, Step] = {}
+    for number, step in steps.items():
+        if isinstance(step, Sum | Product):
+            total: dict[int, Fraction] = {}
+            for used, size in _parts(step):
+                inner = flat[used]
+                merged = isinstance(inner, Sum | Product) and isinstance(inner, type(step)) and counts[used] == 1
+                for part, times in _parts(inner) if merged else [(used, Fraction(1))]:
+                    total[part] = total.get(part, Fraction(0)) + size * times
+            step = _made(type(step), [(part, size) for part, size in total.items() if size])
+        flat[number] = step
+    return flat
+
+
+def _parts(step: Sum | Product) -> Parts:
+    if isinstance(step, Sum):
+        return list(step.terms)
+    parts: Parts = []
+    for n, e in step.factors:
+        parts += [(n, Fraction(1 if e > 0 else -1))] * abs(e) if abs(e) <= MAX_FACTORS else [(n, Fraction(e))]
+    return parts
+
+
+def _made(kind: type[Sum] | type[Product], parts: Parts) -> Sum | Product:
+    if kind is Sum:
+        return Sum(tuple(parts))
+    exponents: dict[int, int] = {}
+    for n, e in parts:
+        exponents[n] = exponents.get(n, 0) + int(e)
+    return Product(tuple(exponents.items()))
+
+
+def _shared(steps: dict[int, Step], kind: type[Sum] | type[Product], free: int) -> dict[int, Step]:
+    """Give a step of its own to each pair of terms, or of factors, that occurs more than once.
+
+    Any multiple of a pair, or its inverse, counts as well. The most frequent pair goes first.
+    """
+    parts = {number: _parts(step) for number, step in steps.items() if isinstance(step, kind)}
+    places: dict[Pair, Counter[int]] = {}
+    queue: list[tuple[int, Pair]] = []
+
+    def enter(number: int) -> None:
+        for pair, times in _pairs(parts[number], kind).items():
+            places.setdefault(pair, Counter())[number] = times
+            heapq.heappush(queue, (-places[pair].total(), pair))
+
+    for number in parts:
+        enter(number)
+    while queue:
+        count, pair = heapq.heappop(queue)
+        now = places[pair].total()
+        if now < -count or now < 2:
+            if now > 1:  # rarer than when it was queued
+                heapq.heappush(queue, (-now, pair))
+            continue
+        home = next((n for n in places[pair] if len(parts[n]) == 2), None)
+        if home is None:
+            home, free = free, free + 1
+            parts[home] = [(pair[0], Fraction(1)), (pair[1], pair[2])]
+        unit = dict(reversed(parts[home]))[pair[0]]
+        for number, times in list(places[pair].items()):
+            if number != home:
+                for other in _pairs(parts[number], kind):
+                    del places[other][number]
+                for _ in range(times):
+                    size = _take(parts[number], pair)
+                    parts[number].append((home, size / unit))
+                enter(number)
+    return {number: _made(kind, items) for number, items in parts.items()}
+
+
+def _pairs(parts: Parts, kind: type[Sum] | type[Product]) -> Counter[Pair]:
+    """Return the pairs among some parts, and how many of each could be taken out together."""
+    counts = Counter(part for part in sorted(parts) if kind is Sum or abs(part[1]) == 1)
+    found: Counter[Pair] = Counter()
+    for (a, size), times in counts.items():
+        if times > 1:
+            found[(a, a, Fraction(1))] += times // 2
+        for (b, other), others in counts.items():
+            if b > a:
+                found[(a, b, other / size)] += min(times, others)
+    return found
+
+
+def _take(parts: Parts, pair: Pair) -> Fraction:
+    """Remove one occurrence of a pair and return its size."""
+    a, b, ratio = pair
+    for i, (n, size) in enumerate(parts):
+        if n == a and (b, size * ratio) in parts[:i] + parts[i + 1 :]:
+            del parts[i]
+            parts.remove((b, size * ratio))
+            return size
+    raise AssertionError(f"no pair {pair} in {parts}")
+
+
+# --- text -----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Text:
+    """How a step is written: as a term of a sum, and as factors above and below a fraction bar."""
+
+    term: str
+    above: tuple[str, ...]
+    below: tuple[str, ...] = ()
+
+
+class _Writer:
+    """Steps as lines of Python.
+
+    A step that is used once and short is written in the place of its use.
 
     Attributes
     ----------
-    inputs : set of str
-        Names of the inputs that occur.
     lines : list of str
         Assignments.
-    values : list of str
-        The terms.
     """
 
-    def __init__(self, steps: list[Step], terms: list[Term]) -> None:
-        self.steps = dict(enumerate(steps))
-        self.terms = [(term.step, term.coefficient) for term in terms]
-        self.order = self._ordered()
-        self._flatten()
-        self._share(Product)
-        self._share(Sum)
-        self.order = self._ordered()
-        self.inputs = {step.name for step in map(self.steps.__getitem__, self.order) if isinstance(step, Input)}
+    def __init__(self, steps: dict[int, Step], terms: list[Term]) -> None:
         self.lines: list[str] = []
-        self._texts: dict[int, str] = {}
-        self._fractions: dict[int, tuple[list[str], list[str]]] = {}
-        self._write()
-        self.values = [self._sum([term]) for term in self.terms]
+        self._texts: dict[int, _Text] = {}
+        counts = _counts(steps, terms)
+        for number, step in steps.items():
+            text = self._text(step)
+            if number != ONE and not isinstance(step, Input) and (counts[number] > 1 or len(text.term) > MAX_INLINE):
+                name = f"w{len(self.lines)}"
+                self.lines.append(f"{name} = {text.term}")
+                text = _Text(name, (name,))
+            self._texts[number] = text
 
-    # --- fewer operations -------------------------------------------------------------------------------------------
+    def _text(self, step: Step) -> _Text:
+        match step:
+            case Input():
+                return _Text(step.name, (step.name,))
+            case Literal():
+                text = f"f.constants[{step.text!r}]" if step.text == "pi" else f"f.number({step.text!r})"
+                return _Text(text, (text,))
+            case Call():
+                text = f"f.{step.function}({', '.join(self.term(n, c) for n, c in step.arguments)})"
+                return _Text(text, (text,))
+            case Sum():
+                # A positive term in front saves a sign.
+                first = next((i for i, (_, c) in enumerate(step.terms) if c > 0), 0)
+                head, *rest = [step.terms[first], *step.terms[:first], *step.terms[first + 1 :]]
+                texts = [self.term(n, c) for n, c in rest]
+                text = self.term(*head) + "".join(f" - {x[1:]}" if x[0] == "-" else f" + {x}" for x in texts)
+                return _Text(text, (f"({text})",))
+            case Product():
+                above: tuple[str, ...] = ()
+                below: tuple[str, ...] = ()
+                for n, e in step.factors:
+                    text = self._texts[n]
+                    if abs(e) > MAX_FACTORS:
+                        text, e = _Text("", (f"{text.term}**{abs(e)}",)), 1 if e > 0 else -1
+                    above += (text.above if e > 0 else text.below) * abs(e)
+                    below += (text.below if e > 0 else text.above) * abs(e)
+                return _Text(_fraction(Fraction(1), above, below), above, below)
 
-    def _ordered(self) -> list[int]:
-        """Return the needed steps, each after those it uses, in the order of need."""
-        order: dict[int, None] = {}
-        stack = [(step, False) for step, _ in reversed(self.terms)]
-        while stack:
-            step, done = stack.pop()
-            if done:
-                order[step] = None
-            elif step not in order:
-                stack.append((step, True))
-                stack.extend((used, False) for used in reversed(list(uses(self.steps[step]))))
-        return list(order)
+    def term(self, number: int, coefficient: Fraction) -> str:
+        """Return the text of coefficient · step, fit for a sum."""
+        sign, size = "-" if coefficient < 0 else "", abs(coefficient)
+        if number == ONE:
+            exact = size.denominator & (size.denominator - 1) == 0  # as a binary fraction
+            return sign + (f"{size}" if exact else f"f.number('{size.numerator}')/{size.denominator}")
+        text = self._texts[number]
+        if coefficient == 1:
+            return text.term
+        return sign + _fraction(size, text.above, text.below)
 
-    def _counts(self) -> Counter[int]:
-        """Return how often each step is used."""
-        counts = Counter(step for step, _ in self.terms)
-        for step in self.order:
-            counts.update(uses(self.steps[step]))
-        return counts
 
-    def _flatten(self) -> None:
-        """Merge sums that are used once in a sum, and products that are used once in a product."""
-        counts = self._counts()
-        for number in self.order:
-            match self.steps[number]:
-                case Sum(terms):
-                    flat: list[tuple[int, Fraction]] = []
-                    for n, c in terms:
-                        inner = self.steps[n]
-                        merge = isinstance(inner, Sum) and counts[n] == 1
-                        flat += [(m, c * k) for m, k in inner.terms] if merge else [(n, c)]
-                    self.steps[number] = Sum(tuple(flat))
-                case Product(factors):
-                    powers: list[tuple[int, int]] = []
-                    for n, e in factors:
-                        inner = self.steps[n]
-                        merge = isinstance(inner, Product) and counts[n] == 1
-                        powers += [(m, e * k) for m, k in inner.factors] if merge else [(n, e)]
-                    self.steps[number] = Product(tuple(powers))
+def _fraction(size: Fraction, above: tuple[str, ...], below: tuple[str, ...]) -> str:
+    over = [*([str(size.numerator)] if size.numerator != 1 or not above else []), *above]
+    under = [*([str(size.denominator)] if size.denominator != 1 else []), *below]
+    bar = "/" if under else ""
+    return "*".join(over) + bar + (f"({'*'.join(under)})" if len(under) > 1 else "".join(under))
 
-    def _share(self, kind: type[Sum] | type[Product]) -> None:
-        """Give a step of its own to each pair of terms, or of factors, that occurs more than once."""
-        self.order = self._ordered()
-        parts = {n: _parts(step) for n, step in self.steps.items() if isinstance(step, kind)}
-        ...
+
+def shipped(name: str) -> str:
+    """Return the source of a built-in kernel."""
+    element = ELEMENTS[name]
+    frame = name.removesuffix(f"_{element.name}")
+    title = f"Kernel {name}, generated by mbstab.compiler.emit from mbstab.mechanics; do not edit."
+    return emit(derive(element, frame), title)
+
+
+def main() -> None:
+    """Write all kernels, or those named on the command line."""
+    for name in sys.argv[1:] or sorted(ELEMENTS):
+        (KERNELS / f"{name}.py").write_text(shipped(name), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

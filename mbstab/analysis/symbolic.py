@@ -1,0 +1,91 @@
+"""The composite matrices as symbols: the shipped kernels, run on symbols instead of numbers.
+
+Blocks as in Pappalardo, Lettieri, Guida (2020), Eqs. (62)-(67).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from mbstab.compiler.system import System
+from mbstab.model.arithmetic import symbol_arithmetic
+from mbstab.model.schema import Model
+from mbstab.model.values import evaluate
+
+SIMPLIFY_LIMIT = 400
+"""Entries with more operations than this are printed as they come."""
+
+
+@dataclass(frozen=True)
+class SymbolicBlocks:
+    """Blocks of M̄, R̄, K̄ as SymPy matrices, by names such as ``K_11``.
+
+    Attributes
+    ----------
+    blocks : dict of str to Matrix
+    coordinates, multipliers : list of Symbol
+    """
+
+    blocks: dict[str, Any]
+    coordinates: list[Any]
+    multipliers: list[Any]
+
+
+def symbolic_blocks(model: Model) -> SymbolicBlocks:
+    """Return the composite matrices of a model with symbols for parameters, coordinates, speeds and multipliers."""
+    import sympy
+
+    overrides = {name: sympy.Symbol(name, real=True) for name in model.parameters}
+    system = System(evaluate(model, overrides, symbol_arithmetic()))
+    several = len(model.bodies) > 1
+
+    def state(ending: str) -> list[Any]:
+        symbols = []
+        for name in system.names:
+            body, _, coordinate = name.partition(".")
+            symbols.append(sympy.Symbol(f"{coordinate}{ending}_{body}" if several else f"{coordinate}{ending}", real=True))
+        return symbols
+
+    q, u, a = state(""), state("dot"), state("ddot")
+    lam = [sympy.Symbol(f"lambda_{i + 1}", real=True) for i in range(system.n_h)]
+    single = system.n_n == 1
+    mu = [sympy.Symbol("mu" if single else f"mu_{i + 1}", real=True) for i in range(system.n_n)]
+    time = sympy.Symbol("t", real=True)
+    dynamics = system.dynamics(q, u, time)
+    K, R, D_q = system.linearize(q, u, a, [*lam, *mu], time)
+    n, c, n_h = system.n_q, system.n_c, system.n_h
+    zero = sympy.zeros
+    J = sympy.Matrix(c, n, list(dynamics.J.flat)) if c else zero(0, n)
+    lower_R, lower_K = zero(c, n), zero(c, n)
+    for i in range(c):
+        for j in range(n):
+            if i < n_h:
+                lower_K[i, j] = J[i, j]
+            else:
+                lower_R[i, j], lower_K[i, j] = J[i, j], D_q[i - n_h, j]
+    raw = {
+        "M_11": sympy.Matrix(n, n, list(dynamics.M.flat)),
+        "M_12": zero(n, c),
+        "M_21": zero(c, n),
+        "M_22": zero(c, c),
+        "R_11": sympy.Matrix(n, n, list(R.flat)),
+        "R_12": zero(n, c),
+        "R_21": lower_R,
+        "R_22": zero(c, c),
+        "K_11": sympy.Matrix(n, n, list(K.flat)),
+        "K_12": J.T,
+        "K_21": lower_K,
+        "K_22": zero(c, c),
+    }
+    return SymbolicBlocks({name: block.applyfunc(_simple) for name, block in raw.items()}, q, [*lam, *mu])
+
+
+def _simple(expression: Any) -> Any:
+    import sympy
+
+    # Fixed coordinates enter as plain zeros and ones; they become exact here.
+    exact = sympy.nsimplify(expression, rational=True)
+    if exact.count_ops() > SIMPLIFY_LIMIT:
+        return exact
+    return sympy.factor_terms(sympy.trigsimp(sympy.expand(exact)))

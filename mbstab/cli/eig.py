@@ -1,0 +1,50 @@
+"""``mbstab eig``: eigenvalues and verdict."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from mbstab.cli.common import file_argument, format_option, load_model, output_option, parse_settings, set_option, warn, write
+
+METHODS = ("nullspace", "index3", "paper")
+REQUIRED = {
+    "stable": ("asymptotically stable",),
+    "marginal": ("asymptotically stable", "marginally stable"),
+}
+
+
+@click.command()
+@file_argument
+@set_option
+@click.option("--method", type=click.Choice(METHODS), default=METHODS[0], show_default=True, help="nullspace deflates constraints and zeros; index3 is QZ on the regular pencil; paper is QZ on Eq. (70).")  # fmt: skip
+@click.option("--require", type=click.Choice(tuple(REQUIRED)), help="Exit with 3 unless asymptotically (or at least marginally) stable.")  # fmt: skip
+@format_option("table", "json", "csv")
+@output_option
+def eig(file: str, settings: tuple[str, ...], method: str, require: str | None, format_: str, output: Path | None) -> None:
+    """Eigenvalues of the linearized motion, with error bounds and a verdict.
+
+    Example: mbstab eig pendulum.yaml --set L=0.5
+    """
+    from mbstab.errors import ExpectationError
+
+    parameters = parse_settings(settings)
+    mechanism = load_model(file)
+    result = mechanism.eig(method, **parameters)
+    warn(result.warnings)
+    if format_ == "csv":
+        from mbstab.report.export import eigen_csv
+
+        text = eigen_csv(result)
+    elif format_ == "json":
+        from mbstab.report.export import eigen_data, to_json
+
+        text = to_json(eigen_data(result, mechanism.model.name, mechanism.model.title, mechanism.parameters(**parameters)))
+    else:
+        from mbstab.report.tables import eigen_text
+
+        text = eigen_text(result, mechanism.model.title)
+    write(text, output)
+    if require and result.verdict not in REQUIRED[require]:
+        raise ExpectationError(f"required: {require}, found: {result.verdict}")

@@ -1,0 +1,42 @@
+"""``mbstab test``: do the expectations of model files hold."""
+
+from __future__ import annotations
+
+import click
+
+from mbstab.cli.common import load_model
+from mbstab.errors import ExpectationError, MbstabError, UsageError
+
+
+@click.command()
+@click.argument("files", metavar="FILES...", nargs=-1)
+@click.option("--quiet", "-q", is_flag=True, help="Print failures only.")
+def test(files: tuple[str, ...], quiet: bool) -> None:
+    """Check the expect: blocks of model files; without FILES those of all example models.
+
+    Exit code 1 if a model cannot be answered, 2 if a file is wrong, 3 if an expectation does not hold.
+    """
+    from mbstab.model.library import installed_models
+
+    names = files or tuple(str(path) for path in installed_models())
+    passed = failed = 0
+    worst: MbstabError | None = None
+    for name in names:
+        try:
+            outcomes = load_model(name).test()
+        except MbstabError as error:
+            click.echo(f"FAIL {name}: {error}")
+            worst, failed = error, failed + 1
+            continue
+        if not outcomes:
+            raise UsageError(f"{name} has no expect: block")
+        for outcome in outcomes:
+            passed, failed = passed + outcome.passed, failed + (not outcome.passed)
+            if not outcome.passed or not quiet:
+                mark = "ok  " if outcome.passed else "FAIL"
+                click.echo(f"{mark} {outcome.location}: {outcome.what}: {outcome.detail}")
+    click.echo(f"{passed} passed, {failed} failed")
+    if worst is not None:
+        raise worst
+    if failed:
+        raise ExpectationError(f"{failed} expectations do not hold")

@@ -1,0 +1,199 @@
+"""Results as data: JSON, CSV, NumPy and MATLAB files."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from io import BytesIO, StringIO
+from typing import Any
+
+from mbstab.analysis.check import CheckReport
+from mbstab.analysis.eigen import EigenResult
+from mbstab.analysis.linearize import Linearization, StateSpace
+
+Named = tuple[Any, list[str], list[str]]
+
+
+def to_json(data: Any) -> str:
+    """Return one JSON object; numbers with all digits, null for what is not finite."""
+    return json.dumps(_plain(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _plain(x: Any) -> Any:
+    if isinstance(x, dict):
+        return {str(key): _plain(value) for key, value in x.items()}
+    if isinstance(x, (list, tuple)):
+        return [_plain(value) for value in x]
+    if hasattr(x, "tolist"):
+        return _plain(x.tolist())
+    if isinstance(x, float) and not math.isfinite(x):
+        return None
+    return x
+
+
+def to_csv(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """Return comma-separated values with a head line; numbers with all digits."""
+    out = StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(heads)
+    for row in rows:
+        writer.writerow(["" if isinstance(x, float) and math.isnan(x) else x for x in row])
+    return out.getvalue()
+
+
+def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str, float]) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab eig``.
+
+    Keys: ``model``, ``title``, ``parameters`` (SI), ``method``, ``verdict``, ``reasons``,
+    ``eigenvalues`` (``real`` and ``imag`` in 1/s, ``kind``, ``frequency`` in Hz,
+    ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s, ``error_bound`` in 1/s,
+    ``condition``, ``backward_error``, ``participation``), ``counts``, ``neutral_chains``,
+    ``symmetries``, ``warnings``.
+    """
+    return {
+        "model": model,
+        "title": title,
+        "parameters": parameters,
+        "method": result.method,
+        "verdict": result.verdict,
+        "reasons": result.reasons,
+        "eigenvalues": [
+            {
+                "real": e.value.real,
+                "imag": e.value.imag,
+                "kind": e.kind,
+                "frequency": e.frequency,
+                "damping_ratio": e.damping_ratio,
+                "time_to_double": e.time_to_double if e.time_to_double > 0 else math.nan,
+                "time_to_half": -e.time_to_double if e.time_to_double < 0 else math.nan,
+                "error_bound": e.error_bound,
+                "condition": e.condition,
+                "backward_error": e.backward_error,
+                "participation": e.participation,
+            }
+            for e in result.eigenvalues
+        ],
+        "counts": {**asdict(result.counts), "degrees_of_freedom": result.counts.degrees_of_freedom},
+        "neutral_chains": result.chains,
+        "symmetries": result.symmetries,
+        "warnings": result.warnings,
+    }
+
+
+def eigen_csv(result: EigenResult) -> str:
+    """Return the eigenvalues as CSV."""
+    heads = ["real (1/s)", "imag (1/s)", "kind", "frequency (Hz)", "damping ratio", "error bound (1/s)"]
+    rows = [[e.value.real, e.value.imag, e.kind, e.frequency, e.damping_ratio, e.error_bound] for e in result.eigenvalues]
+    return to_csv(heads, rows)
+
+
+def check_data(report: CheckReport, model: str, title: str) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab check``: the fields of `CheckReport`, bodies and constraints as objects."""
+    data = {"model": model, "title": title, **asdict(report), "degrees_of_freedom": report.degrees_of_freedom}
+    data["bodies"] = [{"name": n, "coordinates": c, "mass": m} for n, c, m in report.bodies]
+    data["constraints"] = [{"name": n, "type": k, "holonomic": h, "nonholonomic": nh} for n, k, h, nh in report.constraints]
+    return data
+
+
+# --- matrices -------------------------------------------------------------------------------------------------------
+
+FORMS = ("equations", "composite", "pencil", "state-space")
+
+
+def forms(linear: Linearization, space: StateSpace) -> dict[str, dict[str, Named]]:
+    """Return every matrix with the names of its rows and columns, by form."""
+    q = list(linear.names)
+    rows = [f"{row.name}: {row.label}" for row in linear.rows]
+    speeds = [f"d/dt {name}" for name in q]
+    holonomic, nonholonomic = rows[: linear.n_h], rows[linear.n_h :]
+    M, R, K = linear.composite()
+    A, E = linear.pencil()
+    nu = [f"ν {row}" for row in rows]
+    y = [f"y{i + 1}" for i in range(len(space.A))]
+    both = [*q, *nu]
+    return {
+        "equations": {
+            "M": (linear.M, q, q),
+            "R": (linear.R, q, q),
+            "K": (linear.K, q, q),
+            "C_q": (linear.J[: linear.n_h], holonomic, q),
+            "D_u": (linear.J[linear.n_h :], nonholonomic, q),
+            "D_q": (linear.D_q, nonholonomic, q),
+        },
+        "composite": {
+            "M_composite": (M, both, both),
+            "R_composite": (R, both, both),
+            "K_composite": (K, both, both),
+        },
+        "pencil": {"A": (A, [*q, *speeds, *rows], [*q, *nu, *speeds]), "E": (E, [*q, *speeds, *rows], [*q, *nu, *speeds])},
+        "state-space": {
+            "A_state": (space.A, y, y),
+            "to_coordinates": (space.to_coordinates, q, y),
+            "to_rates": (space.to_rates, speeds, y),
+        },
+    }
+
+
+def linearize_data(linear: Linearization, space: StateSpace, model: str, title: str) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab linearize``.
+
+    Keys: ``model``, ``title``, ``coordinates``, ``rows``, ``reference`` (``q``, ``u``, ``a``,
+    ``multipliers``, ``time``), ``variation`` and for each form its matrices, row by row.
+    """
+    motion = linear.motion
+    return {
+        "model": model,
+        "title": title,
+        "coordinates": linear.names,
+        "rows": [{"name": row.name, "label": row.label, "unit": row.unit} for row in linear.rows],
+        "reference": {"q": motion.q, "u": motion.u, "a": motion.a, "multipliers": motion.nu, "time": motion.time},
+        "variation": linear.variation,
+        **{form: {key: m for key, (m, _, _) in group.items()} for form, group in forms(linear, space).items()},
+    }
+
+
+def linearize_csv(linear: Linearization, space: StateSpace) -> str:
+    """Return all non-zero entries of all matrices as CSV, one entry a line."""
+    rows = [
+        [form, name, i + 1, j + 1, row, column, float(matrix[i][j])]
+        for form, group in forms(linear, space).items()
+        for name, (matrix, names, columns) in group.items()
+        for i, row in enumerate(names)
+        for j, column in enumerate(columns)
+        if matrix[i][j] != 0.0
+    ]
+    return to_csv(["form", "matrix", "row", "column", "row name", "column name", "value"], rows)
+
+
+def linearize_arrays(linear: Linearization, space: StateSpace) -> dict[str, Any]:
+    """Return all matrices and the names of coordinates and rows, for npz and mat files."""
+    import numpy as np
+
+    arrays = {name: np.asarray(m) for group in forms(linear, space).values() for name, (m, _, _) in group.items()}
+    motion = linear.motion
+    arrays |= {"q": motion.q, "u": motion.u, "a": motion.a, "multipliers": motion.nu}
+    arrays["coordinates"] = np.array(linear.names)
+    arrays["rows"] = np.array([f"{row.name}: {row.label}" for row in linear.rows])
+    return arrays
+
+
+def npz_bytes(arrays: dict[str, Any]) -> bytes:
+    """Return a NumPy archive."""
+    import numpy as np
+
+    out = BytesIO()
+    np.savez(out, **arrays)
+    return out.getvalue()
+
+
+def mat_bytes(arrays: dict[str, Any]) -> bytes:
+    """Return a MATLAB file (version 5); texts become cell arrays."""
+    import numpy as np
+    from scipy.io import savemat
+
+    out = BytesIO()
+    savemat(out, {key: x.astype(object) if x.dtype.kind == "U" else np.asarray(x) for key, x in arrays.items()})
+    return out.getvalue()

@@ -1,0 +1,182 @@
+"""Results as text: plain tables of the width their numbers need, never cut."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from io import StringIO
+from typing import Any
+
+from mbstab.analysis.check import CheckReport
+from mbstab.analysis.eigen import Eigenvalue, EigenResult
+from mbstab.analysis.linearize import Linearization, StateSpace
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:
+    """Return an aligned table; columns in `left` are flush left, the others flush right."""
+    from rich import box
+    from rich.console import Console
+    from rich.measure import Measurement
+    from rich.table import Table
+    from rich.text import Text
+
+    grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, padding=(0, 1, 0, 0))
+    for i, head in enumerate(heads):
+        grid.add_column(Text(head), justify="left" if i in left else "right", vertical="bottom")
+    for row in rows:
+        grid.add_row(*[Text(cell) for cell in row])
+    # Measured on a very wide console: a number that does not fit is never cut.
+    wide = Console(width=10_000)
+    width = Measurement.get(wide, wide.options, grid).maximum
+    out = StringIO()
+    Console(file=out, width=width, color_system=None, force_terminal=False).print(grid)
+    return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"
+
+
+def number(x: float, digits: int = 6) -> str:
+    """Return a number with the given significant digits, a dash where there is none."""
+    return "-" if math.isnan(x) else "inf" if x == math.inf else f"{x:.{digits}g}"
+
+
+def eigenvalue(s: complex) -> str:
+    """Return an eigenvalue with ten significant digits; a pair as ±."""
+    if s.imag == 0.0:
+        return f"{s.real:.10g}"
+    # A real part that is round-off of the imaginary one is not shown with ten digits.
+    real = f"{s.real:.10g}" if abs(s.real) > 1e-10 * abs(s) else f"{s.real:.1e}"
+    return f"{real} ± {abs(s.imag):.10g}i"
+
+
+def eigen_text(result: EigenResult, title: str) -> str:
+    """Return the answer of ``mbstab eig`` as text."""
+    lines = [title, ""] if title else []
+    shown = _pairs(result.eigenvalues)
+    rows = []
+    for e, multiplicity in shown:
+        if e.kind == "neutral":
+            rows.append([_neutral_value(result), "-", "-", "-", "-", f"neutral, {multiplicity}×"])
+            continue
+        value = "0 ± " + f"{abs(e.value.imag):.10g}i" if e.kind == "center" else eigenvalue(e.value)
+        rows.append([value, number(e.frequency, 4), number(0.0 if e.kind == "center" else e.damping_ratio, 4), _time(e), f"{e.error_bound:.0e}", e.kind])
+    heads = ["eigenvalue\n(1/s)", "freq.\n(Hz)", "damping\nratio", "doubles or\nhalves in s", "error\nbound", "type"]
+    lines.append(table(heads, rows, left=(5,)) if rows else "no finite eigenvalues: the motion is fully prescribed\n")
+    bodies = list(dict.fromkeys(name for e, _ in shown for name in e.participation))
+    if len(bodies) > 1:
+        lines.append("Share of the kinetic energy of each mode:")
+        lines.append(_participation(shown, bodies))
+    lines.append(f"Verdict: {result.verdict}")
+    lines += [f"  {reason}" for reason in result.reasons]
+    lines += ["", *_counts(result)]
+    return "\n".join(lines) + "\n"
+
+
+def _neutral_value(result: EigenResult) -> str:
+    return "0" if result.method == "nullspace" else f"0 to {_spread(result):.0e}"
+
+
+def _spread(result: EigenResult) -> float:
+    return max((abs(e.value) for e in result.eigenvalues if e.kind == "neutral"), default=0.0)
+
+
+def _pairs(found: Sequence[Eigenvalue]) -> list[tuple[Eigenvalue, int]]:
+    """Return one of each conjugate pair, and the neutral ones as one entry with their number."""
+    shown: list[tuple[Eigenvalue, int]] = [(e, 1) for e in found if e.kind != "neutral" and e.value.imag >= 0.0]
+    neutral = [e for e in found if e.kind == "neutral"]
+    return [*shown, (neutral[0], len(neutral))] if neutral else shown
+
+
+def _time(e: Eigenvalue) -> str:
+    time = e.time_to_double
+    if math.isinf(time):
+        return "-"
+    return f"{'2×' if time > 0 else '½'} {number(abs(time), 4)}"
+
+
+def _participation(shown: Sequence[tuple[Eigenvalue, int]], bodies: Sequence[str]) -> str:
+    rows = []
+    for e, _ in shown:
+        if e.kind == "neutral":
+            continue
+        order = sorted(bodies, key=lambda name: -e.participation.get(name, 0.0))
+        strong = [f"{name} {e.participation[name]:.1%}" for name in order if e.participation.get(name, 0.0) >= 0.0005]
+        value = "0 ± " + f"{abs(e.value.imag):.6g}i" if e.kind == "center" else _short(e.value)
+        more = f", {len(strong) - 4} more" if len(strong) > 4 else ""
+        rows.append([value, ", ".join(strong[:4]) + more])
+    return table(["eigenvalue (1/s)", "bodies"], rows, left=(1,))
+
+
+def _short(s: complex) -> str:
+    return f"{s.real:.6g}" if s.imag == 0.0 else f"{s.real:.6g} ± {abs(s.imag):.6g}i"
+
+
+def _counts(result: EigenResult) -> list[str]:
+    c = result.counts
+    rows = f"{c.n_q} coordinates, {c.n_holonomic} holonomic rows (rank {c.rank_holonomic})"
+    rows += f", {c.n_nonholonomic} nonholonomic rows (rank {c.rank_nonholonomic})"
+    lines = [
+        rows,
+        f"finite eigenvalues: {c.expected} expected, {c.found} found, {c.neutral} of them neutral; method {result.method}",
+    ]
+    if c.infinite or c.undefined:
+        lines.append(f"besides, the method returned {c.infinite} infinite eigenvalues and {c.undefined} pairs 0/0")
+    if c.undefined:
+        lines.append(
+            "0/0: the last rows and columns of both matrices of Eq. (70) are zero, one pair for each constraint row; the\n"
+            "pencil is singular for every s, and only exact zeros keep its other eigenvalues computable"
+        )
+    if result.symmetries and c.neutral:
+        lines.append("neutral eigenvalues belong to: " + ", ".join(result.symmetries))
+    return lines
+
+
+def check_text(report: CheckReport, title: str) -> str:
+    """Return the answer of ``mbstab check`` as text."""
+    lines = [title, ""] if title else []
+    kind = "planar" if report.dimension == 2 else "spatial"
+    lines += [
+        f"{kind} scene, {len(report.bodies)} bodies, {report.n_q} coordinates",
+        table(["body", "coordinates", "mass (kg)"], [[n, ", ".join(c), number(m)] for n, c, m in report.bodies], left=(0, 1)),
+    ]
+    if report.constraints:
+        rows = [[name, kind, str(h), str(n)] for name, kind, h, n in report.constraints]
+        lines.append(table(["constraint", "type", "holonomic\nrows", "nonholonomic\nrows"], rows, left=(0, 1)))
+    lines += [
+        f"holonomic rows      {report.n_holonomic}, rank {report.rank_holonomic}{_gap(report.gaps[0])}",
+        f"nonholonomic rows   {report.n_nonholonomic}, rank {report.rank_nonholonomic}{_gap(report.gaps[1])}",
+        f"degrees of freedom  {report.degrees_of_freedom}",
+        f"finite eigenvalues  {report.n_f}",
+        f"reference           {'at rest' if report.at_rest else 'in motion'}; largest residual "
+        f"{report.position_residual:.1e} in position, {report.velocity_residual:.1e} in velocity",
+    ]
+    for head, items in (
+        ("solved by the program", [", ".join(report.solved)] if report.solved else []),
+        ("redundant constraints", report.redundant),
+        ("ignorable coordinates and symmetries", report.symmetries),
+        ("not needed", report.unneeded),
+    ):
+        if items:
+            lines += ["", f"{head}:", *[f"  {item}" for item in items]]
+    return "\n".join(lines) + "\n"
+
+
+def _gap(gap: float) -> str:
+    return "" if math.isinf(gap) else f" (gap {gap:.0e})"
+
+
+def matrix_text(name: str, matrix: Any, rows: Sequence[str], columns: Sequence[str]) -> str:
+    """Return a matrix with the names of its rows and columns."""
+    body = [[row, *[f"{x:.6g}" if x else "." for x in values]] for row, values in zip(rows, matrix, strict=True)]
+    shape = f"{len(rows)} × {len(columns)}"
+    if not rows or not columns:
+        return f"{name}  ({shape})\n"
+    return f"{name}  ({shape})\n" + table(["", *columns], body, left=(0,))
+
+
+def linearize_text(linear: Linearization, space: StateSpace, form: str, title: str) -> str:
+    """Return the answer of ``mbstab linearize`` as text."""
+    from mbstab.report.export import forms
+
+    lines = [title, ""] if title else []
+    for name, (matrix, rows, columns) in forms(linear, space)[form].items():
+        lines.append(matrix_text(name, matrix, rows, columns))
+    return "\n".join(lines)
