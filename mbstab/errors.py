@@ -9,6 +9,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import islice
 
 
 @dataclass(frozen=True, order=True)
@@ -47,16 +48,13 @@ class Problem:
 
 def _window(source: str, at: int, width: int = 100) -> tuple[str, int]:
     """Cut a long source line around position `at`; control characters become blanks."""
-    text = "".join(c if c.isprintable() else " " for c in source)
-    if len(text) <= width:
-        return text, at
-    start = max(0, min(at - width // 2, len(text) - width))
-    return text[start : start + width], at - start
+    start = max(0, min(at - width // 2, len(source) - width))
+    return "".join(c if c.isprintable() else " " for c in source[start : start + width]), at - start
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return ``did you mean 'mass'?`` for the nearest of the known words, or an empty string."""
-    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+    """Return ``did you mean 'mass'?`` for the nearest of the known words (the first 1000), or an empty string."""
+    near = difflib.get_close_matches(word, islice(known, 1000), n=1, cutoff=0.6)
     return f"did you mean {near[0]!r}?" if near else ""
 
 

@@ -39,10 +39,11 @@ class Outcome:
 
 def check_expectations(model: Model) -> list[Outcome]:
     """Return the outcome of every expectation of a model."""
-    return [outcome for expectation in model.expect for outcome in _outcomes(model, expectation)]
+    return [outcome for expectation in model.expect for outcome in check_expectation(model, expectation)]
 
 
-def _outcomes(model: Model, expectation: Expectation) -> list[Outcome]:
+def check_expectation(model: Model, expectation: Expectation) -> list[Outcome]:
+    """Return the outcomes of one entry of ``expect:``; an answer that fails is an outcome too."""
     at = ", ".join(f"{name}={x.text}" for name, x in expectation.at.items())
     where = f" at {at}" if at else ""
     try:

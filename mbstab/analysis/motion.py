@@ -23,7 +23,13 @@ TOLERANCE = 1e-9
 """A reference satisfies its constraints if the residuals are below this, relative to the sizes in the scene."""
 
 EQUILIBRIUM_TOLERANCE = 1e-8
-"""At rest, accelerations may be this large relative to what the forces would give alone."""
+"""At rest, the unbalanced forces may be this large relative to the forces that balance."""
+
+ROUNDING = 100.0 * float(np.finfo(float).eps)
+"""Coordinates are known to this, relative to the sizes in the scene."""
+
+REFINEMENTS = 3
+"""Corrections to the multipliers: small ones, at light bodies, are wanted to all digits beside large ones."""
 
 CHART_ERROR = 1e-6
 CHART_WARNING = 0.02
@@ -236,9 +242,11 @@ class _Finder:
         force = -(state.F0 * scale)
         free = np.linalg.solve(M_z, allowed.T @ (force - M @ particular)) if M_z.size else np.zeros(0)
         a = particular + allowed @ free
-        nu = inverse.T @ (force - M @ a)
+        nu = np.zeros(len(J))
+        for _ in range(REFINEMENTS):
+            nu += inverse.T @ (force - M @ a - J.T @ nu)
         if check:
-            a = self._check_rest(u, a, state, scale, allowed, force)
+            a = self._check_rest(q, u, a, nu * row_scale, state, scale, allowed)
         if redundant:
             self._check_constant_rank(q, u, time, spaces)
             self.warnings += [f"redundant constraint: {item}" for item in redundant]
@@ -272,21 +280,26 @@ class _Finder:
                 f"(residual {residual[worst]:.3g} of {np.max(np.abs(bias)):.3g})"
             )
 
-    def _check_rest(self, u: Array, a: Array, state: Dynamics, scale: Array, allowed: Array, force: Array) -> Array:
+    def _check_rest(self, q: Array, u: Array, a: Array, nu: Array, state: Dynamics, scale: Array, allowed: Array) -> Array:
         """A reference at rest must stay at rest."""
-        if np.any(u):
+        if np.any(u) or len(a) == 0:
             return a
-        # What each force alone would do, before they balance.
-        typical = float(np.max(np.abs(force), initial=0.0))
-        worst = int(np.argmax(np.abs(a))) if len(a) else 0
-        if len(a) == 0 or abs(a[worst]) <= EQUILIBRIUM_TOLERANCE * typical:
+        force = -(state.F0 * scale)
+        unbalanced = (state.M * scale * scale[:, None]) @ a
+        weights = [np.sqrt(float(body.mass)) * np.linalg.norm(self.scene.gravity) for body in self.scene.bodies]
+        typical = max(float(np.max(np.abs(force))), *weights)
+        # Springs that balance leave what the rounding of the coordinates makes of their stiffness.
+        stiffness = self.system.linearize(q, u, np.zeros_like(a), nu, self.scene.time)[0] * scale[:, None]
+        rounding = ROUNDING * float(np.max(np.abs(stiffness) @ np.where(self.is_length, self.length, 1.0)))
+        if np.max(np.abs(unbalanced)) <= EQUILIBRIUM_TOLERANCE * typical + rounding:
             return np.zeros_like(a)
+        worst = int(np.argmax(np.abs(a)))
         name = self.system.names[worst]
         unit, push = ("m/s^2", "N") if self.is_length[worst] else ("rad/s^2", "N*m")
-        unbalanced = (allowed @ (allowed.T @ force))[worst] / scale[worst]
+        load = (allowed @ (allowed.T @ force))[worst] / scale[worst]
         message = (
             f"the reference is at rest but not in equilibrium: {name} would accelerate with "
-            f"{a[worst] * scale[worst]:.6g} {unit} (unbalanced {unbalanced:.6g} {push})"
+            f"{a[worst] * scale[worst]:.6g} {unit} (unbalanced {load:.6g} {push})"
         )
         hint = "give coordinates at which the forces balance, or the rates of the motion you mean"
         location = self.scene.model.reference.location

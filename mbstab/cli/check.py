@@ -6,7 +6,16 @@ from pathlib import Path
 
 import click
 
-from mbstab.cli.common import file_argument, format_option, load_model, output_option, parse_settings, set_option, warn, write
+from mbstab.cli.common import (
+    file_argument,
+    format_option,
+    load_model,
+    output_option,
+    parse_settings,
+    set_option,
+    warn,
+    write,
+)
 
 
 @click.command()
@@ -15,7 +24,7 @@ from mbstab.cli.common import file_argument, format_option, load_model, output_o
 @format_option("table", "json")
 @output_option
 def check(file: str, settings: tuple[str, ...], format_: str, output: Path | None) -> None:
-    """What the scene consists of, its degrees of freedom, and what it does not need.
+    """Say what the scene consists of, its degrees of freedom, and what it does not need.
 
     Example: mbstab check four_bar.yaml
     """

@@ -29,13 +29,18 @@ set_option = click.option(
 )
 
 output_option = click.option(
-    "--output", "-o", type=click.Path(dir_okay=False, path_type=Path), help="Write to this file instead of the terminal."
+    "--output",
+    "-o",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write to this file instead of the terminal.",
 )
 
 
 def format_option(*formats: str) -> Callable[[F], F]:
     """Return the option that chooses among output formats; the first is the default."""
-    return click.option("--format", "format_", type=click.Choice(formats), default=formats[0], show_default=True, help="Output format.")  # fmt: skip
+    return click.option(
+        "--format", "format_", type=click.Choice(formats), default=formats[0], show_default=True, help="Output format."
+    )
 
 
 def load_model(file: str) -> Mechanism:

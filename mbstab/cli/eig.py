@@ -6,7 +6,16 @@ from pathlib import Path
 
 import click
 
-from mbstab.cli.common import file_argument, format_option, load_model, output_option, parse_settings, set_option, warn, write
+from mbstab.cli.common import (
+    file_argument,
+    format_option,
+    load_model,
+    output_option,
+    parse_settings,
+    set_option,
+    warn,
+    write,
+)
 
 METHODS = ("nullspace", "index3", "paper")
 REQUIRED = {
@@ -18,12 +27,20 @@ REQUIRED = {
 @click.command()
 @file_argument
 @set_option
-@click.option("--method", type=click.Choice(METHODS), default=METHODS[0], show_default=True, help="nullspace deflates constraints and zeros; index3 is QZ on the regular pencil; paper is QZ on Eq. (70).")  # fmt: skip
-@click.option("--require", type=click.Choice(tuple(REQUIRED)), help="Exit with 3 unless asymptotically (or at least marginally) stable.")  # fmt: skip
+@click.option(
+    "--method",
+    type=click.Choice(METHODS),
+    default=METHODS[0],
+    show_default=True,
+    help="nullspace deflates constraints and zeros; index3 is QZ on the regular pencil, paper QZ on Eq. (70).",
+)
+@click.option("--require", type=click.Choice(tuple(REQUIRED)), help="Exit with 3 unless at least this stable.")
 @format_option("table", "json", "csv")
 @output_option
-def eig(file: str, settings: tuple[str, ...], method: str, require: str | None, format_: str, output: Path | None) -> None:
-    """Eigenvalues of the linearized motion, with error bounds and a verdict.
+def eig(
+    file: str, settings: tuple[str, ...], method: str, require: str | None, format_: str, output: Path | None
+) -> None:
+    """Compute the eigenvalues of the linearized motion, with error bounds and a verdict.
 
     Example: mbstab eig pendulum.yaml --set L=0.5
     """
@@ -40,7 +57,9 @@ def eig(file: str, settings: tuple[str, ...], method: str, require: str | None, 
     elif format_ == "json":
         from mbstab.report.export import eigen_data, to_json
 
-        text = to_json(eigen_data(result, mechanism.model.name, mechanism.model.title, mechanism.parameters(**parameters)))
+        text = to_json(
+            eigen_data(result, mechanism.model.name, mechanism.model.title, mechanism.parameters(**parameters))
+        )
     else:
         from mbstab.report.tables import eigen_text
 

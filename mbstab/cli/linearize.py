@@ -6,7 +6,16 @@ from pathlib import Path
 
 import click
 
-from mbstab.cli.common import file_argument, format_option, load_model, output_option, parse_settings, set_option, warn, write
+from mbstab.cli.common import (
+    file_argument,
+    format_option,
+    load_model,
+    output_option,
+    parse_settings,
+    set_option,
+    warn,
+    write,
+)
 from mbstab.errors import UsageError
 
 FORMS = ("equations", "composite", "pencil", "state-space")
@@ -15,7 +24,13 @@ FORMS = ("equations", "composite", "pencil", "state-space")
 @click.command()
 @file_argument
 @set_option
-@click.option("--form", type=click.Choice(FORMS), default=FORMS[0], show_default=True, help="Which matrices a table shows; the other formats hold all of them.")  # fmt: skip
+@click.option(
+    "--form",
+    type=click.Choice(FORMS),
+    default=FORMS[0],
+    show_default=True,
+    help="Which matrices a table shows; the other formats hold all of them.",
+)
 @click.option("--symbolic", is_flag=True, help="Print the blocks of the composite matrices with symbols.")
 @format_option("table", "json", "csv", "npz", "mat", "latex")
 @output_option
@@ -26,8 +41,10 @@ def linearize(
 
     Example: mbstab linearize pendulum.yaml --symbolic
     """
-    if symbolic != (format_ == "latex") and (format_ not in ("table", "latex") or not symbolic):
-        raise UsageError("--format latex goes with --symbolic" if not symbolic else "--symbolic goes with --format table or latex")
+    if format_ == "latex" and not symbolic:
+        raise UsageError("--format latex goes with --symbolic")
+    if symbolic and format_ not in ("table", "latex"):
+        raise UsageError("--symbolic goes with --format table or latex")
     if format_ in ("npz", "mat") and output is None:
         raise UsageError(f"--format {format_} needs --output")
     parameters = parse_settings(settings)

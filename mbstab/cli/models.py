@@ -17,7 +17,7 @@ def models() -> None:
 
 @models.command(name="list")
 def list_models() -> None:
-    """Names and titles of the example models."""
+    """Print names and titles of the example models."""
     from mbstab.model.library import installed_models
     from mbstab.model.reader import read_model
     from mbstab.report.tables import table

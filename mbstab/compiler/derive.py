@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
@@ -93,10 +94,10 @@ def from_symbols(tape: Tape) -> Callable[[Any], Term]:
         if x.is_Symbol:
             return tape.input(x.name)
         if x.is_Rational:
-            return tape.term(x.p) / x.q
+            return tape.term(Fraction(int(x.p), int(x.q)))
         if x is sympy.pi:
             return tape.literal("pi")
-        arguments = [put(argument) for argument in sorted(x.args, key=str)] if x.is_Add else [*map(put, x.args)]
+        arguments = [put(argument) for argument in x.args]
         if x.is_Add:
             return tape.sum(arguments)
         if x.is_Mul:
@@ -132,14 +133,15 @@ def differentiate(
     Q, U, A, S = ([tape.input(name) for name in names] for names in (q, u, a, inputs["s"]))
     rates = dict(zip([*Q, *S[: 2 * len(s)]], [*U, *S[len(s) :]], strict=True))
     total = tape.tangent(rates)
+    one = tape.term(1)
 
     def jacobian(values: list[Term], names: list[Term]) -> Entries:
-        slopes = [tape.tangent({name: tape.term(1)}) for name in names]
+        slopes = [tape.tangent({name: one}) for name in names]
         return _entries([[slope(value) for slope in slopes] for value in values])
 
     if role == "inertia":
         inputs["a"] = a
-        momentum, slope = (tape.gradient([(tape.term(1), definition)], names) for names in (U, Q))
+        momentum, slope = (tape.gradient([(one, definition)], names) for names in (U, Q))
         F = [total(p) - x for p, x in zip(momentum, slope, strict=True)]
         moving = tape.tangent(rates | dict(zip(U, A, strict=True)))
         full = [moving(p) - x for p, x in zip(momentum, slope, strict=True)]
@@ -151,15 +153,13 @@ def differentiate(
     inputs["nu"] = [f"nu{i + 1}" for i in range(len(definition))]
     nu = [tape.input(name) for name in inputs["nu"]]
     holonomic = role == "holonomic"
+    by = Q if holonomic else U
     speeds = [total(row) for row in definition] if holonomic else definition
     bias = [total(speed) for speed in speeds]
-    push = tape.gradient(zip(nu, definition, strict=True), Q if holonomic else U)
-    dynamics = {
-        "E": _entries(definition),
-        "V": _entries(speeds),
-        "J": jacobian(definition, Q if holonomic else U),
-        "B": _entries(bias),
-    }
+    push = tape.gradient(zip(nu, definition, strict=True), by)
+    # Backwards from one row takes fewer steps than forwards from each coordinate.
+    J = _entries([tape.gradient([(one, definition[0])], by)]) if len(definition) == 1 else jacobian(definition, by)
+    dynamics = {"E": _entries(definition), "V": _entries(speeds), "J": J, "B": _entries(bias)}
     linearize = {"K": jacobian(push, Q)}
     if not holonomic:
         linearize |= {"R": jacobian(push, U), "D": jacobian(definition, Q)}

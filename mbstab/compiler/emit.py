@@ -8,7 +8,6 @@ table of which entry of which matrix each number is. Regenerate the shipped kern
 
 from __future__ import annotations
 
-import heapq
 import sys
 from collections import Counter
 from dataclasses import dataclass
@@ -21,13 +20,9 @@ from mbstab.mechanics.elements import ELEMENTS
 
 KERNELS = Path(__file__).parent / "kernels"
 MAX_INLINE = 60
-MAX_FACTORS = 8
-
-Parts = list[tuple[int, Fraction]]
-"""Terms of a sum with their coefficients, or factors of a product with their exponents (±1 as often as needed)."""
-
-Pair = tuple[int, int, Fraction]
-"""a + r b in a sum, a · b ** r in a product."""
+"""Length of a text that is written in the place of its use."""
+MAX_FACTORS = 4
+"""Higher powers are written with ``**``; it takes longer than two products."""
 
 
 def emit(derived: Derived, title: str) -> str:
@@ -43,7 +38,7 @@ def emit(derived: Derived, title: str) -> str:
 def _function(name: str, derived: Derived, outputs: dict[str, Entries]) -> list[str]:
     arguments = [key for key in derived.inputs if name == "linearize" or key not in ("a", "nu")]
     terms = [term for table in outputs.values() for term in table.values()]
-    steps = _reduced(dict(enumerate(derived.tape.steps)), terms)
+    steps = _needed(derived.tape.steps, terms)
     used = {step.name for step in steps.values() if isinstance(step, Input)}
     lines = [f"def {name}({', '.join(['f', *arguments])}):"]
     for argument in arguments:
@@ -58,18 +53,8 @@ def _function(name: str, derived: Derived, outputs: dict[str, Entries]) -> list[
     return [*lines, "    return (", *[f"        {writer.term(t.step, t.coefficient)}," for t in terms], "    )", ""]
 
 
-# --- fewer operations -----------------------------------------------------------------------------------------------
-
-
-def _reduced(steps: dict[int, Step], terms: list[Term]) -> dict[int, Step]:
-    """Return the steps that the terms need, rewritten with fewer operations, each after those it uses."""
-    steps = _flat(_needed(steps, terms), terms)
-    for kind in (Product, Sum):
-        steps |= _shared(_needed(steps, terms), kind, 1 + max(steps, default=0))
-    return _needed(steps, terms)
-
-
-def _needed(steps: dict[int, Step], terms: list[Term]) -> dict[int, Step]:
+def _needed(steps: list[Step], terms: list[Term]) -> dict[int, Step]:
+    """Return the steps that the terms are made of, each after those it uses, in the order of need."""
     needed: dict[int, Step] = {}
     stack = [(term.step, False) for term in reversed(terms)]
     while stack:
@@ -80,119 +65,6 @@ def _needed(steps: dict[int, Step], terms: list[Term]) -> dict[int, Step]:
             stack.append((number, True))
             stack.extend((used, False) for used in reversed(list(uses(steps[number]))))
     return needed
-
-
-def _counts(steps: dict[int, Step], terms: list[Term]) -> Counter[int]:
-    """Return how often each step is used."""
-    counts = Counter(term.step for term in terms)
-    for step in steps.values():
-        match step:
-            case Product():
-                counts.update(n for n, e in step.factors for _ in range(min(abs(e), MAX_FACTORS)))
-            case _:
-                counts.update(uses(step))
-    return counts
-
-
-def _flat(steps: dict[int, Step], terms: list[Term]) -> dict[int, Step]:
-    """Merge a sum that is used once, in a sum, into that sum; the same for products."""
-    counts = _counts(steps, terms)
-    flat: dict[int, Step] = {}
-    for number, step in steps.items():
-        if isinstance(step, Sum | Product):
-            total: dict[int, Fraction] = {}
-            for used, size in _parts(step):
-                inner = flat[used]
-                merged = isinstance(inner, Sum | Product) and isinstance(inner, type(step)) and counts[used] == 1
-                for part, times in _parts(inner) if merged else [(used, Fraction(1))]:
-                    total[part] = total.get(part, Fraction(0)) + size * times
-            step = _made(type(step), [(part, size) for part, size in total.items() if size])
-        flat[number] = step
-    return flat
-
-
-def _parts(step: Sum | Product) -> Parts:
-    if isinstance(step, Sum):
-        return list(step.terms)
-    parts: Parts = []
-    for n, e in step.factors:
-        parts += [(n, Fraction(1 if e > 0 else -1))] * abs(e) if abs(e) <= MAX_FACTORS else [(n, Fraction(e))]
-    return parts
-
-
-def _made(kind: type[Sum] | type[Product], parts: Parts) -> Sum | Product:
-    if kind is Sum:
-        return Sum(tuple(parts))
-    exponents: dict[int, int] = {}
-    for n, e in parts:
-        exponents[n] = exponents.get(n, 0) + int(e)
-    return Product(tuple(exponents.items()))
-
-
-def _shared(steps: dict[int, Step], kind: type[Sum] | type[Product], free: int) -> dict[int, Step]:
-    """Give a step of its own to each pair of terms, or of factors, that occurs more than once.
-
-    Any multiple of a pair, or its inverse, counts as well. The most frequent pair goes first.
-    """
-    parts = {number: _parts(step) for number, step in steps.items() if isinstance(step, kind)}
-    places: dict[Pair, Counter[int]] = {}
-    queue: list[tuple[int, Pair]] = []
-
-    def enter(number: int) -> None:
-        for pair, times in _pairs(parts[number], kind).items():
-            places.setdefault(pair, Counter())[number] = times
-            heapq.heappush(queue, (-places[pair].total(), pair))
-
-    for number in parts:
-        enter(number)
-    while queue:
-        count, pair = heapq.heappop(queue)
-        now = places[pair].total()
-        if now < -count or now < 2:
-            if now > 1:  # rarer than when it was queued
-                heapq.heappush(queue, (-now, pair))
-            continue
-        home = next((n for n in places[pair] if len(parts[n]) == 2), None)
-        if home is None:
-            home, free = free, free + 1
-            parts[home] = [(pair[0], Fraction(1)), (pair[1], pair[2])]
-        unit = dict(reversed(parts[home]))[pair[0]]
-        for number, times in list(places[pair].items()):
-            if number != home:
-                for other in _pairs(parts[number], kind):
-                    del places[other][number]
-                for _ in range(times):
-                    size = _take(parts[number], pair)
-                    parts[number].append((home, size / unit))
-                enter(number)
-    return {number: _made(kind, items) for number, items in parts.items()}
-
-
-def _pairs(parts: Parts, kind: type[Sum] | type[Product]) -> Counter[Pair]:
-    """Return the pairs among some parts, and how many of each could be taken out together."""
-    counts = Counter(part for part in sorted(parts) if kind is Sum or abs(part[1]) == 1)
-    found: Counter[Pair] = Counter()
-    for (a, size), times in counts.items():
-        if times > 1:
-            found[(a, a, Fraction(1))] += times // 2
-        for (b, other), others in counts.items():
-            if b > a:
-                found[(a, b, other / size)] += min(times, others)
-    return found
-
-
-def _take(parts: Parts, pair: Pair) -> Fraction:
-    """Remove one occurrence of a pair and return its size."""
-    a, b, ratio = pair
-    for i, (n, size) in enumerate(parts):
-        if n == a and (b, size * ratio) in parts[:i] + parts[i + 1 :]:
-            del parts[i]
-            parts.remove((b, size * ratio))
-            return size
-    raise AssertionError(f"no pair {pair} in {parts}")
-
-
-# --- text -----------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -218,7 +90,9 @@ class _Writer:
     def __init__(self, steps: dict[int, Step], terms: list[Term]) -> None:
         self.lines: list[str] = []
         self._texts: dict[int, _Text] = {}
-        counts = _counts(steps, terms)
+        counts = Counter(term.step for term in terms)
+        for step in steps.values():
+            counts.update({n: abs(e) for n, e in step.factors} if isinstance(step, Product) else uses(step))
         for number, step in steps.items():
             text = self._text(step)
             if number != ONE and not isinstance(step, Input) and (counts[number] > 1 or len(text.term) > MAX_INLINE):
@@ -248,19 +122,19 @@ class _Writer:
                 above: tuple[str, ...] = ()
                 below: tuple[str, ...] = ()
                 for n, e in step.factors:
-                    text = self._texts[n]
-                    if abs(e) > MAX_FACTORS:
-                        text, e = _Text("", (f"{text.term}**{abs(e)}",)), 1 if e > 0 else -1
-                    above += (text.above if e > 0 else text.below) * abs(e)
-                    below += (text.below if e > 0 else text.above) * abs(e)
+                    part, times = self._texts[n], abs(e)
+                    if times > MAX_FACTORS:
+                        part, times = _Text("", (f"{part.term}**{times}",)), 1
+                    above += (part.above if e > 0 else part.below) * times
+                    below += (part.below if e > 0 else part.above) * times
                 return _Text(_fraction(Fraction(1), above, below), above, below)
 
     def term(self, number: int, coefficient: Fraction) -> str:
         """Return the text of coefficient · step, fit for a sum."""
         sign, size = "-" if coefficient < 0 else "", abs(coefficient)
         if number == ONE:
-            exact = size.denominator & (size.denominator - 1) == 0  # as a binary fraction
-            return sign + (f"{size}" if exact else f"f.number('{size.numerator}')/{size.denominator}")
+            # A fraction must not become a float before the arithmetic sees it.
+            return sign + (f"{size}" if size.denominator == 1 else f"f.number('{size.numerator}')/{size.denominator}")
         text = self._texts[number]
         if coefficient == 1:
             return text.term

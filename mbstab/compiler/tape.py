@@ -28,7 +28,10 @@ ONE = 0
 """The step that is the number one."""
 
 MAX_POWER = 100
+"""Higher powers are left to the arithmetic."""
+
 MAX_COEFFICIENT = 1000
+"""Numerator and denominator of the literals that count as coefficients; the others keep their digits."""
 
 # --- steps ----------------------------------------------------------------------------------------------------------
 
@@ -103,19 +106,19 @@ class Term:
         return self.tape.product((self, self.tape.term(other)))
 
     def __truediv__(self, other: Any) -> Term:
-        return self * self.tape.power(self.tape.term(other), self.tape.term(-1))
+        return self.tape.product((self, self.tape.power(self.tape.term(other), self.tape.term(-1))))
 
     def __radd__(self, other: Any) -> Term:
-        return self + other
+        return self.tape.sum((self.tape.term(other), self))
 
     def __rsub__(self, other: Any) -> Term:
-        return -self + other
+        return self.tape.sum((self.tape.term(other), -self))
 
     def __rmul__(self, other: Any) -> Term:
-        return self * other
+        return self.tape.product((self.tape.term(other), self))
 
     def __rtruediv__(self, other: Any) -> Term:
-        return self.tape.term(other) / self
+        return self.tape.product((self.tape.term(other), self.tape.power(self, self.tape.term(-1))))
 
 
 # --- the tape -------------------------------------------------------------------------------------------------------
@@ -181,11 +184,17 @@ class Tape:
             coefficient *= factor.coefficient
             for step, exponent in self._as_power(factor.step):
                 exponents[step] = exponents.get(step, 0) + exponent
-        entries = tuple(sorted((step, e) for step, e in exponents.items() if e))
-        inner = self._put(Product(entries)) if entries and entries != ((entries[0][0], 1),) else None
-        if inner is None:
-            return Term(self, coefficient, entries[0][0] if entries else ONE)
+        inner = self._raised(exponents.items())
         return Term(self, coefficient * inner.coefficient, inner.step)
+
+    def _raised(self, factors: Iterable[tuple[int, int]]) -> Term:
+        """Return Π step ** exponent."""
+        entries = tuple(sorted((step, e) for step, e in factors if e))
+        if not entries:
+            return self.term(1)
+        if entries == ((entries[0][0], 1),):
+            return Term(self, Fraction(1), entries[0][0])
+        return self._put(Product(entries))
 
     def _as_power(self, step: int) -> Sequence[tuple[int, int]]:
         """Return a power of one step as that, anything else as itself to the power one."""
@@ -203,23 +212,15 @@ class Tape:
             if e < 0:
                 raise ZeroDivisionError("division by zero")
             return self.term(0 if e > 0 else 1)
-        if e.denominator == 1:
-            limit = MAX_COEFFICIENT**4
-            if max(abs(base.coefficient.numerator), base.coefficient.denominator) ** abs(int(e)) > limit:
-                return self.call("power", base, exponent)
-            factors = [(step, exponent * int(e)) for step, exponent in self._as_power(base.step)]
-            inner = self._power_of_factors(factors)
-            return Term(self, base.coefficient**e.numerator * inner.coefficient, inner.step)
-        if e.denominator == 2 and abs(e.numerator) == 1:
+        if abs(e) == Fraction(1, 2):
             root = self.call("sqrt", base)
             return root if e > 0 else 1 / root
-        return self.call("power", base, exponent)
-
-    def _power_of_factors(self, factors: list[tuple[int, int]]) -> Term:
-        factors = [(step, e) for step, e in factors if e]
-        if not factors:
-            return self.term(1)
-        return Term(self, Fraction(1), factors[0][0]) if factors[0][1] == 1 else self._put(Product(tuple(factors)))
+        times, number = e.numerator, base.coefficient
+        large = max(abs(number.numerator), number.denominator) ** abs(times) > MAX_COEFFICIENT**4
+        if e.denominator != 1 or large:
+            return self.call("power", base, exponent)
+        inner = self._raised([(step, times * k) for step, k in self._as_power(base.step)])
+        return Term(self, number**times * inner.coefficient, inner.step)
 
     def call(self, function: str, *arguments: Term) -> Term:
         """Return a function of `FUNCTIONS`, ``power`` or ``sign`` applied to terms."""
@@ -348,9 +349,8 @@ class Tape:
             case Product():
                 found = []
                 for i, (n, e) in enumerate(step.factors):
-                    factors = [(m, k - (i == j)) for j, (m, k) in enumerate(step.factors)]
-                    powers = [self._power_of_factors([factor]) for factor in factors]
-                    found.append((n, e * self.product(powers)))
+                    rest = [self._raised([(m, k - (i == j))]) for j, (m, k) in enumerate(step.factors)]
+                    found.append((n, e * self.product(rest)))
                 return found
             case Call():
                 arguments = [Term(self, c, n) for n, c in step.arguments]

@@ -1,4 +1,4 @@
-"""Kernels of the expressions that a model file brings along; the only place that needs SymPy in an analysis."""
+"""Kernels of the expressions that a model file brings along, derived when the model is read."""
 
 from __future__ import annotations
 
@@ -34,26 +34,25 @@ def user_kernel(
 def _kernel(
     role: str, texts: tuple[str, ...], rows: tuple[str, ...], coordinates: tuple[str, ...], parameters: tuple[str, ...]
 ) -> Any:
-    import sympy
-
     from mbstab.compiler.derive import differentiate
     from mbstab.compiler.emit import emit
+    from mbstab.compiler.tape import Tape
     from mbstab.mechanics.catalogue import Load
-    from mbstab.model.arithmetic import symbol_arithmetic
     from mbstab.model.expressions import parse
 
-    q, u, a = ([sympy.Symbol(f"{x}{i}", real=True) for i in range(len(coordinates))] for x in ("q", "u", "a"))
-    p = [sympy.Symbol(f"p{i}", real=True) for i in range(len(parameters))]
-    time = sympy.Symbol("s1", real=True)
-    names = {**dict(zip(coordinates, q, strict=True)), **dict(zip(parameters, p, strict=True)), "t": time}
-    rates = dict(zip(coordinates, u, strict=True))
-    values = [parse(text).evaluate(names, symbol_arithmetic(), rates) for text in texts]
-    definition: Any = values
+    q, u, a = ([f"{x}{i}" for i in range(len(coordinates))] for x in ("q", "u", "a"))
+    p = [f"p{i}" for i in range(len(parameters))]
+    tape = Tape()
+    inputs = zip((*coordinates, *parameters, "t"), (*q, *p, "s1"), strict=True)
+    names = {name: tape.input(symbol) for name, symbol in inputs}
+    rates = {name: tape.input(symbol) for name, symbol in zip(coordinates, u, strict=True)}
+    f = tape.arithmetic()
+    definition: Any = [tape.term(parse(text).evaluate(names, f, rates)) for text in texts]
     if role == "force":
-        velocity = sympy.Matrix([rates[name] for name in rows])
-        definition = Load(power=((sympy.Matrix(values), velocity),))
-    source = emit(differentiate(role, definition, q, u, a, [time], p, []), f"{role} expressions of a model file")
+        definition = Load(power=((definition, [rates[name] for name in rows]),))
+    derived = differentiate(tape, role, definition, q, u, a, ["s1"], p)
+    source = emit(derived, f"{role} expressions of a model file")
     module: dict[str, Any] = {}
-    # The text is ours: it was printed from the symbols, not taken from the file.
+    # The text is ours: it was written from the parsed terms, not taken from the file.
     exec(compile(source, "<user kernel>", "exec"), module)
     return SimpleNamespace(**{key: module[key] for key in ("dynamics", "linearize", "DYNAMICS", "LINEARIZE")})

@@ -33,6 +33,9 @@ FUNCTIONS: dict[str, tuple[int, str]] = {
 CONSTANTS: dict[str, float] = {"pi": math.pi, "deg": math.pi / 180.0}
 """Names an expression may use without declaring them; ``30*deg`` is an angle of 30 degrees."""
 
+MAX_DIGITS = 10_000
+"""Digits of the largest exact power; `float` overflows long before."""
+
 
 class Arithmetic:
     """A number system: ``number`` reads a literal, ``power`` raises, the rest are functions.
@@ -46,7 +49,7 @@ class Arithmetic:
     constants : dict
         Values of `CONSTANTS` in this number system.
     functions : dict
-        One callable for each of `FUNCTIONS` and for ``power``.
+        One callable for each of `FUNCTIONS`, for ``power`` and for ``sign`` (−1, 0 or 1), the derivative of ``abs``.
     """
 
     def __init__(
@@ -75,7 +78,7 @@ FLOAT = Arithmetic(
     float,
     dict(CONSTANTS),
     {name: getattr(math, name) for name in FUNCTIONS if hasattr(math, name)}
-    | {"abs": abs, "power": math.pow, "smooth_start": _smooth_start},
+    | {"abs": abs, "sign": lambda x: float((x > 0.0) - (x < 0.0)), "power": math.pow, "smooth_start": _smooth_start},
 )
 """Python floats."""
 
@@ -91,7 +94,8 @@ def array_arithmetic() -> Arithmetic:
         return x * x * (3.0 - 2.0 * x)
 
     functions = {name: getattr(np, special.get(name, name)) for name in FUNCTIONS if name != "smooth_start"}
-    return Arithmetic("array", float, dict(CONSTANTS), functions | {"power": np.power, "smooth_start": smooth_start})
+    functions |= {"sign": np.sign, "power": np.power, "smooth_start": smooth_start}
+    return Arithmetic("array", float, dict(CONSTANTS), functions)
 
 
 def symbol_arithmetic() -> Arithmetic:
@@ -101,12 +105,20 @@ def symbol_arithmetic() -> Arithmetic:
     def smooth_start(x: Any) -> Any:
         return sympy.Piecewise((0, x <= 0), (x**2 * (3 - 2 * x), x < 1), (1, True))
 
+    def power(base: Any, exponent: Any) -> Any:
+        base, exponent = sympy.sympify(base), sympy.sympify(exponent)
+        if base.is_Rational and exponent.is_Rational:
+            digits = len(str(max(abs(base.p), base.q)))
+            if digits * abs(exponent) > MAX_DIGITS:
+                raise OverflowError(f"a power of more than {MAX_DIGITS} digits")
+        return base**exponent
+
     functions = {name: getattr(sympy, name) for name in FUNCTIONS if name not in ("abs", "smooth_start")}
     return Arithmetic(
         "symbol",
         sympy.Rational,
         {"pi": sympy.pi, "deg": sympy.pi / 180},
-        functions | {"abs": sympy.Abs, "power": sympy.Pow, "smooth_start": smooth_start},
+        functions | {"abs": sympy.Abs, "sign": sympy.sign, "power": power, "smooth_start": smooth_start},
     )
 
 
@@ -114,12 +126,26 @@ def mpmath_arithmetic() -> Arithmetic:
     """Return the arithmetic of mpmath numbers, at the precision set in ``mpmath.mp``."""
     from mpmath import mp
 
-    functions = {name: getattr(mp, name) for name in FUNCTIONS if hasattr(mp, name)}
+    def real(function: Callable[..., Any]) -> Callable[..., Any]:
+        def checked(*arguments: Any) -> Any:
+            value = function(*arguments)
+            if isinstance(value, mp.mpc):
+                raise ValueError("math domain error")
+            return value
+
+        return checked
+
+    def power(base: Any, exponent: Any) -> Any:
+        if base != 0 and abs(exponent * mp.log(abs(base))) > MAX_DIGITS:
+            raise OverflowError("the power is out of range")
+        return mp.power(base, exponent)
+
+    functions = {name: real(getattr(mp, name)) for name in FUNCTIONS if hasattr(mp, name)}
     return Arithmetic(
         "mpmath",
         mp.mpf,
         {"pi": mp.pi, "deg": mp.pi / 180},
         functions
-        | {"abs": mp.fabs, "power": mp.power}
+        | {"abs": mp.fabs, "sign": mp.sign, "power": real(power)}
         | {"smooth_start": lambda x: mp.mpf(0) if x <= 0 else mp.mpf(1) if x >= 1 else x * x * (3 - 2 * x)},
     )

@@ -26,6 +26,11 @@ class Jet:
         """Return `x` as a jet; a plain number is a constant."""
         return x if isinstance(x, Jet) else Jet(x)
 
+    @property
+    def constant(self) -> bool:
+        """Whether both derivatives are zero."""
+        return _is_zero(self.rate) and _is_zero(self.second)
+
     def chain(self, value: Any, first: Any, second: Any) -> Jet:
         """Return g(self) from g, g' and g'' at this value."""
         return Jet(value, first * self.rate, first * self.second + second * self.rate * self.rate)
@@ -68,19 +73,22 @@ class Jet:
 def jet_arithmetic(f: Arithmetic) -> Arithmetic:
     """Return the arithmetic of jets over the number system `f`."""
 
-    def lift(derivatives: Any) -> Any:
+    def lift(name: str, derivatives: Any) -> Any:
         def function(x: Any) -> Jet:
             x = Jet.of(x)
-            return x.chain(*derivatives(x.value))
+            # A constant may lie where the function has no derivative, such as sqrt(0).
+            return Jet(getattr(f, name)(x.value)) if x.constant else x.chain(*derivatives(x.value))
 
         return function
 
     def power(base: Any, exponent: Any) -> Jet:
         base, exponent = Jet.of(base), Jet.of(exponent)
-        if _is_zero(exponent.rate) and _is_zero(exponent.second):
+        if exponent.constant:
             n, x = exponent.value, base.value
             value = f.power(x, n)
-            # x**(n-1) has no value at x = 0 for n < 1 even where the factor n or the rate is zero.
+            if base.constant:
+                return Jet(value)
+            # x**(n-1) has no value at x = 0 for n < 1 even where the factor n is zero.
             first = 0 * value if _is_zero(n) else n * f.power(x, n - 1)
             second = 0 * value if _is_zero(n) or _is_zero(n - 1) else n * (n - 1) * f.power(x, n - 2)
             return base.chain(value, first, second)
@@ -94,10 +102,9 @@ def jet_arithmetic(f: Arithmetic) -> Arithmetic:
         second = (x.value * y.second - y.value * x.second - rate * growth) / square
         return Jet(f.atan2(y.value, x.value), rate, second)
 
-    def smooth_start(x: Any) -> Jet:
-        x = Jet.of(x)
-        inside = (x.value > 0) * (x.value < 1)
-        return x.chain(f.smooth_start(x.value), inside * 6 * x.value * (1 - x.value), inside * (6 - 12 * x.value))
+    def smooth_start(x: Any) -> tuple[Any, Any, Any]:
+        inside = (f.sign(x) - f.sign(x - 1)) / 2
+        return f.smooth_start(x), 6 * inside * x * (1 - x), inside * (6 - 12 * x)
 
     def tan(x: Any) -> tuple[Any, Any, Any]:
         tangent = f.tan(x)
@@ -123,27 +130,28 @@ def jet_arithmetic(f: Arithmetic) -> Arithmetic:
         return root, 1 / (2 * root), -1 / (4 * x * root)
 
     def absolute(x: Any) -> tuple[Any, Any, Any]:
-        sign = (x > 0) * 1.0 - (x < 0) * 1.0
+        sign = f.sign(x)
         return f.abs(x), sign, 0 * sign
 
-    functions: dict[str, Any] = {
-        "sin": lift(lambda x: (f.sin(x), f.cos(x), -f.sin(x))),
-        "cos": lift(lambda x: (f.cos(x), -f.sin(x), -f.cos(x))),
-        "sinh": lift(lambda x: (f.sinh(x), f.cosh(x), f.sinh(x))),
-        "cosh": lift(lambda x: (f.cosh(x), f.sinh(x), f.cosh(x))),
-        "exp": lift(lambda x: (f.exp(x),) * 3),
-        "log": lift(lambda x: (f.log(x), 1 / x, -1 / (x * x))),
-        "tan": lift(tan),
-        "tanh": lift(tanh),
-        "asin": lift(asin),
-        "acos": lift(acos),
-        "atan": lift(atan),
-        "sqrt": lift(sqrt),
-        "abs": lift(absolute),
-        "atan2": atan2,
+    derivatives: dict[str, Any] = {
+        "sin": lambda x: (f.sin(x), f.cos(x), -f.sin(x)),
+        "cos": lambda x: (f.cos(x), -f.sin(x), -f.cos(x)),
+        "tan": tan,
+        "asin": asin,
+        "acos": acos,
+        "atan": atan,
+        "sinh": lambda x: (f.sinh(x), f.cosh(x), f.sinh(x)),
+        "cosh": lambda x: (f.cosh(x), f.sinh(x), f.cosh(x)),
+        "tanh": tanh,
+        "exp": lambda x: (f.exp(x),) * 3,
+        "log": lambda x: (f.log(x), 1 / x, -1 / (x * x)),
+        "sqrt": sqrt,
+        "abs": absolute,
+        "sign": lambda x: (f.sign(x), 0 * x, 0 * x),
         "smooth_start": smooth_start,
-        "power": power,
     }
+    functions = {name: lift(name, function) for name, function in derivatives.items()}
+    functions |= {"atan2": atan2, "power": power}
     return Arithmetic(f"jet of {f.name}", f.number, f.constants, functions)
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import re
+from collections.abc import Container, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from mbstab.errors import Location
 from mbstab.mechanics import bodies
 from mbstab.mechanics.catalogue import Field, Kind
 from mbstab.mechanics.elements import KINDS
-from mbstab.model.expressions import Expression
+from mbstab.model.expressions import Expression, ExpressionError, parse
 from mbstab.model.yamlfile import Document
 
 VERSION = "1"
@@ -35,11 +37,44 @@ SECTIONS: dict[str, str] = {
 
 
 @dataclass(frozen=True)
+class Quantity(Expression):
+    """An expression of a model file that knows where it stands."""
+
+    location: Location
+    path: str
+
+
+_NOT_FINITE = re.compile(r"[-+]?\.?(nan|inf|infinity)", re.IGNORECASE)
+
+
+def parse_finite(text: str, parameters: Container[str]) -> Expression:
+    """Read an expression; what other programs write for values that are not finite is refused by name.
+
+    Raises
+    ------
+    ExpressionError
+        If the text is no expression.
+    """
+    if _NOT_FINITE.fullmatch(text) and text not in parameters:
+        raise ExpressionError(f"{text!r} is no number", 0, "values must be finite")
+    return parse(text)
+
+
+@dataclass(frozen=True)
+class Components:
+    """A vector or a tensor of a model file: its components, and where the whole stands."""
+
+    values: tuple[Quantity, ...]
+    location: Location
+    path: str
+
+
+@dataclass(frozen=True)
 class Parameter:
     """A named number; `factor` turns its declared unit into SI."""
 
     name: str
-    expression: Expression
+    expression: Quantity
     location: Location
     unit: str = ""
     factor: float = 1.0
@@ -51,7 +86,7 @@ class MarkerValue:
     """A point of a body (None: the ground) in the body's frame."""
 
     body: str | None
-    point: tuple[Expression, ...]
+    point: Components
 
 
 @dataclass(frozen=True)
@@ -59,7 +94,7 @@ class ShapeValue:
     """A homogeneous shape with its lengths; `along` is the number of the axis or None."""
 
     kind: bodies.ShapeKind
-    lengths: dict[str, Expression]
+    lengths: dict[str, Quantity]
     along: int | None
 
 
@@ -67,9 +102,9 @@ class ShapeValue:
 class PartValue:
     """A shape with its own mass and place."""
 
-    mass: Expression
+    mass: Quantity
     shape: ShapeValue
-    place: tuple[Expression, ...]
+    place: Components
 
 
 @dataclass(frozen=True)
@@ -90,30 +125,22 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class StateValues:
-    """Values of coordinates or rates, by name such as ``rod.theta``."""
-
-    values: dict[str, Expression] = field(default_factory=dict)
-    places: dict[str, Location] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
 class Reference:
-    """The reference motion: what is given, and guesses for what is not."""
+    """The reference motion: what is given, and guesses for what is not, by name such as ``rod.theta``."""
 
     location: Location
-    time: Expression
-    coordinates: StateValues
-    rates: StateValues
-    guess: StateValues
+    time: Quantity
+    coordinates: dict[str, Quantity]
+    rates: dict[str, Quantity]
+    guess: dict[str, Quantity]
 
 
 @dataclass(frozen=True)
 class SweepRange:
     """Default range of a parameter."""
 
-    start: Expression
-    stop: Expression
+    start: Quantity
+    stop: Quantity
     points: int
 
 
@@ -121,8 +148,8 @@ class SweepRange:
 class ExpectedEigenvalue:
     """Real and imaginary part; a conjugate pair if the imaginary part is not zero."""
 
-    real: Expression
-    imag: Expression
+    real: Quantity
+    imag: Quantity
 
 
 @dataclass(frozen=True)
@@ -130,7 +157,7 @@ class CriticalValue:
     """A parameter value at which the verdict changes."""
 
     parameter: str
-    value: Expression
+    value: Quantity
     tolerance: float
     below: str
     above: str
@@ -142,7 +169,7 @@ class Expectation:
     """One entry of ``expect``: at these parameters, this answer."""
 
     location: Location
-    at: dict[str, Expression]
+    at: dict[str, Quantity]
     eigenvalues: tuple[ExpectedEigenvalue, ...] | None
     tolerance: float
     neutral: int | None
@@ -169,8 +196,7 @@ class Model:
     title: str
     source: str
     parameters: dict[str, Parameter]
-    gravity: tuple[Expression, ...]
-    gravity_location: Location
+    gravity: Components
     bodies: dict[str, Entry]
     entries: dict[str, dict[str, Entry]]
     reference: Reference
@@ -218,7 +244,11 @@ CRITICAL_FIELDS = {
     "below": "verdict below it",
     "above": "verdict above it",
 }
-PART_FIELDS = {"type": "shape", "mass": "mass of the part (kg)", "at": "its centre in the body frame (m)", "along": "x, y or z"}
+MARKER_FIELDS = {"body": "name of a body, or ground", "point": "the point in the frame of the body (m)"}
+PART_FIELDS = {"mass": "mass of the part (kg)", "at": "its centre in the body frame (m)"}
+ALONG = "axis of symmetry of the shape in the body frame: x, y or z"
+EIGENVALUE_FIELDS = {"real": "real part (1/s)", "imag": "imaginary part (rad/s)"}
+GEOMETRY_FIELDS = {"points": "named points (m)", "directions": "named directions"}
 CONSTRAINT_FIELDS = {
     "holonomic": "expression of coordinates and t that must be zero",
     "nonholonomic": "expression of coordinates, rates rate(body.x) and t that must be zero",
@@ -227,96 +257,95 @@ CONSTRAINT_FIELDS = {
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of model files, for editors."""
+    text: dict[str, Any] = {"type": "string"}
     number: dict[str, Any] = {"type": ["number", "string"]}
-    vector = {"anyOf": [{"type": "string"}, {"type": "array", "items": number}]}
-    by_coordinate = {"type": "object", "additionalProperties": number}
-    state = {"type": "object", "additionalProperties": by_coordinate}
-    marker = {"anyOf": [{"type": "string"}, {"type": "object", "properties": {"body": {"type": "string"}, "point": vector}, "required": ["body"], "additionalProperties": False}]}  # fmt: skip
-    shape_fields = {name: number for kind in bodies.SHAPES.values() for name in (f.name for f in kind.fields)}
-    shape = {
-        "type": "object",
-        "properties": {"type": {"enum": sorted(bodies.SHAPES)}, "along": {"enum": ["x", "y", "z"]}, **shape_fields},
-        "required": ["type"],
-        "additionalProperties": False,
-    }
-    part = {**shape, "properties": {**shape["properties"], "mass": number, "at": vector}}  # type: ignore[dict-item]
+    integer: dict[str, Any] = {"type": "integer"}
+    verdict: dict[str, Any] = {"enum": list(VERDICTS)}
+    numbers: dict[str, Any] = {"type": "array", "items": number}
+    vector = {"anyOf": [text, {"const": 0}, numbers]}
+    direction = {"anyOf": [text, numbers]}
+    by_name: dict[str, Any] = {"type": "object", "additionalProperties": number}
+    state = {"type": "object", "additionalProperties": by_name}
+    marker = {"anyOf": [text, {**_object(MARKER_FIELDS, body=text, point=vector), "required": ["body"]}]}
     shapes: dict[str, Any] = {
         "number": number,
         "law": number,
         "vector": vector,
-        "law vector": {"type": "array", "items": number},
-        "angles": {"type": "array", "items": number},
-        "direction": vector,
-        "directions": {"anyOf": [{"type": "string"}, {"type": "array"}]},
-        "tensor": {"anyOf": [number, {"type": "array"}, {"type": "object"}]},
+        "law vector": vector,
+        "angles": numbers,
+        "direction": direction,
+        "directions": {"anyOf": [text, {"type": "array", "items": {"anyOf": [number, numbers]}}]},
+        "tensor": {"anyOf": [number, {"type": "array", "items": {"anyOf": [number, numbers]}}, by_name]},
         "marker": marker,
         "markers": {"type": "array", "items": marker, "minItems": 2, "maxItems": 2},
         "points": {"type": "object", "additionalProperties": vector},
-        "shape": shape,
-        "parts": {"type": "array", "items": part, "minItems": 1},
-        "loads": {"type": "object", "additionalProperties": number},
+        "loads": by_name,
+        "choice": text,
+        "body": text,
+        "joint": text,
+        "coordinate": text,
     }
 
     def property_of(field: Field) -> dict[str, Any]:
-        node = dict(shapes.get(field.shape, {"type": "string"}))
-        if field.shape == "choice":
-            node["enum"] = list(field.choices)
         unit = f" ({field.unit})" if field.unit not in ("", "1") else ""
-        node["description"] = field.doc + unit
-        return node
+        choices = {"enum": list(field.choices)} if field.choices else {}
+        return {**shapes[field.shape], **choices, "description": field.doc + unit}
 
-    def entry(kind: Kind) -> dict[str, Any]:
+    def typed(name: str, doc: str, fields: Iterable[Field], more: dict[str, Any]) -> dict[str, Any]:
+        fields = list(fields)
         return {
             "type": "object",
-            "description": kind.doc,
-            "properties": {"type": {"const": kind.name}, **{f.name: property_of(f) for f in kind.fields}},
-            "required": ["type", *[f.name for f in kind.fields if f.required]],
+            "description": doc,
+            "properties": {
+                "type": {"const": name, "description": doc},
+                **{f.name: property_of(f) for f in fields},
+                **more,
+            },
+            "required": ["type", *[f.name for f in fields if f.required]],
             "additionalProperties": False,
         }
+
+    def shape_of(kind: bodies.ShapeKind, more: dict[str, Any]) -> dict[str, Any]:
+        along = {"along": {"enum": ["x", "y", "z"], "description": ALONG}} if kind.axis is not None else {}
+        return typed(kind.name, kind.doc, kind.fields, {**along, **more})
+
+    part = _object(PART_FIELDS, mass=number, at=vector)["properties"]
+    shapes["shape"] = {"anyOf": [shape_of(kind, {}) for kind in bodies.SHAPES.values()]}
+    parts = {"anyOf": [shape_of(kind, part) for kind in bodies.SHAPES.values()], "required": ["mass"]}
+    shapes["parts"] = {"type": "array", "items": parts, "minItems": 1}
 
     def section(name: str) -> dict[str, Any]:
-        kinds = list({id(kind): kind for kind in KINDS[name].values()}.values())
-        return {
-            "type": "object",
-            "description": SECTIONS[name],
-            "additionalProperties": {"anyOf": [entry(kind) for kind in kinds]},
-        }
+        kinds = {id(kind): kind for kind in KINDS[name].values()}.values()
+        entries = [typed(kind.name, kind.doc, kind.fields, {}) for kind in kinds]
+        return {"type": "object", "additionalProperties": {"anyOf": entries}}
 
-    def plain(fields: dict[str, str], **types: Any) -> dict[str, Any]:
-        return {
-            "type": "object",
-            "properties": {key: {**types.get(key.replace(" ", "_"), {}), "description": doc} for key, doc in fields.items()},
-            "additionalProperties": False,
-        }
-
-    text = {"type": "string"}
-    critical = plain(CRITICAL_FIELDS, parameter=text, value=number, tolerance=number)
-    eigenvalue = plain({"real": "real part (1/s)", "imag": "imaginary part (rad/s)"}, real=number, imag=number)
-    expectation = plain(
+    critical = _object(CRITICAL_FIELDS, parameter=text, value=number, tolerance=number, below=verdict, above=verdict)
+    expectation = _object(
         EXPECT_FIELDS,
-        at=by_coordinate,
-        eigenvalues={"type": "array", "items": eigenvalue},
+        at=by_name,
+        eigenvalues={"type": "array", "items": _object(EIGENVALUE_FIELDS, real=number, imag=number)},
         tolerance=number,
-        neutral={"type": "integer"},
-        verdict={"enum": list(VERDICTS)},
-        critical=critical,
+        neutral=integer,
+        verdict=verdict,
+        critical={**critical, "required": ["parameter", "value", "below", "above"]},
         source=text,
     )
-    parameter = {"anyOf": [number, plain(PARAMETER_FIELDS, value=number, unit=text, description=text)]}
-    sweep = plain(SWEEP_FIELDS, **{"from": number, "to": number, "points": {"type": "integer"}})
+    parameter = {**_object(PARAMETER_FIELDS, value=number, unit=text, description=text), "required": ["value"]}
+    sweep = {**_object(SWEEP_FIELDS, **{"from": number, "to": number, "points": integer}), "required": ["from", "to"]}
+    constraint = _object(CONSTRAINT_FIELDS, holonomic=text, nonholonomic=text)
     properties: dict[str, Any] = {
-        "mbstab": {"const": 1},
+        "mbstab": {"const": int(VERSION)},
         "title": text,
         "source": text,
-        "parameters": {"type": "object", "additionalProperties": parameter},
+        "parameters": {"type": "object", "additionalProperties": {"anyOf": [number, parameter]}},
         "gravity": vector,
-        "ground": plain({"points": "named points (m)", "directions": "named directions"}, points=shapes["points"], directions=shapes["points"]),  # fmt: skip
+        "ground": _object(GEOMETRY_FIELDS, points=shapes["points"], directions=shapes["points"]),
         **{name: section(name) for name in KINDS},
-        "constraints": {"type": "object", "additionalProperties": plain(CONSTRAINT_FIELDS, holonomic=text, nonholonomic=text)},
-        "reference": plain(REFERENCE_FIELDS, time=number, coordinates=state, rates=state, guess=state),
+        "constraints": {"type": "object", "additionalProperties": constraint},
+        "reference": _object(REFERENCE_FIELDS, time=number, coordinates=state, rates=state, guess=state),
         "sweep": {"type": "object", "additionalProperties": sweep},
         "expect": {"type": "array", "items": expectation},
-    }  # fmt: skip
+    }
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "mbstab model",
@@ -325,3 +354,9 @@ def json_schema() -> dict[str, Any]:
         "required": ["mbstab", "bodies"],
         "additionalProperties": False,
     }
+
+
+def _object(fields: dict[str, str], **schemas: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of a mapping with these keys and no others."""
+    properties = {key: {**schemas[key], "description": doc} for key, doc in fields.items()}
+    return {"type": "object", "properties": properties, "additionalProperties": False}

@@ -5,19 +5,31 @@ Values may be floats or arrays over the points of a sweep; the checks then hold 
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from mbstab.errors import Location, ModelFileError, UsageError, suggestion
+from mbstab.errors import Location, UsageError, suggestion
 from mbstab.mechanics import vectors
 from mbstab.mechanics.bodies import combine, shape_moments
 from mbstab.mechanics.catalogue import GROUND, Field, Kind, Marker, Number, Triad, Vector
 from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
-from mbstab.model.expressions import Expression, ExpressionError, parse
+from mbstab.model.expressions import ExpressionError
 from mbstab.model.jets import Jet, jet_arithmetic
-from mbstab.model.schema import Entry, MarkerValue, Model, PartValue, ShapeValue, StateValues, body_coordinates
+from mbstab.model.schema import (
+    Components,
+    Entry,
+    MarkerValue,
+    Model,
+    Parameter,
+    PartValue,
+    Quantity,
+    ShapeValue,
+    body_coordinates,
+    parse_finite,
+)
 
 
 @dataclass(frozen=True)
@@ -51,11 +63,9 @@ class BodyValues:
 class Law:
     """A given function of time."""
 
-    expression: Expression
+    expression: Quantity
     names: Mapping[str, Number]
     arithmetic: Arithmetic
-    location: Location
-    path: str
 
     def at(self, time: Number) -> Jet:
         """Return value, first and second derivative at a time (s)."""
@@ -114,69 +124,95 @@ def parse_overrides(model: Model, settings: Mapping[str, Number | str]) -> dict[
     UsageError
         If a parameter is unknown or the value is no finite number.
     """
-    nominal: dict[str, Number] = {}
-    result: dict[str, Number] = {}
-    for name, setting in settings.items():
-        parameter = model.parameters.get(name)
-        if parameter is None:
-            hint = suggestion(name, model.parameters) or "parameters: " + (", ".join(model.parameters) or "none")
-            raise UsageError(f"{model.name} has no parameter {name!r}\nhint: {hint}")
+    return {name: _override(model, name, setting) for name, setting in settings.items()}
+
+
+def _parameter(model: Model, name: str) -> Parameter:
+    if name not in model.parameters:
+        hint = suggestion(name, model.parameters) or "parameters: " + (", ".join(model.parameters) or "none")
+        raise UsageError(f"{model.name} has no parameter {name!r}\nhint: {hint}")
+    return model.parameters[name]
+
+
+def _override(model: Model, name: str, setting: Number | str) -> Number:
+    parameter = _parameter(model, name)
+    try:
         if not isinstance(setting, str):
-            result[name] = setting * parameter.factor
-            continue
-        try:
-            expression = parse(setting)
-            if expression.literal:
-                value = expression.evaluate({}, FLOAT) * parameter.factor
-            else:
-                nominal = nominal or evaluate_parameters(model, {}, FLOAT)
-                for used in expression.names():
-                    if used not in nominal:
-                        raise ExpressionError(f"unknown parameter {used!r}", 0, suggestion(used, nominal))
-                value = expression.evaluate(nominal, FLOAT)
-        except ExpressionError as error:
-            hint = f"\nhint: {error.hint}" if error.hint else ""
-            raise UsageError(f"{name}={setting}: {error.message}{hint}") from None
-        if not math.isfinite(value):
-            raise UsageError(f"{name}={setting}: the value is not finite")
-        result[name] = value
-    return result
+            return _require_finite(setting * parameter.factor)
+        expression = parse_finite(setting, model.parameters)
+        if expression.literal:
+            return _require_finite(expression.evaluate({}, FLOAT) * parameter.factor)
+        nominal = evaluate_parameters(model, {}, FLOAT)
+        if expression.rates():
+            raise ExpressionError("rate(...) cannot be used here")
+        for used in expression.names():
+            if used not in nominal:
+                raise ExpressionError(f"unknown parameter {used!r}", 0, suggestion(used, nominal))
+        return _require_finite(expression.evaluate(nominal, FLOAT))
+    except ExpressionError as error:
+        hint = f"\nhint: {error.hint}" if error.hint else ""
+        raise UsageError(f"{name}={setting}: {error.message}{hint}") from None
 
 
 def evaluate_parameters(model: Model, overrides: Mapping[str, Number], arithmetic: Arithmetic) -> dict[str, Number]:
-    """Return the value of every parameter in SI, with some of them replaced."""
+    """Return the value of every parameter in SI, with some of them replaced.
+
+    Raises
+    ------
+    ModelFileError
+        With every parameter of the file that has no finite value.
+    UsageError
+        If a parameter to be replaced is unknown.
+    """
+    for name in overrides:
+        _parameter(model, name)
+    document = replace(model.document, problems=[])
     values: dict[str, Number] = {}
-    document = model.document
     for name, parameter in model.parameters.items():
         if name in overrides:
             values[name] = overrides[name]
             continue
         try:
-            value = parameter.expression.evaluate(values, arithmetic) * parameter.factor
-            if not _finite(value):
-                raise ExpressionError("the value is not finite")
-            values[name] = value
+            values[name] = _require_finite(parameter.expression.evaluate(values, arithmetic) * parameter.factor)
         except ExpressionError as error:
-            document.problems.clear()
-            document.complain(parameter.location, f"parameters.{name}", error.message)
-            problems = list(document.problems)
-            document.problems.clear()
-            raise ModelFileError(problems) from None
+            document.complain(parameter.location, parameter.expression.path, error.message)
+            values[name] = 1.0
+    document.raise_problems()
     return values
 
 
-def evaluate(model: Model, overrides: Mapping[str, Number] | None = None, arithmetic: Arithmetic | None = None) -> Scene:
+def evaluate(
+    model: Model, overrides: Mapping[str, Number] | None = None, arithmetic: Arithmetic | None = None
+) -> Scene:
     """Return the scene at the given parameter values (SI).
 
     Raises
     ------
     ModelFileError
         With every number that is out of range, at its place in the file.
+    UsageError
+        If a parameter to be replaced is unknown.
     """
     overrides = overrides or {}
     if arithmetic is None:
         arithmetic = array_arithmetic() if any(hasattr(v, "shape") for v in overrides.values()) else FLOAT
-    return _Evaluator(model, evaluate_parameters(model, overrides, arithmetic), arithmetic).scene()
+    with _quiet(arithmetic):
+        return _Evaluator(model, evaluate_parameters(model, overrides, arithmetic), arithmetic).scene()
+
+
+def _quiet(arithmetic: Arithmetic) -> contextlib.AbstractContextManager[Any]:
+    """Return a context without NumPy's warnings: what is not finite is found and said by the checks."""
+    if arithmetic.name != "array":
+        return contextlib.nullcontext()
+    import numpy as np
+
+    return np.errstate(all="ignore")
+
+
+def _require_finite(value: Number) -> Number:
+    if not _finite(value):
+        raise ExpressionError("the value is not finite")
+    return value
 
 
 def _finite(value: Number) -> bool:
@@ -192,86 +228,95 @@ def _all(condition: Any) -> bool:
 
 
 class _Evaluator:
+    """Turns the quantities of a model into numbers; a problem is recorded, then a harmless number returned."""
+
     def __init__(self, model: Model, parameters: dict[str, Number], arithmetic: Arithmetic) -> None:
         self.model = model
+        self.document = replace(model.document, problems=[])
         self.parameters = parameters
         self.f = arithmetic
         self.symbolic = arithmetic.name == "symbol"
-        self.problems_before = len(model.document.problems)
         self.lengths: list[float] = []
         self.body_numbers = {name: i for i, name in enumerate(model.bodies)}
         self.coordinate_numbers = {name: i for i, name in enumerate(model.coordinates())}
 
     def scene(self) -> Scene:
-        model, document = self.model, self.model.document
-        document.problems.clear()
-        gravity = tuple(self.number(x, model.gravity_location, "gravity") for x in model.gravity)
+        model, reference = self.model, self.model.reference
+        gravity = self.vector(model.gravity)
         bodies = tuple(self.body(entry) for entry in model.bodies.values())
         items: list[ItemValues] = []
-        resolved: dict[str, ItemValues] = {}
+        joints: dict[str, ItemValues] = {}
         for section in model.order:
             for entry in model.entries[section].values():
-                items.append(ItemValues(entry, self, resolved))
+                items.append(ItemValues(entry, self, joints))
                 if section == "joints":
-                    resolved[entry.name] = items[-1]
+                    joints[entry.name] = items[-1]
+        time = self.number(reference.time)
         for item in items:
-            item.check()
-        reference = model.reference
-        scene = Scene(
-            model,
-            self.f,
-            self.parameters,
-            gravity,
-            bodies,
-            items,
-            self.number(reference.time, reference.location, "reference.time"),
-            self.state(reference.coordinates, "reference.coordinates"),
-            self.state(reference.rates, "reference.rates"),
-            self.state(reference.guess, "reference.guess"),
-            self.lengths,
+            item.check(time)
+        coordinates, rates, guess = (
+            {name: self.number(value) for name, value in values.items()}
+            for values in (reference.coordinates, reference.rates, reference.guess)
         )
-        problems = list(document.problems)
-        document.problems.clear()
-        if problems:
-            raise ModelFileError(problems)
-        return scene
+        self.document.raise_problems()
+        return Scene(
+            model, self.f, self.parameters, gravity, bodies, items, time, coordinates, rates, guess, self.lengths
+        )
 
-    def complain(self, location: Location, path: str, message: str, hint: str = "") -> None:
-        self.model.document.complain(location, path, message, hint)
+    def complain(self, quantity: Quantity | Components, message: str, hint: str = "") -> None:
+        self.document.complain(quantity.location, quantity.path, message, hint)
 
-    def number(self, expression: Expression, location: Location, path: str, field: Field | None = None) -> Number:
+    def number(self, quantity: Quantity, field: Field | None = None) -> Number:
         try:
-            value = expression.evaluate(self.parameters, self.f)
+            value = quantity.evaluate(self.parameters, self.f)
         except ExpressionError as error:
-            self.complain(location, path, error.message)
+            self.complain(quantity, error.message)
             return 1.0
         if self.symbolic:
             return value
         if not _finite(value):
-            self.complain(location, path, f"the value of {expression.text!r} is not finite")
+            self.complain(quantity, f"the value of {quantity.text!r} is not finite")
             return 1.0
         if field is not None:
-            self._check_sign(value, location, path, field)
+            if not self._has_sign(value, quantity, field):
+                return 1.0
             if field.unit == "m" and not hasattr(value, "shape"):
                 self.lengths.append(abs(value))
         return value
 
-    def _check_sign(self, value: Number, location: Location, path: str, field: Field) -> None:
+    def _has_sign(self, value: Number, quantity: Quantity, field: Field) -> bool:
+        match field.sign:
+            case "positive":
+                good, rule = value > 0, "be positive"
+            case "nonnegative":
+                good, rule = value >= 0, "not be negative"
+            case "nonzero":
+                good, rule = value != 0, "not be zero"
+            case _:
+                return True
+        if _all(good):
+            return True
         unit = f" {field.unit}" if field.unit not in ("", "1") else ""
-        rules = {"positive": value > 0, "nonnegative": value >= 0, "nonzero": value != 0}
-        words = {"positive": "be positive", "nonnegative": "not be negative", "nonzero": "not be zero"}
-        if field.sign in rules and not _all(rules[field.sign]):
-            shown = f"{value:g}" if not hasattr(value, "shape") else f"{value[~rules[field.sign]][0]:g}"
-            self.complain(location, path, f"{field.name.replace('_', ' ')} must {words[field.sign]}, got {shown}{unit}")
+        shown = value[~good].flat[0] if hasattr(value, "shape") else value
+        self.complain(quantity, f"{field.name.replace('_', ' ')} must {rule}, got {shown:g}{unit}")
+        return False
 
-    def vector(self, expressions: tuple[Expression, ...], location: Location, path: str, length: bool = False) -> Vector:
-        values = tuple(self.number(x, location, path) for x in expressions)
+    def vector(self, components: Components, length: bool = False) -> Vector:
+        values = tuple(self.number(x) for x in components.values)
         if length and not self.symbolic:
             self.lengths += [abs(x) for x in values if not hasattr(x, "shape")]
         return values
 
-    def state(self, values: StateValues, path: str) -> dict[str, Number]:
-        return {name: self.number(x, values.places[name], f"{path}.{name}") for name, x in values.values.items()}
+    def direction(self, components: Components) -> Vector:
+        """Return a vector whose length matters only in that it exists."""
+        values = self.vector(components)
+        if self.symbolic:
+            return values
+        square = vectors.dot(values, values)
+        if not _all((square > 0) & (square < math.inf)):
+            self.complain(components, f"a direction must have a length, this one has {_nominal(square) ** 0.5:g}")
+            return (1.0, 2.0, 3.0)[: len(values)]
+        return values
 
     # --- bodies -----------------------------------------------------------------------------------------------------
 
@@ -282,54 +327,75 @@ class _Evaluator:
         base: Vector = tuple(float(i == j) for i in range(3) for j in range(3)) if dimension == 3 else ()
         size = 1 if dimension == 2 else 6
         if not orientation:
-            mass = self.number(entry.values["mass"], entry.places["mass"], f"{entry.path}.mass", entry.kind.field("mass"))
-            return BodyValues(entry.name, entry.location, False, mass, (0.0,) * size, (0.0,) * dimension, base, coordinates)
-        for key in ("points", "directions"):
-            for name, point in entry.values.get(key, {}).items():
-                self.vector(point, entry.places[key], f"{entry.path}.{key}.{name}", key == "points")
+            mass = self.number(entry.values["mass"], entry.kind.field("mass"))
+            return BodyValues(
+                entry.name, entry.location, False, mass, (0.0,) * size, (0.0,) * dimension, base, coordinates
+            )
+        for point in entry.values.get("points", {}).values():
+            self.vector(point, length=True)
+        for direction in entry.values.get("directions", {}).values():
+            self.direction(direction)
         mass, center, inertia = self._distribution(entry)
         if "axes" in entry.values:
-            angles = self.vector(entry.values["axes"], entry.places["axes"], f"{entry.path}.axes")
-            base = euler_matrix(angles, self.f)
+            base = euler_matrix(self.vector(entry.values["axes"]), self.f)
         return BodyValues(entry.name, entry.location, True, mass, inertia, center, base, coordinates)
 
     def _distribution(self, entry: Entry) -> tuple[Number, Vector, Vector]:
         dimension, values = self.model.dimension, entry.values
+        mass_field = entry.kind.field("mass")
         if "parts" in values:
-            place = entry.places["parts"]
-            parts = [self._part(part, place, f"{entry.path}.parts[{i}]") for i, part in enumerate(values["parts"])]
-            total, center, inertia = combine(parts, dimension)
-            self._check_inertia(inertia, place, f"{entry.path}.parts")
-            return total, center, inertia
-        mass = self.number(values["mass"], entry.places["mass"], f"{entry.path}.mass", entry.kind.field("mass"))
+            mass, center, inertia = combine((self._part(part, mass_field) for part in values["parts"]), dimension)
+            self._check_inertia(entry, "parts", (mass, *center, *inertia), inertia)
+            return mass, center, inertia
+        mass = self.number(values["mass"], mass_field)
         center = (0.0,) * dimension
         if "center_of_mass" in values:
-            center = self.vector(values["center_of_mass"], entry.places["center_of_mass"], f"{entry.path}.center_of_mass", True)
+            center = self.vector(values["center_of_mass"], length=True)
         if "shape" in values:
-            place, path = entry.places["shape"], f"{entry.path}.shape"
-            moments = self._moments(values["shape"], mass, place, path)
-            return mass, center, moments[2:] if dimension == 2 else (*moments, 0.0, 0.0, 0.0)
-        place = entry.places["inertia"]
-        inertia = self.vector(values["inertia"], place, f"{entry.path}.inertia")
-        self._check_inertia(inertia, place, f"{entry.path}.inertia")
+            moments = self._moments(values["shape"], mass)
+            inertia = moments[2:] if dimension == 2 else (*moments, 0.0, 0.0, 0.0)
+            self._check_inertia(entry, "shape", inertia, inertia)
+            return mass, center, inertia
+        inertia = self._tensor(values["inertia"])
+        self._check_inertia(entry, "inertia", inertia, inertia)
         return mass, center, inertia
 
-    def _part(self, part: PartValue, place: Location, path: str) -> tuple[Number, Vector, Vector]:
-        mass_field = Field("mass", "number", "", "kg", sign="positive")
-        mass = self.number(part.mass, place, f"{path}.mass", mass_field)
-        return mass, self.vector(part.place, place, f"{path}.at", True), self._moments(part.shape, mass, place, path)
+    def _part(self, part: PartValue, mass_field: Field) -> tuple[Number, Vector, Vector]:
+        mass = self.number(part.mass, mass_field)
+        return mass, self.vector(part.place, length=True), self._moments(part.shape, mass)
 
-    def _moments(self, shape: ShapeValue, mass: Number, place: Location, path: str) -> Vector:
-        lengths = tuple(self.number(shape.lengths[f.name], place, f"{path}.{f.name}", f) for f in shape.kind.fields)
+    def _moments(self, shape: ShapeValue, mass: Number) -> Vector:
+        lengths = tuple(self.number(shape.lengths[f.name], f) for f in shape.kind.fields)
         return shape_moments(shape.kind, lengths, mass, shape.along)
 
-    def _check_inertia(self, inertia: Vector, place: Location, path: str) -> None:
-        """A rigid body's principal moments are not negative, and none exceeds the sum of the other two."""
+    def _tensor(self, components: Components) -> Vector:
+        """Return the inertia as one number in the plane, as xx, yy, zz, xy, xz, yz in space."""
+        m = self.vector(components)
+        if len(m) != 9:
+            return m
+        if not self.symbolic:
+            largest = sum(abs(x) for x in m)
+            for upper, lower in ((1, 3), (2, 6), (5, 7)):
+                if not _all(abs(m[upper] - m[lower]) <= 1e-12 * largest):
+                    one, other = components.values[upper], components.values[lower]
+                    message = f"the inertia is not symmetric: {one.text!r} and {other.text!r} must be the same"
+                    self.complain(other, message)
+        return m[0], m[4], m[8], m[1], m[2], m[5]
+
+    def _check_inertia(self, entry: Entry, name: str, numbers: Vector, inertia: Vector) -> None:
+        """Refuse principal moments that are negative, or one that exceeds the sum of the other two."""
         if self.symbolic:
+            return
+
+        def complain(message: str, hint: str = "") -> None:
+            self.document.complain(entry.places[name], f"{entry.path}.{name}", message, hint)
+
+        if not all(_finite(x) for x in numbers):
+            complain("mass and inertia are not finite")
             return
         if len(inertia) == 1:
             if not _all(inertia[0] >= 0):
-                self.complain(place, path, f"inertia must not be negative, got {_nominal(inertia[0]):g} kg*m^2")
+                complain(f"inertia must not be negative, got {_nominal(inertia[0]):g} kg*m^2")
             return
         import numpy as np
 
@@ -340,10 +406,10 @@ class _Evaluator:
         low, middle, high = (moments[..., i] for i in range(3))
         shown = ", ".join(f"{x:g}" for x in moments.reshape(-1, 3)[0])
         if not np.all(low >= -slack):
-            self.complain(place, path, f"inertia must be positive: its principal moments are {shown} kg*m^2")
+            complain(f"inertia must be positive: its principal moments are {shown} kg*m^2")
         elif not np.all(low + middle >= high - slack):
             hint = "no principal moment of a body exceeds the sum of the other two"
-            self.complain(place, path, f"impossible inertia: its principal moments are {shown} kg*m^2", hint)
+            complain(f"impossible inertia: its principal moments are {shown} kg*m^2", hint)
 
 
 def _nominal(x: Number) -> float:
@@ -372,79 +438,60 @@ class ItemValues:
         self._joints = joints
         self._cache: dict[str, Any] = {}
 
-    def _place(self, name: str) -> Location:
-        return self.entry.places.get(name, self.entry.location)
-
-    def _path(self, name: str) -> str:
-        return f"{self.entry.path}.{name}"
-
-    def check(self) -> None:
-        """Evaluate every field once, so that all problems are found together."""
+    def check(self, time: Number) -> None:
+        """Evaluate every field once, so that all problems are found together; functions of time at `time`."""
         for field_ in self.kind.fields:
             if not self.given(field_.name):
                 continue
             match field_.shape:
                 case "number":
                     self.number(field_.name)
-                case "vector":
-                    vector = self.vector(field_.name)
-                    if field_.name in ("normal", "direction"):
-                        self._check_direction(vector, field_.name)
-                case "direction":
-                    self._check_direction(self._values(field_.name), field_.name)
+                case "vector" if field_.unit == "m":
+                    self.vector(field_.name)
+                case "vector" | "direction":
+                    self.unit_vector(field_.name)
                 case "directions":
-                    for part in self.entry.values[field_.name]:
-                        self._check_direction(self._evaluator.vector(part, self._place(field_.name), self._path(field_.name)), field_.name)
+                    self.triads("axis", "zero")
                 case "marker":
                     self.marker(field_.name)
                 case "markers":
                     self.markers(field_.name)
                 case "law" | "law vector":
                     for law in self.laws(field_.name):
-                        self._check_law(law)
+                        self._check_law(law, time)
 
-    def _check_direction(self, vector: Vector, name: str) -> None:
+    def _check_law(self, law: Law, time: Number) -> None:
         if self._evaluator.symbolic:
             return
-        if not _all(sum(x * x for x in vector) > 0):
-            self._evaluator.complain(self._place(name), self._path(name), f"{name} must not be the zero vector")
-            self._cache[name] = (1.0,) + (0.0,) * (self.dimension - 1)
-
-    def _check_law(self, law: Law) -> None:
         try:
-            jet = law.at(self._evaluator.parameters.get("t", 0.0))
+            jet = law.at(time)
+            for value in (jet.value, jet.rate, jet.second):
+                _require_finite(value)
         except ExpressionError as error:
-            # A law may have no value at t = 0 if the reference stands at another time.
-            if not self._evaluator.symbolic and not law.expression.names().keys() & {"t"}:
-                self._evaluator.complain(law.location, law.path, error.message)
-            return
-        if not self._evaluator.symbolic and not _finite(jet.value):
-            self._evaluator.complain(law.location, law.path, "the value is not finite")
+            self._evaluator.complain(law.expression, error.message)
 
     def given(self, name: str) -> bool:
         """Whether the field has a value, its own or a default."""
         return name in self.entry.values
 
-    def _values(self, name: str) -> Vector:
-        if name not in self._cache:
-            length = self.kind.field(name).unit == "m"
-            self._cache[name] = self._evaluator.vector(self.entry.values[name], self._place(name), self._path(name), length)
-        return self._cache[name]  # type: ignore[no-any-return]
-
     def number(self, name: str) -> Number:
         """Return a number of the entry."""
         if name not in self._cache:
-            field_ = self.kind.field(name)
-            self._cache[name] = self._evaluator.number(self.entry.values[name], self._place(name), self._path(name), field_)
+            self._cache[name] = self._evaluator.number(self.entry.values[name], self.kind.field(name))
         return self._cache[name]
 
     def vector(self, name: str) -> Vector:
         """Return a vector in ground axes, as written."""
-        return self._values(name)
+        if name not in self._cache:
+            self._cache[name] = self._evaluator.vector(self.entry.values[name], self.kind.field(name).unit == "m")
+        return self._cache[name]  # type: ignore[no-any-return]
 
     def unit_vector(self, name: str) -> Vector:
         """Return a vector in ground axes with length 1."""
-        return vectors.unit(self._values(name), self._evaluator.f.sqrt)  # type: ignore[attr-defined]
+        if name not in self._cache:
+            direction = self._evaluator.direction(self.entry.values[name])
+            self._cache[name] = vectors.unit(direction, self._evaluator.f.sqrt)
+        return self._cache[name]  # type: ignore[no-any-return]
 
     def direction(self, name: str) -> Vector:
         """Return a unit vector in the frame of the entry's body."""
@@ -458,21 +505,21 @@ class ItemValues:
         """Return the number of a body."""
         return self._evaluator.body_numbers[self.entry.values[name]]
 
-    def _marker(self, value: MarkerValue, name: str) -> Marker:
+    def _marker(self, value: MarkerValue) -> Marker:
         body = GROUND if value.body is None else self._evaluator.body_numbers[value.body]
-        return Marker(body, self._evaluator.vector(value.point, self._place(name), self._path(name), True))
+        return Marker(body, self._evaluator.vector(value.point, length=True))
 
     def marker(self, name: str) -> Marker:
         """Return a point of a body."""
         if name not in self._cache:
-            self._cache[name] = self._marker(self.entry.values[name], name)
+            self._cache[name] = self._marker(self.entry.values[name])
         return self._cache[name]  # type: ignore[no-any-return]
 
     def markers(self, name: str) -> tuple[Marker, Marker]:
         """Return two points."""
         if name not in self._cache:
             first, second = self.entry.values[name]
-            self._cache[name] = self._marker(first, name), self._marker(second, name)
+            self._cache[name] = self._marker(first), self._marker(second)
         return self._cache[name]  # type: ignore[no-any-return]
 
     def triads(self, axis: str, zero: str) -> tuple[Triad, Triad]:
@@ -481,20 +528,19 @@ class ItemValues:
         if key not in self._cache:
             axes = self.entry.values[axis]
             zeros = self.entry.values.get(zero, (None, None))
-            self._cache[key] = tuple(self._triad(a, z, axis, zero) for a, z in zip(axes, zeros, strict=True))
+            self._cache[key] = tuple(self._triad(*pair) for pair in zip(axes, zeros, strict=True))
         return self._cache[key]  # type: ignore[no-any-return]
 
-    def _triad(self, axis: tuple[Expression, ...], zero: tuple[Expression, ...] | None, axis_name: str, zero_name: str) -> Triad:
+    def _triad(self, axis: Components, zero: Components | None) -> Triad:
         evaluator = self._evaluator
-        direction = evaluator.vector(axis, self._place(axis_name), self._path(axis_name))
-        reference = None if zero is None else evaluator.vector(zero, self._place(zero_name), self._path(zero_name))
-        if reference is not None and not evaluator.symbolic:
-            across = vectors.cross(direction, reference)
-            size = vectors.dot(direction, direction) * vectors.dot(reference, reference)
-            if not _all(vectors.dot(across, across) > 1e-16 * size):
-                evaluator.complain(self._place(zero_name), self._path(zero_name), "zero must not be along the axis")
+        direction = evaluator.direction(axis)
+        reference = None if zero is None else evaluator.direction(zero)
+        if zero is not None and reference is not None and not evaluator.symbolic:
+            across = vectors.cross(*(vectors.unit(v, evaluator.f.sqrt) for v in (direction, reference)))
+            if not _all(vectors.dot(across, across) > 1e-16):
+                evaluator.complain(zero, "zero must not be along the axis")
                 reference = None
-        return vectors.triad(direction, reference, evaluator.f.sqrt)  # type: ignore[attr-defined]
+        return vectors.triad(direction, reference, evaluator.f.sqrt)
 
     def coordinate(self, name: str) -> int:
         """Return the number of a coordinate."""
@@ -502,18 +548,13 @@ class ItemValues:
 
     def joint(self, name: str) -> ItemValues:
         """Return the joint that the entry names."""
-        joint = self.entry.values[name]
-        if joint not in self._joints:  # drives may stand before joints in the file
-            entry = self._evaluator.model.entries["joints"][joint]
-            self._joints[joint] = ItemValues(entry, self._evaluator, self._joints)
-        return self._joints[joint]
+        return self._joints[self.entry.values[name]]
 
     def laws(self, name: str) -> tuple[Law, ...]:
         """Return functions of time."""
         value = self.entry.values[name]
-        expressions = value if isinstance(value, tuple) else (value,)
-        e = self._evaluator
-        return tuple(Law(x, e.parameters, e.f, self._place(name), self._path(name)) for x in expressions)
+        quantities = value.values if isinstance(value, Components) else (value,)
+        return tuple(Law(x, self._evaluator.parameters, self._evaluator.f) for x in quantities)
 
     def law(self, name: str) -> Law:
         """Return a function of time."""

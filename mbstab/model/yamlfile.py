@@ -8,8 +8,12 @@ second documents are refused, all at once, with their place.
 
 from __future__ import annotations
 
+import re
+import unicodedata
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, NoReturn
 
 import yaml
 
@@ -17,6 +21,9 @@ from mbstab.errors import Location, ModelFileError, Problem, UsageError
 
 MAX_BYTES = 1_000_000
 MAX_NESTING = 30
+MAX_PROBLEMS = 100
+
+_LINE_BREAK = re.compile(r"\r\n|\r|\n")
 
 
 @dataclass(frozen=True)
@@ -49,23 +56,45 @@ class Mapping:
     keys: dict[str, Scalar]
     location: Location
 
+    def pairs(self) -> Iterator[tuple[Scalar, YamlNode]]:
+        """Yield each key with its value."""
+        return zip(self.keys.values(), self.entries.values(), strict=True)
+
 
 YamlNode = Scalar | Sequence | Mapping
 
 
 @dataclass
 class Document:
-    """A file as nodes, with its lines for messages and the problems found so far."""
+    """What messages about a file need: its name and lines, and the problems found so far."""
 
     name: str
     lines: list[str]
-    root: YamlNode | None = None
     problems: list[Problem] = field(default_factory=list)
 
     def complain(self, location: Location, path: str, message: str, hint: str = "") -> None:
-        """Record a problem at a place."""
+        """Record a problem at a place, once; give up when there are `MAX_PROBLEMS`."""
         source = self.lines[location.line - 1] if 0 < location.line <= len(self.lines) else ""
-        self.problems.append(Problem(location, path, message, hint, source))
+        problem = Problem(location, path, message, hint, source)
+        if problem in self.problems:
+            return
+        self.problems.append(problem)
+        if len(self.problems) == MAX_PROBLEMS:
+            end = Location(self.name, len(self.lines), 1)
+            raise ModelFileError([*self.problems, Problem(end, "", f"stopped after {MAX_PROBLEMS} problems")])
+
+    def fail(self, location: Location, path: str, message: str, hint: str = "") -> NoReturn:
+        """Record a problem after which nothing else can be judged, and raise all of them."""
+        self.complain(location, path, message, hint)
+        raise ModelFileError(self.problems)
+
+    def locate(self, node: Scalar, position: int) -> Location:
+        """Return the place of a character of a scalar; its start if it is not written literally in one line."""
+        place = node.location
+        column = place.column + (1 if node.quoted else 0)
+        if not self.lines[place.line - 1].startswith(node.text, column - 1):
+            return place
+        return Location(place.file, place.line, column + position)
 
     def raise_problems(self) -> None:
         """Raise `ModelFileError` if anything was recorded."""
@@ -91,7 +120,7 @@ def read_text(path: Path) -> bytes:
     return data
 
 
-def parse_yaml(data: bytes | str, name: str) -> Document:
+def parse_yaml(data: bytes | str, name: str) -> tuple[Document, Mapping]:
     """Read YAML into nodes.
 
     Parameters
@@ -106,20 +135,28 @@ def parse_yaml(data: bytes | str, name: str) -> Document:
     ModelFileError
         If the text is no YAML, or uses what model files refuse.
     """
-    text = _decode(data, name) if isinstance(data, bytes) else data
-    document = Document(name, text.splitlines())
-    for line_number, line in enumerate(document.lines, 1):
-        for column, character in enumerate(line, 1):
-            if not (character.isprintable() or character == "\t"):
-                message = f"the file contains the control character U+{ord(character):04X}"
-                document.complain(Location(name, line_number, column), "", message)
-                document.raise_problems()
-    _Composer(document).run(text)
+    text = _decode(data, name) if isinstance(data, bytes) else data.removeprefix("\ufeff")
+    document = Document(name, _LINE_BREAK.split(text))
+    _refuse_invisible(document)
+    root = _Composer(document).run(text)
     document.raise_problems()
-    if document.root is None:
-        document.complain(Location(name, 1, 1), "", "the file is empty", "a model starts with the line mbstab: 1")
-        document.raise_problems()
-    return document
+    hint = "a model starts with the line mbstab: 1"
+    if root is None:
+        document.fail(Location(name, 1, 1), "", "the file is empty", hint)
+    if not isinstance(root, Mapping):
+        document.fail(root.location, "", "a model file holds keys and values", hint)
+    return document, root
+
+
+def _refuse_invisible(document: Document) -> None:
+    """Refuse control characters and whatever else has no shape of its own: a reader could not see it."""
+    for line_number, line in enumerate(document.lines, 1):
+        if line.isprintable():
+            continue
+        for column, character in enumerate(line, 1):
+            if not (character.isprintable() or character == "\t" or unicodedata.category(character) == "Zs"):
+                message = f"the file contains the invisible character U+{ord(character):04X}"
+                document.fail(Location(document.name, line_number, column), "", message)
 
 
 def _decode(data: bytes, name: str) -> str:
@@ -138,10 +175,12 @@ class _Composer:
 
     def __init__(self, document: Document) -> None:
         self.document = document
+        self.root: YamlNode | None = None
         # Open containers: the node and, in a mapping, the key that waits for its value.
         self.stack: list[tuple[Sequence | Mapping, Scalar | None]] = []
 
-    def run(self, text: str) -> None:
+    def run(self, text: str) -> YamlNode | None:
+        """Return the node at the top, None if there is none; problems go to the document."""
         loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
         documents = 0
         try:
@@ -150,30 +189,33 @@ class _Composer:
                     documents += 1
                     if documents > 1:
                         hint = "one file holds one model; remove the second '---'"
-                        self.document.complain(self._at(event), "", "a second document starts here", hint)
-                        return
+                        self.document.complain(self._at(event.start_mark), "", "a second document starts here", hint)
+                        break
                 elif isinstance(event, yaml.NodeEvent):
                     self._node(event)
                     if len(self.stack) > MAX_NESTING:
                         message = f"a model file may be nested {MAX_NESTING} deep"
-                        self.document.complain(self._at(event), "", message)
-                        return
+                        self.document.complain(self._at(event.start_mark), "", message)
+                        break
                 elif isinstance(event, yaml.CollectionEndEvent):
                     self.stack.pop()
         except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
             reason = error.problem or error.context or "the text is no YAML"
-            self.document.complain(Location(self.document.name, line, column), "", f"not valid YAML: {reason}")
+            place = self._at(error.problem_mark or error.context_mark)
+            self.document.complain(place, "", f"not valid YAML: {reason}")
         except yaml.YAMLError as error:
-            self.document.complain(Location(self.document.name, 1, 1), "", f"not valid YAML: {error}")
+            self.document.complain(self._at(None), "", f"not valid YAML: {error}")
+        return self.root
 
-    def _at(self, event: yaml.Event) -> Location:
-        mark = event.start_mark
-        return Location(self.document.name, mark.line + 1, mark.column + 1)
+    def _at(self, mark: Any) -> Location:
+        lines = self.document.lines
+        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        if line > len(lines):  # the parser counts the end of the text as a line of its own
+            line, column = len(lines), len(lines[-1]) + 1
+        return Location(self.document.name, line, column)
 
     def _node(self, event: yaml.NodeEvent) -> None:
-        location = self._at(event)
+        location = self._at(event.start_mark)
         if isinstance(event, yaml.AliasEvent):
             hint = "start an expression with a number, a name or a parenthesis"
             self.document.complain(location, "", "aliases (*name) are not allowed in a model file", hint)
@@ -181,7 +223,7 @@ class _Composer:
             return
         if event.anchor is not None:
             self.document.complain(location, "", "anchors (&name) are not allowed in a model file")
-        if getattr(event, "tag", None) is not None:
+        if isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent) and event.tag is not None:
             self.document.complain(location, "", f"tags ({event.tag}) are not allowed in a model file")
         if isinstance(event, yaml.ScalarEvent):
             self._place(Scalar(event.value, location, event.style not in (None, "")))
@@ -196,7 +238,7 @@ class _Composer:
 
     def _place(self, node: YamlNode) -> None:
         if not self.stack:
-            self.document.root = node
+            self.root = node
             return
         parent, key = self.stack[-1]
         if isinstance(parent, Sequence):
@@ -208,7 +250,8 @@ class _Composer:
             elif node.text == "<<":
                 self.document.complain(node.location, "", "merge keys (<<) are not allowed in a model file")
             elif node.text in parent.entries:
-                message = f"the key {node.text!r} is repeated; it stands first in line {parent.keys[node.text].location.line}"
+                first = parent.keys[node.text].location.line
+                message = f"the key {node.text!r} is repeated; it stands first in line {first}"
                 self.document.complain(node.location, "", message)
             self.stack[-1] = (parent, node)
         else:

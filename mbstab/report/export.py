@@ -86,7 +86,9 @@ def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str
 def eigen_csv(result: EigenResult) -> str:
     """Return the eigenvalues as CSV."""
     heads = ["real (1/s)", "imag (1/s)", "kind", "frequency (Hz)", "damping ratio", "error bound (1/s)"]
-    rows = [[e.value.real, e.value.imag, e.kind, e.frequency, e.damping_ratio, e.error_bound] for e in result.eigenvalues]
+    rows = [
+        [e.value.real, e.value.imag, e.kind, e.frequency, e.damping_ratio, e.error_bound] for e in result.eigenvalues
+    ]
     return to_csv(heads, rows)
 
 
@@ -94,7 +96,9 @@ def check_data(report: CheckReport, model: str, title: str) -> dict[str, Any]:
     """Return the JSON object of ``mbstab check``: the fields of `CheckReport`, bodies and constraints as objects."""
     data = {"model": model, "title": title, **asdict(report), "degrees_of_freedom": report.degrees_of_freedom}
     data["bodies"] = [{"name": n, "coordinates": c, "mass": m} for n, c, m in report.bodies]
-    data["constraints"] = [{"name": n, "type": k, "holonomic": h, "nonholonomic": nh} for n, k, h, nh in report.constraints]
+    data["constraints"] = [
+        {"name": n, "type": k, "holonomic": h, "nonholonomic": nh} for n, k, h, nh in report.constraints
+    ]
     return data
 
 
@@ -128,7 +132,10 @@ def forms(linear: Linearization, space: StateSpace) -> dict[str, dict[str, Named
             "R_composite": (R, both, both),
             "K_composite": (K, both, both),
         },
-        "pencil": {"A": (A, [*q, *speeds, *rows], [*q, *nu, *speeds]), "E": (E, [*q, *speeds, *rows], [*q, *nu, *speeds])},
+        "pencil": {
+            "A": (A, [*q, *speeds, *rows], [*q, *nu, *speeds]),
+            "E": (E, [*q, *speeds, *rows], [*q, *nu, *speeds]),
+        },
         "state-space": {
             "A_state": (space.A, y, y),
             "to_coordinates": (space.to_coordinates, q, y),

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from io import StringIO
+from textwrap import wrap
 from typing import Any
 
 from mbstab.analysis.check import CheckReport
-from mbstab.analysis.eigen import Eigenvalue, EigenResult
+from mbstab.analysis.eigen import EigenResult, Eigenvalue
 from mbstab.analysis.linearize import Linearization, StateSpace
 
 
@@ -57,7 +58,16 @@ def eigen_text(result: EigenResult, title: str) -> str:
             rows.append([_neutral_value(result), "-", "-", "-", "-", f"neutral, {multiplicity}×"])
             continue
         value = "0 ± " + f"{abs(e.value.imag):.10g}i" if e.kind == "center" else eigenvalue(e.value)
-        rows.append([value, number(e.frequency, 4), number(0.0 if e.kind == "center" else e.damping_ratio, 4), _time(e), f"{e.error_bound:.0e}", e.kind])
+        rows.append(
+            [
+                value,
+                number(e.frequency, 4),
+                number(0.0 if e.kind == "center" else e.damping_ratio, 4),
+                _time(e),
+                f"{e.error_bound:.0e}",
+                e.kind,
+            ]
+        )
     heads = ["eigenvalue\n(1/s)", "freq.\n(Hz)", "damping\nratio", "doubles or\nhalves in s", "error\nbound", "type"]
     lines.append(table(heads, rows, left=(5,)) if rows else "no finite eigenvalues: the motion is fully prescribed\n")
     bodies = list(dict.fromkeys(name for e, _ in shown for name in e.participation))
@@ -65,7 +75,8 @@ def eigen_text(result: EigenResult, title: str) -> str:
         lines.append("Share of the kinetic energy of each mode:")
         lines.append(_participation(shown, bodies))
     lines.append(f"Verdict: {result.verdict}")
-    lines += [f"  {reason}" for reason in result.reasons]
+    for reason in result.reasons:
+        lines += wrap(reason, width=80, initial_indent="  ", subsequent_indent="  ")
     lines += ["", *_counts(result)]
     return "\n".join(lines) + "\n"
 
@@ -115,17 +126,21 @@ def _counts(result: EigenResult) -> list[str]:
     rows += f", {c.n_nonholonomic} nonholonomic rows (rank {c.rank_nonholonomic})"
     lines = [
         rows,
-        f"finite eigenvalues: {c.expected} expected, {c.found} found, {c.neutral} of them neutral; method {result.method}",
+        f"finite eigenvalues: {c.expected} expected, {c.found} found, {c.neutral} of them neutral; "
+        f"method {result.method}",
     ]
     if c.infinite or c.undefined:
         lines.append(f"besides, the method returned {c.infinite} infinite eigenvalues and {c.undefined} pairs 0/0")
     if c.undefined:
         lines.append(
-            "0/0: the last rows and columns of both matrices of Eq. (70) are zero, one pair for each constraint row; the\n"
-            "pencil is singular for every s, and only exact zeros keep its other eigenvalues computable"
+            "0/0: the last rows and columns of both matrices of Eq. (70) are zero, one pair for\n"
+            "each constraint row; the pencil is singular for every s, and only because these\n"
+            "zeros are exact can QZ still compute the other eigenvalues"
         )
     if result.symmetries and c.neutral:
-        lines.append("neutral eigenvalues belong to: " + ", ".join(result.symmetries))
+        lines += wrap(
+            "neutral eigenvalues belong to: " + ", ".join(result.symmetries), width=80, subsequent_indent="  "
+        )
     return lines
 
 
@@ -135,7 +150,11 @@ def check_text(report: CheckReport, title: str) -> str:
     kind = "planar" if report.dimension == 2 else "spatial"
     lines += [
         f"{kind} scene, {len(report.bodies)} bodies, {report.n_q} coordinates",
-        table(["body", "coordinates", "mass (kg)"], [[n, ", ".join(c), number(m)] for n, c, m in report.bodies], left=(0, 1)),
+        table(
+            ["body", "coordinates", "mass (kg)"],
+            [[n, ", ".join(c), number(m)] for n, c, m in report.bodies],
+            left=(0, 1),
+        ),
     ]
     if report.constraints:
         rows = [[name, kind, str(h), str(n)] for name, kind, h, n in report.constraints]
@@ -155,7 +174,9 @@ def check_text(report: CheckReport, title: str) -> str:
         ("not needed", report.unneeded),
     ):
         if items:
-            lines += ["", f"{head}:", *[f"  {item}" for item in items]]
+            lines += ["", f"{head}:"]
+            for item in items:
+                lines += wrap(item, width=80, initial_indent="  ", subsequent_indent="    ")
     return "\n".join(lines) + "\n"
 
 

@@ -6,8 +6,8 @@ def dynamics(f, q, u, p, s):
     _, _, theta1_t, _, _, theta2_t, = u
     s1, s1_t, s1_tt, = s
     return (
-        -s1 + theta1 - theta2,
-        -s1_t + theta1_t - theta2_t,
+        -(s1 - theta1 + theta2),
+        -(theta2_t - theta1_t + s1_t),
         1,
         -1,
         -s1_tt,

@@ -5,11 +5,10 @@ def dynamics(f, q, u, p, s):
     _, _, theta1, _, _, theta2, = q
     _, _, theta1_t, _, _, theta2_t, = u
     stiffness, rest, damping, = p
-    w0 = stiffness*(-2*rest + 2*theta1 - 2*theta2)
-    w1 = damping*(2*theta1_t - 2*theta2_t)
+    w0 = damping*(theta1_t - theta2_t) - stiffness*(rest - theta1 + theta2)
     return (
-        w0/2 + w1/2,
-        -w0/2 - w1/2,
+        w0,
+        -w0,
     )
 
 
@@ -20,19 +19,15 @@ DYNAMICS = {
 
 def linearize(f, q, u, p, s):
     stiffness, _, damping, = p
-    w0 = 2*stiffness
-    w1 = -2*stiffness
-    w2 = 2*damping
-    w3 = -2*damping
     return (
-        w0/2,
-        w1/2,
-        -w0/2,
-        -w1/2,
-        w2/2,
-        w3/2,
-        -w2/2,
-        -w3/2,
+        stiffness,
+        -stiffness,
+        -stiffness,
+        stiffness,
+        damping,
+        -damping,
+        -damping,
+        damping,
     )
 
 

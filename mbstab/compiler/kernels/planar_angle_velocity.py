@@ -4,10 +4,10 @@
 def dynamics(f, q, u, p, s):
     _, _, theta1_t, _, _, theta2_t, = u
     s1, s1_t, *_ = s
-    w0 = -s1 + theta1_t - theta2_t
+    w0 = s1 - theta1_t + theta2_t
     return (
-        w0,
-        w0,
+        -w0,
+        -w0,
         1,
         -1,
         -s1_t,

@@ -3,13 +3,12 @@
 
 def dynamics(f, q, u, p, s):
     mass, inertia, gravity_1, gravity_2, = p
-    w0 = mass
     return (
-        w0,
-        w0,
+        mass,
+        mass,
         inertia,
-        -gravity_1*mass,
-        -gravity_2*mass,
+        -mass*gravity_1,
+        -mass*gravity_2,
     )
 
 

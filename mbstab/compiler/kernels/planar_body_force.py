@@ -8,13 +8,11 @@ def dynamics(f, q, u, p, s):
     w0 = f.cos(theta1)
     w1 = f.sin(theta1)
     w2 = s1*w0 - s2*w1
-    w3 = s1*w1 + s2*w0
-    w4 = w2*(-point_1*w1 - point_2*w0)
-    w5 = w3*(point_1*w0 - point_2*w1)
+    w3 = s1*w1 + w0*s2
     return (
         -w2,
         -w3,
-        -w4 - w5,
+        w2*(w1*point_1 + w0*point_2) - w3*(w0*point_1 - w1*point_2),
     )
 
 
@@ -26,11 +24,11 @@ DYNAMICS = {
 def linearize(f, q, u, p, s):
     _, _, theta1, = q
     s1, s2, *_ = s
-    w0 = f.cos(theta1)
-    w1 = f.sin(theta1)
+    w0 = f.sin(theta1)
+    w1 = f.cos(theta1)
     return (
-        s1*w1 + s2*w0,
-        -s1*w0 + s2*w1,
+        s1*w0 + w1*s2,
+        -(s1*w1 - s2*w0),
     )
 
 

@@ -5,40 +5,34 @@ def dynamics(f, q, u, p, s):
     _, _, theta1, = q
     x1_t, y1_t, theta1_t, = u
     mass, inertia, center_1, center_2, gravity_1, gravity_2, = p
-    w0 = f.cos(theta1)
-    w1 = center_1*w0
-    w2 = f.sin(theta1)
-    w3 = center_2*w2
-    w4 = -center_1*w2 - center_2*w0
-    w5 = theta1_t*w4
-    w6 = w1 - w3
-    w7 = 2*w5 + 2*x1_t
-    w8 = 2*theta1_t*w6 + 2*y1_t
-    w9 = mass
-    w10 = 2*w4
-    w11 = mass*w10/2
-    w12 = 2*w6
-    w13 = mass*w12/2
-    w14 = inertia
-    w15 = mass*(w10*w4 + w12*w6)/2
-    w16 = -w1 + w3
-    w17 = theta1_t*w16
-    w18 = mass*(gravity_1*w4 + gravity_2*w6)
-    w19 = mass*(w17*w7 + w5*w8)/2
-    w20 = 2*w17
-    w21 = 2*w5
-    w22 = w16*w7 + w20*w4 + w21*w6 + w4*w8
+    w0 = f.sin(theta1)
+    w1 = f.cos(theta1)
+    w2 = center_1*w0 + w1*center_2
+    w3 = mass*w2
+    w4 = center_1*w1 - center_2*w0
+    w5 = mass*w4
+    w6 = mass*gravity_1
+    w7 = theta1_t*w4
+    w8 = mass*gravity_2
+    w9 = theta1_t*w2
+    w10 = mass*theta1_t*w9
+    w11 = mass*(x1_t - w9)
+    w12 = w8 - theta1_t*w11
+    w13 = mass*(y1_t + w7)
+    w14 = theta1_t*w13 + w6
+    w15 = w1*(center_1*w12 - center_2*w14) - w0*(center_2*w12 + center_1*w14)
+    w16 = w4*w10
     return (
-        w9,
-        w11,
-        w9,
-        w13,
-        w11,
-        w13,
-        w14 + w15,
-        -gravity_1*mass + mass*theta1_t*w20/2,
-        -gravity_2*mass + mass*theta1_t*w21/2,
-        mass*theta1_t*w22/2 - w18 - w19,
+        mass,
+        -w3,
+        mass,
+        w5,
+        -w3,
+        w5,
+        inertia + w4*w5 + w2*w3,
+        -(w6 + mass*theta1_t*w7),
+        -(w8 + w10),
+        -(w15 + w9*w13 + w16 + w7*w11 - w16),
     )
 
 
@@ -53,48 +47,35 @@ def linearize(f, q, u, p, s, a):
     x1_t, y1_t, theta1_t, = u
     mass, _, center_1, center_2, gravity_1, gravity_2, = p
     x1_tt, y1_tt, theta1_tt, = a
-    w0 = f.cos(theta1)
-    w1 = center_1*w0
-    w2 = f.sin(theta1)
-    w3 = center_2*w2
-    w4 = center_1*w2
-    w5 = center_2*w0
-    w6 = -w4 - w5
-    w7 = theta1_t*w6
-    w8 = w1 - w3
-    w9 = 2*w7 + 2*x1_t
-    w10 = 2*theta1_t*w8 + 2*y1_t
-    w11 = 2*w6
-    w12 = mass*w11/2
-    w13 = -w1 + w3
-    w14 = theta1_t*w13
-    w15 = 2*w14
-    w16 = mass*w15/2
-    w17 = 2*w7
-    w18 = w4 + w5
-    w19 = theta1_t*w18
-    w20 = 2*w19
-    w21 = 2*w13
-    w22 = mass*w21/2
-    w23 = w11*w8 + 2*w6*w8
-    w24 = w11*w13 + w21*w6
-    w25 = w10*w14 + w14*w15 + w17*w7 + w19*w9
-    w26 = w13*w15
-    w27 = w17*w6
-    w28 = w10*w13 + w15*w8 + 2*w27
-    w29 = w18*w9 + w20*w6 + 2*w26
-    w30 = mass*theta1_t*(w28 + w29)/2
-    w31 = mass*w25/2 + mass*(gravity_1*w13 + gravity_2*w6)
-    w32 = w22*x1_tt
-    w33 = w30 - w31
-    w34 = w12*y1_tt
-    w35 = mass*theta1_tt*(w23 + w24)/2
+    w0 = f.sin(theta1)
+    w1 = f.cos(theta1)
+    w2 = center_1*w0 + w1*center_2
+    w3 = theta1_t*w2
+    w4 = theta1_t*w3
+    w5 = center_1*w1 - center_2*w0
+    w6 = w5*theta1_tt - w4
+    w7 = mass*w6
+    w8 = theta1_t*w5
+    w9 = theta1_t*w8
+    w10 = w9 + w2*theta1_tt
+    w11 = mass*w10
+    w12 = mass*(x1_t - w3)
+    w13 = mass*gravity_2 - theta1_t*w12
+    w14 = mass*(y1_t + w8)
+    w15 = theta1_t*w14 + mass*gravity_1
+    w16 = mass*w9
+    w17 = mass*w4
+    w18 = w1*(center_1*w16 + center_2*w17) - w0*(center_1*w13 - center_2*w15)
+    w19 = w1*(center_2*w13 + center_1*w15) + w0*(center_2*w16 - center_1*w17)
+    w20 = mass*w3
+    w21 = mass*w8
+    w22 = w8*w14 - w3*w20 + w2*mass*(y1_tt + w6) + w5*w11 + w5*mass*(x1_tt - w10) - w2*w7 - (w3*w12 + w8*w21)
     return (
-        mass*theta1_t*w20/2 + theta1_tt*w22,
-        theta1_t*w16 + theta1_tt*w12,
-        w32 + w33 + w34 + w35,
-        theta1_t*w22 + w16,
-        mass*w17/2 + theta1_t*w12,
+        -w7,
+        -w11,
+        -(w18 - w19 + w22),
+        -2*w21,
+        -2*w20,
     )
 
 

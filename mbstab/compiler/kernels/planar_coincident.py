@@ -14,30 +14,34 @@ def dynamics(f, q, u, p, s):
     w6 = f.cos(theta2)
     w7 = second_1*w6
     w8 = first_1*w4
-    w9 = first_2*w0
-    w10 = second_1*w2
+    w9 = w0*first_2
+    w10 = w2*second_1
     w11 = second_2*w6
-    w12 = -w8 - w9
-    w13 = theta1_t*w12
-    w14 = w10 + w11
-    w15 = theta2_t*w14
-    w16 = w1 - w5
-    w17 = w3 - w7
+    w12 = w4*theta1_t
+    w13 = w6*theta2_t
+    w14 = w0*theta1_t
+    w15 = w2*theta2_t
+    w16 = x1_t - x2_t - first_1*w12 + second_2*w13 - first_2*w14 + second_1*w15
+    w17 = y1_t - y2_t + first_1*w14 - first_2*w12 - second_1*w13 + second_2*w15
+    w18 = theta1_t*w14
+    w19 = theta2_t*w15
+    w20 = theta1_t*w12
+    w21 = theta2_t*w13
     return (
-        w1 + w3 - w5 - w7 + x1 - x2,
-        -w10 - w11 + w8 + w9 + y1 - y2,
-        w13 + w15 + x1_t - x2_t,
-        theta1_t*w16 + theta2_t*w17 + y1_t - y2_t,
-        1,
-        w12,
-        -1,
-        w14,
-        1,
+        x1 - x2 + w1 + w3 - w5 - w7,
+        y1 - y2 + w8 + w9 - w10 - w11,
         w16,
-        -1,
         w17,
-        theta1_t**2*(-w1 + w5) + theta2_t**2*(-w3 + w7),
-        theta1_t*w13 + theta2_t*w15,
+        1,
+        -(w8 + w9),
+        -1,
+        w10 + w11,
+        1,
+        w1 - w5,
+        -1,
+        w3 - w7,
+        first_2*w20 - first_1*w18 - second_2*w19 + second_1*w21,
+        second_1*w19 - first_1*w20 - first_2*w18 + second_2*w21,
     )
 
 
@@ -53,17 +57,11 @@ def linearize(f, q, u, p, s, nu):
     _, _, theta1, _, _, theta2, = q
     first_1, first_2, second_1, second_2, = p
     nu1, nu2, = nu
-    w0 = f.cos(theta1)
-    w1 = f.sin(theta2)
-    w2 = f.sin(theta1)
-    w3 = f.cos(theta2)
-    w4 = nu1*(-first_1*w0 + first_2*w2)
-    w5 = nu2*(-first_1*w2 - first_2*w0)
-    w6 = nu1*(second_1*w3 - second_2*w1)
-    w7 = nu2*(second_1*w1 + second_2*w3)
+    w0 = f.sin(theta1)*(first_1*nu2 - first_2*nu1) + f.cos(theta1)*(first_2*nu2 + first_1*nu1)
+    w1 = f.cos(theta2)*(second_2*nu2 + second_1*nu1) - f.sin(theta2)*(second_2*nu1 - second_1*nu2)
     return (
-        w4 + w5,
-        w6 + w7,
+        -w0,
+        w1,
     )
 
 

@@ -6,20 +6,22 @@ def dynamics(f, q, u, p, s):
     x1_t, y1_t, theta1_t, = u
     center_1, center_2, normal_1, normal_2, level, = p
     w0 = f.cos(theta1)
-    w1 = center_1*w0
-    w2 = f.sin(theta1)
-    w3 = center_2*w2
-    w4 = center_1*w2
-    w5 = center_2*w0
-    w6 = -w4 - w5
-    w7 = normal_1*w6 + normal_2*(w1 - w3)
+    w1 = f.sin(theta1)
+    w2 = normal_1*(x1 + center_1*w0 - center_2*w1) - level + normal_2*(y1 + center_1*w1 + w0*center_2)
+    w3 = w1*theta1_t
+    w4 = w0*theta1_t
+    w5 = normal_2*(y1_t + center_1*w4 - center_2*w3) - normal_1*(center_1*w3 - x1_t + center_2*w4)
+    w6 = w0*(center_1*normal_2 - normal_1*center_2) - w1*(center_2*normal_2 + normal_1*center_1)
+    w7 = theta1_t*w4
+    w8 = theta1_t*w3
+    w9 = normal_1*(center_1*w7 - center_2*w8) + normal_2*(center_1*w8 + center_2*w7)
     return (
-        -level + normal_1*(w1 - w3 + x1) + normal_2*(w4 + w5 + y1),
-        normal_1*x1_t + normal_2*y1_t + theta1_t*w7,
+        w2,
+        w5,
         normal_1,
         normal_2,
-        w7,
-        theta1_t**2*(normal_1*(-w1 + w3) + normal_2*w6),
+        w6,
+        -w9,
     )
 
 
@@ -35,12 +37,11 @@ def linearize(f, q, u, p, s, nu):
     _, _, theta1, = q
     center_1, center_2, normal_1, normal_2, *_ = p
     nu1, = nu
-    w0 = f.cos(theta1)
-    w1 = f.sin(theta1)
-    w2 = normal_2*(-center_1*w1 - center_2*w0)
-    w3 = normal_1*(-center_1*w0 + center_2*w1)
+    w0 = normal_2*nu1
+    w1 = normal_1*nu1
+    w2 = f.sin(theta1)*(center_1*w0 - center_2*w1) + f.cos(theta1)*(center_2*w0 + center_1*w1)
     return (
-        nu1*(w2 + w3),
+        -w2,
     )
 
 

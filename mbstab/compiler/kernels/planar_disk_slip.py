@@ -7,19 +7,18 @@ def dynamics(f, q, u, p, s):
     center_1, center_2, normal_1, normal_2, radius, = p
     w0 = f.sin(theta1)
     w1 = f.cos(theta1)
-    w2 = -center_1*w0 - center_2*w1
+    w2 = center_1*w0 + center_2*w1
     w3 = theta1_t*w2
-    w4 = center_1*w1
-    w5 = center_2*w0
-    w6 = w4 - w5
-    w7 = -normal_1*(theta1_t*w6 + y1_t) + normal_2*(w3 + x1_t) + radius*theta1_t
+    w4 = center_1*w1 - w0*center_2
+    w5 = theta1_t*w4
+    w6 = normal_2*(x1_t - w3) + theta1_t*radius - normal_1*(y1_t + w5)
     return (
-        w7,
-        w7,
+        w6,
+        w6,
         normal_2,
         -normal_1,
-        -normal_1*w6 + normal_2*w2 + radius,
-        theta1_t*(-normal_1*w3 + normal_2*theta1_t*(-w4 + w5)),
+        -(normal_1*w4 - radius + normal_2*w2),
+        normal_1*theta1_t*w3 - normal_2*theta1_t*w5,
     )
 
 
@@ -38,11 +37,11 @@ def linearize(f, q, u, p, s, nu):
     nu1, = nu
     w0 = f.sin(theta1)
     w1 = f.cos(theta1)
-    w2 = -center_1*w0 - center_2*w1
-    w3 = -center_1*w1 + center_2*w0
+    w2 = center_1*w0 + center_2*w1
+    w3 = center_1*w1 - w0*center_2
     return (
-        nu1*(-normal_1*w2 + normal_2*w3),
-        -normal_1*theta1_t*w2 + normal_2*theta1_t*w3,
+        -(w3*normal_2*nu1 - w2*normal_1*nu1),
+        theta1_t*w2*normal_1 - normal_2*theta1_t*w3,
     )
 
 

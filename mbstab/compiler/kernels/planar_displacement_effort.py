@@ -5,36 +5,30 @@ def dynamics(f, q, u, p, s):
     x1, y1, theta1, x2, y2, theta2, = q
     first_1, first_2, second_1, second_2, second_v1_1, second_v1_2, = p
     s1, *_ = s
-    w0 = f.cos(theta1)
-    w1 = first_1*w0
-    w2 = f.sin(theta1)
-    w3 = first_2*w2
-    w4 = f.sin(theta2)
-    w5 = second_v1_1*w4
-    w6 = f.cos(theta2)
-    w7 = second_v1_2*w6
-    w8 = w5 + w7
-    w9 = second_v1_1*w6
-    w10 = second_v1_2*w4
-    w11 = -w10 + w9
-    w12 = first_1*w2
-    w13 = first_2*w0
-    w14 = second_1*w4
-    w15 = second_2*w6
-    w16 = second_2*w4
-    w17 = second_1*w6
-    w18 = -w5 - w7
-    w19 = w11*(w12 + w13 - w14 - w15 + y1 - y2)
-    w20 = w11*(w14 + w15)
-    w21 = w18*(w1 + w16 - w17 - w3 + x1 - x2)
-    w22 = w8*(w16 - w17)
+    w0 = f.cos(theta2)
+    w1 = f.sin(theta2)
+    w2 = second_v1_1*w0 - w1*second_v1_2
+    w3 = s1*w2
+    w4 = second_v1_1*w1 + second_v1_2*w0
+    w5 = s1*w4
+    w6 = f.cos(theta1)
+    w7 = first_1*w6
+    w8 = f.sin(theta1)
+    w9 = first_2*w8
+    w10 = first_1*w8
+    w11 = w6*first_2
+    w12 = w1*second_1
+    w13 = w0*second_2
+    w14 = w1*second_2
+    w15 = w0*second_1
+    w16 = w2*(w12 + w13) + w4*(w14 - w15) + w2*(w10 + w11 - w12 - w13 + y1 - y2) - w4*(w7 - w9 + w14 - w15 + x1 - x2)
     return (
-        -s1*w11,
-        -s1*w8,
-        -s1*(w11*(-w12 - w13) + w8*(w1 - w3)),
-        -s1*(w10 - w9),
-        -s1*w18,
-        -s1*(w19 + w20 + w21 + w22),
+        -w3,
+        -w5,
+        -s1*((w7 - w9)*w4 - w2*(w10 + w11)),
+        w3,
+        w5,
+        -s1*w16,
     )
 
 
@@ -47,50 +41,37 @@ def linearize(f, q, u, p, s):
     x1, y1, theta1, x2, y2, theta2, = q
     first_1, first_2, second_1, second_2, second_v1_1, second_v1_2, = p
     s1, *_ = s
-    w0 = f.cos(theta1)
-    w1 = first_1*w0
-    w2 = f.sin(theta1)
-    w3 = first_2*w2
-    w4 = f.sin(theta2)
-    w5 = second_v1_1*w4
-    w6 = f.cos(theta2)
-    w7 = second_v1_2*w6
-    w8 = w5 + w7
-    w9 = second_v1_1*w6
-    w10 = second_v1_2*w4
-    w11 = -w10 + w9
-    w12 = first_1*w2
-    w13 = first_2*w0
-    w14 = -w12 - w13
-    w15 = second_1*w4
-    w16 = second_2*w6
-    w17 = w15 + w16
-    w18 = second_2*w4
-    w19 = second_1*w6
-    w20 = -w5 - w7
-    w21 = w10 - w9
-    w22 = s1*w11
-    w23 = s1*w20
-    w24 = s1*(w11*(w1 - w3) + w14*w20)
-    w25 = w17*w20
-    w26 = w11*(w18 - w19)
-    w27 = w11*(-w18 + w19) + w25
-    w28 = w20*(w12 + w13 - w15 - w16 + y1 - y2) + w26
-    w29 = w21*(w1 + w18 - w19 - w3 + x1 - x2) + w25
-    w30 = w17*w8 + w26
+    w0 = f.sin(theta2)
+    w1 = f.cos(theta2)
+    w2 = second_v1_1*w0 + second_v1_2*w1
+    w3 = s1*w2
+    w4 = second_v1_1*w1 - w0*second_v1_2
+    w5 = s1*w4
+    w6 = f.sin(theta1)
+    w7 = first_1*w6
+    w8 = f.cos(theta1)
+    w9 = w8*first_2
+    w10 = first_1*w8
+    w11 = first_2*w6
+    w12 = s1*(w2*(w7 + w9) + (w10 - w11)*w4)
+    w13 = w0*second_2
+    w14 = w1*second_1
+    w15 = w0*second_1
+    w16 = w1*second_2
+    w17 = w4*(w13 - w14) - w2*(w7 + w9 - w15 - w16 + y1 - y2) - (w2*(w15 + w16) + w4*(w10 - w11 + w13 - w14 + x1 - x2))
     return (
-        -w23,
-        -w22,
-        -s1*(w11*(-w1 + w3) + w14*w8),
-        -w24,
-        -s1*w8,
-        -s1*w21,
-        -w23,
-        -w22,
-        -w24,
-        w23,
-        w22,
-        -s1*(w27 + w28 + w29 + w30),
+        w3,
+        -w5,
+        w12,
+        -w12,
+        -w3,
+        w5,
+        w3,
+        -w5,
+        -w12,
+        -w3,
+        w5,
+        -s1*w17,
     )
 
 

@@ -7,62 +7,42 @@ def dynamics(f, q, u, p, s):
     first_1, first_2, second_1, second_2, second_v1_1, second_v1_2, = p
     s1, s1_t, s1_tt, = s
     w0 = f.cos(theta2)
-    w1 = second_v1_1*w0
-    w2 = f.sin(theta2)
-    w3 = second_v1_2*w2
-    w4 = w1 - w3
-    w5 = f.cos(theta1)
-    w6 = first_1*w5
-    w7 = second_2*w2
-    w8 = f.sin(theta1)
-    w9 = first_2*w8
-    w10 = second_1*w0
-    w11 = -w10 + w6 + w7 - w9 + x1 - x2
-    w12 = second_v1_1*w2
-    w13 = second_v1_2*w0
-    w14 = w12 + w13
-    w15 = first_1*w8
-    w16 = first_2*w5
-    w17 = second_1*w2
-    w18 = second_2*w0
-    w19 = w15 + w16 - w17 - w18 + y1 - y2
-    w20 = -w15 - w16
-    w21 = w6 - w9
-    w22 = w14*w21 + w20*w4
-    w23 = w17 + w18
-    w24 = -w12 - w13
-    w25 = -w10 + w7
-    w26 = w11*w24 + w14*w25 + w19*w4 + w23*w4
-    w27 = theta2_t*w24
-    w28 = theta2_t*w4
-    w29 = w20*w24 + w21*w4
-    w30 = theta1_t*(w14*w20 + w4*(-w6 + w9)) + theta2_t*w29
-    w31 = w23*w24
-    w32 = w25*w4
-    w33 = w14*w23 + w19*w24 + 2*w32
-    w34 = w11*(-w1 + w3) + 2*w31 + w4*(w10 - w7)
-    w35 = w4*y1_t
-    w36 = theta2_t*(w33 + w34)
-    w37 = w24*x2_t
-    w38 = w4*y2_t
-    w39 = w24*x1_t
-    w40 = theta1_t*w29
-    w41 = w27*x1_t
-    w42 = w28*y1_t
-    w43 = theta2_t*(w35 + w36 - w37 - w38 + w39 + w40)
-    w44 = w28*y2_t
-    w45 = w27*x2_t
-    w46 = theta1_t*w30
+    w1 = f.sin(theta2)
+    w2 = second_v1_1*w0 - second_v1_2*w1
+    w3 = f.cos(theta1)
+    w4 = f.sin(theta1)
+    w5 = x1 - x2 + first_1*w3 + w1*second_2 - first_2*w4 - w0*second_1
+    w6 = second_v1_1*w1 + w0*second_v1_2
+    w7 = y1 - y2 + first_1*w4 + w3*first_2 - w1*second_1 - w0*second_2
+    w8 = w1*theta2_t
+    w9 = w0*theta2_t
+    w10 = second_v1_1*w8 + second_v1_2*w9
+    w11 = w4*theta1_t
+    w12 = w3*theta1_t
+    w13 = x1_t - x2_t - first_1*w11 + second_2*w9 - first_2*w12 + second_1*w8
+    w14 = second_v1_1*w9 - second_v1_2*w8
+    w15 = y1_t - y2_t + first_1*w12 - first_2*w11 - second_1*w9 + second_2*w8
+    w16 = w0*(second_v1_1*w7 - second_1*w6 + w2*second_2 - second_v1_2*w5)
+    w17 = w1*(second_v1_2*w7 - second_2*w6 - w2*second_1 + second_v1_1*w5)
+    w18 = w10*w13
+    w19 = theta2_t*w9
+    w20 = theta2_t*w8
+    w21 = theta1_t*w12
+    w22 = theta1_t*w11
+    w23 = w2*(first_2*w22 - first_1*w21 - second_2*w20 + second_1*w19) - w18
+    w24 = w14*w15
+    w25 = w24 + w6*(second_1*w20 - first_1*w22 - first_2*w21 + second_2*w19)
+    w26 = w23 - (w18 + w5*(second_v1_1*w19 - second_v1_2*w20)) - s1_tt + w24 - w7*(second_v1_1*w20 + second_v1_2*w19) + w25
     return (
-        -s1 + w11*w4 + w14*w19,
-        -s1_t + theta1_t*w22 + theta2_t*w26 + w14*y1_t - w14*y2_t + w4*x1_t - w4*x2_t,
-        w4,
-        w14,
-        w22,
-        -w4,
-        -w14,
+        w2*w5 - s1 + w6*w7,
+        w2*w13 - w5*w10 - s1_t + w7*w14 + w6*w15,
+        w2,
+        w6,
+        w3*(first_1*w6 - w2*first_2) - w4*(first_2*w6 + w2*first_1),
+        -w2,
+        -w6,
+        w16 - w17,
         w26,
-        -s1_tt + w41 + w42 + w43 - w44 - w45 + w46,
     )
 
 
@@ -78,49 +58,40 @@ def linearize(f, q, u, p, s, nu):
     x1, y1, theta1, x2, y2, theta2, = q
     first_1, first_2, second_1, second_2, second_v1_1, second_v1_2, = p
     nu1, = nu
-    w0 = f.cos(theta2)
-    w1 = second_v1_1*w0
-    w2 = f.sin(theta2)
-    w3 = second_v1_2*w2
-    w4 = w1 - w3
+    w0 = f.sin(theta2)
+    w1 = f.cos(theta2)
+    w2 = (second_v1_1*w0 + w1*second_v1_2)*nu1
+    w3 = (second_v1_1*w1 - second_v1_2*w0)*nu1
+    w4 = f.sin(theta1)
     w5 = f.cos(theta1)
-    w6 = first_1*w5
-    w7 = second_2*w2
-    w8 = f.sin(theta1)
-    w9 = first_2*w8
-    w10 = second_1*w0
-    w11 = second_v1_1*w2
-    w12 = second_v1_2*w0
-    w13 = w11 + w12
-    w14 = first_1*w8
-    w15 = first_2*w5
-    w16 = second_1*w2
-    w17 = second_2*w0
-    w18 = -w14 - w15
-    w19 = w16 + w17
-    w20 = -w11 - w12
-    w21 = w19*w20
-    w22 = w21 + w4*(w10 - w7)
-    w23 = w21 + (-w1 + w3)*(-w10 + w6 + w7 - w9 + x1 - x2)
-    w24 = w4*(-w10 + w7)
-    w25 = w13*w19 + w20*(w14 + w15 - w16 - w17 + y1 - y2) + 2*w24
-    w26 = w22 + w23
-    w27 = nu1*w4
-    w28 = nu1*w20
-    w29 = nu1*(w18*w20 + w4*(w6 - w9))
+    w6 = w4*(first_1*w2 - first_2*w3) + w5*(first_2*w2 + first_1*w3)
+    w7 = second_1*w2
+    w8 = w0*second_1
+    w9 = w1*second_2
+    w10 = (y1 - y2 + first_1*w4 + w5*first_2 - w8 - w9)*nu1
+    w11 = second_2*w3
+    w12 = w0*second_2
+    w13 = w1*second_1
+    w14 = (x1 - x2 + first_1*w5 + w12 - first_2*w4 - w13)*nu1
+    w15 = second_2*w2
+    w16 = second_1*w3
+    w17 = nu1*(w12 - w13)
+    w18 = nu1*(w8 + w9)
+    w19 = w0*(second_v1_1*w10 - w7 + w11 - second_v1_2*w14) + w1*(w15 + w16 - second_v1_1*w17 + second_v1_2*w18)
+    w20 = w1*(second_v1_2*w10 - w15 - w16 + second_v1_1*w14) + w0*(w7 - w11 + second_v1_2*w17 + second_v1_1*w18)
     return (
-        w28,
-        w27,
-        nu1*(w13*w18 + w4*(-w6 + w9)),
-        w29,
-        -w28,
-        -w27,
-        w28,
-        w27,
-        w29,
-        -w28,
-        -w27,
-        nu1*(w25 + w26),
+        -w2,
+        w3,
+        -w6,
+        w6,
+        w2,
+        -w3,
+        -w2,
+        w3,
+        w6,
+        w2,
+        -w3,
+        -(w19 + w20),
     )
 
 

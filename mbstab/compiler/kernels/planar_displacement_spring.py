@@ -6,47 +6,42 @@ def dynamics(f, q, u, p, s):
     x1_t, y1_t, theta1_t, x2_t, y2_t, theta2_t, = u
     first_1, first_2, second_1, second_2, second_v1_1, second_v1_2, stiffness, rest, damping, = p
     w0 = f.cos(theta2)
-    w1 = second_v1_1*w0
-    w2 = f.sin(theta2)
-    w3 = second_v1_2*w2
-    w4 = w1 - w3
-    w5 = f.cos(theta1)
-    w6 = first_1*w5
-    w7 = second_2*w2
-    w8 = f.sin(theta1)
-    w9 = first_2*w8
-    w10 = second_1*w0
-    w11 = -w10 + w6 + w7 - w9 + x1 - x2
-    w12 = second_v1_1*w2
-    w13 = second_v1_2*w0
-    w14 = w12 + w13
-    w15 = first_1*w8
-    w16 = first_2*w5
-    w17 = second_1*w2
-    w18 = second_2*w0
-    w19 = w15 + w16 - w17 - w18 + y1 - y2
-    w20 = w14*(w6 - w9) + w4*(-w15 - w16)
-    w21 = w4*(w17 + w18)
-    w22 = w14*(-w10 + w7)
-    w23 = w19*w4
-    w24 = -w12 - w13
-    w25 = w11*w24
-    w26 = w21 + w22 + w23 + w25
-    w27 = -w1 + w3
-    w28 = -2*rest + 2*w11*w4 + 2*w14*w19
-    w29 = stiffness*w28*w4
-    w30 = theta1_t*w20 + theta2_t*w26 + w14*y1_t + w24*y2_t + w27*x2_t + w4*x1_t
-    w31 = 2*w30
-    w32 = stiffness*w14*w28
-    w33 = damping*w26*w31/2
-    w34 = stiffness*w28*(w21 + w22 + w23 + w25)/2
+    w1 = f.sin(theta2)
+    w2 = second_v1_1*w0 - second_v1_2*w1
+    w3 = f.cos(theta1)
+    w4 = first_1*w3
+    w5 = w1*second_2
+    w6 = f.sin(theta1)
+    w7 = first_2*w6
+    w8 = w0*second_1
+    w9 = x1 - x2 + w4 + w5 - w7 - w8
+    w10 = second_v1_1*w1 + w0*second_v1_2
+    w11 = first_1*w6
+    w12 = w3*first_2
+    w13 = w1*second_1
+    w14 = w0*second_2
+    w15 = y1 - y2 + w11 + w12 - w13 - w14
+    w16 = stiffness*(w2*w9 - rest + w10*w15)
+    w17 = w2*w16
+    w18 = w10*(w4 - w7) - w2*(w11 + w12)
+    w19 = w2*(w13 + w14) + w10*(w5 - w8) + w2*w15 - w9*w10
+    w20 = theta1_t*w18 + theta2_t*w19 + w2*x1_t - w2*x2_t + w10*y1_t - w10*y2_t
+    w21 = damping*w20
+    w22 = w17 + w2*w21
+    w23 = w10*w16
+    w24 = w23 + w10*w21
+    w25 = w3*(first_1*w23 - first_2*w17) - w6*(first_2*w23 + first_1*w17)
+    w26 = w15*w16
+    w27 = w9*w16
+    w28 = second_v1_1*w26 - second_1*w23 + second_2*w17 - second_v1_2*w27
+    w29 = second_v1_2*w26 - second_2*w23 - second_1*w17 + second_v1_1*w27
     return (
-        damping*w31*w4/2 + w29/2,
-        damping*w14*w31/2 + w32/2,
-        damping*w20*w31/2 + stiffness*w20*w28/2,
-        damping*w27*w31/2 - w29/2,
-        damping*w24*w31/2 - w32/2,
-        w33 + w34,
+        w22,
+        w24,
+        w25 + w18*w21,
+        -w22,
+        -w24,
+        w0*w28 - w1*w29 + w19*w21,
     )
 
 
@@ -60,183 +55,160 @@ def linearize(f, q, u, p, s):
     x1_t, y1_t, theta1_t, x2_t, y2_t, theta2_t, = u
     first_1, first_2, second_1, second_2, second_v1_1, second_v1_2, stiffness, rest, damping, = p
     w0 = f.cos(theta2)
-    w1 = second_v1_1*w0
-    w2 = f.sin(theta2)
-    w3 = second_v1_2*w2
-    w4 = w1 - w3
-    w5 = f.cos(theta1)
-    w6 = first_1*w5
-    w7 = second_2*w2
-    w8 = f.sin(theta1)
-    w9 = first_2*w8
-    w10 = second_1*w0
-    w11 = -w10 + w6 + w7 - w9 + x1 - x2
-    w12 = second_v1_1*w2
-    w13 = second_v1_2*w0
-    w14 = w12 + w13
-    w15 = first_1*w8
-    w16 = first_2*w5
-    w17 = second_1*w2
-    w18 = second_2*w0
-    w19 = w15 + w16 - w17 - w18 + y1 - y2
-    w20 = w6 - w9
-    w21 = -w15 - w16
-    w22 = w14*w20 + w21*w4
-    w23 = w17 + w18
-    w24 = w23*w4
-    w25 = -w10 + w7
-    w26 = w14*w25
-    w27 = w19*w4
-    w28 = -w12 - w13
-    w29 = w11*w28
-    w30 = w24 + w26 + w27 + w29
-    w31 = -w1 + w3
-    w32 = -2*rest + 2*w11*w4 + 2*w14*w19
-    w33 = w32*w4
-    w34 = theta1_t*w22 + theta2_t*w30 + w14*y1_t + w28*y2_t + w31*x2_t + w4*x1_t
-    w35 = 2*w34
-    w36 = w35*w4
-    w37 = w28*w35
-    w38 = w24 + w26 + w27 + w29
-    w39 = 2*w4
-    w40 = w39*w4
-    w41 = stiffness*w40
-    w42 = theta2_t*w28
-    w43 = 2*w42
-    w44 = 2*w14
-    w45 = w4*w44
-    w46 = stiffness*w45
-    w47 = theta2_t*w4
-    w48 = 2*w47
-    w49 = 2*w22
-    w50 = w4*w49
-    w51 = stiffness*w50
-    w52 = w14*w21 + w4*(-w6 + w9)
-    w53 = w20*w4 + w21*w28
-    w54 = 2*theta1_t*w52 + 2*theta2_t*w53
-    w55 = -2*w4
-    w56 = stiffness*w4*w55
-    w57 = -2*w42
-    w58 = -2*w14
-    w59 = stiffness*w4*w58
-    w60 = -2*w47
-    w61 = w28*w32
-    w62 = 2*w38
-    w63 = stiffness*(w4*w62 + w61)
-    w64 = w23*w28
-    w65 = w4*(w10 - w7) + w64
-    w66 = w25*w4
-    w67 = w14*w23 + w66
-    w68 = w19*w28 + w66
-    w69 = w11*w31 + w64
-    w70 = w65 + w67 + w68 + w69
-    w71 = theta1_t*w53 + theta2_t*w70 + w14*x2_t + w28*x1_t + w31*y2_t + w4*y1_t
-    w72 = 2*w71
-    w73 = w14*w39
-    w74 = stiffness*w73
-    w75 = w14*w44
-    w76 = stiffness*w75
-    w77 = w14*w49
-    w78 = stiffness*w77
-    w79 = stiffness*w14*w55
-    w80 = stiffness*w14*w58
-    w81 = stiffness*(w14*w62 + w33)
-    w82 = w22*w39
-    w83 = w22*w44
-    w84 = w22*w49
-    w85 = stiffness*(w32*w52 + w84)/2
-    w86 = damping*(w22*w54 + w35*w52)/2
-    w87 = w32*w53
-    w88 = w35*w53
-    w89 = stiffness*(w22*w62 + w87)/2
-    w90 = damping*(w22*w72 + w88)/2
-    w91 = stiffness*(w38*w39 + w61)/2
-    w92 = damping*(w30*w43 + w37)/2
-    w93 = damping*(w30*w48 + w36)/2
-    w94 = stiffness*(w33 + w38*w44)/2
-    w95 = damping*(w30*w54 + w88)/2
-    w96 = stiffness*(w38*w49 + w87)/2
-    w97 = damping*(w30*w57 - w37)/2
-    w98 = stiffness*(w38*w55 - w61)/2
-    w99 = damping*(w30*w60 - w36)/2
-    w100 = stiffness*(-w33 + w38*w58)/2
-    w101 = stiffness*(w32*(w65 + w67 + w68 + w69) + w38*w62)
-    w102 = 2*w31
-    w103 = 2*w28
-    w104 = 2*w30
+    w1 = f.sin(theta2)
+    w2 = second_v1_1*w0 - second_v1_2*w1
+    w3 = second_v1_1*w1 + w0*second_v1_2
+    w4 = damping*w3*theta2_t
+    w5 = w2*w4
+    w6 = w2*stiffness*w2 - w5
+    w7 = stiffness*w3
+    w8 = w2*w7
+    w9 = damping*w2*theta2_t
+    w10 = w8 + w2*w9
+    w11 = f.cos(theta1)
+    w12 = first_1*w11
+    w13 = f.sin(theta1)
+    w14 = first_2*w13
+    w15 = w12 - w14
+    w16 = first_1*w13
+    w17 = w11*first_2
+    w18 = w16 + w17
+    w19 = w3*w15 - w2*w18
+    w20 = stiffness*w19
+    w21 = w2*w20
+    w22 = w3*w18 + w2*w15
+    w23 = theta1_t*w22
+    w24 = damping*(theta2_t*w22 - w23)
+    w25 = w21 + w2*w24
+    w26 = w1*second_2
+    w27 = w0*second_1
+    w28 = x1 - x2 + w12 + w26 - w14 - w27
+    w29 = w2*w28
+    w30 = w1*second_1
+    w31 = w0*second_2
+    w32 = y1 - y2 + w16 + w17 - w30 - w31
+    w33 = w3*w32
+    w34 = stiffness*(w29 - rest + w33)
+    w35 = w3*w34
+    w36 = w30 + w31
+    w37 = w26 - w27
+    w38 = w2*w36 + w3*w37 + w2*w32 - w28*w3
+    w39 = stiffness*w38
+    w40 = w2*w39 - w35
+    w41 = theta1_t*w19 + theta2_t*w38 + w2*x1_t - w2*x2_t + w3*y1_t - w3*y2_t
+    w42 = damping*w41
+    w43 = w3*w42
+    w44 = w2*w37 - w33 - (w29 + w3*w36)
+    w45 = damping*(w23 + theta2_t*w44 - w3*x1_t + w3*x2_t + w2*y1_t - w2*y2_t)
+    w46 = w40 + w2*w45 - w43
+    w47 = w8 - w3*w4
+    w48 = w5 + w3*w7
+    w49 = w3*w20
+    w50 = w49 + w3*w24
+    w51 = w2*w34
+    w52 = w51 + w3*w39
+    w53 = w2*w42
+    w54 = w52 + w53 + w3*w45
+    w55 = w21 - w19*w4
+    w56 = w49 + w19*w9
+    w57 = w11*(first_1*w49 - first_2*w21) - w13*(first_1*w35 - first_2*w51)
+    w58 = w11*(first_2*w35 + first_1*w51) + w13*(first_2*w49 + first_1*w21)
+    w59 = w42*w22
+    w60 = w11*(first_1*w52 - first_2*w40) - w13*(first_2*w52 + first_1*w40)
+    w61 = w40 - (w43 + w38*w4)
+    w62 = w52 + w53 + w38*w9
+    w63 = w32*w34
+    w64 = w28*w34
+    w65 = second_v1_1*w63 - second_1*w35 + second_2*w51 - second_v1_2*w64
+    w66 = w37*w34 + w32*w39
+    w67 = w36*w34 + w28*w39
+    w68 = second_v1_1*w66 - second_1*w52 + second_2*w40 - second_v1_2*w67
+    w69 = second_v1_2*w63 - second_2*w35 - second_1*w51 + second_v1_1*w64
+    w70 = second_v1_2*w66 - second_2*w52 - second_1*w40 + second_v1_1*w67
+    w71 = w2*w2*damping
+    w72 = w3*damping
+    w73 = w2*w72
+    w74 = damping*w19
+    w75 = w2*w74
+    w76 = damping*w38
+    w77 = w2*w76
+    w78 = w3*w72
+    w79 = w3*w74
+    w80 = w3*w76
+    w81 = w19*w76
     return (
-        damping*w4*w43/2 + w41/2,
-        damping*w4*w48/2 + w46/2,
-        damping*w4*w54/2 + w51/2,
-        damping*w4*w57/2 + w56/2,
-        damping*w4*w60/2 + w59/2,
-        damping*(w37 + w4*w72)/2 + w63/2,
-        damping*w14*w43/2 + w74/2,
-        damping*w14*w48/2 + w76/2,
-        damping*w14*w54/2 + w78/2,
-        damping*w14*w57/2 + w79/2,
-        damping*w14*w60/2 + w80/2,
-        damping*(w14*w72 + w36)/2 + w81/2,
-        damping*w22*w43/2 + stiffness*w82/2,
-        damping*w22*w48/2 + stiffness*w83/2,
-        w85 + w86,
-        damping*w22*w57/2 + stiffness*w22*w55/2,
-        damping*w22*w60/2 + stiffness*w22*w58/2,
-        w89 + w90,
-        damping*w31*w43/2 - w41/2,
-        damping*w31*w48/2 - w46/2,
-        damping*w31*w54/2 - w51/2,
-        damping*w31*w57/2 - w56/2,
-        damping*w31*w60/2 - w59/2,
-        damping*(w14*w35 + w31*w72)/2 - w63/2,
-        damping*w28*w43/2 - w74/2,
-        damping*w28*w48/2 - w76/2,
-        damping*w28*w54/2 - w78/2,
-        damping*w28*w57/2 - w79/2,
-        damping*w28*w60/2 - w80/2,
-        damping*(w28*w72 + w31*w35)/2 - w81/2,
-        w91 + w92,
-        w93 + w94,
-        w95 + w96,
-        w97 + w98,
-        w100 + w99,
-        damping*(w30*w72 + w35*w70)/2 + w101/2,
-        damping*w40/2,
-        damping*w45/2,
-        damping*w50/2,
-        damping*w102*w4/2,
-        damping*w103*w4/2,
-        damping*w104*w4/2,
-        damping*w73/2,
-        damping*w75/2,
-        damping*w77/2,
-        damping*w102*w14/2,
-        damping*w103*w14/2,
-        damping*w104*w14/2,
-        damping*w82/2,
-        damping*w83/2,
-        damping*w84/2,
-        damping*w102*w22/2,
-        damping*w103*w22/2,
-        damping*w104*w22/2,
-        damping*w31*w39/2,
-        damping*w31*w44/2,
-        damping*w31*w49/2,
-        damping*w102*w31/2,
-        damping*w103*w31/2,
-        damping*w104*w31/2,
-        damping*w28*w39/2,
-        damping*w28*w44/2,
-        damping*w28*w49/2,
-        damping*w102*w28/2,
-        damping*w103*w28/2,
-        damping*w104*w28/2,
-        damping*w30*w39/2,
-        damping*w30*w44/2,
-        damping*w30*w49/2,
-        damping*w102*w30/2,
-        damping*w103*w30/2,
-        damping*w104*w30/2,
+        w6,
+        w10,
+        w25,
+        -w6,
+        -w10,
+        w46,
+        w47,
+        w48,
+        w50,
+        -w47,
+        -w48,
+        w54,
+        w55,
+        w56,
+        w57 - w58 + w19*w24 - w59,
+        -w55,
+        -w56,
+        w60 + w59 + w19*w45,
+        -w6,
+        -w10,
+        -w25,
+        w6,
+        w10,
+        -w46,
+        -w47,
+        -w48,
+        -w50,
+        w47,
+        w48,
+        -w54,
+        w61,
+        w62,
+        w60 + w59 + w38*w24,
+        -w61,
+        -w62,
+        w0*w68 - w1*w65 - (w0*w69 + w1*w70) + w42*w44 + w38*w45,
+        w71,
+        w73,
+        w75,
+        -w71,
+        -w73,
+        w77,
+        w73,
+        w78,
+        w79,
+        -w73,
+        -w78,
+        w80,
+        w75,
+        w79,
+        w19*w74,
+        -w75,
+        -w79,
+        w81,
+        -w71,
+        -w73,
+        -w75,
+        w71,
+        w73,
+        -w77,
+        -w73,
+        -w78,
+        -w79,
+        w73,
+        w78,
+        -w80,
+        w77,
+        w80,
+        w81,
+        -w77,
+        -w80,
+        w38*w76,
     )
 
 

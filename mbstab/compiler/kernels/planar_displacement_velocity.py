@@ -12,61 +12,45 @@ def dynamics(f, q, u, p, s):
     w3 = first_2*w2
     w4 = w1 - w3
     w5 = f.sin(theta2)
-    w6 = second_v1_1*w5
-    w7 = f.cos(theta2)
-    w8 = second_v1_2*w7
-    w9 = w6 + w8
-    w10 = second_v1_1*w7
-    w11 = second_v1_2*w5
-    w12 = w10 - w11
-    w13 = first_1*w2
-    w14 = first_2*w0
-    w15 = -w13 - w14
-    w16 = w12*w15 + w4*w9
-    w17 = second_1*w5
-    w18 = second_2*w7
-    w19 = w17 + w18
-    w20 = second_2*w5
-    w21 = second_1*w7
-    w22 = w20 - w21
-    w23 = w13 + w14 - w17 - w18 + y1 - y2
-    w24 = -w6 - w8
-    w25 = w1 + w20 - w21 - w3 + x1 - x2
-    w26 = w12*w19 + w12*w23 + w22*w9 + w24*w25
-    w27 = -w10 + w11
-    w28 = -s1 + theta1_t*w16 + theta2_t*w26 + w12*x1_t + w24*y2_t + w27*x2_t + w9*y1_t
-    w29 = theta2_t*w24
-    w30 = theta2_t*w12
-    w31 = w12*w4 + w15*w24
-    w32 = theta1_t*(w12*(-w1 + w3) + w15*w9) + theta2_t*w31
-    w33 = w19*w24
-    w34 = w12*w22
-    w35 = w23*w24 + w34
-    w36 = w19*w9 + w34
-    w37 = w25*w27 + w33
-    w38 = w12*(-w20 + w21) + w33
-    w39 = w27*y2_t
-    w40 = w9*x2_t
-    w41 = w12*y1_t
-    w42 = w24*x1_t
-    w43 = theta2_t*(w35 + w36 + w37 + w38)
-    w44 = theta1_t*w31
-    w45 = w30*y1_t
-    w46 = w30*y2_t
-    w47 = theta1_t*w32
-    w48 = w29*x2_t
-    w49 = w29*x1_t
-    w50 = theta2_t*(w39 + w40 + w41 + w42 + w43 + w44)
+    w6 = f.cos(theta2)
+    w7 = second_v1_1*w5 + second_v1_2*w6
+    w8 = second_v1_1*w6 - w5*second_v1_2
+    w9 = first_1*w2
+    w10 = w0*first_2
+    w11 = w9 + w10
+    w12 = w4*w7 - w8*w11
+    w13 = w5*second_1
+    w14 = w6*second_2
+    w15 = w5*second_2
+    w16 = w6*second_1
+    w17 = w9 + w10 - w13 - w14 + y1 - y2
+    w18 = w1 - w3 + w15 - w16 + x1 - x2
+    w19 = w8*(w13 + w14) + w7*(w15 - w16) + w8*w17 - w7*w18
+    w20 = theta1_t*w12 - s1 + theta2_t*w19 + w8*x1_t - w8*x2_t + w7*y1_t - w7*y2_t
+    w21 = theta1_t*w2
+    w22 = first_1*w21
+    w23 = theta1_t*w0
+    w24 = first_2*w23
+    w25 = w6*theta2_t
+    w26 = w5*theta2_t
+    w27 = second_v1_1*w25 - second_v1_2*w26
+    w28 = second_v1_1*w26 + second_v1_2*w25
+    w29 = first_1*w23
+    w30 = first_2*w21
+    w31 = theta1_t*(w4*w27 - w7*(w22 + w24) - (w8*(w29 - w30) - w11*w28))
+    w32 = w8*(y1_t - y2_t + w29 - w30 - second_1*w25 + second_2*w26) - w17*w28
+    w33 = w18*w27 + w7*(x1_t - x2_t - w22 - w24 + second_2*w25 + second_1*w26)
+    w34 = w31 - s1_t + theta2_t*(w32 - w33) - x1_t*w28 + x2_t*w28 + y1_t*w27 - y2_t*w27
     return (
-        w28,
-        w28,
+        w20,
+        w20,
+        w8,
+        w7,
         w12,
-        w9,
-        w16,
-        w27,
-        w24,
-        w26,
-        -s1_t + w45 - w46 + w47 - w48 + w49 + w50,
+        -w8,
+        -w7,
+        w19,
+        w34,
     )
 
 
@@ -83,61 +67,58 @@ def linearize(f, q, u, p, s, nu):
     x1_t, y1_t, theta1_t, x2_t, y2_t, theta2_t, = u
     first_1, first_2, second_1, second_2, second_v1_1, second_v1_2, = p
     nu1, = nu
-    w0 = f.cos(theta1)
-    w1 = first_1*w0
-    w2 = f.sin(theta1)
-    w3 = first_2*w2
-    w4 = f.sin(theta2)
-    w5 = second_v1_1*w4
-    w6 = f.cos(theta2)
-    w7 = second_v1_2*w6
-    w8 = w5 + w7
-    w9 = second_v1_1*w6
-    w10 = second_v1_2*w4
-    w11 = -w10 + w9
-    w12 = first_1*w2
-    w13 = first_2*w0
-    w14 = -w12 - w13
-    w15 = second_1*w4
-    w16 = second_2*w6
-    w17 = w15 + w16
-    w18 = second_2*w4
-    w19 = second_1*w6
-    w20 = -w5 - w7
-    w21 = w10 - w9
-    w22 = theta2_t*w20
-    w23 = theta2_t*w11
-    w24 = w11*(-w1 + w3) + w14*w8
-    w25 = w11*(w1 - w3) + w14*w20
-    w26 = w17*w20
-    w27 = w11*(w18 - w19)
-    w28 = w20*(w12 + w13 - w15 - w16 + y1 - y2) + w27
-    w29 = w17*w8 + w27
-    w30 = w21*(w1 + w18 - w19 - w3 + x1 - x2) + w26
-    w31 = w11*(-w18 + w19) + w26
-    w32 = w28 + w29 + w30 + w31
-    w33 = nu1*w11
-    w34 = nu1*w20
-    w35 = nu1*w25
+    w0 = f.sin(theta2)
+    w1 = f.cos(theta2)
+    w2 = second_v1_1*w0 + second_v1_2*w1
+    w3 = w2*nu1
+    w4 = second_v1_1*w1 - w0*second_v1_2
+    w5 = w4*nu1
+    w6 = f.sin(theta1)
+    w7 = first_1*w6
+    w8 = f.cos(theta1)
+    w9 = w8*first_2
+    w10 = w7 + w9
+    w11 = first_1*w8
+    w12 = first_2*w6
+    w13 = w11 - w12
+    w14 = nu1*(w2*w10 + w13*w4)
+    w15 = w0*second_2
+    w16 = w1*second_1
+    w17 = w0*second_1
+    w18 = w1*second_2
+    w19 = w7 + w9 - w17 - w18 + y1 - y2
+    w20 = w11 - w12 + w15 - w16 + x1 - x2
+    w21 = w0*theta2_t
+    w22 = w1*theta2_t
+    w23 = second_v1_1*w21 + second_v1_2*w22
+    w24 = second_v1_1*w22 - second_v1_2*w21
+    w25 = theta1_t*w6
+    w26 = first_1*w25
+    w27 = theta1_t*w8
+    w28 = first_2*w27
+    w29 = first_1*w27
+    w30 = first_2*w25
+    w31 = w4*(y1_t - y2_t + w29 - w30 - second_1*w22 + second_2*w21) - w19*w23
+    w32 = w20*w24 + w2*(x1_t - x2_t - w26 - w28 + second_2*w22 + second_1*w21)
     return (
-        w34,
-        w33,
-        nu1*w24,
-        w35,
-        nu1*w8,
-        nu1*w21,
-        w34,
-        w33,
-        w35,
-        -w34,
-        -w33,
-        nu1*w32,
-        w22,
-        w23,
-        theta1_t*w24 + theta2_t*w25,
-        -w22,
+        -w3,
+        w5,
+        -w14,
+        w14,
+        w3,
+        -w5,
+        -w3,
+        w5,
+        w14,
+        w3,
+        -w5,
+        nu1*(w4*(w15 - w16) - w2*w19 - (w2*(w17 + w18) + w4*w20)),
         -w23,
-        theta1_t*w25 + theta2_t*w32 + w11*y1_t + w20*x1_t + w21*y2_t + w8*x2_t,
+        w24,
+        w13*w24 - w2*(w26 + w28) - (w4*(w29 - w30) - w10*w23),
+        w23,
+        -w24,
+        w31 - w32,
     )
 
 

@@ -5,93 +5,38 @@ def dynamics(f, q, u, p, s):
     x1, y1, theta1, x2, y2, theta2, = q
     x1_t, y1_t, theta1_t, x2_t, y2_t, theta2_t, = u
     first_1, first_2, second_1, second_2, length, = p
-    w0 = 1/length
-    w1 = f.cos(theta1)
-    w2 = first_1*w1
-    w3 = f.sin(theta2)
-    w4 = second_2*w3
-    w5 = f.sin(theta1)
-    w6 = first_2*w5
-    w7 = f.cos(theta2)
-    w8 = second_1*w7
-    w9 = w2 + w4 - w6 - w8 + x1 - x2
-    w10 = first_1*w5
-    w11 = first_2*w1
-    w12 = second_1*w3
-    w13 = second_2*w7
-    w14 = w10 + w11 - w12 - w13 + y1 - y2
-    w15 = 2*w9
-    w16 = w0*w15
-    w17 = w16/2
-    w18 = 2*w14
-    w19 = w0*w18
-    w20 = w19/2
-    w21 = -w10 - w11
-    w22 = w2 - w6
-    w23 = w0*(w15*w21 + w18*w22)/2
-    w24 = -w16/2
-    w25 = -w19/2
-    w26 = w12 + w13
-    w27 = w4 - w8
-    w28 = w0*(w15*w26 + w18*w27)/2
-    w29 = 2*w0
-    w30 = w29/2
-    w31 = 2*w21
-    w32 = w0*w31
-    w33 = w32/2
-    w34 = -w29/2
-    w35 = 2*w26
-    w36 = w0*w35
-    w37 = w36/2
-    w38 = 2*w22
-    w39 = w0*w38
-    w40 = w39/2
-    w41 = 2*w27
-    w42 = w0*w41
-    w43 = w42/2
-    w44 = w15*(-w2 + w6) + w21*w31
-    w45 = w18*w21 + w22*w38
-    w46 = -w39*y2_t/2
-    w47 = theta2_t*w0*(w26*w31 + w27*w38)/2
-    w48 = theta1_t*w0*(w44 + w45)/2
-    w49 = w40*y1_t
-    w50 = w33*x1_t
-    w51 = -w32*x2_t/2
-    w52 = -2*w0
-    w53 = w52/2
-    w54 = -w52/2
-    w55 = -theta1_t*w0*w21
-    w56 = w53*x1_t
-    w57 = -theta2_t*w0*w26
-    w58 = w54*x2_t
-    w59 = w53*y1_t
-    w60 = -theta1_t*w0*w22
-    w61 = w54*y2_t
-    w62 = -theta2_t*w0*w27
-    w63 = w15*(-w4 + w8) + w26*w35
-    w64 = w18*w26 + w27*w41
-    w65 = -w36*x2_t/2
-    w66 = theta2_t*w0*(w63 + w64)/2
-    w67 = -w42*y2_t/2
-    w68 = w43*y1_t
-    w69 = w37*x1_t
-    w70 = theta1_t*w0*(w21*w35 + w22*w41)/2
-    w71 = x2_t*(w55 + w56 + w57 + w58)
-    w72 = theta2_t*(w65 + w66 + w67 + w68 + w69 + w70)
-    w73 = y1_t*(theta1_t*w40 + theta2_t*w43 + w30*y1_t + w34*y2_t)
-    w74 = x1_t*(theta1_t*w33 + theta2_t*w37 + w30*x1_t + w34*x2_t)
-    w75 = theta1_t*(w46 + w47 + w48 + w49 + w50 + w51)
-    w76 = y2_t*(w59 + w60 + w61 + w62)
+    w0 = f.cos(theta1)
+    w1 = f.sin(theta2)
+    w2 = f.sin(theta1)
+    w3 = f.cos(theta2)
+    w4 = x1 - x2 + first_1*w0 + second_2*w1 - first_2*w2 - second_1*w3
+    w5 = y1 - y2 + first_1*w2 + w0*first_2 - w1*second_1 - second_2*w3
+    w6 = w2*theta1_t
+    w7 = w3*theta2_t
+    w8 = w0*theta1_t
+    w9 = w1*theta2_t
+    w10 = x1_t - x2_t - first_1*w6 + second_2*w7 - first_2*w8 + second_1*w9
+    w11 = y1_t - y2_t + first_1*w8 - first_2*w6 - second_1*w7 + second_2*w9
+    w12 = w4/length
+    w13 = w5/length
+    w14 = w0*(first_1*w13 - first_2*w12) - w2*(first_2*w13 + first_1*w12)
+    w15 = w1*(second_2*w13 + second_1*w12) + w3*(second_2*w12 - second_1*w13)
+    w16 = theta1_t*w8
+    w17 = theta2_t*w9
+    w18 = theta1_t*w6
+    w19 = theta2_t*w7
+    w20 = w10*w10 + w4*(first_2*w18 - first_1*w16 - second_2*w17 + second_1*w19)
+    w21 = w11*w11 + w5*(second_1*w17 - first_1*w18 - first_2*w16 + second_2*w19)
     return (
-        w0*(-length**2 + w14**2 + w9**2)/2,
-        theta1_t*w23 + theta2_t*w28 + w17*x1_t + w20*y1_t + w24*x2_t + w25*y2_t,
-        w17,
-        w20,
-        w23,
-        w24,
-        w25,
-        w28,
-        w71 + w72 + w73 + w74 + w75 + w76,
+        (w4*w4 + w5*w5 - length*length)/(2*length),
+        (w4*w10 + w5*w11)/length,
+        w12,
+        w13,
+        w14,
+        -w12,
+        -w13,
+        w15,
+        (w20 + w21)/length,
     )
 
 
@@ -107,76 +52,59 @@ def linearize(f, q, u, p, s, nu):
     x1, y1, theta1, x2, y2, theta2, = q
     first_1, first_2, second_1, second_2, length, = p
     nu1, = nu
-    w0 = 1/length
-    w1 = f.cos(theta1)
+    w0 = nu1/length
+    w1 = f.sin(theta1)
     w2 = first_1*w1
-    w3 = f.sin(theta2)
-    w4 = second_2*w3
-    w5 = f.sin(theta1)
-    w6 = first_2*w5
-    w7 = f.cos(theta2)
-    w8 = second_1*w7
-    w9 = first_1*w5
-    w10 = first_2*w1
-    w11 = second_1*w3
-    w12 = second_2*w7
-    w13 = 2*w2 + 2*w4 - 2*w6 - 2*w8 + 2*x1 - 2*x2
-    w14 = 2*w10 - 2*w11 - 2*w12 + 2*w9 + 2*y1 - 2*y2
-    w15 = -w10 - w9
-    w16 = w2 - w6
-    w17 = w11 + w12
-    w18 = w4 - w8
-    w19 = 2*w0
-    w20 = 2*w15
-    w21 = w0*w20
-    w22 = 2*w17
-    w23 = w0*w22
-    w24 = 2*w16
-    w25 = w0*w24
-    w26 = 2*w18
-    w27 = w0*w26
-    w28 = w13*(-w2 + w6) + w15*w20
-    w29 = w14*w15 + w16*w24
-    w30 = -2*w0
-    w31 = w13*(-w4 + w8) + w17*w22
-    w32 = w14*w17 + w18*w26
-    w33 = nu1*w19/2
-    w34 = nu1*w21/2
-    w35 = nu1*w30/2
-    w36 = nu1*w23/2
-    w37 = nu1*w25/2
-    w38 = nu1*w27/2
-    w39 = -nu1*w19/2
-    w40 = -nu1*w30/2
+    w3 = f.cos(theta1)
+    w4 = w3*first_2
+    w5 = w0*(w2 + w4)
+    w6 = f.sin(theta2)
+    w7 = w6*second_1
+    w8 = f.cos(theta2)
+    w9 = second_2*w8
+    w10 = w0*(w7 + w9)
+    w11 = first_1*w3
+    w12 = first_2*w1
+    w13 = w0*(w11 - w12)
+    w14 = second_2*w6
+    w15 = second_1*w8
+    w16 = w0*(w14 - w15)
+    w17 = (y1 - y2 + w2 + w4 - w7 - w9)*w0
+    w18 = (x1 - x2 + w11 + w14 - w12 - w15)*w0
+    w19 = w3*(first_1*w13 + first_2*w5) - w1*(first_1*w17 - first_2*w18)
+    w20 = w3*(first_2*w17 + first_1*w18) + w1*(first_2*w13 - first_1*w5)
+    w21 = w3*(first_1*w16 - first_2*w10) - w1*(first_2*w16 + first_1*w10)
+    w22 = w8*(second_2*w17 + second_1*w18) + w6*(second_2*w16 + second_1*w10)
+    w23 = w8*(second_2*w10 - second_1*w16) - w6*(second_2*w18 - second_1*w17)
     return (
-        w33,
-        w34,
-        w35,
-        w36,
-        w33,
-        w37,
-        w35,
-        w38,
-        w34,
-        w37,
-        nu1*w0*(w28 + w29)/2,
-        -nu1*w0*w15,
-        -nu1*w0*w16,
-        nu1*w0*(w15*w22 + w16*w26)/2,
-        w39,
-        -nu1*w21/2,
-        w40,
-        -nu1*w23/2,
-        w39,
-        -nu1*w25/2,
-        w40,
-        -nu1*w27/2,
-        w36,
-        w38,
-        nu1*w0*(w17*w20 + w18*w24)/2,
-        -nu1*w0*w17,
-        -nu1*w0*w18,
-        nu1*w0*(w31 + w32)/2,
+        w0,
+        -w5,
+        -w0,
+        w10,
+        w0,
+        w13,
+        -w0,
+        w16,
+        -w5,
+        w13,
+        w19 - w20,
+        w5,
+        -w13,
+        w21,
+        -w0,
+        w5,
+        w0,
+        -w10,
+        -w0,
+        -w13,
+        w0,
+        -w16,
+        w10,
+        w16,
+        w21,
+        -w10,
+        -w16,
+        w22 + w23,
     )
 
 

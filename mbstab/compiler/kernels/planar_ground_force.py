@@ -5,14 +5,12 @@ def dynamics(f, q, u, p, s):
     _, _, theta1, = q
     point_1, point_2, = p
     s1, s2, *_ = s
-    w0 = f.sin(theta1)
-    w1 = f.cos(theta1)
-    w2 = s2*(point_1*w1 - point_2*w0)
-    w3 = s1*(-point_1*w0 - point_2*w1)
+    w0 = f.cos(theta1)
+    w1 = f.sin(theta1)
     return (
         -s1,
         -s2,
-        -w2 - w3,
+        s1*(point_1*w1 + point_2*w0) - s2*(point_1*w0 - w1*point_2),
     )
 
 
@@ -27,10 +25,8 @@ def linearize(f, q, u, p, s):
     s1, s2, *_ = s
     w0 = f.sin(theta1)
     w1 = f.cos(theta1)
-    w2 = s2*(-point_1*w0 - point_2*w1)
-    w3 = s1*(-point_1*w1 + point_2*w0)
     return (
-        -w2 - w3,
+        s2*(point_1*w0 + point_2*w1) + s1*(point_1*w1 - w0*point_2),
     )
 
 

@@ -6,62 +6,42 @@ def dynamics(f, q, u, p, s):
     x1_t, y1_t, theta1_t, x2_t, y2_t, theta2_t, = u
     first_1, first_2, second_1, second_2, normal_1, normal_2, = p
     w0 = f.cos(theta1)
-    w1 = normal_1*w0
-    w2 = f.sin(theta1)
-    w3 = normal_2*w2
-    w4 = w1 - w3
-    w5 = first_1*w0
-    w6 = f.sin(theta2)
-    w7 = second_2*w6
-    w8 = first_2*w2
-    w9 = f.cos(theta2)
-    w10 = second_1*w9
-    w11 = -w10 + w5 + w7 - w8 + x1 - x2
-    w12 = normal_1*w2
-    w13 = normal_2*w0
-    w14 = w12 + w13
-    w15 = first_1*w2
-    w16 = first_2*w0
-    w17 = second_1*w6
-    w18 = second_2*w9
-    w19 = w15 + w16 - w17 - w18 + y1 - y2
-    w20 = -w15 - w16
-    w21 = -w12 - w13
-    w22 = w5 - w8
-    w23 = w11*w21 + w14*w22 + w19*w4 + w20*w4
-    w24 = w17 + w18
-    w25 = -w10 + w7
-    w26 = w14*w25 + w24*w4
-    w27 = theta1_t*w21
-    w28 = theta1_t*w4
-    w29 = w20*w21
-    w30 = w22*w4
-    w31 = w14*w20 + w19*w21 + 2*w30
-    w32 = w11*(-w1 + w3) + 2*w29 + w4*(-w5 + w8)
-    w33 = w21*w24 + w25*w4
-    w34 = w4*y2_t
-    w35 = w4*y1_t
-    w36 = w21*x1_t
-    w37 = theta1_t*(w31 + w32)
-    w38 = theta2_t*w33
-    w39 = w21*x2_t
-    w40 = theta1_t*w33 + theta2_t*(w14*w24 + w4*(w10 - w7))
-    w41 = w27*x1_t
-    w42 = w28*y1_t
-    w43 = w27*x2_t
-    w44 = theta2_t*w40
-    w45 = theta1_t*(-w34 + w35 + w36 + w37 + w38 - w39)
-    w46 = w28*y2_t
+    w1 = f.sin(theta1)
+    w2 = normal_1*w0 - normal_2*w1
+    w3 = f.sin(theta2)
+    w4 = f.cos(theta2)
+    w5 = x1 - x2 + w0*first_1 + second_2*w3 - w1*first_2 - second_1*w4
+    w6 = normal_1*w1 + w0*normal_2
+    w7 = y1 - y2 + w1*first_1 + w0*first_2 - w3*second_1 - second_2*w4
+    w8 = w1*theta1_t
+    w9 = w0*theta1_t
+    w10 = normal_1*w8 + normal_2*w9
+    w11 = w4*theta2_t
+    w12 = w3*theta2_t
+    w13 = x1_t - x2_t - first_1*w8 + second_2*w11 - first_2*w9 + second_1*w12
+    w14 = normal_1*w9 - normal_2*w8
+    w15 = y1_t - y2_t + first_1*w9 - first_2*w8 - second_1*w11 + second_2*w12
+    w16 = w0*(first_1*w6 + normal_1*w7 - w2*first_2 - normal_2*w5) - w1*(first_2*w6 + normal_2*w7 + w2*first_1 + normal_1*w5)
+    w17 = w3*(second_2*w6 + w2*second_1) + w4*(w2*second_2 - second_1*w6)
+    w18 = w10*w13
+    w19 = theta1_t*w9
+    w20 = theta1_t*w8
+    w21 = theta2_t*w12
+    w22 = theta2_t*w11
+    w23 = w2*(first_2*w20 - first_1*w19 - second_2*w21 + second_1*w22) - w18
+    w24 = w14*w15
+    w25 = w24 + w6*(second_1*w21 - first_1*w20 - first_2*w19 + second_2*w22)
+    w26 = w23 - (w18 + w5*(normal_1*w19 - normal_2*w20)) + w24 - w7*(normal_1*w20 + normal_2*w19) + w25
     return (
-        w11*w4 + w14*w19,
-        theta1_t*w23 + theta2_t*w26 + w14*y1_t - w14*y2_t + w4*x1_t - w4*x2_t,
-        w4,
-        w14,
-        w23,
-        -w4,
-        -w14,
+        w2*w5 + w6*w7,
+        w2*w13 - w5*w10 + w7*w14 + w6*w15,
+        w2,
+        w6,
+        w16,
+        -w2,
+        -w6,
+        w17,
         w26,
-        w41 + w42 - w43 + w44 + w45 - w46,
     )
 
 
@@ -77,49 +57,46 @@ def linearize(f, q, u, p, s, nu):
     x1, y1, theta1, x2, y2, theta2, = q
     first_1, first_2, second_1, second_2, normal_1, normal_2, = p
     nu1, = nu
-    w0 = f.cos(theta1)
-    w1 = normal_1*w0
-    w2 = f.sin(theta1)
-    w3 = normal_2*w2
-    w4 = w1 - w3
-    w5 = first_1*w0
-    w6 = f.sin(theta2)
-    w7 = second_2*w6
-    w8 = first_2*w2
+    w0 = f.sin(theta1)
+    w1 = f.cos(theta1)
+    w2 = (normal_1*w0 + w1*normal_2)*nu1
+    w3 = (normal_1*w1 - normal_2*w0)*nu1
+    w4 = first_1*w2
+    w5 = w0*first_1
+    w6 = w1*first_2
+    w7 = f.sin(theta2)
+    w8 = w7*second_1
     w9 = f.cos(theta2)
-    w10 = second_1*w9
-    w11 = normal_1*w2
-    w12 = normal_2*w0
-    w13 = w11 + w12
-    w14 = first_1*w2
-    w15 = first_2*w0
-    w16 = second_1*w6
-    w17 = second_2*w9
-    w18 = -w14 - w15
-    w19 = -w11 - w12
-    w20 = w16 + w17
-    w21 = w18*w19
-    w22 = w21 + w4*(-w5 + w8)
-    w23 = w21 + (-w1 + w3)*(-w10 + w5 + w7 - w8 + x1 - x2)
-    w24 = w4*(w5 - w8)
-    w25 = w13*w18 + w19*(w14 + w15 - w16 - w17 + y1 - y2) + 2*w24
-    w26 = w22 + w23
-    w27 = nu1*w4
-    w28 = nu1*w19
-    w29 = nu1*(w19*w20 + w4*(-w10 + w7))
+    w10 = second_2*w9
+    w11 = (y1 - y2 + w5 + w6 - w8 - w10)*nu1
+    w12 = first_2*w3
+    w13 = w1*first_1
+    w14 = second_2*w7
+    w15 = w0*first_2
+    w16 = second_1*w9
+    w17 = (x1 - x2 + w13 + w14 - w15 - w16)*nu1
+    w18 = first_2*w2
+    w19 = first_1*w3
+    w20 = nu1*(w13 - w15)
+    w21 = nu1*(w5 + w6)
+    w22 = w1*(w18 + w19 + normal_1*w20 + normal_2*w21) - w0*(w4 + normal_1*w11 - w12 - normal_2*w17)
+    w23 = w1*(w18 + normal_2*w11 + w19 + normal_1*w17) + w0*(w12 - w4 + normal_2*w20 - normal_1*w21)
+    w24 = nu1*(w14 - w16)
+    w25 = nu1*(w8 + w10)
+    w26 = w1*(normal_1*w24 - normal_2*w25) - w0*(normal_2*w24 + normal_1*w25)
     return (
-        w28,
-        w27,
-        w28,
-        w27,
-        nu1*(w25 + w26),
-        -w28,
-        -w27,
-        w29,
-        -w28,
-        -w27,
-        w29,
-        nu1*(w13*w20 + w4*(w10 - w7)),
+        -w2,
+        w3,
+        -w2,
+        w3,
+        w22 - w23,
+        w2,
+        -w3,
+        w26,
+        w2,
+        -w3,
+        w26,
+        -w26,
     )
 
 

@@ -7,27 +7,25 @@ def dynamics(f, q, u, p, s):
     point_1, point_2, across_1, across_2, = p
     w0 = f.sin(theta1)
     w1 = f.cos(theta1)
-    w2 = -point_1*w0 - point_2*w1
+    w2 = point_1*w0 + point_2*w1
     w3 = theta1_t*w2
-    w4 = w3 + x1_t
-    w5 = across_1*w1 - across_2*w0
-    w6 = point_1*w1
-    w7 = point_2*w0
-    w8 = w6 - w7
-    w9 = theta1_t*w8 + y1_t
-    w10 = across_1*w0
-    w11 = across_2*w1
-    w12 = w10 + w11
-    w13 = w12*w9 + w4*w5
-    w14 = theta1_t*w5*(-w6 + w7) + w4*(-w10 - w11)
-    w15 = w12*w3 + w5*w9
+    w4 = x1_t - w3
+    w5 = w1*across_1 - w0*across_2
+    w6 = point_1*w1 - w0*point_2
+    w7 = theta1_t*w6
+    w8 = y1_t + w7
+    w9 = w0*across_1 + w1*across_2
+    w10 = w4*w5 + w8*w9
+    w11 = theta1_t*w0
+    w12 = theta1_t*w1
+    w13 = w8*(across_1*w12 - across_2*w11) - w9*theta1_t*w3 - (w5*theta1_t*w7 + w4*(across_1*w11 + across_2*w12))
     return (
-        w13,
-        w13,
+        w10,
+        w10,
         w5,
-        w12,
-        w12*w8 + w2*w5,
-        theta1_t*(w14 + w15),
+        w9,
+        w6*w9 - w2*w5,
+        w13,
     )
 
 
@@ -46,19 +44,14 @@ def linearize(f, q, u, p, s, nu):
     nu1, = nu
     w0 = f.sin(theta1)
     w1 = f.cos(theta1)
-    w2 = theta1_t*(-point_1*w0 - point_2*w1)
-    w3 = across_1*w1 - across_2*w0
-    w4 = point_1*w1
-    w5 = point_2*w0
-    w6 = across_1*w0
-    w7 = across_2*w1
-    w8 = -w6 - w7
-    w9 = theta1_t*w3*(-w4 + w5) + w8*(w2 + x1_t)
-    w10 = w2*(w6 + w7) + w3*(theta1_t*(w4 - w5) + y1_t)
+    w2 = w0*across_1 + w1*across_2
+    w3 = w1*across_1 - w0*across_2
+    w4 = theta1_t*(point_1*w1 - w0*point_2)
+    w5 = theta1_t*(point_1*w0 + point_2*w1)
     return (
-        nu1*w8,
-        nu1*w3,
-        w10 + w9,
+        -w2*nu1,
+        w3*nu1,
+        w3*(y1_t + w4) - w5*w2 - (w3*w4 + (x1_t - w5)*w2),
     )
 
 

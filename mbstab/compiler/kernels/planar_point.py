@@ -3,12 +3,11 @@
 
 def dynamics(f, q, u, p, s):
     mass, gravity_1, gravity_2, = p
-    w0 = mass
     return (
-        w0,
-        w0,
-        -gravity_1*mass,
-        -gravity_2*mass,
+        mass,
+        mass,
+        -mass*gravity_1,
+        -mass*gravity_2,
     )
 
 

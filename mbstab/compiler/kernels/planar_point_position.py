@@ -7,20 +7,22 @@ def dynamics(f, q, u, p, s):
     point_1, point_2, direction_1, direction_2, = p
     s1, s1_t, s1_tt, = s
     w0 = f.cos(theta1)
-    w1 = point_1*w0
-    w2 = f.sin(theta1)
-    w3 = point_2*w2
-    w4 = point_1*w2
-    w5 = point_2*w0
-    w6 = -w4 - w5
-    w7 = direction_1*w6 + direction_2*(w1 - w3)
+    w1 = f.sin(theta1)
+    w2 = direction_1*(x1 + point_1*w0 - point_2*w1) - s1 + direction_2*(y1 + point_1*w1 + w0*point_2)
+    w3 = w1*theta1_t
+    w4 = w0*theta1_t
+    w5 = s1_t + direction_1*(point_1*w3 - x1_t + point_2*w4) - direction_2*(y1_t + point_1*w4 - point_2*w3)
+    w6 = w0*(point_1*direction_2 - direction_1*point_2) - w1*(point_2*direction_2 + direction_1*point_1)
+    w7 = theta1_t*w4
+    w8 = theta1_t*w3
+    w9 = s1_tt + direction_1*(point_1*w7 - point_2*w8) + direction_2*(point_1*w8 + point_2*w7)
     return (
-        direction_1*(w1 - w3 + x1) + direction_2*(w4 + w5 + y1) - s1,
-        direction_1*x1_t + direction_2*y1_t - s1_t + theta1_t*w7,
+        w2,
+        -w5,
         direction_1,
         direction_2,
-        w7,
-        -s1_tt + theta1_t**2*(direction_1*(-w1 + w3) + direction_2*w6),
+        w6,
+        -w9,
     )
 
 
@@ -36,12 +38,11 @@ def linearize(f, q, u, p, s, nu):
     _, _, theta1, = q
     point_1, point_2, direction_1, direction_2, = p
     nu1, = nu
-    w0 = f.cos(theta1)
-    w1 = f.sin(theta1)
-    w2 = direction_2*(-point_1*w1 - point_2*w0)
-    w3 = direction_1*(-point_1*w0 + point_2*w1)
+    w0 = direction_2*nu1
+    w1 = direction_1*nu1
+    w2 = f.sin(theta1)*(point_1*w0 - point_2*w1) + f.cos(theta1)*(point_2*w0 + point_1*w1)
     return (
-        nu1*(w2 + w3),
+        -w2,
     )
 
 

@@ -8,19 +8,18 @@ def dynamics(f, q, u, p, s):
     s1, s1_t, *_ = s
     w0 = f.sin(theta1)
     w1 = f.cos(theta1)
-    w2 = -point_1*w0 - point_2*w1
+    w2 = point_1*w0 + point_2*w1
     w3 = theta1_t*w2
-    w4 = point_1*w1
-    w5 = point_2*w0
-    w6 = w4 - w5
-    w7 = direction_1*(w3 + x1_t) + direction_2*(theta1_t*w6 + y1_t) - s1
+    w4 = point_1*w1 - w0*point_2
+    w5 = theta1_t*w4
+    w6 = direction_1*(x1_t - w3) - s1 + direction_2*(y1_t + w5)
     return (
-        w7,
-        w7,
+        w6,
+        w6,
         direction_1,
         direction_2,
-        direction_1*w2 + direction_2*w6,
-        -s1_t + theta1_t*(direction_1*theta1_t*(-w4 + w5) + direction_2*w3),
+        direction_2*w4 - direction_1*w2,
+        -(s1_t + direction_1*theta1_t*w5 + direction_2*theta1_t*w3),
     )
 
 
@@ -39,11 +38,11 @@ def linearize(f, q, u, p, s, nu):
     nu1, = nu
     w0 = f.sin(theta1)
     w1 = f.cos(theta1)
-    w2 = -point_1*w0 - point_2*w1
-    w3 = -point_1*w1 + point_2*w0
+    w2 = point_1*w0 + point_2*w1
+    w3 = point_1*w1 - w0*point_2
     return (
-        nu1*(direction_1*w3 + direction_2*w2),
-        direction_1*theta1_t*w3 + direction_2*theta1_t*w2,
+        -(w2*direction_2*nu1 + w3*direction_1*nu1),
+        -(direction_1*theta1_t*w3 + theta1_t*w2*direction_2),
     )
 
 

@@ -13,39 +13,31 @@ def dynamics(f, q, u, p, s):
     w5 = first_2*w4
     w6 = f.cos(theta2)
     w7 = second_1*w6
-    w8 = w1 + w3 - w5 - w7 + x1 - x2
+    w8 = x1 - x2 + w1 + w3 - w5 - w7
     w9 = first_1*w4
-    w10 = first_2*w0
-    w11 = second_1*w2
+    w10 = w0*first_2
+    w11 = w2*second_1
     w12 = second_2*w6
-    w13 = w10 - w11 - w12 + w9 + y1 - y2
-    w14 = w13**2 + w8**2
-    w15 = 1/(f.sqrt(w14))
-    w16 = w13*(2*w1 - 2*w5)/2
-    w17 = w8*(-2*w10 - 2*w9)/2
-    w18 = w16 + w17
-    w19 = w8*(2*w11 + 2*w12)/2
-    w20 = w13*(2*w3 - 2*w7)/2
-    w21 = w19 + w20
-    w22 = -w1 - w3 + w5 + w7 - x1 + x2
-    w23 = -w10 + w11 + w12 - w9 - y1 + y2
-    w24 = 2*w8
-    w25 = w15/2
-    w26 = -2*rest + 2*f.sqrt(w14)
-    w27 = stiffness*w24*w25*w26
-    w28 = theta1_t*w15*w18 + theta2_t*w15*w21 + w13*w15*y1_t + w15*w22*x2_t + w15*w23*y2_t + w15*w8*x1_t
-    w29 = 2*w28
-    w30 = 2*w13
-    w31 = stiffness*w25*w26*w30
-    w32 = w25*w26*(w24*(-w10 - w9) + w30*(w1 - w5))
-    w33 = w25*w26*(w24*(w11 + w12) + w30*(w3 - w7))
+    w13 = y1 - y2 + w9 + w10 - w11 - w12
+    w14 = f.sqrt(w8*w8 + w13*w13)
+    w15 = stiffness*(w14 - rest)/w14
+    w16 = w8*w15
+    w17 = w13*(w1 - w5) - w8*(w9 + w10)
+    w18 = w13*(w3 - w7) + w8*(w11 + w12)
+    w19 = theta1_t*w17/w14 + theta2_t*w18/w14 + w8*x1_t/w14 - w8*x2_t/w14 + w13*y1_t/w14 - w13*y2_t/w14
+    w20 = damping*w19
+    w21 = w16 + w20*w8/w14
+    w22 = w13*w15
+    w23 = w22 + w20*w13/w14
+    w24 = w0*(first_1*w22 - first_2*w16) - w4*(first_2*w22 + first_1*w16)
+    w25 = w2*(second_2*w22 + second_1*w16) + w6*(second_2*w16 - second_1*w22)
     return (
-        damping*w15*w29*w8/2 + w27/2,
-        damping*w13*w15*w29/2 + w31/2,
-        damping*w15*w18*w29/2 + stiffness*w32/2,
-        damping*w15*w22*w29/2 - w27/2,
-        damping*w15*w23*w29/2 - w31/2,
-        damping*w15*w21*w29/2 + stiffness*w33/2,
+        w21,
+        w23,
+        w24 + w20*w17/w14,
+        -w21,
+        -w23,
+        w25 + w20*w18/w14,
     )
 
 
@@ -66,296 +58,172 @@ def linearize(f, q, u, p, s):
     w5 = first_2*w4
     w6 = f.cos(theta2)
     w7 = second_1*w6
-    w8 = w1 + w3 - w5 - w7 + x1 - x2
+    w8 = x1 - x2 + w1 + w3 - w5 - w7
     w9 = first_1*w4
-    w10 = first_2*w0
-    w11 = second_1*w2
+    w10 = w0*first_2
+    w11 = w2*second_1
     w12 = second_2*w6
-    w13 = w10 - w11 - w12 + w9 + y1 - y2
-    w14 = w13**2 + w8**2
-    w15 = 1/(f.sqrt(w14))
-    w16 = -2*w10 - 2*w9
-    w17 = 2*w1 - 2*w5
-    w18 = w13*w17/2 + w16*w8/2
-    w19 = 2*w3 - 2*w7
-    w20 = 2*w11 + 2*w12
-    w21 = w13*w19/2 + w20*w8/2
-    w22 = -w1 - w3 + w5 + w7 - x1 + x2
-    w23 = -w10 + w11 + w12 - w9 - y1 + y2
-    w24 = 2*w8
-    w25 = w15/2
-    w26 = w24*w25
-    w27 = -2*rest + 2*f.sqrt(w14)
-    w28 = w15*w8
-    w29 = theta1_t*w15*w18 + theta2_t*w15*w21 + w13*w15*y1_t + w15*w22*x2_t + w15*w23*y2_t + w15*w8*x1_t
-    w30 = 2*w29
-    w31 = 2*w13
-    w32 = w25*w31
-    w33 = w13*w15
-    w34 = w1 - w5
-    w35 = -w10 - w9
-    w36 = w24*w35 + w31*w34
-    w37 = w25*w36
-    w38 = w15*w18
-    w39 = w15*w22
-    w40 = w15*w23
-    w41 = w3 - w7
-    w42 = w11 + w12
-    w43 = w24*w42 + w31*w41
-    w44 = w25*w43
-    w45 = w15*w21
-    w46 = 2*w25
-    w47 = -1/(2*f.sqrt(w14)*w14)
-    w48 = w24*w47
-    w49 = w48/2
-    w50 = 2*w26
-    w51 = stiffness*(w26*w50 + w27*(w24*w49 + w46))
-    w52 = w48*w8
-    w53 = theta1_t*w18
-    w54 = w48*w53
-    w55 = w16/2
-    w56 = theta1_t*w15
-    w57 = theta2_t*w21
-    w58 = w48*w57
-    w59 = w20/2
-    w60 = theta2_t*w15
-    w61 = w8*x1_t
-    w62 = w48*w61
-    w63 = w15*x1_t
-    w64 = w22*x2_t
-    w65 = w48*w64
-    w66 = w15*x2_t
-    w67 = w13*y1_t
-    w68 = w48*w67
-    w69 = w23*y2_t
-    w70 = w48*w69
-    w71 = w54 + w55*w56 + w58 + w59*w60 + w62 + w63 + w65 - w66 + w68 + w70
-    w72 = 2*w71
-    w73 = damping*(w28*w72 + w30*(w15 + w52))/2
-    w74 = w51/2
-    w75 = w31*w47
-    w76 = w75/2
-    w77 = 2*w32
-    w78 = stiffness*(w24*w27*w76 + w26*w77)
-    w79 = w30*w75*w8
-    w80 = w53*w75
-    w81 = w17/2
-    w82 = w57*w75
-    w83 = w19/2
-    w84 = w61*w75
-    w85 = w64*w75
-    w86 = w15*y1_t
-    w87 = w67*w75
-    w88 = w69*w75
-    w89 = w15*y2_t
-    w90 = w56*w81 + w60*w83 + w80 + w82 + w84 + w85 + w86 + w87 + w88 - w89
-    w91 = 2*w90
-    w92 = 2*w35
-    w93 = w25*w92
-    w94 = w36*w47
-    w95 = w94/2
-    w96 = 2*w37
-    w97 = stiffness*(w26*w96 + w27*(w24*w95 + w93))
-    w98 = w13*w16/2 + w17*w34/2
-    w99 = w16*w35/2 + w8*(-2*w1 + 2*w5)/2
-    w100 = w98 + w99
-    w101 = w19*w34/2 + w20*w35/2
-    w102 = w10 + w9
-    w103 = -w1 + w5
-    w104 = w100*w56 + w53*w94
-    w105 = w34*w86 + w67*w94
-    w106 = w35*w63 + w61*w94
-    w107 = w101*w60 + w57*w94
-    w108 = w102*w66 + w64*w94
-    w109 = w103*w89 + w69*w94
-    w110 = 2*w104 + 2*w105 + 2*w106 + 2*w107 + 2*w108 + 2*w109
-    w111 = damping*(w110*w28 + w30*(w15*w35 + w8*w94))
-    w112 = -2*w25
-    w113 = -w48/2
-    w114 = -2*w26
-    w115 = stiffness*(w114*w26 + w27*(w112 + w113*w24))
-    w116 = -w16/2
-    w117 = -w20/2
-    w118 = w116*w56 + w117*w60 - w54 - w58 - w62 - w63 - w65 + w66 - w68 - w70
-    w119 = 2*w118
-    w120 = damping*(w119*w28 + w30*(-w15 - w52))/2
-    w121 = w115/2
-    w122 = -w75/2
-    w123 = -2*w32
-    w124 = stiffness*(w122*w24*w27 + w123*w26)
-    w125 = -w17/2
-    w126 = -w19/2
-    w127 = w125*w56 + w126*w60 - w80 - w82 - w84 - w85 - w86 - w87 - w88 + w89
-    w128 = 2*w127
-    w129 = 2*w42
-    w130 = w129*w25
-    w131 = w43*w47
-    w132 = w131/2
-    w133 = 2*w44
-    w134 = stiffness*(w133*w26 + w27*(w130 + w132*w24))
-    w135 = w16*w42/2 + w17*w41/2
-    w136 = w13*w20/2 + w19*w41/2
-    w137 = w20*w42/2 + w8*(-2*w3 + 2*w7)/2
-    w138 = w136 + w137
-    w139 = -w11 - w12
-    w140 = -w3 + w7
-    w141 = w131*w64 + w139*w66
-    w142 = w131*w69 + w140*w89
-    w143 = w131*w53 + w135*w56
-    w144 = w131*w67 + w41*w86
-    w145 = w131*w61 + w42*w63
-    w146 = w131*w57 + w138*w60
-    w147 = 2*w141 + 2*w142 + 2*w143 + 2*w144 + 2*w145 + 2*w146
-    w148 = damping*(w147*w28 + w30*(w131*w8 + w15*w42))
-    w149 = stiffness*(w27*w31*w49 + w32*w50)
-    w150 = w13*w30*w48
-    w151 = stiffness*(w27*(w31*w76 + w46) + w32*w77)
-    w152 = w13*w75
-    w153 = w151/2
-    w154 = damping*(w30*(w15 + w152) + w33*w91)/2
-    w155 = 2*w34
-    w156 = w155*w25
-    w157 = stiffness*(w27*(w156 + w31*w95) + w32*w96)
-    w158 = damping*(w110*w33 + w30*(w13*w94 + w15*w34))
-    w159 = stiffness*(w113*w27*w31 + w114*w32)
-    w160 = stiffness*(w123*w32 + w27*(w112 + w122*w31))
-    w161 = w160/2
-    w162 = damping*(w128*w33 + w30*(-w15 - w152))/2
-    w163 = 2*w41
-    w164 = w163*w25
-    w165 = stiffness*(w133*w32 + w27*(w132*w31 + w164))
-    w166 = damping*(w147*w33 + w30*(w13*w131 + w15*w41))
-    w167 = w18*w48
-    w168 = stiffness*(w27*(w36*w49 + w93) + w37*w50)/2
-    w169 = damping*(w30*(w15*w55 + w167) + w38*w72)/2
-    w170 = w18*w75
-    w171 = stiffness*(w27*(w156 + w36*w76) + w37*w77)/2
-    w172 = damping*(w30*(w15*w81 + w170) + w38*w91)/2
-    w173 = w103*w24 + w155*w34 + w31*w35 + w35*w92
-    w174 = stiffness*(w27*(w173*w25 + w36*w95) + w37*w96)
-    w175 = damping*(w110*w38 + w30*(w100*w15 + w18*w94))
-    w176 = w114*w37 + w27*(w113*w36 - 2*w25*w35)
-    w177 = damping*(w119*w38 + w30*(w116*w15 - w167))/2
-    w178 = stiffness*w176/2
-    w179 = w123*w37 + w27*(w122*w36 - 2*w25*w34)
-    w180 = damping*(w128*w38 + w30*(w125*w15 - w170))/2
-    w181 = stiffness*w179/2
-    w182 = w133*w37
-    w183 = w27*(w132*w36 + w25*(w129*w35 + w163*w34))
-    w184 = damping*(w147*w38 + w30*(w131*w18 + w135*w15))
-    w185 = w22*w48
-    w186 = -w51/2
-    w187 = damping*(w30*(-w15 + w185) + w39*w72)/2
-    w188 = w22*w30*w75
-    w189 = damping*(w110*w39 + w30*(w102*w15 + w22*w94))
-    w190 = -w115/2
-    w191 = damping*(w119*w39 + w30*(w15 - w185))/2
-    w192 = damping*(w147*w39 + w30*(w131*w22 + w139*w15))
-    w193 = w23*w30*w48
-    w194 = w23*w75
-    w195 = -w151/2
-    w196 = damping*(w30*(-w15 + w194) + w40*w91)/2
-    w197 = damping*(w110*w40 + w30*(w103*w15 + w23*w94))
-    w198 = -w160/2
-    w199 = damping*(w128*w40 + w30*(w15 - w194))/2
-    w200 = damping*(w147*w40 + w30*(w131*w23 + w140*w15))
-    w201 = w21*w48
-    w202 = damping*(w30*(w15*w59 + w201) + w45*w72)/2
-    w203 = stiffness*(w27*(w130 + w43*w49) + w44*w50)/2
-    w204 = w21*w75
-    w205 = damping*(w30*(w15*w83 + w204) + w45*w91)/2
-    w206 = stiffness*(w27*(w164 + w43*w76) + w44*w77)/2
-    w207 = w27*(w25*(w155*w41 + w42*w92) + w43*w95)
-    w208 = w44*w96
-    w209 = damping*(w110*w45 + w30*(w101*w15 + w21*w94))
-    w210 = w114*w44 + w27*(w113*w43 - 2*w25*w42)
-    w211 = damping*(w119*w45 + w30*(w117*w15 - w201))/2
-    w212 = stiffness*w210/2
-    w213 = w123*w44 + w27*(w122*w43 - 2*w25*w41)
-    w214 = damping*(w128*w45 + w30*(w126*w15 - w204))/2
-    w215 = stiffness*w213/2
-    w216 = w129*w42 + w140*w24 + w163*w41 + w31*w42
-    w217 = stiffness*(w133*w44 + w27*(w132*w43 + w216*w25))
-    w218 = damping*(w147*w45 + w30*(w131*w21 + w138*w15))
-    w219 = 2*w28
-    w220 = 2*w33
-    w221 = 2*w38
-    w222 = 2*w39
-    w223 = 2*w40
-    w224 = 2*w45
+    w13 = y1 - y2 + w9 + w10 - w11 - w12
+    w14 = f.sqrt(w8*w8 + w13*w13)
+    w15 = stiffness*(w14 - rest)
+    w16 = w15/w14
+    w17 = w8/w14
+    w18 = w15/(w14*w14)
+    w19 = w9 + w10
+    w20 = w1 - w5
+    w21 = w13*w20 - w8*w19
+    w22 = theta1_t*w21/(w14*w14)
+    w23 = theta1_t/w14
+    w24 = w3 - w7
+    w25 = w11 + w12
+    w26 = w13*w24 + w8*w25
+    w27 = theta2_t*w26/(w14*w14)
+    w28 = theta2_t/w14
+    w29 = x1_t/w14
+    w30 = w8*x1_t/(w14*w14)
+    w31 = x2_t/w14
+    w32 = w8*x2_t/(w14*w14)
+    w33 = w13*y1_t/(w14*w14)
+    w34 = w13*y2_t/(w14*w14)
+    w35 = w25*w28 - w17*w27 - (w17*w22 + w19*w23) + w29 - w17*w30 - (w31 - w32*w17) - w33*w17 + w34*w17
+    w36 = damping*w35
+    w37 = theta1_t*w21/w14 + theta2_t*w26/w14 + w8*x1_t/w14 - w8*x2_t/w14 + w13*y1_t/w14 - w13*y2_t/w14
+    w38 = damping*w37
+    w39 = 1/w14
+    w40 = w8/(w14*w14)
+    w41 = w16 + w8*(stiffness*w17/w14 - w17*w18) + w17*w36 + w38*(w39 - w17*w40)
+    w42 = w13/w14
+    w43 = stiffness*w42/w14 - w42*w18
+    w44 = w8*w43
+    w45 = y1_t/w14
+    w46 = y2_t/w14
+    w47 = w20*w23 - w42*w22 + w24*w28 - w42*w27 - w42*w30 + w42*w32 + w45 - w42*w33 - (w46 - w34*w42)
+    w48 = damping*w47
+    w49 = w38*w42*w40
+    w50 = w44 + w17*w48 - w49
+    w51 = w21/w14
+    w52 = stiffness*w51/w14 - w51*w18
+    w53 = w8*w52 - w19*w16
+    w54 = w20*w20 - w13*w19 - (w8*w20 - w19*w19)
+    w55 = w20*w24 - w19*w25
+    w56 = w23*w54 - w22*w51 + w28*w55 - w27*w51 - (w19*w29 + w30*w51) + w19*w31 + w32*w51 + w20*w45 - w33*w51 - (w20*w46 - w34*w51)
+    w57 = damping*w56
+    w58 = w38*(w19/w14 + w51*w40)
+    w59 = w53 + w17*w57 - w58
+    w60 = w26/w14
+    w61 = stiffness*w60/w14 - w60*w18
+    w62 = w25*w16 + w8*w61
+    w63 = w24*w24 + w13*w25 + w25*w25 - w8*w24
+    w64 = w23*w55 - w60*w22 + w28*w63 - w27*w60 + w25*w29 - w30*w60 - (w25*w31 - w32*w60) + w24*w45 - w33*w60 - (w24*w46 - w34*w60)
+    w65 = damping*w64
+    w66 = w38*(w25/w14 - w60*w40)
+    w67 = w62 + w17*w65 + w66
+    w68 = w44 + w42*w36 - w49
+    w69 = w13/(w14*w14)
+    w70 = w16 + w13*w43 + w42*w48 + w38*(w39 - w42*w69)
+    w71 = w20*w16 + w13*w52
+    w72 = w38*(w20/w14 - w51*w69)
+    w73 = w71 + w42*w57 + w72
+    w74 = w24*w16 + w13*w61
+    w75 = w38*(w24/w14 - w60*w69)
+    w76 = w74 + w42*w65 + w75
+    w77 = w53 + w51*w36 - w58
+    w78 = w71 + w72 + w51*w48
+    w79 = w13*w16
+    w80 = w8*w16
+    w81 = w0*(first_1*w71 - first_2*w53) - w4*(first_1*w79 - first_2*w80)
+    w82 = w0*(first_2*w79 + first_1*w80) + w4*(first_2*w71 + first_1*w53)
+    w83 = w21/(w14*w14)
+    w84 = w0*(first_1*w74 - first_2*w62) - w4*(first_2*w74 + first_1*w62)
+    w85 = w38*(w55/w14 - w60*w83)
+    w86 = w62 + w66 + w60*w36
+    w87 = w74 + w75 + w60*w48
+    w88 = w6*(second_2*w79 + second_1*w80) + w2*(second_2*w74 + second_1*w62)
+    w89 = w6*(second_2*w62 - second_1*w74) - w2*(second_2*w80 - second_1*w79)
+    w90 = w17*damping*w17
+    w91 = damping*w42
+    w92 = w17*w91
+    w93 = damping*w51
+    w94 = w17*w93
+    w95 = damping*w60
+    w96 = w17*w95
+    w97 = w42*w91
+    w98 = w42*w93
+    w99 = w42*w95
+    w100 = w51*w95
     return (
-        w73 + w74,
-        damping*(w28*w91 + w79)/2 + w78/2,
-        w111/2 + w97/2,
-        w120 + w121,
-        damping*(w128*w28 - w79)/2 + w124/2,
-        w134/2 + w148/2,
-        damping*(w150 + w33*w72)/2 + w149/2,
-        w153 + w154,
-        w157/2 + w158/2,
-        damping*(w119*w33 - w150)/2 + w159/2,
-        w161 + w162,
-        w165/2 + w166/2,
-        w168 + w169,
-        w171 + w172,
-        w174/2 + w175/2,
-        w177 + w178,
-        w180 + w181,
-        stiffness*(w182 + w183)/2 + w184/2,
-        w186 + w187,
-        damping*(w188 + w39*w91)/2 - w78/2,
-        w189/2 - w97/2,
-        w190 + w191,
-        damping*(w128*w39 - w188)/2 - w124/2,
-        -w134/2 + w192/2,
-        damping*(w193 + w40*w72)/2 - w149/2,
-        w195 + w196,
-        -w157/2 + w197/2,
-        damping*(w119*w40 - w193)/2 - w159/2,
-        w198 + w199,
-        -w165/2 + w200/2,
-        w202 + w203,
-        w205 + w206,
-        stiffness*(w207 + w208)/2 + w209/2,
-        w211 + w212,
-        w214 + w215,
-        w217/2 + w218/2,
-        damping*w219*w28/2,
-        damping*w220*w28/2,
-        damping*w221*w28/2,
-        damping*w222*w28/2,
-        damping*w223*w28/2,
-        damping*w224*w28/2,
-        damping*w219*w33/2,
-        damping*w220*w33/2,
-        damping*w221*w33/2,
-        damping*w222*w33/2,
-        damping*w223*w33/2,
-        damping*w224*w33/2,
-        damping*w219*w38/2,
-        damping*w220*w38/2,
-        damping*w221*w38/2,
-        damping*w222*w38/2,
-        damping*w223*w38/2,
-        damping*w224*w38/2,
-        damping*w219*w39/2,
-        damping*w220*w39/2,
-        damping*w221*w39/2,
-        damping*w222*w39/2,
-        damping*w223*w39/2,
-        damping*w224*w39/2,
-        damping*w219*w40/2,
-        damping*w220*w40/2,
-        damping*w221*w40/2,
-        damping*w222*w40/2,
-        damping*w223*w40/2,
-        damping*w224*w40/2,
-        damping*w219*w45/2,
-        damping*w220*w45/2,
-        damping*w221*w45/2,
-        damping*w222*w45/2,
-        damping*w223*w45/2,
-        damping*w224*w45/2,
+        w41,
+        w50,
+        w59,
+        -w41,
+        -w50,
+        w67,
+        w68,
+        w70,
+        w73,
+        -w68,
+        -w70,
+        w76,
+        w77,
+        w78,
+        w81 - w82 + w51*w57 + w38*(w54/w14 - w51*w83),
+        -w77,
+        -w78,
+        w84 + w51*w65 + w85,
+        -w41,
+        -w50,
+        -w59,
+        w41,
+        w50,
+        -w67,
+        -w68,
+        -w70,
+        -w73,
+        w68,
+        w70,
+        -w76,
+        w86,
+        w87,
+        w84 + w85 + w60*w57,
+        -w86,
+        -w87,
+        w88 + w89 + w60*w65 + w38*(w63/w14 - w60*w26/(w14*w14)),
+        w90,
+        w92,
+        w94,
+        -w90,
+        -w92,
+        w96,
+        w92,
+        w97,
+        w98,
+        -w92,
+        -w97,
+        w99,
+        w94,
+        w98,
+        w51*w93,
+        -w94,
+        -w98,
+        w100,
+        -w90,
+        -w92,
+        -w94,
+        w90,
+        w92,
+        -w96,
+        -w92,
+        -w97,
+        -w98,
+        w92,
+        w97,
+        -w99,
+        w96,
+        w99,
+        w100,
+        -w96,
+        -w99,
+        w60*w95,
     )
 
 

@@ -7,115 +7,77 @@ def dynamics(f, q, u, p, s):
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, second_v1_1, second_v1_2, second_v1_3, = p
     s1, s1_t, *_ = s
     w0 = f.sin(theta2)
-    w1 = second_v1_3*w0
-    w2 = f.cos(psi2)
-    w3 = f.sin(psi2)
-    w4 = second_v1_1*w2 - second_v1_2*w3
-    w5 = f.cos(theta2)
-    w6 = w4*w5
-    w7 = w1 + w6
-    w8 = second_v1_1*w3
-    w9 = second_v1_2*w2
-    w10 = w8 + w9
-    w11 = f.cos(phi2)
-    w12 = second_v1_3*w5 - w0*w4
-    w13 = f.sin(phi2)
-    w14 = w10*w11 - w12*w13
-    w15 = w10*w13
-    w16 = w11*w12
-    w17 = w15 + w16
-    w18 = base2_11*w7 + base2_12*w14 + base2_13*w17
-    w19 = f.sin(theta1)
-    w20 = phi1_t + psi1_t*w19
-    w21 = f.cos(phi1)
-    w22 = theta1_t*w21
-    w23 = f.cos(theta1)
-    w24 = f.sin(phi1)
-    w25 = -psi1_t*w23*w24 + w22
-    w26 = theta1_t*w24
-    w27 = psi1_t*w21*w23 + w26
-    w28 = phi2_t + psi2_t*w0
-    w29 = theta2_t*w11
-    w30 = -psi2_t*w13*w5 + w29
-    w31 = theta2_t*w13
-    w32 = psi2_t*w11*w5 + w31
-    w33 = base1_11*w20 + base1_12*w25 + base1_13*w27 - base2_11*w28 - base2_12*w30 - base2_13*w32
-    w34 = base2_21*w7 + base2_22*w14 + base2_23*w17
-    w35 = base1_21*w20 + base1_22*w25 + base1_23*w27 - base2_21*w28 - base2_22*w30 - base2_23*w32
-    w36 = base2_31*w7 + base2_32*w14 + base2_33*w17
-    w37 = base1_31*w20 + base1_32*w25 + base1_33*w27 - base2_31*w28 - base2_32*w30 - base2_33*w32
-    w38 = -s1 + w18*w33 + w34*w35 + w36*w37
-    w39 = w34*(base1_22*w21 + base1_23*w24)
-    w40 = w36*(base1_32*w21 + base1_33*w24)
-    w41 = w18*(base1_12*w21 + base1_13*w24)
-    w42 = w23*w24
-    w43 = w21*w23
-    w44 = w18*(base1_11*w19 - base1_12*w42 + base1_13*w43)
-    w45 = w36*(base1_31*w19 - base1_32*w42 + base1_33*w43)
-    w46 = w34*(base1_21*w19 - base1_22*w42 + base1_23*w43)
-    w47 = w34*(-base2_22*w11 - base2_23*w13)
-    w48 = w18*(-base2_12*w11 - base2_13*w13)
-    w49 = w36*(-base2_32*w11 - base2_33*w13)
-    w50 = w13*w5
-    w51 = w11*w5
-    w52 = w18*(-base2_11*w0 + base2_12*w50 - base2_13*w51)
-    w53 = w34*(-base2_21*w0 + base2_22*w50 - base2_23*w51)
-    w54 = w36*(-base2_31*w0 + base2_32*w50 - base2_33*w51)
-    w55 = psi1_t*w23
-    w56 = -w21*w55 - w26
-    w57 = w22 - w24*w55
-    w58 = w34*(base1_22*w56 + base1_23*w57)
-    w59 = w18*(base1_12*w56 + base1_13*w57)
-    w60 = w36*(base1_32*w56 + base1_33*w57)
-    w61 = psi1_t*w19*w24
-    w62 = psi1_t*w19*w21
-    w63 = w36*(base1_31*w55 + base1_32*w61 - base1_33*w62)
-    w64 = w34*(base1_21*w55 + base1_22*w61 - base1_23*w62)
-    w65 = w18*(base1_11*w55 + base1_12*w61 - base1_13*w62)
-    w66 = -w15 - w16
-    w67 = psi2_t*w5
-    w68 = -w11*w67 - w31
-    w69 = -w13*w67 + w29
-    w70 = w33*(base2_12*w66 + base2_13*w14)
-    w71 = w18*(-base2_12*w68 - base2_13*w69)
-    w72 = w35*(base2_22*w66 + base2_23*w14)
-    w73 = w34*(-base2_22*w68 - base2_23*w69)
-    w74 = w36*(-base2_32*w68 - base2_33*w69)
-    w75 = w37*(base2_32*w66 + base2_33*w14)
-    w76 = -w1 - w6
-    w77 = w13*w76
-    w78 = w11*w76
-    w79 = psi2_t*w0*w13
-    w80 = psi2_t*w0*w11
-    w81 = w18*(-base2_11*w67 - base2_12*w79 + base2_13*w80)
-    w82 = w33*(base2_11*w12 - base2_12*w77 + base2_13*w78)
-    w83 = w34*(-base2_21*w67 - base2_22*w79 + base2_23*w80)
-    w84 = w35*(base2_21*w12 - base2_22*w77 + base2_23*w78)
-    w85 = w37*(base2_31*w12 - base2_32*w77 + base2_33*w78)
-    w86 = w36*(-base2_31*w67 - base2_32*w79 + base2_33*w80)
-    w87 = -w8 - w9
-    w88 = w5*w87
-    w89 = w0*w87
-    w90 = w11*w4 + w13*w89
-    w91 = -w11*w89 + w13*w4
-    w92 = w35*(base2_21*w88 + base2_22*w90 + base2_23*w91)
-    w93 = w33*(base2_11*w88 + base2_12*w90 + base2_13*w91)
-    w94 = w37*(base2_31*w88 + base2_32*w90 + base2_33*w91)
-    w95 = psi2_t*(w92 + w93 + w94)
-    w96 = theta1_t*(w63 + w64 + w65)
-    w97 = phi1_t*(w58 + w59 + w60)
-    w98 = phi2_t*(w70 + w71 + w72 + w73 + w74 + w75)
-    w99 = theta2_t*(w81 + w82 + w83 + w84 + w85 + w86)
+    w1 = f.cos(psi2)
+    w2 = f.sin(psi2)
+    w3 = second_v1_1*w1 - second_v1_2*w2
+    w4 = f.cos(theta2)
+    w5 = second_v1_3*w0 + w3*w4
+    w6 = second_v1_1*w2 + w1*second_v1_2
+    w7 = f.cos(phi2)
+    w8 = second_v1_3*w4 - w0*w3
+    w9 = f.sin(phi2)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base2_11*w5 + base2_12*w10 + base2_13*w11
+    w13 = f.sin(theta1)
+    w14 = phi1_t + psi1_t*w13
+    w15 = f.cos(phi1)
+    w16 = f.cos(theta1)
+    w17 = f.sin(phi1)
+    w18 = theta1_t*w15 - psi1_t*w16*w17
+    w19 = theta1_t*w17 + psi1_t*w15*w16
+    w20 = phi2_t + w0*psi2_t
+    w21 = w7*theta2_t - w4*w9*psi2_t
+    w22 = w9*theta2_t + w4*w7*psi2_t
+    w23 = base1_11*w14 + base1_12*w18 + base1_13*w19 - base2_11*w20 - base2_12*w21 - base2_13*w22
+    w24 = w5*base2_21 + w10*base2_22 + w11*base2_23
+    w25 = w14*base1_21 + w18*base1_22 + w19*base1_23 - w20*base2_21 - w21*base2_22 - w22*base2_23
+    w26 = w5*base2_31 + w10*base2_32 + w11*base2_33
+    w27 = w14*base1_31 + w18*base1_32 + w19*base1_33 - w20*base2_31 - w21*base2_32 - w22*base2_33
+    w28 = w12*w23 - s1 + w24*w25 + w26*w27
+    w29 = w26*base1_31 + w24*base1_21 + w12*base1_11
+    w30 = w26*base1_33 + w24*base1_23 + w12*base1_13
+    w31 = w26*base1_32 + w24*base1_22 + w12*base1_12
+    w32 = base2_31*w26 + base2_21*w24 + base2_11*w12
+    w33 = base2_33*w26 + base2_23*w24 + base2_13*w12
+    w34 = base2_32*w26 + base2_22*w24 + base2_12*w12
+    w35 = w4*theta2_t
+    w36 = w2*psi2_t
+    w37 = w1*psi2_t
+    w38 = second_v1_1*w36 + second_v1_2*w37
+    w39 = w0*theta2_t
+    w40 = second_v1_3*w35 - (w4*w38 + w3*w39)
+    w41 = second_v1_1*w37 - second_v1_2*w36
+    w42 = w9*phi2_t
+    w43 = second_v1_3*w39 + w3*w35 - w0*w38
+    w44 = w7*phi2_t
+    w45 = w7*w41 - w6*w42 - (w8*w44 - w9*w43)
+    w46 = w9*w41 + w6*w44 - (w8*w42 + w7*w43)
+    w47 = psi1_t*theta1_t*w16
+    w48 = phi1_t*w17
+    w49 = w13*theta1_t
+    w50 = phi1_t*w15
+    w51 = psi1_t*w16
+    w52 = theta1_t*w48 + w50*w51 - w49*psi1_t*w17
+    w53 = theta1_t*w50 - (w48*w51 + w49*psi1_t*w15)
+    w54 = psi2_t*w35
+    w55 = w4*psi2_t
+    w56 = theta2_t*w42 + w44*w55 - w39*w9*psi2_t
+    w57 = theta2_t*w44 - (w39*w7*psi2_t + w42*w55)
+    w58 = base1_11*w47 - base1_12*w52 + base1_13*w53 - base2_11*w54 + base2_12*w56 - base2_13*w57
+    w59 = base1_21*w47 - base1_22*w52 + base1_23*w53 - base2_21*w54 + base2_22*w56 - base2_23*w57
+    w60 = base1_31*w47 - base1_32*w52 + base1_33*w53 - base2_31*w54 + base2_32*w56 - base2_33*w57
+    w61 = w23*(base2_11*w40 + base2_12*w45 + base2_13*w46) + w12*w58 - s1_t + w25*(base2_21*w40 + base2_22*w45 + base2_23*w46) + w24*w59 + w27*(base2_31*w40 + base2_32*w45 + base2_33*w46) + w26*w60
     return (
-        w38,
-        w38,
-        base1_11*w18 + base1_21*w34 + base1_31*w36,
-        w39 + w40 + w41,
-        w44 + w45 + w46,
-        -base2_11*w18 - base2_21*w34 - base2_31*w36,
-        w47 + w48 + w49,
-        w52 + w53 + w54,
-        -s1_t + w95 + w96 + w97 + w98 + w99,
+        w28,
+        w28,
+        w29,
+        w17*w30 + w15*w31,
+        w15*w16*w30 - w16*w17*w31 + w13*w29,
+        -w32,
+        -(w9*w33 + w7*w34),
+        -(w4*w7*w33 - w4*w9*w34 + w0*w32),
+        w61,
     )
 
 
@@ -132,149 +94,126 @@ def linearize(f, q, u, p, s, nu):
     _, _, _, phi1_t, theta1_t, psi1_t, _, _, _, phi2_t, theta2_t, psi2_t, = u
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, second_v1_1, second_v1_2, second_v1_3, = p
     nu1, = nu
-    w0 = f.sin(theta2)
-    w1 = second_v1_3*w0
-    w2 = f.cos(psi2)
-    w3 = f.sin(psi2)
-    w4 = second_v1_1*w2 - second_v1_2*w3
+    w0 = f.sin(psi2)
+    w1 = f.cos(psi2)
+    w2 = second_v1_1*w0 + w1*second_v1_2
+    w3 = f.sin(phi2)
+    w4 = f.cos(phi2)
     w5 = f.cos(theta2)
-    w6 = w4*w5
-    w7 = w1 + w6
-    w8 = second_v1_1*w3
-    w9 = second_v1_2*w2
-    w10 = w8 + w9
-    w11 = f.cos(phi2)
-    w12 = second_v1_3*w5 - w0*w4
-    w13 = f.sin(phi2)
-    w14 = w10*w11 - w12*w13
-    w15 = w10*w13
-    w16 = w11*w12
-    w17 = w15 + w16
-    w18 = base2_11*w7 + base2_12*w14 + base2_13*w17
-    w19 = f.sin(theta1)
-    w20 = phi1_t + psi1_t*w19
-    w21 = f.cos(phi1)
-    w22 = theta1_t*w21
-    w23 = f.cos(theta1)
-    w24 = f.sin(phi1)
-    w25 = -psi1_t*w23*w24 + w22
-    w26 = theta1_t*w24
-    w27 = psi1_t*w21*w23 + w26
-    w28 = phi2_t + psi2_t*w0
-    w29 = theta2_t*w11
-    w30 = -psi2_t*w13*w5 + w29
-    w31 = theta2_t*w13
-    w32 = psi2_t*w11*w5 + w31
-    w33 = base1_11*w20 + base1_12*w25 + base1_13*w27 - base2_11*w28 - base2_12*w30 - base2_13*w32
-    w34 = base2_21*w7 + base2_22*w14 + base2_23*w17
-    w35 = base1_21*w20 + base1_22*w25 + base1_23*w27 - base2_21*w28 - base2_22*w30 - base2_23*w32
-    w36 = base2_31*w7 + base2_32*w14 + base2_33*w17
-    w37 = base1_31*w20 + base1_32*w25 + base1_33*w27 - base2_31*w28 - base2_32*w30 - base2_33*w32
-    w38 = base1_12*w21 + base1_13*w24
-    w39 = base1_22*w21 + base1_23*w24
-    w40 = base1_32*w21 + base1_33*w24
-    w41 = w23*w24
-    w42 = w21*w23
-    w43 = base1_11*w19 - base1_12*w41 + base1_13*w42
-    w44 = base1_21*w19 - base1_22*w41 + base1_23*w42
-    w45 = base1_31*w19 - base1_32*w41 + base1_33*w42
-    w46 = -base2_12*w11 - base2_13*w13
-    w47 = -base2_22*w11 - base2_23*w13
-    w48 = -base2_32*w11 - base2_33*w13
-    w49 = w13*w5
-    w50 = w11*w5
-    w51 = -base2_11*w0 + base2_12*w49 - base2_13*w50
-    w52 = -base2_21*w0 + base2_22*w49 - base2_23*w50
-    w53 = -base2_31*w0 + base2_32*w49 - base2_33*w50
-    w54 = psi1_t*w23
-    w55 = -w21*w54 - w26
-    w56 = w22 - w24*w54
-    w57 = w34*(base1_22*w55 + base1_23*w56)
-    w58 = w18*(base1_12*w55 + base1_13*w56)
-    w59 = w36*(base1_32*w55 + base1_33*w56)
-    w60 = psi1_t*w19*w24
-    w61 = psi1_t*w19*w21
-    w62 = w36*(base1_31*w54 + base1_32*w60 - base1_33*w61)
-    w63 = w34*(base1_21*w54 + base1_22*w60 - base1_23*w61)
-    w64 = w18*(base1_11*w54 + base1_12*w60 - base1_13*w61)
-    w65 = -w15 - w16
-    w66 = base2_12*w65 + base2_13*w14
-    w67 = psi2_t*w5
-    w68 = -w11*w67 - w31
-    w69 = -w13*w67 + w29
-    w70 = base2_22*w65 + base2_23*w14
-    w71 = base2_32*w65 + base2_33*w14
-    w72 = w34*(-base2_22*w68 - base2_23*w69) + w35*w70
-    w73 = w36*(-base2_32*w68 - base2_33*w69) + w37*w71
-    w74 = w18*(-base2_12*w68 - base2_13*w69) + w33*w66
-    w75 = -w1 - w6
-    w76 = w13*w75
-    w77 = w11*w75
-    w78 = base2_11*w12 - base2_12*w76 + base2_13*w77
-    w79 = psi2_t*w0*w13
-    w80 = psi2_t*w0*w11
-    w81 = base2_21*w12 - base2_22*w76 + base2_23*w77
-    w82 = base2_31*w12 - base2_32*w76 + base2_33*w77
-    w83 = w36*(-base2_31*w67 - base2_32*w79 + base2_33*w80) + w37*w82
-    w84 = w18*(-base2_11*w67 - base2_12*w79 + base2_13*w80) + w33*w78
-    w85 = w34*(-base2_21*w67 - base2_22*w79 + base2_23*w80) + w35*w81
-    w86 = -w8 - w9
-    w87 = w5*w86
-    w88 = w0*w86
-    w89 = w11*w4 + w13*w88
-    w90 = -w11*w88 + w13*w4
-    w91 = base2_11*w87 + base2_12*w89 + base2_13*w90
-    w92 = base2_21*w87 + base2_22*w89 + base2_23*w90
-    w93 = base2_31*w87 + base2_32*w89 + base2_33*w90
-    w94 = w36*(-base1_32*w24 + base1_33*w21)
-    w95 = w34*(-base1_22*w24 + base1_23*w21)
-    w96 = w18*(-base1_12*w24 + base1_13*w21)
-    w97 = w36*(-base1_32*w42 - base1_33*w41)
-    w98 = w18*(-base1_12*w42 - base1_13*w41)
-    w99 = w34*(-base1_22*w42 - base1_23*w41)
-    w100 = w19*w24
-    w101 = w19*w21
-    w102 = w18*(base1_11*w23 + base1_12*w100 - base1_13*w101)
-    w103 = w34*(base1_21*w23 + base1_22*w100 - base1_23*w101)
-    w104 = w36*(base1_31*w23 + base1_32*w100 - base1_33*w101)
-    w105 = w34*(base2_22*w13 - base2_23*w11) + w47*w70
-    w106 = w18*(base2_12*w13 - base2_13*w11) + w46*w66
-    w107 = w36*(base2_32*w13 - base2_33*w11) + w48*w71
-    w108 = w36*(base2_32*w50 + base2_33*w49) + w53*w71
-    w109 = w34*(base2_22*w50 + base2_23*w49) + w52*w70
-    w110 = w18*(base2_12*w50 + base2_13*w49) + w51*w66
-    w111 = w0*w13
-    w112 = w0*w11
-    w113 = w18*(-base2_11*w5 - base2_12*w111 + base2_13*w112) + w51*w78
-    w114 = w34*(-base2_21*w5 - base2_22*w111 + base2_23*w112) + w52*w81
-    w115 = w36*(-base2_31*w5 - base2_32*w111 + base2_33*w112) + w53*w82
+    w6 = f.sin(theta2)
+    w7 = second_v1_1*w1 - second_v1_2*w0
+    w8 = second_v1_3*w5 - w6*w7
+    w9 = w2*w3 + w4*w8
+    w10 = w2*w4 - w8*w3
+    w11 = w10*base2_33 - w9*base2_32
+    w12 = nu1*w11
+    w13 = w10*base2_23 - w9*base2_22
+    w14 = nu1*w13
+    w15 = w10*base2_13 - base2_12*w9
+    w16 = nu1*w15
+    w17 = base1_31*w12 + base1_21*w14 + base1_11*w16
+    w18 = second_v1_3*w6 + w7*w5
+    w19 = w18*w3
+    w20 = w18*w4
+    w21 = w8*base2_31 + base2_32*w19 - base2_33*w20
+    w22 = nu1*w21
+    w23 = w8*base2_21 + base2_22*w19 - base2_23*w20
+    w24 = nu1*w23
+    w25 = base2_11*w8 + base2_12*w19 - base2_13*w20
+    w26 = nu1*w25
+    w27 = base1_31*w22 + base1_21*w24 + base1_11*w26
+    w28 = w5*w2
+    w29 = w6*w2
+    w30 = w7*w4 - w3*w29
+    w31 = w7*w3 + w4*w29
+    w32 = base2_32*w30 - base2_31*w28 + base2_33*w31
+    w33 = nu1*w32
+    w34 = base2_22*w30 - base2_21*w28 + base2_23*w31
+    w35 = nu1*w34
+    w36 = base2_12*w30 - base2_11*w28 + base2_13*w31
+    w37 = nu1*w36
+    w38 = base1_31*w33 + base1_21*w35 + base1_11*w37
+    w39 = f.cos(phi1)
+    w40 = w18*base2_31 + w10*base2_32 + w9*base2_33
+    w41 = w40*nu1
+    w42 = w18*base2_21 + w10*base2_22 + w9*base2_23
+    w43 = w42*nu1
+    w44 = base2_11*w18 + base2_12*w10 + base2_13*w9
+    w45 = w44*nu1
+    w46 = base1_33*w41 + base1_23*w43 + base1_13*w45
+    w47 = f.sin(phi1)
+    w48 = base1_32*w41 + base1_22*w43 + base1_12*w45
+    w49 = base1_33*w12 + base1_23*w14 + base1_13*w16
+    w50 = base1_32*w12 + base1_22*w14 + base1_12*w16
+    w51 = base1_33*w22 + base1_23*w24 + base1_13*w26
+    w52 = base1_32*w22 + base1_22*w24 + base1_12*w26
+    w53 = base1_33*w33 + base1_23*w35 + base1_13*w37
+    w54 = base1_32*w33 + base1_22*w35 + base1_12*w37
+    w55 = f.cos(theta1)
+    w56 = w55*w47
+    w57 = w39*w55
+    w58 = f.sin(theta1)
+    w59 = w48*w58*w47 - w46*w58*w39 + w55*(base1_31*w41 + base1_21*w43 + base1_11*w45)
+    w60 = base2_31*w12 + base2_21*w14 + base2_11*w16
+    w61 = base2_31*w22 + base2_21*w24 + base2_11*w26
+    w62 = base2_31*w33 + base2_21*w35 + base2_11*w37
+    w63 = base2_33*w41 + base2_23*w43 + base2_13*w45
+    w64 = base2_33*w12 + base2_23*w14 + base2_13*w16
+    w65 = base2_32*w41 + base2_22*w43 + base2_12*w45
+    w66 = base2_32*w12 + base2_22*w14 + base2_12*w16
+    w67 = base2_33*w22 + base2_23*w24 + base2_13*w26
+    w68 = base2_32*w22 + base2_22*w24 + base2_12*w26
+    w69 = base2_33*w33 + base2_23*w35 + base2_13*w37
+    w70 = base2_32*w33 + base2_22*w35 + base2_12*w37
+    w71 = w5*w3
+    w72 = w5*w4
+    w73 = w72*w67 - w63*w6*w4 - (w71*w68 - w65*w6*w3) + w5*(base2_31*w41 + base2_21*w43 + base2_11*w45) + w6*w61
+    w74 = theta1_t*w47 + psi1_t*w39*w55
+    w75 = theta1_t*w39 - psi1_t*w55*w47
+    w76 = w44*(w75*base1_13 - base1_12*w74) + w42*(w75*base1_23 - w74*base1_22) + w40*(w75*base1_33 - w74*base1_32)
+    w77 = psi1_t*w55
+    w78 = w58*psi1_t*w47
+    w79 = w58*psi1_t*w39
+    w80 = w44*(base1_11*w77 + base1_12*w78 - base1_13*w79) + w42*(base1_21*w77 + base1_22*w78 - base1_23*w79) + w40*(base1_31*w77 + base1_32*w78 - base1_33*w79)
+    w81 = phi1_t + psi1_t*w58
+    w82 = phi2_t + w6*psi2_t
+    w83 = w4*theta2_t - w5*w3*psi2_t
+    w84 = w3*theta2_t + w5*w4*psi2_t
+    w85 = base1_11*w81 + base1_12*w75 + base1_13*w74 - base2_11*w82 - base2_12*w83 - base2_13*w84
+    w86 = w81*base1_21 + w75*base1_22 + w74*base1_23 - w82*base2_21 - w83*base2_22 - w84*base2_23
+    w87 = w81*base1_31 + w75*base1_32 + w74*base1_33 - w82*base2_31 - w83*base2_32 - w84*base2_33
+    w88 = w85*w15 + w44*(base2_12*w84 - base2_13*w83) + w86*w13 + w42*(w84*base2_22 - w83*base2_23) + w87*w11 + w40*(w84*base2_32 - w83*base2_33)
+    w89 = w5*psi2_t
+    w90 = w6*w3*psi2_t
+    w91 = w6*w4*psi2_t
+    w92 = w85*w25 - w44*(base2_11*w89 + base2_12*w90 - base2_13*w91) + w86*w23 - w42*(base2_21*w89 + base2_22*w90 - base2_23*w91) + w87*w21 - w40*(base2_31*w89 + base2_32*w90 - base2_33*w91)
     return (
-        nu1*(base1_11*w66 + base1_21*w70 + base1_31*w71),
-        nu1*(base1_11*w78 + base1_21*w81 + base1_31*w82),
-        nu1*(base1_11*w91 + base1_21*w92 + base1_31*w93),
-        nu1*(w94 + w95 + w96),
-        nu1*(w38*w66 + w39*w70 + w40*w71),
-        nu1*(w38*w78 + w39*w81 + w40*w82),
-        nu1*(w38*w91 + w39*w92 + w40*w93),
-        nu1*(w97 + w98 + w99),
-        nu1*(w102 + w103 + w104),
-        nu1*(w43*w66 + w44*w70 + w45*w71),
-        nu1*(w43*w78 + w44*w81 + w45*w82),
-        nu1*(w43*w91 + w44*w92 + w45*w93),
-        nu1*(-base2_11*w66 - base2_21*w70 - base2_31*w71),
-        nu1*(-base2_11*w78 - base2_21*w81 - base2_31*w82),
-        nu1*(-base2_11*w91 - base2_21*w92 - base2_31*w93),
-        nu1*(w105 + w106 + w107),
-        nu1*(w46*w78 + w47*w81 + w48*w82),
-        nu1*(w46*w91 + w47*w92 + w48*w93),
-        nu1*(w108 + w109 + w110),
-        nu1*(w113 + w114 + w115),
-        nu1*(w51*w91 + w52*w92 + w53*w93),
-        w57 + w58 + w59,
-        w62 + w63 + w64,
-        w72 + w73 + w74,
-        w83 + w84 + w85,
-        w33*w91 + w35*w92 + w37*w93,
+        w17,
+        w27,
+        w38,
+        w39*w46 - w47*w48,
+        w47*w49 + w39*w50,
+        w47*w51 + w39*w52,
+        w47*w53 + w39*w54,
+        -(w56*w46 + w57*w48),
+        w59,
+        w57*w49 - w56*w50 + w58*w17,
+        w57*w51 - w56*w52 + w58*w27,
+        w57*w53 - w56*w54 + w58*w38,
+        -w60,
+        -w61,
+        -w62,
+        -(w4*w63 + w3*w64 + w4*w66 - w3*w65),
+        -(w3*w67 + w4*w68),
+        -(w3*w69 + w4*w70),
+        -(w72*w64 - w71*w63 - (w72*w65 + w71*w66) + w6*w60),
+        -w73,
+        -(w72*w69 - w71*w70 + w6*w62),
+        w76,
+        w80,
+        w88,
+        w92,
+        w85*w36 + w86*w34 + w87*w32,
     )
 
 

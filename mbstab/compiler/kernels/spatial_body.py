@@ -5,114 +5,94 @@ def dynamics(f, q, u, p, s):
     _, _, _, _, theta1, psi1, = q
     _, _, _, phi1_t, theta1_t, psi1_t, = u
     _, _, _, _, _, _, _, _, _, mass, inertia_1, inertia_2, inertia_3, inertia_4, inertia_5, inertia_6, gravity_1, gravity_2, gravity_3, = p
-    w0 = f.sin(theta1)
-    w1 = phi1_t*w0 + psi1_t
-    w2 = f.sin(psi1)
-    w3 = theta1_t*w2
+    w0 = f.sin(psi1)
+    w1 = f.cos(theta1)
+    w2 = w0*w1
+    w3 = inertia_2*w2
     w4 = f.cos(psi1)
-    w5 = f.cos(theta1)
-    w6 = phi1_t*w4*w5 + w3
-    w7 = theta1_t*w4
-    w8 = -phi1_t*w2*w5 + w7
-    w9 = inertia_3*w1 + inertia_5*w6 + inertia_6*w8
-    w10 = inertia_2*w8 + inertia_4*w6 + inertia_6*w1
-    w11 = inertia_1*w6 + inertia_4*w8 + inertia_5*w1
-    w12 = inertia_3*w0
-    w13 = w4*w5
-    w14 = inertia_5*w13
-    w15 = w2*w5
-    w16 = inertia_6*w15
-    w17 = w12 + w14 - w16
-    w18 = inertia_4*w13
-    w19 = -inertia_2*w15 + inertia_6*w0 + w18
-    w20 = inertia_4*w15
-    w21 = inertia_1*w13 + inertia_5*w0 - w20
-    w22 = inertia_5*w2
-    w23 = inertia_6*w4
-    w24 = w22 + w23
-    w25 = inertia_4*w2
-    w26 = inertia_2*w4 + w25
-    w27 = inertia_4*w4
-    w28 = inertia_1*w2 + w27
-    w29 = mass
-    w30 = w13*w21
-    w31 = w0*w17
-    w32 = -w15*w19
-    w33 = w0*w24/2
-    w34 = -w15*w26/2 + w19*w4/2
-    w35 = w13*w28/2 + w2*w21/2
-    w36 = w33 + w34 + w35
-    w37 = w12/2 + w14/2 - w16/2 + w17/2
-    w38 = w22/2 + w23/2 + w24/2
-    w39 = phi1_t*w5
-    w40 = inertia_3*w39
-    w41 = phi1_t*w0*w4
-    w42 = inertia_5*w41
-    w43 = phi1_t*w0*w2
-    w44 = inertia_6*w43
-    w45 = w40 - w42 + w44
-    w46 = inertia_2*w43 - inertia_4*w41 + inertia_6*w39
-    w47 = -inertia_1*w41 + inertia_4*w43 + inertia_5*w39
-    w48 = -w11*w41/2 + w47*w6/2
-    w49 = w1*w45/2 + w39*w9/2
-    w50 = w10*w43/2 + w46*w8/2
-    w51 = -w2*w39 + w7
-    w52 = inertia_5*w51
-    w53 = -w3 - w39*w4
-    w54 = inertia_6*w53
-    w55 = w52 + w54
-    w56 = inertia_2*w53 + inertia_4*w51
-    w57 = inertia_1*w51 + inertia_4*w53
-    w58 = w10*w53/2 + w56*w8/2
-    w59 = w11*w51/2 + w57*w6/2
-    w60 = w1*w55/2
-    w61 = w0*w4
-    w62 = w0*w2
-    w63 = w0*w45 + w5*w9
-    w64 = w1*(inertia_3*w5 - inertia_5*w61 + inertia_6*w62) + w17*w39
-    w65 = -w10*w62 + w15*w46
-    w66 = w19*w43 + w8*(inertia_2*w62 - inertia_4*w61 + inertia_6*w5)
-    w67 = -w21*w41 + w6*(-inertia_1*w61 + inertia_4*w62 + inertia_5*w5)
-    w68 = -w11*w61 + w13*w47
-    w69 = w63/2 + w64/2 - w65/2 + w66/2 + w67/2 + w68/2
-    w70 = w19*w53 + w8*(-inertia_2*w13 - w20)
-    w71 = w10*w13 + w15*w56
-    w72 = -w11*w15 + w13*w57
-    w73 = w21*w51 + w6*(-inertia_1*w15 - w18)
-    w74 = w72/2 + w73/2
-    w75 = w0*w55/2 + w1*(-inertia_5*w15 - inertia_6*w13)/2
-    w76 = w70/2 - w71/2
-    w77 = w24*w39/2
-    w78 = w26*w43/2 + w4*w46/2
-    w79 = w2*w47/2 - w28*w41/2
-    w80 = -w10*w2 + w4*w56
-    w81 = w26*w53 + w8*(-inertia_2*w2 + w27)
-    w82 = w28*w51 + w6*(inertia_1*w4 - w25)
-    w83 = w11*w4 + w2*w57
-    w84 = w1*(inertia_5*w4 - inertia_6*w2)/2
-    w85 = w82/2 + w83/2
-    w86 = w80/2 + w81/2
-    w87 = psi1_t*(w52/2 + w54/2 + w55/2)
-    w88 = theta1_t*(w40/2 - w42/2 + w44/2 + w45/2)
+    w5 = w4*w1
+    w6 = inertia_4*w5
+    w7 = f.sin(theta1)
+    w8 = w7*inertia_6
+    w9 = inertia_1*w5
+    w10 = inertia_4*w2
+    w11 = w7*inertia_5
+    w12 = w7*inertia_3
+    w13 = inertia_5*w5
+    w14 = inertia_6*w2
+    w15 = w12 + w13 - w14
+    w16 = w12 + w13 - w14 + w15
+    w17 = w5*(w9 - w10 + w11 + w9 - w10 + w11) - w2*(w6 - w3 + w8 + w6 - w3 + w8) + w7*w16
+    w18 = w4*inertia_2
+    w19 = w0*inertia_4
+    w20 = w18 + w19 + w18 + w19
+    w21 = w0*inertia_1
+    w22 = w4*inertia_4
+    w23 = w21 + w22 + w21 + w22
+    w24 = inertia_5*w0
+    w25 = w4*inertia_6
+    w26 = w24 + w25
+    w27 = w24 + w25 + w26
+    w28 = w5*w23 - w2*w20 + w7*w27
+    w29 = psi1_t*w0
+    w30 = phi1_t*w1
+    w31 = psi1_t*w4
+    w32 = phi1_t*w0
+    w33 = w7*theta1_t
+    w34 = theta1_t*w29 + w30*w31 - w32*w33
+    w35 = inertia_2*w34
+    w36 = phi1_t*w4
+    w37 = theta1_t*w31 - (w30*w29 + w36*w33)
+    w38 = inertia_4*w37
+    w39 = theta1_t*w1
+    w40 = phi1_t*w39
+    w41 = inertia_6*w40
+    w42 = w38 - w35 + w41 + w38 - w35 + w41
+    w43 = theta1_t*w4 - phi1_t*w0*w1
+    w44 = w43*inertia_2
+    w45 = theta1_t*w0 + phi1_t*w4*w1
+    w46 = w45*inertia_4
+    w47 = psi1_t + phi1_t*w7
+    w48 = w47*inertia_6
+    w49 = w44 + w46 + w48 + w44 + w46 + w48
+    w50 = inertia_1*w37
+    w51 = inertia_4*w34
+    w52 = inertia_5*w40
+    w53 = w50 - w51 + w52 + w50 - w51 + w52
+    w54 = w45*inertia_1
+    w55 = w43*inertia_4
+    w56 = w47*inertia_5
+    w57 = w54 + w55 + w56 + w54 + w55 + w56
+    w58 = w47*inertia_3
+    w59 = inertia_5*w45
+    w60 = inertia_6*w43
+    w61 = w58 + w59 + w60 + w58 + w59 + w60
+    w62 = inertia_3*w40
+    w63 = inertia_5*w37
+    w64 = inertia_6*w34
+    w65 = w62 + w63 - w64 + w62 + w63 - w64
+    w66 = w5*w53 - w57*(w1*w29 + w4*w33) - (w2*w42 + w49*(w1*w31 - w0*w33)) + w61*w39 + w7*w65
+    w67 = w4*w42 - w49*w29 + w57*w31 + w0*w53 - (w1*phi1_t*w61 - w7*(w57*w36 - w49*w32))
+    w68 = w65 - (w4*(theta1_t*w57 - w49*w30) - w0*(theta1_t*w49 + w30*w57))
     return (
-        w29,
-        w29,
-        w29,
-        w30 + w31 + w32,
-        w36,
-        w37,
-        w36,
-        w2*w28 + w26*w4,
-        w38,
-        w37,
-        w38,
+        mass,
+        mass,
+        mass,
+        w17/2,
+        w28/2,
+        w15,
+        w28/2,
+        (w4*w20 + w0*w23)/2,
+        w26,
+        w16/2,
+        w27/2,
         inertia_3,
-        -gravity_1*mass,
-        -gravity_2*mass,
-        -gravity_3*mass,
-        psi1_t*(w74 + w75 + w76) + theta1_t*w69,
-        psi1_t*(w84 + w85 + w86) + theta1_t*(w77 + w78 + w79) - w48 - w49 - w50,
-        -w58 - w59 - w60 + w87 + w88,
+        -mass*gravity_1,
+        -mass*gravity_2,
+        -mass*gravity_3,
+        w66/2,
+        w67/2,
+        w68/2,
     )
 
 
@@ -127,324 +107,173 @@ def linearize(f, q, u, p, s, a):
     _, _, _, phi1_t, theta1_t, psi1_t, = u
     _, _, _, _, _, _, _, _, _, _, inertia_1, inertia_2, inertia_3, inertia_4, inertia_5, inertia_6, *_ = p
     _, _, _, phi1_tt, theta1_tt, psi1_tt, = a
-    w0 = f.sin(theta1)
-    w1 = phi1_t*w0
-    w2 = psi1_t + w1
+    w0 = f.cos(theta1)
+    w1 = f.cos(psi1)
+    w2 = psi1_t*w1
     w3 = f.sin(psi1)
-    w4 = theta1_t*w3
-    w5 = f.cos(psi1)
-    w6 = f.cos(theta1)
-    w7 = phi1_t*w5*w6 + w4
-    w8 = theta1_t*w5
-    w9 = -phi1_t*w3*w6 + w8
-    w10 = inertia_3*w2 + inertia_5*w7 + inertia_6*w9
-    w11 = inertia_2*w9 + inertia_4*w7 + inertia_6*w2
-    w12 = inertia_1*w7 + inertia_4*w9 + inertia_5*w2
-    w13 = inertia_3*w0
-    w14 = w5*w6
-    w15 = inertia_5*w14
-    w16 = w3*w6
-    w17 = inertia_6*w16
-    w18 = w13 + w15 - w17
-    w19 = w11*w16
-    w20 = inertia_2*w16
-    w21 = inertia_4*w14
-    w22 = inertia_6*w0
-    w23 = -w20 + w21 + w22
-    w24 = w12*w14
-    w25 = inertia_1*w14
-    w26 = inertia_4*w16
-    w27 = inertia_5*w0
-    w28 = w25 - w26 + w27
-    w29 = inertia_5*w3
-    w30 = inertia_6*w5
-    w31 = w29 + w30
-    w32 = inertia_2*w5
-    w33 = inertia_4*w3
-    w34 = w32 + w33
-    w35 = inertia_1*w3
-    w36 = inertia_4*w5
-    w37 = w35 + w36
-    w38 = phi1_t*w6
-    w39 = inertia_3*w38
-    w40 = phi1_t*w5
-    w41 = w0*w40
-    w42 = inertia_5*w41
-    w43 = phi1_t*w3
-    w44 = w0*w43
-    w45 = inertia_6*w44
-    w46 = w39 - w42 + w45
-    w47 = inertia_4*w41
-    w48 = inertia_2*w44 + inertia_6*w38 - w47
-    w49 = inertia_4*w44
-    w50 = -inertia_1*w41 + inertia_5*w38 + w49
-    w51 = w3*w38
-    w52 = -w51 + w8
-    w53 = -w38*w5 - w4
-    w54 = inertia_5*w52 + inertia_6*w53
-    w55 = inertia_2*w53 + inertia_4*w52
-    w56 = inertia_4*w53
-    w57 = inertia_1*w52 + w56
-    w58 = w10*w6
-    w59 = w0*w46
-    w60 = w18*w38
-    w61 = inertia_3*w6
-    w62 = w0*w5
-    w63 = inertia_5*w62
-    w64 = w0*w3
-    w65 = inertia_6*w64
-    w66 = w61 - w63 + w65
-    w67 = w2*w66
-    w68 = w16*w48
-    w69 = w11*w64
-    w70 = w23*w44
-    w71 = inertia_4*w62
-    w72 = inertia_2*w64 + inertia_6*w6 - w71
-    w73 = w72*w9
-    w74 = w14*w50
-    w75 = w12*w62
-    w76 = w28*w41
-    w77 = inertia_4*w64
-    w78 = -inertia_1*w62 + inertia_5*w6 + w77
-    w79 = w7*w78
-    w80 = w58/2 + w59/2 + w60/2 + w67/2
-    w81 = w74/2 - w75/2 - w76/2 + w79/2
-    w82 = -w68/2 + w69/2 + w70/2 + w73/2
-    w83 = inertia_5*w16
-    w84 = inertia_6*w14
-    w85 = -w83 - w84
-    w86 = w0*w54/2 + w2*w85/2
-    w87 = w16*w55
-    w88 = w11*w14
-    w89 = w23*w53
-    w90 = -inertia_2*w14 - w26
-    w91 = w9*w90
-    w92 = w14*w57
-    w93 = w12*w16
-    w94 = w28*w52
-    w95 = -inertia_1*w16 - w21
-    w96 = w7*w95
-    w97 = w92/2 - w93/2 + w94/2 + w96/2
-    w98 = -w87/2 - w88/2 + w89/2 + w91/2
-    w99 = w31*w38/2
-    w100 = w34*w44/2 + w48*w5/2
-    w101 = w3*w50/2 - w37*w41/2
-    w102 = w100 + w101 + w99
-    w103 = inertia_5*w5
-    w104 = inertia_6*w3
-    w105 = w103 - w104
-    w106 = w105*w2/2
-    w107 = w11*w3
-    w108 = w5*w55
-    w109 = w34*w53
-    w110 = -inertia_2*w3 + w36
-    w111 = w110*w9
-    w112 = w12*w5
-    w113 = w3*w57
-    w114 = w37*w52
-    w115 = inertia_1*w5 - w33
-    w116 = w115*w7
-    w117 = w112/2 + w113/2 + w114/2 + w116/2
-    w118 = -w107/2 + w108/2 + w109/2 + w111/2
-    w119 = w39/2 - w42/2 + w45/2 + w46/2
-    w120 = w46*w6
-    w121 = inertia_3*w1
-    w122 = w40*w6
-    w123 = inertia_5*w122
-    w124 = w43*w6
-    w125 = inertia_6*w124
-    w126 = -w121 - w123 + w125
-    w127 = w38*w66
-    w128 = -w0*w10 + w0*w126 + 2*w120
-    w129 = -w1*w18 + 2*w127 + w2*(-w13 - w15 + w17)
-    w130 = inertia_2*w124 - inertia_4*w122 - inertia_6*w1
-    w131 = w48*w64
-    w132 = w44*w72
-    w133 = w124*w23 + 2*w132 + w9*(w20 - w21 - w22)
-    w134 = w130*w16 - 2*w131 - w19
-    w135 = -inertia_1*w122 + inertia_4*w124 - inertia_5*w1
-    w136 = w50*w62
-    w137 = w41*w78
-    w138 = w135*w14 - 2*w136 - w24
-    w139 = -w122*w28 - 2*w137 + w7*(-w25 + w26 - w27)
-    w140 = w128/2 + w129/2 + w133/2 - w134/2 + w138/2 + w139/2
-    w141 = w54*w6
-    w142 = w1*w3
-    w143 = inertia_5*w142
-    w144 = w1*w5
-    w145 = inertia_6*w144
-    w146 = w143 + w145
-    w147 = w2*(inertia_5*w64 + inertia_6*w62) + w38*w85
-    w148 = inertia_2*w144 + inertia_4*w142
-    w149 = w55*w64
-    w150 = w14*w48
-    w151 = w11*w62
-    w152 = w53*w72
-    w153 = w44*w90
-    w154 = w9*(inertia_2*w62 + w77)
-    w155 = w148*w16 - w149 + w150 - w151
-    w156 = w144*w23 + w152 + w153 + w154
-    w157 = inertia_1*w142 + inertia_4*w144
-    w158 = w57*w62
-    w159 = w16*w50
-    w160 = w12*w64
-    w161 = w52*w78
-    w162 = w41*w95
-    w163 = w7*(inertia_1*w64 + w71)
-    w164 = w14*w157 - w158 - w159 + w160
-    w165 = w142*w28 + w161 - w162 + w163
-    w166 = w0*w146/2 + w141/2 + w147/2
-    w167 = -w155/2 + w156/2
-    w168 = w164/2 + w165/2
-    w169 = w0*w66 + w18*w6
-    w170 = w23*w64
-    w171 = w16*w72
-    w172 = -w170 + w171
-    w173 = w14*w78 - w28*w62
-    w174 = w31*w6/2
-    w175 = w3*w78/2 - w37*w62/2
-    w176 = w34*w64/2 + w5*w72/2
-    w177 = w174 + w175 + w176
-    w178 = w61/2 - w63/2 + w65/2 + w66/2
-    w179 = psi1_t*(w166 + w167 + w168) + theta1_t*w140
-    w180 = psi1_tt*w178
-    w181 = theta1_tt*w177
-    w182 = phi1_tt*(w169 - w172 + w173)
-    w183 = inertia_5*w44
-    w184 = inertia_6*w41
-    w185 = w183 + w184
-    w186 = inertia_2*w41 + w49
-    w187 = w152 + w153 + w154 + w23*w41
-    w188 = -w149 + w150 - w151 + w16*w186
-    w189 = inertia_1*w44 + w47
-    w190 = w14*w189 - w158 - w159 + w160
-    w191 = w161 - w162 + w163 + w28*w44
-    w192 = w0*w185/2 + w141/2 + w147/2
-    w193 = w190/2 + w191/2
-    w194 = w187/2 - w188/2
-    w195 = inertia_5*w53
-    w196 = w51 - w8
-    w197 = inertia_6*w196
-    w198 = w195 + w197
-    w199 = inertia_2*w196 + w56
-    w200 = w14*w55
-    w201 = w53*w90
-    w202 = w196*w23 + 2*w201 + w9*(w20 - w21)
-    w203 = w16*w199 - w19 + 2*w200
-    w204 = inertia_1*w53 + inertia_4*w196
-    w205 = w16*w57
-    w206 = w52*w95
-    w207 = 2*w206 + w28*w53 + w7*(-w25 + w26)
-    w208 = w14*w204 - 2*w205 - w24
-    w209 = w0*w198/2 + w2*(-w15 + w17)/2
-    w210 = w207/2 + w208/2
-    w211 = w202/2 - w203/2
-    w212 = w0*w85
-    w213 = w14*w23
-    w214 = w16*w90
-    w215 = w213 + w214
-    w216 = w14*w95 - w16*w28
-    w217 = w0*w105/2
-    w218 = w14*w34
-    w219 = w110*w16
-    w220 = -w23*w3 + w5*w90
-    w221 = w115*w14 - w16*w37 + w28*w5 + w3*w95
-    w222 = w221/2
-    w223 = w217 - w218/2 - w219/2 + w220/2 + w222
-    w224 = -w83/2 - w84/2 + w85/2
-    w225 = psi1_tt*w224
-    w226 = psi1_t*(w209 + w210 + w211) + theta1_t*(w192 + w193 + w194)
-    w227 = theta1_tt*w223
-    w228 = phi1_tt*(w212 - w215 + w216)
-    w229 = w38*w46
-    w230 = w44*w48
-    w231 = w41*w50
-    w232 = w11*w124/2 + w130*w9/2 + w230
-    w233 = -w1*w10/2 + w126*w2/2 + w229
-    w234 = -w12*w122/2 + w135*w7/2 - w231
-    w235 = -w1*w31/2
-    w236 = w124*w34/2 + w130*w5/2
-    w237 = -w122*w37/2 + w135*w3/2
-    w238 = w105*w38/2
-    w239 = w3*w48
-    w240 = w110*w44
-    w241 = w5*w50
-    w242 = w115*w41
-    w243 = w142*w37/2 + w157*w3/2 + w241/2 - w242/2
-    w244 = w144*w34/2 + w148*w5/2 - w239/2 + w240/2
-    w245 = psi1_t*(w238 + w243 + w244) + theta1_t*(w235 + w236 + w237) - w232 - w233 - w234
-    w246 = phi1_tt*w177
-    w247 = w38*w54
-    w248 = w44*w55
-    w249 = w48*w53
-    w250 = w41*w57
-    w251 = w50*w52
-    w252 = w11*w41/2 + w186*w9/2 + w248/2 + w249/2
-    w253 = w12*w44/2 + w189*w7/2 - w250/2 + w251/2
-    w254 = w185*w2/2 + w247/2
-    w255 = w186*w5/2 - w239/2 + w240/2 + w34*w41/2
-    w256 = w189*w3/2 + w241/2 - w242/2 + w37*w44/2
-    w257 = w3*w55
-    w258 = w110*w53
-    w259 = -w11*w5 + w199*w5 - 2*w257
-    w260 = w196*w34 + 2*w258 + w9*(-w32 - w33)
-    w261 = w5*w57
-    w262 = w115*w52
-    w263 = 2*w262 + w37*w53 + w7*(-w35 - w36)
-    w264 = -w12*w3 + w204*w3 + 2*w261
-    w265 = w263/2 + w264/2
-    w266 = w2*(-w29 - w30)/2
-    w267 = w259/2 + w260/2
-    w268 = w110*w5 - w3*w34
-    w269 = w115*w3 + w37*w5
-    w270 = w268 + w269
-    w271 = w103/2 - w104/2 + w105/2
-    w272 = theta1_tt*w270
-    w273 = phi1_tt*w223
-    w274 = psi1_tt*w271
-    w275 = psi1_t*(w265 + w266 + w267) + theta1_t*(w238 + w255 + w256) - w252 - w253 - w254
-    w276 = w11*w144/2 + w148*w9/2 + w248/2 + w249/2
-    w277 = w12*w142/2 + w157*w7/2 - w250/2 + w251/2
-    w278 = w146*w2/2 + w247/2
-    w279 = theta1_t*(-w121/2 - w123/2 + w125/2 + w126/2)
-    w280 = psi1_t*(w143/2 + w145/2 + w146/2)
-    w281 = w53*w55
-    w282 = w52*w57
-    w283 = w12*w53/2 + w204*w7/2 + w282
-    w284 = w11*w196/2 + w199*w9/2 + w281
-    w285 = w198*w2/2
-    w286 = psi1_t*(w195/2 + w197/2 + w198/2)
-    w287 = theta1_t*(w183/2 + w184/2 + w185/2)
-    w288 = theta1_t*(w169 + w170/2 - w171/2 - w172/2 + w173)
-    w289 = psi1_t*(w212 - w213/2 - w214/2 - w215/2 + w216)
-    w290 = theta1_t*w177
-    w291 = theta1_t*w178
-    w292 = psi1_t*w224
-    w293 = -w68/2 + w69/2 + w70/2 + w73/2
-    w294 = w74/2 - w75/2 - w76/2 + w79/2
-    w295 = w58/2 + w59/2 + w60/2 + w67/2
-    w296 = w293 + w294 + w295
-    w297 = psi1_t*(w217 - w218/2 - w219/2 + w220/2 + w222) + w290
-    w298 = psi1_t*w271
-    w299 = w92/2 - w93/2 + w94/2 + w96/2
-    w300 = -w87/2 - w88/2 + w89/2 + w91/2
-    w301 = w112/2 + w113/2 + w114/2 + w116/2
-    w302 = -w107/2 + w108/2 + w109/2 + w111/2
+    w4 = f.sin(theta1)
+    w5 = w4*theta1_t
+    w6 = w0*w2 - w3*w5
+    w7 = phi1_t*w3
+    w8 = w4*w7
+    w9 = inertia_2*w8
+    w10 = phi1_t*w1
+    w11 = w4*w10
+    w12 = inertia_4*w11
+    w13 = phi1_t*w0
+    w14 = inertia_6*w13
+    w15 = w9 - w12 + w14 + w9 - w12 + w14
+    w16 = theta1_t*w1 - phi1_t*w3*w0
+    w17 = w16*inertia_2
+    w18 = theta1_t*w3 + phi1_t*w1*w0
+    w19 = w18*inertia_4
+    w20 = phi1_t*w4
+    w21 = psi1_t + w20
+    w22 = w21*inertia_6
+    w23 = w17 + w19 + w22 + w17 + w19 + w22
+    w24 = theta1_t*w0
+    w25 = psi1_t*w3
+    w26 = w3*w0
+    w27 = w1*theta1_tt - theta1_t*w25 - (w13*w2 - w7*w5 + phi1_tt*w26)
+    w28 = inertia_2*w27
+    w29 = w1*w0
+    w30 = theta1_t*w2 + w3*theta1_tt - (w13*w25 + w10*w5 - phi1_tt*w29)
+    w31 = inertia_4*w30
+    w32 = psi1_tt + phi1_t*w24 + w4*phi1_tt
+    w33 = inertia_6*w32
+    w34 = w28 + w31 + w33 + w28 + w31 + w33
+    w35 = w4*w3
+    w36 = w20*w2 + w7*w24 + phi1_tt*w35
+    w37 = inertia_2*w36
+    w38 = w4*w1
+    w39 = w10*w24 - w20*w25 + phi1_tt*w38
+    w40 = inertia_4*w39
+    w41 = w0*phi1_tt - phi1_t*w5
+    w42 = inertia_6*w41
+    w43 = w37 - w40 + w42 + w37 - w40 + w42
+    w44 = w0*w25 + w1*w5
+    w45 = inertia_1*w11
+    w46 = inertia_4*w8
+    w47 = inertia_5*w13
+    w48 = w46 - w45 + w47 + w46 - w45 + w47
+    w49 = w18*inertia_1
+    w50 = w16*inertia_4
+    w51 = w21*inertia_5
+    w52 = w49 + w50 + w51 + w49 + w50 + w51
+    w53 = inertia_1*w30
+    w54 = inertia_4*w27
+    w55 = inertia_5*w32
+    w56 = w53 + w54 + w55 + w53 + w54 + w55
+    w57 = inertia_1*w39
+    w58 = inertia_4*w36
+    w59 = inertia_5*w41
+    w60 = w58 - w57 + w59 + w58 - w57 + w59
+    w61 = inertia_3*w13
+    w62 = inertia_5*w11
+    w63 = inertia_6*w8
+    w64 = w61 - w62 + w63
+    w65 = w61 - w62 + w63 + w64
+    w66 = w21*inertia_3
+    w67 = inertia_5*w18
+    w68 = inertia_6*w16
+    w69 = w66 + w67 + w68 + w66 + w67 + w68
+    w70 = inertia_3*w32
+    w71 = inertia_5*w30
+    w72 = inertia_6*w27
+    w73 = inertia_3*w41
+    w74 = inertia_5*w39
+    w75 = inertia_6*w36
+    w76 = w73 - w74 + w75 + w73 - w74 + w75
+    w77 = w24*w65 - w69*w5 + w0*(w70 + w71 + w72 + w70 + w71 + w72) + w4*w76
+    w78 = w29*w60 - w56*w38 - (w44*w48 + w52*(w1*w24 - w4*w25)) - (w6*w15 - w23*(w4*w2 + w3*w24) + w26*w43 - w34*w35) + w77
+    w79 = w18*inertia_2
+    w80 = w50 - w79 + w50 - w79
+    w81 = inertia_2*w30
+    w82 = w54 - w81 + w54 - w81
+    w83 = w16*inertia_1
+    w84 = w83 - w19 + w83 - w19
+    w85 = inertia_1*w27
+    w86 = w85 - w31 + w85 - w31
+    w87 = inertia_5*w16
+    w88 = w18*inertia_6
+    w89 = w87 - w88 + w87 - w88
+    w90 = inertia_5*w27
+    w91 = inertia_6*w30
+    w92 = w90 - w91 + w90 - w91
+    w93 = w29*w86 - w26*w56 - (w44*w84 + w52*w6) - (w6*w80 - w23*w44 + w29*w34 + w26*w82) + w24*w89 + w4*w92
+    w94 = w0*phi1_t*w65 - w4*phi1_t*w69 - (w0*(w52*w10 - w23*w7) + w4*(w10*w48 - w7*w15))
+    w95 = w0*phi1_t*w89 - w4*(w10*w84 - w7*w52 - (w7*w80 + w23*w10))
+    w96 = w1*w82 - w3*w34 - (w25*w80 + w23*w2) + w2*w84 - w52*w25 + w1*w56 + w3*w86
+    w97 = w1*(theta1_t*w84 - w13*w80) - w3*(theta1_t*w52 - w23*w13) - (w1*(theta1_t*w23 + w13*w52) + w3*(theta1_t*w80 + w13*w84))
+    w98 = inertia_2*w6
+    w99 = inertia_4*w44
+    w100 = inertia_6*w24
+    w101 = w98 + w99 - w100 + w98 + w99 - w100
+    w102 = inertia_2*w26
+    w103 = inertia_4*w29
+    w104 = w4*inertia_6
+    w105 = w103 - w102 + w104 + w103 - w102 + w104
+    w106 = inertia_1*w44
+    w107 = inertia_4*w6
+    w108 = inertia_5*w24
+    w109 = w106 + w107 - w108 + w106 + w107 - w108
+    w110 = inertia_1*w29
+    w111 = inertia_4*w26
+    w112 = w4*inertia_5
+    w113 = w110 - w111 + w112 + w110 - w111 + w112
+    w114 = w4*inertia_3
+    w115 = inertia_5*w29
+    w116 = inertia_6*w26
+    w117 = w114 + w115 - w116 + w114 + w115 - w116
+    w118 = inertia_3*w24
+    w119 = inertia_5*w44
+    w120 = inertia_6*w6
+    w121 = w119 - w118 + w120 + w119 - w118 + w120
+    w122 = w6*w105 - w26*w101 + w29*w109 + w44*w113 - (w24*w117 - w4*w121)
+    w123 = w25 - w8
+    w124 = inertia_2*w123
+    w125 = w2 - w11
+    w126 = inertia_4*w125
+    w127 = w14 - w124 + w126 + w14 - w124 + w126
+    w128 = w1*inertia_2
+    w129 = w3*inertia_4
+    w130 = w128 + w129 + w128 + w129
+    w131 = inertia_1*w125
+    w132 = inertia_4*w123
+    w133 = w47 + w131 - w132 + w47 + w131 - w132
+    w134 = w3*inertia_1
+    w135 = w1*inertia_4
+    w136 = w134 + w135 + w134 + w135
+    w137 = inertia_5*w3
+    w138 = w1*inertia_6
+    w139 = w137 + w138 + w137 + w138
+    w140 = inertia_5*w125
+    w141 = inertia_6*w123
+    w142 = w61 + w140 - w141 + w61 + w140 - w141
+    w143 = w29*w133 - (w44*w136 + w52*w38) - (w26*w127 + w6*w130 - w23*w35) + w24*w139 + w0*w69 + w4*w142
+    w144 = w29*w84 - (2*w119 + w26*w52) - (w26*w80 + 2*w120 + w23*w29) + 2*w118 + w4*w89
+    w145 = w3*w23
+    w146 = w1*w52
+    w147 = w0*(w69 + phi1_t*w117) - w4*(w10*w113 + w146 - (w7*w105 + w145))
+    w148 = w1*w127 - w25*w130 + w2*w136 + w3*w133 - (w0*phi1_t*w139 - w4*(w10*w136 - w7*w130))
+    w149 = w1*w80 - (w145 + 2*inertia_6*w25) + w146 + 2*inertia_5*w2 + w3*w84
+    w150 = w1*(theta1_t*w113 - (w13*w105 + w0*w23)) - w3*(theta1_t*w105 + w0*w52 + w13*w113)
+    w151 = w1*(w52 + theta1_t*w136 - w13*w130) - w3*(w23 + theta1_t*w130 + w13*w136)
     return (
-        w179 + w180 + w181 + w182,
-        w225 + w226 + w227 + w228,
-        w245 + w246,
-        w272 + w273 + w274 + w275,
-        phi1_tt*w178 - w276 - w277 - w278 + w279 + w280,
-        phi1_tt*w224 + theta1_tt*w271 - w283 - w284 - w285 + w286 + w287,
-        w288 + w289,
-        psi1_t*w223 + w290 + w80 + w81 + w82,
-        w291 + w292 + w86 + w97 + w98,
-        -w296 + w297,
-        psi1_t*w270,
-        w106 + w117 + w118 - w119 + w298,
-        w291 + w292 - w299 - w300 - w86,
-        -w106 + w119 + w298 - w301 - w302,
+        w78/2,
+        w93/2,
+        (w1*w43 - w25*w15 + w2*w48 + w3*w60 - w94)/2,
+        (w96 - w95)/2,
+        (w76 - w95)/2,
+        (w92 - w97)/2,
+        -w122/2,
+        w143/2,
+        w144/2,
+        (w2*w113 - w3*w109 - (w25*w105 + w1*w101) - w147)/2,
+        w148/2,
+        (w149 - 2*w64)/2,
+        -(w121 + w150)/2,
+        (w142 - w151)/2,
     )
 
 

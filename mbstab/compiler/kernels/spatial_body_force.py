@@ -11,42 +11,33 @@ def dynamics(f, q, u, p, s):
     w3 = s1*w1 - s2*w2
     w4 = f.cos(theta1)
     w5 = s3*w0 + w3*w4
-    w6 = s1*w2 + s2*w1
+    w6 = s1*w2 + w1*s2
     w7 = f.cos(phi1)
     w8 = s3*w4 - w0*w3
     w9 = f.sin(phi1)
     w10 = w6*w7 - w8*w9
     w11 = w6*w9 + w7*w8
     w12 = base1_11*w5 + base1_12*w10 + base1_13*w11
-    w13 = point_1*w2
-    w14 = point_2*w1
-    w15 = w13 + w14
-    w16 = point_1*w1 - point_2*w2
-    w17 = point_3*w4 - w0*w16
-    w18 = -w15*w9 - w17*w7
-    w19 = w15*w7 - w17*w9
-    w20 = -w13 - w14
-    w21 = w0*w20*w9 + w16*w7
-    w22 = -w0*w20*w7 + w16*w9
-    w23 = -point_3*w0 - w16*w4
-    w24 = base1_21*w5 + base1_22*w10 + base1_23*w11
-    w25 = base1_31*w5 + base1_32*w10 + base1_33*w11
-    w26 = w25*(base1_32*w18 + base1_33*w19)
-    w27 = w24*(base1_22*w18 + base1_23*w19)
-    w28 = w12*(base1_12*w18 + base1_13*w19)
-    w29 = w24*(base1_21*w17 - base1_22*w23*w9 + base1_23*w23*w7)
-    w30 = w12*(base1_11*w17 - base1_12*w23*w9 + base1_13*w23*w7)
-    w31 = w25*(base1_31*w17 - base1_32*w23*w9 + base1_33*w23*w7)
-    w32 = w25*(base1_31*w20*w4 + base1_32*w21 + base1_33*w22)
-    w33 = w12*(base1_11*w20*w4 + base1_12*w21 + base1_13*w22)
-    w34 = w24*(base1_21*w20*w4 + base1_22*w21 + base1_23*w22)
+    w13 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w14 = w5*base1_31 + w10*base1_32 + w11*base1_33
+    w15 = w2*point_1 + w1*point_2
+    w16 = w1*point_1 - w2*point_2
+    w17 = w4*point_3 - w0*w16
+    w18 = w9*w15 + w7*w17
+    w19 = w7*w15 - w9*w17
+    w20 = w14*(base1_33*w19 - base1_32*w18) + w13*(base1_23*w19 - base1_22*w18) + w12*(base1_13*w19 - base1_12*w18)
+    w21 = w0*point_3 + w4*w16
+    w22 = w14*(base1_31*w17 - w7*base1_33*w21 + w9*base1_32*w21) + w13*(base1_21*w17 - w7*base1_23*w21 + w9*base1_22*w21) + w12*(base1_11*w17 - w7*base1_13*w21 + base1_12*w9*w21)
+    w23 = w7*w16 - w0*w9*w15
+    w24 = w9*w16 + w0*w7*w15
+    w25 = w14*(base1_32*w23 + base1_33*w24 - w4*base1_31*w15) + w13*(base1_22*w23 + base1_23*w24 - w4*base1_21*w15) + w12*(base1_12*w23 + base1_13*w24 - base1_11*w4*w15)
     return (
         -w12,
-        -w24,
+        -w13,
+        -w14,
+        -w20,
+        -w22,
         -w25,
-        -w26 - w27 - w28,
-        -w29 - w30 - w31,
-        -w32 - w33 - w34,
     )
 
 
@@ -59,146 +50,100 @@ def linearize(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, = q
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, point_1, point_2, point_3, = p
     s1, s2, s3, *_ = s
-    w0 = f.sin(theta1)
-    w1 = s3*w0
-    w2 = f.cos(psi1)
-    w3 = f.sin(psi1)
-    w4 = s1*w2 - s2*w3
+    w0 = f.sin(psi1)
+    w1 = f.cos(psi1)
+    w2 = s1*w0 + w1*s2
+    w3 = f.sin(phi1)
+    w4 = f.cos(phi1)
     w5 = f.cos(theta1)
-    w6 = w4*w5
-    w7 = w1 + w6
-    w8 = s1*w3
-    w9 = s2*w2
-    w10 = w8 + w9
-    w11 = f.cos(phi1)
-    w12 = s3*w5 - w0*w4
-    w13 = f.sin(phi1)
-    w14 = w10*w11 - w12*w13
-    w15 = w10*w13
-    w16 = w11*w12
-    w17 = w15 + w16
-    w18 = base1_11*w7 + base1_12*w14 + base1_13*w17
-    w19 = point_1*w3
-    w20 = point_2*w2
-    w21 = w19 + w20
-    w22 = point_3*w5
-    w23 = point_1*w2
-    w24 = point_2*w3
-    w25 = w23 - w24
-    w26 = w0*w25
-    w27 = w22 - w26
-    w28 = -w11*w27 - w13*w21
-    w29 = w11*w21
-    w30 = w13*w27
-    w31 = w29 - w30
-    w32 = base1_12*w28 + base1_13*w31
-    w33 = w11*w25
-    w34 = -w19 - w20
-    w35 = w0*w13*w34 + w33
-    w36 = w13*w25
-    w37 = -w0*w11*w34 + w36
-    w38 = base1_11*w34*w5 + base1_12*w35 + base1_13*w37
-    w39 = -point_3*w0 - w25*w5
-    w40 = base1_11*w27 - base1_12*w13*w39 + base1_13*w11*w39
-    w41 = base1_21*w7 + base1_22*w14 + base1_23*w17
-    w42 = base1_22*w28 + base1_23*w31
-    w43 = base1_21*w34*w5 + base1_22*w35 + base1_23*w37
-    w44 = base1_21*w27 - base1_22*w13*w39 + base1_23*w11*w39
-    w45 = base1_31*w7 + base1_32*w14 + base1_33*w17
-    w46 = base1_32*w28 + base1_33*w31
-    w47 = base1_31*w34*w5 + base1_32*w35 + base1_33*w37
-    w48 = base1_31*w27 - base1_32*w13*w39 + base1_33*w11*w39
-    w49 = -w15 - w16
-    w50 = base1_12*w49 + base1_13*w14
-    w51 = -w1 - w6
-    w52 = w13*w51
-    w53 = w11*w51
-    w54 = base1_11*w12 - base1_12*w52 + base1_13*w53
-    w55 = -w8 - w9
-    w56 = w5*w55
-    w57 = w0*w55
-    w58 = w11*w4 + w13*w57
-    w59 = -w11*w57 + w13*w4
-    w60 = base1_11*w56 + base1_12*w58 + base1_13*w59
-    w61 = base1_22*w49 + base1_23*w14
-    w62 = base1_21*w12 - base1_22*w52 + base1_23*w53
-    w63 = base1_21*w56 + base1_22*w58 + base1_23*w59
-    w64 = base1_32*w49 + base1_33*w14
-    w65 = base1_31*w12 - base1_32*w52 + base1_33*w53
-    w66 = base1_31*w56 + base1_32*w58 + base1_33*w59
-    w67 = -w29 + w30
-    w68 = w18*(base1_12*w67 + base1_13*w28) + w32*w50
-    w69 = w41*(base1_22*w67 + base1_23*w28) + w42*w61
-    w70 = w45*(base1_32*w67 + base1_33*w28) + w46*w64
-    w71 = w11*w39
-    w72 = w13*w39
-    w73 = w45*(-base1_32*w71 - base1_33*w72) + w46*w65
-    w74 = w41*(-base1_22*w71 - base1_23*w72) + w42*w62
-    w75 = w18*(-base1_12*w71 - base1_13*w72) + w32*w54
-    w76 = w0*w34
-    w77 = w11*w76 - w36
-    w78 = w13*w76 + w33
-    w79 = w18*(base1_12*w77 + base1_13*w78)
-    w80 = w41*(base1_22*w77 + base1_23*w78)
-    w81 = w45*(base1_32*w77 + base1_33*w78)
-    w82 = w45*(-base1_32*w11*w39 - base1_33*w13*w39)
-    w83 = w48*w64
-    w84 = w18*(-base1_12*w11*w39 - base1_13*w13*w39)
-    w85 = w40*w50
-    w86 = w41*(-base1_22*w11*w39 - base1_23*w13*w39)
-    w87 = w44*w61
-    w88 = -w22 + w26
-    w89 = base1_33*w11
-    w90 = base1_32*w13
-    w91 = base1_13*w11
-    w92 = base1_12*w13
-    w93 = base1_23*w11
-    w94 = base1_22*w13
-    w95 = w45*(base1_31*w39 + w88*w89 - w88*w90) + w48*w65
-    w96 = w41*(base1_21*w39 + w88*w93 - w88*w94) + w44*w62
-    w97 = w18*(base1_11*w39 + w88*w91 - w88*w92) + w40*w54
-    w98 = w34*w5
-    w99 = w18*(-base1_11*w76 - w91*w98 + w92*w98) + w40*w60
-    w100 = w45*(-base1_31*w76 - w89*w98 + w90*w98) + w48*w66
-    w101 = w41*(-base1_21*w76 - w93*w98 + w94*w98) + w44*w63
-    w102 = w13*w34
-    w103 = w102*w5
-    w104 = w11*w34
-    w105 = w104*w5
-    w106 = w38*w54
-    w107 = w18*(-base1_11*w0*w34 + base1_12*w103 - base1_13*w105)
-    w108 = w41*(-base1_21*w0*w34 + base1_22*w103 - base1_23*w105)
-    w109 = w43*w62
-    w110 = w45*(-base1_31*w0*w34 + base1_32*w103 - base1_33*w105)
-    w111 = w47*w65
-    w112 = -w23 + w24
-    w113 = w0*w112*w13 + w104
-    w114 = -w0*w11*w112 + w102
-    w115 = w18*(base1_11*w112*w5 + base1_12*w113 + base1_13*w114)
-    w116 = w38*w60
-    w117 = w41*(base1_21*w112*w5 + base1_22*w113 + base1_23*w114)
-    w118 = w43*w63
-    w119 = w47*w66
-    w120 = w45*(base1_31*w112*w5 + base1_32*w113 + base1_33*w114)
+    w6 = f.sin(theta1)
+    w7 = s1*w1 - s2*w0
+    w8 = s3*w5 - w6*w7
+    w9 = w2*w3 + w4*w8
+    w10 = w2*w4 - w8*w3
+    w11 = w10*base1_13 - base1_12*w9
+    w12 = s3*w6 + w7*w5
+    w13 = w12*w3
+    w14 = w12*w4
+    w15 = base1_11*w8 + base1_12*w13 - base1_13*w14
+    w16 = w5*w2
+    w17 = w6*w2
+    w18 = w7*w4 - w3*w17
+    w19 = w7*w3 + w4*w17
+    w20 = base1_12*w18 - base1_11*w16 + base1_13*w19
+    w21 = w10*base1_23 - w9*base1_22
+    w22 = w8*base1_21 + base1_22*w13 - base1_23*w14
+    w23 = base1_22*w18 - base1_21*w16 + base1_23*w19
+    w24 = w10*base1_33 - w9*base1_32
+    w25 = w8*base1_31 + base1_32*w13 - base1_33*w14
+    w26 = base1_32*w18 - base1_31*w16 + base1_33*w19
+    w27 = w0*point_1 + w1*point_2
+    w28 = w3*w27
+    w29 = w1*point_1 - w0*point_2
+    w30 = w5*point_3 - w6*w29
+    w31 = w28 + w4*w30
+    w32 = w4*w27
+    w33 = w32 - w3*w30
+    w34 = base1_33*w33 - base1_32*w31
+    w35 = w12*base1_31 + w10*base1_32 + w9*base1_33
+    w36 = base1_23*w33 - base1_22*w31
+    w37 = w12*base1_21 + w10*base1_22 + w9*base1_23
+    w38 = base1_13*w33 - base1_12*w31
+    w39 = base1_11*w12 + base1_12*w10 + base1_13*w9
+    w40 = w34*w24 - w35*(base1_32*w33 + base1_33*w31) + w36*w21 - w37*(base1_22*w33 + base1_23*w31) + w38*w11 - w39*(base1_12*w33 + base1_13*w31)
+    w41 = w6*point_3 + w5*w29
+    w42 = w4*w41
+    w43 = w3*w41
+    w44 = w35*(base1_32*w42 + base1_33*w43)
+    w45 = w37*(base1_22*w42 + base1_23*w43)
+    w46 = w39*(base1_12*w42 + base1_13*w43)
+    w47 = w3*w29 + w6*w4*w27
+    w48 = w4*w29 - w6*w3*w27
+    w49 = w35*(base1_33*w48 - base1_32*w47)
+    w50 = w37*(base1_23*w48 - base1_22*w47)
+    w51 = w39*(base1_13*w48 - base1_12*w47)
+    w52 = base1_31*w30 - w4*base1_33*w41 + w3*base1_32*w41
+    w53 = base1_21*w30 - w4*base1_23*w41 + w3*base1_22*w41
+    w54 = base1_11*w30 - w4*base1_13*w41 + base1_12*w3*w41
+    w55 = w4*base1_33
+    w56 = w3*base1_32
+    w57 = w4*base1_23
+    w58 = w3*base1_22
+    w59 = w4*base1_13
+    w60 = base1_12*w3
+    w61 = w52*w25 - w35*(base1_31*w41 + w30*w55 - w30*w56) + w53*w22 - w37*(base1_21*w41 + w30*w57 - w30*w58) + w54*w15 - w39*(base1_11*w41 + w30*w59 - w30*w60)
+    w62 = w6*w27
+    w63 = w5*w27
+    w64 = w35*(base1_31*w62 + w55*w63 - w56*w63)
+    w65 = w37*(base1_21*w62 + w57*w63 - w58*w63)
+    w66 = w39*(base1_11*w62 + w59*w63 - w60*w63)
+    w67 = base1_32*w48 + base1_33*w47 - w5*base1_31*w27
+    w68 = base1_22*w48 + base1_23*w47 - w5*base1_21*w27
+    w69 = base1_12*w48 + base1_13*w47 - base1_11*w5*w27
+    w70 = w32 + w29*w6*w3
+    w71 = w29*w6*w4 - w28
+    w72 = w67*w26 - w35*(base1_32*w70 - base1_33*w71 + w29*w5*base1_31)
+    w73 = w68*w23 - w37*(base1_22*w70 - base1_23*w71 + w29*w5*base1_21)
+    w74 = w69*w20 - w39*(base1_12*w70 - base1_13*w71 + w29*base1_11*w5)
     return (
-        -w50,
-        -w54,
-        -w60,
+        -w11,
+        -w15,
+        -w20,
+        -w21,
+        -w22,
+        -w23,
+        -w24,
+        -w25,
+        -w26,
+        -w40,
+        -(w34*w25 + w44 + w36*w22 + w45 + w38*w15 + w46),
+        -(w34*w26 + w49 + w36*w23 + w50 + w38*w20 + w51),
+        -(w44 + w52*w24 + w45 + w53*w21 + w46 + w54*w11),
         -w61,
-        -w62,
-        -w63,
-        -w64,
-        -w65,
-        -w66,
-        -w68 - w69 - w70,
-        -w73 - w74 - w75,
-        -w32*w60 - w42*w63 - w46*w66 - w79 - w80 - w81,
-        -w82 - w83 - w84 - w85 - w86 - w87,
-        -w95 - w96 - w97,
-        -w100 - w101 - w99,
-        -w38*w50 - w43*w61 - w47*w64 - w79 - w80 - w81,
-        -w106 - w107 - w108 - w109 - w110 - w111,
-        -w115 - w116 - w117 - w118 - w119 - w120,
+        -(w52*w26 + w64 + w53*w23 + w65 + w54*w20 + w66),
+        -(w49 + w67*w24 + w50 + w68*w21 + w51 + w69*w11),
+        -(w64 + w67*w25 + w65 + w68*w22 + w66 + w69*w15),
+        -(w72 + w73 + w74),
     )
 
 

@@ -5,11 +5,11 @@ def dynamics(f, q, u, p, s):
     _, _, _, _, theta1, psi1, = q
     s1, s2, s3, *_ = s
     w0 = f.sin(psi1)
-    w1 = f.cos(psi1)
-    w2 = f.cos(theta1)
+    w1 = f.cos(theta1)
+    w2 = f.cos(psi1)
     return (
-        -s1*w1*w2 + s2*w0*w2 - s3*f.sin(theta1),
-        -s1*w0 - s2*w1,
+        -(s3*f.sin(theta1) - s2*w0*w1 + s1*w2*w1),
+        -(s2*w2 + s1*w0),
         -s3,
     )
 
@@ -22,14 +22,14 @@ DYNAMICS = {
 def linearize(f, q, u, p, s):
     _, _, _, _, theta1, psi1, = q
     s1, s2, s3, *_ = s
-    w0 = f.sin(psi1)
-    w1 = f.cos(psi1)
-    w2 = f.cos(theta1)
-    w3 = f.sin(theta1)
+    w0 = f.cos(theta1)
+    w1 = f.sin(psi1)
+    w2 = f.sin(theta1)
+    w3 = f.cos(psi1)
     return (
-        s1*w1*w3 - s2*w0*w3 - s3*w2,
-        s1*w0*w2 + s2*w1*w2,
-        -s1*w1 + s2*w0,
+        -(s3*w0 + s2*w1*w2 - s1*w3*w2),
+        s2*w3*w0 + s1*w1*w0,
+        -(s1*w3 - s2*w1),
     )
 
 

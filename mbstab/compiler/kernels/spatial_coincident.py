@@ -6,229 +6,144 @@ def dynamics(f, q, u, p, s):
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, x2_t, y2_t, z2_t, phi2_t, theta2_t, psi2_t, = u
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, = p
     w0 = f.sin(theta1)
-    w1 = first_3*w0
-    w2 = f.cos(psi1)
-    w3 = first_1*w2
-    w4 = f.sin(psi1)
-    w5 = first_2*w4
-    w6 = w3 - w5
-    w7 = f.cos(theta1)
-    w8 = w6*w7
-    w9 = w1 + w8
-    w10 = first_1*w4
-    w11 = first_2*w2
-    w12 = w10 + w11
-    w13 = f.cos(phi1)
-    w14 = w12*w13
-    w15 = first_3*w7
-    w16 = w0*w6
-    w17 = w15 - w16
-    w18 = f.sin(phi1)
-    w19 = w17*w18
-    w20 = w14 - w19
-    w21 = w12*w18
-    w22 = w13*w17
-    w23 = w21 + w22
-    w24 = f.sin(theta2)
-    w25 = second_3*w24
-    w26 = f.cos(psi2)
-    w27 = second_1*w26
-    w28 = f.sin(psi2)
-    w29 = second_2*w28
-    w30 = w27 - w29
-    w31 = f.cos(theta2)
-    w32 = w30*w31
-    w33 = w25 + w32
-    w34 = second_1*w28
-    w35 = second_2*w26
-    w36 = w34 + w35
-    w37 = f.cos(phi2)
-    w38 = w36*w37
-    w39 = second_3*w31
-    w40 = w24*w30
-    w41 = w39 - w40
-    w42 = f.sin(phi2)
-    w43 = w41*w42
-    w44 = w38 - w43
-    w45 = w36*w42
-    w46 = w37*w41
-    w47 = w45 + w46
-    w48 = -w21 - w22
-    w49 = base1_12*w48 + base1_13*w20
-    w50 = -w1 - w8
-    w51 = w18*w50
-    w52 = w13*w50
-    w53 = base1_11*w17 - base1_12*w51 + base1_13*w52
-    w54 = -w10 - w11
-    w55 = w54*w7
-    w56 = w0*w54
-    w57 = w13*w6 + w18*w56
-    w58 = w18*w6
-    w59 = w13*w56
-    w60 = w58 - w59
-    w61 = base1_11*w55 + base1_12*w57 + base1_13*w60
-    w62 = -w45 - w46
-    w63 = -base2_12*w62 - base2_13*w44
-    w64 = -w25 - w32
-    w65 = w42*w64
-    w66 = w37*w64
-    w67 = -base2_11*w41 + base2_12*w65 - base2_13*w66
-    w68 = -w34 - w35
-    w69 = w31*w68
-    w70 = w24*w68
-    w71 = w30*w37 + w42*w70
-    w72 = w30*w42
-    w73 = w37*w70
-    w74 = w72 - w73
-    w75 = -base2_11*w69 - base2_12*w71 - base2_13*w74
-    w76 = base1_22*w48 + base1_23*w20
-    w77 = base1_21*w17 - base1_22*w51 + base1_23*w52
-    w78 = base1_21*w55 + base1_22*w57 + base1_23*w60
-    w79 = -base2_22*w62 - base2_23*w44
-    w80 = -base2_21*w41 + base2_22*w65 - base2_23*w66
-    w81 = -base2_21*w69 - base2_22*w71 - base2_23*w74
-    w82 = base1_32*w48 + base1_33*w20
-    w83 = base1_31*w17 - base1_32*w51 + base1_33*w52
-    w84 = base1_31*w55 + base1_32*w57 + base1_33*w60
-    w85 = -base2_32*w62 - base2_33*w44
-    w86 = -base2_31*w41 + base2_32*w65 - base2_33*w66
-    w87 = -base2_31*w69 - base2_32*w71 - base2_33*w74
-    w88 = -w14 + w19
-    w89 = -base1_12*w52 - base1_13*w51
-    w90 = -w58 + w59
-    w91 = base1_12*w90 + base1_13*w57
-    w92 = phi1_t*(base1_12*w88 + base1_13*w48) + psi1_t*w91 + theta1_t*w89
-    w93 = -w15 + w16
-    w94 = w18*w93
-    w95 = w13*w93
-    w96 = w18*w55
-    w97 = w13*w55
-    w98 = -base1_11*w56 + base1_12*w96 - base1_13*w97
-    w99 = psi1_t*w98
-    w100 = phi1_t*w89
-    w101 = theta1_t*(base1_11*w50 - base1_12*w94 + base1_13*w95)
-    w102 = -w3 + w5
-    w103 = w102*w7
-    w104 = w0*w102
-    w105 = w104*w18 + w13*w54
-    w106 = -w104*w13 + w18*w54
-    w107 = theta1_t*w98
-    w108 = psi1_t*(base1_11*w103 + base1_12*w105 + base1_13*w106)
-    w109 = phi1_t*w91
-    w110 = -w38 + w43
-    w111 = base2_12*w66 + base2_13*w65
-    w112 = -w72 + w73
-    w113 = -base2_12*w112 - base2_13*w71
-    w114 = phi2_t*(-base2_12*w110 - base2_13*w62) + psi2_t*w113 + theta2_t*w111
-    w115 = -w39 + w40
-    w116 = w115*w42
-    w117 = w115*w37
-    w118 = w42*w69
-    w119 = w37*w69
-    w120 = base2_11*w70 - base2_12*w118 + base2_13*w119
-    w121 = theta2_t*(-base2_11*w64 + base2_12*w116 - base2_13*w117)
-    w122 = phi2_t*w111
-    w123 = psi2_t*w120
-    w124 = -w27 + w29
-    w125 = w124*w31
-    w126 = w124*w24
-    w127 = w126*w42 + w37*w68
-    w128 = -w126*w37 + w42*w68
-    w129 = phi2_t*w113
-    w130 = psi2_t*(-base2_11*w125 - base2_12*w127 - base2_13*w128)
-    w131 = theta2_t*w120
-    w132 = phi2_t*w114
-    w133 = psi1_t*(w107 + w108 + w109)
-    w134 = theta1_t*(w100 + w101 + w99)
-    w135 = theta2_t*(w121 + w122 + w123)
-    w136 = phi1_t*w92
-    w137 = psi2_t*(w129 + w130 + w131)
-    w138 = -base1_22*w52 - base1_23*w51
-    w139 = base1_22*w90 + base1_23*w57
-    w140 = phi1_t*(base1_22*w88 + base1_23*w48) + psi1_t*w139 + theta1_t*w138
-    w141 = -base1_21*w56 + base1_22*w96 - base1_23*w97
-    w142 = theta1_t*(base1_21*w50 - base1_22*w94 + base1_23*w95)
-    w143 = phi1_t*w138
-    w144 = psi1_t*w141
-    w145 = psi1_t*(base1_21*w103 + base1_22*w105 + base1_23*w106)
-    w146 = theta1_t*w141
-    w147 = phi1_t*w139
-    w148 = base2_22*w66 + base2_23*w65
-    w149 = -base2_22*w112 - base2_23*w71
-    w150 = phi2_t*(-base2_22*w110 - base2_23*w62) + psi2_t*w149 + theta2_t*w148
-    w151 = base2_21*w70 - base2_22*w118 + base2_23*w119
-    w152 = psi2_t*w151
-    w153 = phi2_t*w148
-    w154 = theta2_t*(-base2_21*w64 + base2_22*w116 - base2_23*w117)
-    w155 = psi2_t*(-base2_21*w125 - base2_22*w127 - base2_23*w128)
-    w156 = theta2_t*w151
-    w157 = phi2_t*w149
-    w158 = theta1_t*(w142 + w143 + w144)
-    w159 = phi1_t*w140
-    w160 = phi2_t*w150
-    w161 = theta2_t*(w152 + w153 + w154)
-    w162 = psi1_t*(w145 + w146 + w147)
-    w163 = psi2_t*(w155 + w156 + w157)
-    w164 = -base1_32*w52 - base1_33*w51
-    w165 = base1_32*w90 + base1_33*w57
-    w166 = phi1_t*(base1_32*w88 + base1_33*w48) + psi1_t*w165 + theta1_t*w164
-    w167 = -base1_31*w56 + base1_32*w96 - base1_33*w97
-    w168 = phi1_t*w164
-    w169 = theta1_t*(base1_31*w50 - base1_32*w94 + base1_33*w95)
-    w170 = psi1_t*w167
-    w171 = phi1_t*w165
-    w172 = psi1_t*(base1_31*w103 + base1_32*w105 + base1_33*w106)
-    w173 = theta1_t*w167
-    w174 = base2_32*w66 + base2_33*w65
-    w175 = -base2_32*w112 - base2_33*w71
-    w176 = phi2_t*(-base2_32*w110 - base2_33*w62) + psi2_t*w175 + theta2_t*w174
-    w177 = base2_31*w70 - base2_32*w118 + base2_33*w119
-    w178 = psi2_t*w177
-    w179 = phi2_t*w174
-    w180 = theta2_t*(-base2_31*w64 + base2_32*w116 - base2_33*w117)
-    w181 = phi2_t*w175
-    w182 = psi2_t*(-base2_31*w125 - base2_32*w127 - base2_33*w128)
-    w183 = theta2_t*w177
-    w184 = phi1_t*w166
-    w185 = phi2_t*w176
-    w186 = psi2_t*(w181 + w182 + w183)
-    w187 = psi1_t*(w171 + w172 + w173)
-    w188 = theta1_t*(w168 + w169 + w170)
-    w189 = theta2_t*(w178 + w179 + w180)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = first_1*w1 - first_2*w2
+    w4 = f.cos(theta1)
+    w5 = first_3*w0 + w3*w4
+    w6 = first_1*w2 + w1*first_2
+    w7 = f.cos(phi1)
+    w8 = first_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = f.sin(theta2)
+    w13 = f.cos(psi2)
+    w14 = f.sin(psi2)
+    w15 = second_1*w13 - second_2*w14
+    w16 = f.cos(theta2)
+    w17 = second_3*w12 + w15*w16
+    w18 = second_1*w14 + w13*second_2
+    w19 = f.cos(phi2)
+    w20 = second_3*w16 - w12*w15
+    w21 = f.sin(phi2)
+    w22 = w18*w19 - w20*w21
+    w23 = w18*w21 + w19*w20
+    w24 = x1 - x2 + base1_11*w5 + base1_12*w10 + base1_13*w11 - base2_11*w17 - base2_12*w22 - base2_13*w23
+    w25 = y1 - y2 + w5*base1_21 + w10*base1_22 + w11*base1_23 - w17*base2_21 - w22*base2_22 - w23*base2_23
+    w26 = z1 - z2 + w5*base1_31 + w10*base1_32 + w11*base1_33 - w17*base2_31 - w22*base2_32 - w23*base2_33
+    w27 = w4*theta1_t
+    w28 = w2*psi1_t
+    w29 = w1*psi1_t
+    w30 = first_1*w28 + first_2*w29
+    w31 = w0*theta1_t
+    w32 = first_3*w27 - (w4*w30 + w3*w31)
+    w33 = first_1*w29 - first_2*w28
+    w34 = w9*phi1_t
+    w35 = first_3*w31 + w3*w27 - w0*w30
+    w36 = w7*phi1_t
+    w37 = w7*w33 - w6*w34 - (w8*w36 - w9*w35)
+    w38 = w9*w33 + w6*w36 - (w8*w34 + w7*w35)
+    w39 = w16*theta2_t
+    w40 = w14*psi2_t
+    w41 = w13*psi2_t
+    w42 = second_1*w40 + second_2*w41
+    w43 = w12*theta2_t
+    w44 = second_3*w39 - (w16*w42 + w15*w43)
+    w45 = second_1*w41 - second_2*w40
+    w46 = w21*phi2_t
+    w47 = second_3*w43 + w15*w39 - w12*w42
+    w48 = w19*phi2_t
+    w49 = w19*w45 - w18*w46 - (w20*w48 - w21*w47)
+    w50 = w21*w45 + w18*w48 - (w20*w46 + w19*w47)
+    w51 = x1_t - x2_t + base1_11*w32 + base1_12*w37 + base1_13*w38 - base2_11*w44 - base2_12*w49 - base2_13*w50
+    w52 = y1_t - y2_t + base1_21*w32 + base1_22*w37 + base1_23*w38 - base2_21*w44 - base2_22*w49 - base2_23*w50
+    w53 = z1_t - z2_t + base1_31*w32 + base1_32*w37 + base1_33*w38 - base2_31*w44 - base2_32*w49 - base2_33*w50
+    w54 = w5*w9
+    w55 = w5*w7
+    w56 = w4*w6
+    w57 = w0*w6
+    w58 = w3*w7 - w9*w57
+    w59 = w3*w9 + w7*w57
+    w60 = w17*w21
+    w61 = w17*w19
+    w62 = w16*w18
+    w63 = w12*w18
+    w64 = w15*w19 - w21*w63
+    w65 = w15*w21 + w19*w63
+    w66 = theta1_t*w31
+    w67 = w30*w31
+    w68 = psi1_t*w29
+    w69 = psi1_t*w28
+    w70 = first_1*w68 - first_2*w69
+    w71 = theta1_t*w27
+    w72 = first_3*w66 + w4*w70 - w67 + w3*w71 - w67
+    w73 = w33*w34
+    w74 = first_1*w69 + first_2*w68
+    w75 = phi1_t*w36
+    w76 = w35*w36
+    w77 = w27*w30
+    w78 = first_3*w71 - (w77 + w3*w66 + w77 + w0*w70)
+    w79 = phi1_t*w34
+    w80 = w76 + w9*w78 + w76 + w8*w79 - (w73 + w7*w74 + w73 + w6*w75)
+    w81 = w33*w36
+    w82 = w34*w35
+    w83 = w81 - w9*w74 + w81 - w6*w79 - (w8*w75 - w82 + w7*w78 - w82)
+    w84 = theta2_t*w43
+    w85 = w42*w43
+    w86 = psi2_t*w41
+    w87 = psi2_t*w40
+    w88 = second_1*w86 - second_2*w87
+    w89 = theta2_t*w39
+    w90 = second_3*w84 + w16*w88 - w85 + w15*w89 - w85
+    w91 = w45*w46
+    w92 = second_1*w87 + second_2*w86
+    w93 = phi2_t*w48
+    w94 = w47*w48
+    w95 = w39*w42
+    w96 = second_3*w89 - (w95 + w15*w84 + w95 + w12*w88)
+    w97 = phi2_t*w46
+    w98 = w94 + w21*w96 + w94 + w20*w97 - (w91 + w19*w92 + w91 + w18*w93)
+    w99 = w45*w48
+    w100 = w46*w47
+    w101 = w99 - w21*w92 + w99 - w18*w97 - (w20*w93 - w100 + w19*w96 - w100)
+    w102 = base1_12*w80 - base1_11*w72 + base1_13*w83 + base2_11*w90 - base2_12*w98 - base2_13*w101
+    w103 = base1_22*w80 - base1_21*w72 + base1_23*w83 + base2_21*w90 - base2_22*w98 - base2_23*w101
+    w104 = base1_32*w80 - base1_31*w72 + base1_33*w83 + base2_31*w90 - base2_32*w98 - base2_33*w101
     return (
-        base1_11*w9 + base1_12*w20 + base1_13*w23 - base2_11*w33 - base2_12*w44 - base2_13*w47 + x1 - x2,
-        base1_21*w9 + base1_22*w20 + base1_23*w23 - base2_21*w33 - base2_22*w44 - base2_23*w47 + y1 - y2,
-        base1_31*w9 + base1_32*w20 + base1_33*w23 - base2_31*w33 - base2_32*w44 - base2_33*w47 + z1 - z2,
-        phi1_t*w49 + phi2_t*w63 + psi1_t*w61 + psi2_t*w75 + theta1_t*w53 + theta2_t*w67 + x1_t - x2_t,
-        phi1_t*w76 + phi2_t*w79 + psi1_t*w78 + psi2_t*w81 + theta1_t*w77 + theta2_t*w80 + y1_t - y2_t,
-        phi1_t*w82 + phi2_t*w85 + psi1_t*w84 + psi2_t*w87 + theta1_t*w83 + theta2_t*w86 + z1_t - z2_t,
-        1,
-        w49,
+        w24,
+        w25,
+        w26,
+        w51,
+        w52,
         w53,
-        w61,
-        -1,
-        w63,
-        w67,
-        w75,
         1,
-        w76,
-        w77,
-        w78,
+        w10*base1_13 - base1_12*w11,
+        base1_11*w8 + base1_12*w54 - base1_13*w55,
+        base1_12*w58 - base1_11*w56 + base1_13*w59,
         -1,
-        w79,
-        w80,
-        w81,
+        base2_12*w23 - w22*base2_13,
+        -(base2_11*w20 + base2_12*w60 - base2_13*w61),
+        -(base2_12*w64 - base2_11*w62 + base2_13*w65),
         1,
-        w82,
-        w83,
-        w84,
+        w10*base1_23 - w11*base1_22,
+        w8*base1_21 + base1_22*w54 - base1_23*w55,
+        base1_22*w58 - base1_21*w56 + base1_23*w59,
         -1,
-        w85,
-        w86,
-        w87,
-        w132 + w133 + w134 + w135 + w136 + w137,
-        w158 + w159 + w160 + w161 + w162 + w163,
-        w184 + w185 + w186 + w187 + w188 + w189,
+        w23*base2_22 - w22*base2_23,
+        -(w20*base2_21 + base2_22*w60 - base2_23*w61),
+        -(base2_22*w64 - base2_21*w62 + base2_23*w65),
+        1,
+        w10*base1_33 - w11*base1_32,
+        w8*base1_31 + base1_32*w54 - base1_33*w55,
+        base1_32*w58 - base1_31*w56 + base1_33*w59,
+        -1,
+        w23*base2_32 - w22*base2_33,
+        -(w20*base2_31 + base2_32*w60 - base2_33*w61),
+        -(base2_32*w64 - base2_31*w62 + base2_33*w65),
+        w102,
+        w103,
+        w104,
     )
 
 
@@ -244,137 +159,67 @@ def linearize(f, q, u, p, s, nu):
     _, _, _, phi1, theta1, psi1, _, _, _, phi2, theta2, psi2, = q
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, = p
     nu1, nu2, nu3, = nu
-    w0 = f.sin(theta1)
-    w1 = f.cos(psi1)
-    w2 = first_1*w1
-    w3 = f.sin(psi1)
-    w4 = first_2*w3
-    w5 = w2 - w4
-    w6 = f.cos(theta1)
-    w7 = first_1*w3
-    w8 = first_2*w1
-    w9 = w7 + w8
+    w0 = f.sin(phi1)
+    w1 = f.sin(psi1)
+    w2 = f.cos(psi1)
+    w3 = first_1*w1 + w2*first_2
+    w4 = base1_33*nu3 + base1_23*nu2 + base1_13*nu1
+    w5 = f.cos(theta1)
+    w6 = f.sin(theta1)
+    w7 = first_1*w2 - first_2*w1
+    w8 = first_3*w5 - w6*w7
+    w9 = base1_32*nu3 + base1_22*nu2 + base1_12*nu1
     w10 = f.cos(phi1)
-    w11 = first_3*w6
-    w12 = w0*w5
-    w13 = w11 - w12
-    w14 = f.sin(phi1)
-    w15 = f.sin(theta2)
-    w16 = f.cos(psi2)
-    w17 = second_1*w16
-    w18 = f.sin(psi2)
-    w19 = second_2*w18
-    w20 = w17 - w19
-    w21 = f.cos(theta2)
-    w22 = second_1*w18
-    w23 = second_2*w16
-    w24 = w22 + w23
-    w25 = f.cos(phi2)
-    w26 = second_3*w21
-    w27 = w15*w20
-    w28 = w26 - w27
-    w29 = f.sin(phi2)
-    w30 = -w10*w13 - w14*w9
-    w31 = -first_3*w0 - w5*w6
-    w32 = w14*w31
-    w33 = w10*w31
-    w34 = -w7 - w8
-    w35 = w34*w6
-    w36 = w0*w34
-    w37 = w10*w5 + w14*w36
-    w38 = -w24*w29 - w25*w28
-    w39 = -second_3*w15 - w20*w21
-    w40 = w29*w39
-    w41 = w25*w39
-    w42 = -w22 - w23
-    w43 = w21*w42
-    w44 = w15*w42
-    w45 = w20*w25 + w29*w44
-    w46 = -w10*w9 + w13*w14
-    w47 = w10*w36 - w14*w5
-    w48 = -w11 + w12
-    w49 = w14*w48
-    w50 = w10*w48
-    w51 = w14*w35
-    w52 = w10*w35
-    w53 = -w2 + w4
-    w54 = w53*w6
-    w55 = w0*w53
-    w56 = w10*w34 + w14*w55
-    w57 = -w10*w55 + w14*w34
-    w58 = -w24*w25 + w28*w29
-    w59 = -w20*w29 + w25*w44
-    w60 = -w26 + w27
-    w61 = w29*w60
-    w62 = w25*w60
-    w63 = w29*w43
-    w64 = w25*w43
-    w65 = -w17 + w19
-    w66 = w21*w65
-    w67 = w15*w65
-    w68 = w25*w42 + w29*w67
-    w69 = -w25*w67 + w29*w42
-    w70 = nu1*(base1_12*w46 + base1_13*w30)
-    w71 = nu3*(base1_32*w46 + base1_33*w30)
-    w72 = nu2*(base1_22*w46 + base1_23*w30)
-    w73 = nu3*(-base1_32*w33 - base1_33*w32)
-    w74 = nu2*(-base1_22*w33 - base1_23*w32)
-    w75 = nu1*(-base1_12*w33 - base1_13*w32)
-    w76 = w73 + w74 + w75
-    w77 = nu3*(base1_32*w47 + base1_33*w37)
-    w78 = nu1*(base1_12*w47 + base1_13*w37)
-    w79 = nu2*(base1_22*w47 + base1_23*w37)
-    w80 = w77 + w78 + w79
-    w81 = nu1*(base1_11*w31 - base1_12*w49 + base1_13*w50)
-    w82 = nu3*(base1_31*w31 - base1_32*w49 + base1_33*w50)
-    w83 = nu2*(base1_21*w31 - base1_22*w49 + base1_23*w50)
-    w84 = nu2*(-base1_21*w36 + base1_22*w51 - base1_23*w52)
-    w85 = nu3*(-base1_31*w36 + base1_32*w51 - base1_33*w52)
-    w86 = nu1*(-base1_11*w36 + base1_12*w51 - base1_13*w52)
-    w87 = w84 + w85 + w86
-    w88 = nu1*(base1_11*w54 + base1_12*w56 + base1_13*w57)
-    w89 = nu2*(base1_21*w54 + base1_22*w56 + base1_23*w57)
-    w90 = nu3*(base1_31*w54 + base1_32*w56 + base1_33*w57)
-    w91 = nu1*(-base2_12*w58 - base2_13*w38)
-    w92 = nu3*(-base2_32*w58 - base2_33*w38)
-    w93 = nu2*(-base2_22*w58 - base2_23*w38)
-    w94 = nu1*(base2_12*w41 + base2_13*w40)
-    w95 = nu3*(base2_32*w41 + base2_33*w40)
-    w96 = nu2*(base2_22*w41 + base2_23*w40)
-    w97 = w94 + w95 + w96
-    w98 = nu1*(-base2_12*w59 - base2_13*w45)
-    w99 = nu2*(-base2_22*w59 - base2_23*w45)
-    w100 = nu3*(-base2_32*w59 - base2_33*w45)
-    w101 = w100 + w98 + w99
-    w102 = nu1*(-base2_11*w39 + base2_12*w61 - base2_13*w62)
-    w103 = nu2*(-base2_21*w39 + base2_22*w61 - base2_23*w62)
-    w104 = nu3*(-base2_31*w39 + base2_32*w61 - base2_33*w62)
-    w105 = nu3*(base2_31*w44 - base2_32*w63 + base2_33*w64)
-    w106 = nu2*(base2_21*w44 - base2_22*w63 + base2_23*w64)
-    w107 = nu1*(base2_11*w44 - base2_12*w63 + base2_13*w64)
-    w108 = w105 + w106 + w107
-    w109 = nu3*(-base2_31*w66 - base2_32*w68 - base2_33*w69)
-    w110 = nu1*(-base2_11*w66 - base2_12*w68 - base2_13*w69)
-    w111 = nu2*(-base2_21*w66 - base2_22*w68 - base2_23*w69)
+    w11 = first_3*w6 + w7*w5
+    w12 = w10*w11*w9 + w0*w11*w4
+    w13 = w6*w3
+    w14 = w10*(w7*w4 - w9*w13) - w0*(w4*w13 + w7*w9)
+    w15 = w10*w4 - w0*w9
+    w16 = base1_31*nu3 + base1_21*nu2 + base1_11*nu1
+    w17 = w6*w3*w16 + w5*w3*w15
+    w18 = w0*w4 + w10*w9
+    w19 = w5*w16 - w6*w15
+    w20 = w1*(first_1*w18 - first_2*w19) + w2*(first_2*w18 + first_1*w19)
+    w21 = f.sin(phi2)
+    w22 = f.sin(psi2)
+    w23 = f.cos(psi2)
+    w24 = second_1*w22 + w23*second_2
+    w25 = base2_33*nu3 + base2_23*nu2 + base2_13*nu1
+    w26 = f.cos(theta2)
+    w27 = f.sin(theta2)
+    w28 = second_1*w23 - second_2*w22
+    w29 = second_3*w26 - w27*w28
+    w30 = base2_32*nu3 + base2_22*nu2 + base2_12*nu1
+    w31 = f.cos(phi2)
+    w32 = second_3*w27 + w28*w26
+    w33 = w31*w32*w30 + w21*w32*w25
+    w34 = w27*w24
+    w35 = w31*(w30*w34 - w28*w25) + w21*(w25*w34 + w28*w30)
+    w36 = w21*w30 - w31*w25
+    w37 = base2_31*nu3 + base2_21*nu2 + base2_11*nu1
+    w38 = w27*w24*w37 - w26*w24*w36
+    w39 = w21*w25 + w31*w30
+    w40 = w27*w36 + w26*w37
+    w41 = w23*(second_2*w39 + second_1*w40) - w22*(second_2*w40 - second_1*w39)
     return (
-        w70 + w71 + w72,
-        w76,
-        w80,
-        w76,
-        w81 + w82 + w83,
-        w87,
-        w80,
-        w87,
-        w88 + w89 + w90,
-        w91 + w92 + w93,
-        w97,
-        w101,
-        w97,
-        w102 + w103 + w104,
-        w108,
-        w101,
-        w108,
-        w109 + w110 + w111,
+        -(w0*(w3*w4 - w8*w9) + w10*(w8*w4 + w3*w9)),
+        w12,
+        w14,
+        w12,
+        -(w5*(first_3*w15 + w7*w16) + w6*(first_3*w16 - w7*w15)),
+        w17,
+        w14,
+        w17,
+        -w20,
+        w31*(w29*w25 + w24*w30) - w21*(w29*w30 - w24*w25),
+        -w33,
+        w35,
+        -w33,
+        -(w26*(second_3*w36 - w28*w37) - w27*(w28*w36 + second_3*w37)),
+        -w38,
+        w35,
+        -w38,
+        w41,
     )
 
 

@@ -5,124 +5,70 @@ def dynamics(f, q, u, p, s):
     x1, y1, z1, phi1, theta1, psi1, x2, y2, z2, phi2, theta2, psi2, = q
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, second_v1_1, second_v1_2, second_v1_3, = p
     s1, *_ = s
-    w0 = f.sin(psi1)
-    w1 = first_1*w0
-    w2 = f.cos(psi1)
-    w3 = first_2*w2
-    w4 = w1 + w3
-    w5 = f.sin(phi1)
-    w6 = w4*w5
-    w7 = f.cos(theta1)
-    w8 = first_1*w2 - first_2*w0
-    w9 = f.sin(theta1)
-    w10 = first_3*w7 - w8*w9
-    w11 = f.cos(phi1)
-    w12 = w10*w11
-    w13 = -w12 - w6
-    w14 = -w10*w5 + w11*w4
-    w15 = f.sin(theta2)
-    w16 = second_v1_3*w15
-    w17 = f.cos(psi2)
-    w18 = f.sin(psi2)
-    w19 = second_v1_1*w17 - second_v1_2*w18
-    w20 = f.cos(theta2)
-    w21 = w19*w20
-    w22 = w16 + w21
-    w23 = base2_11*w22
-    w24 = second_v1_1*w18
-    w25 = second_v1_2*w17
-    w26 = w24 + w25
-    w27 = f.cos(phi2)
-    w28 = second_v1_3*w20 - w15*w19
-    w29 = f.sin(phi2)
-    w30 = w26*w27 - w28*w29
-    w31 = base2_12*w30
-    w32 = w26*w29
-    w33 = w27*w28
-    w34 = w32 + w33
-    w35 = base2_13*w34
-    w36 = w23 + w31 + w35
-    w37 = base2_21*w22
-    w38 = base2_22*w30
-    w39 = base2_23*w34
-    w40 = w37 + w38 + w39
-    w41 = base2_31*w22
-    w42 = base2_32*w30
-    w43 = base2_33*w34
-    w44 = w41 + w42 + w43
-    w45 = w44*(base1_32*w13 + base1_33*w14)
-    w46 = w40*(base1_22*w13 + base1_23*w14)
-    w47 = w36*(base1_12*w13 + base1_13*w14)
-    w48 = -w32 - w33
-    w49 = first_3*w9
-    w50 = w7*w8
-    w51 = w49 + w50
-    w52 = w12 + w6
-    w53 = second_3*w15
-    w54 = second_1*w17 - second_2*w18
-    w55 = w20*w54
-    w56 = w53 + w55
-    w57 = second_1*w18
-    w58 = second_2*w17
-    w59 = w57 + w58
-    w60 = second_3*w20 - w15*w54
-    w61 = w27*w59 - w29*w60
-    w62 = w29*w59
-    w63 = w27*w60
-    w64 = w62 + w63
-    w65 = base1_11*w51 + base1_12*w14 + base1_13*w52 - base2_11*w56 - base2_12*w61 - base2_13*w64 + x1 - x2
-    w66 = base1_21*w51 + base1_22*w14 + base1_23*w52 - base2_21*w56 - base2_22*w61 - base2_23*w64 + y1 - y2
-    w67 = base1_31*w51 + base1_32*w14 + base1_33*w52 - base2_31*w56 - base2_32*w61 - base2_33*w64 + z1 - z2
-    w68 = -w62 - w63
-    w69 = w65*(base2_12*w48 + base2_13*w30)
-    w70 = w40*(-base2_22*w68 - base2_23*w61)
-    w71 = w44*(-base2_32*w68 - base2_33*w61)
-    w72 = w66*(base2_22*w48 + base2_23*w30)
-    w73 = w36*(-base2_12*w68 - base2_13*w61)
-    w74 = w67*(base2_32*w48 + base2_33*w30)
-    w75 = -w1 - w3
-    w76 = w11*w8 + w5*w75*w9
-    w77 = -w11*w75*w9 + w5*w8
-    w78 = w44*(base1_31*w7*w75 + base1_32*w76 + base1_33*w77)
-    w79 = w40*(base1_21*w7*w75 + base1_22*w76 + base1_23*w77)
-    w80 = w36*(base1_11*w7*w75 + base1_12*w76 + base1_13*w77)
-    w81 = -w57 - w58
-    w82 = w15*w29*w81 + w27*w54
-    w83 = -w15*w27*w81 + w29*w54
-    w84 = -w24 - w25
-    w85 = w15*w29*w84 + w19*w27
-    w86 = -w15*w27*w84 + w19*w29
-    w87 = w67*(base2_31*w20*w84 + base2_32*w85 + base2_33*w86)
-    w88 = w36*(-base2_11*w20*w81 - base2_12*w82 - base2_13*w83)
-    w89 = w65*(base2_11*w20*w84 + base2_12*w85 + base2_13*w86)
-    w90 = w40*(-base2_21*w20*w81 - base2_22*w82 - base2_23*w83)
-    w91 = w66*(base2_21*w20*w84 + base2_22*w85 + base2_23*w86)
-    w92 = w44*(-base2_31*w20*w81 - base2_32*w82 - base2_33*w83)
-    w93 = -w49 - w50
-    w94 = w36*(base1_11*w10 - base1_12*w5*w93 + base1_13*w11*w93)
-    w95 = w44*(base1_31*w10 - base1_32*w5*w93 + base1_33*w11*w93)
-    w96 = w40*(base1_21*w10 - base1_22*w5*w93 + base1_23*w11*w93)
-    w97 = -w16 - w21
-    w98 = -w53 - w55
-    w99 = w40*(-base2_21*w60 + base2_22*w29*w98 - base2_23*w27*w98)
-    w100 = w67*(base2_31*w28 - base2_32*w29*w97 + base2_33*w27*w97)
-    w101 = w66*(base2_21*w28 - base2_22*w29*w97 + base2_23*w27*w97)
-    w102 = w44*(-base2_31*w60 + base2_32*w29*w98 - base2_33*w27*w98)
-    w103 = w36*(-base2_11*w60 + base2_12*w29*w98 - base2_13*w27*w98)
-    w104 = w65*(base2_11*w28 - base2_12*w29*w97 + base2_13*w27*w97)
+    w0 = f.sin(theta2)
+    w1 = f.cos(psi2)
+    w2 = f.sin(psi2)
+    w3 = second_v1_1*w1 - second_v1_2*w2
+    w4 = f.cos(theta2)
+    w5 = second_v1_3*w0 + w3*w4
+    w6 = second_v1_1*w2 + w1*second_v1_2
+    w7 = f.cos(phi2)
+    w8 = second_v1_3*w4 - w0*w3
+    w9 = f.sin(phi2)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base2_11*w5 + base2_12*w10 + base2_13*w11
+    w13 = s1*w12
+    w14 = w5*base2_21 + w10*base2_22 + w11*base2_23
+    w15 = s1*w14
+    w16 = w5*base2_31 + w10*base2_32 + w11*base2_33
+    w17 = s1*w16
+    w18 = f.sin(psi1)
+    w19 = f.cos(psi1)
+    w20 = first_1*w18 + first_2*w19
+    w21 = f.sin(phi1)
+    w22 = f.cos(theta1)
+    w23 = first_1*w19 - w18*first_2
+    w24 = f.sin(theta1)
+    w25 = first_3*w22 - w23*w24
+    w26 = f.cos(phi1)
+    w27 = w20*w21 + w25*w26
+    w28 = w20*w26 - w21*w25
+    w29 = (base1_13*w28 - base1_12*w27)*w12 + (w28*base1_23 - w27*base1_22)*w14 + (w28*base1_33 - w27*base1_32)*w16
+    w30 = first_3*w24 + w22*w23
+    w31 = w12*(w25*base1_11 - w26*base1_13*w30 + base1_12*w21*w30) + w14*(w25*base1_21 - w26*base1_23*w30 + w21*base1_22*w30) + w16*(w25*base1_31 - w26*base1_33*w30 + w21*base1_32*w30)
+    w32 = w23*w26 - w20*w21*w24
+    w33 = w21*w23 + w20*w24*w26
+    w34 = w12*(base1_12*w32 + base1_13*w33 - w20*w22*base1_11) + w14*(base1_22*w32 + base1_23*w33 - w20*w22*base1_21) + w16*(base1_32*w32 + base1_33*w33 - w20*w22*base1_31)
+    w35 = w1*second_1 - w2*second_2
+    w36 = w0*second_3 + w4*w35
+    w37 = w2*second_1 + w1*second_2
+    w38 = w4*second_3 - w0*w35
+    w39 = w7*w37 - w9*w38
+    w40 = w9*w37 + w7*w38
+    w41 = x1 - x2 + base1_11*w30 + base1_12*w28 + w27*base1_13 - base2_11*w36 - base2_12*w39 - base2_13*w40
+    w42 = y1 - y2 + w30*base1_21 + w28*base1_22 + w27*base1_23 - base2_21*w36 - base2_22*w39 - base2_23*w40
+    w43 = z1 - z2 + w30*base1_31 + w28*base1_32 + w27*base1_33 - base2_31*w36 - base2_32*w39 - base2_33*w40
+    w44 = (w10*base2_13 - base2_12*w11)*w41 + (w10*base2_23 - w11*base2_22)*w42 + (w10*base2_33 - w11*base2_32)*w43 + w12*(base2_12*w40 - base2_13*w39) + w14*(base2_22*w40 - base2_23*w39) + w16*(base2_32*w40 - base2_33*w39)
+    w45 = w41*(base2_11*w8 - w5*w7*base2_13 + w5*base2_12*w9) - w12*(base2_11*w38 + base2_12*w9*w36 - w7*base2_13*w36) + w42*(w8*base2_21 - w5*w7*base2_23 + w5*w9*base2_22) - w14*(base2_21*w38 + w9*base2_22*w36 - w7*base2_23*w36) + w43*(w8*base2_31 - w5*w7*base2_33 + w5*w9*base2_32) - w16*(base2_31*w38 + w9*base2_32*w36 - w7*base2_33*w36)
+    w46 = w7*w35 - w0*w9*w37
+    w47 = w9*w35 + w0*w7*w37
+    w48 = w3*w7 - w0*w6*w9
+    w49 = w3*w9 + w0*w6*w7
+    w50 = w41*(base2_12*w48 + base2_13*w49 - base2_11*w4*w6) - w12*(base2_12*w46 + base2_13*w47 - base2_11*w4*w37) - w14*(base2_22*w46 + base2_23*w47 - w4*base2_21*w37) + w42*(base2_22*w48 + base2_23*w49 - w4*w6*base2_21) - w16*(base2_32*w46 + base2_33*w47 - w4*base2_31*w37) + w43*(base2_32*w48 + base2_33*w49 - w4*w6*base2_31)
     return (
-        -s1*w36,
-        -s1*w40,
+        -w13,
+        -w15,
+        -w17,
+        -s1*w29,
+        -s1*w31,
+        -s1*w34,
+        w13,
+        w15,
+        w17,
         -s1*w44,
-        -s1*(w45 + w46 + w47),
-        -s1*(w94 + w95 + w96),
-        -s1*(w78 + w79 + w80),
-        -s1*(-w23 - w31 - w35),
-        -s1*(-w37 - w38 - w39),
-        -s1*(-w41 - w42 - w43),
-        -s1*(w69 + w70 + w71 + w72 + w73 + w74),
-        -s1*(w100 + w101 + w102 + w103 + w104 + w99),
-        -s1*(w87 + w88 + w89 + w90 + w91 + w92),
+        -s1*w45,
+        -s1*w50,
     )
 
 
@@ -135,427 +81,260 @@ def linearize(f, q, u, p, s):
     x1, y1, z1, phi1, theta1, psi1, x2, y2, z2, phi2, theta2, psi2, = q
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, second_v1_1, second_v1_2, second_v1_3, = p
     s1, *_ = s
-    w0 = f.sin(psi1)
-    w1 = first_1*w0
-    w2 = f.cos(psi1)
-    w3 = first_2*w2
-    w4 = w1 + w3
-    w5 = f.sin(phi1)
-    w6 = w4*w5
-    w7 = f.cos(theta1)
-    w8 = first_3*w7
-    w9 = first_1*w2
-    w10 = first_2*w0
-    w11 = -w10 + w9
-    w12 = f.sin(theta1)
-    w13 = w11*w12
-    w14 = -w13 + w8
-    w15 = f.cos(phi1)
-    w16 = w14*w15
-    w17 = -w16 - w6
-    w18 = w15*w4
-    w19 = w14*w5
-    w20 = w18 - w19
-    w21 = base1_12*w17 + base1_13*w20
-    w22 = f.sin(theta2)
-    w23 = second_v1_3*w22
-    w24 = f.cos(psi2)
-    w25 = second_v1_1*w24
-    w26 = f.sin(psi2)
-    w27 = second_v1_2*w26
-    w28 = w25 - w27
-    w29 = f.cos(theta2)
-    w30 = w28*w29
-    w31 = w23 + w30
-    w32 = second_v1_1*w26
-    w33 = second_v1_2*w24
-    w34 = w32 + w33
-    w35 = f.cos(phi2)
-    w36 = w34*w35
-    w37 = second_v1_3*w29
-    w38 = w22*w28
-    w39 = w37 - w38
-    w40 = f.sin(phi2)
-    w41 = w39*w40
-    w42 = w36 - w41
-    w43 = w34*w40
-    w44 = w35*w39
-    w45 = w43 + w44
-    w46 = base2_11*w31 + base2_12*w42 + base2_13*w45
-    w47 = base1_22*w17 + base1_23*w20
-    w48 = base2_21*w31 + base2_22*w42 + base2_23*w45
-    w49 = base1_32*w17 + base1_33*w20
-    w50 = base2_31*w31 + base2_32*w42 + base2_33*w45
-    w51 = -w43 - w44
-    w52 = base2_12*w51
-    w53 = base2_13*w42
-    w54 = w52 + w53
-    w55 = first_3*w12
-    w56 = w11*w7
-    w57 = w55 + w56
-    w58 = w16 + w6
-    w59 = second_3*w22
-    w60 = second_1*w24
-    w61 = second_2*w26
-    w62 = w60 - w61
-    w63 = w29*w62
-    w64 = w59 + w63
-    w65 = second_1*w26
-    w66 = second_2*w24
-    w67 = w65 + w66
-    w68 = w35*w67
-    w69 = second_3*w29
-    w70 = w22*w62
-    w71 = w69 - w70
-    w72 = w40*w71
-    w73 = w68 - w72
-    w74 = w40*w67
-    w75 = w35*w71
-    w76 = w74 + w75
-    w77 = base1_11*w57 + base1_12*w20 + base1_13*w58 - base2_11*w64 - base2_12*w73 - base2_13*w76 + x1 - x2
-    w78 = base2_22*w51
-    w79 = base2_23*w42
-    w80 = w78 + w79
-    w81 = base1_21*w57 + base1_22*w20 + base1_23*w58 - base2_21*w64 - base2_22*w73 - base2_23*w76 + y1 - y2
-    w82 = base2_32*w51
-    w83 = base2_33*w42
-    w84 = w82 + w83
-    w85 = base1_31*w57 + base1_32*w20 + base1_33*w58 - base2_31*w64 - base2_32*w73 - base2_33*w76 + z1 - z2
-    w86 = -w74 - w75
-    w87 = -base2_12*w86 - base2_13*w73
-    w88 = -base2_22*w86 - base2_23*w73
-    w89 = -base2_32*w86 - base2_33*w73
-    w90 = w11*w15
-    w91 = -w1 - w3
-    w92 = w12*w5*w91 + w90
-    w93 = w11*w5
-    w94 = -w12*w15*w91 + w93
-    w95 = base1_11*w7*w91 + base1_12*w92 + base1_13*w94
-    w96 = base1_21*w7*w91 + base1_22*w92 + base1_23*w94
-    w97 = base1_31*w7*w91 + base1_32*w92 + base1_33*w94
-    w98 = w35*w62
-    w99 = -w65 - w66
-    w100 = w22*w40*w99 + w98
-    w101 = w40*w62
-    w102 = w101 - w22*w35*w99
-    w103 = -base2_11*w29*w99 - base2_12*w100 - base2_13*w102
-    w104 = w28*w35
-    w105 = -w32 - w33
-    w106 = w104 + w105*w22*w40
-    w107 = w28*w40
-    w108 = -w105*w22*w35 + w107
-    w109 = base2_11*w105*w29 + base2_12*w106 + base2_13*w108
-    w110 = -base2_21*w29*w99 - base2_22*w100 - base2_23*w102
-    w111 = base2_21*w105*w29 + base2_22*w106 + base2_23*w108
-    w112 = -base2_31*w29*w99 - base2_32*w100 - base2_33*w102
-    w113 = base2_31*w105*w29 + base2_32*w106 + base2_33*w108
-    w114 = base1_11*w14
-    w115 = -w55 - w56
-    w116 = -base1_12*w115*w5 + base1_13*w115*w15 + w114
-    w117 = base1_21*w14
-    w118 = -base1_22*w115*w5 + base1_23*w115*w15 + w117
-    w119 = base1_31*w14
-    w120 = -base1_32*w115*w5 + base1_33*w115*w15 + w119
-    w121 = base2_11*w39
-    w122 = -w23 - w30
-    w123 = -base2_12*w122*w40 + base2_13*w122*w35 + w121
-    w124 = base2_11*w71
-    w125 = -w59 - w63
-    w126 = base2_12*w125*w40 - base2_13*w125*w35 - w124
-    w127 = base2_21*w39
-    w128 = -base2_22*w122*w40 + base2_23*w122*w35 + w127
-    w129 = base2_21*w71
-    w130 = base2_22*w125*w40 - base2_23*w125*w35 - w129
-    w131 = base2_31*w39
-    w132 = -base2_32*w122*w40 + base2_33*w122*w35 + w131
-    w133 = base2_31*w71
-    w134 = base2_32*w125*w40 - base2_33*w125*w35 - w133
-    w135 = s1*w54
-    w136 = w122*w40
-    w137 = base2_12*w136
-    w138 = w122*w35
-    w139 = base2_13*w138
-    w140 = w121 - w137 + w139
-    w141 = w105*w29
-    w142 = base2_11*w141
-    w143 = w105*w22
-    w144 = w104 + w143*w40
-    w145 = base2_12*w144
-    w146 = w143*w35
-    w147 = w107 - w146
-    w148 = base2_13*w147
-    w149 = w142 + w145 + w148
-    w150 = s1*w80
-    w151 = base2_22*w136
-    w152 = base2_23*w138
-    w153 = w127 - w151 + w152
-    w154 = base2_21*w141
-    w155 = base2_22*w144
-    w156 = base2_23*w147
-    w157 = w154 + w155 + w156
-    w158 = s1*w84
-    w159 = base2_32*w136
-    w160 = base2_33*w138
-    w161 = w131 - w159 + w160
-    w162 = base2_31*w141
-    w163 = base2_32*w144
-    w164 = base2_33*w147
-    w165 = w162 + w163 + w164
-    w166 = -w18 + w19
-    w167 = w46*(base1_12*w166 + base1_13*w17)
-    w168 = w50*(base1_32*w166 + base1_33*w17)
-    w169 = w48*(base1_22*w166 + base1_23*w17)
-    w170 = w115*w15
-    w171 = w115*w5
-    w172 = w46*(-base1_12*w170 - base1_13*w171)
-    w173 = w48*(-base1_22*w170 - base1_23*w171)
-    w174 = w50*(-base1_32*w170 - base1_33*w171)
-    w175 = w12*w91
-    w176 = w15*w175
-    w177 = w176 - w93
-    w178 = w175*w5 + w90
-    w179 = w46*(base1_12*w177 + base1_13*w178)
-    w180 = w50*(base1_32*w177 + base1_33*w178)
-    w181 = w48*(base1_22*w177 + base1_23*w178)
-    w182 = s1*(w179 + w180 + w181)
-    w183 = s1*(w21*w54 + w47*w80 + w49*w84)
-    w184 = w46*(-base1_12*w115*w15 - base1_13*w115*w5)
-    w185 = w48*(-base1_22*w115*w15 - base1_23*w115*w5)
-    w186 = w50*(-base1_32*w115*w15 - base1_33*w115*w5)
-    w187 = w13 - w8
-    w188 = base1_13*w15
-    w189 = base1_12*w5
-    w190 = base1_23*w15
-    w191 = base1_22*w5
-    w192 = base1_33*w15
-    w193 = base1_32*w5
-    w194 = w46*(base1_11*w115 + w187*w188 - w187*w189)
-    w195 = w48*(base1_21*w115 + w187*w190 - w187*w191)
-    w196 = w50*(base1_31*w115 + w187*w192 - w187*w193)
-    w197 = w7*w91
-    w198 = w46*(-base1_11*w175 - w188*w197 + w189*w197)
-    w199 = w50*(-base1_31*w175 - w192*w197 + w193*w197)
-    w200 = w48*(-base1_21*w175 - w190*w197 + w191*w197)
-    w201 = w5*w91
-    w202 = w201*w7
-    w203 = w15*w91
-    w204 = w203*w7
-    w205 = w50*(-base1_31*w12*w91 + base1_32*w202 - base1_33*w204)
-    w206 = w46*(-base1_11*w12*w91 + base1_12*w202 - base1_13*w204)
-    w207 = w48*(-base1_21*w12*w91 + base1_22*w202 - base1_23*w204)
-    w208 = w10 - w9
-    w209 = w12*w208*w5 + w203
-    w210 = -w12*w15*w208 + w201
-    w211 = w50*(base1_31*w208*w7 + base1_32*w209 + base1_33*w210)
-    w212 = w48*(base1_21*w208*w7 + base1_22*w209 + base1_23*w210)
-    w213 = w46*(base1_11*w208*w7 + base1_12*w209 + base1_13*w210)
-    w214 = -base1_12*w171 + base1_13*w170 + w114
-    w215 = -base1_22*w171 + base1_23*w170 + w117
-    w216 = -base1_32*w171 + base1_33*w170 + w119
-    w217 = -w176 + w93
-    w218 = base1_11*w197 + base1_12*w178 + base1_13*w217
-    w219 = base1_21*w197 + base1_22*w178 + base1_23*w217
-    w220 = base1_31*w197 + base1_32*w178 + base1_33*w217
-    w221 = w54*w87
-    w222 = -w36 + w41
-    w223 = w80*w88
-    w224 = w84*w89
-    w225 = -w68 + w72
-    w226 = w221 + w46*(-base2_12*w225 - base2_13*w86)
-    w227 = w224 + w50*(-base2_32*w225 - base2_33*w86)
-    w228 = w223 + w48*(-base2_22*w225 - base2_23*w86)
-    w229 = w223 + w81*(base2_22*w222 + base2_23*w51)
-    w230 = w224 + w85*(base2_32*w222 + base2_33*w51)
-    w231 = w221 + w77*(base2_12*w222 + base2_13*w51)
-    w232 = w125*w35
-    w233 = w125*w40
-    w234 = base2_12*w233 - base2_13*w232 - w124
-    w235 = base2_22*w233 - base2_23*w232 - w129
-    w236 = base2_32*w233 - base2_33*w232 - w133
-    w237 = w236*w84 + w85*(-base2_32*w138 - base2_33*w136)
-    w238 = w234*w54 + w77*(-base2_12*w138 - base2_13*w136)
-    w239 = w140*w87 + w46*(base2_12*w232 + base2_13*w233)
-    w240 = w235*w80 + w81*(-base2_22*w138 - base2_23*w136)
-    w241 = w161*w89 + w50*(base2_32*w232 + base2_33*w233)
-    w242 = w153*w88 + w48*(base2_22*w232 + base2_23*w233)
-    w243 = w22*w99
-    w244 = w243*w35
-    w245 = w101 - w244
-    w246 = w29*w99
-    w247 = w243*w40 + w98
-    w248 = -base2_11*w246 - base2_12*w247 - base2_13*w245
-    w249 = -w107 + w146
-    w250 = w77*(base2_12*w249 + base2_13*w144)
-    w251 = w81*(base2_22*w249 + base2_23*w144)
-    w252 = -base2_21*w246 - base2_22*w247 - base2_23*w245
-    w253 = w85*(base2_32*w249 + base2_33*w144)
-    w254 = -base2_31*w246 - base2_32*w247 - base2_33*w245
-    w255 = -w101 + w244
-    w256 = w46*(-base2_12*w255 - base2_13*w247)
-    w257 = w48*(-base2_22*w255 - base2_23*w247)
-    w258 = w50*(-base2_32*w255 - base2_33*w247)
-    w259 = w157*w88 + w257
-    w260 = w253 + w254*w84
-    w261 = w248*w54 + w250
-    w262 = w149*w87 + w256
-    w263 = w165*w89 + w258
-    w264 = w251 + w252*w80
-    w265 = s1*w123
-    w266 = s1*w128
-    w267 = s1*w132
-    w268 = w77*(-base2_12*w122*w35 - base2_13*w122*w40)
-    w269 = w123*w87
-    w270 = w46*(base2_12*w125*w35 + base2_13*w125*w40)
-    w271 = w126*w54
-    w272 = w81*(-base2_22*w122*w35 - base2_23*w122*w40)
-    w273 = w128*w88
-    w274 = w130*w80
-    w275 = w48*(base2_22*w125*w35 + base2_23*w125*w40)
-    w276 = w132*w89
-    w277 = w85*(-base2_32*w122*w35 - base2_33*w122*w40)
-    w278 = w50*(base2_32*w125*w35 + base2_33*w125*w40)
-    w279 = w134*w84
-    w280 = w268 + w269 + w270 + w271 + w272 + w273 + w274 + w275 + w276 + w277 + w278 + w279
-    w281 = -w37 + w38
-    w282 = base2_13*w35
-    w283 = base2_12*w40
-    w284 = -w69 + w70
-    w285 = base2_23*w35
-    w286 = base2_22*w40
-    w287 = base2_33*w35
-    w288 = base2_32*w40
-    w289 = w134*w161 + w50*(-base2_31*w125 - w284*w287 + w284*w288)
-    w290 = w130*w153 + w48*(-base2_21*w125 - w284*w285 + w284*w286)
-    w291 = w132*w236 + w85*(base2_31*w122 + w281*w287 - w281*w288)
-    w292 = w128*w235 + w81*(base2_21*w122 + w281*w285 - w281*w286)
-    w293 = w123*w234 + w77*(base2_11*w122 + w281*w282 - w281*w283)
-    w294 = w126*w140 + w46*(-base2_11*w125 - w282*w284 + w283*w284)
-    w295 = w123*w248 + w77*(-base2_11*w143 - w141*w282 + w141*w283)
-    w296 = w130*w157 + w48*(base2_21*w243 + w246*w285 - w246*w286)
-    w297 = w128*w252 + w81*(-base2_21*w143 - w141*w285 + w141*w286)
-    w298 = w126*w149 + w46*(base2_11*w243 + w246*w282 - w246*w283)
-    w299 = w132*w254 + w85*(-base2_31*w143 - w141*w287 + w141*w288)
-    w300 = w134*w165 + w50*(base2_31*w243 + w246*w287 - w246*w288)
-    w301 = s1*w109
-    w302 = s1*w111
-    w303 = s1*w113
-    w304 = w112*w84 + w258
-    w305 = w111*w88 + w251
-    w306 = w110*w80 + w257
-    w307 = w113*w89 + w253
-    w308 = w103*w54 + w256
-    w309 = w109*w87 + w250
-    w310 = w40*w99
-    w311 = w29*w310
-    w312 = w35*w99
-    w313 = w29*w312
-    w314 = w46*(base2_11*w22*w99 - base2_12*w311 + base2_13*w313)
-    w315 = w103*w140
-    w316 = w105*w40
-    w317 = w29*w316
-    w318 = w105*w35
-    w319 = w29*w318
-    w320 = w109*w234
-    w321 = w77*(-base2_11*w105*w22 + base2_12*w317 - base2_13*w319)
-    w322 = w48*(base2_21*w22*w99 - base2_22*w311 + base2_23*w313)
-    w323 = w110*w153
-    w324 = w81*(-base2_21*w105*w22 + base2_22*w317 - base2_23*w319)
-    w325 = w111*w235
-    w326 = w112*w161
-    w327 = w50*(base2_31*w22*w99 - base2_32*w311 + base2_33*w313)
-    w328 = w113*w236
-    w329 = w85*(-base2_31*w105*w22 + base2_32*w317 - base2_33*w319)
-    w330 = w314 + w315 + w320 + w321 + w322 + w323 + w324 + w325 + w326 + w327 + w328 + w329
-    w331 = -w60 + w61
-    w332 = w22*w40
-    w333 = w312 + w331*w332
-    w334 = w22*w35
-    w335 = w310 - w331*w334
-    w336 = base2_11*w29
-    w337 = -w25 + w27
-    w338 = w318 + w332*w337
-    w339 = w316 - w334*w337
-    w340 = base2_21*w29
-    w341 = base2_31*w29
-    w342 = w113*w254 + w85*(base2_32*w338 + base2_33*w339 + w337*w341)
-    w343 = w110*w157 + w48*(-base2_22*w333 - base2_23*w335 - w331*w340)
-    w344 = w111*w252 + w81*(base2_22*w338 + base2_23*w339 + w337*w340)
-    w345 = w112*w165 + w50*(-base2_32*w333 - base2_33*w335 - w331*w341)
-    w346 = w109*w248 + w77*(base2_12*w338 + base2_13*w339 + w336*w337)
-    w347 = w103*w149 + w46*(-base2_12*w333 - base2_13*w335 - w331*w336)
+    w0 = f.sin(psi2)
+    w1 = f.cos(psi2)
+    w2 = second_v1_1*w0 + w1*second_v1_2
+    w3 = f.sin(phi2)
+    w4 = w2*w3
+    w5 = f.cos(phi2)
+    w6 = f.cos(theta2)
+    w7 = f.sin(theta2)
+    w8 = second_v1_1*w1 - second_v1_2*w0
+    w9 = second_v1_3*w6 - w7*w8
+    w10 = w4 + w5*w9
+    w11 = w2*w5
+    w12 = w11 - w9*w3
+    w13 = w12*base2_13 - base2_12*w10
+    w14 = s1*w13
+    w15 = second_v1_3*w7 + w8*w6
+    w16 = base2_11*w9 - w15*w5*base2_13 + w15*base2_12*w3
+    w17 = s1*w16
+    w18 = w8*w5 - w7*w2*w3
+    w19 = w8*w3 + w7*w2*w5
+    w20 = base2_12*w18 + base2_13*w19 - base2_11*w6*w2
+    w21 = s1*w20
+    w22 = w12*base2_23 - w10*base2_22
+    w23 = s1*w22
+    w24 = w9*base2_21 - w15*w5*base2_23 + w15*w3*base2_22
+    w25 = s1*w24
+    w26 = base2_22*w18 + base2_23*w19 - w6*w2*base2_21
+    w27 = s1*w26
+    w28 = w12*base2_33 - w10*base2_32
+    w29 = s1*w28
+    w30 = w9*base2_31 - w15*w5*base2_33 + w15*w3*base2_32
+    w31 = s1*w30
+    w32 = base2_32*w18 + base2_33*w19 - w6*w2*base2_31
+    w33 = s1*w32
+    w34 = base2_11*w15
+    w35 = base2_12*w12
+    w36 = base2_13*w10
+    w37 = w34 + w35 + w36
+    w38 = f.sin(psi1)
+    w39 = f.cos(psi1)
+    w40 = first_1*w38 + first_2*w39
+    w41 = f.cos(phi1)
+    w42 = w40*w41
+    w43 = f.sin(phi1)
+    w44 = f.cos(theta1)
+    w45 = first_1*w39 - w38*first_2
+    w46 = f.sin(theta1)
+    w47 = first_3*w44 - w45*w46
+    w48 = w42 - w43*w47
+    w49 = base1_12*w48
+    w50 = w40*w43
+    w51 = w50 + w47*w41
+    w52 = w51*base1_13
+    w53 = w15*base2_21
+    w54 = w12*base2_22
+    w55 = w10*base2_23
+    w56 = w53 + w54 + w55
+    w57 = w48*base1_22
+    w58 = w51*base1_23
+    w59 = w15*base2_31
+    w60 = w12*base2_32
+    w61 = w10*base2_33
+    w62 = w59 + w60 + w61
+    w63 = w48*base1_32
+    w64 = w51*base1_33
+    w65 = first_3*w46 + w44*w45
+    w66 = w41*w65
+    w67 = w43*w65
+    w68 = w37*(base1_12*w66 + base1_13*w67) + w56*(base1_22*w66 + base1_23*w67) + w62*(base1_32*w66 + base1_33*w67)
+    w69 = s1*w68
+    w70 = w43*w45 + w40*w46*w41
+    w71 = w45*w41 - w40*w43*w46
+    w72 = w37*(base1_13*w71 - base1_12*w70) + w56*(base1_23*w71 - base1_22*w70) + w62*(base1_33*w71 - base1_32*w70)
+    w73 = s1*w72
+    w74 = base1_13*w48 - base1_12*w51
+    w75 = w48*base1_23 - w51*base1_22
+    w76 = w48*base1_33 - w51*base1_32
+    w77 = s1*(w74*w13 + w75*w22 + w76*w28)
+    w78 = s1*(w74*w16 + w75*w24 + w76*w30)
+    w79 = s1*(w74*w20 + w75*w26 + w76*w32)
+    w80 = base1_11*w65
+    w81 = w41*base1_13
+    w82 = base1_12*w43
+    w83 = w65*base1_21
+    w84 = w41*base1_23
+    w85 = w43*base1_22
+    w86 = w65*base1_31
+    w87 = w41*base1_33
+    w88 = w43*base1_32
+    w89 = w37*(w80 + w47*w81 - w47*w82) + w56*(w83 + w47*w84 - w47*w85) + w62*(w86 + w47*w87 - w47*w88)
+    w90 = w40*w46
+    w91 = w40*w44
+    w92 = w37*(base1_11*w90 + w81*w91 - w82*w91) + w56*(base1_21*w90 + w84*w91 - w85*w91) + w62*(base1_31*w90 + w87*w91 - w88*w91)
+    w93 = s1*w92
+    w94 = w47*base1_11 - w41*base1_13*w65 + base1_12*w43*w65
+    w95 = w47*base1_21 - w41*base1_23*w65 + w43*base1_22*w65
+    w96 = w47*base1_31 - w41*base1_33*w65 + w43*base1_32*w65
+    w97 = s1*(w13*w94 + w22*w95 + w28*w96)
+    w98 = s1*(w94*w16 + w95*w24 + w96*w30)
+    w99 = s1*(w20*w94 + w26*w95 + w32*w96)
+    w100 = w42 + w45*w43*w46
+    w101 = w45*w46*w41 - w50
+    w102 = w37*(base1_12*w100 - base1_13*w101 + w45*w44*base1_11) + w56*(base1_22*w100 - base1_23*w101 + w45*w44*base1_21) + w62*(base1_32*w100 - base1_33*w101 + w45*w44*base1_31)
+    w103 = base1_12*w71 + base1_13*w70 - w40*w44*base1_11
+    w104 = base1_22*w71 + base1_23*w70 - w40*w44*base1_21
+    w105 = base1_32*w71 + base1_33*w70 - w40*w44*base1_31
+    w106 = s1*(w13*w103 + w22*w104 + w28*w105)
+    w107 = s1*(w103*w16 + w104*w24 + w105*w30)
+    w108 = s1*(w103*w20 + w104*w26 + w105*w32)
+    w109 = w1*second_1 - w0*second_2
+    w110 = w7*second_3 + w6*w109
+    w111 = base2_11*w110
+    w112 = w0*second_1 + w1*second_2
+    w113 = w5*w112
+    w114 = w6*second_3 - w7*w109
+    w115 = w113 - w3*w114
+    w116 = base2_12*w115
+    w117 = w3*w112
+    w118 = w117 + w5*w114
+    w119 = base2_13*w118
+    w120 = x1 - x2 + w80 + w49 + w52 - w111 - w116 - w119
+    w121 = base2_12*w118 - base2_13*w115
+    w122 = w13*w121
+    w123 = base2_21*w110
+    w124 = base2_22*w115
+    w125 = base2_23*w118
+    w126 = y1 - y2 + w83 + w57 + w58 - w123 - w124 - w125
+    w127 = base2_22*w118 - base2_23*w115
+    w128 = w22*w127
+    w129 = base2_31*w110
+    w130 = base2_32*w115
+    w131 = base2_33*w118
+    w132 = z1 - z2 + w86 + w63 + w64 - w129 - w130 - w131
+    w133 = base2_32*w118 - base2_33*w115
+    w134 = w28*w133
+    w135 = w122 - w120*(w35 + w36) + w128 - w126*(w54 + w55) + w134 - w132*(w60 + w61) + w122 + w37*(w116 + w119) + w128 + w56*(w124 + w125) + w134 + w62*(w130 + w131)
+    w136 = w15*w5
+    w137 = w15*w3
+    w138 = base2_11*w114 + base2_12*w3*w110 - w5*base2_13*w110
+    w139 = base2_21*w114 + w3*base2_22*w110 - w5*base2_23*w110
+    w140 = base2_31*w114 + w3*base2_32*w110 - w5*base2_33*w110
+    w141 = w5*w110
+    w142 = w3*w110
+    w143 = w120*(base2_12*w136 + base2_13*w137) - w13*w138 + w126*(base2_22*w136 + base2_23*w137) - w22*w139 + w132*(base2_32*w136 + base2_33*w137) - w28*w140 + w121*w16 - w37*(base2_12*w141 + base2_13*w142) + w127*w24 - w56*(base2_22*w141 + base2_23*w142) + w133*w30 - w62*(base2_32*w141 + base2_33*w142)
+    w144 = s1*w143
+    w145 = w5*w109 - w7*w3*w112
+    w146 = w3*w109 + w7*w5*w112
+    w147 = base2_12*w145 + base2_13*w146 - base2_11*w6*w112
+    w148 = base2_22*w145 + base2_23*w146 - w6*base2_21*w112
+    w149 = base2_32*w145 + base2_33*w146 - w6*base2_31*w112
+    w150 = w120*(base2_13*w18 - base2_12*w19) - w13*w147 + w126*(base2_23*w18 - base2_22*w19) - w22*w148 + w132*(base2_33*w18 - base2_32*w19) - w28*w149 + w121*w20 + w37*(base2_12*w146 - base2_13*w145) + w127*w26 + w56*(base2_22*w146 - base2_23*w145) + w133*w32 + w62*(base2_32*w146 - base2_33*w145)
+    w151 = s1*w150
+    w152 = w16*w138
+    w153 = w5*base2_13
+    w154 = base2_12*w3
+    w155 = w24*w139
+    w156 = w5*base2_23
+    w157 = w3*base2_22
+    w158 = w30*w140
+    w159 = w5*base2_33
+    w160 = w3*base2_32
+    w161 = w152 + w120*(w34 + w9*w153 - w9*w154) + w152 - w37*(w111 - w114*w154 + w114*w153) + w155 + w126*(w53 + w9*w156 - w9*w157) + w155 - w56*(w123 - w114*w157 + w114*w156) + w158 + w132*(w59 + w9*w159 - w9*w160) + w158 - w62*(w129 - w114*w160 + w114*w159)
+    w162 = w7*w2
+    w163 = w6*w2
+    w164 = w7*w112
+    w165 = w6*w112
+    w166 = w120*(base2_11*w162 + w163*w153 - w163*w154) - w147*w16 - (w20*w138 + w37*(base2_11*w164 - w165*w154 + w165*w153)) + w126*(base2_21*w162 + w163*w156 - w163*w157) - w148*w24 - (w26*w139 + w56*(base2_21*w164 - w165*w157 + w165*w156)) + w132*(base2_31*w162 + w163*w159 - w163*w160) - w149*w30 - (w32*w140 + w62*(base2_31*w164 - w165*w160 + w165*w159))
+    w167 = s1*w166
+    w168 = w147*w20
+    w169 = w7*w3
+    w170 = w113 + w109*w169
+    w171 = w7*w5
+    w172 = w109*w171 - w117
+    w173 = base2_11*w6
+    w174 = w11 + w8*w169
+    w175 = w8*w171 - w4
+    w176 = w148*w26
+    w177 = w6*base2_21
+    w178 = w149*w32
+    w179 = w6*base2_31
+    w180 = w168 - w37*(base2_12*w170 - base2_13*w172 + w109*w173) + w168 + w120*(base2_12*w174 - base2_13*w175 + w8*w173) + w176 - w56*(base2_22*w170 - base2_23*w172 + w109*w177) + w176 + w126*(base2_22*w174 - base2_23*w175 + w8*w177) + w178 - w62*(base2_32*w170 - base2_33*w172 + w109*w179) + w178 + w132*(base2_32*w174 - base2_33*w175 + w8*w179)
     return (
-        -w135,
-        -s1*w140,
-        -s1*w149,
-        -w150,
-        -s1*w153,
-        -s1*w157,
-        -w158,
-        -s1*w161,
-        -s1*w165,
-        -s1*(w167 + w168 + w169),
-        -s1*(w172 + w173 + w174),
-        -w182,
-        -w183,
-        -s1*(w140*w21 + w153*w47 + w161*w49),
-        -s1*(w149*w21 + w157*w47 + w165*w49),
-        -s1*(w184 + w185 + w186),
-        -s1*(w194 + w195 + w196),
-        -s1*(w198 + w199 + w200),
-        -s1*(w116*w54 + w118*w80 + w120*w84),
-        -s1*(w116*w140 + w118*w153 + w120*w161),
-        -s1*(w116*w149 + w118*w157 + w120*w165),
-        -w182,
-        -s1*(w205 + w206 + w207),
-        -s1*(w211 + w212 + w213),
-        -s1*(w54*w95 + w80*w96 + w84*w97),
-        -s1*(w140*w95 + w153*w96 + w161*w97),
-        -s1*(w149*w95 + w157*w96 + w165*w97),
-        -s1*(-w52 - w53),
-        -s1*(-w121 + w137 - w139),
-        -s1*(-w142 - w145 - w148),
-        -s1*(-w78 - w79),
-        -s1*(-w127 + w151 - w152),
-        -s1*(-w154 - w155 - w156),
-        -s1*(-w82 - w83),
-        -s1*(-w131 + w159 - w160),
-        -s1*(-w162 - w163 - w164),
-        -w135,
-        -w150,
-        -w158,
-        -w183,
-        -s1*(w214*w54 + w215*w80 + w216*w84),
-        -s1*(w218*w54 + w219*w80 + w220*w84),
-        w135,
-        w150,
-        w158,
-        -s1*(w226 + w227 + w228 + w229 + w230 + w231),
-        -s1*(w237 + w238 + w239 + w240 + w241 + w242),
-        -s1*(w259 + w260 + w261 + w262 + w263 + w264),
-        -w265,
-        -w266,
-        -w267,
-        -s1*(w123*w21 + w128*w47 + w132*w49),
-        -s1*(w123*w214 + w128*w215 + w132*w216),
-        -s1*(w123*w218 + w128*w219 + w132*w220),
-        w265,
-        w266,
-        w267,
-        -s1*w280,
-        -s1*(w289 + w290 + w291 + w292 + w293 + w294),
-        -s1*(w295 + w296 + w297 + w298 + w299 + w300),
-        -w301,
-        -w302,
-        -w303,
-        -s1*(w109*w21 + w111*w47 + w113*w49),
-        -s1*(w109*w214 + w111*w215 + w113*w216),
-        -s1*(w109*w218 + w111*w219 + w113*w220),
-        w301,
-        w302,
-        w303,
-        -s1*(w304 + w305 + w306 + w307 + w308 + w309),
-        -s1*w330,
-        -s1*(w342 + w343 + w344 + w345 + w346 + w347),
+        -w14,
+        -w17,
+        -w21,
+        -w23,
+        -w25,
+        -w27,
+        -w29,
+        -w31,
+        -w33,
+        s1*(w37*(w49 + w52) + w56*(w57 + w58) + w62*(w63 + w64)),
+        -w69,
+        -w73,
+        -w77,
+        -w78,
+        -w79,
+        -w69,
+        s1*w89,
+        -w93,
+        -w97,
+        -w98,
+        -w99,
+        -w73,
+        -w93,
+        s1*w102,
+        -w106,
+        -w107,
+        -w108,
+        w14,
+        w17,
+        w21,
+        w23,
+        w25,
+        w27,
+        w29,
+        w31,
+        w33,
+        -w14,
+        -w23,
+        -w29,
+        -w77,
+        -w97,
+        -w106,
+        w14,
+        w23,
+        w29,
+        -s1*w135,
+        -w144,
+        -w151,
+        -w17,
+        -w25,
+        -w31,
+        -w78,
+        -w98,
+        -w107,
+        w17,
+        w25,
+        w31,
+        -w144,
+        s1*w161,
+        -w167,
+        -w21,
+        -w27,
+        -w33,
+        -w79,
+        -w99,
+        -w108,
+        w21,
+        w27,
+        w33,
+        -w151,
+        -w167,
+        s1*w180,
     )
 
 

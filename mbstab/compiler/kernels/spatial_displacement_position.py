@@ -7,402 +7,174 @@ def dynamics(f, q, u, p, s):
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, second_v1_1, second_v1_2, second_v1_3, = p
     s1, s1_t, s1_tt, = s
     w0 = f.sin(theta2)
-    w1 = second_v1_3*w0
-    w2 = f.cos(psi2)
-    w3 = second_v1_1*w2
-    w4 = f.sin(psi2)
-    w5 = second_v1_2*w4
-    w6 = w3 - w5
-    w7 = f.cos(theta2)
-    w8 = w6*w7
-    w9 = w1 + w8
-    w10 = second_v1_1*w4
-    w11 = second_v1_2*w2
-    w12 = w10 + w11
-    w13 = f.cos(phi2)
-    w14 = w12*w13
-    w15 = second_v1_3*w7
-    w16 = w0*w6
-    w17 = w15 - w16
-    w18 = f.sin(phi2)
-    w19 = w17*w18
-    w20 = w14 - w19
-    w21 = w12*w18
-    w22 = w13*w17
-    w23 = w21 + w22
-    w24 = base2_11*w9 + base2_12*w20 + base2_13*w23
-    w25 = f.sin(theta1)
-    w26 = first_3*w25
-    w27 = f.cos(psi1)
-    w28 = first_1*w27
-    w29 = f.sin(psi1)
-    w30 = first_2*w29
-    w31 = w28 - w30
-    w32 = f.cos(theta1)
-    w33 = w31*w32
-    w34 = w26 + w33
-    w35 = first_1*w29
-    w36 = first_2*w27
-    w37 = w35 + w36
-    w38 = f.cos(phi1)
-    w39 = w37*w38
-    w40 = first_3*w32
-    w41 = w25*w31
-    w42 = w40 - w41
-    w43 = f.sin(phi1)
-    w44 = w42*w43
-    w45 = w39 - w44
-    w46 = w37*w43
-    w47 = w38*w42
-    w48 = w46 + w47
-    w49 = second_3*w0
-    w50 = second_1*w2
-    w51 = second_2*w4
-    w52 = w50 - w51
-    w53 = w52*w7
-    w54 = w49 + w53
-    w55 = second_1*w4
-    w56 = second_2*w2
-    w57 = w55 + w56
-    w58 = w13*w57
-    w59 = second_3*w7
-    w60 = w0*w52
-    w61 = w59 - w60
-    w62 = w18*w61
-    w63 = w58 - w62
-    w64 = w18*w57
-    w65 = w13*w61
-    w66 = w64 + w65
-    w67 = base1_11*w34 + base1_12*w45 + base1_13*w48 - base2_11*w54 - base2_12*w63 - base2_13*w66 + x1 - x2
-    w68 = base2_21*w9 + base2_22*w20 + base2_23*w23
-    w69 = base1_21*w34 + base1_22*w45 + base1_23*w48 - base2_21*w54 - base2_22*w63 - base2_23*w66 + y1 - y2
-    w70 = base2_31*w9 + base2_32*w20 + base2_33*w23
-    w71 = base1_31*w34 + base1_32*w45 + base1_33*w48 - base2_31*w54 - base2_32*w63 - base2_33*w66 + z1 - z2
-    w72 = -w46 - w47
-    w73 = base1_32*w72 + base1_33*w45
-    w74 = base1_12*w72 + base1_13*w45
-    w75 = base1_22*w72 + base1_23*w45
-    w76 = w24*w74 + w68*w75 + w70*w73
-    w77 = -w26 - w33
-    w78 = w43*w77
-    w79 = w38*w77
-    w80 = base1_31*w42 - base1_32*w78 + base1_33*w79
-    w81 = base1_11*w42 - base1_12*w78 + base1_13*w79
-    w82 = base1_21*w42 - base1_22*w78 + base1_23*w79
-    w83 = w24*w81 + w68*w82 + w70*w80
-    w84 = -w35 - w36
-    w85 = w32*w84
-    w86 = w25*w84
-    w87 = w31*w38 + w43*w86
-    w88 = w31*w43
-    w89 = w38*w86
-    w90 = w88 - w89
-    w91 = base1_31*w85 + base1_32*w87 + base1_33*w90
-    w92 = base1_11*w85 + base1_12*w87 + base1_13*w90
-    w93 = base1_21*w85 + base1_22*w87 + base1_23*w90
-    w94 = w24*w92 + w68*w93 + w70*w91
-    w95 = -w64 - w65
-    w96 = -base2_32*w95 - base2_33*w63
-    w97 = -w21 - w22
-    w98 = base2_32*w97 + base2_33*w20
-    w99 = base2_12*w97 + base2_13*w20
-    w100 = -base2_12*w95 - base2_13*w63
-    w101 = base2_22*w97 + base2_23*w20
-    w102 = -base2_22*w95 - base2_23*w63
-    w103 = w101*w69 + w102*w68
-    w104 = w70*w96 + w71*w98
-    w105 = w100*w24 + w67*w99
-    w106 = w103 + w104 + w105
-    w107 = -w49 - w53
-    w108 = w107*w18
-    w109 = w107*w13
-    w110 = -base2_31*w61 + base2_32*w108 - base2_33*w109
-    w111 = -w1 - w8
-    w112 = w111*w18
-    w113 = w111*w13
-    w114 = base2_31*w17 - base2_32*w112 + base2_33*w113
-    w115 = base2_11*w17 - base2_12*w112 + base2_13*w113
-    w116 = -base2_11*w61 + base2_12*w108 - base2_13*w109
-    w117 = base2_21*w17 - base2_22*w112 + base2_23*w113
-    w118 = -base2_21*w61 + base2_22*w108 - base2_23*w109
-    w119 = w110*w70 + w114*w71
-    w120 = w115*w67 + w116*w24
-    w121 = w117*w69 + w118*w68
-    w122 = w119 + w120 + w121
-    w123 = -w55 - w56
-    w124 = w123*w7
-    w125 = w0*w123
-    w126 = w125*w18 + w13*w52
-    w127 = w18*w52
-    w128 = w125*w13
-    w129 = w127 - w128
-    w130 = -base2_31*w124 - base2_32*w126 - base2_33*w129
-    w131 = -w10 - w11
-    w132 = w131*w7
-    w133 = w0*w131
-    w134 = w13*w6 + w133*w18
-    w135 = w18*w6
-    w136 = w13*w133
-    w137 = w135 - w136
-    w138 = base2_31*w132 + base2_32*w134 + base2_33*w137
-    w139 = base2_11*w132 + base2_12*w134 + base2_13*w137
-    w140 = -base2_11*w124 - base2_12*w126 - base2_13*w129
-    w141 = base2_21*w132 + base2_22*w134 + base2_23*w137
-    w142 = -base2_21*w124 - base2_22*w126 - base2_23*w129
-    w143 = w139*w67 + w140*w24
-    w144 = w130*w70 + w138*w71
-    w145 = w141*w69 + w142*w68
-    w146 = w143 + w144 + w145
-    w147 = w68*y1_t
-    w148 = w70*z1_t
-    w149 = w70*z2_t
-    w150 = w68*y2_t
-    w151 = theta2_t*w122
-    w152 = theta1_t*w83
-    w153 = w24*x1_t
-    w154 = psi2_t*w146
-    w155 = psi1_t*w94
-    w156 = phi1_t*w76
-    w157 = w24*x2_t
-    w158 = phi2_t*w106
-    w159 = phi2_t*w99
-    w160 = theta2_t*w115
-    w161 = psi2_t*w139
-    w162 = phi2_t*w101
-    w163 = theta2_t*w117
-    w164 = psi2_t*w141
-    w165 = phi2_t*w98
-    w166 = theta2_t*w114
-    w167 = psi2_t*w138
-    w168 = -w39 + w44
-    w169 = w70*(base1_32*w168 + base1_33*w72)
-    w170 = w68*(base1_22*w168 + base1_23*w72)
-    w171 = w24*(base1_12*w168 + base1_13*w72)
-    w172 = w68*(-base1_22*w79 - base1_23*w78)
-    w173 = w24*(-base1_12*w79 - base1_13*w78)
-    w174 = w70*(-base1_32*w79 - base1_33*w78)
-    w175 = w172 + w173 + w174
-    w176 = -w88 + w89
-    w177 = w70*(base1_32*w176 + base1_33*w87)
-    w178 = w24*(base1_12*w176 + base1_13*w87)
-    w179 = w68*(base1_22*w176 + base1_23*w87)
-    w180 = w177 + w178 + w179
-    w181 = w101*w75 + w73*w98 + w74*w99
-    w182 = w114*w73 + w115*w74 + w117*w75
-    w183 = w138*w73 + w139*w74 + w141*w75
-    w184 = phi2_t*w181
-    w185 = theta1_t*w175
-    w186 = phi1_t*(w169 + w170 + w171)
-    w187 = psi1_t*w180
-    w188 = theta2_t*w182
-    w189 = psi2_t*w183
-    w190 = -w40 + w41
-    w191 = w190*w43
-    w192 = w190*w38
-    w193 = w70*(base1_31*w77 - base1_32*w191 + base1_33*w192)
-    w194 = w68*(base1_21*w77 - base1_22*w191 + base1_23*w192)
-    w195 = w24*(base1_11*w77 - base1_12*w191 + base1_13*w192)
-    w196 = w43*w85
-    w197 = w38*w85
-    w198 = w24*(-base1_11*w86 + base1_12*w196 - base1_13*w197)
-    w199 = w68*(-base1_21*w86 + base1_22*w196 - base1_23*w197)
-    w200 = w70*(-base1_31*w86 + base1_32*w196 - base1_33*w197)
-    w201 = w198 + w199 + w200
-    w202 = w101*w82 + w80*w98 + w81*w99
-    w203 = w114*w80 + w115*w81 + w117*w82
-    w204 = w138*w80 + w139*w81 + w141*w82
-    w205 = phi2_t*w202
-    w206 = theta1_t*(w193 + w194 + w195)
-    w207 = theta2_t*w203
-    w208 = psi2_t*w204
-    w209 = phi1_t*w175
-    w210 = psi1_t*w201
-    w211 = -w28 + w30
-    w212 = w211*w32
-    w213 = w211*w25
-    w214 = w213*w43 + w38*w84
-    w215 = -w213*w38 + w43*w84
-    w216 = w70*(base1_31*w212 + base1_32*w214 + base1_33*w215)
-    w217 = w68*(base1_21*w212 + base1_22*w214 + base1_23*w215)
-    w218 = w24*(base1_11*w212 + base1_12*w214 + base1_13*w215)
-    w219 = w101*w93 + w91*w98 + w92*w99
-    w220 = w114*w91 + w115*w92 + w117*w93
-    w221 = w138*w91 + w139*w92 + w141*w93
-    w222 = theta2_t*w220
-    w223 = theta1_t*w201
-    w224 = phi1_t*w180
-    w225 = psi1_t*(w216 + w217 + w218)
-    w226 = psi2_t*w221
-    w227 = phi2_t*w219
-    w228 = -w58 + w62
-    w229 = w96*w98
-    w230 = -w14 + w19
-    w231 = w229 + w71*(base2_32*w230 + base2_33*w97)
-    w232 = w229 + w70*(-base2_32*w228 - base2_33*w95)
-    w233 = w100*w99
-    w234 = w233 + w67*(base2_12*w230 + base2_13*w97)
-    w235 = w233 + w24*(-base2_12*w228 - base2_13*w95)
-    w236 = w101*w102
-    w237 = w236 + w69*(base2_22*w230 + base2_23*w97)
-    w238 = w236 + w68*(-base2_22*w228 - base2_23*w95)
-    w239 = w70*(base2_32*w109 + base2_33*w108)
-    w240 = w110*w98
-    w241 = w114*w96
-    w242 = w71*(-base2_32*w113 - base2_33*w112)
-    w243 = w67*(-base2_12*w113 - base2_13*w112)
-    w244 = w100*w115
-    w245 = w24*(base2_12*w109 + base2_13*w108)
-    w246 = w116*w99
-    w247 = w69*(-base2_22*w113 - base2_23*w112)
-    w248 = w102*w117
-    w249 = w68*(base2_22*w109 + base2_23*w108)
-    w250 = w101*w118
-    w251 = w247 + w248 + w249 + w250
-    w252 = w239 + w240 + w241 + w242
-    w253 = w243 + w244 + w245 + w246
-    w254 = -w127 + w128
-    w255 = w70*(-base2_32*w254 - base2_33*w126)
-    w256 = w130*w98
-    w257 = w138*w96
-    w258 = -w135 + w136
-    w259 = w71*(base2_32*w258 + base2_33*w134)
-    w260 = w67*(base2_12*w258 + base2_13*w134)
-    w261 = w100*w139
-    w262 = w140*w99
-    w263 = w24*(-base2_12*w254 - base2_13*w126)
-    w264 = w69*(base2_22*w258 + base2_23*w134)
-    w265 = w102*w141
-    w266 = w68*(-base2_22*w254 - base2_23*w126)
-    w267 = w101*w142
-    w268 = w255 + w256 + w257 + w259
-    w269 = w264 + w265 + w266 + w267
-    w270 = w260 + w261 + w262 + w263
-    w271 = w98*z1_t
-    w272 = theta1_t*w202
-    w273 = theta2_t*(w251 + w252 + w253)
-    w274 = w99*x1_t
-    w275 = psi1_t*w219
-    w276 = phi2_t*(w231 + w232 + w234 + w235 + w237 + w238)
-    w277 = phi1_t*w181
-    w278 = psi2_t*(w268 + w269 + w270)
-    w279 = w101*y1_t
-    w280 = w101*y2_t
-    w281 = w98*z2_t
-    w282 = w99*x2_t
-    w283 = w247 + w248 + w249 + w250
-    w284 = w239 + w240 + w241 + w242
-    w285 = w243 + w244 + w245 + w246
-    w286 = -w59 + w60
-    w287 = w18*w286
-    w288 = w13*w286
-    w289 = w110*w114
-    w290 = -w15 + w16
-    w291 = w18*w290
-    w292 = w13*w290
-    w293 = w289 + w70*(-base2_31*w107 + base2_32*w287 - base2_33*w288)
-    w294 = w289 + w71*(base2_31*w111 - base2_32*w291 + base2_33*w292)
-    w295 = w115*w116
-    w296 = w295 + w67*(base2_11*w111 - base2_12*w291 + base2_13*w292)
-    w297 = w24*(-base2_11*w107 + base2_12*w287 - base2_13*w288) + w295
-    w298 = w117*w118
-    w299 = w298 + w69*(base2_21*w111 - base2_22*w291 + base2_23*w292)
-    w300 = w298 + w68*(-base2_21*w107 + base2_22*w287 - base2_23*w288)
-    w301 = w124*w18
-    w302 = w124*w13
-    w303 = w70*(base2_31*w125 - base2_32*w301 + base2_33*w302)
-    w304 = w114*w130
-    w305 = w110*w138
-    w306 = w132*w18
-    w307 = w13*w132
-    w308 = w71*(-base2_31*w133 + base2_32*w306 - base2_33*w307)
-    w309 = w67*(-base2_11*w133 + base2_12*w306 - base2_13*w307)
-    w310 = w116*w139
-    w311 = w115*w140
-    w312 = w24*(base2_11*w125 - base2_12*w301 + base2_13*w302)
-    w313 = w69*(-base2_21*w133 + base2_22*w306 - base2_23*w307)
-    w314 = w118*w141
-    w315 = w68*(base2_21*w125 - base2_22*w301 + base2_23*w302)
-    w316 = w117*w142
-    w317 = w309 + w310 + w311 + w312
-    w318 = w313 + w314 + w315 + w316
-    w319 = w303 + w304 + w305 + w308
-    w320 = w115*x1_t
-    w321 = w115*x2_t
-    w322 = w114*z2_t
-    w323 = psi1_t*w220
-    w324 = theta1_t*w203
-    w325 = w117*y2_t
-    w326 = phi1_t*w182
-    w327 = psi2_t*(w317 + w318 + w319)
-    w328 = phi2_t*(w283 + w284 + w285)
-    w329 = w117*y1_t
-    w330 = w114*z1_t
-    w331 = theta2_t*(w293 + w294 + w296 + w297 + w299 + w300)
-    w332 = w264 + w265 + w266 + w267
-    w333 = w260 + w261 + w262 + w263
-    w334 = w255 + w256 + w257 + w259
-    w335 = w309 + w310 + w311 + w312
-    w336 = w313 + w314 + w315 + w316
-    w337 = w303 + w304 + w305 + w308
-    w338 = -w50 + w51
-    w339 = w338*w7
-    w340 = w0*w338
-    w341 = w123*w13 + w18*w340
-    w342 = w123*w18 - w13*w340
-    w343 = w130*w138
-    w344 = -w3 + w5
-    w345 = w344*w7
-    w346 = w0*w344
-    w347 = w13*w131 + w18*w346
-    w348 = -w13*w346 + w131*w18
-    w349 = w343 + w70*(-base2_31*w339 - base2_32*w341 - base2_33*w342)
-    w350 = w343 + w71*(base2_31*w345 + base2_32*w347 + base2_33*w348)
-    w351 = w139*w140
-    w352 = w24*(-base2_11*w339 - base2_12*w341 - base2_13*w342) + w351
-    w353 = w351 + w67*(base2_11*w345 + base2_12*w347 + base2_13*w348)
-    w354 = w141*w142
-    w355 = w354 + w69*(base2_21*w345 + base2_22*w347 + base2_23*w348)
-    w356 = w354 + w68*(-base2_21*w339 - base2_22*w341 - base2_23*w342)
-    w357 = w141*y1_t
-    w358 = w138*z2_t
-    w359 = phi1_t*w183
-    w360 = w139*x2_t
-    w361 = psi1_t*w221
-    w362 = w139*x1_t
-    w363 = theta1_t*w204
-    w364 = theta2_t*(w335 + w336 + w337)
-    w365 = w141*y2_t
-    w366 = w138*z1_t
-    w367 = psi2_t*(w349 + w350 + w352 + w353 + w355 + w356)
-    w368 = phi2_t*(w332 + w333 + w334)
-    w369 = x2_t*(-w159 - w160 - w161)
-    w370 = y2_t*(-w162 - w163 - w164)
-    w371 = phi1_t*(w184 + w185 + w186 + w187 + w188 + w189)
-    w372 = y1_t*(w162 + w163 + w164)
-    w373 = theta1_t*(w205 + w206 + w207 + w208 + w209 + w210)
-    w374 = psi1_t*(w222 + w223 + w224 + w225 + w226 + w227)
-    w375 = psi2_t*(w357 - w358 + w359 - w360 + w361 + w362 + w363 + w364 - w365 + w366 + w367 + w368)
-    w376 = x1_t*(w159 + w160 + w161)
-    w377 = z2_t*(-w165 - w166 - w167)
-    w378 = theta2_t*(w320 - w321 - w322 + w323 + w324 - w325 + w326 + w327 + w328 + w329 + w330 + w331)
-    w379 = phi2_t*(w271 + w272 + w273 + w274 + w275 + w276 + w277 + w278 + w279 - w280 - w281 - w282)
-    w380 = z1_t*(w165 + w166 + w167)
+    w1 = f.cos(psi2)
+    w2 = f.sin(psi2)
+    w3 = second_v1_1*w1 - second_v1_2*w2
+    w4 = f.cos(theta2)
+    w5 = second_v1_3*w0 + w3*w4
+    w6 = second_v1_1*w2 + w1*second_v1_2
+    w7 = f.cos(phi2)
+    w8 = second_v1_3*w4 - w0*w3
+    w9 = f.sin(phi2)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base2_11*w5 + base2_12*w10 + base2_13*w11
+    w13 = f.sin(theta1)
+    w14 = f.cos(psi1)
+    w15 = f.sin(psi1)
+    w16 = first_1*w14 - first_2*w15
+    w17 = f.cos(theta1)
+    w18 = first_3*w13 + w16*w17
+    w19 = first_1*w15 + w14*first_2
+    w20 = f.cos(phi1)
+    w21 = first_3*w17 - w13*w16
+    w22 = f.sin(phi1)
+    w23 = w19*w20 - w21*w22
+    w24 = w19*w22 + w20*w21
+    w25 = w1*second_1 - w2*second_2
+    w26 = w0*second_3 + w4*w25
+    w27 = w2*second_1 + w1*second_2
+    w28 = w4*second_3 - w0*w25
+    w29 = w7*w27 - w9*w28
+    w30 = w9*w27 + w7*w28
+    w31 = x1 - x2 + base1_11*w18 + base1_12*w23 + base1_13*w24 - base2_11*w26 - base2_12*w29 - base2_13*w30
+    w32 = w5*base2_21 + w10*base2_22 + w11*base2_23
+    w33 = y1 - y2 + w18*base1_21 + w23*base1_22 + w24*base1_23 - w26*base2_21 - w29*base2_22 - w30*base2_23
+    w34 = w5*base2_31 + w10*base2_32 + w11*base2_33
+    w35 = z1 - z2 + w18*base1_31 + w23*base1_32 + w24*base1_33 - w26*base2_31 - w29*base2_32 - w30*base2_33
+    w36 = w4*theta2_t
+    w37 = w2*psi2_t
+    w38 = w1*psi2_t
+    w39 = second_v1_1*w37 + second_v1_2*w38
+    w40 = w0*theta2_t
+    w41 = second_v1_3*w36 - (w4*w39 + w3*w40)
+    w42 = second_v1_1*w38 - second_v1_2*w37
+    w43 = w9*phi2_t
+    w44 = second_v1_3*w40 + w3*w36 - w0*w39
+    w45 = w7*phi2_t
+    w46 = w7*w42 - w6*w43 - (w8*w45 - w9*w44)
+    w47 = w9*w42 + w6*w45 - (w8*w43 + w7*w44)
+    w48 = base2_11*w41 + base2_12*w46 + base2_13*w47
+    w49 = w17*theta1_t
+    w50 = w15*psi1_t
+    w51 = w14*psi1_t
+    w52 = first_1*w50 + first_2*w51
+    w53 = w13*theta1_t
+    w54 = first_3*w49 - (w17*w52 + w16*w53)
+    w55 = first_1*w51 - first_2*w50
+    w56 = w22*phi1_t
+    w57 = first_3*w53 + w16*w49 - w13*w52
+    w58 = w20*phi1_t
+    w59 = w20*w55 - w19*w56 - (w21*w58 - w22*w57)
+    w60 = w22*w55 + w19*w58 - (w21*w56 + w20*w57)
+    w61 = second_1*w37 + second_2*w38
+    w62 = second_3*w36 - (w25*w40 + w4*w61)
+    w63 = second_1*w38 - second_2*w37
+    w64 = second_3*w40 + w25*w36 - w0*w61
+    w65 = w7*w63 - w27*w43 - (w28*w45 - w9*w64)
+    w66 = w27*w45 + w9*w63 - (w28*w43 + w7*w64)
+    w67 = x1_t - x2_t + base1_11*w54 + base1_12*w59 + base1_13*w60 - base2_11*w62 - base2_12*w65 - base2_13*w66
+    w68 = base2_21*w41 + base2_22*w46 + base2_23*w47
+    w69 = y1_t - y2_t + base1_21*w54 + base1_22*w59 + base1_23*w60 - base2_21*w62 - base2_22*w65 - base2_23*w66
+    w70 = base2_31*w41 + base2_32*w46 + base2_33*w47
+    w71 = z1_t - z2_t + base1_31*w54 + base1_32*w59 + base1_33*w60 - base2_31*w62 - base2_32*w65 - base2_33*w66
+    w72 = w31*w48 + w12*w67 - s1_t + w33*w68 + w32*w69 + w35*w70 + w34*w71
+    w73 = w34*base1_33 + w32*base1_23 + w12*base1_13
+    w74 = w34*base1_32 + w32*base1_22 + w12*base1_12
+    w75 = w20*w73 - w22*w74
+    w76 = w34*base1_31 + w32*base1_21 + w12*base1_11
+    w77 = w22*w73 + w20*w74
+    w78 = w17*w76 - w13*w75
+    w79 = w14*(first_1*w77 - first_2*w78) - w15*(first_2*w77 + first_1*w78)
+    w80 = base2_33*w34 + base2_23*w32 + base2_13*w12
+    w81 = base2_32*w34 + base2_22*w32 + base2_12*w12
+    w82 = base2_33*w35 + base2_23*w33 + base2_13*w31
+    w83 = base2_32*w35 + base2_22*w33 + base2_12*w31
+    w84 = w7*(w28*w81 - w27*w80 + w6*w82 - w8*w83) - w9*(w8*w82 - w28*w80 - w27*w81 + w6*w83)
+    w85 = w9*w81 - w7*w80
+    w86 = base2_31*w34 + base2_21*w32 + base2_11*w12
+    w87 = w7*w82 - w9*w83
+    w88 = base2_31*w35 + base2_21*w33 + base2_11*w31
+    w89 = w0*(second_3*w85 - w25*w86 + second_v1_3*w87 + w3*w88) + w4*(w25*w85 + second_3*w86 + w3*w87 - second_v1_3*w88)
+    w90 = w9*w80 + w7*w81
+    w91 = w0*w85 + w4*w86
+    w92 = w9*w82 + w7*w83
+    w93 = w4*w88 - w0*w87
+    w94 = second_2*w91 - second_1*w90 + second_v1_1*w92 - second_v1_2*w93
+    w95 = second_v1_2*w92 - second_2*w90 - second_1*w91 + second_v1_1*w93
+    w96 = w48*w67
+    w97 = theta2_t*w40
+    w98 = w39*w40
+    w99 = psi2_t*w38
+    w100 = psi2_t*w37
+    w101 = second_v1_1*w99 - second_v1_2*w100
+    w102 = theta2_t*w36
+    w103 = second_v1_3*w97 + w4*w101 - w98 + w3*w102 - w98
+    w104 = w42*w43
+    w105 = second_v1_1*w100 + second_v1_2*w99
+    w106 = phi2_t*w45
+    w107 = w44*w45
+    w108 = w36*w39
+    w109 = second_v1_3*w102 - (w108 + w3*w97 + w108 + w0*w101)
+    w110 = phi2_t*w43
+    w111 = w107 + w9*w109 + w107 + w8*w110 - (w104 + w7*w105 + w104 + w6*w106)
+    w112 = w42*w45
+    w113 = w43*w44
+    w114 = w112 - w9*w105 + w112 - w6*w110 - (w8*w106 - w113 + w7*w109 - w113)
+    w115 = theta1_t*w53
+    w116 = w52*w53
+    w117 = psi1_t*w51
+    w118 = psi1_t*w50
+    w119 = first_1*w117 - first_2*w118
+    w120 = theta1_t*w49
+    w121 = first_3*w115 + w17*w119 - w116 + w16*w120 - w116
+    w122 = w55*w56
+    w123 = first_1*w118 + first_2*w117
+    w124 = phi1_t*w58
+    w125 = w57*w58
+    w126 = w49*w52
+    w127 = first_3*w120 - (w126 + w16*w115 + w126 + w13*w119)
+    w128 = phi1_t*w56
+    w129 = w125 + w22*w127 + w125 + w21*w128 - (w122 + w20*w123 + w122 + w19*w124)
+    w130 = w55*w58
+    w131 = w56*w57
+    w132 = w130 - w22*w123 + w130 - w19*w128 - (w21*w124 - w131 + w20*w127 - w131)
+    w133 = w40*w61
+    w134 = second_1*w99 - second_2*w100
+    w135 = second_3*w97 + w25*w102 - w133 + w4*w134 - w133
+    w136 = w43*w63
+    w137 = second_1*w100 + second_2*w99
+    w138 = w45*w64
+    w139 = w36*w61
+    w140 = second_3*w102 - (w139 + w25*w97 + w139 + w0*w134)
+    w141 = w138 + w28*w110 + w138 + w9*w140 - (w136 + w27*w106 + w136 + w7*w137)
+    w142 = w45*w63
+    w143 = w43*w64
+    w144 = w142 - w27*w110 + w142 - w9*w137 - (w28*w106 - w143 + w7*w140 - w143)
+    w145 = base1_12*w129 - base1_11*w121 + base1_13*w132 + base2_11*w135 - base2_12*w141 - base2_13*w144
+    w146 = w96 + w31*(base2_12*w111 - base2_11*w103 + base2_13*w114) + w96 + w12*w145
+    w147 = w68*w69
+    w148 = base1_22*w129 - base1_21*w121 + base1_23*w132 + base2_21*w135 - base2_22*w141 - base2_23*w144
+    w149 = w147 + w33*(base2_22*w111 - base2_21*w103 + base2_23*w114) + w147 + w32*w148
+    w150 = w70*w71
+    w151 = base1_32*w129 - base1_31*w121 + base1_33*w132 + base2_31*w135 - base2_32*w141 - base2_33*w144
+    w152 = w150 + w35*(base2_32*w111 - base2_31*w103 + base2_33*w114) + w150 + w34*w151
     return (
-        -s1 + w24*w67 + w68*w69 + w70*w71,
-        -s1_t + w147 + w148 - w149 - w150 + w151 + w152 + w153 + w154 + w155 + w156 - w157 + w158,
-        w24,
-        w68,
-        w70,
-        w76,
-        w83,
-        w94,
-        -w24,
-        -w68,
-        -w70,
-        w106,
-        w122,
-        w146,
-        -s1_tt + w369 + w370 + w371 + w372 + w373 + w374 + w375 + w376 + w377 + w378 + w379 + w380,
+        w12*w31 - s1 + w32*w33 + w34*w35,
+        w72,
+        w12,
+        w32,
+        w34,
+        w20*(w19*w73 - w21*w74) - w22*(w21*w73 + w19*w74),
+        w17*(first_3*w76 - w16*w75) - w13*(first_3*w75 + w16*w76),
+        w79,
+        -w12,
+        -w32,
+        -w34,
+        w84,
+        -w89,
+        w1*w94 - w2*w95,
+        w146 - s1_tt + w149 + w152,
     )
 
 
@@ -418,367 +190,239 @@ def linearize(f, q, u, p, s, nu):
     x1, y1, z1, phi1, theta1, psi1, x2, y2, z2, phi2, theta2, psi2, = q
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, second_v1_1, second_v1_2, second_v1_3, = p
     nu1, = nu
-    w0 = f.sin(theta2)
-    w1 = second_v1_3*w0
-    w2 = f.cos(psi2)
-    w3 = second_v1_1*w2
-    w4 = f.sin(psi2)
-    w5 = second_v1_2*w4
-    w6 = w3 - w5
-    w7 = f.cos(theta2)
-    w8 = w6*w7
-    w9 = w1 + w8
-    w10 = second_v1_1*w4
-    w11 = second_v1_2*w2
-    w12 = w10 + w11
-    w13 = f.cos(phi2)
-    w14 = w12*w13
-    w15 = second_v1_3*w7
-    w16 = w0*w6
-    w17 = w15 - w16
-    w18 = f.sin(phi2)
-    w19 = w17*w18
-    w20 = w14 - w19
-    w21 = w12*w18
-    w22 = w13*w17
-    w23 = w21 + w22
-    w24 = base2_11*w9 + base2_12*w20 + base2_13*w23
-    w25 = f.sin(theta1)
-    w26 = first_3*w25
-    w27 = f.cos(psi1)
-    w28 = first_1*w27
-    w29 = f.sin(psi1)
-    w30 = first_2*w29
-    w31 = w28 - w30
-    w32 = f.cos(theta1)
-    w33 = w31*w32
-    w34 = w26 + w33
-    w35 = first_1*w29
-    w36 = first_2*w27
-    w37 = w35 + w36
-    w38 = f.cos(phi1)
-    w39 = w37*w38
-    w40 = first_3*w32
-    w41 = w25*w31
-    w42 = w40 - w41
-    w43 = f.sin(phi1)
-    w44 = w42*w43
-    w45 = w39 - w44
-    w46 = w37*w43
-    w47 = w38*w42
-    w48 = w46 + w47
-    w49 = second_3*w0
-    w50 = second_1*w2
-    w51 = second_2*w4
-    w52 = w50 - w51
-    w53 = w52*w7
-    w54 = w49 + w53
-    w55 = second_1*w4
-    w56 = second_2*w2
-    w57 = w55 + w56
-    w58 = w13*w57
-    w59 = second_3*w7
-    w60 = w0*w52
-    w61 = w59 - w60
-    w62 = w18*w61
-    w63 = w58 - w62
-    w64 = w18*w57
-    w65 = w13*w61
-    w66 = w64 + w65
-    w67 = base1_11*w34 + base1_12*w45 + base1_13*w48 - base2_11*w54 - base2_12*w63 - base2_13*w66 + x1 - x2
-    w68 = base2_21*w9 + base2_22*w20 + base2_23*w23
-    w69 = base1_21*w34 + base1_22*w45 + base1_23*w48 - base2_21*w54 - base2_22*w63 - base2_23*w66 + y1 - y2
-    w70 = base2_31*w9 + base2_32*w20 + base2_33*w23
-    w71 = base1_31*w34 + base1_32*w45 + base1_33*w48 - base2_31*w54 - base2_32*w63 - base2_33*w66 + z1 - z2
-    w72 = -w46 - w47
-    w73 = base1_32*w72 + base1_33*w45
-    w74 = base1_12*w72 + base1_13*w45
-    w75 = base1_22*w72 + base1_23*w45
-    w76 = -w26 - w33
-    w77 = w43*w76
-    w78 = w38*w76
-    w79 = base1_31*w42 - base1_32*w77 + base1_33*w78
-    w80 = base1_11*w42 - base1_12*w77 + base1_13*w78
-    w81 = base1_21*w42 - base1_22*w77 + base1_23*w78
-    w82 = -w35 - w36
-    w83 = w32*w82
-    w84 = w25*w82
-    w85 = w31*w38 + w43*w84
-    w86 = w31*w43
-    w87 = w38*w84
-    w88 = w86 - w87
-    w89 = base1_31*w83 + base1_32*w85 + base1_33*w88
-    w90 = base1_11*w83 + base1_12*w85 + base1_13*w88
-    w91 = base1_21*w83 + base1_22*w85 + base1_23*w88
-    w92 = -w64 - w65
-    w93 = -base2_32*w92 - base2_33*w63
-    w94 = -w21 - w22
-    w95 = base2_32*w94 + base2_33*w20
-    w96 = base2_12*w94 + base2_13*w20
-    w97 = -base2_12*w92 - base2_13*w63
-    w98 = base2_22*w94 + base2_23*w20
-    w99 = -base2_22*w92 - base2_23*w63
-    w100 = -w49 - w53
-    w101 = w100*w18
-    w102 = w100*w13
-    w103 = -base2_31*w61 + base2_32*w101 - base2_33*w102
-    w104 = -w1 - w8
-    w105 = w104*w18
-    w106 = w104*w13
-    w107 = base2_31*w17 - base2_32*w105 + base2_33*w106
-    w108 = base2_11*w17 - base2_12*w105 + base2_13*w106
-    w109 = -base2_11*w61 + base2_12*w101 - base2_13*w102
-    w110 = base2_21*w17 - base2_22*w105 + base2_23*w106
-    w111 = -base2_21*w61 + base2_22*w101 - base2_23*w102
-    w112 = -w55 - w56
-    w113 = w112*w7
-    w114 = w0*w112
-    w115 = w114*w18 + w13*w52
-    w116 = w18*w52
-    w117 = w114*w13
-    w118 = w116 - w117
-    w119 = -base2_31*w113 - base2_32*w115 - base2_33*w118
-    w120 = -w10 - w11
-    w121 = w120*w7
-    w122 = w0*w120
-    w123 = w122*w18 + w13*w6
-    w124 = w18*w6
-    w125 = w122*w13
-    w126 = w124 - w125
-    w127 = base2_31*w121 + base2_32*w123 + base2_33*w126
-    w128 = base2_11*w121 + base2_12*w123 + base2_13*w126
-    w129 = -base2_11*w113 - base2_12*w115 - base2_13*w118
-    w130 = base2_21*w121 + base2_22*w123 + base2_23*w126
-    w131 = -base2_21*w113 - base2_22*w115 - base2_23*w118
-    w132 = -w39 + w44
-    w133 = w70*(base1_32*w132 + base1_33*w72)
-    w134 = w68*(base1_22*w132 + base1_23*w72)
-    w135 = w24*(base1_12*w132 + base1_13*w72)
-    w136 = w68*(-base1_22*w78 - base1_23*w77)
-    w137 = w24*(-base1_12*w78 - base1_13*w77)
-    w138 = w70*(-base1_32*w78 - base1_33*w77)
-    w139 = -w86 + w87
-    w140 = w70*(base1_32*w139 + base1_33*w85)
-    w141 = w24*(base1_12*w139 + base1_13*w85)
-    w142 = w68*(base1_22*w139 + base1_23*w85)
-    w143 = -w40 + w41
-    w144 = w143*w43
-    w145 = w143*w38
-    w146 = w70*(base1_31*w76 - base1_32*w144 + base1_33*w145)
-    w147 = w68*(base1_21*w76 - base1_22*w144 + base1_23*w145)
-    w148 = w24*(base1_11*w76 - base1_12*w144 + base1_13*w145)
-    w149 = w43*w83
-    w150 = w38*w83
-    w151 = w24*(-base1_11*w84 + base1_12*w149 - base1_13*w150)
-    w152 = w68*(-base1_21*w84 + base1_22*w149 - base1_23*w150)
-    w153 = w70*(-base1_31*w84 + base1_32*w149 - base1_33*w150)
-    w154 = -w28 + w30
-    w155 = w154*w32
-    w156 = w154*w25
-    w157 = w156*w43 + w38*w82
-    w158 = -w156*w38 + w43*w82
-    w159 = w70*(base1_31*w155 + base1_32*w157 + base1_33*w158)
-    w160 = w68*(base1_21*w155 + base1_22*w157 + base1_23*w158)
-    w161 = w24*(base1_11*w155 + base1_12*w157 + base1_13*w158)
-    w162 = -w58 + w62
-    w163 = w93*w95
-    w164 = -w14 + w19
-    w165 = w163 + w71*(base2_32*w164 + base2_33*w94)
-    w166 = w163 + w70*(-base2_32*w162 - base2_33*w92)
-    w167 = w96*w97
-    w168 = w167 + w67*(base2_12*w164 + base2_13*w94)
-    w169 = w167 + w24*(-base2_12*w162 - base2_13*w92)
-    w170 = w98*w99
-    w171 = w170 + w69*(base2_22*w164 + base2_23*w94)
-    w172 = w170 + w68*(-base2_22*w162 - base2_23*w92)
-    w173 = w70*(base2_32*w102 + base2_33*w101)
-    w174 = w103*w95
-    w175 = w107*w93
-    w176 = w71*(-base2_32*w106 - base2_33*w105)
-    w177 = w67*(-base2_12*w106 - base2_13*w105)
-    w178 = w108*w97
-    w179 = w24*(base2_12*w102 + base2_13*w101)
-    w180 = w109*w96
-    w181 = w69*(-base2_22*w106 - base2_23*w105)
-    w182 = w110*w99
-    w183 = w68*(base2_22*w102 + base2_23*w101)
-    w184 = w111*w98
-    w185 = w181 + w182 + w183 + w184
-    w186 = w173 + w174 + w175 + w176
-    w187 = w177 + w178 + w179 + w180
-    w188 = -w116 + w117
-    w189 = w70*(-base2_32*w188 - base2_33*w115)
-    w190 = w119*w95
-    w191 = w127*w93
-    w192 = -w124 + w125
-    w193 = w71*(base2_32*w192 + base2_33*w123)
-    w194 = w67*(base2_12*w192 + base2_13*w123)
-    w195 = w128*w97
-    w196 = w129*w96
-    w197 = w24*(-base2_12*w188 - base2_13*w115)
-    w198 = w69*(base2_22*w192 + base2_23*w123)
-    w199 = w130*w99
-    w200 = w68*(-base2_22*w188 - base2_23*w115)
-    w201 = w131*w98
-    w202 = w189 + w190 + w191 + w193
-    w203 = w198 + w199 + w200 + w201
-    w204 = w194 + w195 + w196 + w197
-    w205 = w181 + w182 + w183 + w184
-    w206 = w173 + w174 + w175 + w176
-    w207 = w177 + w178 + w179 + w180
-    w208 = -w59 + w60
-    w209 = w18*w208
-    w210 = w13*w208
-    w211 = w103*w107
-    w212 = -w15 + w16
-    w213 = w18*w212
-    w214 = w13*w212
-    w215 = w211 + w70*(-base2_31*w100 + base2_32*w209 - base2_33*w210)
-    w216 = w211 + w71*(base2_31*w104 - base2_32*w213 + base2_33*w214)
-    w217 = w108*w109
-    w218 = w217 + w67*(base2_11*w104 - base2_12*w213 + base2_13*w214)
-    w219 = w217 + w24*(-base2_11*w100 + base2_12*w209 - base2_13*w210)
-    w220 = w110*w111
-    w221 = w220 + w69*(base2_21*w104 - base2_22*w213 + base2_23*w214)
-    w222 = w220 + w68*(-base2_21*w100 + base2_22*w209 - base2_23*w210)
-    w223 = w113*w18
-    w224 = w113*w13
-    w225 = w70*(base2_31*w114 - base2_32*w223 + base2_33*w224)
-    w226 = w107*w119
-    w227 = w103*w127
-    w228 = w121*w18
-    w229 = w121*w13
-    w230 = w71*(-base2_31*w122 + base2_32*w228 - base2_33*w229)
-    w231 = w67*(-base2_11*w122 + base2_12*w228 - base2_13*w229)
-    w232 = w109*w128
-    w233 = w108*w129
-    w234 = w24*(base2_11*w114 - base2_12*w223 + base2_13*w224)
-    w235 = w69*(-base2_21*w122 + base2_22*w228 - base2_23*w229)
-    w236 = w111*w130
-    w237 = w68*(base2_21*w114 - base2_22*w223 + base2_23*w224)
-    w238 = w110*w131
-    w239 = w231 + w232 + w233 + w234
-    w240 = w235 + w236 + w237 + w238
-    w241 = w225 + w226 + w227 + w230
-    w242 = w198 + w199 + w200 + w201
-    w243 = w194 + w195 + w196 + w197
-    w244 = w189 + w190 + w191 + w193
-    w245 = w231 + w232 + w233 + w234
-    w246 = w235 + w236 + w237 + w238
-    w247 = w225 + w226 + w227 + w230
-    w248 = -w50 + w51
-    w249 = w248*w7
-    w250 = w0*w248
-    w251 = w112*w13 + w18*w250
-    w252 = w112*w18 - w13*w250
-    w253 = w119*w127
-    w254 = -w3 + w5
-    w255 = w254*w7
-    w256 = w0*w254
-    w257 = w120*w13 + w18*w256
-    w258 = w120*w18 - w13*w256
-    w259 = w253 + w70*(-base2_31*w249 - base2_32*w251 - base2_33*w252)
-    w260 = w253 + w71*(base2_31*w255 + base2_32*w257 + base2_33*w258)
-    w261 = w128*w129
-    w262 = w24*(-base2_11*w249 - base2_12*w251 - base2_13*w252) + w261
-    w263 = w261 + w67*(base2_11*w255 + base2_12*w257 + base2_13*w258)
-    w264 = w130*w131
-    w265 = w264 + w69*(base2_21*w255 + base2_22*w257 + base2_23*w258)
-    w266 = w264 + w68*(-base2_21*w249 - base2_22*w251 - base2_23*w252)
-    w267 = nu1*w96
-    w268 = nu1*w108
-    w269 = nu1*w128
-    w270 = nu1*w98
-    w271 = nu1*w110
-    w272 = nu1*w130
-    w273 = nu1*w95
-    w274 = nu1*w107
-    w275 = nu1*w127
-    w276 = nu1*(w136 + w137 + w138)
-    w277 = nu1*(w140 + w141 + w142)
-    w278 = nu1*(w73*w95 + w74*w96 + w75*w98)
-    w279 = nu1*(w107*w73 + w108*w74 + w110*w75)
-    w280 = nu1*(w127*w73 + w128*w74 + w130*w75)
-    w281 = nu1*(w151 + w152 + w153)
-    w282 = nu1*(w79*w95 + w80*w96 + w81*w98)
-    w283 = nu1*(w107*w79 + w108*w80 + w110*w81)
-    w284 = nu1*(w127*w79 + w128*w80 + w130*w81)
-    w285 = nu1*(w89*w95 + w90*w96 + w91*w98)
-    w286 = nu1*(w107*w89 + w108*w90 + w110*w91)
-    w287 = nu1*(w127*w89 + w128*w90 + w130*w91)
+    w0 = f.sin(psi2)
+    w1 = f.cos(psi2)
+    w2 = second_v1_1*w0 + w1*second_v1_2
+    w3 = f.sin(phi2)
+    w4 = f.cos(phi2)
+    w5 = f.cos(theta2)
+    w6 = f.sin(theta2)
+    w7 = second_v1_1*w1 - second_v1_2*w0
+    w8 = second_v1_3*w5 - w6*w7
+    w9 = w2*w3 + w4*w8
+    w10 = w2*w4 - w8*w3
+    w11 = nu1*(w10*base2_13 - base2_12*w9)
+    w12 = second_v1_3*w6 + w7*w5
+    w13 = w12*w3
+    w14 = w12*w4
+    w15 = nu1*(base2_11*w8 + base2_12*w13 - base2_13*w14)
+    w16 = w5*w2
+    w17 = w6*w2
+    w18 = w7*w4 - w3*w17
+    w19 = w7*w3 + w4*w17
+    w20 = nu1*(base2_12*w18 - base2_11*w16 + base2_13*w19)
+    w21 = nu1*(w10*base2_23 - w9*base2_22)
+    w22 = nu1*(w8*base2_21 + base2_22*w13 - base2_23*w14)
+    w23 = nu1*(base2_22*w18 - base2_21*w16 + base2_23*w19)
+    w24 = nu1*(w10*base2_33 - w9*base2_32)
+    w25 = nu1*(w8*base2_31 + base2_32*w13 - base2_33*w14)
+    w26 = nu1*(base2_32*w18 - base2_31*w16 + base2_33*w19)
+    w27 = f.sin(phi1)
+    w28 = f.sin(psi1)
+    w29 = f.cos(psi1)
+    w30 = first_1*w28 + w29*first_2
+    w31 = (w12*base2_31 + w10*base2_32 + w9*base2_33)*nu1
+    w32 = (w12*base2_21 + w10*base2_22 + w9*base2_23)*nu1
+    w33 = (base2_11*w12 + base2_12*w10 + base2_13*w9)*nu1
+    w34 = base1_33*w31 + base1_23*w32 + base1_13*w33
+    w35 = f.cos(theta1)
+    w36 = f.sin(theta1)
+    w37 = first_1*w29 - first_2*w28
+    w38 = first_3*w35 - w36*w37
+    w39 = base1_32*w31 + base1_22*w32 + base1_12*w33
+    w40 = f.cos(phi1)
+    w41 = first_3*w36 + w37*w35
+    w42 = w40*w41*w39 + w27*w41*w34
+    w43 = w36*w30
+    w44 = w40*(w37*w34 - w39*w43) - w27*(w34*w43 + w37*w39)
+    w45 = base1_33*w24 + base1_23*w21 + base1_13*w11
+    w46 = base1_32*w24 + base1_22*w21 + base1_12*w11
+    w47 = w40*(w30*w45 - w38*w46) - w27*(w38*w45 + w30*w46)
+    w48 = base1_33*w25 + base1_23*w22 + base1_13*w15
+    w49 = base1_32*w25 + base1_22*w22 + base1_12*w15
+    w50 = w40*(w30*w48 - w38*w49) - w27*(w38*w48 + w30*w49)
+    w51 = base1_33*w26 + base1_23*w23 + base1_13*w20
+    w52 = base1_32*w26 + base1_22*w23 + base1_12*w20
+    w53 = w40*(w30*w51 - w38*w52) - w27*(w38*w51 + w30*w52)
+    w54 = w40*w34 - w27*w39
+    w55 = base1_31*w31 + base1_21*w32 + base1_11*w33
+    w56 = w36*w30*w55 + w35*w30*w54
+    w57 = w40*w45 - w27*w46
+    w58 = base1_31*w24 + base1_21*w21 + base1_11*w11
+    w59 = w35*(first_3*w58 - w37*w57) - w36*(first_3*w57 + w37*w58)
+    w60 = w40*w48 - w27*w49
+    w61 = base1_31*w25 + base1_21*w22 + base1_11*w15
+    w62 = w35*(first_3*w61 - w37*w60) - w36*(first_3*w60 + w37*w61)
+    w63 = w40*w51 - w27*w52
+    w64 = base1_31*w26 + base1_21*w23 + base1_11*w20
+    w65 = w35*(first_3*w64 - w37*w63) - w36*(first_3*w63 + w37*w64)
+    w66 = w27*w34 + w40*w39
+    w67 = w35*w55 - w36*w54
+    w68 = w28*(first_1*w66 - first_2*w67) + w29*(first_2*w66 + first_1*w67)
+    w69 = w27*w45 + w40*w46
+    w70 = w35*w58 - w36*w57
+    w71 = w29*(first_1*w69 - first_2*w70) - w28*(first_2*w69 + first_1*w70)
+    w72 = w27*w48 + w40*w49
+    w73 = w35*w61 - w36*w60
+    w74 = w29*(first_1*w72 - first_2*w73) - w28*(first_2*w72 + first_1*w73)
+    w75 = w27*w51 + w40*w52
+    w76 = w35*w64 - w36*w63
+    w77 = w29*(first_1*w75 - first_2*w76) - w28*(first_2*w75 + first_1*w76)
+    w78 = w0*second_1 + w1*second_2
+    w79 = base2_33*w31 + base2_23*w32 + base2_13*w33
+    w80 = w1*second_1 - w0*second_2
+    w81 = w5*second_3 - w6*w80
+    w82 = base2_32*w31 + base2_22*w32 + base2_12*w33
+    w83 = w30*w40 - w38*w27
+    w84 = w30*w27 + w40*w38
+    w85 = w6*second_3 + w5*w80
+    w86 = w4*w78 - w3*w81
+    w87 = w3*w78 + w4*w81
+    w88 = z1 - z2 + w41*base1_31 + w83*base1_32 + w84*base1_33 - w85*base2_31 - w86*base2_32 - w87*base2_33
+    w89 = w88*nu1
+    w90 = y1 - y2 + w41*base1_21 + w83*base1_22 + w84*base1_23 - w85*base2_21 - w86*base2_22 - w87*base2_23
+    w91 = w90*nu1
+    w92 = x1 - x2 + base1_11*w41 + base1_12*w83 + base1_13*w84 - base2_11*w85 - base2_12*w86 - base2_13*w87
+    w93 = w92*nu1
+    w94 = base2_33*w89 + base2_23*w91 + base2_13*w93
+    w95 = base2_32*w89 + base2_22*w91 + base2_12*w93
+    w96 = base2_33*w24 + base2_23*w21 + base2_13*w11
+    w97 = base2_32*w24 + base2_22*w21 + base2_12*w11
+    w98 = nu1*(w87*base2_32 - w86*base2_33)
+    w99 = nu1*(w87*base2_22 - w86*base2_23)
+    w100 = nu1*(base2_12*w87 - base2_13*w86)
+    w101 = base2_33*w98 + base2_23*w99 + base2_13*w100
+    w102 = base2_32*w98 + base2_22*w99 + base2_12*w100
+    w103 = w4*(w81*w97 - w78*w96 + w2*w101 - w8*w102) - w3*(w81*w82 - w78*w79 + w2*w94 - w8*w95)
+    w104 = w4*(w8*w94 - w81*w79 - w78*w82 + w2*w95) + w3*(w8*w101 - w81*w96 - w78*w97 + w2*w102)
+    w105 = base2_33*w25 + base2_23*w22 + base2_13*w15
+    w106 = base2_32*w25 + base2_22*w22 + base2_12*w15
+    w107 = w3*w85
+    w108 = w4*w85
+    w109 = nu1*(w81*base2_31 + base2_32*w107 - base2_33*w108)
+    w110 = nu1*(w81*base2_21 + base2_22*w107 - base2_23*w108)
+    w111 = nu1*(base2_11*w81 + base2_12*w107 - base2_13*w108)
+    w112 = base2_33*w109 + base2_23*w110 + base2_13*w111
+    w113 = base2_32*w109 + base2_22*w110 + base2_12*w111
+    w114 = w4*(w81*w106 - w85*w82 - w78*w105 - w2*w112 + w12*w95 + w8*w113)
+    w115 = w3*(w81*w105 - w85*w79 + w78*w106 + w12*w94 + w8*w112 + w2*w113)
+    w116 = w114 + w115
+    w117 = base2_33*w26 + base2_23*w23 + base2_13*w20
+    w118 = w6*w78
+    w119 = base2_32*w26 + base2_22*w23 + base2_12*w20
+    w120 = w5*w78
+    w121 = w4*w80 - w3*w118
+    w122 = w3*w80 + w4*w118
+    w123 = nu1*(base2_32*w121 - base2_31*w120 + base2_33*w122)
+    w124 = nu1*(base2_22*w121 - base2_21*w120 + base2_23*w122)
+    w125 = nu1*(base2_12*w121 - base2_11*w120 + base2_13*w122)
+    w126 = base2_33*w123 + base2_23*w124 + base2_13*w125
+    w127 = base2_32*w123 + base2_22*w124 + base2_12*w125
+    w128 = w82*w118 + w81*w119 - (w80*w79 + w78*w117) + w7*w94 - w2*w126 - (w95*w17 - w8*w127)
+    w129 = w94*w17 - w8*w126 - (w79*w118 + w81*w117) - (w80*w82 + w78*w119) + w7*w95 - w2*w127
+    w130 = w4*w128 - w3*w129
+    w131 = w3*w82 - w4*w79
+    w132 = base2_31*w31 + base2_21*w32 + base2_11*w33
+    w133 = w4*w94 - w3*w95
+    w134 = base2_31*w89 + base2_21*w91 + base2_11*w93
+    w135 = w3*w106 - w4*w105
+    w136 = base2_31*w25 + base2_21*w22 + base2_11*w15
+    w137 = w3*w113 - w4*w112
+    w138 = base2_31*w109 + base2_21*w110 + base2_11*w111
+    w139 = w5*(second_3*w131 - w80*w132 + second_v1_3*w133 + w7*w134) + w6*(second_3*w135 - w80*w136 + second_v1_3*w137 - w7*w138)
+    w140 = w5*(w80*w135 + second_3*w136 + w7*w137 + second_v1_3*w138) - w6*(w80*w131 + second_3*w132 + w7*w133 - second_v1_3*w134)
+    w141 = w3*w119 - w4*w117
+    w142 = base2_31*w26 + base2_21*w23 + base2_11*w20
+    w143 = w3*w127 - w4*w126
+    w144 = base2_31*w123 + base2_21*w124 + base2_11*w125
+    w145 = second_3*w141 - (w80*w142 - w78*w132) + second_v1_3*w143 - (w2*w134 + w7*w144)
+    w146 = w80*w141 - w78*w131 + second_3*w142 + w7*w143 - w2*w133 + second_v1_3*w144
+    w147 = w6*w145 + w5*w146
+    w148 = w3*w79 + w4*w82
+    w149 = w6*w131 + w5*w132
+    w150 = w3*w94 + w4*w95
+    w151 = w5*w134 - w6*w133
+    w152 = second_2*w149 - second_1*w148 + second_v1_1*w150 - second_v1_2*w151
+    w153 = w3*w117 + w4*w119
+    w154 = w6*w141 + w5*w142
+    w155 = w3*w126 + w4*w127
+    w156 = w6*w143 + w5*w144
+    w157 = second_2*w154 - second_1*w153 - second_v1_1*w155 + second_v1_2*w156
+    w158 = second_v1_2*w150 - second_2*w148 - second_1*w149 + second_v1_1*w151
+    w159 = second_2*w153 + second_1*w154 + second_v1_2*w155 + second_v1_1*w156
     return (
-        w267,
-        w268,
-        w269,
-        w270,
-        w271,
-        w272,
-        w273,
-        w274,
-        w275,
-        nu1*(w133 + w134 + w135),
-        w276,
-        w277,
-        w278,
-        w279,
-        w280,
-        w276,
-        nu1*(w146 + w147 + w148),
-        w281,
-        w282,
-        w283,
-        w284,
-        w277,
-        w281,
-        nu1*(w159 + w160 + w161),
-        w285,
-        w286,
-        w287,
-        -w267,
-        -w268,
-        -w269,
-        -w270,
-        -w271,
-        -w272,
-        -w273,
-        -w274,
-        -w275,
-        w267,
-        w270,
-        w273,
-        w278,
-        w282,
-        w285,
-        -w267,
-        -w270,
-        -w273,
-        nu1*(w165 + w166 + w168 + w169 + w171 + w172),
-        nu1*(w205 + w206 + w207),
-        nu1*(w242 + w243 + w244),
-        w268,
-        w271,
-        w274,
-        w279,
-        w283,
-        w286,
-        -w268,
-        -w271,
-        -w274,
-        nu1*(w185 + w186 + w187),
-        nu1*(w215 + w216 + w218 + w219 + w221 + w222),
-        nu1*(w245 + w246 + w247),
-        w269,
-        w272,
-        w275,
-        w280,
-        w284,
-        w287,
-        -w269,
-        -w272,
-        -w275,
-        nu1*(w202 + w203 + w204),
-        nu1*(w239 + w240 + w241),
-        nu1*(w259 + w260 + w262 + w263 + w265 + w266),
+        w11,
+        w15,
+        w20,
+        w21,
+        w22,
+        w23,
+        w24,
+        w25,
+        w26,
+        -(w27*(w30*w34 - w38*w39) + w40*(w38*w34 + w30*w39)),
+        w42,
+        w44,
+        w47,
+        w50,
+        w53,
+        w42,
+        -(w35*(first_3*w54 + w37*w55) + w36*(first_3*w55 - w37*w54)),
+        w56,
+        w59,
+        w62,
+        w65,
+        w44,
+        w56,
+        -w68,
+        w71,
+        w74,
+        w77,
+        -w11,
+        -w15,
+        -w20,
+        -w21,
+        -w22,
+        -w23,
+        -w24,
+        -w25,
+        -w26,
+        w11,
+        w21,
+        w24,
+        w47,
+        w59,
+        w71,
+        -w11,
+        -w21,
+        -w24,
+        w103 - w104,
+        w116,
+        w130,
+        w15,
+        w22,
+        w25,
+        w50,
+        w62,
+        w74,
+        -w15,
+        -w22,
+        -w25,
+        w116,
+        -(w139 + w140),
+        -w147,
+        w20,
+        w23,
+        w26,
+        w53,
+        w65,
+        w77,
+        -w20,
+        -w23,
+        -w26,
+        w130,
+        -w147,
+        w1*w157 - w0*w152 - (w1*w158 - w0*w159),
     )
 
 

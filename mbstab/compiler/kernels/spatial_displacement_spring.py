@@ -6,210 +6,102 @@ def dynamics(f, q, u, p, s):
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, x2_t, y2_t, z2_t, phi2_t, theta2_t, psi2_t, = u
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, second_v1_1, second_v1_2, second_v1_3, stiffness, rest, damping, = p
     w0 = f.sin(theta2)
-    w1 = second_v1_3*w0
-    w2 = f.cos(psi2)
-    w3 = f.sin(psi2)
-    w4 = second_v1_1*w2 - second_v1_2*w3
-    w5 = f.cos(theta2)
-    w6 = w4*w5
-    w7 = w1 + w6
-    w8 = base2_11*w7
-    w9 = second_v1_1*w3
-    w10 = second_v1_2*w2
-    w11 = w10 + w9
-    w12 = f.cos(phi2)
-    w13 = second_v1_3*w5 - w0*w4
-    w14 = f.sin(phi2)
-    w15 = w11*w12 - w13*w14
-    w16 = base2_12*w15
-    w17 = w11*w14
-    w18 = w12*w13
-    w19 = w17 + w18
-    w20 = base2_13*w19
-    w21 = w16 + w20 + w8
-    w22 = f.sin(theta1)
-    w23 = first_3*w22
-    w24 = f.cos(psi1)
-    w25 = f.sin(psi1)
-    w26 = first_1*w24 - first_2*w25
-    w27 = f.cos(theta1)
-    w28 = w26*w27
-    w29 = w23 + w28
-    w30 = first_1*w25
-    w31 = first_2*w24
-    w32 = w30 + w31
-    w33 = f.cos(phi1)
-    w34 = first_3*w27 - w22*w26
-    w35 = f.sin(phi1)
-    w36 = w32*w33 - w34*w35
-    w37 = w32*w35
-    w38 = w33*w34
-    w39 = w37 + w38
-    w40 = second_3*w0
-    w41 = second_1*w2 - second_2*w3
-    w42 = w41*w5
-    w43 = w40 + w42
-    w44 = second_1*w3
-    w45 = second_2*w2
-    w46 = w44 + w45
-    w47 = second_3*w5 - w0*w41
-    w48 = w12*w46 - w14*w47
-    w49 = w14*w46
-    w50 = w12*w47
-    w51 = w49 + w50
-    w52 = base1_11*w29 + base1_12*w36 + base1_13*w39 - base2_11*w43 - base2_12*w48 - base2_13*w51 + x1 - x2
-    w53 = base2_21*w7
-    w54 = base2_22*w15
-    w55 = base2_23*w19
-    w56 = w53 + w54 + w55
-    w57 = base1_21*w29 + base1_22*w36 + base1_23*w39 - base2_21*w43 - base2_22*w48 - base2_23*w51 + y1 - y2
-    w58 = base2_31*w7
-    w59 = base2_32*w15
-    w60 = base2_33*w19
-    w61 = w58 + w59 + w60
-    w62 = base1_31*w29 + base1_32*w36 + base1_33*w39 - base2_31*w43 - base2_32*w48 - base2_33*w51 + z1 - z2
-    w63 = -w37 - w38
-    w64 = w61*(base1_32*w63 + base1_33*w36)
-    w65 = w56*(base1_22*w63 + base1_23*w36)
-    w66 = w21*(base1_12*w63 + base1_13*w36)
-    w67 = w64 + w65 + w66
-    w68 = -w17 - w18
-    w69 = w52*(base2_12*w68 + base2_13*w15)
-    w70 = w57*(base2_22*w68 + base2_23*w15)
-    w71 = w62*(base2_32*w68 + base2_33*w15)
-    w72 = -w49 - w50
-    w73 = w21*(-base2_12*w72 - base2_13*w48)
-    w74 = w56*(-base2_22*w72 - base2_23*w48)
-    w75 = w61*(-base2_32*w72 - base2_33*w48)
-    w76 = w69 + w70 + w71 + w73 + w74 + w75
-    w77 = w26*w33
-    w78 = -w30 - w31
-    w79 = w22*w35*w78 + w77
-    w80 = w26*w35
-    w81 = -w22*w33*w78 + w80
-    w82 = w61*(base1_31*w27*w78 + base1_32*w79 + base1_33*w81)
-    w83 = w21*(base1_11*w27*w78 + base1_12*w79 + base1_13*w81)
-    w84 = w56*(base1_21*w27*w78 + base1_22*w79 + base1_23*w81)
-    w85 = w82 + w83 + w84
-    w86 = w12*w41
-    w87 = -w44 - w45
-    w88 = w0*w14*w87 + w86
-    w89 = w14*w41
-    w90 = -w0*w12*w87 + w89
-    w91 = w12*w4
-    w92 = -w10 - w9
-    w93 = w0*w14*w92 + w91
-    w94 = w14*w4
-    w95 = -w0*w12*w92 + w94
-    w96 = w52*(base2_11*w5*w92 + base2_12*w93 + base2_13*w95)
-    w97 = w21*(-base2_11*w5*w87 - base2_12*w88 - base2_13*w90)
-    w98 = w56*(-base2_21*w5*w87 - base2_22*w88 - base2_23*w90)
-    w99 = w61*(-base2_31*w5*w87 - base2_32*w88 - base2_33*w90)
-    w100 = w62*(base2_31*w5*w92 + base2_32*w93 + base2_33*w95)
-    w101 = w57*(base2_21*w5*w92 + base2_22*w93 + base2_23*w95)
-    w102 = w100 + w101 + w96 + w97 + w98 + w99
-    w103 = base1_11*w34
-    w104 = -w23 - w28
-    w105 = base1_21*w34
-    w106 = base1_31*w34
-    w107 = w61*(-base1_32*w104*w35 + base1_33*w104*w33 + w106)
-    w108 = w56*(-base1_22*w104*w35 + base1_23*w104*w33 + w105)
-    w109 = w21*(-base1_12*w104*w35 + base1_13*w104*w33 + w103)
-    w110 = w107 + w108 + w109
-    w111 = base2_11*w13
-    w112 = -w1 - w6
-    w113 = base2_11*w47
-    w114 = -w40 - w42
-    w115 = base2_21*w13
-    w116 = base2_21*w47
-    w117 = base2_31*w13
-    w118 = base2_31*w47
-    w119 = w56*(base2_22*w114*w14 - base2_23*w114*w12 - w116)
-    w120 = w52*(-base2_12*w112*w14 + base2_13*w112*w12 + w111)
-    w121 = w57*(-base2_22*w112*w14 + base2_23*w112*w12 + w115)
-    w122 = w21*(base2_12*w114*w14 - base2_13*w114*w12 - w113)
-    w123 = w62*(-base2_32*w112*w14 + base2_33*w112*w12 + w117)
-    w124 = w61*(base2_32*w114*w14 - base2_33*w114*w12 - w118)
-    w125 = w119 + w120 + w121 + w122 + w123 + w124
-    w126 = -w16 - w20 - w8
-    w127 = -w53 - w54 - w55
-    w128 = -w58 - w59 - w60
-    w129 = phi2_t*w76
-    w130 = w56*y1_t
-    w131 = w61*z1_t
-    w132 = theta2_t*w125
-    w133 = w126*x2_t
-    w134 = theta1_t*w110
-    w135 = w21*x1_t
-    w136 = w127*y2_t
-    w137 = psi2_t*w102
-    w138 = psi1_t*w85
-    w139 = phi1_t*w67
-    w140 = w128*z2_t
-    w141 = -2*rest + 2*w21*w52 + 2*w56*w57 + 2*w61*w62
-    w142 = stiffness*w141*w21
-    w143 = 2*w129 + 2*w130 + 2*w131 + 2*w132 + 2*w133 + 2*w134 + 2*w135 + 2*w136 + 2*w137 + 2*w138 + 2*w139 + 2*w140
-    w144 = stiffness*w141*w56
-    w145 = stiffness*w141*w61
-    w146 = w104*w35
-    w147 = w104*w33
-    w148 = w56*(-base1_22*w146 + base1_23*w147 + w105)
-    w149 = w21*(-base1_12*w146 + base1_13*w147 + w103)
-    w150 = w61*(-base1_32*w146 + base1_33*w147 + w106)
-    w151 = stiffness*w141*(w148 + w149 + w150)/2
-    w152 = damping*w110*w143/2
-    w153 = w27*w78
-    w154 = w22*w78
-    w155 = w154*w35 + w77
-    w156 = -w154*w33 + w80
-    w157 = w56*(base1_21*w153 + base1_22*w155 + base1_23*w156)
-    w158 = w21*(base1_11*w153 + base1_12*w155 + base1_13*w156)
-    w159 = w61*(base1_31*w153 + base1_32*w155 + base1_33*w156)
-    w160 = stiffness*w141*(w157 + w158 + w159)/2
-    w161 = damping*w143*w85/2
-    w162 = stiffness*w141*(w69 + w70 + w71 + w73 + w74 + w75)/2
-    w163 = damping*w143*w76/2
-    w164 = w114*w14
-    w165 = w114*w12
-    w166 = w112*w14
-    w167 = w112*w12
-    w168 = w62*(-base2_32*w166 + base2_33*w167 + w117)
-    w169 = w61*(base2_32*w164 - base2_33*w165 - w118)
-    w170 = w52*(-base2_12*w166 + base2_13*w167 + w111)
-    w171 = w21*(base2_12*w164 - base2_13*w165 - w113)
-    w172 = w57*(-base2_22*w166 + base2_23*w167 + w115)
-    w173 = w56*(base2_22*w164 - base2_23*w165 - w116)
-    w174 = damping*w125*w143/2
-    w175 = stiffness*w141*(w168 + w169 + w170 + w171 + w172 + w173)/2
-    w176 = w5*w87
-    w177 = w0*w87
-    w178 = w14*w177 + w86
-    w179 = -w12*w177 + w89
-    w180 = w5*w92
-    w181 = w0*w92
-    w182 = w14*w181 + w91
-    w183 = -w12*w181 + w94
-    w184 = w62*(base2_31*w180 + base2_32*w182 + base2_33*w183)
-    w185 = w61*(-base2_31*w176 - base2_32*w178 - base2_33*w179)
-    w186 = w21*(-base2_11*w176 - base2_12*w178 - base2_13*w179)
-    w187 = w52*(base2_11*w180 + base2_12*w182 + base2_13*w183)
-    w188 = w56*(-base2_21*w176 - base2_22*w178 - base2_23*w179)
-    w189 = w57*(base2_21*w180 + base2_22*w182 + base2_23*w183)
-    w190 = damping*w102*w143/2
-    w191 = stiffness*w141*(w184 + w185 + w186 + w187 + w188 + w189)/2
+    w1 = f.cos(psi2)
+    w2 = f.sin(psi2)
+    w3 = second_v1_1*w1 - second_v1_2*w2
+    w4 = f.cos(theta2)
+    w5 = second_v1_3*w0 + w3*w4
+    w6 = second_v1_1*w2 + w1*second_v1_2
+    w7 = f.cos(phi2)
+    w8 = second_v1_3*w4 - w0*w3
+    w9 = f.sin(phi2)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base2_11*w5 + base2_12*w10 + base2_13*w11
+    w13 = f.sin(theta1)
+    w14 = f.cos(psi1)
+    w15 = f.sin(psi1)
+    w16 = first_1*w14 - first_2*w15
+    w17 = f.cos(theta1)
+    w18 = first_3*w13 + w16*w17
+    w19 = first_1*w15 + w14*first_2
+    w20 = f.cos(phi1)
+    w21 = first_3*w17 - w13*w16
+    w22 = f.sin(phi1)
+    w23 = w19*w20 - w21*w22
+    w24 = w19*w22 + w20*w21
+    w25 = w1*second_1 - w2*second_2
+    w26 = w0*second_3 + w4*w25
+    w27 = w2*second_1 + w1*second_2
+    w28 = w4*second_3 - w0*w25
+    w29 = w7*w27 - w9*w28
+    w30 = w9*w27 + w7*w28
+    w31 = x1 - x2 + base1_11*w18 + base1_12*w23 + base1_13*w24 - base2_11*w26 - base2_12*w29 - base2_13*w30
+    w32 = w5*base2_21 + w10*base2_22 + w11*base2_23
+    w33 = y1 - y2 + w18*base1_21 + w23*base1_22 + w24*base1_23 - w26*base2_21 - w29*base2_22 - w30*base2_23
+    w34 = w5*base2_31 + w10*base2_32 + w11*base2_33
+    w35 = z1 - z2 + w18*base1_31 + w23*base1_32 + w24*base1_33 - w26*base2_31 - w29*base2_32 - w30*base2_33
+    w36 = stiffness*(w12*w31 - rest + w32*w33 + w34*w35)
+    w37 = w12*w36
+    w38 = w12*(w23*base1_13 - base1_12*w24) + w32*(w23*base1_23 - w24*base1_22) + w34*(w23*base1_33 - w24*base1_32)
+    w39 = w31*(w10*base2_13 - base2_12*w11) + w33*(w10*base2_23 - w11*base2_22) + w35*(w10*base2_33 - w11*base2_32) + w12*(base2_12*w30 - base2_13*w29) + w32*(w30*base2_22 - w29*base2_23) + w34*(w30*base2_32 - w29*base2_33)
+    w40 = w16*w20 - w13*w19*w22
+    w41 = w16*w22 + w13*w19*w20
+    w42 = w12*(base1_12*w40 + base1_13*w41 - base1_11*w17*w19) + w32*(base1_22*w40 + base1_23*w41 - w17*w19*base1_21) + w34*(base1_32*w40 + base1_33*w41 - w17*w19*base1_31)
+    w43 = w7*w25 - w0*w9*w27
+    w44 = w9*w25 + w0*w7*w27
+    w45 = w3*w7 - w0*w6*w9
+    w46 = w3*w9 + w0*w6*w7
+    w47 = w31*(base2_12*w45 + base2_13*w46 - base2_11*w4*w6) - w12*(base2_12*w43 + base2_13*w44 - base2_11*w4*w27) - w32*(base2_22*w43 + base2_23*w44 - w4*w27*base2_21) + w33*(base2_22*w45 + base2_23*w46 - w4*w6*base2_21) - w34*(base2_32*w43 + base2_33*w44 - w4*w27*base2_31) + w35*(base2_32*w45 + base2_33*w46 - w4*w6*base2_31)
+    w48 = w12*(base1_11*w21 - w18*w20*base1_13 + w18*base1_12*w22) + w32*(w21*base1_21 - w18*w20*base1_23 + w18*w22*base1_22) + w34*(w21*base1_31 - w18*w20*base1_33 + w18*w22*base1_32)
+    w49 = w31*(base2_11*w8 - w5*w7*base2_13 + w5*base2_12*w9) - w12*(base2_11*w28 + base2_12*w9*w26 - w7*base2_13*w26) + w33*(w8*base2_21 - w5*w7*base2_23 + w5*w9*base2_22) - w32*(w28*base2_21 + w9*w26*base2_22 - w7*w26*base2_23) + w35*(w8*base2_31 - w5*w7*base2_33 + w5*w9*base2_32) - w34*(w28*base2_31 + w9*w26*base2_32 - w7*w26*base2_33)
+    w50 = phi1_t*w38 + phi2_t*w39 + psi1_t*w42 + psi2_t*w47 + theta1_t*w48 + theta2_t*w49 + w12*x1_t - w12*x2_t + w32*y1_t - w32*y2_t + w34*z1_t - w34*z2_t
+    w51 = damping*w50
+    w52 = w37 + w12*w51
+    w53 = w32*w36
+    w54 = w53 + w32*w51
+    w55 = w34*w36
+    w56 = w55 + w34*w51
+    w57 = base1_33*w55 + base1_23*w53 + base1_13*w37
+    w58 = base1_32*w55 + base1_22*w53 + base1_12*w37
+    w59 = w20*w57 - w22*w58
+    w60 = base1_31*w55 + base1_21*w53 + base1_11*w37
+    w61 = w17*(first_3*w60 - w16*w59) - w13*(first_3*w59 + w16*w60) + w48*w51
+    w62 = w22*w57 + w20*w58
+    w63 = w17*w60 - w13*w59
+    w64 = w14*(first_1*w62 - first_2*w63) - w15*(first_2*w62 + first_1*w63)
+    w65 = base2_33*w55 + base2_23*w53 + base2_13*w37
+    w66 = base2_32*w55 + base2_22*w53 + base2_12*w37
+    w67 = w35*w36
+    w68 = w33*w36
+    w69 = w31*w36
+    w70 = base2_33*w67 + base2_23*w68 + base2_13*w69
+    w71 = base2_32*w67 + base2_22*w68 + base2_12*w69
+    w72 = w7*(w28*w66 - w27*w65 + w6*w70 - w8*w71) - w9*(w8*w70 - w28*w65 - w27*w66 + w6*w71)
+    w73 = w9*w66 - w7*w65
+    w74 = base2_31*w55 + base2_21*w53 + base2_11*w37
+    w75 = w7*w70 - w9*w71
+    w76 = base2_31*w67 + base2_21*w68 + base2_11*w69
+    w77 = w0*(second_3*w73 - w25*w74 + second_v1_3*w75 + w3*w76) + w4*(w25*w73 + second_3*w74 + w3*w75 - second_v1_3*w76)
+    w78 = w9*w65 + w7*w66
+    w79 = w0*w73 + w4*w74
+    w80 = w9*w70 + w7*w71
+    w81 = w4*w76 - w0*w75
+    w82 = second_2*w79 - second_1*w78 + second_v1_1*w80 - second_v1_2*w81
+    w83 = second_v1_2*w80 - second_2*w78 - second_1*w79 + second_v1_1*w81
     return (
-        damping*w143*w21/2 + w142/2,
-        damping*w143*w56/2 + w144/2,
-        damping*w143*w61/2 + w145/2,
-        damping*w143*w67/2 + stiffness*w141*w67/2,
-        w151 + w152,
-        w160 + w161,
-        damping*w126*w143/2 - w142/2,
-        damping*w127*w143/2 - w144/2,
-        damping*w128*w143/2 - w145/2,
-        w162 + w163,
-        w174 + w175,
-        w190 + w191,
+        w52,
+        w54,
+        w56,
+        w20*(w19*w57 - w21*w58) - w22*(w21*w57 + w19*w58) + w38*w51,
+        w61,
+        w64 + w42*w51,
+        -w52,
+        -w54,
+        -w56,
+        w72 + w39*w51,
+        w49*w51 - w77,
+        w1*w82 - w2*w83 + w47*w51,
     )
 
 
@@ -223,1109 +115,749 @@ def linearize(f, q, u, p, s):
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, x2_t, y2_t, z2_t, phi2_t, theta2_t, psi2_t, = u
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, second_v1_1, second_v1_2, second_v1_3, stiffness, rest, damping, = p
     w0 = f.sin(theta2)
-    w1 = second_v1_3*w0
-    w2 = f.cos(psi2)
-    w3 = second_v1_1*w2
-    w4 = f.sin(psi2)
-    w5 = second_v1_2*w4
-    w6 = w3 - w5
-    w7 = f.cos(theta2)
-    w8 = w6*w7
-    w9 = w1 + w8
-    w10 = base2_11*w9
-    w11 = second_v1_1*w4
-    w12 = second_v1_2*w2
-    w13 = w11 + w12
-    w14 = f.cos(phi2)
-    w15 = w13*w14
-    w16 = second_v1_3*w7
-    w17 = w0*w6
-    w18 = w16 - w17
-    w19 = f.sin(phi2)
-    w20 = w18*w19
-    w21 = w15 - w20
-    w22 = base2_12*w21
-    w23 = w13*w19
-    w24 = w14*w18
-    w25 = w23 + w24
-    w26 = base2_13*w25
-    w27 = w10 + w22 + w26
-    w28 = f.sin(theta1)
-    w29 = first_3*w28
-    w30 = f.cos(psi1)
-    w31 = first_1*w30
-    w32 = f.sin(psi1)
-    w33 = first_2*w32
-    w34 = w31 - w33
-    w35 = f.cos(theta1)
-    w36 = w34*w35
-    w37 = w29 + w36
-    w38 = first_1*w32
-    w39 = first_2*w30
-    w40 = w38 + w39
-    w41 = f.cos(phi1)
-    w42 = w40*w41
-    w43 = first_3*w35
-    w44 = w28*w34
-    w45 = w43 - w44
-    w46 = f.sin(phi1)
-    w47 = w45*w46
-    w48 = w42 - w47
-    w49 = w40*w46
-    w50 = w41*w45
-    w51 = w49 + w50
-    w52 = second_3*w0
-    w53 = second_1*w2
-    w54 = second_2*w4
-    w55 = w53 - w54
-    w56 = w55*w7
-    w57 = w52 + w56
-    w58 = second_1*w4
-    w59 = second_2*w2
-    w60 = w58 + w59
-    w61 = w14*w60
-    w62 = second_3*w7
-    w63 = w0*w55
-    w64 = w62 - w63
-    w65 = w19*w64
-    w66 = w61 - w65
-    w67 = w19*w60
-    w68 = w14*w64
-    w69 = w67 + w68
-    w70 = base1_11*w37 + base1_12*w48 + base1_13*w51 - base2_11*w57 - base2_12*w66 - base2_13*w69 + x1 - x2
-    w71 = base2_21*w9
-    w72 = base2_22*w21
-    w73 = base2_23*w25
-    w74 = w71 + w72 + w73
-    w75 = base1_21*w37 + base1_22*w48 + base1_23*w51 - base2_21*w57 - base2_22*w66 - base2_23*w69 + y1 - y2
-    w76 = base2_31*w9
-    w77 = base2_32*w21
-    w78 = base2_33*w25
-    w79 = w76 + w77 + w78
-    w80 = base1_31*w37 + base1_32*w48 + base1_33*w51 - base2_31*w57 - base2_32*w66 - base2_33*w69 + z1 - z2
-    w81 = -w49 - w50
-    w82 = base1_12*w81 + base1_13*w48
-    w83 = base1_22*w81 + base1_23*w48
-    w84 = base1_32*w81 + base1_33*w48
-    w85 = w27*w82 + w74*w83 + w79*w84
-    w86 = -w23 - w24
-    w87 = base2_12*w86
-    w88 = base2_13*w21
-    w89 = w87 + w88
-    w90 = w70*w89
-    w91 = base2_22*w86
-    w92 = base2_23*w21
-    w93 = w91 + w92
-    w94 = w75*w93
-    w95 = base2_32*w86
-    w96 = base2_33*w21
-    w97 = w95 + w96
-    w98 = w80*w97
-    w99 = -w67 - w68
-    w100 = -base2_12*w99 - base2_13*w66
-    w101 = w100*w27
-    w102 = -base2_22*w99 - base2_23*w66
-    w103 = w102*w74
-    w104 = -base2_32*w99 - base2_33*w66
-    w105 = w104*w79
-    w106 = w101 + w103 + w105 + w90 + w94 + w98
-    w107 = w34*w41
-    w108 = -w38 - w39
-    w109 = w107 + w108*w28*w46
-    w110 = w34*w46
-    w111 = -w108*w28*w41 + w110
-    w112 = base1_11*w108*w35 + base1_12*w109 + base1_13*w111
-    w113 = base1_21*w108*w35 + base1_22*w109 + base1_23*w111
-    w114 = base1_31*w108*w35 + base1_32*w109 + base1_33*w111
-    w115 = w112*w27 + w113*w74 + w114*w79
-    w116 = w14*w55
-    w117 = -w58 - w59
-    w118 = w0*w117*w19 + w116
-    w119 = w19*w55
-    w120 = -w0*w117*w14 + w119
-    w121 = -base2_11*w117*w7 - base2_12*w118 - base2_13*w120
-    w122 = w14*w6
-    w123 = -w11 - w12
-    w124 = w0*w123*w19 + w122
-    w125 = w19*w6
-    w126 = -w0*w123*w14 + w125
-    w127 = base2_11*w123*w7 + base2_12*w124 + base2_13*w126
-    w128 = -base2_21*w117*w7 - base2_22*w118 - base2_23*w120
-    w129 = base2_21*w123*w7 + base2_22*w124 + base2_23*w126
-    w130 = -base2_31*w117*w7 - base2_32*w118 - base2_33*w120
-    w131 = base2_31*w123*w7 + base2_32*w124 + base2_33*w126
-    w132 = w121*w27 + w127*w70 + w128*w74 + w129*w75 + w130*w79 + w131*w80
-    w133 = base1_11*w45
-    w134 = -w29 - w36
-    w135 = -base1_12*w134*w46 + base1_13*w134*w41 + w133
-    w136 = base1_21*w45
-    w137 = -base1_22*w134*w46 + base1_23*w134*w41 + w136
-    w138 = base1_31*w45
-    w139 = -base1_32*w134*w46 + base1_33*w134*w41 + w138
-    w140 = w135*w27 + w137*w74 + w139*w79
-    w141 = base2_11*w18
-    w142 = -w1 - w8
-    w143 = -base2_12*w142*w19 + base2_13*w14*w142 + w141
-    w144 = base2_11*w64
-    w145 = -w52 - w56
-    w146 = base2_12*w145*w19 - base2_13*w14*w145 - w144
-    w147 = base2_21*w18
-    w148 = -base2_22*w142*w19 + base2_23*w14*w142 + w147
-    w149 = base2_21*w64
-    w150 = base2_22*w145*w19 - base2_23*w14*w145 - w149
-    w151 = base2_31*w18
-    w152 = -base2_32*w142*w19 + base2_33*w14*w142 + w151
-    w153 = base2_31*w64
-    w154 = base2_32*w145*w19 - base2_33*w14*w145 - w153
-    w155 = w143*w70 + w146*w27 + w148*w75 + w150*w74 + w152*w80 + w154*w79
-    w156 = -w10 - w22 - w26
-    w157 = -w71 - w72 - w73
-    w158 = -w76 - w77 - w78
-    w159 = phi2_t*w106
-    w160 = w74*y1_t
-    w161 = w79*z1_t
-    w162 = theta2_t*w155
-    w163 = w156*x2_t
-    w164 = theta1_t*w140
-    w165 = w27*x1_t
-    w166 = w157*y2_t
-    w167 = psi2_t*w132
-    w168 = psi1_t*w115
-    w169 = phi1_t*w85
-    w170 = w158*z2_t
-    w171 = -2*rest + 2*w27*w70 + 2*w74*w75 + 2*w79*w80
-    w172 = 2*w159 + 2*w160 + 2*w161 + 2*w162 + 2*w163 + 2*w164 + 2*w165 + 2*w166 + 2*w167 + 2*w168 + 2*w169 + 2*w170
-    w173 = w134*w46
-    w174 = w134*w41
-    w175 = -base1_32*w173 + base1_33*w174 + w138
-    w176 = -base1_12*w173 + base1_13*w174 + w133
-    w177 = -base1_22*w173 + base1_23*w174 + w136
-    w178 = w175*w79 + w176*w27 + w177*w74
-    w179 = w108*w35
-    w180 = w108*w28
-    w181 = w107 + w180*w46
-    w182 = w180*w41
-    w183 = w110 - w182
-    w184 = base1_31*w179 + base1_32*w181 + base1_33*w183
-    w185 = base1_11*w179 + base1_12*w181 + base1_13*w183
-    w186 = base1_21*w179 + base1_22*w181 + base1_23*w183
-    w187 = w184*w79 + w185*w27 + w186*w74
-    w188 = w101 + w103 + w105 + w90 + w94 + w98
-    w189 = w145*w19
-    w190 = w14*w145
-    w191 = base2_32*w189 - base2_33*w190 - w153
-    w192 = w142*w19
-    w193 = base2_32*w192
-    w194 = w14*w142
-    w195 = base2_33*w194
-    w196 = w151 - w193 + w195
-    w197 = base2_12*w192
-    w198 = base2_13*w194
-    w199 = w141 - w197 + w198
-    w200 = base2_12*w189 - base2_13*w190 - w144
-    w201 = base2_22*w192
-    w202 = base2_23*w194
-    w203 = w147 - w201 + w202
-    w204 = base2_22*w189 - base2_23*w190 - w149
-    w205 = w191*w79 + w196*w80
-    w206 = w203*w75 + w204*w74
-    w207 = w199*w70 + w200*w27
-    w208 = w205 + w206 + w207
-    w209 = w117*w7
-    w210 = w0*w117
-    w211 = w116 + w19*w210
-    w212 = w14*w210
-    w213 = w119 - w212
-    w214 = -base2_31*w209 - base2_32*w211 - base2_33*w213
-    w215 = w123*w7
-    w216 = base2_31*w215
-    w217 = w0*w123
-    w218 = w122 + w19*w217
-    w219 = base2_32*w218
-    w220 = w14*w217
-    w221 = w125 - w220
-    w222 = base2_33*w221
-    w223 = w216 + w219 + w222
-    w224 = base2_11*w215
-    w225 = base2_12*w218
-    w226 = base2_13*w221
-    w227 = w224 + w225 + w226
-    w228 = -base2_11*w209 - base2_12*w211 - base2_13*w213
-    w229 = base2_21*w215
-    w230 = base2_22*w218
-    w231 = base2_23*w221
-    w232 = w229 + w230 + w231
-    w233 = -base2_21*w209 - base2_22*w211 - base2_23*w213
-    w234 = w232*w75 + w233*w74
-    w235 = w227*w70 + w228*w27
-    w236 = w214*w79 + w223*w80
-    w237 = w234 + w235 + w236
-    w238 = 2*w27
-    w239 = w238*w27
-    w240 = stiffness*w239
-    w241 = phi2_t*w89
-    w242 = psi2_t*w127
-    w243 = theta2_t*w143
-    w244 = 2*w241 + 2*w242 + 2*w243
-    w245 = 2*w74
-    w246 = w245*w27
-    w247 = stiffness*w246
-    w248 = phi2_t*w93
-    w249 = psi2_t*w129
-    w250 = theta2_t*w148
-    w251 = 2*w248 + 2*w249 + 2*w250
-    w252 = 2*w79
-    w253 = w252*w27
-    w254 = stiffness*w253
-    w255 = phi2_t*w97
-    w256 = psi2_t*w131
-    w257 = theta2_t*w152
-    w258 = 2*w255 + 2*w256 + 2*w257
-    w259 = 2*w85
-    w260 = w259*w27
-    w261 = stiffness*w260
-    w262 = -w42 + w47
-    w263 = w74*(base1_22*w262 + base1_23*w81)
-    w264 = w27*(base1_12*w262 + base1_13*w81)
-    w265 = w79*(base1_32*w262 + base1_33*w81)
-    w266 = w263 + w264 + w265
-    w267 = w82*w89 + w83*w93 + w84*w97
-    w268 = -w110 + w182
-    w269 = w27*(base1_12*w268 + base1_13*w181)
-    w270 = w74*(base1_22*w268 + base1_23*w181)
-    w271 = w79*(base1_32*w268 + base1_33*w181)
-    w272 = w269 + w270 + w271
-    w273 = w127*w82 + w129*w83 + w131*w84
-    w274 = w79*(-base1_32*w134*w41 - base1_33*w134*w46)
-    w275 = w27*(-base1_12*w134*w41 - base1_13*w134*w46)
-    w276 = w74*(-base1_22*w134*w41 - base1_23*w134*w46)
-    w277 = w274 + w275 + w276
-    w278 = w143*w82 + w148*w83 + w152*w84
-    w279 = phi1_t*w266 + phi2_t*w267 + psi1_t*w272 + psi2_t*w273 + theta1_t*w277 + theta2_t*w278
-    w280 = 2*w279
-    w281 = 2*w178
-    w282 = stiffness*w27*w281
-    w283 = w74*(-base1_22*w174 - base1_23*w173)
-    w284 = w27*(-base1_12*w174 - base1_13*w173)
-    w285 = w79*(-base1_32*w174 - base1_33*w173)
-    w286 = w283 + w284 + w285
-    w287 = w175*w97 + w176*w89 + w177*w93
-    w288 = w108*w46
-    w289 = w288*w35
-    w290 = w108*w41
-    w291 = w290*w35
-    w292 = w79*(-base1_31*w108*w28 + base1_32*w289 - base1_33*w291)
-    w293 = w27*(-base1_11*w108*w28 + base1_12*w289 - base1_13*w291)
-    w294 = w74*(-base1_21*w108*w28 + base1_22*w289 - base1_23*w291)
-    w295 = w292 + w293 + w294
-    w296 = w127*w176 + w129*w177 + w131*w175
-    w297 = base1_11*w134
-    w298 = -w43 + w44
-    w299 = base1_13*w41
-    w300 = base1_12*w46
-    w301 = base1_21*w134
-    w302 = base1_23*w41
-    w303 = base1_22*w46
-    w304 = base1_31*w134
-    w305 = base1_33*w41
-    w306 = base1_32*w46
-    w307 = w27*(w297 + w298*w299 - w298*w300)
-    w308 = w74*(w298*w302 - w298*w303 + w301)
-    w309 = w79*(w298*w305 - w298*w306 + w304)
-    w310 = w307 + w308 + w309
-    w311 = w143*w176 + w148*w177 + w152*w175
-    w312 = phi1_t*w286 + phi2_t*w287 + psi1_t*w295 + psi2_t*w296 + theta1_t*w310 + theta2_t*w311
-    w313 = 2*w312
-    w314 = 2*w187
-    w315 = stiffness*w27*w314
-    w316 = w184*w97 + w185*w89 + w186*w93
-    w317 = -w31 + w33
-    w318 = w28*w317*w46 + w290
-    w319 = -w28*w317*w41 + w288
-    w320 = w27*(base1_11*w317*w35 + base1_12*w318 + base1_13*w319)
-    w321 = w74*(base1_21*w317*w35 + base1_22*w318 + base1_23*w319)
-    w322 = w79*(base1_31*w317*w35 + base1_32*w318 + base1_33*w319)
-    w323 = w320 + w321 + w322
-    w324 = w127*w185 + w129*w186 + w131*w184
-    w325 = base1_11*w180
-    w326 = base1_21*w180
-    w327 = base1_31*w180
-    w328 = w79*(-w179*w305 + w179*w306 - w327)
-    w329 = w74*(-w179*w302 + w179*w303 - w326)
-    w330 = w27*(-w179*w299 + w179*w300 - w325)
-    w331 = w328 + w329 + w330
-    w332 = w143*w185 + w148*w186 + w152*w184
-    w333 = phi1_t*w272 + phi2_t*w316 + psi1_t*w323 + psi2_t*w324 + theta1_t*w331 + theta2_t*w332
-    w334 = 2*w333
-    w335 = -2*w27
-    w336 = stiffness*w27*w335
-    w337 = -2*w241 - 2*w242 - 2*w243
-    w338 = -2*w74
-    w339 = stiffness*w27*w338
-    w340 = -2*w248 - 2*w249 - 2*w250
-    w341 = -2*w79
-    w342 = stiffness*w27*w341
-    w343 = -2*w255 - 2*w256 - 2*w257
-    w344 = w171*w89
-    w345 = 2*w188
-    w346 = stiffness*(w27*w345 + w344)
-    w347 = w172*w89
-    w348 = -w15 + w20
-    w349 = w100*w89
-    w350 = w349 + w70*(base2_12*w348 + base2_13*w86)
-    w351 = w102*w93
-    w352 = w351 + w75*(base2_22*w348 + base2_23*w86)
-    w353 = w104*w97
-    w354 = w353 + w80*(base2_32*w348 + base2_33*w86)
-    w355 = -w61 + w65
-    w356 = w27*(-base2_12*w355 - base2_13*w99) + w349
-    w357 = w351 + w74*(-base2_22*w355 - base2_23*w99)
-    w358 = w353 + w79*(-base2_32*w355 - base2_33*w99)
-    w359 = w350 + w352 + w354 + w356 + w357 + w358
-    w360 = w112*w89 + w113*w93 + w114*w97
-    w361 = -w119 + w212
-    w362 = w27*(-base2_12*w361 - base2_13*w211)
-    w363 = -w125 + w220
-    w364 = w70*(base2_12*w363 + base2_13*w218)
-    w365 = w74*(-base2_22*w361 - base2_23*w211)
-    w366 = w75*(base2_22*w363 + base2_23*w218)
-    w367 = w79*(-base2_32*w361 - base2_33*w211)
-    w368 = w80*(base2_32*w363 + base2_33*w218)
-    w369 = w121*w89 + w362
-    w370 = w130*w97 + w367
-    w371 = w100*w127 + w364
-    w372 = w104*w131 + w368
-    w373 = w128*w93 + w365
-    w374 = w102*w129 + w366
-    w375 = w369 + w370 + w371 + w372 + w373 + w374
-    w376 = w135*w89 + w137*w93 + w139*w97
-    w377 = w100*w143
-    w378 = w70*(-base2_12*w14*w142 - base2_13*w142*w19)
-    w379 = w27*(base2_12*w14*w145 + base2_13*w145*w19)
-    w380 = w146*w89
-    w381 = w102*w148
-    w382 = w75*(-base2_22*w14*w142 - base2_23*w142*w19)
-    w383 = w150*w93
-    w384 = w74*(base2_22*w14*w145 + base2_23*w145*w19)
-    w385 = w80*(-base2_32*w14*w142 - base2_33*w142*w19)
-    w386 = w104*w152
-    w387 = w154*w97
-    w388 = w79*(base2_32*w14*w145 + base2_33*w145*w19)
-    w389 = w377 + w378 + w379 + w380 + w381 + w382 + w383 + w384 + w385 + w386 + w387 + w388
-    w390 = -w87 - w88
-    w391 = -w91 - w92
-    w392 = -w95 - w96
-    w393 = psi2_t*w375
-    w394 = w89*x1_t
-    w395 = w390*x2_t
-    w396 = w392*z2_t
-    w397 = phi2_t*w359
-    w398 = w97*z1_t
-    w399 = phi1_t*w267
-    w400 = theta2_t*w389
-    w401 = theta1_t*w376
-    w402 = w391*y2_t
-    w403 = psi1_t*w360
-    w404 = w93*y1_t
-    w405 = 2*w393 + 2*w394 + 2*w395 + 2*w396 + 2*w397 + 2*w398 + 2*w399 + 2*w400 + 2*w401 + 2*w402 + 2*w403 + 2*w404
-    w406 = w171*w199
-    w407 = 2*w208
-    w408 = stiffness*(w27*w407 + w406)
-    w409 = w196*w84 + w199*w82 + w203*w83
-    w410 = w70*(-base2_12*w194 - base2_13*w192)
-    w411 = w200*w89
-    w412 = w410 + w411
-    w413 = w75*(-base2_22*w194 - base2_23*w192)
-    w414 = w204*w93
-    w415 = w413 + w414
-    w416 = w191*w97
-    w417 = w80*(-base2_32*w194 - base2_33*w192)
-    w418 = w416 + w417
-    w419 = w27*(base2_12*w190 + base2_13*w189)
-    w420 = w100*w199
-    w421 = w419 + w420
-    w422 = w74*(base2_22*w190 + base2_23*w189)
-    w423 = w102*w203
-    w424 = w422 + w423
-    w425 = w79*(base2_32*w190 + base2_33*w189)
-    w426 = w104*w196
-    w427 = w425 + w426
-    w428 = w412 + w415 + w418 + w421 + w424 + w427
-    w429 = w112*w199 + w113*w203 + w114*w196
-    w430 = w117*w19
-    w431 = w430*w7
-    w432 = w117*w14
-    w433 = w432*w7
-    w434 = w121*w199
-    w435 = w27*(base2_11*w0*w117 - base2_12*w431 + base2_13*w433)
-    w436 = w123*w19
-    w437 = w436*w7
-    w438 = w123*w14
-    w439 = w438*w7
-    w440 = w127*w200
-    w441 = w70*(-base2_11*w0*w123 + base2_12*w437 - base2_13*w439)
-    w442 = w74*(base2_21*w0*w117 - base2_22*w431 + base2_23*w433)
-    w443 = w128*w203
-    w444 = w75*(-base2_21*w0*w123 + base2_22*w437 - base2_23*w439)
-    w445 = w129*w204
-    w446 = w79*(base2_31*w0*w117 - base2_32*w431 + base2_33*w433)
-    w447 = w130*w196
-    w448 = w131*w191
-    w449 = w80*(-base2_31*w0*w123 + base2_32*w437 - base2_33*w439)
-    w450 = w434 + w435 + w440 + w441 + w442 + w443 + w444 + w445 + w446 + w447 + w448 + w449
-    w451 = w135*w199 + w137*w203 + w139*w196
-    w452 = base2_11*w142
-    w453 = -w16 + w17
-    w454 = base2_13*w14
-    w455 = base2_12*w19
-    w456 = base2_11*w145
-    w457 = -w62 + w63
-    w458 = base2_21*w142
-    w459 = base2_23*w14
-    w460 = base2_22*w19
-    w461 = base2_21*w145
-    w462 = base2_31*w142
-    w463 = base2_33*w14
-    w464 = base2_32*w19
-    w465 = base2_31*w145
-    w466 = w150*w203 + w74*(-w457*w459 + w457*w460 - w461)
-    w467 = w148*w204 + w75*(w453*w459 - w453*w460 + w458)
-    w468 = w143*w200 + w70*(w452 + w453*w454 - w453*w455)
-    w469 = w154*w196 + w79*(-w457*w463 + w457*w464 - w465)
-    w470 = w152*w191 + w80*(w453*w463 - w453*w464 + w462)
-    w471 = w146*w199 + w27*(-w454*w457 + w455*w457 - w456)
-    w472 = w466 + w467 + w468 + w469 + w470 + w471
-    w473 = -w141 + w197 - w198
-    w474 = -w147 + w201 - w202
-    w475 = -w151 + w193 - w195
-    w476 = w203*y1_t
-    w477 = w196*z1_t
-    w478 = w473*x2_t
-    w479 = w199*x1_t
-    w480 = theta1_t*w451
-    w481 = w474*y2_t
-    w482 = phi1_t*w409
-    w483 = psi1_t*w429
-    w484 = theta2_t*w472
-    w485 = w475*z2_t
-    w486 = psi2_t*w450
-    w487 = phi2_t*w428
-    w488 = 2*w476 + 2*w477 + 2*w478 + 2*w479 + 2*w480 + 2*w481 + 2*w482 + 2*w483 + 2*w484 + 2*w485 + 2*w486 + 2*w487
-    w489 = w171*w227
-    w490 = 2*w237
-    w491 = stiffness*(w27*w490 + w489)
-    w492 = w223*w84 + w227*w82 + w232*w83
-    w493 = w228*w89
-    w494 = w364 + w493
-    w495 = w233*w93
-    w496 = w366 + w495
-    w497 = w214*w97
-    w498 = w368 + w497
-    w499 = w100*w227
-    w500 = w362 + w499
-    w501 = w102*w232
-    w502 = w365 + w501
-    w503 = w104*w223
-    w504 = w367 + w503
-    w505 = w494 + w496 + w498 + w500 + w502 + w504
-    w506 = w112*w227 + w113*w232 + w114*w223
-    w507 = -w53 + w54
-    w508 = w0*w19
-    w509 = w432 + w507*w508
-    w510 = w0*w14
-    w511 = w430 - w507*w510
-    w512 = base2_11*w7
-    w513 = -w3 + w5
-    w514 = w438 + w508*w513
-    w515 = w436 - w510*w513
-    w516 = base2_21*w7
-    w517 = base2_31*w7
-    w518 = w121*w227 + w27*(-base2_12*w509 - base2_13*w511 - w507*w512)
-    w519 = w130*w223 + w79*(-base2_32*w509 - base2_33*w511 - w507*w517)
-    w520 = w131*w214 + w80*(base2_32*w514 + base2_33*w515 + w513*w517)
-    w521 = w129*w233 + w75*(base2_22*w514 + base2_23*w515 + w513*w516)
-    w522 = w127*w228 + w70*(base2_12*w514 + base2_13*w515 + w512*w513)
-    w523 = w128*w232 + w74*(-base2_22*w509 - base2_23*w511 - w507*w516)
-    w524 = w518 + w519 + w520 + w521 + w522 + w523
-    w525 = w135*w227 + w137*w232 + w139*w223
-    w526 = base2_11*w217
-    w527 = base2_11*w210
-    w528 = base2_21*w217
-    w529 = base2_21*w210
-    w530 = base2_31*w217
-    w531 = base2_31*w210
-    w532 = w152*w214 + w80*(-w215*w463 + w215*w464 - w530)
-    w533 = w143*w228 + w70*(-w215*w454 + w215*w455 - w526)
-    w534 = w154*w223 + w79*(w209*w463 - w209*w464 + w531)
-    w535 = w148*w233 + w75*(-w215*w459 + w215*w460 - w528)
-    w536 = w146*w227 + w27*(w209*w454 - w209*w455 + w527)
-    w537 = w150*w232 + w74*(w209*w459 - w209*w460 + w529)
-    w538 = w532 + w533 + w534 + w535 + w536 + w537
-    w539 = -w224 - w225 - w226
-    w540 = -w229 - w230 - w231
-    w541 = -w216 - w219 - w222
-    w542 = theta1_t*w525
-    w543 = w223*z1_t
-    w544 = w540*y2_t
-    w545 = phi1_t*w492
-    w546 = w539*x2_t
-    w547 = w232*y1_t
-    w548 = w541*z2_t
-    w549 = psi1_t*w506
-    w550 = phi2_t*w505
-    w551 = psi2_t*w524
-    w552 = theta2_t*w538
-    w553 = w227*x1_t
-    w554 = 2*w542 + 2*w543 + 2*w544 + 2*w545 + 2*w546 + 2*w547 + 2*w548 + 2*w549 + 2*w550 + 2*w551 + 2*w552 + 2*w553
-    w555 = w238*w74
-    w556 = stiffness*w555
-    w557 = w245*w74
-    w558 = stiffness*w557
-    w559 = w252*w74
-    w560 = stiffness*w559
-    w561 = w259*w74
-    w562 = stiffness*w561
-    w563 = stiffness*w281*w74
-    w564 = stiffness*w314*w74
-    w565 = stiffness*w335*w74
-    w566 = stiffness*w338*w74
-    w567 = stiffness*w341*w74
-    w568 = w171*w93
-    w569 = stiffness*(w345*w74 + w568)
-    w570 = w172*w93
-    w571 = w171*w203
-    w572 = stiffness*(w407*w74 + w571)
-    w573 = w171*w232
-    w574 = stiffness*(w490*w74 + w573)
-    w575 = w238*w79
-    w576 = stiffness*w575
-    w577 = w245*w79
-    w578 = stiffness*w577
-    w579 = w252*w79
-    w580 = stiffness*w579
-    w581 = w259*w79
-    w582 = stiffness*w581
-    w583 = stiffness*w281*w79
-    w584 = stiffness*w314*w79
-    w585 = stiffness*w335*w79
-    w586 = stiffness*w338*w79
-    w587 = stiffness*w341*w79
-    w588 = w171*w97
-    w589 = stiffness*(w345*w79 + w588)
-    w590 = w172*w97
-    w591 = w171*w196
-    w592 = stiffness*(w407*w79 + w591)
-    w593 = w171*w223
-    w594 = stiffness*(w490*w79 + w593)
-    w595 = w238*w85
-    w596 = w245*w85
-    w597 = w252*w85
-    w598 = w259*w85
-    w599 = stiffness*(w171*w266 + w598)/2
-    w600 = damping*(w172*w266 + w280*w85)/2
-    w601 = w171*w286
-    w602 = stiffness*(w281*w85 + w601)/2
-    w603 = damping*(w172*w286 + w313*w85)/2
-    w604 = w171*w272
-    w605 = w172*w272
-    w606 = stiffness*(w314*w85 + w604)/2
-    w607 = damping*(w334*w85 + w605)/2
-    w608 = w171*w267
-    w609 = w172*w267
-    w610 = stiffness*(w345*w85 + w608)/2
-    w611 = damping*(w405*w85 + w609)/2
-    w612 = w171*w409
-    w613 = damping*(w172*w409 + w488*w85)/2
-    w614 = stiffness*(w407*w85 + w612)/2
-    w615 = w171*w492
-    w616 = stiffness*(w490*w85 + w615)/2
-    w617 = damping*(w172*w492 + w554*w85)/2
-    w618 = stiffness*(w178*w259 + w601)/2
-    w619 = damping*(w140*w280 + w172*w277)/2
-    w620 = w298*w46
-    w621 = w298*w41
-    w622 = w74*(-base1_22*w620 + base1_23*w621 + w301)
-    w623 = w27*(-base1_12*w620 + base1_13*w621 + w297)
-    w624 = w79*(-base1_32*w620 + base1_33*w621 + w304)
-    w625 = damping*(w140*w313 + w172*w310)/2
-    w626 = stiffness*(w171*(w622 + w623 + w624) + w178*w281)/2
-    w627 = w179*w46
-    w628 = w179*w41
-    w629 = w79*(base1_32*w627 - base1_33*w628 - w327)
-    w630 = w27*(base1_12*w627 - base1_13*w628 - w325)
-    w631 = w74*(base1_22*w627 - base1_23*w628 - w326)
-    w632 = w171*(w629 + w630 + w631)
-    w633 = stiffness*(w178*w314 + w632)/2
-    w634 = damping*(w140*w334 + w172*w331)/2
-    w635 = w171*w287
-    w636 = damping*(w140*w405 + w172*w376)/2
-    w637 = stiffness*(w178*w345 + w635)/2
-    w638 = w171*(w175*w196 + w176*w199 + w177*w203)
-    w639 = stiffness*(w178*w407 + w638)/2
-    w640 = damping*(w140*w488 + w172*w451)/2
-    w641 = w171*(w175*w223 + w176*w227 + w177*w232)
-    w642 = damping*(w140*w554 + w172*w525)/2
-    w643 = stiffness*(w178*w490 + w641)/2
-    w644 = damping*(w115*w280 + w605)/2
-    w645 = stiffness*(w187*w259 + w604)/2
-    w646 = stiffness*(w187*w281 + w632)/2
-    w647 = damping*(w115*w313 + w172*w295)/2
-    w648 = w317*w35
-    w649 = w28*w317
-    w650 = w290 + w46*w649
-    w651 = w288 - w41*w649
-    w652 = w27*(base1_11*w648 + base1_12*w650 + base1_13*w651)
-    w653 = w74*(base1_21*w648 + base1_22*w650 + base1_23*w651)
-    w654 = w79*(base1_31*w648 + base1_32*w650 + base1_33*w651)
-    w655 = damping*(w115*w334 + w172*w323)/2
-    w656 = stiffness*(w171*(w652 + w653 + w654) + w187*w314)/2
-    w657 = w171*w316
-    w658 = damping*(w115*w405 + w172*w360)/2
-    w659 = stiffness*(w187*w345 + w657)/2
-    w660 = w171*(w184*w196 + w185*w199 + w186*w203)
-    w661 = stiffness*(w187*w407 + w660)/2
-    w662 = damping*(w115*w488 + w172*w429)/2
-    w663 = w171*(w184*w223 + w185*w227 + w186*w232)
-    w664 = damping*(w115*w554 + w172*w506)/2
-    w665 = stiffness*(w187*w490 + w663)/2
-    w666 = stiffness*(w188*w238 + w344)/2
-    w667 = damping*(w106*w244 + w347)/2
-    w668 = damping*(w106*w251 + w570)/2
-    w669 = stiffness*(w188*w245 + w568)/2
-    w670 = stiffness*(w188*w252 + w588)/2
-    w671 = damping*(w106*w258 + w590)/2
-    w672 = stiffness*(w188*w259 + w608)/2
-    w673 = damping*(w106*w280 + w609)/2
-    w674 = stiffness*(w188*w281 + w635)/2
-    w675 = damping*(w106*w313 + w172*w287)/2
-    w676 = stiffness*(w188*w314 + w657)/2
-    w677 = damping*(w106*w334 + w172*w316)/2
-    w678 = stiffness*(w188*w335 - w344)/2
-    w679 = damping*(w106*w337 - w347)/2
-    w680 = damping*(w106*w340 - w570)/2
-    w681 = stiffness*(w188*w338 - w568)/2
-    w682 = damping*(w106*w343 - w590)/2
-    w683 = stiffness*(w188*w341 - w588)/2
-    w684 = w171*(w350 + w352 + w354 + w356 + w357 + w358) + w188*w345
-    w685 = stiffness*w684/2
-    w686 = damping*(w106*w405 + w172*w359)/2
-    w687 = w171*(w412 + w415 + w418 + w421 + w424 + w427) + w188*w407
-    w688 = damping*(w106*w488 + w172*w428)/2
-    w689 = stiffness*w687/2
-    w690 = w171*(w494 + w496 + w498 + w500 + w502 + w504) + w188*w490
-    w691 = stiffness*w690/2
-    w692 = damping*(w106*w554 + w172*w505)/2
-    w693 = w143*w172
-    w694 = damping*(w155*w244 + w693)/2
-    w695 = stiffness*(w208*w238 + w406)/2
-    w696 = w148*w172
-    w697 = stiffness*(w208*w245 + w571)/2
-    w698 = damping*(w155*w251 + w696)/2
-    w699 = w152*w172
-    w700 = damping*(w155*w258 + w699)/2
-    w701 = stiffness*(w208*w252 + w591)/2
-    w702 = stiffness*(w208*w259 + w612)/2
-    w703 = damping*(w155*w280 + w172*w278)/2
-    w704 = stiffness*(w208*w281 + w638)/2
-    w705 = damping*(w155*w313 + w172*w311)/2
-    w706 = stiffness*(w208*w314 + w660)/2
-    w707 = damping*(w155*w334 + w172*w332)/2
-    w708 = stiffness*(w208*w335 - w406)/2
-    w709 = damping*(w155*w337 - w693)/2
-    w710 = damping*(w155*w340 - w696)/2
-    w711 = stiffness*(w208*w338 - w571)/2
-    w712 = damping*(w155*w343 - w699)/2
-    w713 = stiffness*(w208*w341 - w591)/2
-    w714 = w416 + w417 + w425 + w426
-    w715 = w413 + w414 + w422 + w423
-    w716 = w410 + w411 + w419 + w420
-    w717 = stiffness*(w171*(w714 + w715 + w716) + w208*w345)/2
-    w718 = damping*(w155*w405 + w172*w389)/2
-    w719 = w19*w457
-    w720 = w14*w457
-    w721 = w191*w196
-    w722 = w19*w453
-    w723 = w14*w453
-    w724 = w721 + w80*(-base2_32*w722 + base2_33*w723 + w462)
-    w725 = w721 + w79*(base2_32*w719 - base2_33*w720 - w465)
-    w726 = w199*w200
-    w727 = w27*(base2_12*w719 - base2_13*w720 - w456) + w726
-    w728 = w70*(-base2_12*w722 + base2_13*w723 + w452) + w726
-    w729 = w203*w204
-    w730 = w729 + w74*(base2_22*w719 - base2_23*w720 - w461)
-    w731 = w729 + w75*(-base2_22*w722 + base2_23*w723 + w458)
-    w732 = w171*(w724 + w725 + w727 + w728 + w730 + w731) + w208*w407
-    w733 = damping*(w155*w488 + w172*w472)/2
-    w734 = stiffness*w732/2
-    w735 = w19*w209
-    w736 = w14*w209
-    w737 = w79*(-base2_32*w735 + base2_33*w736 + w531)
-    w738 = w191*w223
-    w739 = w196*w214
-    w740 = w19*w215
-    w741 = w14*w215
-    w742 = w80*(base2_32*w740 - base2_33*w741 - w530)
-    w743 = w70*(base2_12*w740 - base2_13*w741 - w526)
-    w744 = w199*w228
-    w745 = w200*w227
-    w746 = w27*(-base2_12*w735 + base2_13*w736 + w527)
-    w747 = w75*(base2_22*w740 - base2_23*w741 - w528)
-    w748 = w203*w233
-    w749 = w74*(-base2_22*w735 + base2_23*w736 + w529)
-    w750 = w204*w232
-    w751 = w743 + w744 + w745 + w746
-    w752 = w747 + w748 + w749 + w750
-    w753 = w737 + w738 + w739 + w742
-    w754 = damping*(w155*w554 + w172*w538)/2
-    w755 = stiffness*(w171*(w751 + w752 + w753) + w208*w490)/2
-    w756 = w127*w172
-    w757 = damping*(w132*w244 + w756)/2
-    w758 = stiffness*(w237*w238 + w489)/2
-    w759 = w129*w172
-    w760 = damping*(w132*w251 + w759)/2
-    w761 = stiffness*(w237*w245 + w573)/2
-    w762 = w131*w172
-    w763 = damping*(w132*w258 + w762)/2
-    w764 = stiffness*(w237*w252 + w593)/2
-    w765 = stiffness*(w237*w259 + w615)/2
-    w766 = damping*(w132*w280 + w172*w273)/2
-    w767 = damping*(w132*w313 + w172*w296)/2
-    w768 = stiffness*(w237*w281 + w641)/2
-    w769 = damping*(w132*w334 + w172*w324)/2
-    w770 = stiffness*(w237*w314 + w663)/2
-    w771 = damping*(w132*w337 - w756)/2
-    w772 = stiffness*(w237*w335 - w489)/2
-    w773 = stiffness*(w237*w338 - w573)/2
-    w774 = damping*(w132*w340 - w759)/2
-    w775 = stiffness*(w237*w341 - w593)/2
-    w776 = damping*(w132*w343 - w762)/2
-    w777 = w365 + w366 + w495 + w501
-    w778 = w362 + w364 + w493 + w499
-    w779 = w367 + w368 + w497 + w503
-    w780 = stiffness*(w171*(w777 + w778 + w779) + w237*w345)/2
-    w781 = damping*(w132*w405 + w172*w375)/2
-    w782 = w737 + w738 + w739 + w742
-    w783 = w743 + w744 + w745 + w746
-    w784 = w747 + w748 + w749 + w750
-    w785 = stiffness*(w171*(w782 + w783 + w784) + w237*w407)/2
-    w786 = damping*(w132*w488 + w172*w450)/2
-    w787 = w507*w7
-    w788 = w0*w507
-    w789 = w19*w788 + w432
-    w790 = -w14*w788 + w430
-    w791 = w214*w223
-    w792 = w513*w7
-    w793 = w0*w513
-    w794 = w19*w793 + w438
-    w795 = -w14*w793 + w436
-    w796 = w791 + w80*(base2_31*w792 + base2_32*w794 + base2_33*w795)
-    w797 = w79*(-base2_31*w787 - base2_32*w789 - base2_33*w790) + w791
-    w798 = w227*w228
-    w799 = w27*(-base2_11*w787 - base2_12*w789 - base2_13*w790) + w798
-    w800 = w70*(base2_11*w792 + base2_12*w794 + base2_13*w795) + w798
-    w801 = w232*w233
-    w802 = w74*(-base2_21*w787 - base2_22*w789 - base2_23*w790) + w801
-    w803 = w75*(base2_21*w792 + base2_22*w794 + base2_23*w795) + w801
-    w804 = w171*(w796 + w797 + w799 + w800 + w802 + w803) + w237*w490
-    w805 = damping*(w132*w554 + w172*w524)/2
-    w806 = stiffness*w804/2
-    w807 = 2*w140
-    w808 = 2*w115
-    w809 = 2*w156
-    w810 = 2*w157
-    w811 = 2*w158
-    w812 = 2*w106
-    w813 = 2*w155
-    w814 = 2*w132
+    w1 = f.cos(psi2)
+    w2 = f.sin(psi2)
+    w3 = second_v1_1*w1 - second_v1_2*w2
+    w4 = f.cos(theta2)
+    w5 = second_v1_3*w0 + w3*w4
+    w6 = base2_11*w5
+    w7 = second_v1_1*w2 + w1*second_v1_2
+    w8 = f.cos(phi2)
+    w9 = w7*w8
+    w10 = second_v1_3*w4 - w0*w3
+    w11 = f.sin(phi2)
+    w12 = w9 - w10*w11
+    w13 = base2_12*w12
+    w14 = w7*w11
+    w15 = w14 + w8*w10
+    w16 = base2_13*w15
+    w17 = w6 + w13 + w16
+    w18 = w12*base2_13 - base2_12*w15
+    w19 = w3*w8 - w0*w7*w11
+    w20 = w3*w11 + w0*w7*w8
+    w21 = base2_12*w19 + base2_13*w20 - base2_11*w4*w7
+    w22 = base2_11*w10 - w5*w8*base2_13 + w5*base2_12*w11
+    w23 = damping*(phi2_t*w18 + psi2_t*w21 + theta2_t*w22)
+    w24 = w17*stiffness*w17 + w17*w23
+    w25 = w5*base2_21
+    w26 = w12*base2_22
+    w27 = w15*base2_23
+    w28 = w25 + w26 + w27
+    w29 = stiffness*w28
+    w30 = w17*w29
+    w31 = w12*base2_23 - w15*base2_22
+    w32 = base2_22*w19 + base2_23*w20 - w4*w7*base2_21
+    w33 = w10*base2_21 - w5*w8*base2_23 + w5*w11*base2_22
+    w34 = damping*(phi2_t*w31 + psi2_t*w32 + theta2_t*w33)
+    w35 = w30 + w17*w34
+    w36 = w5*base2_31
+    w37 = w12*base2_32
+    w38 = w15*base2_33
+    w39 = w36 + w37 + w38
+    w40 = stiffness*w39
+    w41 = w17*w40
+    w42 = w12*base2_33 - w15*base2_32
+    w43 = base2_32*w19 + base2_33*w20 - w4*w7*base2_31
+    w44 = w10*base2_31 - w5*w8*base2_33 + w5*w11*base2_32
+    w45 = damping*(phi2_t*w42 + psi2_t*w43 + theta2_t*w44)
+    w46 = w41 + w17*w45
+    w47 = f.sin(psi1)
+    w48 = f.cos(psi1)
+    w49 = first_1*w47 + w48*first_2
+    w50 = f.sin(phi1)
+    w51 = w49*w50
+    w52 = f.cos(phi1)
+    w53 = f.cos(theta1)
+    w54 = f.sin(theta1)
+    w55 = first_1*w48 - first_2*w47
+    w56 = first_3*w53 - w54*w55
+    w57 = w51 + w52*w56
+    w58 = w49*w52
+    w59 = w58 - w56*w50
+    w60 = w59*base1_13 - base1_12*w57
+    w61 = w59*base1_23 - w57*base1_22
+    w62 = w59*base1_33 - w57*base1_32
+    w63 = w17*w60 + w28*w61 + w39*w62
+    w64 = stiffness*w63
+    w65 = w17*w64
+    w66 = base1_12*w59
+    w67 = base1_13*w57
+    w68 = w59*base1_22
+    w69 = w57*base1_23
+    w70 = w59*base1_32
+    w71 = w57*base1_33
+    w72 = w17*(w66 + w67) + w28*(w68 + w69) + w39*(w70 + w71)
+    w73 = w60*w18 + w61*w31 + w62*w42
+    w74 = w55*w50 + w54*w49*w52
+    w75 = w55*w52 - w54*w49*w50
+    w76 = w17*(base1_13*w75 - base1_12*w74) + w28*(base1_23*w75 - base1_22*w74) + w39*(base1_33*w75 - base1_32*w74)
+    w77 = w60*w21 + w61*w32 + w62*w43
+    w78 = first_3*w54 + w55*w53
+    w79 = w17*(w50*w78*base1_13 + w52*w78*base1_12) + w28*(w50*w78*base1_23 + w52*w78*base1_22) + w39*(w50*w78*base1_33 + w52*w78*base1_32)
+    w80 = w60*w22 + w61*w33 + w62*w44
+    w81 = phi2_t*w73 - phi1_t*w72 + psi1_t*w76 + psi2_t*w77 + theta1_t*w79 + theta2_t*w80
+    w82 = damping*w81
+    w83 = w65 + w17*w82
+    w84 = base1_11*w56 - w78*w52*base1_13 + w78*base1_12*w50
+    w85 = w56*base1_21 - w78*w52*base1_23 + w78*w50*base1_22
+    w86 = w56*base1_31 - w78*w52*base1_33 + w78*w50*base1_32
+    w87 = w17*w84 + w28*w85 + w39*w86
+    w88 = stiffness*w87
+    w89 = w17*w88
+    w90 = w18*w84 + w31*w85 + w42*w86
+    w91 = w53*w51
+    w92 = w53*w58
+    w93 = w17*(base1_13*w92 - base1_12*w91 + w54*base1_11*w49) + w28*(base1_23*w92 - base1_22*w91 + w54*w49*base1_21) + w39*(base1_33*w92 - base1_32*w91 + w54*w49*base1_31)
+    w94 = w21*w84 + w32*w85 + w43*w86
+    w95 = base1_11*w78
+    w96 = w78*base1_21
+    w97 = w78*base1_31
+    w98 = w17*(w95 + w56*w52*base1_13 - w56*base1_12*w50) + w28*(w96 + w56*w52*base1_23 - w56*w50*base1_22) + w39*(w97 + w56*w52*base1_33 - w56*w50*base1_32)
+    w99 = w84*w22 + w85*w33 + w86*w44
+    w100 = phi1_t*w79 + phi2_t*w90 + psi1_t*w93 + psi2_t*w94 - theta1_t*w98 + theta2_t*w99
+    w101 = damping*w100
+    w102 = w89 + w17*w101
+    w103 = base1_12*w75 + base1_13*w74 - base1_11*w53*w49
+    w104 = base1_22*w75 + base1_23*w74 - w53*w49*base1_21
+    w105 = base1_32*w75 + base1_33*w74 - w53*w49*base1_31
+    w106 = w17*w103 + w28*w104 + w39*w105
+    w107 = stiffness*w106
+    w108 = w17*w107
+    w109 = w18*w103 + w31*w104 + w42*w105
+    w110 = w58 + w55*w54*w50
+    w111 = w55*w54*w52 - w51
+    w112 = w17*(base1_12*w110 - base1_13*w111 + w55*base1_11*w53) + w28*(base1_22*w110 - base1_23*w111 + w55*w53*base1_21) + w39*(base1_32*w110 - base1_33*w111 + w55*w53*base1_31)
+    w113 = w103*w21 + w104*w32 + w105*w43
+    w114 = w103*w22 + w104*w33 + w105*w44
+    w115 = phi1_t*w76 + phi2_t*w109 - psi1_t*w112 + psi2_t*w113 + theta1_t*w93 + theta2_t*w114
+    w116 = damping*w115
+    w117 = w108 + w17*w116
+    w118 = w1*second_1 - w2*second_2
+    w119 = w0*second_3 + w4*w118
+    w120 = base2_11*w119
+    w121 = w2*second_1 + w1*second_2
+    w122 = w8*w121
+    w123 = w4*second_3 - w0*w118
+    w124 = w122 - w11*w123
+    w125 = base2_12*w124
+    w126 = w11*w121
+    w127 = w126 + w8*w123
+    w128 = base2_13*w127
+    w129 = x1 - x2 + w95 + w66 + w67 - w120 - w125 - w128
+    w130 = w119*base2_21
+    w131 = w124*base2_22
+    w132 = w127*base2_23
+    w133 = y1 - y2 + w96 + w68 + w69 - w130 - w131 - w132
+    w134 = w119*base2_31
+    w135 = w124*base2_32
+    w136 = w127*base2_33
+    w137 = z1 - z2 + w97 + w70 + w71 - w134 - w135 - w136
+    w138 = stiffness*(w17*w129 - rest + w28*w133 + w39*w137)
+    w139 = base2_12*w127 - base2_13*w124
+    w140 = w127*base2_22 - w124*base2_23
+    w141 = w127*base2_32 - w124*base2_33
+    w142 = w129*w18 + w133*w31 + w137*w42 + w17*w139 + w28*w140 + w39*w141
+    w143 = stiffness*w142
+    w144 = w18*w138 + w17*w143
+    w145 = w8*w118 - w0*w11*w121
+    w146 = w11*w118 + w0*w8*w121
+    w147 = base2_12*w145 + base2_13*w146 - base2_11*w4*w121
+    w148 = base2_22*w145 + base2_23*w146 - w4*w121*base2_21
+    w149 = base2_32*w145 + base2_33*w146 - w4*w121*base2_31
+    w150 = w129*w21 - w17*w147 - w28*w148 + w133*w32 - w39*w149 + w137*w43
+    w151 = base2_11*w123 + base2_12*w11*w119 - w8*base2_13*w119
+    w152 = w123*base2_21 + w11*w119*base2_22 - w8*w119*base2_23
+    w153 = w123*base2_31 + w11*w119*base2_32 - w8*w119*base2_33
+    w154 = w129*w22 - w17*w151 + w133*w33 - w28*w152 + w137*w44 - w39*w153
+    w155 = phi1_t*w63 + phi2_t*w142 + psi1_t*w106 + psi2_t*w150 + theta1_t*w87 + theta2_t*w154 + w17*x1_t - w17*x2_t + w28*y1_t - w28*y2_t + w39*z1_t - w39*z2_t
+    w156 = damping*w155
+    w157 = w18*w156
+    w158 = w18*w139
+    w159 = w31*w140
+    w160 = w42*w141
+    w161 = w158 - w129*(w13 + w16) + w159 - w133*(w26 + w27) + w160 - w137*(w37 + w38) + w158 + w17*(w125 + w128) + w159 + w28*(w131 + w132) + w160 + w39*(w135 + w136)
+    w162 = w139*w21 + w129*(base2_13*w19 - base2_12*w20) - (w18*w147 + w17*(base2_13*w145 - base2_12*w146)) - (w31*w148 + w28*(base2_23*w145 - base2_22*w146)) + w140*w32 + w133*(base2_23*w19 - base2_22*w20) - (w42*w149 + w39*(base2_33*w145 - base2_32*w146)) + w141*w43 + w137*(base2_33*w19 - base2_32*w20)
+    w163 = w139*w22 + w129*(w11*w5*base2_13 + w8*w5*base2_12) - (w18*w151 + w17*(w8*base2_12*w119 + w11*base2_13*w119)) + w140*w33 + w133*(w11*w5*base2_23 + w8*w5*base2_22) - (w31*w152 + w28*(w8*w119*base2_22 + w11*w119*base2_23)) + w141*w44 + w137*(w11*w5*base2_33 + w8*w5*base2_32) - (w42*w153 + w39*(w8*w119*base2_32 + w11*w119*base2_33))
+    w164 = phi1_t*w73 + phi2_t*w161 + psi1_t*w109 + psi2_t*w162 + theta1_t*w90 + theta2_t*w163 + w18*x1_t - w18*x2_t + w31*y1_t - w31*y2_t + w42*z1_t - w42*z2_t
+    w165 = damping*w164
+    w166 = w144 + w157 + w17*w165
+    w167 = stiffness*w154
+    w168 = w22*w138 + w17*w167
+    w169 = w22*w156
+    w170 = w4*w126
+    w171 = w4*w122
+    w172 = w147*w22 + w17*(base2_13*w171 - base2_12*w170 + w0*base2_11*w121)
+    w173 = w4*w14
+    w174 = w4*w9
+    w175 = w129*(base2_13*w174 - base2_12*w173 + w0*base2_11*w7) - w21*w151
+    w176 = w148*w33 + w28*(base2_23*w171 - base2_22*w170 + w0*w121*base2_21)
+    w177 = w133*(base2_23*w174 - base2_22*w173 + w0*w7*base2_21) - w32*w152
+    w178 = w149*w44 + w39*(base2_33*w171 - base2_32*w170 + w0*w121*base2_31)
+    w179 = w137*(base2_33*w174 - base2_32*w173 + w0*w7*base2_31) - w43*w153
+    w180 = w175 - w172 - w176 + w177 - w178 + w179
+    w181 = w22*w151
+    w182 = w8*base2_13
+    w183 = base2_12*w11
+    w184 = w33*w152
+    w185 = w8*base2_23
+    w186 = w11*base2_22
+    w187 = w44*w153
+    w188 = w8*base2_33
+    w189 = w11*base2_32
+    w190 = w181 + w129*(w6 + w10*w182 - w10*w183) + w181 - w17*(w120 - w123*w183 + w123*w182) + w184 + w133*(w25 + w10*w185 - w10*w186) + w184 - w28*(w130 - w123*w186 + w123*w185) + w187 + w137*(w36 + w10*w188 - w10*w189) + w187 - w39*(w134 - w123*w189 + w123*w188)
+    w191 = phi1_t*w80 + phi2_t*w163 + psi1_t*w114 + psi2_t*w180 + theta1_t*w99 - theta2_t*w190 + w22*x1_t - w22*x2_t + w33*y1_t - w33*y2_t + w44*z1_t - w44*z2_t
+    w192 = damping*w191
+    w193 = w168 + w169 + w17*w192
+    w194 = stiffness*w150
+    w195 = w21*w138 + w17*w194
+    w196 = w21*w156
+    w197 = w147*w21
+    w198 = w0*w11
+    w199 = w122 + w118*w198
+    w200 = w0*w8
+    w201 = w118*w200 - w126
+    w202 = base2_11*w4
+    w203 = w9 + w3*w198
+    w204 = w3*w200 - w14
+    w205 = w148*w32
+    w206 = w4*base2_21
+    w207 = w149*w43
+    w208 = w4*base2_31
+    w209 = w197 - w17*(base2_12*w199 - base2_13*w201 + w118*w202) + w197 + w129*(base2_12*w203 - base2_13*w204 + w3*w202) + w205 - w28*(base2_22*w199 - base2_23*w201 + w118*w206) + w205 + w133*(base2_22*w203 - base2_23*w204 + w3*w206) + w207 - w39*(base2_32*w199 - base2_33*w201 + w118*w208) + w207 + w137*(base2_32*w203 - base2_33*w204 + w3*w208)
+    w210 = phi1_t*w77 + phi2_t*w162 + psi1_t*w113 - psi2_t*w209 + theta1_t*w94 + theta2_t*w180 + w21*x1_t - w21*x2_t + w32*y1_t - w32*y2_t + w43*z1_t - w43*z2_t
+    w211 = damping*w210
+    w212 = w195 + w196 + w17*w211
+    w213 = w30 + w28*w23
+    w214 = w28*w29 + w28*w34
+    w215 = w28*w40
+    w216 = w215 + w28*w45
+    w217 = w28*w64
+    w218 = w217 + w28*w82
+    w219 = w28*w88
+    w220 = w219 + w28*w101
+    w221 = w28*w107
+    w222 = w221 + w28*w116
+    w223 = w31*w138 + w28*w143
+    w224 = w31*w156
+    w225 = w223 + w224 + w28*w165
+    w226 = w33*w138 + w28*w167
+    w227 = w33*w156
+    w228 = w226 + w227 + w28*w192
+    w229 = w32*w138 + w28*w194
+    w230 = w32*w156
+    w231 = w229 + w230 + w28*w211
+    w232 = w41 + w39*w23
+    w233 = w215 + w39*w34
+    w234 = w39*w40 + w39*w45
+    w235 = w39*w64
+    w236 = w235 + w39*w82
+    w237 = w39*w88
+    w238 = w237 + w39*w101
+    w239 = w39*w107
+    w240 = w239 + w39*w116
+    w241 = w42*w138 + w39*w143
+    w242 = w42*w156
+    w243 = w241 + w242 + w39*w165
+    w244 = w44*w138 + w39*w167
+    w245 = w44*w156
+    w246 = w244 + w245 + w39*w192
+    w247 = w43*w138 + w39*w194
+    w248 = w43*w156
+    w249 = w247 + w248 + w39*w211
+    w250 = w65 + w63*w23
+    w251 = w217 + w63*w34
+    w252 = w235 + w63*w45
+    w253 = w39*w138
+    w254 = w28*w138
+    w255 = w17*w138
+    w256 = base1_33*w253 + base1_23*w254 + base1_13*w255
+    w257 = base1_32*w253 + base1_22*w254 + base1_12*w255
+    w258 = base1_33*w235 + base1_23*w217 + base1_13*w65
+    w259 = base1_32*w235 + base1_22*w217 + base1_12*w65
+    w260 = w52*(w49*w258 - w56*w259) - w50*(w49*w256 - w56*w257) - (w52*(w56*w256 + w49*w257) + w50*(w56*w258 + w49*w259))
+    w261 = base1_33*w237 + base1_23*w219 + base1_13*w89
+    w262 = base1_32*w237 + base1_22*w219 + base1_12*w89
+    w263 = w52*(w49*w261 - (w56*w262 - w78*w257)) - w50*(w56*w261 - w78*w256 + w49*w262)
+    w264 = w156*w79
+    w265 = base1_33*w239 + base1_23*w221 + base1_13*w108
+    w266 = w54*w49
+    w267 = base1_32*w239 + base1_22*w221 + base1_12*w108
+    w268 = w52*(w55*w256 + w49*w265 - (w257*w266 + w56*w267)) - w50*(w256*w266 + w56*w265 + w55*w257 + w49*w267)
+    w269 = w156*w76
+    w270 = base1_33*w241 + base1_23*w223 + base1_13*w144
+    w271 = base1_32*w241 + base1_22*w223 + base1_12*w144
+    w272 = w52*(w49*w270 - w56*w271) - w50*(w56*w270 + w49*w271)
+    w273 = w156*w73
+    w274 = base1_33*w244 + base1_23*w226 + base1_13*w168
+    w275 = base1_32*w244 + base1_22*w226 + base1_12*w168
+    w276 = w52*(w49*w274 - w56*w275) - w50*(w56*w274 + w49*w275)
+    w277 = w156*w80
+    w278 = base1_33*w247 + base1_23*w229 + base1_13*w195
+    w279 = base1_32*w247 + base1_22*w229 + base1_12*w195
+    w280 = w52*(w49*w278 - w56*w279) - w50*(w56*w278 + w49*w279)
+    w281 = w156*w77
+    w282 = w89 + w87*w23
+    w283 = w219 + w87*w34
+    w284 = w237 + w87*w45
+    w285 = w52*w256 - w50*w257
+    w286 = base1_31*w253 + base1_21*w254 + base1_11*w255
+    w287 = w52*w261 - w50*w262
+    w288 = base1_31*w237 + base1_21*w219 + base1_11*w89
+    w289 = w53*(first_3*w285 + w55*w286) + w54*(first_3*w287 + w55*w288)
+    w290 = w53*(first_3*w288 - w55*w287) - w54*(first_3*w286 - w55*w285)
+    w291 = w52*w265 - w50*w267
+    w292 = base1_31*w239 + base1_21*w221 + base1_11*w108
+    w293 = w53*(first_3*w292 - (w55*w291 - w49*w285)) - w54*(first_3*w291 + w55*w292 - w49*w286)
+    w294 = w156*w93
+    w295 = w52*w270 - w50*w271
+    w296 = base1_31*w241 + base1_21*w223 + base1_11*w144
+    w297 = w53*(first_3*w296 - w55*w295) - w54*(first_3*w295 + w55*w296)
+    w298 = w156*w90
+    w299 = w52*w274 - w50*w275
+    w300 = base1_31*w244 + base1_21*w226 + base1_11*w168
+    w301 = w53*(first_3*w300 - w55*w299) - w54*(first_3*w299 + w55*w300)
+    w302 = w156*w99
+    w303 = w52*w278 - w50*w279
+    w304 = base1_31*w247 + base1_21*w229 + base1_11*w195
+    w305 = w53*(first_3*w304 - w55*w303) - w54*(first_3*w303 + w55*w304)
+    w306 = w156*w94
+    w307 = w108 + w106*w23
+    w308 = w221 + w106*w34
+    w309 = w239 + w106*w45
+    w310 = w50*w256 + w52*w257
+    w311 = w53*w286 - w54*w285
+    w312 = w50*w265 + w52*w267
+    w313 = w53*w292 - w54*w291
+    w314 = w48*(first_1*w312 - first_2*w313) - w47*(first_1*w310 - first_2*w311)
+    w315 = w48*(first_2*w310 + first_1*w311) + w47*(first_2*w312 + first_1*w313)
+    w316 = w50*w270 + w52*w271
+    w317 = w53*w296 - w54*w295
+    w318 = w48*(first_1*w316 - first_2*w317) - w47*(first_2*w316 + first_1*w317)
+    w319 = w156*w109
+    w320 = w50*w274 + w52*w275
+    w321 = w53*w300 - w54*w299
+    w322 = w48*(first_1*w320 - first_2*w321) - w47*(first_2*w320 + first_1*w321)
+    w323 = w156*w114
+    w324 = w50*w278 + w52*w279
+    w325 = w53*w304 - w54*w303
+    w326 = w48*(first_1*w324 - first_2*w325) - w47*(first_2*w324 + first_1*w325)
+    w327 = w156*w113
+    w328 = w144 + w157 + w142*w23
+    w329 = w223 + w224 + w142*w34
+    w330 = w241 + w242 + w142*w45
+    w331 = base2_33*w253 + base2_23*w254 + base2_13*w255
+    w332 = base2_32*w253 + base2_22*w254 + base2_12*w255
+    w333 = w137*w138
+    w334 = w133*w138
+    w335 = w129*w138
+    w336 = base2_33*w333 + base2_23*w334 + base2_13*w335
+    w337 = base2_32*w333 + base2_22*w334 + base2_12*w335
+    w338 = base2_33*w241 + base2_23*w223 + base2_13*w144
+    w339 = base2_32*w241 + base2_22*w223 + base2_12*w144
+    w340 = w141*w138 + w137*w143
+    w341 = w140*w138 + w133*w143
+    w342 = w139*w138 + w129*w143
+    w343 = base2_33*w340 + base2_23*w341 + base2_13*w342
+    w344 = base2_32*w340 + base2_22*w341 + base2_12*w342
+    w345 = w8*(w123*w339 - w121*w338 + w7*w343 - w10*w344) - w11*(w123*w332 - w121*w331 + w7*w336 - w10*w337)
+    w346 = w8*(w10*w336 - w123*w331 - w121*w332 + w7*w337) + w11*(w10*w343 - w123*w338 - w121*w339 + w7*w344)
+    w347 = base2_33*w244 + base2_23*w226 + base2_13*w168
+    w348 = base2_32*w244 + base2_22*w226 + base2_12*w168
+    w349 = w137*w167 - w153*w138
+    w350 = w133*w167 - w152*w138
+    w351 = w129*w167 - w151*w138
+    w352 = base2_33*w349 + base2_23*w350 + base2_13*w351
+    w353 = base2_32*w349 + base2_22*w350 + base2_12*w351
+    w354 = w123*w348 - w119*w332 - w121*w347 + w7*w352 - (w10*w353 - w5*w337)
+    w355 = w10*w352 - w5*w336 - (w123*w347 - w119*w331) - w121*w348 + w7*w353
+    w356 = w8*w354 - w11*w355
+    w357 = w156*w163
+    w358 = base2_33*w247 + base2_23*w229 + base2_13*w195
+    w359 = w0*w121
+    w360 = base2_32*w247 + base2_22*w229 + base2_12*w195
+    w361 = w137*w194 - w149*w138
+    w362 = w133*w194 - w148*w138
+    w363 = w129*w194 - w147*w138
+    w364 = base2_33*w361 + base2_23*w362 + base2_13*w363
+    w365 = w0*w7
+    w366 = base2_32*w361 + base2_22*w362 + base2_12*w363
+    w367 = w332*w359 + w123*w360 - (w118*w331 + w121*w358) + w3*w336 + w7*w364 - (w337*w365 + w10*w366)
+    w368 = w336*w365 + w10*w364 - (w331*w359 + w123*w358) - (w118*w332 + w121*w360) + w3*w337 + w7*w366
+    w369 = w8*w367 - w11*w368
+    w370 = w156*w162
+    w371 = w168 + w169 + w154*w23
+    w372 = w226 + w227 + w154*w34
+    w373 = w244 + w245 + w154*w45
+    w374 = w11*w332 - w8*w331
+    w375 = base2_31*w253 + base2_21*w254 + base2_11*w255
+    w376 = w8*w336 - w11*w337
+    w377 = base2_31*w333 + base2_21*w334 + base2_11*w335
+    w378 = w11*w348 - w8*w347
+    w379 = base2_31*w244 + base2_21*w226 + base2_11*w168
+    w380 = w8*w352 - w11*w353
+    w381 = base2_31*w349 + base2_21*w350 + base2_11*w351
+    w382 = w4*(second_3*w374 - w118*w375 + second_v1_3*w376 + w3*w377) + w0*(second_3*w378 - w118*w379 + second_v1_3*w380 + w3*w381)
+    w383 = w4*(w118*w378 + second_3*w379 + w3*w380 - second_v1_3*w381) - w0*(w118*w374 + second_3*w375 + w3*w376 - second_v1_3*w377)
+    w384 = w11*w360 - w8*w358
+    w385 = base2_31*w247 + base2_21*w229 + base2_11*w195
+    w386 = w8*w364 - w11*w366
+    w387 = base2_31*w361 + base2_21*w362 + base2_11*w363
+    w388 = second_3*w384 - (w118*w385 - w121*w375) + second_v1_3*w386 + w3*w387 - w7*w377
+    w389 = w118*w384 - w121*w374 + second_3*w385 + w3*w386 - w7*w376 - second_v1_3*w387
+    w390 = w0*w388 + w4*w389
+    w391 = w156*w180
+    w392 = w195 + w196 + w150*w23
+    w393 = w229 + w230 + w150*w34
+    w394 = w247 + w248 + w150*w45
+    w395 = w11*w331 + w8*w332
+    w396 = w0*w374 + w4*w375
+    w397 = w11*w336 + w8*w337
+    w398 = w4*w377 - w0*w376
+    w399 = second_2*w396 - second_1*w395 + second_v1_1*w397 - second_v1_2*w398
+    w400 = w11*w358 + w8*w360
+    w401 = w0*w384 + w4*w385
+    w402 = w11*w364 + w8*w366
+    w403 = w4*w387 - w0*w386
+    w404 = second_2*w401 - second_1*w400 + second_v1_1*w402 - second_v1_2*w403
+    w405 = second_v1_2*w397 - second_2*w395 - second_1*w396 + second_v1_1*w398
+    w406 = second_v1_2*w402 - second_2*w400 - second_1*w401 + second_v1_1*w403
+    w407 = w1*w404 - w2*w399 - (w1*w405 + w2*w406) + w150*w211 - w156*w209
+    w408 = w17*w17*damping
+    w409 = w28*damping
+    w410 = w17*w409
+    w411 = w39*damping
+    w412 = w17*w411
+    w413 = damping*w63
+    w414 = w17*w413
+    w415 = damping*w87
+    w416 = w17*w415
+    w417 = damping*w106
+    w418 = w17*w417
+    w419 = damping*w142
+    w420 = w17*w419
+    w421 = damping*w154
+    w422 = w17*w421
+    w423 = damping*w150
+    w424 = w17*w423
+    w425 = w28*w409
+    w426 = w28*w411
+    w427 = w28*w413
+    w428 = w28*w415
+    w429 = w28*w417
+    w430 = w28*w419
+    w431 = w28*w421
+    w432 = w28*w423
+    w433 = w39*w411
+    w434 = w39*w413
+    w435 = w39*w415
+    w436 = w39*w417
+    w437 = w39*w419
+    w438 = w39*w421
+    w439 = w39*w423
+    w440 = w63*w415
+    w441 = w63*w417
+    w442 = w63*w419
+    w443 = w63*w421
+    w444 = w63*w423
+    w445 = w87*w417
+    w446 = w87*w419
+    w447 = w87*w421
+    w448 = w87*w423
+    w449 = w106*w419
+    w450 = w106*w421
+    w451 = w106*w423
+    w452 = w142*w421
+    w453 = w142*w423
+    w454 = w154*w423
     return (
-        damping*w244*w27/2 + w240/2,
-        damping*w251*w27/2 + w247/2,
-        damping*w258*w27/2 + w254/2,
-        damping*w27*w280/2 + w261/2,
-        damping*w27*w313/2 + w282/2,
-        damping*w27*w334/2 + w315/2,
-        damping*w27*w337/2 + w336/2,
-        damping*w27*w340/2 + w339/2,
-        damping*w27*w343/2 + w342/2,
-        damping*(w27*w405 + w347)/2 + w346/2,
-        damping*(w172*w199 + w27*w488)/2 + w408/2,
-        damping*(w172*w227 + w27*w554)/2 + w491/2,
-        damping*w244*w74/2 + w556/2,
-        damping*w251*w74/2 + w558/2,
-        damping*w258*w74/2 + w560/2,
-        damping*w280*w74/2 + w562/2,
-        damping*w313*w74/2 + w563/2,
-        damping*w334*w74/2 + w564/2,
-        damping*w337*w74/2 + w565/2,
-        damping*w340*w74/2 + w566/2,
-        damping*w343*w74/2 + w567/2,
-        damping*(w405*w74 + w570)/2 + w569/2,
-        damping*(w172*w203 + w488*w74)/2 + w572/2,
-        damping*(w172*w232 + w554*w74)/2 + w574/2,
-        damping*w244*w79/2 + w576/2,
-        damping*w251*w79/2 + w578/2,
-        damping*w258*w79/2 + w580/2,
-        damping*w280*w79/2 + w582/2,
-        damping*w313*w79/2 + w583/2,
-        damping*w334*w79/2 + w584/2,
-        damping*w337*w79/2 + w585/2,
-        damping*w340*w79/2 + w586/2,
-        damping*w343*w79/2 + w587/2,
-        damping*(w405*w79 + w590)/2 + w589/2,
-        damping*(w172*w196 + w488*w79)/2 + w592/2,
-        damping*(w172*w223 + w554*w79)/2 + w594/2,
-        damping*w244*w85/2 + stiffness*w595/2,
-        damping*w251*w85/2 + stiffness*w596/2,
-        damping*w258*w85/2 + stiffness*w597/2,
-        w599 + w600,
-        w602 + w603,
-        w606 + w607,
-        damping*w337*w85/2 + stiffness*w335*w85/2,
-        damping*w340*w85/2 + stiffness*w338*w85/2,
-        damping*w343*w85/2 + stiffness*w341*w85/2,
-        w610 + w611,
-        w613 + w614,
-        w616 + w617,
-        damping*w140*w244/2 + stiffness*w178*w238/2,
-        damping*w140*w251/2 + stiffness*w178*w245/2,
-        damping*w140*w258/2 + stiffness*w178*w252/2,
-        w618 + w619,
-        w625 + w626,
-        w633 + w634,
-        damping*w140*w337/2 + stiffness*w178*w335/2,
-        damping*w140*w340/2 + stiffness*w178*w338/2,
-        damping*w140*w343/2 + stiffness*w178*w341/2,
-        w636 + w637,
-        w639 + w640,
-        w642 + w643,
-        damping*w115*w244/2 + stiffness*w187*w238/2,
-        damping*w115*w251/2 + stiffness*w187*w245/2,
-        damping*w115*w258/2 + stiffness*w187*w252/2,
-        w644 + w645,
-        w646 + w647,
-        w655 + w656,
-        damping*w115*w337/2 + stiffness*w187*w335/2,
-        damping*w115*w340/2 + stiffness*w187*w338/2,
-        damping*w115*w343/2 + stiffness*w187*w341/2,
-        w658 + w659,
-        w661 + w662,
-        w664 + w665,
-        damping*w156*w244/2 - w240/2,
-        damping*w156*w251/2 - w247/2,
-        damping*w156*w258/2 - w254/2,
-        damping*w156*w280/2 - w261/2,
-        damping*w156*w313/2 - w282/2,
-        damping*w156*w334/2 - w315/2,
-        damping*w156*w337/2 - w336/2,
-        damping*w156*w340/2 - w339/2,
-        damping*w156*w343/2 - w342/2,
-        damping*(w156*w405 + w172*w390)/2 - w346/2,
-        damping*(w156*w488 + w172*w473)/2 - w408/2,
-        damping*(w156*w554 + w172*w539)/2 - w491/2,
-        damping*w157*w244/2 - w556/2,
-        damping*w157*w251/2 - w558/2,
-        damping*w157*w258/2 - w560/2,
-        damping*w157*w280/2 - w562/2,
-        damping*w157*w313/2 - w563/2,
-        damping*w157*w334/2 - w564/2,
-        damping*w157*w337/2 - w565/2,
-        damping*w157*w340/2 - w566/2,
-        damping*w157*w343/2 - w567/2,
-        damping*(w157*w405 + w172*w391)/2 - w569/2,
-        damping*(w157*w488 + w172*w474)/2 - w572/2,
-        damping*(w157*w554 + w172*w540)/2 - w574/2,
-        damping*w158*w244/2 - w576/2,
-        damping*w158*w251/2 - w578/2,
-        damping*w158*w258/2 - w580/2,
-        damping*w158*w280/2 - w582/2,
-        damping*w158*w313/2 - w583/2,
-        damping*w158*w334/2 - w584/2,
-        damping*w158*w337/2 - w585/2,
-        damping*w158*w340/2 - w586/2,
-        damping*w158*w343/2 - w587/2,
-        damping*(w158*w405 + w172*w392)/2 - w589/2,
-        damping*(w158*w488 + w172*w475)/2 - w592/2,
-        damping*(w158*w554 + w172*w541)/2 - w594/2,
-        w666 + w667,
-        w668 + w669,
-        w670 + w671,
-        w672 + w673,
-        w674 + w675,
-        w676 + w677,
-        w678 + w679,
-        w680 + w681,
-        w682 + w683,
-        w685 + w686,
-        w688 + w689,
-        w691 + w692,
-        w694 + w695,
-        w697 + w698,
-        w700 + w701,
-        w702 + w703,
-        w704 + w705,
-        w706 + w707,
-        w708 + w709,
-        w710 + w711,
-        w712 + w713,
-        w717 + w718,
-        w733 + w734,
-        w754 + w755,
-        w757 + w758,
-        w760 + w761,
-        w763 + w764,
-        w765 + w766,
-        w767 + w768,
-        w769 + w770,
-        w771 + w772,
-        w773 + w774,
-        w775 + w776,
-        w780 + w781,
-        w785 + w786,
-        w805 + w806,
-        damping*w239/2,
-        damping*w246/2,
-        damping*w253/2,
-        damping*w260/2,
-        damping*w27*w807/2,
-        damping*w27*w808/2,
-        damping*w27*w809/2,
-        damping*w27*w810/2,
-        damping*w27*w811/2,
-        damping*w27*w812/2,
-        damping*w27*w813/2,
-        damping*w27*w814/2,
-        damping*w555/2,
-        damping*w557/2,
-        damping*w559/2,
-        damping*w561/2,
-        damping*w74*w807/2,
-        damping*w74*w808/2,
-        damping*w74*w809/2,
-        damping*w74*w810/2,
-        damping*w74*w811/2,
-        damping*w74*w812/2,
-        damping*w74*w813/2,
-        damping*w74*w814/2,
-        damping*w575/2,
-        damping*w577/2,
-        damping*w579/2,
-        damping*w581/2,
-        damping*w79*w807/2,
-        damping*w79*w808/2,
-        damping*w79*w809/2,
-        damping*w79*w810/2,
-        damping*w79*w811/2,
-        damping*w79*w812/2,
-        damping*w79*w813/2,
-        damping*w79*w814/2,
-        damping*w595/2,
-        damping*w596/2,
-        damping*w597/2,
-        damping*w598/2,
-        damping*w807*w85/2,
-        damping*w808*w85/2,
-        damping*w809*w85/2,
-        damping*w810*w85/2,
-        damping*w811*w85/2,
-        damping*w812*w85/2,
-        damping*w813*w85/2,
-        damping*w814*w85/2,
-        damping*w140*w238/2,
-        damping*w140*w245/2,
-        damping*w140*w252/2,
-        damping*w140*w259/2,
-        damping*w140*w807/2,
-        damping*w140*w808/2,
-        damping*w140*w809/2,
-        damping*w140*w810/2,
-        damping*w140*w811/2,
-        damping*w140*w812/2,
-        damping*w140*w813/2,
-        damping*w140*w814/2,
-        damping*w115*w238/2,
-        damping*w115*w245/2,
-        damping*w115*w252/2,
-        damping*w115*w259/2,
-        damping*w115*w807/2,
-        damping*w115*w808/2,
-        damping*w115*w809/2,
-        damping*w115*w810/2,
-        damping*w115*w811/2,
-        damping*w115*w812/2,
-        damping*w115*w813/2,
-        damping*w115*w814/2,
-        damping*w156*w238/2,
-        damping*w156*w245/2,
-        damping*w156*w252/2,
-        damping*w156*w259/2,
-        damping*w156*w807/2,
-        damping*w156*w808/2,
-        damping*w156*w809/2,
-        damping*w156*w810/2,
-        damping*w156*w811/2,
-        damping*w156*w812/2,
-        damping*w156*w813/2,
-        damping*w156*w814/2,
-        damping*w157*w238/2,
-        damping*w157*w245/2,
-        damping*w157*w252/2,
-        damping*w157*w259/2,
-        damping*w157*w807/2,
-        damping*w157*w808/2,
-        damping*w157*w809/2,
-        damping*w157*w810/2,
-        damping*w157*w811/2,
-        damping*w157*w812/2,
-        damping*w157*w813/2,
-        damping*w157*w814/2,
-        damping*w158*w238/2,
-        damping*w158*w245/2,
-        damping*w158*w252/2,
-        damping*w158*w259/2,
-        damping*w158*w807/2,
-        damping*w158*w808/2,
-        damping*w158*w809/2,
-        damping*w158*w810/2,
-        damping*w158*w811/2,
-        damping*w158*w812/2,
-        damping*w158*w813/2,
-        damping*w158*w814/2,
-        damping*w106*w238/2,
-        damping*w106*w245/2,
-        damping*w106*w252/2,
-        damping*w106*w259/2,
-        damping*w106*w807/2,
-        damping*w106*w808/2,
-        damping*w106*w809/2,
-        damping*w106*w810/2,
-        damping*w106*w811/2,
-        damping*w106*w812/2,
-        damping*w106*w813/2,
-        damping*w106*w814/2,
-        damping*w155*w238/2,
-        damping*w155*w245/2,
-        damping*w155*w252/2,
-        damping*w155*w259/2,
-        damping*w155*w807/2,
-        damping*w155*w808/2,
-        damping*w155*w809/2,
-        damping*w155*w810/2,
-        damping*w155*w811/2,
-        damping*w155*w812/2,
-        damping*w155*w813/2,
-        damping*w155*w814/2,
-        damping*w132*w238/2,
-        damping*w132*w245/2,
-        damping*w132*w252/2,
-        damping*w132*w259/2,
-        damping*w132*w807/2,
-        damping*w132*w808/2,
-        damping*w132*w809/2,
-        damping*w132*w810/2,
-        damping*w132*w811/2,
-        damping*w132*w812/2,
-        damping*w132*w813/2,
-        damping*w132*w814/2,
+        w24,
+        w35,
+        w46,
+        w83,
+        w102,
+        w117,
+        -w24,
+        -w35,
+        -w46,
+        w166,
+        w193,
+        w212,
+        w213,
+        w214,
+        w216,
+        w218,
+        w220,
+        w222,
+        -w213,
+        -w214,
+        -w216,
+        w225,
+        w228,
+        w231,
+        w232,
+        w233,
+        w234,
+        w236,
+        w238,
+        w240,
+        -w232,
+        -w233,
+        -w234,
+        w243,
+        w246,
+        w249,
+        w250,
+        w251,
+        w252,
+        w260 + w63*w82 - w156*w72,
+        w263 + w264 + w63*w101,
+        w268 + w269 + w63*w116,
+        -w250,
+        -w251,
+        -w252,
+        w272 + w273 + w63*w165,
+        w276 + w277 + w63*w192,
+        w280 + w281 + w63*w211,
+        w282,
+        w283,
+        w284,
+        w263 + w264 + w87*w82,
+        w290 - w289 + w87*w101 - w156*w98,
+        w293 + w294 + w87*w116,
+        -w282,
+        -w283,
+        -w284,
+        w297 + w298 + w87*w165,
+        w301 + w302 + w87*w192,
+        w305 + w306 + w87*w211,
+        w307,
+        w308,
+        w309,
+        w268 + w269 + w106*w82,
+        w293 + w294 + w106*w101,
+        w314 - w315 + w106*w116 - w156*w112,
+        -w307,
+        -w308,
+        -w309,
+        w318 + w319 + w106*w165,
+        w322 + w323 + w106*w192,
+        w326 + w327 + w106*w211,
+        -w24,
+        -w35,
+        -w46,
+        -w83,
+        -w102,
+        -w117,
+        w24,
+        w35,
+        w46,
+        -w166,
+        -w193,
+        -w212,
+        -w213,
+        -w214,
+        -w216,
+        -w218,
+        -w220,
+        -w222,
+        w213,
+        w214,
+        w216,
+        -w225,
+        -w228,
+        -w231,
+        -w232,
+        -w233,
+        -w234,
+        -w236,
+        -w238,
+        -w240,
+        w232,
+        w233,
+        w234,
+        -w243,
+        -w246,
+        -w249,
+        w328,
+        w329,
+        w330,
+        w272 + w273 + w142*w82,
+        w297 + w298 + w142*w101,
+        w318 + w319 + w142*w116,
+        -w328,
+        -w329,
+        -w330,
+        w345 - w346 + w156*w161 + w142*w165,
+        w356 + w357 + w142*w192,
+        w369 + w370 + w142*w211,
+        w371,
+        w372,
+        w373,
+        w276 + w277 + w154*w82,
+        w301 + w302 + w154*w101,
+        w322 + w323 + w154*w116,
+        -w371,
+        -w372,
+        -w373,
+        w356 + w357 + w154*w165,
+        w154*w192 - w156*w190 - (w382 + w383),
+        w391 + w154*w211 - w390,
+        w392,
+        w393,
+        w394,
+        w280 + w281 + w150*w82,
+        w305 + w306 + w150*w101,
+        w326 + w327 + w150*w116,
+        -w392,
+        -w393,
+        -w394,
+        w369 + w370 + w150*w165,
+        w391 + w150*w192 - w390,
+        w407,
+        w408,
+        w410,
+        w412,
+        w414,
+        w416,
+        w418,
+        -w408,
+        -w410,
+        -w412,
+        w420,
+        w422,
+        w424,
+        w410,
+        w425,
+        w426,
+        w427,
+        w428,
+        w429,
+        -w410,
+        -w425,
+        -w426,
+        w430,
+        w431,
+        w432,
+        w412,
+        w426,
+        w433,
+        w434,
+        w435,
+        w436,
+        -w412,
+        -w426,
+        -w433,
+        w437,
+        w438,
+        w439,
+        w414,
+        w427,
+        w434,
+        w63*w413,
+        w440,
+        w441,
+        -w414,
+        -w427,
+        -w434,
+        w442,
+        w443,
+        w444,
+        w416,
+        w428,
+        w435,
+        w440,
+        w87*w415,
+        w445,
+        -w416,
+        -w428,
+        -w435,
+        w446,
+        w447,
+        w448,
+        w418,
+        w429,
+        w436,
+        w441,
+        w445,
+        w106*w417,
+        -w418,
+        -w429,
+        -w436,
+        w449,
+        w450,
+        w451,
+        -w408,
+        -w410,
+        -w412,
+        -w414,
+        -w416,
+        -w418,
+        w408,
+        w410,
+        w412,
+        -w420,
+        -w422,
+        -w424,
+        -w410,
+        -w425,
+        -w426,
+        -w427,
+        -w428,
+        -w429,
+        w410,
+        w425,
+        w426,
+        -w430,
+        -w431,
+        -w432,
+        -w412,
+        -w426,
+        -w433,
+        -w434,
+        -w435,
+        -w436,
+        w412,
+        w426,
+        w433,
+        -w437,
+        -w438,
+        -w439,
+        w420,
+        w430,
+        w437,
+        w442,
+        w446,
+        w449,
+        -w420,
+        -w430,
+        -w437,
+        w142*w419,
+        w452,
+        w453,
+        w422,
+        w431,
+        w438,
+        w443,
+        w447,
+        w450,
+        -w422,
+        -w431,
+        -w438,
+        w452,
+        w154*w421,
+        w454,
+        w424,
+        w432,
+        w439,
+        w444,
+        w448,
+        w451,
+        -w424,
+        -w432,
+        -w439,
+        w453,
+        w454,
+        w150*w423,
     )
 
 

@@ -7,466 +7,184 @@ def dynamics(f, q, u, p, s):
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, second_v1_1, second_v1_2, second_v1_3, = p
     s1, s1_t, *_ = s
     w0 = f.sin(psi1)
-    w1 = first_1*w0
-    w2 = f.cos(psi1)
-    w3 = first_2*w2
-    w4 = w1 + w3
-    w5 = f.sin(phi1)
-    w6 = w4*w5
-    w7 = f.cos(theta1)
-    w8 = first_3*w7
-    w9 = first_1*w2
-    w10 = first_2*w0
-    w11 = -w10 + w9
-    w12 = f.sin(theta1)
-    w13 = w11*w12
-    w14 = -w13 + w8
-    w15 = f.cos(phi1)
-    w16 = w14*w15
-    w17 = -w16 - w6
-    w18 = w15*w4
-    w19 = w14*w5
-    w20 = w18 - w19
-    w21 = base1_12*w17 + base1_13*w20
-    w22 = f.sin(theta2)
-    w23 = second_v1_3*w22
-    w24 = f.cos(psi2)
-    w25 = second_v1_1*w24
-    w26 = f.sin(psi2)
-    w27 = second_v1_2*w26
-    w28 = w25 - w27
-    w29 = f.cos(theta2)
-    w30 = w28*w29
-    w31 = w23 + w30
-    w32 = base2_11*w31
-    w33 = second_v1_1*w26
-    w34 = second_v1_2*w24
-    w35 = w33 + w34
-    w36 = f.cos(phi2)
-    w37 = w35*w36
-    w38 = second_v1_3*w29
-    w39 = w22*w28
-    w40 = w38 - w39
-    w41 = f.sin(phi2)
-    w42 = w40*w41
-    w43 = w37 - w42
-    w44 = base2_12*w43
-    w45 = w35*w41
-    w46 = w36*w40
-    w47 = w45 + w46
-    w48 = base2_13*w47
-    w49 = w32 + w44 + w48
-    w50 = base1_22*w17 + base1_23*w20
-    w51 = base2_21*w31
-    w52 = base2_22*w43
-    w53 = base2_23*w47
-    w54 = w51 + w52 + w53
-    w55 = base1_32*w17 + base1_33*w20
-    w56 = base2_31*w31
-    w57 = base2_32*w43
-    w58 = base2_33*w47
-    w59 = w56 + w57 + w58
-    w60 = w21*w49 + w50*w54 + w55*w59
-    w61 = -w45 - w46
-    w62 = base2_12*w61
-    w63 = base2_13*w43
-    w64 = w62 + w63
-    w65 = first_3*w12
-    w66 = w11*w7
-    w67 = w65 + w66
-    w68 = w16 + w6
-    w69 = second_3*w22
-    w70 = second_1*w24
-    w71 = second_2*w26
-    w72 = w70 - w71
-    w73 = w29*w72
-    w74 = w69 + w73
-    w75 = second_1*w26
-    w76 = second_2*w24
-    w77 = w75 + w76
-    w78 = w36*w77
-    w79 = second_3*w29
-    w80 = w22*w72
-    w81 = w79 - w80
-    w82 = w41*w81
-    w83 = w78 - w82
-    w84 = w41*w77
-    w85 = w36*w81
-    w86 = w84 + w85
-    w87 = base1_11*w67 + base1_12*w20 + base1_13*w68 - base2_11*w74 - base2_12*w83 - base2_13*w86 + x1 - x2
-    w88 = base2_22*w61
-    w89 = base2_23*w43
-    w90 = w88 + w89
-    w91 = base1_21*w67 + base1_22*w20 + base1_23*w68 - base2_21*w74 - base2_22*w83 - base2_23*w86 + y1 - y2
-    w92 = base2_32*w61
-    w93 = base2_33*w43
-    w94 = w92 + w93
-    w95 = base1_31*w67 + base1_32*w20 + base1_33*w68 - base2_31*w74 - base2_32*w83 - base2_33*w86 + z1 - z2
-    w96 = -w84 - w85
-    w97 = -base2_12*w96 - base2_13*w83
-    w98 = -base2_22*w96 - base2_23*w83
-    w99 = -base2_32*w96 - base2_33*w83
-    w100 = w49*w97 + w54*w98 + w59*w99 + w64*w87 + w90*w91 + w94*w95
-    w101 = w11*w15
-    w102 = -w1 - w3
-    w103 = w101 + w102*w12*w5
-    w104 = w11*w5
-    w105 = -w102*w12*w15 + w104
-    w106 = base1_11*w102*w7 + base1_12*w103 + base1_13*w105
-    w107 = base1_21*w102*w7 + base1_22*w103 + base1_23*w105
-    w108 = base1_31*w102*w7 + base1_32*w103 + base1_33*w105
-    w109 = w106*w49 + w107*w54 + w108*w59
-    w110 = w36*w72
-    w111 = -w75 - w76
-    w112 = w110 + w111*w22*w41
-    w113 = w41*w72
-    w114 = -w111*w22*w36 + w113
-    w115 = -base2_11*w111*w29 - base2_12*w112 - base2_13*w114
-    w116 = w28*w36
-    w117 = -w33 - w34
-    w118 = w116 + w117*w22*w41
-    w119 = w28*w41
-    w120 = -w117*w22*w36 + w119
-    w121 = base2_11*w117*w29 + base2_12*w118 + base2_13*w120
-    w122 = -base2_21*w111*w29 - base2_22*w112 - base2_23*w114
-    w123 = base2_21*w117*w29 + base2_22*w118 + base2_23*w120
-    w124 = -base2_31*w111*w29 - base2_32*w112 - base2_33*w114
-    w125 = base2_31*w117*w29 + base2_32*w118 + base2_33*w120
-    w126 = w115*w49 + w121*w87 + w122*w54 + w123*w91 + w124*w59 + w125*w95
-    w127 = base1_11*w14
-    w128 = -w65 - w66
-    w129 = -base1_12*w128*w5 + base1_13*w128*w15 + w127
-    w130 = base1_21*w14
-    w131 = -base1_22*w128*w5 + base1_23*w128*w15 + w130
-    w132 = base1_31*w14
-    w133 = -base1_32*w128*w5 + base1_33*w128*w15 + w132
-    w134 = w129*w49 + w131*w54 + w133*w59
-    w135 = base2_11*w40
-    w136 = -w23 - w30
-    w137 = -base2_12*w136*w41 + base2_13*w136*w36 + w135
-    w138 = base2_11*w81
-    w139 = -w69 - w73
-    w140 = base2_12*w139*w41 - base2_13*w139*w36 - w138
-    w141 = base2_21*w40
-    w142 = -base2_22*w136*w41 + base2_23*w136*w36 + w141
-    w143 = base2_21*w81
-    w144 = base2_22*w139*w41 - base2_23*w139*w36 - w143
-    w145 = base2_31*w40
-    w146 = -base2_32*w136*w41 + base2_33*w136*w36 + w145
-    w147 = base2_31*w81
-    w148 = base2_32*w139*w41 - base2_33*w139*w36 - w147
-    w149 = w137*w87 + w140*w49 + w142*w91 + w144*w54 + w146*w95 + w148*w59
-    w150 = -w32 - w44 - w48
-    w151 = -w51 - w52 - w53
-    w152 = -w56 - w57 - w58
-    w153 = w150*x2_t
-    w154 = w151*y2_t
-    w155 = phi1_t*w60
-    w156 = w49*x1_t
-    w157 = w152*z2_t
-    w158 = theta2_t*w149
-    w159 = phi2_t*w100
-    w160 = w59*z1_t
-    w161 = psi2_t*w126
-    w162 = psi1_t*w109
-    w163 = w54*y1_t
-    w164 = theta1_t*w134
-    w165 = -s1 + w153 + w154 + w155 + w156 + w157 + w158 + w159 + w160 + w161 + w162 + w163 + w164
-    w166 = phi2_t*w64
-    w167 = psi2_t*w121
-    w168 = theta2_t*w137
-    w169 = phi2_t*w90
-    w170 = psi2_t*w123
-    w171 = theta2_t*w142
-    w172 = phi2_t*w94
-    w173 = psi2_t*w125
-    w174 = theta2_t*w146
-    w175 = w21*w64 + w50*w90 + w55*w94
-    w176 = w102*w12
-    w177 = w15*w176
-    w178 = -w104 + w177
-    w179 = w101 + w176*w5
-    w180 = w54*(base1_22*w178 + base1_23*w179)
-    w181 = w59*(base1_32*w178 + base1_33*w179)
-    w182 = w49*(base1_12*w178 + base1_13*w179)
-    w183 = w180 + w181 + w182
-    w184 = w49*(-base1_12*w128*w15 - base1_13*w128*w5)
-    w185 = w59*(-base1_32*w128*w15 - base1_33*w128*w5)
-    w186 = w54*(-base1_22*w128*w15 - base1_23*w128*w5)
-    w187 = -w18 + w19
-    w188 = w59*(base1_32*w187 + base1_33*w17)
-    w189 = w54*(base1_22*w187 + base1_23*w17)
-    w190 = w49*(base1_12*w187 + base1_13*w17)
-    w191 = phi2_t*w175
-    w192 = theta2_t*(w137*w21 + w142*w50 + w146*w55)
-    w193 = phi1_t*(w188 + w189 + w190)
-    w194 = psi1_t*w183
-    w195 = theta1_t*(w184 + w185 + w186)
-    w196 = psi2_t*(w121*w21 + w123*w50 + w125*w55)
-    w197 = w128*w5
-    w198 = w128*w15
-    w199 = -base1_12*w197 + base1_13*w198 + w127
-    w200 = -base1_22*w197 + base1_23*w198 + w130
-    w201 = -base1_32*w197 + base1_33*w198 + w132
-    w202 = w102*w5
-    w203 = w202*w7
-    w204 = w102*w15
-    w205 = w204*w7
-    w206 = w49*(-base1_11*w102*w12 + base1_12*w203 - base1_13*w205)
-    w207 = w54*(-base1_21*w102*w12 + base1_22*w203 - base1_23*w205)
-    w208 = w59*(-base1_31*w102*w12 + base1_32*w203 - base1_33*w205)
-    w209 = w13 - w8
-    w210 = base1_13*w15
-    w211 = base1_12*w5
-    w212 = base1_23*w15
-    w213 = base1_22*w5
-    w214 = base1_33*w15
-    w215 = base1_32*w5
-    w216 = w54*(base1_21*w128 + w209*w212 - w209*w213)
-    w217 = w59*(base1_31*w128 + w209*w214 - w209*w215)
-    w218 = w49*(base1_11*w128 + w209*w210 - w209*w211)
-    w219 = w49*(-base1_12*w198 - base1_13*w197)
-    w220 = w59*(-base1_32*w198 - base1_33*w197)
-    w221 = w54*(-base1_22*w198 - base1_23*w197)
-    w222 = theta1_t*(w216 + w217 + w218)
-    w223 = phi1_t*(w219 + w220 + w221)
-    w224 = psi1_t*(w206 + w207 + w208)
-    w225 = psi2_t*(w121*w199 + w123*w200 + w125*w201)
-    w226 = phi2_t*(w199*w64 + w200*w90 + w201*w94)
-    w227 = theta2_t*(w137*w199 + w142*w200 + w146*w201)
-    w228 = w102*w7
-    w229 = w104 - w177
-    w230 = base1_11*w228 + base1_12*w179 + base1_13*w229
-    w231 = base1_21*w228 + base1_22*w179 + base1_23*w229
-    w232 = base1_31*w228 + base1_32*w179 + base1_33*w229
-    w233 = w10 - w9
-    w234 = w12*w233*w5 + w204
-    w235 = -w12*w15*w233 + w202
-    w236 = w54*(base1_21*w233*w7 + base1_22*w234 + base1_23*w235)
-    w237 = w59*(base1_31*w233*w7 + base1_32*w234 + base1_33*w235)
-    w238 = w49*(base1_11*w233*w7 + base1_12*w234 + base1_13*w235)
-    w239 = w59*(-base1_31*w176 - w214*w228 + w215*w228)
-    w240 = w54*(-base1_21*w176 - w212*w228 + w213*w228)
-    w241 = w49*(-base1_11*w176 - w210*w228 + w211*w228)
-    w242 = psi2_t*(w121*w230 + w123*w231 + w125*w232)
-    w243 = theta1_t*(w239 + w240 + w241)
-    w244 = phi1_t*w183
-    w245 = psi1_t*(w236 + w237 + w238)
-    w246 = phi2_t*(w230*w64 + w231*w90 + w232*w94)
-    w247 = theta2_t*(w137*w230 + w142*w231 + w146*w232)
-    w248 = w64*w97
-    w249 = -w37 + w42
-    w250 = w90*w98
-    w251 = w94*w99
-    w252 = -w78 + w82
-    w253 = w251 + w95*(base2_32*w249 + base2_33*w61)
-    w254 = w251 + w59*(-base2_32*w252 - base2_33*w96)
-    w255 = w250 + w54*(-base2_22*w252 - base2_23*w96)
-    w256 = w248 + w49*(-base2_12*w252 - base2_13*w96)
-    w257 = w248 + w87*(base2_12*w249 + base2_13*w61)
-    w258 = w250 + w91*(base2_22*w249 + base2_23*w61)
-    w259 = w111*w22
-    w260 = w259*w36
-    w261 = -w113 + w260
-    w262 = w110 + w259*w41
-    w263 = w49*(-base2_12*w261 - base2_13*w262)
-    w264 = w117*w22
-    w265 = w264*w36
-    w266 = -w119 + w265
-    w267 = w116 + w264*w41
-    w268 = w87*(base2_12*w266 + base2_13*w267)
-    w269 = w54*(-base2_22*w261 - base2_23*w262)
-    w270 = w91*(base2_22*w266 + base2_23*w267)
-    w271 = w59*(-base2_32*w261 - base2_33*w262)
-    w272 = w95*(base2_32*w266 + base2_33*w267)
-    w273 = w121*w97 + w268
-    w274 = w123*w98 + w270
-    w275 = w124*w94 + w271
-    w276 = w115*w64 + w263
-    w277 = w122*w90 + w269
-    w278 = w125*w99 + w272
-    w279 = w87*(-base2_12*w136*w36 - base2_13*w136*w41)
-    w280 = w137*w97
-    w281 = w49*(base2_12*w139*w36 + base2_13*w139*w41)
-    w282 = w140*w64
-    w283 = w91*(-base2_22*w136*w36 - base2_23*w136*w41)
-    w284 = w142*w98
-    w285 = w144*w90
-    w286 = w54*(base2_22*w139*w36 + base2_23*w139*w41)
-    w287 = w95*(-base2_32*w136*w36 - base2_33*w136*w41)
-    w288 = w146*w99
-    w289 = w59*(base2_32*w139*w36 + base2_33*w139*w41)
-    w290 = w148*w94
-    w291 = w279 + w280 + w281 + w282 + w283 + w284 + w285 + w286 + w287 + w288 + w289 + w290
-    w292 = psi2_t*(w273 + w274 + w275 + w276 + w277 + w278)
-    w293 = psi1_t*(w106*w64 + w107*w90 + w108*w94)
-    w294 = z2_t*(-w92 - w93)
-    w295 = theta2_t*w291
-    w296 = phi1_t*w175
-    w297 = w90*y1_t
-    w298 = w64*x1_t
-    w299 = w94*z1_t
-    w300 = phi2_t*(w253 + w254 + w255 + w256 + w257 + w258)
-    w301 = y2_t*(-w88 - w89)
-    w302 = x2_t*(-w62 - w63)
-    w303 = theta1_t*(w129*w64 + w131*w90 + w133*w94)
-    w304 = w139*w36
-    w305 = w139*w41
-    w306 = base2_12*w305 - base2_13*w304 - w138
-    w307 = w136*w36
-    w308 = w136*w41
-    w309 = base2_22*w305 - base2_23*w304 - w143
-    w310 = base2_32*w305 - base2_33*w304 - w147
-    w311 = base2_12*w308
-    w312 = base2_13*w307
-    w313 = w135 - w311 + w312
-    w314 = base2_22*w308
-    w315 = base2_23*w307
-    w316 = w141 - w314 + w315
-    w317 = base2_32*w308
-    w318 = base2_33*w307
-    w319 = w145 - w317 + w318
-    w320 = w319*w99 + w59*(base2_32*w304 + base2_33*w305)
-    w321 = w313*w97 + w49*(base2_12*w304 + base2_13*w305)
-    w322 = w309*w90 + w91*(-base2_22*w307 - base2_23*w308)
-    w323 = w306*w64 + w87*(-base2_12*w307 - base2_13*w308)
-    w324 = w310*w94 + w95*(-base2_32*w307 - base2_33*w308)
-    w325 = w316*w98 + w54*(base2_22*w304 + base2_23*w305)
-    w326 = w111*w41
-    w327 = w29*w326
-    w328 = w111*w36
-    w329 = w29*w328
-    w330 = w49*(base2_11*w111*w22 - base2_12*w327 + base2_13*w329)
-    w331 = w115*w313
-    w332 = w117*w41
-    w333 = w29*w332
-    w334 = w117*w36
-    w335 = w29*w334
-    w336 = w87*(-base2_11*w117*w22 + base2_12*w333 - base2_13*w335)
-    w337 = w121*w306
-    w338 = w54*(base2_21*w111*w22 - base2_22*w327 + base2_23*w329)
-    w339 = w122*w316
-    w340 = w91*(-base2_21*w117*w22 + base2_22*w333 - base2_23*w335)
-    w341 = w123*w309
-    w342 = w59*(base2_31*w111*w22 - base2_32*w327 + base2_33*w329)
-    w343 = w124*w319
-    w344 = w125*w310
-    w345 = w95*(-base2_31*w117*w22 + base2_32*w333 - base2_33*w335)
-    w346 = w330 + w331 + w336 + w337 + w338 + w339 + w340 + w341 + w342 + w343 + w344 + w345
-    w347 = -w38 + w39
-    w348 = base2_13*w36
-    w349 = base2_12*w41
-    w350 = -w79 + w80
-    w351 = base2_23*w36
-    w352 = base2_22*w41
-    w353 = base2_33*w36
-    w354 = base2_32*w41
-    w355 = w140*w313 + w49*(-base2_11*w139 - w348*w350 + w349*w350)
-    w356 = w142*w309 + w91*(base2_21*w136 + w347*w351 - w347*w352)
-    w357 = w144*w316 + w54*(-base2_21*w139 - w350*w351 + w350*w352)
-    w358 = w148*w319 + w59*(-base2_31*w139 - w350*w353 + w350*w354)
-    w359 = w146*w310 + w95*(base2_31*w136 + w347*w353 - w347*w354)
-    w360 = w137*w306 + w87*(base2_11*w136 + w347*w348 - w347*w349)
-    w361 = theta1_t*(w129*w313 + w131*w316 + w133*w319)
-    w362 = w316*y1_t
-    w363 = theta2_t*(w355 + w356 + w357 + w358 + w359 + w360)
-    w364 = z2_t*(-w145 + w317 - w318)
-    w365 = phi1_t*(w21*w313 + w316*w50 + w319*w55)
-    w366 = w319*z1_t
-    w367 = x2_t*(-w135 + w311 - w312)
-    w368 = psi1_t*(w106*w313 + w107*w316 + w108*w319)
-    w369 = phi2_t*(w320 + w321 + w322 + w323 + w324 + w325)
-    w370 = psi2_t*w346
-    w371 = y2_t*(-w141 + w314 - w315)
-    w372 = w313*x1_t
-    w373 = w113 - w260
-    w374 = w111*w29
-    w375 = -base2_11*w374 - base2_12*w262 - base2_13*w373
-    w376 = -base2_21*w374 - base2_22*w262 - base2_23*w373
-    w377 = -base2_31*w374 - base2_32*w262 - base2_33*w373
-    w378 = w117*w29
-    w379 = base2_11*w378
-    w380 = base2_12*w267
-    w381 = w119 - w265
-    w382 = base2_13*w381
-    w383 = w379 + w380 + w382
-    w384 = base2_21*w378
-    w385 = base2_22*w267
-    w386 = base2_23*w381
-    w387 = w384 + w385 + w386
-    w388 = base2_31*w378
-    w389 = base2_32*w267
-    w390 = base2_33*w381
-    w391 = w388 + w389 + w390
-    w392 = w270 + w376*w90
-    w393 = w271 + w391*w99
-    w394 = w269 + w387*w98
-    w395 = w263 + w383*w97
-    w396 = w268 + w375*w64
-    w397 = w272 + w377*w94
-    w398 = -w70 + w71
-    w399 = w22*w41
-    w400 = w328 + w398*w399
-    w401 = w22*w36
-    w402 = w326 - w398*w401
-    w403 = base2_11*w29
-    w404 = -w25 + w27
-    w405 = w334 + w399*w404
-    w406 = w332 - w401*w404
-    w407 = base2_21*w29
-    w408 = base2_31*w29
-    w409 = w125*w377 + w95*(base2_32*w405 + base2_33*w406 + w404*w408)
-    w410 = w124*w391 + w59*(-base2_32*w400 - base2_33*w402 - w398*w408)
-    w411 = w122*w387 + w54*(-base2_22*w400 - base2_23*w402 - w398*w407)
-    w412 = w121*w375 + w87*(base2_12*w405 + base2_13*w406 + w403*w404)
-    w413 = w115*w383 + w49*(-base2_12*w400 - base2_13*w402 - w398*w403)
-    w414 = w123*w376 + w91*(base2_22*w405 + base2_23*w406 + w404*w407)
-    w415 = w144*w387 + w54*(base2_21*w259 + w351*w374 - w352*w374)
-    w416 = w142*w376 + w91*(-base2_21*w264 - w351*w378 + w352*w378)
-    w417 = w148*w391 + w59*(base2_31*w259 + w353*w374 - w354*w374)
-    w418 = w140*w383 + w49*(base2_11*w259 + w348*w374 - w349*w374)
-    w419 = w137*w375 + w87*(-base2_11*w264 - w348*w378 + w349*w378)
-    w420 = w146*w377 + w95*(-base2_31*w264 - w353*w378 + w354*w378)
-    w421 = theta1_t*(w129*w383 + w131*w387 + w133*w391)
-    w422 = x2_t*(-w379 - w380 - w382)
-    w423 = w383*x1_t
-    w424 = psi1_t*(w106*w383 + w107*w387 + w108*w391)
-    w425 = phi2_t*(w392 + w393 + w394 + w395 + w396 + w397)
-    w426 = w387*y1_t
-    w427 = phi1_t*(w21*w383 + w387*w50 + w391*w55)
-    w428 = psi2_t*(w409 + w410 + w411 + w412 + w413 + w414)
-    w429 = z2_t*(-w388 - w389 - w390)
-    w430 = theta2_t*(w415 + w416 + w417 + w418 + w419 + w420)
-    w431 = y2_t*(-w384 - w385 - w386)
-    w432 = w391*z1_t
-    w433 = theta2_t*(w361 + w362 + w363 + w364 + w365 + w366 + w367 + w368 + w369 + w370 + w371 + w372)
-    w434 = psi1_t*(w242 + w243 + w244 + w245 + w246 + w247)
-    w435 = z2_t*(-w172 - w173 - w174)
-    w436 = z1_t*(w172 + w173 + w174)
-    w437 = y1_t*(w169 + w170 + w171)
-    w438 = x1_t*(w166 + w167 + w168)
-    w439 = phi1_t*(w191 + w192 + w193 + w194 + w195 + w196)
-    w440 = x2_t*(-w166 - w167 - w168)
-    w441 = theta1_t*(w222 + w223 + w224 + w225 + w226 + w227)
-    w442 = y2_t*(-w169 - w170 - w171)
-    w443 = psi2_t*(w421 + w422 + w423 + w424 + w425 + w426 + w427 + w428 + w429 + w430 + w431 + w432)
-    w444 = phi2_t*(w292 + w293 + w294 + w295 + w296 + w297 + w298 + w299 + w300 + w301 + w302 + w303)
+    w1 = f.cos(psi1)
+    w2 = first_1*w0 + first_2*w1
+    w3 = f.sin(phi1)
+    w4 = w2*w3
+    w5 = f.cos(theta1)
+    w6 = first_1*w1 - w0*first_2
+    w7 = f.sin(theta1)
+    w8 = first_3*w5 - w6*w7
+    w9 = f.cos(phi1)
+    w10 = w4 + w8*w9
+    w11 = w2*w9
+    w12 = w11 - w3*w8
+    w13 = base1_13*w12 - base1_12*w10
+    w14 = f.sin(theta2)
+    w15 = f.cos(psi2)
+    w16 = f.sin(psi2)
+    w17 = second_v1_1*w15 - second_v1_2*w16
+    w18 = f.cos(theta2)
+    w19 = second_v1_3*w14 + w17*w18
+    w20 = second_v1_1*w16 + w15*second_v1_2
+    w21 = f.cos(phi2)
+    w22 = w20*w21
+    w23 = second_v1_3*w18 - w14*w17
+    w24 = f.sin(phi2)
+    w25 = w22 - w23*w24
+    w26 = w20*w24
+    w27 = w26 + w21*w23
+    w28 = base2_11*w19 + base2_12*w25 + base2_13*w27
+    w29 = w12*base1_23 - w10*base1_22
+    w30 = w19*base2_21 + w25*base2_22 + w27*base2_23
+    w31 = w12*base1_33 - w10*base1_32
+    w32 = w19*base2_31 + w25*base2_32 + w27*base2_33
+    w33 = w13*w28 + w29*w30 + w31*w32
+    w34 = w25*base2_13 - base2_12*w27
+    w35 = first_3*w7 + w5*w6
+    w36 = w15*second_1 - w16*second_2
+    w37 = w14*second_3 + w18*w36
+    w38 = w16*second_1 + w15*second_2
+    w39 = w21*w38
+    w40 = w18*second_3 - w14*w36
+    w41 = w39 - w24*w40
+    w42 = w24*w38
+    w43 = w42 + w21*w40
+    w44 = x1 - x2 + base1_11*w35 + base1_12*w12 + w10*base1_13 - base2_11*w37 - base2_12*w41 - base2_13*w43
+    w45 = w25*base2_23 - w27*base2_22
+    w46 = y1 - y2 + w35*base1_21 + w12*base1_22 + w10*base1_23 - base2_21*w37 - base2_22*w41 - base2_23*w43
+    w47 = w25*base2_33 - w27*base2_32
+    w48 = z1 - z2 + w35*base1_31 + w12*base1_32 + w10*base1_33 - base2_31*w37 - base2_32*w41 - base2_33*w43
+    w49 = base2_12*w43 - base2_13*w41
+    w50 = base2_22*w43 - base2_23*w41
+    w51 = base2_32*w43 - base2_33*w41
+    w52 = w34*w44 + w45*w46 + w47*w48 + w28*w49 + w30*w50 + w32*w51
+    w53 = w6*w9 - w2*w3*w7
+    w54 = w3*w6 + w2*w7*w9
+    w55 = base1_12*w53 + base1_13*w54 - w2*w5*base1_11
+    w56 = base1_22*w53 + base1_23*w54 - w2*w5*base1_21
+    w57 = base1_32*w53 + base1_33*w54 - w2*w5*base1_31
+    w58 = w28*w55 + w30*w56 + w32*w57
+    w59 = w21*w36 - w14*w24*w38
+    w60 = w24*w36 + w14*w21*w38
+    w61 = base2_12*w59 + base2_13*w60 - base2_11*w18*w38
+    w62 = w17*w21 - w14*w20*w24
+    w63 = w17*w24 + w14*w20*w21
+    w64 = base2_12*w62 + base2_13*w63 - base2_11*w18*w20
+    w65 = base2_22*w59 + base2_23*w60 - w18*base2_21*w38
+    w66 = base2_22*w62 + base2_23*w63 - w18*w20*base2_21
+    w67 = base2_32*w59 + base2_33*w60 - w18*base2_31*w38
+    w68 = base2_32*w62 + base2_33*w63 - w18*w20*base2_31
+    w69 = w44*w64 - w28*w61 - w30*w65 + w46*w66 - w32*w67 + w48*w68
+    w70 = w8*base1_11 - w9*base1_13*w35 + base1_12*w3*w35
+    w71 = w8*base1_21 - w9*base1_23*w35 + w3*base1_22*w35
+    w72 = w8*base1_31 - w9*base1_33*w35 + w3*base1_32*w35
+    w73 = w28*w70 + w30*w71 + w32*w72
+    w74 = base2_11*w23 - w19*w21*base2_13 + w19*base2_12*w24
+    w75 = base2_11*w40 + base2_12*w24*w37 - w21*base2_13*w37
+    w76 = w23*base2_21 - w19*w21*base2_23 + w19*w24*base2_22
+    w77 = base2_21*w40 + w24*base2_22*w37 - w21*base2_23*w37
+    w78 = w23*base2_31 - w19*w21*base2_33 + w19*w24*base2_32
+    w79 = base2_31*w40 + w24*base2_32*w37 - w21*base2_33*w37
+    w80 = w44*w74 - w28*w75 + w46*w76 - w30*w77 + w48*w78 - w32*w79
+    w81 = phi1_t*w33 - s1 + phi2_t*w52 + psi1_t*w58 + psi2_t*w69 + theta1_t*w73 + theta2_t*w80 + w28*x1_t - w28*x2_t + w30*y1_t - w30*y2_t + w32*z1_t - w32*z2_t
+    w82 = w1*psi1_t
+    w83 = w0*psi1_t
+    w84 = first_1*w82 - first_2*w83
+    w85 = phi1_t*w9
+    w86 = w7*theta1_t
+    w87 = first_1*w83 + first_2*w82
+    w88 = w5*theta1_t
+    w89 = first_3*w86 + w6*w88 - w7*w87
+    w90 = phi1_t*w3
+    w91 = w3*w84 + w2*w85 - (w9*w89 + w8*w90)
+    w92 = w9*w84 - w2*w90 - (w8*w85 - w3*w89)
+    w93 = w18*theta2_t
+    w94 = w16*psi2_t
+    w95 = w15*psi2_t
+    w96 = second_v1_1*w94 + second_v1_2*w95
+    w97 = w14*theta2_t
+    w98 = second_v1_3*w93 - (w18*w96 + w17*w97)
+    w99 = second_v1_1*w95 - second_v1_2*w94
+    w100 = w24*phi2_t
+    w101 = second_v1_3*w97 + w17*w93 - w14*w96
+    w102 = w21*phi2_t
+    w103 = w21*w99 - w20*w100 - (w23*w102 - w24*w101)
+    w104 = w24*w99 + w20*w102 - (w23*w100 + w21*w101)
+    w105 = base2_11*w98 + base2_12*w103 + base2_13*w104
+    w106 = base2_21*w98 + base2_22*w103 + base2_23*w104
+    w107 = base2_31*w98 + base2_32*w103 + base2_33*w104
+    w108 = w28*(base1_13*w92 - base1_12*w91) + w13*w105 + w30*(base1_23*w92 - base1_22*w91) + w29*w106 + w32*(base1_33*w92 - base1_32*w91) + w31*w107
+    w109 = first_3*w88 - (w6*w86 + w5*w87)
+    w110 = second_1*w94 + second_2*w95
+    w111 = second_3*w93 - (w36*w97 + w18*w110)
+    w112 = second_1*w95 - second_2*w94
+    w113 = second_3*w97 + w36*w93 - w14*w110
+    w114 = w21*w112 - w38*w100 - (w40*w102 - w24*w113)
+    w115 = w38*w102 + w24*w112 - (w40*w100 + w21*w113)
+    w116 = x1_t - x2_t + base1_11*w109 + base1_12*w92 + base1_13*w91 - base2_11*w111 - base2_12*w114 - base2_13*w115
+    w117 = y1_t - y2_t + base1_21*w109 + base1_22*w92 + base1_23*w91 - base2_21*w111 - base2_22*w114 - base2_23*w115
+    w118 = z1_t - z2_t + base1_31*w109 + base1_32*w92 + base1_33*w91 - base2_31*w111 - base2_32*w114 - base2_33*w115
+    w119 = w44*(base2_13*w103 - base2_12*w104) + w34*w116 + w46*(base2_23*w103 - base2_22*w104) + w45*w117 + w48*(base2_33*w103 - base2_32*w104) + w47*w118 + w49*w105 + w28*(base2_12*w115 - base2_13*w114) + w50*w106 + w30*(base2_22*w115 - base2_23*w114) + w51*w107 + w32*(base2_32*w115 - base2_33*w114)
+    w120 = w2*w7
+    w121 = w9*w87 + w6*w90 + w84*w3*w7 + w85*w120 + w4*w88
+    w122 = w6*w85 - w3*w87 + w84*w7*w9 + w11*w88 - w90*w120
+    w123 = base1_12*w121 - base1_13*w122 + w84*w5*base1_11 - w86*w2*base1_11
+    w124 = base1_22*w121 - base1_23*w122 + w84*w5*base1_21 - w86*w2*base1_21
+    w125 = base1_32*w121 - base1_33*w122 + w84*w5*base1_31 - w86*w2*base1_31
+    w126 = w55*w105 - w28*w123 + w56*w106 - w30*w124 + w57*w107 - w32*w125
+    w127 = w14*w38
+    w128 = w14*w24
+    w129 = w36*w100 + w21*w110 + w42*w93 + w102*w127 + w112*w128
+    w130 = w14*w21
+    w131 = w36*w102 - w24*w110 + w39*w93 - w100*w127 + w112*w130
+    w132 = base2_11*w18
+    w133 = w28*(base2_12*w129 - base2_13*w131 + w112*w132 - w97*base2_11*w38)
+    w134 = w14*w20
+    w135 = w21*w96 + w17*w100 + w26*w93 + w99*w128 + w102*w134
+    w136 = w17*w102 - w24*w96 + w22*w93 + w99*w130 - w100*w134
+    w137 = w44*(base2_12*w135 - base2_13*w136 + w99*w132 - w97*base2_11*w20)
+    w138 = w18*base2_21
+    w139 = w30*(base2_22*w129 - base2_23*w131 + w112*w138 - w97*base2_21*w38)
+    w140 = w46*(base2_22*w135 - base2_23*w136 + w99*w138 - w97*w20*base2_21)
+    w141 = w18*base2_31
+    w142 = w32*(base2_32*w129 - base2_33*w131 + w112*w141 - w97*base2_31*w38)
+    w143 = w48*(base2_32*w135 - base2_33*w136 + w99*w141 - w97*w20*base2_31)
+    w144 = w64*w116 - w137 - (w61*w105 - w133) - (w65*w106 - w139) + w66*w117 - w140 - (w67*w107 - w142) + w68*w118 - w143
+    w145 = base1_11*w89 + w109*w9*base1_13 - w90*base1_13*w35 - (w85*base1_12*w35 + w109*base1_12*w3)
+    w146 = base1_21*w89 + w109*w9*base1_23 - w90*base1_23*w35 - (w85*base1_22*w35 + w109*w3*base1_22)
+    w147 = base1_31*w89 + w109*w9*base1_33 - w90*base1_33*w35 - (w85*base1_32*w35 + w109*w3*base1_32)
+    w148 = w70*w105 - w28*w145 + w71*w106 - w30*w146 + w72*w107 - w32*w147
+    w149 = w21*base2_13
+    w150 = base2_12*w24
+    w151 = base2_11*w101 + w98*w149 - w100*w19*base2_13 - (w98*w150 + w102*w19*base2_12)
+    w152 = base2_11*w113 - (w102*base2_12*w37 + w111*w150) + w111*w149 - w100*base2_13*w37
+    w153 = w21*base2_23
+    w154 = w24*base2_22
+    w155 = base2_21*w101 + w98*w153 - w100*w19*base2_23 - (w98*w154 + w102*w19*base2_22)
+    w156 = base2_21*w113 - (w102*base2_22*w37 + w111*w154) + w111*w153 - w100*base2_23*w37
+    w157 = w21*base2_33
+    w158 = w24*base2_32
+    w159 = base2_31*w101 + w98*w157 - w100*w19*base2_33 - (w98*w158 + w102*w19*base2_32)
+    w160 = base2_31*w113 - (w102*base2_32*w37 + w111*w158) + w111*w157 - w100*base2_33*w37
+    w161 = w74*w116 - w44*w151 - (w75*w105 - w28*w152) + w76*w117 - w46*w155 - (w77*w106 - w30*w156) + w78*w118 - w48*w159 - (w79*w107 - w32*w160)
+    w162 = phi1_t*w108 - s1_t + phi2_t*w119 + psi1_t*w126 + psi2_t*w144 + theta1_t*w148 + theta2_t*w161 + x1_t*w105 - x2_t*w105 + y1_t*w106 - y2_t*w106 + z1_t*w107 - z2_t*w107
     return (
-        w165,
-        w165,
-        w49,
-        w54,
-        w59,
-        w60,
-        w134,
-        w109,
-        w150,
-        w151,
-        w152,
-        w100,
-        w149,
-        w126,
-        -s1_t + w433 + w434 + w435 + w436 + w437 + w438 + w439 + w440 + w441 + w442 + w443 + w444,
+        w81,
+        w81,
+        w28,
+        w30,
+        w32,
+        w33,
+        w73,
+        w58,
+        -w28,
+        -w30,
+        -w32,
+        w52,
+        w80,
+        w69,
+        w162,
     )
 
 
@@ -483,525 +201,343 @@ def linearize(f, q, u, p, s, nu):
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, x2_t, y2_t, z2_t, phi2_t, theta2_t, psi2_t, = u
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, second_v1_1, second_v1_2, second_v1_3, = p
     nu1, = nu
-    w0 = f.sin(psi1)
-    w1 = first_1*w0
-    w2 = f.cos(psi1)
-    w3 = first_2*w2
-    w4 = w1 + w3
-    w5 = f.sin(phi1)
-    w6 = w4*w5
-    w7 = f.cos(theta1)
-    w8 = first_3*w7
-    w9 = first_1*w2
-    w10 = first_2*w0
-    w11 = -w10 + w9
-    w12 = f.sin(theta1)
-    w13 = w11*w12
-    w14 = -w13 + w8
-    w15 = f.cos(phi1)
-    w16 = w14*w15
-    w17 = -w16 - w6
-    w18 = w15*w4
-    w19 = w14*w5
-    w20 = w18 - w19
-    w21 = base1_12*w17 + base1_13*w20
-    w22 = f.sin(theta2)
-    w23 = second_v1_3*w22
-    w24 = f.cos(psi2)
-    w25 = second_v1_1*w24
-    w26 = f.sin(psi2)
-    w27 = second_v1_2*w26
-    w28 = w25 - w27
-    w29 = f.cos(theta2)
-    w30 = w28*w29
-    w31 = w23 + w30
-    w32 = second_v1_1*w26
-    w33 = second_v1_2*w24
-    w34 = w32 + w33
-    w35 = f.cos(phi2)
-    w36 = w34*w35
-    w37 = second_v1_3*w29
-    w38 = w22*w28
-    w39 = w37 - w38
-    w40 = f.sin(phi2)
-    w41 = w39*w40
-    w42 = w36 - w41
-    w43 = w34*w40
-    w44 = w35*w39
-    w45 = w43 + w44
-    w46 = base2_11*w31 + base2_12*w42 + base2_13*w45
-    w47 = base1_22*w17 + base1_23*w20
-    w48 = base2_21*w31 + base2_22*w42 + base2_23*w45
-    w49 = base1_32*w17 + base1_33*w20
-    w50 = base2_31*w31 + base2_32*w42 + base2_33*w45
-    w51 = -w43 - w44
-    w52 = base2_12*w51
-    w53 = base2_13*w42
-    w54 = w52 + w53
-    w55 = first_3*w12
-    w56 = w11*w7
-    w57 = w55 + w56
-    w58 = w16 + w6
-    w59 = second_3*w22
-    w60 = second_1*w24
-    w61 = second_2*w26
-    w62 = w60 - w61
-    w63 = w29*w62
-    w64 = w59 + w63
-    w65 = second_1*w26
-    w66 = second_2*w24
-    w67 = w65 + w66
-    w68 = w35*w67
-    w69 = second_3*w29
-    w70 = w22*w62
-    w71 = w69 - w70
-    w72 = w40*w71
-    w73 = w68 - w72
-    w74 = w40*w67
-    w75 = w35*w71
-    w76 = w74 + w75
-    w77 = base1_11*w57 + base1_12*w20 + base1_13*w58 - base2_11*w64 - base2_12*w73 - base2_13*w76 + x1 - x2
-    w78 = base2_22*w51
-    w79 = base2_23*w42
-    w80 = w78 + w79
-    w81 = base1_21*w57 + base1_22*w20 + base1_23*w58 - base2_21*w64 - base2_22*w73 - base2_23*w76 + y1 - y2
-    w82 = base2_32*w51
-    w83 = base2_33*w42
-    w84 = w82 + w83
-    w85 = base1_31*w57 + base1_32*w20 + base1_33*w58 - base2_31*w64 - base2_32*w73 - base2_33*w76 + z1 - z2
-    w86 = -w74 - w75
-    w87 = -base2_12*w86 - base2_13*w73
-    w88 = -base2_22*w86 - base2_23*w73
-    w89 = -base2_32*w86 - base2_33*w73
-    w90 = w11*w15
-    w91 = -w1 - w3
-    w92 = w12*w5*w91 + w90
-    w93 = w11*w5
-    w94 = -w12*w15*w91 + w93
-    w95 = base1_11*w7*w91 + base1_12*w92 + base1_13*w94
-    w96 = base1_21*w7*w91 + base1_22*w92 + base1_23*w94
-    w97 = base1_31*w7*w91 + base1_32*w92 + base1_33*w94
-    w98 = w35*w62
-    w99 = -w65 - w66
-    w100 = w22*w40*w99 + w98
-    w101 = w40*w62
-    w102 = w101 - w22*w35*w99
-    w103 = -base2_11*w29*w99 - base2_12*w100 - base2_13*w102
-    w104 = w28*w35
-    w105 = -w32 - w33
-    w106 = w104 + w105*w22*w40
-    w107 = w28*w40
-    w108 = -w105*w22*w35 + w107
-    w109 = base2_11*w105*w29 + base2_12*w106 + base2_13*w108
-    w110 = -base2_21*w29*w99 - base2_22*w100 - base2_23*w102
-    w111 = base2_21*w105*w29 + base2_22*w106 + base2_23*w108
-    w112 = -base2_31*w29*w99 - base2_32*w100 - base2_33*w102
-    w113 = base2_31*w105*w29 + base2_32*w106 + base2_33*w108
-    w114 = base1_11*w14
-    w115 = -w55 - w56
-    w116 = -base1_12*w115*w5 + base1_13*w115*w15 + w114
-    w117 = base1_21*w14
-    w118 = -base1_22*w115*w5 + base1_23*w115*w15 + w117
-    w119 = base1_31*w14
-    w120 = -base1_32*w115*w5 + base1_33*w115*w15 + w119
-    w121 = base2_11*w39
-    w122 = -w23 - w30
-    w123 = -base2_12*w122*w40 + base2_13*w122*w35 + w121
-    w124 = base2_11*w71
-    w125 = -w59 - w63
-    w126 = base2_12*w125*w40 - base2_13*w125*w35 - w124
-    w127 = base2_21*w39
-    w128 = -base2_22*w122*w40 + base2_23*w122*w35 + w127
-    w129 = base2_21*w71
-    w130 = base2_22*w125*w40 - base2_23*w125*w35 - w129
-    w131 = base2_31*w39
-    w132 = -base2_32*w122*w40 + base2_33*w122*w35 + w131
-    w133 = base2_31*w71
-    w134 = base2_32*w125*w40 - base2_33*w125*w35 - w133
-    w135 = phi2_t*w54
-    w136 = psi2_t*w109
-    w137 = theta2_t*w123
-    w138 = phi2_t*w80
-    w139 = psi2_t*w111
-    w140 = theta2_t*w128
-    w141 = phi2_t*w84
-    w142 = psi2_t*w113
-    w143 = theta2_t*w132
-    w144 = w21*w54 + w47*w80 + w49*w84
-    w145 = w12*w91
-    w146 = w145*w15
-    w147 = w146 - w93
-    w148 = w145*w5 + w90
-    w149 = w48*(base1_22*w147 + base1_23*w148)
-    w150 = w50*(base1_32*w147 + base1_33*w148)
-    w151 = w46*(base1_12*w147 + base1_13*w148)
-    w152 = w149 + w150 + w151
-    w153 = w109*w21 + w111*w47 + w113*w49
-    w154 = w46*(-base1_12*w115*w15 - base1_13*w115*w5)
-    w155 = w50*(-base1_32*w115*w15 - base1_33*w115*w5)
-    w156 = w48*(-base1_22*w115*w15 - base1_23*w115*w5)
-    w157 = w154 + w155 + w156
-    w158 = w123*w21 + w128*w47 + w132*w49
-    w159 = -w18 + w19
-    w160 = w50*(base1_32*w159 + base1_33*w17)
-    w161 = w48*(base1_22*w159 + base1_23*w17)
-    w162 = w46*(base1_12*w159 + base1_13*w17)
-    w163 = w160 + w161 + w162
-    w164 = w115*w5
-    w165 = w115*w15
-    w166 = -base1_12*w164 + base1_13*w165 + w114
-    w167 = -base1_22*w164 + base1_23*w165 + w117
-    w168 = -base1_32*w164 + base1_33*w165 + w119
-    w169 = w166*w54 + w167*w80 + w168*w84
-    w170 = w5*w91
-    w171 = w170*w7
-    w172 = w15*w91
-    w173 = w172*w7
-    w174 = w46*(-base1_11*w12*w91 + base1_12*w171 - base1_13*w173)
-    w175 = w48*(-base1_21*w12*w91 + base1_22*w171 - base1_23*w173)
-    w176 = w50*(-base1_31*w12*w91 + base1_32*w171 - base1_33*w173)
-    w177 = w174 + w175 + w176
-    w178 = w109*w166 + w111*w167 + w113*w168
-    w179 = w13 - w8
-    w180 = base1_13*w15
-    w181 = base1_12*w5
-    w182 = base1_23*w15
-    w183 = base1_22*w5
-    w184 = base1_33*w15
-    w185 = base1_32*w5
-    w186 = w48*(base1_21*w115 + w179*w182 - w179*w183)
-    w187 = w50*(base1_31*w115 + w179*w184 - w179*w185)
-    w188 = w46*(base1_11*w115 + w179*w180 - w179*w181)
-    w189 = w186 + w187 + w188
-    w190 = w123*w166 + w128*w167 + w132*w168
-    w191 = w46*(-base1_12*w165 - base1_13*w164)
-    w192 = w50*(-base1_32*w165 - base1_33*w164)
-    w193 = w48*(-base1_22*w165 - base1_23*w164)
-    w194 = w191 + w192 + w193
-    w195 = w7*w91
-    w196 = -w146 + w93
-    w197 = base1_11*w195 + base1_12*w148 + base1_13*w196
-    w198 = base1_21*w195 + base1_22*w148 + base1_23*w196
-    w199 = base1_31*w195 + base1_32*w148 + base1_33*w196
-    w200 = w197*w54 + w198*w80 + w199*w84
-    w201 = w10 - w9
-    w202 = w12*w201*w5 + w172
-    w203 = -w12*w15*w201 + w170
-    w204 = w48*(base1_21*w201*w7 + base1_22*w202 + base1_23*w203)
-    w205 = w50*(base1_31*w201*w7 + base1_32*w202 + base1_33*w203)
-    w206 = w46*(base1_11*w201*w7 + base1_12*w202 + base1_13*w203)
-    w207 = w204 + w205 + w206
-    w208 = w109*w197 + w111*w198 + w113*w199
-    w209 = w50*(-base1_31*w145 - w184*w195 + w185*w195)
-    w210 = w48*(-base1_21*w145 - w182*w195 + w183*w195)
-    w211 = w46*(-base1_11*w145 - w180*w195 + w181*w195)
-    w212 = w209 + w210 + w211
-    w213 = w123*w197 + w128*w198 + w132*w199
-    w214 = w54*w87
-    w215 = -w36 + w41
-    w216 = w80*w88
-    w217 = w84*w89
-    w218 = -w68 + w72
-    w219 = w217 + w85*(base2_32*w215 + base2_33*w51)
-    w220 = w217 + w50*(-base2_32*w218 - base2_33*w86)
-    w221 = w216 + w48*(-base2_22*w218 - base2_23*w86)
-    w222 = w214 + w46*(-base2_12*w218 - base2_13*w86)
-    w223 = w214 + w77*(base2_12*w215 + base2_13*w51)
-    w224 = w216 + w81*(base2_22*w215 + base2_23*w51)
-    w225 = w219 + w220 + w221 + w222 + w223 + w224
-    w226 = w54*w95 + w80*w96 + w84*w97
-    w227 = w22*w99
-    w228 = w227*w35
-    w229 = -w101 + w228
-    w230 = w227*w40 + w98
-    w231 = w46*(-base2_12*w229 - base2_13*w230)
-    w232 = w105*w22
-    w233 = w232*w35
-    w234 = -w107 + w233
-    w235 = w104 + w232*w40
-    w236 = w77*(base2_12*w234 + base2_13*w235)
-    w237 = w48*(-base2_22*w229 - base2_23*w230)
-    w238 = w81*(base2_22*w234 + base2_23*w235)
-    w239 = w50*(-base2_32*w229 - base2_33*w230)
-    w240 = w85*(base2_32*w234 + base2_33*w235)
-    w241 = w109*w87 + w236
-    w242 = w111*w88 + w238
-    w243 = w112*w84 + w239
-    w244 = w103*w54 + w231
-    w245 = w110*w80 + w237
-    w246 = w113*w89 + w240
-    w247 = w241 + w242 + w243 + w244 + w245 + w246
-    w248 = w116*w54 + w118*w80 + w120*w84
-    w249 = w77*(-base2_12*w122*w35 - base2_13*w122*w40)
-    w250 = w123*w87
-    w251 = w46*(base2_12*w125*w35 + base2_13*w125*w40)
-    w252 = w126*w54
-    w253 = w81*(-base2_22*w122*w35 - base2_23*w122*w40)
-    w254 = w128*w88
-    w255 = w130*w80
-    w256 = w48*(base2_22*w125*w35 + base2_23*w125*w40)
-    w257 = w85*(-base2_32*w122*w35 - base2_33*w122*w40)
-    w258 = w132*w89
-    w259 = w50*(base2_32*w125*w35 + base2_33*w125*w40)
-    w260 = w134*w84
-    w261 = w249 + w250 + w251 + w252 + w253 + w254 + w255 + w256 + w257 + w258 + w259 + w260
-    w262 = -w52 - w53
-    w263 = -w78 - w79
-    w264 = -w82 - w83
-    w265 = psi2_t*w247
-    w266 = psi1_t*w226
-    w267 = w264*z2_t
-    w268 = theta2_t*w261
-    w269 = phi1_t*w144
-    w270 = w80*y1_t
-    w271 = w54*x1_t
-    w272 = w84*z1_t
-    w273 = phi2_t*w225
-    w274 = w263*y2_t
-    w275 = w262*x2_t
-    w276 = theta1_t*w248
-    w277 = w125*w35
-    w278 = w125*w40
-    w279 = base2_12*w278 - base2_13*w277 - w124
-    w280 = w122*w35
-    w281 = w122*w40
-    w282 = base2_22*w278 - base2_23*w277 - w129
-    w283 = base2_32*w278 - base2_33*w277 - w133
-    w284 = base2_12*w281
-    w285 = base2_13*w280
-    w286 = w121 - w284 + w285
-    w287 = base2_22*w281
-    w288 = base2_23*w280
-    w289 = w127 - w287 + w288
-    w290 = base2_32*w281
-    w291 = base2_33*w280
-    w292 = w131 - w290 + w291
-    w293 = w292*w89 + w50*(base2_32*w277 + base2_33*w278)
-    w294 = w286*w87 + w46*(base2_12*w277 + base2_13*w278)
-    w295 = w282*w80 + w81*(-base2_22*w280 - base2_23*w281)
-    w296 = w279*w54 + w77*(-base2_12*w280 - base2_13*w281)
-    w297 = w283*w84 + w85*(-base2_32*w280 - base2_33*w281)
-    w298 = w289*w88 + w48*(base2_22*w277 + base2_23*w278)
-    w299 = w293 + w294 + w295 + w296 + w297 + w298
-    w300 = w286*w95 + w289*w96 + w292*w97
-    w301 = w40*w99
-    w302 = w29*w301
-    w303 = w35*w99
-    w304 = w29*w303
-    w305 = w46*(base2_11*w22*w99 - base2_12*w302 + base2_13*w304)
-    w306 = w103*w286
-    w307 = w105*w40
-    w308 = w29*w307
-    w309 = w105*w35
-    w310 = w29*w309
-    w311 = w77*(-base2_11*w105*w22 + base2_12*w308 - base2_13*w310)
-    w312 = w109*w279
-    w313 = w48*(base2_21*w22*w99 - base2_22*w302 + base2_23*w304)
-    w314 = w110*w289
-    w315 = w81*(-base2_21*w105*w22 + base2_22*w308 - base2_23*w310)
-    w316 = w111*w282
-    w317 = w50*(base2_31*w22*w99 - base2_32*w302 + base2_33*w304)
-    w318 = w112*w292
-    w319 = w113*w283
-    w320 = w85*(-base2_31*w105*w22 + base2_32*w308 - base2_33*w310)
-    w321 = w305 + w306 + w311 + w312 + w313 + w314 + w315 + w316 + w317 + w318 + w319 + w320
-    w322 = w116*w286 + w118*w289 + w120*w292
-    w323 = -w37 + w38
-    w324 = base2_13*w35
-    w325 = base2_12*w40
-    w326 = -w69 + w70
-    w327 = base2_23*w35
-    w328 = base2_22*w40
-    w329 = base2_33*w35
-    w330 = base2_32*w40
-    w331 = w126*w286 + w46*(-base2_11*w125 - w324*w326 + w325*w326)
-    w332 = w128*w282 + w81*(base2_21*w122 + w323*w327 - w323*w328)
-    w333 = w130*w289 + w48*(-base2_21*w125 - w326*w327 + w326*w328)
-    w334 = w134*w292 + w50*(-base2_31*w125 - w326*w329 + w326*w330)
-    w335 = w132*w283 + w85*(base2_31*w122 + w323*w329 - w323*w330)
-    w336 = w123*w279 + w77*(base2_11*w122 + w323*w324 - w323*w325)
-    w337 = w331 + w332 + w333 + w334 + w335 + w336
-    w338 = -w121 + w284 - w285
-    w339 = -w127 + w287 - w288
-    w340 = -w131 + w290 - w291
-    w341 = w21*w286 + w289*w47 + w292*w49
-    w342 = theta1_t*w322
-    w343 = w289*y1_t
-    w344 = theta2_t*w337
-    w345 = w340*z2_t
-    w346 = phi1_t*w341
-    w347 = w292*z1_t
-    w348 = w338*x2_t
-    w349 = psi1_t*w300
-    w350 = phi2_t*w299
-    w351 = psi2_t*w321
-    w352 = w339*y2_t
-    w353 = w286*x1_t
-    w354 = w101 - w228
-    w355 = w29*w99
-    w356 = -base2_11*w355 - base2_12*w230 - base2_13*w354
-    w357 = -base2_21*w355 - base2_22*w230 - base2_23*w354
-    w358 = -base2_31*w355 - base2_32*w230 - base2_33*w354
-    w359 = w105*w29
-    w360 = base2_11*w359
-    w361 = base2_12*w235
-    w362 = w107 - w233
-    w363 = base2_13*w362
-    w364 = w360 + w361 + w363
-    w365 = base2_21*w359
-    w366 = base2_22*w235
-    w367 = base2_23*w362
-    w368 = w365 + w366 + w367
-    w369 = base2_31*w359
-    w370 = base2_32*w235
-    w371 = base2_33*w362
-    w372 = w369 + w370 + w371
-    w373 = w238 + w357*w80
-    w374 = w239 + w372*w89
-    w375 = w237 + w368*w88
-    w376 = w231 + w364*w87
-    w377 = w236 + w356*w54
-    w378 = w240 + w358*w84
-    w379 = w373 + w374 + w375 + w376 + w377 + w378
-    w380 = w364*w95 + w368*w96 + w372*w97
-    w381 = -w60 + w61
-    w382 = w22*w40
-    w383 = w303 + w381*w382
-    w384 = w22*w35
-    w385 = w301 - w381*w384
-    w386 = base2_11*w29
-    w387 = -w25 + w27
-    w388 = w309 + w382*w387
-    w389 = w307 - w384*w387
-    w390 = base2_21*w29
-    w391 = base2_31*w29
-    w392 = w113*w358 + w85*(base2_32*w388 + base2_33*w389 + w387*w391)
-    w393 = w112*w372 + w50*(-base2_32*w383 - base2_33*w385 - w381*w391)
-    w394 = w110*w368 + w48*(-base2_22*w383 - base2_23*w385 - w381*w390)
-    w395 = w109*w356 + w77*(base2_12*w388 + base2_13*w389 + w386*w387)
-    w396 = w103*w364 + w46*(-base2_12*w383 - base2_13*w385 - w381*w386)
-    w397 = w111*w357 + w81*(base2_22*w388 + base2_23*w389 + w387*w390)
-    w398 = w392 + w393 + w394 + w395 + w396 + w397
-    w399 = w116*w364 + w118*w368 + w120*w372
-    w400 = w130*w368 + w48*(base2_21*w227 + w327*w355 - w328*w355)
-    w401 = w128*w357 + w81*(-base2_21*w232 - w327*w359 + w328*w359)
-    w402 = w134*w372 + w50*(base2_31*w227 + w329*w355 - w330*w355)
-    w403 = w126*w364 + w46*(base2_11*w227 + w324*w355 - w325*w355)
-    w404 = w123*w356 + w77*(-base2_11*w232 - w324*w359 + w325*w359)
-    w405 = w132*w358 + w85*(-base2_31*w232 - w329*w359 + w330*w359)
-    w406 = w400 + w401 + w402 + w403 + w404 + w405
-    w407 = -w360 - w361 - w363
-    w408 = -w365 - w366 - w367
-    w409 = -w369 - w370 - w371
-    w410 = w21*w364 + w368*w47 + w372*w49
-    w411 = theta1_t*w399
-    w412 = w407*x2_t
-    w413 = w364*x1_t
-    w414 = psi1_t*w380
-    w415 = phi2_t*w379
-    w416 = w368*y1_t
-    w417 = phi1_t*w410
-    w418 = psi2_t*w398
-    w419 = w409*z2_t
-    w420 = theta2_t*w406
-    w421 = w408*y2_t
-    w422 = w372*z1_t
-    w423 = nu1*w54
-    w424 = nu1*w80
-    w425 = nu1*w84
-    w426 = nu1*w152
-    w427 = nu1*w144
-    w428 = nu1*w123
-    w429 = nu1*w128
-    w430 = nu1*w132
-    w431 = nu1*w109
-    w432 = nu1*w111
-    w433 = nu1*w113
+    w0 = f.sin(psi2)
+    w1 = f.cos(psi2)
+    w2 = second_v1_1*w0 + w1*second_v1_2
+    w3 = f.sin(phi2)
+    w4 = w2*w3
+    w5 = f.cos(phi2)
+    w6 = f.cos(theta2)
+    w7 = f.sin(theta2)
+    w8 = second_v1_1*w1 - second_v1_2*w0
+    w9 = second_v1_3*w6 - w7*w8
+    w10 = w4 + w5*w9
+    w11 = w2*w5
+    w12 = w11 - w9*w3
+    w13 = w12*base2_13 - base2_12*w10
+    w14 = w13*nu1
+    w15 = second_v1_3*w7 + w8*w6
+    w16 = base2_11*w9 - w15*w5*base2_13 + w15*base2_12*w3
+    w17 = w16*nu1
+    w18 = w8*w5 - w7*w2*w3
+    w19 = w8*w3 + w7*w2*w5
+    w20 = base2_12*w18 + base2_13*w19 - base2_11*w6*w2
+    w21 = w20*nu1
+    w22 = w12*base2_23 - w10*base2_22
+    w23 = w22*nu1
+    w24 = w9*base2_21 - w15*w5*base2_23 + w15*w3*base2_22
+    w25 = w24*nu1
+    w26 = base2_22*w18 + base2_23*w19 - w6*w2*base2_21
+    w27 = w26*nu1
+    w28 = w12*base2_33 - w10*base2_32
+    w29 = w28*nu1
+    w30 = w9*base2_31 - w15*w5*base2_33 + w15*w3*base2_32
+    w31 = w30*nu1
+    w32 = base2_32*w18 + base2_33*w19 - w6*w2*base2_31
+    w33 = w32*nu1
+    w34 = base2_11*w15
+    w35 = base2_12*w12
+    w36 = base2_13*w10
+    w37 = w34 + w35 + w36
+    w38 = f.sin(psi1)
+    w39 = f.cos(psi1)
+    w40 = first_1*w38 + first_2*w39
+    w41 = f.cos(phi1)
+    w42 = w40*w41
+    w43 = f.sin(phi1)
+    w44 = f.cos(theta1)
+    w45 = first_1*w39 - w38*first_2
+    w46 = f.sin(theta1)
+    w47 = first_3*w44 - w45*w46
+    w48 = w42 - w43*w47
+    w49 = base1_12*w48
+    w50 = w40*w43
+    w51 = w50 + w47*w41
+    w52 = w51*base1_13
+    w53 = w15*base2_21
+    w54 = w12*base2_22
+    w55 = w10*base2_23
+    w56 = w53 + w54 + w55
+    w57 = w48*base1_22
+    w58 = w51*base1_23
+    w59 = w15*base2_31
+    w60 = w12*base2_32
+    w61 = w10*base2_33
+    w62 = w59 + w60 + w61
+    w63 = w48*base1_32
+    w64 = w51*base1_33
+    w65 = first_3*w46 + w44*w45
+    w66 = w41*w65
+    w67 = w43*w65
+    w68 = w37*(base1_12*w66 + base1_13*w67) + w56*(base1_22*w66 + base1_23*w67) + w62*(base1_32*w66 + base1_33*w67)
+    w69 = nu1*w68
+    w70 = w43*w45 + w40*w46*w41
+    w71 = w45*w41 - w40*w43*w46
+    w72 = w37*(base1_13*w71 - base1_12*w70) + w56*(base1_23*w71 - base1_22*w70) + w62*(base1_33*w71 - base1_32*w70)
+    w73 = nu1*w72
+    w74 = base1_13*w48 - base1_12*w51
+    w75 = w48*base1_23 - w51*base1_22
+    w76 = w48*base1_33 - w51*base1_32
+    w77 = nu1*(w74*w13 + w75*w22 + w76*w28)
+    w78 = nu1*(w74*w16 + w75*w24 + w76*w30)
+    w79 = nu1*(w74*w20 + w75*w26 + w76*w32)
+    w80 = base1_11*w65
+    w81 = w41*base1_13
+    w82 = base1_12*w43
+    w83 = w65*base1_21
+    w84 = w41*base1_23
+    w85 = w43*base1_22
+    w86 = w65*base1_31
+    w87 = w41*base1_33
+    w88 = w43*base1_32
+    w89 = w37*(w80 + w47*w81 - w47*w82) + w56*(w83 + w47*w84 - w47*w85) + w62*(w86 + w47*w87 - w47*w88)
+    w90 = w40*w46
+    w91 = w40*w44
+    w92 = w37*(base1_11*w90 + w91*w81 - w91*w82) + w56*(base1_21*w90 + w91*w84 - w91*w85) + w62*(base1_31*w90 + w91*w87 - w91*w88)
+    w93 = nu1*w92
+    w94 = w47*base1_11 - w41*base1_13*w65 + base1_12*w43*w65
+    w95 = w47*base1_21 - w41*base1_23*w65 + w43*base1_22*w65
+    w96 = w47*base1_31 - w41*base1_33*w65 + w43*base1_32*w65
+    w97 = nu1*(w13*w94 + w22*w95 + w28*w96)
+    w98 = nu1*(w94*w16 + w95*w24 + w96*w30)
+    w99 = nu1*(w20*w94 + w26*w95 + w32*w96)
+    w100 = w43*w46
+    w101 = w42 + w45*w100
+    w102 = w46*w41
+    w103 = w45*w102 - w50
+    w104 = w44*base1_11
+    w105 = w44*base1_21
+    w106 = w44*base1_31
+    w107 = w37*(base1_12*w101 - base1_13*w103 + w45*w104) + w56*(base1_22*w101 - base1_23*w103 + w45*w105) + w62*(base1_32*w101 - base1_33*w103 + w45*w106)
+    w108 = base1_12*w71 + base1_13*w70 - w40*w44*base1_11
+    w109 = base1_22*w71 + base1_23*w70 - w40*w44*base1_21
+    w110 = base1_32*w71 + base1_33*w70 - w40*w44*base1_31
+    w111 = nu1*(w13*w108 + w22*w109 + w28*w110)
+    w112 = nu1*(w108*w16 + w109*w24 + w110*w30)
+    w113 = nu1*(w108*w20 + w109*w26 + w110*w32)
+    w114 = w1*second_1 - w0*second_2
+    w115 = w7*second_3 + w6*w114
+    w116 = base2_11*w115
+    w117 = w0*second_1 + w1*second_2
+    w118 = w5*w117
+    w119 = w6*second_3 - w7*w114
+    w120 = w118 - w3*w119
+    w121 = base2_12*w120
+    w122 = w3*w117
+    w123 = w122 + w5*w119
+    w124 = base2_13*w123
+    w125 = x1 - x2 + w80 + w49 + w52 - w116 - w121 - w124
+    w126 = base2_12*w123 - base2_13*w120
+    w127 = w13*w126
+    w128 = base2_21*w115
+    w129 = base2_22*w120
+    w130 = base2_23*w123
+    w131 = y1 - y2 + w83 + w57 + w58 - w128 - w129 - w130
+    w132 = base2_22*w123 - base2_23*w120
+    w133 = w22*w132
+    w134 = base2_31*w115
+    w135 = base2_32*w120
+    w136 = base2_33*w123
+    w137 = z1 - z2 + w86 + w63 + w64 - w134 - w135 - w136
+    w138 = base2_32*w123 - base2_33*w120
+    w139 = w28*w138
+    w140 = w127 - w125*(w35 + w36) + w133 - w131*(w54 + w55) + w139 - w137*(w60 + w61) + w127 + w37*(w121 + w124) + w133 + w56*(w129 + w130) + w139 + w62*(w135 + w136)
+    w141 = w15*w5
+    w142 = w15*w3
+    w143 = base2_11*w119 + base2_12*w3*w115 - w5*base2_13*w115
+    w144 = base2_21*w119 + w3*base2_22*w115 - w5*base2_23*w115
+    w145 = base2_31*w119 + w3*base2_32*w115 - w5*base2_33*w115
+    w146 = w5*w115
+    w147 = w3*w115
+    w148 = w125*(base2_12*w141 + base2_13*w142) - w13*w143 + w131*(base2_22*w141 + base2_23*w142) - w22*w144 + w137*(base2_32*w141 + base2_33*w142) - w28*w145 + w126*w16 - w37*(base2_12*w146 + base2_13*w147) + w132*w24 - w56*(base2_22*w146 + base2_23*w147) + w138*w30 - w62*(base2_32*w146 + base2_33*w147)
+    w149 = nu1*w148
+    w150 = w5*w114 - w7*w3*w117
+    w151 = w3*w114 + w7*w5*w117
+    w152 = base2_12*w150 + base2_13*w151 - base2_11*w6*w117
+    w153 = base2_22*w150 + base2_23*w151 - w6*base2_21*w117
+    w154 = base2_32*w150 + base2_33*w151 - w6*base2_31*w117
+    w155 = w125*(base2_13*w18 - base2_12*w19) - w13*w152 + w131*(base2_23*w18 - base2_22*w19) - w22*w153 + w137*(base2_33*w18 - base2_32*w19) - w28*w154 + w126*w20 + w37*(base2_12*w151 - base2_13*w150) + w132*w26 + w56*(base2_22*w151 - base2_23*w150) + w138*w32 + w62*(base2_32*w151 - base2_33*w150)
+    w156 = nu1*w155
+    w157 = w16*w143
+    w158 = w5*base2_13
+    w159 = base2_12*w3
+    w160 = w24*w144
+    w161 = w5*base2_23
+    w162 = w3*base2_22
+    w163 = w30*w145
+    w164 = w5*base2_33
+    w165 = w3*base2_32
+    w166 = w157 + w125*(w34 + w9*w158 - w9*w159) + w157 - w37*(w116 - w119*w159 + w119*w158) + w160 + w131*(w53 + w9*w161 - w9*w162) + w160 - w56*(w128 - w119*w162 + w119*w161) + w163 + w137*(w59 + w9*w164 - w9*w165) + w163 - w62*(w134 - w119*w165 + w119*w164)
+    w167 = w7*w2
+    w168 = w6*w2
+    w169 = w7*w117
+    w170 = w6*w117
+    w171 = w125*(base2_11*w167 + w168*w158 - w168*w159) - w152*w16 - (w20*w143 + w37*(base2_11*w169 - w170*w159 + w170*w158)) + w131*(base2_21*w167 + w168*w161 - w168*w162) - w153*w24 - (w26*w144 + w56*(base2_21*w169 - w170*w162 + w170*w161)) + w137*(base2_31*w167 + w168*w164 - w168*w165) - w154*w30 - (w32*w145 + w62*(base2_31*w169 - w170*w165 + w170*w164))
+    w172 = nu1*w171
+    w173 = w152*w20
+    w174 = w7*w3
+    w175 = w118 + w114*w174
+    w176 = w7*w5
+    w177 = w114*w176 - w122
+    w178 = base2_11*w6
+    w179 = w11 + w8*w174
+    w180 = w8*w176 - w4
+    w181 = w153*w26
+    w182 = w6*base2_21
+    w183 = w154*w32
+    w184 = w6*base2_31
+    w185 = w173 - w37*(base2_12*w175 - base2_13*w177 + w114*w178) + w173 + w125*(base2_12*w179 - base2_13*w180 + w8*w178) + w181 - w56*(base2_22*w175 - base2_23*w177 + w114*w182) + w181 + w131*(base2_22*w179 - base2_23*w180 + w8*w182) + w183 - w62*(base2_32*w175 - base2_33*w177 + w114*w184) + w183 + w137*(base2_32*w179 - base2_33*w180 + w8*w184)
+    w186 = w6*theta2_t
+    w187 = w0*psi2_t
+    w188 = w1*psi2_t
+    w189 = second_v1_1*w187 + second_v1_2*w188
+    w190 = w7*theta2_t
+    w191 = second_v1_3*w186 - (w6*w189 + w8*w190)
+    w192 = second_v1_1*w188 - second_v1_2*w187
+    w193 = w3*phi2_t
+    w194 = second_v1_3*w190 + w8*w186 - w7*w189
+    w195 = w5*phi2_t
+    w196 = w5*w192 - w2*w193 - (w9*w195 - w3*w194)
+    w197 = w3*w192 + w2*w195 - (w9*w193 + w5*w194)
+    w198 = base2_11*w191 + base2_12*w196 + base2_13*w197
+    w199 = base2_21*w191 + base2_22*w196 + base2_23*w197
+    w200 = base2_31*w191 + base2_32*w196 + base2_33*w197
+    w201 = w39*psi1_t
+    w202 = w38*psi1_t
+    w203 = first_1*w201 - first_2*w202
+    w204 = phi1_t*w41
+    w205 = w46*theta1_t
+    w206 = first_1*w202 + first_2*w201
+    w207 = w44*theta1_t
+    w208 = first_3*w205 + w45*w207 - w46*w206
+    w209 = phi1_t*w43
+    w210 = w43*w203 + w40*w204 - (w41*w208 + w47*w209)
+    w211 = w41*w203 - w40*w209 - (w47*w204 - w43*w208)
+    w212 = w37*(base1_13*w211 - base1_12*w210) + w74*w198 + w56*(base1_23*w211 - base1_22*w210) + w75*w199 + w62*(base1_33*w211 - base1_32*w210) + w76*w200
+    w213 = first_3*w207 - (w45*w205 + w44*w206)
+    w214 = base1_11*w208 + w213*w81 - w209*base1_13*w65 - (w204*base1_12*w65 + w213*w82)
+    w215 = base1_21*w208 + w213*w84 - w209*base1_23*w65 - (w204*base1_22*w65 + w213*w85)
+    w216 = base1_31*w208 + w213*w87 - w209*base1_33*w65 - (w204*base1_32*w65 + w213*w88)
+    w217 = w94*w198 - w37*w214 + w95*w199 - w56*w215 + w96*w200 - w62*w216
+    w218 = w41*w206 + w45*w209 + w203*w100 + w204*w90 + w50*w207
+    w219 = w45*w204 - w43*w206 + w203*w102 + w42*w207 - w209*w90
+    w220 = base1_12*w218 - base1_13*w219 + w203*w104 - w205*w40*base1_11
+    w221 = base1_22*w218 - base1_23*w219 + w203*w105 - w205*w40*base1_21
+    w222 = base1_32*w218 - base1_33*w219 + w203*w106 - w205*w40*base1_31
+    w223 = w108*w198 - w37*w220 + w109*w199 - w56*w221 + w110*w200 - w62*w222
+    w224 = second_1*w187 + second_2*w188
+    w225 = second_3*w186 - (w114*w190 + w6*w224)
+    w226 = second_1*w188 - second_2*w187
+    w227 = second_3*w190 + w114*w186 - w7*w224
+    w228 = w5*w226 - w117*w193 - (w119*w195 - w3*w227)
+    w229 = w117*w195 + w3*w226 - (w119*w193 + w5*w227)
+    w230 = x1_t - x2_t + base1_11*w213 + base1_12*w211 + base1_13*w210 - base2_11*w225 - base2_12*w228 - base2_13*w229
+    w231 = y1_t - y2_t + base1_21*w213 + base1_22*w211 + base1_23*w210 - base2_21*w225 - base2_22*w228 - base2_23*w229
+    w232 = z1_t - z2_t + base1_31*w213 + base1_32*w211 + base1_33*w210 - base2_31*w225 - base2_32*w228 - base2_33*w229
+    w233 = w125*(base2_13*w196 - base2_12*w197) + w13*w230 + w131*(base2_23*w196 - base2_22*w197) + w22*w231 + w137*(base2_33*w196 - base2_32*w197) + w28*w232 + w126*w198 + w37*(base2_12*w229 - base2_13*w228) + w132*w199 + w56*(base2_22*w229 - base2_23*w228) + w138*w200 + w62*(base2_32*w229 - base2_33*w228)
+    w234 = base2_11*w194 + w191*w158 - w193*w15*base2_13 - (w191*w159 + w195*w15*base2_12)
+    w235 = base2_11*w227 - (w195*base2_12*w115 + w225*w159) + w225*w158 - w193*base2_13*w115
+    w236 = base2_21*w194 + w191*w161 - w193*w15*base2_23 - (w191*w162 + w195*w15*base2_22)
+    w237 = base2_21*w227 - (w195*base2_22*w115 + w225*w162) + w225*w161 - w193*base2_23*w115
+    w238 = base2_31*w194 + w191*w164 - w193*w15*base2_33 - (w191*w165 + w195*w15*base2_32)
+    w239 = base2_31*w227 - (w195*base2_32*w115 + w225*w165) + w225*w164 - w193*base2_33*w115
+    w240 = w16*w230 - w125*w234 - (w143*w198 - w37*w235) + w24*w231 - w131*w236 - (w144*w199 - w56*w237) + w30*w232 - w137*w238 - (w145*w200 - w62*w239)
+    w241 = w114*w193 + w5*w224 + w122*w186 + w195*w169 + w226*w174
+    w242 = w114*w195 - w3*w224 + w118*w186 - w193*w169 + w226*w176
+    w243 = base2_12*w241 - base2_13*w242 + w226*w178 - w190*base2_11*w117
+    w244 = w5*w189 + w8*w193 + w4*w186 + w192*w174 + w195*w167
+    w245 = w8*w195 - w3*w189 + w11*w186 + w192*w176 - w193*w167
+    w246 = w125*(base2_12*w244 - base2_13*w245 + w192*w178 - w190*base2_11*w2)
+    w247 = base2_22*w241 - base2_23*w242 + w226*w182 - w190*base2_21*w117
+    w248 = w131*(base2_22*w244 - base2_23*w245 + w192*w182 - w190*w2*base2_21)
+    w249 = base2_32*w241 - base2_33*w242 + w226*w184 - w190*base2_31*w117
+    w250 = w137*(base2_32*w244 - base2_33*w245 + w192*w184 - w190*w2*base2_31)
+    w251 = w20*w230 - w246 - (w152*w198 - w37*w243) - (w153*w199 - w56*w247) + w26*w231 - w248 - (w154*w200 - w62*w249) + w32*w232 - w250
     return (
-        w423,
-        nu1*w286,
-        nu1*w364,
-        w424,
-        nu1*w289,
-        nu1*w368,
-        w425,
-        nu1*w292,
-        nu1*w372,
-        nu1*w163,
-        nu1*w194,
-        w426,
-        w427,
-        nu1*w341,
-        nu1*w410,
-        nu1*w157,
-        nu1*w189,
-        nu1*w212,
-        nu1*w248,
-        nu1*w322,
-        nu1*w399,
-        w426,
-        nu1*w177,
-        nu1*w207,
-        nu1*w226,
-        nu1*w300,
-        nu1*w380,
-        nu1*w262,
-        nu1*w338,
-        nu1*w407,
-        nu1*w263,
-        nu1*w339,
-        nu1*w408,
-        nu1*w264,
-        nu1*w340,
-        nu1*w409,
-        w423,
-        w424,
-        w425,
-        w427,
-        nu1*w169,
-        nu1*w200,
-        -w423,
-        -w424,
-        -w425,
-        nu1*w225,
-        nu1*w299,
-        nu1*w379,
-        w428,
-        w429,
-        w430,
-        nu1*w158,
-        nu1*w190,
-        nu1*w213,
-        -w428,
-        -w429,
-        -w430,
-        nu1*w261,
-        nu1*w337,
-        nu1*w406,
-        w431,
-        w432,
-        w433,
-        nu1*w153,
-        nu1*w178,
-        nu1*w208,
-        -w431,
-        -w432,
-        -w433,
-        nu1*w247,
-        nu1*w321,
-        nu1*w398,
-        w135 + w136 + w137,
-        w138 + w139 + w140,
-        w141 + w142 + w143,
-        phi1_t*w163 + phi2_t*w144 + psi1_t*w152 + psi2_t*w153 + theta1_t*w157 + theta2_t*w158,
-        phi1_t*w194 + phi2_t*w169 + psi1_t*w177 + psi2_t*w178 + theta1_t*w189 + theta2_t*w190,
-        phi1_t*w152 + phi2_t*w200 + psi1_t*w207 + psi2_t*w208 + theta1_t*w212 + theta2_t*w213,
-        -w135 - w136 - w137,
-        -w138 - w139 - w140,
-        -w141 - w142 - w143,
-        w265 + w266 + w267 + w268 + w269 + w270 + w271 + w272 + w273 + w274 + w275 + w276,
-        w342 + w343 + w344 + w345 + w346 + w347 + w348 + w349 + w350 + w351 + w352 + w353,
-        w411 + w412 + w413 + w414 + w415 + w416 + w417 + w418 + w419 + w420 + w421 + w422,
+        w14,
+        w17,
+        w21,
+        w23,
+        w25,
+        w27,
+        w29,
+        w31,
+        w33,
+        -nu1*(w37*(w49 + w52) + w56*(w57 + w58) + w62*(w63 + w64)),
+        w69,
+        w73,
+        w77,
+        w78,
+        w79,
+        w69,
+        -nu1*w89,
+        w93,
+        w97,
+        w98,
+        w99,
+        w73,
+        w93,
+        -nu1*w107,
+        w111,
+        w112,
+        w113,
+        -w14,
+        -w17,
+        -w21,
+        -w23,
+        -w25,
+        -w27,
+        -w29,
+        -w31,
+        -w33,
+        w14,
+        w23,
+        w29,
+        w77,
+        w97,
+        w111,
+        -w14,
+        -w23,
+        -w29,
+        nu1*w140,
+        w149,
+        w156,
+        w17,
+        w25,
+        w31,
+        w78,
+        w98,
+        w112,
+        -w17,
+        -w25,
+        -w31,
+        w149,
+        -nu1*w166,
+        w172,
+        w21,
+        w27,
+        w33,
+        w79,
+        w99,
+        w113,
+        -w21,
+        -w27,
+        -w33,
+        w156,
+        w172,
+        -nu1*w185,
+        w198,
+        w199,
+        w200,
+        w212,
+        w217,
+        w223,
+        -w198,
+        -w199,
+        -w200,
+        w233,
+        w240,
+        w251,
     )
 
 

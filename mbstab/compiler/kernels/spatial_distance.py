@@ -5,408 +5,133 @@ def dynamics(f, q, u, p, s):
     x1, y1, z1, phi1, theta1, psi1, x2, y2, z2, phi2, theta2, psi2, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, x2_t, y2_t, z2_t, phi2_t, theta2_t, psi2_t, = u
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, length, = p
-    w0 = 1/length
-    w1 = f.sin(theta1)
-    w2 = first_3*w1
-    w3 = f.cos(psi1)
-    w4 = first_1*w3
-    w5 = f.sin(psi1)
-    w6 = first_2*w5
-    w7 = w4 - w6
-    w8 = f.cos(theta1)
-    w9 = w7*w8
-    w10 = w2 + w9
-    w11 = first_1*w5
-    w12 = first_2*w3
-    w13 = w11 + w12
-    w14 = f.cos(phi1)
-    w15 = w13*w14
-    w16 = first_3*w8
-    w17 = w1*w7
-    w18 = w16 - w17
-    w19 = f.sin(phi1)
-    w20 = w18*w19
-    w21 = w15 - w20
-    w22 = w13*w19
-    w23 = w14*w18
-    w24 = w22 + w23
-    w25 = f.sin(theta2)
-    w26 = second_3*w25
-    w27 = f.cos(psi2)
-    w28 = second_1*w27
-    w29 = f.sin(psi2)
-    w30 = second_2*w29
-    w31 = w28 - w30
-    w32 = f.cos(theta2)
-    w33 = w31*w32
-    w34 = w26 + w33
-    w35 = second_1*w29
-    w36 = second_2*w27
-    w37 = w35 + w36
-    w38 = f.cos(phi2)
-    w39 = w37*w38
-    w40 = second_3*w32
-    w41 = w25*w31
-    w42 = w40 - w41
-    w43 = f.sin(phi2)
-    w44 = w42*w43
-    w45 = w39 - w44
-    w46 = w37*w43
-    w47 = w38*w42
-    w48 = w46 + w47
-    w49 = base1_11*w10 + base1_12*w21 + base1_13*w24 - base2_11*w34 - base2_12*w45 - base2_13*w48 + x1 - x2
-    w50 = base1_21*w10 + base1_22*w21 + base1_23*w24 - base2_21*w34 - base2_22*w45 - base2_23*w48 + y1 - y2
-    w51 = base1_31*w10 + base1_32*w21 + base1_33*w24 - base2_31*w34 - base2_32*w45 - base2_33*w48 + z1 - z2
-    w52 = 2*w49
-    w53 = w0*w52
-    w54 = w53/2
-    w55 = 2*w50
-    w56 = w0*w55
-    w57 = w56/2
-    w58 = 2*w51
-    w59 = w0*w58
-    w60 = w59/2
-    w61 = -w22 - w23
-    w62 = base1_12*w61 + base1_13*w21
-    w63 = base1_22*w61 + base1_23*w21
-    w64 = base1_32*w61 + base1_33*w21
-    w65 = w0*(w52*w62 + w55*w63 + w58*w64)/2
-    w66 = -w2 - w9
-    w67 = w19*w66
-    w68 = w14*w66
-    w69 = base1_11*w18 - base1_12*w67 + base1_13*w68
-    w70 = base1_21*w18 - base1_22*w67 + base1_23*w68
-    w71 = base1_31*w18 - base1_32*w67 + base1_33*w68
-    w72 = w0*(w52*w69 + w55*w70 + w58*w71)/2
-    w73 = -w11 - w12
-    w74 = w73*w8
-    w75 = w1*w73
-    w76 = w14*w7 + w19*w75
-    w77 = w19*w7
-    w78 = w14*w75
-    w79 = w77 - w78
-    w80 = base1_11*w74 + base1_12*w76 + base1_13*w79
-    w81 = base1_21*w74 + base1_22*w76 + base1_23*w79
-    w82 = base1_31*w74 + base1_32*w76 + base1_33*w79
-    w83 = w0*(w52*w80 + w55*w81 + w58*w82)/2
-    w84 = -w53/2
-    w85 = -w56/2
-    w86 = -w59/2
-    w87 = -w46 - w47
-    w88 = -base2_12*w87 - base2_13*w45
-    w89 = -base2_22*w87 - base2_23*w45
-    w90 = -base2_32*w87 - base2_33*w45
-    w91 = w0*(w52*w88 + w55*w89 + w58*w90)/2
-    w92 = -w26 - w33
-    w93 = w43*w92
-    w94 = w38*w92
-    w95 = -base2_11*w42 + base2_12*w93 - base2_13*w94
-    w96 = -base2_21*w42 + base2_22*w93 - base2_23*w94
-    w97 = -base2_31*w42 + base2_32*w93 - base2_33*w94
-    w98 = w0*(w52*w95 + w55*w96 + w58*w97)/2
-    w99 = -w35 - w36
-    w100 = w32*w99
-    w101 = w25*w99
-    w102 = w101*w43 + w31*w38
-    w103 = w31*w43
-    w104 = w101*w38
-    w105 = w103 - w104
-    w106 = -base2_11*w100 - base2_12*w102 - base2_13*w105
-    w107 = -base2_21*w100 - base2_22*w102 - base2_23*w105
-    w108 = -base2_31*w100 - base2_32*w102 - base2_33*w105
-    w109 = w0*(w106*w52 + w107*w55 + w108*w58)/2
-    w110 = phi1_t*w65
-    w111 = w86*z2_t
-    w112 = psi2_t*w109
-    w113 = w85*y2_t
-    w114 = phi2_t*w91
-    w115 = w54*x1_t
-    w116 = w84*x2_t
-    w117 = w57*y1_t
-    w118 = w60*z1_t
-    w119 = psi1_t*w83
-    w120 = theta1_t*w72
-    w121 = theta2_t*w98
-    w122 = 2*w62
-    w123 = w0*w122
-    w124 = w123/2
-    w125 = 2*w69
-    w126 = w0*w125
-    w127 = w126/2
-    w128 = 2*w80
-    w129 = w0*w128
-    w130 = w129/2
-    w131 = 2*w0
-    w132 = -w131/2
-    w133 = 2*w88
-    w134 = w0*w133
-    w135 = w134/2
-    w136 = 2*w95
-    w137 = w0*w136
-    w138 = w137/2
-    w139 = 2*w106
-    w140 = w0*w139
-    w141 = w140/2
-    w142 = w131/2
-    w143 = w142*x1_t
-    w144 = psi2_t*w141
-    w145 = phi1_t*w124
-    w146 = w132*x2_t
-    w147 = phi2_t*w135
-    w148 = theta2_t*w138
-    w149 = psi1_t*w130
-    w150 = theta1_t*w127
-    w151 = 2*w63
-    w152 = w0*w151
-    w153 = w152/2
-    w154 = 2*w70
-    w155 = w0*w154
-    w156 = w155/2
-    w157 = 2*w81
-    w158 = w0*w157
-    w159 = w158/2
-    w160 = 2*w89
-    w161 = w0*w160
-    w162 = w161/2
-    w163 = 2*w96
-    w164 = w0*w163
-    w165 = w164/2
-    w166 = 2*w107
-    w167 = w0*w166
-    w168 = w167/2
-    w169 = theta2_t*w165
-    w170 = phi1_t*w153
-    w171 = psi1_t*w159
-    w172 = w142*y1_t
-    w173 = theta1_t*w156
-    w174 = phi2_t*w162
-    w175 = psi2_t*w168
-    w176 = w132*y2_t
-    w177 = 2*w64
-    w178 = w0*w177
-    w179 = w178/2
-    w180 = 2*w71
-    w181 = w0*w180
-    w182 = w181/2
-    w183 = 2*w82
-    w184 = w0*w183
-    w185 = w184/2
-    w186 = 2*w90
-    w187 = w0*w186
-    w188 = w187/2
-    w189 = 2*w97
-    w190 = w0*w189
-    w191 = w190/2
-    w192 = 2*w108
-    w193 = w0*w192
-    w194 = w193/2
-    w195 = psi2_t*w194
-    w196 = w132*z2_t
-    w197 = psi1_t*w185
-    w198 = theta2_t*w191
-    w199 = phi1_t*w179
-    w200 = theta1_t*w182
-    w201 = phi2_t*w188
-    w202 = w142*z1_t
-    w203 = -w15 + w20
-    w204 = w177*w64 + w58*(base1_32*w203 + base1_33*w61)
-    w205 = w151*w63 + w55*(base1_22*w203 + base1_23*w61)
-    w206 = w122*w62 + w52*(base1_12*w203 + base1_13*w61)
-    w207 = w52*(-base1_12*w68 - base1_13*w67)
-    w208 = w55*(-base1_22*w68 - base1_23*w67)
-    w209 = w58*(-base1_32*w68 - base1_33*w67)
-    w210 = w122*w69 + w151*w70 + w177*w71 + w207 + w208 + w209
-    w211 = -w77 + w78
-    w212 = w52*(base1_12*w211 + base1_13*w76)
-    w213 = w55*(base1_22*w211 + base1_23*w76)
-    w214 = w58*(base1_32*w211 + base1_33*w76)
-    w215 = w122*w80 + w151*w81 + w177*w82 + w212 + w213 + w214
-    w216 = phi1_t*w0*(w204 + w205 + w206)/2
-    w217 = -w178*z2_t/2
-    w218 = phi2_t*w0*(w122*w88 + w151*w89 + w177*w90)/2
-    w219 = -w152*y2_t/2
-    w220 = w124*x1_t
-    w221 = -w123*x2_t/2
-    w222 = psi1_t*w0*w215/2
-    w223 = w179*z1_t
-    w224 = theta2_t*w0*(w122*w95 + w151*w96 + w177*w97)/2
-    w225 = theta1_t*w0*w210/2
-    w226 = w153*y1_t
-    w227 = psi2_t*w0*(w106*w122 + w107*w151 + w108*w177)/2
-    w228 = w125*w62 + w154*w63 + w180*w64 + w207 + w208 + w209
-    w229 = -w16 + w17
-    w230 = w19*w229
-    w231 = w14*w229
-    w232 = w125*w69 + w52*(base1_11*w66 - base1_12*w230 + base1_13*w231)
-    w233 = w180*w71 + w58*(base1_31*w66 - base1_32*w230 + base1_33*w231)
-    w234 = w154*w70 + w55*(base1_21*w66 - base1_22*w230 + base1_23*w231)
-    w235 = w19*w74
-    w236 = w14*w74
-    w237 = w52*(-base1_11*w75 + base1_12*w235 - base1_13*w236)
-    w238 = w55*(-base1_21*w75 + base1_22*w235 - base1_23*w236)
-    w239 = w58*(-base1_31*w75 + base1_32*w235 - base1_33*w236)
-    w240 = w125*w80 + w154*w81 + w180*w82 + w237 + w238 + w239
-    w241 = phi2_t*w0*(w125*w88 + w154*w89 + w180*w90)/2
-    w242 = w156*y1_t
-    w243 = -w155*y2_t/2
-    w244 = theta2_t*w0*(w125*w95 + w154*w96 + w180*w97)/2
-    w245 = w182*z1_t
-    w246 = -w126*x2_t/2
-    w247 = psi1_t*w0*w240/2
-    w248 = phi1_t*w0*w228/2
-    w249 = -w181*z2_t/2
-    w250 = psi2_t*w0*(w106*w125 + w107*w154 + w108*w180)/2
-    w251 = theta1_t*w0*(w232 + w233 + w234)/2
-    w252 = w127*x1_t
-    w253 = w128*w62 + w157*w63 + w183*w64 + w212 + w213 + w214
-    w254 = w128*w69 + w157*w70 + w183*w71 + w237 + w238 + w239
-    w255 = -w4 + w6
-    w256 = w255*w8
-    w257 = w1*w255
-    w258 = w14*w73 + w19*w257
-    w259 = -w14*w257 + w19*w73
-    w260 = w157*w81 + w55*(base1_21*w256 + base1_22*w258 + base1_23*w259)
-    w261 = w128*w80 + w52*(base1_11*w256 + base1_12*w258 + base1_13*w259)
-    w262 = w183*w82 + w58*(base1_31*w256 + base1_32*w258 + base1_33*w259)
-    w263 = -w184*z2_t/2
-    w264 = -w129*x2_t/2
-    w265 = psi2_t*w0*(w106*w128 + w107*w157 + w108*w183)/2
-    w266 = phi2_t*w0*(w128*w88 + w157*w89 + w183*w90)/2
-    w267 = theta1_t*w0*w254/2
-    w268 = w130*x1_t
-    w269 = theta2_t*w0*(w128*w95 + w157*w96 + w183*w97)/2
-    w270 = phi1_t*w0*w253/2
-    w271 = -w158*y2_t/2
-    w272 = psi1_t*w0*(w260 + w261 + w262)/2
-    w273 = w185*z1_t
-    w274 = w159*y1_t
-    w275 = -2*w0
-    w276 = -w275/2
-    w277 = w275/2
-    w278 = -theta1_t*w0*w69
-    w279 = w277*x1_t
-    w280 = -phi1_t*w0*w62
-    w281 = -psi1_t*w0*w80
-    w282 = -psi2_t*w0*w106
-    w283 = w276*x2_t
-    w284 = -theta2_t*w0*w95
-    w285 = -phi2_t*w0*w88
-    w286 = -phi2_t*w0*w89
-    w287 = w276*y2_t
-    w288 = -phi1_t*w0*w63
-    w289 = -theta1_t*w0*w70
-    w290 = -psi1_t*w0*w81
-    w291 = -psi2_t*w0*w107
-    w292 = w277*y1_t
-    w293 = -theta2_t*w0*w96
-    w294 = -phi2_t*w0*w90
-    w295 = -psi2_t*w0*w108
-    w296 = -theta1_t*w0*w71
-    w297 = w276*z2_t
-    w298 = -psi1_t*w0*w82
-    w299 = -theta2_t*w0*w97
-    w300 = w277*z1_t
-    w301 = -phi1_t*w0*w64
-    w302 = -w39 + w44
-    w303 = w186*w90 + w58*(-base2_32*w302 - base2_33*w87)
-    w304 = w160*w89 + w55*(-base2_22*w302 - base2_23*w87)
-    w305 = w133*w88 + w52*(-base2_12*w302 - base2_13*w87)
-    w306 = w52*(base2_12*w94 + base2_13*w93)
-    w307 = w55*(base2_22*w94 + base2_23*w93)
-    w308 = w58*(base2_32*w94 + base2_33*w93)
-    w309 = w133*w95 + w160*w96 + w186*w97 + w306 + w307 + w308
-    w310 = -w103 + w104
-    w311 = w52*(-base2_12*w310 - base2_13*w102)
-    w312 = w55*(-base2_22*w310 - base2_23*w102)
-    w313 = w58*(-base2_32*w310 - base2_33*w102)
-    w314 = w106*w133 + w107*w160 + w108*w186 + w311 + w312 + w313
-    w315 = theta1_t*w0*(w133*w69 + w160*w70 + w186*w71)/2
-    w316 = psi1_t*w0*(w133*w80 + w160*w81 + w186*w82)/2
-    w317 = -w134*x2_t/2
-    w318 = w162*y1_t
-    w319 = -w187*z2_t/2
-    w320 = w188*z1_t
-    w321 = phi2_t*w0*(w303 + w304 + w305)/2
-    w322 = theta2_t*w0*w309/2
-    w323 = -w161*y2_t/2
-    w324 = phi1_t*w0*(w133*w62 + w160*w63 + w186*w64)/2
-    w325 = psi2_t*w0*w314/2
-    w326 = w135*x1_t
-    w327 = w136*w88 + w163*w89 + w189*w90 + w306 + w307 + w308
-    w328 = -w40 + w41
-    w329 = w328*w43
-    w330 = w328*w38
-    w331 = w163*w96 + w55*(-base2_21*w92 + base2_22*w329 - base2_23*w330)
-    w332 = w136*w95 + w52*(-base2_11*w92 + base2_12*w329 - base2_13*w330)
-    w333 = w189*w97 + w58*(-base2_31*w92 + base2_32*w329 - base2_33*w330)
-    w334 = w100*w43
-    w335 = w100*w38
-    w336 = w52*(base2_11*w101 - base2_12*w334 + base2_13*w335)
-    w337 = w55*(base2_21*w101 - base2_22*w334 + base2_23*w335)
-    w338 = w58*(base2_31*w101 - base2_32*w334 + base2_33*w335)
-    w339 = w106*w136 + w107*w163 + w108*w189 + w336 + w337 + w338
-    w340 = theta1_t*w0*(w136*w69 + w163*w70 + w189*w71)/2
-    w341 = phi2_t*w0*w327/2
-    w342 = theta2_t*w0*(w331 + w332 + w333)/2
-    w343 = psi1_t*w0*(w136*w80 + w163*w81 + w189*w82)/2
-    w344 = -w190*z2_t/2
-    w345 = w165*y1_t
-    w346 = w138*x1_t
-    w347 = w191*z1_t
-    w348 = phi1_t*w0*(w136*w62 + w163*w63 + w189*w64)/2
-    w349 = -w137*x2_t/2
-    w350 = psi2_t*w0*w339/2
-    w351 = -w164*y2_t/2
-    w352 = w139*w88 + w166*w89 + w192*w90 + w311 + w312 + w313
-    w353 = w139*w95 + w166*w96 + w192*w97 + w336 + w337 + w338
-    w354 = -w28 + w30
-    w355 = w32*w354
-    w356 = w25*w354
-    w357 = w356*w43 + w38*w99
-    w358 = -w356*w38 + w43*w99
-    w359 = w107*w166 + w55*(-base2_21*w355 - base2_22*w357 - base2_23*w358)
-    w360 = w106*w139 + w52*(-base2_11*w355 - base2_12*w357 - base2_13*w358)
-    w361 = w108*w192 + w58*(-base2_31*w355 - base2_32*w357 - base2_33*w358)
-    w362 = -w140*x2_t/2
-    w363 = theta2_t*w0*w353/2
-    w364 = phi1_t*w0*(w139*w62 + w166*w63 + w192*w64)/2
-    w365 = -w167*y2_t/2
-    w366 = phi2_t*w0*w352/2
-    w367 = psi2_t*w0*(w359 + w360 + w361)/2
-    w368 = w141*x1_t
-    w369 = w194*z1_t
-    w370 = w168*y1_t
-    w371 = -w193*z2_t/2
-    w372 = theta1_t*w0*(w139*w69 + w166*w70 + w192*w71)/2
-    w373 = psi1_t*w0*(w139*w80 + w166*w81 + w192*w82)/2
-    w374 = theta2_t*(w340 + w341 + w342 + w343 + w344 + w345 + w346 + w347 + w348 + w349 + w350 + w351)
-    w375 = y2_t*(w286 + w287 + w288 + w289 + w290 + w291 + w292 + w293)
-    w376 = psi2_t*(w362 + w363 + w364 + w365 + w366 + w367 + w368 + w369 + w370 + w371 + w372 + w373)
-    w377 = z2_t*(w294 + w295 + w296 + w297 + w298 + w299 + w300 + w301)
-    w378 = phi1_t*(w216 + w217 + w218 + w219 + w220 + w221 + w222 + w223 + w224 + w225 + w226 + w227)
-    w379 = y1_t*(w169 + w170 + w171 + w172 + w173 + w174 + w175 + w176)
-    w380 = z1_t*(w195 + w196 + w197 + w198 + w199 + w200 + w201 + w202)
-    w381 = psi1_t*(w263 + w264 + w265 + w266 + w267 + w268 + w269 + w270 + w271 + w272 + w273 + w274)
-    w382 = x1_t*(w143 + w144 + w145 + w146 + w147 + w148 + w149 + w150)
-    w383 = theta1_t*(w241 + w242 + w243 + w244 + w245 + w246 + w247 + w248 + w249 + w250 + w251 + w252)
-    w384 = phi2_t*(w315 + w316 + w317 + w318 + w319 + w320 + w321 + w322 + w323 + w324 + w325 + w326)
-    w385 = x2_t*(w278 + w279 + w280 + w281 + w282 + w283 + w284 + w285)
+    w0 = f.sin(theta1)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = first_1*w1 - first_2*w2
+    w4 = f.cos(theta1)
+    w5 = first_3*w0 + w3*w4
+    w6 = first_1*w2 + w1*first_2
+    w7 = f.cos(phi1)
+    w8 = first_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = f.sin(theta2)
+    w13 = f.cos(psi2)
+    w14 = f.sin(psi2)
+    w15 = second_1*w13 - second_2*w14
+    w16 = f.cos(theta2)
+    w17 = second_3*w12 + w15*w16
+    w18 = second_1*w14 + w13*second_2
+    w19 = f.cos(phi2)
+    w20 = second_3*w16 - w12*w15
+    w21 = f.sin(phi2)
+    w22 = w18*w19 - w20*w21
+    w23 = w18*w21 + w19*w20
+    w24 = x1 - x2 + base1_11*w5 + base1_12*w10 + base1_13*w11 - base2_11*w17 - base2_12*w22 - base2_13*w23
+    w25 = y1 - y2 + w5*base1_21 + w10*base1_22 + w11*base1_23 - w17*base2_21 - w22*base2_22 - w23*base2_23
+    w26 = z1 - z2 + w5*base1_31 + w10*base1_32 + w11*base1_33 - w17*base2_31 - w22*base2_32 - w23*base2_33
+    w27 = w4*theta1_t
+    w28 = w2*psi1_t
+    w29 = w1*psi1_t
+    w30 = first_1*w28 + first_2*w29
+    w31 = w0*theta1_t
+    w32 = first_3*w27 - (w4*w30 + w3*w31)
+    w33 = first_1*w29 - first_2*w28
+    w34 = w9*phi1_t
+    w35 = first_3*w31 + w3*w27 - w0*w30
+    w36 = w7*phi1_t
+    w37 = w7*w33 - w6*w34 - (w8*w36 - w9*w35)
+    w38 = w9*w33 + w6*w36 - (w8*w34 + w7*w35)
+    w39 = w16*theta2_t
+    w40 = w14*psi2_t
+    w41 = w13*psi2_t
+    w42 = second_1*w40 + second_2*w41
+    w43 = w12*theta2_t
+    w44 = second_3*w39 - (w16*w42 + w15*w43)
+    w45 = second_1*w41 - second_2*w40
+    w46 = w21*phi2_t
+    w47 = second_3*w43 + w15*w39 - w12*w42
+    w48 = w19*phi2_t
+    w49 = w19*w45 - w18*w46 - (w20*w48 - w21*w47)
+    w50 = w21*w45 + w18*w48 - (w20*w46 + w19*w47)
+    w51 = x1_t - x2_t + base1_11*w32 + base1_12*w37 + base1_13*w38 - base2_11*w44 - base2_12*w49 - base2_13*w50
+    w52 = y1_t - y2_t + base1_21*w32 + base1_22*w37 + base1_23*w38 - base2_21*w44 - base2_22*w49 - base2_23*w50
+    w53 = z1_t - z2_t + base1_31*w32 + base1_32*w37 + base1_33*w38 - base2_31*w44 - base2_32*w49 - base2_33*w50
+    w54 = w24/length
+    w55 = w25/length
+    w56 = w26/length
+    w57 = base1_33*w56 + base1_23*w55 + base1_13*w54
+    w58 = base1_32*w56 + base1_22*w55 + base1_12*w54
+    w59 = w7*w57 - w9*w58
+    w60 = base1_31*w56 + base1_21*w55 + base1_11*w54
+    w61 = w9*w57 + w7*w58
+    w62 = w4*w60 - w0*w59
+    w63 = w1*(first_1*w61 - first_2*w62) - w2*(first_2*w61 + first_1*w62)
+    w64 = base2_33*w56 + base2_23*w55 + base2_13*w54
+    w65 = base2_32*w56 + base2_22*w55 + base2_12*w54
+    w66 = w21*w65 - w19*w64
+    w67 = base2_31*w56 + base2_21*w55 + base2_11*w54
+    w68 = w21*w64 + w19*w65
+    w69 = w12*w66 + w16*w67
+    w70 = w13*(second_2*w69 - second_1*w68) + w14*(second_2*w68 + second_1*w69)
+    w71 = theta1_t*w31
+    w72 = w30*w31
+    w73 = psi1_t*w29
+    w74 = psi1_t*w28
+    w75 = first_1*w73 - first_2*w74
+    w76 = theta1_t*w27
+    w77 = first_3*w71 + w4*w75 - w72 + w3*w76 - w72
+    w78 = w33*w34
+    w79 = first_1*w74 + first_2*w73
+    w80 = phi1_t*w36
+    w81 = w35*w36
+    w82 = w27*w30
+    w83 = first_3*w76 - (w82 + w3*w71 + w82 + w0*w75)
+    w84 = phi1_t*w34
+    w85 = w81 + w9*w83 + w81 + w8*w84 - (w78 + w7*w79 + w78 + w6*w80)
+    w86 = w33*w36
+    w87 = w34*w35
+    w88 = w86 - w9*w79 + w86 - w6*w84 - (w8*w80 - w87 + w7*w83 - w87)
+    w89 = theta2_t*w43
+    w90 = w42*w43
+    w91 = psi2_t*w41
+    w92 = psi2_t*w40
+    w93 = second_1*w91 - second_2*w92
+    w94 = theta2_t*w39
+    w95 = second_3*w89 + w16*w93 - w90 + w15*w94 - w90
+    w96 = w45*w46
+    w97 = second_1*w92 + second_2*w91
+    w98 = phi2_t*w48
+    w99 = w47*w48
+    w100 = w39*w42
+    w101 = second_3*w94 - (w100 + w15*w89 + w100 + w12*w93)
+    w102 = phi2_t*w46
+    w103 = w99 + w21*w101 + w99 + w20*w102 - (w96 + w19*w97 + w96 + w18*w98)
+    w104 = w45*w48
+    w105 = w46*w47
+    w106 = w104 - w21*w97 + w104 - w18*w102 - (w20*w98 - w105 + w19*w101 - w105)
+    w107 = base1_12*w85 - base1_11*w77 + base1_13*w88 + base2_11*w95 - base2_12*w103 - base2_13*w106
+    w108 = base1_22*w85 - base1_21*w77 + base1_23*w88 + base2_21*w95 - base2_22*w103 - base2_23*w106
+    w109 = base1_32*w85 - base1_31*w77 + base1_33*w88 + base2_31*w95 - base2_32*w103 - base2_33*w106
+    w110 = (w51*w51 + w24*w107 + w52*w52 + w25*w108 + w53*w53 + w26*w109)/length
     return (
-        w0*(-length**2 + w49**2 + w50**2 + w51**2)/2,
-        w110 + w111 + w112 + w113 + w114 + w115 + w116 + w117 + w118 + w119 + w120 + w121,
+        (w24*w24 + w25*w25 + w26*w26 - length*length)/(2*length),
+        (w24*w51 + w25*w52 + w26*w53)/length,
         w54,
-        w57,
-        w60,
-        w65,
-        w72,
-        w83,
-        w84,
-        w85,
-        w86,
-        w91,
-        w98,
-        w109,
-        w374 + w375 + w376 + w377 + w378 + w379 + w380 + w381 + w382 + w383 + w384 + w385,
+        w55,
+        w56,
+        w7*(w6*w57 - w8*w58) - w9*(w8*w57 + w6*w58),
+        w4*(first_3*w60 - w3*w59) - w0*(first_3*w59 + w3*w60),
+        w63,
+        -w54,
+        -w55,
+        -w56,
+        w19*(w20*w65 - w18*w64) + w21*(w20*w64 + w18*w65),
+        -(w12*(second_3*w66 - w15*w67) + w16*(w15*w66 + second_3*w67)),
+        w70,
+        w110,
     )
 
 
@@ -422,354 +147,266 @@ def linearize(f, q, u, p, s, nu):
     x1, y1, z1, phi1, theta1, psi1, x2, y2, z2, phi2, theta2, psi2, = q
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, length, = p
     nu1, = nu
-    w0 = 1/length
-    w1 = f.sin(theta1)
-    w2 = first_3*w1
-    w3 = f.cos(psi1)
-    w4 = first_1*w3
-    w5 = f.sin(psi1)
-    w6 = first_2*w5
-    w7 = w4 - w6
-    w8 = f.cos(theta1)
-    w9 = w7*w8
-    w10 = w2 + w9
-    w11 = first_1*w5
-    w12 = first_2*w3
-    w13 = w11 + w12
-    w14 = f.cos(phi1)
-    w15 = w13*w14
-    w16 = first_3*w8
-    w17 = w1*w7
-    w18 = w16 - w17
-    w19 = f.sin(phi1)
-    w20 = w18*w19
-    w21 = w15 - w20
-    w22 = w13*w19
-    w23 = w14*w18
-    w24 = w22 + w23
-    w25 = f.sin(theta2)
-    w26 = second_3*w25
-    w27 = f.cos(psi2)
-    w28 = second_1*w27
-    w29 = f.sin(psi2)
-    w30 = second_2*w29
-    w31 = w28 - w30
-    w32 = f.cos(theta2)
-    w33 = w31*w32
-    w34 = w26 + w33
-    w35 = second_1*w29
-    w36 = second_2*w27
-    w37 = w35 + w36
-    w38 = f.cos(phi2)
-    w39 = w37*w38
-    w40 = second_3*w32
-    w41 = w25*w31
-    w42 = w40 - w41
-    w43 = f.sin(phi2)
-    w44 = w42*w43
-    w45 = w39 - w44
-    w46 = w37*w43
-    w47 = w38*w42
-    w48 = w46 + w47
-    w49 = base1_11*w10 + base1_12*w21 + base1_13*w24 - base2_11*w34 - base2_12*w45 - base2_13*w48 + x1 - x2
-    w50 = 2*w49
-    w51 = base1_21*w10 + base1_22*w21 + base1_23*w24 - base2_21*w34 - base2_22*w45 - base2_23*w48 + y1 - y2
-    w52 = 2*w51
-    w53 = base1_31*w10 + base1_32*w21 + base1_33*w24 - base2_31*w34 - base2_32*w45 - base2_33*w48 + z1 - z2
-    w54 = 2*w53
-    w55 = -w22 - w23
-    w56 = base1_12*w55 + base1_13*w21
-    w57 = base1_22*w55 + base1_23*w21
-    w58 = base1_32*w55 + base1_33*w21
-    w59 = -w2 - w9
-    w60 = w19*w59
-    w61 = w14*w59
-    w62 = base1_11*w18 - base1_12*w60 + base1_13*w61
-    w63 = base1_21*w18 - base1_22*w60 + base1_23*w61
-    w64 = base1_31*w18 - base1_32*w60 + base1_33*w61
-    w65 = -w11 - w12
-    w66 = w65*w8
-    w67 = w1*w65
-    w68 = w14*w7 + w19*w67
-    w69 = w19*w7
-    w70 = w14*w67
-    w71 = w69 - w70
-    w72 = base1_11*w66 + base1_12*w68 + base1_13*w71
-    w73 = base1_21*w66 + base1_22*w68 + base1_23*w71
-    w74 = base1_31*w66 + base1_32*w68 + base1_33*w71
-    w75 = -w46 - w47
-    w76 = -base2_12*w75 - base2_13*w45
-    w77 = -base2_22*w75 - base2_23*w45
-    w78 = -base2_32*w75 - base2_33*w45
-    w79 = -w26 - w33
-    w80 = w43*w79
-    w81 = w38*w79
-    w82 = -base2_11*w42 + base2_12*w80 - base2_13*w81
-    w83 = -base2_21*w42 + base2_22*w80 - base2_23*w81
-    w84 = -base2_31*w42 + base2_32*w80 - base2_33*w81
-    w85 = -w35 - w36
-    w86 = w32*w85
-    w87 = w25*w85
-    w88 = w31*w38 + w43*w87
-    w89 = w31*w43
-    w90 = w38*w87
-    w91 = w89 - w90
-    w92 = -base2_11*w86 - base2_12*w88 - base2_13*w91
-    w93 = -base2_21*w86 - base2_22*w88 - base2_23*w91
-    w94 = -base2_31*w86 - base2_32*w88 - base2_33*w91
-    w95 = 2*w56
-    w96 = w0*w95
-    w97 = 2*w62
-    w98 = w0*w97
-    w99 = 2*w72
-    w100 = w0*w99
-    w101 = 2*w0
-    w102 = 2*w76
-    w103 = w0*w102
-    w104 = 2*w82
-    w105 = w0*w104
-    w106 = 2*w92
-    w107 = w0*w106
-    w108 = 2*w57
-    w109 = w0*w108
-    w110 = 2*w63
-    w111 = w0*w110
-    w112 = 2*w73
-    w113 = w0*w112
-    w114 = 2*w77
-    w115 = w0*w114
-    w116 = 2*w83
-    w117 = w0*w116
-    w118 = 2*w93
-    w119 = w0*w118
-    w120 = 2*w58
-    w121 = w0*w120
-    w122 = 2*w64
-    w123 = w0*w122
-    w124 = 2*w74
-    w125 = w0*w124
-    w126 = 2*w78
-    w127 = w0*w126
-    w128 = 2*w84
-    w129 = w0*w128
-    w130 = 2*w94
-    w131 = w0*w130
-    w132 = -w15 + w20
-    w133 = w120*w58 + w54*(base1_32*w132 + base1_33*w55)
-    w134 = w108*w57 + w52*(base1_22*w132 + base1_23*w55)
-    w135 = w50*(base1_12*w132 + base1_13*w55) + w56*w95
-    w136 = w50*(-base1_12*w61 - base1_13*w60)
-    w137 = w52*(-base1_22*w61 - base1_23*w60)
-    w138 = w54*(-base1_32*w61 - base1_33*w60)
-    w139 = w108*w63 + w120*w64 + w136 + w137 + w138 + w62*w95
-    w140 = -w69 + w70
-    w141 = w50*(base1_12*w140 + base1_13*w68)
-    w142 = w52*(base1_22*w140 + base1_23*w68)
-    w143 = w54*(base1_32*w140 + base1_33*w68)
-    w144 = w108*w73 + w120*w74 + w141 + w142 + w143 + w72*w95
-    w145 = w110*w57 + w122*w58 + w136 + w137 + w138 + w56*w97
-    w146 = -w16 + w17
-    w147 = w146*w19
-    w148 = w14*w146
-    w149 = w50*(base1_11*w59 - base1_12*w147 + base1_13*w148) + w62*w97
-    w150 = w122*w64 + w54*(base1_31*w59 - base1_32*w147 + base1_33*w148)
-    w151 = w110*w63 + w52*(base1_21*w59 - base1_22*w147 + base1_23*w148)
-    w152 = w19*w66
-    w153 = w14*w66
-    w154 = w50*(-base1_11*w67 + base1_12*w152 - base1_13*w153)
-    w155 = w52*(-base1_21*w67 + base1_22*w152 - base1_23*w153)
-    w156 = w54*(-base1_31*w67 + base1_32*w152 - base1_33*w153)
-    w157 = w110*w73 + w122*w74 + w154 + w155 + w156 + w72*w97
-    w158 = w112*w57 + w124*w58 + w141 + w142 + w143 + w56*w99
-    w159 = w112*w63 + w124*w64 + w154 + w155 + w156 + w62*w99
-    w160 = -w4 + w6
-    w161 = w160*w8
-    w162 = w1*w160
-    w163 = w14*w65 + w162*w19
-    w164 = -w14*w162 + w19*w65
-    w165 = w112*w73 + w52*(base1_21*w161 + base1_22*w163 + base1_23*w164)
-    w166 = w50*(base1_11*w161 + base1_12*w163 + base1_13*w164) + w72*w99
-    w167 = w124*w74 + w54*(base1_31*w161 + base1_32*w163 + base1_33*w164)
-    w168 = -2*w0
-    w169 = -w39 + w44
-    w170 = w126*w78 + w54*(-base2_32*w169 - base2_33*w75)
-    w171 = w114*w77 + w52*(-base2_22*w169 - base2_23*w75)
-    w172 = w102*w76 + w50*(-base2_12*w169 - base2_13*w75)
-    w173 = w50*(base2_12*w81 + base2_13*w80)
-    w174 = w52*(base2_22*w81 + base2_23*w80)
-    w175 = w54*(base2_32*w81 + base2_33*w80)
-    w176 = w102*w82 + w114*w83 + w126*w84 + w173 + w174 + w175
-    w177 = -w89 + w90
-    w178 = w50*(-base2_12*w177 - base2_13*w88)
-    w179 = w52*(-base2_22*w177 - base2_23*w88)
-    w180 = w54*(-base2_32*w177 - base2_33*w88)
-    w181 = w102*w92 + w114*w93 + w126*w94 + w178 + w179 + w180
-    w182 = w104*w76 + w116*w77 + w128*w78 + w173 + w174 + w175
-    w183 = -w40 + w41
-    w184 = w183*w43
-    w185 = w183*w38
-    w186 = w116*w83 + w52*(-base2_21*w79 + base2_22*w184 - base2_23*w185)
-    w187 = w104*w82 + w50*(-base2_11*w79 + base2_12*w184 - base2_13*w185)
-    w188 = w128*w84 + w54*(-base2_31*w79 + base2_32*w184 - base2_33*w185)
-    w189 = w43*w86
-    w190 = w38*w86
-    w191 = w50*(base2_11*w87 - base2_12*w189 + base2_13*w190)
-    w192 = w52*(base2_21*w87 - base2_22*w189 + base2_23*w190)
-    w193 = w54*(base2_31*w87 - base2_32*w189 + base2_33*w190)
-    w194 = w104*w92 + w116*w93 + w128*w94 + w191 + w192 + w193
-    w195 = w106*w76 + w118*w77 + w130*w78 + w178 + w179 + w180
-    w196 = w106*w82 + w118*w83 + w130*w84 + w191 + w192 + w193
-    w197 = -w28 + w30
-    w198 = w197*w32
-    w199 = w197*w25
-    w200 = w199*w43 + w38*w85
-    w201 = -w199*w38 + w43*w85
-    w202 = w118*w93 + w52*(-base2_21*w198 - base2_22*w200 - base2_23*w201)
-    w203 = w106*w92 + w50*(-base2_11*w198 - base2_12*w200 - base2_13*w201)
-    w204 = w130*w94 + w54*(-base2_31*w198 - base2_32*w200 - base2_33*w201)
-    w205 = nu1*w101/2
-    w206 = nu1*w96/2
-    w207 = nu1*w98/2
-    w208 = nu1*w100/2
-    w209 = nu1*w168/2
-    w210 = nu1*w103/2
-    w211 = nu1*w105/2
-    w212 = nu1*w107/2
-    w213 = nu1*w109/2
-    w214 = nu1*w111/2
-    w215 = nu1*w113/2
-    w216 = nu1*w115/2
-    w217 = nu1*w117/2
-    w218 = nu1*w119/2
-    w219 = nu1*w121/2
-    w220 = nu1*w123/2
-    w221 = nu1*w125/2
-    w222 = nu1*w127/2
-    w223 = nu1*w129/2
-    w224 = nu1*w131/2
-    w225 = -nu1*w101/2
-    w226 = -nu1*w168/2
+    w0 = nu1/length
+    w1 = f.sin(psi1)
+    w2 = f.cos(psi1)
+    w3 = first_1*w1 + w2*first_2
+    w4 = f.sin(phi1)
+    w5 = f.cos(phi1)
+    w6 = f.cos(theta1)
+    w7 = f.sin(theta1)
+    w8 = first_1*w2 - first_2*w1
+    w9 = first_3*w6 - w7*w8
+    w10 = w3*w4 + w5*w9
+    w11 = w3*w5 - w9*w4
+    w12 = w0*(w11*base1_13 - base1_12*w10)
+    w13 = first_3*w7 + w8*w6
+    w14 = w13*w4
+    w15 = w13*w5
+    w16 = w0*(base1_11*w9 + base1_12*w14 - base1_13*w15)
+    w17 = w6*w3
+    w18 = w7*w3
+    w19 = w8*w5 - w4*w18
+    w20 = w8*w4 + w5*w18
+    w21 = w0*(base1_12*w19 - base1_11*w17 + base1_13*w20)
+    w22 = f.sin(psi2)
+    w23 = f.cos(psi2)
+    w24 = second_1*w22 + w23*second_2
+    w25 = f.sin(phi2)
+    w26 = f.cos(phi2)
+    w27 = f.cos(theta2)
+    w28 = f.sin(theta2)
+    w29 = second_1*w23 - second_2*w22
+    w30 = second_3*w27 - w28*w29
+    w31 = w24*w25 + w26*w30
+    w32 = w24*w26 - w30*w25
+    w33 = w0*(base2_12*w31 - w32*base2_13)
+    w34 = second_3*w28 + w29*w27
+    w35 = w34*w25
+    w36 = w34*w26
+    w37 = w0*(base2_11*w30 + base2_12*w35 - base2_13*w36)
+    w38 = w27*w24
+    w39 = w28*w24
+    w40 = w29*w26 - w25*w39
+    w41 = w29*w25 + w26*w39
+    w42 = w0*(base2_12*w40 - base2_11*w38 + base2_13*w41)
+    w43 = w0*(w11*base1_23 - w10*base1_22)
+    w44 = w0*(w9*base1_21 + base1_22*w14 - base1_23*w15)
+    w45 = w0*(base1_22*w19 - base1_21*w17 + base1_23*w20)
+    w46 = w0*(w31*base2_22 - w32*base2_23)
+    w47 = w0*(w30*base2_21 + base2_22*w35 - base2_23*w36)
+    w48 = w0*(base2_22*w40 - base2_21*w38 + base2_23*w41)
+    w49 = w0*(w11*base1_33 - w10*base1_32)
+    w50 = w0*(w9*base1_31 + base1_32*w14 - base1_33*w15)
+    w51 = w0*(base1_32*w19 - base1_31*w17 + base1_33*w20)
+    w52 = w0*(w31*base2_32 - w32*base2_33)
+    w53 = w0*(w30*base2_31 + base2_32*w35 - base2_33*w36)
+    w54 = w0*(base2_32*w40 - base2_31*w38 + base2_33*w41)
+    w55 = z1 - z2 + w13*base1_31 + w11*base1_32 + w10*base1_33 - w34*base2_31 - w32*base2_32 - w31*base2_33
+    w56 = w55*w0
+    w57 = y1 - y2 + w13*base1_21 + w11*base1_22 + w10*base1_23 - w34*base2_21 - w32*base2_22 - w31*base2_23
+    w58 = w57*w0
+    w59 = x1 - x2 + base1_11*w13 + base1_12*w11 + base1_13*w10 - base2_11*w34 - base2_12*w32 - base2_13*w31
+    w60 = w59*w0
+    w61 = base1_33*w56 + base1_23*w58 + base1_13*w60
+    w62 = base1_32*w56 + base1_22*w58 + base1_12*w60
+    w63 = base1_33*w49 + base1_23*w43 + base1_13*w12
+    w64 = base1_32*w49 + base1_22*w43 + base1_12*w12
+    w65 = w5*(w3*w63 - w9*w64) - w4*(w3*w61 - w9*w62) - (w5*(w9*w61 + w3*w62) + w4*(w9*w63 + w3*w64))
+    w66 = base1_33*w50 + base1_23*w44 + base1_13*w16
+    w67 = base1_32*w50 + base1_22*w44 + base1_12*w16
+    w68 = w5*(w3*w66 - (w9*w67 - w13*w62)) - w4*(w9*w66 - w13*w61 + w3*w67)
+    w69 = base1_33*w51 + base1_23*w45 + base1_13*w21
+    w70 = base1_32*w51 + base1_22*w45 + base1_12*w21
+    w71 = w5*(w8*w61 + w3*w69 - (w62*w18 + w9*w70)) - w4*(w61*w18 + w9*w69 + w8*w62 + w3*w70)
+    w72 = base1_33*w52 + base1_23*w46 + base1_13*w33
+    w73 = base1_32*w52 + base1_22*w46 + base1_12*w33
+    w74 = w5*(w3*w72 - w9*w73) - w4*(w9*w72 + w3*w73)
+    w75 = base1_33*w53 + base1_23*w47 + base1_13*w37
+    w76 = base1_32*w53 + base1_22*w47 + base1_12*w37
+    w77 = w5*(w9*w76 - w3*w75) + w4*(w9*w75 + w3*w76)
+    w78 = base1_33*w54 + base1_23*w48 + base1_13*w42
+    w79 = base1_32*w54 + base1_22*w48 + base1_12*w42
+    w80 = w5*(w9*w79 - w3*w78) + w4*(w9*w78 + w3*w79)
+    w81 = w5*w61 - w4*w62
+    w82 = base1_31*w56 + base1_21*w58 + base1_11*w60
+    w83 = w5*w66 - w4*w67
+    w84 = base1_31*w50 + base1_21*w44 + base1_11*w16
+    w85 = w6*(first_3*w84 - w8*w83) - w7*(first_3*w82 - w8*w81) - (w6*(first_3*w81 + w8*w82) + w7*(first_3*w83 + w8*w84))
+    w86 = w5*w69 - w4*w70
+    w87 = base1_31*w51 + base1_21*w45 + base1_11*w21
+    w88 = w6*(first_3*w87 - (w8*w86 - w3*w81)) - w7*(first_3*w86 + w8*w87 - w3*w82)
+    w89 = w5*w72 - w4*w73
+    w90 = base1_31*w52 + base1_21*w46 + base1_11*w33
+    w91 = w6*(first_3*w90 - w8*w89) - w7*(first_3*w89 + w8*w90)
+    w92 = w4*w76 - w5*w75
+    w93 = base1_31*w53 + base1_21*w47 + base1_11*w37
+    w94 = w7*(first_3*w92 - w8*w93) + w6*(w8*w92 + first_3*w93)
+    w95 = w4*w79 - w5*w78
+    w96 = base1_31*w54 + base1_21*w48 + base1_11*w42
+    w97 = w7*(first_3*w95 - w8*w96) + w6*(w8*w95 + first_3*w96)
+    w98 = w4*w61 + w5*w62
+    w99 = w6*w82 - w7*w81
+    w100 = w4*w69 + w5*w70
+    w101 = w6*w87 - w7*w86
+    w102 = w2*(first_1*w100 - first_2*w101) - w1*(first_1*w98 - first_2*w99)
+    w103 = w2*(first_2*w98 + first_1*w99) + w1*(first_2*w100 + first_1*w101)
+    w104 = w4*w72 + w5*w73
+    w105 = w6*w90 - w7*w89
+    w106 = w2*(first_1*w104 - first_2*w105) - w1*(first_2*w104 + first_1*w105)
+    w107 = w4*w75 + w5*w76
+    w108 = w7*w92 + w6*w93
+    w109 = w2*(first_2*w108 - first_1*w107) + w1*(first_2*w107 + first_1*w108)
+    w110 = w4*w78 + w5*w79
+    w111 = w7*w95 + w6*w96
+    w112 = w2*(first_2*w111 - first_1*w110) + w1*(first_2*w110 + first_1*w111)
+    w113 = base2_33*w56 + base2_23*w58 + base2_13*w60
+    w114 = base2_32*w56 + base2_22*w58 + base2_12*w60
+    w115 = base2_33*w52 + base2_23*w46 + base2_13*w33
+    w116 = base2_32*w52 + base2_22*w46 + base2_12*w33
+    w117 = w26*(w30*w116 - w24*w115) - w25*(w30*w114 - w24*w113) + w26*(w30*w113 + w24*w114) + w25*(w30*w115 + w24*w116)
+    w118 = base2_33*w53 + base2_23*w47 + base2_13*w37
+    w119 = base2_32*w53 + base2_22*w47 + base2_12*w37
+    w120 = w26*(w24*w118 - (w34*w114 + w30*w119)) - w25*(w34*w113 + w30*w118 + w24*w119)
+    w121 = base2_33*w54 + base2_23*w48 + base2_13*w42
+    w122 = base2_32*w54 + base2_22*w48 + base2_12*w42
+    w123 = w26*(w114*w39 - w30*w122 - (w29*w113 - w24*w121)) + w25*(w113*w39 - w30*w121 + w29*w114 - w24*w122)
+    w124 = w25*w114 - w26*w113
+    w125 = base2_31*w56 + base2_21*w58 + base2_11*w60
+    w126 = w26*w118 - w25*w119
+    w127 = base2_31*w53 + base2_21*w47 + base2_11*w37
+    w128 = w27*(second_3*w124 - w29*w125) + w28*(second_3*w126 + w29*w127)
+    w129 = w27*(w29*w126 - second_3*w127) - w28*(w29*w124 + second_3*w125)
+    w130 = w26*w121 - w25*w122
+    w131 = base2_31*w54 + base2_21*w48 + base2_11*w42
+    w132 = w28*(second_3*w130 + w24*w125 + w29*w131) + w27*(w29*w130 - w24*w124 - second_3*w131)
+    w133 = w25*w113 + w26*w114
+    w134 = w28*w124 + w27*w125
+    w135 = w25*w121 + w26*w122
+    w136 = w28*w130 - w27*w131
+    w137 = w23*(second_1*w135 + second_2*w136) - w22*(second_2*w134 - second_1*w133)
+    w138 = w23*(second_2*w133 + second_1*w134) + w22*(second_1*w136 - second_2*w135)
     return (
-        w205,
-        w206,
-        w207,
-        w208,
-        w209,
-        w210,
-        w211,
-        w212,
-        w205,
-        w213,
-        w214,
-        w215,
-        w209,
-        w216,
-        w217,
-        w218,
-        w205,
-        w219,
-        w220,
-        w221,
-        w209,
-        w222,
-        w223,
-        w224,
-        w206,
-        w213,
-        w219,
-        nu1*w0*(w133 + w134 + w135)/2,
-        nu1*w0*w145/2,
-        nu1*w0*w158/2,
-        -nu1*w0*w56,
-        -nu1*w0*w57,
-        -nu1*w0*w58,
-        nu1*w0*(w102*w56 + w114*w57 + w126*w58)/2,
-        nu1*w0*(w104*w56 + w116*w57 + w128*w58)/2,
-        nu1*w0*(w106*w56 + w118*w57 + w130*w58)/2,
-        w207,
-        w214,
-        w220,
-        nu1*w0*w139/2,
-        nu1*w0*(w149 + w150 + w151)/2,
-        nu1*w0*w159/2,
-        -nu1*w0*w62,
-        -nu1*w0*w63,
-        -nu1*w0*w64,
-        nu1*w0*(w102*w62 + w114*w63 + w126*w64)/2,
-        nu1*w0*(w104*w62 + w116*w63 + w128*w64)/2,
-        nu1*w0*(w106*w62 + w118*w63 + w130*w64)/2,
-        w208,
-        w215,
-        w221,
-        nu1*w0*w144/2,
-        nu1*w0*w157/2,
-        nu1*w0*(w165 + w166 + w167)/2,
-        -nu1*w0*w72,
-        -nu1*w0*w73,
-        -nu1*w0*w74,
-        nu1*w0*(w102*w72 + w114*w73 + w126*w74)/2,
-        nu1*w0*(w104*w72 + w116*w73 + w128*w74)/2,
-        nu1*w0*(w106*w72 + w118*w73 + w130*w74)/2,
-        w225,
-        -nu1*w96/2,
-        -nu1*w98/2,
-        -nu1*w100/2,
-        w226,
-        -nu1*w103/2,
-        -nu1*w105/2,
-        -nu1*w107/2,
-        w225,
-        -nu1*w109/2,
-        -nu1*w111/2,
-        -nu1*w113/2,
-        w226,
-        -nu1*w115/2,
-        -nu1*w117/2,
-        -nu1*w119/2,
-        w225,
-        -nu1*w121/2,
-        -nu1*w123/2,
-        -nu1*w125/2,
-        w226,
-        -nu1*w127/2,
-        -nu1*w129/2,
-        -nu1*w131/2,
-        w210,
-        w216,
-        w222,
-        nu1*w0*(w108*w77 + w120*w78 + w76*w95)/2,
-        nu1*w0*(w110*w77 + w122*w78 + w76*w97)/2,
-        nu1*w0*(w112*w77 + w124*w78 + w76*w99)/2,
-        -nu1*w0*w76,
-        -nu1*w0*w77,
-        -nu1*w0*w78,
-        nu1*w0*(w170 + w171 + w172)/2,
-        nu1*w0*w182/2,
-        nu1*w0*w195/2,
-        w211,
-        w217,
-        w223,
-        nu1*w0*(w108*w83 + w120*w84 + w82*w95)/2,
-        nu1*w0*(w110*w83 + w122*w84 + w82*w97)/2,
-        nu1*w0*(w112*w83 + w124*w84 + w82*w99)/2,
-        -nu1*w0*w82,
-        -nu1*w0*w83,
-        -nu1*w0*w84,
-        nu1*w0*w176/2,
-        nu1*w0*(w186 + w187 + w188)/2,
-        nu1*w0*w196/2,
-        w212,
-        w218,
-        w224,
-        nu1*w0*(w108*w93 + w120*w94 + w92*w95)/2,
-        nu1*w0*(w110*w93 + w122*w94 + w92*w97)/2,
-        nu1*w0*(w112*w93 + w124*w94 + w92*w99)/2,
-        -nu1*w0*w92,
-        -nu1*w0*w93,
-        -nu1*w0*w94,
-        nu1*w0*w181/2,
-        nu1*w0*w194/2,
-        nu1*w0*(w202 + w203 + w204)/2,
+        w0,
+        w12,
+        w16,
+        w21,
+        -w0,
+        w33,
+        -w37,
+        -w42,
+        w0,
+        w43,
+        w44,
+        w45,
+        -w0,
+        w46,
+        -w47,
+        -w48,
+        w0,
+        w49,
+        w50,
+        w51,
+        -w0,
+        w52,
+        -w53,
+        -w54,
+        w12,
+        w43,
+        w49,
+        w65,
+        w68,
+        w71,
+        -w12,
+        -w43,
+        -w49,
+        w74,
+        w77,
+        w80,
+        w16,
+        w44,
+        w50,
+        w68,
+        w85,
+        w88,
+        -w16,
+        -w44,
+        -w50,
+        w91,
+        -w94,
+        -w97,
+        w21,
+        w45,
+        w51,
+        w71,
+        w88,
+        w102 - w103,
+        -w21,
+        -w45,
+        -w51,
+        w106,
+        w109,
+        w112,
+        -w0,
+        -w12,
+        -w16,
+        -w21,
+        w0,
+        -w33,
+        w37,
+        w42,
+        -w0,
+        -w43,
+        -w44,
+        -w45,
+        w0,
+        -w46,
+        w47,
+        w48,
+        -w0,
+        -w49,
+        -w50,
+        -w51,
+        w0,
+        -w52,
+        w53,
+        w54,
+        w33,
+        w46,
+        w52,
+        w74,
+        w91,
+        w106,
+        -w33,
+        -w46,
+        -w52,
+        w117,
+        w120,
+        w123,
+        -w37,
+        -w47,
+        -w53,
+        w77,
+        -w94,
+        w109,
+        w37,
+        w47,
+        w53,
+        w120,
+        -(w128 + w129),
+        -w132,
+        -w42,
+        -w48,
+        -w54,
+        w80,
+        -w97,
+        w112,
+        w42,
+        w48,
+        w54,
+        w123,
+        -w132,
+        w137 + w138,
     )
 
 

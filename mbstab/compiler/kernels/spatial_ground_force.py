@@ -6,38 +6,29 @@ def dynamics(f, q, u, p, s):
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, point_1, point_2, point_3, = p
     s1, s2, s3, *_ = s
     w0 = f.sin(psi1)
-    w1 = point_1*w0
-    w2 = f.cos(psi1)
-    w3 = point_2*w2
-    w4 = w1 + w3
-    w5 = f.sin(phi1)
-    w6 = f.cos(theta1)
-    w7 = point_1*w2 - point_2*w0
-    w8 = f.sin(theta1)
-    w9 = point_3*w6 - w7*w8
-    w10 = f.cos(phi1)
-    w11 = -w10*w9 - w4*w5
-    w12 = w10*w4 - w5*w9
-    w13 = -w1 - w3
-    w14 = w10*w7 + w13*w5*w8
-    w15 = -w10*w13*w8 + w5*w7
-    w16 = -point_3*w8 - w6*w7
-    w17 = s1*(base1_12*w11 + base1_13*w12)
-    w18 = s3*(base1_32*w11 + base1_33*w12)
-    w19 = s2*(base1_22*w11 + base1_23*w12)
-    w20 = s3*(base1_31*w9 - base1_32*w16*w5 + base1_33*w10*w16)
-    w21 = s2*(base1_21*w9 - base1_22*w16*w5 + base1_23*w10*w16)
-    w22 = s1*(base1_11*w9 - base1_12*w16*w5 + base1_13*w10*w16)
-    w23 = s3*(base1_31*w13*w6 + base1_32*w14 + base1_33*w15)
-    w24 = s1*(base1_11*w13*w6 + base1_12*w14 + base1_13*w15)
-    w25 = s2*(base1_21*w13*w6 + base1_22*w14 + base1_23*w15)
+    w1 = f.cos(psi1)
+    w2 = point_1*w0 + point_2*w1
+    w3 = f.sin(phi1)
+    w4 = f.cos(theta1)
+    w5 = point_1*w1 - w0*point_2
+    w6 = f.sin(theta1)
+    w7 = point_3*w4 - w5*w6
+    w8 = f.cos(phi1)
+    w9 = w2*w3 + w7*w8
+    w10 = w2*w8 - w3*w7
+    w11 = s3*(w10*base1_33 - w9*base1_32) + s2*(w10*base1_23 - w9*base1_22) + s1*(base1_13*w10 - base1_12*w9)
+    w12 = point_3*w6 + w4*w5
+    w13 = s3*(w7*base1_31 - w8*w12*base1_33 + w3*w12*base1_32) + s2*(w7*base1_21 - w8*w12*base1_23 + w3*w12*base1_22) + s1*(w7*base1_11 - w8*base1_13*w12 + base1_12*w3*w12)
+    w14 = w5*w8 - w2*w3*w6
+    w15 = w3*w5 + w2*w6*w8
+    w16 = s3*(w14*base1_32 + w15*base1_33 - w2*w4*base1_31) + s2*(w14*base1_22 + w15*base1_23 - w2*w4*base1_21) + s1*(base1_12*w14 + base1_13*w15 - w2*w4*base1_11)
     return (
         -s1,
         -s2,
         -s3,
-        -w17 - w18 - w19,
-        -w20 - w21 - w22,
-        -w23 - w24 - w25,
+        -w11,
+        -w13,
+        -w16,
     )
 
 
@@ -51,79 +42,49 @@ def linearize(f, q, u, p, s):
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, point_1, point_2, point_3, = p
     s1, s2, s3, *_ = s
     w0 = f.sin(psi1)
-    w1 = point_1*w0
-    w2 = f.cos(psi1)
-    w3 = point_2*w2
-    w4 = w1 + w3
+    w1 = f.cos(psi1)
+    w2 = point_1*w0 + point_2*w1
+    w3 = f.cos(phi1)
+    w4 = w2*w3
     w5 = f.sin(phi1)
     w6 = f.cos(theta1)
-    w7 = point_3*w6
-    w8 = point_1*w2
-    w9 = point_2*w0
-    w10 = w8 - w9
-    w11 = f.sin(theta1)
-    w12 = w10*w11
-    w13 = -w12 + w7
-    w14 = f.cos(phi1)
-    w15 = -w13*w14 - w4*w5
-    w16 = -w1 - w3
-    w17 = -point_3*w11 - w10*w6
-    w18 = w13*w5 - w14*w4
-    w19 = s3*(base1_32*w18 + base1_33*w15)
-    w20 = s1*(base1_12*w18 + base1_13*w15)
-    w21 = s2*(base1_22*w18 + base1_23*w15)
-    w22 = w14*w17
-    w23 = w17*w5
-    w24 = s1*(-base1_12*w22 - base1_13*w23)
-    w25 = s3*(-base1_32*w22 - base1_33*w23)
-    w26 = s2*(-base1_22*w22 - base1_23*w23)
-    w27 = w11*w16
-    w28 = -w10*w5 + w14*w27
-    w29 = w10*w14 + w27*w5
-    w30 = s3*(base1_32*w28 + base1_33*w29)
-    w31 = s2*(base1_22*w28 + base1_23*w29)
-    w32 = s1*(base1_12*w28 + base1_13*w29)
-    w33 = -w30 - w31 - w32
-    w34 = s3*(-base1_32*w14*w17 - base1_33*w17*w5)
-    w35 = s1*(-base1_12*w14*w17 - base1_13*w17*w5)
-    w36 = s2*(-base1_22*w14*w17 - base1_23*w17*w5)
-    w37 = w12 - w7
-    w38 = base1_13*w14
-    w39 = base1_12*w5
-    w40 = base1_23*w14
-    w41 = base1_22*w5
-    w42 = base1_33*w14
-    w43 = base1_32*w5
-    w44 = s1*(base1_11*w17 + w37*w38 - w37*w39)
-    w45 = s3*(base1_31*w17 + w37*w42 - w37*w43)
-    w46 = s2*(base1_21*w17 + w37*w40 - w37*w41)
-    w47 = w16*w6
-    w48 = s3*(-base1_31*w27 - w42*w47 + w43*w47)
-    w49 = s2*(-base1_21*w27 - w40*w47 + w41*w47)
-    w50 = s1*(-base1_11*w27 - w38*w47 + w39*w47)
-    w51 = w16*w5
-    w52 = w51*w6
-    w53 = w14*w16
-    w54 = w53*w6
-    w55 = s2*(-base1_21*w11*w16 + base1_22*w52 - base1_23*w54)
-    w56 = s1*(-base1_11*w11*w16 + base1_12*w52 - base1_13*w54)
-    w57 = s3*(-base1_31*w11*w16 + base1_32*w52 - base1_33*w54)
-    w58 = -w8 + w9
-    w59 = w11*w5*w58 + w53
-    w60 = -w11*w14*w58 + w51
-    w61 = s1*(base1_11*w58*w6 + base1_12*w59 + base1_13*w60)
-    w62 = s3*(base1_31*w58*w6 + base1_32*w59 + base1_33*w60)
-    w63 = s2*(base1_21*w58*w6 + base1_22*w59 + base1_23*w60)
+    w7 = point_1*w1 - w0*point_2
+    w8 = f.sin(theta1)
+    w9 = point_3*w6 - w7*w8
+    w10 = w4 - w5*w9
+    w11 = w2*w5
+    w12 = w11 + w9*w3
+    w13 = s3*(w10*base1_32 + w12*base1_33) + s2*(w10*base1_22 + w12*base1_23) + s1*(base1_12*w10 + w12*base1_13)
+    w14 = point_3*w8 + w6*w7
+    w15 = w3*w14
+    w16 = w5*w14
+    w17 = s3*(base1_32*w15 + base1_33*w16) + s2*(base1_22*w15 + base1_23*w16) + s1*(base1_12*w15 + base1_13*w16)
+    w18 = w5*w7 + w2*w8*w3
+    w19 = w7*w3 - w2*w5*w8
+    w20 = s3*(w19*base1_33 - w18*base1_32) + s2*(w19*base1_23 - w18*base1_22) + s1*(base1_13*w19 - base1_12*w18)
+    w21 = w3*base1_33
+    w22 = w5*base1_32
+    w23 = w3*base1_23
+    w24 = w5*base1_22
+    w25 = w3*base1_13
+    w26 = base1_12*w5
+    w27 = s3*(w14*base1_31 + w9*w21 - w9*w22) + s2*(w14*base1_21 + w9*w23 - w9*w24) + s1*(base1_11*w14 + w9*w25 - w9*w26)
+    w28 = w2*w8
+    w29 = w2*w6
+    w30 = s3*(base1_31*w28 + w21*w29 - w22*w29) + s2*(base1_21*w28 + w23*w29 - w24*w29) + s1*(base1_11*w28 + w25*w29 - w26*w29)
+    w31 = w4 + w7*w5*w8
+    w32 = w7*w8*w3 - w11
+    w33 = s3*(base1_32*w31 - base1_33*w32 + w7*w6*base1_31) + s2*(base1_22*w31 - base1_23*w32 + w7*w6*base1_21) + s1*(base1_12*w31 - base1_13*w32 + w7*w6*base1_11)
     return (
-        -w19 - w20 - w21,
-        -w24 - w25 - w26,
+        w13,
+        -w17,
+        -w20,
+        -w17,
+        w27,
+        -w30,
+        -w20,
+        -w30,
         w33,
-        -w34 - w35 - w36,
-        -w44 - w45 - w46,
-        -w48 - w49 - w50,
-        w33,
-        -w55 - w56 - w57,
-        -w61 - w62 - w63,
     )
 
 

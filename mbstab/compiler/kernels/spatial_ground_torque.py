@@ -5,22 +5,16 @@ def dynamics(f, q, u, p, s):
     _, _, _, phi1, theta1, *_ = q
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, = p
     s1, s2, s3, *_ = s
-    w0 = f.sin(theta1)
-    w1 = f.cos(phi1)
-    w2 = f.cos(theta1)
-    w3 = f.sin(phi1)
-    w4 = s2*(base1_22*w1 + base1_23*w3)
-    w5 = s3*(base1_32*w1 + base1_33*w3)
-    w6 = s1*(base1_12*w1 + base1_13*w3)
-    w7 = w2*w3
-    w8 = w1*w2
-    w9 = s2*(base1_21*w0 - base1_22*w7 + base1_23*w8)
-    w10 = s3*(base1_31*w0 - base1_32*w7 + base1_33*w8)
-    w11 = s1*(base1_11*w0 - base1_12*w7 + base1_13*w8)
+    w0 = s3*base1_31 + s2*base1_21 + s1*base1_11
+    w1 = f.sin(phi1)
+    w2 = s3*base1_33 + s2*base1_23 + s1*base1_13
+    w3 = f.cos(phi1)
+    w4 = s3*base1_32 + s2*base1_22 + s1*base1_12
+    w5 = f.cos(theta1)
     return (
-        -base1_11*s1 - base1_21*s2 - base1_31*s3,
-        -w4 - w5 - w6,
-        -w10 - w11 - w9,
+        -w0,
+        -(w1*w2 + w3*w4),
+        -(w2*w3*w5 - w4*w5*w1 + f.sin(theta1)*w0),
     )
 
 
@@ -33,27 +27,17 @@ def linearize(f, q, u, p, s):
     _, _, _, phi1, theta1, *_ = q
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, = p
     s1, s2, s3, *_ = s
-    w0 = f.sin(theta1)
-    w1 = f.cos(phi1)
-    w2 = f.cos(theta1)
-    w3 = f.sin(phi1)
-    w4 = w2*w3
-    w5 = w1*w2
-    w6 = s3*(-base1_32*w3 + base1_33*w1)
-    w7 = s2*(-base1_22*w3 + base1_23*w1)
-    w8 = s1*(-base1_12*w3 + base1_13*w1)
-    w9 = s2*(-base1_22*w5 - base1_23*w4)
-    w10 = s1*(-base1_12*w5 - base1_13*w4)
-    w11 = s3*(-base1_32*w5 - base1_33*w4)
-    w12 = w0*w3
-    w13 = w0*w1
-    w14 = s3*(base1_31*w2 + base1_32*w12 - base1_33*w13)
-    w15 = s2*(base1_21*w2 + base1_22*w12 - base1_23*w13)
-    w16 = s1*(base1_11*w2 + base1_12*w12 - base1_13*w13)
+    w0 = f.cos(phi1)
+    w1 = s3*base1_33 + s2*base1_23 + s1*base1_13
+    w2 = f.sin(phi1)
+    w3 = s3*base1_32 + s2*base1_22 + s1*base1_12
+    w4 = f.cos(theta1)
+    w5 = f.sin(theta1)
+    w6 = w3*w5*w2 - w1*w5*w0 + w4*(s3*base1_31 + s2*base1_21 + s1*base1_11)
     return (
-        -w6 - w7 - w8,
-        -w10 - w11 - w9,
-        -w14 - w15 - w16,
+        -(w0*w1 - w2*w3),
+        w1*w4*w2 + w0*w4*w3,
+        -w6,
     )
 
 

@@ -6,402 +6,172 @@ def dynamics(f, q, u, p, s):
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, x2_t, y2_t, z2_t, phi2_t, theta2_t, psi2_t, = u
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, normal_1, normal_2, normal_3, = p
     w0 = f.sin(theta1)
-    w1 = normal_3*w0
-    w2 = f.cos(psi1)
-    w3 = normal_1*w2
-    w4 = f.sin(psi1)
-    w5 = normal_2*w4
-    w6 = w3 - w5
-    w7 = f.cos(theta1)
-    w8 = w6*w7
-    w9 = w1 + w8
-    w10 = normal_1*w4
-    w11 = normal_2*w2
-    w12 = w10 + w11
-    w13 = f.cos(phi1)
-    w14 = w12*w13
-    w15 = normal_3*w7
-    w16 = w0*w6
-    w17 = w15 - w16
-    w18 = f.sin(phi1)
-    w19 = w17*w18
-    w20 = w14 - w19
-    w21 = w12*w18
-    w22 = w13*w17
-    w23 = w21 + w22
-    w24 = base1_11*w9 + base1_12*w20 + base1_13*w23
-    w25 = first_3*w0
-    w26 = first_1*w2
-    w27 = first_2*w4
-    w28 = w26 - w27
-    w29 = w28*w7
-    w30 = w25 + w29
-    w31 = first_1*w4
-    w32 = first_2*w2
-    w33 = w31 + w32
-    w34 = w13*w33
-    w35 = first_3*w7
-    w36 = w0*w28
-    w37 = w35 - w36
-    w38 = w18*w37
-    w39 = w34 - w38
-    w40 = w18*w33
-    w41 = w13*w37
-    w42 = w40 + w41
-    w43 = f.sin(theta2)
-    w44 = second_3*w43
-    w45 = f.cos(psi2)
-    w46 = second_1*w45
-    w47 = f.sin(psi2)
-    w48 = second_2*w47
-    w49 = w46 - w48
-    w50 = f.cos(theta2)
-    w51 = w49*w50
-    w52 = w44 + w51
-    w53 = second_1*w47
-    w54 = second_2*w45
-    w55 = w53 + w54
-    w56 = f.cos(phi2)
-    w57 = w55*w56
-    w58 = second_3*w50
-    w59 = w43*w49
-    w60 = w58 - w59
-    w61 = f.sin(phi2)
-    w62 = w60*w61
-    w63 = w57 - w62
-    w64 = w55*w61
-    w65 = w56*w60
-    w66 = w64 + w65
-    w67 = base1_11*w30 + base1_12*w39 + base1_13*w42 - base2_11*w52 - base2_12*w63 - base2_13*w66 + x1 - x2
-    w68 = base1_21*w9 + base1_22*w20 + base1_23*w23
-    w69 = base1_21*w30 + base1_22*w39 + base1_23*w42 - base2_21*w52 - base2_22*w63 - base2_23*w66 + y1 - y2
-    w70 = base1_31*w9 + base1_32*w20 + base1_33*w23
-    w71 = base1_31*w30 + base1_32*w39 + base1_33*w42 - base2_31*w52 - base2_32*w63 - base2_33*w66 + z1 - z2
-    w72 = -w40 - w41
-    w73 = base1_32*w72 + base1_33*w39
-    w74 = -w21 - w22
-    w75 = base1_32*w74 + base1_33*w20
-    w76 = base1_12*w74 + base1_13*w20
-    w77 = base1_12*w72 + base1_13*w39
-    w78 = base1_22*w74 + base1_23*w20
-    w79 = base1_22*w72 + base1_23*w39
-    w80 = w70*w73 + w71*w75
-    w81 = w68*w79 + w69*w78
-    w82 = w24*w77 + w67*w76
-    w83 = w80 + w81 + w82
-    w84 = -w25 - w29
-    w85 = w18*w84
-    w86 = w13*w84
-    w87 = base1_31*w37 - base1_32*w85 + base1_33*w86
-    w88 = -w1 - w8
-    w89 = w18*w88
-    w90 = w13*w88
-    w91 = base1_31*w17 - base1_32*w89 + base1_33*w90
-    w92 = base1_11*w17 - base1_12*w89 + base1_13*w90
-    w93 = base1_11*w37 - base1_12*w85 + base1_13*w86
-    w94 = base1_21*w17 - base1_22*w89 + base1_23*w90
-    w95 = base1_21*w37 - base1_22*w85 + base1_23*w86
-    w96 = w68*w95 + w69*w94
-    w97 = w70*w87 + w71*w91
-    w98 = w24*w93 + w67*w92
-    w99 = w96 + w97 + w98
-    w100 = -w31 - w32
-    w101 = w100*w7
-    w102 = w0*w100
-    w103 = w102*w18 + w13*w28
-    w104 = w18*w28
-    w105 = w102*w13
-    w106 = w104 - w105
-    w107 = base1_31*w101 + base1_32*w103 + base1_33*w106
-    w108 = -w10 - w11
-    w109 = w108*w7
-    w110 = w0*w108
-    w111 = w110*w18 + w13*w6
-    w112 = w18*w6
-    w113 = w110*w13
-    w114 = w112 - w113
-    w115 = base1_31*w109 + base1_32*w111 + base1_33*w114
-    w116 = base1_11*w109 + base1_12*w111 + base1_13*w114
-    w117 = base1_11*w101 + base1_12*w103 + base1_13*w106
-    w118 = base1_21*w109 + base1_22*w111 + base1_23*w114
-    w119 = base1_21*w101 + base1_22*w103 + base1_23*w106
-    w120 = w116*w67 + w117*w24
-    w121 = w118*w69 + w119*w68
-    w122 = w107*w70 + w115*w71
-    w123 = w120 + w121 + w122
-    w124 = -w64 - w65
-    w125 = -base2_32*w124 - base2_33*w63
-    w126 = -base2_12*w124 - base2_13*w63
-    w127 = -base2_22*w124 - base2_23*w63
-    w128 = w125*w70 + w126*w24 + w127*w68
-    w129 = -w44 - w51
-    w130 = w129*w61
-    w131 = w129*w56
-    w132 = -base2_31*w60 + base2_32*w130 - base2_33*w131
-    w133 = -base2_11*w60 + base2_12*w130 - base2_13*w131
-    w134 = -base2_21*w60 + base2_22*w130 - base2_23*w131
-    w135 = w132*w70 + w133*w24 + w134*w68
-    w136 = -w53 - w54
-    w137 = w136*w50
-    w138 = w136*w43
-    w139 = w138*w61 + w49*w56
-    w140 = w49*w61
-    w141 = w138*w56
-    w142 = w140 - w141
-    w143 = -base2_31*w137 - base2_32*w139 - base2_33*w142
-    w144 = -base2_11*w137 - base2_12*w139 - base2_13*w142
-    w145 = -base2_21*w137 - base2_22*w139 - base2_23*w142
-    w146 = w143*w70 + w144*w24 + w145*w68
-    w147 = w68*y1_t
-    w148 = w70*z1_t
-    w149 = w68*y2_t
-    w150 = w70*z2_t
-    w151 = phi2_t*w128
-    w152 = theta2_t*w135
-    w153 = psi1_t*w123
-    w154 = w24*x1_t
-    w155 = w24*x2_t
-    w156 = psi2_t*w146
-    w157 = theta1_t*w99
-    w158 = phi1_t*w83
-    w159 = phi1_t*w76
-    w160 = theta1_t*w92
-    w161 = psi1_t*w116
-    w162 = phi1_t*w78
-    w163 = theta1_t*w94
-    w164 = psi1_t*w118
-    w165 = phi1_t*w75
-    w166 = theta1_t*w91
-    w167 = psi1_t*w115
-    w168 = -w34 + w38
-    w169 = w73*w75
-    w170 = -w14 + w19
-    w171 = w169 + w70*(base1_32*w168 + base1_33*w72)
-    w172 = w169 + w71*(base1_32*w170 + base1_33*w74)
-    w173 = w76*w77
-    w174 = w173 + w24*(base1_12*w168 + base1_13*w72)
-    w175 = w173 + w67*(base1_12*w170 + base1_13*w74)
-    w176 = w78*w79
-    w177 = w176 + w68*(base1_22*w168 + base1_23*w72)
-    w178 = w176 + w69*(base1_22*w170 + base1_23*w74)
-    w179 = w70*(-base1_32*w86 - base1_33*w85)
-    w180 = w75*w87
-    w181 = w73*w91
-    w182 = w71*(-base1_32*w90 - base1_33*w89)
-    w183 = w67*(-base1_12*w90 - base1_13*w89)
-    w184 = w77*w92
-    w185 = w24*(-base1_12*w86 - base1_13*w85)
-    w186 = w76*w93
-    w187 = w69*(-base1_22*w90 - base1_23*w89)
-    w188 = w79*w94
-    w189 = w68*(-base1_22*w86 - base1_23*w85)
-    w190 = w78*w95
-    w191 = w187 + w188 + w189 + w190
-    w192 = w183 + w184 + w185 + w186
-    w193 = w179 + w180 + w181 + w182
-    w194 = -w104 + w105
-    w195 = w70*(base1_32*w194 + base1_33*w103)
-    w196 = w107*w75
-    w197 = w115*w73
-    w198 = -w112 + w113
-    w199 = w71*(base1_32*w198 + base1_33*w111)
-    w200 = w67*(base1_12*w198 + base1_13*w111)
-    w201 = w116*w77
-    w202 = w24*(base1_12*w194 + base1_13*w103)
-    w203 = w117*w76
-    w204 = w69*(base1_22*w198 + base1_23*w111)
-    w205 = w118*w79
-    w206 = w68*(base1_22*w194 + base1_23*w103)
-    w207 = w119*w78
-    w208 = w204 + w205 + w206 + w207
-    w209 = w195 + w196 + w197 + w199
-    w210 = w200 + w201 + w202 + w203
-    w211 = w125*w75 + w126*w76 + w127*w78
-    w212 = w132*w75 + w133*w76 + w134*w78
-    w213 = w143*w75 + w144*w76 + w145*w78
-    w214 = w75*z1_t
-    w215 = phi2_t*w211
-    w216 = w75*z2_t
-    w217 = theta1_t*(w191 + w192 + w193)
-    w218 = theta2_t*w212
-    w219 = w78*y1_t
-    w220 = phi1_t*(w171 + w172 + w174 + w175 + w177 + w178)
-    w221 = psi2_t*w213
-    w222 = w76*x2_t
-    w223 = psi1_t*(w208 + w209 + w210)
-    w224 = w78*y2_t
-    w225 = w76*x1_t
-    w226 = w183 + w184 + w185 + w186
-    w227 = w179 + w180 + w181 + w182
-    w228 = w187 + w188 + w189 + w190
-    w229 = -w35 + w36
-    w230 = w18*w229
-    w231 = w13*w229
-    w232 = w87*w91
-    w233 = -w15 + w16
-    w234 = w18*w233
-    w235 = w13*w233
-    w236 = w232 + w71*(base1_31*w88 - base1_32*w234 + base1_33*w235)
-    w237 = w232 + w70*(base1_31*w84 - base1_32*w230 + base1_33*w231)
-    w238 = w92*w93
-    w239 = w238 + w67*(base1_11*w88 - base1_12*w234 + base1_13*w235)
-    w240 = w238 + w24*(base1_11*w84 - base1_12*w230 + base1_13*w231)
-    w241 = w94*w95
-    w242 = w241 + w69*(base1_21*w88 - base1_22*w234 + base1_23*w235)
-    w243 = w241 + w68*(base1_21*w84 - base1_22*w230 + base1_23*w231)
-    w244 = w101*w18
-    w245 = w101*w13
-    w246 = w70*(-base1_31*w102 + base1_32*w244 - base1_33*w245)
-    w247 = w107*w91
-    w248 = w115*w87
-    w249 = w109*w18
-    w250 = w109*w13
-    w251 = w71*(-base1_31*w110 + base1_32*w249 - base1_33*w250)
-    w252 = w67*(-base1_11*w110 + base1_12*w249 - base1_13*w250)
-    w253 = w116*w93
-    w254 = w24*(-base1_11*w102 + base1_12*w244 - base1_13*w245)
-    w255 = w117*w92
-    w256 = w69*(-base1_21*w110 + base1_22*w249 - base1_23*w250)
-    w257 = w118*w95
-    w258 = w68*(-base1_21*w102 + base1_22*w244 - base1_23*w245)
-    w259 = w119*w94
-    w260 = w252 + w253 + w254 + w255
-    w261 = w256 + w257 + w258 + w259
-    w262 = w246 + w247 + w248 + w251
-    w263 = w125*w91 + w126*w92 + w127*w94
-    w264 = w132*w91 + w133*w92 + w134*w94
-    w265 = w143*w91 + w144*w92 + w145*w94
-    w266 = w92*x2_t
-    w267 = w94*y1_t
-    w268 = theta2_t*w264
-    w269 = w91*z1_t
-    w270 = psi2_t*w265
-    w271 = phi2_t*w263
-    w272 = theta1_t*(w236 + w237 + w239 + w240 + w242 + w243)
-    w273 = w94*y2_t
-    w274 = w92*x1_t
-    w275 = phi1_t*(w226 + w227 + w228)
-    w276 = w91*z2_t
-    w277 = psi1_t*(w260 + w261 + w262)
-    w278 = w200 + w201 + w202 + w203
-    w279 = w204 + w205 + w206 + w207
-    w280 = w195 + w196 + w197 + w199
-    w281 = w246 + w247 + w248 + w251
-    w282 = w256 + w257 + w258 + w259
-    w283 = w252 + w253 + w254 + w255
-    w284 = -w26 + w27
-    w285 = w284*w7
-    w286 = w0*w284
-    w287 = w100*w13 + w18*w286
-    w288 = w100*w18 - w13*w286
-    w289 = w107*w115
-    w290 = -w3 + w5
-    w291 = w290*w7
-    w292 = w0*w290
-    w293 = w108*w13 + w18*w292
-    w294 = w108*w18 - w13*w292
-    w295 = w289 + w71*(base1_31*w291 + base1_32*w293 + base1_33*w294)
-    w296 = w289 + w70*(base1_31*w285 + base1_32*w287 + base1_33*w288)
-    w297 = w116*w117
-    w298 = w297 + w67*(base1_11*w291 + base1_12*w293 + base1_13*w294)
-    w299 = w24*(base1_11*w285 + base1_12*w287 + base1_13*w288) + w297
-    w300 = w118*w119
-    w301 = w300 + w68*(base1_21*w285 + base1_22*w287 + base1_23*w288)
-    w302 = w300 + w69*(base1_21*w291 + base1_22*w293 + base1_23*w294)
-    w303 = w115*w125 + w116*w126 + w118*w127
-    w304 = w115*w132 + w116*w133 + w118*w134
-    w305 = w115*w143 + w116*w144 + w118*w145
-    w306 = theta2_t*w304
-    w307 = w118*y1_t
-    w308 = phi2_t*w303
-    w309 = w116*x1_t
-    w310 = w115*z1_t
-    w311 = phi1_t*(w278 + w279 + w280)
-    w312 = w116*x2_t
-    w313 = theta1_t*(w281 + w282 + w283)
-    w314 = psi2_t*w305
-    w315 = psi1_t*(w295 + w296 + w298 + w299 + w301 + w302)
-    w316 = w115*z2_t
-    w317 = w118*y2_t
-    w318 = -w57 + w62
-    w319 = w70*(-base2_32*w318 - base2_33*w124)
-    w320 = w24*(-base2_12*w318 - base2_13*w124)
-    w321 = w68*(-base2_22*w318 - base2_23*w124)
-    w322 = w70*(base2_32*w131 + base2_33*w130)
-    w323 = w24*(base2_12*w131 + base2_13*w130)
-    w324 = w68*(base2_22*w131 + base2_23*w130)
-    w325 = w322 + w323 + w324
-    w326 = -w140 + w141
-    w327 = w24*(-base2_12*w326 - base2_13*w139)
-    w328 = w68*(-base2_22*w326 - base2_23*w139)
-    w329 = w70*(-base2_32*w326 - base2_33*w139)
-    w330 = w327 + w328 + w329
-    w331 = theta1_t*w263
-    w332 = psi1_t*w303
-    w333 = theta2_t*w325
-    w334 = phi1_t*w211
-    w335 = phi2_t*(w319 + w320 + w321)
-    w336 = psi2_t*w330
-    w337 = -w58 + w59
-    w338 = w337*w61
-    w339 = w337*w56
-    w340 = w24*(-base2_11*w129 + base2_12*w338 - base2_13*w339)
-    w341 = w68*(-base2_21*w129 + base2_22*w338 - base2_23*w339)
-    w342 = w70*(-base2_31*w129 + base2_32*w338 - base2_33*w339)
-    w343 = w137*w61
-    w344 = w137*w56
-    w345 = w70*(base2_31*w138 - base2_32*w343 + base2_33*w344)
-    w346 = w68*(base2_21*w138 - base2_22*w343 + base2_23*w344)
-    w347 = w24*(base2_11*w138 - base2_12*w343 + base2_13*w344)
-    w348 = w345 + w346 + w347
-    w349 = theta1_t*w264
-    w350 = phi2_t*w325
-    w351 = theta2_t*(w340 + w341 + w342)
-    w352 = psi1_t*w304
-    w353 = phi1_t*w212
-    w354 = psi2_t*w348
-    w355 = -w46 + w48
-    w356 = w355*w50
-    w357 = w355*w43
-    w358 = w136*w56 + w357*w61
-    w359 = w136*w61 - w357*w56
-    w360 = w70*(-base2_31*w356 - base2_32*w358 - base2_33*w359)
-    w361 = w68*(-base2_21*w356 - base2_22*w358 - base2_23*w359)
-    w362 = w24*(-base2_11*w356 - base2_12*w358 - base2_13*w359)
-    w363 = theta1_t*w265
-    w364 = phi1_t*w213
-    w365 = psi1_t*w305
-    w366 = psi2_t*(w360 + w361 + w362)
-    w367 = phi2_t*w330
-    w368 = theta2_t*w348
-    w369 = x2_t*(-w159 - w160 - w161)
-    w370 = phi1_t*(w214 + w215 - w216 + w217 + w218 + w219 + w220 + w221 - w222 + w223 - w224 + w225)
-    w371 = phi2_t*(w331 + w332 + w333 + w334 + w335 + w336)
-    w372 = y1_t*(w162 + w163 + w164)
-    w373 = z1_t*(w165 + w166 + w167)
-    w374 = theta1_t*(-w266 + w267 + w268 + w269 + w270 + w271 + w272 - w273 + w274 + w275 - w276 + w277)
-    w375 = psi1_t*(w306 + w307 + w308 + w309 + w310 + w311 - w312 + w313 + w314 + w315 - w316 - w317)
-    w376 = psi2_t*(w363 + w364 + w365 + w366 + w367 + w368)
-    w377 = x1_t*(w159 + w160 + w161)
-    w378 = z2_t*(-w165 - w166 - w167)
-    w379 = theta2_t*(w349 + w350 + w351 + w352 + w353 + w354)
-    w380 = y2_t*(-w162 - w163 - w164)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = normal_1*w1 - normal_2*w2
+    w4 = f.cos(theta1)
+    w5 = normal_3*w0 + w3*w4
+    w6 = normal_1*w2 + w1*normal_2
+    w7 = f.cos(phi1)
+    w8 = normal_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base1_11*w5 + base1_12*w10 + base1_13*w11
+    w13 = w1*first_1 - w2*first_2
+    w14 = w0*first_3 + w4*w13
+    w15 = w2*first_1 + w1*first_2
+    w16 = w4*first_3 - w0*w13
+    w17 = w7*w15 - w9*w16
+    w18 = w9*w15 + w7*w16
+    w19 = f.sin(theta2)
+    w20 = f.cos(psi2)
+    w21 = f.sin(psi2)
+    w22 = second_1*w20 - second_2*w21
+    w23 = f.cos(theta2)
+    w24 = second_3*w19 + w22*w23
+    w25 = second_1*w21 + w20*second_2
+    w26 = f.cos(phi2)
+    w27 = second_3*w23 - w19*w22
+    w28 = f.sin(phi2)
+    w29 = w25*w26 - w27*w28
+    w30 = w25*w28 + w26*w27
+    w31 = x1 - x2 + base1_11*w14 + base1_12*w17 + base1_13*w18 - base2_11*w24 - base2_12*w29 - base2_13*w30
+    w32 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w33 = y1 - y2 + w14*base1_21 + w17*base1_22 + w18*base1_23 - w24*base2_21 - w29*base2_22 - w30*base2_23
+    w34 = w5*base1_31 + w10*base1_32 + w11*base1_33
+    w35 = z1 - z2 + w14*base1_31 + w17*base1_32 + w18*base1_33 - w24*base2_31 - w29*base2_32 - w30*base2_33
+    w36 = w4*theta1_t
+    w37 = w2*psi1_t
+    w38 = w1*psi1_t
+    w39 = normal_1*w37 + normal_2*w38
+    w40 = w0*theta1_t
+    w41 = normal_3*w36 - (w4*w39 + w3*w40)
+    w42 = normal_1*w38 - normal_2*w37
+    w43 = w9*phi1_t
+    w44 = normal_3*w40 + w3*w36 - w0*w39
+    w45 = w7*phi1_t
+    w46 = w7*w42 - w6*w43 - (w8*w45 - w9*w44)
+    w47 = w9*w42 + w6*w45 - (w8*w43 + w7*w44)
+    w48 = base1_11*w41 + base1_12*w46 + base1_13*w47
+    w49 = first_1*w37 + first_2*w38
+    w50 = first_3*w36 - (w13*w40 + w4*w49)
+    w51 = first_1*w38 - first_2*w37
+    w52 = first_3*w40 + w13*w36 - w0*w49
+    w53 = w7*w51 - w15*w43 - (w16*w45 - w9*w52)
+    w54 = w15*w45 + w9*w51 - (w16*w43 + w7*w52)
+    w55 = w23*theta2_t
+    w56 = w21*psi2_t
+    w57 = w20*psi2_t
+    w58 = second_1*w56 + second_2*w57
+    w59 = w19*theta2_t
+    w60 = second_3*w55 - (w23*w58 + w22*w59)
+    w61 = second_1*w57 - second_2*w56
+    w62 = w28*phi2_t
+    w63 = second_3*w59 + w22*w55 - w19*w58
+    w64 = w26*phi2_t
+    w65 = w26*w61 - w25*w62 - (w27*w64 - w28*w63)
+    w66 = w28*w61 + w25*w64 - (w27*w62 + w26*w63)
+    w67 = x1_t - x2_t + base1_11*w50 + base1_12*w53 + base1_13*w54 - base2_11*w60 - base2_12*w65 - base2_13*w66
+    w68 = base1_21*w41 + base1_22*w46 + base1_23*w47
+    w69 = y1_t - y2_t + base1_21*w50 + base1_22*w53 + base1_23*w54 - base2_21*w60 - base2_22*w65 - base2_23*w66
+    w70 = base1_31*w41 + base1_32*w46 + base1_33*w47
+    w71 = z1_t - z2_t + base1_31*w50 + base1_32*w53 + base1_33*w54 - base2_31*w60 - base2_32*w65 - base2_33*w66
+    w72 = base1_33*w34 + base1_23*w32 + base1_13*w12
+    w73 = base1_32*w34 + base1_22*w32 + base1_12*w12
+    w74 = base1_33*w35 + base1_23*w33 + base1_13*w31
+    w75 = base1_32*w35 + base1_22*w33 + base1_12*w31
+    w76 = w7*(w15*w72 - w16*w73 + w6*w74 - w8*w75) - w9*(w16*w72 + w15*w73 + w8*w74 + w6*w75)
+    w77 = w7*w72 - w9*w73
+    w78 = base1_31*w34 + base1_21*w32 + base1_11*w12
+    w79 = w7*w74 - w9*w75
+    w80 = base1_31*w35 + base1_21*w33 + base1_11*w31
+    w81 = w4*(first_3*w78 - w13*w77 - w3*w79 + normal_3*w80) - w0*(first_3*w77 + w13*w78 + normal_3*w79 + w3*w80)
+    w82 = w9*w72 + w7*w73
+    w83 = w4*w78 - w0*w77
+    w84 = w9*w74 + w7*w75
+    w85 = w4*w80 - w0*w79
+    w86 = w1*(first_1*w82 - first_2*w83 + normal_1*w84 - normal_2*w85) - w2*(first_2*w82 + first_1*w83 + normal_2*w84 + normal_1*w85)
+    w87 = w34*base2_33 + w32*base2_23 + w12*base2_13
+    w88 = w34*base2_32 + w32*base2_22 + w12*base2_12
+    w89 = w28*w88 - w26*w87
+    w90 = w34*base2_31 + w32*base2_21 + w12*base2_11
+    w91 = w28*w87 + w26*w88
+    w92 = w19*w89 + w23*w90
+    w93 = w20*(second_2*w92 - second_1*w91) + w21*(second_2*w91 + second_1*w92)
+    w94 = w48*w67
+    w95 = theta1_t*w40
+    w96 = w39*w40
+    w97 = psi1_t*w38
+    w98 = psi1_t*w37
+    w99 = normal_1*w97 - normal_2*w98
+    w100 = theta1_t*w36
+    w101 = normal_3*w95 + w4*w99 - w96 + w3*w100 - w96
+    w102 = w42*w43
+    w103 = normal_1*w98 + normal_2*w97
+    w104 = phi1_t*w45
+    w105 = w44*w45
+    w106 = w36*w39
+    w107 = normal_3*w100 - (w106 + w3*w95 + w106 + w0*w99)
+    w108 = phi1_t*w43
+    w109 = w105 + w9*w107 + w105 + w8*w108 - (w102 + w7*w103 + w102 + w6*w104)
+    w110 = w42*w45
+    w111 = w43*w44
+    w112 = w110 - w9*w103 + w110 - w6*w108 - (w8*w104 - w111 + w7*w107 - w111)
+    w113 = w40*w49
+    w114 = first_1*w97 - first_2*w98
+    w115 = first_3*w95 + w13*w100 - w113 + w4*w114 - w113
+    w116 = w43*w51
+    w117 = first_1*w98 + first_2*w97
+    w118 = w45*w52
+    w119 = w36*w49
+    w120 = first_3*w100 - (w119 + w13*w95 + w119 + w0*w114)
+    w121 = w118 + w16*w108 + w118 + w9*w120 - (w116 + w15*w104 + w116 + w7*w117)
+    w122 = w45*w51
+    w123 = w43*w52
+    w124 = w122 - w15*w108 + w122 - w9*w117 - (w16*w104 - w123 + w7*w120 - w123)
+    w125 = theta2_t*w59
+    w126 = w58*w59
+    w127 = psi2_t*w57
+    w128 = psi2_t*w56
+    w129 = second_1*w127 - second_2*w128
+    w130 = theta2_t*w55
+    w131 = second_3*w125 + w23*w129 - w126 + w22*w130 - w126
+    w132 = w61*w62
+    w133 = second_1*w128 + second_2*w127
+    w134 = phi2_t*w64
+    w135 = w63*w64
+    w136 = w55*w58
+    w137 = second_3*w130 - (w136 + w22*w125 + w136 + w19*w129)
+    w138 = phi2_t*w62
+    w139 = w135 + w28*w137 + w135 + w27*w138 - (w132 + w26*w133 + w132 + w25*w134)
+    w140 = w61*w64
+    w141 = w62*w63
+    w142 = w140 - w28*w133 + w140 - w25*w138 - (w27*w134 - w141 + w26*w137 - w141)
+    w143 = base1_12*w121 - base1_11*w115 + base1_13*w124 + base2_11*w131 - base2_12*w139 - base2_13*w142
+    w144 = w94 + w31*(base1_12*w109 - base1_11*w101 + base1_13*w112) + w94 + w12*w143
+    w145 = w68*w69
+    w146 = base1_22*w121 - base1_21*w115 + base1_23*w124 + base2_21*w131 - base2_22*w139 - base2_23*w142
+    w147 = w145 + w33*(base1_22*w109 - base1_21*w101 + base1_23*w112) + w145 + w32*w146
+    w148 = w70*w71
+    w149 = base1_32*w121 - base1_31*w115 + base1_33*w124 + base2_31*w131 - base2_32*w139 - base2_33*w142
+    w150 = w148 + w35*(base1_32*w109 - base1_31*w101 + base1_33*w112) + w148 + w34*w149
     return (
-        w24*w67 + w68*w69 + w70*w71,
-        w147 + w148 - w149 - w150 + w151 + w152 + w153 + w154 - w155 + w156 + w157 + w158,
-        w24,
-        w68,
-        w70,
-        w83,
-        w99,
-        w123,
-        -w24,
-        -w68,
-        -w70,
-        w128,
-        w135,
-        w146,
-        w369 + w370 + w371 + w372 + w373 + w374 + w375 + w376 + w377 + w378 + w379 + w380,
+        w12*w31 + w32*w33 + w34*w35,
+        w31*w48 + w12*w67 + w33*w68 + w32*w69 + w35*w70 + w34*w71,
+        w12,
+        w32,
+        w34,
+        w76,
+        w81,
+        w86,
+        -w12,
+        -w32,
+        -w34,
+        w26*(w27*w88 - w25*w87) + w28*(w27*w87 + w25*w88),
+        -(w19*(second_3*w89 - w22*w90) + w23*(w22*w89 + second_3*w90)),
+        w93,
+        w144 + w147 + w150,
     )
 
 
@@ -417,367 +187,253 @@ def linearize(f, q, u, p, s, nu):
     x1, y1, z1, phi1, theta1, psi1, x2, y2, z2, phi2, theta2, psi2, = q
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, normal_1, normal_2, normal_3, = p
     nu1, = nu
-    w0 = f.sin(theta1)
-    w1 = normal_3*w0
-    w2 = f.cos(psi1)
-    w3 = normal_1*w2
-    w4 = f.sin(psi1)
-    w5 = normal_2*w4
-    w6 = w3 - w5
-    w7 = f.cos(theta1)
-    w8 = w6*w7
-    w9 = w1 + w8
-    w10 = normal_1*w4
-    w11 = normal_2*w2
-    w12 = w10 + w11
-    w13 = f.cos(phi1)
-    w14 = w12*w13
-    w15 = normal_3*w7
-    w16 = w0*w6
-    w17 = w15 - w16
-    w18 = f.sin(phi1)
-    w19 = w17*w18
-    w20 = w14 - w19
-    w21 = w12*w18
-    w22 = w13*w17
-    w23 = w21 + w22
-    w24 = base1_11*w9 + base1_12*w20 + base1_13*w23
-    w25 = first_3*w0
-    w26 = first_1*w2
-    w27 = first_2*w4
-    w28 = w26 - w27
-    w29 = w28*w7
-    w30 = w25 + w29
-    w31 = first_1*w4
-    w32 = first_2*w2
-    w33 = w31 + w32
-    w34 = w13*w33
-    w35 = first_3*w7
-    w36 = w0*w28
-    w37 = w35 - w36
-    w38 = w18*w37
-    w39 = w34 - w38
-    w40 = w18*w33
-    w41 = w13*w37
-    w42 = w40 + w41
-    w43 = f.sin(theta2)
-    w44 = second_3*w43
-    w45 = f.cos(psi2)
-    w46 = second_1*w45
-    w47 = f.sin(psi2)
-    w48 = second_2*w47
-    w49 = w46 - w48
-    w50 = f.cos(theta2)
-    w51 = w49*w50
-    w52 = w44 + w51
-    w53 = second_1*w47
-    w54 = second_2*w45
-    w55 = w53 + w54
-    w56 = f.cos(phi2)
-    w57 = w55*w56
-    w58 = second_3*w50
-    w59 = w43*w49
-    w60 = w58 - w59
-    w61 = f.sin(phi2)
-    w62 = w60*w61
-    w63 = w57 - w62
-    w64 = w55*w61
-    w65 = w56*w60
-    w66 = w64 + w65
-    w67 = base1_11*w30 + base1_12*w39 + base1_13*w42 - base2_11*w52 - base2_12*w63 - base2_13*w66 + x1 - x2
-    w68 = base1_21*w9 + base1_22*w20 + base1_23*w23
-    w69 = base1_21*w30 + base1_22*w39 + base1_23*w42 - base2_21*w52 - base2_22*w63 - base2_23*w66 + y1 - y2
-    w70 = base1_31*w9 + base1_32*w20 + base1_33*w23
-    w71 = base1_31*w30 + base1_32*w39 + base1_33*w42 - base2_31*w52 - base2_32*w63 - base2_33*w66 + z1 - z2
-    w72 = -w40 - w41
-    w73 = base1_32*w72 + base1_33*w39
-    w74 = -w21 - w22
-    w75 = base1_32*w74 + base1_33*w20
-    w76 = base1_12*w74 + base1_13*w20
-    w77 = base1_12*w72 + base1_13*w39
-    w78 = base1_22*w74 + base1_23*w20
-    w79 = base1_22*w72 + base1_23*w39
-    w80 = -w25 - w29
-    w81 = w18*w80
-    w82 = w13*w80
-    w83 = base1_31*w37 - base1_32*w81 + base1_33*w82
-    w84 = -w1 - w8
-    w85 = w18*w84
-    w86 = w13*w84
-    w87 = base1_31*w17 - base1_32*w85 + base1_33*w86
-    w88 = base1_11*w17 - base1_12*w85 + base1_13*w86
-    w89 = base1_11*w37 - base1_12*w81 + base1_13*w82
-    w90 = base1_21*w17 - base1_22*w85 + base1_23*w86
-    w91 = base1_21*w37 - base1_22*w81 + base1_23*w82
-    w92 = -w31 - w32
-    w93 = w7*w92
-    w94 = w0*w92
-    w95 = w13*w28 + w18*w94
-    w96 = w18*w28
-    w97 = w13*w94
-    w98 = w96 - w97
-    w99 = base1_31*w93 + base1_32*w95 + base1_33*w98
-    w100 = -w10 - w11
-    w101 = w100*w7
-    w102 = w0*w100
-    w103 = w102*w18 + w13*w6
-    w104 = w18*w6
-    w105 = w102*w13
-    w106 = w104 - w105
-    w107 = base1_31*w101 + base1_32*w103 + base1_33*w106
-    w108 = base1_11*w101 + base1_12*w103 + base1_13*w106
-    w109 = base1_11*w93 + base1_12*w95 + base1_13*w98
-    w110 = base1_21*w101 + base1_22*w103 + base1_23*w106
-    w111 = base1_21*w93 + base1_22*w95 + base1_23*w98
-    w112 = -w64 - w65
-    w113 = -base2_32*w112 - base2_33*w63
-    w114 = -base2_12*w112 - base2_13*w63
-    w115 = -base2_22*w112 - base2_23*w63
-    w116 = -w44 - w51
-    w117 = w116*w61
-    w118 = w116*w56
-    w119 = -base2_31*w60 + base2_32*w117 - base2_33*w118
-    w120 = -base2_11*w60 + base2_12*w117 - base2_13*w118
-    w121 = -base2_21*w60 + base2_22*w117 - base2_23*w118
-    w122 = -w53 - w54
-    w123 = w122*w50
-    w124 = w122*w43
-    w125 = w124*w61 + w49*w56
-    w126 = w49*w61
-    w127 = w124*w56
-    w128 = w126 - w127
-    w129 = -base2_31*w123 - base2_32*w125 - base2_33*w128
-    w130 = -base2_11*w123 - base2_12*w125 - base2_13*w128
-    w131 = -base2_21*w123 - base2_22*w125 - base2_23*w128
-    w132 = -w34 + w38
-    w133 = w73*w75
-    w134 = -w14 + w19
-    w135 = w133 + w70*(base1_32*w132 + base1_33*w72)
-    w136 = w133 + w71*(base1_32*w134 + base1_33*w74)
-    w137 = w76*w77
-    w138 = w137 + w24*(base1_12*w132 + base1_13*w72)
-    w139 = w137 + w67*(base1_12*w134 + base1_13*w74)
-    w140 = w78*w79
-    w141 = w140 + w68*(base1_22*w132 + base1_23*w72)
-    w142 = w140 + w69*(base1_22*w134 + base1_23*w74)
-    w143 = w70*(-base1_32*w82 - base1_33*w81)
-    w144 = w75*w83
-    w145 = w73*w87
-    w146 = w71*(-base1_32*w86 - base1_33*w85)
-    w147 = w67*(-base1_12*w86 - base1_13*w85)
-    w148 = w77*w88
-    w149 = w24*(-base1_12*w82 - base1_13*w81)
-    w150 = w76*w89
-    w151 = w69*(-base1_22*w86 - base1_23*w85)
-    w152 = w79*w90
-    w153 = w68*(-base1_22*w82 - base1_23*w81)
-    w154 = w78*w91
-    w155 = w151 + w152 + w153 + w154
-    w156 = w147 + w148 + w149 + w150
-    w157 = w143 + w144 + w145 + w146
-    w158 = -w96 + w97
-    w159 = w70*(base1_32*w158 + base1_33*w95)
-    w160 = w75*w99
-    w161 = w107*w73
-    w162 = -w104 + w105
-    w163 = w71*(base1_32*w162 + base1_33*w103)
-    w164 = w67*(base1_12*w162 + base1_13*w103)
-    w165 = w108*w77
-    w166 = w24*(base1_12*w158 + base1_13*w95)
-    w167 = w109*w76
-    w168 = w69*(base1_22*w162 + base1_23*w103)
-    w169 = w110*w79
-    w170 = w68*(base1_22*w158 + base1_23*w95)
-    w171 = w111*w78
-    w172 = w168 + w169 + w170 + w171
-    w173 = w159 + w160 + w161 + w163
-    w174 = w164 + w165 + w166 + w167
-    w175 = w147 + w148 + w149 + w150
-    w176 = w143 + w144 + w145 + w146
-    w177 = w151 + w152 + w153 + w154
-    w178 = -w35 + w36
-    w179 = w178*w18
-    w180 = w13*w178
-    w181 = w83*w87
-    w182 = -w15 + w16
-    w183 = w18*w182
-    w184 = w13*w182
-    w185 = w181 + w71*(base1_31*w84 - base1_32*w183 + base1_33*w184)
-    w186 = w181 + w70*(base1_31*w80 - base1_32*w179 + base1_33*w180)
-    w187 = w88*w89
-    w188 = w187 + w67*(base1_11*w84 - base1_12*w183 + base1_13*w184)
-    w189 = w187 + w24*(base1_11*w80 - base1_12*w179 + base1_13*w180)
-    w190 = w90*w91
-    w191 = w190 + w69*(base1_21*w84 - base1_22*w183 + base1_23*w184)
-    w192 = w190 + w68*(base1_21*w80 - base1_22*w179 + base1_23*w180)
-    w193 = w18*w93
-    w194 = w13*w93
-    w195 = w70*(-base1_31*w94 + base1_32*w193 - base1_33*w194)
-    w196 = w87*w99
-    w197 = w107*w83
-    w198 = w101*w18
-    w199 = w101*w13
-    w200 = w71*(-base1_31*w102 + base1_32*w198 - base1_33*w199)
-    w201 = w67*(-base1_11*w102 + base1_12*w198 - base1_13*w199)
-    w202 = w108*w89
-    w203 = w24*(-base1_11*w94 + base1_12*w193 - base1_13*w194)
-    w204 = w109*w88
-    w205 = w69*(-base1_21*w102 + base1_22*w198 - base1_23*w199)
-    w206 = w110*w91
-    w207 = w68*(-base1_21*w94 + base1_22*w193 - base1_23*w194)
-    w208 = w111*w90
-    w209 = w201 + w202 + w203 + w204
-    w210 = w205 + w206 + w207 + w208
-    w211 = w195 + w196 + w197 + w200
-    w212 = w164 + w165 + w166 + w167
-    w213 = w168 + w169 + w170 + w171
-    w214 = w159 + w160 + w161 + w163
-    w215 = w195 + w196 + w197 + w200
-    w216 = w205 + w206 + w207 + w208
-    w217 = w201 + w202 + w203 + w204
-    w218 = -w26 + w27
-    w219 = w218*w7
-    w220 = w0*w218
-    w221 = w13*w92 + w18*w220
-    w222 = -w13*w220 + w18*w92
-    w223 = w107*w99
-    w224 = -w3 + w5
-    w225 = w224*w7
-    w226 = w0*w224
-    w227 = w100*w13 + w18*w226
-    w228 = w100*w18 - w13*w226
-    w229 = w223 + w71*(base1_31*w225 + base1_32*w227 + base1_33*w228)
-    w230 = w223 + w70*(base1_31*w219 + base1_32*w221 + base1_33*w222)
-    w231 = w108*w109
-    w232 = w231 + w67*(base1_11*w225 + base1_12*w227 + base1_13*w228)
-    w233 = w231 + w24*(base1_11*w219 + base1_12*w221 + base1_13*w222)
-    w234 = w110*w111
-    w235 = w234 + w68*(base1_21*w219 + base1_22*w221 + base1_23*w222)
-    w236 = w234 + w69*(base1_21*w225 + base1_22*w227 + base1_23*w228)
-    w237 = -w57 + w62
-    w238 = w70*(-base2_32*w237 - base2_33*w112)
-    w239 = w24*(-base2_12*w237 - base2_13*w112)
-    w240 = w68*(-base2_22*w237 - base2_23*w112)
-    w241 = w70*(base2_32*w118 + base2_33*w117)
-    w242 = w24*(base2_12*w118 + base2_13*w117)
-    w243 = w68*(base2_22*w118 + base2_23*w117)
-    w244 = -w126 + w127
-    w245 = w24*(-base2_12*w244 - base2_13*w125)
-    w246 = w68*(-base2_22*w244 - base2_23*w125)
-    w247 = w70*(-base2_32*w244 - base2_33*w125)
-    w248 = -w58 + w59
-    w249 = w248*w61
-    w250 = w248*w56
-    w251 = w24*(-base2_11*w116 + base2_12*w249 - base2_13*w250)
-    w252 = w68*(-base2_21*w116 + base2_22*w249 - base2_23*w250)
-    w253 = w70*(-base2_31*w116 + base2_32*w249 - base2_33*w250)
-    w254 = w123*w61
-    w255 = w123*w56
-    w256 = w70*(base2_31*w124 - base2_32*w254 + base2_33*w255)
-    w257 = w68*(base2_21*w124 - base2_22*w254 + base2_23*w255)
-    w258 = w24*(base2_11*w124 - base2_12*w254 + base2_13*w255)
-    w259 = -w46 + w48
-    w260 = w259*w50
-    w261 = w259*w43
-    w262 = w122*w56 + w261*w61
-    w263 = w122*w61 - w261*w56
-    w264 = w70*(-base2_31*w260 - base2_32*w262 - base2_33*w263)
-    w265 = w68*(-base2_21*w260 - base2_22*w262 - base2_23*w263)
-    w266 = w24*(-base2_11*w260 - base2_12*w262 - base2_13*w263)
-    w267 = nu1*w76
-    w268 = nu1*w88
-    w269 = nu1*w108
-    w270 = nu1*w78
-    w271 = nu1*w90
-    w272 = nu1*w110
-    w273 = nu1*w75
-    w274 = nu1*w87
-    w275 = nu1*w107
-    w276 = nu1*(w113*w75 + w114*w76 + w115*w78)
-    w277 = nu1*(w119*w75 + w120*w76 + w121*w78)
-    w278 = nu1*(w129*w75 + w130*w76 + w131*w78)
-    w279 = nu1*(w113*w87 + w114*w88 + w115*w90)
-    w280 = nu1*(w119*w87 + w120*w88 + w121*w90)
-    w281 = nu1*(w129*w87 + w130*w88 + w131*w90)
-    w282 = nu1*(w107*w113 + w108*w114 + w110*w115)
-    w283 = nu1*(w107*w119 + w108*w120 + w110*w121)
-    w284 = nu1*(w107*w129 + w108*w130 + w110*w131)
-    w285 = nu1*(w241 + w242 + w243)
-    w286 = nu1*(w245 + w246 + w247)
-    w287 = nu1*(w256 + w257 + w258)
+    w0 = f.sin(psi1)
+    w1 = f.cos(psi1)
+    w2 = normal_1*w0 + w1*normal_2
+    w3 = f.sin(phi1)
+    w4 = f.cos(phi1)
+    w5 = f.cos(theta1)
+    w6 = f.sin(theta1)
+    w7 = normal_1*w1 - normal_2*w0
+    w8 = normal_3*w5 - w6*w7
+    w9 = w2*w3 + w4*w8
+    w10 = w2*w4 - w8*w3
+    w11 = nu1*(w10*base1_13 - base1_12*w9)
+    w12 = normal_3*w6 + w7*w5
+    w13 = w12*w3
+    w14 = w12*w4
+    w15 = nu1*(base1_11*w8 + base1_12*w13 - base1_13*w14)
+    w16 = w5*w2
+    w17 = w6*w2
+    w18 = w7*w4 - w3*w17
+    w19 = w7*w3 + w4*w17
+    w20 = nu1*(base1_12*w18 - base1_11*w16 + base1_13*w19)
+    w21 = nu1*(w10*base1_23 - w9*base1_22)
+    w22 = nu1*(w8*base1_21 + base1_22*w13 - base1_23*w14)
+    w23 = nu1*(base1_22*w18 - base1_21*w16 + base1_23*w19)
+    w24 = nu1*(w10*base1_33 - w9*base1_32)
+    w25 = nu1*(w8*base1_31 + base1_32*w13 - base1_33*w14)
+    w26 = nu1*(base1_32*w18 - base1_31*w16 + base1_33*w19)
+    w27 = w0*first_1 + w1*first_2
+    w28 = (w12*base1_31 + w10*base1_32 + w9*base1_33)*nu1
+    w29 = (w12*base1_21 + w10*base1_22 + w9*base1_23)*nu1
+    w30 = (base1_11*w12 + base1_12*w10 + base1_13*w9)*nu1
+    w31 = base1_33*w28 + base1_23*w29 + base1_13*w30
+    w32 = w1*first_1 - w0*first_2
+    w33 = w5*first_3 - w6*w32
+    w34 = base1_32*w28 + base1_22*w29 + base1_12*w30
+    w35 = w6*first_3 + w5*w32
+    w36 = w4*w27 - w3*w33
+    w37 = w3*w27 + w4*w33
+    w38 = f.sin(theta2)
+    w39 = f.cos(psi2)
+    w40 = f.sin(psi2)
+    w41 = second_1*w39 - second_2*w40
+    w42 = f.cos(theta2)
+    w43 = second_3*w38 + w41*w42
+    w44 = second_1*w40 + w39*second_2
+    w45 = f.cos(phi2)
+    w46 = second_3*w42 - w38*w41
+    w47 = f.sin(phi2)
+    w48 = w44*w45 - w46*w47
+    w49 = w44*w47 + w45*w46
+    w50 = z1 - z2 + w35*base1_31 + w36*base1_32 + w37*base1_33 - w43*base2_31 - w48*base2_32 - w49*base2_33
+    w51 = w50*nu1
+    w52 = y1 - y2 + w35*base1_21 + w36*base1_22 + w37*base1_23 - w43*base2_21 - w48*base2_22 - w49*base2_23
+    w53 = w52*nu1
+    w54 = x1 - x2 + base1_11*w35 + base1_12*w36 + base1_13*w37 - base2_11*w43 - base2_12*w48 - base2_13*w49
+    w55 = w54*nu1
+    w56 = base1_33*w51 + base1_23*w53 + base1_13*w55
+    w57 = base1_32*w51 + base1_22*w53 + base1_12*w55
+    w58 = base1_33*w24 + base1_23*w21 + base1_13*w11
+    w59 = base1_32*w24 + base1_22*w21 + base1_12*w11
+    w60 = nu1*(w36*base1_33 - w37*base1_32)
+    w61 = nu1*(w36*base1_23 - w37*base1_22)
+    w62 = nu1*(base1_13*w36 - base1_12*w37)
+    w63 = base1_33*w60 + base1_23*w61 + base1_13*w62
+    w64 = base1_32*w60 + base1_22*w61 + base1_12*w62
+    w65 = w4*(w27*w58 - w33*w59 + w2*w63 - w8*w64) - w3*(w27*w31 - w33*w34 + w2*w56 - w8*w57)
+    w66 = w4*(w33*w31 + w27*w34 + w8*w56 + w2*w57) + w3*(w33*w58 + w27*w59 + w8*w63 + w2*w64)
+    w67 = base1_33*w25 + base1_23*w22 + base1_13*w15
+    w68 = base1_32*w25 + base1_22*w22 + base1_12*w15
+    w69 = w3*w35
+    w70 = w4*w35
+    w71 = nu1*(w33*base1_31 + base1_32*w69 - base1_33*w70)
+    w72 = nu1*(w33*base1_21 + base1_22*w69 - base1_23*w70)
+    w73 = nu1*(base1_11*w33 + base1_12*w69 - base1_13*w70)
+    w74 = base1_33*w71 + base1_23*w72 + base1_13*w73
+    w75 = base1_32*w71 + base1_22*w72 + base1_12*w73
+    w76 = w4*(w27*w67 - (w33*w68 - w35*w34) + w2*w74 - (w8*w75 - w12*w57))
+    w77 = w76 - w3*(w33*w67 - w35*w31 + w27*w68 + w8*w74 - w12*w56 + w2*w75)
+    w78 = base1_33*w26 + base1_23*w23 + base1_13*w20
+    w79 = w6*w27
+    w80 = base1_32*w26 + base1_22*w23 + base1_12*w20
+    w81 = w5*w27
+    w82 = w4*w32 - w3*w79
+    w83 = w3*w32 + w4*w79
+    w84 = nu1*(base1_32*w82 - base1_31*w81 + base1_33*w83)
+    w85 = nu1*(base1_22*w82 - base1_21*w81 + base1_23*w83)
+    w86 = nu1*(base1_12*w82 - base1_11*w81 + base1_13*w83)
+    w87 = base1_33*w84 + base1_23*w85 + base1_13*w86
+    w88 = base1_32*w84 + base1_22*w85 + base1_12*w86
+    w89 = w32*w31 + w27*w78 - (w34*w79 + w33*w80) + w7*w56 + w2*w87 - (w57*w17 + w8*w88)
+    w90 = w31*w79 + w33*w78 + w32*w34 + w27*w80 + w56*w17 + w8*w87 + w7*w57 + w2*w88
+    w91 = w4*w89 - w3*w90
+    w92 = nu1*(w49*base2_32 - w48*base2_33)
+    w93 = nu1*(w49*base2_22 - w48*base2_23)
+    w94 = nu1*(base2_12*w49 - w48*base2_13)
+    w95 = base1_33*w92 + base1_23*w93 + base1_13*w94
+    w96 = base1_32*w92 + base1_22*w93 + base1_12*w94
+    w97 = w4*(w2*w95 - w8*w96) - w3*(w8*w95 + w2*w96)
+    w98 = w43*w47
+    w99 = w43*w45
+    w100 = nu1*(w46*base2_31 + base2_32*w98 - base2_33*w99)
+    w101 = nu1*(w46*base2_21 + base2_22*w98 - base2_23*w99)
+    w102 = nu1*(base2_11*w46 + base2_12*w98 - base2_13*w99)
+    w103 = base1_33*w100 + base1_23*w101 + base1_13*w102
+    w104 = base1_32*w100 + base1_22*w101 + base1_12*w102
+    w105 = w4*(w8*w104 - w2*w103) + w3*(w8*w103 + w2*w104)
+    w106 = w42*w44
+    w107 = w38*w44
+    w108 = w41*w45 - w47*w107
+    w109 = w41*w47 + w45*w107
+    w110 = nu1*(base2_32*w108 - base2_31*w106 + base2_33*w109)
+    w111 = nu1*(base2_22*w108 - base2_21*w106 + base2_23*w109)
+    w112 = nu1*(base2_12*w108 - base2_11*w106 + base2_13*w109)
+    w113 = base1_33*w110 + base1_23*w111 + base1_13*w112
+    w114 = base1_32*w110 + base1_22*w111 + base1_12*w112
+    w115 = w4*(w8*w114 - w2*w113) + w3*(w8*w113 + w2*w114)
+    w116 = w4*w31 - w3*w34
+    w117 = base1_31*w28 + base1_21*w29 + base1_11*w30
+    w118 = w4*w56 - w3*w57
+    w119 = base1_31*w51 + base1_21*w53 + base1_11*w55
+    w120 = w4*w67 - w3*w68
+    w121 = base1_31*w25 + base1_21*w22 + base1_11*w15
+    w122 = w4*w74 - w3*w75
+    w123 = base1_31*w71 + base1_21*w72 + base1_11*w73
+    w124 = w5*(first_3*w116 + w32*w117 + normal_3*w118 + w7*w119) + w6*(first_3*w120 + w32*w121 + normal_3*w122 + w7*w123)
+    w125 = w5*(first_3*w121 - w32*w120 - w7*w122 + normal_3*w123) - w6*(first_3*w117 - w32*w116 - w7*w118 + normal_3*w119)
+    w126 = w4*w78 - w3*w80
+    w127 = base1_31*w26 + base1_21*w23 + base1_11*w20
+    w128 = w4*w87 - w3*w88
+    w129 = base1_31*w84 + base1_21*w85 + base1_11*w86
+    w130 = first_3*w126 + w32*w127 - w27*w117 + normal_3*w128 + w7*w129 - w2*w119
+    w131 = first_3*w127 - (w32*w126 - w27*w116) - (w7*w128 - w2*w118) + normal_3*w129
+    w132 = w5*w131 - w6*w130
+    w133 = w4*w95 - w3*w96
+    w134 = base1_31*w92 + base1_21*w93 + base1_11*w94
+    w135 = w5*(normal_3*w134 - w7*w133) - w6*(normal_3*w133 + w7*w134)
+    w136 = w3*w104 - w4*w103
+    w137 = base1_31*w100 + base1_21*w101 + base1_11*w102
+    w138 = w6*(normal_3*w136 - w7*w137) + w5*(w7*w136 + normal_3*w137)
+    w139 = w3*w114 - w4*w113
+    w140 = base1_31*w110 + base1_21*w111 + base1_11*w112
+    w141 = w6*(normal_3*w139 - w7*w140) + w5*(w7*w139 + normal_3*w140)
+    w142 = w3*w31 + w4*w34
+    w143 = w5*w117 - w6*w116
+    w144 = w3*w56 + w4*w57
+    w145 = w5*w119 - w6*w118
+    w146 = w0*(first_1*w142 - first_2*w143 + normal_1*w144 - normal_2*w145)
+    w147 = w3*w78 + w4*w80
+    w148 = w5*w127 - w6*w126
+    w149 = w3*w87 + w4*w88
+    w150 = w5*w129 - w6*w128
+    w151 = w1*(first_1*w147 - first_2*w148 + normal_1*w149 - normal_2*w150)
+    w152 = w1*(first_2*w142 + first_1*w143 + normal_2*w144 + normal_1*w145)
+    w153 = w0*(first_2*w147 + first_1*w148 + normal_2*w149 + normal_1*w150)
+    w154 = w3*w95 + w4*w96
+    w155 = w5*w134 - w6*w133
+    w156 = w1*(normal_1*w154 - normal_2*w155) - w0*(normal_2*w154 + normal_1*w155)
+    w157 = w3*w103 + w4*w104
+    w158 = w6*w136 + w5*w137
+    w159 = w1*(normal_2*w158 - normal_1*w157) + w0*(normal_2*w157 + normal_1*w158)
+    w160 = w3*w113 + w4*w114
+    w161 = w6*w139 + w5*w140
+    w162 = w1*(normal_2*w161 - normal_1*w160) + w0*(normal_2*w160 + normal_1*w161)
+    w163 = base2_33*w28 + base2_23*w29 + base2_13*w30
+    w164 = base2_32*w28 + base2_22*w29 + base2_12*w30
+    w165 = w45*w43*w164 + w47*w43*w163
+    w166 = w45*(w164*w107 - w41*w163) + w47*(w163*w107 + w41*w164)
+    w167 = w47*w164 - w45*w163
+    w168 = base2_31*w28 + base2_21*w29 + base2_11*w30
+    w169 = w42*(second_3*w167 - w41*w168) - w38*(w41*w167 + second_3*w168)
+    w170 = w38*w44*w168 - w42*w44*w167
+    w171 = w47*w163 + w45*w164
+    w172 = w38*w167 + w42*w168
+    w173 = w39*(second_2*w171 + second_1*w172) - w40*(second_2*w172 - second_1*w171)
     return (
-        w267,
-        w268,
-        w269,
-        w270,
-        w271,
-        w272,
-        w273,
-        w274,
-        w275,
-        w267,
-        w270,
-        w273,
-        nu1*(w135 + w136 + w138 + w139 + w141 + w142),
-        nu1*(w175 + w176 + w177),
-        nu1*(w212 + w213 + w214),
-        -w267,
-        -w270,
-        -w273,
-        w276,
-        w277,
-        w278,
-        w268,
-        w271,
-        w274,
-        nu1*(w155 + w156 + w157),
-        nu1*(w185 + w186 + w188 + w189 + w191 + w192),
-        nu1*(w215 + w216 + w217),
-        -w268,
-        -w271,
-        -w274,
-        w279,
-        w280,
-        w281,
-        w269,
-        w272,
-        w275,
-        nu1*(w172 + w173 + w174),
-        nu1*(w209 + w210 + w211),
-        nu1*(w229 + w230 + w232 + w233 + w235 + w236),
-        -w269,
-        -w272,
-        -w275,
-        w282,
-        w283,
-        w284,
-        -w267,
-        -w268,
-        -w269,
-        -w270,
-        -w271,
-        -w272,
-        -w273,
-        -w274,
-        -w275,
-        w276,
-        w279,
-        w282,
-        nu1*(w238 + w239 + w240),
-        w285,
-        w286,
-        w277,
-        w280,
-        w283,
-        w285,
-        nu1*(w251 + w252 + w253),
-        w287,
-        w278,
-        w281,
-        w284,
-        w286,
-        w287,
-        nu1*(w264 + w265 + w266),
+        w11,
+        w15,
+        w20,
+        w21,
+        w22,
+        w23,
+        w24,
+        w25,
+        w26,
+        w11,
+        w21,
+        w24,
+        w65 - w66,
+        w77,
+        w91,
+        -w11,
+        -w21,
+        -w24,
+        w97,
+        w105,
+        w115,
+        w15,
+        w22,
+        w25,
+        w77,
+        w125 - w124,
+        w132,
+        -w15,
+        -w22,
+        -w25,
+        w135,
+        -w138,
+        -w141,
+        w20,
+        w23,
+        w26,
+        w91,
+        w132,
+        w151 - w146 - (w152 + w153),
+        -w20,
+        -w23,
+        -w26,
+        w156,
+        w159,
+        w162,
+        -w11,
+        -w15,
+        -w20,
+        -w21,
+        -w22,
+        -w23,
+        -w24,
+        -w25,
+        -w26,
+        w97,
+        w135,
+        w156,
+        w45*(w46*w163 + w44*w164) - w47*(w46*w164 - w44*w163),
+        -w165,
+        w166,
+        w105,
+        -w138,
+        w159,
+        -w165,
+        -w169,
+        -w170,
+        w115,
+        -w141,
+        w162,
+        w166,
+        -w170,
+        w173,
     )
 
 

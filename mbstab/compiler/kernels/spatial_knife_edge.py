@@ -6,149 +6,90 @@ def dynamics(f, q, u, p, s):
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, = u
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, point_1, point_2, point_3, along_1, along_2, along_3, normal_1, normal_2, normal_3, = p
     w0 = f.sin(theta1)
-    w1 = along_3*w0
-    w2 = f.cos(psi1)
-    w3 = f.sin(psi1)
-    w4 = along_1*w2 - along_2*w3
-    w5 = f.cos(theta1)
-    w6 = w4*w5
-    w7 = w1 + w6
-    w8 = along_1*w3
-    w9 = along_2*w2
-    w10 = w8 + w9
-    w11 = f.cos(phi1)
-    w12 = along_3*w5 - w0*w4
-    w13 = f.sin(phi1)
-    w14 = w10*w11 - w12*w13
-    w15 = w10*w13
-    w16 = w11*w12
-    w17 = w15 + w16
-    w18 = base1_21*w7 + base1_22*w14 + base1_23*w17
-    w19 = base1_11*w7 + base1_12*w14 + base1_13*w17
-    w20 = normal_1*w18 - normal_2*w19
-    w21 = point_1*w3
-    w22 = point_2*w2
-    w23 = w21 + w22
-    w24 = point_3*w5
-    w25 = point_1*w2
-    w26 = point_2*w3
-    w27 = w25 - w26
-    w28 = w0*w27
-    w29 = w24 - w28
-    w30 = -w11*w29 - w13*w23
-    w31 = w11*w23
-    w32 = w13*w29
-    w33 = w31 - w32
-    w34 = base1_32*w30 + base1_33*w33
-    w35 = w11*w27
-    w36 = -w21 - w22
-    w37 = w0*w13*w36 + w35
-    w38 = w13*w27
-    w39 = -w0*w11*w36 + w38
-    w40 = base1_31*w36*w5 + base1_32*w37 + base1_33*w39
-    w41 = -point_3*w0 - w27*w5
-    w42 = base1_31*w29 - base1_32*w13*w41 + base1_33*w11*w41
-    w43 = phi1_t*w34 + psi1_t*w40 + theta1_t*w42 + z1_t
-    w44 = base1_31*w7 + base1_32*w14 + base1_33*w17
-    w45 = normal_2*w44 - normal_3*w18
-    w46 = base1_12*w30 + base1_13*w33
-    w47 = base1_11*w36*w5 + base1_12*w37 + base1_13*w39
-    w48 = base1_11*w29 - base1_12*w13*w41 + base1_13*w11*w41
-    w49 = phi1_t*w46 + psi1_t*w47 + theta1_t*w48 + x1_t
-    w50 = -normal_1*w44 + normal_3*w19
-    w51 = base1_22*w30 + base1_23*w33
-    w52 = base1_21*w36*w5 + base1_22*w37 + base1_23*w39
-    w53 = base1_21*w29 - base1_22*w13*w41 + base1_23*w11*w41
-    w54 = phi1_t*w51 + psi1_t*w52 + theta1_t*w53 + y1_t
-    w55 = w20*w43 + w45*w49 + w50*w54
-    w56 = -w15 - w16
-    w57 = base1_32*w56 + base1_33*w14
-    w58 = base1_12*w56 + base1_13*w14
-    w59 = -w31 + w32
-    w60 = w0*w36
-    w61 = w11*w60 - w38
-    w62 = w13*w60 + w35
-    w63 = base1_22*w61 + base1_23*w62
-    w64 = psi1_t*w63
-    w65 = theta1_t*(-base1_22*w11*w41 - base1_23*w13*w41)
-    w66 = phi1_t*(base1_22*w59 + base1_23*w30)
-    w67 = base1_22*w56 + base1_23*w14
-    w68 = base1_32*w61 + base1_33*w62
-    w69 = theta1_t*(-base1_32*w11*w41 - base1_33*w13*w41)
-    w70 = psi1_t*w68
-    w71 = phi1_t*(base1_32*w59 + base1_33*w30)
-    w72 = base1_12*w61 + base1_13*w62
-    w73 = phi1_t*(base1_12*w59 + base1_13*w30)
-    w74 = theta1_t*(-base1_12*w11*w41 - base1_13*w13*w41)
-    w75 = psi1_t*w72
-    w76 = w45*(w73 + w74 + w75) + w49*(normal_2*w57 - normal_3*w67)
-    w77 = w50*(w64 + w65 + w66) + w54*(-normal_1*w57 + normal_3*w58)
-    w78 = w20*(w69 + w70 + w71) + w43*(normal_1*w67 - normal_2*w58)
-    w79 = -w1 - w6
-    w80 = w13*w79
-    w81 = w11*w79
-    w82 = base1_31*w12 - base1_32*w80 + base1_33*w81
-    w83 = base1_11*w12 - base1_12*w80 + base1_13*w81
-    w84 = w11*w41
-    w85 = w13*w41
-    w86 = w13*w36
-    w87 = w5*w86
-    w88 = w11*w36
-    w89 = w5*w88
-    w90 = -w24 + w28
-    w91 = base1_23*w11
-    w92 = base1_22*w13
-    w93 = theta1_t*(base1_21*w41 + w90*w91 - w90*w92)
-    w94 = phi1_t*(-base1_22*w84 - base1_23*w85)
-    w95 = psi1_t*(-base1_21*w0*w36 + base1_22*w87 - base1_23*w89)
-    w96 = base1_21*w12 - base1_22*w80 + base1_23*w81
-    w97 = base1_33*w11
-    w98 = base1_32*w13
-    w99 = theta1_t*(base1_31*w41 + w90*w97 - w90*w98)
-    w100 = psi1_t*(-base1_31*w0*w36 + base1_32*w87 - base1_33*w89)
-    w101 = phi1_t*(-base1_32*w84 - base1_33*w85)
-    w102 = base1_13*w11
-    w103 = base1_12*w13
-    w104 = phi1_t*(-base1_12*w84 - base1_13*w85)
-    w105 = psi1_t*(-base1_11*w0*w36 + base1_12*w87 - base1_13*w89)
-    w106 = theta1_t*(base1_11*w41 + w102*w90 - w103*w90)
-    w107 = w20*(w100 + w101 + w99) + w43*(normal_1*w96 - normal_2*w83)
-    w108 = w45*(w104 + w105 + w106) + w49*(normal_2*w82 - normal_3*w96)
-    w109 = w50*(w93 + w94 + w95) + w54*(-normal_1*w82 + normal_3*w83)
-    w110 = -w8 - w9
-    w111 = w110*w5
-    w112 = w0*w110
-    w113 = w11*w4 + w112*w13
-    w114 = -w11*w112 + w13*w4
-    w115 = base1_31*w111 + base1_32*w113 + base1_33*w114
-    w116 = base1_11*w111 + base1_12*w113 + base1_13*w114
-    w117 = -w25 + w26
-    w118 = w0*w117*w13 + w88
-    w119 = -w0*w11*w117 + w86
-    w120 = w36*w5
-    w121 = theta1_t*(-base1_21*w60 - w120*w91 + w120*w92)
-    w122 = psi1_t*(base1_21*w117*w5 + base1_22*w118 + base1_23*w119)
-    w123 = phi1_t*w63
-    w124 = base1_21*w111 + base1_22*w113 + base1_23*w114
-    w125 = phi1_t*w68
-    w126 = theta1_t*(-base1_31*w60 - w120*w97 + w120*w98)
-    w127 = psi1_t*(base1_31*w117*w5 + base1_32*w118 + base1_33*w119)
-    w128 = psi1_t*(base1_11*w117*w5 + base1_12*w118 + base1_13*w119)
-    w129 = theta1_t*(-base1_11*w60 - w102*w120 + w103*w120)
-    w130 = phi1_t*w72
-    w131 = w45*(w128 + w129 + w130) + w49*(normal_2*w115 - normal_3*w124)
-    w132 = w50*(w121 + w122 + w123) + w54*(-normal_1*w115 + normal_3*w116)
-    w133 = w20*(w125 + w126 + w127) + w43*(normal_1*w124 - normal_2*w116)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = along_1*w1 - along_2*w2
+    w4 = f.cos(theta1)
+    w5 = along_3*w0 + w3*w4
+    w6 = along_1*w2 + w1*along_2
+    w7 = f.cos(phi1)
+    w8 = along_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base1_21*w5 + base1_22*w10 + base1_23*w11
+    w13 = w5*base1_11 + w10*base1_12 + w11*base1_13
+    w14 = normal_1*w12 - normal_2*w13
+    w15 = w2*point_1 + w1*point_2
+    w16 = w9*w15
+    w17 = w1*point_1 - w2*point_2
+    w18 = w4*point_3 - w0*w17
+    w19 = w16 + w7*w18
+    w20 = w7*w15
+    w21 = w20 - w9*w18
+    w22 = base1_33*w21 - base1_32*w19
+    w23 = w7*w17 - w0*w9*w15
+    w24 = w9*w17 + w0*w7*w15
+    w25 = base1_32*w23 + base1_33*w24 - w4*w15*base1_31
+    w26 = w0*point_3 + w4*w17
+    w27 = w18*base1_31 - w7*base1_33*w26 + w9*base1_32*w26
+    w28 = z1_t + phi1_t*w22 + psi1_t*w25 + theta1_t*w27
+    w29 = w5*base1_31 + w10*base1_32 + w11*base1_33
+    w30 = normal_2*w29 - w12*normal_3
+    w31 = base1_13*w21 - base1_12*w19
+    w32 = base1_12*w23 + base1_13*w24 - w4*base1_11*w15
+    w33 = base1_11*w18 - w7*base1_13*w26 + w9*base1_12*w26
+    w34 = x1_t + phi1_t*w31 + psi1_t*w32 + theta1_t*w33
+    w35 = w13*normal_3 - normal_1*w29
+    w36 = base1_23*w21 - base1_22*w19
+    w37 = base1_22*w23 + base1_23*w24 - base1_21*w4*w15
+    w38 = base1_21*w18 - w7*base1_23*w26 + base1_22*w9*w26
+    w39 = y1_t + phi1_t*w36 + psi1_t*w37 + theta1_t*w38
+    w40 = w14*w28 + w30*w34 + w35*w39
+    w41 = w4*theta1_t
+    w42 = w2*psi1_t
+    w43 = w1*psi1_t
+    w44 = along_1*w42 + along_2*w43
+    w45 = w0*theta1_t
+    w46 = along_3*w41 - (w4*w44 + w3*w45)
+    w47 = along_1*w43 - along_2*w42
+    w48 = w9*phi1_t
+    w49 = along_3*w45 + w3*w41 - w0*w44
+    w50 = w7*phi1_t
+    w51 = w7*w47 - w6*w48 - (w8*w50 - w9*w49)
+    w52 = w9*w47 + w6*w50 - (w8*w48 + w7*w49)
+    w53 = base1_21*w46 + base1_22*w51 + base1_23*w52
+    w54 = base1_11*w46 + base1_12*w51 + base1_13*w52
+    w55 = point_1*w43 - point_2*w42
+    w56 = point_1*w42 + point_2*w43
+    w57 = point_3*w45 + w17*w41 - w0*w56
+    w58 = w15*w50 + w9*w55 - (w18*w48 + w7*w57)
+    w59 = w7*w55 - w15*w48 - (w18*w50 - w9*w57)
+    w60 = w0*w15
+    w61 = w17*w48 + w7*w56 + w16*w41 + w50*w60 + w55*w0*w9
+    w62 = w17*w50 - w9*w56 + w20*w41 - w48*w60 + w55*w0*w7
+    w63 = base1_32*w61 - base1_33*w62 + w55*w4*base1_31 - w45*w15*base1_31
+    w64 = point_3*w41 - (w17*w45 + w4*w56)
+    w65 = base1_31*w57 + w64*w7*base1_33 - w48*base1_33*w26 - (w50*base1_32*w26 + w64*w9*base1_32)
+    w66 = psi1_t*w63 - phi1_t*(base1_33*w59 - base1_32*w58) + theta1_t*w65
+    w67 = base1_31*w46 + base1_32*w51 + base1_33*w52
+    w68 = base1_12*w61 - base1_13*w62 + w55*w4*base1_11 - w45*base1_11*w15
+    w69 = base1_11*w57 + w64*w7*base1_13 - w48*base1_13*w26 - (w50*base1_12*w26 + w64*w9*base1_12)
+    w70 = psi1_t*w68 - phi1_t*(base1_13*w59 - base1_12*w58) + theta1_t*w69
+    w71 = base1_22*w61 - base1_23*w62 + w55*base1_21*w4 - w45*base1_21*w15
+    w72 = base1_21*w57 + w64*w7*base1_23 - w48*base1_23*w26 - (w50*base1_22*w26 + w64*base1_22*w9)
+    w73 = psi1_t*w71 - phi1_t*(base1_23*w59 - base1_22*w58) + theta1_t*w72
+    w74 = w28*(normal_1*w53 - normal_2*w54) - w14*w66 + w34*(normal_2*w67 - normal_3*w53) - w30*w70 + w39*(normal_3*w54 - normal_1*w67) - w35*w73
     return (
-        w55,
-        w55,
-        w45,
-        w50,
-        w20,
-        w20*w34 + w45*w46 + w50*w51,
-        w20*w42 + w45*w48 + w50*w53,
-        w20*w40 + w45*w47 + w50*w52,
-        phi1_t*(w76 + w77 + w78) + psi1_t*(w131 + w132 + w133) + theta1_t*(w107 + w108 + w109),
+        w40,
+        w40,
+        w30,
+        w35,
+        w14,
+        w35*w36 + w30*w31 + w14*w22,
+        w35*w38 + w30*w33 + w14*w27,
+        w35*w37 + w30*w32 + w14*w25,
+        w74,
     )
 
 
@@ -165,190 +106,155 @@ def linearize(f, q, u, p, s, nu):
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, = u
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, point_1, point_2, point_3, along_1, along_2, along_3, normal_1, normal_2, normal_3, = p
     nu1, = nu
-    w0 = f.sin(theta1)
-    w1 = along_3*w0
-    w2 = f.cos(psi1)
-    w3 = f.sin(psi1)
-    w4 = along_1*w2 - along_2*w3
+    w0 = f.sin(psi1)
+    w1 = f.cos(psi1)
+    w2 = along_1*w0 + w1*along_2
+    w3 = f.sin(phi1)
+    w4 = f.cos(phi1)
     w5 = f.cos(theta1)
-    w6 = w4*w5
-    w7 = w1 + w6
-    w8 = along_1*w3
-    w9 = along_2*w2
-    w10 = w8 + w9
-    w11 = f.cos(phi1)
-    w12 = along_3*w5 - w0*w4
-    w13 = f.sin(phi1)
-    w14 = w10*w11 - w12*w13
-    w15 = w10*w13
-    w16 = w11*w12
-    w17 = w15 + w16
-    w18 = base1_21*w7 + base1_22*w14 + base1_23*w17
-    w19 = base1_11*w7 + base1_12*w14 + base1_13*w17
-    w20 = normal_1*w18 - normal_2*w19
-    w21 = point_1*w3
-    w22 = point_2*w2
-    w23 = w21 + w22
-    w24 = point_3*w5
-    w25 = point_1*w2
-    w26 = point_2*w3
-    w27 = w25 - w26
-    w28 = w0*w27
-    w29 = w24 - w28
-    w30 = -w11*w29 - w13*w23
-    w31 = w11*w23
-    w32 = w13*w29
-    w33 = w31 - w32
-    w34 = base1_32*w30 + base1_33*w33
-    w35 = w11*w27
-    w36 = -w21 - w22
-    w37 = w0*w13*w36 + w35
-    w38 = w13*w27
-    w39 = -w0*w11*w36 + w38
-    w40 = base1_31*w36*w5 + base1_32*w37 + base1_33*w39
-    w41 = -point_3*w0 - w27*w5
-    w42 = base1_31*w29 - base1_32*w13*w41 + base1_33*w11*w41
-    w43 = phi1_t*w34 + psi1_t*w40 + theta1_t*w42 + z1_t
-    w44 = base1_31*w7 + base1_32*w14 + base1_33*w17
-    w45 = normal_2*w44 - normal_3*w18
-    w46 = base1_12*w30 + base1_13*w33
-    w47 = base1_11*w36*w5 + base1_12*w37 + base1_13*w39
-    w48 = base1_11*w29 - base1_12*w13*w41 + base1_13*w11*w41
-    w49 = phi1_t*w46 + psi1_t*w47 + theta1_t*w48 + x1_t
-    w50 = -normal_1*w44 + normal_3*w19
-    w51 = base1_22*w30 + base1_23*w33
-    w52 = base1_21*w36*w5 + base1_22*w37 + base1_23*w39
-    w53 = base1_21*w29 - base1_22*w13*w41 + base1_23*w11*w41
-    w54 = phi1_t*w51 + psi1_t*w52 + theta1_t*w53 + y1_t
-    w55 = -w15 - w16
-    w56 = base1_32*w55 + base1_33*w14
-    w57 = base1_12*w55 + base1_13*w14
-    w58 = -normal_1*w56 + normal_3*w57
-    w59 = -w31 + w32
-    w60 = base1_22*w59 + base1_23*w30
-    w61 = w0*w36
-    w62 = w11*w61 - w38
-    w63 = w13*w61 + w35
-    w64 = base1_22*w62 + base1_23*w63
-    w65 = -base1_22*w11*w41 - base1_23*w13*w41
-    w66 = base1_22*w55 + base1_23*w14
-    w67 = normal_1*w66 - normal_2*w57
-    w68 = base1_32*w59 + base1_33*w30
-    w69 = base1_32*w62 + base1_33*w63
-    w70 = -base1_32*w11*w41 - base1_33*w13*w41
-    w71 = normal_2*w56 - normal_3*w66
-    w72 = base1_12*w59 + base1_13*w30
-    w73 = base1_12*w62 + base1_13*w63
-    w74 = -base1_12*w11*w41 - base1_13*w13*w41
-    w75 = w45*(phi1_t*w72 + psi1_t*w73 + theta1_t*w74) + w49*w71
-    w76 = w50*(phi1_t*w60 + psi1_t*w64 + theta1_t*w65) + w54*w58
-    w77 = w20*(phi1_t*w68 + psi1_t*w69 + theta1_t*w70) + w43*w67
-    w78 = -w1 - w6
-    w79 = w13*w78
-    w80 = w11*w78
-    w81 = base1_31*w12 - base1_32*w79 + base1_33*w80
-    w82 = base1_11*w12 - base1_12*w79 + base1_13*w80
-    w83 = -normal_1*w81 + normal_3*w82
-    w84 = w11*w41
-    w85 = w13*w41
-    w86 = -base1_22*w84 - base1_23*w85
-    w87 = w13*w36
-    w88 = w5*w87
-    w89 = w11*w36
-    w90 = w5*w89
-    w91 = -base1_21*w0*w36 + base1_22*w88 - base1_23*w90
-    w92 = -w24 + w28
-    w93 = base1_23*w11
-    w94 = base1_22*w13
-    w95 = base1_21*w41 + w92*w93 - w92*w94
-    w96 = base1_21*w12 - base1_22*w79 + base1_23*w80
-    w97 = normal_1*w96 - normal_2*w82
-    w98 = -base1_32*w84 - base1_33*w85
-    w99 = -base1_31*w0*w36 + base1_32*w88 - base1_33*w90
-    w100 = base1_33*w11
-    w101 = base1_32*w13
-    w102 = base1_31*w41 + w100*w92 - w101*w92
-    w103 = normal_2*w81 - normal_3*w96
-    w104 = -base1_12*w84 - base1_13*w85
-    w105 = -base1_11*w0*w36 + base1_12*w88 - base1_13*w90
-    w106 = base1_13*w11
-    w107 = base1_12*w13
-    w108 = base1_11*w41 + w106*w92 - w107*w92
-    w109 = w20*(phi1_t*w98 + psi1_t*w99 + theta1_t*w102) + w43*w97
-    w110 = w103*w49 + w45*(phi1_t*w104 + psi1_t*w105 + theta1_t*w108)
-    w111 = w50*(phi1_t*w86 + psi1_t*w91 + theta1_t*w95) + w54*w83
-    w112 = -w8 - w9
-    w113 = w112*w5
-    w114 = w0*w112
-    w115 = w11*w4 + w114*w13
-    w116 = -w11*w114 + w13*w4
-    w117 = base1_31*w113 + base1_32*w115 + base1_33*w116
-    w118 = base1_11*w113 + base1_12*w115 + base1_13*w116
-    w119 = -normal_1*w117 + normal_3*w118
-    w120 = -w25 + w26
-    w121 = w0*w120*w13 + w89
-    w122 = -w0*w11*w120 + w87
-    w123 = base1_21*w120*w5 + base1_22*w121 + base1_23*w122
-    w124 = w36*w5
-    w125 = -base1_21*w61 - w124*w93 + w124*w94
-    w126 = base1_21*w113 + base1_22*w115 + base1_23*w116
-    w127 = normal_1*w126 - normal_2*w118
-    w128 = base1_31*w120*w5 + base1_32*w121 + base1_33*w122
-    w129 = -base1_31*w61 - w100*w124 + w101*w124
-    w130 = normal_2*w117 - normal_3*w126
-    w131 = base1_11*w120*w5 + base1_12*w121 + base1_13*w122
-    w132 = -base1_11*w61 - w106*w124 + w107*w124
-    w133 = w130*w49 + w45*(phi1_t*w73 + psi1_t*w131 + theta1_t*w132)
-    w134 = w119*w54 + w50*(phi1_t*w64 + psi1_t*w123 + theta1_t*w125)
-    w135 = w127*w43 + w20*(phi1_t*w69 + psi1_t*w128 + theta1_t*w129)
-    w136 = w50*w60 + w51*w58
-    w137 = w45*w72 + w46*w71
-    w138 = w20*w68 + w34*w67
-    w139 = w20*w98 + w34*w97
-    w140 = w103*w46 + w104*w45
-    w141 = w50*w86 + w51*w83
-    w142 = w50*w64
-    w143 = w20*w69
-    w144 = w45*w73
-    w145 = w119*w51 + w127*w34 + w130*w46 + w142 + w143 + w144
-    w146 = w50*w65 + w53*w58
-    w147 = w20*w70 + w42*w67
-    w148 = w45*w74 + w48*w71
-    w149 = w103*w48 + w108*w45
-    w150 = w102*w20 + w42*w97
-    w151 = w50*w95 + w53*w83
-    w152 = w127*w42 + w129*w20
-    w153 = w130*w48 + w132*w45
-    w154 = w119*w53 + w125*w50
-    w155 = w142 + w143 + w144 + w40*w67 + w47*w71 + w52*w58
-    w156 = w20*w99 + w40*w97
-    w157 = w103*w47 + w105*w45
-    w158 = w50*w91 + w52*w83
-    w159 = w119*w52 + w123*w50
-    w160 = w130*w47 + w131*w45
-    w161 = w127*w40 + w128*w20
+    w6 = f.sin(theta1)
+    w7 = along_1*w1 - along_2*w0
+    w8 = along_3*w5 - w6*w7
+    w9 = w2*w3 + w4*w8
+    w10 = w2*w4 - w8*w3
+    w11 = w10*base1_33 - w9*base1_32
+    w12 = w10*base1_23 - base1_22*w9
+    w13 = normal_2*w11 - normal_3*w12
+    w14 = nu1*w13
+    w15 = along_3*w6 + w7*w5
+    w16 = w15*w3
+    w17 = w15*w4
+    w18 = w8*base1_31 + base1_32*w16 - base1_33*w17
+    w19 = base1_21*w8 + base1_22*w16 - base1_23*w17
+    w20 = normal_2*w18 - normal_3*w19
+    w21 = nu1*w20
+    w22 = w5*w2
+    w23 = w6*w2
+    w24 = w7*w4 - w3*w23
+    w25 = w7*w3 + w4*w23
+    w26 = base1_32*w24 - base1_31*w22 + base1_33*w25
+    w27 = base1_22*w24 - base1_21*w22 + base1_23*w25
+    w28 = normal_2*w26 - normal_3*w27
+    w29 = nu1*w28
+    w30 = w10*base1_13 - w9*base1_12
+    w31 = normal_3*w30 - normal_1*w11
+    w32 = nu1*w31
+    w33 = w8*base1_11 + base1_12*w16 - base1_13*w17
+    w34 = normal_3*w33 - normal_1*w18
+    w35 = nu1*w34
+    w36 = base1_12*w24 - base1_11*w22 + base1_13*w25
+    w37 = normal_3*w36 - normal_1*w26
+    w38 = nu1*w37
+    w39 = normal_1*w12 - normal_2*w30
+    w40 = nu1*w39
+    w41 = normal_1*w19 - normal_2*w33
+    w42 = nu1*w41
+    w43 = normal_1*w27 - normal_2*w36
+    w44 = nu1*w43
+    w45 = w15*base1_11 + w10*base1_12 + w9*base1_13
+    w46 = w15*base1_31 + w10*base1_32 + w9*base1_33
+    w47 = w45*normal_3 - normal_1*w46
+    w48 = w47*nu1
+    w49 = w0*point_1 + w1*point_2
+    w50 = w4*w49
+    w51 = w1*point_1 - w0*point_2
+    w52 = w5*point_3 - w6*w51
+    w53 = w50 - w3*w52
+    w54 = w3*w49
+    w55 = w54 + w4*w52
+    w56 = base1_23*w53 - base1_22*w55
+    w57 = base1_21*w15 + base1_22*w10 + base1_23*w9
+    w58 = normal_2*w46 - w57*normal_3
+    w59 = w58*nu1
+    w60 = base1_13*w53 - base1_12*w55
+    w61 = normal_1*w57 - normal_2*w45
+    w62 = w61*nu1
+    w63 = base1_33*w53 - base1_32*w55
+    w64 = w56*w32 - w48*(base1_22*w53 + base1_23*w55) + w60*w14 - w59*(base1_12*w53 + base1_13*w55) + w63*w40 - w62*(base1_32*w53 + w55*base1_33)
+    w65 = w6*point_3 + w5*w51
+    w66 = w4*w65
+    w67 = w3*w65
+    w68 = w48*(base1_22*w66 + base1_23*w67)
+    w69 = w59*(base1_12*w66 + base1_13*w67)
+    w70 = w62*(base1_32*w66 + base1_33*w67)
+    w71 = w3*w51 + w6*w4*w49
+    w72 = w4*w51 - w6*w3*w49
+    w73 = w48*(base1_23*w72 - base1_22*w71)
+    w74 = w59*(base1_13*w72 - base1_12*w71)
+    w75 = w62*(base1_33*w72 - base1_32*w71)
+    w76 = base1_21*w52 - w4*base1_23*w65 + base1_22*w3*w65
+    w77 = base1_11*w52 - w4*base1_13*w65 + w3*base1_12*w65
+    w78 = w52*base1_31 - w4*base1_33*w65 + w3*base1_32*w65
+    w79 = w4*base1_23
+    w80 = base1_22*w3
+    w81 = w4*base1_13
+    w82 = w3*base1_12
+    w83 = w4*base1_33
+    w84 = w3*base1_32
+    w85 = w76*w35 - w48*(base1_21*w65 + w52*w79 - w52*w80) + w77*w21 - w59*(base1_11*w65 + w52*w81 - w52*w82) + w78*w42 - w62*(base1_31*w65 + w52*w83 - w52*w84)
+    w86 = w6*w49
+    w87 = w5*w49
+    w88 = w48*(base1_21*w86 + w87*w79 - w87*w80)
+    w89 = w59*(base1_11*w86 + w87*w81 - w87*w82)
+    w90 = w62*(base1_31*w86 + w87*w83 - w87*w84)
+    w91 = base1_22*w72 + base1_23*w71 - base1_21*w5*w49
+    w92 = base1_12*w72 + base1_13*w71 - w5*base1_11*w49
+    w93 = base1_32*w72 + base1_33*w71 - w5*w49*base1_31
+    w94 = w6*w3
+    w95 = w50 + w51*w94
+    w96 = w6*w4
+    w97 = w51*w96 - w54
+    w98 = base1_21*w5
+    w99 = w5*base1_11
+    w100 = w5*base1_31
+    w101 = w91*w38 - w48*(base1_22*w95 - base1_23*w97 + w51*w98) + w92*w29 - w59*(base1_12*w95 - base1_13*w97 + w51*w99) + w93*w44 - w62*(base1_32*w95 - base1_33*w97 + w51*w100)
+    w102 = z1_t + phi1_t*w63 + psi1_t*w93 + theta1_t*w78
+    w103 = w4*phi1_t
+    w104 = w1*psi1_t
+    w105 = w0*psi1_t
+    w106 = point_1*w104 - point_2*w105
+    w107 = w3*phi1_t
+    w108 = w6*theta1_t
+    w109 = w5*theta1_t
+    w110 = point_1*w105 + point_2*w104
+    w111 = point_3*w108 + w51*w109 - w6*w110
+    w112 = w49*w103 + w3*w106 - (w52*w107 + w4*w111)
+    w113 = w4*w106 - w49*w107 - (w52*w103 - w3*w111)
+    w114 = x1_t + phi1_t*w60 + psi1_t*w92 + theta1_t*w77
+    w115 = y1_t + phi1_t*w56 + psi1_t*w91 + theta1_t*w76
+    w116 = w102*w39 + w61*(base1_33*w113 - base1_32*w112) + w114*w13 + w58*(base1_13*w113 - base1_12*w112) + w115*w31 + w47*(base1_23*w113 - base1_22*w112)
+    w117 = point_3*w109 - (w51*w108 + w5*w110)
+    w118 = base1_31*w111 + w117*w83 - w107*base1_33*w65 - (w103*base1_32*w65 + w117*w84)
+    w119 = base1_11*w111 + w117*w81 - w107*base1_13*w65 - (w103*base1_12*w65 + w117*w82)
+    w120 = base1_21*w111 + w117*w79 - w107*base1_23*w65 - (w103*base1_22*w65 + w117*w80)
+    w121 = w102*w41 - w61*w118 + w114*w20 - w58*w119 + w115*w34 - w47*w120
+    w122 = w51*w107 + w4*w110 + w54*w109 + w103*w86 + w106*w94
+    w123 = w51*w103 - w3*w110 + w50*w109 - w107*w86 + w106*w96
+    w124 = base1_32*w122 - base1_33*w123 + w106*w100 - w108*w49*base1_31
+    w125 = w58*(base1_12*w122 - base1_13*w123 + w106*w99 - w108*base1_11*w49)
+    w126 = w47*(base1_22*w122 - base1_23*w123 + w106*w98 - w108*base1_21*w49)
     return (
-        nu1*w71,
-        nu1*w103,
-        nu1*w130,
-        nu1*w58,
-        nu1*w83,
-        nu1*w119,
-        nu1*w67,
-        nu1*w97,
-        nu1*w127,
-        nu1*(w136 + w137 + w138),
-        nu1*(w139 + w140 + w141),
-        nu1*w145,
-        nu1*(w146 + w147 + w148),
-        nu1*(w149 + w150 + w151),
-        nu1*(w152 + w153 + w154),
-        nu1*w155,
-        nu1*(w156 + w157 + w158),
-        nu1*(w159 + w160 + w161),
-        w75 + w76 + w77,
-        w109 + w110 + w111,
-        w133 + w134 + w135,
+        w14,
+        w21,
+        w29,
+        w32,
+        w35,
+        w38,
+        w40,
+        w42,
+        w44,
+        w64,
+        w68 + w56*w35 + w69 + w60*w21 + w70 + w63*w42,
+        w73 + w56*w38 + w74 + w60*w29 + w75 + w63*w44,
+        w68 + w76*w32 + w69 + w77*w14 + w70 + w78*w40,
+        w85,
+        w88 + w76*w38 + w89 + w77*w29 + w90 + w78*w44,
+        w73 + w91*w32 + w74 + w92*w14 + w75 + w93*w40,
+        w88 + w91*w35 + w89 + w92*w21 + w90 + w93*w42,
+        w101,
+        w116,
+        w121,
+        w102*w43 - w61*w124 + w114*w28 - w125 + w115*w37 - w126,
     )
 
 

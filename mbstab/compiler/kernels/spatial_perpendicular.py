@@ -6,232 +6,131 @@ def dynamics(f, q, u, p, s):
     _, _, _, phi1_t, theta1_t, psi1_t, _, _, _, phi2_t, theta2_t, psi2_t, = u
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, = p
     w0 = f.sin(theta1)
-    w1 = first_3*w0
-    w2 = f.cos(psi1)
-    w3 = first_1*w2
-    w4 = f.sin(psi1)
-    w5 = first_2*w4
-    w6 = w3 - w5
-    w7 = f.cos(theta1)
-    w8 = w6*w7
-    w9 = w1 + w8
-    w10 = first_1*w4
-    w11 = first_2*w2
-    w12 = w10 + w11
-    w13 = f.cos(phi1)
-    w14 = w12*w13
-    w15 = first_3*w7
-    w16 = w0*w6
-    w17 = w15 - w16
-    w18 = f.sin(phi1)
-    w19 = w17*w18
-    w20 = w14 - w19
-    w21 = w12*w18
-    w22 = w13*w17
-    w23 = w21 + w22
-    w24 = base1_11*w9 + base1_12*w20 + base1_13*w23
-    w25 = f.sin(theta2)
-    w26 = second_3*w25
-    w27 = f.cos(psi2)
-    w28 = second_1*w27
-    w29 = f.sin(psi2)
-    w30 = second_2*w29
-    w31 = w28 - w30
-    w32 = f.cos(theta2)
-    w33 = w31*w32
-    w34 = w26 + w33
-    w35 = second_1*w29
-    w36 = second_2*w27
-    w37 = w35 + w36
-    w38 = f.cos(phi2)
-    w39 = w37*w38
-    w40 = second_3*w32
-    w41 = w25*w31
-    w42 = w40 - w41
-    w43 = f.sin(phi2)
-    w44 = w42*w43
-    w45 = w39 - w44
-    w46 = w37*w43
-    w47 = w38*w42
-    w48 = w46 + w47
-    w49 = base2_11*w34 + base2_12*w45 + base2_13*w48
-    w50 = base1_21*w9 + base1_22*w20 + base1_23*w23
-    w51 = base2_21*w34 + base2_22*w45 + base2_23*w48
-    w52 = base1_31*w9 + base1_32*w20 + base1_33*w23
-    w53 = base2_31*w34 + base2_32*w45 + base2_33*w48
-    w54 = -w21 - w22
-    w55 = base1_12*w54 + base1_13*w20
-    w56 = base1_22*w54 + base1_23*w20
-    w57 = base1_32*w54 + base1_33*w20
-    w58 = w49*w55 + w51*w56 + w53*w57
-    w59 = -w1 - w8
-    w60 = w18*w59
-    w61 = w13*w59
-    w62 = base1_11*w17 - base1_12*w60 + base1_13*w61
-    w63 = base1_21*w17 - base1_22*w60 + base1_23*w61
-    w64 = base1_31*w17 - base1_32*w60 + base1_33*w61
-    w65 = w49*w62 + w51*w63 + w53*w64
-    w66 = -w10 - w11
-    w67 = w66*w7
-    w68 = w0*w66
-    w69 = w13*w6 + w18*w68
-    w70 = w18*w6
-    w71 = w13*w68
-    w72 = w70 - w71
-    w73 = base1_11*w67 + base1_12*w69 + base1_13*w72
-    w74 = base1_21*w67 + base1_22*w69 + base1_23*w72
-    w75 = base1_31*w67 + base1_32*w69 + base1_33*w72
-    w76 = w49*w73 + w51*w74 + w53*w75
-    w77 = -w46 - w47
-    w78 = base2_12*w77 + base2_13*w45
-    w79 = base2_22*w77 + base2_23*w45
-    w80 = base2_32*w77 + base2_33*w45
-    w81 = w24*w78 + w50*w79 + w52*w80
-    w82 = -w26 - w33
-    w83 = w43*w82
-    w84 = w38*w82
-    w85 = base2_11*w42 - base2_12*w83 + base2_13*w84
-    w86 = base2_21*w42 - base2_22*w83 + base2_23*w84
-    w87 = base2_31*w42 - base2_32*w83 + base2_33*w84
-    w88 = w24*w85 + w50*w86 + w52*w87
-    w89 = -w35 - w36
-    w90 = w32*w89
-    w91 = w25*w89
-    w92 = w31*w38 + w43*w91
-    w93 = w31*w43
-    w94 = w38*w91
-    w95 = w93 - w94
-    w96 = base2_11*w90 + base2_12*w92 + base2_13*w95
-    w97 = base2_21*w90 + base2_22*w92 + base2_23*w95
-    w98 = base2_31*w90 + base2_32*w92 + base2_33*w95
-    w99 = w24*w96 + w50*w97 + w52*w98
-    w100 = w51*(-base1_22*w61 - base1_23*w60)
-    w101 = w53*(-base1_32*w61 - base1_33*w60)
-    w102 = w49*(-base1_12*w61 - base1_13*w60)
-    w103 = w100 + w101 + w102
-    w104 = -w70 + w71
-    w105 = w49*(base1_12*w104 + base1_13*w69)
-    w106 = w51*(base1_22*w104 + base1_23*w69)
-    w107 = w53*(base1_32*w104 + base1_33*w69)
-    w108 = w105 + w106 + w107
-    w109 = w55*w78 + w56*w79 + w57*w80
-    w110 = w55*w85 + w56*w86 + w57*w87
-    w111 = w55*w96 + w56*w97 + w57*w98
-    w112 = -w14 + w19
-    w113 = w53*(base1_32*w112 + base1_33*w54)
-    w114 = w51*(base1_22*w112 + base1_23*w54)
-    w115 = w49*(base1_12*w112 + base1_13*w54)
-    w116 = psi1_t*w108
-    w117 = phi2_t*w109
-    w118 = psi2_t*w111
-    w119 = phi1_t*(w113 + w114 + w115)
-    w120 = theta1_t*w103
-    w121 = theta2_t*w110
-    w122 = -w15 + w16
-    w123 = w122*w18
-    w124 = w122*w13
-    w125 = w51*(base1_21*w59 - base1_22*w123 + base1_23*w124)
-    w126 = w53*(base1_31*w59 - base1_32*w123 + base1_33*w124)
-    w127 = w49*(base1_11*w59 - base1_12*w123 + base1_13*w124)
-    w128 = w18*w67
-    w129 = w13*w67
-    w130 = w49*(-base1_11*w68 + base1_12*w128 - base1_13*w129)
-    w131 = w53*(-base1_31*w68 + base1_32*w128 - base1_33*w129)
-    w132 = w51*(-base1_21*w68 + base1_22*w128 - base1_23*w129)
-    w133 = w130 + w131 + w132
-    w134 = w62*w78 + w63*w79 + w64*w80
-    w135 = w62*w85 + w63*w86 + w64*w87
-    w136 = w62*w96 + w63*w97 + w64*w98
-    w137 = psi2_t*w136
-    w138 = phi2_t*w134
-    w139 = theta2_t*w135
-    w140 = psi1_t*w133
-    w141 = phi1_t*w103
-    w142 = theta1_t*(w125 + w126 + w127)
-    w143 = -w3 + w5
-    w144 = w143*w7
-    w145 = w0*w143
-    w146 = w13*w66 + w145*w18
-    w147 = -w13*w145 + w18*w66
-    w148 = w49*(base1_11*w144 + base1_12*w146 + base1_13*w147)
-    w149 = w53*(base1_31*w144 + base1_32*w146 + base1_33*w147)
-    w150 = w51*(base1_21*w144 + base1_22*w146 + base1_23*w147)
-    w151 = w73*w78 + w74*w79 + w75*w80
-    w152 = w73*w85 + w74*w86 + w75*w87
-    w153 = w73*w96 + w74*w97 + w75*w98
-    w154 = theta2_t*w152
-    w155 = phi1_t*w108
-    w156 = psi1_t*(w148 + w149 + w150)
-    w157 = phi2_t*w151
-    w158 = psi2_t*w153
-    w159 = theta1_t*w133
-    w160 = -w39 + w44
-    w161 = w50*(base2_22*w160 + base2_23*w77)
-    w162 = w24*(base2_12*w160 + base2_13*w77)
-    w163 = w52*(base2_32*w160 + base2_33*w77)
-    w164 = w50*(-base2_22*w84 - base2_23*w83)
-    w165 = w52*(-base2_32*w84 - base2_33*w83)
-    w166 = w24*(-base2_12*w84 - base2_13*w83)
-    w167 = w164 + w165 + w166
-    w168 = -w93 + w94
-    w169 = w50*(base2_22*w168 + base2_23*w92)
-    w170 = w24*(base2_12*w168 + base2_13*w92)
-    w171 = w52*(base2_32*w168 + base2_33*w92)
-    w172 = w169 + w170 + w171
-    w173 = psi1_t*w151
-    w174 = psi2_t*w172
-    w175 = theta2_t*w167
-    w176 = phi1_t*w109
-    w177 = phi2_t*(w161 + w162 + w163)
-    w178 = theta1_t*w134
-    w179 = -w40 + w41
-    w180 = w179*w43
-    w181 = w179*w38
-    w182 = w50*(base2_21*w82 - base2_22*w180 + base2_23*w181)
-    w183 = w24*(base2_11*w82 - base2_12*w180 + base2_13*w181)
-    w184 = w52*(base2_31*w82 - base2_32*w180 + base2_33*w181)
-    w185 = w43*w90
-    w186 = w38*w90
-    w187 = w52*(-base2_31*w91 + base2_32*w185 - base2_33*w186)
-    w188 = w50*(-base2_21*w91 + base2_22*w185 - base2_23*w186)
-    w189 = w24*(-base2_11*w91 + base2_12*w185 - base2_13*w186)
-    w190 = w187 + w188 + w189
-    w191 = theta1_t*w135
-    w192 = psi2_t*w190
-    w193 = psi1_t*w152
-    w194 = phi1_t*w110
-    w195 = phi2_t*w167
-    w196 = theta2_t*(w182 + w183 + w184)
-    w197 = -w28 + w30
-    w198 = w197*w32
-    w199 = w197*w25
-    w200 = w199*w43 + w38*w89
-    w201 = -w199*w38 + w43*w89
-    w202 = w24*(base2_11*w198 + base2_12*w200 + base2_13*w201)
-    w203 = w52*(base2_31*w198 + base2_32*w200 + base2_33*w201)
-    w204 = w50*(base2_21*w198 + base2_22*w200 + base2_23*w201)
-    w205 = theta2_t*w190
-    w206 = psi1_t*w153
-    w207 = phi2_t*w172
-    w208 = theta1_t*w136
-    w209 = psi2_t*(w202 + w203 + w204)
-    w210 = phi1_t*w111
-    w211 = theta1_t*(w137 + w138 + w139 + w140 + w141 + w142)
-    w212 = psi1_t*(w154 + w155 + w156 + w157 + w158 + w159)
-    w213 = phi1_t*(w116 + w117 + w118 + w119 + w120 + w121)
-    w214 = phi2_t*(w173 + w174 + w175 + w176 + w177 + w178)
-    w215 = psi2_t*(w205 + w206 + w207 + w208 + w209 + w210)
-    w216 = theta2_t*(w191 + w192 + w193 + w194 + w195 + w196)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = first_1*w1 - first_2*w2
+    w4 = f.cos(theta1)
+    w5 = first_3*w0 + w3*w4
+    w6 = first_1*w2 + w1*first_2
+    w7 = f.cos(phi1)
+    w8 = first_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base1_11*w5 + base1_12*w10 + base1_13*w11
+    w13 = f.sin(theta2)
+    w14 = f.cos(psi2)
+    w15 = f.sin(psi2)
+    w16 = second_1*w14 - second_2*w15
+    w17 = f.cos(theta2)
+    w18 = second_3*w13 + w16*w17
+    w19 = second_1*w15 + w14*second_2
+    w20 = f.cos(phi2)
+    w21 = second_3*w17 - w13*w16
+    w22 = f.sin(phi2)
+    w23 = w19*w20 - w21*w22
+    w24 = w19*w22 + w20*w21
+    w25 = base2_11*w18 + base2_12*w23 + base2_13*w24
+    w26 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w27 = w18*base2_21 + w23*base2_22 + w24*base2_23
+    w28 = w5*base1_31 + w10*base1_32 + w11*base1_33
+    w29 = w18*base2_31 + w23*base2_32 + w24*base2_33
+    w30 = w4*theta1_t
+    w31 = w2*psi1_t
+    w32 = w1*psi1_t
+    w33 = first_1*w31 + first_2*w32
+    w34 = w0*theta1_t
+    w35 = first_3*w30 - (w4*w33 + w3*w34)
+    w36 = first_1*w32 - first_2*w31
+    w37 = w9*phi1_t
+    w38 = first_3*w34 + w3*w30 - w0*w33
+    w39 = w7*phi1_t
+    w40 = w7*w36 - w6*w37 - (w8*w39 - w9*w38)
+    w41 = w9*w36 + w6*w39 - (w8*w37 + w7*w38)
+    w42 = base1_11*w35 + base1_12*w40 + base1_13*w41
+    w43 = w17*theta2_t
+    w44 = w15*psi2_t
+    w45 = w14*psi2_t
+    w46 = second_1*w44 + second_2*w45
+    w47 = w13*theta2_t
+    w48 = second_3*w43 - (w17*w46 + w16*w47)
+    w49 = second_1*w45 - second_2*w44
+    w50 = w22*phi2_t
+    w51 = second_3*w47 + w16*w43 - w13*w46
+    w52 = w20*phi2_t
+    w53 = w20*w49 - w19*w50 - (w21*w52 - w22*w51)
+    w54 = w22*w49 + w19*w52 - (w21*w50 + w20*w51)
+    w55 = base2_11*w48 + base2_12*w53 + base2_13*w54
+    w56 = base1_21*w35 + base1_22*w40 + base1_23*w41
+    w57 = base2_21*w48 + base2_22*w53 + base2_23*w54
+    w58 = base1_31*w35 + base1_32*w40 + base1_33*w41
+    w59 = base2_31*w48 + base2_32*w53 + base2_33*w54
+    w60 = base1_33*w29 + base1_23*w27 + base1_13*w25
+    w61 = base1_32*w29 + base1_22*w27 + base1_12*w25
+    w62 = w7*w60 - w9*w61
+    w63 = base1_31*w29 + base1_21*w27 + base1_11*w25
+    w64 = w9*w60 + w7*w61
+    w65 = w4*w63 - w0*w62
+    w66 = w1*(first_1*w64 - first_2*w65) - w2*(first_2*w64 + first_1*w65)
+    w67 = w28*base2_33 + w26*base2_23 + w12*base2_13
+    w68 = w28*base2_32 + w26*base2_22 + w12*base2_12
+    w69 = w20*w67 - w22*w68
+    w70 = w28*base2_31 + w26*base2_21 + w12*base2_11
+    w71 = w22*w67 + w20*w68
+    w72 = w17*w70 - w13*w69
+    w73 = w14*(second_1*w71 - second_2*w72) - w15*(second_2*w71 + second_1*w72)
+    w74 = w42*w55
+    w75 = theta1_t*w34
+    w76 = w33*w34
+    w77 = psi1_t*w32
+    w78 = psi1_t*w31
+    w79 = first_1*w77 - first_2*w78
+    w80 = theta1_t*w30
+    w81 = first_3*w75 + w4*w79 - w76 + w3*w80 - w76
+    w82 = w36*w37
+    w83 = first_1*w78 + first_2*w77
+    w84 = phi1_t*w39
+    w85 = w38*w39
+    w86 = w30*w33
+    w87 = first_3*w80 - (w86 + w3*w75 + w86 + w0*w79)
+    w88 = phi1_t*w37
+    w89 = w85 + w9*w87 + w85 + w8*w88 - (w82 + w7*w83 + w82 + w6*w84)
+    w90 = w36*w39
+    w91 = w37*w38
+    w92 = w90 - w9*w83 + w90 - w6*w88 - (w8*w84 - w91 + w7*w87 - w91)
+    w93 = theta2_t*w47
+    w94 = w46*w47
+    w95 = psi2_t*w45
+    w96 = psi2_t*w44
+    w97 = second_1*w95 - second_2*w96
+    w98 = theta2_t*w43
+    w99 = second_3*w93 + w17*w97 - w94 + w16*w98 - w94
+    w100 = w49*w50
+    w101 = second_1*w96 + second_2*w95
+    w102 = phi2_t*w52
+    w103 = w51*w52
+    w104 = w43*w46
+    w105 = second_3*w98 - (w104 + w16*w93 + w104 + w13*w97)
+    w106 = phi2_t*w50
+    w107 = w103 + w22*w105 + w103 + w21*w106 - (w100 + w20*w101 + w100 + w19*w102)
+    w108 = w49*w52
+    w109 = w50*w51
+    w110 = w108 - w22*w101 + w108 - w19*w106 - (w21*w102 - w109 + w20*w105 - w109)
+    w111 = w74 + w25*(base1_12*w89 - base1_11*w81 + base1_13*w92) + w74 + w12*(base2_12*w107 - base2_11*w99 + base2_13*w110)
+    w112 = w56*w57
+    w113 = w112 + w27*(base1_22*w89 - base1_21*w81 + base1_23*w92) + w112 + w26*(base2_22*w107 - base2_21*w99 + base2_23*w110)
+    w114 = w58*w59
+    w115 = w114 + w29*(base1_32*w89 - base1_31*w81 + base1_33*w92) + w114 + w28*(base2_32*w107 - base2_31*w99 + base2_33*w110)
     return (
-        w24*w49 + w50*w51 + w52*w53,
-        phi1_t*w58 + phi2_t*w81 + psi1_t*w76 + psi2_t*w99 + theta1_t*w65 + theta2_t*w88,
-        w58,
-        w65,
-        w76,
-        w81,
-        w88,
-        w99,
-        w211 + w212 + w213 + w214 + w215 + w216,
+        w12*w25 + w26*w27 + w28*w29,
+        w25*w42 + w12*w55 + w27*w56 + w26*w57 + w29*w58 + w28*w59,
+        w7*(w6*w60 - w8*w61) - w9*(w8*w60 + w6*w61),
+        w4*(first_3*w63 - w3*w62) - w0*(first_3*w62 + w3*w63),
+        w66,
+        w20*(w19*w67 - w21*w68) - w22*(w21*w67 + w19*w68),
+        w17*(second_3*w70 - w16*w69) - w13*(second_3*w69 + w16*w70),
+        w73,
+        w111 + w113 + w115,
     )
 
 
@@ -247,212 +146,136 @@ def linearize(f, q, u, p, s, nu):
     _, _, _, phi1, theta1, psi1, _, _, _, phi2, theta2, psi2, = q
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, = p
     nu1, = nu
-    w0 = f.sin(theta1)
-    w1 = first_3*w0
+    w0 = f.sin(phi1)
+    w1 = f.sin(psi1)
     w2 = f.cos(psi1)
-    w3 = first_1*w2
-    w4 = f.sin(psi1)
-    w5 = first_2*w4
-    w6 = w3 - w5
-    w7 = f.cos(theta1)
-    w8 = w6*w7
-    w9 = w1 + w8
-    w10 = first_1*w4
-    w11 = first_2*w2
-    w12 = w10 + w11
-    w13 = f.cos(phi1)
-    w14 = w12*w13
-    w15 = first_3*w7
-    w16 = w0*w6
-    w17 = w15 - w16
-    w18 = f.sin(phi1)
-    w19 = w17*w18
-    w20 = w14 - w19
-    w21 = w12*w18
-    w22 = w13*w17
-    w23 = w21 + w22
-    w24 = base1_11*w9 + base1_12*w20 + base1_13*w23
-    w25 = f.sin(theta2)
-    w26 = second_3*w25
-    w27 = f.cos(psi2)
-    w28 = second_1*w27
-    w29 = f.sin(psi2)
-    w30 = second_2*w29
-    w31 = w28 - w30
-    w32 = f.cos(theta2)
-    w33 = w31*w32
-    w34 = w26 + w33
-    w35 = second_1*w29
-    w36 = second_2*w27
-    w37 = w35 + w36
-    w38 = f.cos(phi2)
-    w39 = w37*w38
-    w40 = second_3*w32
-    w41 = w25*w31
-    w42 = w40 - w41
-    w43 = f.sin(phi2)
-    w44 = w42*w43
-    w45 = w39 - w44
-    w46 = w37*w43
-    w47 = w38*w42
-    w48 = w46 + w47
-    w49 = base2_11*w34 + base2_12*w45 + base2_13*w48
-    w50 = base1_21*w9 + base1_22*w20 + base1_23*w23
-    w51 = base2_21*w34 + base2_22*w45 + base2_23*w48
-    w52 = base1_31*w9 + base1_32*w20 + base1_33*w23
-    w53 = base2_31*w34 + base2_32*w45 + base2_33*w48
-    w54 = -w21 - w22
-    w55 = base1_12*w54 + base1_13*w20
-    w56 = base1_22*w54 + base1_23*w20
-    w57 = base1_32*w54 + base1_33*w20
-    w58 = -w1 - w8
-    w59 = w18*w58
-    w60 = w13*w58
-    w61 = base1_11*w17 - base1_12*w59 + base1_13*w60
-    w62 = base1_21*w17 - base1_22*w59 + base1_23*w60
-    w63 = base1_31*w17 - base1_32*w59 + base1_33*w60
-    w64 = -w10 - w11
-    w65 = w64*w7
-    w66 = w0*w64
-    w67 = w13*w6 + w18*w66
-    w68 = w18*w6
-    w69 = w13*w66
-    w70 = w68 - w69
-    w71 = base1_11*w65 + base1_12*w67 + base1_13*w70
-    w72 = base1_21*w65 + base1_22*w67 + base1_23*w70
-    w73 = base1_31*w65 + base1_32*w67 + base1_33*w70
-    w74 = -w46 - w47
-    w75 = base2_12*w74 + base2_13*w45
-    w76 = base2_22*w74 + base2_23*w45
-    w77 = base2_32*w74 + base2_33*w45
-    w78 = -w26 - w33
-    w79 = w43*w78
-    w80 = w38*w78
-    w81 = base2_11*w42 - base2_12*w79 + base2_13*w80
-    w82 = base2_21*w42 - base2_22*w79 + base2_23*w80
-    w83 = base2_31*w42 - base2_32*w79 + base2_33*w80
-    w84 = -w35 - w36
-    w85 = w32*w84
-    w86 = w25*w84
-    w87 = w31*w38 + w43*w86
-    w88 = w31*w43
-    w89 = w38*w86
-    w90 = w88 - w89
-    w91 = base2_11*w85 + base2_12*w87 + base2_13*w90
-    w92 = base2_21*w85 + base2_22*w87 + base2_23*w90
-    w93 = base2_31*w85 + base2_32*w87 + base2_33*w90
-    w94 = w51*(-base1_22*w60 - base1_23*w59)
-    w95 = w53*(-base1_32*w60 - base1_33*w59)
-    w96 = w49*(-base1_12*w60 - base1_13*w59)
-    w97 = -w68 + w69
-    w98 = w49*(base1_12*w97 + base1_13*w67)
-    w99 = w51*(base1_22*w97 + base1_23*w67)
-    w100 = w53*(base1_32*w97 + base1_33*w67)
-    w101 = -w14 + w19
-    w102 = w53*(base1_32*w101 + base1_33*w54)
-    w103 = w51*(base1_22*w101 + base1_23*w54)
-    w104 = w49*(base1_12*w101 + base1_13*w54)
-    w105 = -w15 + w16
-    w106 = w105*w18
-    w107 = w105*w13
-    w108 = w51*(base1_21*w58 - base1_22*w106 + base1_23*w107)
-    w109 = w53*(base1_31*w58 - base1_32*w106 + base1_33*w107)
-    w110 = w49*(base1_11*w58 - base1_12*w106 + base1_13*w107)
-    w111 = w18*w65
-    w112 = w13*w65
-    w113 = w49*(-base1_11*w66 + base1_12*w111 - base1_13*w112)
-    w114 = w53*(-base1_31*w66 + base1_32*w111 - base1_33*w112)
-    w115 = w51*(-base1_21*w66 + base1_22*w111 - base1_23*w112)
-    w116 = -w3 + w5
-    w117 = w116*w7
-    w118 = w0*w116
-    w119 = w118*w18 + w13*w64
-    w120 = -w118*w13 + w18*w64
-    w121 = w49*(base1_11*w117 + base1_12*w119 + base1_13*w120)
-    w122 = w53*(base1_31*w117 + base1_32*w119 + base1_33*w120)
-    w123 = w51*(base1_21*w117 + base1_22*w119 + base1_23*w120)
-    w124 = -w39 + w44
-    w125 = w50*(base2_22*w124 + base2_23*w74)
-    w126 = w24*(base2_12*w124 + base2_13*w74)
-    w127 = w52*(base2_32*w124 + base2_33*w74)
-    w128 = w50*(-base2_22*w80 - base2_23*w79)
-    w129 = w52*(-base2_32*w80 - base2_33*w79)
-    w130 = w24*(-base2_12*w80 - base2_13*w79)
-    w131 = -w88 + w89
-    w132 = w50*(base2_22*w131 + base2_23*w87)
-    w133 = w24*(base2_12*w131 + base2_13*w87)
-    w134 = w52*(base2_32*w131 + base2_33*w87)
-    w135 = -w40 + w41
-    w136 = w135*w43
-    w137 = w135*w38
-    w138 = w50*(base2_21*w78 - base2_22*w136 + base2_23*w137)
-    w139 = w24*(base2_11*w78 - base2_12*w136 + base2_13*w137)
-    w140 = w52*(base2_31*w78 - base2_32*w136 + base2_33*w137)
-    w141 = w43*w85
-    w142 = w38*w85
-    w143 = w52*(-base2_31*w86 + base2_32*w141 - base2_33*w142)
-    w144 = w50*(-base2_21*w86 + base2_22*w141 - base2_23*w142)
-    w145 = w24*(-base2_11*w86 + base2_12*w141 - base2_13*w142)
-    w146 = -w28 + w30
-    w147 = w146*w32
-    w148 = w146*w25
-    w149 = w148*w43 + w38*w84
-    w150 = -w148*w38 + w43*w84
-    w151 = w24*(base2_11*w147 + base2_12*w149 + base2_13*w150)
-    w152 = w52*(base2_31*w147 + base2_32*w149 + base2_33*w150)
-    w153 = w50*(base2_21*w147 + base2_22*w149 + base2_23*w150)
-    w154 = nu1*(w94 + w95 + w96)
-    w155 = nu1*(w100 + w98 + w99)
-    w156 = nu1*(w55*w75 + w56*w76 + w57*w77)
-    w157 = nu1*(w55*w81 + w56*w82 + w57*w83)
-    w158 = nu1*(w55*w91 + w56*w92 + w57*w93)
-    w159 = nu1*(w113 + w114 + w115)
-    w160 = nu1*(w61*w75 + w62*w76 + w63*w77)
-    w161 = nu1*(w61*w81 + w62*w82 + w63*w83)
-    w162 = nu1*(w61*w91 + w62*w92 + w63*w93)
-    w163 = nu1*(w71*w75 + w72*w76 + w73*w77)
-    w164 = nu1*(w71*w81 + w72*w82 + w73*w83)
-    w165 = nu1*(w71*w91 + w72*w92 + w73*w93)
-    w166 = nu1*(w128 + w129 + w130)
-    w167 = nu1*(w132 + w133 + w134)
-    w168 = nu1*(w143 + w144 + w145)
+    w3 = first_1*w1 + w2*first_2
+    w4 = f.sin(theta2)
+    w5 = f.cos(psi2)
+    w6 = f.sin(psi2)
+    w7 = second_1*w5 - second_2*w6
+    w8 = f.cos(theta2)
+    w9 = second_3*w4 + w7*w8
+    w10 = second_1*w6 + w5*second_2
+    w11 = f.cos(phi2)
+    w12 = second_3*w8 - w4*w7
+    w13 = f.sin(phi2)
+    w14 = w10*w11 - w12*w13
+    w15 = w10*w13 + w11*w12
+    w16 = (w9*base2_31 + w14*base2_32 + w15*base2_33)*nu1
+    w17 = (w9*base2_21 + w14*base2_22 + w15*base2_23)*nu1
+    w18 = (base2_11*w9 + base2_12*w14 + base2_13*w15)*nu1
+    w19 = base1_33*w16 + base1_23*w17 + base1_13*w18
+    w20 = f.cos(theta1)
+    w21 = f.sin(theta1)
+    w22 = first_1*w2 - first_2*w1
+    w23 = first_3*w20 - w21*w22
+    w24 = base1_32*w16 + base1_22*w17 + base1_12*w18
+    w25 = f.cos(phi1)
+    w26 = first_3*w21 + w22*w20
+    w27 = w25*w26*w24 + w0*w26*w19
+    w28 = w21*w3
+    w29 = w25*(w22*w19 - w24*w28) - w0*(w19*w28 + w22*w24)
+    w30 = nu1*(w14*base2_33 - w15*base2_32)
+    w31 = nu1*(w14*base2_23 - w15*base2_22)
+    w32 = nu1*(w14*base2_13 - base2_12*w15)
+    w33 = base1_33*w30 + base1_23*w31 + base1_13*w32
+    w34 = base1_32*w30 + base1_22*w31 + base1_12*w32
+    w35 = w25*(w3*w33 - w23*w34) - w0*(w23*w33 + w3*w34)
+    w36 = w9*w13
+    w37 = w9*w11
+    w38 = nu1*(w12*base2_31 + base2_32*w36 - base2_33*w37)
+    w39 = nu1*(w12*base2_21 + base2_22*w36 - base2_23*w37)
+    w40 = nu1*(base2_11*w12 + base2_12*w36 - base2_13*w37)
+    w41 = base1_33*w38 + base1_23*w39 + base1_13*w40
+    w42 = base1_32*w38 + base1_22*w39 + base1_12*w40
+    w43 = w25*(w3*w41 - w23*w42) - w0*(w23*w41 + w3*w42)
+    w44 = w8*w10
+    w45 = w4*w10
+    w46 = w7*w11 - w13*w45
+    w47 = w7*w13 + w11*w45
+    w48 = nu1*(base2_32*w46 - base2_31*w44 + base2_33*w47)
+    w49 = nu1*(base2_22*w46 - base2_21*w44 + base2_23*w47)
+    w50 = nu1*(base2_12*w46 - base2_11*w44 + base2_13*w47)
+    w51 = base1_33*w48 + base1_23*w49 + base1_13*w50
+    w52 = base1_32*w48 + base1_22*w49 + base1_12*w50
+    w53 = w25*(w3*w51 - w23*w52) - w0*(w23*w51 + w3*w52)
+    w54 = w25*w19 - w0*w24
+    w55 = base1_31*w16 + base1_21*w17 + base1_11*w18
+    w56 = w21*w3*w55 + w20*w3*w54
+    w57 = w25*w33 - w0*w34
+    w58 = base1_31*w30 + base1_21*w31 + base1_11*w32
+    w59 = w20*(first_3*w58 - w22*w57) - w21*(first_3*w57 + w22*w58)
+    w60 = w25*w41 - w0*w42
+    w61 = base1_31*w38 + base1_21*w39 + base1_11*w40
+    w62 = w20*(first_3*w61 - w22*w60) - w21*(first_3*w60 + w22*w61)
+    w63 = w25*w51 - w0*w52
+    w64 = base1_31*w48 + base1_21*w49 + base1_11*w50
+    w65 = w20*(first_3*w64 - w22*w63) - w21*(first_3*w63 + w22*w64)
+    w66 = w0*w19 + w25*w24
+    w67 = w20*w55 - w21*w54
+    w68 = w1*(first_1*w66 - first_2*w67) + w2*(first_2*w66 + first_1*w67)
+    w69 = w0*w33 + w25*w34
+    w70 = w20*w58 - w21*w57
+    w71 = w2*(first_1*w69 - first_2*w70) - w1*(first_2*w69 + first_1*w70)
+    w72 = w0*w41 + w25*w42
+    w73 = w20*w61 - w21*w60
+    w74 = w2*(first_1*w72 - first_2*w73) - w1*(first_2*w72 + first_1*w73)
+    w75 = w0*w51 + w25*w52
+    w76 = w20*w64 - w21*w63
+    w77 = w2*(first_1*w75 - first_2*w76) - w1*(first_2*w75 + first_1*w76)
+    w78 = w3*w25 - w23*w0
+    w79 = w3*w0 + w25*w23
+    w80 = (w26*base1_31 + w78*base1_32 + w79*base1_33)*nu1
+    w81 = (w26*base1_21 + w78*base1_22 + w79*base1_23)*nu1
+    w82 = (base1_11*w26 + base1_12*w78 + base1_13*w79)*nu1
+    w83 = base2_33*w80 + base2_23*w81 + base2_13*w82
+    w84 = base2_32*w80 + base2_22*w81 + base2_12*w82
+    w85 = w11*w9*w84 + w13*w9*w83
+    w86 = w11*(w7*w83 - w84*w45) - w13*(w83*w45 + w7*w84)
+    w87 = w11*w83 - w13*w84
+    w88 = base2_31*w80 + base2_21*w81 + base2_11*w82
+    w89 = w4*w10*w88 + w8*w10*w87
+    w90 = w13*w83 + w11*w84
+    w91 = w8*w88 - w4*w87
+    w92 = w6*(second_1*w90 - second_2*w91) + w5*(second_2*w90 + second_1*w91)
     return (
-        nu1*(w102 + w103 + w104),
-        w154,
-        w155,
-        w156,
-        w157,
-        w158,
-        w154,
-        nu1*(w108 + w109 + w110),
-        w159,
-        w160,
-        w161,
-        w162,
-        w155,
-        w159,
-        nu1*(w121 + w122 + w123),
-        w163,
-        w164,
-        w165,
-        w156,
-        w160,
-        w163,
-        nu1*(w125 + w126 + w127),
-        w166,
-        w167,
-        w157,
-        w161,
-        w164,
-        w166,
-        nu1*(w138 + w139 + w140),
-        w168,
-        w158,
-        w162,
-        w165,
-        w167,
-        w168,
-        nu1*(w151 + w152 + w153),
+        -(w0*(w3*w19 - w23*w24) + w25*(w23*w19 + w3*w24)),
+        w27,
+        w29,
+        w35,
+        w43,
+        w53,
+        w27,
+        -(w20*(first_3*w54 + w22*w55) + w21*(first_3*w55 - w22*w54)),
+        w56,
+        w59,
+        w62,
+        w65,
+        w29,
+        w56,
+        -w68,
+        w71,
+        w74,
+        w77,
+        w35,
+        w59,
+        w71,
+        -(w13*(w10*w83 - w12*w84) + w11*(w12*w83 + w10*w84)),
+        w85,
+        w86,
+        w43,
+        w62,
+        w74,
+        w85,
+        -(w8*(second_3*w87 + w7*w88) + w4*(second_3*w88 - w7*w87)),
+        w89,
+        w53,
+        w65,
+        w77,
+        w86,
+        w89,
+        -w92,
     )
 
 

@@ -3,14 +3,13 @@
 
 def dynamics(f, q, u, p, s):
     _, _, _, _, _, _, _, _, _, mass, gravity_1, gravity_2, gravity_3, = p
-    w0 = mass
     return (
-        w0,
-        w0,
-        w0,
-        -gravity_1*mass,
-        -gravity_2*mass,
-        -gravity_3*mass,
+        mass,
+        mass,
+        mass,
+        -mass*gravity_1,
+        -mass*gravity_2,
+        -mass*gravity_3,
     )
 
 

@@ -7,101 +7,69 @@ def dynamics(f, q, u, p, s):
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, point_1, point_2, point_3, direction_1, direction_2, direction_3, = p
     s1, s1_t, s1_tt, = s
     w0 = f.sin(theta1)
-    w1 = point_3*w0
-    w2 = f.cos(psi1)
-    w3 = point_1*w2
-    w4 = f.sin(psi1)
-    w5 = point_2*w4
-    w6 = w3 - w5
-    w7 = f.cos(theta1)
-    w8 = w6*w7
-    w9 = w1 + w8
-    w10 = point_1*w4
-    w11 = point_2*w2
-    w12 = w10 + w11
-    w13 = f.cos(phi1)
-    w14 = w12*w13
-    w15 = point_3*w7
-    w16 = w0*w6
-    w17 = w15 - w16
-    w18 = f.sin(phi1)
-    w19 = w17*w18
-    w20 = w14 - w19
-    w21 = w12*w18
-    w22 = w13*w17
-    w23 = w21 + w22
-    w24 = direction_2*(base1_21*w9 + base1_22*w20 + base1_23*w23 + y1)
-    w25 = direction_1*(base1_11*w9 + base1_12*w20 + base1_13*w23 + x1)
-    w26 = direction_3*(base1_31*w9 + base1_32*w20 + base1_33*w23 + z1)
-    w27 = -w21 - w22
-    w28 = direction_2*(base1_22*w27 + base1_23*w20)
-    w29 = direction_1*(base1_12*w27 + base1_13*w20)
-    w30 = direction_3*(base1_32*w27 + base1_33*w20)
-    w31 = w28 + w29 + w30
-    w32 = -w1 - w8
-    w33 = w18*w32
-    w34 = w13*w32
-    w35 = direction_2*(base1_21*w17 - base1_22*w33 + base1_23*w34)
-    w36 = direction_1*(base1_11*w17 - base1_12*w33 + base1_13*w34)
-    w37 = direction_3*(base1_31*w17 - base1_32*w33 + base1_33*w34)
-    w38 = w35 + w36 + w37
-    w39 = -w10 - w11
-    w40 = w39*w7
-    w41 = w0*w39
-    w42 = w13*w6 + w18*w41
-    w43 = w18*w6
-    w44 = w13*w41
-    w45 = w43 - w44
-    w46 = direction_3*(base1_31*w40 + base1_32*w42 + base1_33*w45)
-    w47 = direction_2*(base1_21*w40 + base1_22*w42 + base1_23*w45)
-    w48 = direction_1*(base1_11*w40 + base1_12*w42 + base1_13*w45)
-    w49 = w46 + w47 + w48
-    w50 = -w43 + w44
-    w51 = direction_1*(base1_12*w50 + base1_13*w42)
-    w52 = direction_3*(base1_32*w50 + base1_33*w42)
-    w53 = direction_2*(base1_22*w50 + base1_23*w42)
-    w54 = w51 + w52 + w53
-    w55 = -w14 + w19
-    w56 = direction_2*(base1_22*w55 + base1_23*w27)
-    w57 = direction_1*(base1_12*w55 + base1_13*w27)
-    w58 = direction_3*(base1_32*w55 + base1_33*w27)
-    w59 = direction_1*(-base1_12*w34 - base1_13*w33)
-    w60 = direction_3*(-base1_32*w34 - base1_33*w33)
-    w61 = direction_2*(-base1_22*w34 - base1_23*w33)
-    w62 = w59 + w60 + w61
-    w63 = w18*w40
-    w64 = w13*w40
-    w65 = direction_1*(-base1_11*w41 + base1_12*w63 - base1_13*w64)
-    w66 = direction_3*(-base1_31*w41 + base1_32*w63 - base1_33*w64)
-    w67 = direction_2*(-base1_21*w41 + base1_22*w63 - base1_23*w64)
-    w68 = w65 + w66 + w67
-    w69 = -w15 + w16
-    w70 = w18*w69
-    w71 = w13*w69
-    w72 = direction_3*(base1_31*w32 - base1_32*w70 + base1_33*w71)
-    w73 = direction_2*(base1_21*w32 - base1_22*w70 + base1_23*w71)
-    w74 = direction_1*(base1_11*w32 - base1_12*w70 + base1_13*w71)
-    w75 = -w3 + w5
-    w76 = w7*w75
-    w77 = w0*w75
-    w78 = w13*w39 + w18*w77
-    w79 = -w13*w77 + w18*w39
-    w80 = direction_1*(base1_11*w76 + base1_12*w78 + base1_13*w79)
-    w81 = direction_3*(base1_31*w76 + base1_32*w78 + base1_33*w79)
-    w82 = direction_2*(base1_21*w76 + base1_22*w78 + base1_23*w79)
-    w83 = phi1_t*(phi1_t*(w56 + w57 + w58) + psi1_t*w54 + theta1_t*w62)
-    w84 = theta1_t*(phi1_t*w62 + psi1_t*w68 + theta1_t*(w72 + w73 + w74))
-    w85 = psi1_t*(phi1_t*w54 + psi1_t*(w80 + w81 + w82) + theta1_t*w68)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = point_1*w1 - point_2*w2
+    w4 = f.cos(theta1)
+    w5 = point_3*w0 + w3*w4
+    w6 = point_1*w2 + w1*point_2
+    w7 = f.cos(phi1)
+    w8 = point_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = direction_1*(x1 + base1_11*w5 + base1_12*w10 + base1_13*w11) - s1 + direction_2*(y1 + w5*base1_21 + w10*base1_22 + w11*base1_23) + direction_3*(z1 + w5*base1_31 + w10*base1_32 + w11*base1_33)
+    w13 = w4*theta1_t
+    w14 = w2*psi1_t
+    w15 = w1*psi1_t
+    w16 = point_1*w14 + point_2*w15
+    w17 = w0*theta1_t
+    w18 = point_3*w13 - (w4*w16 + w3*w17)
+    w19 = point_1*w15 - point_2*w14
+    w20 = w9*phi1_t
+    w21 = point_3*w17 + w3*w13 - w0*w16
+    w22 = w7*phi1_t
+    w23 = w7*w19 - w6*w20 - (w8*w22 - w9*w21)
+    w24 = w9*w19 + w6*w22 - (w8*w20 + w7*w21)
+    w25 = direction_1*(x1_t + base1_11*w18 + base1_12*w23 + base1_13*w24)
+    w26 = direction_2*(y1_t + base1_21*w18 + base1_22*w23 + base1_23*w24)
+    w27 = direction_3*(z1_t + base1_31*w18 + base1_32*w23 + base1_33*w24)
+    w28 = direction_3*base1_33 + direction_2*base1_23 + direction_1*base1_13
+    w29 = direction_3*base1_32 + direction_2*base1_22 + direction_1*base1_12
+    w30 = w7*w28 - w9*w29
+    w31 = direction_3*base1_31 + direction_2*base1_21 + direction_1*base1_11
+    w32 = w9*w28 + w7*w29
+    w33 = w4*w31 - w0*w30
+    w34 = w1*(point_1*w32 - point_2*w33) - w2*(point_2*w32 + point_1*w33)
+    w35 = theta1_t*w17
+    w36 = w16*w17
+    w37 = psi1_t*w15
+    w38 = psi1_t*w14
+    w39 = point_1*w37 - point_2*w38
+    w40 = theta1_t*w13
+    w41 = point_3*w35 + w4*w39 - w36 + w3*w40 - w36
+    w42 = w19*w20
+    w43 = point_1*w38 + point_2*w37
+    w44 = phi1_t*w22
+    w45 = w21*w22
+    w46 = w13*w16
+    w47 = point_3*w40 - (w46 + w3*w35 + w46 + w0*w39)
+    w48 = phi1_t*w20
+    w49 = w45 + w9*w47 + w45 + w8*w48 - (w42 + w7*w43 + w42 + w6*w44)
+    w50 = w19*w22
+    w51 = w20*w21
+    w52 = w50 - w9*w43 + w50 - w6*w48 - (w8*w44 - w51 + w7*w47 - w51)
+    w53 = direction_1*(base1_12*w49 - base1_11*w41 + base1_13*w52) - s1_tt + direction_2*(base1_22*w49 - base1_21*w41 + base1_23*w52) + direction_3*(base1_32*w49 - base1_31*w41 + base1_33*w52)
     return (
-        -s1 + w24 + w25 + w26,
-        direction_1*x1_t + direction_2*y1_t + direction_3*z1_t + phi1_t*w31 + psi1_t*w49 - s1_t + theta1_t*w38,
+        w12,
+        w25 - s1_t + w26 + w27,
         direction_1,
         direction_2,
         direction_3,
-        w31,
-        w38,
-        w49,
-        -s1_tt + w83 + w84 + w85,
+        w7*(w6*w28 - w8*w29) - w9*(w8*w28 + w6*w29),
+        w4*(point_3*w31 - w3*w30) - w0*(point_3*w30 + w3*w31),
+        w34,
+        w53,
     )
 
 
@@ -117,72 +85,40 @@ def linearize(f, q, u, p, s, nu):
     _, _, _, phi1, theta1, psi1, = q
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, point_1, point_2, point_3, direction_1, direction_2, direction_3, = p
     nu1, = nu
-    w0 = f.sin(theta1)
-    w1 = f.cos(psi1)
-    w2 = point_1*w1
-    w3 = f.sin(psi1)
-    w4 = point_2*w3
-    w5 = w2 - w4
-    w6 = f.cos(theta1)
-    w7 = point_1*w3
-    w8 = point_2*w1
-    w9 = w7 + w8
-    w10 = f.cos(phi1)
-    w11 = point_3*w6
-    w12 = w0*w5
-    w13 = w11 - w12
-    w14 = f.sin(phi1)
-    w15 = -w10*w13 - w14*w9
-    w16 = -point_3*w0 - w5*w6
-    w17 = w14*w16
-    w18 = w10*w16
-    w19 = -w7 - w8
-    w20 = w19*w6
-    w21 = w0*w19
-    w22 = w10*w5 + w14*w21
-    w23 = w10*w21 - w14*w5
-    w24 = direction_1*(base1_12*w23 + base1_13*w22)
-    w25 = direction_3*(base1_32*w23 + base1_33*w22)
-    w26 = direction_2*(base1_22*w23 + base1_23*w22)
-    w27 = -w10*w9 + w13*w14
-    w28 = direction_2*(base1_22*w27 + base1_23*w15)
-    w29 = direction_1*(base1_12*w27 + base1_13*w15)
-    w30 = direction_3*(base1_32*w27 + base1_33*w15)
-    w31 = direction_1*(-base1_12*w18 - base1_13*w17)
-    w32 = direction_3*(-base1_32*w18 - base1_33*w17)
-    w33 = direction_2*(-base1_22*w18 - base1_23*w17)
-    w34 = w14*w20
-    w35 = w10*w20
-    w36 = direction_1*(-base1_11*w21 + base1_12*w34 - base1_13*w35)
-    w37 = direction_3*(-base1_31*w21 + base1_32*w34 - base1_33*w35)
-    w38 = direction_2*(-base1_21*w21 + base1_22*w34 - base1_23*w35)
-    w39 = -w11 + w12
-    w40 = w14*w39
-    w41 = w10*w39
-    w42 = direction_3*(base1_31*w16 - base1_32*w40 + base1_33*w41)
-    w43 = direction_2*(base1_21*w16 - base1_22*w40 + base1_23*w41)
-    w44 = direction_1*(base1_11*w16 - base1_12*w40 + base1_13*w41)
-    w45 = -w2 + w4
-    w46 = w45*w6
-    w47 = w0*w45
-    w48 = w10*w19 + w14*w47
-    w49 = -w10*w47 + w14*w19
-    w50 = direction_1*(base1_11*w46 + base1_12*w48 + base1_13*w49)
-    w51 = direction_3*(base1_31*w46 + base1_32*w48 + base1_33*w49)
-    w52 = direction_2*(base1_21*w46 + base1_22*w48 + base1_23*w49)
-    w53 = nu1*(w31 + w32 + w33)
-    w54 = nu1*(w24 + w25 + w26)
-    w55 = nu1*(w36 + w37 + w38)
+    w0 = f.sin(phi1)
+    w1 = f.sin(psi1)
+    w2 = f.cos(psi1)
+    w3 = point_1*w1 + w2*point_2
+    w4 = direction_3*nu1
+    w5 = direction_2*nu1
+    w6 = direction_1*nu1
+    w7 = base1_33*w4 + base1_23*w5 + base1_13*w6
+    w8 = f.cos(theta1)
+    w9 = f.sin(theta1)
+    w10 = point_1*w2 - point_2*w1
+    w11 = point_3*w8 - w9*w10
+    w12 = base1_32*w4 + base1_22*w5 + base1_12*w6
+    w13 = f.cos(phi1)
+    w14 = point_3*w9 + w10*w8
+    w15 = w13*w14*w12 + w0*w14*w7
+    w16 = w9*w3
+    w17 = w13*(w10*w7 - w12*w16) - w0*(w7*w16 + w10*w12)
+    w18 = w13*w7 - w0*w12
+    w19 = base1_31*w4 + base1_21*w5 + base1_11*w6
+    w20 = w9*w3*w19 + w8*w3*w18
+    w21 = w0*w7 + w13*w12
+    w22 = w8*w19 - w9*w18
+    w23 = w1*(point_1*w21 - point_2*w22) + w2*(point_2*w21 + point_1*w22)
     return (
-        nu1*(w28 + w29 + w30),
-        w53,
-        w54,
-        w53,
-        nu1*(w42 + w43 + w44),
-        w55,
-        w54,
-        w55,
-        nu1*(w50 + w51 + w52),
+        -(w0*(w3*w7 - w11*w12) + w13*(w11*w7 + w3*w12)),
+        w15,
+        w17,
+        w15,
+        -(w8*(point_3*w18 + w10*w19) + w9*(point_3*w19 - w10*w18)),
+        w20,
+        w17,
+        w20,
+        -w23,
     )
 
 

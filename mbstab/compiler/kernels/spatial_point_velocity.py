@@ -7,107 +7,65 @@ def dynamics(f, q, u, p, s):
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, point_1, point_2, point_3, direction_1, direction_2, direction_3, = p
     s1, s1_t, *_ = s
     w0 = f.sin(psi1)
-    w1 = point_1*w0
-    w2 = f.cos(psi1)
-    w3 = point_2*w2
-    w4 = w1 + w3
-    w5 = f.sin(phi1)
-    w6 = f.cos(theta1)
-    w7 = point_3*w6
-    w8 = point_1*w2
-    w9 = point_2*w0
-    w10 = w8 - w9
-    w11 = f.sin(theta1)
-    w12 = w10*w11
-    w13 = -w12 + w7
-    w14 = f.cos(phi1)
-    w15 = -w13*w14 - w4*w5
-    w16 = w14*w4
-    w17 = w13*w5
-    w18 = w16 - w17
-    w19 = base1_12*w15 + base1_13*w18
-    w20 = w10*w14
-    w21 = -w1 - w3
-    w22 = w11*w21*w5 + w20
-    w23 = w10*w5
-    w24 = -w11*w14*w21 + w23
-    w25 = base1_11*w21*w6 + base1_12*w22 + base1_13*w24
-    w26 = -point_3*w11 - w10*w6
-    w27 = base1_11*w13 - base1_12*w26*w5 + base1_13*w14*w26
-    w28 = base1_22*w15 + base1_23*w18
-    w29 = base1_21*w21*w6 + base1_22*w22 + base1_23*w24
-    w30 = base1_21*w13 - base1_22*w26*w5 + base1_23*w14*w26
-    w31 = base1_32*w15 + base1_33*w18
-    w32 = base1_31*w21*w6 + base1_32*w22 + base1_33*w24
-    w33 = base1_31*w13 - base1_32*w26*w5 + base1_33*w14*w26
-    w34 = direction_1*(phi1_t*w19 + psi1_t*w25 + theta1_t*w27 + x1_t)
-    w35 = direction_3*(phi1_t*w31 + psi1_t*w32 + theta1_t*w33 + z1_t)
-    w36 = direction_2*(phi1_t*w28 + psi1_t*w29 + theta1_t*w30 + y1_t)
-    w37 = -s1 + w34 + w35 + w36
-    w38 = -w16 + w17
-    w39 = w11*w21
-    w40 = w14*w39 - w23
-    w41 = w20 + w39*w5
-    w42 = base1_12*w40 + base1_13*w41
-    w43 = psi1_t*w42
-    w44 = phi1_t*(base1_12*w38 + base1_13*w15)
-    w45 = theta1_t*(-base1_12*w14*w26 - base1_13*w26*w5)
-    w46 = base1_22*w40 + base1_23*w41
-    w47 = theta1_t*(-base1_22*w14*w26 - base1_23*w26*w5)
-    w48 = phi1_t*(base1_22*w38 + base1_23*w15)
-    w49 = psi1_t*w46
-    w50 = base1_32*w40 + base1_33*w41
-    w51 = theta1_t*(-base1_32*w14*w26 - base1_33*w26*w5)
-    w52 = phi1_t*(base1_32*w38 + base1_33*w15)
-    w53 = psi1_t*w50
-    w54 = direction_1*(w43 + w44 + w45) + direction_2*(w47 + w48 + w49) + direction_3*(w51 + w52 + w53)
-    w55 = w14*w26
-    w56 = w26*w5
-    w57 = w21*w5
-    w58 = w57*w6
-    w59 = w14*w21
-    w60 = w59*w6
-    w61 = w12 - w7
-    w62 = base1_13*w14
-    w63 = base1_12*w5
-    w64 = psi1_t*(-base1_11*w11*w21 + base1_12*w58 - base1_13*w60)
-    w65 = phi1_t*(-base1_12*w55 - base1_13*w56)
-    w66 = theta1_t*(base1_11*w26 + w61*w62 - w61*w63)
-    w67 = base1_23*w14
-    w68 = base1_22*w5
-    w69 = psi1_t*(-base1_21*w11*w21 + base1_22*w58 - base1_23*w60)
-    w70 = theta1_t*(base1_21*w26 + w61*w67 - w61*w68)
-    w71 = phi1_t*(-base1_22*w55 - base1_23*w56)
-    w72 = base1_33*w14
-    w73 = base1_32*w5
-    w74 = theta1_t*(base1_31*w26 + w61*w72 - w61*w73)
-    w75 = phi1_t*(-base1_32*w55 - base1_33*w56)
-    w76 = psi1_t*(-base1_31*w11*w21 + base1_32*w58 - base1_33*w60)
-    w77 = direction_1*(w64 + w65 + w66) + direction_2*(w69 + w70 + w71) + direction_3*(w74 + w75 + w76)
-    w78 = -w8 + w9
-    w79 = w11*w5*w78 + w59
-    w80 = -w11*w14*w78 + w57
-    w81 = w21*w6
-    w82 = phi1_t*w42
-    w83 = psi1_t*(base1_11*w6*w78 + base1_12*w79 + base1_13*w80)
-    w84 = theta1_t*(-base1_11*w39 - w62*w81 + w63*w81)
-    w85 = phi1_t*w46
-    w86 = theta1_t*(-base1_21*w39 - w67*w81 + w68*w81)
-    w87 = psi1_t*(base1_21*w6*w78 + base1_22*w79 + base1_23*w80)
-    w88 = theta1_t*(-base1_31*w39 - w72*w81 + w73*w81)
-    w89 = psi1_t*(base1_31*w6*w78 + base1_32*w79 + base1_33*w80)
-    w90 = phi1_t*w50
-    w91 = direction_1*(w82 + w83 + w84) + direction_2*(w85 + w86 + w87) + direction_3*(w88 + w89 + w90)
+    w1 = f.cos(psi1)
+    w2 = point_1*w0 + point_2*w1
+    w3 = f.sin(phi1)
+    w4 = w2*w3
+    w5 = f.cos(theta1)
+    w6 = point_1*w1 - w0*point_2
+    w7 = f.sin(theta1)
+    w8 = point_3*w5 - w6*w7
+    w9 = f.cos(phi1)
+    w10 = w4 + w8*w9
+    w11 = w2*w9
+    w12 = w11 - w3*w8
+    w13 = base1_13*w12 - base1_12*w10
+    w14 = w6*w9 - w2*w3*w7
+    w15 = w3*w6 + w2*w7*w9
+    w16 = base1_12*w14 + base1_13*w15 - w2*w5*base1_11
+    w17 = point_3*w7 + w5*w6
+    w18 = w8*base1_11 - w9*base1_13*w17 + base1_12*w3*w17
+    w19 = w12*base1_23 - w10*base1_22
+    w20 = w14*base1_22 + w15*base1_23 - w2*w5*base1_21
+    w21 = w8*base1_21 - w9*w17*base1_23 + w3*w17*base1_22
+    w22 = w12*base1_33 - w10*base1_32
+    w23 = w14*base1_32 + w15*base1_33 - w2*w5*base1_31
+    w24 = w8*base1_31 - w9*w17*base1_33 + w3*w17*base1_32
+    w25 = direction_1*(x1_t + phi1_t*w13 + psi1_t*w16 + theta1_t*w18) - s1 + direction_2*(y1_t + phi1_t*w19 + psi1_t*w20 + theta1_t*w21) + direction_3*(z1_t + phi1_t*w22 + psi1_t*w23 + theta1_t*w24)
+    w26 = w1*psi1_t
+    w27 = w0*psi1_t
+    w28 = point_1*w26 - point_2*w27
+    w29 = phi1_t*w9
+    w30 = w7*theta1_t
+    w31 = point_1*w27 + point_2*w26
+    w32 = w5*theta1_t
+    w33 = point_3*w30 + w6*w32 - w7*w31
+    w34 = phi1_t*w3
+    w35 = w3*w28 + w2*w29 - (w9*w33 + w8*w34)
+    w36 = w9*w28 - w2*w34 - (w8*w29 - w3*w33)
+    w37 = w2*w7
+    w38 = w9*w31 + w6*w34 + w28*w3*w7 + w29*w37 + w4*w32
+    w39 = w6*w29 - w3*w31 + w28*w7*w9 + w11*w32 - w34*w37
+    w40 = base1_12*w38 - base1_13*w39 + w28*w5*base1_11 - w30*w2*base1_11
+    w41 = point_3*w32 - (w6*w30 + w5*w31)
+    w42 = base1_11*w33 + w41*w9*base1_13 - w34*base1_13*w17 - (w29*base1_12*w17 + w41*base1_12*w3)
+    w43 = psi1_t*w40 - phi1_t*(base1_13*w36 - base1_12*w35) + theta1_t*w42
+    w44 = base1_22*w38 - base1_23*w39 + w28*w5*base1_21 - w30*w2*base1_21
+    w45 = base1_21*w33 + w41*w9*base1_23 - w34*w17*base1_23 - (w29*w17*base1_22 + w41*w3*base1_22)
+    w46 = psi1_t*w44 - phi1_t*(base1_23*w36 - base1_22*w35) + theta1_t*w45
+    w47 = base1_32*w38 - base1_33*w39 + w28*w5*base1_31 - w30*w2*base1_31
+    w48 = base1_31*w33 + w41*w9*base1_33 - w34*w17*base1_33 - (w29*w17*base1_32 + w41*w3*base1_32)
+    w49 = psi1_t*w47 - phi1_t*(base1_33*w36 - base1_32*w35) + theta1_t*w48
     return (
-        w37,
-        w37,
+        w25,
+        w25,
         direction_1,
         direction_2,
         direction_3,
-        direction_1*w19 + direction_2*w28 + direction_3*w31,
-        direction_1*w27 + direction_2*w30 + direction_3*w33,
-        direction_1*w25 + direction_2*w29 + direction_3*w32,
-        phi1_t*w54 + psi1_t*w91 - s1_t + theta1_t*w77,
+        direction_3*w22 + direction_2*w19 + direction_1*w13,
+        direction_3*w24 + direction_2*w21 + direction_1*w18,
+        direction_3*w23 + direction_2*w20 + direction_1*w16,
+        -(s1_t + direction_1*w43 + direction_2*w46 + direction_3*w49),
     )
 
 
@@ -124,92 +82,82 @@ def linearize(f, q, u, p, s, nu):
     _, _, _, phi1_t, theta1_t, psi1_t, = u
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, point_1, point_2, point_3, direction_1, direction_2, direction_3, = p
     nu1, = nu
-    w0 = f.sin(psi1)
-    w1 = point_1*w0
+    w0 = direction_3*nu1
+    w1 = f.sin(psi1)
     w2 = f.cos(psi1)
-    w3 = point_2*w2
-    w4 = w1 + w3
-    w5 = f.sin(phi1)
-    w6 = f.cos(theta1)
-    w7 = point_3*w6
-    w8 = point_1*w2
-    w9 = point_2*w0
-    w10 = w8 - w9
-    w11 = f.sin(theta1)
-    w12 = w10*w11
-    w13 = -w12 + w7
-    w14 = f.cos(phi1)
-    w15 = -w13*w14 - w4*w5
-    w16 = -w1 - w3
-    w17 = -point_3*w11 - w10*w6
-    w18 = w13*w5 - w14*w4
-    w19 = base1_12*w18 + base1_13*w15
-    w20 = w11*w16
-    w21 = -w10*w5 + w14*w20
-    w22 = w10*w14 + w20*w5
-    w23 = base1_12*w21 + base1_13*w22
-    w24 = -base1_12*w14*w17 - base1_13*w17*w5
-    w25 = base1_22*w18 + base1_23*w15
-    w26 = base1_22*w21 + base1_23*w22
-    w27 = -base1_22*w14*w17 - base1_23*w17*w5
-    w28 = base1_32*w18 + base1_33*w15
-    w29 = base1_32*w21 + base1_33*w22
-    w30 = -base1_32*w14*w17 - base1_33*w17*w5
-    w31 = direction_1*(phi1_t*w19 + psi1_t*w23 + theta1_t*w24)
-    w32 = direction_3*(phi1_t*w28 + psi1_t*w29 + theta1_t*w30)
-    w33 = direction_2*(phi1_t*w25 + psi1_t*w26 + theta1_t*w27)
-    w34 = w14*w17
-    w35 = w17*w5
-    w36 = -base1_12*w34 - base1_13*w35
-    w37 = w16*w5
-    w38 = w37*w6
-    w39 = w14*w16
-    w40 = w39*w6
-    w41 = -base1_11*w11*w16 + base1_12*w38 - base1_13*w40
-    w42 = w12 - w7
-    w43 = base1_13*w14
-    w44 = base1_12*w5
-    w45 = base1_11*w17 + w42*w43 - w42*w44
-    w46 = -base1_22*w34 - base1_23*w35
-    w47 = -base1_21*w11*w16 + base1_22*w38 - base1_23*w40
-    w48 = base1_23*w14
-    w49 = base1_22*w5
-    w50 = base1_21*w17 + w42*w48 - w42*w49
-    w51 = -base1_32*w34 - base1_33*w35
-    w52 = -base1_31*w11*w16 + base1_32*w38 - base1_33*w40
-    w53 = base1_33*w14
-    w54 = base1_32*w5
-    w55 = base1_31*w17 + w42*w53 - w42*w54
-    w56 = direction_2*(phi1_t*w46 + psi1_t*w47 + theta1_t*w50)
-    w57 = direction_3*(phi1_t*w51 + psi1_t*w52 + theta1_t*w55)
-    w58 = direction_1*(phi1_t*w36 + psi1_t*w41 + theta1_t*w45)
-    w59 = -w8 + w9
-    w60 = w11*w5*w59 + w39
-    w61 = -w11*w14*w59 + w37
-    w62 = base1_11*w59*w6 + base1_12*w60 + base1_13*w61
-    w63 = w16*w6
-    w64 = -base1_11*w20 - w43*w63 + w44*w63
-    w65 = base1_21*w59*w6 + base1_22*w60 + base1_23*w61
-    w66 = -base1_21*w20 - w48*w63 + w49*w63
-    w67 = base1_31*w59*w6 + base1_32*w60 + base1_33*w61
-    w68 = -base1_31*w20 - w53*w63 + w54*w63
-    w69 = direction_3*(phi1_t*w29 + psi1_t*w67 + theta1_t*w68)
-    w70 = direction_2*(phi1_t*w26 + psi1_t*w65 + theta1_t*w66)
-    w71 = direction_1*(phi1_t*w23 + psi1_t*w62 + theta1_t*w64)
-    w72 = nu1*(direction_1*w23 + direction_2*w26 + direction_3*w29)
+    w3 = point_1*w1 + point_2*w2
+    w4 = f.cos(phi1)
+    w5 = w3*w4
+    w6 = f.sin(phi1)
+    w7 = f.cos(theta1)
+    w8 = point_1*w2 - w1*point_2
+    w9 = f.sin(theta1)
+    w10 = point_3*w7 - w8*w9
+    w11 = w5 - w6*w10
+    w12 = w3*w6
+    w13 = w12 + w10*w4
+    w14 = direction_2*nu1
+    w15 = direction_1*nu1
+    w16 = w0*(w11*base1_32 + w13*base1_33) + w14*(w11*base1_22 + w13*base1_23) + w15*(base1_12*w11 + w13*base1_13)
+    w17 = point_3*w9 + w7*w8
+    w18 = w4*w17
+    w19 = w6*w17
+    w20 = w0*(base1_32*w18 + base1_33*w19) + w14*(base1_22*w18 + base1_23*w19) + w15*(base1_12*w18 + base1_13*w19)
+    w21 = w6*w8 + w3*w9*w4
+    w22 = w8*w4 - w3*w6*w9
+    w23 = w0*(w22*base1_33 - w21*base1_32) + w14*(w22*base1_23 - w21*base1_22) + w15*(base1_13*w22 - base1_12*w21)
+    w24 = w4*base1_33
+    w25 = w6*base1_32
+    w26 = w4*base1_23
+    w27 = w6*base1_22
+    w28 = w4*base1_13
+    w29 = base1_12*w6
+    w30 = w0*(w17*base1_31 + w10*w24 - w10*w25) + w14*(w17*base1_21 + w10*w26 - w10*w27) + w15*(base1_11*w17 + w10*w28 - w10*w29)
+    w31 = w3*w9
+    w32 = w3*w7
+    w33 = w0*(base1_31*w31 + w32*w24 - w32*w25) + w14*(base1_21*w31 + w32*w26 - w32*w27) + w15*(base1_11*w31 + w32*w28 - w32*w29)
+    w34 = w6*w9
+    w35 = w5 + w8*w34
+    w36 = w9*w4
+    w37 = w8*w36 - w12
+    w38 = w7*base1_31
+    w39 = w7*base1_21
+    w40 = w7*base1_11
+    w41 = w0*(base1_32*w35 - base1_33*w37 + w8*w38) + w14*(base1_22*w35 - base1_23*w37 + w8*w39) + w15*(base1_12*w35 - base1_13*w37 + w8*w40)
+    w42 = w2*psi1_t
+    w43 = w1*psi1_t
+    w44 = point_1*w42 - point_2*w43
+    w45 = phi1_t*w4
+    w46 = w9*theta1_t
+    w47 = point_1*w43 + point_2*w42
+    w48 = w7*theta1_t
+    w49 = point_3*w46 + w8*w48 - w9*w47
+    w50 = phi1_t*w6
+    w51 = w6*w44 + w3*w45 - (w4*w49 + w10*w50)
+    w52 = w4*w44 - w3*w50 - (w10*w45 - w6*w49)
+    w53 = direction_1*(base1_13*w52 - base1_12*w51) + direction_2*(base1_23*w52 - base1_22*w51) + direction_3*(base1_33*w52 - base1_32*w51)
+    w54 = point_3*w48 - (w8*w46 + w7*w47)
+    w55 = base1_11*w49 + w54*w28 - w50*base1_13*w17 - (w45*base1_12*w17 + w54*w29)
+    w56 = base1_21*w49 + w54*w26 - w50*w17*base1_23 - (w45*w17*base1_22 + w54*w27)
+    w57 = base1_31*w49 + w54*w24 - w50*w17*base1_33 - (w45*w17*base1_32 + w54*w25)
+    w58 = w4*w47 + w8*w50 + w44*w34 + w45*w31 + w12*w48
+    w59 = w8*w45 - w6*w47 + w44*w36 + w5*w48 - w50*w31
+    w60 = direction_1*(base1_12*w58 - base1_13*w59 + w44*w40 - w46*w3*base1_11)
+    w61 = direction_2*(base1_22*w58 - base1_23*w59 + w44*w39 - w46*w3*base1_21)
+    w62 = direction_3*(base1_32*w58 - base1_33*w59 + w44*w38 - w46*w3*base1_31)
     return (
-        nu1*(direction_1*w19 + direction_2*w25 + direction_3*w28),
-        nu1*(direction_1*w36 + direction_2*w46 + direction_3*w51),
-        w72,
-        nu1*(direction_1*w24 + direction_2*w27 + direction_3*w30),
-        nu1*(direction_1*w45 + direction_2*w50 + direction_3*w55),
-        nu1*(direction_1*w64 + direction_2*w66 + direction_3*w68),
-        w72,
-        nu1*(direction_1*w41 + direction_2*w47 + direction_3*w52),
-        nu1*(direction_1*w62 + direction_2*w65 + direction_3*w67),
-        w31 + w32 + w33,
-        w56 + w57 + w58,
-        w69 + w70 + w71,
+        -w16,
+        w20,
+        w23,
+        w20,
+        -w30,
+        w33,
+        w23,
+        w33,
+        -w41,
+        w53,
+        -(direction_1*w55 + direction_2*w56 + direction_3*w57),
+        -(w60 + w61 + w62),
     )
 
 

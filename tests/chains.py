@@ -1,0 +1,104 @@
+"""Texts of mechanisms with random geometry, any number of bodies long, in an equilibrium that is known exactly.
+
+Chains are generated here, in Python, and not by a ``repeat`` construct of the file format: a model file stays data
+that reads from top to bottom, every number at its place, and a loop needs fifteen lines of Python.
+
+Positions are written as expressions of the random numbers, so that the text means the same mechanism, in the same
+equilibrium, in double precision and in any other.
+"""
+
+
+def hanging_chain(rng, links, masses=None, damping=0.0, stiffness=0.0, size=1.0):
+    """Return the text of a planar chain of rigid links, pivots and centres of mass anywhere in their links.
+
+    A link hangs at rest when its own mass at its centre and all mass below at its lower pivot balance about its upper
+    pivot; joint springs are relaxed there.
+    """
+    masses = masses if masses is not None else rng.uniform(0.5, 2.0, links).tolist()
+    parameters, bodies, joints, forces, places = {"X_0": "0", "Y_0": "0"}, [], [], [], []
+    for i in range(1, links + 1):
+        (ax, ay), (bx, by), (gx, gy) = (rng.uniform(-size, size, 2).tolist() for _ in range(3))
+        m, below = masses[i - 1], sum(masses[i:])
+        lever = [f"({m!r}*({g!r}) + {below!r}*({b!r}))/{m + below!r} - ({a!r})" for g, b, a in ((gx, bx, ax), (gy, by, ay))]
+        parameters[f"th_{i}"] = f"-pi/2 - atan2({lever[1]}, {lever[0]})"
+        parameters |= {f"c_{i}": f"cos(th_{i})", f"s_{i}": f"sin(th_{i})"}
+        parameters |= _shifted(f"x_{i}", f"X_{i - 1}", f"y_{i}", f"Y_{i - 1}", i, -ax, -ay)
+        parameters |= _shifted(f"X_{i}", f"x_{i}", f"Y_{i}", f"y_{i}", i, bx, by)
+        inertia = m * size**2 * rng.uniform(0.05, 0.5)
+        points = f"points: {{A: [{ax!r}, {ay!r}], B: [{bx!r}, {by!r}]}}"
+        bodies.append(f"link_{i}: {{type: planar, mass: {m!r}, inertia: {inertia!r}, center_of_mass: [{gx!r}, {gy!r}], {points}}}")
+        joints.append(f"pin_{i}: {{type: revolute, between: [link_{i}.A, {f'link_{i - 1}.B' if i > 1 else 'ground'}]}}")
+        rest = f"th_{i} - th_{i - 1}" if i > 1 else "th_1"
+        if stiffness or damping:
+            numbers = f"stiffness: {stiffness * rng.uniform(0.5, 1.5)!r}, damping: {damping * rng.uniform(0.5, 1.5)!r}"
+            forces.append(f"spring_{i}: {{type: joint_spring, joint: pin_{i}, rest: {rest}, {numbers}}}")
+        places.append(f"link_{i}: {{x: x_{i}, y: y_{i}, theta: th_{i}}}")
+    return _text("[0, -9.81]", parameters, bodies, joints, forces, places)
+
+
+def _shifted(x, from_x, y, from_y, i, px, py):
+    return {x: f"{from_x} + c_{i}*({px!r}) - s_{i}*({py!r})", y: f"{from_y} + s_{i}*({px!r}) + c_{i}*({py!r})"}
+
+
+def spring_chain(rng, links, damping=0.0):
+    """Return the text of a spatial chain: hinges with any axes and screws of springs, relaxed, without gravity."""
+    parameters, bodies, joints, forces, places = {f"P_0{k}": "0" for k in "xyz"}, [], [], [], []
+    parameters |= {f"A_0{i}{j}": str(int(i == j)) for i in range(3) for j in range(3)}
+    for i in range(1, links + 1):
+        a, b, g = (rng.uniform(-1.0, 1.0, 3).tolist() for _ in range(3))
+        phi, theta, psi = angles = rng.uniform(-1.0, 1.0, 3).tolist()
+        parameters |= _rotation(i, *angles)
+        parameters |= {f"p_{i}{k}": f"P_{i - 1}{k} - ({_turned(i, row, a)})" for row, k in enumerate("xyz")}
+        parameters |= {f"P_{i}{k}": f"p_{i}{k} + {_turned(i, row, b)}" for row, k in enumerate("xyz")}
+        # The same directions, axis and zero of the hinge, in the ground and in the frames of both bodies.
+        for name in ("axis", "zero"):
+            v = rng.normal(size=3).tolist()
+            parameters |= {f"{name}_{i}{k}": repr(v[row]) for row, k in enumerate("xyz")}
+        sides = [
+            f"[[{_seen(i, 'axis', i)}], [{_seen(i - 1, 'axis', i)}]]",
+            f"[[{_seen(i, 'zero', i)}], [{_seen(i - 1, 'zero', i)}]]",
+        ]
+        xx, yy, zz = rng.uniform(0.2, 0.3, 3).tolist()
+        xy, xz, yz = rng.uniform(-0.05, 0.05, 3).tolist()
+        tensor = f"{{xx: {xx!r}, yy: {yy!r}, zz: {zz!r}, xy: {xy!r}, xz: {xz!r}, yz: {yz!r}}}"
+        bodies.append(
+            f"link_{i}: {{type: spatial, mass: {rng.uniform(0.5, 2.0)!r}, inertia: {tensor}, center_of_mass: {g!r}, "
+            f"points: {{A: {a!r}, B: {b!r}}}}}"
+        )
+        other = f"link_{i - 1}.B" if i > 1 else "ground"
+        kind = "cylindrical" if i % 3 == 0 else "revolute"
+        joints.append(f"pin_{i}: {{type: {kind}, between: [link_{i}.A, {other}], axis: {sides[0]}, zero: {sides[1]}}}")
+        for motion in ("angle", "displacement")[: 1 + (kind == "cylindrical")]:
+            numbers = f"stiffness: {rng.uniform(5.0, 50.0)!r}, damping: {damping * rng.uniform(0.5, 1.5)!r}"
+            forces.append(f"{motion}_{i}: {{type: joint_spring, joint: pin_{i}, motion: {motion}, {numbers}}}")
+        places.append(f"link_{i}: {{x: p_{i}x, y: p_{i}y, z: p_{i}z, phi: {phi!r}, theta: {theta!r}, psi: {psi!r}}}")
+    return _text("0", parameters, bodies, joints, forces, places)
+
+
+def _rotation(i, phi, theta, psi):
+    """Return the entries A_i00 … A_i22 of Ax(φ) Ay(θ) Az(ψ) as expressions."""
+    c1, c2, c3 = (f"cos({x!r})" for x in (phi, theta, psi))
+    s1, s2, s3 = (f"sin({x!r})" for x in (phi, theta, psi))
+    rows = [
+        [f"{c2}*{c3}", f"-{c2}*{s3}", s2],
+        [f"{c1}*{s3} + {s1}*{s2}*{c3}", f"{c1}*{c3} - {s1}*{s2}*{s3}", f"-{s1}*{c2}"],
+        [f"{s1}*{s3} - {c1}*{s2}*{c3}", f"{s1}*{c3} + {c1}*{s2}*{s3}", f"{c1}*{c2}"],
+    ]
+    return {f"A_{i}{j}{k}": rows[j][k] for j in range(3) for k in range(3)}
+
+
+def _turned(i, row, vector):
+    """Return one component, in the ground, of a vector of body i."""
+    return " + ".join(f"A_{i}{row}{k}*({x!r})" for k, x in enumerate(vector))
+
+
+def _seen(i, name, joint):
+    """Return the components in body i of a direction given in the ground."""
+    return ", ".join(" + ".join(f"A_{i}{k}{row}*{name}_{joint}{'xyz'[k]}" for k in range(3)) for row in range(3))
+
+
+def _text(gravity, parameters, bodies, joints, forces, places):
+    lines = ["mbstab: 1", f"gravity: {gravity}", "parameters:", *(f"  {k}: {v}" for k, v in parameters.items())]
+    for section, entries in (("bodies", bodies), ("joints", joints), ("forces", forces)):
+        lines += [f"{section}:", *(f"  {entry}" for entry in entries)] if entries else []
+    return "\n".join([*lines, "reference:", "  coordinates:", *(f"    {place}" for place in places), ""])

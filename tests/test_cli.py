@@ -1,0 +1,263 @@
+"""The command line: answers on stdout, the rest on stderr, exit codes, files that appear whole."""
+
+import csv
+import io
+import json
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from mbstab.cli import main
+
+UNSTABLE = """\
+mbstab: 1
+parameters: {k: 1}
+bodies:
+  cart: {type: planar_point, mass: 1}
+joints:
+  rail: {type: prismatic, between: [cart, ground], axis: x}
+"""
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, list(arguments))
+
+
+def answer(*arguments):
+    result = run("eig", *arguments, "--format", "json")
+    assert result.exit_code == 0, result.stderr
+    return json.loads(result.stdout)
+
+
+def test_json_has_the_keys_scripts_rely_on():
+    data = answer("pendulum.yaml")
+    assert data["verdict"] == "marginally stable"
+    assert [set(e) >= {"real", "imag", "kind"} for e in data["eigenvalues"]] == [True, True]
+    assert data["counts"]["expected"] == data["counts"]["found"] == 2
+    assert data["parameters"]["L"] == 0.2
+
+
+def test_json_keeps_every_digit():
+    value = answer("pendulum.yaml")["eigenvalues"][0]["imag"]
+    assert abs(value - math.sqrt(3 * 9.81 / 0.8)) <= 1e-15 * value
+
+
+def test_csv_is_one_row_per_eigenvalue():
+    rows = list(csv.reader(io.StringIO(run("eig", "rolling_disk.yaml", "--format", "csv").stdout)))
+    assert rows[0][:3] == ["real (1/s)", "imag (1/s)", "kind"]
+    assert len(rows) == 1 + 6
+    assert sum(row[2] == "neutral" for row in rows) == 4
+
+
+def test_the_terminal_answer_fits_eighty_columns():
+    for model in ("pendulum", "top", "rolling_disk", "slider_crank", "wheeled_inverted_pendulum", "free_rigid_body"):
+        assert max(map(len, run("eig", model).stdout.splitlines())) <= 80
+
+
+def test_an_example_is_used_from_anywhere_and_stderr_says_which(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run("eig", "pendulum.yaml")
+    assert result.exit_code == 0
+    assert "using the example model" in result.stderr
+    assert "using" not in result.stdout
+
+
+def test_a_file_here_wins_over_an_example(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pendulum.yaml").write_text("mbstab: 1\nbodies: {b: {type: planar_point, mass: 1}}\n")
+    result = run("eig", "pendulum.yaml")
+    assert "example" not in result.stderr
+    assert "neutral, 4" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (("eig", "pendulum.yaml"), 0, ""),
+        (("eig", "trailer.yaml", "--set", "v=-1"), 0, ""),
+        (("eig", "trailer.yaml", "--require", "stable"), 0, ""),
+        (("eig", "trailer.yaml", "--set", "v=-1", "--require", "stable"), 3, "required: stable, found: unstable"),
+        (("eig", "pendulum.yaml", "--require", "stable"), 3, "required: stable, found: marginally stable"),
+        (("eig", "pendulum.yaml", "--require", "marginal"), 0, ""),
+        (("eig", "nothing.yaml"), 2, "no such file"),
+        (("eig", "pendulun.yaml"), 2, "did you mean 'pendulum.yaml'?"),
+        (("eig", "pendulum.yaml", "--set", "LL=1"), 2, "has no parameter 'LL'\nhint: did you mean 'L'?"),
+        (("eig", "pendulum.yaml", "--set", "L"), 2, "write NAME=VALUE"),
+        (("eig", "pendulum.yaml", "--set", "L=1", "--set", "L=2"), 2, "given twice"),
+        (("eig", "pendulum.yaml", "--set", "L=nan"), 2, "'nan' is no number"),
+        (("eig", "pendulum.yaml", "--set", "L=1e999"), 2, "not finite"),
+        (("eig", "pendulum.yaml", "--set", "m=-1"), 2, "bodies.rod.mass: mass must be positive, got -1 kg"),
+        (("eig", "pendulum.yaml", "--method", "qz"), 2, "Invalid value for '--method'"),
+        (("linearize", "pendulum.yaml", "--format", "npz"), 2, "needs --output"),
+        (("linearize", "pendulum.yaml", "--format", "latex"), 2, "goes with --symbolic"),
+        (("linearize", "pendulum.yaml", "--symbolic", "--format", "csv"), 2, "goes with --format table or latex"),
+        (("linearize", "pendulum.yaml", "--symbolic", "--set", "L=1"), 2, "has no effect"),
+        (("models", "show", "nothing"), 2, "no such file"),
+        (("fly",), 2, "No such command 'fly'"),
+    ],
+    ids=lambda x: " ".join(x) if isinstance(x, tuple) else None,
+)
+def test_exit_codes_and_messages(arguments, code, message):
+    result = run(*arguments)
+    assert result.exit_code == code
+    assert message in result.stderr
+    if code in (1, 2):
+        assert result.stdout == ""
+
+
+def test_a_wrong_file_shows_all_problems_with_their_places(tmp_path):
+    path = tmp_path / "arm.yaml"
+    path.write_text("mbstab: 1\nbodies:\n  arm:\n    type: planar\n    masss: 1.5\n    mass: -1\n    inertia: 1\n")
+    result = run("check", str(path))
+    assert result.exit_code == 2
+    assert f"{path}:5:5: bodies.arm: unknown key 'masss'" in result.stderr
+    assert "hint: did you mean 'mass'?" in result.stderr
+    assert " 5 |     masss: 1.5\n   |     ^" in result.stderr
+
+
+def test_an_output_file_appears_whole_or_not_at_all(tmp_path):
+    goal = tmp_path / "answer.json"
+    assert run("eig", "pendulum.yaml", "--format", "json", "-o", str(goal)).exit_code == 0
+    assert json.loads(goal.read_text())["verdict"] == "marginally stable"
+    assert os.listdir(tmp_path) == ["answer.json"]
+    before = goal.read_text()
+    assert run("eig", "pendulum.yaml", "--set", "m=-1", "-o", str(goal)).exit_code == 2
+    assert goal.read_text() == before
+    missing = run("eig", "pendulum.yaml", "-o", str(tmp_path / "no" / "folder.json"))
+    assert missing.exit_code == 2
+    assert "cannot be written" in missing.stderr
+
+
+@pytest.mark.parametrize("form", ["equations", "composite", "pencil", "state-space"])
+def test_linearize_prints_each_form(form):
+    result = run("linearize", "wheeled_inverted_pendulum.yaml", "--form", form)
+    assert result.exit_code == 0
+    assert "×" in result.stdout
+
+
+def test_linearize_json_npz_mat_and_csv_hold_the_same_numbers(tmp_path):
+    from scipy.io import loadmat
+
+    data = json.loads(run("linearize", "trailer.yaml", "--format", "json").stdout)
+    for kind in ("npz", "mat"):
+        goal = tmp_path / f"m.{kind}"
+        assert run("linearize", "trailer.yaml", "--format", kind, "-o", str(goal)).exit_code == 0
+        arrays = np.load(goal) if kind == "npz" else loadmat(goal)
+        for name in ("M", "K", "C_q", "D_u", "D_q"):
+            np.testing.assert_allclose(
+                np.asarray(arrays[name], dtype=float), np.array(data["equations"][name]), rtol=0, atol=0
+            )
+    rows = list(csv.DictReader(io.StringIO(run("linearize", "trailer.yaml", "--format", "csv").stdout)))
+    entries = {
+        (r["matrix"], int(r["row"]) - 1, int(r["column"]) - 1): float(r["value"])
+        for r in rows
+        if r["form"] == "equations"
+    }
+    assert entries[("D_q", 0, 2)] == data["equations"]["D_q"][0][2] == -10.0
+
+
+def test_the_state_space_has_the_eigenvalues_and_maps_back():
+    data = json.loads(run("linearize", "slider_crank.yaml", "--format", "json").stdout)
+    A = np.array(data["state-space"]["A_state"])
+    found = np.linalg.eigvals(A)
+    expected = answer("slider_crank.yaml")["eigenvalues"]
+    assert min(abs(found - complex(expected[0]["real"], expected[0]["imag"]))) < 1e-12 * abs(found[0])
+    to_q, to_u = np.array(data["state-space"]["to_coordinates"]), np.array(data["state-space"]["to_rates"])
+    np.testing.assert_allclose(np.array(data["equations"]["C_q"]) @ to_q, 0, atol=1e-13)
+    # The maps agree: Δu is the rate of Δq along y' = A y.
+    np.testing.assert_allclose(to_q @ A, to_u, atol=1e-12)
+
+
+def test_symbolic_blocks_of_the_pendulum_are_equations_80_to_82():
+    text = run("linearize", "pendulum.yaml", "--symbolic").stdout
+    assert "L⋅(λ₁⋅cos(θ) + λ₂⋅sin(θ))" in text
+    assert "R_11 = O  (3 × 3)" in text
+    assert "⎣L⋅sin(θ)  -L⋅cos(θ)⎦" in text
+
+
+def test_symbolic_blocks_of_the_wheeled_pendulum_are_equations_102_to_104():
+    import sympy
+
+    from mbstab import load
+
+    blocks = load("wheeled_inverted_pendulum.yaml").symbolic().blocks
+    m_d, I_d, m_p, I_p, R, L = sympy.symbols("m_d I_d m_p I_p R_d L_p", real=True)
+    theta = sympy.Symbol("theta_pendulum", real=True)
+    lam = [sympy.Symbol(f"lambda_{i}", real=True) for i in (1, 2, 3)]
+    s, c = sympy.sin(theta), sympy.cos(theta)
+    assert blocks["M_11"] == sympy.diag(m_d, m_d, I_d, m_p, m_p, I_p)
+    assert blocks["R_11"].is_zero_matrix
+    assert blocks["R_21"] == sympy.Matrix([[0] * 6] * 3 + [[1, 0, R, 0, 0, 0]])
+    stiffness = sympy.zeros(6, 6)
+    # The print has this entry in the column of y_p; the derivative belongs to theta_p.
+    stiffness[5, 5] = -L * (lam[1] * c + lam[2] * s)
+    assert sympy.simplify(blocks["K_11"] - stiffness).is_zero_matrix
+    constraint = sympy.Matrix([[0, 1, 0, 0, 0, 0], [1, 0, 0, -1, 0, -L * s], [0, 1, 0, 0, -1, L * c], [0] * 6])
+    assert blocks["K_21"] == constraint
+    assert blocks["K_12"] == sympy.Matrix([*constraint[:3, :].tolist(), [1, 0, R, 0, 0, 0]]).T
+
+
+def test_latex_is_equations_with_the_names_of_the_paper():
+    text = run("linearize", "pendulum.yaml", "--symbolic", "--format", "latex").stdout
+    assert r"\bar{\mathbf{K}}_{1,1} = \left[\begin{matrix}0 & 0 & 0\\0 & 0 & 0\\0 & 0 & L \left(" in text
+    assert r"\bar{\mathbf{R}}_{1,1} = \mathbf{O}" in text
+
+
+def test_models_can_be_listed_shown_and_copied(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    listed = run("models", "list").stdout
+    assert "rolling_disk.yaml" in listed
+    assert run("models", "show", "top").stdout.startswith("mbstab: 1\n")
+    assert run("models", "copy", "top.yaml").exit_code == 0
+    assert (tmp_path / "top.yaml").is_file()
+    again = run("models", "copy", "top.yaml")
+    assert again.exit_code == 2
+    assert "exists already" in again.stderr
+
+
+def test_mbstab_test_says_what_fails(tmp_path):
+    path = tmp_path / "wrong.yaml"
+    path.write_text(run("models", "show", "pendulum").stdout.replace("sqrt(3*g/(4*L))", "sqrt(3*g/(4*L))*(1 + 1e-9)"))
+    result = run("test", str(path))
+    assert result.exit_code == 3
+    assert "largest relative difference 1.0e-09" in result.stdout
+    assert "2 passed, 1 failed" in result.stdout
+    assert run("test", "pendulum.yaml", "-q").stdout == "3 passed, 0 failed\n"
+
+
+def test_schema_is_json():
+    assert json.loads(run("schema").stdout)["title"] == "mbstab model"
+
+
+def test_check_says_what_a_scene_consists_of():
+    result = run("check", "four_bar.yaml")
+    assert "degrees of freedom  1" in result.stdout
+    data = json.loads(run("check", "four_bar.yaml", "--format", "json").stdout)
+    assert data["degrees_of_freedom"] == 1
+    assert data["constraints"][0] == {"name": "A", "type": "revolute joint", "holonomic": 2, "nonholonomic": 0}
+
+
+def test_check_names_what_is_not_needed():
+    result = run("check", "pendulum.yaml", "--set", "g=0")
+    assert result.exit_code == 0
+    text = run("models", "show", "pendulum").stdout
+    assert "is not used" not in text
+
+
+def test_the_paper_method_counts_and_explains_its_undefined_pairs():
+    result = run("eig", "wheeled_inverted_pendulum.yaml", "--method", "paper")
+    assert "4 pairs 0/0" in result.stdout
+    assert "singular for every s" in result.stdout
+
+
+def test_output_without_colour_and_without_a_terminal_is_the_same():
+    environment = {**os.environ, "NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "40"}
+    piped = subprocess.run(
+        [sys.executable, "-m", "mbstab", "eig", "top"], capture_output=True, text=True, env=environment
+    )
+    assert piped.stdout == run("eig", "top").stdout

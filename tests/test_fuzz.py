@@ -1,0 +1,173 @@
+"""Whatever is written in a model file, the answer is a scene or an error that says where the fault is."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from mbstab.errors import MbstabError, ModelFileError
+from mbstab.model.reader import read_model_text
+from mbstab.model.values import Scene, evaluate
+
+ROOT = Path(__file__).parents[1]
+TEXTS = [p.read_text() for d in ("models", "tests/scenes") for p in sorted((ROOT / d).glob("*.yaml"))]
+LINES = sorted({line for text in TEXTS for line in text.splitlines()})
+WORDS = sorted({word for text in TEXTS for word in re.findall(r"[\w.*/+()-]+", text)})
+NUMBERS = [
+    *("0", "-0", "-1", "1", "2.5", "010", "1e-3", "1e200", "1e-200", "5e-324", "1e308*10", "1e999", "1/0"),
+    *("0**-1", "(-1)**0.5", "log(0)", "sqrt(-1)", "tan(pi/2)", "9**9**9", "atan2(0,0)", "2*3", "-pi", "30*deg"),
+]
+VALUES = [
+    *("", "~", "null", "yes", "''", ".nan", "inf", "[]", "{}", "[[]]", "[0, 0]", "[0, 0, 0]", "[1, 2]"),
+    *("[1, 2, 3]", "[x, y]", "[z, z]", "[ground, ground]", "[rod, disk]", "[list, box]", "[[1, 0], x]"),
+    *("{a: b}", "{x: 1}", "ground", "x", "-y", "z", "t", "2*t", "L", "m", "2*g*L", "abs", "rate(t)"),
+    *("rate(rod.x)", "rod.x", "list.psi", "ground.A", "a.b.c", "mm", "kg*m^2", "m^-2", "angle", "displacement"),
+    *("rolling", "revolute", "spherical", "planar", "point", "__import__('os')", "x.__class__", "²", "٣", "é"),
+]
+JUNK = [
+    *("-", "- ", ":", ": ", "?", "? ", "&a", "*a", "!!int", "<<", "---", "...", "|", ">", "#", "%", "@", "`", '"', "'"),
+    *("\t", "\r", "\n", "\0", "\ufeff", "\x85", "\u2028", "\ud800", "\U0001f600", "[", "]", "{", "}", ","),
+]
+
+Draw = Callable[[st.SearchStrategy], Any]
+
+
+def at_line(draw: Draw, text: str, change: Callable[[list[str], int], None]) -> str:
+    lines = text.split("\n")
+    change(lines, draw(st.integers(0, len(lines) - 1)))
+    return "\n".join(lines)
+
+
+def delete_line(draw: Draw, text: str) -> str:
+    return at_line(draw, text, lambda lines, i: lines.pop(i))
+
+
+def repeat_line(draw: Draw, text: str) -> str:
+    return at_line(draw, text, lambda lines, i: lines.insert(i, lines[i]))
+
+
+def replace_line(draw: Draw, text: str) -> str:
+    return at_line(draw, text, lambda lines, i: lines.__setitem__(i, draw(st.sampled_from(LINES))))
+
+
+def move_line(draw: Draw, text: str) -> str:
+    return at_line(draw, text, lambda lines, i: lines.insert(draw(st.integers(0, len(lines) - 1)), lines.pop(i)))
+
+
+def indent_line(draw: Draw, text: str) -> str:
+    def change(lines: list[str], i: int) -> None:
+        lines[i] = " " * draw(st.integers(0, 8)) + lines[i].lstrip()
+
+    return at_line(draw, text, change)
+
+
+def replace(draw: Draw, text: str, pattern: str, new: st.SearchStrategy[str]) -> str:
+    found = list(re.finditer(pattern, text))
+    if not found:
+        return text
+    match = draw(st.sampled_from(found))
+    return text[: match.start()] + draw(new) + text[match.end() :]
+
+
+def replace_number(draw: Draw, text: str) -> str:
+    return replace(draw, text, r"(?<=[ \[])-?\d[\d.]*(?=[,\]}\n])", st.sampled_from(NUMBERS))
+
+
+def replace_value(draw: Draw, text: str) -> str:
+    new = st.sampled_from(VALUES) | st.sampled_from(WORDS)
+    return replace(draw, text, r"(?<=: )([^\s{}\[\],]+|\[[^\[\]]*\]|\{[^{}]*\})(?=[,}\n])", new)
+
+
+def replace_word(draw: Draw, text: str) -> str:
+    return replace(draw, text, r"[\w.*/+()-]+", st.sampled_from(WORDS))
+
+
+def insert_characters(draw: Draw, text: str) -> str:
+    at = draw(st.integers(0, len(text)))
+    return text[:at] + draw(st.text(min_size=1, max_size=4) | st.sampled_from(JUNK)) + text[at:]
+
+
+def delete_characters(draw: Draw, text: str) -> str:
+    at = draw(st.integers(0, len(text)))
+    return text[:at] + text[at + draw(st.integers(1, 20)) :]
+
+
+def cut_off(draw: Draw, text: str) -> str:
+    return text[: draw(st.integers(0, len(text)))]
+
+
+TEXTUAL = [replace_word, delete_line, repeat_line, replace_line, move_line, indent_line]
+SPOILING = [insert_characters, delete_characters, cut_off]
+# Half of the files differ in numbers only, so that most of them get as far as the numbers.
+POOLS = [[replace_number], [replace_number], [replace_value, *TEXTUAL], [replace_value, *TEXTUAL, *SPOILING]]
+
+
+@st.composite
+def mutated_files(draw: Draw) -> str:
+    text = draw(st.sampled_from(TEXTS))
+    pool = draw(st.sampled_from(POOLS))
+    for mutate in draw(st.lists(st.sampled_from(pool), min_size=1, max_size=3)):
+        text = mutate(draw, text)
+    return text
+
+
+def require_clean(scene: Scene) -> None:
+    """Every number of the scene is finite, also those of its elements."""
+    numbers = [*scene.gravity, scene.time, *scene.parameters.values(), *scene.coordinates.values(), *scene.lengths]
+    for body in scene.bodies:
+        assert body.mass > 0
+        numbers += [body.mass, *body.inertia, *body.center, *body.base]
+    for item in scene.items:
+        for use in item.kind.build(item):
+            numbers += use.parameters
+    assert all(math.isfinite(x) for x in numbers)
+
+
+def require_placed(error: MbstabError, text: str) -> None:
+    """Every problem stands at a place that exists, and its line is shown."""
+    assert isinstance(error, ModelFileError)
+    lines = re.split(r"\r\n|\r|\n", text.removeprefix("\ufeff"))
+    assert error.problems
+    assert error.problems == sorted(error.problems, key=lambda problem: problem.location)
+    for problem in error.problems:
+        place = problem.location
+        assert problem.message
+        assert 1 <= place.line <= len(lines)
+        assert 1 <= place.column <= len(lines[place.line - 1]) + 1
+        assert problem.source == lines[place.line - 1]
+        assert str(problem) in str(error)
+
+
+@settings(
+    max_examples=int(os.environ.get("MBSTAB_FUZZ_EXAMPLES", "300")),
+    derandomize=True,
+    deadline=None,
+    database=None,
+    suppress_health_check=list(HealthCheck),
+)
+@given(mutated_files())
+def test_a_mutated_file_gives_a_scene_or_an_error_of_the_user_within_a_second(text: str) -> None:
+    started = time.process_time()
+    problem = None
+    try:
+        scene = evaluate(read_model_text(text))
+    except MbstabError as error:
+        problem = error
+    assert time.process_time() - started < 1.0
+    if problem is None:
+        require_clean(scene)
+    else:
+        require_placed(problem, text)
+
+
+def test_the_texts_that_are_mutated_are_good() -> None:
+    for text in TEXTS:
+        require_clean(evaluate(read_model_text(text)))

@@ -1,0 +1,92 @@
+"""Imports point one way, heavy libraries are imported where they are needed and nowhere else."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import mbstab
+
+PACKAGE = Path(mbstab.__file__).parent
+# The types and symbols of mechanics come before the model: the file format is read from their tables.
+LAYERS = ["errors", "mechanics", "model", "compiler", "analysis", "report", "api", "cli"]
+ONLY_IN = {
+    "yaml": {"model/yamlfile.py"},
+    "click": {"cli"},
+    "rich": {"report/tables.py"},
+    "sympy": {"mechanics", "compiler", "model/arithmetic.py", "analysis/symbolic.py", "report/symbolic.py"},
+    "matplotlib": {"report/plots.py"},
+    "scipy": {"analysis", "report/export.py"},
+}
+FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.parent.name != "kernels")
+
+
+def layer(module: str) -> int | None:
+    parts = module.split(".")
+    return LAYERS.index(parts[1]) if parts[0] == "mbstab" and len(parts) > 1 and parts[1] in LAYERS else None
+
+
+def imports(path: Path) -> list[str]:
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: imports are absolute"
+            found.append(node.module or "")
+    return found
+
+
+def test_every_module_belongs_to_a_layer():
+    loose = {p.relative_to(PACKAGE).parts[0].removesuffix(".py") for p in FILES} - set(LAYERS)
+    assert loose == {"__init__", "__main__"}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_imports_point_one_way(path):
+    own = layer("mbstab." + ".".join(path.relative_to(PACKAGE).with_suffix("").parts))
+    if own is None:
+        pytest.skip("the package itself re-exports the interface")
+    above = [name for name in imports(path) if (level := layer(name)) is not None and level > own]
+    assert above == []
+
+
+@pytest.mark.parametrize("library", ONLY_IN)
+def test_a_library_is_imported_in_its_place_only(library):
+    users = {
+        path.relative_to(PACKAGE).as_posix()
+        for path in FILES
+        if any(name.split(".")[0] == library for name in imports(path))
+    }
+    outside = {user for user in users if user not in ONLY_IN[library] and user.split("/")[0] not in ONLY_IN[library]}
+    assert outside == set()
+
+
+HEAVY = ["sympy", "scipy", "matplotlib", "rich"]
+
+
+def loaded_by(arguments: list[str]) -> set[str]:
+    code = (
+        "import sys\n"
+        "from mbstab.cli import main\n"
+        "try:\n    main(sys.argv[1:])\n"
+        "except SystemExit as stop:\n    assert not stop.code, stop.code\n"
+        "print('loaded:', *[m for m in 'numpy sympy scipy matplotlib rich yaml'.split() if m in sys.modules])\n"
+    )
+    run = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    return set(run.stdout.splitlines()[-1].split()[1:])
+
+
+def test_help_imports_no_numerics():
+    assert loaded_by(["--help"]) == set()
+
+
+@pytest.mark.parametrize("model", ["pendulum.yaml", "top.yaml", "rolling_disk.yaml", "trailer.yaml"])
+def test_eig_imports_neither_sympy_nor_scipy_nor_matplotlib(model):
+    assert loaded_by(["eig", model]) == {"numpy", "yaml", "rich"}
+
+
+def test_eig_as_json_needs_no_tables():
+    assert loaded_by(["eig", "pendulum.yaml", "--format", "json"]) == {"numpy", "yaml"}

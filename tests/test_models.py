@@ -1,0 +1,45 @@
+"""Every example model does what its ``expect:`` block says, and can be read by a person."""
+
+import pytest
+
+import mbstab
+from mbstab.analysis.expectations import check_expectation
+from mbstab.model.library import installed_models
+
+MODELS = {path.stem: path for path in installed_models()}
+
+
+EXPECTATIONS = [
+    pytest.param(path, number, id=f"{name}-{number}")
+    for name, path in MODELS.items()
+    for number in range(len(mbstab.load(path).model.expect))
+]
+
+
+@pytest.mark.parametrize(("path", "number"), EXPECTATIONS)
+def test_the_expectation_holds(path, number):
+    model = mbstab.load(path).model
+    outcomes = check_expectation(model, model.expect[number])
+    assert outcomes
+    assert [f"{o.what}: {o.detail}" for o in outcomes if not o.passed] == []
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_model_says_what_it_is_and_where_it_comes_from(name):
+    model = mbstab.load(MODELS[name]).model
+    assert len(model.title) > 10
+    assert len(model.source) > 30
+    assert model.expect
+    assert all(expectation.source for expectation in model.expect)
+    assert all(parameter.description and parameter.unit for parameter in model.parameters.values())
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_scene_needs_what_it_declares(name):
+    report = mbstab.load(MODELS[name]).check()
+    assert report.redundant == []
+    assert not [item for item in report.unneeded if "is not used" in item]
+
+
+def test_the_gallery_covers_the_first_four_systems_of_the_paper():
+    assert {"pendulum", "wheeled_inverted_pendulum", "top", "rolling_disk"} <= set(MODELS)

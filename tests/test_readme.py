@@ -1,0 +1,70 @@
+"""Every command block of the README is run; its commands, models and keys exist."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import mbstab
+from mbstab.cli import main
+from mbstab.model.library import installed_models
+
+README = Path(__file__).parent.parent / "README.md"
+TEXT = README.read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", TEXT, flags=re.M | re.S)
+SHELL = [body.strip() for kind, body in BLOCKS if kind == "sh"]
+CONSOLE = [body for kind, body in BLOCKS if kind == "console"]
+
+
+def test_two_commands_do_all_set_up():
+    assert len(SHELL) == 2
+    assert SHELL[0].startswith("python -m pip install . && mbstab eig ")
+    assert SHELL[1] == "python -m pip install '.[test]' && python -m pytest"
+
+
+def test_the_first_command_installs_and_answers(tmp_path):
+    # The installing half is what .ci/run and this very environment have done.
+    command = SHELL[0].partition("&&")[2].strip()
+    run = subprocess.run([sys.executable, "-m", *shlex.split(command)], capture_output=True, text=True, cwd=tmp_path)
+    assert run.returncode == 0
+    assert "Verdict: marginally stable" in run.stdout
+    assert "pendulum.yaml" in run.stderr
+
+
+@pytest.mark.parametrize("block", CONSOLE, ids=[block.splitlines()[0] for block in CONSOLE])
+def test_a_console_block_shows_what_the_command_prints(block):
+    first, _, expected = block.partition("\n")
+    assert first.startswith("$ mbstab ")
+    result = CliRunner().invoke(main, shlex.split(first)[2:])
+    assert result.exit_code == 0
+    assert result.stdout == expected
+
+
+def test_the_model_in_the_readme_is_right(tmp_path):
+    (text,) = [body for kind, body in BLOCKS if kind == "yaml"]
+    assert len(text.splitlines()) <= 20
+    own = mbstab.loads(text).eig()
+    shipped = mbstab.load("pendulum.yaml").eig()
+    assert [e.kind for e in own.eigenvalues] == ["center", "center"]
+    assert abs(own.eigenvalues[0].value - shipped.eigenvalues[0].value) < 1e-13 * abs(own.eigenvalues[0].value)
+
+
+def test_every_command_is_in_the_readme_and_has_help():
+    for name, command in main.commands.items():
+        assert f"`mbstab {name}" in TEXT
+        assert command.help
+        for option in command.params:
+            assert getattr(option, "help", "argument"), f"{name} {option.name}"
+
+
+def test_every_example_is_in_the_readme():
+    listed = set(re.findall(r"^\| `(\w+)\.yaml` \|", TEXT, flags=re.M))
+    assert listed == {path.stem for path in installed_models()}
+
+
+def test_the_readme_is_short():
+    assert len(TEXT.splitlines()) < 220
