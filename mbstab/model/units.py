@@ -48,7 +48,7 @@ UNITS: dict[str, tuple[float, Dimension]] = {
 }
 """Factor to SI and dimension of every unit a file may name."""
 
-_FACTOR = re.compile(r"\s*(?P<name>[A-Za-z]+|1)\s*(?:(?:\^|\*\*)\s*(?P<power>-?\d{1,2}))?\s*")
+_FACTOR = re.compile(r"\s*(?P<name>[A-Za-z]+|1)\s*(?:(?:\^|\*\*)\s*(?P<power>-?[0-9]{1,2}))?\s*")
 
 
 def parse_unit(text: str) -> tuple[float, Dimension]:
@@ -69,7 +69,12 @@ def parse_unit(text: str) -> tuple[float, Dimension]:
             hint = suggestion(name, UNITS) or "known units: " + ", ".join(UNITS)
             raise ExpressionError(f"unknown unit {name!r}", match.start("name"), hint)
         power = sign * int(match.group("power") or 1)
-        factor *= UNITS[name][0] ** power
+        try:
+            factor *= UNITS[name][0] ** power
+        except OverflowError:
+            factor = 0.0
+        if not 1e-300 < factor < 1e300:
+            raise ExpressionError(f"{text!r} is out of the range of numbers", match.start("name"))
         dimension = _times(dimension, UNITS[name][1], power)
         at = match.end()
         if at == len(text):
@@ -143,8 +148,8 @@ def _infer(node: Node, names: Mapping[str, Known]) -> Known:
                 return _raise(left, right, node)
             if left == UNKNOWN or right == UNKNOWN:
                 return UNKNOWN
-            if left == LITERAL and right == LITERAL:
-                return LITERAL
+            if {left, right} <= {LITERAL, NONE} and LITERAL in (left, right):
+                return LITERAL  # 10*ratio may be a length: a bare number stands for any unit
             return _times(_plain(left), _plain(right), 1 if node.operator == "*" else -1)
 
 
@@ -182,13 +187,13 @@ def _infer_call(node: Call, names: Mapping[str, Known]) -> Known:
         return arguments[0] if isinstance(arguments[0], str) else _times(NONE, arguments[0], Fraction(1, 2))
     if node.function == "atan2":
         _same(arguments[0], arguments[1], node.position)
-        return NONE
+        return LITERAL
     if arguments[0] not in (LITERAL, UNKNOWN, NONE):
         raise ExpressionError(
             f"{node.function}() takes a plain number or an angle, its argument has the unit {_name(arguments[0])}",
             node.position,
         )
-    return LITERAL if arguments[0] == LITERAL else NONE
+    return LITERAL  # cos(a) alone may be meant as a length, like the number it is
 
 
 def _name(dimension: Known) -> str:

@@ -1,0 +1,56 @@
+"""The table of joints: how many rows each has, that it is documented, and what a new one needs."""
+
+from pathlib import Path
+
+import pytest
+
+import mbstab
+from mbstab.mechanics.joints import KINDS
+
+README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+
+ROWS = {
+    ("revolute", 3): 5,
+    ("revolute", 2): 2,
+    ("prismatic", 3): 5,
+    ("prismatic", 2): 2,
+    ("cylindrical", 3): 4,
+    ("universal", 3): 4,
+    ("spherical", 3): 3,
+    ("spherical", 2): 2,
+    ("planar", 3): 3,
+    ("fixed", 3): 6,
+    ("fixed", 2): 3,
+    ("distance", 3): 1,
+    ("distance", 2): 1,
+    ("screw", 3): 5,
+}
+
+BODY = {2: "{type: planar, mass: 1, inertia: 1}", 3: "{type: spatial, mass: 1, inertia: [1, 1, 1]}"}
+EXTRA = {"distance": ", length: 1", "screw": ", axis: z, lead: 0.1"}
+START = {"distance": "{x: 1}"}
+
+
+def test_the_table_is_complete():
+    assert set(ROWS) == set(KINDS)
+
+
+@pytest.mark.parametrize(("name", "dimension"), ROWS, ids=lambda x: str(x))
+def test_a_joint_takes_away_as_many_freedoms_as_it_has_rows(name, dimension):
+    kind = KINDS[name, dimension]
+    axis = ", axis: x" if any(f.name == "axis" for f in kind.fields) else ""
+    axis = ", axis: [x, y]" if name == "universal" else axis
+    text = (
+        f"mbstab: 1\nbodies:\n  b: {BODY[dimension]}\n"
+        f"joints:\n  j: {{type: {name}, between: [b, ground]{EXTRA.get(name, axis)}}}\n"
+        f"reference: {{guess: {{b: {START.get(name, '{x: 0}')}}}}}\n"
+    )
+    report = mbstab.loads(text).check()
+    assert report.n_holonomic == report.rank_holonomic == ROWS[name, dimension]
+    assert report.degrees_of_freedom == {2: 3, 3: 6}[dimension] - ROWS[name, dimension]
+
+
+@pytest.mark.parametrize("name", sorted({name for name, _ in ROWS}))
+def test_a_joint_is_in_the_readme(name):
+    row = next(line for line in README.splitlines() if line.startswith("| `joints` |"))
+    assert name in row.replace("|", ",").replace(" ", "").split(",")
