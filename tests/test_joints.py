@@ -1,5 +1,6 @@
 """The table of joints: how many rows each has, that it is documented, and what a new one needs."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,8 @@ ROWS = {
     ("planar", 3): 3,
     ("fixed", 3): 6,
     ("fixed", 2): 3,
+    ("point_on_line", 3): 2,
+    ("point_on_line", 2): 1,
     ("distance", 3): 1,
     ("distance", 2): 1,
     ("screw", 3): 5,
@@ -54,3 +57,19 @@ def test_a_joint_takes_away_as_many_freedoms_as_it_has_rows(name, dimension):
 def test_a_joint_is_in_the_readme(name):
     row = next(line for line in README.splitlines() if line.startswith("| `joints` |"))
     assert name in row.replace("|", ",").replace(" ", "").split(",")
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.4, -1.1])
+def test_a_bead_on_a_tilted_wire_swings_with_its_spring(slope):
+    text = (
+        f"mbstab: 1\nparameters: {{a: {slope}, k: 7, m: 2, g: 9.81}}\ngravity: [0, 0, -g]\n"
+        "bodies: {bead: {type: point, mass: m}}\n"
+        "ground: {directions: {wire: [cos(a), 0, sin(a)]}}\n"
+        "joints: {on: {type: point_on_line, between: [ground, bead], axis: [wire, x]}}\n"
+        "forces:\n  spring: {type: spring, between: [bead, {body: ground, point: [10*cos(a), 0, 10*sin(a)]}], "
+        "stiffness: k, length: 10}\n"
+        "reference:\n  coordinates:\n    bead: {x: -m*g*sin(a)/k*cos(a), y: 0, z: -m*g*sin(a)/k*sin(a)}\n"
+    )
+    result = mbstab.loads(text).eig()
+    assert result.verdict == "marginally stable"
+    assert [e.value.imag for e in result.eigenvalues] == pytest.approx([math.sqrt(3.5), -math.sqrt(3.5)], rel=1e-13)

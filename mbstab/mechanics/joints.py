@@ -210,6 +210,14 @@ KINDS: dict[tuple[str, int], Kind] = {
         ),
         _joint("fixed", "holds the bodies together; their axes coincide", _COINCIDENT, *_PARALLEL, _NO_TURN, fields=(Field(AXIS.name, AXIS.shape, AXIS.doc, default="z"), ZERO)),
         _joint("fixed", "holds the bodies together", _COINCIDENT, Primitive("aligned"), dimensions=(2,), fields=(_FREE_AXIS,)),
+        _joint("point_on_line", "a point of the second body slides along an axis of the first, turning freely", *_ON_LINE),
+        _joint(
+            "point_on_line",
+            "a point of the second body slides along an axis of the first, turning freely",
+            Primitive("in_plane", "v2"),
+            dimensions=(2,),
+            fields=(AXIS,),
+        ),
         _joint(
             "distance",
             "massless rod: keeps two points at a distance",
