@@ -5,7 +5,7 @@
 >>> result = model.eig()
 >>> result.verdict
 'marginally stable'
->>> f"{result.eigenvalues[1].value.imag:.12f}"
+>>> f"{result.eigenvalues[0].value.imag:.12f}"
 '6.065269985747'
 """
 

@@ -1,4 +1,7 @@
-"""Whatever is written in a model file, the answer is a scene or an error that says where the fault is."""
+"""Whatever is written in a model file, the answer is a scene or an error that says where the fault is.
+
+The examples are the same in every run; ``MBSTAB_FUZZ_EXAMPLES=20000`` makes the search longer.
+"""
 
 from __future__ import annotations
 

@@ -78,6 +78,15 @@ def test_parameters_may_be_expressions_of_parameters_that_come_later() -> None:
     assert parameters == {"c": 3.0, "b": 4.0, "a": 8.0}
 
 
+def test_a_long_chain_of_parameters_is_put_in_order() -> None:
+    chain = ", ".join(f"p{i}: p{i + 1} + 1" for i in range(5_000))
+    parameters = read(
+        f"mbstab: 1\nparameters: {{{chain}, p5000: 0}}\nbodies: {{p: {{type: point, mass: p0}}}}"
+    ).parameters
+    assert parameters["p0"] == 5_000
+    assert next(iter(parameters)) == "p5000"
+
+
 def test_planar_numbers_are_those_of_a_hand_calculation() -> None:
     scene = read(RICH[2])
     rod, disk, plate, hoop, frame, bead = scene.bodies
@@ -181,6 +190,15 @@ def test_a_sweep_evaluates_all_its_points_at_once() -> None:
     for k in (3, 5):
         for moment, *expected in zip(many.bodies[k].inertia, *(one.bodies[k].inertia for one in ones), strict=True):
             np.testing.assert_allclose(np.broadcast_to(moment, 3), expected, rtol=1e-15)
+
+
+@pytest.mark.xfail(strict=True, reason="an array times a Jet is an array of jets: Jet needs __array_ufunc__ = None")
+def test_a_sweep_reaches_the_functions_of_time() -> None:
+    drive = "drives: {d: {type: coordinate, coordinate: p.x, position: v*t - t*v/3 + v}}\nreference: {time: 3}"
+    model = read_model_text(f"mbstab: 1\nparameters: {{v: 2}}\nbodies: {{p: {{type: point, mass: 1}}}}\n{drive}")
+    jet = evaluate(model, {"v": np.array([3.0, 6.0])}).items[0].law("position").at(3.0)
+    np.testing.assert_allclose(jet.value, [9.0, 18.0], rtol=1e-15)
+    np.testing.assert_allclose(jet.rate, [2.0, 4.0], rtol=1e-15)
 
 
 def test_a_sweep_that_leaves_the_allowed_range_is_refused_with_the_value_that_does() -> None:
@@ -362,9 +380,9 @@ BAD: dict[str, tuple[str, str]] = {
     "infinity as in YAML": (mass("»-.inf"), "'-.inf' is no number"),
     "infinity": (mass("»inf"), "'inf' is no number"),
     "infinity in capitals": (mass("»Infinity"), "'Infinity' is no number"),
-    "number out of range": (mass("»1e999"), "finite"),
+    "number out of range": (mass("»1e999"), r"a number may be 1e\+300 at most"),
     "expression out of range": (mass("»1e300*1e300"), "finite"),
-    "parameter out of range": (ONE + "parameters: {a: »1e999}", "parameters.a: .*finite"),
+    "parameter out of range": (ONE + "parameters: {a: »1e200*1e200}", "parameters.a: .*finite"),
     "division by zero": (mass("»1/(a - 2)"), "has no value here"),
     "root of a negative number": (ONE + "parameters: {a: »sqrt(-1)}", "has no value here"),
     "word for a number": (mass("»yes"), "unknown parameter 'yes'"),
@@ -428,9 +446,9 @@ BAD: dict[str, tuple[str, str]] = {
     "mapping for a vector": (ONE + "gravity: »{z: 1}", r"expected a list of 3 numbers \(m/s\^2\)"),
     "axis of the other scene": (FLAT + "gravity: »-z", "expected a list of 2 numbers"),
     "list inside a vector": (ONE + "gravity: [0, 0, »[1]]", r"gravity\[2\]: expected a number"),
-    "vector out of range": (ONE + "gravity: [0, 0, »1e999]", "finite"),
+    "vector out of range": (ONE + "gravity: [0, 0, »1e200*1e200]", "finite"),
     "point out of range": (
-        planar("mass: 1, inertia: 1, points: {P: [0, »1e999]}"),
+        planar("mass: 1, inertia: 1, points: {P: [0, »1e200*1e200]}"),
         r"bodies.b.points.P\[1\]: .*finite",
     ),
     "points as list": (planar("mass: 1, inertia: 1, points: »[1, 2]"), "expected keys with values"),
@@ -599,7 +617,7 @@ BAD: dict[str, tuple[str, str]] = {
         FLAT + "drives: {d: {type: joint, joint: r, position: »1/t}}",
         "has no value here",
     ),
-    "law out of range": (FLAT + "drives: {d: {type: joint, joint: r, position: »1e999*t}}", "finite"),
+    "law out of range": (FLAT + "drives: {d: {type: joint, joint: r, position: »1e200*1e200*t}}", "finite"),
     "torque on an unknown body": (FLAT + "forces: {f: {type: torque, body: »d, value: 1}}", "there is no body 'd'"),
     "torque of the other scene": (
         FLAT + "forces: {f: {type: torque, body: b, value: 1, »vector: [1, 0, 0]}}",
@@ -638,7 +656,7 @@ BAD: dict[str, tuple[str, str]] = {
     "reference of an unknown body": (FLAT + "reference: {coordinates: {»d: {x: 1}}}", "there is no body 'd'"),
     "reference of an unknown coordinate": (FLAT + "reference: {rates: {b: {»thta: 1}}}", "did you mean 'theta'"),
     "reference with an unknown key": (FLAT + "reference: {»speeds: {}}", "unknown key 'speeds'"),
-    "reference out of range": (FLAT + "reference: {coordinates: {b: {x: »1e999}}}", "finite"),
+    "reference out of range": (FLAT + "reference: {coordinates: {b: {x: »1e200*1e200}}}", "finite"),
     "reference as list": (FLAT + "reference: »[1]", "expected keys with values"),
     "coordinates of a body as number": (FLAT + "reference: {coordinates: {b: »1}}", "expected keys with values"),
     "coordinate as list": (
@@ -914,7 +932,7 @@ def test_arrays_of_values_are_converted(swept: Model) -> None:
         ({"zzz": "1"}, "no parameter 'zzz'\nhint: parameters: length, twice, n"),
         ({"n": "nan"}, "n=nan: 'nan' is no number\nhint: values must be finite"),
         ({"n": "-inf"}, "n=-inf: '-inf' is no number"),
-        ({"n": "1e999"}, "n=1e999: .*finite"),
+        ({"n": "1e999"}, r"n=1e999: a number may be 1e\+300 at most"),
         ({"n": math.nan}, "n=nan: the value is not finite"),
         ({"n": math.inf}, "n=inf: the value is not finite"),
         ({"n": np.array([1.0, np.nan])}, "the value is not finite"),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbstab.analysis.motion import Motion, reference_motion
+from mbstab.analysis.names import names_in
 from mbstab.analysis.symmetry import rate_matrix, symmetries
 from mbstab.compiler.system import Array, System
 
@@ -150,27 +151,9 @@ def _planar_axis(system: System, motion: Motion, allowed: Array) -> str:
 def _used_parameters(system: System) -> set[str]:
     """Return the parameters that occur in the model, directly or through other parameters."""
     model = system.scene.model
-    found: set[str] = set()
-
-    def collect(value: object) -> None:
-        if hasattr(value, "names") and hasattr(value, "root"):
-            found.update(value.names())
-        elif isinstance(value, dict):
-            for item in value.values():
-                collect(item)
-        elif isinstance(value, (tuple, list)):
-            for item in value:
-                collect(item)
-        elif hasattr(value, "__dataclass_fields__"):
-            for name in value.__dataclass_fields__:
-                collect(getattr(value, name))
-
-    collect(model.gravity)
-    for entry in [*model.bodies.values(), *(e for group in model.entries.values() for e in group.values())]:
-        collect(entry.values)
-    collect(model.reference)
-    collect(model.expect)
+    entries = [*model.bodies.values(), *(e for group in model.entries.values() for e in group.values())]
+    found = names_in([model.gravity, [entry.values for entry in entries], model.reference, model.expect])
     for parameter in reversed(list(model.parameters.values())):
         if parameter.name in found:
-            collect(parameter.expression)
+            found |= names_in(parameter.expression)
     return found

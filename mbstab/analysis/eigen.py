@@ -33,8 +33,13 @@ METHODS = ("nullspace", "index3", "paper")
 
 EPS = float(np.finfo(float).eps)
 NEUTRAL_TOLERANCE = 1e-12
+"""A singular value of S below this fraction of the largest is taken for zero."""
+
 NEUTRAL_GAP = 1e3
-"""A singular value of S is zero below this fraction of the largest, if the next is larger by this factor."""
+"""The decision is trusted if the singular values next to it differ by this factor at least …"""
+
+NEUTRAL_ROUNDING = 30.0
+"""… and if what is taken for zero is no larger than this many roundings."""
 
 LONGEST_CHAIN = 3
 """A place that drifts because an angle drifts because a rate is constant: longer chains no symmetry explains."""
@@ -170,31 +175,32 @@ class Deflated:
     undecided: str
 
 
-def deflate_neutral(S: Array) -> Deflated:
+def deflate_neutral(S: Array, rounding: float = EPS) -> Deflated:
     """Separate the zero eigenvalues of S by the staircase null(S), null(S₂₂), …
 
     Parameters
     ----------
     S : ndarray, shape (n, n)
         Scaled so that its blocks are of similar size.
+    rounding : float
+        To what S is known, relative to its norm.
     """
     n = len(S)
     Q, T = np.eye(n), S.copy()
     done, steps, dropped, undecided = 0, [], 0.0, ""
     size = float(np.linalg.norm(S, 2)) if n else 0.0
     while done < n:
-        block = T[done:, done:]
-        _, s, right = np.linalg.svd(block)
-        zeros, gap = _count_zeros(s, size)
+        _, s, right = np.linalg.svd(T[done:, done:])
+        zeros = int(np.sum(s <= NEUTRAL_TOLERANCE * size))
         if zeros == 0:
             break
-        if gap < NEUTRAL_GAP and not undecided:
+        largest, next_one = float(s[-zeros]), float(s[-zeros - 1]) if zeros < len(s) else math.inf
+        if not undecided and (largest > NEUTRAL_ROUNDING * rounding * size or next_one < NEUTRAL_GAP * largest):
             undecided = (
-                f"{zeros} eigenvalues are close to zero without a gap (singular values {s[-zeros]:.1e} and "
-                f"{s[-zeros - 1]:.1e} 1/s): neutral or merely slow cannot be told in double precision"
+                f"{zeros} eigenvalues are close to zero without a gap (singular values {largest:.1e} and {next_one:.1e} 1/s, "
+                f"rounding {rounding * size:.1e}): neutral or merely slow cannot be told in double precision"
             )
-            break
-        dropped = max(dropped, float(s[-zeros]))
+        dropped = max(dropped, largest)
         # Null vectors first.
         turn = np.vstack([right[len(s) - zeros :], right[: len(s) - zeros]]).T
         full = np.eye(n)
@@ -204,16 +210,6 @@ def deflate_neutral(S: Array) -> Deflated:
         steps.append(zeros)
         done += zeros
     return Deflated(Q, T[:done, :done], T[:done, done:], T[done:, done:], tuple(steps), dropped, undecided)
-
-
-def _count_zeros(s: Array, size: float) -> tuple[int, float]:
-    """Return how many singular values are zero, and the ratio across the decision."""
-    if size == 0.0:
-        return len(s), math.inf
-    zeros = int(np.sum(s <= NEUTRAL_TOLERANCE * size))
-    if zeros in (0, len(s)):
-        return zeros, math.inf
-    return zeros, float(s[-zeros - 1] / max(s[-zeros], EPS * size * 1e-3))
 
 
 def eigenvalues(
@@ -239,8 +235,9 @@ def eigenvalues(
         raise UsageError(f"unknown method {method!r}\nhint: one of {', '.join(METHODS)}")
     space = state_space(linear)
     gamma = _time_scale(space)
-    deflated = deflate_neutral(_balanced(space, gamma))
-    judge = _Judge(linear, space, gamma, deflated)
+    rounding = _rounding(linear, space, gamma)
+    deflated = deflate_neutral(_balanced(space, gamma), rounding)
+    judge = _Judge(linear, space, gamma, deflated, rounding)
     infinite = undefined = 0
     if method == "nullspace":
         found = judge.nullspace()
@@ -267,11 +264,22 @@ def _balanced(space: StateSpace, gamma: float) -> Array:
     return result
 
 
+def _rounding(linear: Linearization, space: StateSpace, gamma: float) -> float:
+    """Return to what the balanced S is known, relative to its norm: it is a difference of larger matrices."""
+    scale = linear.motion.spaces.scale
+    sizes = [float(np.linalg.norm(x * scale * scale[:, None], 2)) for x in (linear.M, linear.R, linear.K)]
+    whole = gamma * sizes[0] + sizes[1] + sizes[2] / gamma
+    size = float(np.linalg.norm(_balanced(space, gamma), 2)) if len(space.A) else 0.0
+    return EPS * (float(np.linalg.cond(space.M_z)) if space.M_z.size else 1.0) * max(1.0, whole / size if size else 1.0)
+
+
 class _Judge:
     """Bounds, kinds and the verdict for eigenvalues of one linearization."""
 
-    def __init__(self, linear: Linearization, space: StateSpace, gamma: float, deflated: Deflated) -> None:
-        self.linear, self.space, self.gamma, self.deflated = linear, space, gamma, deflated
+    def __init__(
+        self, linear: Linearization, space: StateSpace, gamma: float, deflated: Deflated, rounding: float
+    ) -> None:
+        self.linear, self.space, self.gamma, self.deflated, self.rounding = linear, space, gamma, deflated, rounding
         spaces = linear.motion.spaces
         self.n_neutral = sum(deflated.steps)
         # Composite matrices in scaled coordinates and rows, the rows as heavy as the stiffness.
@@ -347,14 +355,17 @@ class _Judge:
         n, c = self.n, len(self.M) - self.n
         if c == 0:
             return np.zeros((0, len(values)), dtype=complex)
-        M, R, K = (x.T if left else x for x in (self.M, self.R, self.K))
-        result = np.zeros((c, len(values)), dtype=complex)
-        for j, s in enumerate(values):
-            s = np.conj(s) if left else s
-            v = vectors[:, j]
-            known = s * s * (M[:n, :n] @ v) + s * (R[:n, :n] @ v) + K[:n, :n] @ v
-            result[:, j] = np.linalg.lstsq(s * R[:n, n:] + K[:n, n:], -known, rcond=1e-13)[0]
-        return result
+        n_h = self.linear.n_h
+        s = values.conj() if left else values
+        M, R, K = (x.T[:n] if left else x[:n] for x in (self.M, self.R, self.K))
+        known = (M[:, :n] @ vectors) * s**2 + (R[:, :n] @ vectors) * s + K[:, :n] @ vectors
+        if not left or n_h == c:  # the columns of the multipliers do not depend on s
+            result: Complex = np.linalg.lstsq(K[:, n:].astype(complex), -known, rcond=1e-13)[0]
+            return result
+        columns = [
+            np.linalg.lstsq(x * R[:, n:] + K[:, n:], -known[:, j], rcond=1e-13)[0] for j, x in enumerate(s)
+        ]
+        return np.array(columns, dtype=complex).T.reshape(c, len(values))
 
     def pencil(self, values: Complex, vectors: Complex) -> list[Eigenvalue]:
         """Return eigenvalues that QZ found, judged with its own vectors and the deflated left ones."""
@@ -390,7 +401,6 @@ class _Judge:
         with np.errstate(all="ignore"):
             eta = np.linalg.norm(residual, axis=0) / (weight * length_x)
             kappa = weight * length_x * length_y / slope
-            # The data themselves are known to round-off only.
             if self.n_neutral:
                 kappa = self._deflated_condition(values)
             # The data themselves are known to round-off only.
@@ -412,10 +422,8 @@ class _Judge:
         inner, dual = inner[k:], dual[k:]
         product = np.abs(np.sum(dual.conj() * inner, axis=0))
         condition = np.linalg.norm(inner, axis=0) * np.linalg.norm(dual, axis=0) / product
-        M_z = self.space.M_z
-        size = float(np.linalg.norm(_balanced(self.space, self.gamma), 2)) * (float(np.linalg.cond(M_z)) if M_z.size else 1.0)
-        # Zeros were separated by dropping what is this large against round-off.
-        size = max(size, self.deflated.dropped / EPS)
+        # S is known to round-off, and zeros were separated by dropping something.
+        size = max(float(np.linalg.norm(_balanced(self.space, self.gamma), 2)) * self.rounding, self.deflated.dropped) / EPS
         nearest = [int(np.argmin(np.abs(known - s))) for s in values]
         result: Array = condition[nearest] * size
         return result

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbstab.analysis.motion import Motion, motion_at
+from mbstab.analysis.motion import ROUNDING, Motion, motion_at
+from mbstab.analysis.names import names_in
 from mbstab.compiler.system import Array, Row, System
 from mbstab.errors import MbstabError
 
@@ -121,9 +122,10 @@ class StateSpace:
 def linearize(system: System, motion: Motion) -> Linearization:
     """Return the linearized equations about a reference motion, and how constant they are along it."""
     matrices = _matrices(system, motion)
-    variation = 0.0 if motion.at_rest else _variation(system, motion, matrices)
     M, R, K, J, D_q = matrices
-    return Linearization(M, R, K, J, D_q, system.n_h, tuple(system.names), tuple(system.rows), motion, variation)
+    return Linearization(
+        M, R, K, J, D_q, system.n_h, tuple(system.names), tuple(system.rows), motion, _variation(system, motion, matrices)
+    )
 
 
 def _matrices(system: System, motion: Motion) -> tuple[Array, Array, Array, Array, Array]:
@@ -132,33 +134,57 @@ def _matrices(system: System, motion: Motion) -> tuple[Array, Array, Array, Arra
 
 
 def _variation(system: System, motion: Motion, matrices: tuple[Array, ...]) -> float:
-    """Return the largest relative change of the coefficients a little later on the motion.
-
-    The motion is continued with its speeds and accelerations over two steps that are
-    small against the fastest turn; what changes by more than the neglected third order
-    is not constant.
-    """
-    scale = motion.spaces.scale
-    fastest = float(np.max(np.abs(motion.u / scale))) * float(np.min(scale))
-    turning = max((abs(u) for n, u in zip(system.names, motion.u, strict=True) if n[-2:] not in (".x", ".y", ".z")), default=0.0)
-    step = 0.3 / max(turning, fastest, 1e-300)
+    """Return the largest relative change of the coefficients a little later on the motion."""
     worst = 0.0
-    for time in (step, 0.37 * step):
-        q = motion.q + motion.u * time + 0.5 * motion.a * time * time
-        u = motion.u + motion.a * time
+    for step in _steps(system, motion, matrices):
         try:
-            later = _matrices(system, motion_at(system, q, u, motion.time + time))
+            for later in _continued(system, motion, step):
+                worst = max(worst, _change(motion, matrices, _matrices(system, later), step))
         except MbstabError:
             return np.inf
-        worst = max(worst, *(_change(now, then, scale) for now, then in zip(matrices, later, strict=True)))
     return worst
 
 
-def _change(now: Array, then: Array, scale: Array) -> float:
-    weights = scale * (scale[:, None] if now.shape[0] == len(scale) else 1.0)
-    size = float(np.max(np.abs(now * weights), initial=0.0))
-    difference = float(np.max(np.abs((then - now) * weights), initial=0.0))
-    return difference / size if size else difference
+def _steps(system: System, motion: Motion, matrices: tuple[Array, ...]) -> list[float]:
+    """Return times after which a change would show: small against each rate at which something may change."""
+    angular = np.array([name.rpartition(".")[2] not in ("x", "y", "z") for name in system.names])
+    rates = [float(np.max(np.abs(motion.u[angular]), initial=0.0))]
+    rates.append(float(np.max(np.abs(motion.u[~angular]), initial=0.0)) / motion.length)
+    steps = [0.3 / rate for rate in rates if rate > 0.0]
+    if any("t" in names_in(item.entry.values) for item in system.scene.items):
+        # A given function of time can be fast or slow; what the scene would do by itself says what matters.
+        scale = motion.spaces.scale
+        _, R, K = (float(np.max(np.abs(x * scale * scale[:, None]), initial=0.0)) for x in matrices[:3])
+        rate = max(R, np.sqrt(K)) or 1.0
+        steps += [0.3 / rate, 10.0 / rate]
+    return steps
+
+
+def _continued(system: System, motion: Motion, step: float) -> list[Motion]:
+    """Return the motion at half a step and a step, each found twice (Runge-Kutta)."""
+    stages = [motion]
+    for part in (0.5, 0.5, 1.0):
+        time, last = part * step, stages[-1]
+        stages.append(motion_at(system, motion.q + time * last.u, motion.u + time * last.a, motion.time + time))
+    u, a = (sum(w * getattr(stage, x) for w, stage in zip((1, 2, 2, 1), stages, strict=True)) / 6.0 for x in ("u", "a"))
+    stages.append(motion_at(system, motion.q + step * u, motion.u + step * a, motion.time + step))
+    return stages[1:]
+
+
+def _change(motion: Motion, now: tuple[Array, ...], then: tuple[Array, ...], step: float) -> float:
+    """Return the largest relative change of M, R, K, J, D_q, apart from rounding."""
+    scale, rows = motion.spaces.scale, motion.spaces.row_scale
+    square, lines = scale * scale[:, None], rows[:, None] * scale
+    worst = 0.0
+    for x, y, weights, power in zip(
+        now, then, (square, square, square, lines, lines[len(lines) - len(now[-1]) :]), (0, 1, 2, 0, 1), strict=True
+    ):
+        size = float(max(np.max(np.abs(x * weights), initial=0.0), np.max(np.abs(y * weights), initial=0.0)))
+        difference = float(np.max(np.abs((y - x) * weights), initial=0.0))
+        # In scaled coordinates and rows M and J have the size 1.
+        if difference > ROUNDING * step**-power:
+            worst = max(worst, difference / size)
+    return worst
 
 
 def state_space(linear: Linearization) -> StateSpace:

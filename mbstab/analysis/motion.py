@@ -29,7 +29,10 @@ ROUNDING = 100.0 * float(np.finfo(float).eps)
 """Coordinates are known to this, relative to the sizes in the scene."""
 
 REFINEMENTS = 3
-"""Corrections to the multipliers: small ones, at light bodies, are wanted to all digits beside large ones."""
+"""Steps in which accelerations and multipliers are found; the first leaves small ones wrong beside large ones."""
+
+CURVATURE_TOLERANCE = 1e-7
+"""Rows that depend on each other do so nearby if their curvatures cancel to this."""
 
 CHART_ERROR = 1e-6
 CHART_WARNING = 0.02
@@ -46,6 +49,9 @@ class Motion:
         Coordinates (m, rad), speeds, accelerations.
     nu : ndarray, shape (n_c,)
         Multipliers [λ; μ]; of least size where constraints are redundant.
+    time : float (s)
+    length : float (m)
+        Size of the scene.
     dynamics : Dynamics
         Matrices at this state.
     spaces : Subspaces
@@ -60,6 +66,7 @@ class Motion:
     a: Array
     nu: Array
     time: float
+    length: float
     dynamics: Dynamics
     spaces: Subspaces
     redundant: list[Redundancy]
@@ -233,26 +240,21 @@ class _Finder:
         J = state.J * scale * row_scale[:, None]
         M = state.M * scale * scale[:, None]
         allowed = spaces.N @ spaces.Z
-        M_z = allowed.T @ M @ allowed
-        self._check_mass(M_z, allowed)
+        self._check_mass(allowed.T @ M @ allowed, allowed)
         inverse = np.linalg.pinv(J, rcond=1e-11) if len(J) else J.T
-        bias = state.B * row_scale
-        particular = -inverse @ bias
-        self._check_compatible(J @ particular + bias, J, bias)
-        force = -(state.F0 * scale)
-        free = np.linalg.solve(M_z, allowed.T @ (force - M @ particular)) if M_z.size else np.zeros(0)
-        a = particular + allowed @ free
-        nu = np.zeros(len(J))
-        for _ in range(REFINEMENTS):
-            nu += inverse.T @ (force - M @ a - J.T @ nu)
-        if check:
-            a = self._check_rest(q, u, a, nu * row_scale, state, scale, allowed)
+        force, bias = -(state.F0 * scale), state.B * row_scale
+        self._check_compatible(bias - J @ (inverse @ bias), bias)
+        a, nu = _balance(M, J, inverse, allowed, force, bias)
         if redundant:
             self._check_constant_rank(q, u, time, spaces)
             self.warnings += [f"redundant constraint: {item}" for item in redundant]
+        if check and not np.any(u):
+            self._check_rest(q, a, nu * row_scale, state, scale, allowed)
+            a, nu = _balance(M, J, inverse, allowed[:, :0], force, 0.0 * bias)
         return Motion(
-            q, u, a * scale, nu * row_scale, time, state, spaces, redundant, tuple(self.solved), tuple(self.warnings)
-        )
+            q, u, a * scale, nu * row_scale, time, self.length, state, spaces, redundant, tuple(self.solved),
+            tuple(self.warnings),
+        )  # fmt: skip
 
     def _check_mass(self, M_z: Array, allowed: Array) -> None:
         """Every motion that the constraints allow must carry mass."""
@@ -270,7 +272,7 @@ class _Finder:
         source = self.document.lines[location.line - 1]
         raise MassError(str(Problem(location, f"bodies.{body}", message, hint, source)))
 
-    def _check_compatible(self, residual: Array, J: Array, bias: Array) -> None:
+    def _check_compatible(self, residual: Array, bias: Array) -> None:
         """Redundant rows must agree about the accelerations as well."""
         if len(residual) and np.max(np.abs(residual)) > 1e-7 * max(float(np.max(np.abs(bias))), 1e-300):
             worst = int(np.argmax(np.abs(residual)))
@@ -280,19 +282,17 @@ class _Finder:
                 f"(residual {residual[worst]:.3g} of {np.max(np.abs(bias)):.3g})"
             )
 
-    def _check_rest(self, q: Array, u: Array, a: Array, nu: Array, state: Dynamics, scale: Array, allowed: Array) -> Array:
+    def _check_rest(self, q: Array, a: Array, nu: Array, state: Dynamics, scale: Array, allowed: Array) -> None:
         """A reference at rest must stay at rest."""
-        if np.any(u) or len(a) == 0:
-            return a
         force = -(state.F0 * scale)
         unbalanced = (state.M * scale * scale[:, None]) @ a
         weights = [np.sqrt(float(body.mass)) * np.linalg.norm(self.scene.gravity) for body in self.scene.bodies]
         typical = max(float(np.max(np.abs(force))), *weights)
         # Springs that balance leave what the rounding of the coordinates makes of their stiffness.
-        stiffness = self.system.linearize(q, u, np.zeros_like(a), nu, self.scene.time)[0] * scale[:, None]
+        stiffness = self.system.linearize(q, 0.0 * q, 0.0 * q, nu, self.scene.time)[0] * scale[:, None]
         rounding = ROUNDING * float(np.max(np.abs(stiffness) @ np.where(self.is_length, self.length, 1.0)))
         if np.max(np.abs(unbalanced)) <= EQUILIBRIUM_TOLERANCE * typical + rounding:
-            return np.zeros_like(a)
+            return
         worst = int(np.argmax(np.abs(a)))
         name = self.system.names[worst]
         unit, push = ("m/s^2", "N") if self.is_length[worst] else ("rad/s^2", "N*m")
@@ -308,21 +308,37 @@ class _Finder:
 
     def _check_constant_rank(self, q: Array, u: Array, time: float, spaces: Subspaces) -> None:
         """Redundancy is harmless if it persists nearby: Nᵀ (Σ δ_i ∇²C_i) N = 0 for every dependence δ."""
-        n_h = self.system.n_h
-        zero = np.zeros(self.system.n_q)
-        for combination in spaces.C.left_null.T:
+        n_h, zero = self.system.n_h, np.zeros(self.system.n_q)
+
+        def curvature(weights: Array) -> Array:
             nu = np.zeros(self.system.n_c)
-            nu[:n_h] = combination * spaces.row_scale[:n_h]
-            K, _, _ = self.system.linearize(q, u, zero, nu, time)
-            curvature = spaces.N.T @ (K * spaces.scale * spaces.scale[:, None]) @ spaces.N
-            K_force, _, _ = self.system.linearize(q, u, zero, 0.0 * nu, time)
-            curvature -= spaces.N.T @ (K_force * spaces.scale * spaces.scale[:, None]) @ spaces.N
-            size = float(np.max(np.abs(curvature), initial=0.0))
-            if size > 1e-7:
+            nu[:n_h] = weights * spaces.row_scale[:n_h]
+            with_rows, without = (self.system.linearize(q, u, zero, x, time)[0] for x in (nu, 0.0 * nu))
+            result: Array = (with_rows - without) * spaces.scale * spaces.scale[:, None]
+            return result
+
+        for combination in spaces.C.left_null.T:
+            total = float(np.max(np.abs(spaces.N.T @ curvature(combination) @ spaces.N), initial=0.0))
+            single = max(float(np.max(np.abs(curvature(row)))) for row in np.diag(combination))
+            if total > CURVATURE_TOLERANCE * single:
                 weights = np.abs(combination)
                 names = [str(self.system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
                 raise ConstraintError(
-                    f"the mechanism is at a singular configuration: constraints that are independent nearby depend on each "
-                    f"other here (curvature {size:.3g})\nthe rows involved: {'; '.join(names)}\n"
+                    "the mechanism is at a singular configuration: constraints that are independent nearby depend on each "
+                    f"other here (curvature {total / single:.3g})\nthe rows involved: {'; '.join(names)}\n"
                     "hint: eigenvalues do not exist at such a point; move the reference away from it"
                 )
+
+
+def _balance(M: Array, J: Array, inverse: Array, allowed: Array, force: Array, bias: Array) -> tuple[Array, Array]:
+    """Return a and ν with M a + Jᵀ ν = force and J a = −bias, where `allowed` spans the a with J a = 0."""
+    M_z = allowed.T @ M @ allowed
+    a, nu = np.zeros(len(M)), np.zeros(len(J))
+    for _ in range(REFINEMENTS):
+        missing = force - M @ a - J.T @ nu
+        step = -inverse @ (bias + J @ a)
+        if M_z.size:
+            step += allowed @ np.linalg.solve(M_z, allowed.T @ (missing - M @ step))
+        a += step
+        nu += inverse.T @ (missing - M @ step)
+    return a, nu

@@ -20,10 +20,13 @@ from mbstab.compiler.system import Array, Row
 from mbstab.errors import ConstraintError
 
 RANK_TOLERANCE = 1e-11
-"""Singular values below this fraction of the largest count as zero."""
+"""Singular values of scaled rows below this count as zero."""
+
+RANK_LEAST = 1e-8
+"""A rank decision is trusted if the others are larger than this: nothing is built more exactly …"""
 
 RANK_GAP = 1e3
-"""A rank decision is trusted if the singular values next to it differ by this factor at least."""
+"""… and if the singular values next to it differ by this factor at least."""
 
 
 @dataclass(frozen=True)
@@ -35,19 +38,21 @@ class Rank:
     rank : int
     smallest_kept, largest_dropped : float
         Singular values on both sides of the decision (0 and inf where there is none).
-    range, null : ndarray
-        Orthonormal bases of the row space and the null space, as columns.
+    null : ndarray
+        Orthonormal basis of the null space, as columns.
     left_null : ndarray
         Orthonormal combinations of rows that vanish, as columns.
+    doubtful : ndarray
+        The combination of rows that is smallest without vanishing.
     pseudo_inverse : ndarray
     """
 
     rank: int
     smallest_kept: float
     largest_dropped: float
-    range: Array
     null: Array
     left_null: Array
+    doubtful: Array
     pseudo_inverse: Array
 
     @property
@@ -57,16 +62,18 @@ class Rank:
 
 
 def rank_of(matrix: Array, tolerance: float = RANK_TOLERANCE) -> Rank:
-    """Return rank, null spaces and pseudo-inverse of a matrix with rows of unit length."""
+    """Return rank, null spaces and pseudo-inverse of a matrix with rows of unit length, or of a part of its columns."""
     rows, columns = matrix.shape
     if rows == 0 or columns == 0:
-        return Rank(0, np.inf, 0.0, np.zeros((columns, 0)), np.eye(columns), np.eye(rows), np.zeros((columns, rows)))
+        empty = np.eye(columns), np.eye(rows), np.zeros(rows), np.zeros((columns, rows))
+        return Rank(0, np.inf, 0.0, *empty)
     left, s, right = np.linalg.svd(matrix)
-    rank = int(np.sum(s > tolerance * s[0])) if s[0] > 0.0 else 0
+    rank = int(np.sum(s > tolerance))
     kept = float(s[rank - 1]) if rank else np.inf
     dropped = float(s[rank]) if rank < len(s) else 0.0
     inverse = (right[:rank].T / s[:rank]) @ left[:, :rank].T
-    return Rank(rank, kept, dropped, right[:rank].T, right[rank:].T, left[:, rank:], inverse)
+    doubtful = left[:, rank - 1] if rank else np.zeros(rows)
+    return Rank(rank, kept, dropped, right[rank:].T, left[:, rank:], doubtful, inverse)
 
 
 @dataclass(frozen=True)
@@ -115,7 +122,7 @@ class Subspaces:
     @property
     def n_f(self) -> int:
         """Number of finite eigenvalues."""
-        return self.N.shape[1] + self.Z.shape[1]
+        return int(self.N.shape[1] + self.Z.shape[1])
 
 
 def coordinate_scale(M: Array) -> Array:
@@ -160,15 +167,17 @@ def subspaces(M: Array, J: Array, n_h: int, rows: Sequence[Row]) -> Subspaces:
 
 
 def _require_gap(rank: Rank, rows: Sequence[Row]) -> None:
-    if rank.largest_dropped > 0.0 and rank.gap < RANK_GAP:
-        combination = np.abs(rank.left_null[:, 0])
-        involved = [str(rows[i]) for i in np.argsort(-combination)[:4] if combination[i] > 0.1]
-        raise ConstraintError(
-            f"the rank of the constraints cannot be decided: singular values {rank.smallest_kept:.1e} and "
-            f"{rank.largest_dropped:.1e} differ by less than a factor {RANK_GAP:g}\n"
-            f"the rows that nearly depend on each other: {'; '.join(involved)}\n"
-            "hint: the mechanism is close to a singular configuration; move the reference, or remove one of these rows"
-        )
+    if rank.smallest_kept >= RANK_LEAST and rank.gap >= RANK_GAP:
+        return
+    combination = np.abs(rank.doubtful)
+    involved = [str(rows[i]) for i in np.argsort(-combination)[:4] if combination[i] > 0.1]
+    raise ConstraintError(
+        f"the rank of the constraints cannot be decided: the singular values {rank.smallest_kept:.1e} and "
+        f"{rank.largest_dropped:.1e} next to the decision should differ by a factor {RANK_GAP:g}, the first above {RANK_LEAST:g}\n"
+        f"the rows that nearly depend on each other: {'; '.join(involved)}\n"
+        "hint: the mechanism is close to a singular configuration, or its geometry does not quite fit; move the "
+        "reference, correct the geometry, or remove one of these rows"
+    )
 
 
 def redundancies(J: Array, spaces: Subspaces, n_h: int, rows: Sequence[Row]) -> list[Redundancy]:

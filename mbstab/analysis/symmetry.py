@@ -179,8 +179,8 @@ def _turned(system: System, motion: Motion, axis: Array, angle: float) -> tuple[
             new = _angles(body, turn @ _orientation(body, at))
             G = rate_matrix(body, new)
             spin = turn @ rate_matrix(body, at) @ rate
-            new_rate = np.linalg.solve(G, spin)
-            growth = turn @ (rate_matrix(body, at) @ second + _rate_drift(body, at, rate))
+            new_rate: Array = np.linalg.solve(G, spin)
+            growth: Array = turn @ (rate_matrix(body, at) @ second + _rate_drift(body, at, rate))
             q[angles], u[angles] = new, new_rate
             a[angles] = np.linalg.solve(G, growth - _rate_drift(body, new, new_rate))
     return q, u, a, generator
@@ -198,7 +198,7 @@ def _orientation(body: BodyValues, angles: Array) -> Array:
 
 def _angles(body: BodyValues, rotation: Array) -> Array:
     """Return Euler X-Y-Z angles of a rotation after the base rotation of a body."""
-    inner = np.array(body.base).reshape(3, 3).T @ rotation
+    inner: Array = np.array(body.base).reshape(3, 3).T @ rotation
     theta = math.asin(max(-1.0, min(1.0, inner[0, 2])))
     return np.array([math.atan2(-inner[1, 2], inner[2, 2]), theta, math.atan2(-inner[0, 1], inner[0, 0])])
 
@@ -215,6 +215,6 @@ def _rate_drift(body: BodyValues, angles: Array, rates: Array) -> Array:
     """Return d/dt of the rate matrix times the rates."""
     (c1, s1), (c2, s2) = ((math.cos(x), math.sin(x)) for x in angles[:2])
     p, t, s = rates
-    drift = np.array([t * s * c2, -p * t * s1 - p * s * c1 * c2 + t * s * s1 * s2, p * t * c1 - p * s * s1 * c2 - t * s * c1 * s2])
+    drift: Array = np.array([t * s * c2, -p * t * s1 - p * s * c1 * c2 + t * s * s1 * s2, p * t * c1 - p * s * s1 * c2 - t * s * c1 * s2])
     result: Array = np.array(body.base).reshape(3, 3) @ drift
     return result

@@ -296,7 +296,7 @@ class _Time:
 
     @staticmethod
     def at(time: Any) -> Jet:
-        return Jet(time, 1.0, 0.0)
+        return Jet(time, 1, 0)
 
 
 _TIME = _Time()

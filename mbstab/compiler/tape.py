@@ -241,19 +241,25 @@ class Tape:
         if known is not None:
             return known
         value = self._value(step)
-        if value == 0:
-            term = self.term(0)
-        else:
-            size = min(value, PRIME - value)
-            number = self._by_value.get(size)
-            if number is None:
-                number = self._by_value[size] = len(self.steps)
-                self.steps.append(step)
-                self._values.append(value)
-                self._depends.append(self._dependence(step))
-            term = Term(self, Fraction(1 if self._values[number] == value else -1), number)
+        term = self.term(0) if value == 0 else self._multiple(value) or self._new(step, value)
         self._terms[step] = term
         return term
+
+    def _multiple(self, value: int) -> Term | None:
+        """Return the known step that has this value, or its double, half or negative, as a term."""
+        for times in (Fraction(1), Fraction(2), Fraction(1, 2)):
+            part = value * _residue(1 / times) % PRIME
+            number = self._by_value.get(min(part, PRIME - part))
+            if number is not None:
+                return Term(self, times if self._values[number] == part else -times, number)
+        return None
+
+    def _new(self, step: Step, value: int) -> Term:
+        number = self._by_value[min(value, PRIME - value)] = len(self.steps)
+        self.steps.append(step)
+        self._values.append(value)
+        self._depends.append(self._dependence(step))
+        return Term(self, Fraction(1), number)
 
     def _dependence(self, step: Step) -> int:
         if isinstance(step, Input):

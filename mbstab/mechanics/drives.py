@@ -41,11 +41,11 @@ def _angle_velocity(frames: Any, p: Any, s: Any) -> Any:
 
 
 def _displacement_position(frames: Any, p: Any, s: Any) -> Any:
-    return [joint_displacement(*frames, p) - s[0]]
+    return [joint_displacement(frames[0], frames[1], p) - s[0]]
 
 
 def _displacement_velocity(frames: Any, p: Any, s: Any) -> Any:
-    return [sum(frame.rate(joint_displacement(*frames, p)) for frame in frames) - s[0]]
+    return [sum(frame.rate(joint_displacement(frames[0], frames[1], p)) for frame in frames) - s[0]]
 
 
 def _point_position(frames: Any, p: Any, s: Any) -> Any:

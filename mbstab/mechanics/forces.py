@@ -42,7 +42,7 @@ def _angle_spring(frames: Any, p: Any, s: Any) -> Load:
 
 
 def _displacement_spring(frames: Any, p: Any, s: Any) -> Load:
-    return _spring_and_damper(frames, p, joint_displacement(*frames, p) - p.rest[0])
+    return _spring_and_damper(frames, p, joint_displacement(frames[0], frames[1], p) - p.rest[0])
 
 
 def _angle_effort(frames: Any, p: Any, s: Any) -> Load:
@@ -55,7 +55,7 @@ def _angle_effort(frames: Any, p: Any, s: Any) -> Load:
 def _displacement_effort(frames: Any, p: Any, s: Any) -> Load:
     import sympy
 
-    speed = sum(frame.rate(joint_displacement(*frames, p)) for frame in frames)
+    speed = sum(frame.rate(joint_displacement(frames[0], frames[1], p)) for frame in frames)
     return Load(power=((sympy.Matrix([s[0]]), sympy.Matrix([speed])),))
 
 

@@ -108,8 +108,8 @@ def symbol_arithmetic() -> Arithmetic:
     def power(base: Any, exponent: Any) -> Any:
         base, exponent = sympy.sympify(base), sympy.sympify(exponent)
         if base.is_Rational and exponent.is_Rational:
-            digits = len(str(max(abs(base.p), base.q)))
-            if digits * abs(exponent) > MAX_DIGITS:
+            bits = max(int(base.p).bit_length(), int(base.q).bit_length())
+            if base not in (0, 1, -1) and 0.3 * bits * abs(exponent) > MAX_DIGITS:
                 raise OverflowError(f"a power of more than {MAX_DIGITS} digits")
         return base**exponent
 
@@ -144,7 +144,7 @@ def mpmath_arithmetic() -> Arithmetic:
     return Arithmetic(
         "mpmath",
         mp.mpf,
-        {"pi": mp.pi, "deg": mp.pi / 180},
+        {"pi": mp.pi, "deg": mp.degree},  # digits come when they are used
         functions
         | {"abs": mp.fabs, "sign": mp.sign, "power": real(power)}
         | {"smooth_start": lambda x: mp.mpf(0) if x <= 0 else mp.mpf(1) if x >= 1 else x * x * (3 - 2 * x)},

@@ -19,7 +19,9 @@ from mbstab.model.arithmetic import CONSTANTS, FUNCTIONS, Arithmetic
 
 MAX_LENGTH = 5_000
 MAX_DEPTH = 60
+MAX_CHAIN = 480
 MAX_EXPONENT = 100.0
+MAX_NUMBER = 1e300
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
@@ -113,12 +115,7 @@ class Expression:
         while stack:
             node = stack.pop()
             yield node
-            if isinstance(node, Call):
-                stack.extend(node.arguments)
-            elif isinstance(node, Binary):
-                stack.extend((node.left, node.right))
-            elif isinstance(node, Negative):
-                stack.append(node.operand)
+            stack.extend(_parts(node))
 
     def names(self) -> dict[str, int]:
         """Return the names that are not constants, with the position of their first use."""
@@ -158,6 +155,18 @@ class Expression:
         return _evaluate(self.root, names, rates or {}, arithmetic)
 
 
+def _parts(node: Node) -> tuple[Node, ...]:
+    match node:
+        case Call():
+            return node.arguments
+        case Binary():
+            return node.left, node.right
+        case Negative():
+            return (node.operand,)
+        case _:
+            return ()
+
+
 def _evaluate(node: Node, names: Mapping[str, Any], rates: Mapping[str, Any], f: Arithmetic) -> Any:
     try:
         match node:
@@ -176,7 +185,8 @@ def _evaluate(node: Node, names: Mapping[str, Any], rates: Mapping[str, Any], f:
                 right = _evaluate(node.right, names, rates, f)
                 return _OPERATIONS[node.operator](left, right, f)
     except (ArithmeticError, ValueError) as error:
-        raise ExpressionError(f"the expression has no value here ({error})", node.position) from None
+        reason = str(error) or "division by zero"
+        raise ExpressionError(f"the expression has no value here ({reason})", node.position) from None
 
 
 _OPERATIONS: dict[str, Callable[[Any, Any, Arithmetic], Any]] = {
@@ -231,7 +241,18 @@ class _Parser:
         kind, token, at = self.tokens[self.index]
         if kind != "end":
             raise ExpressionError(f"unexpected {token!r} in an expression", at)
+        self._check_chains(root)
         return root
+
+    @staticmethod
+    def _check_chains(root: Node) -> None:
+        # A chain of operators is as deep to evaluate as it is long, and chains may stand in chains.
+        stack = [(root, 0)]
+        while stack:
+            node, above = stack.pop()
+            if above > MAX_CHAIN:
+                raise ExpressionError(f"an expression may chain {MAX_CHAIN} operators", node.position)
+            stack.extend((part, above + 1) for part in _parts(node))
 
     def _accept(self, *operators: str) -> tuple[str, int] | None:
         kind, token, at = self.tokens[self.index]
@@ -253,27 +274,15 @@ class _Parser:
 
     def _sum(self) -> Node:
         node = self._product()
-        terms = 0
         while found := self._accept("+", "-"):
             node = Binary(found[0], node, self._product(), found[1])
-            terms += 1
-            self._chain(terms, found[1])
         return node
 
     def _product(self) -> Node:
         node = self._sign()
-        factors = 0
         while found := self._accept("*", "/"):
             node = Binary(found[0], node, self._sign(), found[1])
-            factors += 1
-            self._chain(factors, found[1])
         return node
-
-    @staticmethod
-    def _chain(length: int, at: int) -> None:
-        # A chain of operators is as deep to evaluate as it is long.
-        if length > 8 * MAX_DEPTH:
-            raise ExpressionError(f"an expression may chain {8 * MAX_DEPTH} operators", at)
 
     def _sign(self) -> Node:
         found = self._accept("+", "-")
@@ -301,6 +310,10 @@ class _Parser:
         kind, token, at = self.tokens[self.index]
         self.index += 1
         if kind == "number":
+            # Exact number systems would spell out every digit of 1e-999999999.
+            exponent = token.lower().partition("e")[2].lstrip("+-0")
+            if len(exponent) > 3 or float(token) > MAX_NUMBER:
+                raise ExpressionError(f"a number may be {MAX_NUMBER:g} at most, with three digits in its exponent", at)
             return Number(token, at)
         if kind == "operator" and token == "(":
             self._deeper(at)

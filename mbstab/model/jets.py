@@ -18,8 +18,8 @@ class Jet:
     """A value with its first and second time derivative."""
 
     value: Any
-    rate: Any = 0.0
-    second: Any = 0.0
+    rate: Any = 0
+    second: Any = 0
 
     @staticmethod
     def of(x: Any) -> Jet:
@@ -92,7 +92,8 @@ def jet_arithmetic(f: Arithmetic) -> Arithmetic:
             first = 0 * value if _is_zero(n) else n * f.power(x, n - 1)
             second = 0 * value if _is_zero(n) or _is_zero(n - 1) else n * (n - 1) * f.power(x, n - 2)
             return base.chain(value, first, second)
-        return functions["exp"](exponent * functions["log"](base))  # type: ignore[no-any-return]
+        result: Jet = functions["exp"](exponent * functions["log"](base))
+        return result
 
     def atan2(y: Any, x: Any) -> Jet:
         y, x = Jet.of(y), Jet.of(x)

@@ -66,7 +66,9 @@ def parse_unit(text: str) -> tuple[float, Dimension]:
             raise ExpressionError(f"{text!r} is no unit", at, "write products of units, such as kg*m^2 or N*s/m")
         name = match.group("name")
         if name not in UNITS:
-            hint = suggestion(name, UNITS) or "known units: " + ", ".join(UNITS)
+            alike = [unit for unit in UNITS if unit.lower() == name.lower()]  # Kg is kg, not g
+            hint = suggestion(alike[0], alike) if alike else suggestion(name, UNITS)
+            hint = hint or "known units: " + ", ".join(UNITS)
             raise ExpressionError(f"unknown unit {name!r}", match.start("name"), hint)
         power = sign * int(match.group("power") or 1)
         try:

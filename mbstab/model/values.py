@@ -69,7 +69,7 @@ class Law:
 
     def at(self, time: Number) -> Jet:
         """Return value, first and second derivative at a time (s)."""
-        names = {**self.names, "t": Jet(time, 1.0, 0.0)}
+        names = {**self.names, "t": Jet(time, 1, 0)}
         return Jet.of(self.expression.evaluate(names, jet_arithmetic(self.arithmetic)))
 
 

@@ -8,91 +8,56 @@ def dynamics(f, q, u, p, s):
     w0 = f.sin(psi1)
     w1 = f.cos(theta1)
     w2 = w0*w1
-    w3 = inertia_2*w2
-    w4 = f.cos(psi1)
-    w5 = w4*w1
-    w6 = inertia_4*w5
-    w7 = f.sin(theta1)
-    w8 = w7*inertia_6
-    w9 = inertia_1*w5
-    w10 = inertia_4*w2
-    w11 = w7*inertia_5
-    w12 = w7*inertia_3
-    w13 = inertia_5*w5
-    w14 = inertia_6*w2
-    w15 = w12 + w13 - w14
-    w16 = w12 + w13 - w14 + w15
-    w17 = w5*(w9 - w10 + w11 + w9 - w10 + w11) - w2*(w6 - w3 + w8 + w6 - w3 + w8) + w7*w16
-    w18 = w4*inertia_2
-    w19 = w0*inertia_4
-    w20 = w18 + w19 + w18 + w19
-    w21 = w0*inertia_1
-    w22 = w4*inertia_4
-    w23 = w21 + w22 + w21 + w22
-    w24 = inertia_5*w0
-    w25 = w4*inertia_6
-    w26 = w24 + w25
-    w27 = w24 + w25 + w26
-    w28 = w5*w23 - w2*w20 + w7*w27
-    w29 = psi1_t*w0
-    w30 = phi1_t*w1
-    w31 = psi1_t*w4
-    w32 = phi1_t*w0
-    w33 = w7*theta1_t
-    w34 = theta1_t*w29 + w30*w31 - w32*w33
-    w35 = inertia_2*w34
-    w36 = phi1_t*w4
-    w37 = theta1_t*w31 - (w30*w29 + w36*w33)
-    w38 = inertia_4*w37
-    w39 = theta1_t*w1
-    w40 = phi1_t*w39
-    w41 = inertia_6*w40
-    w42 = w38 - w35 + w41 + w38 - w35 + w41
-    w43 = theta1_t*w4 - phi1_t*w0*w1
-    w44 = w43*inertia_2
-    w45 = theta1_t*w0 + phi1_t*w4*w1
-    w46 = w45*inertia_4
-    w47 = psi1_t + phi1_t*w7
-    w48 = w47*inertia_6
-    w49 = w44 + w46 + w48 + w44 + w46 + w48
-    w50 = inertia_1*w37
-    w51 = inertia_4*w34
-    w52 = inertia_5*w40
-    w53 = w50 - w51 + w52 + w50 - w51 + w52
-    w54 = w45*inertia_1
-    w55 = w43*inertia_4
-    w56 = w47*inertia_5
-    w57 = w54 + w55 + w56 + w54 + w55 + w56
-    w58 = w47*inertia_3
-    w59 = inertia_5*w45
-    w60 = inertia_6*w43
-    w61 = w58 + w59 + w60 + w58 + w59 + w60
-    w62 = inertia_3*w40
-    w63 = inertia_5*w37
-    w64 = inertia_6*w34
-    w65 = w62 + w63 - w64 + w62 + w63 - w64
-    w66 = w5*w53 - w57*(w1*w29 + w4*w33) - (w2*w42 + w49*(w1*w31 - w0*w33)) + w61*w39 + w7*w65
-    w67 = w4*w42 - w49*w29 + w57*w31 + w0*w53 - (w1*phi1_t*w61 - w7*(w57*w36 - w49*w32))
-    w68 = w65 - (w4*(theta1_t*w57 - w49*w30) - w0*(theta1_t*w49 + w30*w57))
+    w3 = f.cos(psi1)
+    w4 = w3*w1
+    w5 = f.sin(theta1)
+    w6 = w5*inertia_3 + inertia_5*w4 - inertia_6*w2
+    w7 = w4*(inertia_1*w4 - inertia_4*w2 + w5*inertia_5) - w2*(inertia_4*w4 - inertia_2*w2 + w5*inertia_6) + w5*w6
+    w8 = w3*inertia_2 + w0*inertia_4
+    w9 = w0*inertia_1 + w3*inertia_4
+    w10 = inertia_5*w0 + w3*inertia_6
+    w11 = w4*w9 - w2*w8 + w5*w10
+    w12 = psi1_t*w0
+    w13 = phi1_t*w1
+    w14 = psi1_t*w3
+    w15 = phi1_t*w0
+    w16 = w5*theta1_t
+    w17 = theta1_t*w12 + w13*w14 - w15*w16
+    w18 = phi1_t*w3
+    w19 = theta1_t*w14 - (w13*w12 + w18*w16)
+    w20 = theta1_t*w1
+    w21 = phi1_t*w20
+    w22 = inertia_4*w19 - inertia_2*w17 + inertia_6*w21
+    w23 = theta1_t*w3 - phi1_t*w0*w1
+    w24 = theta1_t*w0 + phi1_t*w3*w1
+    w25 = psi1_t + phi1_t*w5
+    w26 = w23*inertia_2 + w24*inertia_4 + w25*inertia_6
+    w27 = inertia_1*w19 - inertia_4*w17 + inertia_5*w21
+    w28 = w24*inertia_1 + w23*inertia_4 + w25*inertia_5
+    w29 = w25*inertia_3 + inertia_5*w24 + inertia_6*w23
+    w30 = inertia_3*w21 + inertia_5*w19 - inertia_6*w17
+    w31 = w4*w27 - w28*(w1*w12 + w3*w16) - (w2*w22 + w26*(w1*w14 - w0*w16)) + w29*w20 + w5*w30
+    w32 = w3*w22 - w26*w12 + w28*w14 + w0*w27 - (w1*phi1_t*w29 - w5*(w28*w18 - w26*w15))
+    w33 = w30 - (w3*(theta1_t*w28 - w26*w13) - w0*(theta1_t*w26 + w28*w13))
     return (
         mass,
         mass,
         mass,
-        w17/2,
-        w28/2,
-        w15,
-        w28/2,
-        (w4*w20 + w0*w23)/2,
-        w26,
-        w16/2,
-        w27/2,
+        w7,
+        w11,
+        w6,
+        w11,
+        w3*w8 + w0*w9,
+        w10,
+        w6,
+        w10,
         inertia_3,
         -mass*gravity_1,
         -mass*gravity_2,
         -mass*gravity_3,
-        w66/2,
-        w67/2,
-        w68/2,
+        w31,
+        w32,
+        w33,
     )
 
 
@@ -116,164 +81,98 @@ def linearize(f, q, u, p, s, a):
     w6 = w0*w2 - w3*w5
     w7 = phi1_t*w3
     w8 = w4*w7
-    w9 = inertia_2*w8
-    w10 = phi1_t*w1
-    w11 = w4*w10
-    w12 = inertia_4*w11
-    w13 = phi1_t*w0
-    w14 = inertia_6*w13
-    w15 = w9 - w12 + w14 + w9 - w12 + w14
-    w16 = theta1_t*w1 - phi1_t*w3*w0
-    w17 = w16*inertia_2
-    w18 = theta1_t*w3 + phi1_t*w1*w0
-    w19 = w18*inertia_4
-    w20 = phi1_t*w4
-    w21 = psi1_t + w20
-    w22 = w21*inertia_6
-    w23 = w17 + w19 + w22 + w17 + w19 + w22
-    w24 = theta1_t*w0
-    w25 = psi1_t*w3
-    w26 = w3*w0
-    w27 = w1*theta1_tt - theta1_t*w25 - (w13*w2 - w7*w5 + phi1_tt*w26)
-    w28 = inertia_2*w27
-    w29 = w1*w0
-    w30 = theta1_t*w2 + w3*theta1_tt - (w13*w25 + w10*w5 - phi1_tt*w29)
-    w31 = inertia_4*w30
-    w32 = psi1_tt + phi1_t*w24 + w4*phi1_tt
-    w33 = inertia_6*w32
-    w34 = w28 + w31 + w33 + w28 + w31 + w33
-    w35 = w4*w3
-    w36 = w20*w2 + w7*w24 + phi1_tt*w35
-    w37 = inertia_2*w36
-    w38 = w4*w1
-    w39 = w10*w24 - w20*w25 + phi1_tt*w38
-    w40 = inertia_4*w39
-    w41 = w0*phi1_tt - phi1_t*w5
-    w42 = inertia_6*w41
-    w43 = w37 - w40 + w42 + w37 - w40 + w42
-    w44 = w0*w25 + w1*w5
-    w45 = inertia_1*w11
-    w46 = inertia_4*w8
-    w47 = inertia_5*w13
-    w48 = w46 - w45 + w47 + w46 - w45 + w47
-    w49 = w18*inertia_1
-    w50 = w16*inertia_4
-    w51 = w21*inertia_5
-    w52 = w49 + w50 + w51 + w49 + w50 + w51
-    w53 = inertia_1*w30
-    w54 = inertia_4*w27
-    w55 = inertia_5*w32
-    w56 = w53 + w54 + w55 + w53 + w54 + w55
-    w57 = inertia_1*w39
-    w58 = inertia_4*w36
-    w59 = inertia_5*w41
-    w60 = w58 - w57 + w59 + w58 - w57 + w59
-    w61 = inertia_3*w13
-    w62 = inertia_5*w11
-    w63 = inertia_6*w8
-    w64 = w61 - w62 + w63
-    w65 = w61 - w62 + w63 + w64
-    w66 = w21*inertia_3
-    w67 = inertia_5*w18
-    w68 = inertia_6*w16
-    w69 = w66 + w67 + w68 + w66 + w67 + w68
-    w70 = inertia_3*w32
-    w71 = inertia_5*w30
-    w72 = inertia_6*w27
-    w73 = inertia_3*w41
-    w74 = inertia_5*w39
-    w75 = inertia_6*w36
-    w76 = w73 - w74 + w75 + w73 - w74 + w75
-    w77 = w24*w65 - w69*w5 + w0*(w70 + w71 + w72 + w70 + w71 + w72) + w4*w76
-    w78 = w29*w60 - w56*w38 - (w44*w48 + w52*(w1*w24 - w4*w25)) - (w6*w15 - w23*(w4*w2 + w3*w24) + w26*w43 - w34*w35) + w77
-    w79 = w18*inertia_2
-    w80 = w50 - w79 + w50 - w79
-    w81 = inertia_2*w30
-    w82 = w54 - w81 + w54 - w81
-    w83 = w16*inertia_1
-    w84 = w83 - w19 + w83 - w19
-    w85 = inertia_1*w27
-    w86 = w85 - w31 + w85 - w31
-    w87 = inertia_5*w16
-    w88 = w18*inertia_6
-    w89 = w87 - w88 + w87 - w88
-    w90 = inertia_5*w27
-    w91 = inertia_6*w30
-    w92 = w90 - w91 + w90 - w91
-    w93 = w29*w86 - w26*w56 - (w44*w84 + w52*w6) - (w6*w80 - w23*w44 + w29*w34 + w26*w82) + w24*w89 + w4*w92
-    w94 = w0*phi1_t*w65 - w4*phi1_t*w69 - (w0*(w52*w10 - w23*w7) + w4*(w10*w48 - w7*w15))
-    w95 = w0*phi1_t*w89 - w4*(w10*w84 - w7*w52 - (w7*w80 + w23*w10))
-    w96 = w1*w82 - w3*w34 - (w25*w80 + w23*w2) + w2*w84 - w52*w25 + w1*w56 + w3*w86
-    w97 = w1*(theta1_t*w84 - w13*w80) - w3*(theta1_t*w52 - w23*w13) - (w1*(theta1_t*w23 + w13*w52) + w3*(theta1_t*w80 + w13*w84))
-    w98 = inertia_2*w6
-    w99 = inertia_4*w44
-    w100 = inertia_6*w24
-    w101 = w98 + w99 - w100 + w98 + w99 - w100
-    w102 = inertia_2*w26
-    w103 = inertia_4*w29
-    w104 = w4*inertia_6
-    w105 = w103 - w102 + w104 + w103 - w102 + w104
-    w106 = inertia_1*w44
-    w107 = inertia_4*w6
-    w108 = inertia_5*w24
-    w109 = w106 + w107 - w108 + w106 + w107 - w108
-    w110 = inertia_1*w29
-    w111 = inertia_4*w26
-    w112 = w4*inertia_5
-    w113 = w110 - w111 + w112 + w110 - w111 + w112
-    w114 = w4*inertia_3
-    w115 = inertia_5*w29
-    w116 = inertia_6*w26
-    w117 = w114 + w115 - w116 + w114 + w115 - w116
-    w118 = inertia_3*w24
-    w119 = inertia_5*w44
-    w120 = inertia_6*w6
-    w121 = w119 - w118 + w120 + w119 - w118 + w120
-    w122 = w6*w105 - w26*w101 + w29*w109 + w44*w113 - (w24*w117 - w4*w121)
-    w123 = w25 - w8
-    w124 = inertia_2*w123
-    w125 = w2 - w11
-    w126 = inertia_4*w125
-    w127 = w14 - w124 + w126 + w14 - w124 + w126
-    w128 = w1*inertia_2
-    w129 = w3*inertia_4
-    w130 = w128 + w129 + w128 + w129
-    w131 = inertia_1*w125
-    w132 = inertia_4*w123
-    w133 = w47 + w131 - w132 + w47 + w131 - w132
-    w134 = w3*inertia_1
-    w135 = w1*inertia_4
-    w136 = w134 + w135 + w134 + w135
-    w137 = inertia_5*w3
-    w138 = w1*inertia_6
-    w139 = w137 + w138 + w137 + w138
-    w140 = inertia_5*w125
-    w141 = inertia_6*w123
-    w142 = w61 + w140 - w141 + w61 + w140 - w141
-    w143 = w29*w133 - (w44*w136 + w52*w38) - (w26*w127 + w6*w130 - w23*w35) + w24*w139 + w0*w69 + w4*w142
-    w144 = w29*w84 - (2*w119 + w26*w52) - (w26*w80 + 2*w120 + w23*w29) + 2*w118 + w4*w89
-    w145 = w3*w23
-    w146 = w1*w52
-    w147 = w0*(w69 + phi1_t*w117) - w4*(w10*w113 + w146 - (w7*w105 + w145))
-    w148 = w1*w127 - w25*w130 + w2*w136 + w3*w133 - (w0*phi1_t*w139 - w4*(w10*w136 - w7*w130))
-    w149 = w1*w80 - (w145 + 2*inertia_6*w25) + w146 + 2*inertia_5*w2 + w3*w84
-    w150 = w1*(theta1_t*w113 - (w13*w105 + w0*w23)) - w3*(theta1_t*w105 + w0*w52 + w13*w113)
-    w151 = w1*(w52 + theta1_t*w136 - w13*w130) - w3*(w23 + theta1_t*w130 + w13*w136)
+    w9 = phi1_t*w1
+    w10 = w4*w9
+    w11 = phi1_t*w0
+    w12 = inertia_6*w11
+    w13 = inertia_2*w8 - inertia_4*w10 + w12
+    w14 = theta1_t*w1 - phi1_t*w3*w0
+    w15 = theta1_t*w3 + phi1_t*w1*w0
+    w16 = w15*inertia_4
+    w17 = phi1_t*w4
+    w18 = psi1_t + w17
+    w19 = w14*inertia_2 + w16 + w18*inertia_6
+    w20 = theta1_t*w0
+    w21 = psi1_t*w3
+    w22 = w3*w0
+    w23 = w1*theta1_tt - theta1_t*w21 - (w11*w2 - w7*w5 + phi1_tt*w22)
+    w24 = w1*w0
+    w25 = theta1_t*w2 + w3*theta1_tt - (w11*w21 + w9*w5 - phi1_tt*w24)
+    w26 = inertia_4*w25
+    w27 = psi1_tt + phi1_t*w20 + w4*phi1_tt
+    w28 = inertia_2*w23 + w26 + inertia_6*w27
+    w29 = w4*w3
+    w30 = w17*w2 + w7*w20 + phi1_tt*w29
+    w31 = w4*w1
+    w32 = w9*w20 - w17*w21 + phi1_tt*w31
+    w33 = w0*phi1_tt - phi1_t*w5
+    w34 = inertia_2*w30 - inertia_4*w32 + inertia_6*w33
+    w35 = w0*w21 + w1*w5
+    w36 = inertia_5*w11
+    w37 = inertia_4*w8 - inertia_1*w10 + w36
+    w38 = w14*inertia_4
+    w39 = w15*inertia_1 + w38 + w18*inertia_5
+    w40 = inertia_4*w23
+    w41 = inertia_1*w25 + w40 + inertia_5*w27
+    w42 = inertia_4*w30 - inertia_1*w32 + inertia_5*w33
+    w43 = inertia_3*w11
+    w44 = w43 - inertia_5*w10 + inertia_6*w8
+    w45 = w18*inertia_3 + inertia_5*w15 + inertia_6*w14
+    w46 = inertia_3*w33 - inertia_5*w32 + inertia_6*w30
+    w47 = w20*w44 - w45*w5 + w0*(inertia_3*w27 + inertia_5*w25 + inertia_6*w23) + w4*w46
+    w48 = w24*w42 - w41*w31 - (w35*w37 + w39*(w1*w20 - w4*w21)) - (w6*w13 - w19*(w4*w2 + w3*w20) + w22*w34 - w28*w29) + w47
+    w49 = w38 - w15*inertia_2
+    w50 = w40 - inertia_2*w25
+    w51 = w14*inertia_1 - w16
+    w52 = inertia_1*w23 - w26
+    w53 = inertia_5*w14 - w15*inertia_6
+    w54 = inertia_5*w23 - inertia_6*w25
+    w55 = w24*w52 - w22*w41 - (w35*w51 + w39*w6) - (w6*w49 - w19*w35 + w24*w28 + w22*w50) + w20*w53 + w4*w54
+    w56 = w0*phi1_t*w44 - w4*phi1_t*w45 - (w0*(w39*w9 - w19*w7) + w4*(w9*w37 - w7*w13))
+    w57 = w0*phi1_t*w53 - w4*(w9*w51 - w39*w7 - (w7*w49 + w19*w9))
+    w58 = w1*w50 - w3*w28 - (w21*w49 + w19*w2) + w2*w51 - w39*w21 + w1*w41 + w3*w52
+    w59 = w1*(theta1_t*w51 - w11*w49) - w3*(theta1_t*w39 - w19*w11) - (w1*(theta1_t*w19 + w39*w11) + w3*(theta1_t*w49 + w11*w51))
+    w60 = inertia_2*w6 + inertia_4*w35 - inertia_6*w20
+    w61 = inertia_4*w24 - inertia_2*w22 + w4*inertia_6
+    w62 = inertia_1*w35 + inertia_4*w6 - inertia_5*w20
+    w63 = inertia_1*w24 - inertia_4*w22 + w4*inertia_5
+    w64 = w4*inertia_3 + inertia_5*w24 - inertia_6*w22
+    w65 = inertia_3*w20
+    w66 = inertia_5*w35
+    w67 = inertia_6*w6
+    w68 = w66 - w65 + w67
+    w69 = w21 - w8
+    w70 = w2 - w10
+    w71 = w12 - inertia_2*w69 + inertia_4*w70
+    w72 = w1*inertia_2 + w3*inertia_4
+    w73 = w36 + inertia_1*w70 - inertia_4*w69
+    w74 = w3*inertia_1 + w1*inertia_4
+    w75 = inertia_5*w3 + w1*inertia_6
+    w76 = w43 + inertia_5*w70 - inertia_6*w69
+    w77 = w24*w73 - (w35*w74 + w39*w31) - (w22*w71 + w6*w72 - w19*w29) + w20*w75 + w0*w45 + w4*w76
+    w78 = w24*w51 - (w66 + w39*w22) - (w22*w49 + w67 + w19*w24) + w65 + w4*w53
+    w79 = w3*w19
+    w80 = w1*w39
+    w81 = w2*w63 - w3*w62 - (w21*w61 + w1*w60) - (w0*(w45 + phi1_t*w64) - w4*(w9*w63 + w80 - (w7*w61 + w79)))
+    w82 = w1*w71 - w21*w72 + w2*w74 + w3*w73 - (w0*phi1_t*w75 - w4*(w9*w74 - w7*w72))
+    w83 = w1*w49 - (w79 + inertia_6*w21) + w80 + inertia_5*w2 + w3*w51 - w44
+    w84 = w1*(theta1_t*w63 - (w11*w61 + w0*w19)) - w3*(theta1_t*w61 + w11*w63 + w0*w39)
+    w85 = w1*(w39 + theta1_t*w74 - w11*w72) - w3*(w19 + theta1_t*w72 + w11*w74)
     return (
-        w78/2,
-        w93/2,
-        (w1*w43 - w25*w15 + w2*w48 + w3*w60 - w94)/2,
-        (w96 - w95)/2,
-        (w76 - w95)/2,
-        (w92 - w97)/2,
-        -w122/2,
-        w143/2,
-        w144/2,
-        (w2*w113 - w3*w109 - (w25*w105 + w1*w101) - w147)/2,
-        w148/2,
-        (w149 - 2*w64)/2,
-        -(w121 + w150)/2,
-        (w142 - w151)/2,
+        w48,
+        w55,
+        w1*w34 - w21*w13 + w2*w37 + w3*w42 - w56,
+        w58 - w57,
+        w46 - w57,
+        w54 - w59,
+        -(w6*w61 - w22*w60 + w24*w62 + w35*w63 - (w20*w64 - w4*w68)),
+        w77,
+        w78,
+        w81,
+        w82,
+        w83,
+        -(w68 + w84),
+        w76 - w85,
     )
 
 

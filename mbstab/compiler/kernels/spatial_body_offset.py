@@ -52,116 +52,83 @@ def dynamics(f, q, u, p, s):
     w44 = base1_32*w29 - base1_33*w27 + base1_31*w30
     w45 = base1_33*w33 + base1_32*w35 - base1_31*w37
     w46 = w9*w14
-    w47 = inertia_2*w46
-    w48 = w10*w14
-    w49 = inertia_4*w48
-    w50 = w15*inertia_6
-    w51 = inertia_1*w48
-    w52 = inertia_4*w46
-    w53 = w15*inertia_5
-    w54 = w15*inertia_3
-    w55 = inertia_5*w48
-    w56 = inertia_6*w46
-    w57 = w54 + w55 - w56 + w54 + w55 - w56
-    w58 = w48*(w51 - w52 + w53 + w51 - w52 + w53) - w46*(w49 - w47 + w50 + w49 - w47 + w50) + w15*w57 + 2*w19*w20 + 2*w22*w23
-    w59 = w10*inertia_2
-    w60 = w9*inertia_4
-    w61 = w59 + w60 + w59 + w60
-    w62 = w9*inertia_1
-    w63 = w10*inertia_4
-    w64 = w62 + w63 + w62 + w63
-    w65 = w9*inertia_5
-    w66 = w10*inertia_6
-    w67 = w65 + w66 + w65 + w66
-    w68 = w46*w61 - w48*w64 - w15*w67 + 2*w19*w27 + 2*w22*w29
-    w69 = w19*w33
-    w70 = w22*w35
-    w71 = w26*w33
-    w72 = w28*w35
-    w73 = w17*w37
-    w74 = mass*gravity_1
-    w75 = w10*psi1_t
-    w76 = w9*psi1_t
-    w77 = center_1*w75 - center_2*w76
-    w78 = w18*phi1_t
-    w79 = w15*theta1_t
-    w80 = w14*theta1_t
-    w81 = w11*psi1_t
-    w82 = center_3*w79 + w16*w80 - w15*w81
-    w83 = w12*phi1_t
-    w84 = w12*w77 - w11*w78 - (w17*w83 - w18*w82)
-    w85 = w15*w12
-    w86 = w15*w11
-    w87 = w16*w83 - w18*w81 + w13*w80 + w85*w77 - w86*w78
-    w88 = w12*theta1_t
-    w89 = w14*w11*psi1_t
-    w90 = center_3*w80 - (w89 + w16*w79)
-    w91 = w25*theta1_t
-    w92 = mass*(phi1_t*w84 + psi1_t*w87 - (w88*w90 - w91*w78))
-    w93 = w18*w77 + w11*w83 - (w17*w78 + w12*w82)
-    w94 = w15*w18
-    w95 = w12*w81 + w16*w78 + w21*w80 + w94*w77 + w86*w83
-    w96 = w18*theta1_t
-    w97 = mass*(phi1_t*w93 + psi1_t*w95 - (w96*w90 + w91*w83))
-    w98 = w14*psi1_t
-    w99 = mass*(theta1_t*w82 + w98*w77 - w81*w79)
-    w100 = mass*gravity_2
-    w101 = mass*gravity_3
-    w102 = base1_13*x1_t + base1_23*y1_t + base1_33*z1_t + w19*phi1_t + psi1_t*w32 - w25*w12*theta1_t
-    w103 = mass*w102
-    w104 = psi1_t*w103
-    w105 = base1_12*x1_t + base1_22*y1_t + base1_32*z1_t - w22*phi1_t + psi1_t*w34 + w25*w18*theta1_t
-    w106 = mass*w105
-    w107 = psi1_t*w106
-    w108 = base1_33*w101 - phi1_t*w106 + base1_23*w100 + base1_13*w74
-    w109 = phi1_t*w103 + base1_32*w101 + base1_22*w100 + base1_12*w74
-    w110 = w12*(w16*w104 + w91*w106 - w86*w107 + w11*w108 - w17*w109) - w18*(w104*w86 - w103*w91 + w16*w107 + w17*w108 + w11*w109)
-    w111 = w14*phi1_t
-    w112 = w9*phi1_t
-    w113 = theta1_t*w76 + w111*w75 - w112*w79
-    w114 = inertia_2*w113
-    w115 = w10*phi1_t
-    w116 = theta1_t*w75 - (w111*w76 + w115*w79)
-    w117 = inertia_4*w116
-    w118 = phi1_t*w80
-    w119 = inertia_6*w118
-    w120 = w117 - w114 + w119 + w117 - w114 + w119
-    w121 = w10*theta1_t - w9*w14*phi1_t
-    w122 = w121*inertia_2
-    w123 = w9*theta1_t + w10*w14*phi1_t
-    w124 = w123*inertia_4
-    w125 = psi1_t + w15*phi1_t
-    w126 = w125*inertia_6
-    w127 = w122 + w124 + w126 + w122 + w124 + w126
-    w128 = inertia_1*w116
-    w129 = inertia_4*w113
-    w130 = inertia_5*w118
-    w131 = w128 - w129 + w130 + w128 - w129 + w130
-    w132 = w123*inertia_1
-    w133 = w121*inertia_4
-    w134 = w125*inertia_5
-    w135 = w132 + w133 + w134 + w132 + w133 + w134
-    w136 = w125*inertia_3
-    w137 = inertia_5*w123
-    w138 = inertia_6*w121
-    w139 = w136 + w137 + w138 + w136 + w137 + w138
-    w140 = inertia_3*w118
-    w141 = inertia_5*w116
-    w142 = inertia_6*w113
-    w143 = w140 + w141 - w142 + w140 + w141 - w142
-    w144 = w48*w131 - w135*(w14*w76 + w10*w79) - (w46*w120 + w127*(w14*w75 - w9*w79)) + w139*w80 + w15*w143 + 2*(w103*w84 + w19*w92) - 2*(w106*w93 - w22*w97)
-    w145 = base1_11*x1_t + base1_21*y1_t + base1_31*z1_t + w17*theta1_t - w89
-    w146 = mass*w145
-    w147 = theta1_t*w146 + w12*w108 - w18*w109
-    w148 = w106*w96 - w103*w88 + base1_31*w101 + base1_21*w100 + base1_11*w74
-    w149 = w135*w115 - w127*w112 - 2*w146*w81 + 2*center_3*w147 + 2*w16*w148
-    w150 = phi1_t*w139 + 2*w13*w104 - 2*w21*w107 - 2*w16*w147 + 2*center_3*w148
-    w151 = w10*w120 - w127*w76 + w135*w75 + w9*w131 - 2*(w26*w92 + w103*(w12*w90 - w25*w78)) + 2*(w106*(w18*w90 + w25*w83) - w28*w97) - 2*(w146*w82 + w17*w99)
-    w152 = w104*w85 - w107*w94 - w146*w98 + w18*w108 + w12*w109
-    w153 = w18*w104 + w12*w107 - w15*w147 + w14*w148
-    w154 = theta1_t*w135 - w127*w111 + 2*center_1*w152 - 2*center_2*w153
-    w155 = theta1_t*w127 + w111*w135 + 2*center_2*w152 + 2*center_1*w153
-    w156 = w143 + 2*(w103*w87 + w32*w92) - 2*(w106*w95 + w34*w97) - 2*(w146*(w14*w77 - w11*w79) - w36*w99)
+    w47 = w10*w14
+    w48 = w15*inertia_3
+    w49 = inertia_5*w47
+    w50 = inertia_6*w46
+    w51 = w47*(inertia_1*w47 - inertia_4*w46 + w15*inertia_5) - w46*(inertia_4*w47 - inertia_2*w46 + w15*inertia_6) + w15*(w48 + w49 - w50) + w19*w20 + w22*w23
+    w52 = w10*inertia_2 + w9*inertia_4
+    w53 = w9*inertia_1 + w10*inertia_4
+    w54 = w9*inertia_5
+    w55 = w10*inertia_6
+    w56 = w46*w52 - w47*w53 - w15*(w54 + w55) + w19*w27 + w22*w29
+    w57 = w48 + w49 - w50 + w19*w33 - w22*w35
+    w58 = w54 + w55 - w26*w33 + w28*w35 - w17*w37
+    w59 = mass*gravity_1
+    w60 = w10*psi1_t
+    w61 = w9*psi1_t
+    w62 = center_1*w60 - center_2*w61
+    w63 = w18*phi1_t
+    w64 = w15*theta1_t
+    w65 = w14*theta1_t
+    w66 = w11*psi1_t
+    w67 = center_3*w64 + w16*w65 - w15*w66
+    w68 = w12*phi1_t
+    w69 = w12*w62 - w11*w63 - (w17*w68 - w18*w67)
+    w70 = w15*w12
+    w71 = w15*w11
+    w72 = w16*w68 - w18*w66 + w13*w65 + w70*w62 - w71*w63
+    w73 = w12*theta1_t
+    w74 = w14*w11*psi1_t
+    w75 = center_3*w65 - (w74 + w16*w64)
+    w76 = w25*theta1_t
+    w77 = mass*(phi1_t*w69 + psi1_t*w72 - (w73*w75 - w76*w63))
+    w78 = w18*w62 + w11*w68 - (w17*w63 + w12*w67)
+    w79 = w15*w18
+    w80 = w12*w66 + w16*w63 + w21*w65 + w79*w62 + w71*w68
+    w81 = w18*theta1_t
+    w82 = mass*(phi1_t*w78 + psi1_t*w80 - (w81*w75 + w76*w68))
+    w83 = w14*psi1_t
+    w84 = mass*(theta1_t*w67 + w83*w62 - w66*w64)
+    w85 = mass*gravity_2
+    w86 = mass*gravity_3
+    w87 = base1_13*x1_t + base1_23*y1_t + base1_33*z1_t + w19*phi1_t + psi1_t*w32 - w25*w12*theta1_t
+    w88 = mass*w87
+    w89 = psi1_t*w88
+    w90 = base1_12*x1_t + base1_22*y1_t + base1_32*z1_t - w22*phi1_t + psi1_t*w34 + w25*w18*theta1_t
+    w91 = mass*w90
+    w92 = psi1_t*w91
+    w93 = base1_33*w86 - phi1_t*w91 + base1_23*w85 + base1_13*w59
+    w94 = phi1_t*w88 + base1_32*w86 + base1_22*w85 + base1_12*w59
+    w95 = w12*(w16*w89 + w76*w91 - w71*w92 + w11*w93 - w17*w94) - w18*(w89*w71 - w88*w76 + w16*w92 + w17*w93 + w11*w94)
+    w96 = w14*phi1_t
+    w97 = w9*phi1_t
+    w98 = theta1_t*w61 + w96*w60 - w97*w64
+    w99 = w10*phi1_t
+    w100 = theta1_t*w60 - (w96*w61 + w99*w64)
+    w101 = phi1_t*w65
+    w102 = inertia_4*w100 - inertia_2*w98 + inertia_6*w101
+    w103 = w10*theta1_t - w9*w14*phi1_t
+    w104 = w9*theta1_t + w10*w14*phi1_t
+    w105 = psi1_t + w15*phi1_t
+    w106 = w103*inertia_2 + w104*inertia_4 + w105*inertia_6
+    w107 = inertia_1*w100 - inertia_4*w98 + inertia_5*w101
+    w108 = w104*inertia_1 + w103*inertia_4 + w105*inertia_5
+    w109 = w105*inertia_3 + inertia_5*w104 + inertia_6*w103
+    w110 = inertia_3*w101 + inertia_5*w100 - inertia_6*w98
+    w111 = w47*w107 - w108*(w14*w61 + w10*w64) - (w46*w102 + w106*(w14*w60 - w9*w64)) + w109*w65 + w15*w110 + w88*w69 + w19*w77 - (w91*w78 - w22*w82)
+    w112 = base1_11*x1_t + base1_21*y1_t + base1_31*z1_t + w17*theta1_t - w74
+    w113 = mass*w112
+    w114 = theta1_t*w113 + w12*w93 - w18*w94
+    w115 = w91*w81 - w88*w73 + base1_31*w86 + base1_21*w85 + base1_11*w59
+    w116 = w15*(w108*w99 - w106*w97 - w113*w66 + center_3*w114 + w16*w115)
+    w117 = w14*(phi1_t*w109 + w13*w89 - w21*w92 - w16*w114 + center_3*w115)
+    w118 = w10*w102 - w106*w61 + w108*w60 + w9*w107 - (w26*w77 + w88*(w12*w75 - w25*w63)) + w91*(w18*w75 + w25*w68) - w28*w82 - (w113*w67 + w17*w84)
+    w119 = w89*w70 - w92*w79 - w113*w83 + w18*w93 + w12*w94
+    w120 = w18*w89 + w12*w92 - w15*w114 + w14*w115
+    w121 = w10*(theta1_t*w108 - w106*w96 + center_1*w119 - center_2*w120)
+    w122 = w9*(theta1_t*w106 + w108*w96 + center_2*w119 + center_1*w120)
+    w123 = w110 + w88*w72 + w32*w77 - (w91*w80 + w34*w82) - (w113*(w14*w62 - w11*w64) - w36*w84)
     return (
         w0,
         w4,
@@ -184,27 +151,27 @@ def dynamics(f, q, u, p, s):
         w24,
         w40,
         w43,
-        w58/2,
-        -w68/2,
-        w54 + w55 - w56 + w69 - w70,
+        w51,
+        -w56,
+        w57,
         w31,
         w41,
         w44,
-        -w68/2,
-        (w10*w61 + w9*w64 + 2*w26*w27 + 2*w28*w29 + 2*w17*w30)/2,
-        w65 + w66 - w71 + w72 - w73,
+        -w56,
+        w10*w52 + w9*w53 + w26*w27 + w28*w29 + w17*w30,
+        w58,
         w38,
         w42,
         w45,
-        (w57 + 2*w69 - 2*w70)/2,
-        (w67 - 2*w71 + 2*w72 - 2*w73)/2,
+        w57,
+        w58,
         inertia_3 + w32*w33 + w34*w35 + w36*w37,
-        -(w74 + base1_12*w97 - base1_13*w92 + base1_11*w99),
-        -(w100 + base1_22*w97 - base1_23*w92 + base1_21*w99),
-        -(w101 + base1_32*w97 - base1_33*w92 + base1_31*w99),
-        (w144 - 2*w110)/2,
-        (w151 - (w14*w150 - w15*w149))/2,
-        (w156 - (w10*w154 - w9*w155))/2,
+        -(w59 + base1_12*w82 - base1_13*w77 + base1_11*w84),
+        -(w85 + base1_22*w82 - base1_23*w77 + base1_21*w84),
+        -(w86 + base1_32*w82 - base1_33*w77 + base1_31*w84),
+        w111 - w95,
+        w118 - (w117 - w116),
+        w123 - (w121 - w122),
     )
 
 
@@ -238,409 +205,341 @@ def linearize(f, q, u, p, s, a):
     w16 = w11*theta1_t
     w17 = w10*theta1_t
     w18 = w6*psi1_t
-    w19 = w11*w18
-    w20 = center_3*w16 + w12*w17 - w19
-    w21 = w14*w15 + w7*w20
-    w22 = w9 - w21
-    w23 = w6*w0
-    w24 = w7*w14
-    w25 = w23 + w24
-    w26 = phi1_t*w22 + w25*phi1_tt
-    w27 = w23*w17
-    w28 = w11*w0
-    w29 = w11*w6
-    w30 = w7*w18 + w12*w15 + w27 + w28*w5 + w29*w8
-    w31 = w12*w7
-    w32 = w31 - w11*w6*w0
-    w33 = w32*psi1_tt - psi1_t*w30
-    w34 = w0*theta1_t
-    w35 = w10*w6*psi1_t
-    w36 = w35 + w12*w16
-    w37 = center_3*w17 - w36
-    w38 = w12*w10
-    w39 = center_3*w11 + w38
-    w40 = w39*theta1_t
-    w41 = w39*w0
-    w42 = w34*w37 + w40*w8 + theta1_tt*w41
-    w43 = mass*(w33 - w26 + w42)
-    w44 = w7*w5 - w6*w15
-    w45 = w14*w8 - w0*w20
-    w46 = w44 - w45
-    w47 = w6*w7
-    w48 = w14*w0
-    w49 = w47 - w48
-    w50 = phi1_t*w46 + w49*phi1_tt
-    w51 = w47*w17
-    w52 = w11*w7
-    w53 = w12*w8 - w0*w18 + w51 + w52*w5 - w29*w15
-    w54 = w12*w0
-    w55 = w54 + w11*w6*w7
-    w56 = psi1_t*w53 + w55*psi1_tt
-    w57 = w7*theta1_t
-    w58 = w39*w7
-    w59 = w57*w37 - w40*w15 + theta1_tt*w58
-    w60 = mass*(w50 + w56 - w59)
-    w61 = w0*w37
-    w62 = w39*w8
-    w63 = w61 + w62
-    w64 = w10*w6
-    w65 = w47*w16 - w5*w10*w7 + w64*w15
-    w66 = w10*w47
-    w67 = w14*theta1_t
-    w68 = phi1_t*w63 + phi1_tt*w41 + psi1_tt*w66 - psi1_t*w65 + w57*w20 + w67*w15 - w24*theta1_tt
+    w19 = center_3*w16 + w12*w17 - w11*w18
+    w20 = w14*w15 + w7*w19
+    w21 = w9 - w20
+    w22 = w6*w0
+    w23 = w7*w14
+    w24 = w22 + w23
+    w25 = phi1_t*w21 + w24*phi1_tt
+    w26 = w11*w0
+    w27 = w11*w6
+    w28 = w7*w18 + w12*w15 + w22*w17 + w26*w5 + w27*w8
+    w29 = w12*w7
+    w30 = w29 - w11*w6*w0
+    w31 = w30*psi1_tt - psi1_t*w28
+    w32 = w0*theta1_t
+    w33 = w10*w6*psi1_t
+    w34 = w33 + w12*w16
+    w35 = center_3*w17 - w34
+    w36 = w12*w10
+    w37 = center_3*w11 + w36
+    w38 = w37*theta1_t
+    w39 = w37*w0
+    w40 = w32*w35 + w38*w8 + theta1_tt*w39
+    w41 = mass*(w31 - w25 + w40)
+    w42 = w7*w5 - w6*w15
+    w43 = w14*w8 - w0*w19
+    w44 = w42 - w43
+    w45 = w6*w7
+    w46 = w14*w0
+    w47 = w45 - w46
+    w48 = phi1_t*w44 + w47*phi1_tt
+    w49 = w11*w7
+    w50 = w12*w8 - w0*w18 + w45*w17 + w49*w5 - w27*w15
+    w51 = w12*w0
+    w52 = w51 + w11*w6*w7
+    w53 = psi1_t*w50 + w52*psi1_tt
+    w54 = w7*theta1_t
+    w55 = w37*w7
+    w56 = w54*w35 - w38*w15 + theta1_tt*w55
+    w57 = mass*(w48 + w53 - w56)
+    w58 = w0*w35 + w37*w8
+    w59 = w10*w6
+    w60 = w45*w16 - w5*w10*w7 + w59*w15
+    w61 = w10*w45
+    w62 = w14*theta1_t
+    w63 = phi1_t*w58 + phi1_tt*w39 + psi1_tt*w61 - psi1_t*w60 + w54*w19 + w62*w15 - w23*theta1_tt
+    w64 = mass*w63
+    w65 = w7*w35 - w37*w15
+    w66 = w5*w10*w0 - w22*w16 + w59*w8
+    w67 = w10*w22
+    w68 = phi1_t*w65 + phi1_tt*w55 - (psi1_t*w66 + psi1_tt*w67) + w62*w8 - w32*w19 + w46*theta1_tt
     w69 = mass*w68
-    w70 = w7*w37
-    w71 = w39*w15
-    w72 = w70 - w71
-    w73 = w5*w10*w0 - w23*w16 + w64*w8
-    w74 = w10*w23
-    w75 = phi1_t*w72 + phi1_tt*w58 - (psi1_t*w73 + psi1_tt*w74) + w67*w8 - w34*w20 + w48*theta1_tt
-    w76 = mass*w75
-    w77 = w18*w17 + w5*w11*psi1_t + psi1_tt*w29 - (theta1_t*w37 + w39*theta1_tt)
-    w78 = mass*w77
-    w79 = w9 + w18*w52 - w31*w17 + w13*w15
-    w80 = w12*w52 - w23
-    w81 = w6*w16
-    w82 = w10*w5
-    w83 = w82 - w81
-    w84 = theta1_t*w64
-    w85 = w32*phi1_tt - phi1_t*w30 + psi1_tt*w80 - psi1_t*w79 + w57*w83 - w15*w84 + theta1_tt*w66
-    w86 = mass*w85
-    w87 = w44 + w54*w17 - w18*w28 + w13*w8
-    w88 = w47 + w12*w28
-    w89 = phi1_t*w53 + w55*phi1_tt + psi1_t*w87 + psi1_tt*w88 + w34*w83 + w8*w84 + theta1_tt*w74
+    w70 = w18*w17 + w5*w11*psi1_t + psi1_tt*w27 - (theta1_t*w35 + w37*theta1_tt)
+    w71 = mass*w70
+    w72 = w9 + w18*w49 - w29*w17 + w13*w15
+    w73 = w12*w49 - w22
+    w74 = w10*w5 - w6*w16
+    w75 = theta1_t*w59
+    w76 = w30*phi1_tt - phi1_t*w28 + psi1_tt*w73 - psi1_t*w72 + w54*w74 - w15*w75 + theta1_tt*w61
+    w77 = mass*w76
+    w78 = w42 + w51*w17 - w18*w26 + w13*w8
+    w79 = w45 + w12*w26
+    w80 = phi1_t*w50 + w52*phi1_tt + psi1_t*w78 + psi1_tt*w79 + w32*w74 + w8*w75 + theta1_tt*w67
+    w81 = mass*w80
+    w82 = w75 + w11*w5
+    w83 = w10*psi1_t
+    w84 = theta1_t*w82 + theta1_tt*w27 + w16*w5 + w18*w83 - w36*psi1_tt
+    w85 = mass*w84
+    w86 = base1_13*x1_t + base1_23*y1_t + base1_33*z1_t + w47*phi1_t + psi1_t*w52 - w37*w7*theta1_t
+    w87 = mass*w86
+    w88 = psi1_t*w87
+    w89 = base1_12*x1_t + base1_22*y1_t + base1_32*z1_t - w24*phi1_t + psi1_t*w30 + w37*w0*theta1_t
     w90 = mass*w89
-    w91 = w84 + w11*w5
-    w92 = w10*psi1_t
-    w93 = theta1_t*w91 + theta1_tt*w29 + w16*w5 + w18*w92 - w38*psi1_tt
-    w94 = mass*w93
-    w95 = w49*phi1_t
-    w96 = psi1_t*w55
-    w97 = w39*w7*theta1_t
-    w98 = base1_13*x1_t + base1_23*y1_t + base1_33*z1_t + w95 + w96 - w97
-    w99 = mass*w98
+    w91 = psi1_t*w90
+    w92 = mass*gravity_3
+    w93 = mass*gravity_2
+    w94 = mass*gravity_1
+    w95 = base1_33*w92 - phi1_t*w90 + base1_23*w93 + base1_13*w94
+    w96 = phi1_t*w87 + base1_32*w92 + base1_22*w93 + base1_12*w94
+    w97 = mass*w44
+    w98 = psi1_t*w97
+    w99 = mass*w21
     w100 = psi1_t*w99
-    w101 = w25*phi1_t
-    w102 = psi1_t*w32
-    w103 = w39*w0*theta1_t
-    w104 = base1_12*x1_t + base1_22*y1_t + base1_32*z1_t - w101 + w102 + w103
-    w105 = mass*w104
-    w106 = psi1_t*w105
-    w107 = mass*gravity_3
-    w108 = mass*gravity_2
-    w109 = mass*gravity_1
-    w110 = base1_33*w107 - phi1_t*w105 + base1_23*w108 + base1_13*w109
-    w111 = phi1_t*w99 + base1_32*w107 + base1_22*w108 + base1_12*w109
-    w112 = mass*w46
+    w101 = phi1_t*w99
+    w102 = phi1_t*w97
+    w103 = w7*(w12*w98 - w38*w99 + w27*w100 + w6*w101 - w14*w102) - w0*(w12*w88 + w38*w90 - w27*w91 + w6*w95 - w14*w96)
+    w104 = w7*(w88*w27 - w87*w38 + w12*w91 + w14*w95 + w6*w96) + w0*(w27*w98 - w38*w97 - w12*w100 + w14*w101 + w6*w102)
+    w105 = base1_13*x1_tt + base1_23*y1_tt + base1_33*z1_tt + w48 + w53 - w56
+    w106 = mass*w105
+    w107 = base1_12*x1_tt + base1_22*y1_tt + base1_32*z1_tt - w25 + w31 + w40
+    w108 = mass*w107
+    w109 = w44*w97 - w87*w21 + w47*w41 - w24*w106 - (w90*w44 - w21*w99 + w47*w108 - w24*w57)
+    w110 = mass*w65
+    w111 = psi1_t*w110
+    w112 = mass*w58
     w113 = psi1_t*w112
-    w114 = mass*w22
-    w115 = psi1_t*w114
-    w116 = phi1_t*w114
-    w117 = phi1_t*w112
-    w118 = w7*(w12*w113 - w40*w114 + w29*w115 + w6*w116 - w14*w117) - w0*(w12*w100 + w40*w105 - w29*w106 + w6*w110 - w14*w111)
-    w119 = w7*(w100*w29 - w99*w40 + w12*w106 + w14*w110 + w6*w111) + w0*(w29*w113 - w40*w112 - w12*w115 + w14*w116 + w6*w117)
-    w120 = base1_13*x1_tt + base1_23*y1_tt + base1_33*z1_tt + w50 + w56 - w59
-    w121 = mass*w120
-    w122 = base1_12*x1_tt + base1_22*y1_tt + base1_32*z1_tt - w26 + w33 + w42
-    w123 = mass*w122
-    w124 = w46*w112 - w99*w22 + w49*w43 - w25*w121 - (w105*w46 - w22*w114 + w49*w123 - w25*w60)
-    w125 = mass*w72
-    w126 = psi1_t*w125
-    w127 = mass*w63
-    w128 = psi1_t*w127
-    w129 = phi1_t*w127
-    w130 = phi1_t*w125
-    w131 = w12*w126 - (w67*w105 + w40*w127) + w64*w106 + w29*w128 + w6*w129 - (w39*w111 + w14*w130)
-    w132 = w67*w99 - w40*w125 - (w64*w100 - w29*w126) - w12*w128 + w39*w110 + w14*w129 + w6*w130
-    w133 = w0*w132 - w7*w131
-    w134 = w10*w2 - w3*w16
-    w135 = w3*phi1_t
-    w136 = w11*w135
-    w137 = inertia_2*w136
-    w138 = w1*phi1_t
-    w139 = w11*w138
-    w140 = inertia_4*w139
-    w141 = w10*phi1_t
-    w142 = inertia_6*w141
-    w143 = w137 - w140 + w142 + w137 - w140 + w142
-    w144 = w1*theta1_t - w3*w10*phi1_t
-    w145 = w144*inertia_2
-    w146 = w3*theta1_t + w1*w10*phi1_t
-    w147 = w146*inertia_4
-    w148 = w11*phi1_t
-    w149 = psi1_t + w148
-    w150 = w149*inertia_6
-    w151 = w145 + w147 + w150 + w145 + w147 + w150
-    w152 = w3*w10
-    w153 = w1*theta1_tt - theta1_t*w4 - (w141*w2 - w135*w16 + phi1_tt*w152)
-    w154 = inertia_2*w153
-    w155 = w1*w10
-    w156 = theta1_t*w2 + w3*theta1_tt - (w141*w4 + w138*w16 - phi1_tt*w155)
-    w157 = inertia_4*w156
-    w158 = psi1_tt + phi1_t*w17 + w11*phi1_tt
-    w159 = inertia_6*w158
-    w160 = w154 + w157 + w159 + w154 + w157 + w159
-    w161 = w11*w3
-    w162 = w148*w2 + w135*w17 + phi1_tt*w161
-    w163 = inertia_2*w162
-    w164 = w11*w1
-    w165 = w138*w17 - w148*w4 + phi1_tt*w164
-    w166 = inertia_4*w165
-    w167 = w10*phi1_tt - phi1_t*w16
-    w168 = inertia_6*w167
-    w169 = w163 - w166 + w168 + w163 - w166 + w168
-    w170 = w10*w4 + w1*w16
-    w171 = inertia_1*w139
-    w172 = inertia_4*w136
-    w173 = inertia_5*w141
-    w174 = w172 - w171 + w173 + w172 - w171 + w173
-    w175 = w146*inertia_1
-    w176 = w144*inertia_4
-    w177 = w149*inertia_5
-    w178 = w175 + w176 + w177 + w175 + w176 + w177
-    w179 = inertia_1*w156
-    w180 = inertia_4*w153
-    w181 = inertia_5*w158
-    w182 = w179 + w180 + w181 + w179 + w180 + w181
-    w183 = inertia_1*w165
-    w184 = inertia_4*w162
-    w185 = inertia_5*w167
-    w186 = w184 - w183 + w185 + w184 - w183 + w185
-    w187 = inertia_3*w141
-    w188 = inertia_5*w139
-    w189 = inertia_6*w136
-    w190 = w187 - w188 + w189 + w187 - w188 + w189
-    w191 = w149*inertia_3
-    w192 = inertia_5*w146
-    w193 = inertia_6*w144
-    w194 = w191 + w192 + w193 + w191 + w192 + w193
-    w195 = inertia_3*w158
-    w196 = inertia_5*w156
-    w197 = inertia_6*w153
-    w198 = inertia_3*w167
-    w199 = inertia_5*w165
-    w200 = inertia_6*w162
-    w201 = w198 - w199 + w200 + w198 - w199 + w200
-    w202 = w17*w190 - w194*w16 + w10*(w195 + w196 + w197 + w195 + w196 + w197) + w11*w201
-    w203 = w99*w63 - w46*w125
-    w204 = w41*w121
-    w205 = w22*w127 - w105*w72
-    w206 = w58*w123
-    w207 = w155*w186 - w182*w164 - (w170*w174 + w178*(w1*w17 - w11*w4)) - (w134*w143 - w151*(w11*w2 + w3*w17) + w152*w169 - w160*w161) + w202 + 2*(w203 + w204 + w49*w69) - 2*(w205 + w25*w76 - w206)
-    w208 = mass*w53
-    w209 = psi1_t*w208
-    w210 = mass*w30
-    w211 = psi1_t*w210
-    w212 = phi1_t*w210
-    w213 = phi1_t*w208
-    w214 = w105*w84 + w40*w210 - (w12*w209 - w6*w100) + w13*w106 - w29*w211 - (w12*w110 + w6*w212) + w29*w111 + w14*w213
-    w215 = w29*w209 + w13*w100 - (w40*w208 - w99*w84) - (w6*w106 + w12*w211) + w29*w110 + w14*w212 + w12*w111 + w6*w213
-    w216 = w7*w214 + w0*w215
-    w217 = w146*inertia_2
-    w218 = w176 - w217 + w176 - w217
-    w219 = inertia_2*w156
-    w220 = w180 - w219 + w180 - w219
-    w221 = w144*inertia_1
-    w222 = w221 - w147 + w221 - w147
-    w223 = inertia_1*w153
-    w224 = w223 - w157 + w223 - w157
-    w225 = inertia_5*w144
-    w226 = w146*inertia_6
-    w227 = w225 - w226 + w225 - w226
-    w228 = inertia_5*w153
-    w229 = inertia_6*w156
-    w230 = w228 - w229 + w228 - w229
-    w231 = w46*w208 - w99*w30
-    w232 = w32*w121
-    w233 = w105*w53 - w22*w210
-    w234 = w55*w123
-    w235 = w155*w224 - w152*w182 - (w170*w222 + w178*w134) - (w134*w218 - w151*w170 + w155*w160 + w152*w220) + w17*w227 + w11*w230 + 2*(w231 + w232 + w49*w86) - 2*(w233 + w234 - w25*w90)
-    w236 = mass*(base1_11*x1_t + base1_21*y1_t + base1_31*z1_t + w67 - w35)
-    w237 = theta1_t*w236 + w7*w110 - w0*w111
-    w238 = w105*w34 - w99*w57 + base1_31*w107 + base1_21*w108 + base1_11*w109
-    w239 = w178*w138 - w151*w135 - 2*w236*w18 + 2*center_3*w237 + 2*w12*w238
-    w240 = mass*w20
-    w241 = theta1_t*w240 + w7*w129 - w0*w130
-    w242 = w57*w125 + w34*w127
-    w243 = w138*w174 - w135*w143 + 2*w18*w240 - 2*center_3*w241 + 2*w12*w242
-    w244 = phi1_t*w194 + 2*w47*w100 - 2*w23*w106 - 2*w12*w237 + 2*center_3*w238
-    w245 = phi1_t*w190 - 2*w47*w126 - 2*w23*w128 + 2*w12*w241 + 2*center_3*w242
-    w246 = base1_11*x1_tt + base1_21*y1_tt + base1_31*z1_tt + w14*theta1_tt - theta1_t*w20 - (w92*w5 - w18*w16 + psi1_tt*w64)
-    w247 = mass*w246
-    w248 = w1*w169 - w4*w143 + w2*w174 + w3*w186 - 2*(w24*w121 + w58*w69 - (w72*w125 + w99*w21)) + 2*(w63*w127 + w105*w45 + w48*w123 + w41*w76) + 2*(w14*w78 - w39*w247 - (w236*w37 - w20*w240))
-    w249 = mass*w83
-    w250 = theta1_t*w249 - w7*w212 + w0*w213
-    w251 = w57*w208 + w34*w210
-    w252 = w135*w218 + w151*w138 - (w138*w222 - w135*w178) + 2*(w236*w5 - w18*w249) + 2*center_3*w250 + 2*(w6*w238 + w12*w251)
-    w253 = phi1_t*w227 + 2*(w31*w100 + w47*w209) - 2*(w54*w106 - w23*w211) + 2*(w6*w237 + w12*w250) - 2*center_3*w251
-    w254 = w11*w252 + w10*w253
-    w255 = w72*w208 + w99*w65
-    w256 = w121*w66
-    w257 = w63*w210 + w105*w73
-    w258 = w123*w74
-    w259 = w20*w249 + w236*w91
-    w260 = w29*w247
-    w261 = w1*w220 - w3*w160 - (w4*w218 + w151*w2) + w2*w222 - w178*w4 + w1*w182 + w3*w224 - 2*(w255 + w58*w86 - w256) - 2*(w257 + w258 + w41*w90) + 2*(w259 + w260 + w14*w94)
-    w262 = w201 + 2*(w256 + w55*w69 - w255) + 2*(w32*w76 - w258 - w257) - 2*(w64*w78 - w260 - w259)
-    w263 = w100*w52 - w106*w28 - w236*w92 + w0*w110 + w7*w111
-    w264 = w0*w100 + w7*w106 - w11*w237 + w10*w238
-    w265 = theta1_t*w178 - w151*w141 + 2*center_1*w263 - 2*center_2*w264
-    w266 = w52*w209 + w28*w211 + w92*w249 + w0*w212 + w7*w213
-    w267 = w0*w209 - w7*w211 + w11*w250 - w10*w251
-    w268 = theta1_t*w222 - w141*w218 + 2*center_1*w266 - 2*center_2*w267
-    w269 = theta1_t*w151 + w141*w178 + 2*center_2*w263 + 2*center_1*w264
-    w270 = theta1_t*w218 + w141*w222 + 2*center_2*w266 + 2*center_1*w267
-    w271 = w230 + 2*(w53*w208 - w99*w79 + w121*w80 + w55*w86) - 2*(w105*w87 - w30*w210 + w123*w88 + w32*w90) - 2*(w38*w247 + w64*w94 - (w83*w249 + w236*w36))
-    w272 = mass*(w102 + w103 + w46 - w101)
-    w273 = mass*(w96 - w97 + w95 + w22)
-    w274 = mass*(w71 + psi1_t*w66 - (w70 + w14*w57 - w71))
-    w275 = mass*(w62 - psi1_t*w74 + w62 + w61 + w14*w34)
-    w276 = mass*(w40 + w20 - w19)
-    w277 = mass*(w51 + phi1_t*w32 + w53 + psi1_t*w80)
-    w278 = mass*(w27 + phi1_t*w55 + w30 + psi1_t*w88)
-    w279 = mass*(2*w82 - w81 - w81)
-    w280 = mass*w49
-    w281 = psi1_t*w280
-    w282 = mass*w25
-    w283 = psi1_t*w282
-    w284 = w105 - phi1_t*w282
-    w285 = w99 + phi1_t*w280
-    w286 = w0*(w40*w280 - w29*w281 + w12*w283 + w14*w284 - w6*w285) - w7*(w40*w282 - w12*w281 - w29*w283 + w6*w284 + w14*w285)
-    w287 = inertia_2*w134
-    w288 = inertia_4*w170
-    w289 = inertia_6*w17
-    w290 = w287 + w288 - w289 + w287 + w288 - w289
-    w291 = inertia_2*w152
-    w292 = inertia_4*w155
-    w293 = w11*inertia_6
-    w294 = w292 - w291 + w293 + w292 - w291 + w293
-    w295 = inertia_1*w170
-    w296 = inertia_4*w134
-    w297 = inertia_5*w17
-    w298 = w295 + w296 - w297 + w295 + w296 - w297
-    w299 = inertia_1*w155
-    w300 = inertia_4*w152
-    w301 = w11*inertia_5
-    w302 = w299 - w300 + w301 + w299 - w300 + w301
-    w303 = w11*inertia_3
-    w304 = inertia_5*w155
-    w305 = inertia_6*w152
-    w306 = w303 + w304 - w305 + w303 + w304 - w305
-    w307 = inertia_3*w17
-    w308 = inertia_5*w170
-    w309 = inertia_6*w134
-    w310 = w308 - w307 + w309 + w308 - w307 + w309
-    w311 = w134*w294 - w152*w290 + w155*w298 + w170*w302 - (w17*w306 - w11*w310) - 2*(w46*w280 - w25*w99 + w49*w272) + 2*(w49*w105 - w22*w282 - w25*w273)
-    w312 = mass*w58
-    w313 = psi1_t*w312
-    w314 = mass*w41
-    w315 = psi1_t*w314
-    w316 = phi1_t*w314
-    w317 = phi1_t*w312
-    w318 = w12*w313 - (w39*w105 + w40*w314) + w29*w315 + w6*w316 - w14*w317
-    w319 = w39*w99 - w40*w312 + w29*w313 - w12*w315 + w14*w316 + w6*w317
-    w320 = w4 - w136
-    w321 = inertia_2*w320
-    w322 = w2 - w139
-    w323 = inertia_4*w322
-    w324 = w142 - w321 + w323 + w142 - w321 + w323
-    w325 = w1*inertia_2
-    w326 = w3*inertia_4
-    w327 = w325 + w326 + w325 + w326
-    w328 = inertia_1*w322
-    w329 = inertia_4*w320
-    w330 = w173 + w328 - w329 + w173 + w328 - w329
-    w331 = w3*inertia_1
-    w332 = w1*inertia_4
-    w333 = w331 + w332 + w331 + w332
-    w334 = w3*inertia_5
-    w335 = w1*inertia_6
-    w336 = w334 + w335 + w334 + w335
-    w337 = inertia_5*w322
-    w338 = inertia_6*w320
-    w339 = w187 + w337 - w338 + w187 + w337 - w338
-    w340 = w99*w41
-    w341 = w58*w105
-    w342 = w155*w330 - (w170*w333 + w178*w164) - (w152*w324 + w134*w327 - w151*w161) + w17*w336 + w10*w194 + w11*w339 + 2*(w340 - w46*w312 + w49*w274) - 2*(w22*w314 - w341 + w25*w275)
-    w343 = mass*w55
-    w344 = w99 + psi1_t*w343
-    w345 = mass*w32
-    w346 = w105 + psi1_t*w345
-    w347 = phi1_t*w345
-    w348 = phi1_t*w343
-    w349 = w7*(w29*w346 - w12*w344 - w40*w345 + w6*w347 + w14*w348) + w0*(w29*w344 - w40*w343 + w12*w346 - w14*w347 + w6*w348)
-    w350 = w32*w99
-    w351 = w55*w105
-    w352 = w155*w222 - (2*w308 + w152*w178) - (w152*w218 + 2*w309 + w151*w155) + 2*w307 + w11*w227 + 2*(w46*w343 + w350 + w49*w277) - 2*(w22*w345 + w351 - w25*w278)
-    w353 = w3*w151
-    w354 = w1*w178
-    w355 = w7*w284 + w0*w285
-    w356 = w57*w280 + w34*w282
-    w357 = w135*w294 + w353 - (w138*w302 + w354) + 2*center_3*w355 + 2*w12*w356
-    w358 = w194 + phi1_t*w306 + 2*w47*w281 + 2*w23*w283 + 2*w12*w355 - 2*center_3*w356
-    w359 = w2*w302 - w3*w298 - (w4*w294 + w1*w290) - 2*(w58*w272 + w72*w280 - w340) + 2*(w341 - w63*w282 - w41*w273)
-    w360 = mass*w14
-    w361 = w236 + theta1_t*w360
-    w362 = w34*w314 + w0*w105 - (w7*w99 - w57*w312)
-    w363 = w138*w333 - w135*w327 - 2*w18*w360 + 2*center_3*w361 + 2*w12*w362
-    w364 = 2*w47*w313 - phi1_t*w336 + 2*w23*w315 + 2*w12*w361 - 2*center_3*w362
-    w365 = w1*w324 - w4*w327 + w2*w333 + w3*w330 - 2*(w58*w274 + w24*w99 - w72*w312) + 2*(w41*w275 + w63*w314 + w48*w105) - 2*(w20*w360 + w39*w236 + w14*w276)
-    w366 = mass*w64
-    w367 = theta1_t*w366
-    w368 = w367 + w7*w347 + w0*w348
-    w369 = w34*w345 - w57*w343
-    w370 = inertia_6*w135 - inertia_5*w138 + w6*w236 - w18*w366 + center_3*w368 - w12*w369
-    w371 = phi1_t*inertia_3 + w47*w344 - w23*w346 + w12*w368 + center_3*w369
-    w372 = w99*w66
-    w373 = w105*w74
-    w374 = w236*w29
-    w375 = w1*w218 - (w353 + 2*inertia_6*w4) + w354 + 2*inertia_5*w2 + w3*w222 - 2*(w58*w277 + w72*w343 - w372) + 2*(w63*w345 - w373 - w41*w278) - 2*(w14*w279 - (w20*w366 + w374))
-    w376 = w52*w281 + w28*w283 - w0*w284 + w7*w285
-    w377 = w0*w281 - w367 - w7*w283 + w11*w355
-    w378 = theta1_t*w302 - (w141*w294 + w10*w151) + 2*center_1*w376 - 2*center_2*w377
-    w379 = theta1_t*w294 + w10*w178 + w141*w302 + 2*center_2*w376 + 2*center_1*w377
-    w380 = w310 - 2*(w350 + w53*w280 + w55*w272) + 2*(w351 - w30*w282 + w32*w273)
-    w381 = w52*w313 + w28*w315 + w92*w360 + w0*w316 + w7*w317
-    w382 = w10*w362 - w11*w361
-    w383 = w141*w327 - (w178 + theta1_t*w333) + 2*center_1*w381 + 2*center_2*w382
-    w384 = w151 + theta1_t*w327 + w141*w333 - 2*center_2*w381 + 2*center_1*w382
-    w385 = w339 + 2*(w372 - w53*w312 + w55*w274) - 2*(w373 + w30*w314 - w32*w275) - 2*(w83*w360 - w374 - w64*w276)
+    w114 = phi1_t*w112
+    w115 = phi1_t*w110
+    w116 = w12*w111 - (w62*w90 + w38*w112) + w59*w91 + w27*w113 + w6*w114 - (w37*w96 + w14*w115)
+    w117 = w62*w87 - w38*w110 - (w59*w88 - w27*w111) - w12*w113 + w37*w95 + w14*w114 + w6*w115
+    w118 = w0*w117 - w7*w116
+    w119 = w10*w2 - w3*w16
+    w120 = w3*phi1_t
+    w121 = w11*w120
+    w122 = w1*phi1_t
+    w123 = w11*w122
+    w124 = w10*phi1_t
+    w125 = inertia_6*w124
+    w126 = inertia_2*w121 - inertia_4*w123 + w125
+    w127 = w1*theta1_t - w3*w10*phi1_t
+    w128 = w3*theta1_t + w1*w10*phi1_t
+    w129 = w128*inertia_4
+    w130 = w11*phi1_t
+    w131 = psi1_t + w130
+    w132 = w127*inertia_2 + w129 + w131*inertia_6
+    w133 = w3*w10
+    w134 = w1*theta1_tt - theta1_t*w4 - (w124*w2 - w120*w16 + phi1_tt*w133)
+    w135 = w1*w10
+    w136 = theta1_t*w2 + w3*theta1_tt - (w124*w4 + w122*w16 - phi1_tt*w135)
+    w137 = inertia_4*w136
+    w138 = psi1_tt + phi1_t*w17 + w11*phi1_tt
+    w139 = inertia_2*w134 + w137 + inertia_6*w138
+    w140 = w11*w3
+    w141 = w130*w2 + w120*w17 + phi1_tt*w140
+    w142 = w11*w1
+    w143 = w122*w17 - w130*w4 + phi1_tt*w142
+    w144 = w10*phi1_tt - phi1_t*w16
+    w145 = inertia_2*w141 - inertia_4*w143 + inertia_6*w144
+    w146 = w10*w4 + w1*w16
+    w147 = inertia_5*w124
+    w148 = inertia_4*w121 - inertia_1*w123 + w147
+    w149 = w127*inertia_4
+    w150 = w128*inertia_1 + w149 + w131*inertia_5
+    w151 = inertia_4*w134
+    w152 = inertia_1*w136 + w151 + inertia_5*w138
+    w153 = inertia_4*w141 - inertia_1*w143 + inertia_5*w144
+    w154 = inertia_3*w124
+    w155 = w154 - inertia_5*w123 + inertia_6*w121
+    w156 = w131*inertia_3 + inertia_5*w128 + inertia_6*w127
+    w157 = inertia_3*w144 - inertia_5*w143 + inertia_6*w141
+    w158 = w10*(inertia_3*w138 + inertia_5*w136 + inertia_6*w134) + w11*w157
+    w159 = w87*w58 - w44*w110
+    w160 = w39*w106
+    w161 = w21*w112 - w90*w65
+    w162 = w55*w108
+    w163 = w135*w153 - w152*w142 - (w146*w148 + w150*(w1*w17 - w11*w4)) - (w119*w126 - w132*(w11*w2 + w3*w17) + w133*w145 - w139*w140) + w17*w155 - w156*w16 + w158 + w159 + w160 + w47*w64 - (w161 + w24*w69 - w162)
+    w164 = mass*w50
+    w165 = psi1_t*w164
+    w166 = mass*w28
+    w167 = psi1_t*w166
+    w168 = phi1_t*w166
+    w169 = phi1_t*w164
+    w170 = w90*w75 + w38*w166 - (w12*w165 - w6*w88) + w13*w91 - w27*w167 - (w12*w95 + w6*w168) + w27*w96 + w14*w169
+    w171 = w27*w165 + w13*w88 - (w38*w164 - w87*w75) - (w6*w91 + w12*w167) + w27*w95 + w14*w168 + w12*w96 + w6*w169
+    w172 = w7*w170 + w0*w171
+    w173 = w149 - w128*inertia_2
+    w174 = w151 - inertia_2*w136
+    w175 = w127*inertia_1 - w129
+    w176 = inertia_1*w134 - w137
+    w177 = inertia_5*w127 - w128*inertia_6
+    w178 = inertia_5*w134 - inertia_6*w136
+    w179 = w44*w164 - w87*w28
+    w180 = w30*w106
+    w181 = w90*w50 - w21*w166
+    w182 = w52*w108
+    w183 = w135*w176 - w133*w152 - (w146*w175 + w150*w119) - (w119*w173 - w132*w146 + w135*w139 + w133*w174) + w17*w177 + w11*w178 + w179 + w180 + w47*w77 - (w181 + w182 - w24*w81)
+    w184 = mass*(base1_11*x1_t + base1_21*y1_t + base1_31*z1_t + w62 - w33)
+    w185 = theta1_t*w184 + w7*w95 - w0*w96
+    w186 = w90*w32 - w87*w54 + base1_31*w92 + base1_21*w93 + base1_11*w94
+    w187 = w10*(w150*w122 - w132*w120 - w184*w18 + center_3*w185 + w12*w186)
+    w188 = mass*w19
+    w189 = theta1_t*w188 + w7*w114 - w0*w115
+    w190 = w54*w110 + w32*w112
+    w191 = w11*(w122*w148 - w120*w126 + w18*w188 - center_3*w189 + w12*w190)
+    w192 = w11*(phi1_t*w156 + w45*w88 - w22*w91 - w12*w185 + center_3*w186)
+    w193 = w10*(phi1_t*w155 - w45*w111 - w22*w113 + w12*w189 + center_3*w190)
+    w194 = base1_11*x1_tt + base1_21*y1_tt + base1_31*z1_tt + w14*theta1_tt - theta1_t*w19 - (w83*w5 - w18*w16 + psi1_tt*w59)
+    w195 = mass*w194
+    w196 = w1*w145 - w4*w126 + w2*w148 + w3*w153 - (w23*w106 + w55*w64 - (w65*w110 + w87*w20)) + w58*w112 + w90*w43 + w46*w108 + w39*w69 + w14*w71 - w37*w195 - (w184*w35 - w19*w188)
+    w197 = mass*w74
+    w198 = theta1_t*w197 - w7*w168 + w0*w169
+    w199 = w54*w164 + w32*w166
+    w200 = w120*w173 + w132*w122 - (w122*w175 - w150*w120) + w184*w5 - w18*w197 + center_3*w198 + w6*w186 + w12*w199
+    w201 = phi1_t*w177 + w29*w88 + w45*w165 - (w51*w91 - w22*w167) + w6*w185 + w12*w198 - center_3*w199
+    w202 = w11*w200 + w10*w201
+    w203 = w65*w164 + w87*w60
+    w204 = w106*w61
+    w205 = w58*w166 + w90*w66
+    w206 = w108*w67
+    w207 = w19*w197 + w184*w82
+    w208 = w27*w195
+    w209 = w1*w174 - w3*w139 - (w4*w173 + w132*w2) + w2*w175 - w150*w4 + w1*w152 + w3*w176 - (w203 + w55*w77 - w204) - (w205 + w206 + w39*w81) + w207 + w208 + w14*w85
+    w210 = w157 + w204 + w52*w64 - w203 + w30*w69 - w206 - w205 - (w59*w71 - w208 - w207)
+    w211 = w88*w49 - w91*w26 - w184*w83 + w0*w95 + w7*w96
+    w212 = w0*w88 + w7*w91 - w11*w185 + w10*w186
+    w213 = w3*(theta1_t*w150 - w132*w124 + center_1*w211 - center_2*w212)
+    w214 = w49*w165 + w26*w167 + w83*w197 + w0*w168 + w7*w169
+    w215 = w0*w165 - w7*w167 + w11*w198 - w10*w199
+    w216 = w1*(theta1_t*w175 - w124*w173 + center_1*w214 - center_2*w215)
+    w217 = w1*(theta1_t*w132 + w150*w124 + center_2*w211 + center_1*w212)
+    w218 = w3*(theta1_t*w173 + w124*w175 + center_2*w214 + center_1*w215)
+    w219 = w178 + w50*w164 - w87*w72 + w106*w73 + w52*w77 - (w90*w78 - w28*w166 + w108*w79 + w30*w81) - (w36*w195 + w59*w85 - (w74*w197 + w184*w34))
+    w220 = mass*w47
+    w221 = psi1_t*w220
+    w222 = mass*w24
+    w223 = psi1_t*w222
+    w224 = w90 - phi1_t*w222
+    w225 = w87 + phi1_t*w220
+    w226 = w0*(w38*w220 - w27*w221 + w12*w223 + w14*w224 - w6*w225) - w7*(w38*w222 - w12*w221 - w27*w223 + w6*w224 + w14*w225)
+    w227 = inertia_2*w119 + inertia_4*w146 - inertia_6*w17
+    w228 = inertia_4*w135 - inertia_2*w133 + w11*inertia_6
+    w229 = inertia_1*w146 + inertia_4*w119 - inertia_5*w17
+    w230 = inertia_1*w135 - inertia_4*w133 + w11*inertia_5
+    w231 = w11*inertia_3 + inertia_5*w135 - inertia_6*w133
+    w232 = inertia_3*w17
+    w233 = inertia_5*w146
+    w234 = inertia_6*w119
+    w235 = w233 - w232 + w234
+    w236 = w44*w220
+    w237 = w21*w222
+    w238 = w119*w228 - w133*w227 + w135*w229 + w146*w230 - (w17*w231 - w11*w235) - (2*w236 + w236 - w24*w87) + w47*w90 - w237 - 2*w237
+    w239 = mass*w55
+    w240 = psi1_t*w239
+    w241 = mass*w39
+    w242 = psi1_t*w241
+    w243 = phi1_t*w241
+    w244 = phi1_t*w239
+    w245 = w12*w240 - (w37*w90 + w38*w241) + w27*w242 + w6*w243 - w14*w244
+    w246 = w37*w87 - w38*w239 + w27*w240 - w12*w242 + w14*w243 + w6*w244
+    w247 = w4 - w121
+    w248 = w2 - w123
+    w249 = w125 - inertia_2*w247 + inertia_4*w248
+    w250 = w1*inertia_2 + w3*inertia_4
+    w251 = w147 + inertia_1*w248 - inertia_4*w247
+    w252 = w3*inertia_1 + w1*inertia_4
+    w253 = w3*inertia_5 + w1*inertia_6
+    w254 = w154 + inertia_5*w248 - inertia_6*w247
+    w255 = w44*w239
+    w256 = w87*w39
+    w257 = w47*w110
+    w258 = w21*w241
+    w259 = w55*w90
+    w260 = w24*w112
+    w261 = w135*w251 - (w146*w252 + w150*w142) - (w133*w249 + w119*w250 - w132*w140) + w17*w253 + w10*w156 + w11*w254 + w256 - w255 - 2*w257 - (w258 - w259 + 2*w260)
+    w262 = mass*w52
+    w263 = w87 + psi1_t*w262
+    w264 = mass*w30
+    w265 = w90 + psi1_t*w264
+    w266 = phi1_t*w264
+    w267 = phi1_t*w262
+    w268 = w7*(w27*w265 - w12*w263 - w38*w264 + w6*w266 + w14*w267) + w0*(w27*w263 - w38*w262 + w12*w265 - w14*w266 + w6*w267)
+    w269 = w44*w262
+    w270 = w30*w87
+    w271 = w47*w164
+    w272 = w21*w264
+    w273 = w52*w90
+    w274 = w24*w166
+    w275 = w135*w175 - (w233 + w150*w133) - (w133*w173 + w234 + w132*w135) + w232 + w11*w177 + w269 + w270 + 2*w271 - (w272 + w273 - 2*w274)
+    w276 = w3*w132
+    w277 = w1*w150
+    w278 = w7*w224 + w0*w225
+    w279 = w54*w220 + w32*w222
+    w280 = w120*w228 + w276 - (w122*w230 + w277) + center_3*w278 + w12*w279
+    w281 = w156 + phi1_t*w231 + w45*w221 + w22*w223 + w12*w278 - center_3*w279
+    w282 = w2*w230 - w3*w229 - (w4*w228 + w1*w227) - (2*w255 + w257 - w256) + w259 - w260 - 2*w258
+    w283 = mass*w14
+    w284 = w184 + theta1_t*w283
+    w285 = w32*w241 + w0*w90 - (w7*w87 - w54*w239)
+    w286 = w11*(w122*w252 - w120*w250 - w18*w283 + center_3*w284 + w12*w285)
+    w287 = w10*(w45*w240 - phi1_t*w253 + w22*w242 + w12*w284 - center_3*w285)
+    w288 = w55*w110
+    w289 = w39*w112
+    w290 = w19*w283
+    w291 = w1*w249 - w4*w250 + w2*w252 + w3*w251 - (w23*w87 - w288 - 2*w288) + 2*w289 + w289 + w46*w90 - (2*w290 + w290 + w37*w184)
+    w292 = mass*w59
+    w293 = theta1_t*w292
+    w294 = w293 + w7*w266 + w0*w267
+    w295 = w32*w264 - w54*w262
+    w296 = inertia_6*w120 - inertia_5*w122 + w6*w184 - w18*w292 + center_3*w294 - w12*w295
+    w297 = phi1_t*inertia_3 + w45*w263 - w22*w265 + w12*w294 + center_3*w295
+    w298 = w55*w164
+    w299 = w65*w262
+    w300 = w87*w61
+    w301 = w39*w166
+    w302 = w58*w264
+    w303 = w90*w67
+    w304 = w19*w292
+    w305 = w184*w27
+    w306 = w14*w197
+    w307 = w1*w173 - (w276 + inertia_6*w4) + w277 + inertia_5*w2 + w3*w175 - (2*w298 + w299 - w300) + w302 - w303 - 2*w301 - (2*w306 - (w304 + w305))
+    w308 = w49*w221 + w26*w223 - w0*w224 + w7*w225
+    w309 = w0*w221 - w293 - w7*w223 + w11*w278
+    w310 = theta1_t*w230 - (w124*w228 + w10*w132) + center_1*w308 - center_2*w309
+    w311 = theta1_t*w228 + w124*w230 + w10*w150 + center_2*w308 + center_1*w309
+    w312 = w1*w310 - w3*w311 + w235 - (2*w269 + w270 + w271) + 2*w272 + w273 - w274
+    w313 = w49*w240 + w26*w242 + w83*w283 + w0*w243 + w7*w244
+    w314 = w10*w285 - w11*w284
+    w315 = w124*w250 - (w150 + theta1_t*w252) + center_1*w313 + center_2*w314
+    w316 = w132 + theta1_t*w250 + w124*w252 - center_2*w313 + center_1*w314
+    w317 = w254 + w300 - w298 - 2*w299 - (w301 + w303 - 2*w302) - (w306 - w305 - 2*w304)
     return (
-        base1_13*w43 - base1_12*w60,
-        base1_13*w69 + base1_12*w76 + base1_11*w78,
-        base1_13*w86 - base1_12*w90 + base1_11*w94,
-        base1_23*w43 - base1_22*w60,
-        base1_23*w69 + base1_22*w76 + base1_21*w78,
-        base1_23*w86 - base1_22*w90 + base1_21*w94,
-        base1_33*w43 - base1_32*w60,
-        base1_33*w69 + base1_32*w76 + base1_31*w78,
-        base1_33*w86 - base1_32*w90 + base1_31*w94,
-        w124 - (w118 - w119),
-        (w207 - 2*w133)/2,
-        (2*w216 + w235)/2,
-        w206 - w41*w60 - w205 - (w58*w43 - w204 - w203) - w133,
-        (w248 - (w10*w245 - w11*w244 - (w10*w239 + w11*w243)))/2,
-        (w261 - w254)/2,
-        w216 + w231 + w232 + w55*w43 - (w233 + w234 + w32*w60),
-        (w262 - w254)/2,
-        (w271 - (w1*w268 - w3*w265 - (w1*w269 + w3*w270)))/2,
-        -(base1_12*w273 - base1_13*w272),
-        base1_13*w274 + base1_12*w275 - base1_11*w276,
-        -(base1_12*w278 - base1_13*w277 + base1_11*w279),
-        -(base1_22*w273 - base1_23*w272),
-        base1_23*w274 + base1_22*w275 - base1_21*w276,
-        -(base1_22*w278 - base1_23*w277 + base1_21*w279),
-        -(base1_32*w273 - base1_33*w272),
-        base1_33*w274 + base1_32*w275 - base1_31*w276,
-        -(base1_32*w278 - base1_33*w277 + base1_31*w279),
-        -(2*w286 + w311)/2,
-        (w342 - 2*(w0*w319 - w7*w318))/2,
-        (2*w349 + w352)/2,
-        (w359 - (w11*w357 + w10*w358))/2,
-        (w11*w363 + w10*w364 + w365)/2,
-        (w375 - 2*(w11*w370 + w10*w371))/2,
-        -(w1*w378 - w3*w379 + w380)/2,
-        (w1*w383 + w3*w384 + w385)/2,
+        base1_13*w41 - base1_12*w57,
+        base1_13*w64 + base1_12*w69 + base1_11*w71,
+        base1_13*w77 - base1_12*w81 + base1_11*w85,
+        base1_23*w41 - base1_22*w57,
+        base1_23*w64 + base1_22*w69 + base1_21*w71,
+        base1_23*w77 - base1_22*w81 + base1_21*w85,
+        base1_33*w41 - base1_32*w57,
+        base1_33*w64 + base1_32*w69 + base1_31*w71,
+        base1_33*w77 - base1_32*w81 + base1_31*w85,
+        w109 - (w103 - w104),
+        w163 - w118,
+        w172 + w183,
+        w162 - w39*w57 - w161 - (w55*w41 - w160 - w159) - w118,
+        w196 - (w193 - w192 - (w187 + w191)),
+        w209 - w202,
+        w172 + w179 + w180 + w52*w41 - (w181 + w182 + w30*w57),
+        w210 - w202,
+        w219 - (w216 - w213 - (w217 + w218)),
+        -2*(base1_12*w99 - base1_13*w97),
+        -2*(base1_13*w110 - base1_12*w112 + base1_11*w188),
+        -2*(base1_12*w166 - base1_13*w164 + base1_11*w197),
+        -2*(base1_22*w99 - base1_23*w97),
+        -2*(base1_23*w110 - base1_22*w112 + base1_21*w188),
+        -2*(base1_22*w166 - base1_23*w164 + base1_21*w197),
+        -2*(base1_32*w99 - base1_33*w97),
+        -2*(base1_33*w110 - base1_32*w112 + base1_31*w188),
+        -2*(base1_32*w166 - base1_33*w164 + base1_31*w197),
+        -(w226 + w238),
+        w261 - (w0*w246 - w7*w245),
+        w268 + w275,
+        w282 - (w11*w280 + w10*w281),
+        w286 + w287 + w291,
+        w307 - (w11*w296 + w10*w297),
+        -w312,
+        w1*w315 + w3*w316 + w317,
     )
 
 

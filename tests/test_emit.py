@@ -1,0 +1,246 @@
+"""The shipped kernels are what the definitions give, small, and divide by nothing of their own making."""
+
+import ast
+import subprocess
+import sys
+from fractions import Fraction
+
+import pytest
+
+from mbstab.compiler.derive import Derived
+from mbstab.compiler.emit import KERNELS, emit, shipped
+from mbstab.compiler.tape import Product, Sum, Tape
+from mbstab.mechanics.elements import ELEMENTS
+from mbstab.model.arithmetic import FLOAT, symbol_arithmetic
+from mbstab.model.expressions import ExpressionError, parse
+
+# Operations and calls in (dynamics, linearize); a little above what they have.
+BUDGET = {
+    "planar_body_offset": (55, 80),
+    "planar_coincident": (72, 25),
+    "planar_spring": (95, 420),
+    "spatial_body": (155, 440),
+    "spatial_body_offset": (580, 1600),
+    "spatial_coincident": (450, 190),
+    "spatial_perpendicular": (500, 460),
+    "spatial_screw": (1500, 2650),
+    "spatial_spring": (420, 2350),
+    "spatial_wheel_slip_along": (600, 1050),
+}
+
+# What a definition divides by, and nothing else.
+DIVISORS = {
+    "planar_distance": {"length"},
+    "planar_spring": {"sqrt"},
+    "spatial_distance": {"length"},
+    "spatial_screw": {"lead", "pi"},
+    "spatial_spring": {"sqrt"},
+    "spatial_angle_effort": {"sum of squares"},
+    "spatial_angle_spring": {"sum of squares"},
+    "spatial_wheel_height": {"sqrt"},
+    "spatial_wheel_slip_along": {"sqrt"},
+    "spatial_wheel_slip_across": {"sqrt"},
+}
+
+
+def functions(name):
+    tree = ast.parse((KERNELS / f"{name}.py").read_text(encoding="utf-8"))
+    return {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
+
+
+# --- shipped kernels ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", sorted(ELEMENTS))
+def test_regenerating_a_kernel_gives_the_text_of_its_file(name):
+    assert shipped(name) == (KERNELS / f"{name}.py").read_text(encoding="utf-8")
+
+
+def test_every_element_has_a_kernel_and_every_kernel_an_element():
+    assert {path.stem for path in KERNELS.glob("*.py")} == {*ELEMENTS, "__init__"}
+
+
+def test_the_text_of_a_kernel_does_not_depend_on_the_hash_seed():
+    code = "from mbstab.compiler.emit import shipped; print(*map(shipped, ('planar_spring', 'spatial_perpendicular')))"
+    texts = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={"PYTHONHASHSEED": seed, "PYTHONPATH": str(KERNELS.parents[2])},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2", "3")
+    }
+    assert len(texts) == 1
+    assert "def linearize" in texts.pop()
+
+
+@pytest.mark.parametrize("name", BUDGET)
+def test_a_kernel_stays_within_its_budget_of_operations(name):
+    counts = [
+        sum(isinstance(node, ast.BinOp | ast.UnaryOp | ast.Call) for node in ast.walk(function))
+        for function in functions(name).values()
+    ]
+    for count, budget in zip(counts, BUDGET[name], strict=True):
+        assert count <= budget
+
+
+def divisors(function):
+    """Yield what a function divides by, with names replaced by what they stand for."""
+    steps = {
+        node.targets[0].id: node.value
+        for node in function.body
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
+    }
+    for node in ast.walk(function):
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
+            stack = [node.right]
+            while stack:
+                match stack.pop():
+                    case ast.BinOp(left, ast.Mult(), right):
+                        stack += [left, right]
+                    case ast.Name(name) if name in steps:
+                        stack.append(steps[name])
+                    case ast.Name(name):
+                        yield name
+                    case ast.Constant(value):
+                        assert value != 0
+                    case ast.Call(ast.Attribute(attr=called)):
+                        yield called
+                    case ast.Subscript(slice=ast.Constant(value)):
+                        yield value
+                    case ast.BinOp(ast.BinOp(a, ast.Mult(), b), ast.Add(), ast.BinOp(c, ast.Mult(), d)):
+                        assert ast.dump(a) == ast.dump(b)
+                        assert ast.dump(c) == ast.dump(d)
+                        yield "sum of squares"
+                    case other:
+                        yield ast.unparse(other)
+
+
+@pytest.mark.parametrize("name", sorted(ELEMENTS))
+def test_a_kernel_divides_only_by_what_its_definition_divides_by(name):
+    found = {divisor for function in functions(name).values() for divisor in divisors(function)}
+    assert found == DIVISORS.get(name, set())
+
+
+# --- the tape -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def tape():
+    return Tape()
+
+
+def put(tape, text):
+    """Return an expression in x, y, z as a term."""
+    return parse(text).evaluate({name: tape.input(name) for name in "xyz"}, tape.arithmetic())
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("(x + y)**2", "x**2 + 2*x*y + y**2"),
+        ("sin(x*y)**2 + cos(y*x)**2", "1"),
+        ("(x*y)/y", "x"),
+        ("x - 2*y", "-2*(y - x/2)"),
+        ("(x + y) + (x - y)", "2*x"),
+        ("sqrt(x*y + z)", "sqrt(z + y*x)"),
+        ("(y + x)/3 - x/3 - y/3", "0"),
+    ],
+)
+def test_expressions_that_are_identical_are_one_term(tape, one, other):
+    first, second = put(tape, one), put(tape, other)
+    assert (first.step, first.coefficient) == (second.step, second.coefficient)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("abs(x)", "x"),
+        ("sqrt(x**2)", "x"),
+        ("sqrt(x**2 - 2*x*y + y**2)", "x - y"),
+        ("atan2(sin(x), cos(x))", "x"),
+        ("asin(sin(x))", "x"),
+        ("smooth_start(x)", "x**2*(3 - 2*x)"),
+        ("sin(x)", "x"),
+        ("x**0.5*x**0.5", "abs(x)"),
+    ],
+)
+def test_expressions_that_are_equal_in_some_states_only_are_different_terms(tape, one, other):
+    first, second = put(tape, one), put(tape, other)
+    assert (first.step, first.coefficient) != (second.step, second.coefficient)
+
+
+def test_multiples_of_a_sum_share_its_step(tape):
+    terms = [put(tape, text) for text in ("x + 2*y", "3*x + 6*y", "-x/7 - 2*y/7")]
+    assert {term.step for term in terms} == {terms[0].step}
+    assert [term.coefficient / terms[0].coefficient for term in terms] == [1, 3, Fraction(-1, 7)]
+
+
+def test_equal_products_are_computed_once(tape):
+    terms = [put(tape, text) for text in ("x*y", "y*x", "(x*y*z)/z", "2*x*(y/2)", "-x*(-y)")]
+    assert {(term.step, term.coefficient) for term in terms} == {(terms[0].step, 1)}
+    assert tape.steps[terms[0].step] == Product(((tape.input("x").step, 1), (tape.input("y").step, 1)))
+
+
+def test_a_zero_does_not_become_a_step(tape):
+    before = len(tape.steps)
+    assert put(tape, "x - x").is_zero
+    assert put(tape, "0*(x + 0)").is_zero
+    assert not any(isinstance(step, Sum) for step in tape.steps[before:])
+
+
+@pytest.mark.parametrize("text", ["1/0", "1/(x - x)", "(y*x - x*y)**-1", "0**-2"])
+def test_a_division_by_an_expression_that_vanishes_identically_is_refused(tape, text):
+    with pytest.raises(ExpressionError, match=r"no value here \(division by zero\)"):
+        put(tape, text)
+
+
+@pytest.mark.parametrize("text", ["9**9**9", "(9**100)**100", "x**(2**50)", "2**0.5**x"])
+def test_powers_that_would_fill_the_memory_are_left_to_the_arithmetic(tape, text):
+    assert not put(tape, text).is_zero
+
+
+def source(text):
+    """Return the source of a kernel with one row in x."""
+    tape = Tape()
+    return emit(Derived({"q": ["x"]}, tape, {"E": {(0,): put(tape, text)}}, {}), "a title")
+
+
+@pytest.mark.parametrize(
+    ("text", "written"),
+    [
+        ("2*x/2", "x"),
+        ("x + 1/3", "(1 + 3*x)/3"),
+        ("-x*x*x", "-x*x*x"),
+        ("x**9", "x**9"),
+        ("x**-2", "1/(x*x)"),
+        ("2/(3*x)", "2/(3*x)"),
+        ("sin(x/2)", "f.sin(x/2)"),
+        ("0.123456*x", "x*f.number('0.123456')"),
+        ("pi*x", "x*f.constants['pi']"),
+        ("x**1.5", "f.power(x, f.number('3')/2)"),
+        ("1 - x", "1 - x"),
+        ("sqrt(x)*(1 - x)", "f.sqrt(x)*(1 - x)"),
+    ],
+)
+def test_a_term_is_written_with_few_operations_and_exact_numbers(text, written):
+    assert f"        {written},\n" in source(text)
+
+
+def test_numbers_stay_exact_in_exact_arithmetics():
+    module = {}
+    exec(source("x/3 + 0.1 + sqrt(x)*0.123456789012345678"), module)
+    f = symbol_arithmetic()
+    (value,) = module["dynamics"](f, [f.number("4")])
+    assert value == f.number("4") / 3 + f.number("0.1") + 2 * f.number("0.123456789012345678")
+
+
+@pytest.mark.parametrize("operators", [" + ", " - ", "*", "/"])
+def test_a_long_chain_is_written_without_deep_nesting(operators):
+    text = operators.join(["x"] + [f"(x + {i})" for i in range(1, 400)])
+    module = {}
+    exec(compile(source(text), "<kernel>", "exec"), module)
+    (value,) = module["dynamics"](FLOAT, [0.75])
+    assert value == pytest.approx(parse(text).evaluate({"x": 0.75}, FLOAT), rel=1e-12, abs=0)

@@ -1,0 +1,604 @@
+"""Every kernel at a random state off symmetry and in motion: derivatives, definitions, arithmetics.
+
+Derivatives are compared with differences in 50 digits; definitions with kinematics
+written here, from rotation matrices and displaced states only.
+"""
+
+import importlib
+import random
+
+import mpmath
+import numpy as np
+import pytest
+
+from mbstab.compiler.derive import parameter_sizes
+from mbstab.compiler.user import user_kernel
+from mbstab.mechanics.catalogue import COORDINATES
+from mbstab.mechanics.elements import ELEMENTS
+from mbstab.model.arithmetic import FLOAT, FUNCTIONS, array_arithmetic, mpmath_arithmetic
+from mbstab.model.expressions import parse
+
+DIGITS = 50
+STEP = mpmath.mpf("1e-15")
+MATRICES = {"M", "J", "K", "R", "D"}
+
+
+def named(*roles):
+    return sorted(name for name, element in ELEMENTS.items() if element.role in roles)
+
+
+def frame_of(name):
+    return name.removesuffix(f"_{ELEMENTS[name].name}")
+
+
+@pytest.fixture(autouse=True)
+def _precision():
+    with mpmath.workdps(DIGITS):
+        yield
+
+
+# --- kinematics -----------------------------------------------------------------------------------------------------
+
+
+def turn(axis, angle):
+    """Return the matrix of a rotation about a coordinate axis."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    A = np.array([[mpmath.mpf(int(r == c)) for c in range(3)] for r in range(3)])
+    A[i, i] = A[j, j] = mpmath.cos(angle)
+    A[i, j], A[j, i] = -mpmath.sin(angle), mpmath.sin(angle)
+    return A
+
+
+class Body:
+    """Places of a body at displaced states; velocities are differences of places."""
+
+    def __init__(self, frame, q, base):
+        self.size = {"planar": 2, "spatial": 3}[frame]
+        self.q, self.base = np.array(q), base
+
+    def matrix(self, shift=0):
+        q = self.q + shift
+        if self.size == 2:
+            return turn(2, q[2])[:2, :2]
+        return self.base @ turn(0, q[3]) @ turn(1, q[4]) @ turn(2, q[5])
+
+    def place(self, point, shift=0):
+        return (self.q + shift)[: self.size] + self.matrix(shift) @ point
+
+    def velocity(self, point, u):
+        return (self.place(point, STEP * u) - self.place(point, -STEP * u)) / (2 * STEP)
+
+    def acceleration(self, point, u):
+        """Return the acceleration at constant u."""
+        h = mpmath.mpf("1e-12")
+        return (self.place(point, h * u) - 2 * self.place(point) + self.place(point, -h * u)) / h**2
+
+    def spin(self, u):
+        """Return the angular velocity in ground components."""
+        rate = (self.matrix(STEP * u) - self.matrix(-STEP * u)) / (2 * STEP) @ self.matrix().T
+        if self.size == 2:
+            return np.array([rate[1, 0]])
+        return np.array([rate[2, 1], rate[0, 2], rate[1, 0]])
+
+
+def unit(v):
+    return v / mpmath.sqrt(v @ v)
+
+
+class Case:
+    """A kernel with random inputs.
+
+    Parameters
+    ----------
+    name : str
+    units : tuple of str
+        Parameters that are unit vectors.
+    """
+
+    def __init__(self, name, units=()):
+        self.name, self.element, self.frame = name, ELEMENTS[name], frame_of(name)
+        self.kernel = importlib.import_module(f"mbstab.compiler.kernels.{name}")
+        rng = random.Random(name)
+        self.size = len(COORDINATES[self.frame])
+
+        def numbers(count):
+            return np.array([mpmath.mpf(rng.uniform(0.2, 1.2)) for _ in range(count)], dtype=object)
+
+        n = self.size * self.element.slots
+        self.n = n
+        self.rows = 1 + max((i for (i,) in self.kernel.DYNAMICS.get("E", ())), default=-1)
+        angles = numbers(3 * self.element.slots).reshape(-1, 3)
+        self.bases = [turn(0, x) @ turn(1, y) @ turn(2, z) for x, y, z in angles]
+        self.p = {key: numbers(count) for key, count in parameter_sizes(self.element, self.frame)}
+        for key in units:
+            self.p[key] = unit(self.p[key])
+        self.inputs = {"q": numbers(n), "u": numbers(n), "s": numbers(3 * self.element.signals)}
+        self.last = {"inertia": {"a": numbers(n)}, "force": {}}.get(self.element.role, {"nu": numbers(self.rows)})
+
+    @property
+    def flat(self):
+        bases = [x for base in self.bases for x in base.ravel()] if self.frame == "spatial" else []
+        return np.array([*bases, *(x for value in self.p.values() for x in value)], dtype=object)
+
+    @property
+    def s(self):
+        """The given functions of time, without their derivatives."""
+        return self.inputs["s"][: self.element.signals]
+
+    def bodies(self):
+        parts = self.inputs["q"].reshape(-1, self.size)
+        return [Body(self.frame, q, base) for q, base in zip(parts, self.bases, strict=True)]
+
+    def virtual(self):
+        """Yield each coordinate's unit velocity, body by body."""
+        for j in range(self.n):
+            yield np.array([mpmath.mpf(int(i == j)) for i in range(self.n)]).reshape(-1, self.size)
+
+    def speeds(self):
+        return self.inputs["u"].reshape(-1, self.size)
+
+    def arguments(self, function, inputs):
+        last = list(self.last.values()) if function == "linearize" else []
+        return [inputs["q"], inputs["u"], self.flat, inputs["s"], *last]
+
+    def shape(self, key):
+        rows = self.rows if key in "EVBJD" else self.n
+        return (rows, self.n) if key in MATRICES else (rows,)
+
+    def dense(self, function, values):
+        values = iter(values)
+        out = {}
+        for key, entries in getattr(self.kernel, function.upper()).items():
+            out[key] = np.full(self.shape(key), 0, dtype=object)
+            for index in entries:
+                out[key][index] = next(values)
+        assert next(values, None) is None
+        return out
+
+    def run(self, function, **changed):
+        inputs = self.inputs | changed
+        f = mpmath_arithmetic()
+        return self.dense(function, getattr(self.kernel, function)(f, *self.arguments(function, inputs)))
+
+    def slope(self, output, group):
+        """Return ∂output/∂group by differences; `output` takes what `run` returns."""
+        columns = []
+        for j in range(len(self.inputs[group])):
+            ends = []
+            for sign in (1, -1):
+                moved = self.inputs[group].copy()
+                moved[j] += sign * STEP
+                ends.append(output(self.run("dynamics", **{group: moved})))
+            columns.append((ends[0] - ends[1]) / (2 * STEP))
+        return np.array(columns).T
+
+    def rate(self, key):
+        """Return the time derivative of an output on the path with constant u."""
+        q, u = self.inputs["q"], self.inputs["u"]
+        s, s_t, s_tt = self.inputs["s"].reshape(3, -1)
+        ends = []
+        for h in (STEP, -STEP):
+            later = np.concatenate([s + h * s_t + h**2 / 2 * s_tt, s_t + h * s_tt, s_tt])
+            ends.append(self.run("dynamics", q=q + h * u, s=later)[key])
+        return (ends[0] - ends[1]) / (2 * STEP)
+
+
+def assert_close(found, expected, tolerance=1e-20):
+    found, expected = np.array(found, dtype=object), np.array(expected, dtype=object)
+    assert found.shape == expected.shape
+    largest = max((abs(x) for x in expected.flat), default=0)
+    error = max((abs(x - y) for x, y in zip(found.flat, expected.flat, strict=True)), default=0)
+    assert error <= tolerance * largest or error == 0, f"{mpmath.nstr(error, 3)} of {mpmath.nstr(largest, 3)}"
+
+
+# --- derivatives ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", named("holonomic"))
+def test_a_holonomic_velocity_residual_is_the_time_derivative_of_the_row(name):
+    case = Case(name)
+    assert_close(case.run("dynamics")["V"], case.rate("E"))
+
+
+@pytest.mark.parametrize("name", named("nonholonomic"))
+def test_a_nonholonomic_velocity_residual_is_the_row_itself(name):
+    out = Case(name).run("dynamics")
+    assert_close(out["V"], out["E"], 0)
+
+
+@pytest.mark.parametrize("name", named("holonomic", "nonholonomic"))
+def test_the_jacobian_is_the_derivative_of_the_velocity_residual_by_the_speeds(name):
+    case = Case(name)
+    J = case.run("dynamics")["J"]
+    assert np.any(J != 0)
+    assert_close(J, case.slope(lambda out: out["V"], "u"))
+
+
+@pytest.mark.parametrize("name", named("holonomic"))
+def test_the_jacobian_of_a_holonomic_row_is_its_derivative_by_the_coordinates(name):
+    case = Case(name)
+    assert_close(case.run("dynamics")["J"], case.slope(lambda out: out["E"], "q"))
+
+
+@pytest.mark.parametrize("name", named("holonomic", "nonholonomic"))
+def test_the_bias_is_the_time_derivative_of_the_velocity_residual_without_acceleration(name):
+    case = Case(name)
+    assert_close(case.run("dynamics")["B"], case.rate("V"))
+
+
+@pytest.mark.parametrize("name", named("holonomic", "nonholonomic"))
+def test_K_and_R_of_a_constraint_are_the_derivatives_of_its_force(name):
+    case = Case(name)
+    out = case.run("linearize")
+
+    def push(dynamics):
+        return dynamics["J"].T @ case.last["nu"]
+
+    assert_close(out["K"], case.slope(push, "q"))
+    R = out.get("R", np.full((case.n, case.n), mpmath.mpf(0)))
+    assert_close(R, case.slope(push, "u"))
+
+
+@pytest.mark.parametrize("name", named("nonholonomic"))
+def test_D_is_the_derivative_of_a_nonholonomic_row_by_the_coordinates(name):
+    case = Case(name)
+    assert_close(case.run("linearize")["D"], case.slope(lambda out: out["E"], "q"))
+
+
+@pytest.mark.parametrize("name", named("force"))
+def test_K_and_R_of_a_force_are_its_derivatives(name):
+    case = Case(name)
+    out = case.run("linearize")
+    assert np.any(case.run("dynamics")["F"] != 0)
+    assert_close(out["K"], case.slope(lambda out: out["F"], "q"))
+    assert_close(out["R"], case.slope(lambda out: out["F"], "u"))
+
+
+@pytest.mark.parametrize("name", named("inertia"))
+def test_K_and_R_of_a_body_are_the_derivatives_of_its_equations_at_fixed_accelerations(name):
+    case = Case(name)
+    out = case.run("linearize")
+    assert_close(out["K"], case.slope(lambda out: out["M"] @ case.last["a"] + out["F"], "q"))
+    assert_close(out["R"], case.slope(lambda out: out["F"], "u"))
+
+
+@pytest.mark.parametrize("name", named("inertia"))
+def test_a_mass_matrix_is_symmetric_to_the_last_digit(name):
+    M = Case(name).run("dynamics")["M"]
+    assert np.any(M != 0)
+    assert np.all(M == M.T)
+
+
+# --- definitions: bodies --------------------------------------------------------------------------------------------
+
+
+def cloud(case):
+    """Return masses and places of a rigid cloud, and give the case its mass properties."""
+    rng = random.Random(17)
+    size, count = case.bodies()[0].size, 1 if case.element.name == "point" else 7
+    masses = np.array([mpmath.mpf(rng.uniform(0.2, 1.2)) for _ in range(count)])
+    places = np.array([[mpmath.mpf(rng.uniform(-1, 1)) for _ in range(size)] for _ in range(count)])
+    center = masses @ places / sum(masses)
+    if case.element.name != "body_offset":
+        places, center = places - center, 0 * center
+    x, y, z = (*(places - center).T, 0 * masses)[:3]
+    tensor = [masses @ v for v in (y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z)]
+    values = {"mass": [sum(masses)], "center": center, "inertia": tensor[2:3] if size == 2 else tensor}
+    case.p |= {key: np.array(value) for key, value in values.items() if key in case.p}
+    return masses, places
+
+
+@pytest.mark.parametrize("name", named("inertia"))
+def test_a_body_has_the_kinetic_energy_of_a_rigid_cloud_of_points(name):
+    case = Case(name)
+    masses, places = cloud(case)
+    (body,), (u,) = case.bodies(), case.speeds()
+    energy = sum(m * sum(body.velocity(r, u) ** 2) / 2 for m, r in zip(masses, places, strict=True))
+    assert_close(u @ case.run("dynamics")["M"] @ u / 2, energy)
+
+
+@pytest.mark.parametrize("name", named("inertia"))
+def test_a_body_obeys_newton_as_a_rigid_cloud_of_points_does(name):
+    case = Case(name)
+    masses, places = cloud(case)
+    (body,), (u,) = case.bodies(), case.speeds()
+    expected = []
+    for (w,) in case.virtual():
+        missing = [m * (body.acceleration(r, u) - case.p["gravity"]) for m, r in zip(masses, places, strict=True)]
+        expected.append(sum(force @ body.velocity(r, w) for force, r in zip(missing, places, strict=True)))
+    assert_close(case.run("dynamics")["F"], expected)
+
+
+# --- definitions: constraints ---------------------------------------------------------------------------------------
+
+
+def gap(bodies, p):
+    return bodies[0].place(p["first"]) - bodies[1].place(p["second"])
+
+
+def travel(bodies, p):
+    return (bodies[1].matrix() @ p["second_v1"]) @ gap(bodies, p)
+
+
+def crank(bodies, p):
+    """Return length and angle of the first body's zero direction, seen in two directions of the second."""
+    zero = bodies[0].matrix() @ p["first_v2"]
+    c, s = (zero @ (bodies[1].matrix() @ p[key]) for key in ("second_v2", "second_v3"))
+    return mpmath.hypot(c, s), mpmath.atan2(s, c)
+
+
+def screw(bodies, p, s):
+    length, angle = crank(bodies, p)
+    (lead,) = p["lead"]
+    return [lead / (2 * mpmath.pi) * length * mpmath.sin(angle - 2 * mpmath.pi * travel(bodies, p) / lead)]
+
+
+def distance(bodies, p, s):
+    (length,) = p["length"]
+    return [(sum(gap(bodies, p) ** 2) - length**2) / (2 * length)]
+
+
+def angle_position(bodies, p, s):
+    if bodies[0].size == 2:
+        return [bodies[0].q[2] - bodies[1].q[2] - s[0]]
+    length, angle = crank(bodies, p)
+    return [length * mpmath.sin(angle - s[0])]
+
+
+def lowest(body, p):
+    """Return the lowest point of a wheel, as the lowest of a circle of points around the axle, less the tube."""
+    axle, normal = body.matrix() @ p["axle"], p["normal"]
+    e = unit(np.cross(axle, [1, 0, 0]))
+    f = np.cross(axle, e)
+    height = mpmath.hypot(normal @ e, normal @ f)
+    down = -(normal @ e * e + normal @ f * f) / height
+    return body.place(p["center"]) + p["radius"][0] * down - p["tube"][0] * normal
+
+
+def wheel_height(bodies, p, s):
+    return [p["normal"] @ lowest(bodies[0], p) - p["level"][0]]
+
+
+def displaced(bodies, u, sign):
+    frame = {2: "planar", 3: "spatial"}[bodies[0].size]
+    return [Body(frame, body.q + sign * STEP * v, body.base) for body, v in zip(bodies, u, strict=True)]
+
+
+def rate_of(function, bodies, u):
+    return (function(displaced(bodies, u, 1)) - function(displaced(bodies, u, -1))) / (2 * STEP)
+
+
+HOLONOMIC = {
+    "coincident": lambda b, p, s: gap(b, p),
+    "in_plane": lambda b, p, s: [(b[0].matrix() @ p["normal"]) @ gap(b, p)],
+    "perpendicular": lambda b, p, s: [(b[0].matrix() @ p["first"]) @ (b[1].matrix() @ p["second"])],
+    "aligned": lambda b, p, s: [b[0].q[2] - b[1].q[2] + p["angle"][0]],
+    "distance": distance,
+    "screw": screw,
+    "disk_height": lambda b, p, s: [p["normal"] @ b[0].place(p["center"]) - p["level"][0]],
+    "wheel_height": wheel_height,
+    "angle_position": angle_position,
+    "displacement_position": lambda b, p, s: [travel(b, p) - s[0]],
+    "point_position": lambda b, p, s: [p["direction"] @ b[0].place(p["point"]) - s[0]],
+}
+
+
+def disk_slip(bodies, p, s, u):
+    contact = p["center"] - p["radius"][0] * (bodies[0].matrix().T @ p["normal"])
+    along = np.array([p["normal"][1], -p["normal"][0]])
+    return [along @ bodies[0].velocity(contact, u[0])]
+
+
+def wheel_slip(across):
+    def row(bodies, p, s, u):
+        (body,) = bodies
+        contact = body.matrix().T @ (lowest(body, p) - body.q[:3])
+        direction = unit(np.cross(body.matrix() @ p["axle"], p["normal"]))
+        direction = np.cross(p["normal"], direction) if across else direction
+        return [direction @ body.velocity(contact, u[0])]
+
+    return row
+
+
+def knife_edge(bodies, p, s, u):
+    (body,) = bodies
+    across = body.matrix() @ p["across"] if body.size == 2 else np.cross(p["normal"], body.matrix() @ p["along"])
+    return [across @ body.velocity(p["point"], u[0])]
+
+
+def angle_velocity(bodies, p, s, u):
+    axis = bodies[1].matrix() @ p["second_v1"] if bodies[0].size == 3 else np.array([1])
+    return [axis @ (bodies[0].spin(u[0]) - bodies[1].spin(u[1])) - s[0]]
+
+
+NONHOLONOMIC = {
+    "disk_slip": disk_slip,
+    "wheel_slip_along": wheel_slip(across=False),
+    "wheel_slip_across": wheel_slip(across=True),
+    "knife_edge": knife_edge,
+    "angle_velocity": angle_velocity,
+    "displacement_velocity": lambda b, p, s, u: [rate_of(lambda at: travel(at, p), b, u) - s[0]],
+    "point_velocity": lambda b, p, s, u: [p["direction"] @ b[0].velocity(p["point"], u[0]) - s[0]],
+}
+
+UNIT_VECTORS = ("normal", "axle")
+
+
+def of_bodies(*roles):
+    return [name for name in named(*roles) if frame_of(name) != "coordinate"]
+
+
+def with_units(name):
+    return Case(name, [key for key in UNIT_VECTORS if key in dict(ELEMENTS[name].parameters)])
+
+
+@pytest.mark.parametrize("name", of_bodies("holonomic"))
+def test_a_holonomic_row_is_what_the_kinematics_say(name):
+    case = with_units(name)
+    expected = HOLONOMIC[case.element.name](case.bodies(), case.p, case.s)
+    assert_close(case.run("dynamics")["E"], expected)
+
+
+@pytest.mark.parametrize("name", of_bodies("nonholonomic"))
+def test_a_nonholonomic_row_is_what_the_kinematics_say(name):
+    case = with_units(name)
+    expected = NONHOLONOMIC[case.element.name](case.bodies(), case.p, case.s, case.speeds())
+    assert_close(case.run("dynamics")["E"], expected)
+
+
+@pytest.mark.parametrize(("name", "group"), [("position", "q"), ("velocity", "u")])
+def test_a_driven_coordinate_follows_its_law(name, group):
+    case = Case(f"coordinate_coordinate_{name}")
+    assert_close(case.run("dynamics")["E"], case.inputs[group] - case.s, 0)
+
+
+# --- definitions: forces --------------------------------------------------------------------------------------------
+
+
+def length(bodies, p):
+    return mpmath.sqrt(sum(gap(bodies, p) ** 2))
+
+
+def angle(bodies, p):
+    return bodies[0].q[2] - bodies[1].q[2] if bodies[0].size == 2 else crank(bodies, p)[1]
+
+
+def spring(extension):
+    """Return the power of a spring and damper in a virtual motion w."""
+
+    def power(bodies, p, s, u, w):
+        speed, virtual = (rate_of(lambda at: extension(at, p), bodies, v) for v in (u, w))
+        (stiffness,), (rest,), (damping,) = p["stiffness"], p["rest"], p["damping"]
+        return -(stiffness * (extension(bodies, p) - rest) + damping * speed) * virtual
+
+    return power
+
+
+def effort(motion):
+    return lambda b, p, s, u, w: s[0] * rate_of(lambda at: motion(at, p), b, w)
+
+
+POWER = {
+    "spring": spring(length),
+    "angle_spring": spring(angle),
+    "displacement_spring": spring(travel),
+    "angle_effort": effort(angle),
+    "displacement_effort": effort(travel),
+    "ground_force": lambda b, p, s, u, w: s @ b[0].velocity(p["point"], w[0]),
+    "body_force": lambda b, p, s, u, w: (b[0].matrix() @ s) @ b[0].velocity(p["point"], w[0]),
+    "ground_torque": lambda b, p, s, u, w: s @ b[0].spin(w[0]),
+    "body_torque": lambda b, p, s, u, w: (b[0].matrix() @ s) @ b[0].spin(w[0]),
+}
+
+
+@pytest.mark.parametrize("name", named("force"))
+def test_a_force_has_the_power_that_force_times_velocity_gives_in_every_virtual_motion(name):
+    case = Case(name)
+    power = POWER[case.element.name]
+    expected = [-power(case.bodies(), case.p, case.s, case.speeds(), w) for w in case.virtual()]
+    assert_close(case.run("dynamics")["F"], expected)
+
+
+# --- arithmetics ----------------------------------------------------------------------------------------------------
+
+
+def assert_same(case, function, found, expected):
+    found, expected = case.dense(function, found), case.dense(function, expected)
+    for key, matrix in expected.items():
+        largest = max((abs(x) for x in matrix.ravel()), default=0)
+        assert all(abs(x - y) <= 1e-13 * largest for x, y in zip(found[key].ravel(), matrix.ravel(), strict=True)), key
+
+
+@pytest.mark.parametrize("name", sorted(ELEMENTS))
+@pytest.mark.parametrize("function", ["dynamics", "linearize"])
+def test_floats_agree_with_50_digits(name, function):
+    case = Case(name)
+    floats = [[float(x) for x in group] for group in case.arguments(function, case.inputs)]
+    exact = [[mpmath.mpf(x) for x in group] for group in floats]
+    run = getattr(case.kernel, function)
+    assert_same(case, function, run(FLOAT, *floats), run(mpmath_arithmetic(), *exact))
+
+
+@pytest.mark.parametrize("name", sorted(ELEMENTS))
+@pytest.mark.parametrize("function", ["dynamics", "linearize"])
+def test_arrays_give_what_their_elements_give_one_by_one(name, function):
+    case = Case(name)
+    rng = np.random.default_rng(5)
+    groups = [[float(x) * rng.uniform(0.9, 1.1, 5) for x in group] for group in case.arguments(function, case.inputs)]
+    run = getattr(case.kernel, function)
+    together = [np.broadcast_to(x, 5) for x in run(array_arithmetic(), *groups)]
+    for i in range(5):
+        single = run(FLOAT, *[[float(x[i]) for x in group] for group in groups])
+        assert_same(case, function, [x[i] for x in together], single)
+
+
+# --- kernels of expressions -----------------------------------------------------------------------------------------
+
+ARGUMENTS = {"acos": "b.x*b.y/4", "asin": "b.x*b.y/4", "atan2": "b.x - L*t, b.y + t", "smooth_start": "b.x*b.y/4 + t/8"}
+TEXTS = {name: f"L*{name}({ARGUMENTS.get(name, 'b.x*b.y + t**2')}) + b.x" for name in FUNCTIONS} | {
+    "power of a coordinate": "b.x**1.5*L + (b.x*b.y)**-3 + b.y**12",
+    "power with exponent": "b.x**(L*b.y + t)",
+    "constants": "pi*b.x + 30*deg*b.y**2 + 0.123456789*b.x*b.y*t - 1/3",
+}
+
+
+class UserCase(Case):
+    """A kernel of expressions in b.x, b.y, L and t."""
+
+    def __init__(self, role, texts, rows=(), sign=1):
+        rng = random.Random(3)
+        self.kernel = user_kernel(role, tuple(map(parse, texts)), rows, ("b.x", "b.y"), ("L",))
+        self.n, self.rows = 2, len(texts) if role != "force" else 0
+        self.element = ELEMENTS["coordinate_coordinate_position"]  # for its one given function of time
+        q, u, s, self._p, nu = (
+            np.array([mpmath.mpf(rng.uniform(0.4, 0.9)) for _ in range(count)], dtype=object)
+            for count in (2, 2, 3, 1, self.rows)
+        )
+        self.inputs = {"q": sign * q, "u": u, "s": s}
+        self.last = {} if role == "force" else {"nu": nu}
+
+    @property
+    def flat(self):
+        return self._p
+
+
+@pytest.mark.parametrize("role", ["holonomic", "nonholonomic"])
+@pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
+def test_a_constraint_written_as_an_expression_has_its_value_and_derivatives(role, text):
+    text = text if role == "holonomic" else f"({text})*rate(b.y) - rate(b.x)"
+    case = UserCase(role, [text])
+    q, u = case.inputs["q"], case.inputs["u"]
+    names = {"b.x": q[0], "b.y": q[1], "L": case.flat[0], "t": case.s[0]}
+    value = parse(text).evaluate(names, mpmath_arithmetic(), {"b.x": u[0], "b.y": u[1]})
+    out, linear = case.run("dynamics"), case.run("linearize")
+    assert_close(out["E"], [value])
+    assert_close(out["B"], case.rate("V"))
+    assert_close(out["J"], case.slope(lambda out: out["V"], "u"))
+    assert_close(linear["K"], case.slope(lambda out: out["J"].T @ case.last["nu"], "q"))
+    if role == "holonomic":
+        assert_close(out["V"], case.rate("E"))
+    else:
+        assert_close(linear["D"], case.slope(lambda out: out["E"], "q"))
+
+
+def test_a_force_written_as_expressions_acts_on_the_coordinates_it_names():
+    case = UserCase("force", ["-L*b.x*rate(b.y)**2", "sin(b.x + t)"], ("b.x", "b.y"))
+    q, u = case.inputs["q"], case.inputs["u"]
+    assert_close(case.run("dynamics")["F"], [case.flat[0] * q[0] * u[1] ** 2, -mpmath.sin(q[0] + case.s[0])])
+    assert_close(case.run("linearize")["K"], case.slope(lambda out: out["F"], "q"))
+    assert_close(case.run("linearize")["R"], case.slope(lambda out: out["F"], "u"))
+
+
+@pytest.mark.parametrize("text", ["abs(b.x) - b.x + b.y", "sqrt(b.x**2) - b.x + b.y", "abs(b.x*b.y) - b.x*b.y + b.y"])
+def test_what_holds_for_positive_numbers_only_is_not_taken_for_an_identity(text):
+    case = UserCase("holonomic", [text], sign=-1)
+    x, y = case.inputs["q"]
+    expected = {"a": abs(x) - x + y, "s": abs(x) - x + y}[text[0]] if "*b.y" not in text else y
+    assert_close(case.run("dynamics")["E"], [expected])
+    assert_close(case.run("dynamics")["J"], case.slope(lambda out: out["E"], "q"))
+
+
+def test_a_smooth_start_can_be_written_in_a_constraint_and_starts_at_time_zero():
+    kernel = user_kernel("holonomic", (parse("b.x - smooth_start(t)"),), (), ("b.x",), ())
+    E, V, J, _ = kernel.dynamics(FLOAT, [0.0], [0.0], [], [0.0, 1.0, 0.0])
+    assert (E, V, J) == (0.0, 0.0, 1)

@@ -1,0 +1,215 @@
+"""Units: factors, dimensions, and sums and functions that do not fit."""
+
+import math
+from fractions import Fraction
+
+import pytest
+
+from mbstab.model.arithmetic import FUNCTIONS
+from mbstab.model.expressions import ExpressionError, parse
+from mbstab.model.units import LITERAL, NONE, UNITS, UNKNOWN, dimension_of, parse_unit, show
+
+KG, M, S = (tuple(Fraction(int(i == j)) for i in range(3)) for j in range(3))
+
+
+def dimension(kilogram, metre, second):
+    return Fraction(kilogram), Fraction(metre), Fraction(second)
+
+
+NEWTON = dimension(1, 1, -2)
+NAMES = {"m": KG, "L": M, "T": S, "v": dimension(0, 1, -1), "F": NEWTON, "phi": NONE, "free": UNKNOWN}
+
+
+def infer(text):
+    return dimension_of(parse(text), NAMES)
+
+
+# --- units ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "factor", "expected"),
+    [
+        ("1", 1.0, NONE),
+        ("rad", 1.0, NONE),
+        ("deg", math.pi / 180, NONE),
+        ("m", 1.0, M),
+        ("mm", 1e-3, M),
+        ("cm", 1e-2, M),
+        ("km", 1e3, M),
+        ("kg", 1.0, KG),
+        ("g", 1e-3, KG),
+        ("t", 1e3, KG),
+        ("s", 1.0, S),
+        ("ms", 1e-3, S),
+        ("min", 60.0, S),
+        ("h", 3600.0, S),
+        ("Hz", 1.0, dimension(0, 0, -1)),
+        ("rpm", 2 * math.pi / 60, dimension(0, 0, -1)),
+        ("N", 1.0, NEWTON),
+        ("kN", 1e3, NEWTON),
+        ("J", 1.0, dimension(1, 2, -2)),
+        ("W", 1.0, dimension(1, 2, -3)),
+        ("Pa", 1.0, dimension(1, -1, -2)),
+        ("kg*m^2", 1.0, dimension(1, 2, 0)),
+        ("kg*m**2", 1.0, dimension(1, 2, 0)),
+        ("N*s/m", 1.0, dimension(1, 0, -1)),
+        ("N/m", 1.0, dimension(1, 0, -2)),
+        ("mm^2", 1e-6, dimension(0, 2, 0)),
+        ("mm^-1", 1e3, dimension(0, -1, 0)),
+        ("1/s", 1.0, dimension(0, 0, -1)),
+        ("km/h", 1 / 3.6, dimension(0, 1, -1)),
+        ("m/s/s", 1.0, dimension(0, 1, -2)),
+        ("m/s^2", 1.0, dimension(0, 1, -2)),
+        ("deg/s", math.pi / 180, dimension(0, 0, -1)),
+        (" kg * m ^ 2 / s ", 1.0, dimension(1, 2, -1)),
+    ],
+)
+def test_a_unit_has_its_factor_and_its_dimension(text, factor, expected):
+    found = parse_unit(text)
+    assert found[0] == pytest.approx(factor, rel=1e-15, abs=0)
+    assert found[1] == expected
+
+
+def test_every_unit_of_the_table_is_tested_here():
+    (mark,) = test_a_unit_has_its_factor_and_its_dimension.pytestmark
+    assert set(UNITS) <= {case[0] for case in mark.args[1]}
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "position"),
+    [
+        ("", "'' is no unit", 0),
+        ("m*", "is no unit", 2),
+        ("*m", "is no unit", 0),
+        ("m s", "is no unit", 2),
+        ("m^", "is no unit", 1),
+        ("m^x", "is no unit", 1),
+        ("m^1.5", "is no unit", 3),
+        ("m^100", "is no unit", 4),
+        ("m^\u0662", "is no unit", 1),
+        ("m//s", "is no unit", 2),
+        ("(m)", "is no unit", 0),
+        ("2*m", "is no unit", 0),
+        ("kg*metre", "unknown unit 'metre'", 3),
+        ("h^99", "out of the range of numbers", 0),
+        ("km^99*km^99", "out of the range of numbers", 6),
+        ("mm^99/km^99", "out of the range of numbers", 6),
+    ],
+)
+def test_what_is_no_unit_is_refused_at_its_place(text, message, position):
+    with pytest.raises(ExpressionError, match=message) as caught:
+        parse_unit(text)
+    assert caught.value.position == position
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("Kg", "did you mean 'kg'?"),
+        ("hz", "did you mean 'Hz'?"),
+        ("lightyear", "known units: " + ", ".join(UNITS)),
+    ],
+)
+def test_an_unknown_unit_is_refused_with_a_suggestion(text, hint):
+    with pytest.raises(ExpressionError, match="unknown unit") as caught:
+        parse_unit(text)
+    assert caught.value.hint == hint
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ((1, 2, -2), "kg*m^2/s^2"),
+        ((0, 0, -1), "1/s"),
+        ((0, 1, 0), "m"),
+        ((0, 0, 0), "1"),
+        ((1, -1, -2), "kg/m/s^2"),
+        ((0, Fraction(1, 2), 0), "m^1/2"),
+    ],
+)
+def test_a_dimension_is_shown_in_si_units(values, text):
+    assert show(dimension(*values)) == text
+
+
+# --- expressions ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("2.5", LITERAL),
+        ("-pi/2", LITERAL),
+        ("2**3*sin(1)", LITERAL),
+        ("30*deg", LITERAL),
+        ("L", M),
+        ("-L", M),
+        ("2*L", M),
+        ("L + 1", M),
+        ("1 - L", M),
+        ("L/T", dimension(0, 1, -1)),
+        ("1/T", dimension(0, 0, -1)),
+        ("m*L/T**2 + F", NEWTON),
+        ("m*v**2/L - F", NEWTON),
+        ("L**-2", dimension(0, -2, 0)),
+        ("sqrt(L**2 + L*v*T)", M),
+        ("sqrt(L)", dimension(0, Fraction(1, 2), 0)),
+        ("L**0.5", dimension(0, Fraction(1, 2), 0)),
+        ("abs(v)", dimension(0, 1, -1)),
+        ("atan2(L, v*T)", LITERAL),
+        ("sin(L/(v*T))", LITERAL),
+        ("exp(-phi)", LITERAL),
+        ("smooth_start(3*phi)", LITERAL),
+        ("phi + 30*deg", NONE),
+        ("phi**phi", NONE),
+        ("L**phi", UNKNOWN),
+        ("free", UNKNOWN),
+        ("free*L", UNKNOWN),
+        ("free + L", UNKNOWN),
+        ("L + free", UNKNOWN),
+        ("sin(free)", LITERAL),
+        ("rate(b.x)", UNKNOWN),
+        ("b.x", UNKNOWN),
+        ("L + rate(b.x)*T", UNKNOWN),
+        ("2 + 3*(1 + 1)", LITERAL),
+        ("10*phi", LITERAL),
+        ("phi/2 + L", M),
+        ("L*sin(phi)", M),
+        ("phi*phi", NONE),
+    ],
+)
+def test_an_expression_has_the_dimension_of_its_parts(text, expected):
+    assert infer(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "position"),
+    [
+        ("L + T", "m and s cannot be added or compared", 2),
+        ("1 + (L - T)", "m and s cannot be added or compared", 7),
+        ("m*v + F", "kg[*]m/s and kg[*]m/s.2 cannot be added or compared", 4),
+        ("L + phi", "m and 1 cannot be added or compared", 2),
+        ("free + (L + T)", "m and s cannot be added or compared", 10),
+        ("atan2(L, T)", "m and s cannot be added or compared", 0),
+        ("2*sin(L)", r"sin\(\) takes a plain number or an angle, its argument has the unit m", 2),
+        ("2**L", "an exponent is a plain number, this one has the unit m", 1),
+        ("L**T", "an exponent is a plain number, this one has the unit s", 1),
+        ("abs(L + T)", "cannot be added", 6),
+        ("sqrt(L + T)", "cannot be added", 7),
+        ("-(L + T)", "cannot be added", 4),
+        ("rate(b.x)*(L - T)", "cannot be added", 13),
+    ],
+)
+def test_quantities_that_do_not_fit_are_refused_at_their_place(text, message, position):
+    with pytest.raises(ExpressionError, match=message) as caught:
+        infer(text)
+    assert caught.value.position == position
+
+
+@pytest.mark.parametrize(
+    "name", sorted({name for name, (count, _) in FUNCTIONS.items() if count == 1} - {"abs", "sqrt"})
+)
+def test_a_transcendental_function_takes_no_length(name):
+    assert infer(f"{name}(L/L)") == LITERAL
+    with pytest.raises(ExpressionError, match=rf"{name}\(\) takes a plain number or an angle"):
+        infer(f"{name}(L)")
