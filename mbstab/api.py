@@ -19,6 +19,7 @@ from mbstab.analysis.eigen import EigenResult, eigenvalues
 from mbstab.analysis.expectations import Outcome, check_expectations
 from mbstab.analysis.linearize import Linearization, StateSpace, linearize, state_space
 from mbstab.analysis.motion import Motion, reference_motion
+from mbstab.analysis.numerics import guarded
 from mbstab.analysis.symbolic import SymbolicBlocks, symbolic_blocks
 from mbstab.analysis.symmetry import symmetries
 from mbstab.compiler.system import System
@@ -58,6 +59,7 @@ class Mechanism:
         """
         return System(evaluate(self.model, parse_overrides(self.model, parameters)))
 
+    @guarded
     def motion(self, **parameters: Setting) -> Motion:
         """Return the reference motion: q, u, a (m, rad, s) and multipliers.
 
@@ -68,15 +70,18 @@ class Mechanism:
         """
         return reference_motion(self.system(**parameters))
 
+    @guarded
     def linearize(self, **parameters: Setting) -> Linearization:
         """Return M, R, K, J, D_q at the reference motion (Pappalardo et al. 2020, Eqs. (57)-(67))."""
         system = self.system(**parameters)
         return linearize(system, reference_motion(system))
 
+    @guarded
     def state_space(self, **parameters: Setting) -> StateSpace:
         """Return the deflated system ẏ = A y with the maps to Δq and Δu."""
         return state_space(self.linearize(**parameters))
 
+    @guarded
     def eig(self, method: str = "nullspace", **parameters: Setting) -> EigenResult:
         """Return eigenvalues (1/s) with error bounds, and the verdict.
 
@@ -99,6 +104,7 @@ class Mechanism:
         linear = linearize(system, motion)
         return eigenvalues(linear, method, lambda: symmetries(system, motion))
 
+    @guarded
     def check(self, **parameters: Setting) -> CheckReport:
         """Return what the scene consists of, what it does not need, and how well the reference fits."""
         return check_scene(self.system(**parameters))

@@ -5,9 +5,9 @@ zero eigenvalues by a staircase null(S), null(S₂₂), … of orthogonal steps 
 that neutral directions do not spoil small physical eigenvalues. Each remaining eigenvalue
 is judged on the undeflated quadratic eigenproblem (s²M̄ + sR̄ + K̄) x = 0 with right and left
 vectors x, y: backward error η and condition number κ as in Tisseur (2000), Linear Algebra
-Appl. 309, sections 2.2-2.3; κ·η bounds the error to first order. Where zero eigenvalues are
-held at zero by their structure, κ is the condition number in the deflated matrix: disturbances
-that would move the zeros do not occur.
+Appl. 309, sections 2.2-2.3; κ·(η + rounding of the matrices) bounds the error to first order.
+Where zero eigenvalues are held at zero by their structure, κ is the condition number in the
+deflated matrix: disturbances that would move the zeros do not occur.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ Complex = npt.NDArray[np.complex128]
 METHODS = ("nullspace", "index3", "paper")
 
 EPS = float(np.finfo(float).eps)
+DATA = 2.0 * EPS
+"""To what the matrices are known, relative to their norms: computed from data in double precision."""
+
 NEUTRAL_TOLERANCE = 1e-12
 """A singular value of S below this fraction of the largest is taken for zero."""
 
@@ -59,7 +62,7 @@ class Eigenvalue:
         ``stable node``, ``unstable node``, ``saddle``, ``stable focus``, ``unstable focus``,
         ``center``, ``neutral`` (zero), or ``undecided``.
     error_bound : float (1/s)
-        κ·η; nan for neutral eigenvalues, which are exact zeros of the structure.
+        κ·(η + rounding of the data); nan for neutral eigenvalues, which are exact zeros of the structure.
     condition, backward_error : float
         Relative condition number κ and backward error η.
     participation : dict
@@ -403,8 +406,7 @@ class _Judge:
             kappa = weight * length_x * length_y / slope
             if self.n_neutral:
                 kappa = self._deflated_condition(values)
-            # The data themselves are known to round-off only.
-            bound = kappa * np.maximum(eta, EPS)
+            bound = kappa * (eta + DATA)
         found = []
         for j, s in enumerate(values):
             error = float(bound[j]) if np.isfinite(bound[j]) else math.inf

@@ -9,6 +9,7 @@ import numpy as np
 from mbstab.analysis.eigen import EigenResult, eigenvalues, matched
 from mbstab.analysis.linearize import linearize
 from mbstab.analysis.motion import reference_motion
+from mbstab.analysis.numerics import guarded
 from mbstab.analysis.symmetry import symmetries
 from mbstab.compiler.system import System
 from mbstab.errors import Location, MbstabError
@@ -62,6 +63,7 @@ def check_expectation(model: Model, expectation: Expectation) -> list[Outcome]:
         return [Outcome(expectation.location, f"an answer{where}", False, str(error))]
 
 
+@guarded
 def _answer(model: Model, overrides: dict[str, float]) -> EigenResult:
     system = System(evaluate(model, overrides))
     motion = reference_motion(system)

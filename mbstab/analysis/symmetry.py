@@ -16,7 +16,6 @@ import numpy as np
 from mbstab.analysis.motion import Motion, motion_at
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
-from mbstab.mechanics.vectors import unit
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.values import BodyValues, euler_matrix
 
@@ -124,7 +123,9 @@ def _axes(system: System) -> list[tuple[str, Array]]:
     if system.scene.dimension == 2:
         return [("rotation in the plane", np.array([0.0, 0.0, 1.0]))] if not any(gravity) else []
     if any(gravity):
-        axis = np.array(unit(tuple(-g for g in gravity), math.sqrt))
+        up = -np.array(gravity, dtype=float)
+        up /= np.max(np.abs(up))
+        axis = up / np.linalg.norm(up)
         k = int(np.argmax(np.abs(axis)))
         name = f"rotation about {'xyz'[k]}" if abs(axis[k]) > 1.0 - 1e-12 else "rotation about the vertical"
         return [(name, axis)]
@@ -179,7 +180,7 @@ def _turned(system: System, motion: Motion, axis: Array, angle: float) -> tuple[
             new = _angles(body, turn @ _orientation(body, at))
             G = rate_matrix(body, new)
             spin = turn @ rate_matrix(body, at) @ rate
-            new_rate: Array = np.linalg.solve(G, spin)
+            new_rate: Array = np.asarray(np.linalg.solve(G, spin), dtype=np.float64)
             growth: Array = turn @ (rate_matrix(body, at) @ second + _rate_drift(body, at, rate))
             q[angles], u[angles] = new, new_rate
             a[angles] = np.linalg.solve(G, growth - _rate_drift(body, new, new_rate))
@@ -193,7 +194,8 @@ def _rotation_matrix(axis: Array, angle: float) -> Array:
 
 
 def _orientation(body: BodyValues, angles: Array) -> Array:
-    return np.array(body.base).reshape(3, 3) @ np.array(euler_matrix(tuple(angles), FLOAT)).reshape(3, 3)
+    result: Array = np.array(body.base).reshape(3, 3) @ np.array(euler_matrix(tuple(angles), FLOAT)).reshape(3, 3)
+    return result
 
 
 def _angles(body: BodyValues, rotation: Array) -> Array:

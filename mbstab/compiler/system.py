@@ -265,7 +265,13 @@ class System:
         plan = self._plans.get(function)
         if plan is None:
             plan = self._plans[function] = self._plan(function, shapes)
-        return {key: _scatter(values, *plan[key], shape) for key, shape in shapes.items()}
+        out = {key: _scatter(values, *plan[key], shape) for key, shape in shapes.items()}
+        if any(matrix.dtype != object and not np.isfinite(matrix).all() for matrix in out.values()):
+            raise NumericalError(
+                "the equations of motion overflow: a matrix entry is not finite\n"
+                "hint: numbers of this size leave the range of double precision; use other units"
+            )
+        return out
 
     def _plan(
         self, function: str, shapes: dict[str, tuple[int, ...]]

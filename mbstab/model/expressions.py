@@ -133,9 +133,7 @@ class Expression:
                 found[node.name] = min(node.position, found.get(node.name, node.position))
         return found
 
-    def evaluate(
-        self, names: Mapping[str, Any], arithmetic: Arithmetic, rates: Mapping[str, Any] | None = None
-    ) -> Any:
+    def evaluate(self, names: Mapping[str, Any], arithmetic: Arithmetic, rates: Mapping[str, Any] | None = None) -> Any:
         """Return the value.
 
         Parameters

@@ -81,10 +81,10 @@ def jet_arithmetic(f: Arithmetic) -> Arithmetic:
 
         return function
 
-    def power(base: Any, exponent: Any) -> Jet:
-        base, exponent = Jet.of(base), Jet.of(exponent)
+    def power(x: Any, n: Any) -> Jet:
+        base, exponent = Jet.of(x), Jet.of(n)
         if exponent.constant:
-            n, x = exponent.value, base.value
+            x, n = base.value, exponent.value
             value = f.power(x, n)
             if base.constant:
                 return Jet(value)
@@ -151,7 +151,7 @@ def jet_arithmetic(f: Arithmetic) -> Arithmetic:
         "sign": lambda x: (f.sign(x), 0 * x, 0 * x),
         "smooth_start": smooth_start,
     }
-    functions = {name: lift(name, function) for name, function in derivatives.items()}
+    functions: dict[str, Any] = {name: lift(name, function) for name, function in derivatives.items()}
     functions |= {"atan2": atan2, "power": power}
     return Arithmetic(f"jet of {f.name}", f.number, f.constants, functions)
 

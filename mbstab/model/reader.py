@@ -483,9 +483,12 @@ class _Reader:
             if len(given) != 1:
                 found = "none" if not given else "both"
                 self.complain(node, path, f"give one of {' and '.join(map(repr, group))}, {found} given")
-        if "joint" in values and "motion" in values:
+        if "joint" in values:
             joint = self.entries["joints"][values["joint"]].kind
-            if values["motion"] not in joint.motions:
+            if "motion" not in values and len(joint.motions) > 1:
+                hint = "add motion: " + " or motion: ".join(joint.motions)
+                self.complain(node, path, f"a {joint.name} joint has two motions, say which one is meant", hint)
+            elif "motion" in values and values["motion"] not in joint.motions:
                 message = f"a {joint.name} joint has no {values['motion']}, only {joint.motions[0]}"
                 self.complain(places["motion"], f"{path}.motion", message)
         return Entry(section, name, kind, values, node.location, places)
@@ -556,7 +559,12 @@ class _Reader:
 
     def _body_name(self, node: YamlNode, path: str) -> str | None:
         word = self._word(node, path, "the name of a body")
-        return word if word is not None and self._found(node, path, word, "body", self.bodies) else None
+        if word is None or not self._found(node, path, word, "body", self.bodies):
+            return None
+        if len(body_coordinates(self.bodies[word])) == self.dimension:
+            self.complain(node, path, f"the body {word!r} is a point: it has no orientation that a torque could turn")
+            return None
+        return word
 
     def _joint_name(self, node: YamlNode, path: str) -> str | None:
         word = self._word(node, path, "the name of a joint")
