@@ -192,7 +192,6 @@ def test_a_sweep_evaluates_all_its_points_at_once() -> None:
             np.testing.assert_allclose(np.broadcast_to(moment, 3), expected, rtol=1e-15)
 
 
-@pytest.mark.xfail(strict=True, reason="an array times a Jet is an array of jets: Jet needs __array_ufunc__ = None")
 def test_a_sweep_reaches_the_functions_of_time() -> None:
     drive = "drives: {d: {type: coordinate, coordinate: p.x, position: v*t - t*v/3 + v}}\nreference: {time: 3}"
     model = read_model_text(f"mbstab: 1\nparameters: {{v: 2}}\nbodies: {{p: {{type: point, mass: 1}}}}\n{drive}")

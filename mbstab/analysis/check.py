@@ -116,7 +116,9 @@ def _unneeded(system: System, motion: Motion) -> list[str]:
     found = [f"{item} (one row, one multiplier)" for item in motion.redundant]
     for body, part in zip(scene.bodies, system.body_slices, strict=True):
         if not moving[part].any() and not np.any(motion.u[part]):
-            found.append(f"body {body.name!r} cannot move: as part of the ground it saves {len(body.coordinates)} coordinates")
+            found.append(
+                f"body {body.name!r} cannot move: as part of the ground it saves {len(body.coordinates)} coordinates"
+            )
     if scene.dimension == 3 and motion.at_rest:
         axis = _planar_axis(system, motion, allowed)
         if axis:
@@ -127,7 +129,11 @@ def _unneeded(system: System, motion: Motion) -> list[str]:
     model = scene.model
     used = _used_parameters(system)
     found += [f"parameter {name!r} is not used" for name in model.parameters if name not in used]
-    if any(scene.gravity) and scene.dimension == 3 and not any(moving[p.start : p.start + 3].any() for p in system.body_slices):
+    if (
+        any(scene.gravity)
+        and scene.dimension == 3
+        and not any(moving[p.start : p.start + 3].any() for p in system.body_slices)
+    ):
         found.append("gravity does no work: no reference point moves")
     return found
 

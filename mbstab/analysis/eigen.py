@@ -200,8 +200,8 @@ def deflate_neutral(S: Array, rounding: float = EPS) -> Deflated:
         largest, next_one = float(s[-zeros]), float(s[-zeros - 1]) if zeros < len(s) else math.inf
         if not undecided and (largest > NEUTRAL_ROUNDING * rounding * size or next_one < NEUTRAL_GAP * largest):
             undecided = (
-                f"{zeros} eigenvalues are close to zero without a gap (singular values {largest:.1e} and {next_one:.1e} 1/s, "
-                f"rounding {rounding * size:.1e}): neutral or merely slow cannot be told in double precision"
+                f"{_count(zeros)} close to zero without a gap (singular value {largest:.1e} 1/s between rounding, "
+                f"{rounding * size:.1e}, and the next, {next_one:.1e}): neutral or merely slow cannot be told in double precision"
             )
         dropped = max(dropped, largest)
         # Null vectors first.
@@ -255,7 +255,11 @@ def eigenvalues(
 def _time_scale(space: StateSpace) -> float:
     """Return a typical rate of the deflated system (1/s)."""
     A, n = space.A, space.n_xi
-    size = [math.sqrt(float(np.linalg.norm(A[n:, :n]))), float(np.linalg.norm(A[n:, n:])), float(np.linalg.norm(A[:n, :n]))]
+    size = [
+        math.sqrt(float(np.linalg.norm(A[n:, :n]))),
+        float(np.linalg.norm(A[n:, n:])),
+        float(np.linalg.norm(A[:n, :n])),
+    ]
     return max(size, default=0.0) or 1.0
 
 
@@ -365,9 +369,7 @@ class _Judge:
         if not left or n_h == c:  # the columns of the multipliers do not depend on s
             result: Complex = np.linalg.lstsq(K[:, n:].astype(complex), -known, rcond=1e-13)[0]
             return result
-        columns = [
-            np.linalg.lstsq(x * R[:, n:] + K[:, n:], -known[:, j], rcond=1e-13)[0] for j, x in enumerate(s)
-        ]
+        columns = [np.linalg.lstsq(x * R[:, n:] + K[:, n:], -known[:, j], rcond=1e-13)[0] for j, x in enumerate(s)]
         return np.array(columns, dtype=complex).T.reshape(c, len(values))
 
     def pencil(self, values: Complex, vectors: Complex) -> list[Eigenvalue]:
@@ -425,7 +427,10 @@ class _Judge:
         product = np.abs(np.sum(dual.conj() * inner, axis=0))
         condition = np.linalg.norm(inner, axis=0) * np.linalg.norm(dual, axis=0) / product
         # S is known to round-off, and zeros were separated by dropping something.
-        size = max(float(np.linalg.norm(_balanced(self.space, self.gamma), 2)) * self.rounding, self.deflated.dropped) / EPS
+        size = (
+            max(float(np.linalg.norm(_balanced(self.space, self.gamma), 2)) * self.rounding, self.deflated.dropped)
+            / EPS
+        )
         nearest = [int(np.argmin(np.abs(known - s))) for s in values]
         result: Array = condition[nearest] * size
         return result
@@ -476,12 +481,20 @@ class _Judge:
                 "at one instant are not a stability verdict; describe the motion so that it stands still"
             )
         if counts.found != counts.expected:
-            doubts.append(f"{counts.expected} finite eigenvalues exist, the method returned {counts.found}; use --method nullspace")
-        unstable = [e for e in found if e.kind in ("unstable node", "unstable focus") or (e.kind == "saddle" and e.value.real > 0)]
+            doubts.append(
+                f"{counts.expected} finite eigenvalues exist, the method returned {counts.found}; use --method nullspace"
+            )
+        unstable = [
+            e
+            for e in found
+            if e.kind in ("unstable node", "unstable focus") or (e.kind == "saddle" and e.value.real > 0)
+        ]
         if unstable and not doubts:
             worst = max(unstable, key=lambda e: e.value.real)
             plural, verb = ("s", "grow") if worst.value.imag else ("", "grows")
-            return "unstable", [f"the eigenvalue{plural} {_show(worst.value)} 1/s {verb} (error bound {worst.error_bound:.1e})"]
+            return "unstable", [
+                f"the eigenvalue{plural} {_show(worst.value)} 1/s {verb} (error bound {worst.error_bound:.1e})"
+            ]
         if self.deflated.undecided:
             doubts.append(self.deflated.undecided)
         if len(self.deflated.steps) > LONGEST_CHAIN:
@@ -492,7 +505,7 @@ class _Judge:
         elif self.n_neutral > 2 * len(known):
             explained = f"{len(known)} {'symmetry explains' if len(known) == 1 else 'symmetries explain'} {2 * len(known)} at most"
             doubts.append(
-                f"{self.n_neutral} eigenvalues are zero, but {explained}: a critical state or a continuum of equilibria, "
+                f"{_count(self.n_neutral)} zero, but {explained}: a critical state or a continuum of equilibria, "
                 "which the linearized equations cannot judge"
             )
         for e in found:
@@ -508,7 +521,9 @@ class _Judge:
             return "marginally stable", [f"{centers} eigenvalues lie on the imaginary axis, none to the right of it"]
         if self.n_neutral:
             what = "neutral, the others decay" if counts.found > self.n_neutral else "neutral"
-            return "marginally stable", [f"{self.n_neutral} eigenvalues are {what}"]
+            return "marginally stable", [f"{_count(self.n_neutral)} {what}"]
+        if not found:
+            return "asymptotically stable", ["there are no eigenvalues: nothing can move"]
         return "asymptotically stable", ["all eigenvalues lie to the left of the imaginary axis"]
 
 
@@ -539,6 +554,10 @@ def _with_saddles(found: list[Eigenvalue]) -> list[Eigenvalue]:
 
 def _replaced(e: Eigenvalue) -> Eigenvalue:
     return Eigenvalue(e.value, "saddle", e.error_bound, e.condition, e.backward_error, e.participation)
+
+
+def _count(number: int) -> str:
+    return f"{number} eigenvalue{' is' if number == 1 else 's are'}"
 
 
 def _show(s: complex) -> str:

@@ -124,7 +124,16 @@ def linearize(system: System, motion: Motion) -> Linearization:
     matrices = _matrices(system, motion)
     M, R, K, J, D_q = matrices
     return Linearization(
-        M, R, K, J, D_q, system.n_h, tuple(system.names), tuple(system.rows), motion, _variation(system, motion, matrices)
+        M,
+        R,
+        K,
+        J,
+        D_q,
+        system.n_h,
+        tuple(system.names),
+        tuple(system.rows),
+        motion,
+        _variation(system, motion, matrices),
     )
 
 

@@ -156,7 +156,9 @@ class _Finder:
             if len(body.coordinates) != 6 or skip[part.start + 4]:
                 continue
             distance = abs(math.cos(q[part.start + 4]))
-            hint = "give the body another base rotation with axes: [phi, theta, psi], so that theta stays away from ±pi/2"
+            hint = (
+                "give the body another base rotation with axes: [phi, theta, psi], so that theta stays away from ±pi/2"
+            )
             if distance < CHART_ERROR:
                 message = f"the Euler angles of {body.name!r} are singular here: |cos theta| = {distance:.1e}"
                 source = self.document.lines[body.location.line - 1]

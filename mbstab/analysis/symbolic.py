@@ -44,7 +44,9 @@ def symbolic_blocks(model: Model) -> SymbolicBlocks:
         symbols = []
         for name in system.names:
             body, _, coordinate = name.partition(".")
-            symbols.append(sympy.Symbol(f"{coordinate}{ending}_{body}" if several else f"{coordinate}{ending}", real=True))
+            symbols.append(
+                sympy.Symbol(f"{coordinate}{ending}_{body}" if several else f"{coordinate}{ending}", real=True)
+            )
         return symbols
 
     q, u, a = state(""), state("dot"), state("ddot")

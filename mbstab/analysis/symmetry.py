@@ -110,7 +110,9 @@ def _named(system: System, null: Array, scale: Array) -> list[Symmetry]:
     left, s, _ = np.linalg.svd(remaining, full_matrices=False)
     for vector in left.T[: int(np.sum(s > 1e-6))]:
         direction = vector * scale
-        strong = [n for n, x in zip(system.names, np.abs(direction), strict=True) if x > 0.3 * np.max(np.abs(direction))]
+        strong = [
+            n for n, x in zip(system.names, np.abs(direction), strict=True) if x > 0.3 * np.max(np.abs(direction))
+        ]
         found.append(Symmetry("joint shift of " + ", ".join(strong[:4]), direction))
     return found
 
@@ -141,7 +143,9 @@ def _rotation(system: System, motion: Motion, axis: Array) -> Array | None:
     except (MbstabError, ValueError, np.linalg.LinAlgError):
         return None
     scale = motion.spaces.scale
-    size = max(float(np.max(np.abs(motion.dynamics.F0 * scale), initial=0.0)), float(np.max(np.abs(motion.u / scale))), 1e-300)
+    size = max(
+        float(np.max(np.abs(motion.dynamics.F0 * scale), initial=0.0)), float(np.max(np.abs(motion.u / scale))), 1e-300
+    )
     if np.max(np.abs((turned.a - expected) / scale), initial=0.0) > 1e-8 * size:
         return None
     J = turned.dynamics.J
@@ -217,6 +221,8 @@ def _rate_drift(body: BodyValues, angles: Array, rates: Array) -> Array:
     """Return d/dt of the rate matrix times the rates."""
     (c1, s1), (c2, s2) = ((math.cos(x), math.sin(x)) for x in angles[:2])
     p, t, s = rates
-    drift: Array = np.array([t * s * c2, -p * t * s1 - p * s * c1 * c2 + t * s * s1 * s2, p * t * c1 - p * s * s1 * c2 - t * s * c1 * s2])
+    drift: Array = np.array(
+        [t * s * c2, -p * t * s1 - p * s * c1 * c2 + t * s * s1 * s2, p * t * c1 - p * s * s1 * c2 - t * s * c1 * s2]
+    )
     result: Array = np.array(body.base).reshape(3, 3) @ drift
     return result

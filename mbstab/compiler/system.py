@@ -140,7 +140,13 @@ class System:
         return uses
 
     def _kernel_name(self, use: ElementUse) -> str:
-        frame = "coordinate" if use.element.startswith("coordinate_") else "planar" if self.scene.dimension == 2 else "spatial"
+        frame = (
+            "coordinate"
+            if use.element.startswith("coordinate_")
+            else "planar"
+            if self.scene.dimension == 2
+            else "spatial"
+        )
         return f"{frame}_{use.element}"
 
     def _row_list(self, use: Any, entry: Entry | None) -> list[Row]:
@@ -171,7 +177,9 @@ class System:
                 name = self._kernel_name(use)
                 kernel = importlib.import_module(f"mbstab.compiler.kernels.{name}")
                 columns, bases = self._columns(use, name)
-                placed.append(_Placed(kernel, columns, rows, (*bases, *use.parameters), use.laws, role == "inertia", path))
+                placed.append(
+                    _Placed(kernel, columns, rows, (*bases, *use.parameters), use.laws, role == "inertia", path)
+                )
             else:
                 assert entry is not None
                 placed.append(self._place_expressions(use, entry, role, rows))
@@ -195,7 +203,9 @@ class System:
             bases += self.scene.bodies[body].base
         return tuple(columns), tuple(bases)
 
-    def _place_expressions(self, expressions: tuple[Expression, ...], entry: Entry, role: str, rows: tuple[int, ...]) -> _Placed:
+    def _place_expressions(
+        self, expressions: tuple[Expression, ...], entry: Entry, role: str, rows: tuple[int, ...]
+    ) -> _Placed:
         from mbstab.compiler.user import user_kernel
 
         number = {name: i for i, name in enumerate(self.names)}
@@ -239,7 +249,14 @@ class System:
         return out["K"], out["R"], out["D"][self.n_h :]
 
     def _run(
-        self, function: str, q: Any, u: Any, time: Any, shapes: dict[str, tuple[int, ...]], a: Any = None, nu: Any = None
+        self,
+        function: str,
+        q: Any,
+        u: Any,
+        time: Any,
+        shapes: dict[str, tuple[int, ...]],
+        a: Any = None,
+        nu: Any = None,
     ) -> dict[str, Any]:
         time = self.scene.time if time is None else time
         f = self.scene.arithmetic
@@ -260,7 +277,8 @@ class System:
             except (ArithmeticError, ValueError) as error:
                 raise NumericalError(
                     f"{element.path} has no finite equations here ({error})\n"
-                    "hint: a spring of zero length, a wheel lying flat or an expression outside its domain has no derivative"
+                    "hint: a spring of zero length, a wheel lying flat or an expression outside its domain has no "
+                    "derivative"
                 ) from None
         plan = self._plans.get(function)
         if plan is None:

@@ -10,9 +10,12 @@ from mbstab.model.expressions import Expression
 
 
 def user_kernel(
-    role: str, expressions: tuple[Expression, ...], rows: tuple[str, ...], coordinates: tuple[str, ...],
+    role: str,
+    expressions: tuple[Expression, ...],
+    rows: tuple[str, ...],
+    coordinates: tuple[str, ...],
     parameters: tuple[str, ...],
-) -> Any:  # fmt: skip
+) -> Any:
     """Return a kernel for constraints or generalized forces written as expressions.
 
     Parameters

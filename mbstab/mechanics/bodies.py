@@ -49,7 +49,9 @@ TENSOR_SIZE = -1
 """In `Element.parameters`: one number in the plane, six in space (xx, yy, zz, xy, xz, yz)."""
 
 ELEMENTS = (
-    Element("body", "inertia", ("planar", "spatial"), 1, (("mass", 1), ("inertia", TENSOR_SIZE), ("gravity", 0)), _body),
+    Element(
+        "body", "inertia", ("planar", "spatial"), 1, (("mass", 1), ("inertia", TENSOR_SIZE), ("gravity", 0)), _body
+    ),
     Element(
         "body_offset",
         "inertia",

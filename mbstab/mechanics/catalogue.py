@@ -85,9 +85,26 @@ class Load:
 
 
 Shape = Literal[
-    "number", "vector", "tensor", "markers", "marker", "directions", "direction", "coordinate", "joint", "body",
-    "choice", "law", "law vector", "loads", "constraint", "shape", "parts", "points", "angles",
-]  # fmt: skip
+    "number",
+    "vector",
+    "tensor",
+    "markers",
+    "marker",
+    "directions",
+    "direction",
+    "coordinate",
+    "joint",
+    "body",
+    "choice",
+    "law",
+    "law vector",
+    "loads",
+    "constraint",
+    "shape",
+    "parts",
+    "points",
+    "angles",
+]
 
 
 @dataclass(frozen=True)

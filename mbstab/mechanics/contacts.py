@@ -59,14 +59,56 @@ def _knife_edge_spatial(frames: Any, p: Any, s: Any) -> Any:
 _WHEEL = (("center", 3), ("axle", 3), ("radius", 1), ("tube", 1), ("normal", 3))
 
 ELEMENTS = (
-    Element("disk_height", "holonomic", ("planar",), 1, (("center", 2), ("normal", 2), ("level", 1)), _disk_height, units=("m",)),
-    Element("disk_slip", "nonholonomic", ("planar",), 1, (("center", 2), ("normal", 2), ("radius", 1)), _disk_slip, units=("m/s",)),
+    Element(
+        "disk_height",
+        "holonomic",
+        ("planar",),
+        1,
+        (("center", 2), ("normal", 2), ("level", 1)),
+        _disk_height,
+        units=("m",),
+    ),
+    Element(
+        "disk_slip",
+        "nonholonomic",
+        ("planar",),
+        1,
+        (("center", 2), ("normal", 2), ("radius", 1)),
+        _disk_slip,
+        units=("m/s",),
+    ),
     Element("wheel_height", "holonomic", ("spatial",), 1, (*_WHEEL, ("level", 1)), _wheel_height, units=("m",)),
-    Element("wheel_slip_along", "nonholonomic", ("spatial",), 1, _WHEEL, lambda f, p, s: _wheel_slip(f, p, False), units=("m/s",)),
-    Element("wheel_slip_across", "nonholonomic", ("spatial",), 1, _WHEEL, lambda f, p, s: _wheel_slip(f, p, True), units=("m/s",)),
-    Element("knife_edge", "nonholonomic", ("planar",), 1, (("point", 2), ("across", 2)), _knife_edge_planar, units=("m/s",)),
-    Element("knife_edge", "nonholonomic", ("spatial",), 1, (("point", 3), ("along", 3), ("normal", 3)), _knife_edge_spatial, units=("m/s",)),
-)  # fmt: skip
+    Element(
+        "wheel_slip_along",
+        "nonholonomic",
+        ("spatial",),
+        1,
+        _WHEEL,
+        lambda f, p, s: _wheel_slip(f, p, False),
+        units=("m/s",),
+    ),
+    Element(
+        "wheel_slip_across",
+        "nonholonomic",
+        ("spatial",),
+        1,
+        _WHEEL,
+        lambda f, p, s: _wheel_slip(f, p, True),
+        units=("m/s",),
+    ),
+    Element(
+        "knife_edge", "nonholonomic", ("planar",), 1, (("point", 2), ("across", 2)), _knife_edge_planar, units=("m/s",)
+    ),
+    Element(
+        "knife_edge",
+        "nonholonomic",
+        ("spatial",),
+        1,
+        (("point", 3), ("along", 3), ("normal", 3)),
+        _knife_edge_spatial,
+        units=("m/s",),
+    ),
+)
 
 # --- kinds ----------------------------------------------------------------------------------------------------------
 
@@ -120,7 +162,13 @@ KINDS: dict[tuple[str, int], Kind] = {
                 _RADIUS,
                 Field("normal", "vector", "normal of the line, towards the disk", default="y"),
                 _ORIGIN,
-                Field("motion", "choice", "rolling, or sliding without friction", default="rolling", choices=("rolling", "frictionless")),
+                Field(
+                    "motion",
+                    "choice",
+                    "rolling, or sliding without friction",
+                    default="rolling",
+                    choices=("rolling", "frictionless"),
+                ),
             ),
             _disk,
         ),
@@ -131,14 +179,29 @@ KINDS: dict[tuple[str, int], Kind] = {
             (
                 _CENTER,
                 Field("axle", "direction", "axis of the wheel in the frame of its body", required=True),
-                Field("radius", "number", "radius of the circle in the middle of the tread", "m", required=True, sign="positive"),
-                Field("tube", "number", "radius of the round tread; 0 is a knife edge", "m", default="0", sign="nonnegative"),
+                Field(
+                    "radius",
+                    "number",
+                    "radius of the circle in the middle of the tread",
+                    "m",
+                    required=True,
+                    sign="positive",
+                ),
+                Field(
+                    "tube",
+                    "number",
+                    "radius of the round tread; 0 is a knife edge",
+                    "m",
+                    default="0",
+                    sign="nonnegative",
+                ),
                 Field("normal", "vector", "normal of the plane, towards the wheel", default="z"),
                 _ORIGIN,
                 Field(
                     "motion",
                     "choice",
-                    "rolling: no slip; skate: slips along its track only; sideways: slips across it only; frictionless: slips freely",
+                    "rolling: no slip; skate: slips along its track only; "
+                    "sideways: slips across it only; frictionless: slips freely",
                     default="rolling",
                     choices=tuple(_ROWS),
                 ),
@@ -158,4 +221,4 @@ KINDS: dict[tuple[str, int], Kind] = {
         ),
     )
     for dimension in kind.dimensions
-}  # fmt: skip
+}

@@ -62,7 +62,9 @@ TRAVEL = (("first", 0), ("second", 0), ("second_v1", 0))
 _POINT = (("point", 0), ("direction", 0))
 
 
-def _pair(name: str, frames: tuple[str, ...], slots: int, parameters: Any, position: Any, velocity: Any, unit: str) -> tuple[Element, ...]:  # fmt: skip
+def _pair(
+    name: str, frames: tuple[str, ...], slots: int, parameters: Any, position: Any, velocity: Any, unit: str
+) -> tuple[Element, ...]:
     return (
         Element(f"{name}_position", "holonomic", frames, slots, parameters[0], position, 1, (unit,)),
         Element(f"{name}_velocity", "nonholonomic", frames, slots, parameters[1], velocity, 1, (f"{unit}/s",)),

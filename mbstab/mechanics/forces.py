@@ -122,7 +122,9 @@ def _joint_spring(item: Item) -> Iterable[ElementUse]:
 def _actuator(item: Item) -> Iterable[ElementUse]:
     joint, motion = joint_motion(item)
     first, second = joint.markers("between")
-    yield ElementUse(f"{motion}_effort", (first.body, second.body), motion_parameters(joint, motion), (item.law("effort"),))
+    yield ElementUse(
+        f"{motion}_effort", (first.body, second.body), motion_parameters(joint, motion), (item.law("effort"),)
+    )
 
 
 def _force(item: Item) -> Iterable[ElementUse]:
@@ -140,7 +142,13 @@ def _torque(item: Item) -> Iterable[ElementUse]:
 _STIFFNESS = Field("stiffness", "number", "stiffness", "N/m", default="0", sign="nonnegative")
 _DAMPING = Field("damping", "number", "viscous damping", "N*s/m", default="0", sign="nonnegative")
 _JOINT = Field("joint", "joint", "name of the joint", required=True)
-_FRAME = Field("frame", "choice", "axes of the components: fixed, or turning with the body (follower)", default="ground", choices=("ground", "body"))  # fmt: skip
+_FRAME = Field(
+    "frame",
+    "choice",
+    "axes of the components: fixed, or turning with the body (follower)",
+    default="ground",
+    choices=("ground", "body"),
+)
 
 KINDS: dict[tuple[str, int], Kind] = {
     (kind.name, dimension): kind
@@ -165,8 +173,16 @@ KINDS: dict[tuple[str, int], Kind] = {
                 _JOINT,
                 MOTION,
                 Field("stiffness", "number", "stiffness in N/m or N*m/rad", "", default="0", sign="nonnegative"),
-                Field("rest", "number", "travel or angle without force; in space angles are taken within half a turn of it", "", default="0"),
-                Field("damping", "number", "viscous damping in N*s/m or N*m*s/rad", "", default="0", sign="nonnegative"),
+                Field(
+                    "rest",
+                    "number",
+                    "travel or angle without force; in space angles are taken within half a turn of it",
+                    "",
+                    default="0",
+                ),
+                Field(
+                    "damping", "number", "viscous damping in N*s/m or N*m*s/rad", "", default="0", sign="nonnegative"
+                ),
             ),
             _joint_spring,
         ),
@@ -174,7 +190,11 @@ KINDS: dict[tuple[str, int], Kind] = {
             "actuator",
             "force or torque along a joint, on the first body against the second",
             (2, 3),
-            (_JOINT, MOTION, Field("effort", "law", "force in N or torque in N*m; may depend on the time t", "", required=True)),
+            (
+                _JOINT,
+                MOTION,
+                Field("effort", "law", "force in N or torque in N*m; may depend on the time t", "", required=True),
+            ),
             _actuator,
         ),
         Kind(
@@ -218,4 +238,4 @@ KINDS: dict[tuple[str, int], Kind] = {
         ),
     )
     for dimension in kind.dimensions
-}  # fmt: skip
+}

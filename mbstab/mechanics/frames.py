@@ -89,9 +89,7 @@ class Frame:
         phi_t, theta_t, psi_t = self.u[3:]
         c2, s2 = sympy.cos(self.q[4]), sympy.sin(self.q[4])
         c3, s3 = sympy.cos(self.q[5]), sympy.sin(self.q[5])
-        return sympy.Matrix(
-            [c3 * (c2 * phi_t) + s3 * theta_t, c3 * theta_t - s3 * (c2 * phi_t), s2 * phi_t + psi_t]
-        )
+        return sympy.Matrix([c3 * (c2 * phi_t) + s3 * theta_t, c3 * theta_t - s3 * (c2 * phi_t), s2 * phi_t + psi_t])
 
     def angular_velocity(self) -> Any:
         """Return ω in ground components."""

@@ -97,9 +97,21 @@ class Primitive:
 
 
 _AT = "a point of each body, written body.point, body or ground"
-BETWEEN = Field("between", "markers", f"the two points joined: {_AT}; angles and travel count the first against the second", required=True)  # fmt: skip
-AXIS = Field("axis", "directions", "joint axis in the frame of each body: x, -y, a named direction or a vector; a list of two if they differ", required=True)  # fmt: skip
-ZERO = Field("zero", "directions", "direction from which the joint angle counts, in the frame of each body", dimensions=(3,))  # fmt: skip
+BETWEEN = Field(
+    "between",
+    "markers",
+    f"the two points joined: {_AT}; angles and travel count the first against the second",
+    required=True,
+)
+AXIS = Field(
+    "axis",
+    "directions",
+    "joint axis in the frame of each body: x, -y, a named direction or a vector; a list of two if they differ",
+    required=True,
+)
+ZERO = Field(
+    "zero", "directions", "direction from which the joint angle counts, in the frame of each body", dimensions=(3,)
+)
 
 
 def _build(*primitives: Primitive) -> Any:
@@ -192,7 +204,13 @@ KINDS: dict[tuple[str, int], Kind] = {
             fields=(AXIS,),
             motions=("displacement",),
         ),
-        _joint("cylindrical", "turns about and slides along an axis", *_ON_LINE, *_PARALLEL, motions=("angle", "displacement")),
+        _joint(
+            "cylindrical",
+            "turns about and slides along an axis",
+            *_ON_LINE,
+            *_PARALLEL,
+            motions=("angle", "displacement"),
+        ),
         _joint(
             "universal",
             "Hooke's joint: the axes of the two bodies meet at a right angle",
@@ -208,9 +226,25 @@ KINDS: dict[tuple[str, int], Kind] = {
             Primitive("perpendicular", "v1", "v3"),
             motions=("angle",),
         ),
-        _joint("fixed", "holds the bodies together; their axes coincide", _COINCIDENT, *_PARALLEL, _NO_TURN, fields=(Field(AXIS.name, AXIS.shape, AXIS.doc, default="z"), ZERO)),
-        _joint("fixed", "holds the bodies together", _COINCIDENT, Primitive("aligned"), dimensions=(2,), fields=(_FREE_AXIS,)),
-        _joint("point_on_line", "a point of the second body slides along an axis of the first, turning freely", *_ON_LINE),
+        _joint(
+            "fixed",
+            "holds the bodies together; their axes coincide",
+            _COINCIDENT,
+            *_PARALLEL,
+            _NO_TURN,
+            fields=(Field(AXIS.name, AXIS.shape, AXIS.doc, default="z"), ZERO),
+        ),
+        _joint(
+            "fixed",
+            "holds the bodies together",
+            _COINCIDENT,
+            Primitive("aligned"),
+            dimensions=(2,),
+            fields=(_FREE_AXIS,),
+        ),
+        _joint(
+            "point_on_line", "a point of the second body slides along an axis of the first, turning freely", *_ON_LINE
+        ),
         _joint(
             "point_on_line",
             "a point of the second body slides along an axis of the first, turning freely",
@@ -231,9 +265,20 @@ KINDS: dict[tuple[str, int], Kind] = {
             *_ON_LINE,
             *_PARALLEL,
             Primitive("screw"),
-            fields=(AXIS, ZERO, Field("lead", "number", "advance in one turn, negative for a left-hand thread", "m", required=True, sign="nonzero")),
+            fields=(
+                AXIS,
+                ZERO,
+                Field(
+                    "lead",
+                    "number",
+                    "advance in one turn, negative for a left-hand thread",
+                    "m",
+                    required=True,
+                    sign="nonzero",
+                ),
+            ),
             motions=("angle", "displacement"),
         ),
     )
     for dimension in kind.dimensions
-}  # fmt: skip
+}

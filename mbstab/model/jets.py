@@ -17,6 +17,9 @@ from mbstab.model.arithmetic import Arithmetic
 class Jet:
     """A value with its first and second time derivative."""
 
+    # An array times a jet is one jet of arrays, not an array of jets.
+    __array_ufunc__ = None
+
     value: Any
     rate: Any = 0
     second: Any = 0
