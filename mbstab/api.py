@@ -20,7 +20,7 @@ from mbstab.analysis.expectations import Outcome, check_expectations
 from mbstab.analysis.linearize import Linearization, StateSpace, linearize, state_space
 from mbstab.analysis.motion import Motion, reference_motion
 from mbstab.analysis.numerics import guarded
-from mbstab.analysis.symbolic import SymbolicBlocks, symbolic_blocks
+from mbstab.analysis.symbolic import SymbolicBlocks, Track, symbolic_blocks
 from mbstab.analysis.symmetry import symmetries
 from mbstab.compiler.system import System
 from mbstab.model.arithmetic import FLOAT
@@ -109,9 +109,12 @@ class Mechanism:
         """Return what the scene consists of, what it does not need, and how well the reference fits."""
         return check_scene(self.system(**parameters))
 
-    def symbolic(self) -> SymbolicBlocks:
-        """Return the blocks of the composite matrices with symbols (Pappalardo et al. 2020, Eqs. (62)-(67))."""
-        return symbolic_blocks(self.model)
+    def symbolic(self, track: Track = list) -> SymbolicBlocks:
+        """Return the blocks of the composite matrices with symbols (Pappalardo et al. 2020, Eqs. (62)-(67)).
+
+        `track` takes the list of entries to be simplified and returns them one by one, for a progress bar.
+        """
+        return symbolic_blocks(self.model, track)
 
     def parameters(self, **parameters: Setting) -> dict[str, float]:
         """Return the value of every parameter in SI."""

@@ -5,6 +5,7 @@ Blocks as in Pappalardo, Lettieri, Guida (2020), Eqs. (62)-(67).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,8 @@ from mbstab.compiler.system import System
 from mbstab.model.arithmetic import symbol_arithmetic
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
+
+Track = Callable[[list[Any]], Iterable[Any]]
 
 SIMPLIFY_LIMIT = 400
 """Entries with more operations than this are printed as they come."""
@@ -32,8 +35,15 @@ class SymbolicBlocks:
     multipliers: list[Any]
 
 
-def symbolic_blocks(model: Model) -> SymbolicBlocks:
-    """Return the composite matrices of a model with symbols for parameters, coordinates, speeds and multipliers."""
+def symbolic_blocks(model: Model, track: Track = list) -> SymbolicBlocks:
+    """Return the composite matrices of a model with symbols for parameters, coordinates, speeds and multipliers.
+
+    Parameters
+    ----------
+    model : Model
+    track : callable, optional
+        Takes the entries that are to be simplified and returns them one by one; for a progress bar.
+    """
     import sympy
 
     overrides = {name: sympy.Symbol(name, real=True) for name in model.parameters}
@@ -80,7 +90,10 @@ def symbolic_blocks(model: Model) -> SymbolicBlocks:
         "K_21": lower_K,
         "K_22": zero(c, c),
     }
-    return SymbolicBlocks({name: block.applyfunc(_simple) for name, block in raw.items()}, q, [*lam, *mu])
+    places = [(block, i) for block in raw.values() for i, entry in enumerate(block) if entry != 0]
+    for block, i in track(places):
+        block[i] = _simple(block[i])
+    return SymbolicBlocks(raw, q, [*lam, *mu])
 
 
 def _simple(expression: Any) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -78,6 +78,15 @@ def parse_settings(settings: tuple[str, ...]) -> dict[str, str]:
 def note(text: str) -> None:
     """Write a line to stderr."""
     click.echo(text, err=True)
+
+
+def tracked(items: list[Any], label: str) -> Iterator[Any]:
+    """Yield the items, with a progress bar on stderr when it is a terminal."""
+    if not sys.stderr.isatty():
+        yield from items
+        return
+    with click.progressbar(items, label=label, file=sys.stderr) as bar:
+        yield from bar
 
 
 def warn(warnings: tuple[str, ...] | list[str]) -> None:

@@ -13,6 +13,7 @@ from mbstab.cli.common import (
     output_option,
     parse_settings,
     set_option,
+    tracked,
     warn,
     write,
 )
@@ -55,7 +56,7 @@ def linearize(
     if symbolic:
         from mbstab.report.symbolic import symbolic_latex, symbolic_text
 
-        blocks = mechanism.symbolic()
+        blocks = mechanism.symbolic(lambda entries: tracked(entries, "simplifying"))
         write(symbolic_latex(blocks) if format_ == "latex" else symbolic_text(blocks, model.title), output)
         return
     from mbstab.analysis.linearize import state_space
