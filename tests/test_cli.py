@@ -261,3 +261,15 @@ def test_output_without_colour_and_without_a_terminal_is_the_same():
         [sys.executable, "-m", "mbstab", "eig", "top"], capture_output=True, text=True, env=environment
     )
     assert piped.stdout == run("eig", "top").stdout
+
+
+def test_the_command_line_offers_what_the_library_has():
+    # Written twice so that --help imports no numerics.
+    from mbstab.analysis import eigen
+    from mbstab.cli import eig, linearize
+    from mbstab.model.schema import VERDICTS
+    from mbstab.report import export
+
+    assert eig.METHODS == eigen.METHODS
+    assert linearize.FORMS == export.FORMS
+    assert {verdict for verdicts in eig.REQUIRED.values() for verdict in verdicts} < set(VERDICTS)
