@@ -94,6 +94,10 @@ class NumericalError(MbstabError):
     """A computation did not reach its threshold; the message says number, threshold and next step."""
 
 
+class OutputError(MbstabError):
+    """An answer could not be written."""
+
+
 class ExpectationError(MbstabError):
     """An ``expect:`` block or ``--require`` did not hold."""
 

@@ -5,6 +5,7 @@ import io
 import json
 import math
 import os
+import shlex
 import subprocess
 import sys
 
@@ -273,3 +274,44 @@ def test_the_command_line_offers_what_the_library_has():
     assert eig.METHODS == eigen.METHODS
     assert linearize.FORMS == export.FORMS
     assert {verdict for verdicts in eig.REQUIRED.values() for verdict in verdicts} < set(VERDICTS)
+
+
+def test_an_answer_never_overwrites_its_model(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(run("models", "show", "pendulum").stdout)
+    before = path.read_text()
+    (tmp_path / "link.yaml").symlink_to(path)
+    for output in ("mine.yaml", "link.yaml"):
+        result = run("eig", str(path), "-o", str(tmp_path / output))
+        assert result.exit_code == 2
+        assert "would overwrite the model file" in result.stderr
+    assert path.read_text() == before
+
+
+def test_an_answer_goes_through_a_link_and_into_a_pipe(tmp_path):
+    goal, link, pipe = tmp_path / "goal.txt", tmp_path / "link.txt", tmp_path / "pipe"
+    goal.write_text("old")
+    link.symlink_to(goal)
+    assert run("eig", "pendulum", "-o", str(link)).exit_code == 0
+    assert link.is_symlink()
+    assert "Verdict" in goal.read_text()
+    os.mkfifo(pipe)
+    with subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE, text=True) as reader:
+        assert run("eig", "pendulum", "-o", str(pipe)).exit_code == 0
+        assert "Verdict" in reader.communicate(timeout=10)[0]
+    assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize("words", [["eig", "pendulum"], ["models", "list"], ["test", "pendulum"]], ids=" ".join)
+def test_a_full_or_closed_stdout_is_said(words):
+    command = f"{shlex.quote(sys.executable)} -m mbstab {' '.join(words)}"
+    for redirection, message in ((">/dev/full", "cannot be written to stdout: No space"), (">&-", "stdout is closed")):
+        failed = subprocess.run(f"{command} {redirection}", shell=True, capture_output=True, text=True)
+        assert failed.returncode == 1
+        assert message in failed.stderr
+        assert "Traceback" not in failed.stderr
+
+
+def test_a_reader_that_stops_early_is_no_error():
+    command = f"{shlex.quote(sys.executable)} -m mbstab schema | head -1"
+    assert subprocess.run(command, shell=True, capture_output=True, text=True).stderr == ""

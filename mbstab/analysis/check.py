@@ -129,12 +129,6 @@ def _unneeded(system: System, motion: Motion) -> list[str]:
     model = scene.model
     used = _used_parameters(system)
     found += [f"parameter {name!r} is not used" for name in model.parameters if name not in used]
-    if (
-        any(scene.gravity)
-        and scene.dimension == 3
-        and not any(moving[p.start : p.start + 3].any() for p in system.body_slices)
-    ):
-        found.append("gravity does no work: no reference point moves")
     return found
 
 

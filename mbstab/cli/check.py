@@ -34,8 +34,8 @@ def check(file: str, settings: tuple[str, ...], format_: str, output: Path | Non
     if format_ == "json":
         from mbstab.report.export import check_data, to_json
 
-        write(to_json(check_data(report, mechanism.model.name, mechanism.model.title)), output)
+        write(to_json(check_data(report, mechanism.model.name, mechanism.model.title)), output, mechanism.model.name)
     else:
         from mbstab.report.tables import check_text
 
-        write(check_text(report, mechanism.model.title), output)
+        write(check_text(report, mechanism.model.title), output, mechanism.model.name)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from mbstab.errors import UsageError
+from mbstab.errors import OutputError, UsageError
 
 if TYPE_CHECKING:
     from mbstab.api import Mechanism
@@ -95,35 +95,78 @@ def warn(warnings: tuple[str, ...] | list[str]) -> None:
         note(f"warning: {text}")
 
 
-def write(data: str | bytes, output: Path | None) -> None:
+def write(data: str | bytes, output: Path | None, model: str = "") -> None:
     """Write an answer to stdout or to a file, which appears whole or not at all.
+
+    Parameters
+    ----------
+    data : str or bytes
+    output : Path or None
+        None: stdout.
+    model : str
+        Name of the model file, which is never overwritten.
 
     Raises
     ------
     UsageError
-        If the file cannot be written, or the answer is binary and has no file.
+        If the answer is binary and has no file, or would overwrite the model.
+    OutputError
+        If it cannot be written.
     """
     if output is None:
         if isinstance(data, bytes):
             raise UsageError("this format is binary: name a file with --output")
-        click.echo(data, nl=False)
+        show(data)
         return
-    text = data.encode("utf-8") if isinstance(data, str) else data
+    content = data.encode("utf-8") if isinstance(data, str) else data
     try:
-        handle, temporary = tempfile.mkstemp(dir=output.parent, prefix=f".{output.name}.")
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(text)
-            mask = os.umask(0)
-            os.umask(mask)
-            os.chmod(temporary, 0o666 & ~mask)
-            os.replace(temporary, output)
-        except BaseException:
-            os.unlink(temporary)
-            raise
-    except OSError as error:
+        if model and output.exists() and os.path.exists(model) and os.path.samefile(output, model):
+            raise UsageError(f"--output {output} would overwrite the model file")
+        if output.exists() and not output.is_file():  # a device or a pipe is written to, not replaced
+            output.write_bytes(content)
+        else:
+            _replace(output.resolve(), content)
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
         raise UsageError(f"{output}: cannot be written: {error.strerror}") from None
+    except OSError as error:
+        raise OutputError(f"{output}: cannot be written: {error.strerror}") from None
     note(f"wrote {output}")
+
+
+def _replace(goal: Path, content: bytes) -> None:
+    """Write a file beside its goal, then put it in place."""
+    handle, temporary = tempfile.mkstemp(dir=goal.parent, prefix=f".{goal.name}.")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(temporary, goal.stat().st_mode & 0o777 if goal.exists() else 0o666 & ~mask)
+        os.replace(temporary, goal)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def show(text: str, end: str = "") -> None:
+    """Write text to stdout.
+
+    Raises
+    ------
+    OutputError
+        If stdout is closed or full.
+    """
+    if sys.stdout is None:
+        raise OutputError("the answer cannot be written: stdout is closed")
+    try:
+        click.echo(text + end, nl=False)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        # What is left in the buffer cannot be written either; do not try again at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise OutputError(f"the answer cannot be written to stdout: {error.strerror}") from None
 
 
 def one_thread_by_default() -> None:

@@ -64,6 +64,6 @@ def eig(
         from mbstab.report.tables import eigen_text
 
         text = eigen_text(result, mechanism.model.title)
-    write(text, output)
+    write(text, output, mechanism.model.name)
     if require and result.verdict not in REQUIRED[require]:
         raise ExpectationError(f"required: {require}, found: {result.verdict}")

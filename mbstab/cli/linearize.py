@@ -57,7 +57,11 @@ def linearize(
         from mbstab.report.symbolic import symbolic_latex, symbolic_text
 
         blocks = mechanism.symbolic(lambda entries: tracked(entries, "simplifying"))
-        write(symbolic_latex(blocks) if format_ == "latex" else symbolic_text(blocks, model.title), output)
+        write(
+            symbolic_latex(blocks) if format_ == "latex" else symbolic_text(blocks, model.title),
+            output,
+            mechanism.model.name,
+        )
         return
     from mbstab.analysis.linearize import state_space
     from mbstab.report import export
@@ -78,4 +82,4 @@ def linearize(
         from mbstab.report.tables import linearize_text
 
         data = linearize_text(linear, space, form, model.title)
-    write(data, output)
+    write(data, output, mechanism.model.name)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from mbstab.cli.common import note
+from mbstab.cli.common import note, write
 from mbstab.errors import UsageError
 
 
@@ -23,7 +23,7 @@ def list_models() -> None:
     from mbstab.report.tables import table
 
     rows = [[path.name, read_model(path).title] for path in installed_models()]
-    click.echo(table(["model", "title"], rows, left=(0, 1)), nl=False)
+    write(table(["model", "title"], rows, left=(0, 1)), None)
 
 
 @models.command()
@@ -32,7 +32,7 @@ def show(name: str) -> None:
     """Print a model file."""
     from mbstab.model.library import find_model
 
-    click.echo(find_model(name).path.read_text(encoding="utf-8"), nl=False)
+    write(find_model(name).path.read_text(encoding="utf-8"), None)
 
 
 @models.command()

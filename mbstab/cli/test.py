@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from mbstab.cli.common import load_model
+from mbstab.cli.common import load_model, show
 from mbstab.errors import ExpectationError, MbstabError, UsageError
 
 
@@ -25,7 +25,7 @@ def test(files: tuple[str, ...], quiet: bool) -> None:
         try:
             outcomes = load_model(name).test()
         except MbstabError as error:
-            click.echo(f"FAIL {name}: {error}")
+            show(f"FAIL {name}: {error}", "\n")
             worst, failed = error, failed + 1
             continue
         if not outcomes:
@@ -34,8 +34,8 @@ def test(files: tuple[str, ...], quiet: bool) -> None:
             passed, failed = passed + outcome.passed, failed + (not outcome.passed)
             if not outcome.passed or not quiet:
                 mark = "ok  " if outcome.passed else "FAIL"
-                click.echo(f"{mark} {outcome.location}: {outcome.what}: {outcome.detail}")
-    click.echo(f"{passed} passed, {failed} failed")
+                show(f"{mark} {outcome.location}: {outcome.what}: {outcome.detail}", "\n")
+    show(f"{passed} passed, {failed} failed", "\n")
     if worst is not None:
         raise worst
     if failed:

@@ -223,7 +223,7 @@ class Tape:
         return Term(self, number**times * inner.coefficient, inner.step)
 
     def call(self, function: str, *arguments: Term) -> Term:
-        """Return a function of `FUNCTIONS`, ``power`` or ``sign`` applied to terms."""
+        """Return a function of `FUNCTIONS`, ``power``, ``sign`` or ``abs_slope`` applied to terms."""
         return self._put(Call(function, tuple((a.step, a.coefficient) for a in arguments)))
 
     def arithmetic(self) -> Arithmetic:
@@ -233,7 +233,7 @@ class Tape:
             return lambda *arguments: self.call(name, *(self.term(a) for a in arguments))
 
         pi = self.literal("pi")
-        functions: dict[str, Callable[..., Term]] = {name: function(name) for name in (*FUNCTIONS, "sign")}
+        functions: dict[str, Callable[..., Term]] = {name: function(name) for name in (*FUNCTIONS, "sign", "abs_slope")}
         return Arithmetic("tape", self.literal, {"pi": pi, "deg": pi / 180}, functions | {"power": self.power})
 
     def _put(self, step: Step) -> Term:
@@ -398,8 +398,8 @@ class Tape:
             case "sqrt":
                 return (1 / (2 * value),)
             case "abs":
-                return (self.call("sign", x),)
-            case "sign":
+                return (self.call("abs_slope", x),)
+            case "sign" | "abs_slope":
                 return (self.term(0),)
             case "smooth_start":
                 # 6 c (1 − c) with c = x held between 0 and 1.

@@ -49,7 +49,8 @@ class Arithmetic:
     constants : dict
         Values of `CONSTANTS` in this number system.
     functions : dict
-        One callable for each of `FUNCTIONS`, for ``power`` and for ``sign`` (−1, 0 or 1), the derivative of ``abs``.
+        One callable for each of `FUNCTIONS`, for ``power``, ``sign`` (−1, 0 or 1)
+        and ``abs_slope``, the derivative of ``abs``, which does not exist at 0.
     """
 
     def __init__(
@@ -73,12 +74,22 @@ def _smooth_start(x: float) -> float:
     return 0.0 if x <= 0.0 else 1.0 if x >= 1.0 else x * x * (3.0 - 2.0 * x)
 
 
+def _sign(x: float) -> float:
+    return float(x > 0.0) - float(x < 0.0)
+
+
+def _abs_slope(x: float) -> float:
+    if x == 0.0:
+        raise ValueError("abs has no derivative at 0")
+    return math.copysign(1.0, x)
+
+
 FLOAT = Arithmetic(
     "float",
     float,
     dict(CONSTANTS),
     {name: getattr(math, name) for name in FUNCTIONS if hasattr(math, name)}
-    | {"abs": abs, "sign": lambda x: float((x > 0.0) - (x < 0.0)), "power": math.pow, "smooth_start": _smooth_start},
+    | {"abs": abs, "sign": _sign, "abs_slope": _abs_slope, "power": math.pow, "smooth_start": _smooth_start},
 )
 """Python floats."""
 
@@ -94,7 +105,11 @@ def array_arithmetic() -> Arithmetic:
         return x * x * (3.0 - 2.0 * x)
 
     functions = {name: getattr(np, special.get(name, name)) for name in FUNCTIONS if name != "smooth_start"}
-    functions |= {"sign": np.sign, "power": np.power, "smooth_start": smooth_start}
+
+    def abs_slope(x: Any) -> Any:
+        return np.where(np.equal(x, 0.0), np.nan, np.sign(x))
+
+    functions |= {"sign": np.sign, "abs_slope": abs_slope, "power": np.power, "smooth_start": smooth_start}
     return Arithmetic("array", float, dict(CONSTANTS), functions)
 
 
@@ -118,7 +133,8 @@ def symbol_arithmetic() -> Arithmetic:
         "symbol",
         sympy.Rational,
         {"pi": sympy.pi, "deg": sympy.pi / 180},
-        functions | {"abs": sympy.Abs, "sign": sympy.sign, "power": power, "smooth_start": smooth_start},
+        functions
+        | {"abs": sympy.Abs, "sign": sympy.sign, "abs_slope": sympy.sign, "power": power, "smooth_start": smooth_start},
     )
 
 
@@ -140,12 +156,17 @@ def mpmath_arithmetic() -> Arithmetic:
             raise OverflowError("the power is out of range")
         return mp.power(base, exponent)
 
+    def abs_slope(x: Any) -> Any:
+        if x == 0:
+            raise ValueError("abs has no derivative at 0")
+        return mp.sign(x)
+
     functions = {name: real(getattr(mp, name)) for name in FUNCTIONS if hasattr(mp, name)}
     return Arithmetic(
         "mpmath",
         mp.mpf,
         {"pi": mp.pi, "deg": mp.degree},  # digits come when they are used
         functions
-        | {"abs": mp.fabs, "sign": mp.sign, "power": real(power)}
+        | {"abs": mp.fabs, "sign": mp.sign, "abs_slope": abs_slope, "power": real(power)}
         | {"smooth_start": lambda x: mp.mpf(0) if x <= 0 else mp.mpf(1) if x >= 1 else x * x * (3 - 2 * x)},
     )

@@ -134,8 +134,8 @@ def jet_arithmetic(f: Arithmetic) -> Arithmetic:
         return root, 1 / (2 * root), -1 / (4 * x * root)
 
     def absolute(x: Any) -> tuple[Any, Any, Any]:
-        sign = f.sign(x)
-        return f.abs(x), sign, 0 * sign
+        slope = f.abs_slope(x)
+        return f.abs(x), slope, 0 * slope
 
     derivatives: dict[str, Any] = {
         "sin": lambda x: (f.sin(x), f.cos(x), -f.sin(x)),
@@ -152,6 +152,7 @@ def jet_arithmetic(f: Arithmetic) -> Arithmetic:
         "sqrt": sqrt,
         "abs": absolute,
         "sign": lambda x: (f.sign(x), 0 * x, 0 * x),
+        "abs_slope": lambda x: (f.abs_slope(x), 0 * x, 0 * x),
         "smooth_start": smooth_start,
     }
     functions: dict[str, Any] = {name: lift(name, function) for name, function in derivatives.items()}
