@@ -58,6 +58,11 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     return f"did you mean {near[0]!r}?" if near else ""
 
 
+def counted(number: int, one: str, many: str = "") -> str:
+    """Return ``1 row`` or ``2 rows``."""
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
 class MbstabError(Exception):
     """Base of every error that is the user's to mend; carries the exit code."""
 

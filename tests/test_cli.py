@@ -86,7 +86,7 @@ def test_a_file_here_wins_over_an_example(tmp_path, monkeypatch):
         (("eig", "pendulum.yaml", "--require", "stable"), 3, "required: stable, found: marginally stable"),
         (("eig", "pendulum.yaml", "--require", "marginal"), 0, ""),
         (("eig", "nothing.yaml"), 2, "no such file"),
-        (("eig", "pendulun.yaml"), 2, "did you mean 'pendulum.yaml'?"),
+        (("eig", "pendulun.yaml"), 2, "did you mean 'pendulum'?"),
         (("eig", "pendulum.yaml", "--set", "LL=1"), 2, "has no parameter 'LL'\nhint: did you mean 'L'?"),
         (("eig", "pendulum.yaml", "--set", "L"), 2, "write NAME=VALUE"),
         (("eig", "pendulum.yaml", "--set", "L=1", "--set", "L=2"), 2, "given twice"),
@@ -233,6 +233,18 @@ def test_mbstab_test_says_what_fails(tmp_path):
 
 def test_schema_is_json():
     assert json.loads(run("schema").stdout)["title"] == "mbstab model"
+
+
+def test_schema_of_a_section_is_text_for_people():
+    text = run("schema", "joints").stdout
+    assert "revolute: turns about an axis (spatial scenes)" in text
+    assert max(map(len, text.splitlines())) <= 80
+    only = run("schema", "joints.screw").stdout
+    assert "lead: advance in one turn" in only
+    assert "revolute" not in only
+    assert "did you mean 'joints'?" in run("schema", "joint").stderr
+    assert "did you mean 'revolute'?" in run("schema", "joints.revolut").stderr
+    assert run("schema", "joint").exit_code == run("schema", "joints.revolut").exit_code == 2
 
 
 def test_check_says_what_a_scene_consists_of():

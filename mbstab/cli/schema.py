@@ -1,4 +1,4 @@
-"""``mbstab schema``: the JSON Schema of model files."""
+"""``mbstab schema``: what a model file may contain."""
 
 from __future__ import annotations
 
@@ -7,16 +7,35 @@ from pathlib import Path
 import click
 
 from mbstab.cli.common import output_option, write
+from mbstab.errors import UsageError, suggestion
 
 
 @click.command()
+@click.argument("section", required=False)
 @output_option
-def schema(output: Path | None) -> None:
+def schema(section: str | None, output: Path | None) -> None:
     """Print the JSON Schema with which editors complete and check model files.
+
+    With SECTION (bodies, joints, contacts, drives, forces) print its types and their keys as text; with a type as well,
+    such as joints.revolute, only that one.
 
     Example: mbstab schema -o mbstab.schema.json
     """
-    from mbstab.model.schema import json_schema
-    from mbstab.report.export import to_json
+    if section is None:
+        from mbstab.model.schema import json_schema
+        from mbstab.report.export import to_json
 
-    write(to_json(json_schema()), output)
+        write(to_json(json_schema()), output)
+        return
+    from mbstab.mechanics.elements import KINDS
+    from mbstab.report.kinds import kinds_text
+
+    name, _, kind = section.partition(".")
+    if name not in KINDS:
+        hint = suggestion(name, KINDS) or "one of " + ", ".join(KINDS)
+        raise UsageError(f"there are no types in a section {name!r}\nhint: {hint}")
+    kinds = {id(k): k for (k_name, _), k in KINDS[name].items() if kind in ("", k_name)}
+    if not kinds:
+        known = sorted({k_name for k_name, _ in KINDS[name]})
+        raise UsageError(f"there is no type {kind!r} in {name}\nhint: {suggestion(kind, known) or ', '.join(known)}")
+    write(kinds_text(list(kinds.values())), output)

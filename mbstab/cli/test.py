@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
-from mbstab.cli.common import load_model, show
-from mbstab.errors import ExpectationError, MbstabError, UsageError
+from mbstab.cli.common import load_model, note, show
+from mbstab.errors import ExpectationError, MbstabError, UsageError, counted
 
 
 @click.command()
@@ -25,7 +25,8 @@ def test(files: tuple[str, ...], quiet: bool) -> None:
         try:
             outcomes = load_model(name).test()
         except MbstabError as error:
-            show(f"FAIL {name}: {error}", "\n")
+            note(str(error))
+            show(f"FAIL {name}", "\n")
             worst, failed = error, failed + 1
             continue
         if not outcomes:
@@ -37,6 +38,6 @@ def test(files: tuple[str, ...], quiet: bool) -> None:
                 show(f"{mark} {outcome.location}: {outcome.what}: {outcome.detail}", "\n")
     show(f"{passed} passed, {failed} failed", "\n")
     if worst is not None:
-        raise worst
+        raise SystemExit(worst.exit_code)
     if failed:
-        raise ExpectationError(f"{failed} expectations do not hold")
+        raise ExpectationError(f"{counted(failed, 'expectation')} failed")

@@ -11,6 +11,8 @@ from typing import Any
 from mbstab.analysis.check import CheckReport
 from mbstab.analysis.eigen import EigenResult, Eigenvalue
 from mbstab.analysis.linearize import Linearization, StateSpace
+from mbstab.errors import counted
+from mbstab.report import WIDTH
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:
@@ -36,7 +38,7 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[in
 
 def number(x: float, digits: int = 6) -> str:
     """Return a number with the given significant digits, a dash where there is none."""
-    return "-" if math.isnan(x) else "inf" if x == math.inf else f"{x:.{digits}g}"
+    return "-" if math.isnan(x) else "inf" if x == math.inf else f"{x + 0.0:.{digits}g}"
 
 
 def eigenvalue(s: complex) -> str:
@@ -76,7 +78,7 @@ def eigen_text(result: EigenResult, title: str) -> str:
         lines.append(_participation(shown, bodies))
     lines.append(f"Verdict: {result.verdict}")
     for reason in result.reasons:
-        lines += wrap(reason, width=80, initial_indent="  ", subsequent_indent="  ")
+        lines += wrap(reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ")
     lines += ["", *_counts(result)]
     return "\n".join(lines) + "\n"
 
@@ -122,8 +124,8 @@ def _short(s: complex) -> str:
 
 def _counts(result: EigenResult) -> list[str]:
     c = result.counts
-    rows = f"{c.n_q} coordinates, {c.n_holonomic} holonomic rows (rank {c.rank_holonomic})"
-    rows += f", {c.n_nonholonomic} nonholonomic rows (rank {c.rank_nonholonomic})"
+    rows = f"{counted(c.n_q, 'coordinate')}, {counted(c.n_holonomic, 'holonomic row')} (rank {c.rank_holonomic})"
+    rows += f", {counted(c.n_nonholonomic, 'nonholonomic row')} (rank {c.rank_nonholonomic})"
     lines = [
         rows,
         f"finite eigenvalues: {c.expected} expected, {c.found} found, {c.neutral} of them neutral; "
@@ -139,7 +141,7 @@ def _counts(result: EigenResult) -> list[str]:
         )
     if result.symmetries and c.neutral:
         lines += wrap(
-            "neutral eigenvalues belong to: " + ", ".join(result.symmetries), width=80, subsequent_indent="  "
+            "neutral eigenvalues belong to: " + ", ".join(result.symmetries), width=WIDTH, subsequent_indent="  "
         )
     return lines
 
@@ -149,7 +151,7 @@ def check_text(report: CheckReport, title: str) -> str:
     lines = [title, ""] if title else []
     kind = "planar" if report.dimension == 2 else "spatial"
     lines += [
-        f"{kind} scene, {len(report.bodies)} bodies, {report.n_q} coordinates",
+        f"{kind} scene, {counted(len(report.bodies), 'body', 'bodies')}, {counted(report.n_q, 'coordinate')}",
         table(
             ["body", "coordinates", "mass (kg)"],
             [[n, ", ".join(c), number(m)] for n, c, m in report.bodies],
@@ -176,7 +178,7 @@ def check_text(report: CheckReport, title: str) -> str:
         if items:
             lines += ["", f"{head}:"]
             for item in items:
-                lines += wrap(item, width=80, initial_indent="  ", subsequent_indent="    ")
+                lines += wrap(item, width=WIDTH, initial_indent="  ", subsequent_indent="    ")
     return "\n".join(lines) + "\n"
 
 
@@ -185,12 +187,26 @@ def _gap(gap: float) -> str:
 
 
 def matrix_text(name: str, matrix: Any, rows: Sequence[str], columns: Sequence[str]) -> str:
-    """Return a matrix with the names of its rows and columns."""
-    body = [[row, *[f"{x:.6g}" if x else "." for x in values]] for row, values in zip(rows, matrix, strict=True)]
-    shape = f"{len(rows)} × {len(columns)}"
+    """Return a matrix with the names of its rows and columns, in blocks of columns that fit the terminal.
+
+    Entries below the round-off of the largest one are dots, like zeros.
+    """
+    text = f"{name}  ({len(rows)} × {len(columns)})\n"
     if not rows or not columns:
-        return f"{name}  ({shape})\n"
-    return f"{name}  ({shape})\n" + table(["", *columns], body, left=(0,))
+        return text
+    smallest = 1e-15 * max(abs(x) for values in matrix for x in values)
+    cells = [[f"{x:.6g}" if abs(x) > smallest else "." for x in values] for values in matrix]
+    widths = [max(len(head), *(len(row[j]) for row in cells)) + 2 for j, head in enumerate(columns)]
+    start, room = 0, WIDTH - max(map(len, rows))
+    while start < len(columns):
+        stop, used = start + 1, widths[start]
+        while stop < len(columns) and used + widths[stop] <= room:
+            used += widths[stop]
+            stop += 1
+        body = [[row, *values[start:stop]] for row, values in zip(rows, cells, strict=True)]
+        text += table(["", *columns[start:stop]], body, left=(0,))
+        start = stop
+    return text
 
 
 def linearize_text(linear: Linearization, space: StateSpace, form: str, title: str) -> str:

@@ -1,0 +1,34 @@
+"""Types of bodies, joints, contacts, drives and forces as text, for people who write a model file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import wrap
+
+from mbstab.mechanics.catalogue import Field, Kind
+from mbstab.report import WIDTH
+
+SCENES = {(2,): "planar scenes", (3,): "spatial scenes", (2, 3): "all scenes"}
+
+
+def kinds_text(kinds: Sequence[Kind]) -> str:
+    """Return what each type is and which keys it has."""
+    lines: list[str] = []
+    for kind in kinds:
+        lines += wrap(f"{kind.name}: {kind.doc} ({SCENES[kind.dimensions]})", WIDTH, subsequent_indent="  ")
+        for field in kind.fields:
+            lines += wrap(_field(field), WIDTH, initial_indent="  ", subsequent_indent="      ")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _field(field: Field) -> str:
+    notes = [f"unit {field.unit}" if field.unit not in ("", "1") else "", "required" if field.required else ""]
+    if field.default is not None:
+        notes.append(f"default {field.default}")
+    if field.choices:
+        notes.append("one of " + ", ".join(field.choices))
+    if field.dimensions != (2, 3):
+        notes.append(SCENES[field.dimensions])
+    said = "; ".join(note for note in notes if note)
+    return f"{field.name}: {field.doc}" + (f" [{said}]" if said else "")
