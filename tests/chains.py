@@ -19,14 +19,18 @@ def hanging_chain(rng, links, masses=None, damping=0.0, stiffness=0.0, size=1.0)
     for i in range(1, links + 1):
         (ax, ay), (bx, by), (gx, gy) = (rng.uniform(-size, size, 2).tolist() for _ in range(3))
         m, below = masses[i - 1], sum(masses[i:])
-        lever = [f"({m!r}*({g!r}) + {below!r}*({b!r}))/{m + below!r} - ({a!r})" for g, b, a in ((gx, bx, ax), (gy, by, ay))]
+        lever = [
+            f"({m!r}*({g!r}) + {below!r}*({b!r}))/{m + below!r} - ({a!r})" for g, b, a in ((gx, bx, ax), (gy, by, ay))
+        ]
         parameters[f"th_{i}"] = f"-pi/2 - atan2({lever[1]}, {lever[0]})"
         parameters |= {f"c_{i}": f"cos(th_{i})", f"s_{i}": f"sin(th_{i})"}
         parameters |= _shifted(f"x_{i}", f"X_{i - 1}", f"y_{i}", f"Y_{i - 1}", i, -ax, -ay)
         parameters |= _shifted(f"X_{i}", f"x_{i}", f"Y_{i}", f"y_{i}", i, bx, by)
         inertia = m * size**2 * rng.uniform(0.05, 0.5)
         points = f"points: {{A: [{ax!r}, {ay!r}], B: [{bx!r}, {by!r}]}}"
-        bodies.append(f"link_{i}: {{type: planar, mass: {m!r}, inertia: {inertia!r}, center_of_mass: [{gx!r}, {gy!r}], {points}}}")
+        bodies.append(
+            f"link_{i}: {{type: planar, mass: {m!r}, inertia: {inertia!r}, center_of_mass: [{gx!r}, {gy!r}], {points}}}"
+        )
         joints.append(f"pin_{i}: {{type: revolute, between: [link_{i}.A, {f'link_{i - 1}.B' if i > 1 else 'ground'}]}}")
         rest = f"th_{i} - th_{i - 1}" if i > 1 else "th_1"
         if stiffness or damping:

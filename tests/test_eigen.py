@@ -66,13 +66,13 @@ def rolling_torus(m, R, r, I_t, I_a, g, v):
     return pair((m * g * R * I_t - I_a * (I_a + m * rho**2) * (v / rho) ** 2) / (I_t * (I_t + m * rho**2)))
 
 
-def double_pendulum(l, g):
-    return [*pair(-(2.0 - math.sqrt(2.0)) * g / l), *pair(-(2.0 + math.sqrt(2.0)) * g / l)]
+def double_pendulum(**p):
+    return [s for root in (-1.0, 1.0) for s in pair(-(2.0 + root * math.sqrt(2.0)) * p["g"] / p["l"])]
 
 
-def four_bar(l, g):
+def four_bar(**p):
     # Two rods turn about their ends, the coupler moves with the pins: (2/3 + 1) m l² θ'' = −(1/2 + 1/2 + 1) m g l θ.
-    return pair(-2.0 * g / ((2.0 / 3.0 + 1.0) * l))
+    return pair(-2.0 * p["g"] / ((2.0 / 3.0 + 1.0) * p["l"]))
 
 
 def slider_crank(r, m_c, m_r, k, c):
@@ -82,8 +82,8 @@ def slider_crank(r, m_c, m_r, k, c):
     return [(-c + root) / (2.0 * J), (-c - root) / (2.0 * J)]
 
 
-def sleigh(m, a, I, v):
-    return [-m * a * v / (I + m * a**2)]
+def sleigh(**p):
+    return [-p["m"] * p["a"] * p["v"] / (p["I"] + p["m"] * p["a"] ** 2)]
 
 
 def trailer(L, v):
@@ -136,7 +136,14 @@ CLOSED_FORMS = {
     "sleigh-backward": ("chaplygin_sleigh", {"m": 2.0, "a": 0.25, "I": 0.3, "v": -31.0}, sleigh, 5, 4, "unstable"),
     "trailer": ("trailer", {"L": 4.0, "v": 10.0}, trailer, 1, 0, "asymptotically stable"),
     "trailer-backing": ("trailer", {"L": 0.3, "v": -2.0}, trailer, 1, 0, "unstable"),
-    "body-middle": ("free_rigid_body", {"I1": 1.0, "I2": 2.0, "I3": 3.0, "Omega": 2.0}, free_rigid_body, 12, 8, "unstable"),
+    "body-middle": (
+        "free_rigid_body",
+        {"I1": 1.0, "I2": 2.0, "I3": 3.0, "Omega": 2.0},
+        free_rigid_body,
+        12,
+        8,
+        "unstable",
+    ),
     "body-least": (
         "free_rigid_body",
         {"I1": 2.0, "I2": 1.0, "I3": 2.5, "Omega": 30.0},
@@ -263,3 +270,346 @@ def test_an_unknown_method_is_named():
     with pytest.raises(UsageError, match=r"unknown method 'qr'\nhint: one of nullspace, index3, paper"):
         shipped("pendulum").eig("qr")
     assert METHODS == ("nullspace", "index3", "paper")
+
+
+# --- the verdict ----------------------------------------------------------------------------------------------------
+
+CRITICAL_TOP = "2*sqrt((I_x + m*H**2)*m*g*H)/I_z"
+CRITICAL_DISK = "sqrt(m*g*R*I_t/(I_a*(I_a + m*R**2)))"
+CRITICAL_TORUS = "rho*sqrt(m*g*R*I_t/(I_a*(I_a + m*rho**2)))"
+
+# An inverted pendulum held up by a torsional spring of the stiffness m g l: Euler's load on a strut with one hinge.
+STRUT = """\
+mbstab: 1
+gravity: [0, -9.81]
+parameters: {m: 2, l: 0.5, k: m*9.81*l}
+bodies:
+  strut: {type: planar, mass: m, inertia: 0.1, points: {O: [0, -l]}}
+joints:
+  hinge: {type: revolute, between: [strut.O, ground]}
+forces:
+  spring: {type: joint_spring, joint: hinge, stiffness: k}
+reference:
+  coordinates: {strut: {x: 0, y: l, theta: 0}}
+"""
+
+# A point mass on a rod in a vertical plane that turns at Ω about the vertical, leaning out at cos θ = g/(l Ω²).
+DRIVEN_PLANE = """\
+mbstab: 1
+gravity: [0, 0, -9.81]
+parameters: {l: 0.5, Omega: 8, lean: acos(9.81/(l*Omega**2))}
+bodies:
+  bob: {type: point, mass: 1}
+joints:
+  rod: {type: distance, between: [bob, ground], length: l}
+constraints:
+  plane: {holonomic: "bob.y*cos(Omega*t) - bob.x*sin(Omega*t)"}
+reference:
+  coordinates: {bob: {x: l*sin(lean), y: 0, z: -l*cos(lean)}}
+  rates: {bob: {x: 0, y: Omega*l*sin(lean), z: 0}}
+"""
+# The same with angles that stand still: φ turns about the vertical, θ leans out, ψ is held.
+DRIVEN_PLANE_AT_REST = """\
+mbstab: 1
+gravity: [9.81, 0, 0]
+parameters: {l: 0.5, Omega: 8, lean: acos(9.81/(l*Omega**2))}
+bodies:
+  bob: {type: spatial, mass: 1, inertia: [0, 0, 0], center_of_mass: [l, 0, 0]}
+joints:
+  pivot: {type: spherical, between: [bob, ground]}
+drives:
+  plane: {type: coordinate, coordinate: bob.phi, position: Omega*t}
+  twist: {type: coordinate, coordinate: bob.psi, position: "0"}
+reference:
+  coordinates: {bob: {x: 0, y: 0, z: 0, phi: 0, theta: lean, psi: 0}}
+  rates: {bob: {x: 0, y: 0, z: 0, phi: Omega, theta: 0, psi: 0}}
+"""
+
+PENDULUM = """\
+mbstab: 1
+gravity: [0, -9.81]
+parameters: {turn: 0, lift: 0}
+bodies:
+  rod: {type: planar, mass: 1, inertia: 0.1, points: {O: [-1, 0]}}
+joints:
+  pivot: {type: revolute, between: [rod.O, ground]}
+forces:
+  lift: {type: force, at: rod, vector: [0, lift*sin(7*t)]}
+reference:
+  coordinates: {rod: {x: 0, y: -1, theta: -pi/2}}
+  rates: {rod: {theta: turn}}
+"""
+
+# A mass on a spring that a given force pushes: it does not stay at rest, but its equations are linear.
+PUSHED_MASS = """\
+mbstab: 1
+bodies:
+  mass: {type: planar_point, mass: 2}
+forces:
+  push: {type: force, at: mass, vector: [0, sin(7*t)]}
+  spring: {type: expression, on: {mass.x: -3*mass.x, mass.y: -8*mass.y}}
+reference:
+  coordinates: {mass: {x: 0, y: 0}}
+"""
+
+
+def test_a_double_pair_on_the_imaginary_axis_is_undecided():
+    result = shipped("top").eig(omega=CRITICAL_TOP)
+    assert result.verdict == "undecided"
+    assert "too close to another one to be placed on it" in result.reasons[0]
+    exact = math.sqrt(0.01 * 9.81 * 0.04 / (3e-4 + 0.01 * 0.04**2))
+    np.testing.assert_allclose(np.abs(result.values()), exact, rtol=1e-7, atol=0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"), [("rolling_disk", {"omega": CRITICAL_DISK}), ("rolling_torus", {"v": CRITICAL_TORUS})]
+)
+def test_two_zero_eigenvalues_too_many_at_the_critical_speed_are_undecided(name, parameters):
+    usual, critical = shipped(name).eig().counts.neutral, shipped(name).eig(**parameters)
+    assert critical.verdict == "undecided"
+    assert critical.counts.neutral == usual + 2
+    assert "form a chain of length 5, longer than symmetries explain: a critical state" in critical.reasons[0]
+
+
+@pytest.mark.parametrize("factor", [1.0 - 1e-9, 1.0 + 1e-9])
+@pytest.mark.parametrize(
+    ("name", "parameter", "value"),
+    [
+        ("top", "omega", CRITICAL_TOP),
+        ("rolling_disk", "omega", CRITICAL_DISK),
+        ("rolling_torus", "v", CRITICAL_TORUS),
+    ],
+)
+def test_the_verdict_is_right_a_billionth_beside_the_critical_value(name, parameter, value, factor):
+    expected = "unstable" if factor < 1.0 else "marginally stable"
+    assert shipped(name).eig(**{parameter: f"{factor!r}*({value})"}).verdict == expected
+
+
+def test_the_buckling_load_is_undecided_because_no_symmetry_explains_its_zeros():
+    result = mbstab.loads(STRUT).eig()
+    assert result.verdict == "undecided"
+    assert result.counts.neutral == 2
+    assert result.chains == (1, 1)
+    assert "2 eigenvalues are zero, but 0 symmetries explain 0 at most: a critical state" in result.reasons[0]
+
+
+@pytest.mark.parametrize(("k", "verdict"), [(9.82, "marginally stable"), (9.8, "unstable")])
+def test_the_strut_stands_above_the_critical_stiffness_and_falls_below_it(k, verdict):
+    result = mbstab.loads(STRUT).eig(k=k)
+    assert result.verdict == verdict
+    assert_matched(result.values(), pair(-(k - 2 * 9.81 * 0.5) / (0.1 + 2 * 0.5**2)), rtol=1e-12)
+
+
+def test_a_reference_that_turns_in_fixed_coordinates_is_undecided_as_frozen_in_time():
+    result = mbstab.loads(DRIVEN_PLANE).eig()
+    assert result.verdict == "undecided"
+    assert result.reasons[0].startswith("frozen-time: the coefficients of the linearized equations change by 1")
+    # The eigenvalues at one instant are indeed not those of the motion.
+    assert_matched(result.values(), [8j, -8j], rtol=1e-13)
+
+
+def test_the_same_motion_in_angles_that_stand_still_has_the_true_eigenvalues():
+    result = mbstab.loads(DRIVEN_PLANE_AT_REST).eig()
+    assert result.verdict == "marginally stable"
+    assert_matched(result.values(), [7.61480424896136j, -7.61480424896136j], rtol=1e-13)
+
+
+@pytest.mark.parametrize("turn", [2.0, -1e-5])
+def test_a_swinging_pendulum_is_undecided_as_frozen_in_time(turn):
+    result = mbstab.loads(PENDULUM).eig(turn=turn)
+    assert result.verdict == "undecided"
+    assert result.reasons[0].startswith("frozen-time: ")
+
+
+def test_a_pendulum_at_rest_whose_weight_changes_with_time_is_undecided_as_frozen_in_time():
+    result = mbstab.loads(PENDULUM).eig(lift=5)
+    assert result.verdict == "undecided"
+    assert result.reasons[0].startswith("frozen-time: ")
+    assert mbstab.loads(PENDULUM).eig().verdict == "marginally stable"
+
+
+def test_a_given_force_on_linear_equations_leaves_their_coefficients_constant():
+    result = mbstab.loads(PUSHED_MASS).eig()
+    assert result.verdict == "marginally stable"
+    assert_matched(result.values(), [2j, -2j, math.sqrt(1.5) * 1j, -math.sqrt(1.5) * 1j], rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("top", {"omega": 1e-3}),
+        ("top", {"omega": 1e5}),
+        ("rolling_disk", {"omega": 0.1}),
+        ("rolling_disk", {"omega": 1e4}),
+        ("rolling_torus", {"v": 1e-3}),
+        ("rolling_torus", {"v": 1e3}),
+        ("chaplygin_sleigh", {"v": 1e-6}),
+        ("chaplygin_sleigh", {"v": -1e6}),
+        ("free_rigid_body", {"Omega": 1e-3}),
+        ("free_rigid_body", {"Omega": 1e6}),
+        ("trailer", {"v": 1e-3}),
+        ("trailer", {"v": -1e4}),
+    ],
+)
+def test_a_steady_motion_is_not_frozen_in_time(name, parameters):
+    assert shipped(name).linearize(**parameters).variation == 0.0
+
+
+# --- extremes -------------------------------------------------------------------------------------------------------
+
+
+def growing_masses(reverse, number):
+    masses = [10.0**i for i in range(10)]
+    return hanging_chain(np.random.default_rng([10, number]), 10, masses=masses[::-1] if reverse else masses)
+
+
+EXTREMES = {
+    # Text, relative error of all eigenvalues.
+    **{f"masses-growing-downwards-{n}": (growing_masses(False, n), 1e-8) for n in range(3)},
+    **{f"masses-growing-upwards-{n}": (growing_masses(True, n), 1e-13) for n in range(3)},
+    "lengths-1e-6": (hanging_chain(np.random.default_rng(1), 4, size=1e-6), 1e-13),
+    "lengths-1e6": (hanging_chain(np.random.default_rng(2), 4, size=1e6), 1e-13),
+    "lengths-1e-6-damped": (
+        hanging_chain(np.random.default_rng(3), 4, size=1e-6, stiffness=1e-11, damping=1e-13),
+        1e-12,
+    ),
+    "stiffness-1e12": (hanging_chain(np.random.default_rng(4), 4, stiffness=1e12), 1e-13),
+    "stiffness-1e12-one-soft-joint": (
+        re.sub(
+            r"(spring_2: .*stiffness: )\S+,",
+            r"\g<1>1.5,",
+            hanging_chain(np.random.default_rng(5), 3, stiffness=1e12),
+        ),
+        1e-4,  # the soft spring and a stiff one stand in one sum, which knows the soft one to 1e12 roundings
+    ),
+    "inertia-1e12": (
+        re.sub(
+            r"(link_2: {type: planar, mass: \S+ inertia: )\S+,",
+            r"\g<1>1e12,",
+            hanging_chain(np.random.default_rng(6), 3),
+        ),
+        1e-3,  # the squares of the frequencies lie twelve orders apart
+    ),
+    "inertia-1e-12": (
+        re.sub(
+            r"(link_2: {type: planar, mass: \S+ inertia: )\S+,",
+            r"\g<1>1e-12,",
+            hanging_chain(np.random.default_rng(7), 3),
+        ),
+        1e-13,
+    ),
+}
+
+
+@pytest.mark.parametrize("case", EXTREMES)
+def test_extreme_numbers_keep_accuracy_and_bounds(case):
+    text, accuracy = EXTREMES[case]
+    model = mbstab.loads(text, case)
+    exact, zeros = exact_eigenvalues(model.model)
+    result = model.eig()
+    errors, bounds, sizes = errors_and_bounds(result, exact)
+    np.testing.assert_array_less(errors, bounds)
+    np.testing.assert_array_less(errors / sizes, accuracy)
+    assert (result.counts.neutral, zeros) == (0, 0)
+    assert result.verdict == ("asymptotically stable" if "-damped" in case else "marginally stable")
+
+
+# --- the staircase of zero eigenvalues ------------------------------------------------------------------------------
+
+# Jordan blocks at zero: their sizes, and how many eigenvalues each step of the staircase must find.
+JORDAN = {
+    "one": ([1], (1,)),
+    "1-1": ([1, 1], (2,)),
+    "2": ([2], (1, 1)),
+    "2-2-1": ([2, 2, 1], (3, 2)),
+    "3-2-1": ([3, 2, 1], (3, 2, 1)),
+    "4-4": ([4, 4], (2, 2, 2, 2)),
+    "5": ([5], (1, 1, 1, 1, 1)),
+}
+OTHERS = np.array([-1.0, 0.7, -0.3])
+SLOW = {"1e-3": 1e-3, "1e-6": 1e-6}
+
+
+def staircase(rng, sizes, others):
+    """Return a matrix with these Jordan blocks at zero and these other eigenvalues, turned by an orthogonal matrix.
+
+    The chains at zero are coupled to the other directions so that the condition numbers of these stay near 1: turning
+    rounds the matrix, and no algorithm knows its eigenvalues better than condition number times rounding.
+    """
+    n, k = sum(sizes) + len(others), sum(sizes)
+    J = np.zeros((n, n))
+    J[:k, k:] = rng.uniform(-1.0, 1.0, (k, n - k)) * np.abs(others) ** max(sizes)
+    J[range(k, n), range(k, n)] = others
+    start = 0
+    for size in sizes:
+        J[range(start, start + size - 1), range(start + 1, start + size)] = 1.0
+        start += size
+    Q, _ = np.linalg.qr(rng.normal(size=(n, n)))
+    return Q @ J @ Q.T
+
+
+@pytest.mark.parametrize("blocks", JORDAN)
+@pytest.mark.parametrize("number", range(5))
+def test_the_staircase_finds_the_jordan_blocks_at_zero(blocks, number):
+    sizes, steps = JORDAN[blocks]
+    S = staircase(np.random.default_rng([number, len(sizes)]), sizes, OTHERS)
+    deflated = deflate_neutral(S)
+    assert deflated.steps == steps
+    assert deflated.undecided == ""
+    k = sum(steps)
+    np.testing.assert_allclose(deflated.Q @ deflated.Q.T, np.eye(len(S)), rtol=0.0, atol=1e-14)
+    whole = np.block([[deflated.nilpotent, deflated.coupling], [np.zeros((len(S) - k, k)), deflated.S]])
+    np.testing.assert_allclose(deflated.Q @ whole @ deflated.Q.T, S, rtol=0.0, atol=1e-13)
+    assert np.abs(np.linalg.matrix_power(deflated.nilpotent, len(steps))).max() == 0.0
+    assert_matched(np.linalg.eigvals(deflated.S), OTHERS, rtol=1e-12)
+
+
+@pytest.mark.parametrize("blocks", [name for name, (sizes, _) in JORDAN.items() if max(sizes) <= 3])
+@pytest.mark.parametrize("slow", SLOW)
+def test_slow_eigenvalues_beside_zeros_keep_the_digits_that_the_matrix_has(blocks, slow):
+    sizes, steps = JORDAN[blocks]
+    s = SLOW[slow]
+    S = staircase(np.random.default_rng(8), sizes, np.array([-1.0, s, -s / 3.0]))
+    deflated = deflate_neutral(S)
+    assert deflated.steps == steps
+    assert deflated.undecided == ""
+    found = np.linalg.eigvals(deflated.S)
+    # A few 1e-16 of the norm, 1, is the rounding of the matrix itself.
+    assert_matched(found, [-1.0, s, -s / 3.0], rtol=1e-14 / s)
+
+
+@pytest.mark.parametrize("small", [3e-14, 3e-13])
+def test_small_singular_values_without_a_gap_are_undecided(small):
+    S = staircase(np.random.default_rng(9), [1], np.array([-1.0, 2e-15, small]))
+    deflated = deflate_neutral(S)
+    assert deflated.steps == (2,)
+    assert re.fullmatch(
+        r"2 eigenvalues are close to zero without a gap \(singular values \S+ and \S+ 1/s\): "
+        "neutral or merely slow cannot be told in double precision",
+        deflated.undecided,
+    )
+
+
+def test_what_was_said_about_small_singular_values_is_said_in_the_verdict():
+    # Two masses on springs so soft that one can still be told from none, and the other from neither.
+    springs = "{m.x: -m.x, m.y: -4e-15*m.y, n.x: -4e-13*n.x, n.y: -n.y}"
+    text = (
+        "mbstab: 1\nbodies: {m: {type: planar_point, mass: 1}, n: {type: planar_point, mass: 1}}\n"
+        f"forces: {{springs: {{type: expression, on: {springs}}}}}\n"
+        "reference: {coordinates: {m: {x: 0, y: 0}, n: {x: 0, y: 0}}}\n"
+    )
+    result = mbstab.loads(text).eig()
+    assert result.verdict == "undecided"
+    assert result.reasons[0].startswith(
+        "1 eigenvalue is close to zero without a gap (singular values 3.4e-15 and 3.4e-13 1/s)"
+    )
+
+
+def test_a_matrix_of_zeros_is_all_neutral():
+    assert deflate_neutral(np.zeros((4, 4))).steps == (4,)
+    assert deflate_neutral(np.zeros((0, 0))).steps == ()
+
+
+def test_pairing_does_not_depend_on_the_order():
+    expected = np.array([1e-16 + 2j, -1e-16 - 2j, 3.0, -1e-17 + 2.5j])
+    np.testing.assert_array_equal(matched(expected[[3, 1, 0, 2]], expected), np.zeros(4))

@@ -1,4 +1,4 @@
-"""Eigenvalues of a model to 50 digits, by elimination and multiprecision arithmetic: what double precision is held against.
+"""Eigenvalues of a model to 50 digits, by elimination in multiprecision arithmetic: the truth for double precision.
 
 Nothing here is shared with `mbstab.analysis`: the constraints are eliminated by solving for some of the coordinates
 (no orthonormal bases, no scaling), and the rounding of what remains is far below what is asked for. Only the matrices
@@ -17,7 +17,7 @@ from mbstab.model.values import evaluate
 DIGITS = 50
 WORKING_DIGITS = 90
 ZERO = 1e-15
-"""Zero eigenvalues in Jordan blocks of size 5 come out as 1e-90 to the power 1/5; physical ones are larger than this."""
+"""Zero eigenvalues in Jordan blocks of size 5 come out as 1e-90 to the power 1/5; others are larger than this."""
 
 
 def exact_eigenvalues(model, **parameters):
@@ -150,5 +150,7 @@ def distance(found, exact):
     found = np.asarray(found, dtype=complex)
     i, j = linear_sum_assignment(np.abs(found[:, None] - rough[None, :]))
     with mp.workdps(DIGITS):
-        errors = np.array([float(abs(mpmath.mpmathify(complex(found[a])) - exact[b])) for a, b in zip(i, j, strict=True)])
+        errors = np.array(
+            [float(abs(mpmath.mpmathify(complex(found[a])) - exact[b])) for a, b in zip(i, j, strict=True)]
+        )
     return errors, rough[j]

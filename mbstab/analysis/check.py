@@ -124,7 +124,8 @@ def _unneeded(system: System, motion: Motion) -> list[str]:
         if axis:
             count = sum(3 if len(body.coordinates) == 6 else 2 for body in scene.bodies)
             found.append(
-                f"every small motion stays in the plane across {axis}: a planar scene has {count} coordinates instead of {system.n_q}"
+                f"every small motion stays in the plane across {axis}: a planar scene has {count} coordinates "
+                f"instead of {system.n_q}"
             )
     model = scene.model
     used = _used_parameters(system)

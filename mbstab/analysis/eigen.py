@@ -35,14 +35,14 @@ EPS = float(np.finfo(float).eps)
 DATA = 2.0 * EPS
 """To what the matrices are known, relative to their norms: computed from data in double precision."""
 
-NEUTRAL_TOLERANCE = 1e-12
-"""A singular value of S below this fraction of the largest is taken for zero."""
+NEUTRAL_ROUNDING = 30.0
+"""A singular value of S is zero if it is no larger than this many roundings …"""
 
 NEUTRAL_GAP = 1e3
-"""The decision is trusted if the singular values next to it differ by this factor at least …"""
+"""… and the decision is trusted if the next one is larger than those by this factor."""
 
-NEUTRAL_ROUNDING = 30.0
-"""… and if what is taken for zero is no larger than this many roundings."""
+SLOW = 1e-3
+"""Where it is not trusted, eigenvalues smaller than this fraction of the typical rate are in doubt."""
 
 LONGEST_CHAIN = 3
 """A place that drifts because an angle drifts because a rate is constant: longer chains no symmetry explains."""
@@ -179,7 +179,7 @@ class Deflated:
 
 
 def deflate_neutral(S: Array, rounding: float = EPS) -> Deflated:
-    """Separate the zero eigenvalues of S by the staircase null(S), null(S₂₂), …
+    """Separate the zero eigenvalues of S by the staircase null(S), null(S₂₂) and so on.
 
     Parameters
     ----------
@@ -194,14 +194,14 @@ def deflate_neutral(S: Array, rounding: float = EPS) -> Deflated:
     size = float(np.linalg.norm(S, 2)) if n else 0.0
     while done < n:
         _, s, right = np.linalg.svd(T[done:, done:])
-        zeros = int(np.sum(s <= NEUTRAL_TOLERANCE * size))
+        zeros = int(np.sum(s <= NEUTRAL_ROUNDING * rounding * size))
         if zeros == 0:
             break
         largest, next_one = float(s[-zeros]), float(s[-zeros - 1]) if zeros < len(s) else math.inf
-        if not undecided and (largest > NEUTRAL_ROUNDING * rounding * size or next_one < NEUTRAL_GAP * largest):
+        if not undecided and next_one < NEUTRAL_GAP * largest:
             undecided = (
-                f"{_count(zeros)} close to zero without a gap (singular value {largest:.1e} 1/s between rounding, "
-                f"{rounding * size:.1e}, and the next, {next_one:.1e}): neutral or merely slow cannot be told in double precision"
+                f"{_count(zeros)} close to zero without a gap (singular values {largest:.1e} and {next_one:.1e} 1/s): "
+                "neutral or merely slow cannot be told in double precision"
             )
         dropped = max(dropped, largest)
         # Null vectors first.
@@ -477,20 +477,19 @@ class _Judge:
             change = self.linear.variation
             size = f"by {change:.1%}" if math.isfinite(change) else "without bound"
             doubts.append(
-                f"frozen-time: the coefficients of the linearized equations change {size} along the motion, so eigenvalues "
-                "at one instant are not a stability verdict; describe the motion so that it stands still"
+                f"frozen-time: the coefficients of the linearized equations change {size} along the motion, so "
+                "eigenvalues at one instant are not a stability verdict; describe the motion so that it stands still"
             )
         if counts.found != counts.expected:
             doubts.append(
-                f"{counts.expected} finite eigenvalues exist, the method returned {counts.found}; use --method nullspace"
+                f"{counts.expected} finite eigenvalues exist, the method returned {counts.found}; "
+                "use --method nullspace"
             )
-        unstable = [
-            e
-            for e in found
-            if e.kind in ("unstable node", "unstable focus") or (e.kind == "saddle" and e.value.real > 0)
-        ]
-        if unstable and not doubts:
-            worst = max(unstable, key=lambda e: e.value.real)
+        # Without a gap, what is slow may be neutral.
+        slow = SLOW * self.gamma if self.deflated.undecided else 0.0
+        growing = [e for e in found if e.kind in ("unstable node", "unstable focus", "saddle") and e.value.real > slow]
+        if growing and not doubts:
+            worst = max(growing, key=lambda e: e.value.real)
             plural, verb = ("s", "grow") if worst.value.imag else ("", "grows")
             return "unstable", [
                 f"the eigenvalue{plural} {_show(worst.value)} 1/s {verb} (error bound {worst.error_bound:.1e})"
@@ -499,11 +498,12 @@ class _Judge:
             doubts.append(self.deflated.undecided)
         if len(self.deflated.steps) > LONGEST_CHAIN:
             doubts.append(
-                f"zero eigenvalues form a chain of length {len(self.deflated.steps)}, longer than symmetries explain: a critical "
-                "state, which the linearized equations cannot judge"
+                f"zero eigenvalues form a chain of length {len(self.deflated.steps)}, longer than symmetries explain: "
+                "a critical state, which the linearized equations cannot judge"
             )
         elif self.n_neutral > 2 * len(known):
-            explained = f"{len(known)} {'symmetry explains' if len(known) == 1 else 'symmetries explain'} {2 * len(known)} at most"
+            explain = "symmetry explains" if len(known) == 1 else "symmetries explain"
+            explained = f"{len(known)} {explain} {2 * len(known)} at most"
             doubts.append(
                 f"{_count(self.n_neutral)} zero, but {explained}: a critical state or a continuum of equilibria, "
                 "which the linearized equations cannot judge"
@@ -511,8 +511,9 @@ class _Judge:
         for e in found:
             if e.kind == "undecided" and e.value.imag >= 0.0:
                 doubts.append(
-                    f"the eigenvalue {_show(e.value)} 1/s lies within its error bound {e.error_bound:.1e} of the imaginary axis "
-                    f"or too close to another one to be placed on it (condition number {e.condition:.1e})"
+                    f"the eigenvalue {_show(e.value)} 1/s lies within its error bound {e.error_bound:.1e} of the "
+                    "imaginary axis or too close to another one to be placed on it "
+                    f"(condition number {e.condition:.1e})"
                 )
         if doubts:
             return "undecided", doubts

@@ -10,12 +10,15 @@ the finite eigenvalues: with N, Z, P of `mbstab.analysis.subspaces` and y = [ξ;
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from mbstab.analysis.motion import ROUNDING, Motion, motion_at
+from mbstab.analysis.motion import ROUNDING, Motion, motion_at, unbalance
 from mbstab.analysis.names import names_in
+from mbstab.analysis.subspaces import Subspaces, rank_of
 from mbstab.compiler.system import Array, Row, System
 from mbstab.errors import MbstabError
 
@@ -122,96 +125,113 @@ class StateSpace:
 def linearize(system: System, motion: Motion) -> Linearization:
     """Return the linearized equations about a reference motion, and how constant they are along it."""
     matrices = _matrices(system, motion)
-    M, R, K, J, D_q = matrices
-    return Linearization(
-        M,
-        R,
-        K,
-        J,
-        D_q,
-        system.n_h,
-        tuple(system.names),
-        tuple(system.rows),
-        motion,
-        _variation(system, motion, matrices),
-    )
+    variation = _variation(system, motion, matrices)
+    return Linearization(*matrices, system.n_h, tuple(system.names), tuple(system.rows), motion, variation)
 
 
-def _matrices(system: System, motion: Motion) -> tuple[Array, Array, Array, Array, Array]:
+class _Matrices(NamedTuple):
+    """Coefficients of the linearized equations."""
+
+    M: Array
+    R: Array
+    K: Array
+    J: Array
+    D_q: Array
+
+
+def _matrices(system: System, motion: Motion) -> _Matrices:
     K, R, D_q = system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
-    return motion.dynamics.M, R, K, motion.dynamics.J, D_q
+    return _Matrices(motion.dynamics.M, R, K, motion.dynamics.J, D_q)
 
 
-def _variation(system: System, motion: Motion, matrices: tuple[Array, ...]) -> float:
+def _variation(system: System, motion: Motion, matrices: _Matrices) -> float:
     """Return the largest relative change of the coefficients a little later on the motion."""
     worst = 0.0
-    for step in _steps(system, motion, matrices):
-        try:
-            for later in _continued(system, motion, step):
-                worst = max(worst, _change(motion, matrices, _matrices(system, later), step))
-        except MbstabError:
-            return np.inf
+    try:
+        for later in [*_moved(system, motion), *_continued(system, motion, matrices)]:
+            worst = max(worst, _change(system, motion, matrices, _matrices(system, later), later.time - motion.time))
+    except MbstabError:
+        return np.inf
     return worst
 
 
-def _steps(system: System, motion: Motion, matrices: tuple[Array, ...]) -> list[float]:
-    """Return times after which a change would show: small against each rate at which something may change."""
+def _moved(system: System, motion: Motion) -> Iterator[Motion]:
+    """Yield the motion some way along its speeds: a turn that shows, a shift that shows."""
+    u, a = motion.u, motion.a
+    if np.max(np.abs((motion.dynamics.M @ a) * motion.spaces.scale)) <= unbalance(system, motion):
+        a = 0.0 * a  # steady: rounding must not add up
     angular = np.array([name.rpartition(".")[2] not in ("x", "y", "z") for name in system.names])
-    rates = [float(np.max(np.abs(motion.u[angular]), initial=0.0))]
-    rates.append(float(np.max(np.abs(motion.u[~angular]), initial=0.0)) / motion.length)
-    steps = [0.3 / rate for rate in rates if rate > 0.0]
-    if any("t" in names_in(item.entry.values) for item in system.scene.items):
-        # A given function of time can be fast or slow; what the scene would do by itself says what matters.
-        scale = motion.spaces.scale
-        _, R, K = (float(np.max(np.abs(x * scale * scale[:, None]), initial=0.0)) for x in matrices[:3])
-        rate = max(R, np.sqrt(K)) or 1.0
-        steps += [0.3 / rate, 10.0 / rate]
-    return steps
+    for kind in (angular, ~angular):
+        rate = float(np.max(np.abs(u / motion.sizes)[kind], initial=0.0))
+        for time in (0.3 / rate, 0.11 / rate) if rate > 0.0 else ():
+            yield motion_at(system, motion.q + time * u + 0.5 * time * time * a, u + time * a, motion.time + time)
 
 
-def _continued(system: System, motion: Motion, step: float) -> list[Motion]:
-    """Return the motion at half a step and a step, each found twice (Runge-Kutta)."""
-    stages = [motion]
-    for part in (0.5, 0.5, 1.0):
-        time, last = part * step, stages[-1]
-        stages.append(motion_at(system, motion.q + time * last.u, motion.u + time * last.a, motion.time + time))
-    u, a = (sum(w * getattr(stage, x) for w, stage in zip((1, 2, 2, 1), stages, strict=True)) / 6.0 for x in ("u", "a"))
-    stages.append(motion_at(system, motion.q + step * u, motion.u + step * a, motion.time + step))
-    return stages[1:]
+def _continued(system: System, motion: Motion, matrices: _Matrices) -> Iterator[Motion]:
+    """Yield where given functions of time carry the motion: stages of a short and of a long Runge-Kutta step."""
+    if not any("t" in names_in(item.entry.values) for item in system.scene.items):
+        return
+    scale = motion.spaces.scale
+    R, K = (float(np.max(np.abs(x * scale * scale[:, None]), initial=0.0)) for x in (matrices.R, matrices.K))
+    # Given functions can be fast or slow; what the scene would do by itself says what matters.
+    rate = max(R, np.sqrt(K)) or 1.0
+    for step in (0.3 / rate, 10.0 / rate):
+        stages = [motion]
+        for part in (0.5, 0.5, 1.0):
+            time, last = part * step, stages[-1]
+            stages.append(motion_at(system, motion.q + time * last.u, motion.u + time * last.a, motion.time + time))
+        u, a = (sum(w * getattr(x, name) for w, x in zip((1, 2, 2, 1), stages, strict=True)) / 6.0 for name in "ua")
+        yield from stages[1:]
+        yield motion_at(system, motion.q + step * u, motion.u + step * a, motion.time + step)
 
 
-def _change(motion: Motion, now: tuple[Array, ...], then: tuple[Array, ...], step: float) -> float:
-    """Return the largest relative change of M, R, K, J, D_q, apart from rounding."""
-    scale, rows = motion.spaces.scale, motion.spaces.row_scale
-    square, lines = scale * scale[:, None], rows[:, None] * scale
+def _change(system: System, motion: Motion, now: _Matrices, then: _Matrices, time: float) -> float:
+    """Return the largest relative change of the deflated system, apart from rounding."""
+    spaces, scale = motion.spaces, motion.spaces.scale
+    J = then.J * scale * spaces.row_scale[:, None]
+    C, D = J[: system.n_h], J[system.n_h :]
+    # The same motions must be allowed.
+    turned = float(max(np.max(np.abs(x), initial=0.0) for x in (C @ spaces.N, D @ spaces.N @ spaces.Z)))
+    if turned > ROUNDING:
+        return turned
+    n = spaces.N.shape[1]
+    A, B = (_deflated(spaces, matrices)[0] for matrices in (now, then))
+    # What rounding may be, beside the entries themselves: inertia over the time, and the forces that balance.
+    forces = float(np.max(np.abs(motion.dynamics.F0 * scale)) / np.min(motion.sizes / scale))
     worst = 0.0
-    for x, y, weights, power in zip(
-        now, then, (square, square, square, lines, lines[len(lines) - len(now[-1]) :]), (0, 1, 2, 0, 1), strict=True
+    for block, natural in (
+        (np.s_[:n, :n], 1.0 / time),
+        (np.s_[n:, :n], 1.0 / time**2 + forces),
+        (np.s_[n:, n:], 1.0 / time),
     ):
-        size = float(max(np.max(np.abs(x * weights), initial=0.0), np.max(np.abs(y * weights), initial=0.0)))
-        difference = float(np.max(np.abs((y - x) * weights), initial=0.0))
-        # In scaled coordinates and rows M and J have the size 1.
-        if difference > ROUNDING * step**-power:
-            worst = max(worst, difference / size)
+        difference = float(np.max(np.abs(B[block] - A[block]), initial=0.0))
+        if difference > ROUNDING * natural:
+            worst = max(worst, difference / float(np.max(np.maximum(np.abs(A[block]), np.abs(B[block])))))
     return worst
 
 
-def state_space(linear: Linearization) -> StateSpace:
-    """Return the deflated system; all its eigenvalues are finite, and they are all finite eigenvalues."""
-    spaces = linear.motion.spaces
-    scale = spaces.scale
-    N, Z = spaces.N, spaces.Z
+def _deflated(spaces: Subspaces, matrices: _Matrices) -> tuple[Array, Array]:
+    """Return the matrix of ẏ = A y in the bases N and Z, and the mass matrix of the speeds."""
+    scale, N, Z = spaces.scale, spaces.N, spaces.Z
     weights = scale * scale[:, None]
-    M_r, R_r, K_r = (N.T @ (x * weights) @ N for x in (linear.M, linear.R, linear.K))
-    D_q = linear.D_q * scale * spaces.row_scale[linear.n_h :, None]
-    P = -spaces.W.pseudo_inverse @ (D_q @ N)
+    M_r, R_r, K_r = (N.T @ (x * weights) @ N for x in (matrices.M, matrices.R, matrices.K))
+    n_h = len(matrices.J) - len(matrices.D_q)
+    D_u, D_q = (x * scale * spaces.row_scale[n_h:, None] @ N for x in (matrices.J[n_h:], matrices.D_q))
+    P = -rank_of(D_u).pseudo_inverse @ D_q
     M_z = Z.T @ M_r @ Z
     inertia = M_r @ P + R_r
     right = np.hstack([Z.T @ (inertia @ P + K_r), Z.T @ inertia @ Z])
     # Z is orthonormal in mass-scaled coordinates: M_z is as well conditioned as the scene allows.
     lower = -np.linalg.solve(M_z, right) if M_z.size else np.zeros((0, N.shape[1]))
-    A = np.vstack([np.hstack([P, Z]), lower])
+    return np.vstack([np.hstack([P, Z]), lower]), M_z
+
+
+def state_space(linear: Linearization) -> StateSpace:
+    """Return the deflated system; all its eigenvalues are finite, and they are all finite eigenvalues."""
+    spaces = linear.motion.spaces
+    scale, N, Z = spaces.scale, spaces.N, spaces.Z
     n_xi = N.shape[1]
+    A, M_z = _deflated(spaces, _Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q))
     to_coordinates = scale[:, None] * np.hstack([N, np.zeros((len(scale), Z.shape[1]))])
-    to_rates = scale[:, None] * (N @ np.hstack([P, Z]))
+    to_rates = scale[:, None] * (N @ A[:n_xi])
     return StateSpace(A, to_coordinates, to_rates, n_xi, M_z)

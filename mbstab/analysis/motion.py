@@ -11,7 +11,7 @@ gives the accelerations and the multipliers.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,14 +50,14 @@ class Motion:
     nu : ndarray, shape (n_c,)
         Multipliers [λ; μ]; of least size where constraints are redundant.
     time : float (s)
-    length : float (m)
-        Size of the scene.
+    sizes : ndarray, shape (n_q,)
+        What a large change of each coordinate is: the size of the scene, or 1 rad.
     dynamics : Dynamics
         Matrices at this state.
     spaces : Subspaces
     redundant : list of Redundancy
     solved : tuple of str
-        Coordinates and rates that the file left to the program.
+        Coordinates that the file left to the program.
     warnings : tuple of str
     """
 
@@ -66,7 +66,7 @@ class Motion:
     a: Array
     nu: Array
     time: float
-    length: float
+    sizes: Array
     dynamics: Dynamics
     spaces: Subspaces
     redundant: list[Redundancy]
@@ -110,7 +110,8 @@ class _Finder:
         self.document = system.scene.model.document
         self.is_length = np.array([name.rpartition(".")[2] in ("x", "y", "z") for name in system.names])
         given = [abs(v) for n, v in self.scene.coordinates.items() if n.rpartition(".")[2] in ("x", "y", "z")]
-        self.length = max([*self.scene.lengths, *given], default=0.0) or 1.0
+        length = max([*self.scene.lengths, *given], default=0.0) or 1.0
+        self.sizes = np.where(self.is_length, length, 1.0)
         self.solved: list[str] = []
         self.warnings: list[str] = []
 
@@ -130,13 +131,12 @@ class _Finder:
         q = np.array([scene.coordinates.get(n, scene.guess.get(n, 0.0)) for n in system.names], dtype=float)
         missing = np.array([n not in scene.coordinates for n in system.names])
         self._check_chart(q, missing)
-        sizes = np.where(self.is_length, self.length, 1.0)
         if missing.any() and system.n_h:
-            q = self._assemble(q, missing, sizes)
+            q = self._assemble(q, missing)
             self._check_chart(q, np.zeros(len(q), dtype=bool))
         self.solved += [n for n, lacks in zip(system.names, missing, strict=True) if lacks]
         state = system.dynamics(q, np.zeros(system.n_q), scene.time)
-        allowed = TOLERANCE * np.abs(state.J) @ sizes
+        allowed = TOLERANCE * np.abs(state.J) @ self.sizes
         bad = [i for i in range(system.n_h) if not abs(state.E[i]) <= allowed[i] + 1e-300]
         hint = "correct the values, or leave out those that the constraints determine"
         if missing.any():
@@ -164,13 +164,15 @@ class _Finder:
                 source = self.document.lines[body.location.line - 1]
                 problems.append(Problem(body.location, f"bodies.{body.name}", message, hint, source))
             elif distance < CHART_WARNING:
-                warning = f"the Euler angles of body {body.name!r} are close to singular: |cos theta| = {distance:.1e}; {hint}"
-                self.warnings.append(warning)
+                self.warnings.append(
+                    f"the Euler angles of body {body.name!r} are close to singular: "
+                    f"|cos theta| = {distance:.1e}; {hint}"
+                )
         self._fail(problems)
 
-    def _assemble(self, q: Array, missing: Array, sizes: Array) -> Array:
+    def _assemble(self, q: Array, missing: Array) -> Array:
         """Solve C = 0 for the missing coordinates: damped Gauss-Newton with least corrections."""
-        zero = np.zeros(self.system.n_q)
+        sizes, zero = self.sizes, np.zeros(self.system.n_q)
         n_h = self.system.n_h
         columns = np.flatnonzero(missing)
 
@@ -208,7 +210,7 @@ class _Finder:
         u = np.array([scene.rates.get(n, 0.0) for n in system.names], dtype=float)
         missing = np.array([n not in scene.rates for n in system.names])
         columns = np.flatnonzero(missing)
-        sizes = np.where(self.is_length, self.length, 1.0)
+        sizes = self.sizes
         state = system.dynamics(q, u, scene.time)
         if len(columns) and system.n_c:
             # The rows may be nonlinear in the rates; one step solves linear rows.
@@ -250,13 +252,15 @@ class _Finder:
         if redundant:
             self._check_constant_rank(q, u, time, spaces)
             self.warnings += [f"redundant constraint: {item}" for item in redundant]
-        if check and not np.any(u):
-            self._check_rest(q, a, nu * row_scale, state, scale, allowed)
-            a, nu = _balance(M, J, inverse, allowed[:, :0], force, 0.0 * bias)
-        return Motion(
-            q, u, a * scale, nu * row_scale, time, self.length, state, spaces, redundant, tuple(self.solved),
+        motion = Motion(
+            q, u, a * scale, nu * row_scale, time, self.sizes, state, spaces, redundant, tuple(self.solved),
             tuple(self.warnings),
         )  # fmt: skip
+        if check and motion.at_rest:
+            self._check_rest(motion, allowed)
+            a, nu = _balance(M, J, inverse, allowed[:, :0], force, 0.0 * bias)
+            motion = replace(motion, a=a * scale, nu=nu * row_scale)
+        return motion
 
     def _check_mass(self, M_z: Array, allowed: Array) -> None:
         """Every motion that the constraints allow must carry mass."""
@@ -284,24 +288,18 @@ class _Finder:
                 f"(residual {residual[worst]:.3g} of {np.max(np.abs(bias)):.3g})"
             )
 
-    def _check_rest(self, q: Array, a: Array, nu: Array, state: Dynamics, scale: Array, allowed: Array) -> None:
-        """A reference at rest must stay at rest."""
-        force = -(state.F0 * scale)
-        unbalanced = (state.M * scale * scale[:, None]) @ a
-        weights = [np.sqrt(float(body.mass)) * np.linalg.norm(self.scene.gravity) for body in self.scene.bodies]
-        typical = max(float(np.max(np.abs(force))), *weights)
-        # Springs that balance leave what the rounding of the coordinates makes of their stiffness.
-        stiffness = self.system.linearize(q, 0.0 * q, 0.0 * q, nu, self.scene.time)[0] * scale[:, None]
-        rounding = ROUNDING * float(np.max(np.abs(stiffness) @ np.where(self.is_length, self.length, 1.0)))
-        if np.max(np.abs(unbalanced)) <= EQUILIBRIUM_TOLERANCE * typical + rounding:
+    def _check_rest(self, motion: Motion, allowed: Array) -> None:
+        """Refuse a reference at rest that does not stay at rest."""
+        scale, accelerations = motion.spaces.scale, motion.a / motion.spaces.scale
+        if np.max(np.abs((motion.dynamics.M @ motion.a) * scale)) <= unbalance(self.system, motion):
             return
-        worst = int(np.argmax(np.abs(a)))
+        worst = int(np.argmax(np.abs(accelerations)))
         name = self.system.names[worst]
         unit, push = ("m/s^2", "N") if self.is_length[worst] else ("rad/s^2", "N*m")
-        load = (allowed @ (allowed.T @ force))[worst] / scale[worst]
+        load = -(allowed @ (allowed.T @ (motion.dynamics.F0 * scale)))[worst] / scale[worst]
         message = (
             f"the reference is at rest but not in equilibrium: {name} would accelerate with "
-            f"{a[worst] * scale[worst]:.6g} {unit} (unbalanced {load:.6g} {push})"
+            f"{motion.a[worst]:.6g} {unit} (unbalanced {load:.6g} {push})"
         )
         hint = "give coordinates at which the forces balance, or the rates of the motion you mean"
         location = self.scene.model.reference.location
@@ -326,10 +324,24 @@ class _Finder:
                 weights = np.abs(combination)
                 names = [str(self.system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
                 raise ConstraintError(
-                    "the mechanism is at a singular configuration: constraints that are independent nearby depend on each "
-                    f"other here (curvature {total / single:.3g})\nthe rows involved: {'; '.join(names)}\n"
+                    "the mechanism is at a singular configuration: constraints that are independent nearby depend on "
+                    f"each other here (curvature {total / single:.3g})\nthe rows involved: {'; '.join(names)}\n"
                     "hint: eigenvalues do not exist at such a point; move the reference away from it"
                 )
+
+
+def unbalance(system: System, motion: Motion) -> float:
+    """Return how large forces in scaled coordinates may be that should vanish.
+
+    They may be a small part of the forces that balance. Where springs and inertia balance by
+    themselves, they may be what the rounding of coordinates and speeds makes of them.
+    """
+    scale, scene = motion.spaces.scale, system.scene
+    weights = [math.sqrt(float(body.mass)) * float(np.linalg.norm(scene.gravity)) for body in scene.bodies]
+    balancing = max(float(np.max(np.abs(motion.dynamics.F0 * scale))), *weights)
+    K, R, _ = system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
+    changes = np.abs(K) @ motion.sizes + np.abs(R) @ np.abs(motion.u)
+    return EQUILIBRIUM_TOLERANCE * balancing + ROUNDING * float(np.max(changes * scale))
 
 
 def _balance(M: Array, J: Array, inverse: Array, allowed: Array, force: Array, bias: Array) -> tuple[Array, Array]:

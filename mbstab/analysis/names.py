@@ -6,7 +6,7 @@ from mbstab.model.expressions import Expression
 
 
 def names_in(value: object) -> set[str]:
-    """Return the names in a quantity, or in anything that a model is made of: parameters, coordinates, the time ``t``."""
+    """Return the names in anything that a model is made of: parameters, coordinates, the time ``t``."""
     if isinstance(value, Expression):
         return set(value.names())
     if isinstance(value, dict):

@@ -25,7 +25,7 @@ def guarded(function: Callable[P, T]) -> Callable[P, T]:
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise NumericalError(
                 f"the computation left the range of double precision ({error})\n"
-                "hint: look for numbers of extreme size in the file, or measure lengths, masses and times in other units"
+                "hint: look for numbers of extreme size in the file, or measure length, mass and time in other units"
             ) from error
 
     return inner

@@ -173,7 +173,8 @@ def _require_gap(rank: Rank, rows: Sequence[Row]) -> None:
     involved = [str(rows[i]) for i in np.argsort(-combination)[:4] if combination[i] > 0.1]
     raise ConstraintError(
         f"the rank of the constraints cannot be decided: the singular values {rank.smallest_kept:.1e} and "
-        f"{rank.largest_dropped:.1e} next to the decision should differ by a factor {RANK_GAP:g}, the first above {RANK_LEAST:g}\n"
+        f"{rank.largest_dropped:.1e} next to the decision should differ by a factor {RANK_GAP:g}, the first above "
+        f"{RANK_LEAST:g}\n"
         f"the rows that nearly depend on each other: {'; '.join(involved)}\n"
         "hint: the mechanism is close to a singular configuration, or its geometry does not quite fit; move the "
         "reference, correct the geometry, or remove one of these rows"

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbstab.analysis.motion import Motion, motion_at
+from mbstab.analysis.motion import Motion, motion_at, unbalance
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
 from mbstab.model.arithmetic import FLOAT
@@ -142,18 +142,12 @@ def _rotation(system: System, motion: Motion, axis: Array) -> Array | None:
         expected = _turned(system, motion, axis, ANGLE)[2]
     except (MbstabError, ValueError, np.linalg.LinAlgError):
         return None
-    scale = motion.spaces.scale
-    size = max(
-        float(np.max(np.abs(motion.dynamics.F0 * scale), initial=0.0)), float(np.max(np.abs(motion.u / scale))), 1e-300
-    )
-    if np.max(np.abs((turned.a - expected) / scale), initial=0.0) > 1e-8 * size:
+    force = (turned.dynamics.M @ (turned.a - expected)) * motion.spaces.scale
+    if np.max(np.abs(force)) > unbalance(system, motion):
         return None
-    J = turned.dynamics.J
-    lengths = np.abs(J) @ np.maximum(np.abs(q), 1e-3)
-    speeds = np.abs(J) @ np.maximum(np.abs(u), 1e-300)
-    if np.any(np.abs(turned.dynamics.E[: system.n_h]) > TOLERANCE * lengths[: system.n_h] + 1e-13):
-        return None
-    if np.any(np.abs(turned.dynamics.V) > TOLERANCE * speeds + 1e-300 + 1e-13 * np.max(np.abs(u), initial=0.0)):
+    state, fastest = turned.dynamics, float(np.max(np.abs(u) / motion.sizes))
+    steps = TOLERANCE * np.abs(state.J) @ motion.sizes
+    if np.any(np.abs(state.E[: system.n_h]) > steps[: system.n_h]) or np.any(np.abs(state.V) > steps * fastest):
         return None
     return generator
 

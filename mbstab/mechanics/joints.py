@@ -147,12 +147,10 @@ def _angle_between(item: Item) -> Any:
     """Return what the angle of the first body lacks against the second when their axes are parallel."""
     if not item.given("axis"):
         return 0.0
-    first, second = (t.v1 for t in item.triads("axis", "zero"))
-    if all(isinstance(x, float) for x in (*first, *second)) and first == second:
-        return 0.0
     from math import atan2
 
-    return atan2(first[1], first[0]) - atan2(second[1], second[0])
+    (a, b), (c, d) = (t.v1 for t in item.triads("axis", "zero"))
+    return atan2(b * c - a * d, a * c + b * d)
 
 
 def motion_parameters(item: Item, motion: str) -> tuple[Any, ...]:
