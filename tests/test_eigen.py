@@ -590,19 +590,26 @@ def test_small_singular_values_without_a_gap_are_undecided(small):
     )
 
 
-def test_what_was_said_about_small_singular_values_is_said_in_the_verdict():
-    # Two masses on springs so soft that one can still be told from none, and the other from neither.
-    springs = "{m.x: -m.x, m.y: -4e-15*m.y, n.x: -4e-13*n.x, n.y: -n.y}"
-    text = (
+def soft_springs(slow, fast=-1.0):
+    """Return two masses on springs, one so soft that it can still be told from none, the other from neither."""
+    springs = f"{{m.x: {fast}*m.x, m.y: -4e-15*m.y, n.x: {slow}*n.x, n.y: -n.y}}"
+    return (
         "mbstab: 1\nbodies: {m: {type: planar_point, mass: 1}, n: {type: planar_point, mass: 1}}\n"
         f"forces: {{springs: {{type: expression, on: {springs}}}}}\n"
         "reference: {coordinates: {m: {x: 0, y: 0}, n: {x: 0, y: 0}}}\n"
     )
-    result = mbstab.loads(text).eig()
+
+
+@pytest.mark.parametrize("slow", [-4e-13, 4e-13])
+def test_what_is_slow_is_undecided_where_zeros_have_no_gap(slow):
+    result = mbstab.loads(soft_springs(slow)).eig()
     assert result.verdict == "undecided"
-    assert result.reasons[0].startswith(
-        "1 eigenvalue is close to zero without a gap (singular values 3.4e-15 and 3.4e-13 1/s)"
-    )
+    start = "1 eigenvalue is close to zero without a gap (singular values 3.4e-15 and 3.4e-13 1/s)"
+    assert result.reasons[0].startswith(start)
+
+
+def test_what_grows_fast_is_unstable_even_where_zeros_have_no_gap():
+    assert mbstab.loads(soft_springs(4e-13, fast=1.0)).eig().verdict == "unstable"
 
 
 def test_a_matrix_of_zeros_is_all_neutral():

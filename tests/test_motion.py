@@ -868,8 +868,21 @@ def test_a_drive_that_starts_from_rest_is_not_at_rest():
         bodies="p: {type: planar_point, mass: 1}",
         drives="d: {type: coordinate, coordinate: p.x, position: 3*t**2}",
     )
-    with pytest.raises(ModelFileError, match=r"not in equilibrium: p\.x would accelerate with 6 m/s\^2"):
+    with pytest.raises(ModelFileError, match=r"at rest at this time only: a drive accelerates p\.x with 6 m/s\^2"):
         mbstab.loads(model).motion()
+
+
+def test_rates_that_the_constraints_do_not_determine_are_asked_for():
+    model = scene(
+        (0, 0),
+        "coordinates: {a: {x: 0, y: 0}, b: {x: 0, y: 0}}\nrates: {a: {x: 1, y: 0}}",
+        bodies=["a: {type: planar_point, mass: 1}", "b: {type: planar_point, mass: 1}"],
+        constraints="sum: {nonholonomic: rate(a.x) + rate(b.x) + rate(b.y)}",
+    )
+    with pytest.raises(ModelFileError, match=r"the constraints do not determine the rates of b\.x, b\.y\n"):
+        mbstab.loads(model).motion()
+    given = mbstab.loads(model.replace("rates: {", "rates: {b: {x: 3}, "))
+    np.testing.assert_allclose(given.motion().u, [1.0, 0.0, 3.0, -4.0], rtol=1e-13, atol=0.0)
 
 
 @pytest.mark.parametrize("angle", [0.3, 1.0, 2.0])

@@ -471,6 +471,16 @@ class _Judge:
             linear.motion.warnings,
         )  # fmt: skip
 
+    def _accelerating(self) -> str:
+        """Name the coordinate that accelerates most: a reference out of balance is the usual reason for a change."""
+        motion = self.linear.motion
+        size = np.abs(motion.a / motion.spaces.scale)
+        if not np.any(size > 0.0):
+            return ""
+        worst = int(np.argmax(size))
+        unit = "m/s^2" if self.linear.names[worst].rpartition(".")[2] in ("x", "y", "z") else "rad/s^2"
+        return f" ({self.linear.names[worst]} accelerates with {motion.a[worst]:.4g} {unit})"
+
     def _verdict(self, found: list[Eigenvalue], counts: Counts, known: list[Symmetry]) -> tuple[str, list[str]]:
         doubts = []
         if not self.linear.constant:
@@ -478,7 +488,8 @@ class _Judge:
             size = f"by {change:.1%}" if math.isfinite(change) else "without bound"
             doubts.append(
                 f"frozen-time: the coefficients of the linearized equations change {size} along the motion, so "
-                "eigenvalues at one instant are not a stability verdict; describe the motion so that it stands still"
+                f"eigenvalues at one instant are not a stability verdict{self._accelerating()}; describe the motion so "
+                "that it stands still"
             )
         if counts.found != counts.expected:
             doubts.append(
@@ -515,16 +526,19 @@ class _Judge:
                     "imaginary axis or too close to another one to be placed on it "
                     f"(condition number {e.condition:.1e})"
                 )
+        if not found:
+            doubts.append("constraints and drives leave no motion free whose stability could be judged")
         if doubts:
             return "undecided", doubts
         centers = sum(e.kind == "center" for e in found)
         if centers:
-            return "marginally stable", [f"{centers} eigenvalues lie on the imaginary axis, none to the right of it"]
+            return "marginally stable", [
+                f"{centers} eigenvalues lie on the imaginary axis, none to the right of it: whether disturbances stay "
+                "small in the long run is up to nonlinear terms"
+            ]
         if self.n_neutral:
             what = "neutral, the others decay" if counts.found > self.n_neutral else "neutral"
             return "marginally stable", [f"{_count(self.n_neutral)} {what}"]
-        if not found:
-            return "asymptotically stable", ["there are no eigenvalues: nothing can move"]
         return "asymptotically stable", ["all eigenvalues lie to the left of the imaginary axis"]
 
 

@@ -10,6 +10,7 @@ the finite eigenvalues: with N, Z, P of `mbstab.analysis.subspaces` and y = [ξ;
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -156,33 +157,29 @@ def _variation(system: System, motion: Motion, matrices: _Matrices) -> float:
 
 
 def _moved(system: System, motion: Motion) -> Iterator[Motion]:
-    """Yield the motion some way along its speeds: a turn that shows, a shift that shows."""
+    """Yield the motion some way along its speeds: after a turn that shows, and after a shift that shows."""
     u, a = motion.u, motion.a
     if np.max(np.abs((motion.dynamics.M @ a) * motion.spaces.scale)) <= unbalance(system, motion):
         a = 0.0 * a  # steady: rounding must not add up
     angular = np.array([name.rpartition(".")[2] not in ("x", "y", "z") for name in system.names])
     for kind in (angular, ~angular):
         rate = float(np.max(np.abs(u / motion.sizes)[kind], initial=0.0))
-        for time in (0.3 / rate, 0.11 / rate) if rate > 0.0 else ():
+        if rate > 0.0:
+            time = 0.3 / rate
             yield motion_at(system, motion.q + time * u + 0.5 * time * time * a, u + time * a, motion.time + time)
 
 
 def _continued(system: System, motion: Motion, matrices: _Matrices) -> Iterator[Motion]:
-    """Yield where given functions of time carry the motion: stages of a short and of a long Runge-Kutta step."""
+    """Yield where given functions of time carry the motion, by a step of the midpoint rule."""
     if not any("t" in names_in(item.entry.values) for item in system.scene.items):
         return
     scale = motion.spaces.scale
     R, K = (float(np.max(np.abs(x * scale * scale[:, None]), initial=0.0)) for x in (matrices.R, matrices.K))
     # Given functions can be fast or slow; what the scene would do by itself says what matters.
-    rate = max(R, np.sqrt(K)) or 1.0
-    for step in (0.3 / rate, 10.0 / rate):
-        stages = [motion]
-        for part in (0.5, 0.5, 1.0):
-            time, last = part * step, stages[-1]
-            stages.append(motion_at(system, motion.q + time * last.u, motion.u + time * last.a, motion.time + time))
-        u, a = (sum(w * getattr(x, name) for w, x in zip((1, 2, 2, 1), stages, strict=True)) / 6.0 for name in "ua")
-        yield from stages[1:]
-        yield motion_at(system, motion.q + step * u, motion.u + step * a, motion.time + step)
+    step, last = 3.0 / (max(R, math.sqrt(K)) or 1.0), motion
+    for time in (0.5 * step, step):
+        last = motion_at(system, motion.q + time * last.u, motion.u + time * last.a, motion.time + time)
+        yield last
 
 
 def _change(system: System, motion: Motion, now: _Matrices, then: _Matrices, time: float) -> float:

@@ -14,8 +14,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
-from mbstab.analysis.subspaces import Redundancy, Subspaces, redundancies, subspaces
+from mbstab.analysis.subspaces import Redundancy, Subspaces, rank_of, redundancies, subspaces
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem
 
@@ -230,7 +231,25 @@ class _Finder:
         hint = "correct the rates, or leave out those that the constraints determine"
         problems = [self._residual(i, state.V[i], "/s" if i < system.n_h else "", hint) for i in bad]
         self._fail(problems)
+        self._check_determined(state.J[:, columns] * sizes[columns], columns, u / sizes)
+        self.solved += [f"rate of {system.names[i]}" for i in columns if u[i]]
         return u
+
+    def _check_determined(self, J: Array, columns: npt.NDArray[np.intp], speeds: Array) -> None:
+        """Refuse rates that were left out although the constraints leave a choice that changes the motion."""
+        lengths = np.linalg.norm(J, axis=1)
+        free = np.linalg.norm(rank_of(J[lengths > 0.0] / lengths[lengths > 0.0, None]).null, axis=1) > TOLERANCE
+        moving = np.abs(speeds[columns]) > TOLERANCE * np.max(np.abs(speeds), initial=0.0)
+        if np.any(free & moving):
+            names = ", ".join(self.system.names[i] for i in columns[free])
+            message = f"the constraints do not determine the rates of {names}"
+            hint = "give one of them under reference.rates; 0 for what does not move"
+            self._fail([self._at_reference(message, hint)])
+
+    def _at_reference(self, message: str, hint: str) -> Problem:
+        location = self.scene.model.reference.location
+        source = self.document.lines[location.line - 1] if location.line <= len(self.document.lines) else ""
+        return Problem(location, "reference", message, hint, source)
 
     # --- accelerations and multipliers ------------------------------------------------------------------------------
 
@@ -296,15 +315,18 @@ class _Finder:
         worst = int(np.argmax(np.abs(accelerations)))
         name = self.system.names[worst]
         unit, push = ("m/s^2", "N") if self.is_length[worst] else ("rad/s^2", "N*m")
-        load = -(allowed @ (allowed.T @ (motion.dynamics.F0 * scale)))[worst] / scale[worst]
-        message = (
-            f"the reference is at rest but not in equilibrium: {name} would accelerate with "
-            f"{motion.a[worst]:.6g} {unit} (unbalanced {load:.6g} {push})"
-        )
-        hint = "give coordinates at which the forces balance, or the rates of the motion you mean"
-        location = self.scene.model.reference.location
-        source = self.document.lines[location.line - 1] if location.line <= len(self.document.lines) else ""
-        raise ModelFileError([Problem(location, "reference", message, hint, source)])
+        acceleration = f"{motion.a[worst]:.6g} {unit}"
+        if np.linalg.norm(allowed[worst]) < ROUNDING:
+            message = f"the reference is at rest at this time only: a drive accelerates {name} with {acceleration}"
+            hint = "choose a time at which the drive is steady"
+        else:
+            load = -(allowed @ (allowed.T @ (motion.dynamics.F0 * scale)))[worst] / scale[worst]
+            message = (
+                f"the reference is at rest but not in equilibrium: {name} would accelerate with "
+                f"{acceleration} (unbalanced {load:.6g} {push})"
+            )
+            hint = "give coordinates at which the forces balance, or the rates of the motion you mean"
+        raise ModelFileError([self._at_reference(message, hint)])
 
     def _check_constant_rank(self, q: Array, u: Array, time: float, spaces: Subspaces) -> None:
         """Redundancy is harmless if it persists nearby: Nᵀ (Σ δ_i ∇²C_i) N = 0 for every dependence δ."""

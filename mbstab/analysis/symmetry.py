@@ -43,13 +43,49 @@ class Symmetry:
 def symmetries(system: System, motion: Motion) -> list[Symmetry]:
     """Return independent symmetries of the scene at the reference motion."""
     found = _constant_directions(system, motion)
-    for name, axis in _axes(system):
-        generator = _rotation(system, motion, axis)
-        if generator is not None:
-            basis = np.array([s.direction for s in found] + [generator]) / motion.spaces.scale
-            if np.linalg.matrix_rank(basis, tol=1e-8 * np.max(np.abs(basis))) == len(basis):
-                found.append(Symmetry(name, generator))
+    # Rows may depend on a shift away from the constraints only, so shifts are tried on them as well.
+    moved = [(name, _shift(system, motion, direction)) for name, direction in _shifts(system)]
+    turned = [(name, _rotation(system, motion, axis)) for name, axis in _axes(system)]
+    for name, direction in [*moved, *turned]:
+        if direction is not None and np.any(direction):
+            basis = np.array([s.direction for s in found] + [direction]) / motion.spaces.scale
+            basis /= np.linalg.norm(basis, axis=1)[:, None]
+            if np.linalg.matrix_rank(basis, tol=1e-8) == len(basis):
+                found.append(Symmetry(name, direction))
     return found
+
+
+def _shifts(system: System) -> list[tuple[str, Array]]:
+    """Return the shifts worth trying: of everything along an axis, and of each coordinate."""
+    candidates: list[tuple[str, Array]] = []
+    for axis in "xyz":
+        shift = np.array([float(name.endswith(f".{axis}")) for name in system.names])
+        if np.sum(shift) > 1:
+            candidates.append((f"translation along {axis}", shift))
+    return candidates + [(name, np.eye(system.n_q)[i]) for i, name in enumerate(system.names)]
+
+
+def _shift(system: System, motion: Motion, direction: Array) -> Array | None:
+    """Return a direction of the coordinates if shifting along it is a symmetry, or None."""
+    q = motion.q + ANGLE * direction * motion.sizes
+    return direction if _carries(system, motion, q, motion.u, motion.a) else None
+
+
+def _carries(system: System, motion: Motion, q: Array, u: Array, a: Array) -> bool:
+    """Whether a state satisfies the constraints and has the accelerations it should have."""
+    steps = TOLERANCE * motion.sizes
+    fastest = float(np.max(np.abs(u) / motion.sizes))
+    try:
+        state = system.dynamics(q, u, motion.time)
+        if np.any(np.abs(state.E[: system.n_h]) > (np.abs(state.J) @ steps)[: system.n_h]):
+            return False
+        if np.any(np.abs(state.V) > np.abs(state.J) @ steps * fastest):
+            return False
+        moved = motion_at(system, q, u, motion.time)
+    except (MbstabError, ValueError, np.linalg.LinAlgError):
+        return False
+    force = (moved.dynamics.M @ (moved.a - a)) * motion.spaces.scale
+    return bool(np.max(np.abs(force)) <= unbalance(system, motion))
 
 
 def _constant_directions(system: System, motion: Motion) -> list[Symmetry]:
@@ -91,14 +127,8 @@ def _dependence(system: System, motion: Motion, rng: np.random.Generator, spread
 def _named(system: System, null: Array, scale: Array) -> list[Symmetry]:
     """Return a basis of the null space made of coordinates, joint translations and the rest."""
     found: list[Symmetry] = []
-    candidates: list[tuple[str, Array]] = []
-    for axis in "xyz":
-        shift = np.array([float(name.endswith(f".{axis}")) for name in system.names])
-        if np.sum(shift) > 1:
-            candidates.append((f"translation along {axis}", shift))
-    candidates += [(name, np.eye(system.n_q)[i]) for i, name in enumerate(system.names)]
     basis = np.zeros((0, len(scale)))
-    for name, direction in candidates:
+    for name, direction in _shifts(system):
         scaled = direction / scale
         scaled /= np.linalg.norm(scaled)
         inside = np.linalg.norm(scaled - null @ (null.T @ scaled)) < 1e-7
@@ -137,19 +167,10 @@ def _axes(system: System) -> list[tuple[str, Array]]:
 def _rotation(system: System, motion: Motion, axis: Array) -> Array | None:
     """Return the direction of a rotation about an axis through the origin, or None if it is no symmetry."""
     try:
-        q, u, _, generator = _turned(system, motion, axis, ANGLE)
-        turned = motion_at(system, q, u, motion.time)
-        expected = _turned(system, motion, axis, ANGLE)[2]
-    except (MbstabError, ValueError, np.linalg.LinAlgError):
+        q, u, a, generator = _turned(system, motion, axis, ANGLE)
+    except (ValueError, np.linalg.LinAlgError):
         return None
-    force = (turned.dynamics.M @ (turned.a - expected)) * motion.spaces.scale
-    if np.max(np.abs(force)) > unbalance(system, motion):
-        return None
-    state, fastest = turned.dynamics, float(np.max(np.abs(u) / motion.sizes))
-    steps = TOLERANCE * np.abs(state.J) @ motion.sizes
-    if np.any(np.abs(state.E[: system.n_h]) > steps[: system.n_h]) or np.any(np.abs(state.V) > steps * fastest):
-        return None
-    return generator
+    return generator if _carries(system, motion, q, u, a) else None
 
 
 def _turned(system: System, motion: Motion, axis: Array, angle: float) -> tuple[Array, Array, Array, Array]:

@@ -277,7 +277,7 @@ class System:
             except (ArithmeticError, ValueError) as error:
                 raise NumericalError(
                     f"{element.path} has no finite equations here ({error})\n"
-                    "hint: a spring of zero length, a wheel lying flat or an expression outside its domain or at a kink "
+                    "hint: a spring of zero length, a wheel lying flat, an expression outside its domain or at a kink "
                     "has no derivative"
                 ) from None
         plan = self._plans.get(function)

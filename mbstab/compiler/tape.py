@@ -402,8 +402,8 @@ class Tape:
             case "sign" | "abs_slope":
                 return (self.term(0),)
             case "smooth_start":
-                # 6 c (1 − c) with c = x held between 0 and 1.
-                held = (1 + self.call("abs", x) - self.call("abs", x - 1)) / 2
+                # 6 c (1 − c) with c = x held between 0 and 1, which has a slope at its ends.
+                held = (1 + x * self.call("sign", x) - (x - 1) * self.call("sign", x - 1)) / 2
                 return (6 * held * (1 - held),)
             case "power":
                 exponent = arguments[1]

@@ -48,5 +48,6 @@ def find_model(name: str) -> FoundModel:
         example = models_folder() / (name if name.endswith(SUFFIX) else name + SUFFIX)
         if example.is_file():
             return FoundModel(example, True)
-    hint = suggestion(path.stem, [model.stem for model in installed_models()]) or "mbstab models list shows the examples"
+    known = [model.stem for model in installed_models()]
+    hint = suggestion(path.stem, known) or "mbstab models list shows the examples"
     raise UsageError(f"{name}: no such file, and no example model has this name\nhint: {hint}")
