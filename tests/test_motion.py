@@ -861,6 +861,16 @@ def test_a_reference_that_is_not_in_equilibrium_names_coordinate_acceleration_an
         mbstab.loads(leaning).motion()
 
 
+@pytest.mark.parametrize(("lean", "good"), [(1e-10, True), (1e-6, False)])
+def test_forces_balance_if_they_do_to_one_part_in_a_hundred_million(lean, good):
+    model = mbstab.loads(PENDULUM.replace("{x: 0, y: -1, theta: -pi/2}", f"{{theta: -pi/2 + {lean}}}"))
+    if good:
+        assert model.motion().at_rest
+    else:
+        with pytest.raises(ModelFileError, match=r"at rest but not in equilibrium: rod\.(x|theta)"):
+            model.motion()
+
+
 def test_a_drive_that_starts_from_rest_is_not_at_rest():
     model = scene(
         (0, 0),

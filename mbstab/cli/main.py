@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from mbstab.cli import check, eig, linearize, models, schema, test
-from mbstab.cli.common import one_thread_by_default
+from mbstab.cli.common import note, one_thread_by_default
 from mbstab.errors import MbstabError
 
 
@@ -18,16 +18,10 @@ class _Group(click.Group):
         try:
             return super().invoke(ctx)
         except MbstabError as error:
-            shown = _Failure(str(error))
-            shown.exit_code = error.exit_code
-            raise shown from error
+            note(str(error))
+            ctx.exit(error.exit_code)
         except BrokenPipeError:  # the reader of a pipe has seen enough
             ctx.exit(0)
-
-
-class _Failure(click.ClickException):
-    def show(self, file: Any = None) -> None:
-        click.echo(self.format_message(), err=True)
 
 
 def _version(ctx: click.Context, _: click.Parameter, value: bool) -> None:

@@ -170,6 +170,8 @@ class Item(Protocol):
     name: str
     kind: Kind
     dimension: int
+    functions: Any
+    """The functions of the number system in use: ``sqrt``, ``atan2``, …"""
 
     def given(self, name: str) -> bool: ...  # noqa: D102
     def number(self, name: str) -> Number: ...  # noqa: D102

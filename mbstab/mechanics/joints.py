@@ -147,10 +147,8 @@ def _angle_between(item: Item) -> Any:
     """Return what the angle of the first body lacks against the second when their axes are parallel."""
     if not item.given("axis"):
         return 0.0
-    from math import atan2
-
     (a, b), (c, d) = (t.v1 for t in item.triads("axis", "zero"))
-    return atan2(b * c - a * d, a * c + b * d)
+    return item.functions.atan2(b * c - a * d, a * c + b * d)
 
 
 def motion_parameters(item: Item, motion: str) -> tuple[Any, ...]:

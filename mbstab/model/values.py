@@ -433,6 +433,7 @@ class ItemValues:
         self.entry = entry
         self.name = entry.name
         self.kind: Kind = entry.kind
+        self.functions = evaluator.f
         self.dimension = evaluator.model.dimension
         self._evaluator = evaluator
         self._joints = joints
