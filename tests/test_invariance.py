@@ -15,8 +15,11 @@ from mbstab.analysis.eigen import matched
 from mbstab.model.library import installed_models
 
 MODELS = {path.stem: path.read_text(encoding="utf-8") for path in installed_models()}
-SPATIAL = {"top", "rolling_disk", "rolling_torus", "free_rigid_body"}
+SPATIAL = {"top", "whipple_bicycle", "rolling_disk", "rolling_torus", "free_rigid_body"}
 PLANAR = sorted(set(MODELS) - SPATIAL)
+# Its masses are numbers in the bodies and its axes named directions; some transformations act on parameters only.
+WRITTEN_OUT = {"whipple_bicycle"}
+PLAIN = sorted(set(MODELS) - WRITTEN_OUT)
 
 # On the axis of the spin the reference point may lie anywhere. A free body that turns with its first Euler angle is
 # left out: a tilt would carry a point off its centre of mass around, and the equations would not stand still.
@@ -305,17 +308,17 @@ def test_left_and_right_do_not_matter(name):
     assert_same(name, mirrored(read(name)))
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", PLAIN)
 def test_the_direction_of_the_axes_does_not_matter(name):
     assert_same(name, turned(read(name)))
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", PLAIN)
 def test_declared_units_do_not_matter(name):
     assert_same(name, in_small_units(read(name)))
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", PLAIN)
 def test_all_of_these_together_do_not_matter(name):
     assert_same(name, everything(read(name), name))
 
@@ -331,8 +334,8 @@ SCALES = {
     "N*m": MASS * LENGTH**2 / TIME**2,
     "N*m*s": MASS * LENGTH**2 / TIME,
 }
-# Numbers outside their parameters would have to be scaled too in the other two.
-ALL_IN_PARAMETERS = sorted(set(MODELS) - {"slider_crank", "trailer"})
+# Numbers outside their parameters would have to be scaled too in the others.
+ALL_IN_PARAMETERS = sorted(set(PLAIN) - {"slider_crank", "trailer"})
 
 
 @pytest.mark.parametrize("name", ALL_IN_PARAMETERS)

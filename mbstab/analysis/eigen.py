@@ -390,12 +390,13 @@ class _Judge:
             x = vectors[: self.n, i] / scale[: self.n]
             x = np.concatenate([x, self._multipliers(values[i : i + 1], x[:, None], False)[:, 0]])
             other = y[:, nearest] if nearest >= 0 else np.full_like(x, np.nan)
-            found += self._judged(values[i : i + 1], x[:, None], other[:, None])
+            # QZ does not know of the zeros: its eigenvalues bear disturbances that move them.
+            found += self._judged(values[i : i + 1], x[:, None], other[:, None], zeros_held=False)
         return found
 
     # --- bounds -----------------------------------------------------------------------------------------------------
 
-    def _judged(self, values: Complex, x: Complex, y: Complex) -> list[Eigenvalue]:
+    def _judged(self, values: Complex, x: Complex, y: Complex, zeros_held: bool = True) -> list[Eigenvalue]:
         if len(values) == 0:
             return []
         size = np.abs(values)
@@ -406,7 +407,7 @@ class _Judge:
         with np.errstate(all="ignore"):
             eta = np.linalg.norm(residual, axis=0) / (weight * length_x)
             kappa = weight * length_x * length_y / slope
-            if self.n_neutral:
+            if self.n_neutral and zeros_held:
                 kappa = self._deflated_condition(values)
             bound = kappa * (eta + DATA)
         found = []
