@@ -15,13 +15,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mbstab.analysis.check import CheckReport, check_scene
-from mbstab.analysis.eigen import EigenResult, eigenvalues
+from mbstab.analysis.eigen import EigenResult, answer
 from mbstab.analysis.expectations import Outcome, check_expectations
 from mbstab.analysis.linearize import Linearization, StateSpace, linearize, state_space
 from mbstab.analysis.motion import Motion, reference_motion
 from mbstab.analysis.numerics import guarded
 from mbstab.analysis.symbolic import SymbolicBlocks, Track, symbolic_blocks
-from mbstab.analysis.symmetry import symmetries
 from mbstab.compiler.system import System
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.library import find_model
@@ -99,10 +98,7 @@ class Mechanism:
         MassError
             If a motion that nothing holds has no mass.
         """
-        system = self.system(**parameters)
-        motion = reference_motion(system)
-        linear = linearize(system, motion)
-        return eigenvalues(linear, method, lambda: symmetries(system, motion))
+        return answer(self.system(**parameters), method)
 
     @guarded
     def check(self, **parameters: Setting) -> CheckReport:

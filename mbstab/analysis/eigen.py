@@ -21,11 +21,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.linearize import Linearization, StateSpace, state_space
+from mbstab.analysis.linearize import Linearization, StateSpace, linearize, state_space
+from mbstab.analysis.motion import reference_motion
 from mbstab.analysis.subspaces import rank_of
-from mbstab.analysis.symmetry import Symmetry
-from mbstab.compiler.system import Array
+from mbstab.analysis.symmetry import Symmetry, symmetries
+from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
+from mbstab.model.schema import is_length
 
 Complex = npt.NDArray[np.complex128]
 
@@ -252,6 +254,18 @@ def eigenvalues(
     return judge.result(found, method, infinite, undefined, find_symmetries() if judge.n_neutral else [])
 
 
+def answer(system: System, method: str = "nullspace") -> EigenResult:
+    """Return the eigenvalues of a scene at its reference motion, with the symmetries that explain neutral ones.
+
+    Raises
+    ------
+    MbstabError
+        As `mbstab.analysis.motion.reference_motion`.
+    """
+    motion = reference_motion(system)
+    return eigenvalues(linearize(system, motion), method, lambda: symmetries(system, motion))
+
+
 def _time_scale(space: StateSpace) -> float:
     """Return a typical rate of the deflated system (1/s)."""
     A, n = space.A, space.n_xi
@@ -318,7 +332,7 @@ class _Judge:
         if n == k:
             empty = np.zeros((n, 0), dtype=complex)
             return np.zeros(0, dtype=complex), empty, empty
-        values, inner = np.linalg.eig(d.S.astype(complex) if d.S.size == 0 else d.S)
+        values, inner = np.linalg.eig(d.S)
         values, inner = values.astype(complex), inner.astype(complex)
         try:
             dual = np.linalg.inv(inner).conj().T
@@ -479,7 +493,7 @@ class _Judge:
         if not np.any(size > 0.0):
             return ""
         worst = int(np.argmax(size))
-        unit = "m/s^2" if self.linear.names[worst].rpartition(".")[2] in ("x", "y", "z") else "rad/s^2"
+        unit = "m/s^2" if is_length(self.linear.names[worst]) else "rad/s^2"
         return f" ({self.linear.names[worst]} accelerates with {motion.a[worst]:.4g} {unit})"
 
     def _verdict(self, found: list[Eigenvalue], counts: Counts, known: list[Symmetry]) -> tuple[str, list[str]]:
@@ -504,7 +518,7 @@ class _Judge:
             worst = max(growing, key=lambda e: e.value.real)
             plural, verb = ("s", "grow") if worst.value.imag else ("", "grows")
             return "unstable", [
-                f"the eigenvalue{plural} {_show(worst.value)} 1/s {verb} (error bound {worst.error_bound:.1e})"
+                f"the eigenvalue{plural} {show(worst.value)} 1/s {verb} (error bound {worst.error_bound:.1e})"
             ]
         if self.deflated.undecided:
             doubts.append(self.deflated.undecided)
@@ -523,7 +537,7 @@ class _Judge:
         for e in found:
             if e.kind == "undecided" and e.value.imag >= 0.0:
                 doubts.append(
-                    f"the eigenvalue {_show(e.value)} 1/s lies within its error bound {e.error_bound:.1e} of the "
+                    f"the eigenvalue {show(e.value)} 1/s lies within its error bound {e.error_bound:.1e} of the "
                     "imaginary axis or too close to another one to be placed on it "
                     f"(condition number {e.condition:.1e})"
                 )
@@ -576,7 +590,8 @@ def _count(number: int) -> str:
     return f"{number} eigenvalue{' is' if number == 1 else 's are'}"
 
 
-def _show(s: complex) -> str:
+def show(s: complex) -> str:
+    """Return an eigenvalue with six significant digits; a pair as ±."""
     return f"{s.real:.6g}" if s.imag == 0.0 else f"{s.real:.6g} ± {abs(s.imag):.6g}i"
 
 

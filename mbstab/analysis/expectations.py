@@ -6,17 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbstab.analysis.eigen import EigenResult, eigenvalues, matched
-from mbstab.analysis.linearize import linearize
-from mbstab.analysis.motion import reference_motion
+from mbstab.analysis.eigen import EigenResult, answer, matched
 from mbstab.analysis.numerics import guarded
-from mbstab.analysis.symmetry import symmetries
 from mbstab.compiler.system import System
 from mbstab.errors import Location, MbstabError
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.schema import Expectation, Model
-from mbstab.model.values import evaluate, evaluate_parameters
+from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides
 
 
 @dataclass(frozen=True)
@@ -48,11 +45,7 @@ def check_expectation(model: Model, expectation: Expectation) -> list[Outcome]:
     at = ", ".join(f"{name}={x.text}" for name, x in expectation.at.items())
     where = f" at {at}" if at else ""
     try:
-        nominal = evaluate_parameters(model, {}, FLOAT)
-        overrides = {
-            name: x.evaluate(nominal, FLOAT) * (model.parameters[name].factor if x.literal else 1.0)
-            for name, x in expectation.at.items()
-        }
+        overrides = parse_overrides(model, {name: x.text for name, x in expectation.at.items()})
         outcomes = []
         if expectation.eigenvalues is not None or expectation.neutral is not None or expectation.verdict:
             outcomes += _eigen_outcomes(model, expectation, overrides, where)
@@ -65,9 +58,7 @@ def check_expectation(model: Model, expectation: Expectation) -> list[Outcome]:
 
 @guarded
 def _answer(model: Model, overrides: dict[str, float]) -> EigenResult:
-    system = System(evaluate(model, overrides))
-    motion = reference_motion(system)
-    return eigenvalues(linearize(system, motion), find_symmetries=lambda: symmetries(system, motion))
+    return answer(System(evaluate(model, overrides)))
 
 
 def _eigen_outcomes(model: Model, expectation: Expectation, overrides: dict[str, float], where: str) -> list[Outcome]:

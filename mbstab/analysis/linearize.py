@@ -22,6 +22,7 @@ from mbstab.analysis.names import names_in
 from mbstab.analysis.subspaces import Subspaces, rank_of
 from mbstab.compiler.system import Array, Row, System
 from mbstab.errors import MbstabError
+from mbstab.model.schema import is_length
 
 GUARD_TOLERANCE = 1e-8
 """Coefficients that change less than this along the motion, relative to their size, count as constant."""
@@ -161,7 +162,7 @@ def _moved(system: System, motion: Motion) -> Iterator[Motion]:
     u, a = motion.u, motion.a
     if np.max(np.abs((motion.dynamics.M @ a) * motion.spaces.scale)) <= unbalance(system, motion):
         a = 0.0 * a  # steady: rounding must not add up
-    angular = np.array([name.rpartition(".")[2] not in ("x", "y", "z") for name in system.names])
+    angular = np.array([not is_length(name) for name in system.names])
     for kind in (angular, ~angular):
         rate = float(np.max(np.abs(u / motion.sizes)[kind], initial=0.0))
         if rate > 0.0:

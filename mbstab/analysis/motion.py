@@ -19,6 +19,7 @@ import numpy.typing as npt
 from mbstab.analysis.subspaces import Redundancy, Subspaces, rank_of, redundancies, subspaces
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem
+from mbstab.model.schema import is_length
 
 TOLERANCE = 1e-9
 """A reference satisfies its constraints if the residuals are below this, relative to the sizes in the scene."""
@@ -109,8 +110,8 @@ class _Finder:
         self.system = system
         self.scene = system.scene
         self.document = system.scene.model.document
-        self.is_length = np.array([name.rpartition(".")[2] in ("x", "y", "z") for name in system.names])
-        given = [abs(v) for n, v in self.scene.coordinates.items() if n.rpartition(".")[2] in ("x", "y", "z")]
+        self.is_length = np.array([is_length(name) for name in system.names])
+        given = [abs(v) for n, v in self.scene.coordinates.items() if is_length(n)]
         length = max([*self.scene.lengths, *given], default=0.0) or 1.0
         self.sizes = np.where(self.is_length, length, 1.0)
         self.solved: list[str] = []
@@ -122,8 +123,7 @@ class _Finder:
 
     def _problem(self, row: int, message: str, hint: str) -> Problem:
         entry = self.system.rows[row]
-        source = self.document.lines[entry.location.line - 1]
-        return Problem(entry.location, f"{entry.section}.{entry.name}", message, hint, source)
+        return self.document.problem(entry.location, f"{entry.section}.{entry.name}", message, hint)
 
     # --- position ---------------------------------------------------------------------------------------------------
 
@@ -162,8 +162,7 @@ class _Finder:
             )
             if distance < CHART_ERROR:
                 message = f"the Euler angles of {body.name!r} are singular here: |cos theta| = {distance:.1e}"
-                source = self.document.lines[body.location.line - 1]
-                problems.append(Problem(body.location, f"bodies.{body.name}", message, hint, source))
+                problems.append(self.document.problem(body.location, f"bodies.{body.name}", message, hint))
             elif distance < CHART_WARNING:
                 self.warnings.append(
                     f"the Euler angles of body {body.name!r} are close to singular: "
@@ -177,14 +176,14 @@ class _Finder:
         n_h = self.system.n_h
         columns = np.flatnonzero(missing)
 
-        def state(x: Array) -> tuple[Array, Array, Array]:
+        def state(x: Array) -> tuple[Array, Array]:
             found = self.system.dynamics(x, zero, self.scene.time)
             J = found.J[:n_h] * sizes
             lengths = np.linalg.norm(J, axis=1)
             lengths[lengths == 0.0] = 1.0
-            return found.E[:n_h] / lengths, J / lengths[:, None], lengths
+            return found.E[:n_h] / lengths, J / lengths[:, None]
 
-        E, J, _ = state(q)
+        E, J = state(q)
         for _ in range(NEWTON_STEPS):
             step = np.zeros(len(q))
             step[columns] = np.linalg.lstsq(J[:, columns], -E, rcond=1e-12)[0] * sizes[columns]
@@ -193,7 +192,7 @@ class _Finder:
             fraction, before = 1.0, float(np.linalg.norm(E))
             while True:
                 trial = q + fraction * step
-                E, J, _ = state(trial)
+                E, J = state(trial)
                 if np.linalg.norm(E) <= before * (1.0 - 1e-4 * fraction) or fraction < 1e-4:
                     break
                 fraction *= 0.5
@@ -247,9 +246,7 @@ class _Finder:
             self._fail([self._at_reference(message, hint)])
 
     def _at_reference(self, message: str, hint: str) -> Problem:
-        location = self.scene.model.reference.location
-        source = self.document.lines[location.line - 1] if location.line <= len(self.document.lines) else ""
-        return Problem(location, "reference", message, hint, source)
+        return self.document.problem(self.scene.model.reference.location, "reference", message, hint)
 
     # --- accelerations and multipliers ------------------------------------------------------------------------------
 
@@ -294,8 +291,7 @@ class _Finder:
         location = next(b.location for b in self.scene.bodies if b.name == body)
         message = f"a motion of {', '.join(involved)} carries no mass and nothing holds it"
         hint = "give the body an inertia in this direction, add a joint or a drive, or make it a point"
-        source = self.document.lines[location.line - 1]
-        raise MassError(str(Problem(location, f"bodies.{body}", message, hint, source)))
+        raise MassError(str(self.document.problem(location, f"bodies.{body}", message, hint)))
 
     def _check_compatible(self, residual: Array, bias: Array) -> None:
         """Redundant rows must agree about the accelerations as well."""

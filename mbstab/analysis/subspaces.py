@@ -86,7 +86,7 @@ class Redundancy:
     def __str__(self) -> str:
         if not self.repeats:
             return f"{self.row} restricts nothing here"
-        others = ", ".join(dict.fromkeys(f"{row.section.removesuffix('s')} {row.name!r}" for row in self.repeats))
+        others = ", ".join(dict.fromkeys(row.owner for row in self.repeats))
         return f"{self.row} repeats what {others} already impose{'s' if ',' not in others else ''}"
 
 

@@ -37,7 +37,7 @@ from mbstab.mechanics.catalogue import GROUND, ElementUse
 from mbstab.mechanics.elements import ELEMENTS
 from mbstab.model.expressions import Expression
 from mbstab.model.jets import Jet
-from mbstab.model.schema import Entry
+from mbstab.model.schema import Entry, is_length
 from mbstab.model.values import Scene
 
 Array = npt.NDArray[np.float64]
@@ -53,8 +53,13 @@ class Row:
     unit: str
     location: Location
 
+    @property
+    def owner(self) -> str:
+        """Return the entry it belongs to, such as ``joint 'pivot'``."""
+        return f"{self.section.removesuffix('s')} {self.name!r}"
+
     def __str__(self) -> str:
-        return f"{self.section.removesuffix('s')} {self.name!r} ({self.label})"
+        return f"{self.owner} ({self.label})"
 
 
 @dataclass(frozen=True)
@@ -158,8 +163,7 @@ class System:
         label = use.labels[0] if use.labels else element.name
         unit = element.units[0]
         if unit.startswith("unit"):
-            of_length = self.names[use.slots[0]].rpartition(".")[2] in ("x", "y", "z")
-            unit = unit.replace("unit", "m" if of_length else "rad")
+            unit = unit.replace("unit", "m" if is_length(self.names[use.slots[0]]) else "rad")
         labels = [label] if count == 1 else [f"{label} {axis}" for axis in "xyz"[:count]]
         return [Row(entry.section, entry.name, text, unit, entry.location) for text in labels]
 

@@ -218,6 +218,11 @@ def body_coordinates(body: Entry) -> tuple[str, ...]:
     return bodies.BODY_COORDINATES[body.kind.name]
 
 
+def is_length(coordinate: str) -> bool:
+    """Whether a coordinate such as ``rod.x`` is a length; the others are angles."""
+    return coordinate.rpartition(".")[2] in ("x", "y", "z")
+
+
 VERDICTS = ("asymptotically stable", "marginally stable", "unstable", "undecided")
 
 PARAMETER_FIELDS = {"value": "number or expression", "unit": "unit of the value", "description": "what it is"}

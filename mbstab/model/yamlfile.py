@@ -72,10 +72,14 @@ class Document:
     lines: list[str]
     problems: list[Problem] = field(default_factory=list)
 
+    def problem(self, location: Location, path: str, message: str, hint: str = "") -> Problem:
+        """Return a problem at a place, with its line of the file."""
+        source = self.lines[location.line - 1] if 0 < location.line <= len(self.lines) else ""
+        return Problem(location, path, message, hint, source)
+
     def complain(self, location: Location, path: str, message: str, hint: str = "") -> None:
         """Record a problem at a place, once; give up when there are `MAX_PROBLEMS`."""
-        source = self.lines[location.line - 1] if 0 < location.line <= len(self.lines) else ""
-        problem = Problem(location, path, message, hint, source)
+        problem = self.problem(location, path, message, hint)
         if problem in self.problems:
             return
         self.problems.append(problem)

@@ -9,7 +9,7 @@ from textwrap import wrap
 from typing import Any
 
 from mbstab.analysis.check import CheckReport
-from mbstab.analysis.eigen import EigenResult, Eigenvalue
+from mbstab.analysis.eigen import EigenResult, Eigenvalue, show
 from mbstab.analysis.linearize import Linearization, StateSpace
 from mbstab.errors import counted
 from mbstab.report import WIDTH
@@ -112,14 +112,10 @@ def _participation(shown: Sequence[tuple[Eigenvalue, int]], bodies: Sequence[str
             continue
         order = sorted(bodies, key=lambda name: -e.participation.get(name, 0.0))
         strong = [f"{name} {e.participation[name]:.1%}" for name in order if e.participation.get(name, 0.0) >= 0.0005]
-        value = "0 ± " + f"{abs(e.value.imag):.6g}i" if e.kind == "center" else _short(e.value)
+        value = "0 ± " + f"{abs(e.value.imag):.6g}i" if e.kind == "center" else show(e.value)
         more = f", {len(strong) - 4} more" if len(strong) > 4 else ""
         rows.append([value, ", ".join(strong[:4]) + more])
     return table(["eigenvalue (1/s)", "bodies"], rows, left=(1,))
-
-
-def _short(s: complex) -> str:
-    return f"{s.real:.6g}" if s.imag == 0.0 else f"{s.real:.6g} ± {abs(s.imag):.6g}i"
 
 
 def _counts(result: EigenResult) -> list[str]:
