@@ -169,13 +169,14 @@ class EigenResult:
 
 @dataclass(frozen=True)
 class Deflated:
-    """A matrix in which the zero eigenvalues are separated: Qᵀ S Q = [[nilpotent, T], [0, S_r]]."""
+    """A matrix in which the zero eigenvalues are separated: Qᵀ S Q = [[nilpotent, T], [0, S_r]]; `size` is its norm."""
 
     Q: Array
     nilpotent: Array
     coupling: Array
     S: Array
     steps: tuple[int, ...]
+    size: float
     dropped: float
     undecided: str
 
@@ -214,7 +215,7 @@ def deflate_neutral(S: Array, rounding: float = EPS) -> Deflated:
         T[done:, done : done + zeros] = 0.0
         steps.append(zeros)
         done += zeros
-    return Deflated(Q, T[:done, :done], T[:done, done:], T[done:, done:], tuple(steps), dropped, undecided)
+    return Deflated(Q, T[:done, :done], T[:done, done:], T[done:, done:], tuple(steps), size, dropped, undecided)
 
 
 def eigenvalues(
@@ -240,8 +241,9 @@ def eigenvalues(
         raise UsageError(f"unknown method {method!r}\nhint: one of {', '.join(METHODS)}")
     space = state_space(linear)
     gamma = _time_scale(space)
-    rounding = _rounding(linear, space, gamma)
-    deflated = deflate_neutral(_balanced(space, gamma), rounding)
+    S = _balanced(space, gamma)
+    rounding = _rounding(linear, space, gamma, S)
+    deflated = deflate_neutral(S, rounding)
     judge = _Judge(linear, space, gamma, deflated, rounding)
     infinite = undefined = 0
     if method == "nullspace":
@@ -285,12 +287,12 @@ def _balanced(space: StateSpace, gamma: float) -> Array:
     return result
 
 
-def _rounding(linear: Linearization, space: StateSpace, gamma: float) -> float:
+def _rounding(linear: Linearization, space: StateSpace, gamma: float, S: Array) -> float:
     """Return to what the balanced S is known, relative to its norm: it is a difference of larger matrices."""
     scale = linear.motion.spaces.scale
     sizes = [float(np.linalg.norm(x * scale * scale[:, None], 2)) for x in (linear.M, linear.R, linear.K)]
     whole = gamma * sizes[0] + sizes[1] + sizes[2] / gamma
-    size = float(np.linalg.norm(_balanced(space, gamma), 2)) if len(space.A) else 0.0
+    size = float(np.linalg.norm(S, 2)) if len(S) else 0.0
     return EPS * (float(np.linalg.cond(space.M_z)) if space.M_z.size else 1.0) * max(1.0, whole / size if size else 1.0)
 
 
@@ -442,10 +444,7 @@ class _Judge:
         product = np.abs(np.sum(dual.conj() * inner, axis=0))
         condition = np.linalg.norm(inner, axis=0) * np.linalg.norm(dual, axis=0) / product
         # S is known to round-off, and zeros were separated by dropping something.
-        size = (
-            max(float(np.linalg.norm(_balanced(self.space, self.gamma), 2)) * self.rounding, self.deflated.dropped)
-            / EPS
-        )
+        size = max(self.deflated.size * self.rounding, self.deflated.dropped) / EPS
         nearest = [int(np.argmin(np.abs(known - s))) for s in values]
         result: Array = condition[nearest] * size
         return result
