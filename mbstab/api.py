@@ -11,14 +11,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mbstab.analysis.check import CheckReport, check_scene
 from mbstab.analysis.eigen import EigenResult, answer
 from mbstab.analysis.expectations import Outcome, check_expectations
 from mbstab.analysis.linearize import Linearization, StateSpace, linearize, state_space
-from mbstab.analysis.motion import Motion, reference_motion
+from mbstab.analysis.motion import Motion
+from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.numerics import guarded
 from mbstab.analysis.symbolic import SymbolicBlocks, Track, symbolic_blocks
 from mbstab.compiler.system import System
@@ -28,7 +31,11 @@ from mbstab.model.reader import read_model, read_model_text
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides
 
+if TYPE_CHECKING:
+    from mbstab.analysis.equilibrium import Equilibrium
+
 Setting = float | str
+Starts = Callable[[list[int]], Iterator[int]]
 
 
 @dataclass(frozen=True)
@@ -70,24 +77,55 @@ class Mechanism:
         return reference_motion(self.system(**parameters))
 
     @guarded
-    def linearize(self, **parameters: Setting) -> Linearization:
-        """Return M, R, K, J, D_q at the reference motion (Pappalardo et al. 2020, Eqs. (57)-(67))."""
+    def equilibria(
+        self, starts: int = 1, seed: int = 1, track: Starts = iter, **parameters: Setting
+    ) -> list[Equilibrium]:
+        """Return the distinct equilibria or steady motions found from the reference and from random starts.
+
+        Parameters
+        ----------
+        starts : int
+            Number of starts; the first is the reference of the file.
+        seed : int
+            Of the random starts.
+        track : callable
+            Takes the list of starts and returns them one by one, for a progress bar.
+
+        Raises
+        ------
+        EquilibriumError
+            If none is found.
+        """
+        from mbstab.analysis.equilibrium import find_equilibria
+
+        return find_equilibria(self.system(**parameters), starts, seed, track)
+
+    @guarded
+    def linearize(self, frozen: bool = False, **parameters: Setting) -> Linearization:
+        """Return M, R, K, J, D_q at the reference motion (Pappalardo et al. 2020, Eqs. (57)-(67)).
+
+        They are written in the frame of a steady motion, or with `frozen` in the coordinates of
+        the file as they are at the reference time.
+        """
         system = self.system(**parameters)
-        return linearize(system, reference_motion(system))
+        return linearize(system, reference_motion(system), frozen)
 
     @guarded
-    def state_space(self, **parameters: Setting) -> StateSpace:
+    def state_space(self, frozen: bool = False, **parameters: Setting) -> StateSpace:
         """Return the deflated system ẏ = A y with the maps to Δq and Δu."""
-        return state_space(self.linearize(**parameters))
+        return state_space(self.linearize(frozen, **parameters))
 
     @guarded
-    def eig(self, method: str = "nullspace", **parameters: Setting) -> EigenResult:
+    def eig(self, method: str = "nullspace", frozen: bool = False, **parameters: Setting) -> EigenResult:
         """Return eigenvalues (1/s) with error bounds, and the verdict.
 
         Parameters
         ----------
         method : str
             ``nullspace``, ``index3`` or ``paper``; see `mbstab.analysis.eigen`.
+        frozen : bool
+            Take the equations as they are at the reference time: of a motion that does not stand
+            still in its coordinates these eigenvalues say nothing about stability.
 
         Raises
         ------
@@ -98,7 +136,7 @@ class Mechanism:
         MassError
             If a motion that nothing holds has no mass.
         """
-        return answer(self.system(**parameters), method)
+        return answer(self.system(**parameters), method, frozen)
 
     @guarded
     def check(self, **parameters: Setting) -> CheckReport:

@@ -99,6 +99,10 @@ class NumericalError(MbstabError):
     """A computation did not reach its threshold; the message says number, threshold and next step."""
 
 
+class EquilibriumError(MbstabError):
+    """No equilibrium or steady motion was found; the message says where the search stalled and what to try."""
+
+
 class OutputError(MbstabError):
     """An answer could not be written."""
 

@@ -7,6 +7,8 @@ Positions are written as expressions of the random numbers, so that the text mea
 equilibrium, in double precision and in any other.
 """
 
+import json
+
 
 def hanging_chain(rng, links, masses=None, damping=0.0, stiffness=0.0, size=1.0):
     """Return the text of a planar chain of rigid links, pivots and centres of mass anywhere in their links.
@@ -42,6 +44,40 @@ def hanging_chain(rng, links, masses=None, damping=0.0, stiffness=0.0, size=1.0)
 
 def _shifted(x, from_x, y, from_y, i, px, py):
     return {x: f"{from_x} + c_{i}*({px!r}) - s_{i}*({py!r})", y: f"{from_y} + s_{i}*({px!r}) + c_{i}*({py!r})"}
+
+
+def four_bar_loops(loops, angle, solved=False):
+    """Return the text of N four-bar loops side by side: N + 1 cranks at an angle and N couplers, rods of 1 m and 1 kg.
+
+    With ``solved`` all coordinates but the angle of the first crank are left to the program, with a guess near them.
+    """
+    rod = {"type": "planar", "mass": 1, "shape": {"type": "rod", "length": 1}}
+    ends = {"points": {"A": [-0.5, 0], "B": [0.5, 0]}}
+    bodies, joints, places = {}, {}, {}
+    for i in range(loops + 1):
+        bodies[f"crank_{i}"] = rod | ends
+        places[f"crank_{i}"] = {"x": f"{i} + cos(angle)/2", "y": "sin(angle)/2", "theta": "angle"}
+        joints[f"pivot_{i}"] = {"type": "revolute", "between": [f"crank_{i}.A", {"body": "ground", "point": [i, 0]}]}
+    for i in range(1, loops + 1):
+        bodies[f"coupler_{i}"] = rod | ends
+        places[f"coupler_{i}"] = {"x": f"{i} - 1/2 + cos(angle)", "y": "sin(angle)", "theta": 0}
+        joints[f"left_{i}"] = {"type": "revolute", "between": [f"coupler_{i}.A", f"crank_{i - 1}.B"]}
+        joints[f"right_{i}"] = {"type": "revolute", "between": [f"coupler_{i}.B", f"crank_{i}.B"]}
+    reference = {"coordinates": places}
+    if solved:
+        del places["crank_0"]["theta"]
+        guess = {body: {name: f"{x} + 0.1" for name, x in place.items()} for body, place in places.items()}
+        reference = {"coordinates": {"crank_0": {"theta": "angle"}}, "guess": guess}
+    model = {
+        "mbstab": 1,
+        "gravity": [0, -9.81],
+        "parameters": {"angle": angle},
+        "bodies": bodies,
+        "joints": joints,
+        "reference": reference,
+    }
+    # Every JSON text is a YAML text.
+    return json.dumps(model, indent=1)
 
 
 def spring_chain(rng, links, damping=0.0):

@@ -5,6 +5,7 @@ order, moved within its bodies, mirrored, turned, measured in other units, and a
 """
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from mbstab.analysis.eigen import matched
 from mbstab.model.library import installed_models
 
 MODELS = {path.stem: path.read_text(encoding="utf-8") for path in installed_models()}
-SPATIAL = {"top", "whipple_bicycle", "rolling_disk", "rolling_torus", "free_rigid_body"}
+SPATIAL = {"top", "whipple_bicycle", "rolling_disk", "rolling_torus", "rattleback", "free_rigid_body"}
 PLANAR = sorted(set(MODELS) - SPATIAL)
 # Its masses are numbers in the bodies and its axes named directions; some transformations act on parameters only.
 WRITTEN_OUT = {"whipple_bicycle"}
@@ -23,7 +24,7 @@ PLAIN = sorted(set(MODELS) - WRITTEN_OUT)
 
 # On the axis of the spin the reference point may lie anywhere. A free body that turns with its first Euler angle is
 # left out: a tilt would carry a point off its centre of mass around, and the equations would not stand still.
-SPIN_AXIS = {"top": 2, "rolling_disk": 2, "rolling_torus": 2}
+SPIN_AXIS = {"top": 2, "rolling_disk": 2, "rolling_torus": 2, "rattleback": 2}
 MOVABLE = [name for name in MODELS if name in PLANAR or name in SPIN_AXIS]
 PLANAR_SHIFT = (0.13, -0.21)
 
@@ -73,6 +74,9 @@ def read(name):
     for section in ("expect", "sweep", "title", "source"):
         model.pop(section, None)
     model["reference"].setdefault("guess", {})
+    for entry in model.get("forces", {}).values():
+        if True in entry:  # what PyYAML takes the key `on` for
+            entry["on"] = entry.pop(True)
     return model
 
 
@@ -110,7 +114,7 @@ def in_ground(model, change):
     for entry in entries(model):
         if entry["type"] == "disk":
             entry["normal"] = change(written(entry.get("normal", "y"), n))
-        if entry["type"] == "wheel":
+        if entry["type"] in ("wheel", "ellipsoid"):
             entry["normal"] = change(written(entry.get("normal", "z"), n))
         if "direction" in entry:
             entry["direction"] = change(written(entry["direction"], n))
@@ -126,6 +130,39 @@ def places(model, change):
             if given:
                 assert key == "guess" or len(given) == len(names)
                 state.update(zip(names, change([state.get(name, "0") for name in names]), strict=True))
+
+
+NAME = re.compile(r"rate\((\w+)\.(\w+)\)|\b([A-Za-z_]\w*)\.([A-Za-z]\w*)")
+
+
+def in_expressions(model, place, rate, force):
+    """Write expressions with other coordinates.
+
+    `place` and `rate` map the coordinates and rates of a body to what stands for them, by coordinate, and `force` its
+    generalized forces to those by the other coordinates, with the name that the body has then.
+    """
+
+    def other(expression):
+        return NAME.sub(lambda m: f"({rate(m[1])[m[2]] if m[1] else place(m[3])[m[4]]})", str(expression))
+
+    for entry in model.get("constraints", {}).values():
+        for key in entry:
+            entry[key] = other(entry[key])
+    for entry in model.get("forces", {}).values():
+        if entry["type"] == "expression":
+            loads = {}
+            for coordinate, load in entry["on"].items():
+                body, _, key = coordinate.partition(".")
+                loads.setdefault(body, {})[key] = other(load)
+            changed = {}
+            for body, load in loads.items():
+                name, load = force(body, {"x": "0", "y": "0", "theta": "0"} | load)
+                changed |= {f"{name}.{key}": value for key, value in load.items()}
+            entry["on"] = changed
+
+
+def planar_state(body, wrap="{}"):
+    return {key: wrap.format(f"{body}.{key}") for key in ("x", "y", "theta")}
 
 
 # --- other descriptions ---------------------------------------------------------------------------------------------
@@ -149,11 +186,17 @@ def renamed_and_reordered(model):
                 entry["axis"] = entry["axis"][::-1]
         if entry["type"] == "joint_spring":
             entry["rest"] = f"-({entry.get('rest', 0)})"
+    in_expressions(
+        model,
+        place=lambda body: planar_state(names[body]),
+        rate=lambda body: planar_state(names[body], "rate({})"),
+        force=lambda body, load: (names[body], dict(reversed(load.items()))),
+    )
     model["bodies"] = {names[body]: model["bodies"][body] for body in reversed(model["bodies"])}
     for key in ("coordinates", "rates", "guess"):
         if key in model["reference"]:
             model["reference"][key] = {names[body]: state for body, state in model["reference"][key].items()}
-    for section in ("joints", "contacts", "drives", "forces"):
+    for section in ("joints", "contacts", "drives", "forces", "constraints"):
         if section in model:
             model[section] = dict(reversed(model[section].items()))
     first = ("mbstab", "parameters")
@@ -163,6 +206,25 @@ def renamed_and_reordered(model):
 def with_other_reference_points(model, shift):
     """Move the origin of every body frame; x, y, z are the coordinates of another point then."""
     n = dimension(model)
+
+    def arm(body, turned="0"):
+        """From the old origin to the new one, in the ground."""
+        return times(planar_rotation(f"({body}.theta + {turned})"), shift)
+
+    def place(body):
+        x, y = plus([f"{body}.x", f"{body}.y"], arm(body), "-")
+        return planar_state(body) | {"x": x, "y": y}
+
+    def rate(body):
+        turning = [f"rate({body}.theta)*({x})" for x in arm(body, "pi/2")]
+        x, y = plus([f"rate({body}.x)", f"rate({body}.y)"], turning, "-")
+        return planar_state(body, "rate({})") | {"x": x, "y": y}
+
+    def force(body, load):
+        # It acts at the old origin.
+        moment = [f"({x})*({f})" for x, f in zip(arm(body, "pi/2"), (load["x"], load["y"]), strict=True)]
+        return body, load | {"theta": " - ".join([f"({load['theta']})", *moment])}
+
     for name, body in model["bodies"].items():
         if body["type"] == "planar_point":
             continue
@@ -185,6 +247,7 @@ def with_other_reference_points(model, shift):
             )
             moved = plus([state.get(key, "0") for key in "xyz"[:n]], times(rotation, shift))
             state.update(zip("xyz"[:n], moved, strict=True))
+    in_expressions(model, place, rate, force)
     for body, rates in model["reference"].get("rates", {}).items():
         # In the plane the bodies of the examples do not turn; in space the point lies on the axis of the spin.
         assert n == 3 or rates.get("theta", 0) == 0, body
@@ -197,8 +260,17 @@ def mirrored(model):
     def reflect(vector):
         return [f"-({vector[0]})", vector[1]]
 
+    def signs(state):
+        return {key: value if key == "y" else f"-({value})" for key, value in state.items()}
+
     in_ground(model, reflect)
     places(model, reflect)
+    in_expressions(
+        model,
+        place=lambda body: signs(planar_state(body)),
+        rate=lambda body: signs(planar_state(body, "rate({})")),
+        force=lambda body, load: (body, signs(load)),
+    )
     for body in model["bodies"].values():
         for group in ("points", "directions"):
             body[group] = {key: reflect(vector) for key, vector in body.get(group, {}).items()}
@@ -207,7 +279,7 @@ def mirrored(model):
         if body["type"] == "planar_point":
             del body["points"], body["directions"]
     for entry in entries(model):
-        for key in ("axis", "along"):
+        for key in ("axis", "along", "vector"):
             if key in entry:
                 entry[key] = reflect(written(entry[key], 2))
         if entry["type"] == "joint_spring":
@@ -227,8 +299,18 @@ def turned(model):
     def turn(vector):
         return times(rotation, vector)
 
+    def back(state, angle):
+        places = times(planar_rotation(-PLANAR_ANGLE), [state["x"], state["y"]])
+        return {"x": places[0], "y": places[1], "theta": f"{state['theta']} - {angle}"}
+
     in_ground(model, turn)
     places(model, turn)
+    in_expressions(
+        model,
+        place=lambda body: back(planar_state(body), PLANAR_ANGLE),
+        rate=lambda body: back(planar_state(body, "rate({})"), 0),
+        force=lambda body, load: (body, load | dict(zip("xy", turn([load["x"], load["y"]]), strict=True))),
+    )
     for entry in entries(model):
         if "axis" in entry:
             # An axis is written in the frames of both bodies; the ground does not turn with the scene.
@@ -253,8 +335,11 @@ UNITS = {
     "m/s^2": ("mm/ms^2", 1e-3),
     "m/s": ("mm/ms", 1.0),
     "rad/s": ("rad/ms", 1e-3),
+    "N": ("g*mm/ms^2", 1.0),
+    "N/m": ("g/ms^2", 1e-3),
     "N*m": ("g*mm^2/ms^2", 1e3),
     "N*m*s": ("g*mm^2/ms", 1e6),
+    "rad": ("deg", 180.0 / np.pi),
 }
 
 
@@ -331,8 +416,11 @@ SCALES = {
     "m/s^2": LENGTH / TIME**2,
     "m/s": LENGTH / TIME,
     "rad/s": 1.0 / TIME,
+    "N": MASS * LENGTH / TIME**2,
+    "N/m": MASS / TIME**2,
     "N*m": MASS * LENGTH**2 / TIME**2,
     "N*m*s": MASS * LENGTH**2 / TIME,
+    "rad": 1.0,
 }
 # Numbers outside their parameters would have to be scaled too in the others.
 ALL_IN_PARAMETERS = sorted(set(PLAIN) - {"slider_crank", "trailer"})

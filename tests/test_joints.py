@@ -24,6 +24,7 @@ ROWS = {
     ("fixed", 2): 3,
     ("point_on_line", 3): 2,
     ("point_on_line", 2): 1,
+    ("point_on_plane", 3): 1,
     ("distance", 3): 1,
     ("distance", 2): 1,
     ("screw", 3): 5,

@@ -20,7 +20,8 @@ from mbstab.model.expressions import parse
 
 DIGITS = 50
 STEP = mpmath.mpf("1e-15")
-MATRICES = {"M", "J", "K", "R", "D"}
+MATRICES = {"M", "J", "K", "R", "D", "V_q", "A_q", "A_u"}
+OF_ROWS = {"E", "V", "B", "J", "D", "V_q", "A_q", "A_u"}
 
 
 def named(*roles):
@@ -114,6 +115,7 @@ class Case:
             self.p[key] = unit(self.p[key])
         self.inputs = {"q": numbers(n), "u": numbers(n), "s": numbers(3 * self.element.signals)}
         self.last = {"inertia": {"a": numbers(n)}, "force": {}}.get(self.element.role, {"nu": numbers(self.rows)})
+        self.a = numbers(n)
 
     @property
     def flat(self):
@@ -138,11 +140,11 @@ class Case:
         return self.inputs["u"].reshape(-1, self.size)
 
     def arguments(self, function, inputs):
-        last = list(self.last.values()) if function == "linearize" else []
+        last = {"dynamics": [], "linearize": list(self.last.values()), "linearize_rows": [self.a]}[function]
         return [inputs["q"], inputs["u"], self.flat, inputs["s"], *last]
 
     def shape(self, key):
-        rows = self.rows if key in "EVBJD" else self.n
+        rows = self.rows if key in OF_ROWS else self.n
         return (rows, self.n) if key in MATRICES else (rows,)
 
     def dense(self, function, values):
@@ -243,6 +245,34 @@ def test_K_and_R_of_a_constraint_are_the_derivatives_of_its_force(name):
 def test_D_is_the_derivative_of_a_nonholonomic_row_by_the_coordinates(name):
     case = Case(name)
     assert_close(case.run("linearize")["D"], case.slope(lambda out: out["E"], "q"))
+
+
+def assert_rows_linearized(case):
+    """Compare the derivatives of V, and of A = J a + B at fixed a, with differences."""
+    rows = case.run("linearize_rows")
+
+    def accelerations(out):
+        return out["J"] @ case.a + out["B"]
+
+    assert_close(rows["V_q"], case.slope(lambda out: out["V"], "q"))
+    assert_close(rows["A_q"], case.slope(accelerations, "q"))
+    assert_close(rows["A_u"], case.slope(accelerations, "u"))
+
+
+@pytest.mark.parametrize("name", named("holonomic", "nonholonomic"))
+def test_rows_are_differentiated_at_velocity_and_acceleration_level(name):
+    assert_rows_linearized(Case(name))
+
+
+@pytest.mark.parametrize("name", named("holonomic"))
+def test_V_q_of_a_holonomic_row_is_the_time_derivative_of_its_jacobian(name):
+    case = Case(name)
+    assert_close(case.run("linearize_rows")["V_q"], case.rate("J"))
+
+
+@pytest.mark.parametrize("name", named("inertia", "force"))
+def test_only_rows_are_linearized_as_rows(name):
+    assert not hasattr(Case(name).kernel, "linearize_rows")
 
 
 @pytest.mark.parametrize("name", named("force"))
@@ -359,6 +389,12 @@ def wheel_height(bodies, p, s):
     return [p["normal"] @ lowest(bodies[0], p) - p["level"][0]]
 
 
+def support(body, p):
+    """Return the lowest point of an ellipsoid in the body frame: where a sphere touches that space has stretched."""
+    stretch = np.diag(p["semi_axes"])
+    return p["center"] - stretch @ unit(stretch @ body.matrix().T @ p["normal"])
+
+
 def displaced(bodies, u, sign):
     frame = {2: "planar", 3: "spatial"}[bodies[0].size]
     return [Body(frame, body.q + sign * STEP * v, body.base) for body, v in zip(bodies, u, strict=True)]
@@ -377,6 +413,7 @@ HOLONOMIC = {
     "screw": screw,
     "disk_height": lambda b, p, s: [p["normal"] @ b[0].place(p["center"]) - p["level"][0]],
     "wheel_height": wheel_height,
+    "ellipsoid_height": lambda b, p, s: [p["normal"] @ b[0].place(support(b[0], p)) - p["level"][0]],
     "angle_position": angle_position,
     "displacement_position": lambda b, p, s: [travel(b, p) - s[0]],
     "point_position": lambda b, p, s: [p["direction"] @ b[0].place(p["point"]) - s[0]],
@@ -415,6 +452,7 @@ NONHOLONOMIC = {
     "disk_slip": disk_slip,
     "wheel_slip_along": wheel_slip(across=False),
     "wheel_slip_across": wheel_slip(across=True),
+    "ellipsoid_slip": lambda b, p, s, u: [p["along"] @ b[0].velocity(support(b[0], p), u[0])],
     "knife_edge": knife_edge,
     "angle_velocity": angle_velocity,
     "displacement_velocity": lambda b, p, s, u: [rate_of(lambda at: travel(at, p), b, u) - s[0]],
@@ -502,6 +540,10 @@ def test_a_force_has_the_power_that_force_times_velocity_gives_in_every_virtual_
 # --- arithmetics ----------------------------------------------------------------------------------------------------
 
 
+FUNCTIONS_OF_KERNELS = [(name, function) for name in sorted(ELEMENTS) for function in ("dynamics", "linearize")]
+FUNCTIONS_OF_KERNELS += [(name, "linearize_rows") for name in named("holonomic", "nonholonomic")]
+
+
 def assert_same(case, function, found, expected):
     found, expected = case.dense(function, found), case.dense(function, expected)
     for key, matrix in expected.items():
@@ -509,8 +551,7 @@ def assert_same(case, function, found, expected):
         assert all(abs(x - y) <= 1e-13 * largest for x, y in zip(found[key].ravel(), matrix.ravel(), strict=True)), key
 
 
-@pytest.mark.parametrize("name", sorted(ELEMENTS))
-@pytest.mark.parametrize("function", ["dynamics", "linearize"])
+@pytest.mark.parametrize(("name", "function"), FUNCTIONS_OF_KERNELS)
 def test_floats_agree_with_50_digits(name, function):
     case = Case(name)
     floats = [[float(x) for x in group] for group in case.arguments(function, case.inputs)]
@@ -519,8 +560,7 @@ def test_floats_agree_with_50_digits(name, function):
     assert_same(case, function, run(FLOAT, *floats), run(mpmath_arithmetic(), *exact))
 
 
-@pytest.mark.parametrize("name", sorted(ELEMENTS))
-@pytest.mark.parametrize("function", ["dynamics", "linearize"])
+@pytest.mark.parametrize(("name", "function"), FUNCTIONS_OF_KERNELS)
 def test_arrays_give_what_their_elements_give_one_by_one(name, function):
     case = Case(name)
     rng = np.random.default_rng(5)
@@ -556,6 +596,7 @@ class UserCase(Case):
         )
         self.inputs = {"q": sign * q, "u": u, "s": s}
         self.last = {} if role == "force" else {"nu": nu}
+        self.a = np.array([mpmath.mpf(rng.uniform(0.4, 0.9)) for _ in range(2)], dtype=object)
 
     @property
     def flat(self):
@@ -575,6 +616,7 @@ def test_a_constraint_written_as_an_expression_has_its_value_and_derivatives(rol
     assert_close(out["B"], case.rate("V"))
     assert_close(out["J"], case.slope(lambda out: out["V"], "u"))
     assert_close(linear["K"], case.slope(lambda out: out["J"].T @ case.last["nu"], "q"))
+    assert_rows_linearized(case)
     if role == "holonomic":
         assert_close(out["V"], case.rate("E"))
     else:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from mbstab.analysis.motion import Motion, reference_motion
+from mbstab.analysis.motion import Finder, Motion
+from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.names import names_in
-from mbstab.analysis.symmetry import rate_matrix, symmetries
+from mbstab.analysis.rotation import rate_matrix
+from mbstab.analysis.symmetry import symmetries
 from mbstab.compiler.system import Array, System
 
 
@@ -112,7 +115,7 @@ def _constraints(system: System) -> list[tuple[str, str, int, int]]:
 def _unneeded(system: System, motion: Motion) -> list[str]:
     scene, spaces = system.scene, motion.spaces
     allowed = spaces.scale[:, None] * spaces.N
-    moving = np.linalg.norm(spaces.N, axis=1) > 1e-9
+    moving = _moving(system, motion)
     found = [f"{item} (one row, one multiplier)" for item in motion.redundant]
     for body, part in zip(scene.bodies, system.body_slices, strict=True):
         if not moving[part].any() and not np.any(motion.u[part]):
@@ -131,6 +134,19 @@ def _unneeded(system: System, motion: Motion) -> list[str]:
     used = _used_parameters(system)
     found += [f"parameter {name!r} is not used" for name in model.parameters if name not in used]
     return found
+
+
+def _moving(system: System, motion: Motion) -> npt.NDArray[np.bool_]:
+    """Return which coordinates the constraints let move, here or a little way off: a turning point is no fixed one."""
+    spaces, finder = motion.spaces, Finder(system)
+    moving: npt.NDArray[np.bool_] = np.linalg.norm(spaces.N, axis=1) > 1e-9
+    rng = np.random.default_rng(4)
+    direction = spaces.scale * (spaces.N @ rng.uniform(-1.0, 1.0, spaces.N.shape[1]))
+    size = float(np.max(np.abs(direction / motion.sizes), initial=0.0))
+    if size > 0.0:
+        q = finder.assemble(motion.q + 0.1 / size * direction, np.ones(system.n_q, dtype=bool))
+        moving |= np.abs(q - motion.q) > 1e-6 * motion.sizes
+    return moving
 
 
 def _planar_axis(system: System, motion: Motion, allowed: Array) -> str:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
@@ -22,7 +22,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.linearize import Linearization, StateSpace, linearize, state_space
-from mbstab.analysis.motion import reference_motion
+from mbstab.analysis.reference import reference_motion
+from mbstab.analysis.steady import Generator
 from mbstab.analysis.subspaces import rank_of
 from mbstab.analysis.symmetry import Symmetry, symmetries
 from mbstab.compiler.system import Array, System
@@ -48,6 +49,11 @@ SLOW = 1e-3
 
 LONGEST_CHAIN = 3
 """A place that drifts because an angle drifts because a rate is constant: longer chains no symmetry explains."""
+
+ADVICE = (
+    "if it follows a symmetry, declare it with reference.steady; if it is periodic, give reference.period; "
+    "or describe the motion so that it stands still"
+)
 
 CLUSTER = 100.0
 """The first-order bound is trusted for eigenvalues whose distance to the next is this many bounds."""
@@ -151,6 +157,12 @@ class EigenResult:
         Symmetries of the scene, which explain neutral eigenvalues.
     method : str
     warnings : tuple of str
+    frame : str
+        Where the equations stand still, in words; empty: in the coordinates of the file.
+    shifts : tuple of float
+        ω of neutral pairs ±iω: shifts that a turning frame carries around.
+    frozen : bool
+        Whether these are frozen-time eigenvalues, which say nothing about stability.
     """
 
     eigenvalues: list[Eigenvalue]
@@ -161,6 +173,9 @@ class EigenResult:
     symmetries: tuple[str, ...]
     method: str
     warnings: tuple[str, ...]
+    frame: str = ""
+    frozen: bool = False
+    shifts: tuple[float, ...] = ()
 
     def values(self) -> Complex:
         """Return the eigenvalues that are not neutral, shape (n,)."""
@@ -169,16 +184,31 @@ class EigenResult:
 
 @dataclass(frozen=True)
 class Deflated:
-    """A matrix in which the zero eigenvalues are separated: Qᵀ S Q = [[nilpotent, T], [0, S_r]]; `size` is its norm."""
+    """A matrix in which the neutral eigenvalues are separated: Qᵀ S Q = [[neutral, T], [0, S_r]].
+
+    `size` is its norm, `steps` are the zero eigenvalues in the steps of the staircase, `pairs`
+    the frequencies of neutral pairs: shifts seen from a turning frame.
+    """
 
     Q: Array
-    nilpotent: Array
+    neutral: Array
     coupling: Array
     S: Array
     steps: tuple[int, ...]
     size: float
     dropped: float
     undecided: str
+    pairs: tuple[float, ...] = ()
+
+    @property
+    def n_neutral(self) -> int:
+        """Number of neutral eigenvalues."""
+        return sum(self.steps) + 2 * len(self.pairs)
+
+    def neutral_values(self) -> list[complex]:
+        """Return the neutral eigenvalues: zeros, then pairs."""
+        pairs = [complex(0.0, sign * frequency) for frequency in self.pairs for sign in (1.0, -1.0)]
+        return [0j] * sum(self.steps) + pairs
 
 
 def deflate_neutral(S: Array, rounding: float = EPS) -> Deflated:
@@ -207,15 +237,66 @@ def deflate_neutral(S: Array, rounding: float = EPS) -> Deflated:
                 "neutral or merely slow cannot be told in double precision"
             )
         dropped = max(dropped, largest)
-        # Null vectors first.
-        turn = np.vstack([right[len(s) - zeros :], right[: len(s) - zeros]]).T
-        full = np.eye(n)
-        full[done:, done:] = turn
-        Q, T = Q @ full, full.T @ T @ full
+        Q, T = _null_vectors_first(Q, T, right, done, zeros)
         T[done:, done : done + zeros] = 0.0
         steps.append(zeros)
         done += zeros
     return Deflated(Q, T[:done, :done], T[:done, done:], T[done:, done:], tuple(steps), size, dropped, undecided)
+
+
+def _null_vectors_first(Q: Array, T: Array, right: Array, done: int, count: int) -> tuple[Array, Array]:
+    """Turn the columns after `done` so that the last `count` rows of `right` come first."""
+    full = np.eye(len(T))
+    full[done:, done:] = np.vstack([right[len(right) - count :], right[: len(right) - count]]).T
+    return Q @ full, full.T @ T @ full
+
+
+def deflate_pairs(deflated: Deflated, frequencies: list[float], rounding: float) -> Deflated:
+    """Separate neutral pairs ±iω as well, each at most twice: a shift, and a drift along it.
+
+    Parameters
+    ----------
+    deflated : Deflated
+    frequencies : list of float
+        One ω for each pair of shifts that a turning frame carries around.
+    rounding : float
+        To what S is known, relative to its norm.
+    """
+    Q, done, pairs = deflated.Q, len(deflated.neutral), list(deflated.pairs)
+    n = len(Q)
+    T = np.zeros((n, n))
+    T[:done, :done], T[:done, done:], T[done:, done:] = deflated.neutral, deflated.coupling, deflated.S
+    for frequency in sorted(set(frequencies)):
+        for _ in range(2):
+            rest = T[done:, done:]
+            if not len(rest):
+                break
+            _, s, right = np.linalg.svd(rest @ rest + frequency**2 * np.eye(len(rest)))
+            count = 2 * frequencies.count(frequency)
+            size = deflated.size**2 + frequency**2
+            if len(s) < count or not s[-count] <= NEUTRAL_ROUNDING * rounding * size:
+                break
+            Q, T = _null_vectors_first(Q, T, right, done, count)
+            T[done + count :, done : done + count] = 0.0
+            done += count
+            pairs += [frequency] * (count // 2)
+    return replace(
+        deflated, Q=Q, neutral=T[:done, :done], coupling=T[:done, done:], S=T[done:, done:], pairs=tuple(pairs)
+    )
+
+
+def carried_shifts(generator: Generator | None, q: Array, known: list[Symmetry]) -> list[float]:
+    """Return ω once for each pair of symmetric shifts across the axis of a turning frame.
+
+    A shift fixed in the ground goes round in that frame: Ξ² d = −ω² d, and ±iω are eigenvalues.
+    """
+    if generator is None or not generator.turns:
+        return []
+    Xi, rate = generator.frame(q)[0], abs(generator.rate)
+    turning = [
+        s for s in known if np.linalg.norm(Xi @ Xi @ s.direction / rate**2 + s.direction) < 1e-9 * np.linalg.norm(s.direction)
+    ]
+    return [rate] * (len(turning) // 2)
 
 
 def eigenvalues(
@@ -244,6 +325,12 @@ def eigenvalues(
     S = _balanced(space, gamma)
     rounding = _rounding(linear, space, gamma, S)
     deflated = deflate_neutral(S, rounding)
+    known: list[Symmetry] = []
+    turns = linear.generator is not None and linear.generator.turns
+    if deflated.steps or turns:
+        known = find_symmetries()
+        frequencies = carried_shifts(linear.generator, linear.motion.q, known)
+        deflated = deflate_pairs(deflated, frequencies, rounding)
     judge = _Judge(linear, space, gamma, deflated, rounding)
     infinite = undefined = 0
     if method == "nullspace":
@@ -253,11 +340,18 @@ def eigenvalues(
 
         values, vectors, infinite, undefined = finite_eigenvalues(linear, method, gamma)
         found = judge.pencil(values, vectors)
-    return judge.result(found, method, infinite, undefined, find_symmetries() if judge.n_neutral else [])
+    return judge.result(found, method, infinite, undefined, known)
 
 
-def answer(system: System, method: str = "nullspace") -> EigenResult:
+def answer(system: System, method: str = "nullspace", frozen: bool = False) -> EigenResult:
     """Return the eigenvalues of a scene at its reference motion, with the symmetries that explain neutral ones.
+
+    Parameters
+    ----------
+    system : System
+    method : str
+    frozen : bool
+        Take the equations as they are at the reference time, in the coordinates of the file.
 
     Raises
     ------
@@ -265,7 +359,7 @@ def answer(system: System, method: str = "nullspace") -> EigenResult:
         As `mbstab.analysis.motion.reference_motion`.
     """
     motion = reference_motion(system)
-    return eigenvalues(linearize(system, motion), method, lambda: symmetries(system, motion))
+    return eigenvalues(linearize(system, motion, frozen), method, lambda: symmetries(system, motion))
 
 
 def _time_scale(space: StateSpace) -> float:
@@ -304,7 +398,7 @@ class _Judge:
     ) -> None:
         self.linear, self.space, self.gamma, self.deflated, self.rounding = linear, space, gamma, deflated, rounding
         spaces = linear.motion.spaces
-        self.n_neutral = sum(deflated.steps)
+        self.n_neutral = deflated.n_neutral
         # Composite matrices in scaled coordinates and rows, the rows as heavy as the stiffness.
         n = len(linear.M)
         M, R, K = linear.composite()
@@ -323,7 +417,7 @@ class _Judge:
     def nullspace(self) -> list[Eigenvalue]:
         """Return all finite eigenvalues from the deflated system."""
         values, right, left = self._deflated_vectors()
-        neutral = [Eigenvalue(0j, "neutral", math.nan, math.nan, math.nan)] * self.n_neutral
+        neutral = [Eigenvalue(s, "neutral", math.nan, math.nan, math.nan) for s in self.deflated.neutral_values()]
         return self._judged(values, *self._composite_vectors(values, right, left)) + neutral
 
     @cache  # noqa: B019 - a judge lives as long as one answer
@@ -342,7 +436,7 @@ class _Judge:
             dual = np.full_like(inner, np.nan)
         upper = np.zeros((k, n - k), dtype=complex)
         for j, s in enumerate(values):
-            upper[:, j] = np.linalg.solve(s * np.eye(k) - d.nilpotent, d.coupling @ inner[:, j]) if k else 0.0
+            upper[:, j] = np.linalg.solve(s * np.eye(k) - d.neutral, d.coupling @ inner[:, j]) if k else 0.0
         right = d.Q @ np.vstack([upper, inner])
         left = d.Q @ np.vstack([np.zeros((k, n - k)), dual])
         return values, right, left
@@ -395,8 +489,10 @@ class _Judge:
         scale = np.concatenate([self.linear.motion.spaces.scale, self.linear.motion.spaces.row_scale])
         deflated, right, left = self._deflated_vectors()
         _, y = self._composite_vectors(deflated, right, left)
-        order = np.argsort(np.abs(values))
-        neutral = set(order[: self.n_neutral].tolist())
+        neutral: set[int] = set()
+        for s in self.deflated.neutral_values():
+            free = [i for i in range(len(values)) if i not in neutral]
+            neutral |= {min(free, key=lambda i: abs(values[i] - s))} if free else set()
         found = []
         for i in range(len(values)):
             if i in neutral:
@@ -453,7 +549,7 @@ class _Judge:
         """Return the distance of an eigenvalue to the next one, itself left out."""
         distance = np.sort(np.abs(self._deflated_vectors()[0] - s))
         others = [float(distance[1])] if len(distance) > 1 else []
-        return min([*others, abs(s)] if self.n_neutral else [*others, math.inf])
+        return min([*others, *(abs(s - other) for other in set(self.deflated.neutral_values())), math.inf])
 
     def _participation(self, x: Complex) -> dict[str, float]:
         """Return the share of each body in the kinetic energy of a mode."""
@@ -480,9 +576,10 @@ class _Judge:
             self.n_neutral, infinite, undefined,
         )  # fmt: skip
         verdict, reasons = self._verdict(found, counts, known)
+        frame = str(linear.generator) if linear.generator is not None and linear.generator.turns else ""
         return EigenResult(
             found, verdict, tuple(reasons), counts, self.deflated.steps, tuple(s.name for s in known), method,
-            linear.motion.warnings,
+            linear.motion.warnings, frame, not linear.constant, self.deflated.pairs,
         )  # fmt: skip
 
     def _accelerating(self) -> str:
@@ -500,10 +597,11 @@ class _Judge:
         if not self.linear.constant:
             change = self.linear.variation
             size = f"by {change:.1%}" if math.isfinite(change) else "without bound"
+            asked = " (asked for)" if self.linear.frozen else ""
+            advice = "" if self.linear.frozen else f"{self._accelerating()}; {ADVICE}"
             doubts.append(
-                f"frozen-time: the coefficients of the linearized equations change {size} along the motion, so "
-                f"eigenvalues at one instant are not a stability verdict{self._accelerating()}; describe the motion so "
-                "that it stands still"
+                f"frozen-time{asked}: not a stability verdict; the coefficients of the linearized equations change "
+                f"{size} along the motion{advice}"
             )
         if counts.found != counts.expected:
             doubts.append(
@@ -526,11 +624,11 @@ class _Judge:
                 f"zero eigenvalues form a chain of length {len(self.deflated.steps)}, longer than symmetries explain: "
                 "a critical state, which the linearized equations cannot judge"
             )
-        elif self.n_neutral > 2 * len(known):
+        elif sum(self.deflated.steps) > 2 * len(known):
             explain = "symmetry explains" if len(known) == 1 else "symmetries explain"
             explained = f"{len(known)} {explain} {2 * len(known)} at most"
             doubts.append(
-                f"{_count(self.n_neutral)} zero, but {explained}: a critical state or a continuum of equilibria, "
+                f"{_count(sum(self.deflated.steps))} zero, but {explained}: a critical state or a continuum of equilibria, "
                 "which the linearized equations cannot judge"
             )
         for e in found:

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbstab.analysis.eigen import EigenResult, answer, matched
+from mbstab.analysis.motion import Motion
 from mbstab.analysis.numerics import guarded
+from mbstab.analysis.reference import reference_motion
 from mbstab.compiler.system import System
 from mbstab.errors import Location, MbstabError
 from mbstab.model.arithmetic import FLOAT
@@ -49,6 +51,8 @@ def check_expectation(model: Model, expectation: Expectation) -> list[Outcome]:
         outcomes = []
         if expectation.eigenvalues is not None or expectation.neutral is not None or expectation.verdict:
             outcomes += _eigen_outcomes(model, expectation, overrides, where)
+        if expectation.coordinates or expectation.redundant is not None:
+            outcomes += _motion_outcomes(model, expectation, overrides, where)
         if expectation.critical is not None:
             outcomes.append(_critical_outcome(model, expectation, overrides, where))
         return outcomes
@@ -57,12 +61,34 @@ def check_expectation(model: Model, expectation: Expectation) -> list[Outcome]:
 
 
 @guarded
-def _answer(model: Model, overrides: dict[str, float]) -> EigenResult:
-    return answer(System(evaluate(model, overrides)))
+def _answer(model: Model, overrides: dict[str, float], frozen: bool = False) -> EigenResult:
+    return answer(System(evaluate(model, overrides)), frozen=frozen)
+
+
+@guarded
+def _motion(model: Model, overrides: dict[str, float]) -> tuple[Motion, list[str]]:
+    system = System(evaluate(model, overrides))
+    return reference_motion(system), system.names
+
+
+def _motion_outcomes(model: Model, expectation: Expectation, overrides: dict[str, float], where: str) -> list[Outcome]:
+    motion, names = _motion(model, overrides)
+    outcomes = []
+    parameters = evaluate_parameters(model, overrides, FLOAT)
+    for name, quantity in expectation.coordinates.items():
+        value, found = quantity.evaluate(parameters, FLOAT), float(motion.q[names.index(name)])
+        what = f"{name} = {value:.12g} to {expectation.tolerance:g}{where}"
+        passed = abs(found - value) <= expectation.tolerance * max(1.0, abs(value))
+        outcomes.append(Outcome(expectation.location, what, passed, f"found {found:.15g}"))
+    if expectation.redundant is not None:
+        found_rows = len(motion.redundant)
+        what = f"{expectation.redundant} redundant rows{where}"
+        outcomes.append(Outcome(expectation.location, what, found_rows == expectation.redundant, f"found {found_rows}"))
+    return outcomes
 
 
 def _eigen_outcomes(model: Model, expectation: Expectation, overrides: dict[str, float], where: str) -> list[Outcome]:
-    result = _answer(model, overrides)
+    result = _answer(model, overrides, expectation.frozen)
     outcomes = []
     if expectation.eigenvalues is not None:
         parameters = evaluate_parameters(model, overrides, FLOAT)

@@ -1,11 +1,12 @@
-"""The reference motion: assembled from what the file gives, checked, with accelerations and multipliers.
+"""A state of the reference motion: assembled from what the file gives, checked, with accelerations and multipliers.
 
 Missing coordinates are solved from C(q, t) = 0 and missing rates from the velocity rows;
 given ones are checked. Then
 
     M a + Jᵀ ν = −F0,   J a = −B
 
-gives the accelerations and the multipliers.
+gives the accelerations and the multipliers. Which motion the file asks for is decided in
+`mbstab.analysis.reference`.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.analysis.steady import Family, Generator
 from mbstab.analysis.subspaces import Redundancy, Subspaces, rank_of, redundancies, subspaces
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem
@@ -61,6 +63,10 @@ class Motion:
     solved : tuple of str
         Coordinates that the file left to the program.
     warnings : tuple of str
+    generators : tuple of Generator
+        Symmetries that the motion may follow, the simplest first.
+    declared : bool
+        Whether the file says that the motion is steady.
     """
 
     q: Array
@@ -74,6 +80,8 @@ class Motion:
     redundant: list[Redundancy]
     solved: tuple[str, ...]
     warnings: tuple[str, ...]
+    generators: tuple[Generator, ...] = ()
+    declared: bool = False
 
     @property
     def at_rest(self) -> bool:
@@ -81,31 +89,21 @@ class Motion:
         return not np.any(self.u)
 
 
-def reference_motion(system: System) -> Motion:
-    """Return the reference motion of a scene.
-
-    Raises
-    ------
-    ModelFileError
-        If the reference satisfies the constraints or the equations of motion not, names the
-        joint or the body and the residual.
-    ConstraintError
-        If the rank of the constraints cannot be decided.
-    MassError
-        If a motion that nothing holds has no mass.
-    """
-    finder = _Finder(system)
-    q = finder.coordinates()
-    u = finder.rates(q)
-    return finder.motion(q, u)
-
-
 def motion_at(system: System, q: Array, u: Array, time: float) -> Motion:
     """Return accelerations and multipliers of a state that satisfies the constraints."""
-    return _Finder(system).motion(q, u, time, check=False)
+    return Finder(system).motion(q, u, time)
 
 
-class _Finder:
+class Finder:
+    """Assembles states of a scene from what its file gives, and says what does not fit.
+
+    Attributes
+    ----------
+    sizes : ndarray, shape (n_q,)
+        What a large change of each coordinate is.
+    solved, warnings : list of str
+    """
+
     def __init__(self, system: System) -> None:
         self.system = system
         self.scene = system.scene
@@ -127,14 +125,26 @@ class _Finder:
 
     # --- position ---------------------------------------------------------------------------------------------------
 
-    def coordinates(self) -> Array:
+    def start(self) -> tuple[Array, Array]:
+        """Return given and guessed coordinates, and which of them are not given, shape (n_q,)."""
         system, scene = self.system, self.scene
         q = np.array([scene.coordinates.get(n, scene.guess.get(n, 0.0)) for n in system.names], dtype=float)
-        missing = np.array([n not in scene.coordinates for n in system.names])
-        self._check_chart(q, missing)
+        return q, np.array([n not in scene.coordinates for n in system.names])
+
+    def coordinates(self) -> Array:
+        """Return coordinates that satisfy the constraints, the given ones unchanged.
+
+        Raises
+        ------
+        ModelFileError
+            If they satisfy the constraints not, or are at a singular orientation.
+        """
+        system, scene = self.system, self.scene
+        q, missing = self.start()
+        self.check_chart(q, missing)
         if missing.any() and system.n_h:
-            q = self._assemble(q, missing)
-            self._check_chart(q, np.zeros(len(q), dtype=bool))
+            q = self.assemble(q, missing)
+            self.check_chart(q, np.zeros(len(q), dtype=bool))
         self.solved += [n for n, lacks in zip(system.names, missing, strict=True) if lacks]
         state = system.dynamics(q, np.zeros(system.n_q), scene.time)
         allowed = TOLERANCE * np.abs(state.J) @ self.sizes
@@ -150,7 +160,7 @@ class _Finder:
         unit = "" if row.unit == "1" else f" {row.unit}{per}"
         return self._problem(i, f"the reference does not satisfy {row}: the residual is {value:.6g}{unit}", hint)
 
-    def _check_chart(self, q: Array, skip: Array) -> None:
+    def check_chart(self, q: Array, skip: Array) -> None:
         """Euler angles lose a direction where cos θ = 0; say so before numbers degrade."""
         problems = []
         for body, part in zip(self.scene.bodies, self.system.body_slices, strict=True):
@@ -170,7 +180,7 @@ class _Finder:
                 )
         self._fail(problems)
 
-    def _assemble(self, q: Array, missing: Array) -> Array:
+    def assemble(self, q: Array, missing: Array) -> Array:
         """Solve C = 0 for the missing coordinates: damped Gauss-Newton with least corrections."""
         sizes, zero = self.sizes, np.zeros(self.system.n_q)
         n_h = self.system.n_h
@@ -206,6 +216,13 @@ class _Finder:
     # --- velocity ---------------------------------------------------------------------------------------------------
 
     def rates(self, q: Array) -> Array:
+        """Return rates that satisfy the constraints, the given ones unchanged.
+
+        Raises
+        ------
+        ModelFileError
+            If they satisfy the constraints not, or leave a choice that changes the motion.
+        """
         system, scene = self.system, self.scene
         u = np.array([scene.rates.get(n, 0.0) for n in system.names], dtype=float)
         missing = np.array([n not in scene.rates for n in system.names])
@@ -224,15 +241,21 @@ class _Finder:
         # Round-off of the solution is no motion.
         fastest = float(np.max(np.abs(u / sizes), initial=0.0))
         u[missing & (np.abs(u / sizes) < 1e-14 * fastest)] = 0.0
-        state = system.dynamics(q, u, scene.time)
-        allowed = TOLERANCE * np.abs(state.J) @ (sizes * fastest)
-        bad = [i for i in range(system.n_c) if not abs(state.V[i]) <= allowed[i] + 1e-300]
-        hint = "correct the rates, or leave out those that the constraints determine"
-        problems = [self._residual(i, state.V[i], "/s" if i < system.n_h else "", hint) for i in bad]
-        self._fail(problems)
+        state = self._checked_rates(q, u)
         self._check_determined(state.J[:, columns] * sizes[columns], columns, u / sizes)
         self.solved += [f"rate of {system.names[i]}" for i in columns if u[i]]
         return u
+
+    def _checked_rates(self, q: Array, u: Array) -> Dynamics:
+        """Return the matrices at a state whose rates satisfy the constraints; refuse others."""
+        system = self.system
+        fastest = float(np.max(np.abs(u / self.sizes), initial=0.0))
+        state = system.dynamics(q, u, self.scene.time)
+        allowed = TOLERANCE * np.abs(state.J) @ (self.sizes * fastest)
+        bad = [i for i in range(system.n_c) if not abs(state.V[i]) <= allowed[i] + 1e-300]
+        hint = "correct the rates, or leave out those that the constraints determine"
+        self._fail([self._residual(i, state.V[i], "/s" if i < system.n_h else "", hint) for i in bad])
+        return state
 
     def _check_determined(self, J: Array, columns: npt.NDArray[np.intp], speeds: Array) -> None:
         """Refuse rates that were left out although the constraints leave a choice that changes the motion."""
@@ -248,9 +271,72 @@ class _Finder:
     def _at_reference(self, message: str, hint: str) -> Problem:
         return self.document.problem(self.scene.model.reference.location, "reference", message, hint)
 
+    def steady_rates(self, q: Array, family: Family, known: dict[int, float]) -> Generator:
+        """Return the generator of a family whose speeds satisfy the constraints and the given rates.
+
+        Parameters
+        ----------
+        q : ndarray, shape (n_q,)
+        family : Family
+        known : dict
+            Coefficients that are given, by number.
+
+        Raises
+        ------
+        ModelFileError
+            If there is none, or if a coefficient is undetermined.
+        """
+        system, scene = self.system, self.scene
+        c = np.array([known.get(k, 0.0) for k in range(family.size)])
+        free = [k for k in range(family.size) if k not in known]
+        basis = family.basis(q)
+        given = [i for i, name in enumerate(system.names) if name in scene.rates]
+        rates = np.array([scene.rates[system.names[i]] for i in given], dtype=float)
+        for _ in range(NEWTON_STEPS if free else 0):
+            u = basis @ c
+            state = system.dynamics(q, u, scene.time)
+            columns = np.vstack([state.J @ basis[:, free], basis[np.ix_(given, free)]])
+            lengths = np.linalg.norm(np.vstack([state.J * self.sizes, np.diag(self.sizes)[given]]), axis=1)
+            weights = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
+            residual = np.concatenate([state.V, u[given] - rates]) * weights
+            step = np.linalg.lstsq(columns * weights[:, None], -residual, rcond=1e-12)[0]
+            c[free] += step
+            if np.max(np.abs(step)) <= 1e-15 * np.max(np.abs(c)):
+                break
+        if free:
+            rank = rank_of(columns * weights[:, None] / np.max(np.abs(columns * weights[:, None]), initial=1e-300))
+            open_ = [family.names()[free[k]] for k in np.flatnonzero(np.linalg.norm(rank.null, axis=1) > TOLERANCE)]
+            if open_:
+                message = f"the constraints do not determine {', '.join(open_)} of the steady motion"
+                self._fail([self._at_reference(message, "give it under reference; 0 for what does not turn")])
+        generator = family.generator(c)
+        u = generator.field(q)
+        fastest = float(np.max(np.abs(u / self.sizes), initial=0.0))
+        problems = []
+        for i, rate in zip(given, rates, strict=True):
+            if abs(u[i] - rate) > TOLERANCE * self.sizes[i] * max(fastest, abs(rate) / self.sizes[i]):
+                unit = "m/s" if self.is_length[i] else "rad/s"
+                message = f"the rate of {system.names[i]} is given as {rate:.6g} {unit}, the steady motion ({generator}) has {u[i]:.6g}"
+                problems.append(self._at_reference(message, "leave it out, or correct reference.steady"))
+        self._fail(problems)
+        self._checked_rates(q, u)
+        return generator
+
     # --- accelerations and multipliers ------------------------------------------------------------------------------
 
-    def motion(self, q: Array, u: Array, time: float | None = None, check: bool = True) -> Motion:
+    def motion(
+        self, q: Array, u: Array, time: float | None = None, steady: Generator | None = None, declared: bool = False
+    ) -> Motion:
+        """Return the motion through a state that satisfies the constraints.
+
+        With `steady` its accelerations must be those of that steady motion (or zero at rest);
+        `declared` says whether the file asks for it.
+
+        Raises
+        ------
+        ModelFileError
+            If a steady motion or a state at rest does not stay what it is.
+        """
         system = self.system
         time = self.scene.time if time is None else time
         state = system.dynamics(q, u, time)
@@ -272,10 +358,15 @@ class _Finder:
             q, u, a * scale, nu * row_scale, time, self.sizes, state, spaces, redundant, tuple(self.solved),
             tuple(self.warnings),
         )  # fmt: skip
-        if check and motion.at_rest:
-            self._check_rest(motion, allowed)
-            a, nu = _balance(M, J, inverse, allowed[:, :0], force, 0.0 * bias)
-            motion = replace(motion, a=a * scale, nu=nu * row_scale)
+        if steady is not None:
+            expected = steady.acceleration(q)
+            self._check_steady(motion, allowed, expected, steady)
+            # The accelerations are known exactly; only the reactions are asked for.
+            a = expected / scale
+            _, nu = _balance(M, J, inverse, allowed[:, :0], force - M @ a, 0.0 * bias)
+            motion = replace(
+                motion, a=expected, nu=nu * row_scale, generators=(steady,), declared=declared
+            )
         return motion
 
     def _check_mass(self, M_z: Array, allowed: Array) -> None:
@@ -303,26 +394,32 @@ class _Finder:
                 f"(residual {residual[worst]:.3g} of {np.max(np.abs(bias)):.3g})"
             )
 
-    def _check_rest(self, motion: Motion, allowed: Array) -> None:
-        """Refuse a reference at rest that does not stay at rest."""
-        scale, accelerations = motion.spaces.scale, motion.a / motion.spaces.scale
-        if np.max(np.abs((motion.dynamics.M @ motion.a) * scale)) <= unbalance(self.system, motion):
+    def _check_steady(self, motion: Motion, allowed: Array, expected: Array, steady: Generator) -> None:
+        """Refuse a steady motion, or a state at rest, that does not stay what it is."""
+        scale, excess = motion.spaces.scale, motion.a - expected
+        if np.max(np.abs((motion.dynamics.M @ excess) * scale)) <= unbalance(self.system, motion):
             return
-        worst = int(np.argmax(np.abs(accelerations)))
+        worst = int(np.argmax(np.abs(excess / scale)))
         name = self.system.names[worst]
         unit, push = ("m/s^2", "N") if self.is_length[worst] else ("rad/s^2", "N*m")
-        acceleration = f"{motion.a[worst]:.6g} {unit}"
+        acceleration = f"{excess[worst]:.6g} {unit}"
         if np.linalg.norm(allowed[worst]) < ROUNDING:
-            message = f"the reference is at rest at this time only: a drive accelerates {name} with {acceleration}"
+            what = "is at rest at this time only" if motion.at_rest else "is steady at this time only"
+            message = f"the reference {what}: a drive accelerates {name} with {acceleration}"
             hint = "choose a time at which the drive is steady"
         else:
-            load = -(allowed @ (allowed.T @ (motion.dynamics.F0 * scale)))[worst] / scale[worst]
+            force = motion.dynamics.F0 + motion.dynamics.M @ expected
+            load = -(allowed @ (allowed.T @ (force * scale)))[worst] / scale[worst]
+            where = "at rest but not in equilibrium" if motion.at_rest else f"no steady motion ({steady})"
             message = (
-                f"the reference is at rest but not in equilibrium: {name} would accelerate with "
-                f"{acceleration} (unbalanced {load:.6g} {push})"
+                f"the reference is {where}: {name} would accelerate with {acceleration} (unbalanced {load:.6g} {push})"
             )
-            hint = "give coordinates at which the forces balance, or the rates of the motion you mean"
-        raise ModelFileError([self._at_reference(message, hint)])
+            find = "equilibrium" if motion.at_rest else "steady"
+            hint = (
+                "give coordinates at which the forces balance, or the rates of the motion you mean; "
+                f"mbstab equilibrium or reference: {{find: {find}}} solves for coordinates under guess"
+            )
+        self._fail([self._at_reference(message, hint)])
 
     def _check_constant_rank(self, q: Array, u: Array, time: float, spaces: Subspaces) -> None:
         """Redundancy is harmless if it persists nearby: Nᵀ (Σ δ_i ∇²C_i) N = 0 for every dependence δ."""

@@ -8,16 +8,15 @@ into another motion with the same accelerations, turned.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from mbstab.analysis.motion import Motion, motion_at, unbalance
+from mbstab.analysis.rotation import rate_drift, rate_matrix
+from mbstab.analysis.steady import Generator
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
-from mbstab.model.arithmetic import FLOAT
-from mbstab.model.values import BodyValues, euler_matrix
 
 STATES = 3
 TOLERANCE = 1e-9
@@ -166,78 +165,27 @@ def _axes(system: System) -> list[tuple[str, Array]]:
 
 def _rotation(system: System, motion: Motion, axis: Array) -> Array | None:
     """Return the direction of a rotation about an axis through the origin, or None if it is no symmetry."""
+    zero = np.zeros(3)
+    generator = Generator(system, axis, zero, 1.0, zero, np.zeros(system.n_q))
     try:
-        q, u, a, generator = _turned(system, motion, axis, ANGLE)
+        q, T = generator.flow(motion.q, ANGLE)
+        a = _turned_accelerations(system, motion, q, T)
     except (ValueError, np.linalg.LinAlgError):
         return None
-    return generator if _carries(system, motion, q, u, a) else None
+    return generator.field(motion.q) if _carries(system, motion, q, T @ motion.u, a) else None
 
 
-def _turned(system: System, motion: Motion, axis: Array, angle: float) -> tuple[Array, Array, Array, Array]:
-    """Return q, u, a after turning everything, and the direction dq/dangle at the reference."""
-    q, u, a = motion.q.copy(), motion.u.copy(), motion.a.copy()
-    generator = np.zeros_like(q)
-    turn = _rotation_matrix(axis, angle)
-    for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
-        i = part.start
-        if system.scene.dimension == 2:
-            plane = turn[:2, :2]
-            generator[i : i + 2] = -motion.q[i + 1], motion.q[i]
-            for x in (q, u, a):
-                x[i : i + 2] = plane @ x[i : i + 2]
+def _turned_accelerations(system: System, motion: Motion, q: Array, T: Array) -> Array:
+    """Return the accelerations of the motion after a turn that carries it to q, with derivative T."""
+    a: Array = T @ motion.a
+    if system.scene.dimension == 3:
+        # Euler angles change nonlinearly: the angular accelerations, G a + Ġ u, are what turns.
+        for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
             if body.orientation:
-                q[i + 2] += angle
-                generator[i + 2] = 1.0
-            continue
-        generator[i : i + 3] = np.cross(axis, motion.q[i : i + 3])
-        for x in (q, u, a):
-            x[i : i + 3] = turn @ x[i : i + 3]
-        if body.orientation:
-            angles = slice(i + 3, i + 6)
-            at, rate, second = motion.q[angles], motion.u[angles], motion.a[angles]
-            generator[angles] = np.linalg.solve(rate_matrix(body, at), axis)
-            new = _angles(body, turn @ _orientation(body, at))
-            G = rate_matrix(body, new)
-            spin = turn @ rate_matrix(body, at) @ rate
-            new_rate: Array = np.asarray(np.linalg.solve(G, spin), dtype=np.float64)
-            growth: Array = turn @ (rate_matrix(body, at) @ second + _rate_drift(body, at, rate))
-            q[angles], u[angles] = new, new_rate
-            a[angles] = np.linalg.solve(G, growth - _rate_drift(body, new, new_rate))
-    return q, u, a, generator
-
-
-def _rotation_matrix(axis: Array, angle: float) -> Array:
-    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
-    result: Array = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
-    return result
-
-
-def _orientation(body: BodyValues, angles: Array) -> Array:
-    result: Array = np.array(body.base).reshape(3, 3) @ np.array(euler_matrix(tuple(angles), FLOAT)).reshape(3, 3)
-    return result
-
-
-def _angles(body: BodyValues, rotation: Array) -> Array:
-    """Return Euler X-Y-Z angles of a rotation after the base rotation of a body."""
-    inner: Array = np.array(body.base).reshape(3, 3).T @ rotation
-    theta = math.asin(max(-1.0, min(1.0, inner[0, 2])))
-    return np.array([math.atan2(-inner[1, 2], inner[2, 2]), theta, math.atan2(-inner[0, 1], inner[0, 0])])
-
-
-def rate_matrix(body: BodyValues, angles: Array) -> Array:
-    """Return the matrix from Euler rates to the angular velocity in ground axes."""
-    (c1, s1), (c2, s2) = ((math.cos(x), math.sin(x)) for x in angles[:2])
-    columns = np.array([[1.0, 0.0, s2], [0.0, c1, -s1 * c2], [0.0, s1, c1 * c2]])
-    result: Array = np.array(body.base).reshape(3, 3) @ columns
-    return result
-
-
-def _rate_drift(body: BodyValues, angles: Array, rates: Array) -> Array:
-    """Return d/dt of the rate matrix times the rates."""
-    (c1, s1), (c2, s2) = ((math.cos(x), math.sin(x)) for x in angles[:2])
-    p, t, s = rates
-    drift: Array = np.array(
-        [t * s * c2, -p * t * s1 - p * s * c1 * c2 + t * s * s1 * s2, p * t * c1 - p * s * s1 * c2 - t * s * c1 * s2]
-    )
-    result: Array = np.array(body.base).reshape(3, 3) @ drift
-    return result
+                angles = slice(part.start + 3, part.stop)
+                G, rates = rate_matrix(body, q[angles]), T[angles, angles] @ motion.u[angles]
+                before = rate_drift(body, motion.q[angles], motion.u[angles])
+                # T = G⁻¹ turn G_before, so the drift before turns with T G_before⁻¹.
+                turned = G @ T[angles, angles] @ np.linalg.solve(rate_matrix(body, motion.q[angles]), before)
+                a[angles] += np.linalg.solve(G, turned - rate_drift(body, q[angles], rates))
+    return a

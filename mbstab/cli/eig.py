@@ -34,11 +34,22 @@ REQUIRED = {
     show_default=True,
     help="nullspace deflates constraints and zeros; index3 is QZ on the regular pencil, paper QZ on Eq. (70).",
 )
+@click.option(
+    "--frozen",
+    is_flag=True,
+    help="Take the equations as they are at the reference time; for comparison, no stability verdict.",
+)
 @click.option("--require", type=click.Choice(tuple(REQUIRED)), help="Exit with 3 unless at least this stable.")
 @format_option("table", "json", "csv")
 @output_option
 def eig(
-    file: str, settings: tuple[str, ...], method: str, require: str | None, format_: str, output: Path | None
+    file: str,
+    settings: tuple[str, ...],
+    method: str,
+    frozen: bool,
+    require: str | None,
+    format_: str,
+    output: Path | None,
 ) -> None:
     """Compute the eigenvalues of the linearized motion, with error bounds and a verdict.
 
@@ -48,7 +59,7 @@ def eig(
 
     parameters = parse_settings(settings)
     mechanism = load_model(file)
-    result = mechanism.eig(method, **parameters)
+    result = mechanism.eig(method, frozen, **parameters)
     warn(result.warnings)
     if format_ == "csv":
         from mbstab.report.export import eigen_csv

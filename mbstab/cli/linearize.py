@@ -32,11 +32,18 @@ FORMS = ("equations", "composite", "pencil", "state-space")
     show_default=True,
     help="Which matrices a table shows; the other formats hold all of them.",
 )
+@click.option("--frozen", is_flag=True, help="Write a steady motion in the coordinates of the file, frozen in time.")
 @click.option("--symbolic", is_flag=True, help="Print the blocks of the composite matrices with symbols.")
 @format_option("table", "json", "csv", "npz", "mat", "latex")
 @output_option
 def linearize(
-    file: str, settings: tuple[str, ...], form: str, symbolic: bool, format_: str, output: Path | None
+    file: str,
+    settings: tuple[str, ...],
+    form: str,
+    frozen: bool,
+    symbolic: bool,
+    format_: str,
+    output: Path | None,
 ) -> None:
     """Print mass, damping and stiffness matrices, constraint rows, pencil and state space.
 
@@ -49,6 +56,8 @@ def linearize(
     if format_ in ("npz", "mat") and output is None:
         raise UsageError(f"--format {format_} needs --output")
     parameters = parse_settings(settings)
+    if symbolic and frozen:
+        raise UsageError("--symbolic shows the equations in the coordinates of the file; --frozen has no effect with it")
     if symbolic and parameters:
         raise UsageError("--symbolic shows parameters as symbols; --set has no effect with it")
     mechanism = load_model(file)
@@ -66,7 +75,7 @@ def linearize(
     from mbstab.analysis.linearize import state_space
     from mbstab.report import export
 
-    linear = mechanism.linearize(**parameters)
+    linear = mechanism.linearize(frozen, **parameters)
     warn(linear.motion.warnings)
     space = state_space(linear)
     data: str | bytes

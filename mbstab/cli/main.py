@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from mbstab.cli import check, eig, linearize, models, schema, test
+from mbstab.cli import check, eig, equilibrium, linearize, models, schema, test
 from mbstab.cli.common import note, one_thread_by_default
 from mbstab.errors import MbstabError
 
@@ -44,5 +44,13 @@ def main() -> None:
     one_thread_by_default()
 
 
-for _command in (check.check, eig.eig, linearize.linearize, models.models, schema.schema, test.test):
+for _command in (
+    check.check,
+    eig.eig,
+    equilibrium.equilibrium,
+    linearize.linearize,
+    models.models,
+    schema.schema,
+    test.test,
+):
     main.add_command(_command)

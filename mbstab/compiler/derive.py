@@ -6,16 +6,18 @@ element adds to
 * ``dynamics``: M = ∂F/∂a and F at a = 0 (inertia), F (force), the residual E of the rows,
   their velocity residual V, their Jacobian J = ∂V/∂u and the part B of their acceleration
   that does not contain a (constraints);
-* ``linearize``: K = ∂F/∂q and R = ∂F/∂u at fixed a and ν; for nonholonomic rows also D_q.
+* ``linearize``: K = ∂F/∂q and R = ∂F/∂u at fixed a and ν; for nonholonomic rows also D_q;
+* ``linearize_rows`` (constraints only): V_q = ∂V/∂q, A_q = ∂A/∂q and A_u = ∂A/∂u at fixed a,
+  with A = J a + B the acceleration residual of the rows.
 
-For a holonomic row V = dC/dt and J = C_q; for a nonholonomic one E = V = D and J = D_u.
-Given functions of time enter as s with their derivatives.
+For a holonomic row V = dC/dt, A = d²C/dt² and J = C_q; for a nonholonomic one E = V = D,
+A = dD/dt and J = D_u. Given functions of time enter as s with their derivatives.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
@@ -29,12 +31,13 @@ Entries = dict[tuple[int, ...], Term]
 
 @dataclass(frozen=True)
 class Derived:
-    """The two functions of a kernel: names of their inputs, the steps, and the non-zero entries of their outputs."""
+    """The functions of a kernel: names of their inputs, the steps, and the non-zero entries of their outputs."""
 
     inputs: dict[str, list[str]]
     tape: Tape
     dynamics: dict[str, Entries]
     linearize: dict[str, Entries]
+    linearize_rows: dict[str, Entries] = field(default_factory=dict)
 
 
 def parameter_sizes(element: Element, frame: str) -> list[tuple[str, int]]:
@@ -151,19 +154,28 @@ def differentiate(
         F = _generalized_force(tape, definition, Q, U)
         return Derived(inputs, tape, {"F": _entries(F)}, {"K": jacobian(F, Q), "R": jacobian(F, U)})
     inputs["nu"] = [f"nu{i + 1}" for i in range(len(definition))]
+    inputs["a"] = a
     nu = [tape.input(name) for name in inputs["nu"]]
     holonomic = role == "holonomic"
     by = Q if holonomic else U
     speeds = [total(row) for row in definition] if holonomic else definition
     bias = [total(speed) for speed in speeds]
     push = tape.gradient(zip(nu, definition, strict=True), by)
-    # Backwards from one row takes fewer steps than forwards from each coordinate.
-    J = _entries([tape.gradient([(one, definition[0])], by)]) if len(definition) == 1 else jacobian(definition, by)
+
+    def of_rows(values: list[Term], names: list[Term]) -> Entries:
+        # Backwards from one row takes fewer steps than forwards from each coordinate.
+        return _entries([tape.gradient([(one, values[0])], names)]) if len(values) == 1 else jacobian(values, names)
+
+    J = of_rows(definition, by)
     dynamics = {"E": _entries(definition), "V": _entries(speeds), "J": J, "B": _entries(bias)}
     linearize = {"K": jacobian(push, Q)}
     if not holonomic:
         linearize |= {"R": jacobian(push, U), "D": jacobian(definition, Q)}
-    return Derived(inputs, tape, dynamics, linearize)
+    # Made after the steps of the other functions, whose text depends on the order of their steps only.
+    moving = tape.tangent(rates | dict(zip(U, A, strict=True)))
+    full = [moving(speed) for speed in speeds]
+    linearize_rows = {"V_q": of_rows(speeds, Q), "A_q": of_rows(full, Q), "A_u": of_rows(full, U)}
+    return Derived(inputs, tape, dynamics, linearize, linearize_rows)
 
 
 def _generalized_force(tape: Tape, load: Load, q: list[Term], u: list[Term]) -> list[Term]:

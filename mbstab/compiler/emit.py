@@ -1,9 +1,9 @@
 """From derived terms to the source text of a kernel.
 
-A kernel module holds two functions, ``dynamics`` and ``linearize``, that take an arithmetic
-and sequences of numbers of any kind and return one flat tuple, and for each function the
-table of which entry of which matrix each number is. Regenerate the shipped kernels with
-``python -m mbstab.compiler.emit``.
+A kernel module holds the functions ``dynamics`` and ``linearize``, for constraints also
+``linearize_rows``, that take an arithmetic and sequences of numbers of any kind and return
+one flat tuple, and for each function the table of which entry of which matrix each number
+is. Regenerate the shipped kernels with ``python -m mbstab.compiler.emit``.
 """
 
 from __future__ import annotations
@@ -28,7 +28,10 @@ MAX_FACTORS = 4
 def emit(derived: Derived, title: str) -> str:
     """Return the source of a kernel module."""
     lines = [f'"""{title}"""', ""]
-    for name, outputs in (("dynamics", derived.dynamics), ("linearize", derived.linearize)):
+    functions = {"dynamics": derived.dynamics, "linearize": derived.linearize}
+    if derived.linearize_rows:
+        functions["linearize_rows"] = derived.linearize_rows
+    for name, outputs in functions.items():
         lines += ["", *_function(name, derived, outputs), "", f"{name.upper()} = {{"]
         lines += [f"    {key!r}: {tuple(table)!r}," for key, table in outputs.items()]
         lines += ["}", ""]
@@ -36,7 +39,8 @@ def emit(derived: Derived, title: str) -> str:
 
 
 def _function(name: str, derived: Derived, outputs: dict[str, Entries]) -> list[str]:
-    arguments = [key for key in derived.inputs if name == "linearize" or key not in ("a", "nu")]
+    last = {"dynamics": "", "linearize": "nu" if "nu" in derived.inputs else "a", "linearize_rows": "a"}[name]
+    arguments = [key for key in derived.inputs if key not in ("a", "nu") or key == last]
     terms = [term for table in outputs.values() for term in table.values()]
     steps = _needed(derived.tape.steps, terms)
     used = {step.name for step in steps.values() if isinstance(step, Input)}

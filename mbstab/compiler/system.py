@@ -14,6 +14,8 @@ J         [C_q; D_u], ∂V/∂u                               (n_c, n_q)
 B         acceleration residual of the rows at a = 0      (n_c,)
 K, R      ∂F/∂q (with ∂(Jᵀν)/∂q) and ∂F/∂u                (n_q, n_q)
 D_q       ∂D/∂q, nonholonomic rows only                   (n_n, n_q)
+V_q       ∂V/∂q; for the holonomic rows dC_q/dt           (n_c, n_q)
+A_q, A_u  ∂A/∂q and ∂A/∂u at fixed a, with A = J a + B    (n_c, n_q)
 nu        multipliers [λ; μ]                              (n_c,)
 ========  ==============================================  ==========================
 
@@ -24,7 +26,8 @@ constraints come first (n_h of them), then the n_n nonholonomic ones.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,6 +44,9 @@ from mbstab.model.schema import Entry, is_length
 from mbstab.model.values import Scene
 
 Array = npt.NDArray[np.float64]
+
+_OF_ROWS = ("E", "V", "B", "J", "D", "V_q", "A_q", "A_u")
+"""Outputs of kernels whose first index is a row, not a coordinate."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +130,14 @@ class System:
     def n_c(self) -> int:
         """Number of constraint rows."""
         return self.n_h + self.n_n
+
+    def parts(self) -> Iterator[tuple[str, System]]:
+        """Yield each entry of the scene, such as ``joints.pivot``, and a system in which it alone acts."""
+        for path in dict.fromkeys(element.path for element in self._elements):
+            part = copy(self)
+            part._elements = [element for element in self._elements if element.path == path]
+            part._plans = {}
+            yield path, part
 
     # --- what is in the scene ---------------------------------------------------------------------------------------
 
@@ -252,6 +266,21 @@ class System:
         out = self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu)
         return out["K"], out["R"], out["D"][self.n_h :]
 
+    def linearize_rows(self, q: Any, u: Any, a: Any, time: Any = None) -> tuple[Any, Any, Any]:
+        """Return V_q = ∂V/∂q, and A_q = ∂A/∂q and A_u = ∂A/∂u of A = J a + B at fixed accelerations.
+
+        With ∂V/∂u = ∂A/∂a = J they are what neighbours of a motion satisfy: V_q Δq + J Δu = 0
+        and A_q Δq + A_u Δu + J Δa = 0.
+
+        Parameters
+        ----------
+        q, u, a : array_like, shape (n_q,)
+        time : float, optional
+        """
+        shape = self.n_c, self.n_q
+        out = self._run("linearize_rows", q, u, time, {"V_q": shape, "A_q": shape, "A_u": shape}, a)
+        return out["V_q"], out["A_q"], out["A_u"]
+
     def _run(
         self,
         function: str,
@@ -268,14 +297,13 @@ class System:
         a = _padded(a) if a is not None else None
         nu = _listed(nu) if nu is not None else None
         values: list[Any] = []
-        for element in self._elements:
+        for element in self._running(function):
             signals = _signals(element.laws, time) if element.laws else ()
             arguments = [[q[i] for i in element.columns], [u[i] for i in element.columns], element.parameters, signals]
-            if function == "linearize" and (element.rows or element.takes_acceleration):
-                if element.takes_acceleration:
-                    arguments.append([a[i] for i in element.columns])
-                else:
-                    arguments.append([nu[i] for i in element.rows])
+            if function == "linearize_rows" or (function == "linearize" and element.takes_acceleration):
+                arguments.append([a[i] for i in element.columns])
+            elif function == "linearize" and element.rows:
+                arguments.append([nu[i] for i in element.rows])
             try:
                 values.extend(getattr(element.kernel, function)(f, *arguments))
             except (ArithmeticError, ValueError) as error:
@@ -295,6 +323,10 @@ class System:
             )
         return out
 
+    def _running(self, function: str) -> list[_Placed]:
+        """Return the elements that have this function: all, or those with rows."""
+        return [element for element in self._elements if element.rows or function != "linearize_rows"]
+
     def _plan(
         self, function: str, shapes: dict[str, tuple[int, ...]]
     ) -> dict[str, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
@@ -302,10 +334,10 @@ class System:
         take: dict[str, list[int]] = {key: [] for key in shapes}
         target: dict[str, list[int]] = {key: [] for key in shapes}
         position = 0
-        for element in self._elements:
+        for element in self._running(function):
             for key, entries in getattr(element.kernel, function.upper()).items():
                 for index in entries:
-                    first = element.rows if key in ("E", "V", "B", "J", "D") else element.columns
+                    first = element.rows if key in _OF_ROWS else element.columns
                     place = first[index[0]]
                     inside = place < self.n_q or first is element.rows
                     if len(index) == 2:

@@ -58,4 +58,5 @@ def _kernel(
     module: dict[str, Any] = {}
     # The text is ours: it was written from the parsed terms, not taken from the file.
     exec(compile(source, "<user kernel>", "exec"), module)
-    return SimpleNamespace(**{key: module[key] for key in ("dynamics", "linearize", "DYNAMICS", "LINEARIZE")})
+    functions = [key for key in ("dynamics", "linearize", "linearize_rows") if key in module]
+    return SimpleNamespace(**{key: module[key] for name in functions for key in (name, name.upper())})

@@ -1,8 +1,14 @@
-"""Contacts with a fixed line or plane: rolling wheels, skates, knife edges.
+"""Contacts with a fixed line or plane: rolling wheels, skates, knife edges, ellipsoids.
 
 The wheel is a circle of radius R thickened by a tube of radius r (r = 0: a knife edge).
 With axle a and plane normal n the contact point lies at
 −R (n − (n·a) a)/|n − (n·a) a| − r n from the centre.
+
+The ellipsoid has its semi-axes D = diag(a, b, c) along the axes of its body. With the
+normal n in body components the contact point lies at −D² n/h from the centre, at the
+height h = |D n| below it. As n is a unit vector, h² = ρ² + n·(D² − ρ²) n for any ρ; with
+the shortest semi-axis nothing cancels, and a ball has a height that is constant to the
+last digit: a stiffness of round-off would make it unstable.
 """
 
 from __future__ import annotations
@@ -11,7 +17,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind
-from mbstab.mechanics.vectors import dot, turned
+from mbstab.mechanics.vectors import _nominal, dot, triad, turned
 
 # --- elements -------------------------------------------------------------------------------------------------------
 
@@ -48,6 +54,36 @@ def _wheel_slip(frames: Any, p: Any, sideways: bool) -> Any:
     return [(across if sideways else along).dot(velocity)]
 
 
+def _in_body(frame: Any, vector: Any) -> Any:
+    import sympy
+
+    return sympy.Matrix([vector.dot(frame.direction(axis)) for axis in ([1, 0, 0], [0, 1, 0], [0, 0, 1])])
+
+
+def _ellipsoid(frame: Any, p: Any) -> tuple[Any, Any, Any]:
+    """Return normal, contact from the centre (both in the body frame), and height of the centre above the contact."""
+    import sympy
+
+    normal, ball = _in_body(frame, p.normal), p.ball[0]
+    excess = [(size - ball) * (size + ball) for size in p.semi_axes]
+    height = sympy.sqrt(ball**2 * p.normal.dot(p.normal) + sum(e * x**2 for e, x in zip(excess, normal, strict=True)))
+    arm = sympy.Matrix([-(size**2) * x / height for size, x in zip(p.semi_axes, normal, strict=True)])
+    return normal, arm, height
+
+
+def _ellipsoid_height(frames: Any, p: Any, s: Any) -> Any:
+    normal, _, height = _ellipsoid(frames[0], p)
+    return [p.normal.dot(frames[0].origin()) + normal.dot(p.center) - height - p.level[0]]
+
+
+def _ellipsoid_slip(frames: Any, p: Any, s: Any) -> Any:
+    # v + ω × r at the contact along a direction of the plane, the turn in body components.
+    (frame,) = frames
+    _, arm, _ = _ellipsoid(frame, p)
+    turn = frame.local_angular_velocity().cross(p.center + arm)
+    return [p.along.dot(frame.rate(frame.origin())) + _in_body(frame, p.along).dot(turn)]
+
+
 def _knife_edge_planar(frames: Any, p: Any, s: Any) -> Any:
     return [frames[0].direction(p.across).dot(frames[0].velocity(p.point))]
 
@@ -57,6 +93,7 @@ def _knife_edge_spatial(frames: Any, p: Any, s: Any) -> Any:
 
 
 _WHEEL = (("center", 3), ("axle", 3), ("radius", 1), ("tube", 1), ("normal", 3))
+_ELLIPSOID = (("center", 3), ("semi_axes", 3), ("ball", 1), ("normal", 3))
 
 ELEMENTS = (
     Element(
@@ -94,6 +131,18 @@ ELEMENTS = (
         1,
         _WHEEL,
         lambda f, p, s: _wheel_slip(f, p, True),
+        units=("m/s",),
+    ),
+    Element(
+        "ellipsoid_height", "holonomic", ("spatial",), 1, (*_ELLIPSOID, ("level", 1)), _ellipsoid_height, units=("m",)
+    ),
+    Element(
+        "ellipsoid_slip",
+        "nonholonomic",
+        ("spatial",),
+        1,
+        (*_ELLIPSOID, ("along", 3)),
+        _ellipsoid_slip,
         units=("m/s",),
     ),
     Element(
@@ -139,6 +188,18 @@ def _wheel_elements(item: Item) -> Iterable[ElementUse]:
         yield ElementUse(element, (center.body,), numbers, labels=(label,))
 
 
+def _ellipsoid_elements(item: Item) -> Iterable[ElementUse]:
+    center, normal = item.marker("center"), item.unit_vector("normal")
+    semi_axes = [item.number(name) for name in "abc"]
+    numbers = (*center.point, *semi_axes, min(semi_axes, key=_nominal), *normal)
+    level = dot(normal, item.vector("origin"))
+    yield ElementUse("ellipsoid_height", (center.body,), (*numbers, level), labels=("height",))
+    if item.choice("motion") == "rolling":
+        plane = triad(normal, None, item.functions.sqrt)
+        for label, along in (("slip v2", plane.v2), ("slip v3", plane.v3)):
+            yield ElementUse("ellipsoid_slip", (center.body,), (*numbers, *along), labels=(label,))
+
+
 def _knife_edge_elements(item: Item) -> Iterable[ElementUse]:
     point, along = item.marker("at"), item.direction("along")
     heading = (turned(along),) if item.dimension == 2 else (along, item.unit_vector("normal"))
@@ -149,6 +210,13 @@ def _knife_edge_elements(item: Item) -> Iterable[ElementUse]:
 _ORIGIN = Field("origin", "vector", "a point of the line or plane", "m", default="0")
 _CENTER = Field("center", "marker", "centre of the wheel: body or body.point", required=True)
 _RADIUS = Field("radius", "number", "radius of the wheel", "m", required=True, sign="positive")
+_MOTION = Field(
+    "motion",
+    "choice",
+    "rolling, or sliding without friction",
+    default="rolling",
+    choices=("rolling", "frictionless"),
+)
 
 KINDS: dict[tuple[str, int], Kind] = {
     (kind.name, dimension): kind
@@ -162,13 +230,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                 _RADIUS,
                 Field("normal", "vector", "normal of the line, towards the disk", default="y"),
                 _ORIGIN,
-                Field(
-                    "motion",
-                    "choice",
-                    "rolling, or sliding without friction",
-                    default="rolling",
-                    choices=("rolling", "frictionless"),
-                ),
+                _MOTION,
             ),
             _disk,
         ),
@@ -207,6 +269,22 @@ KINDS: dict[tuple[str, int], Kind] = {
                 ),
             ),
             _wheel_elements,
+        ),
+        Kind(
+            "ellipsoid",
+            "ellipsoid on a fixed plane, its semi-axes along the axes of its body (rattleback, egg, eccentric ball)",
+            (3,),
+            (
+                Field("center", "marker", "centre of the ellipsoid: body or body.point", required=True),
+                *(
+                    Field(name, "number", f"semi-axis along {axis} of the body", "m", required=True, sign="positive")
+                    for name, axis in zip("abc", "xyz", strict=True)
+                ),
+                Field("normal", "vector", "normal of the plane, towards the ellipsoid", default="z"),
+                _ORIGIN,
+                _MOTION,
+            ),
+            _ellipsoid_elements,
         ),
         Kind(
             "knife_edge",

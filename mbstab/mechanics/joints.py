@@ -249,6 +249,12 @@ KINDS: dict[tuple[str, int], Kind] = {
             fields=(AXIS,),
         ),
         _joint(
+            "point_on_plane",
+            "a point of the second body stays in the plane across an axis of the first, turning freely",
+            Primitive("in_plane", "v1"),
+            fields=(AXIS,),
+        ),
+        _joint(
             "distance",
             "massless rod: keeps two points at a distance",
             Primitive("distance"),

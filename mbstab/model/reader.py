@@ -32,6 +32,7 @@ from mbstab.model.schema import (
     Quantity,
     Reference,
     ShapeValue,
+    Steady,
     SweepRange,
     body_coordinates,
     parse_finite,
@@ -803,6 +804,53 @@ class _Reader:
             self._state(entries.get("coordinates"), "reference.coordinates"),
             self._state(entries.get("rates"), "reference.rates", "/s"),
             self._state(entries.get("guess"), "reference.guess"),
+            *self._search(entries),
+            self._expression(entries["period"], "reference.period", "s") if "period" in entries else None,
+        )
+
+    def _search(self, entries: dict[str, YamlNode]) -> tuple[str | None, Steady | None]:
+        """Read what kind of motion is looked for, and along which symmetry."""
+        find = self._choice(entries["find"], "reference.find", schema.FINDS) if "find" in entries else None
+        steady = self._steady(entries["steady"]) if "steady" in entries else None
+        if find == "steady" and "steady" not in entries:
+            hint = "add steady: {axis: z, rate: …} or steady: {direction: x, speed: …}"
+            self.complain(entries["find"], "reference.find", "a steady motion needs its symmetry", hint)
+        if find == "equilibrium" and "steady" in entries:
+            message = "an equilibrium is at rest, but reference.steady asks for a motion"
+            self.complain(entries["find"], "reference.find", message, "write find: steady")
+        if "period" in entries and ("find" in entries or "steady" in entries):
+            message = "the period belongs to a motion that is neither at rest nor steady"
+            self.complain(entries["period"], "reference.period", message, "leave out find and steady, or the period")
+        return find, steady
+
+    def _steady(self, node: YamlNode) -> Steady | None:
+        path = "reference.steady"
+        mapping = self._mapping(node, path, "{axis: z, rate: …} or {direction: x, speed: …}")
+        if mapping is None:
+            return None
+        self._known_keys(mapping, path, schema.STEADY_FIELDS)
+        entries = mapping.entries
+        for key, needed in (("rate", "axis"), ("point", "axis"), ("speed", "direction")):
+            if key in entries and needed not in entries:
+                self.complain(entries[key], f"{path}.{key}", f"{key} needs {needed}")
+        if "axis" not in entries and "direction" not in entries:
+            self.complain(mapping, path, "give an axis of the turn, a direction of the translation, or both")
+        axis = None
+        if "axis" in entries and self.dimension == 3:
+            axis = self._vector(entries["axis"], f"{path}.axis")
+        elif "axis" in entries and self._choice(entries["axis"], f"{path}.axis", ("z",)):
+            place = entries["axis"].location
+            axis = Components(tuple(_constant(x, place, f"{path}.axis") for x in "001"), place, f"{path}.axis")
+        quantities = {
+            key: self._expression(entries[key], f"{path}.{key}", unit) if key in entries else None
+            for key, unit in (("rate", "rad/s"), ("speed", "m/s"))
+        }
+        vectors = {
+            key: self._vector(entries[key], f"{path}.{key}", unit) if key in entries else None
+            for key, unit in (("point", "m"), ("direction", ""))
+        }
+        return Steady(
+            mapping.location, axis, quantities["rate"], vectors["point"], vectors["direction"], quantities["speed"]
         )
 
     def _state(self, node: YamlNode | None, path: str, per: str = "") -> dict[str, Quantity]:
@@ -885,13 +933,16 @@ class _Reader:
         for key, item in overrides.pairs() if overrides else ():
             self._known_parameter(key, f"{path}.at")
             at[key.text] = self._expression(item, f"{path}.at.{key.text}")
-        neutral = entries.get("neutral")
+        neutral, redundant = entries.get("neutral"), entries.get("redundant")
         return Expectation(
             mapping.location,
             at,
             self._expected_eigenvalues(entries.get("eigenvalues"), f"{path}.eigenvalues"),
             self._tolerance(entries.get("tolerance"), f"{path}.tolerance", 1e-9),
             None if neutral is None else self._integer(neutral, f"{path}.neutral", 0, 10_000, 0),
+            "frozen" in entries and self._choice(entries["frozen"], f"{path}.frozen", ("true", "false")) == "true",
+            self._state(entries.get("coordinates"), f"{path}.coordinates"),
+            None if redundant is None else self._integer(redundant, f"{path}.redundant", 0, 10_000, 0),
             self._verdict(entries.get("verdict"), f"{path}.verdict"),
             self._critical(entries.get("critical"), f"{path}.critical"),
             self._text(entries.get("source"), f"{path}.source"),

@@ -125,14 +125,32 @@ class Entry:
 
 
 @dataclass(frozen=True)
+class Steady:
+    """A motion that follows a turn about an axis, a translation, or both; a rate that is not given is solved for."""
+
+    location: Location
+    axis: Components | None
+    rate: Quantity | None
+    point: Components | None
+    direction: Components | None
+    speed: Quantity | None
+
+
+@dataclass(frozen=True)
 class Reference:
-    """The reference motion: what is given, and guesses for what is not, by name such as ``rod.theta``."""
+    """The reference motion: what is given, and guesses for what is not, by name such as ``rod.theta``.
+
+    `find` is ``equilibrium``, ``steady`` or None; `period` is that of a periodic motion.
+    """
 
     location: Location
     time: Quantity
     coordinates: dict[str, Quantity]
     rates: dict[str, Quantity]
     guess: dict[str, Quantity]
+    find: str | None
+    steady: Steady | None
+    period: Quantity | None
 
 
 @dataclass(frozen=True)
@@ -173,6 +191,9 @@ class Expectation:
     eigenvalues: tuple[ExpectedEigenvalue, ...] | None
     tolerance: float
     neutral: int | None
+    frozen: bool
+    coordinates: dict[str, Quantity]
+    redundant: int | None
     verdict: str | None
     critical: CriticalValue | None
     source: str
@@ -231,13 +252,27 @@ REFERENCE_FIELDS = {
     "coordinates": "values by body: {body: {x: …}}; missing ones are solved from the constraints",
     "rates": "time derivatives by body; missing ones are solved from the constraints",
     "guess": "starting values for coordinates that are solved; choose between assemblies with them",
+    "find": "equilibrium or steady: coordinates that are not given are solved so that the forces balance",
+    "steady": "the motion is a steady turn about an axis, a steady translation, or both",
+    "period": "period of a periodic motion, judged by its Floquet multipliers (s)",
+}
+FINDS = ("equilibrium", "steady")
+STEADY_FIELDS = {
+    "axis": "axis of the turn in ground axes: x, -z or a vector; in the plane z",
+    "rate": "rate of the turn; solved for if not given (rad/s)",
+    "point": "a point of the axis, the origin if not given (m)",
+    "direction": "direction of the translation in ground axes",
+    "speed": "speed of the translation; solved for if not given (m/s)",
 }
 SWEEP_FIELDS = {"from": "first value", "to": "last value", "points": "number of points"}
 EXPECT_FIELDS = {
     "at": "parameter values: {omega: 4}",
     "eigenvalues": "all that are not neutral: {real, imag}; an entry with imag stands for the conjugate pair",
-    "tolerance": "relative tolerance of the eigenvalues",
+    "tolerance": "relative tolerance of the eigenvalues, and of the coordinates (1 m, 1 rad at least)",
     "neutral": "number of neutral (zero) eigenvalues",
+    "frozen": "true: eigenvalues of the equations frozen at the reference time, as mbstab eig --frozen",
+    "coordinates": "coordinates of the reference motion, by body: {body: {x: …}}",
+    "redundant": "number of redundant constraint rows",
     "verdict": "one of " + ", ".join(VERDICTS),
     "critical": "{parameter, value, tolerance, below, above}: where the verdict changes, and from what to what",
     "source": "where the expected values come from",
@@ -331,6 +366,9 @@ def json_schema() -> dict[str, Any]:
         eigenvalues={"type": "array", "items": _object(EIGENVALUE_FIELDS, real=number, imag=number)},
         tolerance=number,
         neutral=integer,
+        frozen={"type": "boolean"},
+        coordinates=state,
+        redundant=integer,
         verdict=verdict,
         critical={**critical, "required": ["parameter", "value", "below", "above"]},
         source=text,
@@ -347,7 +385,18 @@ def json_schema() -> dict[str, Any]:
         "ground": _object(GEOMETRY_FIELDS, points=shapes["points"], directions=shapes["points"]),
         **{name: section(name) for name in KINDS},
         "constraints": {"type": "object", "additionalProperties": constraint},
-        "reference": _object(REFERENCE_FIELDS, time=number, coordinates=state, rates=state, guess=state),
+        "reference": _object(
+            REFERENCE_FIELDS,
+            time=number,
+            coordinates=state,
+            rates=state,
+            guess=state,
+            find={"enum": list(FINDS)},
+            steady=_object(
+                STEADY_FIELDS, axis=direction, rate=number, point=vector, direction=direction, speed=number
+            ),
+            period=number,
+        ),
         "sweep": {"type": "object", "additionalProperties": sweep},
         "expect": {"type": "array", "items": expectation},
     }

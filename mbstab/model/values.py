@@ -27,6 +27,7 @@ from mbstab.model.schema import (
     PartValue,
     Quantity,
     ShapeValue,
+    Steady,
     body_coordinates,
     parse_finite,
 )
@@ -74,6 +75,17 @@ class Law:
 
 
 @dataclass(frozen=True)
+class SteadyValues:
+    """A steady motion with its numbers: unit vectors, rates in rad/s and m/s; None for what is not given."""
+
+    axis: Vector | None
+    rate: Number | None
+    point: Vector
+    direction: Vector | None
+    speed: Number | None
+
+
+@dataclass(frozen=True)
 class Scene:
     """A model at given parameter values.
 
@@ -87,6 +99,9 @@ class Scene:
     time : number (s)
     coordinates, rates, guess : dict
         Given values of the reference, by coordinate name.
+    steady : SteadyValues or None
+    period : number or None
+        Period of a periodic motion (s).
     lengths : list of float
         Sizes that occur in the scene (m), for scaling tolerances.
     """
@@ -101,6 +116,8 @@ class Scene:
     coordinates: dict[str, Number]
     rates: dict[str, Number]
     guess: dict[str, Number]
+    steady: SteadyValues | None
+    period: Number | None
     lengths: list[float] = field(default_factory=list)
 
     @property
@@ -258,10 +275,30 @@ class _Evaluator:
             {name: self.number(value) for name, value in values.items()}
             for values in (reference.coordinates, reference.rates, reference.guess)
         )
+        steady, period = self.steady(reference.steady), self.period(reference.period)
         self.document.raise_problems()
         return Scene(
-            model, self.f, self.parameters, gravity, bodies, items, time, coordinates, rates, guess, self.lengths
+            model, self.f, self.parameters, gravity, bodies, items, time, coordinates, rates, guess, steady,
+            period, self.lengths,
+        )  # fmt: skip
+
+    def steady(self, steady: Steady | None) -> SteadyValues | None:
+        if steady is None:
+            return None
+        axis, direction = (
+            None if x is None else vectors.unit(self.direction(x), self.f.sqrt) for x in (steady.axis, steady.direction)
         )
+        rate, speed = (None if x is None else self.number(x) for x in (steady.rate, steady.speed))
+        point = (0.0,) * self.model.dimension if steady.point is None else self.vector(steady.point)
+        return SteadyValues(axis, rate, point, direction, speed)
+
+    def period(self, period: Quantity | None) -> Number | None:
+        if period is None:
+            return None
+        value = self.number(period)
+        if not self.symbolic and not _all(value > 0):
+            self.complain(period, f"the period must be positive, got {_nominal(value):g} s")
+        return value
 
     def complain(self, quantity: Quantity | Components, message: str, hint: str = "") -> None:
         self.document.complain(quantity.location, quantity.path, message, hint)

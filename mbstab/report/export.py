@@ -12,7 +12,9 @@ from typing import Any
 
 from mbstab.analysis.check import CheckReport
 from mbstab.analysis.eigen import EigenResult
+from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
+from mbstab.model.schema import is_length
 
 Named = tuple[Any, list[str], list[str]]
 
@@ -47,7 +49,9 @@ def to_csv(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str, float]) -> dict[str, Any]:
     """Return the JSON object of ``mbstab eig``.
 
-    Keys: ``model``, ``title``, ``parameters`` (SI), ``method``, ``verdict``, ``reasons``,
+    Keys: ``model``, ``title``, ``parameters`` (SI), ``method``, ``frame`` (the steady
+    motion in whose frame the equations are written; empty: the coordinates of the file),
+    ``frozen_time`` (true: no stability verdict), ``verdict``, ``reasons``,
     ``eigenvalues`` (``real`` and ``imag`` in 1/s, ``kind``, ``frequency`` in Hz,
     ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s, ``error_bound`` in 1/s,
     ``condition``, ``backward_error``, ``participation``), ``counts``, ``neutral_chains``,
@@ -58,6 +62,8 @@ def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str
         "title": title,
         "parameters": parameters,
         "method": result.method,
+        "frame": result.frame,
+        "frozen_time": result.frozen,
         "verdict": result.verdict,
         "reasons": result.reasons,
         "eigenvalues": [
@@ -107,6 +113,57 @@ def check_data(report: CheckReport, model: str, title: str) -> dict[str, Any]:
 FORMS = ("equations", "composite", "pencil", "state-space")
 
 
+def equilibrium_data(found: Sequence[Equilibrium], names: Sequence[str], model: str, title: str) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab equilibrium``.
+
+    Keys: ``model``, ``title``, ``equilibria`` (``coordinates`` in m and rad and ``rates`` by
+    name, ``steady`` in words, ``reactions``, ``residual``, ``unbalanced_force`` in N,
+    ``unbalanced_torque`` in N·m, ``iterations``, ``strategy``, ``isolated``, ``open``,
+    ``symmetries``, ``redundant``, ``warnings``). A reaction has ``of``, ``on`` (a body),
+    ``point`` (m; null: the point of contact), ``force`` (N) and ``torque`` (N·m), in ground axes.
+    """
+    return {
+        "model": model,
+        "title": title,
+        "equilibria": [
+            {
+                "coordinates": dict(zip(names, item.motion.q.tolist(), strict=True)),
+                "rates": dict(zip(names, item.motion.u.tolist(), strict=True)),
+                "steady": str(item.steady),
+                "reactions": [
+                    {"of": r.owner, "on": r.body, "point": r.point, "force": r.force, "torque": r.torque}
+                    for r in item.reactions
+                ],
+                "residual": item.residual,
+                "unbalanced_force": item.unbalanced[0],
+                "unbalanced_torque": item.unbalanced[1],
+                "iterations": item.iterations,
+                "strategy": item.strategy,
+                "isolated": item.isolated,
+                "open": item.open,
+                "symmetries": item.symmetries,
+                "redundant": [str(x) for x in item.motion.redundant],
+                "warnings": item.motion.warnings,
+            }
+            for item in found
+        ],
+    }
+
+
+def equilibrium_csv(found: Sequence[Equilibrium], names: Sequence[str]) -> str:
+    """Return coordinates and reactions of all solutions as CSV, one number a line."""
+    rows: list[list[Any]] = []
+    for number, item in enumerate(found, 1):
+        for name, q, u in zip(names, item.motion.q, item.motion.u, strict=True):
+            length = "m" if is_length(name) else "rad"
+            rows += [[number, "coordinate", name, float(q), length], [number, "rate", name, float(u), f"{length}/s"]]
+        for r in item.reactions:
+            axes = "xyz" if len(r.torque) != 1 else "z"
+            rows += [[number, f"force {k}", f"{r.owner} on {r.body}", float(x), "N"] for k, x in zip("xyz", r.force)]
+            rows += [[number, f"torque {k}", f"{r.owner} on {r.body}", float(x), "N*m"] for k, x in zip(axes, r.torque)]
+    return to_csv(["solution", "quantity", "of", "value", "unit"], rows)
+
+
 def forms(linear: Linearization, space: StateSpace) -> dict[str, dict[str, Named]]:
     """Return every matrix with the names of its rows and columns, by form."""
     q = list(linear.names)
@@ -148,7 +205,8 @@ def linearize_data(linear: Linearization, space: StateSpace, model: str, title: 
     """Return the JSON object of ``mbstab linearize``.
 
     Keys: ``model``, ``title``, ``coordinates``, ``rows``, ``reference`` (``q``, ``u``, ``a``,
-    ``multipliers``, ``time``), ``variation`` and for each form its matrices, row by row.
+    ``multipliers``, ``time``), ``frame`` (the motion of the axes in which the equations stand
+    still, in words; empty: the coordinates of the file), ``frozen``, ``variation`` and for each form its matrices, row by row.
     """
     motion = linear.motion
     return {
@@ -156,6 +214,8 @@ def linearize_data(linear: Linearization, space: StateSpace, model: str, title: 
         "title": title,
         "coordinates": linear.names,
         "rows": [{"name": row.name, "label": row.label, "unit": row.unit} for row in linear.rows],
+        "frame": str(linear.generator) if linear.generator is not None and linear.generator.turns else "",
+        "frozen": linear.frozen,
         "reference": {"q": motion.q, "u": motion.u, "a": motion.a, "multipliers": motion.nu, "time": motion.time},
         "variation": linear.variation,
         **{form: {key: m for key, (m, _, _) in group.items()} for form, group in forms(linear, space).items()},

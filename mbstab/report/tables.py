@@ -10,8 +10,10 @@ from typing import Any
 
 from mbstab.analysis.check import CheckReport
 from mbstab.analysis.eigen import EigenResult, Eigenvalue, show
+from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
 from mbstab.errors import counted
+from mbstab.model.schema import is_length
 from mbstab.report import WIDTH
 
 
@@ -53,11 +55,12 @@ def eigenvalue(s: complex) -> str:
 def eigen_text(result: EigenResult, title: str) -> str:
     """Return the answer of ``mbstab eig`` as text."""
     lines = [title, ""] if title else []
-    shown = _pairs(result.eigenvalues)
+    shown = _pairs(result)
     rows = []
     for e, multiplicity in shown:
         if e.kind == "neutral":
-            rows.append([_neutral_value(result), "-", "-", "-", "-", f"neutral, {multiplicity}×"])
+            value = f"0 ± {abs(e.value.imag):.10g}i" if _goes_round(result, e) else _neutral_value(result)
+            rows.append([value, "-", "-", "-", "-", f"neutral, {multiplicity}×"])
             continue
         value = "0 ± " + f"{abs(e.value.imag):.10g}i" if e.kind == "center" else eigenvalue(e.value)
         rows.append(
@@ -88,14 +91,23 @@ def _neutral_value(result: EigenResult) -> str:
 
 
 def _spread(result: EigenResult) -> float:
-    return max((abs(e.value) for e in result.eigenvalues if e.kind == "neutral"), default=0.0)
+    zeros = [abs(e.value) for e in result.eigenvalues if e.kind == "neutral" and not _goes_round(result, e)]
+    return max(zeros, default=0.0)
 
 
-def _pairs(found: Sequence[Eigenvalue]) -> list[tuple[Eigenvalue, int]]:
+def _pairs(result: EigenResult) -> list[tuple[Eigenvalue, int]]:
     """Return one of each conjugate pair, and the neutral ones as one entry with their number."""
+    found = result.eigenvalues
     shown: list[tuple[Eigenvalue, int]] = [(e, 1) for e in found if e.kind != "neutral" and e.value.imag >= 0.0]
     neutral = [e for e in found if e.kind == "neutral"]
-    return [*shown, (neutral[0], len(neutral))] if neutral else shown
+    turning = [e for e in neutral if _goes_round(result, e)]
+    zeros = [e for e in neutral if e not in turning]
+    return shown + [(group[0], len(group)) for group in (turning, zeros) if group]
+
+
+def _goes_round(result: EigenResult, e: Eigenvalue) -> bool:
+    """Whether a neutral eigenvalue belongs to a shift seen from a turning frame; QZ scatters it a little."""
+    return any(abs(e.value.imag) > 0.5 * frequency for frequency in result.shifts)
 
 
 def _time(e: Eigenvalue) -> str:
@@ -113,9 +125,17 @@ def _participation(shown: Sequence[tuple[Eigenvalue, int]], bodies: Sequence[str
         order = sorted(bodies, key=lambda name: -e.participation.get(name, 0.0))
         strong = [f"{name} {e.participation[name]:.1%}" for name in order if e.participation.get(name, 0.0) >= 0.0005]
         value = "0 ± " + f"{abs(e.value.imag):.6g}i" if e.kind == "center" else show(e.value)
-        more = f", {len(strong) - 4} more" if len(strong) > 4 else ""
-        rows.append([value, ", ".join(strong[:4]) + more])
+        rows.append([value, _fitting(strong, WIDTH - 28)])
     return table(["eigenvalue (1/s)", "bodies"], rows, left=(1,))
+
+
+def _fitting(words: Sequence[str], width: int) -> str:
+    """Return as many words as fit, and how many more there are."""
+    for count in range(len(words), 0, -1):
+        text = ", ".join(words[:count]) + (f", {len(words) - count} more" if count < len(words) else "")
+        if len(text) <= width or count == 1:
+            return text
+    return ""
 
 
 def _counts(result: EigenResult) -> list[str]:
@@ -127,6 +147,10 @@ def _counts(result: EigenResult) -> list[str]:
         f"finite eigenvalues: {c.expected} expected, {c.found} found, {c.neutral} of them neutral; "
         f"method {result.method}",
     ]
+    if result.frame:
+        lines += wrap(f"in the frame of the steady motion: {result.frame}", width=WIDTH, subsequent_indent="  ")
+    if result.shifts:
+        lines.append("neutral pairs are shifts across the axis, which go round in that frame")
     if c.infinite or c.undefined:
         lines.append(f"besides, the method returned {c.infinite} infinite eigenvalues and {c.undefined} pairs 0/0")
     if c.undefined:
@@ -140,6 +164,55 @@ def _counts(result: EigenResult) -> list[str]:
             "neutral eigenvalues belong to: " + ", ".join(result.symmetries), width=WIDTH, subsequent_indent="  "
         )
     return lines
+
+
+def equilibrium_text(found: Sequence[Equilibrium], names: Sequence[str], title: str) -> str:
+    """Return the answer of ``mbstab equilibrium`` as text."""
+    lines = [title, ""] if title else []
+    if len(found) > 1:
+        lines += [f"{len(found)} distinct solutions", ""]
+    for number, item in enumerate(found, 1):
+        kind = "Equilibrium" if str(item.steady) == "rest" else f"Steady motion ({item.steady})"
+        lines += wrap(kind + (f" {number} of {len(found)}" if len(found) > 1 else ""), width=WIDTH)
+        lines += [_state_table(item, names), _reaction_table(item)]
+        lines += wrap(
+            f"found by {item.strategy} in {counted(item.iterations, 'step')}; largest imbalance {item.residual:.1e} of "
+            f"what balances ({item.unbalanced[0]:.1e} N, {item.unbalanced[1]:.1e} N*m)",
+            width=WIDTH,
+        )
+        apart = f", apart from {', '.join(item.symmetries)}" if item.symmetries else ""
+        text = f"isolated{apart}" if item.isolated else f"not isolated: {'; '.join(item.open)}{apart}"
+        lines += [*wrap(text, width=WIDTH, subsequent_indent="  "), ""]
+        if item.motion.redundant:
+            lines.insert(-1, "constraints are redundant: of the reactions only their sums are determined")
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _state_table(item: Equilibrium, names: Sequence[str]) -> str:
+    moving, fastest = bool(item.motion.u.any()), float(abs(item.motion.u).max())
+    rows = []
+    for name, q, u in zip(names, item.motion.q, item.motion.u, strict=True):
+        unit = "m" if is_length(name) else "rad"
+        rate = u if abs(u) > 1e-14 * fastest else 0.0
+        rows.append([name, number(q, 10), unit, *([number(rate, 6), f"{unit}/s"] if moving else [])])
+    heads = ["coordinate", "value", "", *(["rate", ""] if moving else [])]
+    return table(heads, rows, left=(0, 2, 4))
+
+
+def _reaction_table(item: Equilibrium) -> str:
+    if not item.reactions:
+        return ""
+    largest = max(float(abs(x)) for r in item.reactions for x in (*r.force, *r.torque, 0.0))
+    rows = []
+    for r in item.reactions:
+        # What is rounding beside the largest load is zero to a reader.
+        force, torque = (
+            ", ".join(number(x if abs(x) > 1e-12 * largest else 0.0, 5) for x in v) if len(v) else "-"
+            for v in (r.force, r.torque)
+        )
+        rows.append([r.owner, r.body, force, torque])
+    axes = ", ".join("xyz"[: len(item.reactions[0].force)])
+    return table(["reaction of", "on", f"force {axes} (N)", "torque (N*m)"], rows, left=(0, 1))
 
 
 def check_text(report: CheckReport, title: str) -> str:

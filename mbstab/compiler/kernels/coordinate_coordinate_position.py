@@ -29,3 +29,15 @@ def linearize(f, q, u, p, s, nu):
 LINEARIZE = {
     'K': (),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    return (
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': (),
+    'A_q': (),
+    'A_u': (),
+}

@@ -32,3 +32,15 @@ LINEARIZE = {
     'R': (),
     'D': (),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    return (
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': (),
+    'A_q': (),
+    'A_u': (),
+}

@@ -68,3 +68,47 @@ def linearize(f, q, u, p, s, nu):
 LINEARIZE = {
     'K': ((2, 2), (5, 5)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    _, _, theta1, _, _, theta2, = q
+    _, _, theta1_t, _, _, theta2_t, = u
+    first_1, first_2, second_1, second_2, = p
+    _, _, theta1_tt, _, _, theta2_tt, = a
+    w0 = f.cos(theta1)
+    w1 = w0*theta1_t
+    w2 = f.sin(theta1)
+    w3 = w2*theta1_t
+    w4 = first_2*w3 - first_1*w1
+    w5 = f.cos(theta2)
+    w6 = w5*theta2_t
+    w7 = f.sin(theta2)
+    w8 = w7*theta2_t
+    w9 = second_1*w6 - second_2*w8
+    w10 = first_1*w3 + first_2*w1
+    w11 = second_2*w6 + second_1*w8
+    w12 = w0*theta1_tt - theta1_t*w3
+    w13 = theta1_t*w1 + w2*theta1_tt
+    w14 = w5*theta2_tt - theta2_t*w8
+    w15 = theta2_t*w6 + w7*theta2_tt
+    return (
+        w4,
+        w9,
+        -w10,
+        w11,
+        first_2*w13 - first_1*w12,
+        second_1*w14 - second_2*w15,
+        -(first_1*w13 + first_2*w12),
+        second_2*w14 + second_1*w15,
+        2*w4,
+        2*w9,
+        -2*w10,
+        2*w11,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 2), (0, 5), (1, 2), (1, 5)),
+    'A_q': ((0, 2), (0, 5), (1, 2), (1, 5)),
+    'A_u': ((0, 2), (0, 5), (1, 2), (1, 5)),
+}

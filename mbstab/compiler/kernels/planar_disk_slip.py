@@ -50,3 +50,28 @@ LINEARIZE = {
     'R': (),
     'D': ((0, 2),),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    _, _, theta1, = q
+    _, _, theta1_t, = u
+    center_1, center_2, normal_1, normal_2, *_ = p
+    _, _, theta1_tt, = a
+    w0 = f.cos(theta1)
+    w1 = f.sin(theta1)
+    w2 = theta1_t*(center_1*w1 + center_2*w0)*normal_1 - normal_2*theta1_t*(center_1*w0 - w1*center_2)
+    w3 = normal_1*theta1_tt + theta1_t*normal_2*theta1_t
+    w4 = theta1_t*theta1_t*normal_1 - normal_2*theta1_tt
+    w5 = w0*(center_2*w3 + center_1*w4) - w1*(center_2*w4 - center_1*w3)
+    return (
+        w2,
+        w5,
+        2*w2,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 2),),
+    'A_q': ((0, 2),),
+    'A_u': ((0, 2),),
+}

@@ -98,3 +98,87 @@ def linearize(f, q, u, p, s, nu):
 LINEARIZE = {
     'K': ((0, 5), (1, 5), (2, 2), (2, 5), (3, 5), (4, 5), (5, 0), (5, 1), (5, 2), (5, 3), (5, 4), (5, 5)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    x1, y1, theta1, x2, y2, theta2, = q
+    x1_t, y1_t, theta1_t, x2_t, y2_t, theta2_t, = u
+    first_1, first_2, second_1, second_2, second_v1_1, second_v1_2, = p
+    x1_tt, y1_tt, theta1_tt, x2_tt, y2_tt, theta2_tt, = a
+    w0 = f.sin(theta2)
+    w1 = w0*theta2_t
+    w2 = f.cos(theta2)
+    w3 = w2*theta2_t
+    w4 = second_v1_1*w1 + second_v1_2*w3
+    w5 = second_v1_1*w3 - second_v1_2*w1
+    w6 = f.cos(theta1)
+    w7 = second_v1_1*w0 + w2*second_v1_2
+    w8 = second_v1_1*w2 - second_v1_2*w0
+    w9 = first_2*w7 + w8*first_1
+    w10 = theta1_t*w9
+    w11 = first_1*w5
+    w12 = first_2*w4
+    w13 = f.sin(theta1)
+    w14 = first_1*w7 - w8*first_2
+    w15 = theta1_t*w14
+    w16 = first_2*w5
+    w17 = first_1*w4
+    w18 = w6*(w11 - w10 + w12) - w13*(w15 + w16 - w17)
+    w19 = y1 - y2 + first_1*w13 + w6*first_2 - w0*second_1 - w2*second_2
+    w20 = x1 - x2 + first_1*w6 + w0*second_2 - first_2*w13 - w2*second_1
+    w21 = second_v1_2*w19 - second_2*w7 - w8*second_1 + second_v1_1*w20
+    w22 = theta2_t*w21
+    w23 = second_1*w5
+    w24 = w6*theta1_t
+    w25 = w13*theta1_t
+    w26 = y1_t - y2_t + first_1*w24 - first_2*w25 - second_1*w3 + second_2*w1
+    w27 = second_v1_1*w26
+    w28 = second_2*w4
+    w29 = x1_t - x2_t - first_1*w25 + second_2*w3 - first_2*w24 + second_1*w1
+    w30 = second_v1_2*w29
+    w31 = second_v1_1*w19 - second_1*w7 + w8*second_2 - second_v1_2*w20
+    w32 = theta2_t*w31
+    w33 = second_2*w5
+    w34 = second_v1_2*w26
+    w35 = second_1*w4
+    w36 = second_v1_1*w29
+    w37 = w2*(w22 + w23 - w27 + w28 + w30) + w0*(w32 - w33 + w34 + w35 + w36)
+    w38 = theta2_t*w3 + w0*theta2_tt
+    w39 = w2*theta2_tt - theta2_t*w1
+    w40 = second_v1_1*w38 + second_v1_2*w39
+    w41 = second_v1_1*w39 - second_v1_2*w38
+    w42 = first_1*w41 - theta1_tt*w9 - theta1_t*(w15 + 2*w16 - 2*w17) + first_2*w40
+    w43 = theta1_tt*w14 + theta1_t*(2*w11 - w10 + 2*w12) + first_2*w41 - first_1*w40
+    w44 = w6*theta1_tt - theta1_t*w25
+    w45 = theta1_t*w24 + w13*theta1_tt
+    w46 = y1_tt - y2_tt + first_1*w44 - first_2*w45 - second_1*w39 + second_2*w38
+    w47 = x1_tt - x2_tt - first_1*w45 + second_2*w39 - first_2*w44 + second_1*w38
+    w48 = theta2_tt*w21 + theta2_t*(w32 - 2*w33 + 2*w34 + 2*w35 + 2*w36) + second_1*w41 - second_v1_1*w46 + second_2*w40 + second_v1_2*w47
+    w49 = theta2_tt*w31 - theta2_t*(w22 + 2*w23 - 2*w27 + 2*w28 + 2*w30) - second_2*w41 + second_v1_2*w46 + second_1*w40 + second_v1_1*w47
+    return (
+        -w4,
+        w5,
+        w18,
+        w4,
+        -w5,
+        -w37,
+        -w40,
+        w41,
+        w6*w42 - w13*w43,
+        w40,
+        -w41,
+        -(w2*w48 + w0*w49),
+        -2*w4,
+        2*w5,
+        2*w18,
+        2*w4,
+        -2*w5,
+        -2*w37,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5)),
+    'A_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5)),
+    'A_u': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5)),
+}

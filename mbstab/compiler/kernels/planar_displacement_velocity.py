@@ -127,3 +127,89 @@ LINEARIZE = {
     'R': (),
     'D': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    x1, y1, theta1, x2, y2, theta2, = q
+    x1_t, y1_t, theta1_t, x2_t, y2_t, theta2_t, = u
+    first_1, first_2, second_1, second_2, second_v1_1, second_v1_2, = p
+    x1_tt, y1_tt, theta1_tt, x2_tt, y2_tt, theta2_tt, = a
+    w0 = f.sin(theta2)
+    w1 = w0*theta2_t
+    w2 = f.cos(theta2)
+    w3 = w2*theta2_t
+    w4 = second_v1_1*w1 + second_v1_2*w3
+    w5 = second_v1_1*w3 - second_v1_2*w1
+    w6 = second_v1_1*w0 + second_v1_2*w2
+    w7 = f.sin(theta1)
+    w8 = theta1_t*w7
+    w9 = first_1*w8
+    w10 = f.cos(theta1)
+    w11 = theta1_t*w10
+    w12 = first_2*w11
+    w13 = w9 + w12
+    w14 = first_1*w10
+    w15 = first_2*w7
+    w16 = w14 - w15
+    w17 = first_1*w7
+    w18 = w10*first_2
+    w19 = w17 + w18
+    w20 = second_v1_1*w2 - w0*second_v1_2
+    w21 = first_1*w11
+    w22 = first_2*w8
+    w23 = w21 - w22
+    w24 = w16*w5 - w6*w13 - (w20*w23 - w19*w4)
+    w25 = w0*second_1
+    w26 = w2*second_2
+    w27 = w17 + w18 - w25 - w26 + y1 - y2
+    w28 = y1_t - y2_t + w21 - w22 - second_1*w3 + second_2*w1
+    w29 = w0*second_2
+    w30 = w2*second_1
+    w31 = w14 - w15 + w29 - w30 + x1 - x2
+    w32 = x1_t - x2_t - w9 - w12 + second_2*w3 + second_1*w1
+    w33 = w20*w28 - w27*w4 - (w31*w5 + w6*w32)
+    w34 = theta2_t*w5
+    w35 = w34 + w6*theta2_tt
+    w36 = theta2_t*w4
+    w37 = w20*theta2_tt - w36
+    w38 = w5 - theta1_t*w20
+    w39 = w4 - theta1_t*w6
+    w40 = w37 + theta1_t*w4 - w20*theta1_tt
+    w41 = w35 - (theta1_t*w5 + w6*theta1_tt)
+    w42 = first_1*w40 - theta1_t*(first_2*w38 - first_1*w39) + first_2*w41
+    w43 = theta1_t*(first_1*w38 + first_2*w39) + first_2*w40 - first_1*w41
+    w44 = x2_t - x1_t + w13 - theta2_t*w27
+    w45 = y1_t - y2_t + w23 - theta2_t*w31
+    w46 = second_v1_2*w44 - second_2*w4 - second_1*w5 + second_v1_1*w45
+    w47 = x1_tt - x2_tt + theta2_t*w28 - theta1_t*w23 + w27*theta2_tt + (w25 + w26)*theta2_tt - w19*theta1_tt
+    w48 = y2_tt - y1_tt + theta2_t*w32 + theta1_t*w13 + w31*theta2_tt - (w29 - w30)*theta2_tt - w16*theta1_tt
+    w49 = theta2_t*w46 + second_1*w34 + second_2*w36 + second_v1_1*w47 - second_v1_2*w48
+    w50 = second_2*w5 - second_1*w4 + second_v1_1*w44 - second_v1_2*w45
+    w51 = second_2*w34 - theta2_t*w50 - second_1*w36 + second_v1_2*w47 + second_v1_1*w48
+    return (
+        -w4,
+        w5,
+        w24,
+        w4,
+        -w5,
+        w33,
+        -w35,
+        w37,
+        w10*w42 - w7*w43,
+        w35,
+        -w37,
+        -(w0*w49 + w2*w51),
+        -2*w4,
+        2*w5,
+        2*w24,
+        2*w4,
+        -2*w5,
+        2*w33,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5)),
+    'A_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5)),
+    'A_u': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5)),
+}

@@ -111,3 +111,83 @@ def linearize(f, q, u, p, s, nu):
 LINEARIZE = {
     'K': ((0, 0), (0, 2), (0, 3), (0, 5), (1, 1), (1, 2), (1, 4), (1, 5), (2, 0), (2, 1), (2, 2), (2, 3), (2, 4), (2, 5), (3, 0), (3, 2), (3, 3), (3, 5), (4, 1), (4, 2), (4, 4), (4, 5), (5, 0), (5, 1), (5, 2), (5, 3), (5, 4), (5, 5)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    x1, y1, theta1, x2, y2, theta2, = q
+    x1_t, y1_t, theta1_t, x2_t, y2_t, theta2_t, = u
+    first_1, first_2, second_1, second_2, length, = p
+    x1_tt, y1_tt, theta1_tt, x2_tt, y2_tt, theta2_tt, = a
+    w0 = f.sin(theta1)
+    w1 = w0*theta1_t
+    w2 = f.cos(theta2)
+    w3 = w2*theta2_t
+    w4 = f.cos(theta1)
+    w5 = w4*theta1_t
+    w6 = f.sin(theta2)
+    w7 = w6*theta2_t
+    w8 = x1_t - x2_t - first_1*w1 + second_2*w3 - first_2*w5 + second_1*w7
+    w9 = w8/length
+    w10 = y1_t - y2_t + first_1*w5 - first_2*w1 - second_1*w3 + second_2*w7
+    w11 = w10/length
+    w12 = y1 - y2 + first_1*w0 + w4*first_2 - w6*second_1 - second_2*w2
+    w13 = w12/length
+    w14 = x1 - x2 + first_1*w4 + second_2*w6 - first_2*w0 - second_1*w2
+    w15 = w14/length
+    w16 = first_2*w13 + first_1*w15
+    w17 = theta1_t*w16
+    w18 = first_1*w11
+    w19 = first_2*w9
+    w20 = first_1*w13 - first_2*w15
+    w21 = theta1_t*w20
+    w22 = first_2*w11
+    w23 = first_1*w9
+    w24 = w4*(w17 - w18 + w19) + w0*(w21 + w22 + w23)
+    w25 = second_2*w15 - second_1*w13
+    w26 = theta2_t*w25
+    w27 = second_2*w11
+    w28 = second_1*w9
+    w29 = second_2*w13 + second_1*w15
+    w30 = theta2_t*w29
+    w31 = second_1*w11
+    w32 = second_2*w9
+    w33 = w6*(w27 - w26 + w28) + w2*(w30 - w31 + w32)
+    w34 = theta1_t*w5 + w0*theta1_tt
+    w35 = w2*theta2_tt - theta2_t*w7
+    w36 = w4*theta1_tt - theta1_t*w1
+    w37 = theta2_t*w3 + w6*theta2_tt
+    w38 = x1_tt - x2_tt - first_1*w34 + second_2*w35 - first_2*w36 + second_1*w37
+    w39 = w38/length
+    w40 = y1_tt - y2_tt + first_1*w36 - first_2*w34 - second_1*w35 + second_2*w37
+    w41 = w40/length
+    w42 = theta1_tt*w16 + theta1_t*(w21 + 2*w22 + 2*w23) - first_1*w41 + first_2*w39
+    w43 = theta1_tt*w20 - theta1_t*(w17 - 2*w18 + 2*w19) + first_2*w41 + first_1*w39
+    w44 = theta2_tt*w25 + theta2_t*(w30 - 2*w31 + 2*w32) - second_2*w41 - second_1*w39
+    w45 = theta2_tt*w29 + theta2_t*(2*w27 - w26 + 2*w28) - second_1*w41 + second_2*w39
+    return (
+        w9,
+        w11,
+        -w24,
+        -w9,
+        -w11,
+        w33,
+        w39,
+        w41,
+        -(w4*w42 + w0*w43),
+        -w39,
+        -w41,
+        w2*w45 - w6*w44,
+        2*w9,
+        2*w11,
+        -2*w24,
+        -2*w9,
+        -2*w11,
+        2*w33,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5)),
+    'A_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5)),
+    'A_u': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5)),
+}

@@ -103,3 +103,87 @@ def linearize(f, q, u, p, s, nu):
 LINEARIZE = {
     'K': ((0, 2), (1, 2), (2, 0), (2, 1), (2, 2), (2, 3), (2, 4), (2, 5), (3, 2), (4, 2), (5, 2), (5, 5)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    x1, y1, theta1, x2, y2, theta2, = q
+    x1_t, y1_t, theta1_t, x2_t, y2_t, theta2_t, = u
+    first_1, first_2, second_1, second_2, normal_1, normal_2, = p
+    x1_tt, y1_tt, theta1_tt, x2_tt, y2_tt, theta2_tt, = a
+    w0 = f.sin(theta1)
+    w1 = w0*theta1_t
+    w2 = f.cos(theta1)
+    w3 = w2*theta1_t
+    w4 = normal_1*w1 + normal_2*w3
+    w5 = normal_1*w3 - normal_2*w1
+    w6 = normal_1*w0 + w2*normal_2
+    w7 = f.sin(theta2)
+    w8 = f.cos(theta2)
+    w9 = y1 - y2 + w0*first_1 + w2*first_2 - w7*second_1 - second_2*w8
+    w10 = normal_1*w2 - normal_2*w0
+    w11 = x1 - x2 + w2*first_1 + second_2*w7 - w0*first_2 - second_1*w8
+    w12 = first_2*w6 + normal_2*w9 + w10*first_1 + normal_1*w11
+    w13 = theta1_t*w12
+    w14 = first_1*w5
+    w15 = w8*theta2_t
+    w16 = w7*theta2_t
+    w17 = y1_t - y2_t + first_1*w3 - first_2*w1 - second_1*w15 + second_2*w16
+    w18 = normal_1*w17
+    w19 = first_2*w4
+    w20 = x1_t - x2_t - first_1*w1 + second_2*w15 - first_2*w3 + second_1*w16
+    w21 = normal_2*w20
+    w22 = first_1*w6 + normal_1*w9 - w10*first_2 - normal_2*w11
+    w23 = theta1_t*w22
+    w24 = first_2*w5
+    w25 = normal_2*w17
+    w26 = first_1*w4
+    w27 = normal_1*w20
+    w28 = w2*(w14 - w13 + w18 + w19 - w21) - w0*(w23 + w24 + w25 - w26 + w27)
+    w29 = w10*second_2 - second_1*w6
+    w30 = theta2_t*w29
+    w31 = second_2*w5
+    w32 = second_1*w4
+    w33 = second_2*w6 + w10*second_1
+    w34 = theta2_t*w33
+    w35 = second_1*w5
+    w36 = second_2*w4
+    w37 = w7*(w30 - w31 + w32) + w8*(w35 - w34 + w36)
+    w38 = theta1_t*w3 + w0*theta1_tt
+    w39 = w2*theta1_tt - theta1_t*w1
+    w40 = normal_1*w38 + normal_2*w39
+    w41 = normal_1*w39 - normal_2*w38
+    w42 = w8*theta2_tt - theta2_t*w16
+    w43 = theta2_t*w15 + w7*theta2_tt
+    w44 = y1_tt - y2_tt + first_1*w39 - first_2*w38 - second_1*w42 + second_2*w43
+    w45 = x1_tt - x2_tt - first_1*w38 + second_2*w42 - first_2*w39 + second_1*w43
+    w46 = first_1*w41 - theta1_tt*w12 - theta1_t*(w23 + 2*w24 + 2*w25 - 2*w26 + 2*w27) + normal_1*w44 + first_2*w40 - normal_2*w45
+    w47 = theta1_tt*w22 + theta1_t*(2*w14 - w13 + 2*w18 + 2*w19 - 2*w21) + first_2*w41 + normal_2*w44 - first_1*w40 + normal_1*w45
+    w48 = theta2_tt*w29 - theta2_t*(2*w35 - w34 + 2*w36) - second_2*w41 + second_1*w40
+    w49 = theta2_t*(w30 - 2*w31 + 2*w32) - theta2_tt*w33 + second_1*w41 + second_2*w40
+    return (
+        -w4,
+        w5,
+        w28,
+        w4,
+        -w5,
+        -w37,
+        -w40,
+        w41,
+        w2*w46 - w0*w47,
+        w40,
+        -w41,
+        -(w7*w48 + w8*w49),
+        -2*w4,
+        2*w5,
+        2*w28,
+        2*w4,
+        -2*w5,
+        -2*w37,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5)),
+    'A_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5)),
+    'A_u': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5)),
+}

@@ -60,3 +60,43 @@ LINEARIZE = {
     'R': (),
     'D': ((0, 2),),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    _, _, theta1, = q
+    x1_t, y1_t, theta1_t, = u
+    point_1, point_2, across_1, across_2, = p
+    x1_tt, y1_tt, theta1_tt, = a
+    w0 = f.cos(theta1)
+    w1 = f.sin(theta1)
+    w2 = w0*across_1 - w1*across_2
+    w3 = point_1*w0 - w1*point_2
+    w4 = theta1_t*w3
+    w5 = point_1*w1 + point_2*w0
+    w6 = theta1_t*w5
+    w7 = x1_t - w6
+    w8 = w1*across_1 + w0*across_2
+    w9 = y1_t + w4
+    w10 = w2*w9 - w6*w8 - (w2*w4 + w7*w8)
+    w11 = y1_tt + w3*theta1_tt - theta1_t*w6
+    w12 = w8*theta1_tt
+    w13 = x1_tt - (theta1_t*w4 + w5*theta1_tt)
+    w14 = w2*theta1_tt
+    w15 = theta1_t*(across_1*w9 - w7*across_2) + across_2*w11 + point_1*w12 + across_1*w13 - point_2*w14
+    w16 = theta1_t*(across_2*w9 + w7*across_1) - across_1*w11 + point_2*w12 + across_2*w13 + point_1*w14
+    w17 = theta1_t*w1
+    w18 = theta1_t*w0
+    return (
+        w10,
+        -(w1*w15 + w0*w16),
+        -(across_1*w17 + across_2*w18),
+        across_1*w18 - across_2*w17,
+        w10,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 2),),
+    'A_q': ((0, 2),),
+    'A_u': ((0, 0), (0, 1), (0, 2)),
+}

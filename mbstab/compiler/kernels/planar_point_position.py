@@ -49,3 +49,30 @@ def linearize(f, q, u, p, s, nu):
 LINEARIZE = {
     'K': ((2, 2),),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    _, _, theta1, = q
+    _, _, theta1_t, = u
+    point_1, point_2, direction_1, direction_2, = p
+    _, _, theta1_tt, = a
+    w0 = f.cos(theta1)
+    w1 = point_2*direction_2 + direction_1*point_1
+    w2 = theta1_t*w1
+    w3 = f.sin(theta1)
+    w4 = point_1*direction_2 - direction_1*point_2
+    w5 = theta1_t*w4
+    w6 = w0*w2 + w3*w5
+    w7 = w0*(theta1_tt*w1 + theta1_t*w5) + w3*(theta1_tt*w4 - theta1_t*w2)
+    return (
+        -w6,
+        -w7,
+        -2*w6,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 2),),
+    'A_q': ((0, 2),),
+    'A_u': ((0, 2),),
+}

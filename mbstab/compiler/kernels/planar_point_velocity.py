@@ -51,3 +51,27 @@ LINEARIZE = {
     'R': (),
     'D': ((0, 2),),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    _, _, theta1, = q
+    _, _, theta1_t, = u
+    point_1, point_2, direction_1, direction_2, = p
+    _, _, theta1_tt, = a
+    w0 = f.cos(theta1)
+    w1 = f.sin(theta1)
+    w2 = direction_1*theta1_t*(point_1*w0 - w1*point_2) + theta1_t*(point_1*w1 + point_2*w0)*direction_2
+    w3 = direction_2*theta1_tt - theta1_t*direction_1*theta1_t
+    w4 = direction_1*theta1_tt + theta1_t*theta1_t*direction_2
+    return (
+        -w2,
+        -(w1*(point_1*w3 - point_2*w4) + w0*(point_2*w3 + point_1*w4)),
+        -2*w2,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 2),),
+    'A_q': ((0, 2),),
+    'A_u': ((0, 2),),
+}

@@ -222,3 +222,174 @@ LINEARIZE = {
     'R': (),
     'D': ((0, 3), (0, 4), (0, 9), (0, 10), (0, 11)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    _, _, _, phi1, theta1, _, _, _, _, phi2, theta2, psi2, = q
+    _, _, _, phi1_t, theta1_t, psi1_t, _, _, _, phi2_t, theta2_t, psi2_t, = u
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, second_v1_1, second_v1_2, second_v1_3, = p
+    _, _, _, phi1_tt, theta1_tt, psi1_tt, _, _, _, phi2_tt, theta2_tt, psi2_tt, = a
+    w0 = f.sin(theta2)
+    w1 = f.cos(psi2)
+    w2 = f.sin(psi2)
+    w3 = second_v1_1*w1 - second_v1_2*w2
+    w4 = f.cos(theta2)
+    w5 = second_v1_3*w0 + w3*w4
+    w6 = second_v1_1*w2 + w1*second_v1_2
+    w7 = f.cos(phi2)
+    w8 = second_v1_3*w4 - w0*w3
+    w9 = f.sin(phi2)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base2_11*w5 + base2_12*w10 + base2_13*w11
+    w13 = f.sin(phi1)
+    w14 = f.cos(phi1)
+    w15 = f.cos(theta1)
+    w16 = theta1_t*w13 + psi1_t*w14*w15
+    w17 = theta1_t*w14 - psi1_t*w15*w13
+    w18 = w5*base2_21 + w10*base2_22 + w11*base2_23
+    w19 = w5*base2_31 + w10*base2_32 + w11*base2_33
+    w20 = w12*(w17*base1_13 - base1_12*w16) + w18*(w17*base1_23 - w16*base1_22) + w19*(w17*base1_33 - w16*base1_32)
+    w21 = psi1_t*w15
+    w22 = f.sin(theta1)
+    w23 = psi1_t*w13
+    w24 = w22*w23
+    w25 = psi1_t*w14
+    w26 = w22*w25
+    w27 = w12*(base1_11*w21 + base1_12*w24 - base1_13*w26) + w18*(base1_21*w21 + base1_22*w24 - base1_23*w26) + w19*(base1_31*w21 + base1_32*w24 - base1_33*w26)
+    w28 = phi1_t + psi1_t*w22
+    w29 = phi2_t + w0*psi2_t
+    w30 = w7*theta2_t - w4*w9*psi2_t
+    w31 = w9*theta2_t + w4*w7*psi2_t
+    w32 = base1_11*w28 + base1_12*w17 + base1_13*w16 - base2_11*w29 - base2_12*w30 - base2_13*w31
+    w33 = w32*(w10*base2_13 - base2_12*w11) + w12*(base2_12*w31 - base2_13*w30)
+    w34 = w28*base1_21 + w17*base1_22 + w16*base1_23 - w29*base2_21 - w30*base2_22 - w31*base2_23
+    w35 = w34*(w10*base2_23 - w11*base2_22) + w18*(w31*base2_22 - w30*base2_23)
+    w36 = w28*base1_31 + w17*base1_32 + w16*base1_33 - w29*base2_31 - w30*base2_32 - w31*base2_33
+    w37 = w36*(w10*base2_33 - w11*base2_32) + w19*(w31*base2_32 - w30*base2_33)
+    w38 = w5*w9
+    w39 = w5*w7
+    w40 = w4*psi2_t
+    w41 = w9*psi2_t
+    w42 = w0*w41
+    w43 = w7*psi2_t
+    w44 = w0*w43
+    w45 = w32*(base2_11*w8 + base2_12*w38 - base2_13*w39) - w12*(base2_11*w40 + base2_12*w42 - base2_13*w44)
+    w46 = w34*(w8*base2_21 + base2_22*w38 - base2_23*w39) - w18*(base2_21*w40 + base2_22*w42 - base2_23*w44)
+    w47 = w36*(w8*base2_31 + base2_32*w38 - base2_33*w39) - w19*(base2_31*w40 + base2_32*w42 - base2_33*w44)
+    w48 = w4*w6
+    w49 = w0*w6
+    w50 = w3*w7 - w9*w49
+    w51 = w3*w9 + w7*w49
+    w52 = w32*(base2_12*w50 - base2_11*w48 + base2_13*w51) + w34*(base2_22*w50 - base2_21*w48 + base2_23*w51) + w36*(base2_32*w50 - base2_31*w48 + base2_33*w51)
+    w53 = w19*base1_33 + w18*base1_23 + w12*base1_13
+    w54 = w22*theta1_t
+    w55 = w19*base1_32 + w18*base1_22 + w12*base1_12
+    w56 = w54*w55
+    w57 = psi1_tt*w55
+    w58 = w21*w53 + theta1_t*w55
+    w59 = w4*theta2_t
+    w60 = w2*psi2_t
+    w61 = w1*psi2_t
+    w62 = second_v1_1*w60 + second_v1_2*w61
+    w63 = w0*theta2_t
+    w64 = second_v1_3*w59 - (w4*w62 + w3*w63)
+    w65 = second_v1_1*w61 - second_v1_2*w60
+    w66 = w9*phi2_t
+    w67 = second_v1_3*w63 + w3*w59 - w0*w62
+    w68 = w7*phi2_t
+    w69 = w7*w65 - w6*w66 - (w8*w68 - w9*w67)
+    w70 = w9*w65 + w6*w68 - (w8*w66 + w7*w67)
+    w71 = base2_31*w64 + base2_32*w69 + base2_33*w70
+    w72 = base2_21*w64 + base2_22*w69 + base2_23*w70
+    w73 = base2_11*w64 + base2_12*w69 + base2_13*w70
+    w74 = base1_33*w71 + base1_23*w72 + base1_13*w73
+    w75 = base1_32*w71 + base1_22*w72 + base1_12*w73
+    w76 = theta1_tt*w53 + psi1_t*w56 - w15*w57 - phi1_t*w58 + theta1_t*w74 - w21*w75
+    w77 = w54*w53
+    w78 = psi1_tt*w53
+    w79 = theta1_t*w53 - w21*w55
+    w80 = theta1_tt*w55 - psi1_t*w77 + w15*w78 + phi1_t*w79 + w21*w74 + theta1_t*w75
+    w81 = phi1_t*w13
+    w82 = phi1_t*w14
+    w83 = w81*w53 + w82*w55
+    w84 = w19*base1_31 + w18*base1_21 + w12*base1_11
+    w85 = psi1_t*w84
+    w86 = w14*w78 - psi1_t*w83 - w13*w57 + theta1_t*w85 + w25*w74 - w23*w75
+    w87 = w25*w53 - w23*w55
+    w88 = base1_31*w71 + base1_21*w72 + base1_11*w73
+    w89 = base2_33*w19 + base2_23*w18 + base2_13*w12
+    w90 = base2_32*w19 + base2_22*w18 + base2_12*w12
+    w91 = psi2_tt*w90
+    w92 = w63*w90
+    w93 = base2_33*w36 + base2_23*w34 + base2_13*w32
+    w94 = base2_32*w36 + base2_22*w34 + base2_12*w32
+    w95 = w8*w93 - w40*w89 - theta2_t*w90 + w6*w94
+    w96 = base2_33*w71 + base2_23*w72 + base2_13*w73
+    w97 = base2_32*w71 + base2_22*w72 + base2_12*w73
+    w98 = theta1_t*w15
+    w99 = phi1_tt + psi1_t*w98 + w22*psi1_tt
+    w100 = w15*w13
+    w101 = w14*theta1_tt - theta1_t*w81 - (w82*w21 - w54*w23 + psi1_tt*w100)
+    w102 = w14*w15
+    w103 = theta1_t*w82 + w13*theta1_tt - (w81*w21 + w54*w25 - psi1_tt*w102)
+    w104 = phi2_tt + psi2_t*w59 + w0*psi2_tt
+    w105 = w4*w9
+    w106 = w7*theta2_tt - theta2_t*w66 - (w68*w40 - w63*w41 + psi2_tt*w105)
+    w107 = w4*w7
+    w108 = theta2_t*w68 + w9*theta2_tt - (w63*w43 + w66*w40 - psi2_tt*w107)
+    w109 = base1_31*w99 + base1_32*w101 + base1_33*w103 - base2_31*w104 - base2_32*w106 - base2_33*w108
+    w110 = base1_21*w99 + base1_22*w101 + base1_23*w103 - base2_21*w104 - base2_22*w106 - base2_23*w108
+    w111 = base1_11*w99 + base1_12*w101 + base1_13*w103 - base2_11*w104 - base2_12*w106 - base2_13*w108
+    w112 = base2_33*w109 + base2_23*w110 + base2_13*w111
+    w113 = base2_32*w109 + base2_22*w110 + base2_12*w111
+    w114 = w4*w91 - theta2_tt*w89 - psi2_t*w92 + w65*w93 + w67*w94 - phi2_t*w95 - theta2_t*w96 + w40*w97 + w6*w112 - w8*w113
+    w115 = psi2_tt*w89
+    w116 = w63*w89
+    w117 = w40*w90 - theta2_t*w89 + w6*w93 - w8*w94
+    w118 = psi2_t*w116 - theta2_tt*w90 - w4*w115 - w67*w93 + phi2_t*w117 + w65*w94 - w40*w96 - theta2_t*w97 + w8*w112 + w6*w113
+    w119 = w66*w89 + w68*w90
+    w120 = base2_31*w36 + base2_21*w34 + base2_11*w32
+    w121 = base2_31*w19 + base2_21*w18 + base2_11*w12
+    w122 = w7*w93 - w9*w94
+    w123 = psi2_t*w121 + w3*w122 - second_v1_3*w120
+    w124 = w66*w93 + w68*w94 - w7*w112 + w9*w113
+    w125 = base2_31*w109 + base2_21*w110 + base2_11*w111
+    w126 = w7*w115 - w9*w91 - psi2_t*w119 + w62*w120 + theta2_t*w123 + w43*w96 - w41*w97 + second_v1_3*w124 - w3*w125
+    w127 = w41*w90 - w43*w89 + second_v1_3*w122 + w3*w120
+    w128 = base2_31*w71 + base2_21*w72 + base2_11*w73
+    w129 = w62*w122 - psi2_tt*w121 - theta2_t*w127 - psi2_t*w128 + w3*w124 + second_v1_3*w125
+    w130 = w9*w93 + w7*w94
+    w131 = w4*w120 - w0*w122
+    w132 = second_v1_2*w130 + second_v1_1*w131
+    w133 = w68*w93 - w66*w94 + w9*w112 + w7*w113
+    w134 = w0*w124 - w59*w122 - w63*w120 + w4*w125
+    w135 = second_v1_1*w130 - second_v1_2*w131
+    w136 = w1*(psi2_t*w132 - second_v1_1*w133 + second_v1_2*w134) + w2*(psi2_t*w135 + second_v1_2*w133 + second_v1_1*w134)
+    w137 = w13*w56 - w14*w77 - w15*w83 + w98*w84 + w102*w74 - w100*w75 + w22*w88
+    w138 = w2*w132 - w1*w135 - w7*w116 - w4*w119 + w9*w92 + w59*w121 + w107*w96 - w105*w97 + w0*w128
+    return (
+        w20,
+        w27,
+        w33 + w35 + w37,
+        w45 + w46 + w47,
+        w52,
+        w14*w76 - w13*w80,
+        w15*(psi1_tt*w84 - theta1_t*w87 + psi1_t*w88) - w22*w86,
+        w7*w114 - w9*w118,
+        w0*w126 + w4*w129,
+        -w136,
+        w14*w79 - w13*w58 + w88,
+        w15*w85 - w22*w87 + w82*w53 - w81*w55 + w13*w74 + w14*w75,
+        w137,
+        -(w9*w95 - w7*w117 + w128),
+        -(w0*w127 + w4*w123 + w68*w89 - w66*w90 + w9*w96 + w7*w97),
+        -w138,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 3), (0, 4), (0, 9), (0, 10), (0, 11)),
+    'A_q': ((0, 3), (0, 4), (0, 9), (0, 10), (0, 11)),
+    'A_u': ((0, 3), (0, 4), (0, 5), (0, 9), (0, 10), (0, 11)),
+}

@@ -226,3 +226,213 @@ def linearize(f, q, u, p, s, nu):
 LINEARIZE = {
     'K': ((3, 3), (3, 4), (3, 5), (4, 3), (4, 4), (4, 5), (5, 3), (5, 4), (5, 5), (9, 9), (9, 10), (9, 11), (10, 9), (10, 10), (10, 11), (11, 9), (11, 10), (11, 11)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    _, _, _, phi1, theta1, psi1, _, _, _, phi2, theta2, psi2, = q
+    _, _, _, phi1_t, theta1_t, psi1_t, _, _, _, phi2_t, theta2_t, psi2_t, = u
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, = p
+    _, _, _, phi1_tt, theta1_tt, psi1_tt, _, _, _, phi2_tt, theta2_tt, psi2_tt, = a
+    w0 = f.sin(phi1)
+    w1 = f.cos(psi1)
+    w2 = w1*psi1_t
+    w3 = f.sin(psi1)
+    w4 = w3*psi1_t
+    w5 = first_1*w2 - first_2*w4
+    w6 = first_1*w3 + w1*first_2
+    w7 = f.cos(phi1)
+    w8 = w7*phi1_t
+    w9 = f.cos(theta1)
+    w10 = f.sin(theta1)
+    w11 = first_1*w1 - first_2*w3
+    w12 = first_3*w9 - w10*w11
+    w13 = w0*phi1_t
+    w14 = w10*theta1_t
+    w15 = w9*theta1_t
+    w16 = first_1*w4 + first_2*w2
+    w17 = first_3*w14 + w11*w15 - w10*w16
+    w18 = w0*w5 + w6*w8 - (w12*w13 + w7*w17)
+    w19 = w7*w5 - w6*w13 - (w12*w8 - w0*w17)
+    w20 = base1_13*w19 - base1_12*w18
+    w21 = first_3*w15 - (w9*w16 + w11*w14)
+    w22 = first_3*w10 + w11*w9
+    w23 = w0*w21 + w22*w8
+    w24 = w7*w21 - w22*w13
+    w25 = base1_11*w17 - base1_12*w23 + base1_13*w24
+    w26 = w9*w5 - w6*w14
+    w27 = w6*w15 + w10*w5
+    w28 = w10*w6
+    w29 = w7*w16 + w11*w13 + w0*w27 + w8*w28
+    w30 = w11*w8 - w0*w16 - (w13*w28 - w7*w27)
+    w31 = base1_11*w26 + base1_12*w29 - base1_13*w30
+    w32 = f.sin(phi2)
+    w33 = f.cos(psi2)
+    w34 = w33*psi2_t
+    w35 = f.sin(psi2)
+    w36 = w35*psi2_t
+    w37 = second_1*w34 - second_2*w36
+    w38 = second_1*w35 + w33*second_2
+    w39 = f.cos(phi2)
+    w40 = w39*phi2_t
+    w41 = f.cos(theta2)
+    w42 = f.sin(theta2)
+    w43 = second_1*w33 - second_2*w35
+    w44 = second_3*w41 - w42*w43
+    w45 = w32*phi2_t
+    w46 = w42*theta2_t
+    w47 = w41*theta2_t
+    w48 = second_1*w36 + second_2*w34
+    w49 = second_3*w46 + w43*w47 - w42*w48
+    w50 = w32*w37 + w38*w40 - (w44*w45 + w39*w49)
+    w51 = w39*w37 - w38*w45 - (w44*w40 - w32*w49)
+    w52 = base2_12*w50 - base2_13*w51
+    w53 = second_3*w47 - (w41*w48 + w43*w46)
+    w54 = second_3*w42 + w43*w41
+    w55 = w32*w53 + w54*w40
+    w56 = w39*w53 - w54*w45
+    w57 = base2_11*w49 - base2_12*w55 + base2_13*w56
+    w58 = w41*w37 - w38*w46
+    w59 = w38*w47 + w42*w37
+    w60 = w42*w38
+    w61 = w39*w48 + w43*w45 + w32*w59 + w40*w60
+    w62 = w43*w40 - w32*w48 - (w45*w60 - w39*w59)
+    w63 = base2_11*w58 + base2_12*w61 - base2_13*w62
+    w64 = base1_23*w19 - base1_22*w18
+    w65 = base1_21*w17 - base1_22*w23 + base1_23*w24
+    w66 = base1_21*w26 + base1_22*w29 - base1_23*w30
+    w67 = base2_22*w50 - base2_23*w51
+    w68 = base2_21*w49 - base2_22*w55 + base2_23*w56
+    w69 = base2_21*w58 + base2_22*w61 - base2_23*w62
+    w70 = base1_33*w19 - base1_32*w18
+    w71 = base1_31*w17 - base1_32*w23 + base1_33*w24
+    w72 = base1_31*w26 + base1_32*w29 - base1_33*w30
+    w73 = base2_32*w50 - base2_33*w51
+    w74 = base2_31*w49 - base2_32*w55 + base2_33*w56
+    w75 = base2_31*w58 + base2_32*w61 - base2_33*w62
+    w76 = w5*w8
+    w77 = w1*psi1_tt - psi1_t*w4
+    w78 = psi1_t*w2 + w3*psi1_tt
+    w79 = first_1*w77 - first_2*w78
+    w80 = w7*phi1_tt - phi1_t*w13
+    w81 = w13*w17
+    w82 = phi1_t*w8 + w0*phi1_tt
+    w83 = theta1_t*w15 + w10*theta1_tt
+    w84 = w15*w16
+    w85 = w9*theta1_tt - theta1_t*w14
+    w86 = first_1*w78 + first_2*w77
+    w87 = first_3*w83 + w11*w85 - w84 - (w84 + w10*w86)
+    w88 = w76 + w0*w79 + w76 + w6*w80 - (w12*w82 - w81 + w7*w87 - w81)
+    w89 = w5*w13
+    w90 = w17*w8
+    w91 = w7*w79 - w89 - (w89 + w6*w82) - (w12*w80 - w90 - (w90 + w0*w87))
+    w92 = w21*w8
+    w93 = w16*w14
+    w94 = first_3*w85 - (w9*w86 - w93 + w11*w83 - w93)
+    w95 = w92 + w0*w94 + w92 + w22*w80
+    w96 = w21*w13
+    w97 = w7*w94 - w96 - (w96 + w22*w82)
+    w98 = w14*w5
+    w99 = w9*w79 - w98 - (w98 + w6*w83)
+    w100 = w16*w13
+    w101 = w8*w27
+    w102 = w15*w5
+    w103 = w102 + w6*w85 + w102 + w10*w79
+    w104 = w100 - w7*w86 - (w11*w82 - w100) - (w101 + w0*w103 + w101 + w28*w80)
+    w105 = w16*w8
+    w106 = w13*w27
+    w107 = w11*w80 - w105 - (w105 + w0*w86) - (w106 + w28*w82 + w106 - w7*w103)
+    w108 = w37*w40
+    w109 = w33*psi2_tt - psi2_t*w36
+    w110 = psi2_t*w34 + w35*psi2_tt
+    w111 = second_1*w109 - second_2*w110
+    w112 = w39*phi2_tt - phi2_t*w45
+    w113 = w45*w49
+    w114 = phi2_t*w40 + w32*phi2_tt
+    w115 = theta2_t*w47 + w42*theta2_tt
+    w116 = w47*w48
+    w117 = w41*theta2_tt - theta2_t*w46
+    w118 = second_1*w110 + second_2*w109
+    w119 = second_3*w115 + w43*w117 - w116 - (w116 + w42*w118)
+    w120 = w108 + w32*w111 + w108 + w38*w112 - (w44*w114 - w113 + w39*w119 - w113)
+    w121 = w37*w45
+    w122 = w49*w40
+    w123 = w39*w111 - w121 - (w121 + w38*w114) - (w44*w112 - w122 - (w122 + w32*w119))
+    w124 = w53*w40
+    w125 = w48*w46
+    w126 = second_3*w117 - (w41*w118 - w125 + w43*w115 - w125)
+    w127 = w124 + w32*w126 + w124 + w54*w112
+    w128 = w53*w45
+    w129 = w39*w126 - w128 - (w128 + w54*w114)
+    w130 = w46*w37
+    w131 = w41*w111 - w130 - (w130 + w38*w115)
+    w132 = w48*w45
+    w133 = w40*w59
+    w134 = w47*w37
+    w135 = w134 + w38*w117 + w134 + w42*w111
+    w136 = w132 - w39*w118 - (w43*w114 - w132) - (w133 + w32*w135 + w133 + w60*w112)
+    w137 = w48*w40
+    w138 = w45*w59
+    w139 = w43*w112 - w137 - (w137 + w32*w118) - (w138 + w60*w114 + w138 - w39*w135)
+    return (
+        w20,
+        -w25,
+        -w31,
+        w52,
+        w57,
+        w63,
+        w64,
+        -w65,
+        -w66,
+        w67,
+        w68,
+        w69,
+        w70,
+        -w71,
+        -w72,
+        w73,
+        w74,
+        w75,
+        base1_13*w91 - base1_12*w88,
+        -(base1_11*w87 - base1_12*w95 + base1_13*w97),
+        base1_12*w104 - base1_11*w99 + base1_13*w107,
+        base2_12*w120 - base2_13*w123,
+        base2_11*w119 - base2_12*w127 + base2_13*w129,
+        -(base2_12*w136 - base2_11*w131 + base2_13*w139),
+        base1_23*w91 - base1_22*w88,
+        -(base1_21*w87 - base1_22*w95 + base1_23*w97),
+        base1_22*w104 - base1_21*w99 + base1_23*w107,
+        base2_22*w120 - base2_23*w123,
+        base2_21*w119 - base2_22*w127 + base2_23*w129,
+        -(base2_22*w136 - base2_21*w131 + base2_23*w139),
+        base1_33*w91 - base1_32*w88,
+        -(base1_31*w87 - base1_32*w95 + base1_33*w97),
+        base1_32*w104 - base1_31*w99 + base1_33*w107,
+        base2_32*w120 - base2_33*w123,
+        base2_31*w119 - base2_32*w127 + base2_33*w129,
+        -(base2_32*w136 - base2_31*w131 + base2_33*w139),
+        2*w20,
+        -2*w25,
+        -2*w31,
+        2*w52,
+        2*w57,
+        2*w63,
+        2*w64,
+        -2*w65,
+        -2*w66,
+        2*w67,
+        2*w68,
+        2*w69,
+        2*w70,
+        -2*w71,
+        -2*w72,
+        2*w73,
+        2*w74,
+        2*w75,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 3), (0, 4), (0, 5), (0, 9), (0, 10), (0, 11), (1, 3), (1, 4), (1, 5), (1, 9), (1, 10), (1, 11), (2, 3), (2, 4), (2, 5), (2, 9), (2, 10), (2, 11)),
+    'A_q': ((0, 3), (0, 4), (0, 5), (0, 9), (0, 10), (0, 11), (1, 3), (1, 4), (1, 5), (1, 9), (1, 10), (1, 11), (2, 3), (2, 4), (2, 5), (2, 9), (2, 10), (2, 11)),
+    'A_u': ((0, 3), (0, 4), (0, 5), (0, 9), (0, 10), (0, 11), (1, 3), (1, 4), (1, 5), (1, 9), (1, 10), (1, 11), (2, 3), (2, 4), (2, 5), (2, 9), (2, 10), (2, 11)),
+}

@@ -429,3 +429,337 @@ def linearize(f, q, u, p, s, nu):
 LINEARIZE = {
     'K': ((0, 9), (0, 10), (0, 11), (1, 9), (1, 10), (1, 11), (2, 9), (2, 10), (2, 11), (3, 3), (3, 4), (3, 5), (3, 9), (3, 10), (3, 11), (4, 3), (4, 4), (4, 5), (4, 9), (4, 10), (4, 11), (5, 3), (5, 4), (5, 5), (5, 9), (5, 10), (5, 11), (6, 9), (6, 10), (6, 11), (7, 9), (7, 10), (7, 11), (8, 9), (8, 10), (8, 11), (9, 0), (9, 1), (9, 2), (9, 3), (9, 4), (9, 5), (9, 6), (9, 7), (9, 8), (9, 9), (9, 10), (9, 11), (10, 0), (10, 1), (10, 2), (10, 3), (10, 4), (10, 5), (10, 6), (10, 7), (10, 8), (10, 9), (10, 10), (10, 11), (11, 0), (11, 1), (11, 2), (11, 3), (11, 4), (11, 5), (11, 6), (11, 7), (11, 8), (11, 9), (11, 10), (11, 11)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    x1, y1, z1, phi1, theta1, psi1, x2, y2, z2, phi2, theta2, psi2, = q
+    x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, x2_t, y2_t, z2_t, phi2_t, theta2_t, psi2_t, = u
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, second_v1_1, second_v1_2, second_v1_3, = p
+    x1_tt, y1_tt, z1_tt, phi1_tt, theta1_tt, psi1_tt, x2_tt, y2_tt, z2_tt, phi2_tt, theta2_tt, psi2_tt, = a
+    w0 = f.cos(theta2)
+    w1 = w0*theta2_t
+    w2 = f.sin(psi2)
+    w3 = w2*psi2_t
+    w4 = f.cos(psi2)
+    w5 = w4*psi2_t
+    w6 = second_v1_1*w3 + second_v1_2*w5
+    w7 = second_v1_1*w4 - second_v1_2*w2
+    w8 = f.sin(theta2)
+    w9 = w8*theta2_t
+    w10 = second_v1_3*w1 - (w0*w6 + w7*w9)
+    w11 = f.cos(phi2)
+    w12 = second_v1_1*w5 - second_v1_2*w3
+    w13 = second_v1_1*w2 + w4*second_v1_2
+    w14 = f.sin(phi2)
+    w15 = w14*phi2_t
+    w16 = second_v1_3*w9 + w7*w1 - w8*w6
+    w17 = second_v1_3*w0 - w8*w7
+    w18 = w11*phi2_t
+    w19 = w11*w12 - w13*w15 - (w17*w18 - w14*w16)
+    w20 = w14*w12 + w13*w18 - (w17*w15 + w11*w16)
+    w21 = base2_11*w10 + base2_12*w19 + base2_13*w20
+    w22 = base2_21*w10 + base2_22*w19 + base2_23*w20
+    w23 = base2_31*w10 + base2_32*w19 + base2_33*w20
+    w24 = f.cos(phi1)
+    w25 = f.cos(psi1)
+    w26 = w25*psi1_t
+    w27 = f.sin(psi1)
+    w28 = w27*psi1_t
+    w29 = first_1*w26 - first_2*w28
+    w30 = second_v1_3*w8 + w7*w0
+    w31 = w13*w11 - w17*w14
+    w32 = w13*w14 + w11*w17
+    w33 = w30*base2_31 + w31*base2_32 + w32*base2_33
+    w34 = w30*base2_21 + w31*base2_22 + w32*base2_23
+    w35 = base2_11*w30 + base2_12*w31 + base2_13*w32
+    w36 = w33*base1_33 + w34*base1_23 + w35*base1_13
+    w37 = w29*w36
+    w38 = f.sin(theta1)
+    w39 = w38*theta1_t
+    w40 = first_1*w25 - first_2*w27
+    w41 = f.cos(theta1)
+    w42 = w41*theta1_t
+    w43 = first_1*w28 + first_2*w26
+    w44 = first_3*w39 + w40*w42 - w38*w43
+    w45 = w33*base1_32 + w34*base1_22 + w35*base1_12
+    w46 = w44*w45
+    w47 = first_3*w41 - w38*w40
+    w48 = first_1*w27 + w25*first_2
+    w49 = w47*w36 + w48*w45
+    w50 = phi1_t*w49
+    w51 = base1_33*w23 + base1_23*w22 + base1_13*w21
+    w52 = w48*w51
+    w53 = base1_32*w23 + base1_22*w22 + base1_12*w21
+    w54 = w47*w53
+    w55 = f.sin(phi1)
+    w56 = w44*w36
+    w57 = w48*w36 - w47*w45
+    w58 = phi1_t*w57
+    w59 = w29*w45
+    w60 = w47*w51
+    w61 = w48*w53
+    w62 = w24*(w37 + w46 - w50 + w52 - w54) - w55*(w58 - w56 + w59 + w60 + w61)
+    w63 = w33*base1_31 + w34*base1_21 + w35*base1_11
+    w64 = w43*w63
+    w65 = w24*w36 - w55*w45
+    w66 = first_3*w63 - w40*w65
+    w67 = theta1_t*w66
+    w68 = w55*phi1_t
+    w69 = w24*phi1_t
+    w70 = w68*w36 + w69*w45 - w24*w51 + w55*w53
+    w71 = first_3*w70
+    w72 = base1_31*w23 + base1_21*w22 + base1_11*w21
+    w73 = w40*w72
+    w74 = w43*w65
+    w75 = first_3*w65 + w40*w63
+    w76 = theta1_t*w75
+    w77 = w40*w70
+    w78 = first_3*w72
+    w79 = w41*(w74 - w76 + w77 + w78) - w38*(w67 - w64 - w71 + w73)
+    w80 = w55*w36 + w24*w45
+    w81 = w41*w63 - w38*w65
+    w82 = first_2*w80 + first_1*w81
+    w83 = psi1_t*w82
+    w84 = w69*w36 - w68*w45 + w55*w51 + w24*w53
+    w85 = first_1*w84
+    w86 = w38*w70 - w42*w65 - w39*w63 + w41*w72
+    w87 = first_2*w86
+    w88 = first_1*w80 - first_2*w81
+    w89 = psi1_t*w88
+    w90 = first_2*w84
+    w91 = first_1*w86
+    w92 = w25*(w83 - w85 + w87) + w27*(w89 + w90 + w91)
+    w93 = second_1*w5 - second_2*w3
+    w94 = base2_33*w33 + base2_23*w34 + base2_13*w35
+    w95 = w93*w94
+    w96 = w4*second_1 - w2*second_2
+    w97 = second_1*w3 + second_2*w5
+    w98 = second_3*w9 + w96*w1 - w8*w97
+    w99 = base2_32*w33 + base2_22*w34 + base2_12*w35
+    w100 = w98*w99
+    w101 = first_3*w38 + w40*w41
+    w102 = w48*w24 - w47*w55
+    w103 = w48*w55 + w24*w47
+    w104 = w8*second_3 + w0*w96
+    w105 = w2*second_1 + w4*second_2
+    w106 = w0*second_3 - w8*w96
+    w107 = w11*w105 - w14*w106
+    w108 = w14*w105 + w11*w106
+    w109 = z1 - z2 + w101*base1_31 + w102*base1_32 + w103*base1_33 - w104*base2_31 - w107*base2_32 - w108*base2_33
+    w110 = y1 - y2 + w101*base1_21 + w102*base1_22 + w103*base1_23 - w104*base2_21 - w107*base2_22 - w108*base2_23
+    w111 = x1 - x2 + base1_11*w101 + base1_12*w102 + base1_13*w103 - base2_11*w104 - base2_12*w107 - base2_13*w108
+    w112 = base2_33*w109 + base2_23*w110 + base2_13*w111
+    w113 = w12*w112
+    w114 = base2_32*w109 + base2_22*w110 + base2_12*w111
+    w115 = w16*w114
+    w116 = w17*w112 - w106*w94 - w105*w99 + w13*w114
+    w117 = phi2_t*w116
+    w118 = base2_33*w23 + base2_23*w22 + base2_13*w21
+    w119 = w105*w118
+    w120 = base2_32*w23 + base2_22*w22 + base2_12*w21
+    w121 = w106*w120
+    w122 = first_3*w42 - (w41*w43 + w40*w39)
+    w123 = w24*w29 - w48*w68 - (w47*w69 - w55*w44)
+    w124 = w55*w29 + w48*w69 - (w47*w68 + w24*w44)
+    w125 = second_3*w1 - (w96*w9 + w0*w97)
+    w126 = w11*w93 - w105*w15 - (w106*w18 - w14*w98)
+    w127 = w105*w18 + w14*w93 - (w106*w15 + w11*w98)
+    w128 = z1_t - z2_t + base1_31*w122 + base1_32*w123 + base1_33*w124 - base2_31*w125 - base2_32*w126 - base2_33*w127
+    w129 = y1_t - y2_t + base1_21*w122 + base1_22*w123 + base1_23*w124 - base2_21*w125 - base2_22*w126 - base2_23*w127
+    w130 = x1_t - x2_t + base1_11*w122 + base1_12*w123 + base1_13*w124 - base2_11*w125 - base2_12*w126 - base2_13*w127
+    w131 = base2_33*w128 + base2_23*w129 + base2_13*w130
+    w132 = w13*w131
+    w133 = base2_32*w128 + base2_22*w129 + base2_12*w130
+    w134 = w17*w133
+    w135 = w11*(w95 + w100 - w113 - w115 + w117 + w119 - w121 - w132 + w134)
+    w136 = w98*w94
+    w137 = w93*w99
+    w138 = w16*w112
+    w139 = w106*w99 - w105*w94 + w13*w112 - w17*w114
+    w140 = phi2_t*w139
+    w141 = w12*w114
+    w142 = w106*w118
+    w143 = w105*w120
+    w144 = w17*w131
+    w145 = w13*w133
+    w146 = w14*(w136 - w137 - w138 + w140 + w141 - w142 - w143 + w144 + w145)
+    w147 = w135 + w146
+    w148 = base2_31*w33 + base2_21*w34 + base2_11*w35
+    w149 = w97*w148
+    w150 = base2_31*w109 + base2_21*w110 + base2_11*w111
+    w151 = w6*w150
+    w152 = w14*w99 - w11*w94
+    w153 = w11*w112 - w14*w114
+    w154 = w96*w152 + second_3*w148 + w7*w153 - second_v1_3*w150
+    w155 = theta2_t*w154
+    w156 = w15*w94 + w18*w99 - w11*w118 + w14*w120
+    w157 = second_3*w156
+    w158 = base2_31*w23 + base2_21*w22 + base2_11*w21
+    w159 = w96*w158
+    w160 = w15*w112 + w18*w114 - w11*w131 + w14*w133
+    w161 = second_v1_3*w160
+    w162 = base2_31*w128 + base2_21*w129 + base2_11*w130
+    w163 = w7*w162
+    w164 = w97*w152
+    w165 = w6*w153
+    w166 = second_3*w152 - w96*w148 + second_v1_3*w153 + w7*w150
+    w167 = theta2_t*w166
+    w168 = w96*w156
+    w169 = second_3*w158
+    w170 = w7*w160
+    w171 = second_v1_3*w162
+    w172 = w8*(w151 - w149 + w155 - w157 + w159 + w161 - w163) + w0*(w164 + w165 - w167 - w168 - w169 + w170 + w171)
+    w173 = w14*w94 + w11*w99
+    w174 = w8*w152 + w0*w148
+    w175 = w14*w112 + w11*w114
+    w176 = w0*w150 - w8*w153
+    w177 = second_v1_2*w175 - second_2*w173 - second_1*w174 + second_v1_1*w176
+    w178 = psi2_t*w177
+    w179 = w18*w94 - w15*w99 + w14*w118 + w11*w120
+    w180 = second_1*w179
+    w181 = w1*w152 - w9*w148 + w8*w156 + w0*w158
+    w182 = second_2*w181
+    w183 = w18*w112 - w15*w114 + w14*w131 + w11*w133
+    w184 = second_v1_1*w183
+    w185 = w8*w160 - w1*w153 - w9*w150 + w0*w162
+    w186 = second_v1_2*w185
+    w187 = second_2*w174 - second_1*w173 + second_v1_1*w175 - second_v1_2*w176
+    w188 = psi2_t*w187
+    w189 = second_2*w179
+    w190 = second_1*w181
+    w191 = second_v1_2*w183
+    w192 = second_v1_1*w185
+    w193 = w4*(w178 + w180 - w182 - w184 + w186) + w2*(w188 - w189 - w190 + w191 + w192)
+    w194 = w0*theta2_tt - theta2_t*w9
+    w195 = w6*w9
+    w196 = psi2_t*w5 + w2*psi2_tt
+    w197 = w4*psi2_tt - psi2_t*w3
+    w198 = second_v1_1*w196 + second_v1_2*w197
+    w199 = theta2_t*w1 + w8*theta2_tt
+    w200 = second_v1_3*w194 - (w0*w198 - w195 + w7*w199 - w195)
+    w201 = w12*w15
+    w202 = second_v1_1*w197 - second_v1_2*w196
+    w203 = phi2_t*w18 + w14*phi2_tt
+    w204 = w16*w18
+    w205 = w1*w6
+    w206 = second_v1_3*w199 + w7*w194 - w205 - (w205 + w8*w198)
+    w207 = w11*phi2_tt - phi2_t*w15
+    w208 = w11*w202 - w201 - (w201 + w13*w203) - (w17*w207 - w204 - (w204 + w14*w206))
+    w209 = w12*w18
+    w210 = w15*w16
+    w211 = w209 + w14*w202 + w209 + w13*w207 - (w17*w203 - w210 + w11*w206 - w210)
+    w212 = base2_11*w200 + base2_12*w208 + base2_13*w211
+    w213 = base2_21*w200 + base2_22*w208 + base2_23*w211
+    w214 = base2_31*w200 + base2_32*w208 + base2_33*w211
+    w215 = w25*psi1_tt - psi1_t*w28
+    w216 = psi1_t*w26 + w27*psi1_tt
+    w217 = first_1*w215 - first_2*w216
+    w218 = theta1_t*w42 + w38*theta1_tt
+    w219 = w42*w43
+    w220 = w41*theta1_tt - theta1_t*w39
+    w221 = first_1*w216 + first_2*w215
+    w222 = first_3*w218 + w40*w220 - w219 - (w219 + w38*w221)
+    w223 = base1_33*w214 + base1_23*w213 + base1_13*w212
+    w224 = base1_32*w214 + base1_22*w213 + base1_12*w212
+    w225 = w36*w217 + w45*w222 - phi1_tt*w49 + 2*w29*w51 + 2*w44*w53 - phi1_t*(w58 - 2*w56 + 2*w59 + 2*w60 + 2*w61) + w48*w223 - w47*w224
+    w226 = phi1_tt*w57 - w36*w222 + w45*w217 - 2*w44*w51 + phi1_t*(2*w37 + 2*w46 - w50 + 2*w52 - 2*w54) + 2*w29*w53 + w47*w223 + w48*w224
+    w227 = phi1_t*w69 + w55*phi1_tt
+    w228 = w24*phi1_tt - phi1_t*w68
+    w229 = w36*w227 + w45*w228 + 2*w68*w51 + 2*w69*w53 - w24*w223 + w55*w224
+    w230 = base1_31*w214 + base1_21*w213 + base1_11*w212
+    w231 = theta1_tt*w66 - w63*w221 - 2*w43*w72 + theta1_t*(2*w74 - w76 + 2*w77 + 2*w78) - first_3*w229 + w40*w230
+    w232 = w65*w221 - theta1_tt*w75 - 2*w43*w70 + theta1_t*(2*w64 - w67 + 2*w71 - 2*w73) + w40*w229 + first_3*w230
+    w233 = w36*w228 - w45*w227 + 2*w69*w51 - 2*w68*w53 + w55*w223 + w24*w224
+    w234 = 2*w42*w70 - w65*w220 - w63*w218 - 2*w39*w72 + w38*w229 + w41*w230
+    w235 = psi1_tt*w82 + psi1_t*(w89 + 2*w90 + 2*w91) - first_1*w233 + first_2*w234
+    w236 = psi1_tt*w88 - psi1_t*(w83 - 2*w85 + 2*w87) + first_2*w233 + first_1*w234
+    w237 = second_1*w197 - second_2*w196
+    w238 = w1*w97
+    w239 = second_1*w196 + second_2*w197
+    w240 = second_3*w199 + w96*w194 - w238 - (w238 + w8*w239)
+    w241 = 2*w136 - 2*w137 - 2*w138 + w140 + 2*w141 - 2*w142 - 2*w143 + 2*w144 + 2*w145
+    w242 = base2_33*w214 + base2_23*w213 + base2_13*w212
+    w243 = base2_32*w214 + base2_22*w213 + base2_12*w212
+    w244 = w43*w39
+    w245 = first_3*w220 - (w41*w221 - w244 + w40*w218 - w244)
+    w246 = w29*w68
+    w247 = w44*w69
+    w248 = w24*w217 - w246 - (w246 + w48*w227) - (w47*w228 - w247 - (w247 + w55*w222))
+    w249 = w29*w69
+    w250 = w68*w44
+    w251 = w249 + w55*w217 + w249 + w48*w228 - (w47*w227 - w250 + w24*w222 - w250)
+    w252 = w9*w97
+    w253 = second_3*w194 - (w96*w199 - w252 + w0*w239 - w252)
+    w254 = w15*w93
+    w255 = w18*w98
+    w256 = w11*w237 - w254 - (w254 + w105*w203) - (w106*w207 - w255 - (w255 + w14*w240))
+    w257 = w18*w93
+    w258 = w15*w98
+    w259 = w257 + w105*w207 + w257 + w14*w237 - (w106*w203 - w258 + w11*w240 - w258)
+    w260 = z1_tt - z2_tt + base1_31*w245 + base1_32*w248 + base1_33*w251 - base2_31*w253 - base2_32*w256 - base2_33*w259
+    w261 = y1_tt - y2_tt + base1_21*w245 + base1_22*w248 + base1_23*w251 - base2_21*w253 - base2_22*w256 - base2_23*w259
+    w262 = x1_tt - x2_tt + base1_11*w245 + base1_12*w248 + base1_13*w251 - base2_11*w253 - base2_12*w256 - base2_13*w259
+    w263 = base2_33*w260 + base2_23*w261 + base2_13*w262
+    w264 = base2_32*w260 + base2_22*w261 + base2_12*w262
+    w265 = w94*w237 + w99*w240 - w112*w202 - w114*w206 + phi2_tt*w116 + 2*w93*w118 + 2*w98*w120 - 2*w12*w131 - 2*w16*w133 + phi2_t*w241 + w105*w242 - w106*w243 - w13*w263 + w17*w264
+    w266 = 2*w95 + 2*w100 - 2*w113 - 2*w115 + w117 + 2*w119 - 2*w121 - 2*w132 + 2*w134
+    w267 = w94*w240 - w99*w237 - w112*w206 + phi2_tt*w139 + w114*w202 + 2*w98*w118 - 2*w93*w120 - 2*w16*w131 - phi2_t*w266 + 2*w12*w133 - w106*w242 - w105*w243 + w17*w263 + w13*w264
+    w268 = theta2_t*(2*w164 + 2*w165 - w167 - 2*w168 - 2*w169 + 2*w170 + 2*w171)
+    w269 = w94*w203 + w99*w207 + 2*w15*w118 + 2*w18*w120 - w11*w242 + w14*w243
+    w270 = base2_31*w214 + base2_21*w213 + base2_11*w212
+    w271 = w112*w203 + w114*w207 + 2*w15*w131 + 2*w18*w133 - w11*w263 + w14*w264
+    w272 = base2_31*w260 + base2_21*w261 + base2_11*w262
+    w273 = w148*w239 - w150*w198 - theta2_tt*w154 + 2*w97*w158 - 2*w6*w162 + w268 + second_3*w269 - w96*w270 - second_v1_3*w271 + w7*w272
+    w274 = theta2_t*(2*w151 - 2*w149 + w155 - 2*w157 + 2*w159 + 2*w161 - 2*w163)
+    w275 = w152*w239 + w153*w198 - theta2_tt*w166 + 2*w97*w156 - 2*w6*w160 + w274 - w96*w269 - second_3*w270 + w7*w271 + second_v1_3*w272
+    w276 = w94*w207 - w99*w203 + 2*w18*w118 - 2*w15*w120 + w14*w242 + w11*w243
+    w277 = w152*w194 - w148*w199 + 2*w1*w156 - 2*w9*w158 + w8*w269 + w0*w270
+    w278 = w112*w207 - w114*w203 + 2*w18*w131 - 2*w15*w133 + w14*w263 + w11*w264
+    w279 = 2*w1*w160 - w153*w194 - w150*w199 - 2*w9*w162 + w8*w271 + w0*w272
+    w280 = psi2_tt*w177 + psi2_t*(w188 - 2*w189 - 2*w190 + 2*w191 + 2*w192) + second_1*w276 - second_2*w277 - second_v1_1*w278 + second_v1_2*w279
+    w281 = psi2_tt*w187 - psi2_t*(w178 + 2*w180 - 2*w182 - 2*w184 + 2*w186) - second_2*w276 - second_1*w277 + second_v1_2*w278 + second_v1_1*w279
+    return (
+        w21,
+        w22,
+        w23,
+        w62,
+        w79,
+        -w92,
+        -w21,
+        -w22,
+        -w23,
+        -w147,
+        w172,
+        -w193,
+        w212,
+        w213,
+        w214,
+        w24*w225 - w55*w226,
+        w41*w232 - w38*w231,
+        -(w25*w235 + w27*w236),
+        -w212,
+        -w213,
+        -w214,
+        -(w11*w265 + w14*w267),
+        w0*w275 - w8*w273,
+        -(w4*w280 + w2*w281),
+        2*w21,
+        2*w22,
+        2*w23,
+        2*w62,
+        2*w79,
+        -2*w92,
+        -2*w21,
+        -2*w22,
+        -2*w23,
+        -2*w147,
+        2*w172,
+        -2*w193,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (0, 7), (0, 8), (0, 9), (0, 10), (0, 11)),
+    'A_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (0, 7), (0, 8), (0, 9), (0, 10), (0, 11)),
+    'A_u': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (0, 7), (0, 8), (0, 9), (0, 10), (0, 11)),
+}

@@ -546,3 +546,405 @@ LINEARIZE = {
     'R': (),
     'D': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (0, 7), (0, 8), (0, 9), (0, 10), (0, 11)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    x1, y1, z1, phi1, theta1, psi1, x2, y2, z2, phi2, theta2, psi2, = q
+    x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, x2_t, y2_t, z2_t, phi2_t, theta2_t, psi2_t, = u
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, second_v1_1, second_v1_2, second_v1_3, = p
+    x1_tt, y1_tt, z1_tt, phi1_tt, theta1_tt, psi1_tt, x2_tt, y2_tt, z2_tt, phi2_tt, theta2_tt, psi2_tt, = a
+    w0 = f.cos(theta2)
+    w1 = w0*theta2_t
+    w2 = f.sin(psi2)
+    w3 = w2*psi2_t
+    w4 = f.cos(psi2)
+    w5 = w4*psi2_t
+    w6 = second_v1_1*w3 + second_v1_2*w5
+    w7 = second_v1_1*w4 - second_v1_2*w2
+    w8 = f.sin(theta2)
+    w9 = w8*theta2_t
+    w10 = second_v1_3*w1 - (w0*w6 + w7*w9)
+    w11 = f.cos(phi2)
+    w12 = second_v1_1*w5 - second_v1_2*w3
+    w13 = second_v1_1*w2 + w4*second_v1_2
+    w14 = f.sin(phi2)
+    w15 = w14*phi2_t
+    w16 = second_v1_3*w9 + w7*w1 - w8*w6
+    w17 = second_v1_3*w0 - w8*w7
+    w18 = w11*phi2_t
+    w19 = w11*w12 - w13*w15 - (w17*w18 - w14*w16)
+    w20 = w14*w12 + w13*w18 - (w17*w15 + w11*w16)
+    w21 = base2_11*w10 + base2_12*w19 + base2_13*w20
+    w22 = base2_21*w10 + base2_22*w19 + base2_23*w20
+    w23 = base2_31*w10 + base2_32*w19 + base2_33*w20
+    w24 = second_v1_3*w8 + w7*w0
+    w25 = w13*w11
+    w26 = w25 - w17*w14
+    w27 = w13*w14
+    w28 = w27 + w11*w17
+    w29 = base2_11*w24 + base2_12*w26 + base2_13*w28
+    w30 = f.sin(phi1)
+    w31 = f.cos(psi1)
+    w32 = w31*psi1_t
+    w33 = f.sin(psi1)
+    w34 = w33*psi1_t
+    w35 = first_1*w32 - first_2*w34
+    w36 = first_1*w33 + first_2*w31
+    w37 = f.cos(phi1)
+    w38 = phi1_t*w37
+    w39 = f.sin(theta1)
+    w40 = w39*theta1_t
+    w41 = first_1*w34 + first_2*w32
+    w42 = first_1*w31 - w33*first_2
+    w43 = f.cos(theta1)
+    w44 = w43*theta1_t
+    w45 = first_3*w40 + w42*w44 - w39*w41
+    w46 = first_3*w43 - w42*w39
+    w47 = phi1_t*w30
+    w48 = w30*w35 + w36*w38 - (w37*w45 + w46*w47)
+    w49 = w37*w35 - w36*w47 - (w46*w38 - w30*w45)
+    w50 = base1_13*w49 - base1_12*w48
+    w51 = w36*w30
+    w52 = w51 + w46*w37
+    w53 = w36*w37
+    w54 = w53 - w30*w46
+    w55 = base1_13*w54 - base1_12*w52
+    w56 = w24*base2_21 + w26*base2_22 + w28*base2_23
+    w57 = base1_23*w49 - base1_22*w48
+    w58 = w54*base1_23 - w52*base1_22
+    w59 = w24*base2_31 + w26*base2_32 + w28*base2_33
+    w60 = base1_33*w49 - base1_32*w48
+    w61 = w54*base1_33 - w52*base1_32
+    w62 = w29*w50 + w55*w21 + w56*w57 + w58*w22 + w59*w60 + w61*w23
+    w63 = first_3*w39 + w43*w42
+    w64 = w46*base1_11 - w37*base1_13*w63 + base1_12*w30*w63
+    w65 = base1_13*w63
+    w66 = first_3*w44 - (w42*w40 + w43*w41)
+    w67 = w37*base1_13
+    w68 = base1_12*w63
+    w69 = base1_12*w30
+    w70 = base1_11*w45 + w66*w67 - w47*w65 - (w38*w68 + w66*w69)
+    w71 = w46*base1_21 - w37*base1_23*w63 + w30*base1_22*w63
+    w72 = base1_23*w63
+    w73 = w37*base1_23
+    w74 = base1_22*w63
+    w75 = w30*base1_22
+    w76 = base1_21*w45 + w66*w73 - w47*w72 - (w38*w74 + w66*w75)
+    w77 = w46*base1_31 - w37*base1_33*w63 + w30*base1_32*w63
+    w78 = base1_33*w63
+    w79 = w37*base1_33
+    w80 = base1_32*w63
+    w81 = w30*base1_32
+    w82 = base1_31*w45 + w66*w79 - w47*w78 - (w38*w80 + w66*w81)
+    w83 = w64*w21 - w29*w70 + w71*w22 - w56*w76 + w77*w23 - w59*w82
+    w84 = w42*w37 - w36*w30*w39
+    w85 = w30*w42 + w36*w39*w37
+    w86 = base1_12*w84 + base1_13*w85 - w36*w43*base1_11
+    w87 = w30*w39
+    w88 = w36*w39
+    w89 = w37*w41 + w42*w47 + w35*w87 + w38*w88 + w51*w44
+    w90 = w39*w37
+    w91 = w42*w38 - w30*w41 + w35*w90 + w53*w44 - w47*w88
+    w92 = w43*base1_11
+    w93 = w36*base1_11
+    w94 = base1_12*w89 - base1_13*w91 + w35*w92 - w40*w93
+    w95 = base1_22*w84 + base1_23*w85 - w36*w43*base1_21
+    w96 = w43*base1_21
+    w97 = w36*base1_21
+    w98 = base1_22*w89 - base1_23*w91 + w35*w96 - w40*w97
+    w99 = base1_32*w84 + base1_33*w85 - w36*w43*base1_31
+    w100 = w43*base1_31
+    w101 = w36*base1_31
+    w102 = base1_32*w89 - base1_33*w91 + w35*w100 - w40*w101
+    w103 = w86*w21 - w29*w94 + w95*w22 - w56*w98 + w99*w23 - w59*w102
+    w104 = w4*second_1 - w2*second_2
+    w105 = w8*second_3 + w0*w104
+    w106 = w2*second_1 + w4*second_2
+    w107 = w11*w106
+    w108 = w0*second_3 - w8*w104
+    w109 = w107 - w14*w108
+    w110 = w14*w106
+    w111 = w110 + w11*w108
+    w112 = x1 - x2 + base1_11*w63 + base1_12*w54 + w52*base1_13 - base2_11*w105 - base2_12*w109 - base2_13*w111
+    w113 = base2_13*w19 - base2_12*w20
+    w114 = w26*base2_13 - base2_12*w28
+    w115 = second_1*w3 + second_2*w5
+    w116 = second_3*w1 - (w104*w9 + w0*w115)
+    w117 = second_1*w5 - second_2*w3
+    w118 = second_3*w9 + w104*w1 - w8*w115
+    w119 = w11*w117 - w106*w15 - (w108*w18 - w14*w118)
+    w120 = w106*w18 + w14*w117 - (w108*w15 + w11*w118)
+    w121 = x1_t - x2_t + base1_11*w66 + base1_12*w49 + base1_13*w48 - base2_11*w116 - base2_12*w119 - base2_13*w120
+    w122 = y1 - y2 + w63*base1_21 + w54*base1_22 + w52*base1_23 - base2_21*w105 - base2_22*w109 - base2_23*w111
+    w123 = base2_23*w19 - base2_22*w20
+    w124 = w26*base2_23 - w28*base2_22
+    w125 = y1_t - y2_t + base1_21*w66 + base1_22*w49 + base1_23*w48 - base2_21*w116 - base2_22*w119 - base2_23*w120
+    w126 = z1 - z2 + w63*base1_31 + w54*base1_32 + w52*base1_33 - base2_31*w105 - base2_32*w109 - base2_33*w111
+    w127 = base2_33*w19 - base2_32*w20
+    w128 = w26*base2_33 - w28*base2_32
+    w129 = z1_t - z2_t + base1_31*w66 + base1_32*w49 + base1_33*w48 - base2_31*w116 - base2_32*w119 - base2_33*w120
+    w130 = base2_12*w111 - base2_13*w109
+    w131 = base2_12*w120 - base2_13*w119
+    w132 = base2_22*w111 - base2_23*w109
+    w133 = base2_22*w120 - base2_23*w119
+    w134 = base2_32*w111 - base2_33*w109
+    w135 = base2_32*w120 - base2_33*w119
+    w136 = w112*w113 + w114*w121 + w122*w123 + w124*w125 + w126*w127 + w128*w129 + w130*w21 + w29*w131 + w132*w22 + w56*w133 + w134*w23 + w59*w135
+    w137 = base2_11*w17 - w24*w11*base2_13 + w24*base2_12*w14
+    w138 = w11*base2_13
+    w139 = w24*base2_13
+    w140 = base2_12*w14
+    w141 = w24*base2_12
+    w142 = base2_11*w16 + w10*w138 - w15*w139 - (w10*w140 + w18*w141)
+    w143 = base2_11*w108 + base2_12*w14*w105 - w11*base2_13*w105
+    w144 = base2_12*w105
+    w145 = base2_13*w105
+    w146 = base2_11*w118 - (w18*w144 + w116*w140) + w116*w138 - w15*w145
+    w147 = w17*base2_21 - w24*w11*base2_23 + w24*w14*base2_22
+    w148 = w11*base2_23
+    w149 = w24*base2_23
+    w150 = w14*base2_22
+    w151 = w24*base2_22
+    w152 = base2_21*w16 + w10*w148 - w15*w149 - (w10*w150 + w18*w151)
+    w153 = base2_21*w108 + w14*base2_22*w105 - w11*base2_23*w105
+    w154 = base2_22*w105
+    w155 = base2_23*w105
+    w156 = base2_21*w118 - (w18*w154 + w116*w150) + w116*w148 - w15*w155
+    w157 = w17*base2_31 - w24*w11*base2_33 + w24*w14*base2_32
+    w158 = w11*base2_33
+    w159 = w24*base2_33
+    w160 = w14*base2_32
+    w161 = w24*base2_32
+    w162 = base2_31*w16 + w10*w158 - w15*w159 - (w10*w160 + w18*w161)
+    w163 = base2_31*w108 + w14*base2_32*w105 - w11*base2_33*w105
+    w164 = base2_32*w105
+    w165 = base2_33*w105
+    w166 = base2_31*w118 - (w18*w164 + w116*w160) + w116*w158 - w15*w165
+    w167 = w137*w121 - w112*w142 - (w143*w21 - w29*w146) + w147*w125 - w122*w152 - (w153*w22 - w56*w156) + w157*w129 - w126*w162 - (w163*w23 - w59*w166)
+    w168 = w11*w104 - w8*w14*w106
+    w169 = w14*w104 + w8*w11*w106
+    w170 = base2_12*w168 + base2_13*w169 - base2_11*w0*w106
+    w171 = w8*w106
+    w172 = w8*w14
+    w173 = w104*w15 + w11*w115 + w110*w1 + w18*w171 + w117*w172
+    w174 = w8*w11
+    w175 = w104*w18 - w14*w115 + w107*w1 - w15*w171 + w117*w174
+    w176 = base2_11*w106
+    w177 = base2_11*w0
+    w178 = base2_12*w173 - base2_13*w175 + w117*w177 - w9*w176
+    w179 = w7*w11 - w8*w13*w14
+    w180 = w7*w14 + w8*w13*w11
+    w181 = base2_12*w179 + base2_13*w180 - base2_11*w0*w13
+    w182 = w8*w13
+    w183 = w11*w6 + w7*w15 + w27*w1 + w12*w172 + w18*w182
+    w184 = w7*w18 - w14*w6 + w25*w1 + w12*w174 - w15*w182
+    w185 = base2_11*w13
+    w186 = base2_12*w183 - base2_13*w184 + w12*w177 - w9*w185
+    w187 = base2_22*w168 + base2_23*w169 - w0*base2_21*w106
+    w188 = base2_21*w106
+    w189 = w0*base2_21
+    w190 = base2_22*w173 - base2_23*w175 + w117*w189 - w9*w188
+    w191 = base2_22*w179 + base2_23*w180 - w0*w13*base2_21
+    w192 = w13*base2_21
+    w193 = base2_22*w183 - base2_23*w184 + w12*w189 - w9*w192
+    w194 = base2_32*w168 + base2_33*w169 - w0*base2_31*w106
+    w195 = base2_31*w106
+    w196 = w0*base2_31
+    w197 = base2_32*w173 - base2_33*w175 + w117*w196 - w9*w195
+    w198 = base2_32*w179 + base2_33*w180 - w0*w13*base2_31
+    w199 = w13*base2_31
+    w200 = base2_32*w183 - base2_33*w184 + w12*w196 - w9*w199
+    w201 = w181*w121 - w112*w186 - (w170*w21 - w29*w178) - (w187*w22 - w56*w190) + w191*w125 - w122*w193 - (w194*w23 - w59*w197) + w198*w129 - w126*w200
+    w202 = phi2_t*w113 - theta2_t*w142 - psi2_t*w186 + w137*theta2_tt + w181*psi2_tt + w114*phi2_tt
+    w203 = phi2_t*w123 - theta2_t*w152 - psi2_t*w193 + w147*theta2_tt + w191*psi2_tt + w124*phi2_tt
+    w204 = phi2_t*w127 - theta2_t*w162 - psi2_t*w200 + w157*theta2_tt + w198*psi2_tt + w128*phi2_tt
+    w205 = w59*theta1_t
+    w206 = w66*w205
+    w207 = w56*theta1_t
+    w208 = w66*w207
+    w209 = w29*theta1_t
+    w210 = w66*w209
+    w211 = w59*psi1_t
+    w212 = w56*psi1_t
+    w213 = w29*psi1_t
+    w214 = base1_33*w211 + base1_23*w212 + base1_13*w213
+    w215 = w35*w214
+    w216 = base1_32*w211 + base1_22*w212 + base1_12*w213
+    w217 = phi1_t*w59
+    w218 = phi1_t*w56
+    w219 = phi1_t*w29
+    w220 = base1_32*w23 + base1_22*w22 + base1_12*w21 + base1_33*w217 + base1_23*w218 + base1_13*w219
+    w221 = base1_33*w23 + base1_23*w22 + base1_13*w21 - base1_32*w217 - base1_22*w218 - base1_12*w219
+    w222 = w80*w205 + w74*w207 + w68*w209 + w42*w214 - w88*w216 - w46*w220 + w36*w221
+    w223 = theta1_t*w23 + w59*theta1_tt
+    w224 = theta1_t*w22 + w56*theta1_tt
+    w225 = theta1_t*w21 + w29*theta1_tt
+    w226 = psi1_t*w23 + w59*psi1_tt
+    w227 = psi1_t*w22 + w56*psi1_tt
+    w228 = psi1_t*w21 + w29*psi1_tt
+    w229 = base1_33*w226 + base1_23*w227 + base1_13*w228
+    w230 = base1_32*w226 + base1_22*w227 + base1_12*w228
+    w231 = phi1_t*w23 + w59*phi1_tt
+    w232 = phi1_t*w22 + w56*phi1_tt
+    w233 = phi1_t*w21 + w29*phi1_tt
+    w234 = base1_32*w204 + base1_22*w203 + base1_12*w202 + base1_33*w231 + base1_23*w232 + base1_13*w233
+    w235 = w44*w214 + w234
+    w236 = base1_33*w204 + base1_23*w203 + base1_13*w202 - base1_32*w231 - base1_22*w232 - base1_12*w233
+    w237 = base1_33*w206 + base1_23*w208 + base1_13*w210 - w39*w215 + w41*w216 - w35*w220 + w45*w221 - phi1_t*w222 + w78*w223 + w72*w224 + w65*w225 - w88*w229 - w42*w230 - w36*w235 - w46*w236
+    w238 = w35*w216
+    w239 = w88*w214 - w78*w205 - w72*w207 - w65*w209 + w42*w216 + w36*w220 + w46*w221
+    w240 = w236 - w44*w216
+    w241 = base1_32*w206 + base1_22*w208 + base1_12*w210 - w41*w214 - w39*w238 + w45*w220 - phi1_t*w239 + w35*w221 + w80*w223 + w74*w224 + w68*w225 + w42*w229 - w88*w230 - w46*w234 + w36*w240
+    w242 = w47*w214 + w38*w216
+    w243 = base1_31*w205 + base1_21*w207 + base1_11*w209 - w30*w220 + w37*w221
+    w244 = w81*w205 - w79*w205 + w75*w207 - w73*w207 + w69*w209 - w67*w209 + base1_31*w23 + base1_21*w22 + base1_11*w21
+    w245 = theta1_t*(w101*w211 + w97*w212 + w93*w213 - w42*w244 - first_3*w243)
+    w246 = base1_32*w38*w205 + base1_33*w47*w205 + base1_22*w38*w207 + base1_23*w47*w207 + base1_12*w38*w209 + base1_13*w47*w209 + w81*w223 - w79*w223 + w75*w224 - w73*w224 + w69*w225 - w67*w225 + base1_31*w204 + base1_21*w203 + base1_11*w202
+    w247 = base1_31*w223 - w38*w220 - w47*w221 + base1_21*w224 + base1_11*w225 - w30*w234 + w37*w236
+    w248 = w37*w215 - w36*w242 - w30*w238 + w41*w243 + w245 + w53*w229 - w51*w230 + first_3*w246 - w42*w247
+    w249 = base1_31*w35*w211 + base1_21*w35*w212 + base1_11*w35*w213 + w41*w244 - theta1_t*(w53*w214 - w51*w216 + first_3*w244 - w42*w243) + w101*w226 + w97*w227 + w93*w228 - w42*w246 - first_3*w247
+    w250 = w30*w214 + w37*w216 + w43*w244 - w39*w243
+    w251 = w100*w211 + w96*w212 + w92*w213 - w90*w214 + w87*w216 - w37*w220 - w30*w221
+    w252 = w38*w214 - w47*w216 - w40*w244 - w44*w243 + w30*w229 + w37*w230 + w43*w246 - w39*w247
+    w253 = base1_31*w40*w211 + base1_21*w40*w212 + base1_11*w40*w213 - w39*w242 - w47*w220 + w38*w221 - w100*w226 - w96*w227 - w92*w228 + w90*w229 - w87*w230 + w37*w235 + w30*w240
+    w254 = first_1*w252 - psi1_t*(first_2*w250 + first_1*w251) + first_2*w253
+    w255 = psi1_t*(first_1*w250 - first_2*w251) + first_2*w252 - first_1*w253
+    w256 = w59*theta2_t
+    w257 = w126*theta2_t
+    w258 = w10*w257 - w116*w256
+    w259 = w56*theta2_t
+    w260 = w122*theta2_t
+    w261 = w10*w260 - w116*w259
+    w262 = w29*theta2_t
+    w263 = w112*theta2_t
+    w264 = w10*w263 - w116*w262
+    w265 = w126*psi2_t
+    w266 = w122*psi2_t
+    w267 = w112*psi2_t
+    w268 = base2_33*w265 + base2_23*w266 + base2_13*w267
+    w269 = w59*psi2_t
+    w270 = w56*psi2_t
+    w271 = w29*psi2_t
+    w272 = base2_33*w269 + base2_23*w270 + base2_13*w271
+    w273 = base2_32*w265 + base2_22*w266 + base2_12*w267
+    w274 = base2_32*w269 + base2_22*w270 + base2_12*w271
+    w275 = w117*w274 - w12*w273
+    w276 = w59*phi2_t
+    w277 = w56*phi2_t
+    w278 = w29*phi2_t
+    w279 = base2_32*w276 + base2_22*w277 + base2_12*w278 - base2_33*w23 - base2_23*w22 - base2_13*w21
+    w280 = base2_33*w276 + base2_23*w277 + base2_13*w278 + base2_32*w23 + base2_22*w22 + base2_12*w21
+    w281 = phi2_t*w126
+    w282 = phi2_t*w122
+    w283 = phi2_t*w112
+    w284 = base2_33*w129 - base2_32*w281 - base2_22*w282 - base2_12*w283 + base2_23*w125 + base2_13*w121
+    w285 = base2_33*w281 + base2_23*w282 + base2_13*w283 + base2_32*w129 + base2_22*w125 + base2_12*w121
+    w286 = w165*w256 - w159*w257 + w155*w259 - w149*w260 + w145*w262 - w139*w263 + w182*w268 + w7*w273 - w171*w272 - w104*w274 + w108*w279 - w106*w280 + w17*w284 + w13*w285
+    w287 = theta2_t*w23 + w59*theta2_tt
+    w288 = theta2_t*w129 + w126*theta2_tt
+    w289 = theta2_t*w22 + w56*theta2_tt
+    w290 = theta2_t*w125 + w122*theta2_tt
+    w291 = theta2_t*w21 + w29*theta2_tt
+    w292 = theta2_t*w121 + w112*theta2_tt
+    w293 = psi2_t*w129 + w126*psi2_tt
+    w294 = psi2_t*w125 + w122*psi2_tt
+    w295 = psi2_t*w121 + w112*psi2_tt
+    w296 = base2_33*w293 + base2_23*w294 + base2_13*w295
+    w297 = base2_32*w293 + base2_22*w294 + base2_12*w295
+    w298 = psi2_t*w23 + w59*psi2_tt
+    w299 = psi2_t*w22 + w56*psi2_tt
+    w300 = psi2_t*w21 + w29*psi2_tt
+    w301 = base2_33*w298 + base2_23*w299 + base2_13*w300
+    w302 = base2_32*w298 + base2_22*w299 + base2_12*w300
+    w303 = phi2_t*w23 + w59*phi2_tt
+    w304 = phi2_t*w22 + w56*phi2_tt
+    w305 = phi2_t*w21 + w29*phi2_tt
+    w306 = base2_32*w303 + base2_22*w304 + base2_12*w305 - base2_33*w204 - base2_23*w203 - base2_13*w202
+    w307 = w1*w274 + w306
+    w308 = base2_33*w303 + base2_23*w304 + base2_13*w305 + base2_32*w204 + base2_22*w203 + base2_12*w202
+    w309 = phi2_t*w129 + w126*phi2_tt
+    w310 = phi2_t*w125 + w122*phi2_tt
+    w311 = phi2_t*w121 + w112*phi2_tt
+    w312 = z1_tt - z2_tt + theta2_t*w166 - theta1_t*w82 + psi2_t*w197 - psi1_t*w102 + phi2_t*w135 + phi1_t*w60 - w163*theta2_tt + w77*theta1_tt - w194*psi2_tt + w99*psi1_tt + w134*phi2_tt + w61*phi1_tt
+    w313 = y1_tt - y2_tt + theta2_t*w156 - theta1_t*w76 + psi2_t*w190 - psi1_t*w98 + phi2_t*w133 + phi1_t*w57 - w153*theta2_tt + w71*theta1_tt - w187*psi2_tt + w95*psi1_tt + w132*phi2_tt + w58*phi1_tt
+    w314 = x1_tt - x2_tt + theta2_t*w146 - theta1_t*w70 + psi2_t*w178 - psi1_t*w94 + phi2_t*w131 + phi1_t*w50 - w143*theta2_tt + w64*theta1_tt - w170*psi2_tt + w86*psi1_tt + w130*phi2_tt + w55*phi1_tt
+    w315 = base2_33*w312 - base2_32*w309 - base2_22*w310 - base2_12*w311 + base2_23*w313 + base2_13*w314
+    w316 = w315 - w1*w273
+    w317 = base2_33*w309 + base2_23*w310 + base2_13*w311 + base2_32*w312 + base2_22*w313 + base2_12*w314
+    w318 = base2_32*w258 + base2_22*w261 + base2_12*w264 - w6*w268 + w115*w272 + w8*w275 + w117*w279 - w118*w280 + w12*w284 + w16*w285 - phi2_t*w286 - w164*w287 + w161*w288 - w154*w289 + w151*w290 - w144*w291 + w141*w292 + w7*w296 - w182*w297 - w104*w301 + w171*w302 + w106*w307 + w108*w308 + w13*w316 - w17*w317
+    w319 = w12*w268 - w117*w272
+    w320 = w161*w257 - w164*w256 - w154*w259 + w151*w260 - w144*w262 + w141*w263 + w7*w268 - w182*w273 - w104*w272 + w171*w274 + w106*w279 + w108*w280 + w13*w284 - w17*w285
+    w321 = w1*w272 + w308
+    w322 = w1*w268 + w317
+    w323 = base2_33*w258 + base2_23*w261 + base2_13*w264 + w6*w273 - w8*w319 - w115*w274 + w118*w279 + w117*w280 + w16*w284 - phi2_t*w320 - w12*w285 - w165*w287 + w159*w288 - w155*w289 + w149*w290 - w145*w291 + w139*w292 - w182*w296 - w7*w297 + w171*w301 + w104*w302 - w108*w306 + w106*w321 - w17*w315 - w13*w322
+    w324 = w160*w256 - w158*w256 - w148*w259 + w150*w259 - w138*w262 + w140*w262 + base2_31*w23 + base2_21*w22 + base2_11*w21
+    w325 = w160*w257 - w158*w257 + w150*w260 - w148*w260 + w140*w263 - w138*w263 + base2_31*w129 + base2_21*w125 + base2_11*w121
+    w326 = base2_31*w256 + base2_21*w259 + base2_11*w262 - w11*w279 - w14*w280
+    w327 = base2_31*w257 + base2_21*w260 + base2_11*w263 + w11*w284 - w14*w285
+    w328 = w25*w268 - w27*w273 - w107*w272 + w110*w274 + w104*w326 - second_3*w324 - w7*w327 + second_v1_3*w325
+    w329 = w15*w279 - w18*w280 + base2_31*w287 + base2_21*w289 + base2_11*w291 - w11*w306 - w14*w308
+    w330 = base2_33*w15*w256 + base2_32*w18*w256 + base2_23*w15*w259 + base2_22*w18*w259 + base2_13*w15*w262 + base2_12*w18*w262 - w158*w287 + w160*w287 - w148*w289 + w150*w289 - w138*w291 + w140*w291 + base2_31*w204 + base2_21*w203 + base2_11*w202
+    w331 = base2_31*w288 - w15*w284 - w18*w285 + base2_21*w290 + base2_11*w292 + w11*w315 - w14*w317
+    w332 = base2_32*w18*w257 + base2_33*w15*w257 + base2_22*w18*w260 + base2_23*w15*w260 + base2_12*w18*w263 + base2_13*w15*w263 + w160*w288 - w158*w288 + w150*w290 - w148*w290 + w140*w292 - w138*w292 + base2_31*w312 + base2_21*w313 + base2_11*w314
+    w333 = base2_31*(w117*w269 - w12*w265) + base2_21*(w117*w270 - w12*w266) + base2_11*(w117*w271 - w12*w267) + w115*w324 - w6*w325 + theta2_t*w328 - w199*w293 + w195*w298 - w192*w294 + w188*w299 - w185*w295 + w176*w300 - second_3*w329 - w104*w330 + second_v1_3*w331 + w7*w332
+    w334 = w15*w268 + w18*w273
+    w335 = w15*w272 + w18*w274
+    w336 = w195*w269 - w199*w265 - w192*w266 + w188*w270 - w185*w267 + w176*w271 - second_3*w326 - w104*w324 + second_v1_3*w327 + w7*w325
+    w337 = w11*w319 - w13*w334 + w14*w275 + w106*w335 - w115*w326 + w6*w327 - theta2_t*w336 + w25*w296 - w27*w297 - w107*w301 + w110*w302 + w104*w329 - second_3*w330 - w7*w331 + second_v1_3*w332
+    w338 = w196*w269 + w189*w270 + w177*w271 - w174*w272 + w172*w274 + w14*w279 - w11*w280
+    w339 = w14*w272 + w11*w274 - w8*w326 + w0*w324
+    w340 = w196*w265 + w189*w266 + w177*w267 - w174*w268 + w172*w273 - w14*w284 - w11*w285
+    w341 = w14*w268 + w11*w273 - w8*w327 + w0*w325
+    w342 = second_2*w338 - second_1*w339 - second_v1_2*w340 + second_v1_1*w341
+    w343 = w8*w335 - base2_31*w9*w269 - base2_21*w9*w270 - base2_11*w9*w271 + w18*w279 + w15*w280 + w196*w298 + w189*w299 + w177*w300 - w174*w301 + w172*w302 + w14*w307 - w11*w321
+    w344 = w15*w274 - w18*w272 + w1*w326 + w9*w324 - w14*w301 - w11*w302 + w8*w329 - w0*w330
+    w345 = base2_31*w9*w265 + base2_21*w9*w266 + base2_11*w9*w267 - w8*w334 + w18*w284 - w15*w285 - w196*w293 - w189*w294 - w177*w295 + w174*w296 - w172*w297 + w14*w316 + w11*w322
+    w346 = w18*w268 - w15*w273 - w1*w327 - w9*w325 + w14*w296 + w11*w297 - w8*w331 + w0*w332
+    w347 = psi2_t*w342 - second_1*w343 + second_2*w344 - second_v1_1*w345 + second_v1_2*w346
+    w348 = second_1*w338 + second_2*w339 - second_v1_1*w340 - second_v1_2*w341
+    w349 = psi2_t*w348 + second_2*w343 + second_1*w344 + second_v1_2*w345 + second_v1_1*w346
+    return (
+        w21,
+        w22,
+        w23,
+        w62,
+        w83,
+        w103,
+        -w21,
+        -w22,
+        -w23,
+        w136,
+        w167,
+        w201,
+        w202,
+        w203,
+        w204,
+        w30*w237 + w37*w241,
+        w43*w248 + w39*w249,
+        -(w33*w254 + w31*w255),
+        -w202,
+        -w203,
+        -w204,
+        w11*w318 + w14*w323,
+        w0*w337 - w8*w333,
+        -(w4*w347 + w2*w349),
+        2*w21,
+        2*w22,
+        2*w23,
+        2*w62,
+        2*w83,
+        2*w103,
+        -2*w21,
+        -2*w22,
+        -2*w23,
+        2*w136,
+        2*w167,
+        2*w201,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (0, 7), (0, 8), (0, 9), (0, 10), (0, 11)),
+    'A_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (0, 7), (0, 8), (0, 9), (0, 10), (0, 11)),
+    'A_u': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (0, 7), (0, 8), (0, 9), (0, 10), (0, 11)),
+}

@@ -413,3 +413,271 @@ def linearize(f, q, u, p, s, nu):
 LINEARIZE = {
     'K': ((0, 0), (0, 3), (0, 4), (0, 5), (0, 6), (0, 9), (0, 10), (0, 11), (1, 1), (1, 3), (1, 4), (1, 5), (1, 7), (1, 9), (1, 10), (1, 11), (2, 2), (2, 3), (2, 4), (2, 5), (2, 8), (2, 9), (2, 10), (2, 11), (3, 0), (3, 1), (3, 2), (3, 3), (3, 4), (3, 5), (3, 6), (3, 7), (3, 8), (3, 9), (3, 10), (3, 11), (4, 0), (4, 1), (4, 2), (4, 3), (4, 4), (4, 5), (4, 6), (4, 7), (4, 8), (4, 9), (4, 10), (4, 11), (5, 0), (5, 1), (5, 2), (5, 3), (5, 4), (5, 5), (5, 6), (5, 7), (5, 8), (5, 9), (5, 10), (5, 11), (6, 0), (6, 3), (6, 4), (6, 5), (6, 6), (6, 9), (6, 10), (6, 11), (7, 1), (7, 3), (7, 4), (7, 5), (7, 7), (7, 9), (7, 10), (7, 11), (8, 2), (8, 3), (8, 4), (8, 5), (8, 8), (8, 9), (8, 10), (8, 11), (9, 0), (9, 1), (9, 2), (9, 3), (9, 4), (9, 5), (9, 6), (9, 7), (9, 8), (9, 9), (9, 10), (9, 11), (10, 0), (10, 1), (10, 2), (10, 3), (10, 4), (10, 5), (10, 6), (10, 7), (10, 8), (10, 9), (10, 10), (10, 11), (11, 0), (11, 1), (11, 2), (11, 3), (11, 4), (11, 5), (11, 6), (11, 7), (11, 8), (11, 9), (11, 10), (11, 11)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    x1, y1, z1, phi1, theta1, psi1, x2, y2, z2, phi2, theta2, psi2, = q
+    x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, x2_t, y2_t, z2_t, phi2_t, theta2_t, psi2_t, = u
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, length, = p
+    x1_tt, y1_tt, z1_tt, phi1_tt, theta1_tt, psi1_tt, x2_tt, y2_tt, z2_tt, phi2_tt, theta2_tt, psi2_tt, = a
+    w0 = f.cos(theta1)
+    w1 = w0*theta1_t
+    w2 = f.sin(psi1)
+    w3 = w2*psi1_t
+    w4 = f.cos(psi1)
+    w5 = w4*psi1_t
+    w6 = first_1*w3 + first_2*w5
+    w7 = first_1*w4 - first_2*w2
+    w8 = f.sin(theta1)
+    w9 = w8*theta1_t
+    w10 = first_3*w1 - (w0*w6 + w7*w9)
+    w11 = f.cos(phi1)
+    w12 = first_1*w5 - first_2*w3
+    w13 = first_1*w2 + w4*first_2
+    w14 = f.sin(phi1)
+    w15 = w14*phi1_t
+    w16 = first_3*w9 + w7*w1 - w8*w6
+    w17 = first_3*w0 - w8*w7
+    w18 = w11*phi1_t
+    w19 = w11*w12 - w13*w15 - (w17*w18 - w14*w16)
+    w20 = w14*w12 + w13*w18 - (w17*w15 + w11*w16)
+    w21 = f.cos(theta2)
+    w22 = w21*theta2_t
+    w23 = f.sin(psi2)
+    w24 = w23*psi2_t
+    w25 = f.cos(psi2)
+    w26 = w25*psi2_t
+    w27 = second_1*w24 + second_2*w26
+    w28 = second_1*w25 - second_2*w23
+    w29 = f.sin(theta2)
+    w30 = w29*theta2_t
+    w31 = second_3*w22 - (w21*w27 + w28*w30)
+    w32 = f.cos(phi2)
+    w33 = second_1*w26 - second_2*w24
+    w34 = second_1*w23 + w25*second_2
+    w35 = f.sin(phi2)
+    w36 = w35*phi2_t
+    w37 = second_3*w30 + w28*w22 - w29*w27
+    w38 = second_3*w21 - w29*w28
+    w39 = w32*phi2_t
+    w40 = w32*w33 - w34*w36 - (w38*w39 - w35*w37)
+    w41 = w35*w33 + w34*w39 - (w38*w36 + w32*w37)
+    w42 = x1_t - x2_t + base1_11*w10 + base1_12*w19 + base1_13*w20 - base2_11*w31 - base2_12*w40 - base2_13*w41
+    w43 = w42/length
+    w44 = y1_t - y2_t + base1_21*w10 + base1_22*w19 + base1_23*w20 - base2_21*w31 - base2_22*w40 - base2_23*w41
+    w45 = w44/length
+    w46 = z1_t - z2_t + base1_31*w10 + base1_32*w19 + base1_33*w20 - base2_31*w31 - base2_32*w40 - base2_33*w41
+    w47 = w46/length
+    w48 = first_3*w8 + w7*w0
+    w49 = w13*w11 - w17*w14
+    w50 = w13*w14 + w11*w17
+    w51 = second_3*w29 + w28*w21
+    w52 = w34*w32 - w38*w35
+    w53 = w34*w35 + w32*w38
+    w54 = z1 - z2 + w48*base1_31 + w49*base1_32 + w50*base1_33 - w51*base2_31 - w52*base2_32 - w53*base2_33
+    w55 = w54/length
+    w56 = y1 - y2 + w48*base1_21 + w49*base1_22 + w50*base1_23 - w51*base2_21 - w52*base2_22 - w53*base2_23
+    w57 = w56/length
+    w58 = x1 - x2 + base1_11*w48 + base1_12*w49 + base1_13*w50 - base2_11*w51 - base2_12*w52 - base2_13*w53
+    w59 = w58/length
+    w60 = base1_33*w55 + base1_23*w57 + base1_13*w59
+    w61 = w12*w60
+    w62 = base1_32*w55 + base1_22*w57 + base1_12*w59
+    w63 = w16*w62
+    w64 = w17*w60 + w13*w62
+    w65 = phi1_t*w64
+    w66 = base1_33*w47 + base1_23*w45 + base1_13*w43
+    w67 = w13*w66
+    w68 = base1_32*w47 + base1_22*w45 + base1_12*w43
+    w69 = w17*w68
+    w70 = w16*w60
+    w71 = w13*w60 - w17*w62
+    w72 = phi1_t*w71
+    w73 = w12*w62
+    w74 = w17*w66
+    w75 = w13*w68
+    w76 = w11*(w61 + w63 - w65 + w67 - w69) - w14*(w72 - w70 + w73 + w74 + w75)
+    w77 = base1_31*w55 + base1_21*w57 + base1_11*w59
+    w78 = w6*w77
+    w79 = w11*w60 - w14*w62
+    w80 = first_3*w77 - w7*w79
+    w81 = theta1_t*w80
+    w82 = w15*w60 + w18*w62 - w11*w66 + w14*w68
+    w83 = first_3*w82
+    w84 = base1_31*w47 + base1_21*w45 + base1_11*w43
+    w85 = w7*w84
+    w86 = w6*w79
+    w87 = first_3*w79 + w7*w77
+    w88 = theta1_t*w87
+    w89 = w7*w82
+    w90 = first_3*w84
+    w91 = w0*(w86 - w88 + w89 + w90) - w8*(w81 - w78 - w83 + w85)
+    w92 = w14*w60 + w11*w62
+    w93 = w0*w77 - w8*w79
+    w94 = first_2*w92 + first_1*w93
+    w95 = psi1_t*w94
+    w96 = w18*w60 - w15*w62 + w14*w66 + w11*w68
+    w97 = first_1*w96
+    w98 = w8*w82 - w1*w79 - w9*w77 + w0*w84
+    w99 = first_2*w98
+    w100 = first_1*w92 - first_2*w93
+    w101 = psi1_t*w100
+    w102 = first_2*w96
+    w103 = first_1*w98
+    w104 = w4*(w95 - w97 + w99) + w2*(w101 + w102 + w103)
+    w105 = base2_33*w55 + base2_23*w57 + base2_13*w59
+    w106 = w33*w105
+    w107 = base2_32*w55 + base2_22*w57 + base2_12*w59
+    w108 = w37*w107
+    w109 = w38*w105 + w34*w107
+    w110 = phi2_t*w109
+    w111 = base2_33*w47 + base2_23*w45 + base2_13*w43
+    w112 = w34*w111
+    w113 = base2_32*w47 + base2_22*w45 + base2_12*w43
+    w114 = w38*w113
+    w115 = w37*w105
+    w116 = w38*w107 - w34*w105
+    w117 = phi2_t*w116
+    w118 = w33*w107
+    w119 = w38*w111
+    w120 = w34*w113
+    w121 = w35*(w118 - w115 - w117 + w119 + w120) - w32*(w106 + w108 - w110 + w112 - w114)
+    w122 = base2_31*w55 + base2_21*w57 + base2_11*w59
+    w123 = w27*w122
+    w124 = w35*w107 - w32*w105
+    w125 = w28*w124 + second_3*w122
+    w126 = theta2_t*w125
+    w127 = w36*w105 + w39*w107 - w32*w111 + w35*w113
+    w128 = second_3*w127
+    w129 = base2_31*w47 + base2_21*w45 + base2_11*w43
+    w130 = w28*w129
+    w131 = w27*w124
+    w132 = second_3*w124 - w28*w122
+    w133 = theta2_t*w132
+    w134 = w28*w127
+    w135 = second_3*w129
+    w136 = w29*(w123 - w126 + w128 - w130) + w21*(w133 - w131 + w134 + w135)
+    w137 = w35*w105 + w32*w107
+    w138 = w29*w124 + w21*w122
+    w139 = second_2*w137 + second_1*w138
+    w140 = psi2_t*w139
+    w141 = w39*w105 - w36*w107 + w35*w111 + w32*w113
+    w142 = second_1*w141
+    w143 = w22*w124 - w30*w122 + w29*w127 + w21*w129
+    w144 = second_2*w143
+    w145 = second_2*w138 - second_1*w137
+    w146 = psi2_t*w145
+    w147 = second_2*w141
+    w148 = second_1*w143
+    w149 = w25*(w140 - w142 + w144) + w23*(w147 - w146 + w148)
+    w150 = w0*theta1_tt - theta1_t*w9
+    w151 = w6*w9
+    w152 = psi1_t*w5 + w2*psi1_tt
+    w153 = w4*psi1_tt - psi1_t*w3
+    w154 = first_1*w152 + first_2*w153
+    w155 = theta1_t*w1 + w8*theta1_tt
+    w156 = first_3*w150 - (w0*w154 - w151 + w7*w155 - w151)
+    w157 = w12*w15
+    w158 = first_1*w153 - first_2*w152
+    w159 = phi1_t*w18 + w14*phi1_tt
+    w160 = w16*w18
+    w161 = w1*w6
+    w162 = first_3*w155 + w7*w150 - w161 - (w161 + w8*w154)
+    w163 = w11*phi1_tt - phi1_t*w15
+    w164 = w11*w158 - w157 - (w157 + w13*w159) - (w17*w163 - w160 - (w160 + w14*w162))
+    w165 = w12*w18
+    w166 = w15*w16
+    w167 = w165 + w14*w158 + w165 + w13*w163 - (w17*w159 - w166 + w11*w162 - w166)
+    w168 = w21*theta2_tt - theta2_t*w30
+    w169 = w27*w30
+    w170 = psi2_t*w26 + w23*psi2_tt
+    w171 = w25*psi2_tt - psi2_t*w24
+    w172 = second_1*w170 + second_2*w171
+    w173 = theta2_t*w22 + w29*theta2_tt
+    w174 = second_3*w168 - (w21*w172 - w169 + w28*w173 - w169)
+    w175 = w33*w36
+    w176 = second_1*w171 - second_2*w170
+    w177 = phi2_t*w39 + w35*phi2_tt
+    w178 = w37*w39
+    w179 = w22*w27
+    w180 = second_3*w173 + w28*w168 - w179 - (w179 + w29*w172)
+    w181 = w32*phi2_tt - phi2_t*w36
+    w182 = w32*w176 - w175 - (w175 + w34*w177) - (w38*w181 - w178 - (w178 + w35*w180))
+    w183 = w33*w39
+    w184 = w36*w37
+    w185 = w183 + w35*w176 + w183 + w34*w181 - (w38*w177 - w184 + w32*w180 - w184)
+    w186 = x1_tt - x2_tt + base1_11*w156 + base1_12*w164 + base1_13*w167 - base2_11*w174 - base2_12*w182 - base2_13*w185
+    w187 = w186/length
+    w188 = y1_tt - y2_tt + base1_21*w156 + base1_22*w164 + base1_23*w167 - base2_21*w174 - base2_22*w182 - base2_23*w185
+    w189 = w188/length
+    w190 = z1_tt - z2_tt + base1_31*w156 + base1_32*w164 + base1_33*w167 - base2_31*w174 - base2_32*w182 - base2_33*w185
+    w191 = w190/length
+    w192 = base1_33*w191 + base1_23*w189 + base1_13*w187
+    w193 = base1_32*w191 + base1_22*w189 + base1_12*w187
+    w194 = w60*w158 + w62*w162 - phi1_tt*w64 + 2*w12*w66 + 2*w16*w68 - phi1_t*(w72 - 2*w70 + 2*w73 + 2*w74 + 2*w75) + w13*w192 - w17*w193
+    w195 = phi1_tt*w71 - w60*w162 + w62*w158 - 2*w16*w66 + phi1_t*(2*w61 + 2*w63 - w65 + 2*w67 - 2*w69) + 2*w12*w68 + w17*w192 + w13*w193
+    w196 = w60*w159 + w62*w163 + 2*w15*w66 + 2*w18*w68 - w11*w192 + w14*w193
+    w197 = base1_31*w191 + base1_21*w189 + base1_11*w187
+    w198 = theta1_tt*w80 - w77*w154 - 2*w6*w84 + theta1_t*(2*w86 - w88 + 2*w89 + 2*w90) - first_3*w196 + w7*w197
+    w199 = w79*w154 - theta1_tt*w87 - 2*w6*w82 + theta1_t*(2*w78 - w81 + 2*w83 - 2*w85) + w7*w196 + first_3*w197
+    w200 = w60*w163 - w62*w159 + 2*w18*w66 - 2*w15*w68 + w14*w192 + w11*w193
+    w201 = 2*w1*w82 - w79*w150 - w77*w155 - 2*w9*w84 + w8*w196 + w0*w197
+    w202 = psi1_tt*w94 + psi1_t*(w101 + 2*w102 + 2*w103) - first_1*w200 + first_2*w201
+    w203 = psi1_tt*w100 - psi1_t*(w95 - 2*w97 + 2*w99) + first_2*w200 + first_1*w201
+    w204 = base2_33*w191 + base2_23*w189 + base2_13*w187
+    w205 = base2_32*w191 + base2_22*w189 + base2_12*w187
+    w206 = w105*w176 + w107*w180 - phi2_tt*w109 + 2*w33*w111 + 2*w37*w113 - phi2_t*(2*w118 - 2*w115 - w117 + 2*w119 + 2*w120) + w34*w204 - w38*w205
+    w207 = w107*w176 - w105*w180 - phi2_tt*w116 - 2*w37*w111 + phi2_t*(2*w106 + 2*w108 - w110 + 2*w112 - 2*w114) + 2*w33*w113 + w38*w204 + w34*w205
+    w208 = w105*w177 + w107*w181 + 2*w36*w111 + 2*w39*w113 - w32*w204 + w35*w205
+    w209 = base2_31*w191 + base2_21*w189 + base2_11*w187
+    w210 = w122*w172 - theta2_tt*w125 + 2*w27*w129 - theta2_t*(w133 - 2*w131 + 2*w134 + 2*w135) + second_3*w208 - w28*w209
+    w211 = w124*w172 - theta2_tt*w132 + 2*w27*w127 + theta2_t*(w126 - 2*w123 - 2*w128 + 2*w130) - w28*w208 - second_3*w209
+    w212 = w105*w181 - w107*w177 + 2*w39*w111 - 2*w36*w113 + w35*w204 + w32*w205
+    w213 = w124*w168 - w122*w173 + 2*w22*w127 - 2*w30*w129 + w29*w208 + w21*w209
+    w214 = psi2_tt*w139 + psi2_t*(2*w147 - w146 + 2*w148) - second_1*w212 + second_2*w213
+    w215 = psi2_tt*w145 + psi2_t*(w140 - 2*w142 + 2*w144) - second_2*w212 - second_1*w213
+    return (
+        w43,
+        w45,
+        w47,
+        w76,
+        w91,
+        -w104,
+        -w43,
+        -w45,
+        -w47,
+        w121,
+        -w136,
+        w149,
+        w187,
+        w189,
+        w191,
+        w11*w194 - w14*w195,
+        w0*w199 - w8*w198,
+        -(w4*w202 + w2*w203),
+        -w187,
+        -w189,
+        -w191,
+        w35*w207 - w32*w206,
+        w21*w211 - w29*w210,
+        w25*w214 - w23*w215,
+        2*w43,
+        2*w45,
+        2*w47,
+        2*w76,
+        2*w91,
+        -2*w104,
+        -2*w43,
+        -2*w45,
+        -2*w47,
+        2*w121,
+        -2*w136,
+        2*w149,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (0, 7), (0, 8), (0, 9), (0, 10), (0, 11)),
+    'A_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (0, 7), (0, 8), (0, 9), (0, 10), (0, 11)),
+    'A_u': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (0, 7), (0, 8), (0, 9), (0, 10), (0, 11)),
+}

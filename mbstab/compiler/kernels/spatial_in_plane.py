@@ -440,3 +440,335 @@ def linearize(f, q, u, p, s, nu):
 LINEARIZE = {
     'K': ((0, 3), (0, 4), (0, 5), (1, 3), (1, 4), (1, 5), (2, 3), (2, 4), (2, 5), (3, 0), (3, 1), (3, 2), (3, 3), (3, 4), (3, 5), (3, 6), (3, 7), (3, 8), (3, 9), (3, 10), (3, 11), (4, 0), (4, 1), (4, 2), (4, 3), (4, 4), (4, 5), (4, 6), (4, 7), (4, 8), (4, 9), (4, 10), (4, 11), (5, 0), (5, 1), (5, 2), (5, 3), (5, 4), (5, 5), (5, 6), (5, 7), (5, 8), (5, 9), (5, 10), (5, 11), (6, 3), (6, 4), (6, 5), (7, 3), (7, 4), (7, 5), (8, 3), (8, 4), (8, 5), (9, 3), (9, 4), (9, 5), (9, 9), (9, 10), (9, 11), (10, 3), (10, 4), (10, 5), (10, 9), (10, 10), (10, 11), (11, 3), (11, 4), (11, 5), (11, 9), (11, 10), (11, 11)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    x1, y1, z1, phi1, theta1, psi1, x2, y2, z2, phi2, theta2, psi2, = q
+    x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, x2_t, y2_t, z2_t, phi2_t, theta2_t, psi2_t, = u
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, normal_1, normal_2, normal_3, = p
+    x1_tt, y1_tt, z1_tt, phi1_tt, theta1_tt, psi1_tt, x2_tt, y2_tt, z2_tt, phi2_tt, theta2_tt, psi2_tt, = a
+    w0 = f.cos(theta1)
+    w1 = w0*theta1_t
+    w2 = f.sin(psi1)
+    w3 = w2*psi1_t
+    w4 = f.cos(psi1)
+    w5 = w4*psi1_t
+    w6 = normal_1*w3 + normal_2*w5
+    w7 = normal_1*w4 - normal_2*w2
+    w8 = f.sin(theta1)
+    w9 = w8*theta1_t
+    w10 = normal_3*w1 - (w0*w6 + w7*w9)
+    w11 = f.cos(phi1)
+    w12 = normal_1*w5 - normal_2*w3
+    w13 = normal_1*w2 + w4*normal_2
+    w14 = f.sin(phi1)
+    w15 = w14*phi1_t
+    w16 = normal_3*w9 + w7*w1 - w8*w6
+    w17 = normal_3*w0 - w8*w7
+    w18 = w11*phi1_t
+    w19 = w11*w12 - w13*w15 - (w17*w18 - w14*w16)
+    w20 = w14*w12 + w13*w18 - (w17*w15 + w11*w16)
+    w21 = base1_11*w10 + base1_12*w19 + base1_13*w20
+    w22 = base1_21*w10 + base1_22*w19 + base1_23*w20
+    w23 = base1_31*w10 + base1_32*w19 + base1_33*w20
+    w24 = first_1*w5 - first_2*w3
+    w25 = normal_3*w8 + w7*w0
+    w26 = w13*w11 - w17*w14
+    w27 = w13*w14 + w11*w17
+    w28 = w25*base1_31 + w26*base1_32 + w27*base1_33
+    w29 = w25*base1_21 + w26*base1_22 + w27*base1_23
+    w30 = base1_11*w25 + base1_12*w26 + base1_13*w27
+    w31 = base1_33*w28 + base1_23*w29 + base1_13*w30
+    w32 = w24*w31
+    w33 = w4*first_1 - w2*first_2
+    w34 = first_1*w3 + first_2*w5
+    w35 = first_3*w9 + w33*w1 - w8*w34
+    w36 = base1_32*w28 + base1_22*w29 + base1_12*w30
+    w37 = w35*w36
+    w38 = w8*first_3 + w0*w33
+    w39 = w2*first_1 + w4*first_2
+    w40 = w0*first_3 - w8*w33
+    w41 = w11*w39 - w14*w40
+    w42 = w14*w39 + w11*w40
+    w43 = f.sin(theta2)
+    w44 = f.cos(psi2)
+    w45 = f.sin(psi2)
+    w46 = second_1*w44 - second_2*w45
+    w47 = f.cos(theta2)
+    w48 = second_3*w43 + w46*w47
+    w49 = second_1*w45 + w44*second_2
+    w50 = f.cos(phi2)
+    w51 = second_3*w47 - w43*w46
+    w52 = f.sin(phi2)
+    w53 = w49*w50 - w51*w52
+    w54 = w49*w52 + w50*w51
+    w55 = z1 - z2 + w38*base1_31 + w41*base1_32 + w42*base1_33 - w48*base2_31 - w53*base2_32 - w54*base2_33
+    w56 = y1 - y2 + w38*base1_21 + w41*base1_22 + w42*base1_23 - w48*base2_21 - w53*base2_22 - w54*base2_23
+    w57 = x1 - x2 + base1_11*w38 + base1_12*w41 + base1_13*w42 - base2_11*w48 - base2_12*w53 - base2_13*w54
+    w58 = base1_33*w55 + base1_23*w56 + base1_13*w57
+    w59 = w12*w58
+    w60 = base1_32*w55 + base1_22*w56 + base1_12*w57
+    w61 = w16*w60
+    w62 = w40*w31 + w39*w36 + w17*w58 + w13*w60
+    w63 = phi1_t*w62
+    w64 = base1_33*w23 + base1_23*w22 + base1_13*w21
+    w65 = w39*w64
+    w66 = base1_32*w23 + base1_22*w22 + base1_12*w21
+    w67 = w40*w66
+    w68 = first_3*w1 - (w33*w9 + w0*w34)
+    w69 = w11*w24 - w39*w15 - (w40*w18 - w14*w35)
+    w70 = w39*w18 + w14*w24 - (w40*w15 + w11*w35)
+    w71 = w47*theta2_t
+    w72 = w45*psi2_t
+    w73 = w44*psi2_t
+    w74 = second_1*w72 + second_2*w73
+    w75 = w43*theta2_t
+    w76 = second_3*w71 - (w47*w74 + w46*w75)
+    w77 = second_1*w73 - second_2*w72
+    w78 = w52*phi2_t
+    w79 = second_3*w75 + w46*w71 - w43*w74
+    w80 = w50*phi2_t
+    w81 = w50*w77 - w49*w78 - (w51*w80 - w52*w79)
+    w82 = w52*w77 + w49*w80 - (w51*w78 + w50*w79)
+    w83 = z1_t - z2_t + base1_31*w68 + base1_32*w69 + base1_33*w70 - base2_31*w76 - base2_32*w81 - base2_33*w82
+    w84 = y1_t - y2_t + base1_21*w68 + base1_22*w69 + base1_23*w70 - base2_21*w76 - base2_22*w81 - base2_23*w82
+    w85 = x1_t - x2_t + base1_11*w68 + base1_12*w69 + base1_13*w70 - base2_11*w76 - base2_12*w81 - base2_13*w82
+    w86 = base1_33*w83 + base1_23*w84 + base1_13*w85
+    w87 = w13*w86
+    w88 = base1_32*w83 + base1_22*w84 + base1_12*w85
+    w89 = w17*w88
+    w90 = w35*w31
+    w91 = w24*w36
+    w92 = w16*w58
+    w93 = w39*w31 - w40*w36 + w13*w58 - w17*w60
+    w94 = phi1_t*w93
+    w95 = w12*w60
+    w96 = w40*w64
+    w97 = w39*w66
+    w98 = w17*w86
+    w99 = w13*w88
+    w100 = w11*(w32 + w37 + w59 + w61 - w63 + w65 - w67 + w87 - w89) - w14*(w91 - w90 - w92 + w94 + w95 + w96 + w97 + w98 + w99)
+    w101 = base1_31*w28 + base1_21*w29 + base1_11*w30
+    w102 = w34*w101
+    w103 = base1_31*w55 + base1_21*w56 + base1_11*w57
+    w104 = w6*w103
+    w105 = w11*w31 - w14*w36
+    w106 = w11*w58 - w14*w60
+    w107 = first_3*w101 - w33*w105 - w7*w106 + normal_3*w103
+    w108 = theta1_t*w107
+    w109 = w15*w31 + w18*w36 - w11*w64 + w14*w66
+    w110 = first_3*w109
+    w111 = base1_31*w23 + base1_21*w22 + base1_11*w21
+    w112 = w33*w111
+    w113 = w15*w58 + w18*w60 - w11*w86 + w14*w88
+    w114 = normal_3*w113
+    w115 = base1_31*w83 + base1_21*w84 + base1_11*w85
+    w116 = w7*w115
+    w117 = w34*w105
+    w118 = w6*w106
+    w119 = first_3*w105 + w33*w101 + normal_3*w106 + w7*w103
+    w120 = theta1_t*w119
+    w121 = w33*w109
+    w122 = first_3*w111
+    w123 = w7*w113
+    w124 = normal_3*w115
+    w125 = w8*(w102 + w104 - w108 + w110 - w112 + w114 - w116) + w0*(w117 + w118 - w120 + w121 + w122 + w123 + w124)
+    w126 = w14*w31 + w11*w36
+    w127 = w0*w101 - w8*w105
+    w128 = w14*w58 + w11*w60
+    w129 = w0*w103 - w8*w106
+    w130 = first_2*w126 + first_1*w127 + normal_2*w128 + normal_1*w129
+    w131 = psi1_t*w130
+    w132 = w18*w31 - w15*w36 + w14*w64 + w11*w66
+    w133 = first_1*w132
+    w134 = w8*w109 - w1*w105 - w9*w101 + w0*w111
+    w135 = first_2*w134
+    w136 = w18*w58 - w15*w60 + w14*w86 + w11*w88
+    w137 = normal_1*w136
+    w138 = w8*w113 - w1*w106 - w9*w103 + w0*w115
+    w139 = normal_2*w138
+    w140 = first_1*w126 - first_2*w127 + normal_1*w128 - normal_2*w129
+    w141 = psi1_t*w140
+    w142 = first_2*w132
+    w143 = first_1*w134
+    w144 = normal_2*w136
+    w145 = normal_1*w138
+    w146 = w4*(w131 - w133 + w135 - w137 + w139) + w2*(w141 + w142 + w143 + w144 + w145)
+    w147 = w28*base2_33 + w29*base2_23 + w30*base2_13
+    w148 = w77*w147
+    w149 = w28*base2_32 + w29*base2_22 + w30*base2_12
+    w150 = w79*w149
+    w151 = w51*w147 + w49*w149
+    w152 = phi2_t*w151
+    w153 = base2_33*w23 + base2_23*w22 + base2_13*w21
+    w154 = w49*w153
+    w155 = base2_32*w23 + base2_22*w22 + base2_12*w21
+    w156 = w51*w155
+    w157 = w79*w147
+    w158 = w51*w149 - w49*w147
+    w159 = phi2_t*w158
+    w160 = w77*w149
+    w161 = w51*w153
+    w162 = w49*w155
+    w163 = w52*(w160 - w157 - w159 + w161 + w162) - w50*(w148 + w150 - w152 + w154 - w156)
+    w164 = w28*base2_31 + w29*base2_21 + w30*base2_11
+    w165 = w74*w164
+    w166 = w52*w149 - w50*w147
+    w167 = w46*w166 + second_3*w164
+    w168 = theta2_t*w167
+    w169 = w78*w147 + w80*w149 - w50*w153 + w52*w155
+    w170 = second_3*w169
+    w171 = base2_31*w23 + base2_21*w22 + base2_11*w21
+    w172 = w46*w171
+    w173 = w74*w166
+    w174 = second_3*w166 - w46*w164
+    w175 = theta2_t*w174
+    w176 = w46*w169
+    w177 = second_3*w171
+    w178 = w43*(w165 - w168 + w170 - w172) + w47*(w175 - w173 + w176 + w177)
+    w179 = w52*w147 + w50*w149
+    w180 = w43*w166 + w47*w164
+    w181 = second_2*w179 + second_1*w180
+    w182 = psi2_t*w181
+    w183 = w80*w147 - w78*w149 + w52*w153 + w50*w155
+    w184 = second_1*w183
+    w185 = w71*w166 - w75*w164 + w43*w169 + w47*w171
+    w186 = second_2*w185
+    w187 = second_2*w180 - second_1*w179
+    w188 = psi2_t*w187
+    w189 = second_2*w183
+    w190 = second_1*w185
+    w191 = w44*(w182 - w184 + w186) + w45*(w189 - w188 + w190)
+    w192 = w0*theta1_tt - theta1_t*w9
+    w193 = w6*w9
+    w194 = psi1_t*w5 + w2*psi1_tt
+    w195 = w4*psi1_tt - psi1_t*w3
+    w196 = normal_1*w194 + normal_2*w195
+    w197 = theta1_t*w1 + w8*theta1_tt
+    w198 = normal_3*w192 - (w0*w196 - w193 + w7*w197 - w193)
+    w199 = w12*w15
+    w200 = normal_1*w195 - normal_2*w194
+    w201 = phi1_t*w18 + w14*phi1_tt
+    w202 = w16*w18
+    w203 = w1*w6
+    w204 = normal_3*w197 + w7*w192 - w203 - (w203 + w8*w196)
+    w205 = w11*phi1_tt - phi1_t*w15
+    w206 = w11*w200 - w199 - (w199 + w13*w201) - (w17*w205 - w202 - (w202 + w14*w204))
+    w207 = w12*w18
+    w208 = w15*w16
+    w209 = w207 + w14*w200 + w207 + w13*w205 - (w17*w201 - w208 + w11*w204 - w208)
+    w210 = base1_11*w198 + base1_12*w206 + base1_13*w209
+    w211 = base1_21*w198 + base1_22*w206 + base1_23*w209
+    w212 = base1_31*w198 + base1_32*w206 + base1_33*w209
+    w213 = first_1*w195 - first_2*w194
+    w214 = w1*w34
+    w215 = first_1*w194 + first_2*w195
+    w216 = first_3*w197 + w33*w192 - w214 - (w214 + w8*w215)
+    w217 = 2*w91 - 2*w90 - 2*w92 + w94 + 2*w95 + 2*w96 + 2*w97 + 2*w98 + 2*w99
+    w218 = base1_33*w212 + base1_23*w211 + base1_13*w210
+    w219 = base1_32*w212 + base1_22*w211 + base1_12*w210
+    w220 = w9*w34
+    w221 = first_3*w192 - (w33*w197 - w220 + w0*w215 - w220)
+    w222 = w15*w24
+    w223 = w18*w35
+    w224 = w11*w213 - w222 - (w222 + w39*w201) - (w40*w205 - w223 - (w223 + w14*w216))
+    w225 = w18*w24
+    w226 = w15*w35
+    w227 = w225 + w39*w205 + w225 + w14*w213 - (w40*w201 - w226 + w11*w216 - w226)
+    w228 = w47*theta2_tt - theta2_t*w75
+    w229 = w74*w75
+    w230 = psi2_t*w73 + w45*psi2_tt
+    w231 = w44*psi2_tt - psi2_t*w72
+    w232 = second_1*w230 + second_2*w231
+    w233 = theta2_t*w71 + w43*theta2_tt
+    w234 = second_3*w228 - (w47*w232 - w229 + w46*w233 - w229)
+    w235 = w77*w78
+    w236 = second_1*w231 - second_2*w230
+    w237 = phi2_t*w80 + w52*phi2_tt
+    w238 = w79*w80
+    w239 = w71*w74
+    w240 = second_3*w233 + w46*w228 - w239 - (w239 + w43*w232)
+    w241 = w50*phi2_tt - phi2_t*w78
+    w242 = w50*w236 - w235 - (w235 + w49*w237) - (w51*w241 - w238 - (w238 + w52*w240))
+    w243 = w77*w80
+    w244 = w78*w79
+    w245 = w243 + w52*w236 + w243 + w49*w241 - (w51*w237 - w244 + w50*w240 - w244)
+    w246 = z1_tt - z2_tt + base1_31*w221 + base1_32*w224 + base1_33*w227 - base2_31*w234 - base2_32*w242 - base2_33*w245
+    w247 = y1_tt - y2_tt + base1_21*w221 + base1_22*w224 + base1_23*w227 - base2_21*w234 - base2_22*w242 - base2_23*w245
+    w248 = x1_tt - x2_tt + base1_11*w221 + base1_12*w224 + base1_13*w227 - base2_11*w234 - base2_12*w242 - base2_13*w245
+    w249 = base1_33*w246 + base1_23*w247 + base1_13*w248
+    w250 = base1_32*w246 + base1_22*w247 + base1_12*w248
+    w251 = w31*w213 + w36*w216 + w58*w200 + w60*w204 - phi1_tt*w62 + 2*w24*w64 + 2*w35*w66 + 2*w12*w86 + 2*w16*w88 - phi1_t*w217 + w39*w218 - w40*w219 + w13*w249 - w17*w250
+    w252 = 2*w32 + 2*w37 + 2*w59 + 2*w61 - w63 + 2*w65 - 2*w67 + 2*w87 - 2*w89
+    w253 = w36*w213 - w31*w216 - w58*w204 + phi1_tt*w93 + w60*w200 - 2*w35*w64 + 2*w24*w66 - 2*w16*w86 + phi1_t*w252 + 2*w12*w88 + w40*w218 + w39*w219 + w17*w249 + w13*w250
+    w254 = theta1_t*(2*w117 + 2*w118 - w120 + 2*w121 + 2*w122 + 2*w123 + 2*w124)
+    w255 = w31*w201 + w36*w205 + 2*w15*w64 + 2*w18*w66 - w11*w218 + w14*w219
+    w256 = base1_31*w212 + base1_21*w211 + base1_11*w210
+    w257 = w58*w201 + w60*w205 + 2*w15*w86 + 2*w18*w88 - w11*w249 + w14*w250
+    w258 = base1_31*w246 + base1_21*w247 + base1_11*w248
+    w259 = w101*w215 + w103*w196 - theta1_tt*w107 + 2*w34*w111 + 2*w6*w115 - w254 + first_3*w255 - w33*w256 + normal_3*w257 - w7*w258
+    w260 = theta1_t*(2*w102 + 2*w104 - w108 + 2*w110 - 2*w112 + 2*w114 - 2*w116)
+    w261 = w105*w215 + w106*w196 - theta1_tt*w119 - 2*w34*w109 - 2*w6*w113 + w260 + w33*w255 + first_3*w256 + w7*w257 + normal_3*w258
+    w262 = w31*w205 - w36*w201 + 2*w18*w64 - 2*w15*w66 + w14*w218 + w11*w219
+    w263 = 2*w1*w109 - w105*w192 - w101*w197 - 2*w9*w111 + w8*w255 + w0*w256
+    w264 = w58*w205 - w60*w201 + 2*w18*w86 - 2*w15*w88 + w14*w249 + w11*w250
+    w265 = 2*w1*w113 - w106*w192 - w103*w197 - 2*w9*w115 + w8*w257 + w0*w258
+    w266 = psi1_tt*w130 + psi1_t*(w141 + 2*w142 + 2*w143 + 2*w144 + 2*w145) - first_1*w262 + first_2*w263 - normal_1*w264 + normal_2*w265
+    w267 = psi1_tt*w140 - psi1_t*(w131 - 2*w133 + 2*w135 - 2*w137 + 2*w139) + first_2*w262 + first_1*w263 + normal_2*w264 + normal_1*w265
+    w268 = base2_33*w212 + base2_23*w211 + base2_13*w210
+    w269 = base2_32*w212 + base2_22*w211 + base2_12*w210
+    w270 = w147*w236 + w149*w240 - phi2_tt*w151 + 2*w77*w153 + 2*w79*w155 - phi2_t*(2*w160 - 2*w157 - w159 + 2*w161 + 2*w162) + w49*w268 - w51*w269
+    w271 = w149*w236 - w147*w240 - phi2_tt*w158 - 2*w79*w153 + phi2_t*(2*w148 + 2*w150 - w152 + 2*w154 - 2*w156) + 2*w77*w155 + w51*w268 + w49*w269
+    w272 = w147*w237 + w149*w241 + 2*w78*w153 + 2*w80*w155 - w50*w268 + w52*w269
+    w273 = base2_31*w212 + base2_21*w211 + base2_11*w210
+    w274 = w164*w232 - theta2_tt*w167 + 2*w74*w171 - theta2_t*(w175 - 2*w173 + 2*w176 + 2*w177) + second_3*w272 - w46*w273
+    w275 = w166*w232 - theta2_tt*w174 + 2*w74*w169 + theta2_t*(w168 - 2*w165 - 2*w170 + 2*w172) - w46*w272 - second_3*w273
+    w276 = w147*w241 - w149*w237 + 2*w80*w153 - 2*w78*w155 + w52*w268 + w50*w269
+    w277 = w166*w228 - w164*w233 + 2*w71*w169 - 2*w75*w171 + w43*w272 + w47*w273
+    w278 = psi2_tt*w181 + psi2_t*(2*w189 - w188 + 2*w190) - second_1*w276 + second_2*w277
+    w279 = psi2_tt*w187 + psi2_t*(w182 - 2*w184 + 2*w186) - second_2*w276 - second_1*w277
+    return (
+        w21,
+        w22,
+        w23,
+        w100,
+        w125,
+        -w146,
+        -w21,
+        -w22,
+        -w23,
+        w163,
+        -w178,
+        w191,
+        w210,
+        w211,
+        w212,
+        w11*w251 - w14*w253,
+        w8*w259 + w0*w261,
+        -(w4*w266 + w2*w267),
+        -w210,
+        -w211,
+        -w212,
+        w52*w271 - w50*w270,
+        w47*w275 - w43*w274,
+        w44*w278 - w45*w279,
+        2*w21,
+        2*w22,
+        2*w23,
+        2*w100,
+        2*w125,
+        -2*w146,
+        -2*w21,
+        -2*w22,
+        -2*w23,
+        2*w163,
+        -2*w178,
+        2*w191,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (0, 7), (0, 8), (0, 9), (0, 10), (0, 11)),
+    'A_q': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (0, 7), (0, 8), (0, 9), (0, 10), (0, 11)),
+    'A_u': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (0, 7), (0, 8), (0, 9), (0, 10), (0, 11)),
+}

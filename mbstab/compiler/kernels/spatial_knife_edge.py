@@ -263,3 +263,232 @@ LINEARIZE = {
     'R': (),
     'D': ((0, 3), (0, 4), (0, 5)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    _, _, _, phi1, theta1, psi1, = q
+    x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, = u
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, point_1, point_2, point_3, along_1, along_2, along_3, normal_1, normal_2, normal_3, = p
+    x1_tt, y1_tt, z1_tt, phi1_tt, theta1_tt, psi1_tt, = a
+    w0 = f.sin(phi1)
+    w1 = f.sin(psi1)
+    w2 = f.cos(psi1)
+    w3 = w1*point_1 + w2*point_2
+    w4 = w0*w3
+    w5 = f.cos(phi1)
+    w6 = f.cos(theta1)
+    w7 = f.sin(theta1)
+    w8 = w2*point_1 - w1*point_2
+    w9 = w6*point_3 - w7*w8
+    w10 = w4 + w5*w9
+    w11 = w5*w3
+    w12 = w11 - w0*w9
+    w13 = base1_33*w12 - base1_32*w10
+    w14 = w5*w8 - w7*w0*w3
+    w15 = w0*w8 + w7*w5*w3
+    w16 = base1_32*w14 + base1_33*w15 - w6*w3*base1_31
+    w17 = w7*point_3 + w6*w8
+    w18 = w9*base1_31 - w5*base1_33*w17 + w0*base1_32*w17
+    w19 = z1_t + phi1_t*w13 + psi1_t*w16 + theta1_t*w18
+    w20 = along_1*w1 + w2*along_2
+    w21 = along_1*w2 - along_2*w1
+    w22 = along_3*w6 - w7*w21
+    w23 = w20*w0 + w5*w22
+    w24 = w20*w5 - w22*w0
+    w25 = w24*base1_23 - base1_22*w23
+    w26 = w24*base1_13 - w23*base1_12
+    w27 = along_3*w7 + w21*w6
+    w28 = base1_21*w27 + base1_22*w24 + base1_23*w23
+    w29 = w27*base1_11 + w24*base1_12 + w23*base1_13
+    w30 = normal_1*w28 - normal_2*w29
+    w31 = w5*phi1_t
+    w32 = w2*psi1_t
+    w33 = w1*psi1_t
+    w34 = point_1*w32 - point_2*w33
+    w35 = w0*phi1_t
+    w36 = w7*theta1_t
+    w37 = w6*theta1_t
+    w38 = point_1*w33 + point_2*w32
+    w39 = point_3*w36 + w8*w37 - w7*w38
+    w40 = w3*w31 + w0*w34 - (w9*w35 + w5*w39)
+    w41 = w5*w34 - w3*w35 - (w9*w31 - w0*w39)
+    w42 = base1_33*w41 - base1_32*w40
+    w43 = w30*w42
+    w44 = base1_13*w12 - base1_12*w10
+    w45 = base1_12*w14 + base1_13*w15 - w6*base1_11*w3
+    w46 = base1_11*w9 - w5*base1_13*w17 + w0*base1_12*w17
+    w47 = x1_t + phi1_t*w44 + psi1_t*w45 + theta1_t*w46
+    w48 = w24*base1_33 - w23*base1_32
+    w49 = w27*base1_31 + w24*base1_32 + w23*base1_33
+    w50 = normal_2*w49 - w28*normal_3
+    w51 = base1_13*w41 - base1_12*w40
+    w52 = w50*w51
+    w53 = base1_23*w12 - base1_22*w10
+    w54 = base1_22*w14 + base1_23*w15 - base1_21*w6*w3
+    w55 = base1_21*w9 - w5*base1_23*w17 + base1_22*w0*w17
+    w56 = y1_t + phi1_t*w53 + psi1_t*w54 + theta1_t*w55
+    w57 = w29*normal_3 - normal_1*w49
+    w58 = base1_23*w41 - base1_22*w40
+    w59 = w57*w58
+    w60 = w19*(normal_1*w25 - normal_2*w26) + w43 + w47*(normal_2*w48 - normal_3*w25) + w52 + w56*(normal_3*w26 - normal_1*w48) + w59
+    w61 = w27*w0
+    w62 = w27*w5
+    w63 = base1_21*w22 + base1_22*w61 - base1_23*w62
+    w64 = w22*base1_11 + base1_12*w61 - base1_13*w62
+    w65 = base1_33*w17
+    w66 = point_3*w37 - (w8*w36 + w6*w38)
+    w67 = w5*base1_33
+    w68 = base1_32*w17
+    w69 = w0*base1_32
+    w70 = base1_31*w39 + w66*w67 - w35*w65 - (w31*w68 + w66*w69)
+    w71 = w30*w70
+    w72 = w22*base1_31 + base1_32*w61 - base1_33*w62
+    w73 = base1_13*w17
+    w74 = w5*base1_13
+    w75 = base1_12*w17
+    w76 = w0*base1_12
+    w77 = base1_11*w39 + w66*w74 - w35*w73 - (w31*w75 + w66*w76)
+    w78 = w50*w77
+    w79 = base1_23*w17
+    w80 = w5*base1_23
+    w81 = base1_22*w17
+    w82 = base1_22*w0
+    w83 = base1_21*w39 + w66*w80 - w35*w79 - (w31*w81 + w66*w82)
+    w84 = w57*w83
+    w85 = w19*(normal_1*w63 - normal_2*w64) - w71 + w47*(normal_2*w72 - normal_3*w63) - w78 + w56*(normal_3*w64 - normal_1*w72) - w84
+    w86 = w6*w20
+    w87 = w7*w20
+    w88 = w21*w5 - w0*w87
+    w89 = w21*w0 + w5*w87
+    w90 = base1_22*w88 - base1_21*w86 + base1_23*w89
+    w91 = base1_12*w88 - base1_11*w86 + base1_13*w89
+    w92 = w7*w3
+    w93 = w7*w0
+    w94 = w8*w35 + w5*w38 + w4*w37 + w31*w92 + w34*w93
+    w95 = w7*w5
+    w96 = w8*w31 - w0*w38 + w11*w37 - w35*w92 + w34*w95
+    w97 = w3*base1_31
+    w98 = w6*base1_31
+    w99 = base1_32*w94 - base1_33*w96 + w34*w98 - w36*w97
+    w100 = w30*w99
+    w101 = base1_32*w88 - base1_31*w86 + base1_33*w89
+    w102 = base1_11*w3
+    w103 = w6*base1_11
+    w104 = base1_12*w94 - base1_13*w96 + w34*w103 - w36*w102
+    w105 = w50*w104
+    w106 = base1_21*w3
+    w107 = base1_21*w6
+    w108 = base1_22*w94 - base1_23*w96 + w34*w107 - w36*w106
+    w109 = w57*w108
+    w110 = w19*(normal_1*w90 - normal_2*w91) - w100 + w47*(normal_2*w101 - normal_3*w90) - w105 + w56*(normal_3*w91 - normal_1*w101) - w109
+    w111 = theta1_t*w57
+    w112 = w66*w111
+    w113 = theta1_t*w50
+    w114 = w66*w113
+    w115 = w30*theta1_t
+    w116 = w66*w115
+    w117 = psi1_t*w57
+    w118 = psi1_t*w50
+    w119 = w30*psi1_t
+    w120 = base1_23*w117 + base1_13*w118 + base1_33*w119
+    w121 = base1_22*w117 + base1_12*w118 + base1_32*w119
+    w122 = w34*w121
+    w123 = phi1_t*w57
+    w124 = phi1_t*w50
+    w125 = w30*phi1_t
+    w126 = base1_23*w123 + base1_13*w124 + base1_33*w125
+    w127 = base1_22*w123 + base1_12*w124 + base1_32*w125
+    w128 = along_1*w32 - along_2*w33
+    w129 = normal_2*w47 - normal_1*w56
+    w130 = normal_3*w56 - normal_2*w19
+    w131 = normal_1*w19 - normal_3*w47
+    w132 = base1_33*w129 + base1_13*w130 + base1_23*w131
+    w133 = along_1*w33 + along_2*w32
+    w134 = along_3*w36 + w21*w37 - w7*w133
+    w135 = base1_32*w129 + base1_12*w130 + base1_22*w131
+    w136 = w92*w120 - w79*w111 - w73*w113 - w65*w115 + w8*w121 + w3*w126 - w9*w127 + w22*w132 + w20*w135
+    w137 = along_3*w37 - (w6*w133 + w21*w36)
+    w138 = w5*w128 - w20*w35 - (w22*w31 - w0*w134)
+    w139 = w0*w128 + w20*w31 - (w22*w35 + w5*w134)
+    w140 = base1_11*w137 + base1_12*w138 + base1_13*w139
+    w141 = base1_31*w137 + base1_32*w138 + base1_33*w139
+    w142 = normal_3*w140 - normal_1*w141
+    w143 = w57*theta1_tt + theta1_t*w142
+    w144 = base1_21*w137 + base1_22*w138 + base1_23*w139
+    w145 = normal_2*w141 - normal_3*w144
+    w146 = w50*theta1_tt + theta1_t*w145
+    w147 = normal_1*w144 - normal_2*w140
+    w148 = w30*theta1_tt + theta1_t*w147
+    w149 = w57*psi1_tt + psi1_t*w142
+    w150 = w50*psi1_tt + psi1_t*w145
+    w151 = w30*psi1_tt + psi1_t*w147
+    w152 = base1_23*w149 + base1_13*w150 + base1_33*w151
+    w153 = base1_22*w149 + base1_12*w150 + base1_32*w151
+    w154 = w57*phi1_tt + phi1_t*w142
+    w155 = w50*phi1_tt + phi1_t*w145
+    w156 = w30*phi1_tt + phi1_t*w147
+    w157 = base1_23*w154 + base1_13*w155 + base1_33*w156
+    w158 = base1_22*w154 + base1_12*w155 + base1_32*w156
+    w159 = w37*w121 + w158
+    w160 = y1_tt + phi1_t*w58 + w53*phi1_tt + w54*psi1_tt - psi1_t*w108 + w55*theta1_tt - theta1_t*w83
+    w161 = x1_tt + phi1_t*w51 + w44*phi1_tt + w45*psi1_tt - psi1_t*w104 + w46*theta1_tt - theta1_t*w77
+    w162 = normal_2*w161 - normal_1*w160
+    w163 = z1_tt + phi1_t*w42 + w13*phi1_tt + w16*psi1_tt - psi1_t*w99 + w18*theta1_tt - theta1_t*w70
+    w164 = normal_3*w160 - normal_2*w163
+    w165 = normal_1*w163 - normal_3*w161
+    w166 = base1_33*w162 + base1_13*w164 + base1_23*w165
+    w167 = base1_32*w162 + base1_12*w164 + base1_22*w165
+    w168 = base1_22*w112 + base1_12*w114 + base1_32*w116 - w38*w120 - w7*w122 + w39*w126 - w34*w127 + w128*w132 + w134*w135 - phi1_t*w136 + w81*w143 + w75*w146 + w68*w148 + w8*w152 - w92*w153 - w9*w157 - w3*w159 + w20*w166 - w22*w167
+    w169 = w34*w120
+    w170 = w81*w111 + w75*w113 + w68*w115 + w8*w120 - w92*w121 - w9*w126 - w3*w127 + w20*w132 - w22*w135
+    w171 = w37*w120 + w157
+    w172 = w7*w169 - base1_23*w112 - base1_13*w114 - base1_33*w116 - w38*w121 + w34*w126 + w39*w127 - w134*w132 + phi1_t*w170 + w128*w135 - w79*w143 - w73*w146 - w65*w148 + w92*w152 + w8*w153 + w3*w171 - w9*w158 + w22*w166 + w20*w167
+    w173 = w82*w111 - w80*w111 + w76*w113 - w74*w113 + w69*w115 - w67*w115
+    w174 = base1_31*w129 + base1_11*w130 + base1_21*w131
+    w175 = base1_21*w111 + base1_11*w113 + base1_31*w115 - w0*w126 - w5*w127
+    w176 = w5*w132 - w0*w135
+    w177 = point_3*w173 + w11*w120 - w4*w121 - w8*w175 - w21*w176 + along_3*w174
+    w178 = base1_22*w31*w111 + base1_23*w35*w111 + base1_12*w31*w113 + base1_13*w35*w113 + base1_32*w31*w115 + base1_33*w35*w115 + w82*w143 - w80*w143 + w76*w146 - w74*w146 + w69*w148 - w67*w148
+    w179 = w35*w127 - w31*w126 + base1_21*w143 + base1_11*w146 + base1_31*w148 - w0*w157 - w5*w158
+    w180 = w35*w132 + w31*w135 - w5*w166 + w0*w167
+    w181 = base1_31*w162 + base1_11*w164 + base1_21*w165
+    w182 = base1_21*w34*w117 + base1_11*w34*w118 + w38*w173 + base1_31*w34*w119 + w133*w174 - theta1_t*w177 + w106*w149 + w102*w150 - w8*w178 + w97*w151 - point_3*w179 + along_3*w180 - w21*w181
+    w183 = w35*w120 + w31*w121
+    w184 = w8*w173 - w106*w117 - w102*w118 - w97*w119 + point_3*w175 + along_3*w176 + w21*w174
+    w185 = w5*w169 - w0*w122 - w3*w183 + w38*w175 + w133*w176 - theta1_t*w184 + point_3*w178 + w11*w152 - w4*w153 - w8*w179 + w21*w180 + along_3*w181
+    w186 = w6*w173 + w0*w120 + w5*w121 - w7*w175
+    w187 = w107*w117 + w103*w118 + w98*w119 - w95*w120 + w93*w121 - w5*w126 + w0*w127
+    w188 = w0*w132 + w5*w135
+    w189 = w6*w174 - w7*w176
+    w190 = point_1*w186 - point_2*w187 + along_2*w188 + along_1*w189
+    w191 = w31*w120 - w36*w173 - w35*w121 - w37*w175 + w6*w178 + w0*w152 + w5*w153 - w7*w179
+    w192 = w7*w183 - base1_21*w36*w117 - base1_11*w36*w118 - base1_31*w36*w119 + w35*w126 + w31*w127 + w107*w149 + w103*w150 + w98*w151 - w95*w152 + w93*w153 - w5*w171 + w0*w159
+    w193 = w31*w132 - w35*w135 + w0*w166 + w5*w167
+    w194 = w7*w180 - w37*w176 - w36*w174 + w6*w181
+    w195 = psi1_t*w190 + point_2*w191 + point_1*w192 - along_1*w193 + along_2*w194
+    w196 = point_2*w186 + point_1*w187 - along_1*w188 + along_2*w189
+    w197 = point_1*w191 - psi1_t*w196 - point_2*w192 + along_2*w193 + along_1*w194
+    w198 = w43 + w52 + w59 + w5*w170 - w0*w136 + w53*w142 + w44*w145 + w13*w147
+    w199 = w6*w177 - w71 - w78 - w84 - w7*w184 + w55*w142 + w46*w145 + w18*w147
+    w200 = w100 + w105 + w109 + w2*w196 + w1*w190 - w54*w142 - w45*w145 - w16*w147
+    return (
+        w60,
+        w85,
+        w110,
+        w5*w168 - w0*w172,
+        w7*w182 + w6*w185,
+        -(w2*w195 + w1*w197),
+        w145,
+        w142,
+        w147,
+        w198,
+        w199,
+        -w200,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 3), (0, 4), (0, 5)),
+    'A_q': ((0, 3), (0, 4), (0, 5)),
+    'A_u': ((0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (0, 5)),
+}

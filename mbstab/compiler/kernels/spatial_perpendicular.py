@@ -282,3 +282,253 @@ def linearize(f, q, u, p, s, nu):
 LINEARIZE = {
     'K': ((3, 3), (3, 4), (3, 5), (3, 9), (3, 10), (3, 11), (4, 3), (4, 4), (4, 5), (4, 9), (4, 10), (4, 11), (5, 3), (5, 4), (5, 5), (5, 9), (5, 10), (5, 11), (9, 3), (9, 4), (9, 5), (9, 9), (9, 10), (9, 11), (10, 3), (10, 4), (10, 5), (10, 9), (10, 10), (10, 11), (11, 3), (11, 4), (11, 5), (11, 9), (11, 10), (11, 11)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    _, _, _, phi1, theta1, psi1, _, _, _, phi2, theta2, psi2, = q
+    _, _, _, phi1_t, theta1_t, psi1_t, _, _, _, phi2_t, theta2_t, psi2_t, = u
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_1, first_2, first_3, second_1, second_2, second_3, = p
+    _, _, _, phi1_tt, theta1_tt, psi1_tt, _, _, _, phi2_tt, theta2_tt, psi2_tt, = a
+    w0 = f.cos(phi1)
+    w1 = f.cos(psi1)
+    w2 = w1*psi1_t
+    w3 = f.sin(psi1)
+    w4 = w3*psi1_t
+    w5 = first_1*w2 - first_2*w4
+    w6 = f.sin(theta2)
+    w7 = f.cos(psi2)
+    w8 = f.sin(psi2)
+    w9 = second_1*w7 - second_2*w8
+    w10 = f.cos(theta2)
+    w11 = second_3*w6 + w9*w10
+    w12 = second_1*w8 + w7*second_2
+    w13 = f.cos(phi2)
+    w14 = second_3*w10 - w6*w9
+    w15 = f.sin(phi2)
+    w16 = w12*w13 - w14*w15
+    w17 = w12*w15 + w13*w14
+    w18 = w11*base2_31 + w16*base2_32 + w17*base2_33
+    w19 = w11*base2_21 + w16*base2_22 + w17*base2_23
+    w20 = base2_11*w11 + base2_12*w16 + base2_13*w17
+    w21 = base1_33*w18 + base1_23*w19 + base1_13*w20
+    w22 = w5*w21
+    w23 = f.sin(theta1)
+    w24 = w23*theta1_t
+    w25 = first_1*w1 - first_2*w3
+    w26 = f.cos(theta1)
+    w27 = w26*theta1_t
+    w28 = first_1*w4 + first_2*w2
+    w29 = first_3*w24 + w25*w27 - w23*w28
+    w30 = base1_32*w18 + base1_22*w19 + base1_12*w20
+    w31 = w29*w30
+    w32 = first_3*w26 - w23*w25
+    w33 = first_1*w3 + w1*first_2
+    w34 = w32*w21 + w33*w30
+    w35 = phi1_t*w34
+    w36 = w10*theta2_t
+    w37 = w8*psi2_t
+    w38 = w7*psi2_t
+    w39 = second_1*w37 + second_2*w38
+    w40 = w6*theta2_t
+    w41 = second_3*w36 - (w10*w39 + w9*w40)
+    w42 = second_1*w38 - second_2*w37
+    w43 = w15*phi2_t
+    w44 = second_3*w40 + w9*w36 - w6*w39
+    w45 = w13*phi2_t
+    w46 = w13*w42 - w12*w43 - (w14*w45 - w15*w44)
+    w47 = w15*w42 + w12*w45 - (w14*w43 + w13*w44)
+    w48 = base2_31*w41 + base2_32*w46 + base2_33*w47
+    w49 = base2_21*w41 + base2_22*w46 + base2_23*w47
+    w50 = base2_11*w41 + base2_12*w46 + base2_13*w47
+    w51 = base1_33*w48 + base1_23*w49 + base1_13*w50
+    w52 = w33*w51
+    w53 = base1_32*w48 + base1_22*w49 + base1_12*w50
+    w54 = w32*w53
+    w55 = f.sin(phi1)
+    w56 = w29*w21
+    w57 = w33*w21 - w32*w30
+    w58 = phi1_t*w57
+    w59 = w5*w30
+    w60 = w32*w51
+    w61 = w33*w53
+    w62 = w0*(w22 + w31 - w35 + w52 - w54) - w55*(w58 - w56 + w59 + w60 + w61)
+    w63 = base1_31*w18 + base1_21*w19 + base1_11*w20
+    w64 = w28*w63
+    w65 = w0*w21 - w55*w30
+    w66 = first_3*w63 - w25*w65
+    w67 = theta1_t*w66
+    w68 = w55*phi1_t
+    w69 = w0*phi1_t
+    w70 = w68*w21 + w69*w30 - w0*w51 + w55*w53
+    w71 = first_3*w70
+    w72 = base1_31*w48 + base1_21*w49 + base1_11*w50
+    w73 = w25*w72
+    w74 = w28*w65
+    w75 = first_3*w65 + w25*w63
+    w76 = theta1_t*w75
+    w77 = w25*w70
+    w78 = first_3*w72
+    w79 = w26*(w74 - w76 + w77 + w78) - w23*(w67 - w64 - w71 + w73)
+    w80 = w55*w21 + w0*w30
+    w81 = w26*w63 - w23*w65
+    w82 = first_2*w80 + first_1*w81
+    w83 = psi1_t*w82
+    w84 = w69*w21 - w68*w30 + w55*w51 + w0*w53
+    w85 = first_1*w84
+    w86 = w23*w70 - w27*w65 - w24*w63 + w26*w72
+    w87 = first_2*w86
+    w88 = first_1*w80 - first_2*w81
+    w89 = psi1_t*w88
+    w90 = first_2*w84
+    w91 = first_1*w86
+    w92 = w1*(w83 - w85 + w87) + w3*(w89 + w90 + w91)
+    w93 = first_3*w23 + w25*w26
+    w94 = w33*w0 - w32*w55
+    w95 = w33*w55 + w0*w32
+    w96 = w93*base1_31 + w94*base1_32 + w95*base1_33
+    w97 = w93*base1_21 + w94*base1_22 + w95*base1_23
+    w98 = base1_11*w93 + base1_12*w94 + base1_13*w95
+    w99 = w96*base2_33 + w97*base2_23 + w98*base2_13
+    w100 = w42*w99
+    w101 = w96*base2_32 + w97*base2_22 + w98*base2_12
+    w102 = w44*w101
+    w103 = w14*w99 + w12*w101
+    w104 = phi2_t*w103
+    w105 = first_3*w27 - (w26*w28 + w25*w24)
+    w106 = w0*w5 - w33*w68 - (w32*w69 - w55*w29)
+    w107 = w55*w5 + w33*w69 - (w32*w68 + w0*w29)
+    w108 = base1_31*w105 + base1_32*w106 + base1_33*w107
+    w109 = base1_21*w105 + base1_22*w106 + base1_23*w107
+    w110 = base1_11*w105 + base1_12*w106 + base1_13*w107
+    w111 = base2_33*w108 + base2_23*w109 + base2_13*w110
+    w112 = w12*w111
+    w113 = base2_32*w108 + base2_22*w109 + base2_12*w110
+    w114 = w14*w113
+    w115 = w44*w99
+    w116 = w12*w99 - w14*w101
+    w117 = phi2_t*w116
+    w118 = w42*w101
+    w119 = w14*w111
+    w120 = w12*w113
+    w121 = w13*(w100 + w102 - w104 + w112 - w114) - w15*(w117 - w115 + w118 + w119 + w120)
+    w122 = w96*base2_31 + w97*base2_21 + w98*base2_11
+    w123 = w39*w122
+    w124 = w13*w99 - w15*w101
+    w125 = second_3*w122 - w9*w124
+    w126 = theta2_t*w125
+    w127 = w43*w99 + w45*w101 - w13*w111 + w15*w113
+    w128 = second_3*w127
+    w129 = base2_31*w108 + base2_21*w109 + base2_11*w110
+    w130 = w9*w129
+    w131 = w39*w124
+    w132 = second_3*w124 + w9*w122
+    w133 = theta2_t*w132
+    w134 = w9*w127
+    w135 = second_3*w129
+    w136 = w10*(w131 - w133 + w134 + w135) - w6*(w126 - w123 - w128 + w130)
+    w137 = w15*w99 + w13*w101
+    w138 = w10*w122 - w6*w124
+    w139 = second_2*w137 + second_1*w138
+    w140 = psi2_t*w139
+    w141 = w45*w99 - w43*w101 + w15*w111 + w13*w113
+    w142 = second_1*w141
+    w143 = w6*w127 - w36*w124 - w40*w122 + w10*w129
+    w144 = second_2*w143
+    w145 = second_1*w137 - second_2*w138
+    w146 = psi2_t*w145
+    w147 = second_2*w141
+    w148 = second_1*w143
+    w149 = w7*(w140 - w142 + w144) + w8*(w146 + w147 + w148)
+    w150 = w1*psi1_tt - psi1_t*w4
+    w151 = psi1_t*w2 + w3*psi1_tt
+    w152 = first_1*w150 - first_2*w151
+    w153 = theta1_t*w27 + w23*theta1_tt
+    w154 = w27*w28
+    w155 = w26*theta1_tt - theta1_t*w24
+    w156 = first_1*w151 + first_2*w150
+    w157 = first_3*w153 + w25*w155 - w154 - (w154 + w23*w156)
+    w158 = w10*theta2_tt - theta2_t*w40
+    w159 = w39*w40
+    w160 = psi2_t*w38 + w8*psi2_tt
+    w161 = w7*psi2_tt - psi2_t*w37
+    w162 = second_1*w160 + second_2*w161
+    w163 = theta2_t*w36 + w6*theta2_tt
+    w164 = second_3*w158 - (w10*w162 - w159 + w9*w163 - w159)
+    w165 = w42*w43
+    w166 = second_1*w161 - second_2*w160
+    w167 = phi2_t*w45 + w15*phi2_tt
+    w168 = w44*w45
+    w169 = w36*w39
+    w170 = second_3*w163 + w9*w158 - w169 - (w169 + w6*w162)
+    w171 = w13*phi2_tt - phi2_t*w43
+    w172 = w13*w166 - w165 - (w165 + w12*w167) - (w14*w171 - w168 - (w168 + w15*w170))
+    w173 = w42*w45
+    w174 = w43*w44
+    w175 = w173 + w15*w166 + w173 + w12*w171 - (w14*w167 - w174 + w13*w170 - w174)
+    w176 = base2_31*w164 + base2_32*w172 + base2_33*w175
+    w177 = base2_21*w164 + base2_22*w172 + base2_23*w175
+    w178 = base2_11*w164 + base2_12*w172 + base2_13*w175
+    w179 = base1_33*w176 + base1_23*w177 + base1_13*w178
+    w180 = base1_32*w176 + base1_22*w177 + base1_12*w178
+    w181 = w21*w152 + w30*w157 - phi1_tt*w34 + 2*w5*w51 + 2*w29*w53 - phi1_t*(w58 - 2*w56 + 2*w59 + 2*w60 + 2*w61) + w33*w179 - w32*w180
+    w182 = phi1_tt*w57 - w21*w157 + w30*w152 - 2*w29*w51 + phi1_t*(2*w22 + 2*w31 - w35 + 2*w52 - 2*w54) + 2*w5*w53 + w32*w179 + w33*w180
+    w183 = phi1_t*w69 + w55*phi1_tt
+    w184 = w0*phi1_tt - phi1_t*w68
+    w185 = w21*w183 + w30*w184 + 2*w68*w51 + 2*w69*w53 - w0*w179 + w55*w180
+    w186 = base1_31*w176 + base1_21*w177 + base1_11*w178
+    w187 = theta1_tt*w66 - w63*w156 - 2*w28*w72 + theta1_t*(2*w74 - w76 + 2*w77 + 2*w78) - first_3*w185 + w25*w186
+    w188 = w65*w156 - theta1_tt*w75 - 2*w28*w70 + theta1_t*(2*w64 - w67 + 2*w71 - 2*w73) + w25*w185 + first_3*w186
+    w189 = w21*w184 - w30*w183 + 2*w69*w51 - 2*w68*w53 + w55*w179 + w0*w180
+    w190 = 2*w27*w70 - w65*w155 - w63*w153 - 2*w24*w72 + w23*w185 + w26*w186
+    w191 = psi1_tt*w82 + psi1_t*(w89 + 2*w90 + 2*w91) - first_1*w189 + first_2*w190
+    w192 = psi1_tt*w88 - psi1_t*(w83 - 2*w85 + 2*w87) + first_2*w189 + first_1*w190
+    w193 = w28*w24
+    w194 = first_3*w155 - (w26*w156 - w193 + w25*w153 - w193)
+    w195 = w5*w68
+    w196 = w29*w69
+    w197 = w0*w152 - w195 - (w195 + w33*w183) - (w32*w184 - w196 - (w196 + w55*w157))
+    w198 = w5*w69
+    w199 = w68*w29
+    w200 = w198 + w55*w152 + w198 + w33*w184 - (w32*w183 - w199 + w0*w157 - w199)
+    w201 = base1_31*w194 + base1_32*w197 + base1_33*w200
+    w202 = base1_21*w194 + base1_22*w197 + base1_23*w200
+    w203 = base1_11*w194 + base1_12*w197 + base1_13*w200
+    w204 = base2_33*w201 + base2_23*w202 + base2_13*w203
+    w205 = base2_32*w201 + base2_22*w202 + base2_12*w203
+    w206 = w99*w166 + w101*w170 - phi2_tt*w103 + 2*w42*w111 + 2*w44*w113 - phi2_t*(w117 - 2*w115 + 2*w118 + 2*w119 + 2*w120) + w12*w204 - w14*w205
+    w207 = phi2_tt*w116 - w99*w170 + w101*w166 - 2*w44*w111 + phi2_t*(2*w100 + 2*w102 - w104 + 2*w112 - 2*w114) + 2*w42*w113 + w14*w204 + w12*w205
+    w208 = w99*w167 + w101*w171 + 2*w43*w111 + 2*w45*w113 - w13*w204 + w15*w205
+    w209 = base2_31*w201 + base2_21*w202 + base2_11*w203
+    w210 = theta2_tt*w125 - w122*w162 - 2*w39*w129 + theta2_t*(2*w131 - w133 + 2*w134 + 2*w135) - second_3*w208 + w9*w209
+    w211 = w124*w162 - theta2_tt*w132 - 2*w39*w127 + theta2_t*(2*w123 - w126 + 2*w128 - 2*w130) + w9*w208 + second_3*w209
+    w212 = w99*w171 - w101*w167 + 2*w45*w111 - 2*w43*w113 + w15*w204 + w13*w205
+    w213 = 2*w36*w127 - w124*w158 - w122*w163 - 2*w40*w129 + w6*w208 + w10*w209
+    w214 = psi2_tt*w139 + psi2_t*(w146 + 2*w147 + 2*w148) - second_1*w212 + second_2*w213
+    w215 = psi2_tt*w145 - psi2_t*(w140 - 2*w142 + 2*w144) + second_2*w212 + second_1*w213
+    return (
+        w62,
+        w79,
+        -w92,
+        w121,
+        w136,
+        -w149,
+        w0*w181 - w55*w182,
+        w26*w188 - w23*w187,
+        -(w1*w191 + w3*w192),
+        w13*w206 - w15*w207,
+        w10*w211 - w6*w210,
+        -(w7*w214 + w8*w215),
+        2*w62,
+        2*w79,
+        -2*w92,
+        2*w121,
+        2*w136,
+        -2*w149,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 3), (0, 4), (0, 5), (0, 9), (0, 10), (0, 11)),
+    'A_q': ((0, 3), (0, 4), (0, 5), (0, 9), (0, 10), (0, 11)),
+    'A_u': ((0, 3), (0, 4), (0, 5), (0, 9), (0, 10), (0, 11)),
+}

@@ -125,3 +125,101 @@ def linearize(f, q, u, p, s, nu):
 LINEARIZE = {
     'K': ((3, 3), (3, 4), (3, 5), (4, 3), (4, 4), (4, 5), (5, 3), (5, 4), (5, 5)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    _, _, _, phi1, theta1, psi1, = q
+    _, _, _, phi1_t, theta1_t, psi1_t, = u
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, point_1, point_2, point_3, direction_1, direction_2, direction_3, = p
+    _, _, _, phi1_tt, theta1_tt, psi1_tt, = a
+    w0 = f.cos(phi1)
+    w1 = f.cos(psi1)
+    w2 = w1*psi1_t
+    w3 = f.sin(psi1)
+    w4 = w3*psi1_t
+    w5 = point_1*w2 - point_2*w4
+    w6 = direction_3*base1_33 + direction_2*base1_23 + direction_1*base1_13
+    w7 = w5*w6
+    w8 = f.sin(theta1)
+    w9 = w8*theta1_t
+    w10 = point_1*w1 - point_2*w3
+    w11 = f.cos(theta1)
+    w12 = w11*theta1_t
+    w13 = point_1*w4 + point_2*w2
+    w14 = point_3*w9 + w10*w12 - w8*w13
+    w15 = direction_3*base1_32 + direction_2*base1_22 + direction_1*base1_12
+    w16 = w14*w15
+    w17 = point_3*w11 - w8*w10
+    w18 = point_1*w3 + w1*point_2
+    w19 = w17*w6 + w18*w15
+    w20 = phi1_t*w19
+    w21 = f.sin(phi1)
+    w22 = w14*w6
+    w23 = w18*w6 - w17*w15
+    w24 = phi1_t*w23
+    w25 = w5*w15
+    w26 = w0*(w7 + w16 - w20) - w21*(w24 - w22 + w25)
+    w27 = direction_3*base1_31 + direction_2*base1_21 + direction_1*base1_11
+    w28 = w13*w27
+    w29 = w0*w6 - w21*w15
+    w30 = point_3*w27 - w10*w29
+    w31 = theta1_t*w30
+    w32 = w21*phi1_t
+    w33 = w0*phi1_t
+    w34 = w32*w6 + w33*w15
+    w35 = point_3*w34
+    w36 = w13*w29
+    w37 = point_3*w29 + w10*w27
+    w38 = theta1_t*w37
+    w39 = w10*w34
+    w40 = w8*(w28 - w31 + w35) + w11*(w36 - w38 + w39)
+    w41 = w21*w6 + w0*w15
+    w42 = w11*w27 - w8*w29
+    w43 = point_2*w41 + point_1*w42
+    w44 = psi1_t*w43
+    w45 = w33*w6 - w32*w15
+    w46 = point_1*w45
+    w47 = w12*w29 + w9*w27 - w8*w34
+    w48 = point_2*w47
+    w49 = point_1*w41 - point_2*w42
+    w50 = psi1_t*w49
+    w51 = point_2*w45
+    w52 = point_1*w47
+    w53 = w1*(w46 - w44 + w48) - w3*(w50 + w51 - w52)
+    w54 = w1*psi1_tt - psi1_t*w4
+    w55 = psi1_t*w2 + w3*psi1_tt
+    w56 = point_1*w54 - point_2*w55
+    w57 = theta1_t*w12 + w8*theta1_tt
+    w58 = w12*w13
+    w59 = w11*theta1_tt - theta1_t*w9
+    w60 = point_1*w55 + point_2*w54
+    w61 = point_3*w57 + w10*w59 - w58 - (w58 + w8*w60)
+    w62 = w6*w56 + w15*w61 - phi1_tt*w19 - phi1_t*(w24 - 2*w22 + 2*w25)
+    w63 = w21*(phi1_tt*w23 - w6*w61 + w15*w56 + phi1_t*(2*w7 + 2*w16 - w20))
+    w64 = phi1_t*w33 + w21*phi1_tt
+    w65 = w0*phi1_tt - phi1_t*w32
+    w66 = w6*w64 + w15*w65
+    w67 = theta1_tt*w30 - w27*w60 + theta1_t*(2*w36 - w38 + 2*w39) - point_3*w66
+    w68 = w29*w60 - theta1_tt*w37 - 2*w13*w34 + theta1_t*(2*w28 - w31 + 2*w35) + w10*w66
+    w69 = w6*w65 - w15*w64
+    w70 = 2*w12*w34 - w29*w59 - w27*w57 + w8*w66
+    w71 = psi1_tt*w43 + psi1_t*(w50 + 2*w51 - 2*w52) - point_1*w69 + point_2*w70
+    w72 = psi1_tt*w49 + psi1_t*(2*w46 - w44 + 2*w48) + point_2*w69 + point_1*w70
+    return (
+        w26,
+        w40,
+        w53,
+        w0*w62 - w63,
+        w11*w68 - w8*w67,
+        -(w1*w71 + w3*w72),
+        2*w26,
+        2*w40,
+        2*w53,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 3), (0, 4), (0, 5)),
+    'A_q': ((0, 3), (0, 4), (0, 5)),
+    'A_u': ((0, 3), (0, 4), (0, 5)),
+}

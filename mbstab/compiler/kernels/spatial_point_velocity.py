@@ -166,3 +166,132 @@ LINEARIZE = {
     'R': (),
     'D': ((0, 3), (0, 4), (0, 5)),
 }
+
+
+def linearize_rows(f, q, u, p, s, a):
+    _, _, _, phi1, theta1, psi1, = q
+    _, _, _, phi1_t, theta1_t, psi1_t, = u
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, point_1, point_2, point_3, direction_1, direction_2, direction_3, = p
+    _, _, _, phi1_tt, theta1_tt, psi1_tt, = a
+    w0 = f.sin(phi1)
+    w1 = f.cos(psi1)
+    w2 = w1*psi1_t
+    w3 = f.sin(psi1)
+    w4 = w3*psi1_t
+    w5 = point_1*w2 - point_2*w4
+    w6 = point_1*w3 + point_2*w1
+    w7 = f.cos(phi1)
+    w8 = phi1_t*w7
+    w9 = f.sin(theta1)
+    w10 = w9*theta1_t
+    w11 = point_1*w4 + point_2*w2
+    w12 = point_1*w1 - w3*point_2
+    w13 = f.cos(theta1)
+    w14 = w13*theta1_t
+    w15 = point_3*w10 + w12*w14 - w9*w11
+    w16 = point_3*w13 - w12*w9
+    w17 = phi1_t*w0
+    w18 = w0*w5 + w6*w8 - (w7*w15 + w16*w17)
+    w19 = w7*w5 - w6*w17 - (w16*w8 - w0*w15)
+    w20 = direction_1*(base1_13*w19 - base1_12*w18) + direction_2*(base1_23*w19 - base1_22*w18) + direction_3*(base1_33*w19 - base1_32*w18)
+    w21 = point_3*w9 + w13*w12
+    w22 = base1_13*w21
+    w23 = point_3*w14 - (w12*w10 + w13*w11)
+    w24 = w7*base1_13
+    w25 = base1_12*w21
+    w26 = base1_12*w0
+    w27 = direction_1*(base1_11*w15 + w23*w24 - w17*w22 - (w8*w25 + w23*w26))
+    w28 = w21*base1_23
+    w29 = w7*base1_23
+    w30 = w21*base1_22
+    w31 = w0*base1_22
+    w32 = direction_2*(base1_21*w15 + w23*w29 - w17*w28 - (w8*w30 + w23*w31))
+    w33 = w21*base1_33
+    w34 = w7*base1_33
+    w35 = w21*base1_32
+    w36 = w0*base1_32
+    w37 = direction_3*(base1_31*w15 + w23*w34 - w17*w33 - (w8*w35 + w23*w36))
+    w38 = w27 + w32 + w37
+    w39 = w0*w9
+    w40 = w6*w9
+    w41 = w6*w0
+    w42 = w7*w11 + w12*w17 + w5*w39 + w8*w40 + w41*w14
+    w43 = w9*w7
+    w44 = w6*w7
+    w45 = w12*w8 - w0*w11 + w5*w43 + w44*w14 - w17*w40
+    w46 = w13*base1_11
+    w47 = w6*base1_11
+    w48 = w13*base1_21
+    w49 = w6*base1_21
+    w50 = w13*base1_31
+    w51 = w6*base1_31
+    w52 = direction_1*(base1_12*w42 - base1_13*w45 + w5*w46 - w10*w47) + direction_2*(base1_22*w42 - base1_23*w45 + w5*w48 - w10*w49) + direction_3*(base1_32*w42 - base1_33*w45 + w5*w50 - w10*w51)
+    w53 = theta1_t*direction_3
+    w54 = w23*w53
+    w55 = theta1_t*direction_2
+    w56 = w23*w55
+    w57 = direction_1*theta1_t
+    w58 = w23*w57
+    w59 = psi1_t*direction_3
+    w60 = psi1_t*direction_2
+    w61 = direction_1*psi1_t
+    w62 = base1_33*w59 + base1_23*w60 + base1_13*w61
+    w63 = w5*w62
+    w64 = base1_32*w59 + base1_22*w60 + base1_12*w61
+    w65 = phi1_t*direction_3
+    w66 = phi1_t*direction_2
+    w67 = direction_1*phi1_t
+    w68 = base1_33*w65 + base1_23*w66 + base1_13*w67
+    w69 = base1_32*w65 + base1_22*w66 + base1_12*w67
+    w70 = w35*w53 + w30*w55 + w25*w57 + w12*w62 - w40*w64 - w16*w68 - w6*w69
+    w71 = direction_3*theta1_tt
+    w72 = direction_2*theta1_tt
+    w73 = direction_1*theta1_tt
+    w74 = direction_3*psi1_tt
+    w75 = direction_2*psi1_tt
+    w76 = direction_1*psi1_tt
+    w77 = base1_33*w74 + base1_23*w75 + base1_13*w76
+    w78 = base1_32*w74 + base1_22*w75 + base1_12*w76
+    w79 = direction_3*phi1_tt
+    w80 = direction_2*phi1_tt
+    w81 = direction_1*phi1_tt
+    w82 = base1_33*w79 + base1_23*w80 + base1_13*w81
+    w83 = w14*w62 + w82
+    w84 = base1_32*w79 + base1_22*w80 + base1_12*w81
+    w85 = base1_33*w54 + base1_23*w56 + base1_13*w58 - w9*w63 + w11*w64 - w5*w68 - w15*w69 - phi1_t*w70 + w33*w71 + w28*w72 + w22*w73 - w40*w77 - w12*w78 - w6*w83 + w16*w84
+    w86 = w5*w64
+    w87 = w33*w53 + w28*w55 + w22*w57 - w40*w62 - w12*w64 - w6*w68 + w16*w69
+    w88 = w14*w64 + w84
+    w89 = base1_32*w54 + base1_22*w56 + base1_12*w58 - w11*w62 - w9*w86 + w15*w68 + phi1_t*w87 - w5*w69 + w35*w71 + w30*w72 + w25*w73 + w12*w77 - w40*w78 - w16*w82 - w6*w88
+    w90 = w17*w62 + w8*w64
+    w91 = base1_31*w53 + base1_21*w55 + base1_11*w57 - w0*w68 - w7*w69
+    w92 = w36*w53 - w34*w53 + w31*w55 - w29*w55 + w26*w57 - w24*w57
+    w93 = theta1_t*(w51*w59 + w49*w60 - w12*w92 + w47*w61 - point_3*w91)
+    w94 = base1_32*w8*w53 + base1_33*w17*w53 + base1_22*w8*w55 + base1_23*w17*w55 + base1_12*w8*w57 + base1_13*w17*w57 + w36*w71 - w34*w71 + w31*w72 - w29*w72 + w26*w73 - w24*w73
+    w95 = w17*w69 - w8*w68 + base1_31*w71 + base1_21*w72 + base1_11*w73 - w0*w82 - w7*w84
+    w96 = w7*w63 - w6*w90 - w0*w86 + w11*w91 + w93 + point_3*w94 + w44*w77 - w41*w78 - w12*w95
+    w97 = base1_31*w5*w59 + base1_21*w5*w60 + w11*w92 + base1_11*w5*w61 - theta1_t*(point_3*w92 + w44*w62 - w41*w64 - w12*w91) + w51*w74 + w49*w75 - w12*w94 + w47*w76 - point_3*w95
+    w98 = w13*w92 + w0*w62 + w7*w64 - w9*w91
+    w99 = w50*w59 + w48*w60 + w46*w61 - w43*w62 + w39*w64 - w7*w68 + w0*w69
+    w100 = w8*w62 - w10*w92 - w17*w64 - w14*w91 + w13*w94 + w0*w77 + w7*w78 - w9*w95
+    w101 = w9*w90 - base1_31*w10*w59 - base1_21*w10*w60 - base1_11*w10*w61 + w17*w68 + w8*w69 + w50*w74 + w48*w75 + w46*w76 - w43*w77 + w39*w78 - w7*w83 + w0*w88
+    w102 = psi1_t*(point_2*w98 + point_1*w99) - point_1*w100 + point_2*w101
+    w103 = psi1_t*(point_1*w98 - point_2*w99) + point_2*w100 + point_1*w101
+    return (
+        w20,
+        -w38,
+        -w52,
+        w0*w85 + w7*w89,
+        w13*w96 + w9*w97,
+        w3*w102 - w1*w103,
+        2*w20,
+        -2*w38,
+        -2*w52,
+    )
+
+
+LINEARIZE_ROWS = {
+    'V_q': ((0, 3), (0, 4), (0, 5)),
+    'A_q': ((0, 3), (0, 4), (0, 5)),
+    'A_u': ((0, 3), (0, 4), (0, 5)),
+}

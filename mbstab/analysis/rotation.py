@@ -1,0 +1,97 @@
+"""Orientation of bodies in numbers: rotations, Euler angles and their rates.
+
+With A = B Ax(φ) Ay(θ) Az(ψ) the angular velocity in ground axes is ω = G(φ, θ) [φ̇, θ̇, ψ̇]; ψ enters nothing.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbstab.compiler.system import Array
+from mbstab.model.arithmetic import FLOAT
+from mbstab.model.values import BodyValues, euler_matrix
+
+
+def cross_matrix(axis: Array) -> Array:
+    """Return the matrix of axis ×."""
+    return np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+
+
+def rotation_matrix(axis: Array, angle: float) -> Array:
+    """Return the rotation about a unit axis by an angle (rad)."""
+    cross = cross_matrix(axis)
+    result: Array = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+    return result
+
+
+def base_rotation(body: BodyValues) -> Array:
+    """Return B, shape (3, 3)."""
+    return np.array(body.base, dtype=float).reshape(3, 3)
+
+
+def orientation(body: BodyValues, angles: Array) -> Array:
+    """Return A, shape (3, 3)."""
+    result: Array = base_rotation(body) @ np.array(euler_matrix(tuple(angles), FLOAT)).reshape(3, 3)
+    return result
+
+
+def euler_angles(body: BodyValues, rotation: Array, near: Array) -> Array:
+    """Return the angles of a rotation, of all that describe it those closest to given ones."""
+    inner: Array = base_rotation(body).T @ rotation
+    theta = math.asin(max(-1.0, min(1.0, inner[0, 2])))
+    phi, psi = math.atan2(-inner[1, 2], inner[2, 2]), math.atan2(-inner[0, 1], inner[0, 0])
+    if math.cos(near[1]) < 0.0:
+        phi, theta, psi = phi + math.pi, math.pi - theta, psi + math.pi
+    angles = np.array([phi, theta, psi])
+    result: Array = angles + 2.0 * math.pi * np.round((near - angles) / (2.0 * math.pi))
+    return result
+
+
+def rate_matrix(body: BodyValues, angles: Array) -> Array:
+    """Return G, the matrix from Euler rates to the angular velocity in ground axes."""
+    (c1, s1), (c2, s2) = ((math.cos(x), math.sin(x)) for x in angles[:2])
+    result: Array = base_rotation(body) @ np.array([[1.0, 0.0, s2], [0.0, c1, -s1 * c2], [0.0, s1, c1 * c2]])
+    return result
+
+
+def turning_rates(body: BodyValues, angles: Array, axis: Array) -> tuple[Array, Array, Array]:
+    """Return what a turn of the ground about an axis at 1 rad/s does to the angles of a body.
+
+    Returns
+    -------
+    X : ndarray, shape (3,)
+        Euler rates, G⁻¹ axis.
+    slope : ndarray, shape (3, 3)
+        ∂X/∂(angles).
+    growth : ndarray, shape (3, 3)
+        Rate of the slope along X.
+    """
+    w1, w2, w3 = base_rotation(body).T @ axis
+    (c1, s1), (c2, t2) = (math.cos(angles[0]), math.sin(angles[0])), (math.cos(angles[1]), math.tan(angles[1]))
+    x, y, sec = c1 * w2 + s1 * w3, c1 * w3 - s1 * w2, 1.0 / c2
+    X = np.array([w1 - t2 * y, x, sec * y])
+    slope = np.array([[t2 * x, -sec * sec * y, 0.0], [y, 0.0, 0.0], [-sec * x, sec * t2 * y, 0.0]])
+    # Along X: ẋ = y φ̇, ẏ = −x φ̇, d(tan θ)/dt = θ̇/cos²θ, d(1/cos θ)/dt = θ̇ tan θ/cos θ.
+    x_t, y_t = y * X[0], -x * X[0]
+    t_t, sec_t = sec * sec * X[1], sec * t2 * X[1]
+    growth = np.array(
+        [
+            [t_t * x + t2 * x_t, -2.0 * sec * sec_t * y - sec * sec * y_t, 0.0],
+            [y_t, 0.0, 0.0],
+            [-sec_t * x - sec * x_t, (sec_t * t2 + sec * t_t) * y + sec * t2 * y_t, 0.0],
+        ]
+    )
+    return X, slope, growth
+
+
+def rate_drift(body: BodyValues, angles: Array, rates: Array) -> Array:
+    """Return Ġ times the Euler rates, the part of the angular acceleration that their accelerations do not explain."""
+    (c1, s1), (c2, s2) = ((math.cos(x), math.sin(x)) for x in angles[:2])
+    p, t, s = rates
+    drift = np.array(
+        [t * s * c2, -p * t * s1 - p * s * c1 * c2 + t * s * s1 * s2, p * t * c1 - p * s * s1 * c2 - t * s * c1 * s2]
+    )
+    result: Array = base_rotation(body) @ drift
+    return result

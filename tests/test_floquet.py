@@ -1,0 +1,438 @@
+"""Multipliers of periodic motions: against closed forms, Hill's equation and constant coefficients."""
+
+import functools
+import math
+import re
+
+import numpy as np
+import pytest
+import scipy.linalg
+from scipy.integrate import solve_ivp
+from scipy.special import ellipe, ellipk
+
+import mbstab
+from mbstab.analysis import floquet
+from mbstab.analysis.eigen import matched
+from mbstab.analysis.floquet import monodromy
+from mbstab.analysis.linearize import linearize, state_space
+from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError
+from mbstab.model.library import installed_models
+
+MODELS = {path.stem: path for path in installed_models()}
+
+
+def of(model, period, progress=None, **parameters):
+    """Return the monodromy matrix of the motion that a model describes."""
+    return monodromy(model.system(**parameters), model.motion(**parameters), period, progress)
+
+
+def multipliers(found):
+    return np.linalg.eigvals(found.Phi)
+
+
+# --- constant coefficients ------------------------------------------------------------------------------------------
+
+
+CONSTANT = {
+    "pendulum": 2.3,
+    "double_pendulum": 1.1,
+    "four_bar": 1.7,
+    "slider_crank": 0.9,
+    "trailer": 1.3,
+    "chaplygin_sleigh": 1.9,
+    "rolling_disk": 0.7,
+    "rolling_torus": 1.1,
+    "wheeled_inverted_pendulum": 0.4,
+    "whipple_bicycle": 0.8,
+}
+
+
+@pytest.mark.parametrize("name", CONSTANT)
+def test_the_monodromy_matrix_of_constant_coefficients_is_their_exponential(name):
+    model, T = mbstab.load(MODELS[name]), CONSTANT[name]
+    system, motion = model.system(), model.motion()
+    found = monodromy(system, motion, T)
+    A = state_space(linearize(system, motion, frozen=True)).A
+    units = np.concatenate([np.ones(found.n_xi), np.full(len(A) - found.n_xi, T)])
+    expected = units[:, None] * scipy.linalg.expm(A * T) / units
+    size = np.linalg.norm(expected, 2)
+    error = np.linalg.norm(found.Phi - expected, 2)
+    assert error < 1e-11 * size
+    assert error < found.error + 1e-14 * size < 1e-10 * size
+
+
+def test_multipliers_of_a_pendulum_are_exponentials_of_its_eigenvalues():
+    model = mbstab.load(MODELS["pendulum"])
+    expected = np.exp(np.array([1j, -1j]) * math.sqrt(3.0 * 9.81 / 0.8) * 2.3)
+    np.testing.assert_array_less(matched(multipliers(of(model, 2.3)), expected), 1e-10)
+
+
+# --- parametric excitation ------------------------------------------------------------------------------------------
+
+A, L, G = 0.03, 0.2, 9.81
+
+KAPITZA = """
+mbstab: 1
+parameters: {{m: 1.5, L: {{value: 0.2, unit: m}}, A: {{value: 0.03, unit: m}}, w: {{value: 120, unit: rad/s}}}}
+gravity: [0, -9.81]
+bodies:
+  rod: {{type: planar, mass: m, inertia: m*L**2/3, points: {{O: [-L, 0]}}}}
+{support}
+reference:
+  coordinates:
+    rod: {{x: 0, y: {side}*L, theta: {side}*pi/2}}
+  rates:
+    rod: {{theta: 0}}
+"""
+
+DRIVES = """
+drives:
+  sideways: {type: point, at: rod.O, direction: x, position: "0"}
+  up: {type: point, at: rod.O, direction: y, position: A*sin(w*t)}
+"""
+
+EXPRESSIONS = """
+constraints:
+  sideways: {holonomic: rod.x - L*cos(rod.theta)}
+  up: {holonomic: rod.y - L*sin(rod.theta) - A*sin(w*t)}
+"""
+
+GIVEN_RATE = """
+drives:
+  sideways: {type: point, at: rod.O, direction: x, position: "0"}
+  up: {type: point, at: rod.O, direction: y, velocity: A*w*cos(w*t)}
+"""
+
+TWICE = (
+    DRIVES
+    + """
+  sideways_again: {type: point, at: rod.O, direction: x, position: "0"}
+  up_again: {type: point, at: rod.O, direction: [1, 1], position: A*sin(w*t)/sqrt(2)}
+"""
+)
+
+
+def kapitza(side, support=DRIVES):
+    return mbstab.loads(KAPITZA.format(side=side, support=support))
+
+
+@functools.cache
+def hill(side, w):
+    """Return the multipliers of (4/3) L φ″ = side · (g − A w² sin w t) φ: gravity in the frame of the pivot."""
+
+    def slope(t, y):
+        return [y[1], side * 3.0 / (4.0 * L) * (G - A * w * w * math.sin(w * t)) * y[0]]
+
+    columns = [
+        solve_ivp(slope, (0.0, 2.0 * math.pi / w), y, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+        for y in ([1.0, 0.0], [0.0, w])
+    ]
+    phi = np.array(columns).T
+    phi[1] /= w
+    # φ″ = f(t) φ conserves areas: eigenvalues from the trace keep the digits of a double root.
+    half = np.trace(phi) / 2.0
+    root = np.emath.sqrt(half * half - 1.0)
+    return np.array([half + root, half - root])
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("w", [60.0, 120.0, 25.0])
+def test_a_pendulum_on_a_shaken_pivot_has_the_multipliers_of_hills_equation(side, w):
+    found = of(kapitza(side), 2.0 * math.pi / w, w=w)
+    expected = hill(side, w)
+    assert found.Phi.shape == (2, 2)
+    assert np.trace(found.Phi) == pytest.approx(float(sum(expected).real), rel=1e-11)
+    np.testing.assert_array_less(matched(multipliers(found), expected), 1e-9 * np.max(np.abs(expected)))
+    # It stands if it is shaken fast enough: A w > sqrt(2 g (4/3) L) = 76 A / s.
+    if side == 1:
+        assert (np.max(np.abs(expected)) > 1.0 + 1e-6) == (w < 76.0)
+
+
+@pytest.mark.parametrize("support", [EXPRESSIONS, TWICE], ids=["expressions", "redundant"])
+def test_the_same_pivot_in_other_words_gives_the_same_multipliers(support):
+    found = of(kapitza(1, support), 2.0 * math.pi / 120.0)
+    np.testing.assert_array_less(matched(multipliers(found), hill(1, 120.0)), 1e-9)
+    assert found.drift < 1e-12
+
+
+def test_a_pivot_with_given_rate_adds_the_multiplier_one_of_its_height():
+    found = of(kapitza(1, GIVEN_RATE), 2.0 * math.pi / 120.0)
+    np.testing.assert_array_less(matched(multipliers(found), [*hill(1, 120.0), 1.0]), 1e-9)
+
+
+def test_the_period_may_be_any_multiple():
+    once, twice = (of(kapitza(1), n * 2.0 * math.pi / 60.0, w=60.0) for n in (1, 2))
+    half = np.diag([1.0, 0.5])  # speeds are in units of 1/T
+    np.testing.assert_allclose(half @ twice.Phi @ np.linalg.inv(half), once.Phi @ once.Phi, rtol=1e-10)
+
+
+# --- nonholonomic ---------------------------------------------------------------------------------------------------
+
+TOWED = """
+mbstab: 1
+parameters:
+  L: {value: 4, unit: m}
+  v: {value: 6, unit: m/s}
+  w: {value: 3, unit: rad/s}
+bodies:
+  trailer: {type: planar, mass: 1000, inertia: 1500, points: {hitch: [L/2, 0], axle: [-L/2, 0]}}
+drives:
+  tow_along: {type: point, at: trailer.hitch, direction: x, position: v*(t + sin(w*t)/(2*w))}
+  tow_across: {type: point, at: trailer.hitch, direction: y, position: "0"}
+contacts:
+  axle: {type: knife_edge, at: trailer.axle, along: x}
+reference:
+  coordinates:
+    trailer: {x: -L/2, y: 0, theta: 0}
+"""
+
+
+@pytest.mark.parametrize("v", [6.0, -2.5])
+def test_a_trailer_towed_with_periodic_speed_decays_by_the_way_it_makes(v):
+    T = 2.0 * math.pi / 3.0
+    found = of(mbstab.loads(TOWED), T, v=v)
+    assert found.Phi == pytest.approx(np.array([[math.exp(-v * T / 4.0)]]), rel=1e-11)
+    assert found.advance[0] == pytest.approx(v * T, rel=1e-12)
+
+
+# --- rotors ---------------------------------------------------------------------------------------------------------
+
+ROTOR = """
+mbstab: 1
+parameters: {{I_1: 0.02, I_2: 0.03, I_3: {{value: 0.025}}, k: 40, h: {{value: 0.1, unit: m}}, Omega: {{value: 7}}}}
+bodies:
+  rotor: {{type: spatial, mass: 2, inertia: [I_1, I_2, I_3], points: {{top: [0, 0, h], foot: [0, 0, -h]}}}}
+ground:
+  points: {{above: [0, 0, 3*h], below: [0, 0, -3*h]}}
+{springs}
+reference:
+  coordinates:
+    rotor: {{x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0.3}}
+  rates:
+    rotor: {{x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: Omega}}
+"""
+
+SPRINGS = """
+forces:
+  upper: {type: spring, between: [rotor.top, ground.above], stiffness: k, length: 0}
+  lower: {type: spring, between: [rotor.foot, ground.below], stiffness: k, length: 0}
+"""
+
+
+def test_a_body_turning_about_its_middle_axis_has_the_growth_of_eulers_equations():
+    # About z with the last Euler angle: the coefficients turn with the body.
+    found = of(mbstab.loads(ROTOR.format(springs="")), 2.0 * math.pi / 7.0)
+    growth = math.sqrt((0.025 - 0.02) * (0.03 - 0.025) / (0.02 * 0.03)) * 2.0 * math.pi
+    values = multipliers(found)
+    for expected in (math.exp(growth), math.exp(-growth)):
+        assert np.min(np.abs(values - expected)) < 1e-10 * math.exp(growth)
+    assert found.Phi.shape == (12, 12)
+    # Only the direction of the axis and the six motions of the centre are left, all at 1 in Jordan blocks.
+    assert np.sum(np.abs(values - 1.0) < 1e-4) == 10
+
+
+def tilting(Omega, stiffness):
+    """Return the exponents of a spinning body held upright by a potential, in the axes of the body.
+
+    I_1 ω̇_1 − (I_2 − I_3) Ω ω_2 = −κ α, I_2 ω̇_2 − (I_3 − I_1) Ω ω_1 = −κ β with ω = (α̇ − Ω β, β̇ + Ω α).
+    """
+    I_1, I_2, I_3 = 0.02, 0.03, 0.025
+    M = np.diag([I_1, I_2])
+    R = Omega * np.array([[0.0, I_3 - I_1 - I_2], [I_1 + I_2 - I_3, 0.0]])
+    K = np.diag([stiffness + Omega**2 * (I_3 - I_2), stiffness + Omega**2 * (I_3 - I_1)])
+    return np.linalg.eigvals(
+        np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, K), -np.linalg.solve(M, R)]])
+    )
+
+
+@pytest.mark.parametrize("Omega", [7.0, 60.0])
+def test_an_unround_rotor_on_springs_has_the_multipliers_of_its_own_axes(Omega):
+    T = 2.0 * math.pi / Omega
+    found = of(mbstab.loads(ROTOR.format(springs=SPRINGS)), T, Omega=Omega)
+    # Springs without rest length pull on hn with k (3h − h n)…: the potential is 2 k h · 3h (1 − n_z).
+    tilt, shake = tilting(Omega, 2.0 * 40.0 * 0.1 * 0.3), 1j * math.sqrt(2.0 * 40.0 / 2.0)
+    expected = np.exp(np.array([*tilt, *3 * [shake, -shake], 0.0, 0.0]) * T)
+    errors = matched(multipliers(found), expected)
+    # The angle about the axis: the double multiplier 1 in one Jordan block.
+    errors[np.argsort(np.abs(expected - 1.0))[:2]] /= 1e5
+    np.testing.assert_array_less(errors, 1e-10 * np.max(np.abs(expected)))
+
+
+# --- a motion that is not uniform -----------------------------------------------------------------------------------
+
+SWINGING = """
+mbstab: 1
+parameters: {m: 1.5, L: {value: 0.2, unit: m}, spin: {value: 9, unit: rad/s}}
+gravity: [0, -9.81]
+bodies:
+  rod: {type: planar, mass: m, inertia: m*L**2/3, points: {O: [-L, 0]}}
+joints:
+  pivot: {type: revolute, between: [rod.O, ground]}
+reference:
+  coordinates:
+    rod: {x: 0, y: -L, theta: -pi/2}
+  rates:
+    rod: {theta: spin}
+"""
+
+
+def test_a_swinging_pendulum_shears_as_its_period_depends_on_the_rate():
+    own, rate = math.sqrt(3.0 * G / (4.0 * L)), 9.0
+    k = rate / (2.0 * own)
+    T = 4.0 * ellipk(k * k) / own
+    slope = 4.0 / own * (ellipe(k * k) / (k * (1.0 - k * k)) - ellipk(k * k) / k) / (2.0 * own)  # dT/drate
+    model = mbstab.loads(SWINGING)
+    found, motion = of(model, T), model.motion()
+    # Through the lowest point with a little more speed: later by that part of the period, with the same speed.
+    start = found.to_components @ np.array([0, 0, 0, L, 0, 1.0])
+    theta, rate_after = (x @ found.Phi @ start for x in (found.to_coordinates[2], found.to_rates[2]))
+    assert theta == pytest.approx(-rate * slope, rel=1e-10)
+    assert rate_after == pytest.approx(1.0, rel=1e-10)
+    along = found.to_components @ np.concatenate([motion.u, motion.a])
+    np.testing.assert_allclose(found.Phi @ along, along, rtol=0, atol=1e-10 * np.linalg.norm(along))
+
+
+def test_whole_turns_are_a_return():
+    own, rate = math.sqrt(3.0 * G / (4.0 * L)), 30.0
+    T = 4.0 / rate * ellipk((2.0 * own / rate) ** 2)
+    found = of(mbstab.loads(SWINGING), T, spin=rate)
+    np.testing.assert_allclose(found.advance, [0.0, 0.0, 2.0 * math.pi], rtol=0, atol=1e-10)
+    assert np.trace(found.Phi) == pytest.approx(2.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["rolling_disk", "whipple_bicycle", "four_bar"])
+def test_components_and_disturbances_are_inverse(name):
+    model = mbstab.load(MODELS[name])
+    found = of(model, 0.1)
+    disturbances = np.vstack([found.to_coordinates, found.to_rates])
+    np.testing.assert_allclose(found.to_components @ disturbances, np.eye(len(found.Phi)), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["whipple_bicycle", "rolling_disk", "slider_crank", "trailer", "top"])
+def test_neighbours_move_as_differences_of_motions_do(name):
+    # At a state in motion off symmetry; accelerations are defined beside the constraints as well.
+    model = mbstab.load(MODELS[name])
+    flow = floquet._Flow(model.system(), model.motion(), 0.7)
+    rng = np.random.default_rng(3)
+    x = flow.begin + 0.1 * rng.uniform(-1.0, 1.0, flow.begin.shape)
+    units = np.stack([flow.scale, flow.scale]) / flow.sizes  # neighbours are in other units than the motion
+    expected = []
+    for column in x.T[1:]:
+        step = 1e-5 * column.T * units
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = x.copy()
+            moved[:, :, 0] += sign * step
+            ends.append(flow.slope(0.3, moved)[:, :, 0])
+        expected.append((ends[0] - ends[1]) / (2e-5 * units))
+    expected = np.array(expected).transpose(1, 2, 0)
+    found = flow.slope(0.3, x)[:, :, 1:]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.max(np.abs(expected)))
+
+
+# --- refusals -------------------------------------------------------------------------------------------------------
+
+PARAMETRIC = """
+mbstab: 1
+bodies: {bob: {type: point, mass: 1}}
+forces:
+  spring: {type: expression, on: {bob.x: -(3 + cos(2*t))*bob.x, bob.y: -bob.y}}
+reference:
+  coordinates: {bob: {x: 0, y: 0}}
+"""
+
+
+def refusal(*arguments, **parameters):
+    with pytest.raises(ModelFileError) as caught:
+        of(*arguments, **parameters)
+    return str(caught.value)
+
+
+def test_a_rate_that_does_not_repeat_is_named_with_its_difference():
+    text = refusal(kapitza(1), 0.05)
+    found = re.search(r"the motion does not repeat after 0\.05 s: the rate of rod\.y differs by (\S+) m/s", text)
+    assert float(found[1]) == pytest.approx(A * 120.0 * (math.cos(6.0) - 1.0), rel=1e-5)
+    assert "hint: give the period after which everything repeats" in text
+
+
+def test_a_pendulum_that_swings_differently_is_refused():
+    text = refusal(mbstab.loads(SWINGING), 1.0)
+    assert re.search(r"the rate of rod\.x differs by -1\.815\d+ m/s", text)
+
+
+def test_the_smallest_difference_of_the_period_that_shows_is_refused():
+    T = 2.0 * math.pi / 120.0
+    of(kapitza(1), T * (1.0 + 1e-9))
+    assert "the acceleration of rod.y differs by" in refusal(kapitza(1), T * (1.0 + 1e-6))
+
+
+def test_coefficients_that_do_not_repeat_are_given_functions_of_another_period():
+    assert of(mbstab.loads(PARAMETRIC), math.pi).error < 1e-9
+    text = refusal(mbstab.loads(PARAMETRIC), 1.0)
+    assert "small motions have other coefficients after 1 s" in text
+    assert "given functions of time do not have this period" in text
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, math.inf, math.nan])
+def test_a_period_is_a_positive_number(period):
+    with pytest.raises(UsageError, match="the period must be a positive number of seconds"):
+        of(mbstab.load(MODELS["pendulum"]), period)
+
+
+def test_a_period_that_takes_too_many_steps_is_refused(monkeypatch):
+    monkeypatch.setattr(floquet, "MAX_EVALUATIONS", 500)
+    with pytest.raises(NumericalError, match=r"more than 500 evaluations: \d+\.\d+% of the period was done"):
+        of(mbstab.load(MODELS["pendulum"]), 100.0)
+
+
+FOLDING = """
+mbstab: 1
+ground:
+  points: {B: [1, 0]}
+bodies:
+  left: {type: planar, mass: 1, inertia: 0.1, points: {A: [-0.5, 0], C: [0.5, 0]}}
+  right: {type: planar, mass: 1, inertia: 0.1, points: {B: [-0.5, 0], D: [0.5, 0]}}
+  coupler: {type: planar, mass: 1, inertia: 0.1, points: {C: [-0.5, 0], D: [0.5, 0]}}
+joints:
+  A: {type: revolute, between: [left.A, ground]}
+  B: {type: revolute, between: [right.B, ground.B]}
+  C: {type: revolute, between: [coupler.C, left.C]}
+  D: {type: revolute, between: [coupler.D, right.D]}
+reference:
+  coordinates:
+    left: {x: 0, y: -0.5, theta: -pi/2}
+    right: {x: 1, y: -0.5, theta: -pi/2}
+    coupler: {x: 0.5, y: -1, theta: 0}
+  rates:
+    left: {theta: 8}
+"""
+
+
+def test_a_motion_through_a_singular_configuration_is_refused():
+    # A parallelogram is flat after a quarter of a turn.
+    with pytest.raises(ConstraintError, match="the constraints lose rank") as caught:
+        of(mbstab.loads(FOLDING), 2.0 * math.pi / 8.0)
+    time = float(re.match(r"the motion cannot be followed beyond t = (\S+) s: ", str(caught.value))[1])
+    assert time == pytest.approx(3.0 * math.pi / 2.0 / 8.0, rel=1e-4) or time == pytest.approx(math.pi / 16.0, rel=1e-4)
+
+
+def test_a_motion_that_rounding_carries_away_is_refused():
+    with pytest.raises(NumericalError, match=r"disturbances grow by a factor \d\.\de\+\d+ in \d\.\d+ s"):
+        of(mbstab.load(MODELS["wheeled_inverted_pendulum"]), 4.0)
+
+
+def test_a_scene_that_cannot_move_has_no_multipliers():
+    held = DRIVES + "  turn: {type: coordinate, coordinate: rod.theta, position: pi/2}\n"
+    assert of(kapitza(1, held), 2.0 * math.pi / 120.0).Phi.shape == (0, 0)
+
+
+# --- progress -------------------------------------------------------------------------------------------------------
+
+
+def test_progress_goes_from_zero_to_one():
+    seen = []
+    of(kapitza(1), 2.0 * math.pi / 120.0, seen.append)
+    assert seen == sorted(seen)
+    assert len(seen) > 20
+    assert 0.0 < seen[0] < 0.05
+    assert seen[-1] == 1.0
