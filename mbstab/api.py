@@ -21,8 +21,8 @@ from mbstab.analysis.eigen import EigenResult, answer
 from mbstab.analysis.expectations import Outcome, check_expectations
 from mbstab.analysis.linearize import Linearization, StateSpace, linearize, state_space
 from mbstab.analysis.motion import Motion
-from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.numerics import guarded
+from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.symbolic import SymbolicBlocks, Track, symbolic_blocks
 from mbstab.compiler.system import System
 from mbstab.model.arithmetic import FLOAT
@@ -116,7 +116,13 @@ class Mechanism:
         return state_space(self.linearize(frozen, **parameters))
 
     @guarded
-    def eig(self, method: str = "nullspace", frozen: bool = False, **parameters: Setting) -> EigenResult:
+    def eig(
+        self,
+        method: str = "nullspace",
+        frozen: bool = False,
+        progress: Callable[[float], object] | None = None,
+        **parameters: Setting,
+    ) -> EigenResult:
         """Return eigenvalues (1/s) with error bounds, and the verdict.
 
         Parameters
@@ -126,6 +132,8 @@ class Mechanism:
         frozen : bool
             Take the equations as they are at the reference time: of a motion that does not stand
             still in its coordinates these eigenvalues say nothing about stability.
+        progress : callable, optional
+            Is called with the part of the work that is done, from 0 to 1, where that takes long.
 
         Raises
         ------
@@ -136,7 +144,7 @@ class Mechanism:
         MassError
             If a motion that nothing holds has no mass.
         """
-        return answer(self.system(**parameters), method, frozen)
+        return answer(self.system(**parameters), method, frozen, progress)
 
     @guarded
     def check(self, **parameters: Setting) -> CheckReport:

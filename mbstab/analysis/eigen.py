@@ -75,6 +75,9 @@ class Eigenvalue:
         Relative condition number κ and backward error η.
     participation : dict
         Share of each body in the kinetic energy of the mode; sums to 1.
+    multiplier : complex or None
+        Of a periodic motion: what a disturbance is multiplied by in a period; `value` is then
+        the Floquet exponent.
     """
 
     value: complex
@@ -83,6 +86,7 @@ class Eigenvalue:
     condition: float
     backward_error: float
     participation: dict[str, float] = field(default_factory=dict)
+    multiplier: complex | None = None
 
     @property
     def frequency(self) -> float:
@@ -161,6 +165,8 @@ class EigenResult:
         Where the equations stand still, in words; empty: in the coordinates of the file.
     shifts : tuple of float
         ω of neutral pairs ±iω: shifts that a turning frame carries around.
+    period : float or None
+        Of a periodic motion, judged by its Floquet multipliers (s).
     frozen : bool
         Whether these are frozen-time eigenvalues, which say nothing about stability.
     """
@@ -176,6 +182,7 @@ class EigenResult:
     frame: str = ""
     frozen: bool = False
     shifts: tuple[float, ...] = ()
+    period: float | None = None
 
     def values(self) -> Complex:
         """Return the eigenvalues that are not neutral, shape (n,)."""
@@ -294,7 +301,9 @@ def carried_shifts(generator: Generator | None, q: Array, known: list[Symmetry])
         return []
     Xi, rate = generator.frame(q)[0], abs(generator.rate)
     turning = [
-        s for s in known if np.linalg.norm(Xi @ Xi @ s.direction / rate**2 + s.direction) < 1e-9 * np.linalg.norm(s.direction)
+        s
+        for s in known
+        if np.linalg.norm(Xi @ Xi @ s.direction / rate**2 + s.direction) < 1e-9 * np.linalg.norm(s.direction)
     ]
     return [rate] * (len(turning) // 2)
 
@@ -343,7 +352,12 @@ def eigenvalues(
     return judge.result(found, method, infinite, undefined, known)
 
 
-def answer(system: System, method: str = "nullspace", frozen: bool = False) -> EigenResult:
+def answer(
+    system: System,
+    method: str = "nullspace",
+    frozen: bool = False,
+    progress: Callable[[float], object] | None = None,
+) -> EigenResult:
     """Return the eigenvalues of a scene at its reference motion, with the symmetries that explain neutral ones.
 
     Parameters
@@ -352,6 +366,8 @@ def answer(system: System, method: str = "nullspace", frozen: bool = False) -> E
     method : str
     frozen : bool
         Take the equations as they are at the reference time, in the coordinates of the file.
+    progress : callable, optional
+        Is called with the part of the work that is done, where that takes long: periodic motions.
 
     Raises
     ------
@@ -359,6 +375,13 @@ def answer(system: System, method: str = "nullspace", frozen: bool = False) -> E
         As `mbstab.analysis.motion.reference_motion`.
     """
     motion = reference_motion(system)
+    period = system.scene.period
+    if period is not None and not frozen:
+        from mbstab.analysis.periodic import periodic_answer
+
+        if method != METHODS[0]:
+            raise UsageError(f"--method {method} is for constant coefficients; a periodic motion has multipliers")
+        return periodic_answer(system, motion, float(period), progress)
     return eigenvalues(linearize(system, motion, frozen), method, lambda: symmetries(system, motion))
 
 
@@ -526,7 +549,7 @@ class _Judge:
         for j, s in enumerate(values):
             error = float(bound[j]) if np.isfinite(bound[j]) else math.inf
             relative = float(kappa[j] / size[j]) if size[j] > 0.0 else math.inf
-            kind = _kind(complex(s), error, self._separation(complex(s)))
+            kind = kind_of(complex(s), error, self._separation(complex(s)))
             value = complex(s.real + 0.0, s.imag + 0.0)  # no −0
             found.append(Eigenvalue(value, kind, error, relative, float(eta[j]), self._participation(x[: self.n, j])))
         return found
@@ -628,8 +651,8 @@ class _Judge:
             explain = "symmetry explains" if len(known) == 1 else "symmetries explain"
             explained = f"{len(known)} {explain} {2 * len(known)} at most"
             doubts.append(
-                f"{_count(sum(self.deflated.steps))} zero, but {explained}: a critical state or a continuum of equilibria, "
-                "which the linearized equations cannot judge"
+                f"{_count(sum(self.deflated.steps))} zero, but {explained}: a critical state or a continuum of "
+                "equilibria, which the linearized equations cannot judge"
             )
         for e in found:
             if e.kind == "undecided" and e.value.imag >= 0.0:
@@ -654,7 +677,7 @@ class _Judge:
         return "asymptotically stable", ["all eigenvalues lie to the left of the imaginary axis"]
 
 
-def _kind(s: complex, bound: float, separation: float) -> str:
+def kind_of(s: complex, bound: float, separation: float) -> str:
     """Return the type of singular point; `separation` is the distance to the nearest other eigenvalue."""
     real = s.imag == 0.0
     clustered = not bound * CLUSTER < separation

@@ -31,6 +31,8 @@ from mbstab.compiler.system import Array, System
 from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, NumericalError
 from mbstab.model.schema import is_length
 
+Flags = npt.NDArray[np.bool_]
+
 REACH = 0.5
 """No step is longer than this part of the size of the scene, or this angle (rad)."""
 
@@ -43,7 +45,7 @@ DEPENDENT = 1e-7
 """A row repeats others if less than this part of it is independent of them."""
 
 SINGULAR = 1e-7
-"""A direction of the equations whose singular value is below this part of the largest leaves a solution not isolated."""
+"""A direction of the equations whose singular value is this small beside the largest leaves a solution not isolated."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ class _Search:
     """
 
     def __init__(
-        self, system: System, finder: Finder, family: Family, known: dict[int, float], held: Array, start: Array
+        self, system: System, finder: Finder, family: Family, known: dict[int, float], held: Flags, start: Array
     ) -> None:
         self.system, self.finder, self.family, self.known = system, finder, family, known
         self.sizes = finder.sizes
@@ -238,7 +240,7 @@ class _Search:
             rows = (self.sizes[self.given] * self.speed)[:, None]
             blocks.append(
                 [
-                    Xi[np.ix_(self.given, self.open)] * columns / rows,
+                    Xi[np.ix_(np.array(self.given, dtype=np.intp), self.open)] * columns / rows,
                     X[self.given] * self.speed / rows,
                     np.zeros((len(self.given), len(J))),
                 ]
@@ -385,11 +387,10 @@ class _Search:
 def _step(G: Array, residual: Array, moving: int, damping: float) -> Array:
     """Return the step of least length; damped in coordinates and rates, not in multipliers."""
     if damping:
-        extra = np.zeros((moving, G.shape[1]))
+        extra: Array = np.zeros((moving, G.shape[1]))
         extra[:, :moving] = math.sqrt(damping) * np.eye(moving)
         G, residual = np.vstack([G, extra]), np.concatenate([residual, np.zeros(moving)])
-    result: Array = np.linalg.lstsq(G, -residual, rcond=1e-11)[0]
-    return result
+    return np.asarray(np.linalg.lstsq(G, -residual, rcond=1e-11)[0], dtype=np.float64)
 
 
 # --- from a scene to its equilibria ---------------------------------------------------------------------------------
@@ -454,7 +455,7 @@ class _Problem:
         self.system, self.scene = system, system.scene
         self.finder = Finder(system)
         q, missing = self.finder.start()
-        self.held = ~missing if self.scene.model.reference.find is not None else np.zeros(len(q), dtype=bool)
+        self.held: Flags = ~missing if self.scene.model.reference.find is not None else np.zeros(len(q), dtype=bool)
         self.start = q
         if system.n_h and not self.held.all():
             self.start = self.finder.assemble(q, ~self.held)
@@ -586,7 +587,7 @@ class _Problem:
         ]
         if flat:
             lines.append(f"the Euler angles of {', '.join(map(repr, flat))} are singular there")
-            hint = "give these bodies another base rotation with axes: [phi, theta, psi], so that theta stays away from pi/2"
+            hint = "give them another base rotation with axes: [phi, theta, psi], so that theta stays away from pi/2"
         pulled = self._nothing_holds(state)
         if pulled:
             lines.append(f"nothing holds {pulled}: whatever the position, the force along it stays")
@@ -596,13 +597,13 @@ class _Problem:
     def _nothing_holds(self, state: _State) -> str:
         """Name a coordinate on which a force acts that no position changes and no constraint takes."""
         K, _, _ = self.system.linearize(state.q, state.u, state.a, state.nu)
-        n_h, sizes = self.system.n_h, self.finder.sizes
+        sizes = self.finder.sizes
         load = state.residual[: self.system.n_q]
         for i in np.argsort(-np.abs(load)):
             if abs(load[i]) < 1e-6:
                 break
-            still = np.max(np.abs(K[:, i] * sizes * sizes[i])) < 1e-9 * np.max(np.abs(K * sizes * sizes[:, None]), initial=1e-300)
-            if (still or not np.any(K)) and not np.any(state.J[:, i]):
+            weights = np.abs(K * sizes * sizes[:, None])
+            if np.max(weights[:, i]) <= 1e-9 * np.max(weights) and not np.any(state.J[:, i]):
                 return self.system.names[int(i)]
         return ""
 
@@ -626,7 +627,11 @@ def _open_directions(search: _Search, at: _State, known: list[Symmetry]) -> list
         return []
     # Without the multipliers: only what the free directions of the forces say.
     forces = G[:, moving:]
-    rest = rank_of(forces.T / max(float(np.max(np.abs(forces), initial=0.0)), 1e-300)).null if forces.size else np.eye(len(G))
+    rest = (
+        rank_of(forces.T / max(float(np.max(np.abs(forces), initial=0.0)), 1e-300)).null
+        if forces.size
+        else np.eye(len(G))
+    )
     reduced = rest.T @ G[:, :moving]
     _, s, right = np.linalg.svd(reduced)
     rank = int(np.sum(s > SINGULAR * max(float(s[0]), 1e-300))) if len(s) else 0

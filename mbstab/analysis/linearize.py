@@ -285,7 +285,9 @@ def _asymmetric(system: System, motion: Motion, variation: float) -> ModelFileEr
     names = breaking(system, motion, generator)
     change = f"change by {variation:.1%} along it" if math.isfinite(variation) else "cannot be followed along it"
     broken = f"; the symmetry is broken by {', '.join(names)}" if names else ""
-    message = f"the scene has not the symmetry of the declared steady motion ({generator}): its equations {change}{broken}"
+    message = (
+        f"the scene has not the symmetry of the declared steady motion ({generator}): its equations {change}{broken}"
+    )
     hint = "correct reference.steady, or give the period of the motion, or ask for frozen-time numbers with --frozen"
     reference = scene.model.reference
     place = reference.location if reference.steady is None else reference.steady.location

@@ -108,7 +108,7 @@ class Finder:
         self.system = system
         self.scene = system.scene
         self.document = system.scene.model.document
-        self.is_length = np.array([is_length(name) for name in system.names])
+        self.is_length: npt.NDArray[np.bool_] = np.array([is_length(name) for name in system.names])
         given = [abs(v) for n, v in self.scene.coordinates.items() if is_length(n)]
         length = max([*self.scene.lengths, *given], default=0.0) or 1.0
         self.sizes = np.where(self.is_length, length, 1.0)
@@ -125,7 +125,7 @@ class Finder:
 
     # --- position ---------------------------------------------------------------------------------------------------
 
-    def start(self) -> tuple[Array, Array]:
+    def start(self) -> tuple[Array, npt.NDArray[np.bool_]]:
         """Return given and guessed coordinates, and which of them are not given, shape (n_q,)."""
         system, scene = self.system, self.scene
         q = np.array([scene.coordinates.get(n, scene.guess.get(n, 0.0)) for n in system.names], dtype=float)
@@ -160,7 +160,7 @@ class Finder:
         unit = "" if row.unit == "1" else f" {row.unit}{per}"
         return self._problem(i, f"the reference does not satisfy {row}: the residual is {value:.6g}{unit}", hint)
 
-    def check_chart(self, q: Array, skip: Array) -> None:
+    def check_chart(self, q: Array, skip: npt.NDArray[np.bool_]) -> None:
         """Euler angles lose a direction where cos θ = 0; say so before numbers degrade."""
         problems = []
         for body, part in zip(self.scene.bodies, self.system.body_slices, strict=True):
@@ -180,7 +180,7 @@ class Finder:
                 )
         self._fail(problems)
 
-    def assemble(self, q: Array, missing: Array) -> Array:
+    def assemble(self, q: Array, missing: npt.NDArray[np.bool_]) -> Array:
         """Solve C = 0 for the missing coordinates: damped Gauss-Newton with least corrections."""
         sizes, zero = self.sizes, np.zeros(self.system.n_q)
         n_h = self.system.n_h
@@ -316,7 +316,8 @@ class Finder:
         for i, rate in zip(given, rates, strict=True):
             if abs(u[i] - rate) > TOLERANCE * self.sizes[i] * max(fastest, abs(rate) / self.sizes[i]):
                 unit = "m/s" if self.is_length[i] else "rad/s"
-                message = f"the rate of {system.names[i]} is given as {rate:.6g} {unit}, the steady motion ({generator}) has {u[i]:.6g}"
+                message = f"the rate of {system.names[i]} is given as {rate:.6g} {unit}, "
+                message += f"the steady motion ({generator}) has {u[i]:.6g} {unit}"
                 problems.append(self._at_reference(message, "leave it out, or correct reference.steady"))
         self._fail(problems)
         self._checked_rates(q, u)
@@ -340,7 +341,7 @@ class Finder:
         system = self.system
         time = self.scene.time if time is None else time
         state = system.dynamics(q, u, time)
-        spaces = subspaces(state.M, state.J, system.n_h, system.rows)
+        spaces = subspaces(state.M, state.J, system.n_h, system.rows, self.sizes)
         redundant = redundancies(state.J, spaces, system.n_h, system.rows)
         scale, row_scale = spaces.scale, spaces.row_scale
         J = state.J * scale * row_scale[:, None]
@@ -364,9 +365,7 @@ class Finder:
             # The accelerations are known exactly; only the reactions are asked for.
             a = expected / scale
             _, nu = _balance(M, J, inverse, allowed[:, :0], force - M @ a, 0.0 * bias)
-            motion = replace(
-                motion, a=expected, nu=nu * row_scale, generators=(steady,), declared=declared
-            )
+            motion = replace(motion, a=expected, nu=nu * row_scale, generators=(steady,), declared=declared)
         return motion
 
     def _check_mass(self, M_z: Array, allowed: Array) -> None:

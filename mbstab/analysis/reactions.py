@@ -84,7 +84,7 @@ def _wrench(system: System, motion: Motion, owner: str, marker: Marker, load: Ar
     place, angles = slice(part.start, part.start + d), slice(part.start + d, part.stop)
     force = load[place]
     arm: Any = np.zeros(d)
-    torque = load[angles]
+    torque: Any = load[angles]
     if body.orientation and d == 3:
         arm = orientation(body, motion.q[angles]) @ np.array(marker.point, dtype=float)
         torque = np.linalg.solve(rate_matrix(body, motion.q[angles]).T, torque) - np.cross(arm, force)

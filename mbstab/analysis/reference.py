@@ -38,6 +38,8 @@ def reference_motion(system: System) -> Motion:
         generator = finder.steady_rates(q, family, known)
         return finder.motion(q, generator.field(q), steady=generator, declared=True)
     u = finder.rates(q)
+    if scene.period is not None:
+        return finder.motion(q, u)
     generators = detected(system, q, u, finder.sizes)
     if not np.any(u):
         return finder.motion(q, u, steady=generators[0])

@@ -238,7 +238,7 @@ def detected(system: System, q: Array, u: Array, sizes: Array) -> list[Generator
         for columns in ((), spinning) if spinning else ((),):
             family = Family(system, axis, zero, np.eye(3)[:d], columns)
             basis = family.basis(q) / sizes[:, None]
-            c = np.linalg.lstsq(basis, u / sizes, rcond=1e-12)[0]
+            c = np.asarray(np.linalg.lstsq(basis, u / sizes, rcond=1e-12)[0], dtype=np.float64)
             fast = float(np.max(np.abs(u / sizes)))
             if np.max(np.abs(basis @ c - u / sizes)) <= FIT * fast and abs(c[0]) > FIT * fast:
                 c[np.abs(c) < FIT * np.max(np.abs(c))] = 0.0

@@ -125,18 +125,18 @@ class Subspaces:
         return int(self.N.shape[1] + self.Z.shape[1])
 
 
-def coordinate_scale(M: Array) -> Array:
-    """Return 1/√M_ii, and the median of the others where a coordinate carries no mass."""
+def coordinate_scale(M: Array, sizes: Array) -> Array:
+    """Return 1/√M_ii; where a coordinate carries no mass, what the others have for changes of their sizes."""
     diagonal = np.diag(M)
     heavy = diagonal > 0.0
-    scale = np.ones(len(diagonal))
+    scale = sizes.copy()
     scale[heavy] = 1.0 / np.sqrt(diagonal[heavy])
     if heavy.any():
-        scale[~heavy] = np.median(scale[heavy])
+        scale[~heavy] *= np.median(scale[heavy] / sizes[heavy])
     return scale
 
 
-def subspaces(M: Array, J: Array, n_h: int, rows: Sequence[Row]) -> Subspaces:
+def subspaces(M: Array, J: Array, n_h: int, rows: Sequence[Row], sizes: Array) -> Subspaces:
     """Return the motions that the constraints allow.
 
     Parameters
@@ -148,13 +148,15 @@ def subspaces(M: Array, J: Array, n_h: int, rows: Sequence[Row]) -> Subspaces:
         Number of holonomic rows.
     rows : sequence of Row
         For messages.
+    sizes : ndarray, shape (n_q,)
+        What a large change of each coordinate is.
 
     Raises
     ------
     ConstraintError
         If a rank decision has no gap.
     """
-    scale = coordinate_scale(M)
+    scale = coordinate_scale(M, sizes)
     scaled = J * scale
     lengths = np.linalg.norm(scaled, axis=1)
     row_scale = np.where(lengths > 0.0, 1.0 / np.where(lengths > 0.0, lengths, 1.0), 1.0)

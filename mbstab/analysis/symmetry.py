@@ -67,24 +67,46 @@ def _shifts(system: System) -> list[tuple[str, Array]]:
 def _shift(system: System, motion: Motion, direction: Array) -> Array | None:
     """Return a direction of the coordinates if shifting along it is a symmetry, or None."""
     q = motion.q + ANGLE * direction * motion.sizes
-    return direction if _carries(system, motion, q, motion.u, motion.a) else None
+    return direction if _carries(system, motion, q, np.eye(system.n_q)) else None
 
 
-def _carries(system: System, motion: Motion, q: Array, u: Array, a: Array) -> bool:
-    """Whether a state satisfies the constraints and has the accelerations it should have."""
+def _carries(system: System, motion: Motion, q: Array, T: Array) -> bool:
+    """Whether a change of the coordinates with derivative T that leads to q carries motions into motions.
+
+    Asked of the motion itself, and of one nearby that is faster: at rest more positions are
+    alike than symmetries explain.
+    """
     steps = TOLERANCE * motion.sizes
-    fastest = float(np.max(np.abs(u) / motion.sizes))
     try:
-        state = system.dynamics(q, u, motion.time)
-        if np.any(np.abs(state.E[: system.n_h]) > (np.abs(state.J) @ steps)[: system.n_h]):
-            return False
-        if np.any(np.abs(state.V) > np.abs(state.J) @ steps * fastest):
-            return False
-        moved = motion_at(system, q, u, motion.time)
+        for u in (motion.u, motion.u + _disturbance(system, motion)):
+            base = motion if u is motion.u else motion_at(system, motion.q, u, motion.time)
+            moved_u, a = T @ u, _carried_accelerations(system, motion.q, base, q, T)
+            state = system.dynamics(q, moved_u, motion.time)
+            if np.any(np.abs(state.E[: system.n_h]) > (np.abs(state.J) @ steps)[: system.n_h]):
+                return False
+            fastest = float(np.max(np.abs(moved_u) / motion.sizes))
+            if np.any(np.abs(state.V) > np.abs(state.J) @ steps * fastest):
+                return False
+            moved = motion_at(system, q, moved_u, motion.time)
+            force = (moved.dynamics.M @ (moved.a - a)) * motion.spaces.scale
+            if np.max(np.abs(force)) > unbalance(system, base):
+                return False
     except (MbstabError, ValueError, np.linalg.LinAlgError):
         return False
-    force = (moved.dynamics.M @ (moved.a - a)) * motion.spaces.scale
-    return bool(np.max(np.abs(force)) <= unbalance(system, motion))
+    return True
+
+
+def _disturbance(system: System, motion: Motion) -> Array:
+    """Return speeds that the constraints allow, as fast as the scene would move by itself."""
+    spaces = motion.spaces
+    K, R, _ = system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
+    K, R = (np.abs(x * spaces.scale * spaces.scale[:, None]) for x in (K, R))
+    rate = max(float(np.max(np.abs(motion.u) / motion.sizes)), float(np.max(K)) ** 0.5, float(np.max(R))) or 1.0
+    allowed = spaces.N @ spaces.Z
+    speeds = spaces.scale * (allowed @ np.random.default_rng(11).uniform(0.5, 1.0, allowed.shape[1]))
+    largest = float(np.max(np.abs(speeds) / motion.sizes, initial=0.0))
+    result: Array = speeds * (0.3 * rate / largest) if largest > 0.0 else speeds
+    return result
 
 
 def _constant_directions(system: System, motion: Motion) -> list[Symmetry]:
@@ -169,23 +191,22 @@ def _rotation(system: System, motion: Motion, axis: Array) -> Array | None:
     generator = Generator(system, axis, zero, 1.0, zero, np.zeros(system.n_q))
     try:
         q, T = generator.flow(motion.q, ANGLE)
-        a = _turned_accelerations(system, motion, q, T)
     except (ValueError, np.linalg.LinAlgError):
         return None
-    return generator.field(motion.q) if _carries(system, motion, q, T @ motion.u, a) else None
+    return generator.field(motion.q) if _carries(system, motion, q, T) else None
 
 
-def _turned_accelerations(system: System, motion: Motion, q: Array, T: Array) -> Array:
-    """Return the accelerations of the motion after a turn that carries it to q, with derivative T."""
-    a: Array = T @ motion.a
+def _carried_accelerations(system: System, q: Array, base: Motion, moved: Array, T: Array) -> Array:
+    """Return the accelerations of a motion through q after a turn or a shift to `moved` with derivative T."""
+    a: Array = T @ base.a
     if system.scene.dimension == 3:
         # Euler angles change nonlinearly: the angular accelerations, G a + Ġ u, are what turns.
         for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
             if body.orientation:
                 angles = slice(part.start + 3, part.stop)
-                G, rates = rate_matrix(body, q[angles]), T[angles, angles] @ motion.u[angles]
-                before = rate_drift(body, motion.q[angles], motion.u[angles])
-                # T = G⁻¹ turn G_before, so the drift before turns with T G_before⁻¹.
-                turned = G @ T[angles, angles] @ np.linalg.solve(rate_matrix(body, motion.q[angles]), before)
-                a[angles] += np.linalg.solve(G, turned - rate_drift(body, q[angles], rates))
+                G, G_before = rate_matrix(body, moved[angles]), rate_matrix(body, q[angles])
+                turn = G @ T[angles, angles] @ np.linalg.inv(G_before)
+                rates = T[angles, angles] @ base.u[angles]
+                drift = turn @ rate_drift(body, q[angles], base.u[angles]) - rate_drift(body, moved[angles], rates)
+                a[angles] += np.linalg.solve(G, drift)
     return a

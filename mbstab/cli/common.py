@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import tempfile
@@ -87,6 +88,27 @@ def tracked(items: list[Any], label: str) -> Iterator[Any]:
         return
     with click.progressbar(items, label=label, file=sys.stderr) as bar:
         yield from bar
+
+
+@contextlib.contextmanager
+def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
+    """Give a function of the part that is done, from 0 to 1, which draws a bar on stderr when it is a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda done: None
+        return
+    bar: Any = None
+
+    def show_part(done: float) -> None:
+        nonlocal bar
+        if bar is None:  # not before there is something to wait for
+            bar = click.progressbar(length=1000, label=label, file=sys.stderr).__enter__()
+        bar.update(max(0, round(1000 * done) - bar.pos))
+
+    try:
+        yield show_part
+    finally:
+        if bar is not None:
+            bar.__exit__(None, None, None)
 
 
 def warn(warnings: tuple[str, ...] | list[str]) -> None:

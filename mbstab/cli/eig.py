@@ -12,6 +12,7 @@ from mbstab.cli.common import (
     load_model,
     output_option,
     parse_settings,
+    progress_bar,
     set_option,
     warn,
     write,
@@ -59,7 +60,8 @@ def eig(
 
     parameters = parse_settings(settings)
     mechanism = load_model(file)
-    result = mechanism.eig(method, frozen, **parameters)
+    with progress_bar("following the period") as progress:
+        result = mechanism.eig(method, frozen, progress, **parameters)
     warn(result.warnings)
     if format_ == "csv":
         from mbstab.report.export import eigen_csv

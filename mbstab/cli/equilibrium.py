@@ -22,7 +22,9 @@ from mbstab.cli.common import (
 @click.command()
 @file_argument
 @set_option
-@click.option("--starts", type=click.IntRange(1, 100_000), default=1, help="Try this many starts, the others at random.")
+@click.option(
+    "--starts", type=click.IntRange(1, 100_000), default=1, help="Try this many starts, the others at random."
+)
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the random starts.")
 @format_option("table", "json", "csv")
 @output_option

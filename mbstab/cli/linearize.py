@@ -57,7 +57,9 @@ def linearize(
         raise UsageError(f"--format {format_} needs --output")
     parameters = parse_settings(settings)
     if symbolic and frozen:
-        raise UsageError("--symbolic shows the equations in the coordinates of the file; --frozen has no effect with it")
+        raise UsageError(
+            "--symbolic shows the equations in the coordinates of the file; --frozen has no effect with it"
+        )
     if symbolic and parameters:
         raise UsageError("--symbolic shows parameters as symbols; --set has no effect with it")
     mechanism = load_model(file)

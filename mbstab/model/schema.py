@@ -392,9 +392,7 @@ def json_schema() -> dict[str, Any]:
             rates=state,
             guess=state,
             find={"enum": list(FINDS)},
-            steady=_object(
-                STEADY_FIELDS, axis=direction, rate=number, point=vector, direction=direction, speed=number
-            ),
+            steady=_object(STEADY_FIELDS, axis=direction, rate=number, point=vector, direction=direction, speed=number),
             period=number,
         ),
         "sweep": {"type": "object", "additionalProperties": sweep},

@@ -51,7 +51,8 @@ def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str
 
     Keys: ``model``, ``title``, ``parameters`` (SI), ``method``, ``frame`` (the steady
     motion in whose frame the equations are written; empty: the coordinates of the file),
-    ``frozen_time`` (true: no stability verdict), ``verdict``, ``reasons``,
+    ``frozen_time`` (true: no stability verdict), ``period`` (s, of a
+    periodic motion; its eigenvalues are Floquet exponents with a ``multiplier``), ``verdict``, ``reasons``,
     ``eigenvalues`` (``real`` and ``imag`` in 1/s, ``kind``, ``frequency`` in Hz,
     ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s, ``error_bound`` in 1/s,
     ``condition``, ``backward_error``, ``participation``), ``counts``, ``neutral_chains``,
@@ -64,6 +65,7 @@ def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str
         "method": result.method,
         "frame": result.frame,
         "frozen_time": result.frozen,
+        "period": result.period,
         "verdict": result.verdict,
         "reasons": result.reasons,
         "eigenvalues": [
@@ -75,6 +77,7 @@ def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str
                 "damping_ratio": e.damping_ratio,
                 "time_to_double": e.time_to_double if e.time_to_double > 0 else math.nan,
                 "time_to_half": -e.time_to_double if e.time_to_double < 0 else math.nan,
+                "multiplier": None if e.multiplier is None else {"real": e.multiplier.real, "imag": e.multiplier.imag},
                 "error_bound": e.error_bound,
                 "condition": e.condition,
                 "backward_error": e.backward_error,
@@ -159,8 +162,9 @@ def equilibrium_csv(found: Sequence[Equilibrium], names: Sequence[str]) -> str:
             rows += [[number, "coordinate", name, float(q), length], [number, "rate", name, float(u), f"{length}/s"]]
         for r in item.reactions:
             axes = "xyz" if len(r.torque) != 1 else "z"
-            rows += [[number, f"force {k}", f"{r.owner} on {r.body}", float(x), "N"] for k, x in zip("xyz", r.force)]
-            rows += [[number, f"torque {k}", f"{r.owner} on {r.body}", float(x), "N*m"] for k, x in zip(axes, r.torque)]
+            for what, letters, vector, unit in (("force", "xyz", r.force, "N"), ("torque", axes, r.torque, "N*m")):
+                for letter, x in zip(letters, vector, strict=False):
+                    rows.append([number, f"{what} {letter}", f"{r.owner} on {r.body}", float(x), unit])
     return to_csv(["solution", "quantity", "of", "value", "unit"], rows)
 
 
@@ -206,7 +210,8 @@ def linearize_data(linear: Linearization, space: StateSpace, model: str, title: 
 
     Keys: ``model``, ``title``, ``coordinates``, ``rows``, ``reference`` (``q``, ``u``, ``a``,
     ``multipliers``, ``time``), ``frame`` (the motion of the axes in which the equations stand
-    still, in words; empty: the coordinates of the file), ``frozen``, ``variation`` and for each form its matrices, row by row.
+    still, in words; empty: the coordinates of the file), ``frozen``, ``variation`` and for each
+    form its matrices, row by row.
     """
     motion = linear.motion
     return {

@@ -56,6 +56,20 @@ def eigen_text(result: EigenResult, title: str) -> str:
     """Return the answer of ``mbstab eig`` as text."""
     lines = [title, ""] if title else []
     shown = _pairs(result)
+    fill = _multipliers if result.period is not None else _eigenvalues
+    lines.append(fill(result, shown) if shown else "no finite eigenvalues: the motion is fully prescribed\n")
+    bodies = list(dict.fromkeys(name for e, _ in shown for name in e.participation))
+    if len(bodies) > 1:
+        lines.append("Share of the kinetic energy of each mode:")
+        lines.append(_participation(shown, bodies))
+    lines.append(f"Verdict: {result.verdict}")
+    for reason in result.reasons:
+        lines += wrap(reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ")
+    lines += ["", *_counts(result)]
+    return "\n".join(lines) + "\n"
+
+
+def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -> str:
     rows = []
     for e, multiplicity in shown:
         if e.kind == "neutral":
@@ -74,16 +88,22 @@ def eigen_text(result: EigenResult, title: str) -> str:
             ]
         )
     heads = ["eigenvalue\n(1/s)", "freq.\n(Hz)", "damping\nratio", "doubles or\nhalves in s", "error\nbound", "type"]
-    lines.append(table(heads, rows, left=(5,)) if rows else "no finite eigenvalues: the motion is fully prescribed\n")
-    bodies = list(dict.fromkeys(name for e, _ in shown for name in e.participation))
-    if len(bodies) > 1:
-        lines.append("Share of the kinetic energy of each mode:")
-        lines.append(_participation(shown, bodies))
-    lines.append(f"Verdict: {result.verdict}")
-    for reason in result.reasons:
-        lines += wrap(reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ")
-    lines += ["", *_counts(result)]
-    return "\n".join(lines) + "\n"
+    return table(heads, rows, left=(5,))
+
+
+def _multipliers(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -> str:
+    """Return the table of a periodic motion."""
+    rows = []
+    for e, multiplicity in shown:
+        assert e.multiplier is not None
+        if e.kind == "neutral":
+            rows.append(["1", "1", "0", "-", "-", f"neutral, {multiplicity}×"])
+            continue
+        growth = "0" if e.kind == "center" else number(e.value.real, 8)
+        size = "1" if e.kind == "center" else number(abs(e.multiplier), 8)
+        rows.append([show(e.multiplier), size, growth, number(e.frequency, 4), f"{e.error_bound:.0e}", e.kind])
+    heads = ["multiplier", "size", "growth\n(1/s)", "freq.\n(Hz)", "error\nbound", "type"]
+    return table(heads, rows, left=(5,))
 
 
 def _neutral_value(result: EigenResult) -> str:
@@ -147,6 +167,8 @@ def _counts(result: EigenResult) -> list[str]:
         f"finite eigenvalues: {c.expected} expected, {c.found} found, {c.neutral} of them neutral; "
         f"method {result.method}",
     ]
+    if result.period is not None:
+        lines.append(f"period {result.period:.6g} s; frequencies count up to whole multiples of its inverse")
     if result.frame:
         lines += wrap(f"in the frame of the steady motion: {result.frame}", width=WIDTH, subsequent_indent="  ")
     if result.shifts:

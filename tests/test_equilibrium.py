@@ -1,0 +1,593 @@
+"""Equilibria and steady motions that the program finds, against closed forms and balances written down here."""
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpmath import mp
+from scipy.optimize import brentq, root
+
+import mbstab
+from mbstab.analysis.equilibrium import found_motion
+from mbstab.compiler.system import System
+from mbstab.errors import ConstraintError, EquilibriumError, MbstabError, ModelFileError
+from mbstab.model.library import installed_models
+
+MODELS = {path.stem: path for path in installed_models()}
+G = 9.81
+
+
+def solutions(text, starts=1, seed=1, **parameters):
+    """Return coordinates by name of all equilibria, and the equilibria."""
+    model = mbstab.loads(text)
+    found = model.equilibria(starts, seed, **parameters)
+    return [dict(zip(model.model.coordinates(), item.motion.q, strict=True)) for item in found], found
+
+
+def only(text, **parameters):
+    (state,), (item,) = solutions(text, **parameters)
+    return state, item
+
+
+def apart(angle, other):
+    return abs(math.remainder(angle - other, 2.0 * math.pi))
+
+
+# --- closed forms ---------------------------------------------------------------------------------------------------
+
+PENDULUM = """
+mbstab: 1
+gravity: [0, -9.81]
+bodies:
+  rod: {type: planar, mass: 2, shape: {type: rod, length: 1}, points: {O: [-0.5, 0]}}
+joints:
+  pivot: {type: revolute, between: [rod.O, ground]}
+"""
+
+
+def test_a_pendulum_has_two_equilibria():
+    found, items = solutions(PENDULUM + "reference: {find: equilibrium, guess: {rod: {x: 0.4, y: -0.3}}}", 8)
+    assert len(found) == 2
+    found.sort(key=lambda state: state["rod.y"])
+    for state, side in zip(found, (-1.0, 1.0), strict=True):
+        assert apart(state["rod.theta"], side * math.pi / 2.0) < 1e-14
+        assert abs(state["rod.x"]) < 1e-15
+        assert abs(state["rod.y"] - side * 0.5) < 1e-15
+    assert all(item.isolated and not item.symmetries for item in items)
+
+
+def test_the_nearer_one_is_found_from_the_start_of_the_file():
+    for theta, expected in ((-1.2, -math.pi / 2.0), (1.2, math.pi / 2.0)):
+        guess = f"{{rod: {{x: {0.5 * math.cos(theta)}, y: {0.5 * math.sin(theta)}, theta: {theta}}}}}"
+        state, _ = only(PENDULUM + f"reference: {{find: equilibrium, guess: {guess}}}")
+        assert abs(state["rod.theta"] - expected) < 1e-14
+
+
+def test_a_mass_hangs_from_a_spring_or_stands_on_it():
+    stiffness, mass, free = 200.0, 3.0, 0.6
+    text = f"""
+mbstab: 1
+gravity: [0, -9.81]
+bodies:
+  bob: {{type: planar_point, mass: {mass}}}
+forces:
+  spring: {{type: spring, between: [bob, ground], stiffness: {stiffness}, length: {free}}}
+reference: {{find: equilibrium, guess: {{bob: {{x: 0.1, y: -0.3}}}}}}
+"""
+    found, items = solutions(text, 30)
+    sag = mass * G / stiffness
+    heights = sorted(state["bob.y"] for state in found)
+    assert len(heights) == 2
+    np.testing.assert_allclose(heights, [-free - sag, free - sag], rtol=1e-14)
+    assert all(abs(state["bob.x"]) < 1e-15 for state in found)
+    assert all(item.isolated for item in items)
+
+
+def test_a_toggle_of_two_springs_has_three_equilibria():
+    half, free, stiffness, mass = 1.0, 1.25, 400.0, 4.0
+    text = f"""
+mbstab: 1
+gravity: [0, -9.81]
+ground: {{points: {{left: [-{half}, 0], right: [{half}, 0]}}}}
+bodies:
+  knee: {{type: planar_point, mass: {mass}}}
+joints:
+  slot: {{type: point_on_line, between: [ground, knee], axis: y}}
+forces:
+  left: {{type: spring, between: [knee, ground.left], stiffness: {stiffness}, length: {free}}}
+  right: {{type: spring, between: [knee, ground.right], stiffness: {stiffness}, length: {free}}}
+reference: {{find: equilibrium, guess: {{knee: {{y: 0.6}}}}}}
+"""
+
+    def lift(y):
+        length = math.hypot(half, y)
+        return -2.0 * stiffness * (length - free) * y / length - mass * G
+
+    grid = np.linspace(-2.0, 2.0, 401)
+    expected = [
+        brentq(lift, a, b, xtol=1e-15)
+        for a, b in zip(grid[:-1], grid[1:], strict=True)
+        if (lift(a) < 0.0) != (lift(b) < 0.0)
+    ]
+    assert len(expected) == 3
+    found, _ = solutions(text, 40)
+    np.testing.assert_allclose(sorted(state["knee.y"] for state in found), expected, atol=1e-13)
+    assert not any(abs(state["knee.x"]) > 1e-15 for state in found)
+    # Without weight the outer ones are where the springs have no force.
+    found, _ = solutions(text.replace("gravity: [0, -9.81]", ""), 40)
+    outer = math.sqrt(free**2 - half**2)
+    np.testing.assert_allclose(sorted(state["knee.y"] for state in found), [-outer, 0.0, outer], atol=1e-13)
+
+
+def test_too_heavy_a_mass_snaps_the_toggle_through():
+    text = """
+mbstab: 1
+gravity: [0, -9.81]
+ground: {points: {left: [-1, 0], right: [1, 0]}}
+bodies:
+  knee: {type: planar_point, mass: 20}
+joints:
+  slot: {type: point_on_line, between: [ground, knee], axis: y}
+forces:
+  left: {type: spring, between: [knee, ground.left], stiffness: 400, length: 1.25}
+  right: {type: spring, between: [knee, ground.right], stiffness: 400, length: 1.25}
+reference: {find: equilibrium, guess: {knee: {y: 0.7}}}
+"""
+
+    def lift(y):
+        length = math.hypot(1.0, y)
+        return -800.0 * (length - 1.25) * y / length - 20.0 * G
+
+    found, _ = solutions(text, 30)
+    (state,) = found
+    assert abs(state["knee.y"] - brentq(lift, -3.0, -0.7, xtol=1e-15)) < 1e-13
+
+
+def chain_text(lengths, masses, span, drop):
+    bodies, joints, guess = [], [], []
+    for i, (length, mass) in enumerate(zip(lengths, masses, strict=True)):
+        bodies.append(
+            f"  r{i}: {{type: planar, mass: {mass}, shape: {{type: rod, length: {length}}}, "
+            f"points: {{a: [{-length / 2}, 0], b: [{length / 2}, 0]}}}}"
+        )
+        joints.append(f"  j{i}: {{type: revolute, between: [r{i}.a, {'ground' if i == 0 else f'r{i - 1}.b'}]}}")
+        part = (i + 0.5) / len(lengths)
+        guess.append(f"    r{i}: {{x: {part * span}, y: {-4.0 * part * (1.0 - part)}, theta: {2.0 * part - 1.0}}}")
+    joints.append(f"  last: {{type: revolute, between: [r{len(lengths) - 1}.b, ground.end]}}")
+    return "\n".join(
+        ["mbstab: 1", "gravity: [0, -9.81]", f"ground: {{points: {{end: [{span}, {-drop}]}}}}", "bodies:", *bodies]
+        + ["joints:", *joints, "reference:", "  find: equilibrium", "  guess:", *guess]
+    )
+
+
+@pytest.mark.parametrize("links", [3, 7, 12])
+def test_a_hanging_chain_of_rods_has_the_shape_that_its_tension_allows(links):
+    rng = np.random.default_rng(links)
+    lengths, masses = rng.uniform(0.3, 0.6, links), rng.uniform(0.5, 2.0, links)
+    span, drop = 0.7 * float(np.sum(lengths)), 0.2
+    # The tension at the left support is (−H, V); half of its weight below, every rod is along the force in its middle.
+    carried = np.concatenate([[0.0], np.cumsum(masses)[:-1]]) + masses / 2.0
+
+    def slopes(tension):
+        return np.arctan2(carried * G - tension[1], tension[0])
+
+    def gap(tension):
+        theta = slopes(tension)
+        return [lengths @ np.cos(theta) - span, lengths @ np.sin(theta) + drop]
+
+    weight = float(np.sum(masses)) * G
+    tension = root(gap, [0.3 * weight, 0.5 * weight], tol=1e-14).x
+    assert np.max(np.abs(gap(tension))) < 1e-12
+    state, item = only(chain_text(lengths, masses, span, drop))
+    for i, theta in enumerate(slopes(tension)):
+        assert apart(state[f"r{i}.theta"], theta) < 1e-11
+    forces = {r.owner: r.force for r in item.reactions}
+    np.testing.assert_allclose(forces["joint 'j0'"], [-tension[0], tension[1]], rtol=1e-11)
+    np.testing.assert_allclose(forces["joint 'last'"], [tension[0], weight - tension[1]], rtol=1e-11)
+    assert item.isolated
+
+
+def test_a_ladder_rests_against_its_spring():
+    length, mass, stiffness, free = 2.0, 12.0, 150.0, 0.5
+    text = f"""
+mbstab: 1
+gravity: [0, -9.81]
+bodies:
+  ladder:
+    type: planar
+    mass: {mass}
+    shape: {{type: rod, length: {length}}}
+    points: {{foot: [-{length / 2}, 0], top: [{length / 2}, 0]}}
+joints:
+  floor: {{type: point_on_line, between: [ground, ladder.foot], axis: x}}
+  wall: {{type: point_on_line, between: [ground, ladder.top], axis: y}}
+forces:
+  rope: {{type: spring, between: [ladder.foot, ground], stiffness: {stiffness}, length: {free}}}
+reference: {{find: equilibrium, guess: {{ladder: {{x: 0.5, y: 0.9, theta: 2}}}}}}
+"""
+
+    def moment(slope):  # of weight and rope about where floor and wall push
+        pull = stiffness * (length * math.cos(slope) - free)
+        return mass * G * length / 2.0 * math.cos(slope) - pull * length * math.sin(slope)
+
+    slope = brentq(moment, 0.7, 1.35, xtol=1e-15)
+    state, item = only(text)
+    assert abs(math.pi - state["ladder.theta"] - slope) < 1e-13
+    push = stiffness * (length * math.cos(slope) - free)
+    forces = {r.owner: r.force for r in item.reactions}
+    np.testing.assert_allclose(forces["joint 'floor'"], [0.0, mass * G], atol=1e-11)
+    np.testing.assert_allclose(forces["joint 'wall'"], [push, 0.0], atol=1e-11)
+
+
+# --- equilibria that are not isolated -------------------------------------------------------------------------------
+
+
+def test_a_sleigh_held_by_a_spring_rests_wherever_the_blade_takes_the_pull():
+    text = """
+mbstab: 1
+bodies:
+  sleigh: {type: planar, mass: 3, inertia: 0.2}
+contacts:
+  blade: {type: knife_edge, at: sleigh, along: x}
+forces:
+  rope: {type: spring, between: [sleigh, ground], stiffness: 50, length: 0.4}
+reference: {find: equilibrium, guess: {sleigh: {x: 0.9, y: 0.1, theta: 1.2}}}
+"""
+    state, item = only(text)
+    x, y, theta = (state[f"sleigh.{k}"] for k in ("x", "y", "theta"))
+    pull = -50.0 * (math.hypot(x, y) - 0.4) * np.array([x, y]) / math.hypot(x, y)
+    assert abs(pull @ [math.cos(theta), math.sin(theta)]) < 1e-12  # along the blade there is nothing to take it
+    (reaction,) = item.reactions
+    np.testing.assert_allclose(reaction.force, -pull, atol=1e-12)
+    assert item.symmetries == ("rotation in the plane",)
+    assert not item.isolated
+    assert any(text.startswith("a continuum along ") for text in item.open)
+
+
+def test_a_pendulum_without_weight_rests_anywhere():
+    text = PENDULUM.replace("gravity: [0, -9.81]", "") + "reference: {find: equilibrium, guess: {rod: {x: 0.5}}}"
+    _, item = only(text)
+    assert (item.symmetries, item.open) == (("rotation in the plane",), ())
+    # About another point than the origin the turn is none of the symmetries that are looked for.
+    moved = text.replace("between: [rod.O, ground]", "between: [rod.O, ground.P]")
+    moved = moved.replace("mbstab: 1", "mbstab: 1\nground: {points: {P: [3, 1]}}").replace("x: 0.5", "x: 3.5, y: 1")
+    _, item = only(moved)
+    named = [*item.symmetries, *item.open]
+    assert len(named) == 1
+    assert "rod.theta" in named[0] or "rotation" in named[0]
+
+
+def test_a_ball_on_a_table_rests_anywhere():
+    text = """
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies:
+  ball: {type: spatial, mass: 1, shape: {type: sphere, radius: 0.1}, center_of_mass: 0}
+contacts:
+  table: {type: ellipsoid, center: ball, a: 0.1, b: 0.1, c: 0.1}
+reference: {find: equilibrium, guess: {ball: {z: 0.3, phi: 0.4, theta: 0.3, psi: 0.2}}}
+"""
+    state, item = only(text)
+    assert abs(state["ball.z"] - 0.1) < 1e-15
+    assert {"translation along x", "translation along y"} <= set(item.symmetries) or {"ball.x", "ball.y"} <= set(
+        item.symmetries
+    )
+    assert len(item.symmetries) + len(item.open) == 5
+    np.testing.assert_allclose(item.reactions[0].force, [0.0, 0.0, G], atol=1e-13)
+
+
+def test_the_place_of_a_mass_in_nothing_is_open():
+    _, item = only("mbstab: 1\nbodies: {b: {type: planar_point, mass: 1}}\nreference: {find: equilibrium}")
+    assert item.open == ()
+    assert item.symmetries == ("b.x", "b.y")
+
+
+def test_a_critical_position_is_no_continuum():
+    # A quartic potential has one equilibrium, but no stiffness there.
+    text = """
+mbstab: 1
+bodies:
+  b: {type: planar_point, mass: 1}
+joints:
+  line: {type: point_on_line, between: [ground, b], axis: x}
+forces:
+  quartic: {type: expression, on: {b.x: -b.x**3}}
+reference: {find: equilibrium, guess: {b: {x: 0}}}
+"""
+    _, item = only(text)
+    assert item.open == ("a critical position along b.x",)
+
+
+# --- what cannot be found -------------------------------------------------------------------------------------------
+
+
+def failure(text, error=EquilibriumError, **parameters):
+    with pytest.raises(error) as caught:
+        solutions(text, **parameters)
+    return str(caught.value)
+
+
+def test_free_fall_is_no_equilibrium_and_the_coordinate_is_named():
+    message = failure(
+        "mbstab: 1\ngravity: [0, -9.81]\nbodies: {a: {type: planar_point, mass: 1}, b: {type: planar_point, mass: 2}}\n"
+        "joints: {held: {type: spherical, between: [a, ground]}}\nreference: {find: equilibrium}"
+    )
+    assert "nothing holds b.y" in message
+    assert "a." not in re.sub(r"a mechanism|a force|a joint", "", message).split("hint")[0]
+    assert "unbalanced on b.y" in message
+    assert f"{2 * G:.4g} N" in message
+
+
+def test_a_mechanism_that_cannot_close_is_said_not_to():
+    text = """
+mbstab: 1
+gravity: [0, -9.81]
+ground: {points: {far: [3, 0]}}
+bodies:
+  b: {type: planar_point, mass: 1}
+joints:
+  short: {type: distance, between: [b, ground], length: 1}
+  also_short: {type: distance, between: [b, ground.far], length: 1.5}
+reference: {find: equilibrium, guess: {b: {x: 1, y: -0.2}}}
+"""
+    message = failure(text)
+    assert "the mechanism does not close" in message
+    assert "joint 'short'" in message or "joint 'also_short'" in message
+    state, _ = only(text.replace("length: 1.5", "length: 2.5"))
+    x = (1.0 - 2.5**2 + 9.0) / 6.0
+    assert abs(state["b.x"] - x) < 1e-14
+
+
+def test_given_coordinates_are_held_and_guesses_are_not():
+    place = "{rod: {x: 0.3, y: -0.4, theta: -0.927295218001612}}"
+    message = failure(PENDULUM + f"reference: {{find: equilibrium, coordinates: {place}}}")
+    assert "held are rod.x, rod.y, rod.theta: a guess leaves them free" in message
+    state, _ = only(PENDULUM + f"reference: {{find: equilibrium, guess: {place}}}")
+    assert abs(state["rod.theta"] + math.pi / 2.0) < 1e-14
+    # Where the file asks for nothing, the command takes what is given as a start.
+    state, _ = only(PENDULUM + f"reference: {{coordinates: {place}}}")
+    assert abs(state["rod.theta"] + math.pi / 2.0) < 1e-14
+
+
+def test_a_held_coordinate_stays_exactly_what_it_is():
+    text = """
+mbstab: 1
+gravity: [0, -9.81]
+bodies:
+  b: {type: planar_point, mass: 1}
+  c: {type: planar_point, mass: 1}
+forces:
+  k1: {type: spring, between: [b, ground], stiffness: 100, length: 0.3}
+  k2: {type: spring, between: [c, ground], stiffness: 100, length: 0.3}
+reference: {find: equilibrium, coordinates: {b: {x: 0}}, guess: {b: {y: -0.2}, c: {x: 0.01, y: -0.2}}}
+"""
+    state, _ = only(text)
+    assert state["b.x"] == 0.0
+    assert abs(state["b.y"] + 0.3 + G / 100.0) < 1e-15
+    message = failure(text.replace("coordinates: {b: {x: 0}}", "coordinates: {b: {x: 0.2}}"))
+    assert "unbalanced on b.x" in message
+
+
+CHANGE_POINT = """
+mbstab: 1
+gravity: [9.81, 0]
+ground: {points: {B: [4, 0]}}
+bodies:
+  crank: {type: planar, mass: 1, shape: {type: rod, length: 2}, points: {a: [-1, 0], b: [1, 0]}}
+  coupler: {type: planar, mass: 1, shape: {type: rod, length: 3}, points: {a: [-1.5, 0], b: [1.5, 0]}}
+  rocker: {type: planar, mass: 1, shape: {type: rod, length: 3}, points: {a: [-1.5, 0], b: [1.5, 0]}}
+joints:
+  A: {type: revolute, between: [crank.a, ground]}
+  C: {type: revolute, between: [coupler.a, crank.b]}
+  D: {type: revolute, between: [rocker.b, coupler.b]}
+  B: {type: revolute, between: [rocker.a, ground.B]}
+reference:
+  find: equilibrium
+  guess:
+    crank: {x: -1, y: 0, theta: pi}
+    coupler: {x: -0.5, y: 0, theta: 0}
+    rocker: {x: 2.5, y: 0, theta: pi}
+"""
+
+
+def test_a_four_bar_linkage_with_all_links_in_a_line_is_refused_by_its_joints():
+    message = failure(CHANGE_POINT, ConstraintError)
+    assert "singular configuration" in message
+    assert all(f"joint '{name}'" in message for name in "ABCD")
+
+
+# --- governor and bicycle -------------------------------------------------------------------------------------------
+
+
+def turning(system, q, rate):
+    """Return u and a of a turn of everything about z through the origin at a rate, from angular velocities."""
+    up, u, a = np.array([0.0, 0.0, 1.0]), np.zeros(system.n_q), np.zeros(system.n_q)
+    for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
+        place, angles = slice(part.start, part.start + 3), slice(part.start + 3, part.stop)
+        u[place] = rate * np.cross(up, q[place])
+        a[place] = rate * np.cross(up, u[place])
+        if body.orientation:
+            phi, theta, _ = q[angles]
+            B = np.array(body.base, dtype=float).reshape(3, 3)
+            first = B @ [1.0, 0.0, 0.0]
+            second = B @ [0.0, math.cos(phi), math.sin(phi)]
+            third = B @ [math.sin(theta), -math.sin(phi) * math.cos(theta), math.cos(phi) * math.cos(theta)]
+            axes = np.column_stack([first, second, third])
+            p, t, s = rates = np.linalg.solve(axes, rate * up)
+            # The second axis goes with the first turn, the third with both; ω is constant.
+            drift = t * p * np.cross(first, second) + s * np.cross(p * first + t * second, third)
+            u[angles], a[angles] = rates, np.linalg.solve(axes, -drift)
+    return u, a
+
+
+def imbalance(system, motion, u, a):
+    """Return the largest unbalanced force and residual of a row, relative to the forces and lengths there."""
+    state = system.dynamics(motion.q, u)
+    force = state.M @ a + state.F0 + state.J.T @ motion.nu
+    balancing = np.max(np.abs(state.M @ a)) + np.max(np.abs(state.F0)) + np.max(np.abs(state.J.T @ motion.nu))
+    rows = max(np.max(np.abs(state.E[: system.n_h])), np.max(np.abs(state.V), initial=0.0))
+    return np.max(np.abs(force)) / balancing, rows
+
+
+def guessed(system, guess, coordinates=None):
+    scene = replace(system.scene, guess=guess)
+    return System(scene if coordinates is None else replace(scene, coordinates=coordinates))
+
+
+def governor():
+    return mbstab.load(MODELS["governor"]).system()
+
+
+def test_the_governor_is_found_from_angles_off_by_03_rad():
+    system = governor()
+    expected = found_motion(system).q
+    rng = np.random.default_rng(5)
+    for _ in range(10):
+        off = {
+            name: value + (0.3 * rng.choice([-1.0, 1.0]) if name.endswith("psi") else 0.0)
+            for name, value in system.scene.guess.items()
+        }
+        found = found_motion(guessed(system, off)).q
+        difference = [math.remainder(x, 2.0 * math.pi) for x in found - expected]
+        assert np.max(np.abs(difference)) < 1e-13
+
+
+@pytest.mark.parametrize("spread", [0.3, 1.0])
+def test_a_random_guess_for_the_governor_leads_to_a_steady_motion_or_an_error(spread):
+    system = governor()
+    rng = np.random.default_rng(100)
+    verified = 0
+    for _ in range(50):
+        sizes = {n: 0.2 if n.rpartition(".")[2] in "xyz" else 3.0 for n in system.scene.guess}
+        guess = {n: x + spread * sizes[n] * rng.uniform(-1.0, 1.0) for n, x in system.scene.guess.items()}
+        try:
+            motion = found_motion(guessed(system, guess))
+        except MbstabError:
+            continue
+        u, a = turning(system, motion.q, 10.0)
+        np.testing.assert_allclose(motion.u, u, atol=1e-12)
+        np.testing.assert_allclose(motion.a, a, atol=1e-11)
+        force, rows = imbalance(system, motion, u, a)
+        assert force < 1e-12
+        assert rows < 1e-12
+        verified += 1
+    assert verified >= 10
+
+
+def bicycle():
+    text = MODELS["whipple_bicycle"].read_text()
+    head, _, tail = text.partition("reference:\n")
+    coordinates, _, _ = tail.partition("  rates:")
+    search = "  find: steady\n  steady: {direction: x, speed: v}\n"
+    return mbstab.loads(head + "reference:\n" + search + coordinates.replace("coordinates:", "guess:"))
+
+
+def test_a_random_guess_for_the_bicycle_leads_to_a_steady_motion_or_an_error():
+    model = bicycle()
+    system = model.system()
+    rng = np.random.default_rng(200)
+    verified = 0
+    for _ in range(100):
+        guess = {
+            n: x + rng.uniform(-1.0, 1.0) * (0.1 if n.rpartition(".")[2] in "xyz" else 0.3)
+            for n, x in system.scene.guess.items()
+        }
+        try:
+            motion = found_motion(guessed(system, guess))
+        except MbstabError:
+            continue
+        names = system.names
+        u = np.zeros(system.n_q)
+        u[[i for i, n in enumerate(names) if n.endswith(".x")]] = 5.0
+        for wheel in ("rear_wheel.psi", "front_wheel.psi"):
+            u[names.index(wheel)] = motion.u[names.index(wheel)]
+        np.testing.assert_allclose(motion.u, u, atol=1e-12)
+        force, rows = imbalance(system, motion, u, 0.0 * u)
+        assert force < 1e-12
+        assert rows < 1e-11
+        verified += 1
+    assert verified >= 10
+
+
+def test_the_bicycle_upright_is_found_from_a_leaning_guess():
+    model = bicycle()
+    system = model.system()
+    guess = dict(system.scene.guess)
+    for body in ("rear_wheel", "rear_body", "front_body", "front_wheel"):
+        guess[f"{body}.phi"] += 0.05
+    motion = found_motion(guessed(system, guess))
+    state = dict(zip(system.names, motion.q, strict=True))
+    assert all(abs(state[f"{body}.phi"]) < 1e-9 for body in ("rear_wheel", "rear_body", "front_body", "front_wheel"))
+    speeds = dict(zip(system.names, motion.u, strict=True))
+    assert abs(speeds["rear_wheel.psi"] + 5.0 / 0.3) < 1e-9
+
+
+def governor_by_hand(omega, digits=40):
+    """Return the angle of the cranks and the eigenvalue of the governor with one degree of freedom."""
+    with mp.workdps(digits):
+        L, R, e = mp.mpf("0.05"), mp.mpf("0.002"), mp.mpf("0.01777")
+        m_b, m_p, m_c, g, sigma = mp.mpf(4), mp.mpf(5), mp.mpf(3), mp.mpf("9.81"), mp.mpf(10)
+        l_0 = mp.sqrt(2) * L
+        k = g * (10 * m_b + 8 * m_c + 4 * m_p) / (4 * (4 * L * mp.sin(mp.pi / 3) - l_0))
+
+        def bar_about_axis(length, radius_of_centre, psi):
+            axial, across = m_b * R**2 / 2, m_b * (R**2 / 4 + length**2 / 12)
+            return m_b * radius_of_centre**2 + axial * mp.sin(psi) ** 2 + across * mp.cos(psi) ** 2
+
+        def about_axis(psi):
+            c = mp.cos(psi)
+            crank = bar_about_axis(4 * L, e + 2 * L * c, psi) + m_c * (e + 4 * L * c) ** 2
+            return 2 * (crank + bar_about_axis(2 * L, e + L * c, psi))
+
+        def potential(psi):
+            s = mp.sin(psi)  # heights above the pivots of the cranks
+            weight = 2 * g * (m_b * 2 * L * s + m_c * 4 * L * s + m_b * 3 * L * s) + m_p * g * 4 * L * s
+            return weight + k * (-4 * L * s - l_0) ** 2 / 2 - mp.mpf(omega) ** 2 * about_axis(psi) / 2
+
+        def mass(psi):
+            s, c = mp.sin(psi), mp.cos(psi)
+            crank = m_b * (R**2 / 4 + (4 * L) ** 2 / 12 + (2 * L) ** 2) + m_c * (4 * L) ** 2
+            rod = m_b * (R**2 / 4 + (2 * L) ** 2 / 12 + (L * s) ** 2 + (3 * L * c) ** 2)
+            return 2 * (crank + rod) + m_p * (4 * L * c) ** 2
+
+        psi = mp.findroot(lambda x: mp.diff(potential, x), (mp.mpf("5.1"), mp.mpf("6.27")), solver="anderson")
+        m, d, v = mass(psi), sigma * (4 * L * mp.cos(psi)) ** 2, mp.diff(potential, psi, 2)
+        return float(psi), complex(-d / (2 * m), mp.sqrt(v / m - (d / (2 * m)) ** 2))
+
+
+@pytest.mark.parametrize("omega", [0, 3, 10, 17.5, 30, 40])
+def test_the_governor_turns_like_its_system_with_one_degree_of_freedom(omega):
+    model = mbstab.load(MODELS["governor"])
+    psi, eigenvalue = governor_by_hand(omega)
+    motion = model.motion(omega=omega)
+    state = dict(zip(model.model.coordinates(), motion.q, strict=True))
+    assert abs(state["right_crank.psi"] - psi) < 1e-12
+    assert abs(state["slider.z"] - 0.2 * (1.0 + math.sin(psi))) < 1e-13
+    result = model.eig(omega=omega)
+    found = [e.value for e in result.eigenvalues if e.kind != "neutral" and e.value.imag > 0.0]
+    assert len(found) == 1
+    assert abs(found[0] - eigenvalue) < 1e-10 * abs(eigenvalue)
+
+
+# --- starts ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_same_seed_gives_the_same_solutions():
+    text = PENDULUM + "reference: {find: equilibrium, guess: {rod: {x: 0.4, y: -0.3}}}"
+    one, other = (solutions(text, 6, 3)[0] for _ in range(2))
+    assert one == other
+
+
+def test_random_starts_leave_held_coordinates_alone():
+    model = mbstab.load(MODELS["governor"])
+    for item in model.equilibria(6, 2):
+        state = dict(zip(model.model.coordinates(), item.motion.q, strict=True))
+        assert [state[f"shaft.{k}"] for k in ("x", "y", "z", "phi", "theta", "psi")] == [0, 0, 0.1, 0, 0, 0]
+
+
+def test_a_failing_reference_that_is_given_says_what_would_find_it():
+    with pytest.raises(ModelFileError, match="at rest but not in equilibrium") as caught:
+        mbstab.loads(PENDULUM + "reference: {coordinates: {rod: {theta: 0}}}").motion()
+    assert "mbstab equilibrium" in str(caught.value)
