@@ -38,6 +38,7 @@ from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
 from mbstab.mechanics.catalogue import GROUND, ElementUse
 from mbstab.mechanics.elements import ELEMENTS
+from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
 from mbstab.model.expressions import Expression
 from mbstab.model.jets import Jet
 from mbstab.model.schema import Entry, is_length
@@ -244,7 +245,8 @@ class System:
         Parameters
         ----------
         q, u : array_like, shape (n_q,)
-            Coordinates (m, rad) and speeds.
+            Coordinates (m, rad) and speeds; shape (points, n_q) for the points of a sweep, whose
+            matrices then have a first axis for them, of length 1 where they are all the same.
         time : float, optional
             Time (s), for given motions and forces; the reference time if not given.
         """
@@ -264,7 +266,7 @@ class System:
         """
         n, c = self.n_q, self.n_c
         out = self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu)
-        return out["K"], out["R"], out["D"][self.n_h :]
+        return out["K"], out["R"], out["D"][..., self.n_h :, :]
 
     def linearize_rows(self, q: Any, u: Any, a: Any, time: Any = None) -> tuple[Any, Any, Any]:
         """Return V_q = ∂V/∂q, and A_q = ∂A/∂q and A_u = ∂A/∂u of A = J a + B at fixed accelerations.
@@ -292,7 +294,10 @@ class System:
         nu: Any = None,
     ) -> dict[str, Any]:
         time = self.scene.time if time is None else time
-        f = self.scene.arithmetic
+        points = self.scene.points
+        if points is None and isinstance(q, np.ndarray) and q.ndim == 2:
+            points = len(q)
+        f = FLOAT if points else self.scene.arithmetic
         q, u = _padded(q), _padded(u)
         a = _padded(a) if a is not None else None
         nu = _listed(nu) if nu is not None else None
@@ -304,6 +309,8 @@ class System:
                 arguments.append([a[i] for i in element.columns])
             elif function == "linearize" and element.rows:
                 arguments.append([nu[i] for i in element.rows])
+            if points is not None:
+                f = _arithmetic_of(arguments)
             try:
                 values.extend(getattr(element.kernel, function)(f, *arguments))
             except (ArithmeticError, ValueError) as error:
@@ -315,6 +322,8 @@ class System:
         plan = self._plans.get(function)
         if plan is None:
             plan = self._plans[function] = self._plan(function, shapes)
+        if points is not None:
+            return {key: _scatter_points(values, *plan[key], shape, points) for key, shape in shapes.items()}
         out = {key: _scatter(values, *plan[key], shape) for key, shape in shapes.items()}
         if any(matrix.dtype != object and not np.isfinite(matrix).all() for matrix in out.values()):
             raise NumericalError(
@@ -368,14 +377,33 @@ def _signals(laws: tuple[Any, ...], time: Any) -> list[Any]:
     return [jet.value for jet in jets] + [jet.rate for jet in jets] + [jet.second for jet in jets]
 
 
+def _arithmetic_of(arguments: list[Any]) -> Arithmetic:
+    """Return the number system of an element: plain floats where nothing varies over the points of a sweep."""
+    varies = any(isinstance(x, np.ndarray) for group in arguments for x in group)
+    return array_arithmetic() if varies else FLOAT
+
+
 def _listed(x: Any) -> list[Any]:
     # Python floats are several times faster than array elements in a kernel.
+    if isinstance(x, np.ndarray) and x.ndim == 2:
+        return [column if np.ptp(column) else float(column[0]) for column in np.ascontiguousarray(x.T)]
     return x.tolist() if isinstance(x, np.ndarray) and x.dtype != object and x.ndim == 1 else list(x)
 
 
 def _padded(x: Any) -> list[Any]:
     """Return a vector as a list with one fixed coordinate behind it."""
     return [*_listed(x), 0.0]
+
+
+def _scatter_points(values: Sequence[Any], take: Any, target: Any, shape: tuple[int, ...], points: int) -> Any:
+    """Return a matrix for each point of a sweep, or one with a first axis of length 1 if it is the same for all."""
+    size = int(np.prod(shape))
+    if all(isinstance(values[i], (int, float)) for i in take):
+        return _scatter(values, take, target, shape)[None]
+    dense = np.zeros((size, points))
+    for i, place in zip(take, target, strict=True):
+        dense[place] += values[i]
+    return np.ascontiguousarray(dense.T).reshape(points, *shape)
 
 
 def _scatter(values: Sequence[Any], take: Any, target: Any, shape: tuple[int, ...]) -> Any:

@@ -7,6 +7,7 @@ arrays, symbols and any other number type that has these functions.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -94,6 +95,7 @@ FLOAT = Arithmetic(
 """Python floats."""
 
 
+@functools.cache
 def array_arithmetic() -> Arithmetic:
     """Return the arithmetic of NumPy arrays: the same formulas on all elements at once."""
     import numpy as np

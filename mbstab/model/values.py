@@ -102,6 +102,8 @@ class Scene:
     steady : SteadyValues or None
     period : number or None
         Period of a periodic motion (s).
+    points : int or None
+        Number of points of a sweep, if numbers may be arrays over them.
     lengths : list of float
         Sizes that occur in the scene (m), for scaling tolerances.
     """
@@ -118,6 +120,7 @@ class Scene:
     guess: dict[str, Number]
     steady: SteadyValues | None
     period: Number | None
+    points: int | None = None
     lengths: list[float] = field(default_factory=list)
 
     @property
@@ -279,8 +282,11 @@ class _Evaluator:
         self.document.raise_problems()
         return Scene(
             model, self.f, self.parameters, gravity, bodies, items, time, coordinates, rates, guess, steady,
-            period, self.lengths,
+            period, self.points(), self.lengths,
         )  # fmt: skip
+
+    def points(self) -> int | None:
+        return next((len(value) for value in self.parameters.values() if getattr(value, "ndim", 0)), None)
 
     def steady(self, steady: Steady | None) -> SteadyValues | None:
         if steady is None:
