@@ -327,3 +327,150 @@ def test_a_full_or_closed_stdout_is_said(words):
 def test_a_reader_that_stops_early_is_no_error():
     command = f"{shlex.quote(sys.executable)} -m mbstab schema | head -1"
     assert subprocess.run(command, shell=True, capture_output=True, text=True).stderr == ""
+
+
+# --- equilibria, steady and periodic motions ------------------------------------------------------------------------
+
+HANGING = """\
+mbstab: 1
+title: A rod on a pivot
+gravity: [0, -9.81]
+bodies:
+  rod: {type: planar, mass: 2, shape: {type: rod, length: 1}, points: {O: [-0.5, 0]}}
+joints:
+  pivot: {type: revolute, between: [rod.O, ground]}
+reference:
+  find: equilibrium
+  guess: {rod: {x: 0.3, y: -0.3, theta: -1}}
+"""
+
+
+@pytest.fixture
+def hanging(tmp_path):
+    path = tmp_path / "rod.yaml"
+    path.write_text(HANGING)
+    return str(path)
+
+
+def test_equilibrium_prints_coordinates_reactions_and_whether_it_is_isolated(hanging):
+    result = run("equilibrium", hanging)
+    assert (result.exit_code, result.stderr) == (0, "")
+    lines = result.stdout.splitlines()
+    assert lines[0] == "A rod on a pivot"
+    assert any(line.split() == ["rod.theta", "-1.570796327", "rad"] for line in lines)
+    assert any(line.split() == ["joint", "'pivot'", "rod", "0,", "19.62", "0"] for line in lines)
+    assert lines[-1] == "isolated"
+
+
+@pytest.mark.parametrize(
+    ("command", "model"),
+    [
+        *(("equilibrium", model) for model in ("pendulum", "governor", "bricard", "whipple_bicycle", "bead_on_hoop")),
+        *(("equilibrium", model) for model in ("rotating_pendulum", "rolling_disk", "n_four_bar", "wheelset")),
+        *(("eig", model) for model in ("governor", "rotating_pendulum", "bead_on_hoop", "bricard", "whipple_bicycle")),
+        ("eig", "kapitza"),
+    ],
+)
+def test_steady_and_periodic_answers_fit_eighty_columns(command, model):
+    result = run(command, model)
+    assert result.exit_code == 0
+    long = [line for line in result.stdout.splitlines() if len(line) > 80 and " holonomic row" not in line]
+    assert long == []
+
+
+def test_equilibrium_json_has_the_keys_scripts_rely_on(hanging):
+    data = json.loads(run("equilibrium", hanging, "--format", "json").stdout)
+    assert (set(data), data["title"]) == ({"model", "title", "equilibria"}, "A rod on a pivot")
+    (found,) = data["equilibria"]
+    assert set(found) >= {
+        *("coordinates", "rates", "steady", "reactions", "residual", "unbalanced_force", "unbalanced_torque"),
+        *("iterations", "strategy", "isolated", "open", "symmetries", "redundant", "warnings"),
+    }
+    assert found["coordinates"]["rod.theta"] == -math.pi / 2
+    assert (found["steady"], found["isolated"], found["open"]) == ("rest", True, [])
+    (pivot,) = found["reactions"]
+    assert set(pivot) == {"of", "on", "point", "force", "torque"}
+    assert (pivot["of"], pivot["on"], len(pivot["point"])) == ("joint 'pivot'", "rod", 2)
+    assert abs(pivot["force"][1] - 19.62) < 1e-13
+
+
+def test_equilibrium_csv_is_one_number_a_line(hanging):
+    text = run("equilibrium", hanging, "--starts", "6", "--format", "csv").stdout
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert list(rows[0]) == ["solution", "quantity", "of", "value", "unit"]
+    heights = {r["solution"]: float(r["value"]) for r in rows if (r["quantity"], r["of"]) == ("coordinate", "rod.y")}
+    assert heights == {"1": pytest.approx(-0.5, abs=1e-15), "2": pytest.approx(0.5, abs=1e-15)}
+    force = [r for r in rows if r["quantity"] == "force y"]
+    assert [(r["of"], r["unit"]) for r in force] == [("joint 'pivot' on rod", "N")] * 2
+    assert {r["unit"] for r in rows} == {"m", "m/s", "rad", "rad/s", "N", "N*m"}
+
+
+def test_more_starts_list_all_solutions_and_a_seed_repeats_them(hanging):
+    text = run("equilibrium", hanging, "--starts", "6").stdout
+    assert "2 distinct solutions" in text
+    assert ["Equilibrium 1 of 2", "Equilibrium 2 of 2"] == [x for x in text.splitlines() if x.startswith("Equil")]
+    one, other = (run("equilibrium", hanging, "--starts", "6", "--seed", "7", "--format", "json") for _ in range(2))
+    assert one.stdout == other.stdout
+    assert one.stderr == ""  # the progress bar is for terminals
+
+
+FALLING = "mbstab: 1\ngravity: [0, -9.81]\nbodies: {b: {type: planar_point, mass: 1}}\nreference: {find: equilibrium}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "code", "message"),
+    [
+        (FALLING, (), 1, "nothing holds b.y"),
+        (FALLING, ("--starts", "3"), 1, "nothing holds b.y"),
+        (FALLING.replace("equilibrium", "rest"), (), 2, "reference.find"),
+        (FALLING.replace("equilibrium", "steady"), (), 2, "a steady motion needs its symmetry"),
+        (HANGING, ("--starts", "0"), 2, "--starts"),
+        (HANGING, ("--seed", "-1"), 2, "--seed"),
+        (HANGING, ("--set", "k=1"), 2, "has no parameter 'k'"),
+        (HANGING, ("--format", "npz"), 2, "--format"),
+    ],
+)
+def test_exit_codes_of_equilibrium(tmp_path, text, arguments, code, message):
+    path = tmp_path / "model.yaml"
+    path.write_text(text)
+    result = run("equilibrium", str(path), *arguments)
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert message in result.stderr
+
+
+def test_eig_of_a_motion_that_is_not_found_fails_in_the_same_words(tmp_path):
+    path = tmp_path / "model.yaml"
+    path.write_text(FALLING)
+    equilibrium, eig = run("equilibrium", str(path)), run("eig", str(path))
+    assert (eig.exit_code, eig.stdout) == (1, "")
+    assert eig.stderr == equilibrium.stderr
+    assert f"{path}:4:1: reference: " in eig.stderr
+
+
+def test_what_is_not_known_of_reactions_is_said_and_warned_of(tmp_path):
+    path = tmp_path / "model.yaml"
+    path.write_text(HANGING.replace("joints:", "joints:\n  again: {type: revolute, between: [rod.O, ground]}"))
+    result = run("equilibrium", str(path))
+    assert result.exit_code == 0
+    assert "warning: redundant constraint" in result.stderr
+    assert "warning" not in result.stdout
+    assert "of the reactions only their sums are determined" in result.stdout
+    (found,) = json.loads(run("equilibrium", str(path), "--format", "json").stdout)["equilibria"]
+    assert len(found["redundant"]) == 2
+    assert abs(sum(r["force"][1] for r in found["reactions"]) - 19.62) < 1e-12
+
+
+def test_frozen_eigenvalues_are_labelled():
+    shown = run("eig", "rotating_pendulum", "--frozen")
+    assert shown.exit_code == 0
+    assert "Verdict: undecided" in shown.stdout
+    assert "frozen" in shown.stdout
+    assert "8i" in shown.stdout
+    assert "in the frame of" not in shown.stdout
+    data = answer("rotating_pendulum", "--frozen")
+    assert (data["frozen_time"], data["frame"], data["verdict"]) == (True, "", "undecided")
+    data = answer("rotating_pendulum")
+    assert (data["frozen_time"], data["verdict"]) == (False, "marginally stable")
+    assert data["frame"].startswith("rotation about z")
+    assert run("eig", "rotating_pendulum", "--frozen", "--require", "marginal").exit_code == 3
+    assert run("eig", "rotating_pendulum", "--require", "marginal").exit_code == 0

@@ -5,6 +5,7 @@ order, moved within its bodies, mirrored, turned, measured in other units, and a
 """
 
 import json
+import math
 import re
 
 import numpy as np
@@ -16,7 +17,12 @@ from mbstab.analysis.eigen import matched
 from mbstab.model.library import installed_models
 
 MODELS = {path.stem: path.read_text(encoding="utf-8") for path in installed_models()}
-SPATIAL = {"top", "whipple_bicycle", "rolling_disk", "rolling_torus", "rattleback", "free_rigid_body"}
+# The same spin about the vertical, found from the rates and declared.
+MODELS["spinning_rattleback"] = MODELS["rattleback"].replace("omega: {value: 0,", "omega: {value: 5,")
+MODELS["steady_rattleback"] = MODELS["spinning_rattleback"].replace(
+    "  rates:\n    stone: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: omega}", "  steady: {axis: z, rate: omega}"
+)
+SPATIAL = {name for name, text in MODELS.items() if "type: spatial" in text}
 PLANAR = sorted(set(MODELS) - SPATIAL)
 # Its masses are numbers in the bodies and its axes named directions; some transformations act on parameters only.
 WRITTEN_OUT = {"whipple_bicycle"}
@@ -24,7 +30,14 @@ PLAIN = sorted(set(MODELS) - WRITTEN_OUT)
 
 # On the axis of the spin the reference point may lie anywhere. A free body that turns with its first Euler angle is
 # left out: a tilt would carry a point off its centre of mass around, and the equations would not stand still.
-SPIN_AXIS = {"top": 2, "rolling_disk": 2, "rolling_torus": 2, "rattleback": 2}
+# Where the frame turns with the scene any point will do; here the same is taken for all bodies.
+SPIN_AXIS = {
+    name: 2
+    for name in (
+        *("top", "rolling_disk", "rolling_torus", "rattleback", "spinning_rattleback", "steady_rattleback"),
+        *("governor", "governor_paper", "rotating_pendulum", "bead_on_hoop", "bricard"),
+    )
+}
 MOVABLE = [name for name in MODELS if name in PLANAR or name in SPIN_AXIS]
 PLANAR_SHIFT = (0.13, -0.21)
 
@@ -43,6 +56,13 @@ def written(vector, dimension):
         sign = -1.0 if vector.startswith("-") else 1.0
         return [sign * x for x in AXES[vector.removeprefix("-")][:dimension]]
     return list(vector)
+
+
+def both_axes(axis, dimension):
+    """Return an axis in the frames of both bodies; it may be written once for both."""
+    if isinstance(axis, list) and all(isinstance(x, list) or str(x).removeprefix("-") in AXES for x in axis):
+        return [written(x, dimension) for x in axis]
+    return [written(axis, dimension)] * 2
 
 
 def times(matrix, vector):
@@ -66,6 +86,24 @@ def spatial_rotation(phi, theta, psi):
     ]
 
 
+def product(a, b):
+    return [[" + ".join(f"({x})*({y})" for x, y in zip(row, column, strict=True)) for column in zip(*b, strict=True)] for row in a]
+
+
+def with_base(body, rotation):
+    return product(spatial_rotation(*body["axes"]), rotation) if "axes" in body else rotation
+
+
+def number(text):
+    return float(eval(str(text), {"pi": math.pi, "cos": math.cos, "sin": math.sin}))
+
+
+def angles_of(rotation):
+    """Return the Euler angles of a rotation that is written with numbers."""
+    A = np.array([[number(x) for x in row] for row in rotation])
+    return [math.atan2(-A[1, 2], A[2, 2]), math.asin(A[0, 2]), math.atan2(-A[0, 1], A[0, 0])]
+
+
 # --- models as dictionaries -----------------------------------------------------------------------------------------
 
 
@@ -77,6 +115,12 @@ def read(name):
     for entry in model.get("forces", {}).values():
         if True in entry:  # what PyYAML takes the key `on` for
             entry["on"] = entry.pop(True)
+    # A place of which some components are held and others sought is sought as a whole: constraints hold it as well.
+    coordinates, guess = model["reference"]["coordinates" if "coordinates" in model["reference"] else "guess"], model["reference"]["guess"]
+    for body in set(coordinates) & set(guess):
+        for key in set(coordinates[body]) & set("xyz"):
+            if set(guess[body]) & set("xyz"):
+                guess[body][key] = coordinates[body].pop(key)
     return model
 
 
@@ -111,6 +155,10 @@ def in_ground(model, change):
     for group in ("points", "directions"):
         for name, vector in model.get("ground", {}).get(group, {}).items():
             model["ground"][group][name] = change(written(vector, n))
+    steady = model["reference"].get("steady", {})
+    for key in ("axis", "point", "direction"):
+        if key in steady and (n == 3 or key != "axis"):
+            steady[key] = change(written(steady[key], n))
     for entry in entries(model):
         if entry["type"] == "disk":
             entry["normal"] = change(written(entry.get("normal", "y"), n))
@@ -182,8 +230,15 @@ def renamed_and_reordered(model):
                 entry[key] = other(entry[key])
         if "between" in entry:
             entry["between"] = [other(word) for word in reversed(entry["between"])]
-            if isinstance(entry.get("axis"), list):
+            if isinstance(entry.get("axis"), list) and dimension(model) == 3:
+                entry["axis"] = both_axes(entry["axis"], 3)[::-1]
+            elif isinstance(entry.get("axis"), list):
                 entry["axis"] = entry["axis"][::-1]
+        if entry["type"] == "joint" and "joint" in entry:
+            # The angle is that of the second body against the first one.
+            for key in ("position", "velocity"):
+                if key in entry:
+                    entry[key] = f"-({entry[key]})"
         if entry["type"] == "joint_spring":
             entry["rest"] = f"-({entry.get('rest', 0)})"
     in_expressions(
@@ -226,10 +281,15 @@ def with_other_reference_points(model, shift):
         return body, load | {"theta": " - ".join([f"({load['theta']})", *moment])}
 
     for name, body in model["bodies"].items():
-        if body["type"] == "planar_point":
+        if body["type"] in ("planar_point", "point"):
             continue
-        body["center_of_mass"] = plus(body.get("center_of_mass", ["0"] * n), shift, "-")
-        body["points"] = {key: plus(point, shift, "-") for key, point in body.get("points", {}).items()}
+        if "parts" in body:
+            for part in body["parts"]:
+                place = part.get("at", 0)
+                part["at"] = plus(place if isinstance(place, list) else ["0"] * n, shift, "-")
+        else:
+            body["center_of_mass"] = plus(body.get("center_of_mass", ["0"] * n), shift, "-")
+        body["points"] = {key: plus(point if isinstance(point, list) else ["0"] * n, shift, "-") for key, point in body.get("points", {}).items()}
         body["points"]["old_origin"] = [-x for x in shift]
         for entry in entries(model):
             for key in ("at", "center"):
@@ -239,11 +299,11 @@ def with_other_reference_points(model, shift):
                 entry["between"] = [f"{name}.old_origin" if word == name else word for word in entry["between"]]
     for body, state, angles in states(model):
         given = [key for key in "xyz"[:n] if key in state]
-        if given and model["bodies"][body]["type"] != "planar_point":
+        if given and model["bodies"][body]["type"] not in ("planar_point", "point"):
             rotation = (
                 planar_rotation(angles.get("theta", "0"))
                 if n == 2
-                else spatial_rotation(*(angles[key] for key in ("phi", "theta", "psi")))
+                else with_base(model["bodies"][body], spatial_rotation(*(angles[key] for key in ("phi", "theta", "psi"))))
             )
             moved = plus([state.get(key, "0") for key in "xyz"[:n]], times(rotation, shift))
             state.update(zip("xyz"[:n], moved, strict=True))
@@ -314,8 +374,10 @@ def turned(model):
     for entry in entries(model):
         if "axis" in entry:
             # An axis is written in the frames of both bodies; the ground does not turn with the scene.
-            axis = written(entry["axis"], 2 if flat else 3)
-            entry["axis"] = [turn(axis) if word.partition(".")[0] == "ground" else axis for word in entry["between"]]
+            ends = zip(entry["between"], both_axes(entry["axis"], 2 if flat else 3), strict=True)
+            entry["axis"] = [turn(axis) if word.partition(".")[0] == "ground" else axis for word, axis in ends]
+        if entry["type"] == "force" and entry.get("frame") != "body":
+            entry["vector"] = turn(entry["vector"])
         if entry["type"] == "joint_spring" and "ground" in model["joints"][entry["joint"]]["between"]:
             entry["rest"] = f"({entry.get('rest', 0)}) + {PLANAR_ANGLE}"
     for state in (s for key in ("coordinates", "guess") for s in model["reference"].get(key, {}).values()):
@@ -323,7 +385,52 @@ def turned(model):
             state["theta"] = f"({state['theta']}) + {PLANAR_ANGLE}"
     if not flat:
         for body in model["bodies"].values():
-            body["axes"] = list(SPATIAL_ANGLES)
+            if body["type"] == "spatial":
+                body["axes"] = angles_of(product(rotation, spatial_rotation(*body.get("axes", [0, 0, 0]))))
+    return model
+
+
+def mirrored_in_space(model):
+    """Reflect a spatial scene at the plane of x and z, the frames of the bodies too: φ and ψ change sign."""
+
+    def reflect(vector):
+        return [vector[0], f"-({vector[1]})", vector[2]]
+
+    def negated(entry, keys):
+        for key in set(keys) & set(entry):
+            entry[key] = f"-({entry[key]})"
+
+    in_ground(model, reflect)
+    places(model, reflect)
+    for body in model["bodies"].values():
+        for group in ("points", "directions"):
+            if group in body:
+                body[group] = {
+                    key: reflect(vector if isinstance(vector, list) else ["0"] * 3)
+                    for key, vector in body[group].items()
+                }
+        for part in (body, *body.get("parts", [])):
+            for key in ("center_of_mass", "at"):
+                if isinstance(part.get(key), list):
+                    part[key] = reflect(part[key])
+        if isinstance(body.get("inertia"), dict):
+            negated(body["inertia"], ("xy", "yz"))
+        if "axes" in body:
+            body["axes"] = [f"-({body['axes'][0]})", body["axes"][1], f"-({body['axes'][2]})"]
+    for entry in entries(model):
+        for key in ("axle", "along", "vector"):
+            if key in entry:
+                entry[key] = reflect(written(entry[key], 3))
+        if "axis" in entry:
+            entry["axis"] = [reflect(axis) for axis in both_axes(entry["axis"], 3)]
+        if entry["type"] == "joint_spring":
+            entry["rest"] = f"-({entry.get('rest', 0)})"
+        if entry["type"] == "joint" or entry.get("coordinate", "").endswith((".phi", ".psi")):
+            negated(entry, ("position", "velocity"))
+    negated(model["reference"].get("steady", {}), ("rate",))
+    for key in ("coordinates", "rates", "guess"):
+        for state in model["reference"].get(key, {}).values():
+            negated(state, ("phi", "psi"))
     return model
 
 
@@ -331,12 +438,14 @@ UNITS = {
     # As the examples declare them: another unit, and how many of it one is.
     "kg": ("g", 1e3),
     "m": ("mm", 1e3),
+    "mm": ("m", 1e-3),
     "kg*m^2": ("g*mm^2", 1e9),
     "m/s^2": ("mm/ms^2", 1e-3),
     "m/s": ("mm/ms", 1.0),
     "rad/s": ("rad/ms", 1e-3),
     "N": ("g*mm/ms^2", 1.0),
     "N/m": ("g/ms^2", 1e-3),
+    "N*s/m": ("g/ms", 1.0),
     "N*m": ("g*mm^2/ms^2", 1e3),
     "N*m*s": ("g*mm^2/ms", 1e6),
     "rad": ("deg", 180.0 / np.pi),
@@ -360,6 +469,8 @@ def everything(model, name):
         model = with_other_reference_points(model, shift_of(name))
     if dimension(model) == 2:
         model = mirrored(model)
+    else:
+        model = mirrored_in_space(model)
     return renamed_and_reordered(turned(model))
 
 
@@ -393,6 +504,11 @@ def test_left_and_right_do_not_matter(name):
     assert_same(name, mirrored(read(name)))
 
 
+@pytest.mark.parametrize("name", sorted(SPATIAL - WRITTEN_OUT))
+def test_left_and_right_do_not_matter_in_space(name):
+    assert_same(name, mirrored_in_space(read(name)))
+
+
 @pytest.mark.parametrize("name", PLAIN)
 def test_the_direction_of_the_axes_does_not_matter(name):
     assert_same(name, turned(read(name)))
@@ -412,12 +528,14 @@ LENGTH, MASS, TIME = 25.4e-6, 453.6e3, 7.7e-4
 SCALES = {
     "kg": MASS,
     "m": LENGTH,
+    "mm": LENGTH,
     "kg*m^2": MASS * LENGTH**2,
     "m/s^2": LENGTH / TIME**2,
     "m/s": LENGTH / TIME,
     "rad/s": 1.0 / TIME,
     "N": MASS * LENGTH / TIME**2,
     "N/m": MASS / TIME**2,
+    "N*s/m": MASS / TIME,
     "N*m": MASS * LENGTH**2 / TIME**2,
     "N*m*s": MASS * LENGTH**2 / TIME,
     "rad": 1.0,
@@ -431,7 +549,7 @@ def test_a_model_of_other_size_mass_and_speed_has_eigenvalues_scaled_by_the_time
     model = mbstab.loads(MODELS[name])
     literal = {k: p for k, p in model.model.parameters.items() if p.expression.literal}
     values = model.parameters()
-    scaled = {k: values[k] * SCALES[p.unit] for k, p in literal.items()}
+    scaled = {k: values[k] * SCALES[p.unit] / p.factor for k, p in literal.items()}
     original, found = model.eig(), model.eig(**scaled)
     assert found.verdict == original.verdict
     assert (found.counts.neutral, found.chains) == (original.counts.neutral, original.chains)

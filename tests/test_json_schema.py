@@ -21,13 +21,15 @@ SCHEMA = schema.json_schema()
 
 
 def as_an_editor_reads(text: str) -> Any:
-    """Return what YAML 1.2 makes of a text: numbers and words, where YAML 1.1 makes True of the key ``on``."""
+    """Return what YAML 1.2 makes of a text: numbers, words, true and false; YAML 1.1 makes True of the key ``on``."""
 
     def resolved(value: Any) -> Any:
         if isinstance(value, dict):
             return {key: resolved(item) for key, item in value.items()}
         if isinstance(value, list):
             return [resolved(item) for item in value]
+        if value in ("true", "false"):
+            return value == "true"
         for number in (int, float):
             try:
                 return number(value)
@@ -78,6 +80,11 @@ GOOD = f"mbstab: 1\n{BODY}"
         GOOD + "contacts: {c: {type: disk, center: b, radius: 1, motion: roling}}",
         GOOD + "constraints: {c: {scleronomic: b.x}}",
         GOOD + "reference: {speeds: {}}",
+        GOOD + "reference: {find: equilibria}",
+        GOOD + "reference: {steady: {axis: z, rates: 3}}",
+        GOOD + "reference: {steady: {direction: x, speed: [1]}}",
+        GOOD + "reference: {period: [1]}",
+        GOOD + "expect: [{frozen: 1}]",
         GOOD + "sweep: {a: {from: 1}}",
         GOOD + "expect: [{verdict: stable}]",
         GOOD + "expect: [{critical: {parameter: a, value: 1}}]",
@@ -107,6 +114,7 @@ def closed_mappings(model: dict[str, Any]) -> Iterator[dict[str, Any]]:
             yield from entry.get("parts", [])
     yield from (value for value in model.get("parameters", {}).values() if isinstance(value, dict))
     yield from (model[key] for key in ("ground", "reference") if key in model)
+    yield from (model["reference"][key] for key in ("steady",) if key in model.get("reference", {}))
     for expectation in model.get("expect", []):
         yield expectation
         yield from (expectation[key] for key in ("critical",) if key in expectation)

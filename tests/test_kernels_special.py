@@ -18,6 +18,7 @@ from mbstab.model.arithmetic import FLOAT, mpmath_arithmetic
 
 # Lengths that a definition divides by, and vectors that may not vanish.
 POSITIVE = {"length", "lead", "radius", "mass", "stiffness", "damping", "tube", "rest"}
+SEMI_AXES = (2, 3, 1)  # and the ball inside it has the shortest
 
 
 def states(name):
@@ -39,10 +40,14 @@ def states(name):
         if frame == "spatial":
             p = [mpmath.mpf(i == j) for _ in range(element.slots) for i in range(3) for j in range(3)]
         for number, (parameter, count) in enumerate(parameter_sizes(element, frame)):
-            if count == 1:
+            if parameter == "ball":
+                p.append(mpmath.mpf(min(SEMI_AXES)))
+            elif count == 1:
                 p.append(mpmath.mpf(1 if parameter in POSITIVE else rng.choice([0, 1])))
             elif parameter in ("first", "second", "center", "point"):
                 p += [mpmath.mpf(0)] * count
+            elif parameter == "semi_axes":
+                p += [mpmath.mpf(x) for x in SEMI_AXES]
             elif parameter == "inertia":
                 p += [mpmath.mpf(x) for x in ([1, 1, 2, 0, 0, 0] if trial % 2 else [1, 2, 2, 0, 0, 0])]
             else:

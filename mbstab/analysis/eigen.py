@@ -330,9 +330,9 @@ def eigenvalues(
     if method not in METHODS:
         raise UsageError(f"unknown method {method!r}\nhint: one of {', '.join(METHODS)}")
     space = state_space(linear)
-    gamma = _time_scale(space)
-    S = _balanced(space, gamma)
-    rounding = _rounding(linear, space, gamma, S)
+    gamma = time_scale(space)
+    S = balanced(space, gamma)
+    rounding = rounding_of(linear, space, gamma, S)
     deflated = deflate_neutral(S, rounding)
     known: list[Symmetry] = []
     turns = linear.generator is not None and linear.generator.turns
@@ -385,7 +385,7 @@ def answer(
     return eigenvalues(linearize(system, motion, frozen), method, lambda: symmetries(system, motion))
 
 
-def _time_scale(space: StateSpace) -> float:
+def time_scale(space: StateSpace) -> float:
     """Return a typical rate of the deflated system (1/s)."""
     A, n = space.A, space.n_xi
     size = [
@@ -396,7 +396,7 @@ def _time_scale(space: StateSpace) -> float:
     return max(size, default=0.0) or 1.0
 
 
-def _balanced(space: StateSpace, gamma: float) -> Array:
+def balanced(space: StateSpace, gamma: float) -> Array:
     """Return S with speeds counted in units of γ: its blocks are of similar size."""
     weights = np.ones(len(space.A))
     weights[space.n_xi :] = gamma
@@ -404,7 +404,7 @@ def _balanced(space: StateSpace, gamma: float) -> Array:
     return result
 
 
-def _rounding(linear: Linearization, space: StateSpace, gamma: float, S: Array) -> float:
+def rounding_of(linear: Linearization, space: StateSpace, gamma: float, S: Array) -> float:
     """Return to what the balanced S is known, relative to its norm: it is a difference of larger matrices."""
     scale = linear.motion.spaces.scale
     sizes = [float(np.linalg.norm(x * scale * scale[:, None], 2)) for x in (linear.M, linear.R, linear.K)]

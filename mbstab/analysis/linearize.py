@@ -359,18 +359,38 @@ def _change(system: System, motion: Motion, now: _Matrices, then: _Matrices, tim
 
 def _deflated(spaces: Subspaces, matrices: _Matrices) -> tuple[Array, Array]:
     """Return the matrix of ẏ = A y in the bases N and Z, and the mass matrix of the speeds."""
-    scale, N, Z = spaces.scale, spaces.N, spaces.Z
-    weights = scale * scale[:, None]
-    M_r, R_r, K_r = (N.T @ (x * weights) @ N for x in (matrices.M, matrices.R, matrices.K))
     n_h = len(matrices.J) - len(matrices.D_q)
-    D_u, D_q = (x * scale * spaces.row_scale[n_h:, None] @ N for x in (matrices.J[n_h:], matrices.D_q))
-    P = -rank_of(D_u).pseudo_inverse @ D_q
-    M_z = Z.T @ M_r @ Z
+    D_u, D_q = (x * spaces.scale * spaces.row_scale[n_h:, None] for x in (matrices.J[n_h:], matrices.D_q))
+    P = -rank_of(D_u @ spaces.N).pseudo_inverse @ (D_q @ spaces.N)
+    weights = spaces.scale * spaces.scale[:, None]
+    return deflated_matrix(*(x * weights for x in (matrices.M, matrices.R, matrices.K)), spaces.N, spaces.Z, P)
+
+
+def deflated_matrix(M: Array, R: Array, K: Array, N: Array, Z: Array, P: Array) -> tuple[Array, Array]:
+    """Return the matrix of ẏ = A y in the bases N and Z, and the mass matrix of the speeds.
+
+    Parameters
+    ----------
+    M, R, K : ndarray, shape (…, n_q, n_q)
+        In scaled coordinates; further axes in front are those of a sweep, and broadcast.
+    N : ndarray, shape (…, n_q, n_xi)
+    Z : ndarray, shape (…, n_xi, n_eta)
+    P : ndarray, shape (…, n_xi, n_xi)
+    """
+    N_t, Z_t = np.swapaxes(N, -1, -2), np.swapaxes(Z, -1, -2)
+    M_r, R_r, K_r = (N_t @ x @ N for x in (M, R, K))
+    M_z = Z_t @ M_r @ Z
     inertia = M_r @ P + R_r
-    right = np.hstack([Z.T @ (inertia @ P + K_r), Z.T @ inertia @ Z])
+    lower = [Z_t @ (inertia @ P + K_r), Z_t @ inertia @ Z]
     # Z is orthonormal in mass-scaled coordinates: M_z is as well conditioned as the scene allows.
-    lower = -np.linalg.solve(M_z, right) if M_z.size else np.zeros((0, N.shape[1]))
-    return np.vstack([np.hstack([P, Z]), lower]), M_z
+    n, points = N.shape[-1], np.broadcast_shapes(*(x.shape[:-2] for x in (*lower, P, Z)))
+    A = np.empty((*points, n + Z.shape[-1], n + Z.shape[-1]))
+    A[..., :n, :n], A[..., :n, n:] = P, Z
+    if M_z.size:
+        inverse = np.linalg.inv(M_z) if M_z.ndim > 2 and len(M_z) == 1 else None
+        for block, x in ((np.s_[..., n:, :n], lower[0]), (np.s_[..., n:, n:], lower[1])):
+            A[block] = -np.linalg.solve(M_z, x) if inverse is None else -inverse @ x
+    return A, M_z
 
 
 def state_space(linear: Linearization) -> StateSpace:

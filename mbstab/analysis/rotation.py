@@ -6,6 +6,7 @@ With A = B Ax(φ) Ay(θ) Az(ψ) the angular velocity in ground axes is ω = G(φ
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -59,30 +60,35 @@ def rate_matrix(body: BodyValues, angles: Array) -> Array:
 def turning_rates(body: BodyValues, angles: Array, axis: Array) -> tuple[Array, Array, Array]:
     """Return what a turn of the ground about an axis at 1 rad/s does to the angles of a body.
 
+    Parameters
+    ----------
+    angles : ndarray, shape (…, 3)
+        Axes in front are those of a sweep.
+
     Returns
     -------
-    X : ndarray, shape (3,)
+    X : ndarray, shape (…, 3)
         Euler rates, G⁻¹ axis.
-    slope : ndarray, shape (3, 3)
+    slope : ndarray, shape (…, 3, 3)
         ∂X/∂(angles).
-    growth : ndarray, shape (3, 3)
+    growth : ndarray, shape (…, 3, 3)
         Rate of the slope along X.
     """
     w1, w2, w3 = base_rotation(body).T @ axis
-    (c1, s1), (c2, t2) = (math.cos(angles[0]), math.sin(angles[0])), (math.cos(angles[1]), math.tan(angles[1]))
-    x, y, sec = c1 * w2 + s1 * w3, c1 * w3 - s1 * w2, 1.0 / c2
-    X = np.array([w1 - t2 * y, x, sec * y])
-    slope = np.array([[t2 * x, -sec * sec * y, 0.0], [y, 0.0, 0.0], [-sec * x, sec * t2 * y, 0.0]])
+    f: Any = math if angles.ndim == 1 else np
+    phi, theta = (float(angles[0]), float(angles[1])) if angles.ndim == 1 else (angles[..., 0], angles[..., 1])
+    c1, s1, t2, sec = f.cos(phi), f.sin(phi), f.tan(theta), 1.0 / f.cos(theta)
+    x, y = c1 * w2 + s1 * w3, c1 * w3 - s1 * w2
+    p, s = w1 - t2 * y, sec * y
     # Along X: ẋ = y φ̇, ẏ = −x φ̇, d(tan θ)/dt = θ̇/cos²θ, d(1/cos θ)/dt = θ̇ tan θ/cos θ.
-    x_t, y_t = y * X[0], -x * X[0]
-    t_t, sec_t = sec * sec * X[1], sec * t2 * X[1]
-    growth = np.array(
-        [
-            [t_t * x + t2 * x_t, -2.0 * sec * sec_t * y - sec * sec * y_t, 0.0],
-            [y_t, 0.0, 0.0],
-            [-sec_t * x - sec * x_t, (sec_t * t2 + sec * t_t) * y + sec * t2 * y_t, 0.0],
-        ]
-    )
+    x_t, y_t, t_t, sec_t = y * p, -x * p, sec * sec * x, sec * t2 * x
+    X, slope, growth = (np.zeros((*angles.shape[:-1], *shape)) for shape in ((3,), (3, 3), (3, 3)))
+    X[..., 0], X[..., 1], X[..., 2] = p, x, s
+    slope[..., 0, 0], slope[..., 0, 1], slope[..., 1, 0] = t2 * x, -sec * sec * y, y
+    slope[..., 2, 0], slope[..., 2, 1] = -sec * x, sec * t2 * y
+    growth[..., 0, 0], growth[..., 0, 1] = t_t * x + t2 * x_t, -2.0 * sec * sec_t * y - sec * sec * y_t
+    growth[..., 1, 0], growth[..., 2, 0] = y_t, -sec_t * x - sec * x_t
+    growth[..., 2, 1] = (sec_t * t2 + sec * t_t) * y + sec * t2 * y_t
     return X, slope, growth
 
 

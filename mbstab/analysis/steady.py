@@ -43,7 +43,8 @@ class Generator:
     velocity : ndarray, shape (3,)
         Translation (m/s).
     spins : ndarray, shape (n_q,)
-        Constant rates of single coordinates, besides.
+        Constant rates of single coordinates, besides. Over the points of a sweep rate, velocity
+        and spins may have an axis in front.
     """
 
     system: System
@@ -56,7 +57,7 @@ class Generator:
     @property
     def turns(self) -> bool:
         """Whether the ground turns; without that X is constant and the frame is the ground's."""
-        return self.rate != 0.0
+        return bool(np.any(self.rate))
 
     def __str__(self) -> str:
         """Return it in words, such as ``rotation about z at 10 rad/s``."""
@@ -73,39 +74,41 @@ class Generator:
         return ", ".join(words) or "rest"
 
     def field(self, q: Array) -> Array:
-        """Return X(q), shape (n_q,)."""
+        """Return X(q), shape (…, n_q)."""
         return self._evaluate(q)[0]
 
     def acceleration(self, q: Array) -> Array:
-        """Return DX(q) X(q), the acceleration of the steady motion."""
+        """Return DX(q) X(q), the acceleration of the steady motion, shape (…, n_q)."""
         X, slope, _ = self._evaluate(q)
-        result: Array = slope @ X
+        result: Array = (slope @ X[..., None])[..., 0]
         return result
 
     def frame(self, q: Array) -> tuple[Array, Array]:
-        """Return Ξ = DX(q) and Ξ₂ = Ξ² + D²X[X, ·], shape (n_q, n_q)."""
+        """Return Ξ = DX(q) and Ξ₂ = Ξ² + D²X[X, ·], shape (…, n_q, n_q)."""
         _, slope, growth = self._evaluate(q)
         return slope, slope @ slope + growth
 
     def _evaluate(self, q: Array) -> tuple[Array, Array, Array]:
-        n = len(q)
-        X, slope, growth = self.spins.copy(), np.zeros((n, n)), np.zeros((n, n))
-        d = self.system.scene.dimension
-        cross = (self.rate * cross_matrix(self.axis))[:d, :d]
+        n, d = q.shape[-1], self.system.scene.dimension
+        rate = np.asarray(self.rate)[..., None]
+        turns = bool(np.any(rate))
+        X = np.broadcast_to(self.spins, q.shape).copy()
+        slope, growth = np.zeros((*q.shape, n)), np.zeros((*q.shape, n))
+        cross = rate[..., None] * cross_matrix(self.axis)[:d, :d]
         for body, part in zip(self.system.scene.bodies, self.system.body_slices, strict=True):
             place = slice(part.start, part.start + d)
-            X[place] += cross @ (q[place] - self.point[:d]) + self.velocity[:d]
-            slope[place, place] = cross
+            X[..., place] += (cross @ (q[..., place] - self.point[:d])[..., None])[..., 0] + self.velocity[..., :d]
+            slope[..., place, place] = cross
             angles = slice(place.stop, part.stop)
-            if not body.orientation or not self.turns:
+            if not body.orientation or not turns:
                 continue
             if d == 2:
-                X[angles] += self.rate * self.axis[2]
+                X[..., angles] += rate * self.axis[2]
                 continue
-            x, first, second = turning_rates(body, q[angles], self.axis)
-            X[angles] += self.rate * x
-            slope[angles, angles] = self.rate * first
-            growth[angles, angles] = self.rate**2 * second
+            x, first, second = turning_rates(body, q[..., angles], self.axis)
+            X[..., angles] += rate * x
+            slope[..., angles, angles] = rate[..., None] * first
+            growth[..., angles, angles] = rate[..., None] ** 2 * second
         return X, slope, growth
 
     def flow(self, q: Array, time: float) -> tuple[Array, Array]:
@@ -176,23 +179,23 @@ class Family:
         return (self.axis is not None) + len(self.directions) + len(self.columns)
 
     def generator(self, c: Array) -> Generator:
-        """Return the generator with these coefficients."""
+        """Return the generator with these coefficients, shape (…, size)."""
         turns = self.axis is not None
         k = turns + len(self.directions)
-        spins = np.zeros(self.system.n_q)
-        spins[list(self.columns)] = c[k:]
+        spins = np.zeros((*c.shape[:-1], self.system.n_q))
+        spins[..., list(self.columns)] = c[..., k:]
         axis = self.axis if self.axis is not None else np.array([0.0, 0.0, 1.0])
-        rate = float(c[0]) if turns else 0.0
-        return Generator(self.system, axis, self.point, rate, c[turns:k] @ self.directions, spins)
+        rate = (float(c[0]) if c.ndim == 1 else c[..., 0]) if turns else 0.0
+        return Generator(self.system, axis, self.point, rate, c[..., turns:k] @ self.directions, spins)
 
     def units(self) -> list[Generator]:
         """Return the generators of which the others are combinations."""
         return [self.generator(row) for row in np.eye(self.size)]
 
     def basis(self, q: Array) -> Array:
-        """Return the fields of the units as columns, shape (n_q, size)."""
+        """Return the fields of the units as columns, shape (…, n_q, size)."""
         fields = [unit.field(q) for unit in self.units()]
-        return np.array(fields).reshape(self.size, self.system.n_q).T
+        return np.stack(fields, axis=-1) if fields else np.zeros((*q.shape, 0))
 
     def names(self) -> list[str]:
         """Return what each coefficient is, in words."""

@@ -1,0 +1,569 @@
+"""Steady motions: generators and their frames, what breaks a symmetry, and closed forms of relative equilibria."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+import mbstab
+from mbstab.analysis.motion import Finder
+from mbstab.analysis.steady import Generator, detected
+from mbstab.errors import ModelFileError
+from mbstab.model.library import installed_models
+
+MODELS = {path.stem: path for path in installed_models()}
+G = 9.81
+
+
+def eigenvalues(text, frozen=False, **parameters):
+    """Return the eigenvalues that are not neutral, by imaginary part, and the answer."""
+    result = mbstab.loads(text, "model.yaml").eig(frozen=frozen, **parameters)
+    found = sorted((e.value for e in result.eigenvalues if e.kind != "neutral"), key=lambda s: (s.imag, s.real))
+    return found, result
+
+
+def frequencies(text, **parameters):
+    found, result = eigenvalues(text, **parameters)
+    assert max((abs(s.real) for s in found), default=0.0) < 1e-9 * max((abs(s) for s in found), default=1.0)
+    return [s.imag for s in found if s.imag > 0.0], result
+
+
+def refusal(text, **parameters):
+    with pytest.raises(ModelFileError) as caught:
+        mbstab.loads(text, "model.yaml").eig(**parameters)
+    return str(caught.value)
+
+
+# --- the field and its frame ----------------------------------------------------------------------------------------
+
+SPATIAL = """
+mbstab: 1
+bodies:
+  a: {type: spatial, mass: 1, inertia: [1, 2, 2.5]}
+  b: {type: spatial, mass: 2, inertia: [0.3, 0.3, 0.2], axes: [0.7, -0.4, 1.9]}
+  p: {type: point, mass: 1}
+"""
+
+PLANAR = """
+mbstab: 1
+bodies:
+  a: {type: planar, mass: 1, inertia: 1}
+  p: {type: planar_point, mass: 1}
+"""
+
+
+def combined(text, seed, turn=True):
+    """Return a turn, translation and spins of a scene, and a state of it."""
+    rng = np.random.default_rng(seed)
+    system = mbstab.loads(text).system()
+    planar = system.scene.dimension == 2
+    axis = np.array([0.0, 0.0, 1.0]) if planar else rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    point, velocity = rng.normal(size=3), rng.normal(size=3)
+    if planar:
+        point[2] = velocity[2] = 0.0
+    spins = np.array([2.3 if name in ("a.psi", "b.psi") else 0.0 for name in system.names])
+    q = rng.uniform(-1.0, 1.0, system.n_q)
+    return Generator(system, axis, point, 1.7 if turn else 0.0, velocity, spins), q
+
+
+CASES = [(SPATIAL, 1), (SPATIAL, 2), (SPATIAL, 3), (PLANAR, 1), (PLANAR, 2)]
+
+
+def derivative(function, step=1e-3):
+    """Return the derivative at 0 by central differences of order 6."""
+    weights = ((1, 3.0 / 4.0), (2, -3.0 / 20.0), (3, 1.0 / 60.0))
+    return sum(w * (function(k * step) - function(-k * step)) for k, w in weights) / step
+
+
+@pytest.mark.parametrize(("text", "seed"), CASES)
+@pytest.mark.parametrize("turn", [True, False])
+def test_the_field_is_the_velocity_of_the_flow(text, seed, turn):
+    generator, q = combined(text, seed, turn)
+    found = derivative(lambda t: generator.flow(q, t)[0])
+    np.testing.assert_allclose(generator.field(q), found, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(
+        generator.acceleration(q), derivative(lambda t: generator.field(generator.flow(q, t)[0])), atol=1e-9, rtol=1e-10
+    )
+
+
+@pytest.mark.parametrize(("text", "seed"), CASES)
+def test_the_frame_is_made_of_the_derivatives_of_the_field(text, seed):
+    generator, q = combined(text, seed)
+    Xi, Xi_2 = generator.frame(q)
+    columns = np.eye(len(q))
+    slope = np.column_stack([derivative(lambda h, e=e: generator.field(q + h * e)) for e in columns])
+    np.testing.assert_allclose(Xi, slope, rtol=1e-9, atol=1e-9)
+    X = generator.field(q)
+    growth = derivative(lambda h: generator.frame(q + h * X)[0])
+    np.testing.assert_allclose(Xi_2, slope @ slope + growth, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize(("text", "seed"), CASES)
+@pytest.mark.parametrize("turn", [True, False])
+def test_flows_make_a_group(text, seed, turn):
+    generator, q = combined(text, seed, turn)
+    first, T_first = generator.flow(q, 0.11)
+    second, T_second = generator.flow(first, 0.07)
+    at_once, T = generator.flow(q, 0.18)
+    np.testing.assert_allclose(second, at_once, atol=1e-13)
+    np.testing.assert_allclose(T_second @ T_first, T, atol=1e-12)
+    back, _ = generator.flow(at_once, -0.18)
+    np.testing.assert_allclose(back, q, atol=1e-13)
+
+
+@pytest.mark.parametrize(("text", "seed"), CASES)
+def test_the_derivative_of_the_flow(text, seed):
+    generator, q = combined(text, seed)
+    _, T = generator.flow(q, 0.15)
+    columns = [derivative(lambda h, e=e: generator.flow(q + h * e, 0.15)[0]) for e in np.eye(len(q))]
+    np.testing.assert_allclose(T, np.column_stack(columns), atol=1e-9)
+    # The field is carried into itself.
+    moved, _ = generator.flow(q, 0.15)
+    np.testing.assert_allclose(T @ generator.field(q), generator.field(moved), atol=1e-12)
+
+
+def test_a_turn_keeps_distances_and_turns_orientations():
+    generator, q = combined(SPATIAL, 4)
+    moved, _ = generator.flow(q, 0.2)
+    places = [slice(0, 3), slice(6, 9), slice(12, 15)]
+    for one in places:
+        for other in places:
+            before, after = (np.linalg.norm(x[one] - x[other]) for x in (q, moved))
+            assert abs(before - after) < 1e-14
+
+
+# --- detection ------------------------------------------------------------------------------------------------------
+
+
+def found_in(text, u):
+    system = mbstab.loads(text).system()
+    q = np.zeros(system.n_q)
+    for name, value in system.scene.coordinates.items():
+        q[system.names.index(name)] = value
+    return system, q, detected(system, q, u(system, q), Finder(system).sizes)
+
+
+def test_a_state_at_rest_has_only_the_trivial_generator():
+    _, q, found = found_in(PLANAR, lambda system, q: 0.0 * q)
+    assert [str(x) for x in found] == ["rest"]
+    assert not found[0].turns
+
+
+def test_a_turn_about_a_point_is_seen_as_one():
+    text = PLANAR + "reference: {coordinates: {a: {x: 2, y: 1}, p: {x: -1, y: 3}}}"
+    point = np.array([0.5, -0.25])
+
+    def speeds(system, q):
+        return np.array([-3 * (q[1] - point[1]), 3 * (q[0] - point[0]), 3, -3 * (q[4] - point[1]), 3 * (q[3] - point[0])])
+
+    _, q, found = found_in(text, speeds)
+    assert not found[0].turns
+    assert len({str(x) for x in found[1:]}) == 1
+    assert abs(found[1].rate - 3.0) < 1e-13
+    np.testing.assert_allclose(found[1].point[:2], point, atol=1e-13)
+    np.testing.assert_allclose(found[1].velocity, 0.0, atol=1e-13)
+    assert str(found[1]) == "rotation about z through (0.5, -0.25, 0) m at 3 rad/s"
+
+
+def test_a_helix_along_gravity_is_a_turn_with_a_translation():
+    text = (
+        SPATIAL
+        + "gravity: [0, 0, -9.81]\nreference: {coordinates: {a: {x: 1}, b: {x: -1, y: 0.5, phi: 0.2}, p: {y: 2, z: 1}}}"
+    )
+    system = mbstab.loads(text).system()
+    up = np.array([0.0, 0.0, 1.0])
+    given = Generator(system, up, np.zeros(3), -2.0, 0.3 * up, np.zeros(system.n_q))
+    _, q, found = found_in(text, lambda system, q: given.field(q))
+    assert len({str(x) for x in found[1:]}) == 1
+    np.testing.assert_allclose(found[1].field(q), given.field(q), atol=1e-13)
+    assert abs(found[1].rate + 2.0) < 1e-13
+    np.testing.assert_allclose(found[1].velocity, [0.0, 0.0, 0.3], atol=1e-13)
+
+
+def test_spins_about_axes_of_symmetry_are_told_from_the_turn():
+    text = SPATIAL + "reference: {coordinates: {a: {x: 1}, b: {x: -1, y: 0.5, phi: 0.2}, p: {y: 2, z: 1}}}"
+    system = mbstab.loads(text).system()
+    axis = np.array([1.0, 0.0, 0.0])
+    spins = np.array([7.0 * (name == "b.psi") for name in system.names])
+    given = Generator(system, axis, np.zeros(3), 2.0, np.zeros(3), spins)
+    _, q, found = found_in(text, lambda system, q: given.field(q))
+    turning = [x for x in found if x.turns]
+    assert turning
+    assert all(np.allclose(x.field(q), given.field(q), atol=1e-12) for x in turning)
+    assert any(abs(x.rate - 2.0) < 1e-12 and np.allclose(x.spins, spins, atol=1e-12) for x in turning)
+    # The other body has three different moments of inertia: its own spin is no symmetry.
+    other = Generator(system, axis, np.zeros(3), 2.0, np.zeros(3), np.roll(spins, -6))
+    _, _, found = found_in(text, lambda system, q: other.field(q))
+    assert not any(x.turns and np.any(x.spins) for x in found)
+
+
+def test_speeds_that_follow_no_turn_are_left_alone():
+    _, q, found = found_in(PLANAR, lambda system, q: np.array([1.0, 2.0, 3.0, 4.0, 5.5]))
+    rates = [x.rate for x in found]
+    assert rates[0] == 0.0
+    text = PLANAR.replace("planar_point, mass: 1}", "planar_point, mass: 1}\n  r: {type: planar_point, mass: 1}")
+    text += "reference: {coordinates: {p: {x: 1}, r: {y: 1}}}"
+    _, q, found = found_in(text, lambda system, q: np.array([1.0, 2.0, 3.0, 4.0, 5.5, 0.0, 0.7]))
+    assert [x.turns for x in found] == [False]
+
+
+# --- declared motions that are none ---------------------------------------------------------------------------------
+
+CIRCLE = """\
+mbstab: 1
+parameters: {Omega: 3, m: 2, r: 0.5}
+bodies:
+  bob: {type: planar_point, mass: m}
+joints:
+  string: {type: distance, between: [bob, ground], length: r}
+reference:
+  coordinates: {bob: {x: r, y: 0}}
+  steady: {axis: z, rate: Omega}
+"""
+
+
+def test_a_mass_on_a_string_goes_round_in_a_circle():
+    found, result = eigenvalues(CIRCLE)
+    assert found == []
+    assert result.frame == "rotation about z at 3 rad/s"
+    motion = mbstab.loads(CIRCLE).motion()
+    np.testing.assert_allclose(motion.u, [0.0, 1.5], atol=1e-15)
+    np.testing.assert_allclose(motion.a, [-4.5, 0.0], atol=1e-15)
+
+
+def test_a_declared_motion_that_is_none_is_refused_with_the_force_that_lacks():
+    text = CIRCLE.replace("joints:\n  string: {type: distance, between: [bob, ground], length: r}\n", "")
+    message = refusal(text)
+    assert message.startswith("model.yaml:5:1: reference: ")
+    assert "no steady motion (rotation about z at 3 rad/s)" in message
+    assert "bob.x would accelerate with 4.5 m/s^2" in message
+    assert "unbalanced 9 N" in message  # what has to be added is −m r Ω²; it accelerates relative to the circle
+
+
+def test_a_declared_motion_that_its_joints_do_not_allow_is_refused():
+    text = CIRCLE.replace("joints:", "joints:\n  rail: {type: point_on_line, between: [ground, bob], axis: x}")
+    message = refusal(text)
+    assert "rail" in message
+    assert "string" not in message.split("hint")[0]
+    assert re.match(r"model\.yaml:6:\d+: joints\.rail", message)
+
+
+BREAKING = """\
+mbstab: 1
+parameters: {{Omega: 3}}
+{more}
+bodies:
+  hub: {{type: spatial, mass: 1, inertia: [0.1, 0.1, 0.1]}}
+  arm: {{type: spatial, mass: 2, inertia: [0.01, 0.2, 0.2], points: {{root: [-0.5, 0, 0]}}}}
+joints:
+  bearing: {{type: revolute, between: [hub, ground], axis: z}}
+  weld: {{type: fixed, between: [arm.root, hub]}}
+  {joint}
+forces:
+  friendly: {{type: spring, between: [hub, arm], stiffness: 7, damping: 0.1}}
+  {force}
+reference:
+  coordinates:
+    hub: {{x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}
+    arm: {{x: 0.5, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}
+  steady: {{axis: z, rate: Omega}}
+"""
+
+
+def breaking(more="", joint="", force=""):
+    return BREAKING.format(more=more, joint=joint, force=force)
+
+
+def broken_by(message):
+    """Return the entries that a message says break the symmetry."""
+    found = re.search(r"the symmetry is broken by ([^\n]*)", message)
+    assert found, message
+    return set(found[1].split(", "))
+
+
+def test_the_same_scene_with_nothing_that_breaks_it_is_judged():
+    found, result = eigenvalues(breaking())
+    assert found == []
+    assert sum(e.kind == "neutral" for e in result.eigenvalues) == 2
+    assert result.frame == "rotation about z at 3 rad/s"
+
+
+def test_gravity_across_the_axis_breaks_the_symmetry_of_the_bodies_only():
+    message = refusal(breaking("gravity: [-9.81, 0, 0]"))
+    assert broken_by(message) == {"bodies.hub", "bodies.arm"}
+    assert re.match(r"model\.yaml:\d+:\d+: reference\.steady: ", message)
+
+
+def test_gravity_along_the_axis_breaks_nothing():
+    eigenvalues(breaking("gravity: [0, 0, -9.81]"))
+
+
+def test_a_spring_to_the_ground_off_the_axis_breaks_the_symmetry():
+    text = breaking("ground: {points: {P: [1, 0, 0]}}", force="tether: {type: spring, between: [arm, ground.P], stiffness: 5}")
+    assert broken_by(refusal(text)) == {"forces.tether"}
+    eigenvalues(text.replace("ground.P]", "ground]"))
+
+
+def test_a_second_joint_to_the_ground_breaks_the_symmetry():
+    # The sideways plane touches the arm at this instant only, in its velocity it does not.
+    text = CIRCLE.replace("bob: {type: planar_point, mass: m}", "bob: {type: planar_point, mass: m}\n  other: {type: planar_point, mass: 1}")
+    text = text.replace("joints:", "joints:\n  rail: {type: point_on_line, between: [ground, other], axis: x}")
+    message = refusal(text.replace("{bob: {x: r, y: 0}}", "{bob: {x: r, y: 0}, other: {x: 0, y: 0}}"))
+    assert "rail" in message
+    assert "string" not in message
+
+
+def test_a_time_law_that_does_not_follow_the_turn_breaks_it():
+    text = breaking(force="push: {type: force, at: arm, vector: [10*cos(Omega*t), 10*sin(Omega*t), 0]}")
+    eigenvalues(text)  # it goes round with the arm
+    text = breaking(force="push: {type: force, at: arm, vector: [10, 0, 0]}")
+    assert broken_by(refusal(text)) == {"forces.push"}
+
+
+# --- rates ----------------------------------------------------------------------------------------------------------
+
+TOP = """\
+mbstab: 1
+parameters: {{H: 0.05, m: 0.3, A: 4e-4, C: 2.5e-4, theta: 0.4, Omega: 12}}
+gravity: [0, 0, -9.81]
+bodies:
+  top: {{type: spatial, mass: m, inertia: [A, A, C], points: {{O: [0, 0, -H]}}}}
+joints:
+  tip: {{type: spherical, between: [top.O, ground]}}
+reference:
+  coordinates: {{top: {{phi: 0, theta: theta, psi: 0}}}}
+  guess: {{top: {{x: H*sin(theta), z: H*cos(theta)}}}}
+  steady: {{axis: z, rate: Omega}}
+  {rates}
+"""
+
+
+def spin_of_top(theta, Omega, A_tip, C, mgH):
+    """Return ψ̇ of steady precession: mgH = C(ψ̇ + Ω cos θ)Ω − A Ω² cos θ."""
+    return (mgH + A_tip * Omega**2 * math.cos(theta)) / (C * Omega) - Omega * math.cos(theta)
+
+
+def test_a_spin_that_nothing_determines_must_be_given_by_name():
+    message = refusal(TOP.format(rates=""))
+    assert "the constraints do not determine rates.top.psi of the steady motion" in message
+    assert message.startswith("model.yaml:8:1: reference: ")
+
+
+def test_a_given_rate_that_the_steady_motion_has_not_is_refused():
+    text = CIRCLE + "  rates: {bob: {y: 2}}\n"
+    message = refusal(text)
+    assert "the rate of bob.y is given as 2 m/s" in message
+    assert "has 1.5" in message
+    eigenvalues(CIRCLE + "  rates: {bob: {y: 1.5}}\n")
+
+
+def test_a_rate_that_is_not_given_follows_from_a_drive():
+    text = breaking(force="").replace("forces:", "drives:\n  spin: {type: joint, joint: bearing, velocity: Omega}\nforces:")
+    _, result = eigenvalues(text.replace("steady: {axis: z, rate: Omega}", "steady: {axis: z}"))
+    assert result.frame == "rotation about z at 3 rad/s"
+
+
+@pytest.mark.parametrize(
+    ("reference", "at", "words"),
+    [
+        ("{steady: {rate: 3}}", "3}", "rate needs axis"),
+        ("{steady: {speed: 4}}", "4}", "speed needs direction"),
+        ("{steady: {point: [0, 5]}}", "[0,", "point needs axis"),
+        ("{steady: {}}", "{}", "give an axis of the turn, a direction of the translation, or both"),
+        ("{find: steady}", "steady", "a steady motion needs its symmetry"),
+        ("{find: equilibrium, steady: {axis: z}}", "equilibrium", "an equilibrium is at rest"),
+        ("{find: motion}", "motion", "'motion'"),
+        ("{find: equilibrium, period: 2}", "2", "the period belongs to a motion that is neither"),
+        ("{steady: {axis: z}, period: 2}", "2", "the period belongs to a motion that is neither"),
+        ("{steady: {axis: x, rate: 3}}", "x,", "'x'"),
+        ("{steady: {axis: z, turns: 3}}", "turns", "unknown key"),
+        ("{steady: {direction: [0, 0], speed: 3}}", "[0", "direction"),
+        ("{period: -2}", "-2", "the period must be positive"),
+    ],
+)
+def test_mistakes_in_the_search_are_placed(reference, at, words):
+    line = f"reference: {reference}"
+    message = refusal(f"{line}\nmbstab: 1\nbodies: {{p: {{type: planar_point, mass: 1}}}}\n")
+    (found,) = [text for text in message.splitlines() if text.startswith("model.yaml:") and words in text]
+    assert found.startswith(f"model.yaml:1:{line.index(at) + 1}: reference.")
+
+
+# --- frozen ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_rotating_pendulum_is_judged_in_its_frame_and_frozen_numbers_are_not():
+    model = mbstab.load(MODELS["rotating_pendulum"])
+    turning, frozen = model.eig(), model.eig(frozen=True)
+    assert abs(turning.eigenvalues[0].value.imag - 7.61480424896136) < 1e-13
+    assert turning.verdict == "marginally stable"
+    assert not turning.frozen
+    assert turning.frame.startswith("rotation about z")
+    assert frozen.frozen
+    assert frozen.frame == ""
+    assert frozen.verdict == "undecided"
+    np.testing.assert_allclose(sorted(e.value.imag for e in frozen.eigenvalues), [-8.0, 8.0], rtol=1e-13)
+    assert any("froz" in reason for reason in frozen.reasons)
+
+
+# --- relative equilibria with closed forms --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("slope", [0.3, 1.0])
+def test_a_mass_circles_in_a_smooth_cone(slope):
+    # z = r cot β: at the radius r the rate is Ω² = g cot β / r, and small motions have ω² = 3 Ω² sin² β.
+    r, cot = 0.4, 1.0 / math.tan(slope)
+    text = f"""
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies:
+  p: {{type: point, mass: 0.7}}
+constraints:
+  cone: {{holonomic: p.z - {cot}*sqrt(p.x**2 + p.y**2)}}
+reference:
+  find: steady
+  steady: {{axis: z}}
+  coordinates: {{p: {{x: {r}, y: 0}}}}
+  guess: {{p: {{z: {r * cot}}}}}
+"""
+    Omega = math.sqrt(G * cot / r)
+    model = mbstab.loads(text.replace("axis: z", f"axis: z, rate: {Omega}").replace("x: 0.4, y: 0", "y: 0").replace("{p: {z:", "{p: {x: 0.5, z:"))
+    assert abs(model.motion().q[0] - r) < 1e-14
+    result = model.eig()
+    found = sorted(e.value.imag for e in result.eigenvalues if e.kind != "neutral")
+    expected = math.sqrt(3.0) * Omega * math.sin(slope)
+    np.testing.assert_allclose(found, [-expected, expected], rtol=1e-12)
+    assert sum(e.kind == "neutral" for e in result.eigenvalues) == 2
+
+
+def test_a_given_rate_or_a_rate_that_is_solved_lead_to_the_same_motion():
+    text = """
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies:
+  p: {type: point, mass: 0.7}
+constraints:
+  cone: {holonomic: p.z - 2*sqrt(p.x**2 + p.y**2)}
+reference:
+  find: steady
+  steady: {axis: z}
+  coordinates: {p: {x: 0.4, y: 0, z: 0.8}}
+  rates: {p: {y: 3}}
+"""
+    with pytest.raises(mbstab.errors.MbstabError):
+        mbstab.loads(text).motion()  # 3 m/s is not the speed of this circle
+    motion = mbstab.loads(text.replace("y: 3}", f"y: {0.4 * math.sqrt(2.0 * G / 0.4)}}}")).motion()
+    np.testing.assert_allclose(motion.u, [0.0, math.sqrt(0.8 * G), 0.0], atol=1e-14)
+
+
+def conical_pendulum(theta, length):
+    Omega = math.sqrt(G / (length * math.cos(theta)))
+    # Two frequencies: ω² = Ω²(1 + 3 cos² θ), and the shift in azimuth, which is neutral.
+    return Omega, Omega * math.sqrt(1.0 + 3.0 * math.cos(theta) ** 2)
+
+
+@pytest.mark.parametrize("theta", [0.2, 0.9])
+def test_a_conical_pendulum_of_a_point(theta):
+    Omega, expected = conical_pendulum(theta, 0.8)
+    text = f"""
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies:
+  p: {{type: point, mass: 0.7}}
+joints:
+  string: {{type: distance, between: [p, ground], length: 0.8}}
+reference:
+  find: steady
+  steady: {{axis: z, rate: {Omega}}}
+  coordinates: {{p: {{y: 0}}}}
+  guess: {{p: {{x: {0.9 * math.sin(theta)}, z: {-0.7 * math.cos(theta)}}}}}
+"""
+    motion = mbstab.loads(text).motion()
+    np.testing.assert_allclose(motion.q, [0.8 * math.sin(theta), 0.0, -0.8 * math.cos(theta)], atol=1e-14)
+    found, result = frequencies(text)
+    np.testing.assert_allclose(found, [expected], rtol=1e-12)
+    assert sum(e.kind == "neutral" for e in result.eigenvalues) == 2
+
+
+def top_on_its_tip(theta, Omega, A, C, m, H):
+    """Return ψ̇ and the nutation frequency of a heavy top, from its energy with one degree of freedom θ.
+
+    V(θ) = (p_φ − p_ψ cos θ)²/(2 A sin² θ) + m g H cos θ with the momenta of the steady precession: A θ̈ = −V′.
+    """
+    A_tip = A + m * H**2
+    spin = spin_of_top(theta, Omega, A_tip, C, m * G * H)
+    p_psi = C * (spin + Omega * math.cos(theta))
+    p_phi = A_tip * Omega * math.sin(theta) ** 2 + p_psi * math.cos(theta)
+    c, s = math.cos(theta), math.sin(theta)
+    gap = p_phi - p_psi * c
+    # V″, with gap′ = p_ψ s.
+    curvature = (p_psi**2 * s**2 + gap * p_psi * c) / s**2 - 4.0 * gap * p_psi * c / s**2
+    curvature += gap**2 * (2.0 * c**2 + 1.0) / s**4 - m * G * H * c * A_tip
+    return spin, math.sqrt(curvature) / A_tip
+
+
+def test_the_curvature_of_the_effective_potential_is_right():
+    from mpmath import mp
+
+    theta, Omega, A, C, m, H = 0.4, 12.0, 4e-4, 2.5e-4, 0.3, 0.05
+    with mp.workdps(30):
+        A_tip = A + m * H**2
+        spin, nutation = top_on_its_tip(theta, Omega, A, C, m, H)
+        p_psi = C * (spin + Omega * mp.cos(theta))
+        p_phi = A_tip * Omega * mp.sin(theta) ** 2 + p_psi * mp.cos(theta)
+
+        def V(x):
+            return (p_phi - p_psi * mp.cos(x)) ** 2 / (2 * A_tip * mp.sin(x) ** 2) + m * G * H * mp.cos(x)
+
+        assert abs(mp.diff(V, theta)) < 1e-13
+        assert abs(mp.sqrt(mp.diff(V, theta, 2) / A_tip) - nutation) < 1e-9
+
+
+@pytest.mark.parametrize(("theta", "Omega"), [(0.4, 12.0), (0.9, 6.0), (1.2, -20.0)])
+@pytest.mark.parametrize("find", [False, True])
+def test_a_top_in_steady_precession(theta, Omega, find):
+    A, C, m, H = 4e-4, 2.5e-4, 0.3, 0.05
+    spin, nutation = top_on_its_tip(theta, Omega, A, C, m, H)
+    text = TOP.format(rates=f"rates: {{top: {{psi: {spin!r}}}}}")
+    # Tilted by theta about x, as psi of the Euler angles X-Y-Z turns about the axis of the top.
+    text = text.replace("phi: 0, theta: theta, psi: 0", "phi: theta, theta: 0, psi: 0")
+    text = text.replace("guess: {top: {x: H*sin(theta), z: H*cos(theta)}}", "guess: {top: {y: -H*sin(theta), z: H*cos(theta)}}")
+    if find:
+        text = text.replace("reference:", "reference:\n  find: steady")
+    # The rate of psi is the spin about the axis of the top, besides what the turn does to it: with phi = θ and
+    # theta = 0 the turn about z moves the Euler angles with rates (0, Ω sin θ, Ω cos θ).
+    text = text.replace(f"psi: {spin!r}", f"psi: {spin + Omega * math.cos(theta)!r}")
+    found, result = frequencies(text, theta=theta, Omega=Omega)
+    np.testing.assert_allclose(found, [nutation], rtol=1e-10)
+    # Precession and spin may be shifted in angle and rate.
+    assert sum(e.kind == "neutral" for e in result.eigenvalues) == 4
+
+
+def test_two_masses_and_a_spring_circle_each_other():
+    m1, m2, k, free, Omega = 1.0, 2.5, 90.0, 0.4, 4.0
+    mu = m1 * m2 / (m1 + m2)
+    text = f"""
+mbstab: 1
+bodies:
+  a: {{type: planar_point, mass: {m1}}}
+  b: {{type: planar_point, mass: {m2}}}
+forces:
+  spring: {{type: spring, between: [a, b], stiffness: {k}, length: {free}}}
+reference:
+  find: steady
+  steady: {{axis: z, rate: {Omega}}}
+  guess: {{a: {{x: 0.3, y: 0.05}}, b: {{x: -0.12}}}}
+"""
+    length = k * free / (k - mu * Omega**2)
+    motion = mbstab.loads(text).motion()
+    a, b = motion.q[:2], motion.q[2:]
+    assert abs(math.hypot(*(a - b)) - length) < 1e-13
+    np.testing.assert_allclose(m1 * a + m2 * b, 0.0, atol=1e-13)
+    found, result = frequencies(text)
+    np.testing.assert_allclose(found[-1], math.sqrt(k / mu + 3.0 * Omega**2), rtol=1e-11)
+    # What is left are the shift of both and its speed (±Ω seen from the turning axes), and the turn with its rate.
+    assert len(found) == 1
+    assert sum(e.kind == "neutral" for e in result.eigenvalues) == 6
+    assert sorted(round(abs(e.value.imag), 9) for e in result.eigenvalues if e.kind == "neutral") == [0, 0, 4, 4, 4, 4]
+    assert result.verdict == "marginally stable"
