@@ -11,14 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.eigen import (
+    EPS,
     NEUTRAL_GAP,
     NEUTRAL_ROUNDING,
-    EPS,
     balanced,
     carried_shifts,
     deflate_neutral,
@@ -104,9 +105,7 @@ class Evaluator:
         self.model, self.settings = model, dict(settings)
         self.patterns: list[_Pattern] = []
 
-    def spectra(
-        self, values: Mapping[str, Array], progress: Callable[[float], object] = lambda done: None
-    ) -> Spectra:
+    def spectra(self, values: Mapping[str, Array], progress: Callable[[float], object] = lambda done: None) -> Spectra:
         """Return the eigenvalues at many points.
 
         Parameters
@@ -139,9 +138,7 @@ class Evaluator:
 class _Work:
     """The points of one call."""
 
-    def __init__(
-        self, evaluator: Evaluator, values: Mapping[str, Array], progress: Callable[[float], object]
-    ) -> None:
+    def __init__(self, evaluator: Evaluator, values: Mapping[str, Array], progress: Callable[[float], object]) -> None:
         self.evaluator, self.values, self.progress = evaluator, values, progress
         self.points = len(next(iter(values.values())))
         self.lenient = False
@@ -283,8 +280,9 @@ class _Work:
         return good
 
 
-def _t(x: Array) -> Array:
-    return np.swapaxes(x, -1, -2)
+def _t(x: Any) -> Array:
+    result: Array = np.swapaxes(x, -1, -2)
+    return result
 
 
 class _Block:
@@ -305,7 +303,7 @@ class _Block:
         # A pattern at rest says nothing about motions, and the other way round.
         self.good &= np.any(u, axis=1) != pattern.linear.motion.at_rest
         M, J, scale, row_scale = self._scaled(dynamics)
-        N, Z, inverse, D_u = self._subspaces(J)
+        N, Z, D_u = self._subspaces(J)
         K, R, D_q, balance = self._linearized(q, u, steady, dynamics, J, scale, row_scale)
         T = N @ Z
         self.good &= np.max(np.abs(_t(T) @ balance[0][..., None]), axis=(-1, -2), initial=0.0) <= balance[1]
@@ -378,9 +376,7 @@ class _Block:
         lengths = np.linalg.norm(zero.J * sizes, axis=-1)
         lengths[lengths == 0.0] = 1.0
         given = ~missing
-        rows = np.concatenate(
-            [zero.J @ basis / lengths[..., None], (basis / sizes[:, None])[:, given]], axis=1
-        )
+        rows = np.concatenate([zero.J @ basis / lengths[..., None], (basis / sizes[:, None])[:, given]], axis=1)
         known = self._declared(own)
         right = np.concatenate(
             [np.broadcast_to(-zero.V / lengths, (self.points, system.n_c)), (u / sizes)[:, given]], axis=1
@@ -423,25 +419,23 @@ class _Block:
         row_scale = np.where(lengths > 0.0, 1.0 / np.where(lengths > 0.0, lengths, 1.0), 1.0)
         return dynamics.M * scale[:, None, :] * scale[:, :, None], J * row_scale[..., None], scale, row_scale
 
-    def _subspaces(self, J: Array) -> tuple[Array, Array, Array, Array]:
+    def _subspaces(self, J: Array) -> tuple[Array, Array, Array]:
         spaces, n_h = self.pattern.linear.motion.spaces, self.system.n_h
-        N, C_inverse = self._null(J[:, :n_h], spaces.C.rank)
+        N = self._null(J[:, :n_h], spaces.C.rank)
         D_u = J[:, n_h:]
-        Z, _ = self._null(D_u @ N, spaces.W.rank)
-        return N, Z, C_inverse, D_u
+        return N, self._null(D_u @ N, spaces.W.rank), D_u
 
-    def _null(self, matrix: Array, rank: int) -> tuple[Array, Array]:
+    def _null(self, matrix: Array, rank: int) -> Array:
         """Return the null space, checking the rank at every point."""
         rows, columns = matrix.shape[-2:]
         if rows == 0 or columns == 0:
-            return np.eye(columns)[None], np.zeros((1, columns, rows))
-        left, s, right = np.linalg.svd(matrix)
+            return np.eye(columns)[None]
+        _, s, right = np.linalg.svd(matrix)
         if rank:
             self.good &= s[:, rank - 1] >= RANK_LEAST
         if rank < s.shape[-1]:
             self.good &= s[:, rank] <= RANK_TOLERANCE
-        inverse = (_t(right[:, :rank]) / s[:, None, :rank]) @ _t(left[:, :, :rank])
-        return _t(right[:, rank:]), inverse
+        return _t(right[:, rank:])
 
     # --- coefficients -----------------------------------------------------------------------------------------------
 
@@ -518,6 +512,7 @@ class _Block:
 
     def _deflated(self, S: Array, matrix: Array, zeros: int, limit: Array) -> Array:
         """Return S on what a null space of `matrix`, of the dimension of the pattern, leaves."""
+        right: Array
         _, s, right = np.linalg.svd(matrix)
         largest = s[:, -zeros]
         next_one = s[:, -zeros - 1] if zeros < s.shape[-1] else np.full(len(s), math.inf)

@@ -1,15 +1,10 @@
 """Equilibria and steady motions: Newton's method on the constrained equations with exact derivatives.
 
-Unknown are the coordinates q, the multipliers ν, and the rates c of the generator X(q; c) that
-are not given (`mbstab.analysis.steady`; X = 0 at rest). With u = X and a = DX X,
-
-    M a + F0 + Jᵀν = 0,   C(q, t) = 0,   V(q, X, t) = 0,   X_i = given rates.
-
-The derivative of the first row by q is the stiffness matrix of the co-moving frame,
-K + R Ξ + M Ξ₂. Steps are of least length, so coordinates that nothing depends on stay where
-they are; they are bounded and damped as in the Levenberg-Marquardt method. Where that
-stalls, the motion is damped until it rests (pseudo-transient continuation; Kelley and Keyes
-1998, SIAM J. Numer. Anal. 35), or spun up from rest.
+The equations are those of `mbstab.analysis.balance`. Steps are of least length, so
+coordinates that nothing depends on stay where they are; they are bounded and damped as in the
+Levenberg-Marquardt method. Where that stalls, the motion is damped until it rests
+(pseudo-transient continuation; Kelley and Keyes 1998, SIAM J. Numer. Anal. 35), or spun up
+from rest.
 """
 
 from __future__ import annotations
@@ -21,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.analysis.balance import Balance, State
 from mbstab.analysis.motion import CHART_WARNING, NEWTON_STEPS, TOLERANCE, Finder, Motion
 from mbstab.analysis.reactions import Reaction, reactions
 from mbstab.analysis.reference import declared_family
@@ -41,9 +37,6 @@ CONVERGED = 1e-9
 
 RELAXATION_STEPS = 400
 SPIN_UP_STEPS = 40
-DEPENDENT = 1e-7
-"""A row repeats others if less than this part of it is independent of them."""
-
 SINGULAR = 1e-7
 """A direction of the equations whose singular value is this small beside the largest leaves a solution not isolated."""
 
@@ -88,29 +81,10 @@ class Equilibrium:
         return not self.open
 
 
-@dataclass(frozen=True)
-class _State:
-    """A trial: unknowns, residuals and what is needed for a step."""
-
-    q: Array
-    c: Array
-    nu: Array
-    residual: Array
-    steady: Generator
-    u: Array
-    a: Array
-    M: Array
-    J: Array
-
-    @property
-    def size(self) -> float:
-        return float(np.linalg.norm(self.residual))
-
-
 class _Stalled(Exception):
     """A strategy came to rest without a solution, at this state."""
 
-    def __init__(self, state: _State | None) -> None:
+    def __init__(self, state: State | None) -> None:
         self.state = state
 
 
@@ -119,154 +93,50 @@ class _Search:
 
     Attributes
     ----------
-    ramp : float
-        Part of the given rates that is reached: 1 but for spin-up.
+    iterations : int
+        Steps so far.
+    best : State or None
+        The state nearest to balance so far.
     """
 
-    def __init__(
-        self, system: System, finder: Finder, family: Family, known: dict[int, float], held: Flags, start: Array
-    ) -> None:
-        self.system, self.finder, self.family, self.known = system, finder, family, known
-        self.sizes = finder.sizes
-        self.open = np.flatnonzero(~held)
-        self.rows = self._independent_rows(start)
-        self.n_h = int(np.sum(self.rows < system.n_h))
-        self.free = [k for k in range(family.size) if k not in known]
-        self.ramp = 1.0
+    def __init__(self, balance: Balance, finder: Finder, start: Array) -> None:
+        self.balance, self.finder = balance, finder
+        self.system, self.sizes = balance.system, balance.sizes
+        balance.use(balance.independent_rows(start))
         self.iterations = 0
-        self.best: _State | None = None
-        self.energy = 1.0
-        self.speed = 1.0
-        rates = system.scene.rates if family.size else {}
-        self.given = [i for i, name in enumerate(system.names) if name in rates]
-        self.rates = np.array([rates[system.names[i]] for i in self.given], dtype=float)
+        self.best: State | None = None
 
-    def _independent_rows(self, q: Array) -> npt.NDArray[np.intp]:
-        """Return rows of which none repeats others at an assembled start: away from it they would contradict."""
-        system = self.system
-        state = system.dynamics(q, np.zeros(system.n_q))
-        J = state.J * self.sizes
-        lengths = self._lengths(state.J)
-        if np.max(np.abs(state.E[: system.n_h] / lengths[: system.n_h]), initial=0.0) > TOLERANCE:
-            return np.arange(system.n_c)
-        kept: list[int] = []
-        basis = np.zeros((0, system.n_q))
-        for i in range(system.n_c):
-            row = J[i] / lengths[i]
-            for _ in range(2):
-                row = row - basis.T @ (basis @ row)
-            length = float(np.linalg.norm(row))
-            if length > DEPENDENT or not np.any(J[i]):
-                kept.append(i)
-                basis = np.vstack([basis, row / (length or 1.0)])
-        return np.array(kept, dtype=np.intp)
-
-    # --- equations --------------------------------------------------------------------------------------------------
-
-    def state(self, q: Array, c: Array) -> _State:
-        """Return a trial state with the multipliers that balance it best.
+    def state(self, q: Array, c: Array) -> State:
+        """Return a trial state.
 
         Raises
         ------
         MbstabError, ArithmeticError, ValueError
             If the equations have no value there.
         """
-        system, n_h = self.system, self.n_h
         self.finder.check_chart(q, np.zeros(len(q), dtype=bool))
-        full = c.copy()
-        for k, value in self.known.items():
-            full[k] = self.ramp * value
-        steady = self.family.generator(full)
-        u, a = steady.field(q), steady.acceleration(q)
-        dynamics = system.dynamics(q, u)
-        M, J, E, V = dynamics.M, dynamics.J[self.rows], dynamics.E[self.rows], dynamics.V[self.rows]
-        force = (M @ a + dynamics.F0) * self.sizes / self.energy
-        lengths = self._lengths(J)
-        if self.ramp < 1.0:
-            # Given rates of drives grow with the ramp.
-            V = V - (1.0 - self.ramp) * system.dynamics(q, 0.0 * u).V[self.rows]
-        rows = J * self.sizes / lengths[:, None]
-        nu = -np.linalg.lstsq(rows.T, force, rcond=1e-12)[0] if len(J) else np.zeros(0)
-        residual = np.concatenate(
-            [
-                force + rows.T @ nu,
-                E[:n_h] / lengths[:n_h],
-                V / (lengths * self.speed) if self.family.size else np.zeros(0),
-                (u[self.given] - self.ramp * self.rates) / (self.sizes[self.given] * self.speed),
-            ]
-        )
-        if not np.all(np.isfinite(residual)):
+        found = self.balance.state(q, c)
+        if not np.all(np.isfinite(found.residual)):
             raise NumericalError("the equations are not finite")
-        multipliers = np.zeros(system.n_c)
-        multipliers[self.rows] = nu * self.energy / lengths
-        return _State(q, full, multipliers, residual, steady, u, a, M, J)
+        return found
 
-    def _lengths(self, J: Array) -> Array:
-        lengths = np.linalg.norm(J * self.sizes, axis=1)
-        return np.where(lengths > 0.0, lengths, 1.0)
-
-    def jacobian(self, at: _State) -> tuple[Array, int]:
-        """Return the derivative of the residuals by [Δq; Δc; Δν], scaled, and the number of the first Δν."""
-        system, n_h = self.system, self.n_h
-        K, R, _ = system.linearize(at.q, at.u, at.a, at.nu)
-        M, J = at.M, at.J
-        lengths = self._lengths(J)
-        Xi, Xi_2 = at.steady.frame(at.q)
-        units = [self.family.units()[k] for k in self.free]
-        X = np.array([unit.field(at.q) for unit in units]).reshape(len(units), system.n_q).T
-        # a = DX X is quadratic in the rates.
-        A = np.array([Xi @ unit.field(at.q) + unit.frame(at.q)[0] @ at.u for unit in units])
-        A = A.reshape(len(units), system.n_q).T
-        weights = (self.sizes / self.energy)[:, None]
-        columns = self.sizes[self.open]
-        blocks = [
-            [
-                (K + R @ Xi + M @ Xi_2)[:, self.open] * columns * weights,
-                (R @ X + M @ A) * self.speed * weights,
-                J.T * (self.energy / lengths) * weights,
-            ],
-            [J[:n_h, self.open] * columns / lengths[:n_h, None], np.zeros((n_h, len(units))), np.zeros((n_h, len(J)))],
-        ]
-        if self.family.size:
-            V_q = system.linearize_rows(at.q, at.u, at.a)[0][self.rows]
-            rows = (lengths * self.speed)[:, None]
-            blocks.append(
-                [
-                    (V_q + J @ Xi)[:, self.open] * columns / rows,
-                    J @ X * self.speed / rows,
-                    np.zeros((len(J), len(J))),
-                ]
-            )
-            rows = (self.sizes[self.given] * self.speed)[:, None]
-            blocks.append(
-                [
-                    Xi[np.ix_(np.array(self.given, dtype=np.intp), self.open)] * columns / rows,
-                    X[self.given] * self.speed / rows,
-                    np.zeros((len(self.given), len(J))),
-                ]
-            )
-        return np.block(blocks), len(self.open) + len(units)
-
-    def tried(self, at: _State, step: Array) -> _State | None:
+    def tried(self, at: State, step: Array) -> State | None:
         """Return the state after a scaled step, or None where the equations have no value."""
-        q, c = at.q.copy(), at.c.copy()
-        q[self.open] += step[: len(self.open)] * self.sizes[self.open]
-        c[self.free] += step[len(self.open) : len(self.open) + len(self.free)] * self.speed
         try:
-            return self.state(q, c)
+            return self.state(*self.balance.moved(at, step))
         except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
             return None
 
     # --- strategies -------------------------------------------------------------------------------------------------
 
-    def newton(self, at: _State) -> _State:
+    def newton(self, at: State) -> State:
         """Return the solution that damped steps lead to."""
         damping = 0.0
         if self.best is None:
             self.best = at
         for _ in range(NEWTON_STEPS):
             self.iterations += 1
-            G, moving = self.jacobian(at)
+            G, moving = self.balance.jacobian(at), self.balance.moving
             accepted = None
             while accepted is None:
                 step = _step(G, at.residual, moving, damping)
@@ -288,17 +158,18 @@ class _Search:
             return at
         raise _Stalled(at)
 
-    def relaxed(self, at: _State) -> _State:
+    def relaxed(self, at: State) -> State:
         """Return the solution at which a heavily damped motion comes to rest."""
-        inertia = np.diag(at.M) * self.sizes**2 / self.energy
+        open_, moving = self.balance.open, self.balance.moving
+        inertia = np.diag(at.M) * self.sizes**2 / self.balance.energy
         inertia = np.maximum(inertia, 1e-6 * np.max(inertia))
-        G, _ = self.jacobian(at)
-        n = len(self.open)
+        G = self.balance.jacobian(at)
+        n = len(open_)
         pace = float(np.max(inertia)) / max(float(np.max(np.abs(G[: self.system.n_q, :n]))), 1e-300)
         for _ in range(RELAXATION_STEPS):
             self.iterations += 1
-            G, moving = self.jacobian(at)
-            G[self.open, np.arange(n)] += inertia[self.open] / pace
+            G = self.balance.jacobian(at)
+            G[open_, np.arange(n)] += inertia[open_] / pace
             step = _step(G, at.residual, moving, 0.0)
             longest = float(np.max(np.abs(step[:moving]), initial=0.0))
             trial = self.tried(at, step * min(1.0, REACH / longest) if longest > REACH else step)
@@ -316,25 +187,25 @@ class _Search:
                     pass
         raise _Stalled(at)
 
-    def spun_up(self, q: Array, c: Array) -> _State:
+    def spun_up(self, q: Array, c: Array) -> State:
         """Return the solution reached from rest by raising the given rates."""
-        self.ramp, reached, stride = 0.0, 0.0, 0.25
+        self.balance.ramp, reached, stride = 0.0, 0.0, 0.25
         try:
             at = self.started(q, c)
             for _ in range(SPIN_UP_STEPS):
-                self.ramp = min(1.0, reached + stride)
+                self.balance.ramp = min(1.0, reached + stride)
                 try:
                     at = self.newton(self.state(at.q, at.c))
-                    reached, stride = self.ramp, 1.5 * stride
+                    reached, stride = self.balance.ramp, 1.5 * stride
                 except _Stalled:
                     stride *= 0.4
                 if reached == 1.0:
                     return at
         finally:
-            self.ramp = 1.0
+            self.balance.ramp = 1.0
         raise _Stalled(self.best)
 
-    def started(self, q: Array, c: Array) -> _State:
+    def started(self, q: Array, c: Array) -> State:
         """Return the solution from a start by the first strategy that leads to one."""
         at = self.state(q, c)
         try:
@@ -342,7 +213,7 @@ class _Search:
         except _Stalled:
             return self.relaxed(at)
 
-    def solve(self, q: Array, c: Array) -> tuple[_State, str]:
+    def solve(self, q: Array, c: Array) -> tuple[State, str]:
         """Return a solution and the strategy that led to it.
 
         Raises
@@ -351,11 +222,11 @@ class _Search:
             If none does.
         """
         self._measure(q, c)
-        strategies: list[tuple[str, Callable[[], _State]]] = [
+        strategies: list[tuple[str, Callable[[], State]]] = [
             ("Newton", lambda: self.newton(self.state(q, c))),
             ("relaxation", lambda: self.relaxed(self.state(q, c))),
         ]
-        if self.known:
+        if self.balance.known:
             strategies.append(("spin-up", lambda: self.spun_up(q, c)))
         for name, strategy in strategies:
             try:
@@ -372,16 +243,16 @@ class _Search:
         gravity = float(np.linalg.norm([float(x) for x in scene.gravity]))
         size = float(np.max(self.sizes))
         energy = max(float(body.mass) for body in scene.bodies) * gravity * size
-        full = np.array([self.known.get(k, c[k]) for k in range(self.family.size)])
-        u = self.family.generator(full).field(q)
-        self.speed = max(float(np.max(np.abs(u / self.sizes))), float(np.max(np.abs(full), initial=0.0))) or 1.0
+        full = self.balance.coefficients(c)
+        u = self.balance.family.generator(full).field(q)
+        self.balance.speed = max(float(np.max(np.abs(u / self.sizes))), float(np.max(np.abs(full), initial=0.0))) or 1.0
         dynamics = self.system.dynamics(q, u)
         K, _, _ = self.system.linearize(q, u, 0.0 * u, np.zeros(self.system.n_c))
         for forces in (dynamics.F0 * self.sizes, K * self.sizes * self.sizes[:, None]):
             energy = max(energy, float(np.max(np.abs(forces), initial=0.0)))
-        if self.family.size:
-            energy = max(energy, float(np.max(np.diag(dynamics.M) * self.sizes**2)) * self.speed**2)
-        self.energy = energy or 1.0
+        if self.balance.family.size:
+            energy = max(energy, float(np.max(np.diag(dynamics.M) * self.sizes**2)) * self.balance.speed**2)
+        self.balance.energy = energy or 1.0
 
 
 def _step(G: Array, residual: Array, moving: int, damping: float) -> Array:
@@ -474,9 +345,10 @@ class _Problem:
         rates = [*([generator.rate] if generator.turns else []), *([1.0] * len(directions))]
         return family, dict(enumerate([*rates, *generator.spins[list(columns)]]))
 
-    def solved(self, start: Array) -> tuple[Motion, _Search, _State, str]:
+    def solved(self, start: Array) -> tuple[Motion, _Search, State, str]:
         """Return the solution from a start, checked, and how it was found."""
-        search = _Search(self.system, self.finder, self.family, self.known, self.held, start)
+        balance = Balance(self.system, self.finder.sizes, self.family, self.known, self.held)
+        search = _Search(balance, self.finder, start)
         c = self._rates(start)
         try:
             with np.errstate(all="ignore"):
@@ -496,10 +368,10 @@ class _Problem:
             motion = replace(motion, generators=tuple(detected(self.system, at.q, at.u, self.finder.sizes)))
         return motion, search, at, strategy
 
-    def described(self, motion: Motion, search: _Search, at: _State, strategy: str) -> Equilibrium:
+    def described(self, motion: Motion, search: _Search, at: State, strategy: str) -> Equilibrium:
         """Return a solution with what it means."""
         known = symmetries(self.system, motion)
-        force = at.residual[: self.system.n_q] * search.energy / self.finder.sizes
+        force = at.residual[: self.system.n_q] * search.balance.energy / self.finder.sizes
         unbalanced = [
             float(np.max(np.abs(force[kind]), initial=0.0)) for kind in (self.finder.is_length, ~self.finder.is_length)
         ]
@@ -509,7 +381,7 @@ class _Problem:
             tuple(_open_directions(search, at, known)),
         )  # fmt: skip
 
-    def _closed(self, at: _State) -> bool:
+    def _closed(self, at: State) -> bool:
         """Whether a state satisfies all rows, those that repeat others included."""
         dynamics = self.system.dynamics(at.q, at.u)
         allowed = TOLERANCE * np.abs(dynamics.J) @ self.finder.sizes + 1e-300
@@ -554,7 +426,7 @@ class _Problem:
         # What a symmetry leaves alone: the loads and the spectrum of the stiffness.
         return _alike(_signature(self.system, one), _signature(self.system, other))
 
-    def _failure(self, search: _Search, state: _State | None) -> EquilibriumError:
+    def _failure(self, search: _Search, state: State | None) -> EquilibriumError:
         what = "steady motion" if self.family.size else "equilibrium"
         place = self.scene.model.reference.location
         if state is None:
@@ -562,16 +434,16 @@ class _Problem:
                 f"{place}: reference: no {what} found: the equations have no value at the start\n"
                 "hint: give starting values under reference.guess that are nearer to an assembled position"
             )
-        n, n_h = self.system.n_q, search.n_h
-        force = state.residual[:n] * search.energy / search.sizes
+        n, n_h = self.system.n_q, search.balance.n_h
+        force = state.residual[:n] * search.balance.energy / search.sizes
         gap = state.residual[n : n + n_h]
         lines = [f"{place}: reference: no {what} found in {search.iterations} steps (Newton, relaxation"]
-        lines[0] += ", spin-up)" if search.known else ")"
+        lines[0] += ", spin-up)" if search.balance.known else ")"
         broken = len(gap) and float(np.max(np.abs(gap))) > 1e-6
         worst = int(np.argmax(np.abs(state.residual[:n])))
         unit = "N" if is_length(self.system.names[worst]) else "N*m"
         if broken:
-            row = self.system.rows[search.rows[int(np.argmax(np.abs(gap)))]]
+            row = self.system.rows[search.balance.rows[int(np.argmax(np.abs(gap)))]]
             lines.append(f"it stalled where {row} is not satisfied: the mechanism does not close there")
             hint = "correct the lengths, or give starting values under reference.guess"
         else:
@@ -594,7 +466,7 @@ class _Problem:
             hint = "hold it with a joint, a spring or a contact; a body in free fall has no equilibrium"
         return EquilibriumError("\n".join([*lines, f"hint: {hint}"]))
 
-    def _nothing_holds(self, state: _State) -> str:
+    def _nothing_holds(self, state: State) -> str:
         """Name a coordinate on which a force acts that no position changes and no constraint takes."""
         K, _, _ = self.system.linearize(state.q, state.u, state.a, state.nu)
         sizes = self.finder.sizes
@@ -608,11 +480,11 @@ class _Problem:
         return ""
 
 
-def _tidied(search: _Search, at: _State) -> _State:
+def _tidied(search: _Search, at: State) -> State:
     """Return a solution whose zeros are zeros, where that costs nothing."""
     q, c = at.q.copy(), at.c.copy()
     q[np.abs(q / search.sizes) < 1e-15] = 0.0
-    c[np.abs(c) < 1e-13 * search.speed] = 0.0
+    c[np.abs(c) < 1e-13 * search.balance.speed] = 0.0
     try:
         cleaned = search.state(q, c)
     except (MbstabError, ArithmeticError, ValueError):
@@ -620,9 +492,10 @@ def _tidied(search: _Search, at: _State) -> _State:
     return cleaned if cleaned.size <= max(2.0 * at.size, 1e-14) else at
 
 
-def _open_directions(search: _Search, at: _State, known: list[Symmetry]) -> list[str]:
+def _open_directions(search: _Search, at: State, known: list[Symmetry]) -> list[str]:
     """Return directions in which a solution is not isolated although no symmetry explains them."""
-    G, moving = search.jacobian(at)
+    balance = search.balance
+    G, moving = balance.jacobian(at), balance.moving
     if not moving:
         return []
     # Without the multipliers: only what the free directions of the forces say.
@@ -635,13 +508,15 @@ def _open_directions(search: _Search, at: _State, known: list[Symmetry]) -> list
     reduced = rest.T @ G[:, :moving]
     _, s, right = np.linalg.svd(reduced)
     rank = int(np.sum(s > SINGULAR * max(float(s[0]), 1e-300))) if len(s) else 0
-    null = right[rank:].T[: len(search.open)]
+    null = right[rank:].T[: len(search.balance.open)]
     if known:
-        shifts = np.array([s.direction for s in known])[:, search.open].T / search.sizes[search.open, None]
+        shifts = (
+            np.array([s.direction for s in known])[:, search.balance.open].T / search.sizes[search.balance.open, None]
+        )
         basis, _ = np.linalg.qr(shifts)
         null = null - basis @ (basis.T @ null)
     left, s, _ = np.linalg.svd(null, full_matrices=False)
-    names = [search.system.names[i] for i in search.open]
+    names = [search.system.names[i] for i in search.balance.open]
     found = []
     for vector in left.T[: int(np.sum(s > 1e-6))]:
         strong = np.argsort(-np.abs(vector))
@@ -651,18 +526,18 @@ def _open_directions(search: _Search, at: _State, known: list[Symmetry]) -> list
     return found
 
 
-def _continues(search: _Search, at: _State, vector: Array) -> bool:
+def _continues(search: _Search, at: State, vector: Array) -> bool:
     """Whether there are solutions some way along a direction."""
     distance = 0.02 / float(np.max(np.abs(vector)))
-    step = np.concatenate([distance * vector, np.zeros(len(search.free))])
+    step = np.concatenate([distance * vector, np.zeros(len(search.balance.free))])
     trial = search.tried(at, step)
     for _ in range(20):
         if trial is None:
             return False
         if trial.size < 1e-10:
-            moved = (trial.q - at.q)[search.open] / search.sizes[search.open]
+            moved = (trial.q - at.q)[search.balance.open] / search.sizes[search.balance.open]
             return bool(abs(moved @ vector) > 0.5 * distance)
-        G, moving = search.jacobian(trial)
+        G, moving = search.balance.jacobian(trial), search.balance.moving
         G = np.vstack([G, np.concatenate([vector, np.zeros(G.shape[1] - len(vector))])])
         trial = search.tried(trial, _step(G, np.append(trial.residual, 0.0), moving, 0.0))
     return False

@@ -363,7 +363,8 @@ def _deflated(spaces: Subspaces, matrices: _Matrices) -> tuple[Array, Array]:
     D_u, D_q = (x * spaces.scale * spaces.row_scale[n_h:, None] for x in (matrices.J[n_h:], matrices.D_q))
     P = -rank_of(D_u @ spaces.N).pseudo_inverse @ (D_q @ spaces.N)
     weights = spaces.scale * spaces.scale[:, None]
-    return deflated_matrix(*(x * weights for x in (matrices.M, matrices.R, matrices.K)), spaces.N, spaces.Z, P)
+    M, R, K = (x * weights for x in (matrices.M, matrices.R, matrices.K))
+    return deflated_matrix(M, R, K, spaces.N, spaces.Z, P)
 
 
 def deflated_matrix(M: Array, R: Array, K: Array, N: Array, Z: Array, P: Array) -> tuple[Array, Array]:

@@ -12,6 +12,7 @@ that goes along, has constant coefficients: with Ξ = DX(q₀) and Ξ₂ = Ξ² 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -185,7 +186,7 @@ class Family:
         spins = np.zeros((*c.shape[:-1], self.system.n_q))
         spins[..., list(self.columns)] = c[..., k:]
         axis = self.axis if self.axis is not None else np.array([0.0, 0.0, 1.0])
-        rate = (float(c[0]) if c.ndim == 1 else c[..., 0]) if turns else 0.0
+        rate: Any = (float(c[0]) if c.ndim == 1 else c[..., 0]) if turns else 0.0
         return Generator(self.system, axis, self.point, rate, c[..., turns:k] @ self.directions, spins)
 
     def units(self) -> list[Generator]:

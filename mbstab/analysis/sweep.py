@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -178,7 +179,7 @@ def unstable_counts(values: Complex) -> npt.NDArray[np.intp]:
     # On the axis λ² is real and negative; where pairs have just met, real parts are roots of small numbers.
     off = (np.abs(square.imag) > STABLE * size**2) | (square.real > STABLE * size**2)
     reversible = off & (values.real > 0.0)
-    counts = np.where(symmetric(values), np.sum(reversible, axis=-1), np.sum(plain, axis=-1))
+    counts: Index = np.where(symmetric(values), np.sum(reversible, axis=-1), np.sum(plain, axis=-1))
     counts[np.any(np.isnan(values), axis=-1)] = -1
     return counts
 
@@ -278,7 +279,8 @@ class _Tracker:
     def _refined(self, intervals: Index) -> dict[int, Index]:
         """Halve intervals until eigenvalues can be followed through each part; return what becomes what."""
         pieces = [
-            _Piece(int(k), float(self.x[k]), float(self.x[k + 1]), self.values[k], self.values[k + 1]) for k in intervals
+            _Piece(int(k), float(self.x[k]), float(self.x[k + 1]), self.values[k], self.values[k + 1])
+            for k in intervals
         ]
         done: dict[int, list[tuple[_Piece, Index | None]]] = {int(k): [] for k in intervals}
         while pieces:
@@ -306,7 +308,7 @@ class _Tracker:
         current = np.arange(self.values.shape[1])
         n = 0
         while n < len(parts):
-            piece, link = parts[n]
+            link = parts[n][1]
             if link is None:
                 last = n
                 while last + 1 < len(parts) and parts[last + 1][1] is None:
@@ -390,7 +392,7 @@ class _Tracker:
         both = symmetric(spectra)
         for i in range(spectra.shape[1]):
             sure = np.flatnonzero(sign[:, i])
-            for a, b in zip(sure[:-1], sure[1:], strict=True):
+            for a, b in pairwise(sure):
                 if sign[a, i] == sign[b, i] or (both[a] and both[b]):
                     continue
                 before, after = complex(spectra[a, i]), complex(spectra[b, i])
@@ -502,7 +504,7 @@ def _real_part(one: complex, other: complex) -> Callable[[Complex], float]:
 
 
 def _reach(parts: list[tuple[_Piece, Index | None]], start: Complex, side: int) -> tuple[Complex, float]:
-    """Follow eigenvalues away from a meeting; return where they are there, in the order of `start`, and how far it is."""
+    """Follow eigenvalues away from a meeting; return them there, in the order of `start`, and how far it is."""
     current, reach = np.arange(len(start)), 0.0
     where = start
     for piece, link in parts:
