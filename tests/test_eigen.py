@@ -212,7 +212,9 @@ SPINNING_STONE = (
     MODELS["rattleback"]
     .read_text(encoding="utf-8")
     .replace("omega: {value: 0,", "omega: {value: 5,")
-    .replace("  rates:\n    stone: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: omega}", "  steady: {axis: z, rate: omega}")
+    .replace(
+        "  rates:\n    stone: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: omega}", "  steady: {axis: z, rate: omega}"
+    )
 )
 # Two masses on a spring, which go round each other and may drift through the plane together.
 DRIFTING_PAIR = """\
@@ -605,7 +607,9 @@ def test_the_drift_of_a_pair_that_turns_is_a_double_neutral_pair():
     assert result.verdict == "marginally stable"
 
 
-@pytest.mark.xfail(reason="deflate_pairs takes two of four null vectors, which S does not carry into themselves", strict=True)
+@pytest.mark.xfail(
+    reason="deflate_pairs takes two of four null vectors, which S does not carry into themselves", strict=True
+)
 def test_a_free_body_has_a_third_pair_at_the_rate_of_its_frame_and_keeps_the_digits_of_the_others():
     text = """\
 mbstab: 1

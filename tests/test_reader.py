@@ -958,3 +958,71 @@ def test_an_unknown_parameter_is_not_ignored_by_evaluate(swept: Model) -> None:
 def test_every_error_of_a_file_is_an_error_of_the_user() -> None:
     assert issubclass(ModelFileError, MbstabError)
     assert ModelFileError([]).exit_code == UsageError("").exit_code == 2
+
+
+# --- what is looked for, and what is expected of it -----------------------------------------------------------------
+
+SEARCH = """\
+mbstab: 1
+parameters: {Omega: 3, T: 2}
+bodies:
+  a: {type: spatial, mass: 1, inertia: [1, 1, 1]}
+reference:
+"""
+
+
+def test_a_search_for_a_steady_motion_is_read_with_unit_vectors() -> None:
+    steady = "{axis: [0, 3, 4], rate: 2*Omega, point: [1, 2, 3], direction: -x, speed: Omega/2}"
+    scene = read(SEARCH + f"  find: steady\n  steady: {steady}\n")
+    assert scene.model.reference.find == "steady"
+    assert scene.steady is not None
+    np.testing.assert_allclose(scene.steady.axis, [0.0, 0.6, 0.8], atol=1e-16)
+    assert (scene.steady.rate, scene.steady.speed) == (6.0, 1.5)
+    np.testing.assert_allclose(scene.steady.point, [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(scene.steady.direction, [-1.0, 0.0, 0.0])
+    open_ = read(SEARCH + "  find: steady\n  steady: {axis: z}\n").steady
+    assert open_ is not None
+    assert (open_.rate, open_.speed, open_.direction) == (None, None, None)
+
+
+def test_what_is_not_looked_for_is_none() -> None:
+    reference = read(SEARCH + "  time: 1\n").model.reference
+    assert (reference.find, reference.steady, reference.period) == (None, None, None)
+    assert read(SEARCH + "  period: 2*T\n").period == 4.0
+    assert read(SEARCH + "  find: equilibrium\n").model.reference.find == "equilibrium"
+
+
+@pytest.mark.parametrize(
+    ("lines", "place", "message"),
+    [
+        ("  find: rest\n", (6, 9), "'rest'"),
+        ("  find: [steady]\n", (6, 9), "reference.find"),
+        ("  steady: z\n", (6, 11), "reference.steady"),
+        ("  steady: {axis: z, rte: 3}\n", (6, 21), "unknown key 'rte'"),
+        ("  steady: {axis: z, rate: Omgea}\n", (6, 27), "unknown parameter 'Omgea'"),
+        ("  steady: {axis: [1, 0], rate: 2}\n", (6, 18), "reference.steady.axis"),
+        ("  steady: {axis: q, rate: 2}\n", (6, 18), "reference.steady.axis"),
+        ("  period: T - 2\n", (6, 11), "the period must be positive"),
+        ("  period: t\n", (6, 11), "unknown parameter 't'"),
+        ("expect:\n  - frozen: maybe\n", (7, 13), "'maybe'"),
+        ("expect:\n  - redundant: -1\n", (7, 16), "expect[0].redundant"),
+        ("expect:\n  - redundant: 1.5\n", (7, 16), "expect[0].redundant"),
+        ("expect:\n  - coordinates: {b: {x: 1}}\n", (7, 19), "unknown body 'b'"),
+        ("expect:\n  - coordinates: {a: {r: 1}}\n", (7, 23), "unknown key 'r'"),
+        ("expect:\n  - coordinates: {a: {x: L}}\n", (7, 26), "unknown parameter 'L'"),
+    ],
+)
+def test_mistakes_in_searches_and_expectations_are_placed(lines: str, place: tuple[int, int], message: str) -> None:
+    head = SEARCH.replace("reference:\n", "reference: {}\n") if lines.startswith("expect") else SEARCH
+    (problem,) = problems_of(head + lines)
+    assert (problem.location.line, problem.location.column) == place
+    assert message in str(problem)
+
+
+def test_expectations_of_motions_are_read() -> None:
+    text = (
+        SEARCH + "  time: 0\nexpect:\n  - {frozen: true, redundant: 2, coordinates: {a: {x: Omega, psi: 1}}}\n  - {}\n"
+    )
+    first, second = read(text).model.expect
+    assert (first.frozen, first.redundant, sorted(first.coordinates)) == (True, 2, ["a.psi", "a.x"])
+    assert (second.frozen, second.redundant, second.coordinates) == (False, None, {})

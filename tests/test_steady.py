@@ -156,7 +156,9 @@ def test_a_turn_about_a_point_is_seen_as_one():
     point = np.array([0.5, -0.25])
 
     def speeds(system, q):
-        return np.array([-3 * (q[1] - point[1]), 3 * (q[0] - point[0]), 3, -3 * (q[4] - point[1]), 3 * (q[3] - point[0])])
+        return np.array(
+            [-3 * (q[1] - point[1]), 3 * (q[0] - point[0]), 3, -3 * (q[4] - point[1]), 3 * (q[3] - point[0])]
+        )
 
     _, q, found = found_in(text, speeds)
     assert not found[0].turns
@@ -301,14 +303,19 @@ def test_gravity_along_the_axis_breaks_nothing():
 
 
 def test_a_spring_to_the_ground_off_the_axis_breaks_the_symmetry():
-    text = breaking("ground: {points: {P: [1, 0, 0]}}", force="tether: {type: spring, between: [arm, ground.P], stiffness: 5}")
+    text = breaking(
+        "ground: {points: {P: [1, 0, 0]}}", force="tether: {type: spring, between: [arm, ground.P], stiffness: 5}"
+    )
     assert broken_by(refusal(text)) == {"forces.tether"}
     eigenvalues(text.replace("ground.P]", "ground]"))
 
 
 def test_a_second_joint_to_the_ground_breaks_the_symmetry():
     # The sideways plane touches the arm at this instant only, in its velocity it does not.
-    text = CIRCLE.replace("bob: {type: planar_point, mass: m}", "bob: {type: planar_point, mass: m}\n  other: {type: planar_point, mass: 1}")
+    text = CIRCLE.replace(
+        "bob: {type: planar_point, mass: m}",
+        "bob: {type: planar_point, mass: m}\n  other: {type: planar_point, mass: 1}",
+    )
     text = text.replace("joints:", "joints:\n  rail: {type: point_on_line, between: [ground, other], axis: x}")
     message = refusal(text.replace("{bob: {x: r, y: 0}}", "{bob: {x: r, y: 0}, other: {x: 0, y: 0}}"))
     assert "rail" in message
@@ -360,7 +367,9 @@ def test_a_given_rate_that_the_steady_motion_has_not_is_refused():
 
 
 def test_a_rate_that_is_not_given_follows_from_a_drive():
-    text = breaking(force="").replace("forces:", "drives:\n  spin: {type: joint, joint: bearing, velocity: Omega}\nforces:")
+    text = breaking(force="").replace(
+        "forces:", "drives:\n  spin: {type: joint, joint: bearing, velocity: Omega}\nforces:"
+    )
     _, result = eigenvalues(text.replace("steady: {axis: z, rate: Omega}", "steady: {axis: z}"))
     assert result.frame == "rotation about z at 3 rad/s"
 
@@ -428,7 +437,11 @@ reference:
   guess: {{p: {{z: {r * cot}}}}}
 """
     Omega = math.sqrt(G * cot / r)
-    model = mbstab.loads(text.replace("axis: z", f"axis: z, rate: {Omega}").replace("x: 0.4, y: 0", "y: 0").replace("{p: {z:", "{p: {x: 0.5, z:"))
+    model = mbstab.loads(
+        text.replace("axis: z", f"axis: z, rate: {Omega}")
+        .replace("x: 0.4, y: 0", "y: 0")
+        .replace("{p: {z:", "{p: {x: 0.5, z:")
+    )
     assert abs(model.motion().q[0] - r) < 1e-14
     result = model.eig()
     found = sorted(e.value.imag for e in result.eigenvalues if e.kind != "neutral")
@@ -528,7 +541,9 @@ def test_a_top_in_steady_precession(theta, Omega, find):
     text = TOP.format(rates=f"rates: {{top: {{psi: {spin!r}}}}}")
     # Tilted by theta about x, as psi of the Euler angles X-Y-Z turns about the axis of the top.
     text = text.replace("phi: 0, theta: theta, psi: 0", "phi: theta, theta: 0, psi: 0")
-    text = text.replace("guess: {top: {x: H*sin(theta), z: H*cos(theta)}}", "guess: {top: {y: -H*sin(theta), z: H*cos(theta)}}")
+    text = text.replace(
+        "guess: {top: {x: H*sin(theta), z: H*cos(theta)}}", "guess: {top: {y: -H*sin(theta), z: H*cos(theta)}}"
+    )
     if find:
         text = text.replace("reference:", "reference:\n  find: steady")
     # The rate of psi is the spin about the axis of the top, besides what the turn does to it: with phi = θ and
@@ -567,3 +582,165 @@ reference:
     assert sum(e.kind == "neutral" for e in result.eigenvalues) == 6
     assert sorted(round(abs(e.value.imag), 9) for e in result.eigenvalues if e.kind == "neutral") == [0, 0, 4, 4, 4, 4]
     assert result.verdict == "marginally stable"
+
+
+def test_a_mass_turned_by_a_string_about_another_point():
+    # As about the origin: the turn itself is the symmetry that explains the two zeros.
+    text = """
+mbstab: 1
+gravity: [0, 0, -9.81]
+ground: {points: {P: [1, 2, 0]}}
+bodies:
+  p: {type: point, mass: 1}
+joints:
+  string: {type: distance, between: [p, ground.P], length: 1}
+reference: {find: steady, steady: {axis: z, rate: 6, point: [1, 2, 0]}, guess: {p: {x: 1.9, y: 2, z: -0.4}}}
+"""
+    found, result = frequencies(text)
+    theta = math.acos(G / 36.0)
+    np.testing.assert_allclose(found, [6.0 * math.sqrt(1.0 + 3.0 * math.cos(theta) ** 2)], rtol=1e-12)
+    assert result.verdict == "marginally stable"
+
+
+def test_a_turn_about_another_axis_than_gravity_explains_its_zeros():
+    text = """
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies:
+  rotor: {type: spatial, mass: 2, inertia: [0.1, 0.1, 0.1]}
+joints:
+  bearing: {type: revolute, between: [rotor, ground], axis: [[1, 0, 1], [1, 0, 1]]}
+reference: {find: steady, steady: {axis: [1, 0, 1], rate: 3}}
+"""
+    _, result = eigenvalues(text)
+    assert (result.counts.neutral, result.verdict) == (2, "marginally stable")
+
+
+# Linear springs have the same stiffness everywhere, so the coefficients do not tell that these are no steady motions.
+OFF_THE_AXIS = """
+mbstab: 1
+ground: {points: {P: [0.2, 0]}}
+bodies:
+  p: {type: planar_point, mass: 1}
+forces:
+  spring: {type: spring, between: [p, ground.P], stiffness: 20, length: 0}
+reference: {coordinates: {p: {x: 0.25, y: 0}}, steady: {axis: z, rate: 2}}
+"""
+
+ALONG = """
+mbstab: 1
+bodies:
+  p: {type: planar_point, mass: 1}
+joints:
+  rail: {type: point_on_line, between: [ground, p], axis: x}
+forces:
+  spring: {type: expression, on: {p.x: -p.x}}
+reference: {coordinates: {p: {x: 0, y: 0}}, steady: {direction: [1, 0], speed: 2}}
+"""
+
+
+@pytest.mark.parametrize("text", [OFF_THE_AXIS, ALONG])
+@pytest.mark.parametrize("find", [False, True])
+def test_a_motion_that_balances_at_its_first_instant_only_is_refused(text, find):
+    if find:
+        text = text.replace("coordinates: {p", "find: steady, guess: {p")
+    with pytest.raises(mbstab.errors.MbstabError, match=r"forces\.spring|\bp\."):
+        mbstab.loads(text).eig()
+
+
+def test_equilibrium_refuses_a_steady_motion_without_its_symmetry_too():
+    text = """
+mbstab: 1
+bodies:
+  p: {type: planar_point, mass: 1}
+forces:
+  square: {type: expression, on: {p.x: -p.x**3, p.y: -p.y**3}}
+reference: {find: steady, steady: {axis: z, rate: 2}, guess: {p: {x: 2, y: 0}}}
+"""
+    with pytest.raises(mbstab.errors.MbstabError, match=r"forces\.square"):
+        mbstab.loads(text).equilibria()
+
+
+@pytest.mark.parametrize(("axis", "k"), [("x", 0), ("y", 1), ("z", 2)])
+@pytest.mark.parametrize("moments", [(0.1, 0.2, 0.25), (0.1, 0.1, 0.15)])
+def test_a_free_body_turning_about_a_principal_axis(axis, k, moments):
+    # Euler's equations: s² = (I_k − I_i)(I_j − I_k)/(I_i I_j) Ω²; all other motions are shifts.
+    i, j = (n for n in range(3) if n != k)
+    Omega = 3.0
+    square = (moments[k] - moments[i]) * (moments[j] - moments[k]) / (moments[i] * moments[j]) * Omega**2
+    text = f"""
+mbstab: 1
+bodies:
+  r: {{type: spatial, mass: 2, inertia: {list(moments)}}}
+reference: {{steady: {{axis: {axis}, rate: {Omega}}}, rates: {{r: {{psi: {Omega if axis == "z" else 0}}}}}}}
+"""
+    found, result = eigenvalues(text)
+    root = complex(square) ** 0.5
+    expected = [root, -root] if square else []
+    values = [s for s in found if abs(abs(s.imag) - Omega) > 1e-6]  # shifts go round with Ω
+    assert len(values) == len(expected)
+    for s in expected:
+        assert min(abs(s - x) for x in values) < 1e-9
+    assert (result.verdict == "unstable") == (square > 0.0)
+
+
+def test_a_screw_sinks_at_the_speed_that_its_brake_allows():
+    text = """
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies:
+  nut: {type: spatial, mass: 2, inertia: [0.3, 0.2, 0.4], center_of_mass: [0.1, 0, 0]}
+joints:
+  screw: {type: screw, between: [nut, ground], axis: z, lead: 0.05}
+forces:
+  brake: {type: joint_spring, joint: screw, motion: angle, damping: 0.2}
+reference: {find: steady, steady: {axis: z, direction: [0, 0, 1]}}
+"""
+    model = mbstab.loads(text)
+    rise = 0.05 / (2.0 * math.pi)
+    Omega = -2.0 * G * rise / 0.2
+    (item,) = model.equilibria()
+    assert abs(item.steady.rate - Omega) < 1e-12
+    np.testing.assert_allclose(item.steady.velocity, [0.0, 0.0, Omega * rise], atol=1e-13)
+    found, _ = eigenvalues(text)
+    inertia = 0.4 + 2.0 * 0.1**2 + 2.0 * rise**2
+    np.testing.assert_allclose(found, [-0.2 / inertia], rtol=1e-11)
+
+
+def test_a_spin_and_a_turn_about_one_axis_are_not_shared_out():
+    # A nut with its mass on the axis of the screw: turning with the frame or in it is the same.
+    text = """
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies:
+  nut: {type: spatial, mass: 2, inertia: [0.2, 0.2, 0.3]}
+joints:
+  screw: {type: screw, between: [nut, ground], axis: z, lead: 0.05}
+forces:
+  brake: {type: joint_spring, joint: screw, motion: angle, damping: 0.2}
+reference: {find: steady, steady: {axis: z, direction: [0, 0, 1]}}
+"""
+    model = mbstab.loads(text)
+    state = dict(zip(model.model.coordinates(), model.motion().u, strict=True))
+    assert abs(state["nut.psi"] + 2.0 * G * 0.05 / (2.0 * math.pi) / 0.2) < 1e-12
+    (item,) = model.equilibria()
+    assert item.isolated
+    assert model.eig().verdict == "marginally stable"
+
+
+def test_a_mass_pushed_against_a_brake_reaches_its_speed():
+    text = """
+mbstab: 1
+bodies:
+  p: {type: planar_point, mass: 4}
+joints:
+  rail: {type: point_on_line, between: [ground, p], axis: x}
+forces:
+  thrust: {type: expression, on: {p.x: 10 - 4*rate(p.x)}}
+reference: {find: steady, steady: {direction: [1, 0]}}
+"""
+    (item,) = mbstab.loads(text).equilibria()
+    np.testing.assert_allclose(item.steady.velocity, [2.5, 0.0, 0.0], rtol=1e-14)
+    found, result = eigenvalues(text)
+    np.testing.assert_allclose(found, [-1.0], rtol=1e-13)
+    assert result.counts.neutral == 1

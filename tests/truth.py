@@ -243,7 +243,9 @@ class _Flow:
         d = self.system.scene.dimension
         turn = _rotation(self.axis, self.rate * t)
         moved = q + t * self.spins[part]
-        moved[:d] += ((turn - np.eye(3, dtype=int))[:d, :d]) @ (q[:d] - self.point[:d]) + t * self.speed * self.direction[:d]
+        moved[:d] += (
+            ((turn - np.eye(3, dtype=int))[:d, :d]) @ (q[:d] - self.point[:d]) + t * self.speed * self.direction[:d]
+        )
         if body.orientation and self.rate:
             if d == 2:
                 moved[2] += self.axis[2] * self.rate * t

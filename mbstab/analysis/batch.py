@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.analysis.balance import Balance
+from mbstab.analysis.continuation import Path, follow
 from mbstab.analysis.eigen import (
     EPS,
     NEUTRAL_GAP,
@@ -27,14 +29,15 @@ from mbstab.analysis.eigen import (
     rounding_of,
     time_scale,
 )
+from mbstab.analysis.equilibrium import Problem
 from mbstab.analysis.linearize import Linearization, deflated_matrix, linearize, state_space
-from mbstab.analysis.motion import EQUILIBRIUM_TOLERANCE, NEWTON_STEPS, ROUNDING, TOLERANCE
-from mbstab.analysis.reference import reference_motion
+from mbstab.analysis.motion import EQUILIBRIUM_TOLERANCE, NEWTON_STEPS, ROUNDING, TOLERANCE, Motion
+from mbstab.analysis.reference import declared_family, reference_motion
 from mbstab.analysis.steady import Family, Generator, spinning_columns
 from mbstab.analysis.subspaces import RANK_LEAST, RANK_TOLERANCE
 from mbstab.analysis.symmetry import symmetries
 from mbstab.compiler.system import Array, Dynamics, System
-from mbstab.errors import MbstabError, UsageError
+from mbstab.errors import EquilibriumError, MbstabError, UsageError
 from mbstab.model.schema import Model
 from mbstab.model.values import Scene, evaluate
 
@@ -43,6 +46,12 @@ Flags = npt.NDArray[np.bool_]
 
 BLOCK_ENTRIES = 100_000
 """Entries of a matrix over all points evaluated together: enough to hide Python, few enough for the caches."""
+
+POLISHING, POLISHED = 20, 1e-7
+"""Newton steps from a predicted equilibrium, and the size of the last one: what it leaves is its square."""
+
+RIDGE = 1e-14
+"""Normal equations are regularized by this part of their trace."""
 
 GUARDED = 17
 """At so many points of a sweep, spread over it, the frame of the motion is checked along the motion."""
@@ -85,6 +94,7 @@ class _Pattern:
     pairs: int
     family: Family | None
     sizes: Array
+    balance: Balance | None
 
     @property
     def n_neutral(self) -> int:
@@ -104,6 +114,24 @@ class Evaluator:
     def __init__(self, model: Model, settings: Mapping[str, float]) -> None:
         self.model, self.settings = model, dict(settings)
         self.patterns: list[_Pattern] = []
+        self.paths: dict[str, Path] = {}
+
+    def path(self, values: Mapping[str, Array]) -> Path | None:
+        """Return the equilibria over the parameter that is swept, where a file asks to find them.
+
+        Raises
+        ------
+        MbstabError
+            If there is none to start from.
+        """
+        if self.model.reference.find is None or len(values) != 1:
+            return None
+        ((parameter, x),) = values.items()
+        low, high = float(np.min(x)), float(np.max(x))
+        known = self.paths.get(parameter)
+        if known is None or low < known.low or high > known.high:
+            self.paths[parameter] = known = follow(self.model, parameter, self.settings, low, high)
+        return known
 
     def spectra(self, values: Mapping[str, Array], progress: Callable[[float], object] = lambda done: None) -> Spectra:
         """Return the eigenvalues at many points.
@@ -142,6 +170,7 @@ class _Work:
         self.evaluator, self.values, self.progress = evaluator, values, progress
         self.points = len(next(iter(values.values())))
         self.lenient = False
+        self.path = evaluator.path(values)
         self.problems: dict[int, str] = {}
         self.found: list[tuple[npt.NDArray[np.intp], Complex, int]] = []
 
@@ -198,7 +227,7 @@ class _Work:
     def _steady(self, i: int) -> bool:
         try:
             system = System(self.scene(i))
-            return linearize(system, reference_motion(system)).constant
+            return linearize(system, self._motion(system, i)[0]).constant
         except MbstabError:
             return False
 
@@ -232,7 +261,7 @@ class _Work:
                 system = System(self.scene(i))
                 if system.scene.period is not None:
                     raise UsageError("periodic motions are not swept: their multipliers take an integration each")
-                motion = reference_motion(system)
+                motion, balance = self._motion(system, i)
                 linear = linearize(system, motion)
                 space = state_space(linear)
                 gamma = time_scale(space)
@@ -254,8 +283,19 @@ class _Work:
         if turning is not None:
             directions = np.eye(3)[: system.scene.dimension]
             family = Family(system, turning.axis, np.zeros(3), directions, spinning_columns(system))
-        pattern = _Pattern(linear, gamma, deflated.steps, len(deflated.pairs), family, motion.sizes)
+        pattern = _Pattern(linear, gamma, deflated.steps, len(deflated.pairs), family, motion.sizes, balance)
         return pattern, np.linalg.eigvals(deflated.S).astype(complex)
+
+    def _motion(self, system: System, i: int) -> tuple[Motion, Balance | None]:
+        """Return the motion at a point, and the equations it was found with if it was."""
+        if self.path is None:
+            return reference_motion(system), None
+        value = float(next(iter(self.values.values()))[i])
+        for end, reason in self.path.lost:
+            if (value - end) * (end - self.path.values.mean()) > 0.0:
+                raise EquilibriumError(f"no solution beyond {end:.12g}: {reason}")
+        motion, search, _, _ = Problem(system).solved(*self.path.nearest(value))
+        return motion, search.balance
 
     # --- many points ------------------------------------------------------------------------------------------------
 
@@ -272,7 +312,10 @@ class _Work:
             return np.concatenate([self._block(pattern, index[:half]), self._block(pattern, index[half:])])
         with np.errstate(all="ignore"):
             try:
-                good, values = _Block(pattern, System(scene), len(index), self.lenient).values()
+                block = _Block(pattern, System(scene), len(index), self.lenient)
+                if self.path is not None:
+                    block.start = self.path.predicted(np.asarray(next(iter(self.values.values()))[index]))
+                good, values = block.values()
             except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
                 return np.zeros(len(index), dtype=bool)
         if np.any(good):
@@ -291,12 +334,17 @@ class _Block:
     def __init__(self, pattern: _Pattern, system: System, points: int, lenient: bool) -> None:
         self.pattern, self.system, self.points, self.lenient = pattern, system, points, lenient
         self.good: Flags = np.ones(points, dtype=bool)
+        self.start: tuple[Array, Array] | None = None
 
     def values(self) -> tuple[Flags, Complex]:
         """Return which points fit the pattern, and the eigenvalues that are not neutral."""
         pattern, system = self.pattern, self.system
-        q = self._coordinates()
-        steady, u = self._speeds(q)
+        steady: Generator | None
+        if self.start is not None:
+            q, steady, u = self._balanced(*self.start)
+        else:
+            q = self._coordinates()
+            steady, u = self._speeds(q)
         self._rate = steady.rate if steady is not None else 0.0
         dynamics = system.dynamics(q, u)
         self._require_rows(dynamics, u)
@@ -323,8 +371,6 @@ class _Block:
 
     def _coordinates(self) -> Array:
         scene, motion = self.system.scene, self.pattern.linear.motion
-        if scene.model.reference.find is not None:
-            raise MbstabError("found references are not computed together")
         q = self._given(scene.coordinates, motion.q)
         missing = np.array([name not in scene.coordinates for name in self.system.names])
         return self._assembled(q, missing) if missing.any() and self.system.n_h else q
@@ -344,6 +390,31 @@ class _Block:
             if not np.max(np.abs(step)) > 1e-15:
                 break
         return q
+
+    def _balanced(self, q: Array, c: Array) -> tuple[Array, Generator | None, Array]:
+        """Return equilibria or steady motions near predicted ones, by Newton's method."""
+        known = self.pattern.balance
+        assert known is not None
+        family, given = declared_family(self.system)
+        held = np.ones(self.system.n_q, dtype=bool)
+        held[known.open] = False
+        q[:, held] = self._given(self.system.scene.coordinates, q[0])[:, held]
+        balance = Balance(self.system, known.sizes, family, given, held, known.rows)
+        balance.energy, balance.speed = known.energy, known.speed
+        at = balance.state(q, c)
+        for _ in range(POLISHING):
+            G = balance.jacobian(at)
+            square = _t(G) @ G
+            size = np.trace(square, axis1=-2, axis2=-1)[:, None, None]
+            # Directions that nothing depends on stay where they are.
+            step = -np.linalg.solve(square + RIDGE * size * np.eye(G.shape[-1]), _t(G) @ at.residual[..., None])[..., 0]
+            self.good &= np.max(np.abs(step[:, : balance.moving]), axis=1) < 0.2
+            step[~self.good] = 0.0
+            at = balance.state(*balance.moved(at, step))
+            if not np.max(np.abs(step[:, : balance.moving])) > POLISHED:
+                break
+        self.good &= np.max(np.abs(at.residual), axis=1) <= TOLERANCE
+        return at.q, (at.steady if self.pattern.family is not None else None), at.u
 
     def _speeds(self, q: Array) -> tuple[Generator | None, Array]:
         """Return the generator of the motion in a turning frame, if there is one, and the speeds."""

@@ -29,6 +29,8 @@ from mbstab.model.schema import is_length
 
 Flags = npt.NDArray[np.bool_]
 
+STRATEGIES = ("Newton", "relaxation", "spin-up")
+
 REACH = 0.5
 """No step is longer than this part of the size of the scene, or this angle (rad)."""
 
@@ -213,7 +215,7 @@ class _Search:
         except _Stalled:
             return self.relaxed(at)
 
-    def solve(self, q: Array, c: Array) -> tuple[State, str]:
+    def solve(self, q: Array, c: Array, allowed: tuple[str, ...]) -> tuple[State, str]:
         """Return a solution and the strategy that led to it.
 
         Raises
@@ -229,6 +231,8 @@ class _Search:
         if self.balance.known:
             strategies.append(("spin-up", lambda: self.spun_up(q, c)))
         for name, strategy in strategies:
+            if name not in allowed:
+                continue
             try:
                 return strategy(), name
             except _Stalled:
@@ -267,16 +271,21 @@ def _step(G: Array, residual: Array, moving: int, damping: float) -> Array:
 # --- from a scene to its equilibria ---------------------------------------------------------------------------------
 
 
-def found_motion(system: System) -> Motion:
+def found_motion(system: System, near: tuple[Array, Array] | None = None) -> Motion:
     """Return the equilibrium or steady motion that the reference of a file leads to, given coordinates held.
+
+    Parameters
+    ----------
+    near : tuple of ndarray, optional
+        Predicted coordinates and rates to start from instead.
 
     Raises
     ------
     EquilibriumError
         If none is found; says where the search stalled, and what to try.
     """
-    problem = _Problem(system)
-    return problem.solved(problem.start)[0]
+    problem = Problem(system)
+    return problem.solved(*(near or (problem.start,)))[0]
 
 
 def find_equilibria(
@@ -301,7 +310,7 @@ def find_equilibria(
     EquilibriumError
         If no start leads to one.
     """
-    problem = _Problem(system)
+    problem = Problem(system)
     rng = np.random.default_rng(seed)
     distinct: list[Equilibrium] = []
     failure: MbstabError | None = None
@@ -319,7 +328,7 @@ def find_equilibria(
     return distinct
 
 
-class _Problem:
+class Problem:
     """What is asked for, and the checks that a solution must pass."""
 
     def __init__(self, system: System) -> None:
@@ -345,14 +354,26 @@ class _Problem:
         rates = [*([generator.rate] if generator.turns else []), *([1.0] * len(directions))]
         return family, dict(enumerate([*rates, *generator.spins[list(columns)]]))
 
-    def solved(self, start: Array) -> tuple[Motion, _Search, State, str]:
-        """Return the solution from a start, checked, and how it was found."""
+    def solved(self, start: Array, c: Array | None = None) -> tuple[Motion, _Search, State, str]:
+        """Return the solution from a start, checked, and how it was found.
+
+        With rates `c` as well, the start is a prediction: given coordinates are put in, and only
+        Newton's method is tried.
+
+        Raises
+        ------
+        EquilibriumError
+            If there is none.
+        """
+        near = c is not None
+        if near:
+            start = np.where(self.held, self.finder.start()[0], start)
         balance = Balance(self.system, self.finder.sizes, self.family, self.known, self.held)
         search = _Search(balance, self.finder, start)
-        c = self._rates(start)
+        c = self._rates(start) if c is None else c
         try:
             with np.errstate(all="ignore"):
-                at, strategy = search.solve(start, c)
+                at, strategy = search.solve(start, c, ("Newton",) if near else STRATEGIES)
         except _Stalled as stalled:
             raise self._failure(search, stalled.state) from None
         at = _tidied(search, at)

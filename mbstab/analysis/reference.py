@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -46,8 +47,8 @@ def reference_motion(system: System) -> Motion:
     return replace(finder.motion(q, u), generators=tuple(generators))
 
 
-def declared_family(system: System) -> tuple[Family, dict[int, float]]:
-    """Return the steady motions that the file allows, and the coefficients it gives."""
+def declared_family(system: System) -> tuple[Family, dict[int, Any]]:
+    """Return the steady motions that the file allows, and the coefficients it gives (arrays in a sweep)."""
     steady, d = system.scene.steady, system.scene.dimension
     if steady is None:
         return Family(system, None, np.zeros(3), np.zeros((0, 3)), ()), {}
@@ -60,4 +61,4 @@ def declared_family(system: System) -> tuple[Family, dict[int, float]]:
         directions[0, :d] = steady.direction
     family = Family(system, axis, point, directions, spinning_columns(system))
     given = ([steady.rate] if axis is not None else []) + ([steady.speed] if len(directions) else [])
-    return family, {k: float(x) for k, x in enumerate(given) if x is not None}
+    return family, {k: x for k, x in enumerate(given) if x is not None}
