@@ -157,10 +157,13 @@ class Evaluator:
         work = _Work(self, values, lambda done: None)
         work.lenient = True
         work.run()
-        found = work.gathered()
-        if found.values.shape[1] == count:
-            return found.values
-        return np.full((len(found.values), count), np.nan + 0j)
+        return work.gathered(count).values
+
+    def learn(self, values: Mapping[str, Array]) -> None:
+        """Take the patterns of some of many points."""
+        points = len(next(iter(values.values())))
+        some = np.unique(np.linspace(0, points - 1, 4 * FEW).round().astype(int))
+        _Work(self, {name: x[some] for name, x in values.items()}, lambda done: None).run()
 
 
 class _Work:
@@ -231,15 +234,16 @@ class _Work:
         except MbstabError:
             return False
 
-    def gathered(self) -> Spectra:
-        """Return what was found; the pattern of most points decides how many eigenvalues count as neutral."""
+    def gathered(self, count: int | None = None) -> Spectra:
+        """Return what was found; `count` or the pattern of most points decides how many eigenvalues are neutral."""
         if not self.found:
-            return Spectra(np.zeros((self.points, 0), dtype=complex), self.problems, 0)
+            return Spectra(np.full((self.points, count or 0), np.nan + 0j), self.problems, 0)
         counts: dict[tuple[int, int], int] = {}
         for index, values, neutral in self.found:
             key = values.shape[1] + neutral, neutral
             counts[key] = counts.get(key, 0) + len(index)
         (n_f, neutral), _ = max(counts.items(), key=lambda item: item[1])
+        neutral = neutral if count is None else max(n_f - count, 0)
         result = np.full((self.points, n_f - neutral), np.nan + 0j)
         for index, values, other in self.found:
             if values.shape[1] + other != n_f:

@@ -14,41 +14,40 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.batch import Evaluator
+from mbstab.analysis.blocks import Block, Progress, Store, key_of, run, tasks
+from mbstab.analysis.spectrum import (
+    STABLE,
+    Complex,
+    Index,
+    discriminant,
+    follow,
+    product,
+    symmetric,
+    unstable_counts,
+)
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.model.schema import Model
 
-Complex = npt.NDArray[np.complex128]
-Index = npt.NDArray[np.intp]
-Flags = npt.NDArray[np.bool_]
-
 EPS = float(np.finfo(float).eps)
-
-STRIDE = 0.35
-"""Between neighbouring points an eigenvalue moves by less than this part of its distance to the others."""
 
 RESOLUTION = 1e-12
 """Eigenvalues that are not told apart in an interval of this relative width cross or collide in it."""
 
-TWIN = 1e-9
-"""Eigenvalues closer than this part of the largest are equal, if they are so at both ends of an interval."""
-
 NOISE = 1e-7
 """So near to a meeting, relative to the parameter, rounding may show a pair on the wrong side."""
 
+MARGIN = 2
+"""So many points on either side are looked at with an interval in which stability may change."""
+
 FAR = 1e-6
 """Where eigenvalues meet, their directions are taken over this part of the parameter's value."""
-
-SYMMETRIC = 1e-8
-"""Odd power sums of a spectrum that is symmetric to the imaginary axis vanish to this."""
-
-STABLE = 1e-10
-"""Real parts below this part of the largest eigenvalue are rounding; of λ² in a symmetric spectrum."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,8 @@ class Critical:
         In SI.
     kind : str
         ``divergence`` (an eigenvalue passes zero), ``flutter`` (a pair passes the imaginary
-        axis), ``collision`` (two pairs meet on the imaginary axis), ``unresolved``.
+        axis), ``collision`` (two pairs meet on the imaginary axis), ``fold`` and ``loss of
+        equilibrium`` (no solution beyond), ``unresolved``.
     branches : tuple of int
         The branches that are involved.
     frequency : float (rad/s)
@@ -115,7 +115,11 @@ def sweep(
     parameter: str,
     values: Array,
     settings: Mapping[str, float] | None = None,
-    progress: Callable[[float], object] = lambda done: None,
+    progress: Progress = lambda done: None,
+    directory: Path | None = None,
+    resume: bool = False,
+    jobs: int = 1,
+    cluster: str = "",
 ) -> Sweep:
     """Return the eigenvalue branches of a model over a parameter, and where stability changes.
 
@@ -129,11 +133,19 @@ def sweep(
         Other parameters (SI).
     progress : callable, optional
         Is called with the part of the work that is done, from 0 to 1.
+    directory : Path, optional
+        Where finished blocks of points are kept; removed in the end.
+    resume : bool
+        Whether to go on with the blocks that are there.
+    jobs, cluster
+        Number of processes, or the address of a Dask scheduler.
 
     Raises
     ------
     UsageError
         If the parameter is among the settings, or its values are not in order.
+    MbstabError
+        If no equilibrium is found to start from, where the file asks to find them.
     """
     settings = dict(settings or {})
     if parameter in settings:
@@ -142,78 +154,73 @@ def sweep(
     if not (np.all(steps > 0.0) or np.all(steps < 0.0)):
         raise UsageError(f"the values of {parameter} must ascend or descend")
     order = slice(None, None, -1) if len(values) > 1 and values[0] > values[-1] else slice(None)
+    x = values[order]
     evaluator = Evaluator(model, settings)
-    raw = evaluator.spectra({parameter: values[order]}, progress)
-    tracker = _Tracker(evaluator, parameter, values[order], raw.values)
+    solutions = evaluator.path({parameter: x})
+    all_tasks = tasks(model, settings, {parameter: x}, solutions)
+    store = Store(directory, key_of(all_tasks), resume) if directory is not None else None
+    raw = merged(run(all_tasks, store, jobs, cluster, progress))
+    tracker = _Tracker(evaluator, parameter, x, raw)
     branches = tracker.branches()
-    critical = tuple(tracker.critical(branches))
+    critical = tracker.critical(branches)
+    for value, reason in solutions.lost if solutions is not None else ():
+        critical.append(tracker.lost(value, reason, branches))
+    critical.sort(key=lambda c: c.value)
     problems = {len(values) - 1 - i if order.step else i: text for i, text in raw.problems.items()}
-    branches = branches[order]
+    if store is not None:
+        store.remove()
     return Sweep(
-        parameter, values, branches, unstable_counts(branches), raw.neutral, critical, tuple(sorted(tracker.meetings)),
-        dict(sorted(problems.items())),
+        parameter, values, branches[order], raw.unstable[order], raw.neutral, tuple(critical),
+        tuple(sorted(tracker.meetings)), dict(sorted(problems.items())),
     )  # fmt: skip
 
 
-# --- properties of spectra ------------------------------------------------------------------------------------------
-
-
-def symmetric(values: Complex) -> npt.NDArray[np.bool_]:
-    """Return whether spectra, shape (…, r), are symmetric to the imaginary axis: odd power sums vanish."""
-    r = values.shape[-1]
-    size = np.max(np.abs(values), axis=-1, initial=1e-300)
-    scaled = values / size[..., None]
-    result = np.full(values.shape[:-1], r % 2 == 0)
-    power = scaled
-    for _ in range((r + 1) // 2):
-        result &= np.abs(np.sum(power, axis=-1)) < SYMMETRIC * r
-        power = power * scaled * scaled
-    return result
-
-
-def unstable_counts(values: Complex) -> npt.NDArray[np.intp]:
-    """Return the number of unstable eigenvalues of spectra, shape (…, r); −1 where there are none."""
-    size = np.max(np.abs(values), axis=-1, initial=0.0)[..., None]
-    plain = values.real > STABLE * size
-    square = values * values
-    # On the axis λ² is real and negative; where pairs have just met, real parts are roots of small numbers.
-    off = (np.abs(square.imag) > STABLE * size**2) | (square.real > STABLE * size**2)
-    reversible = off & (values.real > 0.0)
-    counts: Index = np.where(symmetric(values), np.sum(reversible, axis=-1), np.sum(plain, axis=-1))
-    counts[np.any(np.isnan(values), axis=-1)] = -1
-    return counts
-
-
-def _squares(values: Complex) -> Complex:
-    """Return λ² of a symmetric spectrum, each once."""
-    square = np.sort_complex(values * values)
-    left = list(square)
-    found = []
-    while left:
-        first = left.pop(0)
-        twin = min(range(len(left)), key=lambda k: abs(left[k] - first))
-        found.append(0.5 * (first + left.pop(twin)))
-    return np.array(found, dtype=complex)
-
-
-def _product(values: Complex) -> float:
-    """Return the product of the eigenvalues, scaled; real."""
-    size = float(np.max(np.abs(values)))
-    return float(np.prod(values / size).real)
-
-
-def _discriminant(values: Complex) -> float:
-    """Return the scaled discriminant of λ²; real."""
-    mu = _squares(values)
-    size = float(np.max(np.abs(mu)))
-    differences = [(a - b) / size for i, a in enumerate(mu) for b in mu[i + 1 :]]
-    return float(np.prod(np.array(differences) ** 2).real)
+def merged(blocks: list[Block]) -> Block:
+    """Return consecutive blocks as one; where they differ in the number of eigenvalues, most points decide."""
+    sizes: dict[tuple[int, int], int] = {}
+    for block in blocks:
+        if not np.all(np.isnan(block.values)):
+            key = block.values.shape[1], block.neutral
+            sizes[key] = sizes.get(key, 0) + len(block.values)
+    count, neutral = max(sizes, key=lambda key: sizes[key]) if sizes else (0, 0)
+    values: list[Complex] = []
+    links, clear, unstable = [], [], []
+    problems: dict[int, str] = {}
+    start = 0
+    for block in blocks:
+        points = len(block.values)
+        fits = (block.values.shape[1], block.neutral) == (count, neutral)
+        problems |= {start + i: text for i, text in block.problems.items()}
+        if not fits:
+            text = f"{block.neutral} eigenvalues are neutral here, elsewhere {neutral}"
+            problems |= {start + i: problems.get(start + i, text) for i in range(points)}
+        part = block.values if fits else np.full((points, count), np.nan + 0j)
+        if values:
+            link, is_clear = follow(values[-1][-1:], part[:1])
+            links.append(link)
+            clear.append(is_clear)
+        values.append(part)
+        links.append(block.follow if fits else np.zeros((points - 1, count), dtype=np.intp))
+        clear.append(block.clear if fits else np.zeros(points - 1, dtype=bool))
+        unstable.append(block.unstable if fits else np.full(points, -1))
+        start += points
+    return Block(
+        np.concatenate(values),
+        problems,
+        neutral,
+        np.concatenate(links),
+        np.concatenate(clear),
+        np.concatenate(unstable),
+    )
 
 
 # --- branches -------------------------------------------------------------------------------------------------------
 
 
-Bracket = tuple[int, int, str, Callable[[Complex], float] | None]
+Test = Callable[[Complex, float], float]
+"""A function of a spectrum and a typical size of its eigenvalues."""
+
+Bracket = tuple[int, int, str, Test | None]
 """Numbers of two points, what happens between them, and a function of the spectrum that is zero there."""
 
 
@@ -239,8 +246,10 @@ class _Tracker:
         Spectra at points in between, where they were needed.
     """
 
-    def __init__(self, evaluator: Evaluator, parameter: str, x: Array, values: Complex) -> None:
-        self.evaluator, self.parameter, self.x, self.values = evaluator, parameter, x, values
+    def __init__(self, evaluator: Evaluator, parameter: str, x: Array, raw: Block) -> None:
+        self.evaluator, self.parameter, self.x, self.raw = evaluator, parameter, x, raw
+        self.values = raw.values
+        evaluator.learn({parameter: x})
         self.meetings: list[tuple[float, str]] = []
         self.between: list[tuple[float, Complex]] = []
         self.width = max(float(np.max(np.abs(x), initial=0.0)), 1e-300)
@@ -259,19 +268,19 @@ class _Tracker:
         if count == 0 or not good.any():
             return values
         identity = np.arange(count)
-        follow, clear = _follow(values[:-1], values[1:])
+        links = self.raw.follow.copy()
         linked = good[:-1] & good[1:]
-        for k, link in self._refined(np.flatnonzero(linked & ~clear)).items():
-            follow[k] = link
+        for k, link in self._refined(np.flatnonzero(linked & ~self.raw.clear)).items():
+            links[k] = link
         order = np.broadcast_to(identity, values.shape).copy()
         first = int(np.flatnonzero(good)[0])
         current, start = np.lexsort((-values[first].imag, -values[first].real)), first
         # Between changes the order of the eigenvalues stays what it is.
-        changes = np.flatnonzero(~linked | np.any(follow != identity, axis=1))
+        changes = np.flatnonzero(~linked | np.any(links != identity, axis=1))
         for k in changes[changes >= first]:
             order[start : k + 1] = current
             if linked[k]:
-                current = follow[k][current]
+                current = links[k][current]
             start = k + 1
         order[start:] = current
         return np.take_along_axis(values, order, axis=1)
@@ -294,7 +303,7 @@ class _Tracker:
                 halves.append(_Piece(piece.interval, float(m), piece.b, found, piece.after))
             if not halves:
                 break
-            links, clear = _follow(np.array([h.before for h in halves]), np.array([h.after for h in halves]))
+            links, clear = follow(np.array([h.before for h in halves]), np.array([h.after for h in halves]))
             pieces = []
             for half, link, is_clear in zip(halves, links, clear, strict=True):
                 if is_clear:
@@ -354,28 +363,63 @@ class _Tracker:
     # --- stability changes ------------------------------------------------------------------------------------------
 
     def critical(self, branches: Complex) -> list[Critical]:
-        """Return where stability changes, in ascending order."""
-        self._look_between(branches)
-        points = {float(p): v for p, v in zip(self.x, self.values, strict=True) if not np.any(np.isnan(v))}
-        points |= dict(self.between)
-        x = np.array(sorted(points))
-        if len(x) < 2 or not self.values.shape[1]:
+        """Return where stability changes."""
+        if len(self.x) < 2 or not self.values.shape[1]:
             return []
-        spectra = self._linked(np.array([points[float(p)] for p in x]))
-        gaps = [0.5 * (self.x[k] + self.x[k + 1]) for k in self._broken()]
-        brackets = [*self._passing(x, spectra), *self._meeting(x, spectra)]
-        found = [
-            self._located(x[a], x[b], spectra[a], spectra[b], kind, test, branches)
-            for a, b, kind, test in brackets
-            if not any(x[a] < gap < x[b] for gap in gaps)
-        ]
-        return sorted(found, key=lambda c: c.value)
+        self._look_between(branches)
+        found: list[Critical] = []
+        for first, last in self._suspects(branches):
+            x, spectra = self._closer(first, last)
+            found += [
+                self._located(x[a], x[b], spectra[a], spectra[b], kind, test, branches)
+                for a, b, kind, test in (*self._passing(spectra), *self._meeting(x, spectra))
+            ]
+        return found
+
+    def _suspects(self, branches: Complex) -> list[tuple[int, int]]:
+        """Return ranges of points, without gaps, in which stability may change."""
+        good = ~np.any(np.isnan(self.values), axis=1)
+        size = np.max(np.abs(branches), axis=1, keepdims=True)
+        with np.errstate(invalid="ignore"):
+            sign = np.where(np.abs(branches.real) > STABLE * size, np.sign(branches.real), 0.0)
+        changes = (self.raw.unstable[1:] != self.raw.unstable[:-1]) | np.any(sign[1:] * sign[:-1] < 0.0, axis=1)
+        changes[np.searchsorted(self.x, [p for p, _ in self.between]) - 1] = True
+        changes &= good[:-1] & good[1:]
+        ranges: list[tuple[int, int]] = []
+        for k in np.flatnonzero(changes):
+            # A point or two more: a branch may lie on the axis at the end of an interval.
+            first, last = int(k), int(k) + 1
+            while first > 0 and good[first - 1] and first > k - MARGIN:
+                first -= 1
+            while last < len(good) - 1 and good[last + 1] and last < k + 1 + MARGIN:
+                last += 1
+            if ranges and first <= ranges[-1][1]:
+                ranges[-1] = ranges[-1][0], last
+            else:
+                ranges.append((first, last))
+        return ranges
+
+    def _closer(self, first: int, last: int) -> tuple[Array, Complex]:
+        """Return the points of a range, those in between included, and their spectra in continuous columns."""
+        inside = [(p, v) for p, v in self.between if self.x[first] < p < self.x[last]]
+        x = np.concatenate([self.x[first : last + 1], [p for p, _ in inside]])
+        spectra = np.concatenate([self.values[first : last + 1], *(v[None] for _, v in inside)])
+        x, order = np.unique(x, return_index=True)
+        return x, self._linked(spectra[order])
+
+    def lost(self, value: float, reason: str, branches: Complex) -> Critical:
+        """Return the end of a path of equilibria as a critical value."""
+        k = int(np.argmin(np.abs(self.x - value)))
+        unstable = int(self.raw.unstable[k])
+        below = self.x[k] <= value
+        kind = "fold" if "turns back" in reason else "loss of equilibrium"
+        return Critical(value, kind, (), 0.0, (unstable, -1) if below else (-1, unstable))
 
     def _linked(self, spectra: Complex) -> Complex:
         """Return spectra in columns that are continuous, where eigenvalues do not meet."""
         from scipy.optimize import linear_sum_assignment
 
-        links, clear = _follow(spectra[:-1], spectra[1:])
+        links, clear = follow(spectra[:-1], spectra[1:])
         current = np.arange(spectra.shape[1])
         order = [current]
         for k, link in enumerate(links):
@@ -385,7 +429,8 @@ class _Tracker:
             order.append(current)
         return np.take_along_axis(spectra, np.array(order), axis=1)
 
-    def _passing(self, x: Array, spectra: Complex) -> Iterator[Bracket]:
+    @staticmethod
+    def _passing(spectra: Complex) -> Iterator[Bracket]:
         """Yield brackets in which a branch passes the imaginary axis, and the function that is zero there."""
         size = np.max(np.abs(spectra), axis=1, keepdims=True)
         sign = np.where(np.abs(spectra.real) > STABLE * size, np.sign(spectra.real), 0.0)
@@ -398,8 +443,8 @@ class _Tracker:
                 before, after = complex(spectra[a, i]), complex(spectra[b, i])
                 if before.imag == 0.0 and after.imag == 0.0:
                     # The product of all is smoother than the eigenvalue that passes, and may not change its sign.
-                    single = _product(spectra[a]) * _product(spectra[b]) < 0.0
-                    yield int(a), int(b), "divergence", _product if single else _real_part(before, after)
+                    single = product(spectra[a], float(size[a, 0])) * product(spectra[b], float(size[b, 0])) < 0.0
+                    yield int(a), int(b), "divergence", product if single else _real_part(before, after)
                 elif before.imag >= 0.0 and after.imag >= 0.0:
                     yield int(a), int(b), "flutter", _real_part(before, after)
 
@@ -419,14 +464,10 @@ class _Tracker:
                 b += 1
             if counts[a] == counts[b] or not (both[a] and both[b]):
                 continue
-            tests = (("divergence", _product), ("collision", _discriminant))
-            passed = [(kind, test) for kind, test in tests if test(spectra[a]) * test(spectra[b]) < 0.0]
+            tests = (("divergence", product), ("collision", discriminant))
+            size = float(np.max(np.abs(spectra[[a, b]])))
+            passed = [(kind, test) for kind, test in tests if test(spectra[a], size) * test(spectra[b], size) < 0.0]
             yield (a, b, *(passed[0] if passed else ("unresolved", None)))
-
-    def _broken(self) -> Index:
-        """Return the intervals with an end that has no eigenvalues."""
-        bad = np.any(np.isnan(self.values), axis=1)
-        return np.flatnonzero(bad[1:] | bad[:-1])
 
     def _look_between(self, branches: Complex) -> None:
         """Look at real parts that come close to the axis and turn back between points: they may have crossed it."""
@@ -458,7 +499,7 @@ class _Tracker:
         before: Complex,
         after: Complex,
         kind: str,
-        test: Callable[[Complex], float] | None,
+        test: Test | None,
         branches: Complex,
     ) -> Critical:
         """Return the stability change in a bracket."""
@@ -468,9 +509,9 @@ class _Tracker:
             found: Complex = self.evaluator.near({self.parameter: np.array([p])}, self.values.shape[1])[0]
             return found
 
-        value = 0.5 * (a + b)
+        value, size = 0.5 * (a + b), float(np.max(np.abs([before, after])))
         if test is not None:
-            value = float(brentq(lambda p: test(spectrum(p)), a, b, xtol=1e-300, rtol=4.0 * EPS))
+            value = float(brentq(lambda p: test(spectrum(p), size), a, b, xtol=1e-300, rtol=4.0 * EPS))
         counts = unstable_counts(np.array([before, after]))
         return self._described(value, kind, spectrum(value), (int(counts[0]), int(counts[1])), branches)
 
@@ -493,12 +534,12 @@ class _Tracker:
         return Critical(value, kind, tuple(numbers), frequency, unstable)
 
 
-def _real_part(one: complex, other: complex) -> Callable[[Complex], float]:
+def _real_part(one: complex, other: complex) -> Test:
     """Return the real part of the eigenvalue that lies between two as a function of a spectrum."""
     middle = 0.5 * (one + other)
 
-    def test(spectrum: Complex) -> float:
-        return float(spectrum[int(np.argmin(np.abs(spectrum - middle)))].real)
+    def test(spectrum: Complex, size: float) -> float:
+        return float(spectrum[int(np.argmin(np.abs(spectrum - middle)))].real) / size
 
     return test
 
@@ -531,48 +572,3 @@ def _close_pairs(before: Complex, after: Complex, link: Index) -> list[tuple[int
         for i, j in enumerate(np.argmin(gaps, axis=1))
         if i < j and gaps[i, j] < 1e-4 * size and int(np.argmin(gaps[j])) == i
     ]
-
-
-FOLLOWED = 20_000
-"""Intervals that are compared together."""
-
-
-def _follow(before: Complex, after: Complex) -> tuple[Index, Flags]:
-    """Return for spectra, shape (m, r), which eigenvalue each becomes, and whether that is beyond doubt."""
-    m, r = before.shape
-    link, clear = np.zeros((m, r), dtype=np.intp), np.ones(m, dtype=bool)
-    if r < 2:
-        return link, clear
-    for start in range(0, m, FOLLOWED):
-        part = slice(start, start + FOLLOWED)
-        link[part], clear[part] = _followed(before[part], after[part])
-    return link, clear
-
-
-def _followed(before: Complex, after: Complex) -> tuple[Index, Flags]:
-    r = before.shape[1]
-    moved = np.abs(before[:, :, None] - after[:, None, :])
-    link = np.argmin(moved, axis=2)
-    distance = np.take_along_axis(moved, link[:, :, None], axis=2)[:, :, 0]
-    unique = np.all(np.sort(link, axis=1) == np.arange(r), axis=1)
-    size = np.max(np.abs(before), axis=1)[:, None]
-    gaps = []
-    for values in (before, np.take_along_axis(after, link, axis=1)):
-        gap = np.abs(values[:, :, None] - values[:, None, :])
-        gap[:, np.arange(r), np.arange(r)] = np.inf
-        gaps.append(gap)
-    # Eigenvalues that are the same on both sides are one multiple eigenvalue.
-    same = (gaps[0] < TWIN * size[:, :, None]) & (gaps[1] < TWIN * size[:, :, None])
-    gap = np.min(np.where(same, np.inf, np.minimum(*gaps)), axis=2)
-    clear = np.all(distance <= STRIDE * gap, axis=1) & (unique | np.any(same, axis=(1, 2)))
-    if np.any(same & clear[:, None, None]):
-        _untwin(link, moved, clear & ~unique)
-    return link, clear
-
-
-def _untwin(link: Index, moved: Array, doubtful: Flags) -> None:
-    """Give each of equal eigenvalues a successor of its own."""
-    from scipy.optimize import linear_sum_assignment
-
-    for k in np.flatnonzero(doubtful):
-        link[k] = linear_sum_assignment(moved[k])[1]

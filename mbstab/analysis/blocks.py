@@ -1,0 +1,334 @@
+"""Long sweeps in blocks of points: computed by this process, by several, or by a cluster, and kept on disk.
+
+A block is computed from its task alone, so its result is the same wherever and in whatever
+order it is computed. Finished blocks are written to a directory, each whole or not at all;
+a sweep that was interrupted takes them up again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.batch import Evaluator
+from mbstab.analysis.continuation import Path as Solutions
+from mbstab.analysis.spectrum import follow, unstable_counts
+from mbstab.compiler.system import Array
+from mbstab.errors import NumericalError, OutputError, UsageError
+from mbstab.model.reader import read_model_text
+from mbstab.model.schema import Model
+
+POINTS = 25_000
+"""Points of a block: some tenths of a second for a small scene."""
+
+RETRIES = 3
+"""A block whose worker died is computed again so many times."""
+
+Progress = Callable[[float], object]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a block is computed from.
+
+    Attributes
+    ----------
+    text, name : str
+        The model file, and what messages call it.
+    settings : dict
+        Other parameters (SI).
+    values : dict
+        Parameters that vary, arrays of shape (points,).
+    solutions : Path or None
+        Equilibria over the parameter, where the file asks to find them.
+    """
+
+    text: str
+    name: str
+    settings: dict[str, float]
+    values: dict[str, Array]
+    solutions: Solutions | None
+
+
+@dataclass(frozen=True)
+class Block:
+    """Spectra of consecutive points.
+
+    Attributes
+    ----------
+    values : ndarray of complex, shape (points, r)
+    problems : dict
+        By the number of a point within the block.
+    neutral : int
+    follow : ndarray of int, shape (points − 1, r)
+        Which eigenvalue of the next point each becomes …
+    clear : ndarray of bool, shape (points − 1,)
+        … and whether that is beyond doubt.
+    unstable : ndarray of int, shape (points,)
+    """
+
+    values: npt.NDArray[np.complex128]
+    problems: dict[int, str]
+    neutral: int
+    follow: npt.NDArray[np.intp]
+    clear: npt.NDArray[np.bool_]
+    unstable: npt.NDArray[np.intp]
+
+
+def compute(task: Task, progress: Progress = lambda done: None) -> Block:
+    """Return the block of a task."""
+    evaluator = Evaluator(read_model_text(task.text, task.name), task.settings)
+    if task.solutions is not None:
+        ((parameter, _),) = task.values.items()
+        evaluator.paths[parameter] = task.solutions
+    found = evaluator.spectra(task.values, progress)
+    links, clear = follow(found.values[:-1], found.values[1:])
+    return Block(found.values, found.problems, found.neutral, links, clear, unstable_counts(found.values))
+
+
+def tasks(
+    model: Model, settings: Mapping[str, float], values: Mapping[str, Array], solutions: Solutions | None = None
+) -> list[Task]:
+    """Return the tasks of a sweep over points given by arrays of the same shape (points,)."""
+    points = len(next(iter(values.values())))
+    text = "\n".join(model.document.lines)
+    return [
+        Task(
+            text,
+            model.name,
+            dict(settings),
+            {name: x[start : start + POINTS] for name, x in values.items()},
+            solutions,
+        )
+        for start in range(0, points, POINTS)
+    ]
+
+
+class Store:
+    """Finished blocks in a directory.
+
+    Parameters
+    ----------
+    directory : Path
+    key : str
+        What the sweep is; blocks of another sweep are refused.
+    resume : bool
+        Whether blocks that are there already are taken.
+
+    Raises
+    ------
+    UsageError
+        If the directory holds another sweep, or blocks although nothing is to be resumed.
+    """
+
+    def __init__(self, directory: Path, key: str, resume: bool) -> None:
+        self.directory = directory
+        label = directory / "sweep.json"
+        if directory.exists():
+            known = _read_label(label)
+            if known is not None and known != key:
+                raise UsageError(
+                    f"{directory} holds parts of another sweep\nhint: remove it, or name another file with --output"
+                )
+            if not resume and known is not None:
+                raise UsageError(
+                    f"{directory} holds parts of this sweep\nhint: go on with --resume, or remove the directory"
+                )
+        elif resume:
+            raise UsageError(f"there is nothing to resume: {directory} does not exist")
+        with _written(directory):
+            directory.mkdir(parents=True, exist_ok=True)
+            self._write(label, json.dumps({"key": key}).encode())
+
+    def _write(self, goal: Path, content: bytes) -> None:
+        handle, temporary = tempfile.mkstemp(dir=self.directory, prefix=".part.")
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.replace(temporary, goal)
+        except BaseException:
+            os.unlink(temporary)
+            raise
+
+    def save(self, number: int, block: Block) -> None:
+        """Write a block, whole or not at all.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        from io import BytesIO
+
+        out = BytesIO()
+        np.savez(
+            out,
+            values=block.values,
+            follow=block.follow.astype(np.uint16),
+            clear=block.clear,
+            unstable=block.unstable,
+            neutral=block.neutral,
+            problems=np.array(json.dumps(block.problems)),
+        )
+        with _written(self.directory):
+            self._write(self._name(number), out.getvalue())
+
+    def load(self, number: int) -> Block | None:
+        """Return a finished block, or None if there is none."""
+        name = self._name(number)
+        if not name.exists():
+            return None
+        with np.load(name) as data:
+            problems = {int(i): text for i, text in json.loads(str(data["problems"])).items()}
+            return Block(
+                data["values"], problems, int(data["neutral"]), data["follow"].astype(np.intp), data["clear"],
+                data["unstable"],
+            )  # fmt: skip
+
+    def _name(self, number: int) -> Path:
+        return self.directory / f"block-{number:06}.npz"
+
+    def remove(self) -> None:
+        """Remove the directory: the answer is written."""
+        for path in self.directory.glob("*"):
+            path.unlink()
+        for path in self.directory.glob(".part.*"):
+            path.unlink()
+        self.directory.rmdir()
+
+
+class _written:
+    """Turns failures to write into errors a user can act on."""
+
+    def __init__(self, place: Path) -> None:
+        self.place = place
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, _: Any, error: BaseException | None, __: Any) -> None:
+        if isinstance(error, OSError):
+            raise OutputError(
+                f"{self.place}: cannot be written: {error.strerror}\nhint: blocks that are there are kept; "
+                "make room and go on with --resume"
+            ) from None
+
+
+def _read_label(label: Path) -> str | None:
+    try:
+        return str(json.loads(label.read_text(encoding="utf-8"))["key"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def key_of(all_tasks: list[Task]) -> str:
+    """Return a text that is the same for the same sweep only."""
+    digest = hashlib.sha256()
+    for task in all_tasks:
+        digest.update(repr((task.text, sorted(task.settings.items()))).encode())
+        for name, x in sorted(task.values.items()):
+            digest.update(name.encode() + x.tobytes())
+    return digest.hexdigest()
+
+
+def run(
+    all_tasks: list[Task],
+    store: Store | None = None,
+    jobs: int = 1,
+    cluster: str = "",
+    progress: Progress = lambda _: None,
+) -> list[Block]:
+    """Return the blocks of all tasks.
+
+    Parameters
+    ----------
+    all_tasks : list of Task
+    store : Store, optional
+        Where finished blocks are kept and looked for.
+    jobs : int
+        Number of processes.
+    cluster : str
+        Address of a Dask scheduler (``tcp://…``) that computes them instead.
+    progress : callable, optional
+        Is called with the part of the work that is done, from 0 to 1.
+    """
+    blocks: dict[int, Block] = {}
+    for number in range(len(all_tasks)):
+        known = store.load(number) if store is not None else None
+        if known is not None:
+            blocks[number] = known
+    missing = [number for number in range(len(all_tasks)) if number not in blocks]
+
+    def part(done: float) -> None:
+        progress((len(blocks) + done) / len(all_tasks))
+
+    if cluster:
+        source = _on_cluster(all_tasks, missing, cluster)
+    elif jobs > 1 and len(missing) > 1:
+        source = _in_processes(all_tasks, missing, jobs)
+    else:
+        source = ((number, compute(all_tasks[number], part)) for number in missing)
+    for number, block in source:
+        if store is not None:
+            store.save(number, block)
+        blocks[number] = block
+        part(0.0)
+    return [blocks[number] for number in range(len(all_tasks))]
+
+
+def _in_processes(all_tasks: list[Task], missing: list[int], jobs: int) -> Iterator[tuple[int, Block]]:
+    """Yield blocks as processes finish them; those of a process that died are given to others."""
+    import multiprocessing
+
+    waiting, tries = list(missing), 0
+    while waiting:
+        with ProcessPoolExecutor(min(jobs, len(waiting)), multiprocessing.get_context("spawn")) as pool:
+            running: dict[Future[Block], int] = {pool.submit(compute, all_tasks[i]): i for i in waiting}
+            try:
+                while running:
+                    done, _ = wait(running, return_when=FIRST_COMPLETED)
+                    for future in done:
+                        number = running.pop(future)
+                        block = future.result()
+                        waiting.remove(number)
+                        yield number, block
+            except BrokenProcessPool:
+                tries += 1
+                if tries > RETRIES:
+                    raise NumericalError(
+                        f"a worker process died {tries} times; {len(waiting)} blocks are missing\n"
+                        "hint: too little memory for so many jobs? finished blocks are kept with --output, go on "
+                        "with --resume and fewer --jobs"
+                    ) from None
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+
+
+def _on_cluster(all_tasks: list[Task], missing: list[int], address: str) -> Iterator[tuple[int, Block]]:
+    """Yield blocks as the workers of a Dask cluster finish them; those of dead workers are given to others."""
+    try:
+        from distributed import Client, as_completed
+    except ImportError:
+        raise UsageError("--cluster needs Dask\nhint: python -m pip install 'mbstab[cluster]'") from None
+    try:
+        client = Client(address, timeout=20)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"--cluster {address}: no scheduler answers ({error})") from None
+    with client:
+        futures = {client.submit(compute, all_tasks[i], pure=False, retries=RETRIES): i for i in missing}
+        for future in as_completed(list(futures)):
+            yield futures[future], future.result()

@@ -1,0 +1,116 @@
+"""Spectra: how many eigenvalues are unstable, what becomes of each, functions that vanish where it matters."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Complex = npt.NDArray[np.complex128]
+Index = npt.NDArray[np.intp]
+Flags = npt.NDArray[np.bool_]
+
+STRIDE = 0.35
+"""Between neighbouring points an eigenvalue moves by less than this part of its distance to the others."""
+
+SYMMETRIC = 1e-8
+"""Odd power sums of a spectrum that is symmetric to the imaginary axis vanish to this."""
+
+STABLE = 1e-10
+"""Real parts below this part of the largest eigenvalue are rounding; of λ² in a symmetric spectrum."""
+
+TWIN = 1e-9
+"""Eigenvalues closer than this part of the largest are equal, if they are so at both ends of an interval."""
+
+FOLLOWED = 20_000
+"""Intervals that are compared together."""
+
+
+def symmetric(values: Complex) -> npt.NDArray[np.bool_]:
+    """Return whether spectra, shape (…, r), are symmetric to the imaginary axis: odd power sums vanish."""
+    r = values.shape[-1]
+    size = np.max(np.abs(values), axis=-1, initial=1e-300)
+    scaled = values / size[..., None]
+    result = np.full(values.shape[:-1], r % 2 == 0)
+    power = scaled
+    for _ in range((r + 1) // 2):
+        result &= np.abs(np.sum(power, axis=-1)) < SYMMETRIC * r
+        power = power * scaled * scaled
+    return result
+
+
+def unstable_counts(values: Complex) -> npt.NDArray[np.intp]:
+    """Return the number of unstable eigenvalues of spectra, shape (…, r); −1 where there are none."""
+    size = np.max(np.abs(values), axis=-1, initial=0.0)[..., None]
+    plain = values.real > STABLE * size
+    square = values * values
+    # On the axis λ² is real and negative; where pairs have just met, real parts are roots of small numbers.
+    off = (np.abs(square.imag) > STABLE * size**2) | (square.real > STABLE * size**2)
+    reversible = off & (values.real > 0.0)
+    counts: Index = np.where(symmetric(values), np.sum(reversible, axis=-1), np.sum(plain, axis=-1))
+    counts[np.any(np.isnan(values), axis=-1)] = -1
+    return counts
+
+
+def squares(values: Complex) -> Complex:
+    """Return λ² of a symmetric spectrum, each once."""
+    square = np.sort_complex(values * values)
+    left = list(square)
+    found = []
+    while left:
+        first = left.pop(0)
+        twin = min(range(len(left)), key=lambda k: abs(left[k] - first))
+        found.append(0.5 * (first + left.pop(twin)))
+    return np.array(found, dtype=complex)
+
+
+def product(values: Complex, size: float) -> float:
+    """Return the product of the eigenvalues, in units of a size; real."""
+    return float(np.prod(values / size).real)
+
+
+def discriminant(values: Complex, size: float) -> float:
+    """Return the discriminant of λ², in units of a size; real."""
+    mu = squares(values) / size**2
+    differences = [one - other for i, one in enumerate(mu) for other in mu[i + 1 :]]
+    return float(np.prod(np.array(differences) ** 2).real)
+
+
+def follow(before: Complex, after: Complex) -> tuple[Index, Flags]:
+    """Return for spectra, shape (m, r), which eigenvalue each becomes, and whether that is beyond doubt."""
+    m, r = before.shape
+    link, clear = np.zeros((m, r), dtype=np.intp), np.ones(m, dtype=bool)
+    if r < 2:
+        return link, clear
+    for start in range(0, m, FOLLOWED):
+        part = slice(start, start + FOLLOWED)
+        link[part], clear[part] = _followed(before[part], after[part])
+    return link, clear
+
+
+def _followed(before: Complex, after: Complex) -> tuple[Index, Flags]:
+    r = before.shape[1]
+    moved = np.abs(before[:, :, None] - after[:, None, :])
+    link = np.argmin(moved, axis=2)
+    distance = np.take_along_axis(moved, link[:, :, None], axis=2)[:, :, 0]
+    unique = np.all(np.sort(link, axis=1) == np.arange(r), axis=1)
+    size = np.max(np.abs(before), axis=1)[:, None]
+    gaps = []
+    for values in (before, np.take_along_axis(after, link, axis=1)):
+        gap = np.abs(values[:, :, None] - values[:, None, :])
+        gap[:, np.arange(r), np.arange(r)] = np.inf
+        gaps.append(gap)
+    # Eigenvalues that are the same on both sides are one multiple eigenvalue.
+    same = (gaps[0] < TWIN * size[:, :, None]) & (gaps[1] < TWIN * size[:, :, None])
+    gap = np.min(np.where(same, np.inf, np.minimum(*gaps)), axis=2)
+    clear = np.all(distance <= STRIDE * gap, axis=1) & (unique | np.any(same, axis=(1, 2)))
+    if np.any(same & clear[:, None, None]):
+        _untwin(link, moved, clear & ~unique)
+    return link, clear
+
+
+def _untwin(link: Index, moved: npt.NDArray[np.float64], doubtful: Flags) -> None:
+    """Give each of equal eigenvalues a successor of its own."""
+    from scipy.optimize import linear_sum_assignment
+
+    for k in np.flatnonzero(doubtful):
+        link[k] = linear_sum_assignment(moved[k])[1]
