@@ -24,7 +24,7 @@ from mbstab.analysis.motion import Motion
 from mbstab.analysis.numerics import guarded
 from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.symbolic import SymbolicBlocks, Track, symbolic_blocks
-from mbstab.compiler.system import System
+from mbstab.compiler.system import Array, System
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.library import find_model
 from mbstab.model.reader import read_model, read_model_text
@@ -33,6 +33,7 @@ from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides
 
 if TYPE_CHECKING:
     from mbstab.analysis.equilibrium import Equilibrium
+    from mbstab.analysis.sweep import Sweep
 
 Setting = float | str
 Starts = Callable[[list[int]], Iterator[int]]
@@ -145,6 +146,40 @@ class Mechanism:
             If a motion that nothing holds has no mass.
         """
         return answer(self.system(**parameters), method, frozen, progress)
+
+    @guarded
+    def sweep(
+        self,
+        parameter: str,
+        values: Array,
+        progress: Callable[[float], object] = lambda done: None,
+        directory: Path | None = None,
+        resume: bool = False,
+        jobs: int = 1,
+        cluster: str = "",
+        **parameters: Setting,
+    ) -> Sweep:
+        """Return eigenvalue branches over a parameter, and where stability changes.
+
+        Parameters
+        ----------
+        parameter : str
+        values : ndarray, shape (points,)
+            Of the parameter in SI, ascending or descending.
+        progress : callable
+            Is called with the part of the work that is done, from 0 to 1.
+        directory, resume, jobs, cluster
+            As in `mbstab.analysis.sweep.sweep`.
+
+        Raises
+        ------
+        UsageError
+            If the parameter is unknown or the values are not in order.
+        """
+        from mbstab.analysis.sweep import sweep
+
+        settings = parse_overrides(self.model, parameters)
+        return sweep(self.model, parameter, values, settings, progress, directory, resume, jobs, cluster)
 
     @guarded
     def check(self, **parameters: Setting) -> CheckReport:

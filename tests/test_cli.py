@@ -408,7 +408,7 @@ def test_equilibrium_csv_is_one_number_a_line(hanging):
 def test_more_starts_list_all_solutions_and_a_seed_repeats_them(hanging):
     text = run("equilibrium", hanging, "--starts", "6").stdout
     assert "2 distinct solutions" in text
-    assert ["Equilibrium 1 of 2", "Equilibrium 2 of 2"] == [x for x in text.splitlines() if x.startswith("Equil")]
+    assert [x for x in text.splitlines() if x.startswith("Equil")] == ["Equilibrium 1 of 2", "Equilibrium 2 of 2"]
     one, other = (run("equilibrium", hanging, "--starts", "6", "--seed", "7", "--format", "json") for _ in range(2))
     assert one.stdout == other.stdout
     assert one.stderr == ""  # the progress bar is for terminals

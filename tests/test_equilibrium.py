@@ -1,5 +1,6 @@
 """Equilibria and steady motions that the program finds, against closed forms and balances written down here."""
 
+import itertools
 import math
 import re
 from dataclasses import replace
@@ -107,9 +108,7 @@ reference: {{find: equilibrium, guess: {{knee: {{y: 0.6}}}}}}
 
     grid = np.linspace(-2.0, 2.0, 401)
     expected = [
-        brentq(lift, a, b, xtol=1e-15)
-        for a, b in zip(grid[:-1], grid[1:], strict=True)
-        if (lift(a) < 0.0) != (lift(b) < 0.0)
+        brentq(lift, a, b, xtol=1e-15) for a, b in itertools.pairwise(grid) if (lift(a) < 0.0) != (lift(b) < 0.0)
     ]
     assert len(expected) == 3
     found, _ = solutions(text, 40)
@@ -157,8 +156,19 @@ def chain_text(lengths, masses, span, drop):
         guess.append(f"    r{i}: {{x: {part * span}, y: {-4.0 * part * (1.0 - part)}, theta: {2.0 * part - 1.0}}}")
     joints.append(f"  last: {{type: revolute, between: [r{len(lengths) - 1}.b, ground.end]}}")
     return "\n".join(
-        ["mbstab: 1", "gravity: [0, -9.81]", f"ground: {{points: {{end: [{span}, {-drop}]}}}}", "bodies:", *bodies]
-        + ["joints:", *joints, "reference:", "  find: equilibrium", "  guess:", *guess]
+        [
+            "mbstab: 1",
+            "gravity: [0, -9.81]",
+            f"ground: {{points: {{end: [{span}, {-drop}]}}}}",
+            "bodies:",
+            *bodies,
+            "joints:",
+            *joints,
+            "reference:",
+            "  find: equilibrium",
+            "  guess:",
+            *guess,
+        ]
     )
 
 
@@ -714,12 +724,8 @@ joints:
   bearing: {type: revolute, between: [rotor, ground]}
 reference: {find: steady, steady: {axis: z}}
 """
-    try:
-        _, item = only(text)
-    except MbstabError as error:
-        assert "steady.rate" in str(error)
-    else:
-        assert any("steady.rate" in words for words in item.open)
+    with pytest.raises(MbstabError, match=r"steady\.rate"):
+        only(text)
 
 
 # --- symmetries and lists -------------------------------------------------------------------------------------------

@@ -483,10 +483,7 @@ def everything(model, name):
     model = in_small_units(model)
     if name in MOVABLE:
         model = with_other_reference_points(model, shift_of(name))
-    if dimension(model) == 2:
-        model = mirrored(model)
-    else:
-        model = mirrored_in_space(model)
+    model = mirrored(model) if dimension(model) == 2 else mirrored_in_space(model)
     return renamed_and_reordered(turned(model))
 
 

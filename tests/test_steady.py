@@ -146,7 +146,7 @@ def found_in(text, u):
 
 
 def test_a_state_at_rest_has_only_the_trivial_generator():
-    _, q, found = found_in(PLANAR, lambda system, q: 0.0 * q)
+    _, _, found = found_in(PLANAR, lambda system, q: 0.0 * q)
     assert [str(x) for x in found] == ["rest"]
     assert not found[0].turns
 
@@ -160,7 +160,7 @@ def test_a_turn_about_a_point_is_seen_as_one():
             [-3 * (q[1] - point[1]), 3 * (q[0] - point[0]), 3, -3 * (q[4] - point[1]), 3 * (q[3] - point[0])]
         )
 
-    _, q, found = found_in(text, speeds)
+    _, _, found = found_in(text, speeds)
     assert not found[0].turns
     assert len({str(x) for x in found[1:]}) == 1
     assert abs(found[1].rate - 3.0) < 1e-13
@@ -202,12 +202,12 @@ def test_spins_about_axes_of_symmetry_are_told_from_the_turn():
 
 
 def test_speeds_that_follow_no_turn_are_left_alone():
-    _, q, found = found_in(PLANAR, lambda system, q: np.array([1.0, 2.0, 3.0, 4.0, 5.5]))
+    _, _q, found = found_in(PLANAR, lambda system, q: np.array([1.0, 2.0, 3.0, 4.0, 5.5]))
     rates = [x.rate for x in found]
     assert rates[0] == 0.0
     text = PLANAR.replace("planar_point, mass: 1}", "planar_point, mass: 1}\n  r: {type: planar_point, mass: 1}")
     text += "reference: {coordinates: {p: {x: 1}, r: {y: 1}}}"
-    _, q, found = found_in(text, lambda system, q: np.array([1.0, 2.0, 3.0, 4.0, 5.5, 0.0, 0.7]))
+    _, _, found = found_in(text, lambda system, q: np.array([1.0, 2.0, 3.0, 4.0, 5.5, 0.0, 0.7]))
     assert [x.turns for x in found] == [False]
 
 

@@ -14,6 +14,7 @@ from mbstab.analysis.check import CheckReport
 from mbstab.analysis.eigen import EigenResult
 from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
+from mbstab.analysis.sweep import Sweep
 from mbstab.model.schema import is_length
 
 Named = tuple[Any, list[str], list[str]]
@@ -166,6 +167,72 @@ def equilibrium_csv(found: Sequence[Equilibrium], names: Sequence[str]) -> str:
                 for letter, x in zip(letters, vector, strict=False):
                     rows.append([number, f"{what} {letter}", f"{r.owner} on {r.body}", float(x), unit])
     return to_csv(["solution", "quantity", "of", "value", "unit"], rows)
+
+
+def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab sweep``.
+
+    Keys: ``model``, ``title``, ``parameter``, ``unit``, ``values`` (in that unit), ``branches``
+    (lists with an eigenvalue for each value: ``real`` and ``imag`` in 1/s, null where there is
+    none), ``unstable`` (their number for each value, null without an answer), ``neutral``,
+    ``critical`` (``value``, ``kind``, ``branch``: numbers counting from 0, ``frequency`` in
+    rad/s, ``unstable_below``, ``unstable_above``), ``meetings`` (``value``, ``kind``) and
+    ``problems`` (``point`` counting from 0, ``reason``).
+    """
+    return {
+        "model": model,
+        "title": title,
+        "parameter": result.parameter,
+        "unit": unit,
+        "values": (result.values / factor).tolist(),
+        "branches": [{"real": column.real, "imag": column.imag} for column in result.branches.T],
+        "unstable": [int(n) if n >= 0 else None for n in result.unstable],
+        "neutral": result.neutral,
+        "critical": [
+            {
+                "value": c.value / factor,
+                "kind": c.kind,
+                "branch": list(c.branches),
+                "frequency": c.frequency,
+                "unstable_below": c.unstable[0] if c.unstable[0] >= 0 else None,
+                "unstable_above": c.unstable[1] if c.unstable[1] >= 0 else None,
+            }
+            for c in result.critical
+        ],
+        "meetings": [{"value": value / factor, "kind": kind} for value, kind in result.meetings],
+        "problems": [{"point": i, "reason": reason} for i, reason in result.problems.items()],
+    }
+
+
+def sweep_csv(result: Sweep, factor: float) -> str:
+    """Return one line for each value: the value, the number of unstable eigenvalues, the branches, and its status."""
+    count = result.branches.shape[1]
+    heads = [
+        result.parameter,
+        "unstable",
+        *(f"{part} {b + 1}" for b in range(count) for part in ("real", "imag")),
+        "status",
+    ]
+    rows: list[list[Any]] = []
+    for i, (x, n, row) in enumerate(zip(result.values / factor, result.unstable, result.branches, strict=True)):
+        numbers = [float(part) for s in row for part in (s.real, s.imag)]
+        status = result.problems.get(i, "ok").splitlines()[0]
+        rows.append([float(x), int(n) if n >= 0 else "", *numbers, status])
+    return to_csv(heads, rows)
+
+
+def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
+    """Return the arrays of a sweep for npz files."""
+    import numpy as np
+
+    return {
+        "parameter": np.array(result.parameter),
+        "values": result.values / factor,
+        "branches": result.branches,
+        "unstable": result.unstable,
+        "critical": np.array([c.value / factor for c in result.critical]),
+        "critical_kind": np.array([c.kind for c in result.critical]),
+    }
 
 
 def forms(linear: Linearization, space: StateSpace) -> dict[str, dict[str, Named]]:

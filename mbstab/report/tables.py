@@ -12,6 +12,7 @@ from mbstab.analysis.check import CheckReport
 from mbstab.analysis.eigen import EigenResult, Eigenvalue, show
 from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
+from mbstab.analysis.sweep import Sweep
 from mbstab.errors import counted
 from mbstab.model.schema import is_length
 from mbstab.report import WIDTH
@@ -235,6 +236,58 @@ def _reaction_table(item: Equilibrium) -> str:
         rows.append([r.owner, r.body, force, torque])
     axes = ", ".join("xyz"[: len(item.reactions[0].force)])
     return table(["reaction of", "on", f"force {axes} (N)", "torque (N*m)"], rows, left=(0, 1))
+
+
+def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
+    """Return the summary of ``mbstab sweep``: where stability changes, and how it is in between."""
+    lines = [title, ""] if title else []
+    label = f"{result.parameter} ({unit})" if unit else result.parameter
+    first, last = (number(float(result.values[k]) / factor, 6) for k in (0, -1))
+    count = result.branches.shape[1]
+    lines.append(f"{label} from {first} to {last}, {len(result.values)} points")
+    lines.append(f"{counted(count, 'branch', 'branches')}, {counted(result.neutral, 'neutral eigenvalue')} besides")
+    if result.critical:
+        rows = [
+            [
+                f"{c.value / factor:.13g}",
+                c.kind,
+                number(c.frequency, 6) if c.frequency else "-",
+                ", ".join(str(b + 1) for b in c.branches) or "-",
+                " → ".join("none" if n < 0 else str(n) for n in c.unstable),
+            ]
+            for c in result.critical
+        ]
+        heads = [f"critical\n{label}", "what happens", "frequency\n(rad/s)", "branch", "unstable\neigenvalues"]
+        lines += ["", table(heads, rows, left=(1, 3))]
+    else:
+        lines += ["", "stability does not change in this range", ""]
+    lines += _ranges(result, factor)
+    if result.meetings:
+        shown = [f"{what} at {number(value / factor, 6)}" for value, what in dict.fromkeys(result.meetings)]
+        lines += ["", *wrap("branches " + ", ".join(shown[:12]) + (" …" if len(shown) > 12 else ""), width=WIDTH)]
+    if result.problems:
+        reasons: dict[str, int] = {}
+        for text in result.problems.values():
+            head = text.splitlines()[0]
+            reasons[head] = reasons.get(head, 0) + 1
+        lines += ["", f"{counted(len(result.problems), 'point')} without an answer:"]
+        for text, times in list(reasons.items())[:5]:
+            lines += wrap(f"{times}× {text}", width=WIDTH, initial_indent="  ", subsequent_indent="    ")
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _ranges(result: Sweep, factor: float) -> list[str]:
+    """Return how many eigenvalues are unstable between the critical values."""
+    values = sorted(float(x) / factor for x in (result.values[0], result.values[-1]))
+    ends = [values[0], *sorted(c.value / factor for c in result.critical), values[1]]
+    lines = []
+    for a, b in zip(ends[:-1], ends[1:], strict=True):
+        inside = (result.values / factor > a) & (result.values / factor < b) & (result.unstable >= 0)
+        counts = sorted({int(n) for n in result.unstable[inside]})
+        if counts and b > a:
+            what = "stable" if counts == [0] else f"unstable ({', '.join(map(str, counts))})"
+            lines.append(f"  {number(a, 6)} to {number(b, 6)}: {what}")
+    return lines
 
 
 def check_text(report: CheckReport, title: str) -> str:

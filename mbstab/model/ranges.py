@@ -1,0 +1,83 @@
+"""Ranges of parameters: from the command line, or from the ``sweep:`` block of a file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mbstab.errors import UsageError
+from mbstab.model.arithmetic import FLOAT
+from mbstab.model.schema import Model
+from mbstab.model.values import evaluate_parameters, parse_overrides
+
+POINTS = 401
+
+
+def sweep_values(
+    model: Model,
+    parameter: str,
+    start: str | float | None = None,
+    stop: str | float | None = None,
+    points: int | None = None,
+    logarithmic: bool = False,
+    values: str | None = None,
+) -> Any:
+    """Return the values of a parameter in a sweep, in SI, shape (points,).
+
+    Parameters
+    ----------
+    start, stop : str or float, optional
+        First and last value: a number in the parameter's unit, or an expression; those of the
+        file's ``sweep:`` block if not given.
+    points : int, optional
+        Number of values.
+    logarithmic : bool
+        Whether their ratios are equal instead of their differences.
+    values : str, optional
+        The values themselves, separated by commas.
+
+    Raises
+    ------
+    UsageError
+        If the parameter is unknown, or the range is missing, empty or reaches zero on a logarithmic scale.
+    """
+    import numpy as np
+
+    parse_overrides(model, {parameter: 0.0})  # is there such a parameter?
+    if values is not None:
+        if start is not None or stop is not None or points is not None or logarithmic:
+            raise UsageError("--values says all: leave out --from, --to, --points and --log")
+        found = np.array([_value(model, parameter, text) for text in values.split(",")])
+        steps = np.diff(found)
+        if len(found) < 2 or not (np.all(steps > 0.0) or np.all(steps < 0.0)):
+            raise UsageError(f"--values {values}: give at least two values in ascending or descending order")
+        return found
+    default = model.sweep.get(parameter)
+    ends = []
+    for name, given, written in (
+        ("--from", start, default and default.start),
+        ("--to", stop, default and default.stop),
+    ):
+        if given is not None:
+            ends.append(_value(model, parameter, given))
+        elif written is not None:
+            nominal = evaluate_parameters(model, {}, FLOAT)
+            factor = model.parameters[parameter].factor if written.literal else 1.0
+            ends.append(float(written.evaluate(nominal, FLOAT)) * factor)
+        else:
+            raise UsageError(
+                f"{name} is missing: {model.name} has no sweep: block for {parameter}\n"
+                f"hint: --from … --to …, or sweep: {{{parameter}: {{from: …, to: …}}}} in the file"
+            )
+    first, last = ends
+    if first == last:
+        raise UsageError(f"the range of {parameter} is empty: both ends are {first:g}")
+    count = points if points is not None else default.points if default is not None else POINTS
+    if logarithmic:
+        if first <= 0.0 or last <= 0.0:
+            raise UsageError(f"--log needs positive ends, not {first:g} and {last:g}")
+        return np.geomspace(first, last, count)
+    return np.linspace(first, last, count)
+
+
+def _value(model: Model, parameter: str, given: str | float) -> float:
+    return float(parse_overrides(model, {parameter: given.strip() if isinstance(given, str) else given})[parameter])
