@@ -259,7 +259,7 @@ def _null_vectors_first(Q: Array, T: Array, right: Array, done: int, count: int)
 
 
 def deflate_pairs(deflated: Deflated, frequencies: list[float], rounding: float) -> Deflated:
-    """Separate neutral pairs ±iω as well, each at most twice: a shift, and a drift along it.
+    """Separate neutral pairs ±iω as well, in two steps at most: shifts and tilts, and drifts along them.
 
     Parameters
     ----------
@@ -279,9 +279,10 @@ def deflate_pairs(deflated: Deflated, frequencies: list[float], rounding: float)
             if not len(rest):
                 break
             _, s, right = np.linalg.svd(rest @ rest + frequency**2 * np.eye(len(rest)))
-            count = 2 * frequencies.count(frequency)
             size = deflated.size**2 + frequency**2
-            if len(s) < count or not s[-count] <= NEUTRAL_ROUNDING * rounding * size:
+            # All null vectors: only the whole null space belongs to these eigenvalues.
+            count = int(np.sum(s <= NEUTRAL_ROUNDING * rounding * size))
+            if count == 0 or count % 2:
                 break
             Q, T = _null_vectors_first(Q, T, right, done, count)
             T[done + count :, done : done + count] = 0.0
@@ -380,7 +381,9 @@ def answer(
         from mbstab.analysis.periodic import periodic_answer
 
         if method != METHODS[0]:
-            raise UsageError(f"--method {method} is for constant coefficients; a periodic motion has multipliers")
+            raise UsageError(
+                f"--method {method} is for constant coefficients; a periodic motion has multipliers\nhint: leave out --method"
+            )
         return periodic_answer(system, motion, float(period), progress)
     return eigenvalues(linearize(system, motion, frozen), method, lambda: symmetries(system, motion))
 
@@ -661,7 +664,7 @@ class _Judge:
                     "imaginary axis or too close to another one to be placed on it "
                     f"(condition number {e.condition:.1e})"
                 )
-        if not found:
+        if not counts.expected:
             doubts.append("constraints and drives leave no motion free whose stability could be judged")
         if doubts:
             return "undecided", doubts

@@ -17,14 +17,16 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.balance import Balance, State
+from mbstab.analysis.linearize import linearize
 from mbstab.analysis.motion import CHART_WARNING, NEWTON_STEPS, TOLERANCE, Finder, Motion
+from mbstab.analysis.names import names_in
 from mbstab.analysis.reactions import Reaction, reactions
 from mbstab.analysis.reference import declared_family
 from mbstab.analysis.steady import Family, Generator, detected
 from mbstab.analysis.subspaces import rank_of
 from mbstab.analysis.symmetry import Symmetry, symmetries
 from mbstab.compiler.system import Array, System
-from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, NumericalError
+from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, NumericalError, UsageError, counted
 from mbstab.model.schema import is_length
 
 Flags = npt.NDArray[np.bool_]
@@ -65,6 +67,8 @@ class Equilibrium:
         Shifts that lead from this solution to others like it.
     open : tuple of str
         Directions besides in which the solution is not isolated, in words; empty: it is isolated.
+    timed : bool
+        Whether given functions of time act, so that it holds at this time only.
     """
 
     motion: Motion
@@ -76,6 +80,7 @@ class Equilibrium:
     strategy: str
     symmetries: tuple[str, ...]
     open: tuple[str, ...]
+    timed: bool
 
     @property
     def isolated(self) -> bool:
@@ -245,17 +250,14 @@ class _Search:
         """Set the scales of energy and speed by which residuals are judged."""
         scene = self.system.scene
         gravity = float(np.linalg.norm([float(x) for x in scene.gravity]))
-        size = float(np.max(self.sizes))
-        energy = max(float(body.mass) for body in scene.bodies) * gravity * size
+        lengths = self.sizes[self.finder.is_length]
+        energy = max(float(body.mass) for body in scene.bodies) * gravity * float(np.max(lengths, initial=0.0))
         full = self.balance.coefficients(c)
         u = self.balance.family.generator(full).field(q)
         self.balance.speed = max(float(np.max(np.abs(u / self.sizes))), float(np.max(np.abs(full), initial=0.0))) or 1.0
-        dynamics = self.system.dynamics(q, u)
-        K, _, _ = self.system.linearize(q, u, 0.0 * u, np.zeros(self.system.n_c))
-        for forces in (dynamics.F0 * self.sizes, K * self.sizes * self.sizes[:, None]):
-            energy = max(energy, float(np.max(np.abs(forces), initial=0.0)))
-        if self.balance.family.size:
-            energy = max(energy, float(np.max(np.diag(dynamics.M) * self.sizes**2)) * self.balance.speed**2)
+        a = self.balance.family.generator(full).acceleration(q)
+        # Forces, not their slopes: those may be anything next to a singular point.
+        energy = max(energy, float(np.max(self.system.loads(q, u, a) * self.sizes, initial=0.0)))
         self.balance.energy = energy or 1.0
 
 
@@ -333,6 +335,10 @@ class Problem:
 
     def __init__(self, system: System) -> None:
         self.system, self.scene = system, system.scene
+        if self.scene.period is not None:
+            raise UsageError(
+                f"{self.scene.model.name} describes a periodic motion: there is no equilibrium to look for"
+            )
         self.finder = Finder(system)
         q, missing = self.finder.start()
         self.held: Flags = ~missing if self.scene.model.reference.find is not None else np.zeros(len(q), dtype=bool)
@@ -379,8 +385,9 @@ class Problem:
         at = _tidied(search, at)
         finder = Finder(self.system)
         finder.solved = [name for name, held in zip(self.system.names, self.held, strict=True) if not held]
-        if not (np.all(np.abs(at.residual) <= TOLERANCE) and self._closed(at)):
+        if not (np.all(np.abs(at.residual) <= TOLERANCE) and self._closed(at) and self._weighed(search, at)):
             raise self._failure(search, at)
+        self._require_rates(search, at)
         try:
             motion = finder.motion(at.q, at.u, steady=at.steady, declared=self.scene.steady is not None)
         except ModelFileError:
@@ -391,6 +398,7 @@ class Problem:
 
     def described(self, motion: Motion, search: _Search, at: State, strategy: str) -> Equilibrium:
         """Return a solution with what it means."""
+        linearize(self.system, motion)  # names what breaks a declared symmetry
         known = symmetries(self.system, motion)
         force = at.residual[: self.system.n_q] * search.balance.energy / self.finder.sizes
         unbalanced = [
@@ -400,6 +408,7 @@ class Problem:
             motion, at.steady, reactions(self.system, motion), float(np.max(np.abs(at.residual))),
             (unbalanced[0], unbalanced[1]), search.iterations, strategy, tuple(s.name for s in known),
             tuple(_open_directions(search, at, known)),
+            not np.any(at.u) and any("t" in names_in(item.entry.values) for item in self.scene.items),
         )  # fmt: skip
 
     def _closed(self, at: State) -> bool:
@@ -410,6 +419,41 @@ class Problem:
         n_h = self.system.n_h
         good = np.all(np.abs(dynamics.E[:n_h]) <= allowed[:n_h])
         return bool(good and np.all(np.abs(dynamics.V) <= allowed * max(fastest, 1e-300)))
+
+    def _weighed(self, search: _Search, at: State) -> bool:
+        """Whether what is left of the forces is small beside those that balance."""
+        left = np.abs(at.residual[: self.system.n_q]) * search.balance.energy
+        loads = self.system.loads(at.q, at.u, at.a) * search.sizes
+        return bool(np.max(left) <= TOLERANCE * np.max(loads) + 1e-14 * search.balance.energy)
+
+    def _require_rates(self, search: _Search, at: State) -> None:
+        """Refuse a steady motion some of whose rates could be anything.
+
+        Raises
+        ------
+        ModelFileError
+            If there are such; names them.
+        """
+        balance = search.balance
+        if not balance.free:
+            return
+        reduced = _reduced(balance, at)
+        _, s, right = np.linalg.svd(reduced)
+        rank = int(np.sum(s > SINGULAR * max(float(s[0]), 1e-300))) if len(s) else 0
+        null = right[rank:].T
+        known = np.linalg.svd(balance.family.basis(at.q)[:, balance.free] / search.sizes[:, None])
+        same = known[2][int(np.sum(known[1] > 1e-9 * max(float(known[1][0]), 1e-300))) :].T
+        n = len(balance.open)
+        # Combinations of rates that move nothing are no freedom of the motion.
+        rates = null[n:] - same @ (same.T @ null[n:])
+        still = np.linalg.norm(null[:n], axis=0) < 1e-6
+        names = [balance.family.names()[k] for k in balance.free]
+        loose = [name for name, row in zip(names, rates, strict=True) if np.any(np.abs(row[still]) > 1e-6)]
+        if loose:
+            message = f"nothing determines {', '.join(loose)} of the steady motion"
+            hint = "give it under reference; 0 for what does not turn"
+            place = self.scene.model.reference.location
+            raise ModelFileError([self.scene.model.document.problem(place, "reference", message, hint)])
 
     def _rates(self, q: Array) -> Array:
         """Return starting values of the rates: given ones, and for the others what fits the constraints best."""
@@ -422,11 +466,18 @@ class Problem:
             state = self.system.dynamics(q, basis @ c)
             left = np.vstack([state.J @ basis[:, free], basis[np.ix_(given, free)]])
             c[free] = np.linalg.lstsq(left, -np.concatenate([state.V, (basis @ c)[given] - rates]), rcond=1e-9)[0]
+            turns = self.family.axis is not None and 0 in free
+            if turns and not np.any(c):
+                # At no rate at all nothing says which way is up: the forces grow with its square.
+                gravity = float(np.linalg.norm([float(x) for x in self.scene.gravity]))
+                lengths = self.finder.sizes[self.finder.is_length]
+                c[0] = math.sqrt((gravity or 1.0) / (float(np.max(lengths, initial=0.0)) or 1.0))
         return c
 
     def elsewhere(self, rng: np.random.Generator) -> Array:
         """Return a random start that satisfies the constraints as well as it can."""
-        change = rng.uniform(-1.0, 1.0, len(self.start)) * np.where(self.finder.is_length, self.finder.sizes, math.pi)
+        far = np.where(self.finder.is_length, 2.0 * self.finder.sizes, math.pi)
+        change = rng.uniform(-1.0, 1.0, len(self.start)) * far
         q = self.start + np.where(self.held, 0.0, change)
         if self.system.n_h and not self.held.all():
             try:
@@ -458,15 +509,30 @@ class Problem:
         n, n_h = self.system.n_q, search.balance.n_h
         force = state.residual[:n] * search.balance.energy / search.sizes
         gap = state.residual[n : n + n_h]
-        lines = [f"{place}: reference: no {what} found in {search.iterations} steps (Newton, relaxation"]
-        lines[0] += ", spin-up)" if search.balance.known else ")"
+        steps = counted(search.iterations, "step")
+        tried = ", ".join(STRATEGIES if search.balance.known else STRATEGIES[:2])
+        lines = [f"{place}: reference: no {what} found in {steps} ({tried})"]
+        count = len(search.balance.rows) if self.family.size else 0
+        speeds = state.residual[n + n_h : n + n_h + count]
+        rates = state.residual[n + n_h + count :]
         broken = len(gap) and float(np.max(np.abs(gap))) > 1e-6
+        largest = max((float(np.max(np.abs(x), initial=0.0)) for x in (speeds, rates)), default=0.0)
         worst = int(np.argmax(np.abs(state.residual[:n])))
         unit = "N" if is_length(self.system.names[worst]) else "N*m"
         if broken:
             row = self.system.rows[search.balance.rows[int(np.argmax(np.abs(gap)))]]
             lines.append(f"it stalled where {row} is not satisfied: the mechanism does not close there")
             hint = "correct the lengths, or give starting values under reference.guess"
+            if self.held.any():
+                hint = "correct or leave out the coordinates that are given, or the lengths"
+        elif largest > max(1e-6, float(np.max(np.abs(state.residual[:n])))):
+            if len(rates) and float(np.max(np.abs(rates))) == largest:
+                name = self.system.names[search.balance.given[int(np.argmax(np.abs(rates)))]]
+                lines.append(f"the given rate of {name} does not belong to the motion ({state.steady})")
+            else:
+                row = self.system.rows[search.balance.rows[int(np.argmax(np.abs(speeds)))]]
+                lines.append(f"the motion ({state.steady}) does not satisfy {row}: it drives, blocks or slips")
+            hint = "correct reference.steady or the given rates: axis, point and rate must be those of the mechanism"
         else:
             lines.append(f"it stalled with {abs(force[worst]):.4g} {unit} unbalanced on {self.system.names[worst]}")
             hint = "other starting values under reference.guess, or --starts 20"
@@ -505,6 +571,7 @@ def _tidied(search: _Search, at: State) -> State:
     """Return a solution whose zeros are zeros, where that costs nothing."""
     q, c = at.q.copy(), at.c.copy()
     q[np.abs(q / search.sizes) < 1e-15] = 0.0
+    c = _fewest_spins(search.balance, q, c)
     c[np.abs(c) < 1e-13 * search.balance.speed] = 0.0
     try:
         cleaned = search.state(q, c)
@@ -513,20 +580,27 @@ def _tidied(search: _Search, at: State) -> State:
     return cleaned if cleaned.size <= max(2.0 * at.size, 1e-14) else at
 
 
+def _fewest_spins(balance: Balance, q: Array, c: Array) -> Array:
+    """Return rates of the same motion in which spins that the turn explains are part of the turn."""
+    free, columns = balance.free, len(balance.family.columns)
+    if not free or not columns:
+        return c
+    _, s, right = np.linalg.svd(balance.family.basis(q)[:, free] / balance.sizes[:, None])
+    null = right[int(np.sum(s > 1e-9 * max(float(s[0]), 1e-300))) :].T
+    spins = [n for n, k in enumerate(free) if k >= balance.family.size - columns]
+    if null.shape[1] and spins:
+        moved = c.copy()
+        moved[free] -= null @ np.linalg.lstsq(null[spins], c[free][spins], rcond=1e-9)[0]
+        return moved
+    return c
+
+
 def _open_directions(search: _Search, at: State, known: list[Symmetry]) -> list[str]:
     """Return directions in which a solution is not isolated although no symmetry explains them."""
     balance = search.balance
-    G, moving = balance.jacobian(at), balance.moving
-    if not moving:
+    if not balance.moving:
         return []
-    # Without the multipliers: only what the free directions of the forces say.
-    forces = G[:, moving:]
-    rest = (
-        rank_of(forces.T / max(float(np.max(np.abs(forces), initial=0.0)), 1e-300)).null
-        if forces.size
-        else np.eye(len(G))
-    )
-    reduced = rest.T @ G[:, :moving]
+    reduced = _reduced(balance, at)
     _, s, right = np.linalg.svd(reduced)
     rank = int(np.sum(s > SINGULAR * max(float(s[0]), 1e-300))) if len(s) else 0
     null = right[rank:].T[: len(search.balance.open)]
@@ -545,6 +619,17 @@ def _open_directions(search: _Search, at: State, known: list[Symmetry]) -> list[
         kind = "a continuum" if _continues(search, at, vector) else "a critical position"
         found.append(f"{kind} along {', '.join(parts[:4])}")
     return found
+
+
+def _reduced(balance: Balance, at: State) -> Array:
+    """Return the derivative of what balances by [Δq; Δc], without the directions in which multipliers act."""
+    G, moving = balance.jacobian(at), balance.moving
+    forces = G[:, moving:]
+    if not forces.size:
+        return G[:, :moving]
+    size = max(float(np.max(np.abs(forces))), 1e-300)
+    result: Array = rank_of(forces.T / size).null.T @ G[:, :moving]
+    return result
 
 
 def _continues(search: _Search, at: State, vector: Array) -> bool:
@@ -571,7 +656,8 @@ def _signature(system: System, found: Equilibrium) -> Array:
     Xi, Xi_2 = found.steady.frame(motion.q)
     spaces, scale = motion.spaces, motion.spaces.scale
     full = (K + R @ Xi + motion.dynamics.M @ Xi_2) * scale * scale[:, None]
-    values = np.linalg.eigvals(spaces.N.T @ full @ spaces.N)
+    mass = spaces.N.T @ (motion.dynamics.M * scale * scale[:, None]) @ spaces.N
+    values = np.linalg.eigvals(np.linalg.solve(mass, spaces.N.T @ full @ spaces.N))
     loads = [float(np.linalg.norm(r.force)) for r in found.reactions]
     return np.concatenate([np.sort(values.real), np.sort(np.abs(values.imag)), loads])
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -199,7 +199,7 @@ def _variation(system: System, motion: Motion, matrices: _Matrices, generator: G
     """Return the largest relative change of the coefficients a little later on the motion."""
     worst = 0.0
     try:
-        if generator is not None and generator.turns:
+        if generator is not None and (generator.turns or motion.declared):
             later = _followed(system, motion, matrices, generator)
         else:
             later = ((x, _matrices(system, x, None)) for x in _continuing(system, motion, matrices))
@@ -214,9 +214,13 @@ def _followed(
     system: System, motion: Motion, matrices: _Matrices, generator: Generator
 ) -> Iterator[tuple[Motion, _Matrices]]:
     """Yield the steady motion later on, and the coefficients there in the directions of now."""
-    times = [TURN / abs(generator.rate), 3.0 * TURN / abs(generator.rate)]
-    speed = float(np.max(np.abs((generator.field(motion.q) / motion.sizes)[_lengths(system)]), initial=0.0))
-    times += [TURN / speed] if speed else []
+    rate = abs(generator.rate)
+    speed = float(np.linalg.norm(generator.velocity)) / float(
+        np.max(motion.sizes[_lengths(system)], initial=0.0) or 1.0
+    )
+    spin = float(np.max(np.abs(generator.spins), initial=0.0))
+    fastest = max(rate, speed, spin)
+    times = [part * TURN / x for x in (rate, speed, spin) if x > ROUNDING * fastest for part in (1.0, 3.0)]
     times += _law_times(system, motion, matrices)
     for time in times:
         q, T = generator.flow(motion.q, time)
@@ -224,6 +228,11 @@ def _followed(
         if left := _left_rows(system, motion, q, u, time):
             raise ConstraintError(f"the steady motion leaves {', '.join(left)}")
         later = motion_at(system, q, u, motion.time + time)
+        excess = (later.dynamics.M @ (later.a - generator.acceleration(q))) * motion.spaces.scale
+        if np.max(np.abs(excess)) > unbalance(system, later):
+            worst = system.names[int(np.argmax(np.abs(excess)))]
+            raise ConstraintError(f"the forces do not keep {worst} on the steady motion")
+        later = replace(later, a=generator.acceleration(q))
         M, R, K, J, D_q = _matrices(system, later, generator)
         yield later, _Matrices(T.T @ M @ T, T.T @ R @ T, T.T @ K @ T, J @ T, D_q @ T)
 

@@ -309,6 +309,7 @@ class Finder:
             if open_:
                 message = f"the constraints do not determine {', '.join(open_)} of the steady motion"
                 self._fail([self._at_reference(message, "give it under reference; 0 for what does not turn")])
+        c[np.abs(c) < 1e-13 * np.max(np.abs(c), initial=0.0)] = 0.0
         generator = family.generator(c)
         u = generator.field(q)
         fastest = float(np.max(np.abs(u / self.sizes), initial=0.0))
@@ -455,7 +456,12 @@ def unbalance(system: System, motion: Motion) -> float:
     balancing = max(float(np.max(np.abs(motion.dynamics.F0 * scale))), *weights)
     K, R, _ = system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
     changes = np.abs(K) @ motion.sizes + np.abs(R) @ np.abs(motion.u)
-    return EQUILIBRIUM_TOLERANCE * balancing + ROUNDING * float(np.max(changes * scale))
+    rounding = ROUNDING * float(np.max(changes * scale))
+    if rounding > EQUILIBRIUM_TOLERANCE * balancing:
+        # Next to a singular point of a force anything could be rounding: no more than a part of the forces is.
+        loads = system.loads(motion.q, motion.u, motion.a, motion.time)
+        rounding = min(rounding, max(EQUILIBRIUM_TOLERANCE * float(np.max(loads * scale)), 1e-300))
+    return EQUILIBRIUM_TOLERANCE * balancing + rounding
 
 
 def _balance(M: Array, J: Array, inverse: Array, allowed: Array, force: Array, bias: Array) -> tuple[Array, Array]:

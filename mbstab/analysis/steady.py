@@ -11,6 +11,7 @@ that goes along, has constant coefficients: with Ξ = DX(q₀) and Ξ₂ = Ξ² 
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,11 +65,18 @@ class Generator:
         """Return it in words, such as ``rotation about z at 10 rad/s``."""
         words = []
         if self.turns:
-            at = "" if not np.any(self.point) else f" through {vector_text(self.point)} m"
-            words.append(f"rotation about {axis_text(self.axis)}{at} at {self.rate:.6g} rad/s")
-        if np.any(self.velocity):
-            words.append(f"translation with {vector_text(self.velocity)} m/s")
-        for name, spin in zip(self.system.names, self.spins, strict=True):
+            words.append(f"rotation about {axis_text(self.axis)}{through(self.point)} at {self.rate:.6g} rad/s")
+        d, spins = self.system.scene.dimension, self.spins.copy()
+        places = np.array([spins[part.start : part.start + d] for part in self.system.body_slices])
+        common = np.zeros(3)
+        if len(places) > 1 and np.all(places == places[0]):
+            # The same speed of all places is a translation.
+            common[:d] = places[0]
+            for part in self.system.body_slices:
+                spins[part.start : part.start + d] = 0.0
+        if np.any(self.velocity + common):
+            words.append(f"translation with {vector_text(self.velocity + common)} m/s")
+        for name, spin in zip(self.system.names, spins, strict=True):
             if spin:
                 unit = "m/s" if name.rpartition(".")[2] in "xyz" else "rad/s"
                 words.append(f"{name} at {spin:.6g} {unit}")
@@ -137,6 +145,11 @@ class Generator:
             moved[angles] += new - q[angles]
             T[angles, angles] = np.linalg.solve(rate_matrix(body, new), turn @ rate_matrix(body, q[angles]))
         return moved, T
+
+
+def through(point: Array) -> str:
+    """Return where an axis passes, if that is not the origin."""
+    return f" through {vector_text(point)} m" if np.any(point) else ""
 
 
 def axis_text(axis: Array) -> str:
@@ -239,14 +252,16 @@ def detected(system: System, q: Array, u: Array, sizes: Array) -> list[Generator
     d = system.scene.dimension
     spinning = tuple(i for i in spinning_columns(system) if u[i])
     for axis in _axes(system, q, u):
-        for columns in ((), spinning) if spinning else ((),):
-            family = Family(system, axis, zero, np.eye(3)[:d], columns)
+        # The fewest motions first: a turn alone explains what a turn and a translation explain as well.
+        for columns, directions in itertools.product(((), spinning) if spinning else ((),), (0, d)):
+            family = Family(system, axis, zero, np.eye(3)[:directions], columns)
             basis = family.basis(q) / sizes[:, None]
             c = np.asarray(np.linalg.lstsq(basis, u / sizes, rcond=1e-12)[0], dtype=np.float64)
             fast = float(np.max(np.abs(u / sizes)))
             if np.max(np.abs(basis @ c - u / sizes)) <= FIT * fast and abs(c[0]) > FIT * fast:
                 c[np.abs(c) < FIT * np.max(np.abs(c))] = 0.0
                 found.append(_centered(family.generator(c)))
+                break
     return found
 
 

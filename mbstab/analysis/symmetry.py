@@ -14,7 +14,7 @@ import numpy as np
 
 from mbstab.analysis.motion import Motion, motion_at, unbalance
 from mbstab.analysis.rotation import rate_drift, rate_matrix
-from mbstab.analysis.steady import Generator
+from mbstab.analysis.steady import Generator, axis_text, through
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
 
@@ -44,7 +44,7 @@ def symmetries(system: System, motion: Motion) -> list[Symmetry]:
     found = _constant_directions(system, motion)
     # Rows may depend on a shift away from the constraints only, so shifts are tried on them as well.
     moved = [(name, _shift(system, motion, direction)) for name, direction in _shifts(system)]
-    turned = [(name, _rotation(system, motion, axis)) for name, axis in _axes(system)]
+    turned = [(name, _rotation(system, motion, axis, point)) for name, axis, point in _axes(system, motion)]
     for name, direction in [*moved, *turned]:
         if direction is not None and np.any(direction):
             basis = np.array([s.direction for s in found] + [direction]) / motion.spaces.scale
@@ -171,24 +171,30 @@ def _named(system: System, null: Array, scale: Array) -> list[Symmetry]:
 # --- rotations ------------------------------------------------------------------------------------------------------
 
 
-def _axes(system: System) -> list[tuple[str, Array]]:
-    gravity = system.scene.gravity
+def _axes(system: System, motion: Motion) -> list[tuple[str, Array, Array]]:
+    """Return the rotations worth trying: name, axis and a point of it."""
+    gravity, origin = system.scene.gravity, np.zeros(3)
+    own = [
+        (f"rotation about {axis_text(g.axis)}" + through(g.point), g.axis, g.point)
+        for g in motion.generators
+        if g.turns and (np.any(g.point) or not any(abs(abs(x) - 1.0) < 1e-12 for x in g.axis))
+    ]
     if system.scene.dimension == 2:
-        return [("rotation in the plane", np.array([0.0, 0.0, 1.0]))] if not any(gravity) else []
+        plane = [] if any(gravity) else [("rotation in the plane", np.array([0.0, 0.0, 1.0]), origin)]
+        return plane + own
     if any(gravity):
         up = -np.array(gravity, dtype=float)
         up /= np.max(np.abs(up))
         axis = up / np.linalg.norm(up)
         k = int(np.argmax(np.abs(axis)))
         name = f"rotation about {'xyz'[k]}" if abs(axis[k]) > 1.0 - 1e-12 else "rotation about the vertical"
-        return [(name, axis)]
-    return [(f"rotation about {name}", np.eye(3)[i]) for i, name in enumerate("xyz")]
+        return [(name, axis, origin), *own]
+    return [*((f"rotation about {name}", np.eye(3)[i], origin) for i, name in enumerate("xyz")), *own]
 
 
-def _rotation(system: System, motion: Motion, axis: Array) -> Array | None:
-    """Return the direction of a rotation about an axis through the origin, or None if it is no symmetry."""
-    zero = np.zeros(3)
-    generator = Generator(system, axis, zero, 1.0, zero, np.zeros(system.n_q))
+def _rotation(system: System, motion: Motion, axis: Array, point: Array) -> Array | None:
+    """Return the direction of a rotation about an axis through a point, or None if it is no symmetry."""
+    generator = Generator(system, axis, point, 1.0, np.zeros(3), np.zeros(system.n_q))
     try:
         q, T = generator.flow(motion.q, ANGLE)
     except (ValueError, np.linalg.LinAlgError):

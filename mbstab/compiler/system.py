@@ -140,6 +140,15 @@ class System:
             part._plans = {}
             yield path, part
 
+    def loads(self, q: Any, u: Any, a: Any, time: Any = None) -> Any:
+        """Return the sum of the sizes of all forces and inertia on each coordinate, shape (n_q,): what may cancel."""
+        total = np.zeros(self.n_q)
+        for _, part in self.parts():
+            if not part._elements[0].rows:
+                state = part.dynamics(q, u, time)
+                total += np.abs(state.F0 + state.M @ a)
+        return total
+
     # --- what is in the scene ---------------------------------------------------------------------------------------
 
     def _uses(self) -> list[tuple[Any, Entry | None, str]]:

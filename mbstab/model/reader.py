@@ -818,6 +818,9 @@ class _Reader:
         if find == "equilibrium" and "steady" in entries:
             message = "an equilibrium is at rest, but reference.steady asks for a motion"
             self.complain(entries["find"], "reference.find", message, "write find: steady")
+        if find == "equilibrium" and "rates" in entries:
+            message = "an equilibrium is at rest: rates have no effect"
+            self.complain(entries["rates"], "reference.rates", message, "leave them out, or write find: steady")
         if "period" in entries and ("find" in entries or "steady" in entries):
             message = "the period belongs to a motion that is neither at rest nor steady"
             self.complain(entries["period"], "reference.period", message, "leave out find and steady, or the period")
@@ -830,10 +833,14 @@ class _Reader:
             return None
         self._known_keys(mapping, path, schema.STEADY_FIELDS)
         entries = mapping.entries
-        for key, needed in (("rate", "axis"), ("point", "axis"), ("speed", "direction")):
-            if key in entries and needed not in entries:
-                self.complain(entries[key], f"{path}.{key}", f"{key} needs {needed}")
-        if "axis" not in entries and "direction" not in entries:
+        lonely = [
+            (key, needed)
+            for key, needed in (("rate", "axis"), ("point", "axis"), ("speed", "direction"))
+            if key in entries and needed not in entries
+        ]
+        for key, needed in lonely:
+            self.complain(entries[key], f"{path}.{key}", f"{key} needs {needed}")
+        if not lonely and "axis" not in entries and "direction" not in entries:
             self.complain(mapping, path, "give an axis of the turn, a direction of the translation, or both")
         axis = None
         if "axis" in entries and self.dimension == 3:

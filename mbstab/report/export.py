@@ -122,7 +122,8 @@ def equilibrium_data(found: Sequence[Equilibrium], names: Sequence[str], model: 
 
     Keys: ``model``, ``title``, ``equilibria`` (``coordinates`` in m and rad and ``rates`` by
     name, ``steady`` in words, ``reactions``, ``residual``, ``unbalanced_force`` in N,
-    ``unbalanced_torque`` in N·m, ``iterations``, ``strategy``, ``isolated``, ``open``,
+    ``unbalanced_torque`` in N·m, ``iterations``, ``strategy``, ``isolated``, ``open``, ``time`` in s,
+    ``depends_on_time``,
     ``symmetries``, ``redundant``, ``warnings``). A reaction has ``of``, ``on`` (a body),
     ``point`` (m; null: the point of contact), ``force`` (N) and ``torque`` (N·m), in ground axes.
     """
@@ -145,6 +146,8 @@ def equilibrium_data(found: Sequence[Equilibrium], names: Sequence[str], model: 
                 "strategy": item.strategy,
                 "isolated": item.isolated,
                 "open": item.open,
+                "time": item.motion.time,
+                "depends_on_time": item.timed,
                 "symmetries": item.symmetries,
                 "redundant": [str(x) for x in item.motion.redundant],
                 "warnings": item.motion.warnings,

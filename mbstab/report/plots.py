@@ -49,7 +49,7 @@ CRITICAL_STYLE = (0, (7, 2, 1.5, 2))
 REGIONS = ("1.0", "0.82", "0.64", "0.46", "0.28")
 """Grey of a region by number of unstable eigenvalues; the last is for that number and more."""
 
-THIN, THICK = 1.3, 3.0
+THIN, THICK = 1.5, 3.2
 """Width (points) of curves of stable and unstable eigenvalues."""
 
 FONT = 9.0
@@ -116,11 +116,15 @@ def stability_map(result: Sweep, label: Axis | str, title: str) -> Figure:
         picture = _Picture(result, label)
         figure, (upper, lower) = picture.over_parameter(title, ("real part (1/s)", "imaginary part (rad/s)"))
         upper.axhline(0.0, color="0.0", linewidth=0.8)
-        for axes, part, dashed in ((upper, picture.real, False), (lower, picture.upper_half(), True)):
+        above = picture.upper_half()
+        for axes, part, dashed in ((upper, picture.real, False), (lower, above, True)):
             for j in range(part.shape[1]):
                 _curve(axes, picture.x, part[:, j], picture.ink[j], picture.growing[:, j], dashed)
+        # Once for all real eigenvalues: dashes of several on each other would be a solid line.
+        level = np.where(np.any(np.abs(picture.imag) <= STABLE * picture.size, axis=1), 0.0, np.nan)
+        _curve(lower, picture.x, level, INK[0], np.zeros(len(level), dtype=bool), True)
         _real_scale(upper, "y", picture.real, picture.size)
-        lower.set_ylim(_upward(picture.upper_half(), picture.size))
+        lower.set_ylim(_upward(np.column_stack([above, level]), picture.size))
         handles: list[Artist] = [
             Line2D([], [], color="k", linewidth=THIN, label="real part"),
             Line2D([], [], color="k", linewidth=THIN, linestyle="--", label="imaginary part (≥ 0)"),
@@ -141,7 +145,7 @@ def root_locus(result: Sweep, label: Axis | str, title: str) -> Figure:
         axes.set_ylim(bound)
         _real_scale(axes, "x", picture.real, picture.size)
         axes.axvspan(0.0, axes.get_xlim()[1], color=UNSTABLE_SHADE, linewidth=0, zorder=0)
-        axes.axvline(0.0, color="0.0", linewidth=1.2, zorder=1.5)
+        axes.axvline(0.0, color="0.5", linewidth=1.4, zorder=1.5)
         axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=1)
         for j in range(picture.real.shape[1]):
             _curve(axes, picture.real[:, j], picture.imag[:, j], picture.ink[j], picture.growing[:, j])
@@ -199,7 +203,7 @@ def campbell(result: Sweep, label: Axis | str, title: str, excitations: Sequence
     with _style():
         picture = _Picture(result, label)
         figure, (axes,) = picture.over_parameter(title, ("frequency (Hz)",))
-        frequency = picture.upper_half(real=False) / (2.0 * math.pi)
+        frequency = picture.upper_half() / (2.0 * math.pi)
         for j in range(frequency.shape[1]):
             _curve(axes, picture.x, frequency[:, j], picture.ink[j], picture.growing[:, j])
         axes.set_ylim(_upward(frequency, picture.size / (2.0 * math.pi)))
@@ -214,6 +218,7 @@ def campbell(result: Sweep, label: Axis | str, title: str, excitations: Sequence
                 )
                 _name_excitation(labels, picture.x, line, f"{n:g}×")
                 crossings += _crossings(picture.x, frequency, line)
+            crossings.sort()
             for x, y in crossings[:LABELS]:
                 labels.add(x, y, f"{label.name} = {_digits(x, picture.span, 4)}")
             if crossings:
@@ -223,7 +228,7 @@ def campbell(result: Sweep, label: Axis | str, title: str, excitations: Sequence
             handles.append(Line2D([], [], color="0.25", linewidth=1.1, linestyle=(0, (1.5, 1.8)), label=text))
             if crossings:
                 handles.append(_marker("o", 6.0, "crossing"))
-        _legend(figure, handles + picture.legend())
+        _legend(figure, handles + picture.legend(frequency > 0.0))
         return figure
 
 
@@ -347,6 +352,8 @@ class _Picture:
     def __init__(self, result: Sweep, label: Axis, turned: bool = True) -> None:
         self.label = label
         x, branches, self.unstable = np.asarray(result.values, dtype=float), result.branches, result.unstable
+        # A nan with an imaginary part of 0 would be drawn as 0.
+        branches = np.where(np.isnan(branches), complex(math.nan, math.nan), branches)
         down = len(x) > 1 and x[0] > x[-1]
         if down:
             x, branches, self.unstable = x[::-1], branches[::-1], self.unstable[::-1]
@@ -372,18 +379,14 @@ class _Picture:
         """Return a value of the parameter with six digits."""
         return _digits(value, self.span, 6)
 
-    def upper_half(self, real: bool = True) -> Array:
-        """Return the imaginary parts that are not negative; nan for the others.
-
-        Real eigenvalues count as 0; with `real` false only next to complex ones, where a
-        frequency starts or ends.
-        """
+    def upper_half(self) -> Array:
+        """Return the positive imaginary parts, and 0 next to them, where a frequency starts or ends; nan elsewhere."""
         tiny = STABLE * self.size
         above, zero = self.imag > tiny, np.abs(self.imag) <= tiny
         beside = np.zeros_like(above)
         beside[1:] |= above[:-1]
         beside[:-1] |= above[1:]
-        return np.where(above | (zero & (beside | real)), self.imag, np.nan)
+        return np.where(above | (zero & beside), self.imag, np.nan)
 
     def over_parameter(self, title: str, names: Sequence[str]) -> tuple[Figure, list[Axes]]:
         """Return panels over the parameter, with critical values and unstable ranges."""
@@ -408,8 +411,8 @@ class _Picture:
         for group, text, at, row in places:
             panels[0].annotate(
                 text, (group[0].value, 1.0), (at, 3.0 + 12.2 * row), xycoords=panels[0].get_xaxis_transform(),
-                textcoords=_beside(panels[0]), ha="center", va="bottom", fontsize=FONT - 0.5, annotation_clip=False,
-                arrowprops={**pointer, "shrinkA": 0, "shrinkB": 0} if row else None,
+                textcoords=_beside(figure, panels[0]), ha="center", va="bottom", fontsize=FONT - 0.5,
+                annotation_clip=False, arrowprops={**pointer, "shrinkA": 0, "shrinkB": 0} if row else None,
             )  # fmt: skip
         if not self.real.shape[1] or np.all(np.isnan(self.real)):
             panels[0].text(0.5, 0.5, "no eigenvalues to show", transform=panels[0].transAxes, ha="center")
@@ -435,31 +438,40 @@ class _Picture:
 
     def _ranges(self) -> Iterator[tuple[float, float, int]]:
         """Yield ranges of the parameter that are unstable (1) or have no answer (−1), as long as they are."""
+        if len(self.points) < 2:
+            return
+        x, sign = self.points, np.sign(self.unstable)
+        state = np.where((sign[:-1] < 0) | (sign[1:] < 0), -1, sign[:-1])
+        changes = (state >= 0) & (sign[:-1] != sign[1:])
+        cuts: dict[int, list[Critical]] = {}
+        for c in (c for group in self.critical for c in group):
+            k = int(np.searchsorted(x, c.value)) - 1
+            if 0 <= k < len(state) and x[k] < c.value < x[k + 1] and state[k] >= 0:
+                cuts.setdefault(k, []).append(c)
+                changes[k] = True
+        key = np.where(changes, 2 + np.arange(len(state)), state)
+        starts = np.flatnonzero(np.diff(key, prepend=-2))
         found: list[tuple[float, float, int]] = []
-        state = np.sign(self.unstable)
-        inner = [c for group in self.critical for c in group]
-        for i, (a, b) in enumerate(pairwise(self.points)):
-            one, other = int(state[i]), int(state[i + 1])
-            cuts = [c for c in inner if min(a, b) < c.value < max(a, b)] if one >= 0 and other >= 0 else []
-            if one < 0 or other < 0:
-                pieces = [(a, b, -1)]
-            elif cuts:
-                states = [int(c.unstable[0] > 0) for c in cuts] + [int(cuts[-1].unstable[1] > 0)]
-                pieces = list(zip([a, *(c.value for c in cuts)], [*(c.value for c in cuts), b], states, strict=True))
-            else:
-                middle = 0.5 * (a + b)
-                pieces = [(a, b, one)] if one == other else [(a, middle, one), (middle, b, other)]
-            for piece in pieces:
-                if found and found[-1][2] == piece[2]:
-                    found[-1] = (found[-1][0], piece[1], piece[2])
-                elif piece[1] - piece[0] > 1e-9 * self.span:
-                    found.append(piece)
+        for k, end in pairwise([*starts.tolist(), len(state)]):
+            inside = cuts.get(k, [])
+            edges, states = [float(x[k]), float(x[end])], [int(state[k])]
+            if inside:
+                edges[1:1] = [c.value for c in inside]
+                states = [int(c.unstable[0] > 0) for c in inside] + [int(inside[-1].unstable[1] > 0)]
+            elif changes[k]:
+                edges[1:1] = [0.5 * (edges[0] + edges[1])]
+                states.append(int(sign[k + 1]))
+            for (a, b), value in zip(pairwise(edges), states, strict=True):
+                if found and found[-1][2] == value:
+                    found[-1] = (found[-1][0], b, value)
+                elif b - a > 1e-9 * self.span:
+                    found.append((a, b, value))
         yield from (piece for piece in found if piece[2])
 
-    def legend(self, over: bool = True) -> list[Artist]:
+    def legend(self, seen: Mask | None = None, over: bool = True) -> list[Artist]:
         """Return what the legends of all pictures of sweeps have in common."""
         handles: list[Artist] = []
-        if self.growing.any():
+        if np.any(self.growing if seen is None else self.growing & seen):
             handles.append(Line2D([], [], color="k", linewidth=THICK, label="unstable eigenvalue"))
         if over and self.critical:
             text = "critical value" + (f" ({self.unlabelled} without label)" if self.unlabelled else "")
@@ -480,17 +492,17 @@ def _growing(branches: Complex, unstable: npt.NDArray[np.intp]) -> Mask:
 
 def _refined(x: Array, branches: Complex, growing: Mask, result: Sweep) -> tuple[Array, Complex, Mask]:
     """Return branches with more points where eigenvalues pass the axis or collide: there they move like a root."""
-    places = [(c.value, False) for c in result.critical] + [
-        (at, True) for at, how in result.meetings if how == "collide"
-    ]
+    # How many pairs may collide at a place; a divergence may be the collision of a pair at zero.
+    places = [(c.value, {"divergence": 1, "collision": 2}.get(c.kind, 0)) for c in result.critical]
+    places += [(at, 1) for at, how in result.meetings if how == "collide"]
     by_interval: dict[int, dict[float, int]] = {}
-    for at, meets in places:
+    for at, number in places:
         k = int(np.searchsorted(x, at)) - 1
         if 0 <= k < len(x) - 1 and x[k] < at < x[k + 1] and not np.any(np.isnan(branches[k : k + 2])):
             near = by_interval.setdefault(k, {})
-            # A collision is found twice: as a stability change and as a meeting.
+            # Stability changes and meetings are located by themselves: the same place twice.
             twin = next((other for other in near if abs(other - at) < 1e-9 * (x[k + 1] - x[k])), at)
-            near[twin] = near.get(twin, 0) + meets
+            near[twin] = max(near.get(twin, 0), number)
     new_x, new_branches, new_growing, where = [], [], [], []
     for k, near in by_interval.items():
         before, after = branches[k], branches[k + 1]
@@ -535,8 +547,9 @@ def _meeting_pairs(x: Array, branches: Complex, k: int, at: float, number: int) 
         for j in range(i + 1, r):
             one, other = ((branches[m, i] - branches[m, j]) ** 2 for m in (k, k + 1))
             size = abs(one) + abs(other)
-            if size > 0.0 and abs(_part := one + part * (other - one)) < 0.1 * size:
-                found.append((abs(_part) / size, i, j))
+            rest = abs(one + part * (other - one))
+            if (one * other.conjugate()).real < 0.0 and rest < 0.1 * size:
+                found.append((rest / size, i, j))
     pairs: list[tuple[int, int]] = []
     for _, i, j in sorted(found):
         if len(pairs) < number and not any({i, j} & set(pair) for pair in pairs):
@@ -573,7 +586,7 @@ def _crossings(x: Array, frequency: Array, line: Array) -> list[tuple[float, flo
         new = all(abs(at[0] - a) > 1e-4 * span or abs(at[1] - b) > 1e-4 * top for a, b in found)
         if at[1] > 1e-6 * top and new:
             found.append(at)
-    return sorted(found)
+    return found
 
 
 def _name_excitation(labels: _Labels, x: Array, line: Array, text: str) -> None:
@@ -594,12 +607,13 @@ def _curve(axes: Axes, x: Array, y: Array, ink: str, thick: Mask, dashed: bool =
     inner[1:] &= thick[:-1]
     inner[:-1] &= thick[1:]
     for hidden, width in ((inner, THIN), (~thick, THICK)):
-        if hidden.all():
+        shown = np.where(hidden, np.nan, y)
+        if not np.isfinite(shown).any():
             continue
         # Dashes of the same length whatever the width, which they are multiples of.
         dashes: Any = (0, (5.8 / width, 2.4 / width)) if dashed else "-"
         axes.plot(
-            *fewer(x, np.where(hidden, np.nan, y)), color=ink, linewidth=width, linestyle=dashes, zorder=3,
+            *fewer(x, shown), color=ink, linewidth=width, linestyle=dashes, zorder=3,
             solid_capstyle="butt", dash_capstyle="butt",
         )  # fmt: skip
     finite = np.isfinite(x) & np.isfinite(y)
@@ -647,11 +661,21 @@ def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
     cells = []
     for values in (x, y):
         low, high = float(np.min(values[finite])), float(np.max(values[finite]))
-        cells.append(np.where(finite, (values - low) * (BINS / max(high - low, 1e-300)), -1.0).astype(np.intp))
-    moved = (np.diff(cells[0]) != 0) | (np.diff(cells[1]) != 0)
+        cells.append(np.where(finite, (values - low) * (BINS / max(high - low, 1e-300)), np.nan))
+    z = cells[0] + 1j * cells[1]
+    grid = np.where(finite, np.floor(cells[0]) * 2.0 * BINS + np.floor(cells[1]), -1.0)
+    moved = np.diff(grid) != 0.0
     # The last point in a cell stays too: at a turn or before a gap it is the end.
-    keep = np.concatenate([[True], moved]) | np.concatenate([moved, [True]])
-    return x[keep], y[keep]
+    kept = np.flatnonzero(np.concatenate([[True], moved]) | np.concatenate([moved, [True]]))
+    for _ in range(8):
+        # Every other point goes if it lies on the way from the one before to the one after.
+        before, middle, after = z[kept[:-2:2]], z[kept[1:-1:2]], z[kept[2::2]]
+        way = after - before
+        part = (middle - before) * np.conj(way)
+        length = np.abs(way)
+        needless = (np.abs(part.imag) < 0.1 * length) & (part.real > 0.0) & (part.real < length**2)
+        kept = np.delete(kept, 1 + 2 * np.flatnonzero(needless))
+    return x[kept], y[kept]
 
 
 def _edges(values: Array) -> Array:
@@ -717,7 +741,16 @@ def _frame(title: str, heights: Sequence[float], above: float = 0.0) -> tuple[Fi
 
 
 def _legend(figure: Figure, handles: Sequence[Artist]) -> None:
-    figure.legend(handles=handles, loc="lower center", ncols=3, frameon=False, handlelength=3.2, borderaxespad=0.3)
+    columns = 3 if len(handles) <= 6 else 4
+    figure.legend(
+        handles=handles,
+        loc="lower center",
+        ncols=columns,
+        frameon=False,
+        handlelength=3.2,
+        columnspacing=1.5,
+        borderaxespad=0.3,
+    )
 
 
 def _marker(marker: str, size: float, text: str) -> Line2D:
@@ -728,12 +761,10 @@ def _no_answer() -> Patch:
     return Patch(facecolor="w", edgecolor="0.6", hatch="//////", linewidth=0.6, label="no answer")
 
 
-def _beside(axes: Axes) -> Any:
+def _beside(figure: Figure, axes: Axes) -> Any:
     """Return coordinates: across as a part of the axes, up in points from their upper edge."""
     from matplotlib.transforms import Affine2D, blended_transform_factory
 
-    figure = axes.get_figure(root=True)
-    assert figure is not None
     edge = figure.get_figheight() * axes.get_position().y1
     up = Affine2D().scale(1.0 / 72.0).translate(0.0, edge) + figure.dpi_scale_trans
     return blended_transform_factory(axes.transAxes, up)
@@ -866,6 +897,9 @@ class _Labels:
         for line in self.axes.get_lines():
             xy = scale * line.get_transform().transform(np.asarray(line.get_xydata(), dtype=float))
             xy = xy[np.isfinite(xy).all(axis=1)]
+            if line.get_linestyle() == "None":  # markers
+                found += [xy + shift for shift in (0.0, *np.eye(2) * 3.0, *np.eye(2) * -3.0)] * 2
+                continue
             if len(xy) < 2:
                 continue
             along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])

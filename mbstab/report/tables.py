@@ -197,7 +197,7 @@ def equilibrium_text(found: Sequence[Equilibrium], names: Sequence[str], title: 
     for number, item in enumerate(found, 1):
         kind = "Equilibrium" if str(item.steady) == "rest" else f"Steady motion ({item.steady})"
         lines += wrap(kind + (f" {number} of {len(found)}" if len(found) > 1 else ""), width=WIDTH)
-        lines += [_state_table(item, names), _reaction_table(item)]
+        lines += [text for text in (_state_table(item, names), _reaction_table(item)) if text]
         lines += wrap(
             f"found by {item.strategy} in {counted(item.iterations, 'step')}; largest imbalance {item.residual:.1e} of "
             f"what balances ({item.unbalanced[0]:.1e} N, {item.unbalanced[1]:.1e} N*m)",
@@ -206,6 +206,8 @@ def equilibrium_text(found: Sequence[Equilibrium], names: Sequence[str], title: 
         apart = f", apart from {', '.join(item.symmetries)}" if item.symmetries else ""
         text = f"isolated{apart}" if item.isolated else f"not isolated: {'; '.join(item.open)}{apart}"
         lines += [*wrap(text, width=WIDTH, subsequent_indent="  "), ""]
+        if item.timed:
+            lines.insert(-1, f"at t = {item.motion.time:g} s: forces or drives depend on the time")
         if item.motion.redundant:
             lines.insert(-1, "constraints are redundant: of the reactions only their sums are determined")
     return "\n".join(lines).rstrip("\n") + "\n"
