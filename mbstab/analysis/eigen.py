@@ -381,9 +381,8 @@ def answer(
         from mbstab.analysis.periodic import periodic_answer
 
         if method != METHODS[0]:
-            raise UsageError(
-                f"--method {method} is for constant coefficients; a periodic motion has multipliers\nhint: leave out --method"
-            )
+            message = f"--method {method} is for constant coefficients; a periodic motion has multipliers"
+            raise UsageError(f"{message}\nhint: leave out --method")
         return periodic_answer(system, motion, float(period), progress)
     return eigenvalues(linearize(system, motion, frozen), method, lambda: symmetries(system, motion))
 

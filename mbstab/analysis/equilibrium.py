@@ -39,7 +39,13 @@ REACH = 0.5
 CONVERGED = 1e-9
 """Residuals below this, relative to what balances, are polished by undamped steps until they stop falling."""
 
-RELAXATION_STEPS = 400
+PATIENCE = 12
+"""Newton's method goes on while it halves the residuals in so many steps."""
+
+NEAR = 1e-3
+"""A relaxed motion is handed to Newton's method where residuals are below this; if that fails, at a tenth of them."""
+
+RELAXATION_STEPS = 200
 SPIN_UP_STEPS = 40
 SINGULAR = 1e-7
 """A direction of the equations whose singular value is this small beside the largest leaves a solution not isolated."""
@@ -141,8 +147,12 @@ class _Search:
         damping = 0.0
         if self.best is None:
             self.best = at
+        sizes: list[float] = []
         for _ in range(NEWTON_STEPS):
             self.iterations += 1
+            sizes.append(at.size)
+            if len(sizes) > PATIENCE and at.size > CONVERGED and at.size > 0.5 * sizes[-1 - PATIENCE]:
+                break
             G, moving = self.balance.jacobian(at), self.balance.moving
             accepted = None
             while accepted is None:
@@ -173,6 +183,7 @@ class _Search:
         G = self.balance.jacobian(at)
         n = len(open_)
         pace = float(np.max(inertia)) / max(float(np.max(np.abs(G[: self.system.n_q, :n]))), 1e-300)
+        near = NEAR
         for _ in range(RELAXATION_STEPS):
             self.iterations += 1
             G = self.balance.jacobian(at)
@@ -187,11 +198,11 @@ class _Search:
                 continue
             pace = min(pace * min(3.0, at.size / max(trial.size, 1e-300) * 1.3), 1e12)
             at = trial
-            if at.size < 1e-3:
+            if at.size < near:
                 try:
                     return self.newton(at)
                 except _Stalled:
-                    pass
+                    near = 0.1 * at.size
         raise _Stalled(at)
 
     def spun_up(self, q: Array, c: Array) -> State:
@@ -533,6 +544,9 @@ class Problem:
                 row = self.system.rows[search.balance.rows[int(np.argmax(np.abs(speeds)))]]
                 lines.append(f"the motion ({state.steady}) does not satisfy {row}: it drives, blocks or slips")
             hint = "correct reference.steady or the given rates: axis, point and rate must be those of the mechanism"
+        elif moving := self._moving_row(state):
+            lines.append(f"{moving} is not satisfied at rest: it drives the mechanism")
+            hint = "look for a steady motion with find: steady, or choose a time at which the drive rests"
         else:
             lines.append(f"it stalled with {abs(force[worst]):.4g} {unit} unbalanced on {self.system.names[worst]}")
             hint = "other starting values under reference.guess, or --starts 20"
@@ -552,6 +566,13 @@ class Problem:
             lines.append(f"nothing holds {pulled}: whatever the position, the force along it stays")
             hint = "hold it with a joint, a spring or a contact; a body in free fall has no equilibrium"
         return EquilibriumError("\n".join([*lines, f"hint: {hint}"]))
+
+    def _moving_row(self, state: State) -> str:
+        """Return a row that a state at rest does not satisfy, in words."""
+        if np.any(state.u):
+            return ""
+        V = np.abs(self.system.dynamics(state.q, state.u).V)
+        return str(self.system.rows[int(np.argmax(V))]) if np.max(V, initial=0.0) > 0.0 else ""
 
     def _nothing_holds(self, state: State) -> str:
         """Name a coordinate on which a force acts that no position changes and no constraint takes."""

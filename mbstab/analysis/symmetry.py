@@ -45,7 +45,7 @@ def symmetries(system: System, motion: Motion) -> list[Symmetry]:
     # Rows may depend on a shift away from the constraints only, so shifts are tried on them as well.
     moved = [(name, _shift(system, motion, direction)) for name, direction in _shifts(system)]
     turned = [(name, _rotation(system, motion, axis, point)) for name, axis, point in _axes(system, motion)]
-    for name, direction in [*moved, *turned]:
+    for name, direction in [*moved, *turned, ("the motion itself", _own(system, motion))]:
         if direction is not None and np.any(direction):
             basis = np.array([s.direction for s in found] + [direction]) / motion.spaces.scale
             basis /= np.linalg.norm(basis, axis=1)[:, None]
@@ -169,6 +169,16 @@ def _named(system: System, null: Array, scale: Array) -> list[Symmetry]:
 
 
 # --- rotations ------------------------------------------------------------------------------------------------------
+
+
+def _own(system: System, motion: Motion) -> Array | None:
+    """Return the direction of a steady motion, if going along it is a symmetry at any time."""
+    for generator in motion.generators:
+        if generator.turns or np.any(generator.velocity):
+            rate = abs(generator.rate) or float(np.max(np.abs(generator.field(motion.q)) / motion.sizes))
+            q, T = generator.flow(motion.q, ANGLE / rate)
+            return generator.field(motion.q) if _carries(system, motion, q, T) else None
+    return None
 
 
 def _axes(system: System, motion: Motion) -> list[tuple[str, Array, Array]]:

@@ -48,7 +48,7 @@ SUFFIXES = (".png", ".svg", ".pdf")
     "--pictures",
     "place",
     type=click.Path(path_type=Path),
-    help="Start of the names of the pictures, with the suffix .png, .svg or .pdf; beside model or --output if not given.",
+    help="How the names of the pictures begin, with the suffix .png, .svg or .pdf; else beside the model or --output.",
 )
 @click.option("--resume", is_flag=True, help="Go on with a sweep to --output that was interrupted.")
 @click.option("--jobs", type=click.IntRange(1, 1024), default=1, show_default=True, help="Number of processes.")

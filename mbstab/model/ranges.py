@@ -53,10 +53,8 @@ def sweep_values(
         return found
     default = model.sweep.get(parameter)
     ends = []
-    for name, given, written in (
-        ("--from", start, default and default.start),
-        ("--to", stop, default and default.stop),
-    ):
+    written_ends = (None, None) if default is None else (default.start, default.stop)
+    for name, given, written in zip(("--from", "--to"), (start, stop), written_ends, strict=True):
         if given is not None:
             ends.append(_value(model, parameter, given))
         elif written is not None:

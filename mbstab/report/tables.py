@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from io import StringIO
+from itertools import pairwise
 from textwrap import wrap
 from typing import Any
 
@@ -283,7 +284,7 @@ def _ranges(result: Sweep, factor: float) -> list[str]:
     values = sorted(float(x) / factor for x in (result.values[0], result.values[-1]))
     ends = [values[0], *sorted(c.value / factor for c in result.critical), values[1]]
     lines = []
-    for a, b in zip(ends[:-1], ends[1:], strict=True):
+    for a, b in pairwise(ends):
         inside = (result.values / factor > a) & (result.values / factor < b) & (result.unstable >= 0)
         counts = sorted({int(n) for n in result.unstable[inside]})
         if counts and b > a:
