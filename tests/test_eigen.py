@@ -607,9 +607,6 @@ def test_the_drift_of_a_pair_that_turns_is_a_double_neutral_pair():
     assert result.verdict == "marginally stable"
 
 
-@pytest.mark.xfail(
-    reason="deflate_pairs takes two of four null vectors, which S does not carry into themselves", strict=True
-)
 def test_a_free_body_has_a_third_pair_at_the_rate_of_its_frame_and_keeps_the_digits_of_the_others():
     text = """\
 mbstab: 1

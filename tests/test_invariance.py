@@ -493,15 +493,6 @@ def shift_of(name):
     return [0.17 * float(i == SPIN_AXIS[name]) for i in range(3)]
 
 
-def failing(names, known, reason):
-    """Return the names, with those marked that are known to fail."""
-    mark = pytest.mark.xfail(reason=reason, strict=True)
-    return [pytest.param(name, marks=mark) if name in known else name for name in names]
-
-
-STALLS = "the search for the reference stalls near its solution"
-
-
 def assert_same(name, model):
     original, found = mbstab.loads(MODELS[name]).eig(), load(model).eig()
     assert found.verdict == original.verdict
@@ -511,7 +502,7 @@ def assert_same(name, model):
     np.testing.assert_array_less(difference, 1e-11)
 
 
-@pytest.mark.parametrize("name", failing(MODELS, {"bricard"}, STALLS))
+@pytest.mark.parametrize("name", MODELS)
 def test_names_and_order_do_not_matter(name):
     assert_same(name, renamed_and_reordered(read(name)))
 
@@ -531,10 +522,7 @@ def test_left_and_right_do_not_matter_in_space(name):
     assert_same(name, mirrored_in_space(read(name)))
 
 
-ROUNDING_TRAVELS = "the guard follows a speed of rounding for as long as it takes to travel"
-
-
-@pytest.mark.parametrize("name", failing(PLAIN, {"bead_on_hoop"}, ROUNDING_TRAVELS))
+@pytest.mark.parametrize("name", PLAIN)
 def test_the_direction_of_the_axes_does_not_matter(name):
     assert_same(name, turned(read(name)))
 
@@ -544,7 +532,7 @@ def test_declared_units_do_not_matter(name):
     assert_same(name, in_small_units(read(name)))
 
 
-@pytest.mark.parametrize("name", failing(PLAIN, {"bricard"}, STALLS))
+@pytest.mark.parametrize("name", PLAIN)
 def test_all_of_these_together_do_not_matter(name):
     assert_same(name, everything(read(name), name))
 
@@ -569,7 +557,7 @@ SCALES = {
 ALL_IN_PARAMETERS = sorted(set(PLAIN) - {"slider_crank", "trailer"})
 
 
-@pytest.mark.parametrize("name", failing(ALL_IN_PARAMETERS, {"bricard", "governor_paper"}, STALLS))
+@pytest.mark.parametrize("name", ALL_IN_PARAMETERS)
 def test_a_model_of_other_size_mass_and_speed_has_eigenvalues_scaled_by_the_time(name):
     model = mbstab.loads(MODELS[name])
     literal = {k: p for k, p in model.model.parameters.items() if p.expression.literal}

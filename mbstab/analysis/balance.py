@@ -99,17 +99,17 @@ class Balance:
         lengths = self._lengths(state.J)
         if np.max(np.abs(state.E[: system.n_h] / lengths[: system.n_h]), initial=0.0) > TOLERANCE:
             return np.arange(system.n_c)
-        kept: list[int] = []
-        basis = np.zeros((0, system.n_q))
-        for i in range(system.n_c):
-            row = J[i] / lengths[i]
-            for _ in range(2):
-                row = row - basis.T @ (basis @ row)
-            length = float(np.linalg.norm(row))
-            if length > DEPENDENT or not np.any(J[i]):
-                kept.append(i)
-                basis = np.vstack([basis, row / (length or 1.0)])
-        return np.array(kept, dtype=np.intp)
+        left, s, _ = np.linalg.svd(J / lengths[:, None])
+        dependences = left[:, int(np.sum(s > DEPENDENT)) :]
+        kept = np.ones(system.n_c, dtype=bool)
+        for _ in range(dependences.shape[1]):
+            # Without the row that weighs most in a dependence the others are as independent as can be.
+            weights = np.where(kept, np.linalg.norm(dependences, axis=1), 0.0)
+            row = int(np.argmax(weights))
+            kept[row] = False
+            direction = dependences[row] / weights[row]
+            dependences = dependences - np.outer(dependences @ direction, direction)
+        return np.flatnonzero(kept)
 
     def coefficients(self, c: Array) -> Array:
         """Return the coefficients with the given ones put in."""
