@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,6 +32,7 @@ from mbstab.model.schema import Model
 from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides
 
 if TYPE_CHECKING:
+    from mbstab.analysis.chart import Chart
     from mbstab.analysis.equilibrium import Equilibrium
     from mbstab.analysis.sweep import Sweep
 
@@ -180,6 +181,31 @@ class Mechanism:
 
         settings = parse_overrides(self.model, parameters)
         return sweep(self.model, parameter, values, settings, progress, directory, resume, jobs, cluster)
+
+    @guarded
+    def chart(
+        self,
+        values: Mapping[str, Array],
+        progress: Callable[[float], object] = lambda done: None,
+        directory: Path | None = None,
+        resume: bool = False,
+        jobs: int = 1,
+        cluster: str = "",
+        **parameters: Setting,
+    ) -> Chart:
+        """Return the number of unstable eigenvalues over two parameters, and the curves where it changes.
+
+        Parameters
+        ----------
+        values : mapping
+            Two parameters and their values in SI, ascending.
+        progress, directory, resume, jobs, cluster
+            As in `sweep`.
+        """
+        from mbstab.analysis.chart import chart
+
+        settings = parse_overrides(self.model, parameters)
+        return chart(self.model, values, settings, progress, directory, resume, jobs, cluster)
 
     @guarded
     def check(self, **parameters: Setting) -> CheckReport:

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.linearize import Linearization, StateSpace, linearize, state_space
+from mbstab.analysis.numerics import assigned
 from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.subspaces import rank_of
@@ -728,11 +729,9 @@ def matched(found: Any, expected: Any) -> Array:
     -----
     Sorting complex numbers pairs them wrongly when real parts differ by round-off.
     """
-    from scipy.optimize import linear_sum_assignment
-
     found, expected = np.asarray(found, dtype=complex), np.asarray(expected, dtype=complex)
     distance = np.abs(found[:, None] - expected[None, :])
-    i, j = linear_sum_assignment(distance)
     result = np.empty(len(expected))
-    result[j] = distance[i, j]
+    columns = assigned(distance)
+    result[columns] = distance[np.arange(len(found)), columns]
     return result

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from mbstab.errors import NumericalError
 
@@ -29,3 +31,73 @@ def guarded(function: Callable[P, T]) -> Callable[P, T]:
             ) from error
 
     return inner
+
+
+def assigned(cost: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
+    """Return for each row of a square matrix the column it is paired with, so that the sum is least.
+
+    Shortest augmenting paths (Jonker and Volgenant 1987, Computing 38). For the few eigenvalues of
+    a mechanism this is done long before SciPy's routine for the same would be imported.
+    """
+    n = len(cost)
+    u, v = np.zeros(n), np.zeros(n + 1)
+    row_of = np.full(n + 1, -1)  # the last column is where paths start
+    for row in range(n):
+        row_of[n], j = row, n
+        least, before = np.full(n, np.inf), np.full(n, n)
+        seen = np.zeros(n + 1, dtype=bool)
+        while row_of[j] >= 0:
+            seen[j] = True
+            i = int(row_of[j])
+            reduced = cost[i] - u[i] - v[:n]
+            better = ~seen[:n] & (reduced < least)
+            least[better], before[better] = reduced[better], j
+            following = int(np.argmin(np.where(seen[:n], np.inf, least)))
+            delta = float(least[following])
+            u[row_of[np.flatnonzero(seen)]] += delta
+            v[seen] -= delta
+            least[~seen[:n]] -= delta
+            j = following
+        while j != n:
+            row_of[j] = row_of[before[j]]
+            j = int(before[j])
+    columns = np.empty(n, dtype=np.intp)
+    columns[row_of[:n]] = np.arange(n)
+    return columns
+
+
+def root(f: Callable[[float], float], a: float, b: float) -> float:
+    """Return where a function with values of opposite sign at a and b is zero, to the last digits.
+
+    Inverse quadratic interpolation where that is safe, bisection otherwise (Chandrupatla 1997,
+    Adv. Eng. Software 28).
+
+    Raises
+    ------
+    NumericalError
+        If the function has no value in between.
+    """
+    a, b = float(a), float(b)
+    fa, fb = f(a), f(b)
+    c, fc, t = a, fa, 0.5
+    for _ in range(200):
+        x = a + t * (b - a)
+        fx = f(x)
+        if not math.isfinite(fx):
+            raise NumericalError(f"a function whose zero is looked for has no value at {x:.17g}")
+        if (fx > 0.0) == (fa > 0.0):
+            c, fc = a, fa
+        else:
+            c, fc, b, fb = b, fb, a, fa
+        a, fa = x, fx
+        best, f_best = (a, fa) if abs(fa) < abs(fb) else (b, fb)
+        width = 2.0 * float(np.finfo(float).eps) * abs(best)
+        if f_best == 0.0 or abs(b - a) <= 2.0 * width or 0.5 * width > abs(b - a):
+            return best
+        least = width / abs(b - a)
+        xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
+        t = 0.5
+        if phi * phi < xi and (1.0 - phi) ** 2 < 1.0 - xi:
+            t = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
+        t = min(1.0 - least, max(least, t))
+    return best

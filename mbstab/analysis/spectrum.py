@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.analysis.numerics import assigned
+
 Complex = npt.NDArray[np.complex128]
 Index = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
@@ -110,7 +112,5 @@ def _followed(before: Complex, after: Complex) -> tuple[Index, Flags]:
 
 def _untwin(link: Index, moved: npt.NDArray[np.float64], doubtful: Flags) -> None:
     """Give each of equal eigenvalues a successor of its own."""
-    from scipy.optimize import linear_sum_assignment
-
     for k in np.flatnonzero(doubtful):
-        link[k] = linear_sum_assignment(moved[k])[1]
+        link[k] = assigned(moved[k])

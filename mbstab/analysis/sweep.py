@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from mbstab.analysis.batch import Evaluator
 from mbstab.analysis.blocks import Block, Progress, Store, key_of, run, tasks
+from mbstab.analysis.numerics import assigned, root
 from mbstab.analysis.spectrum import (
     STABLE,
     Complex,
@@ -34,8 +35,6 @@ from mbstab.analysis.spectrum import (
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.model.schema import Model
-
-EPS = float(np.finfo(float).eps)
 
 RESOLUTION = 1e-12
 """Eigenvalues that are not told apart in an interval of this relative width cross or collide in it."""
@@ -335,8 +334,6 @@ class _Tracker:
         right: list[tuple[_Piece, Index | None]],
     ) -> Index:
         """Return what becomes of eigenvalues that meet: those that cross go straight on."""
-        from scipy.optimize import linear_sum_assignment
-
         a, b = middle[0][0].a, middle[-1][0].b
         before, after = middle[0][0].before, middle[-1][0].after
         far_before, reach_left = _reach(left[::-1], before, -1)
@@ -347,8 +344,7 @@ class _Tracker:
         back = (far_after - after) / reach_right if reach_right else 0.0 * after
         ahead, behind = far_before + slope * step, far_after - back * step
         cost = np.abs(ahead[:, None] - far_after[None, :]) + np.abs(far_before[:, None] - behind[None, :])
-        _, link = linear_sum_assignment(cost)
-        link = np.asarray(link, dtype=np.intp)
+        link = assigned(cost)
         for i, j in _close_pairs(before, after, link):
             g_before, g_after = (far_before[i] - far_before[j]) ** 2, (far_after[link[i]] - far_after[link[j]]) ** 2
             collides = (g_before * np.conj(g_after)).real < 0.0
@@ -417,14 +413,12 @@ class _Tracker:
 
     def _linked(self, spectra: Complex) -> Complex:
         """Return spectra in columns that are continuous, where eigenvalues do not meet."""
-        from scipy.optimize import linear_sum_assignment
-
         links, clear = follow(spectra[:-1], spectra[1:])
         current = np.arange(spectra.shape[1])
         order = [current]
         for k, link in enumerate(links):
             if not clear[k]:
-                link = linear_sum_assignment(np.abs(spectra[k][:, None] - spectra[k + 1][None, :]))[1]
+                link = assigned(np.abs(spectra[k][:, None] - spectra[k + 1][None, :]))
             current = link[current]
             order.append(current)
         return np.take_along_axis(spectra, np.array(order), axis=1)
@@ -503,7 +497,6 @@ class _Tracker:
         branches: Complex,
     ) -> Critical:
         """Return the stability change in a bracket."""
-        from scipy.optimize import brentq
 
         def spectrum(p: float) -> Complex:
             found: Complex = self.evaluator.near({self.parameter: np.array([p])}, self.values.shape[1])[0]
@@ -511,7 +504,7 @@ class _Tracker:
 
         value, size = 0.5 * (a + b), float(np.max(np.abs([before, after])))
         if test is not None:
-            value = float(brentq(lambda p: test(spectrum(p), size), a, b, xtol=1e-300, rtol=4.0 * EPS))
+            value = root(lambda p: test(spectrum(p), size), a, b)
         counts = unstable_counts(np.array([before, after]))
         return self._described(value, kind, spectrum(value), (int(counts[0]), int(counts[1])), branches)
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,22 +19,41 @@ from mbstab.cli.common import (
     show,
     write,
 )
-from mbstab.errors import NumericalError, UsageError
+from mbstab.errors import NumericalError, OutputError, UsageError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from mbstab.analysis.chart import Chart
     from mbstab.analysis.sweep import Sweep
+
+Answer = dict[str, Callable[[], "str | bytes"]]
 
 FORMATS = ("table", "json", "csv", "npz")
 PICTURES = ("map", "locus", "campbell", "none")
 SUFFIXES = (".png", ".svg", ".pdf")
+CHART_POINTS = 101
 
 
 @click.command()
 @file_argument
-@click.option("--param", "parameters", metavar="NAME", multiple=True, required=True, help="Parameter to sweep.")
-@click.option("--from", "start", metavar="VALUE", help="First value, in the parameter's unit or an expression.")
-@click.option("--to", "stop", metavar="VALUE", help="Last value.")
-@click.option("--points", type=click.IntRange(2, 10_000_000), help="Number of values.")
+@click.option(
+    "--param",
+    "parameters",
+    metavar="NAME",
+    multiple=True,
+    required=True,
+    help="Parameter to sweep; a second one makes a stability chart.",
+)
+@click.option(
+    "--from",
+    "start",
+    metavar="VALUE",
+    multiple=True,
+    help="First value, in the parameter's unit or an expression; with two parameters once for each.",
+)
+@click.option("--to", "stop", metavar="VALUE", multiple=True, help="Last value.")
+@click.option("--points", type=click.IntRange(2, 10_000_000), multiple=True, help="Number of values.")
 @click.option("--log", "logarithmic", is_flag=True, help="Space the values logarithmically.")
 @click.option("--values", metavar="LIST", help="The values themselves, separated by commas.")
 @set_option
@@ -58,9 +78,9 @@ SUFFIXES = (".png", ".svg", ".pdf")
 def sweep(
     file: str,
     parameters: tuple[str, ...],
-    start: str | None,
-    stop: str | None,
-    points: int | None,
+    start: tuple[str, ...],
+    stop: tuple[str, ...],
+    points: tuple[int, ...],
     logarithmic: bool,
     values: str | None,
     settings: tuple[str, ...],
@@ -74,16 +94,21 @@ def sweep(
 ) -> None:
     """Follow the eigenvalues over a parameter and find the values at which stability changes.
 
-    The range is that of the file's sweep: block unless given. The terminal shows the critical values; all branches go
-    to --output as CSV, JSON or npz, and pictures beside it.
+    With two parameters the number of unstable eigenvalues over both is drawn as a chart. The range is that of the
+    file's sweep: block unless given. The terminal shows the critical values; all branches go to --output as CSV, JSON
+    or npz, and pictures beside it.
 
     Example: mbstab sweep top.yaml --param omega --from 0 --to 12 -o top.csv
     """
     from mbstab.model.ranges import sweep_values
 
-    if len(parameters) > 1:
-        raise UsageError("a sweep follows one parameter; give --param once")
-    (parameter,) = parameters
+    if len(parameters) > 2 or len(set(parameters)) < len(parameters):
+        raise UsageError("a sweep has one parameter, a chart two different ones")
+    for name, given in (("--from", start), ("--to", stop), ("--points", points)):
+        if given and len(given) != len(parameters):
+            raise UsageError(f"{name} is given {len(given)} times for {len(parameters)} parameters: once for each")
+    if len(parameters) == 2 and values is not None:
+        raise UsageError("--values goes with one parameter")
     format_ = format_ or _format_of(output)
     if format_ == "npz" and output is None:
         raise UsageError("--format npz needs --output")
@@ -91,57 +116,110 @@ def sweep(
         raise UsageError("--resume goes with --output, beside which the finished parts are kept")
     mechanism = load_model(file)
     model = mechanism.model
-    grid = sweep_values(model, parameter, start, stop, points, logarithmic, values)
+    count = None if len(parameters) == 1 else CHART_POINTS
+    grids = {
+        name: sweep_values(
+            model,
+            name,
+            start[i] if start else None,
+            stop[i] if stop else None,
+            points[i] if points else count,
+            logarithmic,
+            values,
+        )
+        for i, name in enumerate(parameters)
+    }
     directory = output.with_name(output.name + ".parts") if output is not None else None
-    with progress_bar("sweeping") as progress:
-        result = mechanism.sweep(
-            parameter,
-            grid,
-            progress=progress,
-            directory=directory,
-            resume=resume,
-            jobs=jobs,
-            cluster=cluster,
-            **parse_settings(settings),
-        )
-    unit, factor = model.parameters[parameter].unit, model.parameters[parameter].factor
-    if format_ == "table":
-        from mbstab.report.tables import sweep_text
-
-        write(sweep_text(result, unit, factor, model.title), output, model.name)
+    run: dict[str, Any] = {
+        "directory": directory,
+        "resume": resume,
+        "jobs": jobs,
+        "cluster": cluster,
+        **parse_settings(settings),
+    }
+    labels = [(model.parameters[name].unit, model.parameters[name].factor) for name in parameters]
+    stem = _stem(place, output, Path(model.name), "-".join(parameters))
+    wanted = pictures or (("map", "locus") if format_ == "table" or output is not None else ())
+    drawn = () if "none" in wanted else wanted
+    answer: Sweep | Chart
+    if len(parameters) == 1:
+        with progress_bar("sweeping") as progress:
+            answer = mechanism.sweep(parameters[0], grids[parameters[0]], progress=progress, **run)
+        _write(_sweep_answer(answer, *labels[0], model.name, model.title), format_, output, model.name)
+        _draw(answer, drawn, *stem, _label(parameters[0], labels[0][0]), model.title)
+        total = len(answer.values)
     else:
-        from mbstab.report import export
+        with progress_bar("sweeping") as progress:
+            answer = mechanism.chart(grids, progress=progress, **run)
+        _write(_chart_answer(answer, labels, model.name, model.title), format_, output, model.name)
+        if drawn:
+            _draw_chart(answer, *stem, labels, model.title)
+        total = answer.unstable.size
+    if answer.problems:
+        raise NumericalError(f"{len(answer.problems)} of {total} points have no answer; the others are computed")
 
-        if format_ == "json":
-            write(export.to_json(export.sweep_data(result, unit, factor, model.name, model.title)), output, model.name)
-        elif format_ == "csv":
-            write(export.sweep_csv(result, factor), output, model.name)
-        else:
-            write(export.npz_bytes(export.sweep_arrays(result, factor)), output, model.name)
-        if output is not None:
-            from mbstab.report.tables import sweep_text
 
-            show(sweep_text(result, unit, factor, model.title))
-    if not pictures and (format_ == "table" or output is not None):
-        pictures = ("map", "locus")
-    if pictures and "none" not in pictures:
-        _draw(
-            result, pictures, *_stem(place, output, Path(model.name), parameter), _label(parameter, unit), model.title
-        )
-    if result.problems:
-        count = len(result.problems)
-        raise NumericalError(f"{count} of {len(result.values)} points have no answer; the others are computed")
+def _sweep_answer(result: Sweep, unit: str, factor: float, name: str, title: str) -> Answer:
+    """Return how a sweep is written, by format."""
+    from mbstab.report import export, tables
+
+    return {
+        "table": lambda: tables.sweep_text(result, unit, factor, title),
+        "json": lambda: export.to_json(export.sweep_data(result, unit, factor, name, title)),
+        "csv": lambda: export.sweep_csv(result, factor),
+        "npz": lambda: export.npz_bytes(export.sweep_arrays(result, factor)),
+    }
+
+
+def _chart_answer(result: Chart, labels: list[tuple[str, float]], name: str, title: str) -> Answer:
+    """Return how a chart is written, by format."""
+    from mbstab.report import export, tables
+
+    return {
+        "table": lambda: tables.chart_text(result, labels, title),
+        "json": lambda: export.to_json(export.chart_data(result, labels, name, title)),
+        "csv": lambda: export.chart_csv(result, labels),
+        "npz": lambda: export.npz_bytes(export.chart_arrays(result, labels)),
+    }
+
+
+def _write(answer: Answer, format_: str, output: Path | None, name: str) -> None:
+    """Write the data, and the summary to the terminal where the data go to a file."""
+    write(answer[format_](), output, name)
+    if output is not None and format_ != "table":
+        show(str(answer["table"]()))
+
+
+def _draw_chart(result: Chart, stem: Path, suffix: str, labels: list[tuple[str, float]], title: str) -> None:
+    from mbstab.report import plots
+
+    texts = [_label(name, unit) for name, (unit, _) in zip(result.parameters, labels, strict=True)]
+    figure = plots.chart(result.x, result.y, result.unstable, result.boundaries, (texts[0], texts[1]), title)
+    _save(figure, stem.with_name(f"{stem.name}-chart{suffix}"))
 
 
 def _draw(result: Sweep, pictures: tuple[str, ...], stem: Path, suffix: str, label: str, title: str) -> None:
     """Draw pictures of a sweep to files whose names begin alike."""
+    if not pictures:
+        return
     from mbstab.report import plots
 
     kinds = {"map": plots.stability_map, "locus": plots.root_locus, "campbell": plots.campbell}
     for picture in pictures:
         path = stem.with_name(f"{stem.name}-{picture}{suffix}")
-        plots.save(kinds[picture](result, label, title), path)
-        note(f"wrote {path}")
+        _save(kinds[picture](result, label, title), path)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    from mbstab.report import plots
+
+    try:
+        plots.save(figure, path)
+    except (FileNotFoundError, NotADirectoryError, PermissionError) as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror}") from None
+    note(f"wrote {path}")
 
 
 def _stem(place: Path | None, output: Path | None, model: Path, parameter: str) -> tuple[Path, str]:

@@ -10,6 +10,7 @@ from dataclasses import asdict
 from io import BytesIO, StringIO
 from typing import Any
 
+from mbstab.analysis.chart import Chart
 from mbstab.analysis.check import CheckReport
 from mbstab.analysis.eigen import EigenResult
 from mbstab.analysis.equilibrium import Equilibrium
@@ -235,6 +236,51 @@ def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
         "unstable": result.unstable,
         "critical": np.array([c.value / factor for c in result.critical]),
         "critical_kind": np.array([c.kind for c in result.critical]),
+    }
+
+
+def chart_data(result: Chart, labels: Sequence[tuple[str, float]], model: str, title: str) -> dict[str, Any]:
+    """Return the JSON object of a stability chart.
+
+    Keys: ``model``, ``title``, ``parameters``, ``units``, ``values`` (two lists, in these units),
+    ``unstable`` (for each value of the second parameter a list over the first; null without an
+    answer), ``boundaries`` (lists of points), ``problems``.
+    """
+    return {
+        "model": model,
+        "title": title,
+        "parameters": result.parameters,
+        "units": [unit for unit, _ in labels],
+        "values": [(x / factor).tolist() for x, (_, factor) in zip((result.x, result.y), labels, strict=True)],
+        "unstable": [[int(n) if n >= 0 else None for n in row] for row in result.unstable],
+        "boundaries": [curve / [factor for _, factor in labels] for curve in result.boundaries],
+        "problems": [{"point": i, "reason": reason} for i, reason in result.problems.items()],
+    }
+
+
+def chart_csv(result: Chart, labels: Sequence[tuple[str, float]]) -> str:
+    """Return one line for each point of a chart."""
+    x, y = (along / factor for along, (_, factor) in zip((result.x, result.y), labels, strict=True))
+    rows = [
+        [float(a), float(b), int(result.unstable[i, j]) if result.unstable[i, j] >= 0 else ""]
+        for i, b in enumerate(y)
+        for j, a in enumerate(x)
+    ]
+    return to_csv([*result.parameters, "unstable"], rows)
+
+
+def chart_arrays(result: Chart, labels: Sequence[tuple[str, float]]) -> dict[str, Any]:
+    """Return the arrays of a chart for npz files; boundary curves are parted by rows of nan."""
+    import numpy as np
+
+    factors = [factor for _, factor in labels]
+    curves = [part for curve in result.boundaries for part in (curve / factors, np.full((1, 2), np.nan))]
+    return {
+        "parameters": np.array(result.parameters),
+        "x": result.x / factors[0],
+        "y": result.y / factors[1],
+        "unstable": result.unstable,
+        "boundaries": np.concatenate(curves) if curves else np.zeros((0, 2)),
     }
 
 

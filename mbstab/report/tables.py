@@ -9,6 +9,7 @@ from itertools import pairwise
 from textwrap import wrap
 from typing import Any
 
+from mbstab.analysis.chart import Chart
 from mbstab.analysis.check import CheckReport
 from mbstab.analysis.eigen import EigenResult, Eigenvalue, show
 from mbstab.analysis.equilibrium import Equilibrium
@@ -291,6 +292,22 @@ def _ranges(result: Sweep, factor: float) -> list[str]:
             what = "stable" if counts == [0] else f"unstable ({', '.join(map(str, counts))})"
             lines.append(f"  {number(a, 6)} to {number(b, 6)}: {what}")
     return lines
+
+
+def chart_text(result: Chart, labels: Sequence[tuple[str, float]], title: str) -> str:
+    """Return the summary of a stability chart."""
+    lines = [title, ""] if title else []
+    for name, (unit, factor), along in zip(result.parameters, labels, (result.x, result.y), strict=True):
+        first, last = number(float(along[0]) / factor), number(float(along[-1]) / factor)
+        lines.append(f"{name}{f' ({unit})' if unit else ''} from {first} to {last}, {len(along)} values")
+    counts = sorted({int(n) for n in result.unstable.flat})
+    rows = []
+    for n in counts:
+        share = float((result.unstable == n).mean())
+        rows.append(["no answer" if n < 0 else "stable" if n == 0 else f"unstable ({n})", f"{share:.1%}"])
+    lines += ["", table(["region", "part of the points"], rows, left=(0,))]
+    lines.append(f"{counted(len(result.boundaries), 'boundary curve')}")
+    return "\n".join(lines) + "\n"
 
 
 def check_text(report: CheckReport, title: str) -> str:
