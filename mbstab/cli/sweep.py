@@ -22,8 +22,6 @@ from mbstab.cli.common import (
 from mbstab.errors import NumericalError, OutputError, UsageError
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from mbstab.analysis.chart import Chart
     from mbstab.analysis.sweep import Sweep
 
@@ -210,7 +208,7 @@ def _draw(result: Sweep, pictures: tuple[str, ...], stem: Path, suffix: str, lab
         _save(kinds[picture](result, label, title), path)
 
 
-def _save(figure: Figure, path: Path) -> None:
+def _save(figure: Any, path: Path) -> None:
     from mbstab.report import plots
 
     try:
