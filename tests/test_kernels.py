@@ -516,8 +516,15 @@ def effort(motion):
     return lambda b, p, s, u, w: s[0] * rate_of(lambda at: motion(at, p), b, w)
 
 
+def ideal_spring(b, p, s, u, w):
+    gap = b[0].position(p["first"]) - b[1].position(p["second"])
+    rate = b[0].velocity(p["first"], w[0]) - b[1].velocity(p["second"], w[1])
+    return -p["stiffness"][0] * (gap @ rate)
+
+
 POWER = {
     "spring": spring(length),
+    "ideal_spring": ideal_spring,
     "angle_spring": spring(angle),
     "displacement_spring": spring(travel),
     "angle_effort": effort(angle),

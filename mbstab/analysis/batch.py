@@ -116,8 +116,10 @@ class Evaluator:
         self.patterns: list[_Pattern] = []
         self.paths: dict[str, Path] = {}
 
-    def path(self, values: Mapping[str, Array]) -> Path | None:
+    def path(self, values: Mapping[str, Array], start: float | None = None) -> Path | None:
         """Return the equilibria over the parameter that is swept, where a file asks to find them.
+
+        They are followed from `start`, the first value if not given.
 
         Raises
         ------
@@ -130,7 +132,7 @@ class Evaluator:
         low, high = float(np.min(x)), float(np.max(x))
         known = self.paths.get(parameter)
         if known is None or low < known.low or high > known.high:
-            self.paths[parameter] = known = follow(self.model, parameter, self.settings, low, high)
+            self.paths[parameter] = known = follow(self.model, parameter, self.settings, low, high, start)
         return known
 
     def spectra(self, values: Mapping[str, Array], progress: Callable[[float], object] = lambda done: None) -> Spectra:
@@ -400,6 +402,7 @@ class _Block:
         known = self.pattern.balance
         assert known is not None
         family, given = declared_family(self.system)
+        family = replace(family, columns=known.family.columns)
         held = np.ones(self.system.n_q, dtype=bool)
         held[known.open] = False
         q[:, held] = self._given(self.system.scene.coordinates, q[0])[:, held]

@@ -45,6 +45,8 @@ class Path:
         Values beyond which no solution was found, and why.
     low, high : float
         The range that was asked for.
+    start : float
+        Where the first solution was found.
     """
 
     values: Array
@@ -53,6 +55,7 @@ class Path:
     lost: tuple[tuple[float, str], ...]
     low: float
     high: float
+    start: float
 
     def predicted(self, values: Array) -> tuple[Array, Array]:
         """Return starting values at parameter values, shapes (points, n_q) and (points, size)."""
@@ -70,8 +73,13 @@ class Path:
         return q[0], c[0]
 
 
-def follow(model: Model, parameter: str, settings: Mapping[str, float], low: float, high: float) -> Path:
-    """Return the solutions over a range of a parameter, from where the file's own value lies in it, both ways.
+def follow(
+    model: Model, parameter: str, settings: Mapping[str, float], low: float, high: float, first_at: float | None = None
+) -> Path:
+    """Return the solutions over a range of a parameter, followed from one value both ways.
+
+    From `first_at`, or else the lowest value; where there is none, from the other end, the file's
+    own value, or the middle.
 
     Raises
     ------
@@ -79,8 +87,9 @@ def follow(model: Model, parameter: str, settings: Mapping[str, float], low: flo
         If there is no solution to start from.
     """
     nominal = float(evaluate_parameters(model, dict(settings), FLOAT)[parameter])
-    starts = [nominal] if low <= nominal <= high else []
-    starts += [low, high, 0.5 * (low + high)]
+    starts = [low if first_at is None else first_at, low, high]
+    starts += [nominal] if low <= nominal <= high else []
+    starts.append(0.5 * (low + high))
     failure: MbstabError | None = None
     for start in starts:
         try:
@@ -98,7 +107,7 @@ def follow(model: Model, parameter: str, settings: Mapping[str, float], low: flo
             lost.append(reason)
     values = np.array(sorted(found))
     q, c = (np.array([found[float(p)][k] for p in values]) for k in (0, 1))
-    return Path(values, q, c, tuple(lost), low, high)
+    return Path(values, q, c, tuple(lost), low, high, start)
 
 
 def _follow(
@@ -122,12 +131,12 @@ def _follow(
         try:
             solution = _solution(model, {**settings, parameter: goal}, (q, c))
             error = float(np.max(np.abs((solution[0] - q) / sizes), initial=0.0))
-        except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as failure:
-            solution, error, reason = None, np.inf, str(failure)
+        except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
+            solution, error = None, np.inf
         if solution is None or error > TRUSTED:
             step *= 0.5
             if abs(step) < LEAST * width:
-                return at, reason if solution is None else "the solution turns back"
+                return at, "it ends there" if solution is None else "it turns back"
             continue
         found[goal] = solution
         before, at = at, goal

@@ -56,6 +56,9 @@ ADVICE = (
     "or describe the motion so that it stands still"
 )
 
+INDEPENDENT = 1e3
+"""Equal eigenvalues whose vectors are better conditioned than this are no chain."""
+
 CLUSTER = 100.0
 """The first-order bound is trusted for eigenvalues whose distance to the next is this many bounds."""
 
@@ -295,19 +298,15 @@ def deflate_pairs(deflated: Deflated, frequencies: list[float], rounding: float)
 
 
 def carried_shifts(generator: Generator | None, q: Array, known: list[Symmetry]) -> list[float]:
-    """Return ω once for each pair of symmetric shifts across the axis of a turning frame.
+    """Return ω if a turning frame carries symmetries around: ±iω are eigenvalues then, and neutral.
 
-    A shift fixed in the ground goes round in that frame: Ξ² d = −ω² d, and ±iω are eigenvalues.
+    A shift across the axis, or a tilt of it, is fixed in the ground and goes round in that frame.
     """
     if generator is None or not generator.turns:
         return []
     Xi, rate = generator.frame(q)[0], abs(generator.rate)
-    turning = [
-        s
-        for s in known
-        if np.linalg.norm(Xi @ Xi @ s.direction / rate**2 + s.direction) < 1e-9 * np.linalg.norm(s.direction)
-    ]
-    return [rate] * (len(turning) // 2)
+    carried = [s for s in known if np.linalg.norm(Xi @ s.direction) > 1e-9 * rate * np.linalg.norm(s.direction)]
+    return [rate] if len(carried) >= 2 else []
 
 
 def eigenvalues(
@@ -573,7 +572,13 @@ class _Judge:
 
     def _separation(self, s: complex) -> float:
         """Return the distance of an eigenvalue to the next one, itself left out."""
-        distance = np.sort(np.abs(self._deflated_vectors()[0] - s))
+        known, right, left = self._deflated_vectors()
+        nearest = int(np.argmin(np.abs(known - s))) if len(known) else -1
+        if nearest >= 0:
+            x, y = right[:, nearest], left[:, nearest]
+            if np.linalg.norm(x) * np.linalg.norm(y) < INDEPENDENT * abs(np.vdot(y, x)):
+                return math.inf  # equal eigenvalues with vectors of their own do not disturb each other
+        distance = np.sort(np.abs(known - s))
         others = [float(distance[1])] if len(distance) > 1 else []
         return min([*others, *(abs(s - other) for other in set(self.deflated.neutral_values())), math.inf])
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from mbstab.analysis.motion import CHART_WARNING, NEWTON_STEPS, TOLERANCE, Finde
 from mbstab.analysis.names import names_in
 from mbstab.analysis.reactions import Reaction, reactions
 from mbstab.analysis.reference import declared_family
+from mbstab.analysis.rotation import orientation
 from mbstab.analysis.steady import Family, Generator, detected
 from mbstab.analysis.subspaces import rank_of
 from mbstab.analysis.symmetry import Symmetry, symmetries
@@ -382,15 +384,31 @@ class Problem:
         EquilibriumError
             If there is none.
         """
-        near = c is not None
-        if near:
+        if c is not None:
             start = np.where(self.held, self.finder.start()[0], start)
+            if self.family.columns and len(c) < self.family.size:
+                return self._without_spins()._solved(start, c, STRATEGIES[:1])
+        elif self.family.columns and self.scene.steady is not None:
+            # A motion without spins first: with them there may be more, some for an instant only.
+            try:
+                return self._without_spins()._solved(start, None, STRATEGIES[:1])
+            except MbstabError:
+                pass
+        return self._solved(start, c, STRATEGIES if c is None else STRATEGIES[:1])
+
+    def _without_spins(self) -> Problem:
+        plain = copy(self)
+        plain.family = replace(self.family, columns=())
+        return plain
+
+    def _solved(self, start: Array, c: Array | None, allowed: tuple[str, ...]) -> tuple[Motion, _Search, State, str]:
+        """Return the solution that some strategies lead to."""
         balance = Balance(self.system, self.finder.sizes, self.family, self.known, self.held)
         search = _Search(balance, self.finder, start)
         c = self._rates(start) if c is None else c
         try:
             with np.errstate(all="ignore"):
-                at, strategy = search.solve(start, c, ("Newton",) if near else STRATEGIES)
+                at, strategy = search.solve(start, c, allowed)
         except _Stalled as stalled:
             raise self._failure(search, stalled.state) from None
         at = _tidied(search, at)
@@ -483,10 +501,15 @@ class Problem:
                 gravity = float(np.linalg.norm([float(x) for x in self.scene.gravity]))
                 lengths = self.finder.sizes[self.finder.is_length]
                 c[0] = math.sqrt((gravity or 1.0) / (float(np.max(lengths, initial=0.0)) or 1.0))
+            c[free] *= self.boost
         return c
+
+    boost = 1.0
+    """Factor on starting values of unknown rates, for starts elsewhere."""
 
     def elsewhere(self, rng: np.random.Generator) -> Array:
         """Return a random start that satisfies the constraints as well as it can."""
+        self.boost = float(np.exp(rng.uniform(-3.0, 1.5)))
         far = np.where(self.finder.is_length, 2.0 * self.finder.sizes, math.pi)
         change = rng.uniform(-1.0, 1.0, len(self.start)) * far
         q = self.start + np.where(self.held, 0.0, change)
@@ -499,10 +522,8 @@ class Problem:
 
     def same(self, one: Equilibrium, other: Equilibrium) -> bool:
         """Whether two solutions are the same, apart from whole turns and symmetries."""
-        difference = one.motion.q - other.motion.q
-        angles = ~self.finder.is_length
-        difference[angles] -= 2.0 * math.pi * np.round(difference[angles] / (2.0 * math.pi))
-        if np.max(np.abs(difference / self.finder.sizes)) < 1e-6:
+        difference = _pose(self.system, one.motion.q) - _pose(self.system, other.motion.q)
+        if np.max(np.abs(difference)) < 1e-6 * max(1e-300, float(np.min(self.finder.sizes))):
             return True
         if not one.symmetries or one.symmetries != other.symmetries:
             return False
@@ -668,6 +689,19 @@ def _continues(search: _Search, at: State, vector: Array) -> bool:
         G = np.vstack([G, np.concatenate([vector, np.zeros(G.shape[1] - len(vector))])])
         trial = search.tried(trial, _step(G, np.append(trial.residual, 0.0), moving, 0.0))
     return False
+
+
+def _pose(system: System, q: Array) -> Array:
+    """Return places and orientations, which other angles may describe as well."""
+    d = system.scene.dimension
+    parts: list[Array] = []
+    for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
+        angles = q[part.start + d : part.stop]
+        parts.append(q[part.start : part.start + d])
+        if body.orientation:
+            turned = orientation(body, angles) if d == 3 else np.array([np.cos(angles[0]), np.sin(angles[0])])
+            parts.append(turned.ravel())
+    return np.concatenate(parts)
 
 
 def _signature(system: System, found: Equilibrium) -> Array:

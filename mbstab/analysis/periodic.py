@@ -115,5 +115,6 @@ def _verdict(found: list[Eigenvalue], counts: Counts, known: list[str], undecide
             "the long run is up to nonlinear terms",
         )
     if counts.neutral:
-        return "marginally stable", (f"{counts.neutral} of the multipliers are 1, the others decay",)
+        rest = ", the others decay" if found else ""
+        return "marginally stable", (f"{counts.neutral} of the multipliers are 1{rest}",)
     return "asymptotically stable", ("all multipliers lie inside the unit circle",)

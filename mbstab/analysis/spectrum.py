@@ -30,6 +30,7 @@ FOLLOWED = 20_000
 def symmetric(values: Complex) -> npt.NDArray[np.bool_]:
     """Return whether spectra, shape (…, r), are symmetric to the imaginary axis: odd power sums vanish."""
     r = values.shape[-1]
+    values = np.where(np.isnan(values), 1.0, values)  # no spectrum is no symmetric one
     size = np.max(np.abs(values), axis=-1, initial=1e-300)
     scaled = values / size[..., None]
     result = np.full(values.shape[:-1], r % 2 == 0)
@@ -42,6 +43,8 @@ def symmetric(values: Complex) -> npt.NDArray[np.bool_]:
 
 def unstable_counts(values: Complex) -> npt.NDArray[np.intp]:
     """Return the number of unstable eigenvalues of spectra, shape (…, r); −1 where there are none."""
+    missing = np.any(np.isnan(values), axis=-1)
+    values = np.where(np.isnan(values), 1.0, values)
     size = np.max(np.abs(values), axis=-1, initial=0.0)[..., None]
     plain = values.real > STABLE * size
     square = values * values
@@ -49,7 +52,7 @@ def unstable_counts(values: Complex) -> npt.NDArray[np.intp]:
     off = (np.abs(square.imag) > STABLE * size**2) | (square.real > STABLE * size**2)
     reversible = off & (values.real > 0.0)
     counts: Index = np.where(symmetric(values), np.sum(reversible, axis=-1), np.sum(plain, axis=-1))
-    counts[np.any(np.isnan(values), axis=-1)] = -1
+    counts[missing] = -1
     return counts
 
 
@@ -90,6 +93,10 @@ def follow(before: Complex, after: Complex) -> tuple[Index, Flags]:
 
 
 def _followed(before: Complex, after: Complex) -> tuple[Index, Flags]:
+    nothing = np.any(np.isnan(before), axis=1) | np.any(np.isnan(after), axis=1)
+    if nothing.any():
+        ranks = np.broadcast_to(np.arange(before.shape[1]) + 0j, before.shape)
+        before, after = (np.where(nothing[:, None], ranks, x) for x in (before, after))
     r = before.shape[1]
     moved = np.abs(before[:, :, None] - after[:, None, :])
     link = np.argmin(moved, axis=2)

@@ -42,6 +42,9 @@ RESOLUTION = 1e-12
 NOISE = 1e-7
 """So near to a meeting, relative to the parameter, rounding may show a pair on the wrong side."""
 
+BRANCHING, TOUCHING = 18, 1e-4
+"""Narrowings around a least eigenvalue by a factor of 4 each, and how small it is, beside others, where paths meet."""
+
 MARGIN = 2
 """So many points on either side are looked at with an interval in which stability may change."""
 
@@ -59,7 +62,8 @@ class Critical:
         In SI.
     kind : str
         ``divergence`` (an eigenvalue passes zero), ``flutter`` (a pair passes the imaginary
-        axis), ``collision`` (two pairs meet on the imaginary axis), ``fold`` and ``loss of
+        axis), ``collision`` (two pairs meet on the imaginary axis), ``branch
+        point`` (other equilibria branch off; stability need not change), ``fold`` and ``loss of
         equilibrium`` (no solution beyond), ``unresolved``.
     branches : tuple of int
         The branches that are involved.
@@ -97,6 +101,8 @@ class Sweep:
         Values at which two branches ``cross`` or ``collide``.
     problems : dict
         By the number of a point, why it has no eigenvalues.
+    start : float or None
+        The value from which equilibria were followed, where a file asks to find them.
     """
 
     parameter: str
@@ -107,6 +113,7 @@ class Sweep:
     critical: tuple[Critical, ...]
     meetings: tuple[tuple[float, str], ...]
     problems: dict[int, str]
+    start: float | None = None
 
 
 def sweep(
@@ -155,13 +162,14 @@ def sweep(
     order = slice(None, None, -1) if len(values) > 1 and values[0] > values[-1] else slice(None)
     x = values[order]
     evaluator = Evaluator(model, settings)
-    solutions = evaluator.path({parameter: x})
+    solutions = evaluator.path({parameter: x}, float(values[0]))
     all_tasks = tasks(model, settings, {parameter: x}, solutions)
     store = Store(directory, key_of(all_tasks), resume) if directory is not None else None
     raw = merged(run(all_tasks, store, jobs, cluster, progress))
     tracker = _Tracker(evaluator, parameter, x, raw)
     branches = tracker.branches()
     critical = tracker.critical(branches)
+    critical += tracker.branch_points(critical) if solutions is not None else []
     for value, reason in solutions.lost if solutions is not None else ():
         critical.append(tracker.lost(value, reason, branches))
     critical.sort(key=lambda c: c.value)
@@ -375,8 +383,8 @@ class _Tracker:
     def _suspects(self, branches: Complex) -> list[tuple[int, int]]:
         """Return ranges of points, without gaps, in which stability may change."""
         good = ~np.any(np.isnan(self.values), axis=1)
-        size = np.max(np.abs(branches), axis=1, keepdims=True)
         with np.errstate(invalid="ignore"):
+            size = np.max(np.abs(branches), axis=1, keepdims=True)
             sign = np.where(np.abs(branches.real) > STABLE * size, np.sign(branches.real), 0.0)
         changes = (self.raw.unstable[1:] != self.raw.unstable[:-1]) | np.any(sign[1:] * sign[:-1] < 0.0, axis=1)
         changes[np.searchsorted(self.x, [p for p, _ in self.between]) - 1] = True
@@ -403,9 +411,34 @@ class _Tracker:
         x, order = np.unique(x, return_index=True)
         return x, self._linked(spectra[order])
 
+    def branch_points(self, known: list[Critical]) -> list[Critical]:
+        """Return where a path of equilibria meets another one: an eigenvalue touches zero and turns back."""
+        size = np.max(np.abs(np.where(np.isnan(self.values), 0.0, self.values)), initial=0.0)
+        smallest = np.min(np.abs(self.values), axis=1, initial=np.inf)
+        found = []
+        for k in range(1, len(self.x) - 1):
+            before, now, after = smallest[k - 1 : k + 2]
+            if not (now <= before and now < after and now < 0.7 * max(before, after)):
+                continue
+            a, b = float(self.x[k - 1]), float(self.x[k + 1])
+            for _ in range(BRANCHING):
+                points = np.linspace(a, b, 9)
+                spectra = self.evaluator.near({self.parameter: points}, self.values.shape[1])
+                least = np.min(np.abs(spectra), axis=1)
+                if np.any(np.isnan(least)):
+                    break
+                best = int(np.argmin(least))
+                a, b = float(points[max(best - 1, 0)]), float(points[min(best + 1, 8)])
+            value = 0.5 * (a + b)
+            near = any(abs(c.value - value) < NOISE * self.width for c in known)
+            if not np.any(np.isnan(least)) and np.min(least) < TOUCHING * size and not near:
+                counts = int(self.raw.unstable[k - 1]), int(self.raw.unstable[k + 1])
+                found.append(Critical(value, "branch point", (), 0.0, counts))
+        return found
+
     def lost(self, value: float, reason: str, branches: Complex) -> Critical:
         """Return the end of a path of equilibria as a critical value."""
-        k = int(np.argmin(np.abs(self.x - value)))
+        k = int(np.argmin(np.where(self.raw.unstable >= 0, np.abs(self.x - value), np.inf)))
         unstable = int(self.raw.unstable[k])
         below = self.x[k] <= value
         kind = "fold" if "turns back" in reason else "loss of equilibrium"

@@ -17,7 +17,8 @@ def schema(section: str | None, output: Path | None) -> None:
     """Print the JSON Schema with which editors complete and check model files.
 
     With SECTION (bodies, joints, contacts, drives, forces) print its types and their keys as text; with a type as well,
-    such as joints.revolute, only that one.
+    such as joints.revolute, only that one. Sections without types (parameters, ground, constraints, reference,
+    reference.steady, sweep, expect, expect.critical) print their keys.
 
     Example: mbstab schema -o mbstab.schema.json
     """
@@ -28,12 +29,17 @@ def schema(section: str | None, output: Path | None) -> None:
         write(to_json(json_schema()), output)
         return
     from mbstab.mechanics.elements import KINDS
-    from mbstab.report.kinds import kinds_text
+    from mbstab.model.schema import SECTION_FIELDS
+    from mbstab.report.kinds import keys_text, kinds_text
 
+    if section in SECTION_FIELDS:
+        write(keys_text(SECTION_FIELDS[section]), output)
+        return
     name, _, kind = section.partition(".")
     if name not in KINDS:
-        hint = suggestion(name, KINDS) or "one of " + ", ".join(KINDS)
-        raise UsageError(f"there are no types in a section {name!r}\nhint: {hint}")
+        known = [*KINDS, *SECTION_FIELDS]
+        hint = suggestion(section, known) or "one of " + ", ".join(known)
+        raise UsageError(f"there is no section {section!r}\nhint: {hint}")
     kinds = {id(k): k for (k_name, _), k in KINDS[name].items() if kind in ("", k_name)}
     if not kinds:
         known = sorted({k_name for k_name, _ in KINDS[name]})

@@ -25,6 +25,13 @@ def _spring(frames: Any, p: Any, s: Any) -> Load:
     return _spring_and_damper(frames, p, sympy.sqrt(gap.dot(gap)) - p.rest[0])
 
 
+def _ideal_spring(frames: Any, p: Any, s: Any) -> Load:
+    # Without free length and damping the force is smooth where the ends meet.
+    first, second = frames
+    gap = first.position(p.first) - second.position(p.second)
+    return Load(p.stiffness[0] * gap.dot(gap) / 2)
+
+
 def _angle(frames: Any, p: Any, offset: Any) -> Any:
     """Return joint angle minus offset; in space the smallest such angle, in the plane the coordinates themselves."""
     import sympy
@@ -88,6 +95,7 @@ _SPRING = (("stiffness", 1), ("rest", 1), ("damping", 1))
 
 ELEMENTS = (
     Element("spring", "force", _BOTH, 2, (("first", 0), ("second", 0), *_SPRING), _spring),
+    Element("ideal_spring", "force", _BOTH, 2, (("first", 0), ("second", 0), ("stiffness", 1)), _ideal_spring),
     Element("angle_spring", "force", ("planar",), 2, _SPRING, _angle_spring),
     Element("angle_spring", "force", ("spatial",), 2, (*TURN, *_SPRING), _angle_spring),
     Element("displacement_spring", "force", _BOTH, 2, (*TRAVEL, *_SPRING), _displacement_spring),
@@ -108,7 +116,11 @@ ELEMENTS = (
 
 def _spring_elements(item: Item) -> Iterable[ElementUse]:
     first, second = item.markers("between")
-    numbers = (*first.point, *second.point, item.number("stiffness"), item.number("length"), item.number("damping"))
+    ends = (*first.point, *second.point, item.number("stiffness"))
+    if all(isinstance(item.number(name), (int, float)) and item.number(name) == 0.0 for name in ("length", "damping")):
+        yield ElementUse("ideal_spring", (first.body, second.body), ends)
+        return
+    numbers = (*ends, item.number("length"), item.number("damping"))
     yield ElementUse("spring", (first.body, second.body), numbers)
 
 

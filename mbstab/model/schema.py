@@ -295,6 +295,19 @@ CONSTRAINT_FIELDS = {
 }
 
 
+SECTION_FIELDS: dict[str, dict[str, str]] = {
+    "parameters": PARAMETER_FIELDS,
+    "ground": GEOMETRY_FIELDS,
+    "constraints": CONSTRAINT_FIELDS,
+    "reference": REFERENCE_FIELDS,
+    "reference.steady": STEADY_FIELDS,
+    "sweep": SWEEP_FIELDS,
+    "expect": EXPECT_FIELDS,
+    "expect.critical": CRITICAL_FIELDS,
+}
+"""Keys of the sections that have no types, with what they mean."""
+
+
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of model files, for editors."""
     text: dict[str, Any] = {"type": "string"}

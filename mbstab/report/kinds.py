@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from textwrap import wrap
 
 from mbstab.mechanics.catalogue import Field, Kind
@@ -20,6 +20,14 @@ def kinds_text(kinds: Sequence[Kind]) -> str:
             lines += wrap(_field(field), WIDTH, initial_indent="  ", subsequent_indent="      ")
         lines.append("")
     return "\n".join(lines)
+
+
+def keys_text(keys: Mapping[str, str]) -> str:
+    """Return the keys of a section without types, and what they mean."""
+    lines: list[str] = []
+    for key, doc in keys.items():
+        lines += wrap(f"{key}: {doc}", WIDTH, subsequent_indent="    ")
+    return "\n".join(lines) + "\n"
 
 
 def _field(field: Field) -> str:

@@ -51,7 +51,7 @@ def eigenvalue(s: complex) -> str:
     if s.imag == 0.0:
         return f"{s.real:.10g}"
     # A real part that is round-off of the imaginary one is not shown with ten digits.
-    real = f"{s.real:.10g}" if abs(s.real) > 1e-10 * abs(s) else f"{s.real:.1e}"
+    real = f"{s.real:.10g}" if abs(s.real) > 1e-10 * abs(s) or not s.real else f"{s.real:.1e}"
     return f"{real} ± {abs(s.imag):.10g}i"
 
 
@@ -250,6 +250,8 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
     count = result.branches.shape[1]
     lines.append(f"{label} from {first} to {last}, {len(result.values)} points")
     lines.append(f"{counted(count, 'branch', 'branches')}, {counted(result.neutral, 'neutral eigenvalue')} besides")
+    if result.start is not None:
+        lines.append(f"equilibria followed from {result.parameter} = {number(result.start / factor)}")
     if result.critical:
         rows = [
             [
@@ -330,8 +332,8 @@ def check_text(report: CheckReport, title: str) -> str:
         f"nonholonomic rows   {report.n_nonholonomic}, rank {report.rank_nonholonomic}{_gap(report.gaps[1])}",
         f"degrees of freedom  {report.degrees_of_freedom}",
         f"finite eigenvalues  {report.n_f}",
-        f"reference           {'at rest' if report.at_rest else 'in motion'}; largest residual "
-        f"{report.position_residual:.1e} in position, {report.velocity_residual:.1e} in velocity",
+        f"reference           {'at rest' if report.at_rest else 'in motion'}",
+        f"largest residuals   {report.position_residual:.1e} in position, {report.velocity_residual:.1e} in velocity",
     ]
     for head, items in (
         ("solved by the program", [", ".join(report.solved)] if report.solved else []),
