@@ -517,9 +517,8 @@ def effort(motion):
 
 
 def ideal_spring(b, p, s, u, w):
-    gap = b[0].position(p["first"]) - b[1].position(p["second"])
-    rate = b[0].velocity(p["first"], w[0]) - b[1].velocity(p["second"], w[1])
-    return -p["stiffness"][0] * (gap @ rate)
+    ends = gap(b, p)
+    return -p["stiffness"][0] * sum(x * rate_of(lambda at, i=i: gap(at, p)[i], b, w) for i, x in enumerate(ends))
 
 
 POWER = {

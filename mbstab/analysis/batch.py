@@ -53,7 +53,7 @@ POLISHING, POLISHED = 20, 1e-7
 RIDGE = 1e-14
 """Normal equations are regularized by this part of their trace."""
 
-GUARDED = 17
+GUARDED = 9
 """At so many points of a sweep, spread over it, the frame of the motion is checked along the motion."""
 
 FROZEN = "frozen-time: the coefficients change along the motion"

@@ -1,7 +1,7 @@
 """Sweeps of a parameter: eigenvalue branches, and the values at which stability changes.
 
 Branches are followed by continuity: between neighbouring points no eigenvalue may move by
-more than a part of its distance to the others; intervals in which one does are halved until
+more than a part of its distance to the others; intervals in which one does are divided until
 that holds, or until two eigenvalues cross or collide. Stability changes are located by
 functions that are smooth there: the product of the eigenvalues where one passes zero, the
 real part of a simple pair where it passes the axis, and, where the spectrum is symmetric to
@@ -41,6 +41,9 @@ RESOLUTION = 1e-12
 
 NOISE = 1e-7
 """So near to a meeting, relative to the parameter, rounding may show a pair on the wrong side."""
+
+SPLIT = 8
+"""Parts into which an interval is divided in which eigenvalues cannot be followed."""
 
 BRANCHING, TOUCHING = 18, 1e-4
 """Narrowings around a least eigenvalue by a factor of 4 each, and how small it is, beside others, where paths meet."""
@@ -293,30 +296,36 @@ class _Tracker:
         return np.take_along_axis(values, order, axis=1)
 
     def _refined(self, intervals: Index) -> dict[int, Index]:
-        """Halve intervals until eigenvalues can be followed through each part; return what becomes what."""
+        """Divide intervals until eigenvalues can be followed through each part; return what becomes what."""
         pieces = [
             _Piece(int(k), float(self.x[k]), float(self.x[k + 1]), self.values[k], self.values[k + 1])
             for k in intervals
         ]
         done: dict[int, list[tuple[_Piece, Index | None]]] = {int(k): [] for k in intervals}
+        inner = np.linspace(0.0, 1.0, SPLIT + 1)[1:-1]
         while pieces:
-            middles = np.array([0.5 * (piece.a + piece.b) for piece in pieces])
-            halves = []
-            for piece, m, found in zip(pieces, middles, self.at(middles), strict=True):
-                if np.any(np.isnan(found)) or piece.b - piece.a <= RESOLUTION * self.width:
+            cuts = np.array([piece.a + inner * (piece.b - piece.a) for piece in pieces])
+            found = self.at(cuts.ravel()).reshape(*cuts.shape, -1)
+            parts: list[_Piece] = []
+            for piece, at, spectra in zip(pieces, cuts, found, strict=True):
+                if np.any(np.isnan(spectra)) or piece.b - piece.a <= RESOLUTION * self.width:
                     done[piece.interval].append((piece, None))
                     continue
-                halves.append(_Piece(piece.interval, piece.a, float(m), piece.before, found))
-                halves.append(_Piece(piece.interval, float(m), piece.b, found, piece.after))
-            if not halves:
+                ends = [piece.a, *(float(x) for x in at), piece.b]
+                between = [piece.before, *spectra, piece.after]
+                parts += [
+                    _Piece(piece.interval, a, b, before, after)
+                    for (a, b), (before, after) in zip(pairwise(ends), pairwise(between), strict=True)
+                ]
+            if not parts:
                 break
-            links, clear = follow(np.array([h.before for h in halves]), np.array([h.after for h in halves]))
+            links, clear = follow(np.array([x.before for x in parts]), np.array([x.after for x in parts]))
             pieces = []
-            for half, link, is_clear in zip(halves, links, clear, strict=True):
+            for part, link, is_clear in zip(parts, links, clear, strict=True):
                 if is_clear:
-                    done[half.interval].append((half, link))
+                    done[part.interval].append((part, link))
                 else:
-                    pieces.append(half)
+                    pieces.append(part)
         return {k: self._joined(sorted(parts, key=lambda item: item[0].a)) for k, parts in done.items()}
 
     def _joined(self, parts: list[tuple[_Piece, Index | None]]) -> Index:
