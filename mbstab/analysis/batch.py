@@ -161,6 +161,15 @@ class Evaluator:
         work.run()
         return work.gathered(count).values
 
+    def modes(self, values: Mapping[str, float]) -> tuple[Complex, Complex, Linearization]:
+        """Return eigenvalues of one point, their shapes Δq as columns, and the linearized equations."""
+        work = _Work(self, {name: np.array([x]) for name, x in values.items()}, lambda done: None)
+        system = System(work.scene(0))
+        linear = linearize(system, work.motion(system, 0)[0])
+        space = state_space(linear)
+        found, vectors = np.linalg.eig(space.A)
+        return found.astype(complex), space.to_coordinates @ vectors, linear
+
     def learn(self, values: Mapping[str, Array]) -> None:
         """Take the patterns of some of many points."""
         points = len(next(iter(values.values())))
@@ -232,7 +241,7 @@ class _Work:
     def _steady(self, i: int) -> bool:
         try:
             system = System(self.scene(i))
-            return linearize(system, self._motion(system, i)[0]).constant
+            return linearize(system, self.motion(system, i)[0]).constant
         except MbstabError:
             return False
 
@@ -267,7 +276,7 @@ class _Work:
                 system = System(self.scene(i))
                 if system.scene.period is not None:
                     raise UsageError("periodic motions are not swept: their multipliers take an integration each")
-                motion, balance = self._motion(system, i)
+                motion, balance = self.motion(system, i)
                 linear = linearize(system, motion)
                 space = state_space(linear)
                 gamma = time_scale(space)
@@ -292,7 +301,7 @@ class _Work:
         pattern = _Pattern(linear, gamma, deflated.steps, len(deflated.pairs), family, motion.sizes, balance)
         return pattern, np.linalg.eigvals(deflated.S).astype(complex)
 
-    def _motion(self, system: System, i: int) -> tuple[Motion, Balance | None]:
+    def motion(self, system: System, i: int) -> tuple[Motion, Balance | None]:
         """Return the motion at a point, and the equations it was found with if it was."""
         if self.path is None:
             return reference_motion(system), None

@@ -12,7 +12,7 @@ parts grow from there like a root; Seyranian and Mailybaev 2003, chapter 4).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from mbstab.analysis.blocks import Block, Progress, Store, key_of, run, tasks
 from mbstab.analysis.numerics import assigned, root
 from mbstab.analysis.spectrum import (
     STABLE,
+    SYMMETRIC,
     Complex,
     Index,
     discriminant,
@@ -33,7 +34,7 @@ from mbstab.analysis.spectrum import (
     unstable_counts,
 )
 from mbstab.compiler.system import Array
-from mbstab.errors import UsageError
+from mbstab.errors import MbstabError, UsageError
 from mbstab.model.schema import Model
 
 RESOLUTION = 1e-12
@@ -47,6 +48,9 @@ SPLIT = 8
 
 BRANCHING, TOUCHING = 18, 1e-4
 """Narrowings around a least eigenvalue by a factor of 4 each, and how small it is, beside others, where paths meet."""
+
+SIDE = 1e-3
+"""So far from a collision, relative to the parameter, the modes that meet are told apart."""
 
 MARGIN = 2
 """So many points on either side are looked at with an interval in which stability may change."""
@@ -74,6 +78,9 @@ class Critical:
         Of the motion at the boundary; 0 for a divergence.
     unstable : tuple of int
         Number of unstable eigenvalues below and above.
+    signatures : tuple of int or None
+        Of a collision: the signs of the energies of the two modes that meet (Krein
+        signatures); only modes of opposite sign can leave the axis.
     """
 
     value: float
@@ -81,6 +88,7 @@ class Critical:
     branches: tuple[int, ...]
     frequency: float
     unstable: tuple[int, int]
+    signatures: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -548,7 +556,35 @@ class _Tracker:
         if test is not None:
             value = root(lambda p: test(spectrum(p), size), a, b)
         counts = unstable_counts(np.array([before, after]))
-        return self._described(value, kind, spectrum(value), (int(counts[0]), int(counts[1])), branches)
+        found = self._described(value, kind, spectrum(value), (int(counts[0]), int(counts[1])), branches)
+        if kind == "collision":
+            stable = a if counts[0] < counts[1] else b
+            found = replace(found, signatures=self._signatures(value, stable, found.frequency))
+        return found
+
+    def _signatures(self, value: float, stable: float, frequency: float) -> tuple[int, int] | None:
+        """Return the signs of the energies ω² x̄ᵀM x + x̄ᵀK x of the modes that meet, where they are apart.
+
+        There are such energies where forces have a potential: K symmetric and R antisymmetric.
+        """
+        near = value + float(np.clip(stable - value, -SIDE * self.width, SIDE * self.width))
+        try:
+            values, shapes, linear = self.evaluator.modes({self.parameter: near})
+        except MbstabError:
+            return None
+        spaces = linear.motion.spaces
+        N = spaces.scale[:, None] * spaces.N
+        K, R = N.T @ linear.K @ N, N.T @ linear.R @ N
+        if np.max(np.abs(K - K.T)) > SYMMETRIC * np.max(np.abs(K)) or np.max(np.abs(R + R.T)) > SYMMETRIC * (
+            np.max(np.abs(R)) + 1e-300
+        ):
+            return None
+        order = np.argsort(np.abs(values - 1j * frequency))[:2]
+        energies = [
+            (abs(values[i]) ** 2 * (x.conj() @ linear.M @ x) + x.conj() @ linear.K @ x).real
+            for i, x in ((i, shapes[:, i]) for i in order)
+        ]
+        return int(np.sign(energies[0])), int(np.sign(energies[1]))
 
     def _described(
         self, value: float, kind: str, spectrum: Complex, unstable: tuple[int, int], branches: Complex
@@ -565,8 +601,8 @@ class _Tracker:
             frequency = float(abs(spectrum[involved[0]].imag))
         k = int(np.clip(np.searchsorted(self.x, value), 0, len(self.x) - 1))
         row = branches[k] if not np.any(np.isnan(branches[k])) else branches[max(k - 1, 0)]
-        numbers = sorted({int(np.argmin(np.abs(row - spectrum[i]))) for i in involved})
-        return Critical(value, kind, tuple(numbers), frequency, unstable)
+        links = assigned(np.abs(spectrum[:, None] - row[None, :]))
+        return Critical(value, kind, tuple(sorted(int(links[i]) for i in involved)), frequency, unstable)
 
 
 def _real_part(one: complex, other: complex) -> Test:

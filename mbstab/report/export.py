@@ -180,8 +180,8 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     (lists with an eigenvalue for each value: ``real`` and ``imag`` in 1/s, null where there is
     none), ``unstable`` (their number for each value, null without an answer), ``neutral``,
     ``critical`` (``value``, ``kind``, ``branch``: numbers counting from 0, ``frequency`` in
-    rad/s, ``unstable_below``, ``unstable_above``), ``meetings`` (``value``, ``kind``) and
-    ``problems`` (``point`` counting from 0, ``reason``).
+    rad/s, ``krein_signatures`` of a collision, ``unstable_below``, ``unstable_above``),
+    ``meetings`` (``value``, ``kind``) and ``problems`` (``point`` counting from 0, ``reason``).
     """
     return {
         "model": model,
@@ -198,6 +198,7 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
                 "kind": c.kind,
                 "branch": list(c.branches),
                 "frequency": c.frequency,
+                "krein_signatures": c.signatures,
                 "unstable_below": c.unstable[0] if c.unstable[0] >= 0 else None,
                 "unstable_above": c.unstable[1] if c.unstable[1] >= 0 else None,
             }

@@ -14,7 +14,7 @@ from mbstab.analysis.check import CheckReport
 from mbstab.analysis.eigen import EigenResult, Eigenvalue, show
 from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
-from mbstab.analysis.sweep import Sweep
+from mbstab.analysis.sweep import Critical, Sweep
 from mbstab.errors import counted
 from mbstab.model.schema import is_length
 from mbstab.report import WIDTH
@@ -256,7 +256,7 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
         rows = [
             [
                 f"{c.value / factor:.13g}",
-                c.kind,
+                c.kind + _signs(c),
                 number(c.frequency, 6) if c.frequency else "-",
                 ", ".join(str(b + 1) for b in c.branches) or "-",
                 " → ".join("none" if n < 0 else str(n) for n in c.unstable),
@@ -267,6 +267,8 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
         lines += ["", table(heads, rows, left=(1, 3))]
     else:
         lines += ["", "stability does not change in this range", ""]
+    if any(c.signatures for c in result.critical):
+        lines += ["signs of a collision: energies of the two modes that meet (Krein signatures)", ""]
     lines += _ranges(result, factor)
     if result.meetings:
         shown = [f"{what} at {number(value / factor, 6)}" for value, what in dict.fromkeys(result.meetings)]
@@ -280,6 +282,10 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
         for text, times in list(reasons.items())[:5]:
             lines += wrap(f"{times}× {text}", width=WIDTH, initial_indent="  ", subsequent_indent="    ")
     return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _signs(c: Critical) -> str:
+    return "" if c.signatures is None else " (" + "".join("+" if x > 0 else "-" for x in c.signatures) + ")"
 
 
 def _ranges(result: Sweep, factor: float) -> list[str]:
