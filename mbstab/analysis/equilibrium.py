@@ -553,10 +553,19 @@ class Problem:
         unit = "N" if is_length(self.system.names[worst]) else "N*m"
         if broken:
             row = self.system.rows[search.balance.rows[int(np.argmax(np.abs(gap)))]]
-            lines.append(f"it stalled where {row} is not satisfied: the mechanism does not close there")
-            hint = "correct the lengths, or give starting values under reference.guess"
-            if self.held.any():
-                hint = "correct or leave out the coordinates that are given, or the lengths"
+            closes = np.max(
+                np.abs(self.system.dynamics(self.start, 0.0 * self.start).E[: self.system.n_h]), initial=0.0
+            )
+            given = [name for name, held in zip(self.system.names, self.held, strict=True) if held]
+            given += [f"rates.{self.system.names[i]}" for i in search.balance.given]
+            if closes < TOLERANCE * float(np.max(self.finder.sizes)) and given:
+                lines.append(f"the forces pull {row} open: what is given leaves no position in which they balance")
+                hint = f"leave one of the given out, or look for another value: {', '.join(given[:8])}"
+            else:
+                lines.append(f"it stalled where {row} is not satisfied: the mechanism does not close there")
+                hint = "correct the lengths, or give starting values under reference.guess"
+                if given:
+                    hint = "correct or leave out the coordinates that are given, or the lengths"
         elif largest > max(1e-6, float(np.max(np.abs(state.residual[:n])))):
             if len(rates) and float(np.max(np.abs(rates))) == largest:
                 name = self.system.names[search.balance.given[int(np.argmax(np.abs(rates)))]]
