@@ -33,6 +33,7 @@ from mbstab.analysis.equilibrium import Problem
 from mbstab.analysis.linearize import Linearization, deflated_matrix, linearize, state_space
 from mbstab.analysis.motion import EQUILIBRIUM_TOLERANCE, NEWTON_STEPS, ROUNDING, TOLERANCE, Motion
 from mbstab.analysis.reference import declared_family, reference_motion
+from mbstab.analysis.spectrum import NO_EIGENVALUE
 from mbstab.analysis.steady import Family, Generator, spinning_columns
 from mbstab.analysis.subspaces import RANK_LEAST, RANK_TOLERANCE
 from mbstab.analysis.symmetry import symmetries
@@ -248,14 +249,14 @@ class _Work:
     def gathered(self, count: int | None = None) -> Spectra:
         """Return what was found; `count` or the pattern of most points decides how many eigenvalues are neutral."""
         if not self.found:
-            return Spectra(np.full((self.points, count or 0), np.nan + 0j), self.problems, 0)
+            return Spectra(np.full((self.points, count or 0), NO_EIGENVALUE), self.problems, 0)
         counts: dict[tuple[int, int], int] = {}
         for index, values, neutral in self.found:
             key = values.shape[1] + neutral, neutral
             counts[key] = counts.get(key, 0) + len(index)
         (n_f, neutral), _ = max(counts.items(), key=lambda item: item[1])
         neutral = neutral if count is None else max(n_f - count, 0)
-        result = np.full((self.points, n_f - neutral), np.nan + 0j)
+        result = np.full((self.points, n_f - neutral), NO_EIGENVALUE)
         for index, values, other in self.found:
             if values.shape[1] + other != n_f:
                 text = f"{values.shape[1] + other} finite eigenvalues exist here, elsewhere {n_f}"

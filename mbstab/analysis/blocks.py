@@ -17,6 +17,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -137,6 +138,8 @@ class Store:
         label = directory / "sweep.json"
         if directory.exists():
             known = _read_label(label)
+            if known is None and any(directory.iterdir()):
+                raise UsageError(f"{directory} exists and is none of a sweep\nhint: name another file with --output")
             if known is not None and known != key:
                 raise UsageError(
                     f"{directory} holds parts of another sweep\nhint: remove it, or name another file with --output"
@@ -191,6 +194,13 @@ class Store:
         name = self._name(number)
         if not name.exists():
             return None
+        try:
+            return self._read(name)
+        except (ValueError, EOFError, KeyError, OSError, BadZipFile):
+            return None  # damaged: it is computed again
+
+    @staticmethod
+    def _read(name: Path) -> Block:
         with np.load(name) as data:
             problems = {int(i): text for i, text in json.loads(str(data["problems"])).items()}
             return Block(
@@ -203,10 +213,9 @@ class Store:
 
     def remove(self) -> None:
         """Remove the directory: the answer is written."""
-        for path in self.directory.glob("*"):
-            path.unlink()
-        for path in self.directory.glob(".part.*"):
-            path.unlink()
+        for pattern in ("block-*.npz", ".part.*", "sweep.json"):
+            for path in self.directory.glob(pattern):
+                path.unlink()
         self.directory.rmdir()
 
 

@@ -79,6 +79,9 @@ def root(f: Callable[[float], float], a: float, b: float) -> float:
     """
     a, b = float(a), float(b)
     fa, fb = f(a), f(b)
+    for x, fx in ((a, fa), (b, fb)):
+        if fx == 0.0:
+            return x
     c, fc, t = a, fa, 0.5
     for _ in range(200):
         x = a + t * (b - a)

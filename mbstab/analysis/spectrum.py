@@ -11,6 +11,8 @@ Complex = npt.NDArray[np.complex128]
 Index = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
 
+NO_EIGENVALUE = complex("nan+nanj")
+
 STRIDE = 0.35
 """Between neighbouring points an eigenvalue moves by less than this part of its distance to the others."""
 
@@ -80,19 +82,31 @@ def discriminant(values: Complex, size: float) -> float:
     return float(np.prod(np.array(differences) ** 2).real)
 
 
-def follow(before: Complex, after: Complex) -> tuple[Index, Flags]:
-    """Return for spectra, shape (m, r), which eigenvalue each becomes, and whether that is beyond doubt."""
+def has_twins(values: Complex) -> Flags:
+    """Return which spectra, shape (m, r), have equal eigenvalues."""
+    gap = np.abs(values[:, :, None] - values[:, None, :])
+    gap[:, np.arange(values.shape[1]), np.arange(values.shape[1])] = np.inf
+    size = np.max(np.abs(values), axis=1, initial=0.0)
+    found: Flags = np.min(gap, axis=(1, 2), initial=np.inf) < TWIN * size
+    return found
+
+
+def follow(before: Complex, after: Complex, twins: Flags | None = None) -> tuple[Index, Flags]:
+    """Return for spectra, shape (m, r), which eigenvalue each becomes, and whether that is beyond doubt.
+
+    Equal eigenvalues may be multiple ones in all intervals, or in those where `twins` says so.
+    """
     m, r = before.shape
     link, clear = np.zeros((m, r), dtype=np.intp), np.ones(m, dtype=bool)
     if r < 2:
         return link, clear
     for start in range(0, m, FOLLOWED):
         part = slice(start, start + FOLLOWED)
-        link[part], clear[part] = _followed(before[part], after[part])
+        link[part], clear[part] = _followed(before[part], after[part], None if twins is None else twins[part])
     return link, clear
 
 
-def _followed(before: Complex, after: Complex) -> tuple[Index, Flags]:
+def _followed(before: Complex, after: Complex, twins: Flags | None) -> tuple[Index, Flags]:
     nothing = np.any(np.isnan(before), axis=1) | np.any(np.isnan(after), axis=1)
     if nothing.any():
         ranks = np.broadcast_to(np.arange(before.shape[1]) + 0j, before.shape)
@@ -110,6 +124,8 @@ def _followed(before: Complex, after: Complex) -> tuple[Index, Flags]:
         gaps.append(gap)
     # Eigenvalues that are the same on both sides are one multiple eigenvalue.
     same = (gaps[0] < TWIN * size[:, :, None]) & (gaps[1] < TWIN * size[:, :, None])
+    if twins is not None:
+        same &= twins[:, None, None]
     gap = np.min(np.where(same, np.inf, np.minimum(*gaps)), axis=2)
     clear = np.all(distance <= STRIDE * gap, axis=1) & (unique | np.any(same, axis=(1, 2)))
     if np.any(same & clear[:, None, None]):

@@ -23,12 +23,14 @@ from mbstab.analysis.batch import Evaluator
 from mbstab.analysis.blocks import Block, Progress, Store, key_of, run, tasks
 from mbstab.analysis.numerics import assigned, root
 from mbstab.analysis.spectrum import (
+    NO_EIGENVALUE,
     STABLE,
     SYMMETRIC,
     Complex,
     Index,
     discriminant,
     follow,
+    has_twins,
     product,
     symmetric,
     unstable_counts,
@@ -51,6 +53,9 @@ BRANCHING, TOUCHING = 18, 1e-4
 
 SIDE = 1e-3
 """So far from a collision, relative to the parameter, the modes that meet are told apart."""
+
+AT_END = 1e-8
+"""A test function is zero at a point if it is this small beside its value at the next one."""
 
 MARGIN = 2
 """So many points on either side are looked at with an interval in which stability may change."""
@@ -212,7 +217,7 @@ def merged(blocks: list[Block]) -> Block:
         if not fits:
             text = f"{block.neutral} eigenvalues are neutral here, elsewhere {neutral}"
             problems |= {start + i: problems.get(start + i, text) for i in range(points)}
-        part = block.values if fits else np.full((points, count), np.nan + 0j)
+        part = block.values if fits else np.full((points, count), NO_EIGENVALUE)
         if values:
             link, is_clear = follow(values[-1][-1:], part[:1])
             links.append(link)
@@ -311,6 +316,8 @@ class _Tracker:
         ]
         done: dict[int, list[tuple[_Piece, Index | None]]] = {int(k): [] for k in intervals}
         inner = np.linspace(0.0, 1.0, SPLIT + 1)[1:-1]
+        equal = has_twins(self.values)
+        multiple = {int(k): bool(equal[k] and equal[k + 1]) for k in intervals}
         while pieces:
             cuts = np.array([piece.a + inner * (piece.b - piece.a) for piece in pieces])
             found = self.at(cuts.ravel()).reshape(*cuts.shape, -1)
@@ -327,7 +334,9 @@ class _Tracker:
                 ]
             if not parts:
                 break
-            links, clear = follow(np.array([x.before for x in parts]), np.array([x.after for x in parts]))
+            # Equal at a point in between is a meeting, unless it is so from end to end.
+            twins = np.array([multiple[x.interval] for x in parts])
+            links, clear = follow(np.array([x.before for x in parts]), np.array([x.after for x in parts]), twins)
             pieces = []
             for part, link, is_clear in zip(parts, links, clear, strict=True):
                 if is_clear:
@@ -510,7 +519,11 @@ class _Tracker:
                 continue
             tests = (("divergence", product), ("collision", discriminant))
             size = float(np.max(np.abs(spectra[[a, b]])))
-            passed = [(kind, test) for kind, test in tests if test(spectra[a], size) * test(spectra[b], size) < 0.0]
+            passed = [
+                (kind, test)
+                for kind, test in tests
+                if _vanishes_between(test(spectra[a], size), test(spectra[b], size))
+            ]
             yield (a, b, *(passed[0] if passed else ("unresolved", None)))
 
     def _look_between(self, branches: Complex) -> None:
@@ -554,7 +567,11 @@ class _Tracker:
 
         value, size = 0.5 * (a + b), float(np.max(np.abs([before, after])))
         if test is not None:
-            value = root(lambda p: test(spectrum(p), size), a, b)
+            ends = test(before, size), test(after, size)
+            if ends[0] * ends[1] < 0.0:
+                value = root(lambda p: test(spectrum(p), size), a, b)
+            else:  # the range begins or ends at the critical value
+                value = a if abs(ends[0]) < abs(ends[1]) else b
         counts = unstable_counts(np.array([before, after]))
         found = self._described(value, kind, spectrum(value), (int(counts[0]), int(counts[1])), branches)
         if kind == "collision":
@@ -603,6 +620,12 @@ class _Tracker:
         row = branches[k] if not np.any(np.isnan(branches[k])) else branches[max(k - 1, 0)]
         links = assigned(np.abs(spectrum[:, None] - row[None, :]))
         return Critical(value, kind, tuple(sorted(int(links[i]) for i in involved)), frequency, unstable)
+
+
+def _vanishes_between(one: float, other: float) -> bool:
+    """Whether a function with these values at two neighbouring points is zero between them, or at one of them."""
+    least, largest = sorted((abs(one), abs(other)))
+    return one * other < 0.0 or least < AT_END * largest
 
 
 def _real_part(one: complex, other: complex) -> Test:

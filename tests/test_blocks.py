@@ -1,0 +1,372 @@
+"""Sweeps in blocks: the same bits however they are computed, interruptions, dying workers, full disks."""
+
+import contextlib
+import errno
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import mbstab
+from mbstab.analysis import blocks
+from mbstab.cli import main
+from mbstab.errors import NumericalError, OutputError, UsageError
+
+X = np.linspace(0.0, 10.0, 251)
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Blocks of 42 points: six of them."""
+    monkeypatch.setattr(blocks, "POINTS", 42)
+
+
+@pytest.fixture(scope="module")
+def bicycle():
+    return mbstab.load("whipple_bicycle.yaml")
+
+
+@pytest.fixture(scope="module")
+def reference(bicycle):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(blocks, "POINTS", 42)
+        return bicycle.sweep("v", X)
+
+
+@pytest.fixture
+def whole(reference, small):
+    return reference
+
+
+def assert_same(one, other):
+    assert one.values.tobytes() == other.values.tobytes()
+    assert one.branches.tobytes() == other.branches.tobytes()
+    assert np.array_equal(one.unstable, other.unstable)
+    assert (one.neutral, one.critical, one.meetings, one.problems) == (
+        other.neutral, other.critical, other.meetings, other.problems
+    )  # fmt: skip
+
+
+class Interrupting:
+    """Progress that presses Ctrl-C after some blocks."""
+
+    def __init__(self, directory, after):
+        self.directory, self.after = directory, after
+
+    def __call__(self, done):
+        if len(finished(self.directory)) >= self.after:
+            raise KeyboardInterrupt
+
+
+def finished(directory):
+    return sorted(directory.glob("block-*.npz"))
+
+
+# --- the same bits --------------------------------------------------------------------------------------------------
+
+
+def test_blocks_say_the_same_as_one_piece(bicycle, whole, monkeypatch):
+    monkeypatch.setattr(blocks, "POINTS", 25_000)
+    one = bicycle.sweep("v", X)
+    assert np.array_equal(one.unstable, whole.unstable)
+    assert one.neutral == whole.neutral
+    assert np.max(np.abs(one.branches - whole.branches) / np.abs(one.branches).max(axis=1)[:, None]) < 1e-9
+    for a, b in zip(one.critical, whole.critical, strict=True):
+        assert a.kind == b.kind
+        assert abs(a.value - b.value) < 1e-11 * a.value
+
+
+def test_two_processes_give_the_same_bits(bicycle, whole):
+    assert_same(whole, bicycle.sweep("v", X, jobs=2))
+
+
+def test_equilibria_are_followed_the_same_in_two_processes(small):
+    model, x = mbstab.load("bead_on_hoop.yaml"), np.linspace(0.0, 8.0, 101)
+    assert_same(model.sweep("Omega", x), model.sweep("Omega", x, jobs=2))
+
+
+@pytest.mark.parametrize("after", [1, 4, 6])
+def test_an_interrupted_sweep_goes_on_where_it_was(bicycle, whole, tmp_path, after):
+    place = tmp_path / "v.parts"
+    with pytest.raises(KeyboardInterrupt):
+        bicycle.sweep("v", X, Interrupting(place, after), directory=place)
+    kept = {path: path.stat().st_mtime_ns for path in finished(place)}
+    assert len(kept) == after
+    assert (place / "sweep.json").exists()
+    computed = []
+    compute = blocks.compute
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(blocks, "compute", lambda task, progress: computed.append(task) or compute(task, progress))
+        result = bicycle.sweep("v", X, directory=place, resume=True)
+    assert len(computed) == 6 - after
+    assert_same(whole, result)
+    assert not place.exists()
+
+
+def test_a_sweep_that_was_begun_by_one_process_is_ended_by_two(bicycle, whole, tmp_path):
+    place = tmp_path / "v.parts"
+    with pytest.raises(KeyboardInterrupt):
+        bicycle.sweep("v", X, Interrupting(place, 2), directory=place)
+    assert_same(whole, bicycle.sweep("v", X, directory=place, resume=True, jobs=2))
+    assert not place.exists()
+
+
+def test_a_directory_is_not_there_afterwards(bicycle, whole, tmp_path):
+    assert_same(whole, bicycle.sweep("v", X, directory=tmp_path / "deep" / "v.parts"))
+    assert list((tmp_path / "deep").iterdir()) == []
+
+
+def test_a_descending_sweep_and_a_chart_are_resumed(bicycle, small, tmp_path):
+    place = tmp_path / "v.parts"
+    with pytest.raises(KeyboardInterrupt):
+        bicycle.sweep("v", X[::-1].copy(), Interrupting(place, 3), directory=place)
+    result = bicycle.sweep("v", X[::-1].copy(), directory=place, resume=True)
+    assert_same(bicycle.sweep("v", X[::-1].copy()), result)
+    disk = mbstab.load("rolling_disk.yaml")
+    grid = {"omega": np.linspace(0.0, 8.0, 15), "R": np.linspace(0.1, 0.6, 7)}
+    with pytest.raises(KeyboardInterrupt):
+        disk.chart(grid, Interrupting(place, 2), directory=place)
+    assert len(finished(place)) == 2
+    one, other, two = disk.chart(grid), disk.chart(grid, directory=place, resume=True), disk.chart(grid, jobs=2)
+    for found in (other, two):
+        assert np.array_equal(found.unstable, one.unstable)
+        assert [c.tobytes() for c in found.boundaries] == [c.tobytes() for c in one.boundaries]
+    assert not place.exists()
+
+
+def test_problems_keep_their_points_through_blocks(small, tmp_path):
+    text = (
+        "mbstab: 1\nparameters: {m: 1}\nbodies:\n  a: {type: planar_point, mass: m}\n"
+        "constraints:\n  rail: {holonomic: a.y}\nforces:\n  spring: {type: expression, on: {a.x: -a.x}}\n"
+        "reference:\n  coordinates:\n    a: {x: 0, y: 0}\n"
+    )
+    x = np.linspace(-1.0, 2.0, 190)
+    place = tmp_path / "m.parts"
+    with pytest.raises(KeyboardInterrupt):
+        mbstab.loads(text).sweep("m", x, Interrupting(place, 2), directory=place)
+    for result in (mbstab.loads(text).sweep("m", x, directory=place, resume=True), mbstab.loads(text).sweep("m", x)):
+        assert set(result.problems) == set(np.flatnonzero(x <= 0.0))
+        good = x > 0.0
+        assert np.allclose(np.sort(result.branches.imag[good], axis=1)[:, 1], 1 / np.sqrt(x[good]), rtol=1e-12)
+
+
+# --- killed ---------------------------------------------------------------------------------------------------------
+
+
+COMMAND = """\
+import sys
+from mbstab.analysis import blocks
+from mbstab.cli import main
+blocks.POINTS = 300
+main(sys.argv[1:])
+"""
+
+
+def command(*arguments):
+    model = ["whipple_bicycle.yaml", "--param", "v"]
+    return [sys.executable, "-c", COMMAND, "sweep", *model, "--plot", "none", *arguments]
+
+
+def test_a_killed_command_is_resumed_and_loses_a_block_at_most(tmp_path):
+    out, reference = tmp_path / "v.npz", tmp_path / "reference.npz"
+    arguments = ("--points", "5101", "--output")
+    parts = out.with_name("v.npz.parts")
+    process = subprocess.Popen(command(*arguments, str(out)), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    end = time.monotonic() + 20.0
+    while len(finished(parts)) < 4 and time.monotonic() < end and process.poll() is None:
+        time.sleep(0.005)
+    assert process.poll() is None
+    process.kill()
+    process.wait()
+    kept = finished(parts)
+    # A block is written whole or not at all, and none but the one in flight is missing.
+    assert len(kept) >= 4
+    assert not out.exists()
+    assert [path.name for path in kept] == [f"block-{i:06}.npz" for i in range(len(kept))]
+    for path in kept:
+        with np.load(path) as data:
+            assert data["values"].shape == (300, 4)
+    times = {path.name: path.stat().st_mtime_ns for path in kept}
+    refused = subprocess.run(command(*arguments, str(out)), capture_output=True, text=True)
+    assert refused.returncode == 2
+    assert "--resume" in refused.stderr
+    assert {path.name: path.stat().st_mtime_ns for path in finished(parts)} == times
+    resumed = subprocess.run(command(*arguments, str(out), "--resume"), capture_output=True, text=True)
+    assert resumed.returncode == 0, resumed.stderr
+    assert not parts.exists()
+    once = subprocess.run(command(*arguments, str(reference)), capture_output=True, text=True)
+    assert once.returncode == 0
+    with np.load(out) as one, np.load(reference) as other:
+        assert set(one) == set(other)
+        assert all(one[key].tobytes() == other[key].tobytes() for key in one)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["reference.npz", "v.npz"]
+
+
+class Killing:
+    """Progress that kills a worker process when a block is done."""
+
+    def __init__(self, times):
+        self.times = times
+
+    def __call__(self, done):
+        workers = multiprocessing.active_children()
+        if self.times and workers and done < 0.7:
+            self.times -= 1
+            os.kill(workers[0].pid, signal.SIGKILL)
+
+
+def test_blocks_of_a_worker_that_dies_are_computed_again(bicycle, whole, tmp_path):
+    killing = Killing(1)
+    assert_same(whole, bicycle.sweep("v", X, killing, directory=tmp_path / "v.parts", jobs=2))
+    assert killing.times == 0
+
+
+def test_blocks_are_given_up_after_so_many_dead_workers(bicycle, small, whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(blocks, "RETRIES", 0)
+    place = tmp_path / "v.parts"
+    with pytest.raises(NumericalError, match=r"died 1 times(?s:.)*--resume"):
+        bicycle.sweep("v", X, Killing(1), directory=place, jobs=2)
+    assert 1 <= len(finished(place)) < 6
+    assert_same(whole, bicycle.sweep("v", X, directory=place, resume=True))
+    assert multiprocessing.active_children() == []
+
+
+# --- places ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_full_disk(bicycle, whole, tmp_path, monkeypatch):
+    place, replace, left = tmp_path / "v.parts", os.replace, [4]
+
+    def full(*arguments):
+        left[0] -= 1
+        if left[0] < 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        replace(*arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", full)
+        with pytest.raises(OutputError, match=r"No space left(?s:.)*--resume"):
+            bicycle.sweep("v", X, directory=place)
+    # The label and three blocks; nothing half written is left.
+    assert sorted(path.name for path in place.iterdir()) == [*(f"block-{i:06}.npz" for i in range(3)), "sweep.json"]
+    assert_same(whole, bicycle.sweep("v", X, directory=place, resume=True))
+
+
+def test_a_full_disk_while_a_block_is_written(bicycle, small, tmp_path, monkeypatch):
+    def full(handle):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OutputError, match="No space left"):
+        bicycle.sweep("v", X, directory=tmp_path / "v.parts")
+    assert list((tmp_path / "v.parts").iterdir()) == []
+
+
+def test_a_place_that_is_a_file(bicycle, small, tmp_path):
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(OutputError):
+        bicycle.sweep("v", X, directory=tmp_path / "file" / "v.parts")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_place_that_may_not_be_written(bicycle, small, tmp_path):
+    tmp_path.chmod(0o500)
+    try:
+        with pytest.raises(OutputError, match="Permission denied"):
+            bicycle.sweep("v", X, directory=tmp_path / "v.parts")
+    finally:
+        tmp_path.chmod(0o700)
+
+
+def test_a_place_on_a_file_system_without_files():
+    result = CliRunner().invoke(main, ["sweep", "top.yaml", "--param", "omega", "--output", "/proc/none/top.csv"])
+    assert result.exit_code in (1, 2)
+    assert "cannot be written" in result.stderr
+
+
+def test_parts_of_another_sweep_are_refused(bicycle, small, tmp_path):
+    place = tmp_path / "v.parts"
+    with pytest.raises(KeyboardInterrupt):
+        bicycle.sweep("v", X, Interrupting(place, 2), directory=place)
+    others = [
+        (bicycle, "v", X[:-1], {}),
+        (bicycle, "v", X + 1e-13, {}),
+        (bicycle, "v", X, {"w": 1.03}),
+        (bicycle, "c", X / 100, {}),
+        (mbstab.load("rolling_torus.yaml"), "v", X, {}),
+    ]
+    for model, parameter, values, settings in others:
+        for resume in (True, False):
+            with pytest.raises(UsageError, match="another sweep"):
+                model.sweep(parameter, values, directory=place, resume=resume, **settings)
+    with pytest.raises(UsageError, match="parts of this sweep"):
+        bicycle.sweep("v", X, directory=place)
+    assert len(finished(place)) == 2
+    bicycle.sweep("v", X, directory=place, resume=True)
+
+
+def test_nothing_to_resume(bicycle, tmp_path):
+    with pytest.raises(UsageError, match="nothing to resume"):
+        bicycle.sweep("v", X, directory=tmp_path / "v.parts", resume=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_directory_with_files_of_somebody_else_is_left_alone(bicycle, small, tmp_path, resume):
+    place = tmp_path / "v.parts"
+    place.mkdir()
+    (place / "mine.txt").write_text("mine", encoding="utf-8")
+    with contextlib.suppress(UsageError):
+        bicycle.sweep("v", X[:80], directory=place, resume=resume)
+    assert (place / "mine.txt").read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.parametrize("content", [b"", b"PK", b"no archive at all"])
+def test_a_damaged_block_is_computed_again_or_named(bicycle, whole, tmp_path, content):
+    place = tmp_path / "v.parts"
+    with pytest.raises(KeyboardInterrupt):
+        bicycle.sweep("v", X, Interrupting(place, 3), directory=place)
+    finished(place)[1].write_bytes(content)
+    try:
+        result = bicycle.sweep("v", X, directory=place, resume=True)
+    except (UsageError, OutputError, NumericalError) as error:
+        message = str(error)
+    else:
+        assert_same(whole, result)
+        return
+    assert "block-000001" in message
+
+
+# --- cluster --------------------------------------------------------------------------------------------------------
+
+
+def test_a_cluster_needs_dask(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    result = CliRunner().invoke(
+        main, ["sweep", "top.yaml", "--param", "omega", "--plot", "none", "--cluster", "tcp://127.0.0.1:1"]
+    )
+    assert result.exit_code == 2
+    assert "--cluster needs Dask" in result.stderr
+    assert "pip install" in result.stderr
+
+
+def test_a_cluster_gives_the_same_bits_though_a_worker_dies(bicycle, whole):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        pid = next(iter(cluster.workers.values())).pid
+        killed = []
+
+        def kill(done):
+            if not killed and done > 0.2:
+                killed.append(pid)
+                os.kill(pid, signal.SIGKILL)
+
+        result = bicycle.sweep("v", X, kill, cluster=cluster.scheduler_address)
+    assert killed
+    assert_same(whole, result)

@@ -1,0 +1,230 @@
+"""Stability charts: regions and boundaries against closed forms, points without an answer, the command line."""
+
+import csv
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import mbstab
+from mbstab.cli import main
+from mbstab.errors import UsageError
+
+# a.x and b.x are uncoupled oscillators with stiffness k and c; the first has the mass m and the damping d.
+OSCILLATORS = """\
+mbstab: 1
+parameters: {k: 1, c: 2, m: 1, d: 0}
+bodies:
+  a: {type: planar_point, mass: m}
+  b: {type: planar_point, mass: 1}
+constraints:
+  rail_a: {holonomic: a.y}
+  rail_b: {holonomic: b.y}
+forces:
+  springs:
+    type: expression
+    on:
+      a.x: -k*a.x - d*rate(a.x)
+      b.x: -c*b.x - d*rate(b.x)
+reference:
+  coordinates:
+    a: {x: 0, y: 0}
+    b: {x: 0, y: 0}
+"""
+
+
+def critical_spin(R, W=0.05, g=9.81):
+    """Return the spin from which a disk rolls stably: sqrt(m g R I_t/(I_a (I_a + m R²)))."""
+    return np.sqrt(g * R * (3 * R**2 + W**2) / 12 / (R**2 / 2 * 1.5 * R**2))
+
+
+@pytest.fixture(scope="module")
+def disk():
+    grid = {"omega": np.linspace(0.0, 8.0, 31), "R": np.linspace(0.1, 0.6, 13)}
+    return mbstab.load("rolling_disk.yaml").chart(grid)
+
+
+def test_regions_of_the_disk(disk):
+    assert disk.parameters == ("omega", "R")
+    assert disk.problems == {}
+    assert disk.unstable.shape == (13, 31)
+    expected = disk.x[None, :] < critical_spin(disk.y)[:, None]
+    assert np.array_equal(disk.unstable, expected.astype(int))
+
+
+def test_the_boundary_of_the_disk_is_one_curve_with_all_its_points(disk):
+    (curve,) = disk.boundaries
+    assert np.max(np.abs(curve[:, 0] / critical_spin(curve[:, 1]) - 1.0)) < 1e-9
+    changes = np.sum(disk.unstable[:, 1:] != disk.unstable[:, :-1])
+    changes += np.sum(disk.unstable[1:] != disk.unstable[:-1])
+    assert len(curve) == len(np.unique(curve, axis=0)) == changes
+    # Neighbours on the curve lie in one cell: the curve goes one way, from edge to edge.
+    cell = np.array([disk.x[1] - disk.x[0], disk.y[1] - disk.y[0]])
+    assert np.all(np.abs(np.diff(curve, axis=0)) <= cell * (1 + 1e-12))
+    assert np.all(np.diff(curve[:, 0] * np.sign(curve[-1, 0] - curve[0, 0])) > 0.0)
+    assert {curve[0, 1], curve[-1, 1]} == {disk.y[0], disk.y[-1]}
+
+
+def test_exchanging_the_parameters_transposes_the_chart(disk):
+    other = mbstab.load("rolling_disk.yaml").chart({"R": disk.y, "omega": disk.x})
+    assert np.array_equal(other.unstable, disk.unstable.T)
+    one, two = (np.unique(np.round(curve, 9), axis=0) for curve in (disk.boundaries[0], other.boundaries[0][:, ::-1]))
+    assert np.allclose(one, two, atol=2e-9)
+
+
+def test_other_settings_move_the_boundary(disk):
+    grid = {"omega": disk.x, "R": disk.y}
+    result = mbstab.load("rolling_disk.yaml").chart(grid, g=1.62)
+    for curve in result.boundaries:
+        assert np.max(np.abs(curve[:, 0] / critical_spin(curve[:, 1], g=1.62) - 1.0)) < 1e-9
+
+
+def test_the_weave_speed_of_the_bicycle_is_on_its_boundary():
+    grid = {"v": np.linspace(3.0, 7.0, 9), "w": np.array([1.0, 1.02, 1.04])}
+    result = mbstab.load("whipple_bicycle.yaml").chart(grid)
+    assert set(result.unstable.ravel()) == {0, 1, 2}
+    points = np.concatenate(result.boundaries)
+    found = np.sort(points[points[:, 1] == 1.02][:, 0])
+    assert np.allclose(found, [4.29238253634110395869, 6.02426201538835888987], rtol=1e-10)
+
+
+def test_three_regions_meet():
+    # One unstable eigenvalue for each stiffness below zero; the corner lies inside a cell, three regions in it.
+    x, y = np.linspace(-1.0, 1.4, 9), np.linspace(-0.7, 1.0, 8)
+    result = mbstab.loads(OSCILLATORS).chart({"k": x, "c": y})
+    assert np.array_equal(result.unstable, (x[None, :] < 0).astype(int) + (y[:, None] < 0))
+    points = np.unique(np.round(np.concatenate(result.boundaries), 12), axis=0)
+    assert np.all(np.min(np.abs(points), axis=1) < 1e-9)
+    assert len(points) == len(x) + len(y)
+    # The corner itself.
+    result = mbstab.loads(OSCILLATORS).chart({"k": x, "d": y})
+    expected = np.where(y[:, None] < 0, np.where(x[None, :] < 0, 3, 4), np.where(x[None, :] < 0, 1, 0))
+    assert np.array_equal(result.unstable, expected)
+    assert np.all(np.min(np.abs(np.concatenate(result.boundaries)), axis=1) < 1e-9)
+
+
+def test_three_regions_that_meet_in_one_cell():
+    # Below zero stiffness 1, above and damped 0, above and undamped by rotation 2 or more: k(c) cut by a line.
+    text = OSCILLATORS.replace("-c*b.x - d*rate(b.x)", "-(k + c)*b.x").replace("-k*a.x - d*rate(a.x)", "-(k - c)*a.x")
+    x, y = np.linspace(-1.03, 1.0, 10), np.linspace(-0.97, 1.05, 11)
+    result = mbstab.loads(text).chart({"k": x, "c": y})
+    X, Y = np.meshgrid(x, y)
+    assert np.array_equal(result.unstable, (X + Y < 0).astype(int) + (X - Y < 0))
+    points = np.concatenate(result.boundaries)
+    assert np.max(np.minimum(np.abs(points[:, 0] - points[:, 1]), np.abs(points.sum(axis=1)))) < 1e-9
+
+
+def test_a_closed_boundary_closes():
+    text = OSCILLATORS.replace("-k*a.x - d*rate(a.x)", "-(k**2 + c**2 - 1)*a.x").replace("-c*b.x", "-b.x")
+    x = np.linspace(-2.1, 2.0, 24)
+    result = mbstab.loads(text).chart({"k": x, "c": x + 0.07})
+    (curve,) = result.boundaries
+    assert np.array_equal(curve[0], curve[-1])
+    assert np.max(np.abs(np.hypot(*curve.T) - 1.0)) < 1e-9
+    turned = np.diff(np.unwrap(np.arctan2(curve[:, 1], curve[:, 0])))
+    assert abs(abs(turned.sum()) - 2 * math.pi) < 1e-12
+    assert np.all(turned > 0) or np.all(turned < 0)
+
+
+def test_a_chart_without_a_boundary():
+    result = mbstab.loads(OSCILLATORS).chart({"k": np.array([1.0, 2.0]), "c": np.array([1.0, 2.0])})
+    assert result.boundaries == []
+    assert np.array_equal(result.unstable, np.zeros((2, 2)))
+
+
+def test_points_without_an_answer_are_no_region():
+    x, y = np.linspace(-1.0, 1.4, 9), np.linspace(-1.0, 1.1, 7)
+    result = mbstab.loads(OSCILLATORS).chart({"k": x, "m": y})
+    lost = np.broadcast_to(y[:, None] <= 0, (7, 9))
+    assert np.array_equal(result.unstable, np.where(lost, -1, (x[None, :] < 0).astype(int)))
+    assert set(result.problems) == set(np.flatnonzero(lost))
+    assert all("mass must be positive" in text for text in result.problems.values())
+    (curve,) = result.boundaries
+    assert np.max(np.abs(curve[:, 0])) < 1e-9
+    assert np.array_equal(np.sort(curve[:, 1]), y[y > 0])
+
+
+@pytest.mark.parametrize(
+    ("grid", "settings"),
+    [
+        ({"k": [1.0, 2.0]}, {}),
+        ({"k": [1.0, 2.0], "c": [1.0, 2.0], "m": [1.0, 2.0]}, {}),
+        ({"k": [1.0, 2.0], "c": [2.0, 1.0]}, {}),
+        ({"k": [1.0, 2.0], "c": [1.0, 1.0]}, {}),
+        ({"k": [1.0, 2.0], "c": [1.0, 2.0]}, {"c": 3}),
+    ],
+)
+def test_charts_that_cannot_be(grid, settings):
+    with pytest.raises(UsageError):
+        mbstab.loads(OSCILLATORS).chart({name: np.array(x) for name, x in grid.items()}, **settings)
+
+
+# --- command line ---------------------------------------------------------------------------------------------------
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, ["sweep", *map(str, arguments)])
+
+
+DISK = ("rolling_disk.yaml", "--param", "omega", "--param", "R")
+RANGES = ("--from", 0, "--to", 8, "--from", 0.1, "--to", 0.6, "--points", 11, "--points", 5)
+
+
+def test_json_of_a_chart():
+    result = run(*DISK, *RANGES, "--format", "json")
+    data = json.loads(result.stdout)
+    assert result.exit_code == 0
+    assert set(data) == {"model", "title", "parameters", "units", "values", "unstable", "boundaries", "problems"}
+    assert data["parameters"] == ["omega", "R"]
+    assert data["units"] == ["rad/s", "m"]
+    assert [len(x) for x in data["values"]] == [11, 5]
+    omega, R = map(np.array, data["values"])
+    assert np.array_equal(data["unstable"], omega[None, :] < critical_spin(R)[:, None])
+    for curve in data["boundaries"]:
+        for omega_c, R_c in curve:
+            assert abs(omega_c / critical_spin(R_c) - 1.0) < 1e-9
+    assert data["problems"] == []
+
+
+def test_csv_and_npz_of_a_chart(tmp_path):
+    rows = list(csv.reader(io.StringIO(run(*DISK, *RANGES, "--format", "csv").stdout)))
+    assert rows[0] == ["omega", "R", "unstable"]
+    assert len(rows) == 1 + 55
+    assert all(int(n) == (float(omega) < critical_spin(float(R))) for omega, R, n in rows[1:])
+    place = tmp_path / "disk.npz"
+    assert run(*DISK, *RANGES, "--plot", "none", "--output", place).exit_code == 0
+    with np.load(place) as data:
+        assert data["parameters"].tolist() == ["omega", "R"]
+        assert data["unstable"].ravel().tolist() == [int(row[2]) for row in rows[1:]]
+        points = data["boundaries"][~np.isnan(data["boundaries"][:, 0])]
+        assert np.max(np.abs(points[:, 0] / critical_spin(points[:, 1]) - 1.0)) < 1e-9
+    assert [path.name for path in tmp_path.iterdir()] == ["disk.npz"]
+
+
+def test_missing_points_of_a_chart_give_exit_code_1(tmp_path):
+    path = tmp_path / "model.yaml"
+    path.write_text(OSCILLATORS, encoding="utf-8")
+    ranges = ("--from", -1, "--to", 1.4, "--from", -1, "--to", 1.1, "--points", 9, "--points", 7)
+    result = run(path, "--param", "k", "--param", "m", *ranges, "--format", "json")
+    assert result.exit_code == 1
+    assert "of 63 points have no answer" in result.stderr
+    data = json.loads(result.stdout)
+    assert [row[0] is None for row in data["unstable"]] == (np.linspace(-1, 1.1, 7) <= 0).tolist()
+    assert len(data["problems"]) == sum(n is None for row in data["unstable"] for n in row)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--param", "W"), "two different ones"),
+        (("--from", 1), "once for each"),
+        (("--values", "1,2"), "one parameter"),
+    ],
+)
+def test_a_command_line_that_is_wrong(arguments, message):
+    result = run(*DISK, *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
