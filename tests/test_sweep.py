@@ -293,7 +293,6 @@ def test_every_row_of_oscillators_that_cross_is_right_as_a_set():
         assert optimal(row, [1j, -1j, 1j * math.sqrt(k), -1j * math.sqrt(k)]) < 1e-14
 
 
-@pytest.mark.xfail(reason="bug: seen from a point of the grid at which two pairs collide, they 'cross'")
 def test_a_collision_at_a_point_of_the_grid_is_one_collision():
     result = mbstab.load("top.yaml").sweep("omega", np.linspace(0.0, 2 * TOP, 101))
     assert [kind for _, kind in result.meetings] == ["collide"] * 2

@@ -381,8 +381,14 @@ class _Tracker:
         link = assigned(cost)
         for i, j in _close_pairs(before, after, link):
             g_before, g_after = (far_before[i] - far_before[j]) ** 2, (far_after[link[i]] - far_after[link[j]]) ** 2
+            if not right and b < self.x[-1]:
+                # They meet at a point of the sweep: what becomes of them is seen beyond it only.
+                beyond = self.at(np.array([min(b + reach_left, float(self.x[-1]))]))[0]
+                one, other = np.argsort(np.abs(beyond - 0.5 * (after[link[i]] + after[link[j]])))[:2]
+                g_after = (beyond[one] - beyond[other]) ** 2
             collides = (g_before * np.conj(g_after)).real < 0.0
-            self.meetings.append((0.5 * (a + b), "collide" if collides else "cross"))
+            if left or a == self.x[0]:  # else it is the end of the interval before, and said there
+                self.meetings.append((0.5 * (a + b), "collide" if collides else "cross"))
             if collides:
                 # Direction is lost: the one that was ahead stays ahead.
                 first, second = sorted((i, j), key=lambda k: (-far_before[k].real, -far_before[k].imag))
