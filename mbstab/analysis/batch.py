@@ -231,7 +231,7 @@ class _Work:
 
     def guard(self) -> None:
         """Refuse points whose motion does not stand still in the frame of their pattern; a sample says which."""
-        good = np.array(sorted(int(i) for index, _, _ in self.found for i in index))
+        good = np.sort(np.concatenate([index for index, _, _ in self.found])) if self.found else np.arange(0)
         sample = good[np.unique(np.linspace(0, len(good) - 1, GUARDED).round().astype(int))] if len(good) else good
         doubtful = [int(i) for i in sample if not self._steady(int(i))]
         if doubtful:

@@ -316,8 +316,8 @@ class _Tracker:
         ]
         done: dict[int, list[tuple[_Piece, Index | None]]] = {int(k): [] for k in intervals}
         inner = np.linspace(0.0, 1.0, SPLIT + 1)[1:-1]
-        equal = has_twins(self.values)
-        multiple = {int(k): bool(equal[k] and equal[k + 1]) for k in intervals}
+        equal = has_twins(self.values[intervals]) & has_twins(self.values[intervals + 1])
+        multiple = dict(zip(intervals.tolist(), equal.tolist(), strict=True))
         while pieces:
             cuts = np.array([piece.a + inner * (piece.b - piece.a) for piece in pieces])
             found = self.at(cuts.ravel()).reshape(*cuts.shape, -1)
