@@ -1,0 +1,151 @@
+"""Scenes that once were answered wrongly: drawn at another angle, stretched straight, round, or without free length."""
+
+import math
+
+import pytest
+from click.testing import CliRunner
+
+import mbstab
+import mbstab.errors
+from mbstab.cli import main
+
+RING = """
+mbstab: 1
+parameters:
+  a: {value: 0.4, unit: rad}
+  l0: {value: 0.1, unit: m}
+bodies:
+  b: {type: planar_point, mass: 1}
+forces:
+  s: {type: spring, between: [b, ground], stiffness: 100, length: l0}
+reference:
+  coordinates: {b: {x: l0*cos(a), y: l0*sin(a)}}
+"""
+
+
+@pytest.mark.parametrize("a", [0.0, 0.1, 0.4, 0.5, 0.6435, math.pi / 4, 1.0, 2.0, 3.0])
+def test_an_unloaded_spring_is_judged_the_same_at_every_angle(a):
+    result = mbstab.loads(RING).eig(a=a)
+    assert result.verdict == "marginally stable"
+    assert result.symmetries == ("rotation in the plane",)
+    assert abs(result.values().imag).max() == pytest.approx(10.0, rel=1e-12)
+
+
+FREE = """
+mbstab: 1
+parameters:
+  a: {value: 0, unit: rad}
+bodies:
+  b: {type: spatial, mass: 1, inertia: [1, 2, 2.6]}
+reference:
+  steady: {axis: [cos(a), sin(a), 0], rate: 3}
+  coordinates:
+    b: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: a}
+"""
+
+
+@pytest.mark.parametrize("a", [0.0, 0.1, 0.4, 0.8, math.pi / 2])
+def test_a_free_body_that_turns_is_judged_the_same_about_every_axis(a):
+    result = mbstab.loads(FREE).eig(a=a)
+    assert result.verdict == "marginally stable"
+    assert result.counts.neutral == 10
+    # Euler's equations about the axis of the smallest inertia.
+    nutation = 3.0 * math.sqrt((2.0 - 1.0) * (2.6 - 1.0) / (2.0 * 2.6))
+    assert abs(result.values().imag).max() == pytest.approx(nutation, rel=1e-11)
+
+
+ARM = """
+mbstab: 1
+parameters:
+  Om: {value: 6, unit: rad/s}
+ground:
+  points: {P: [1.3, -0.4]}
+bodies:
+  hub: {type: planar, mass: 2, inertia: 0.3, points: {A: [0.4, 0.1]}}
+  arm: {type: planar, mass: 1, inertia: 0.02, points: {O: [-0.3, 0]}}
+joints:
+  b: {type: revolute, between: [hub, ground.P]}
+  h: {type: revolute, between: [arm.O, hub.A]}
+reference:
+  find: steady
+  steady: {axis: z, rate: Om, point: [1.3, -0.4]}
+  coordinates:
+    hub: {theta: 0}
+  guess:
+    hub: {x: 1.3, y: -0.4}
+    arm: {x: 2, y: -0.3}
+"""
+
+
+def test_an_arm_that_is_stretched_by_its_turn_needs_no_spins():
+    # Straight, the hinges allow spins for an instant. Frequency: turn and hinge as two degrees of freedom.
+    r, s = math.hypot(0.4, 0.1), 0.3
+    inner, outer, coupling = 0.3 + r * r, 0.02 + s * s, r * s
+    total = inner + outer + 2.0 * coupling
+    # Angular momentum is conserved: the turn gives way to the arm.
+    mass = outer - (outer + coupling) ** 2 / total
+    result = mbstab.loads(ARM).eig()
+    assert abs(result.values().imag).max() == pytest.approx(6.0 * math.sqrt(coupling / mass), rel=1e-11)
+    assert result.verdict == "marginally stable"
+
+
+def test_an_ideal_spring_may_have_no_length():
+    text = """
+mbstab: 1
+bodies:
+  b: {type: planar_point, mass: 1}
+forces:
+  s: {type: spring, between: [b, ground], stiffness: 100}
+reference:
+  coordinates: {b: {x: 0, y: 0}}
+"""
+    result = mbstab.loads(text).eig()
+    assert [e.kind for e in result.eigenvalues] == ["center"] * 4
+    assert abs(result.values().imag) == pytest.approx([10.0] * 4, rel=1e-14)
+    assert result.verdict == "marginally stable"
+
+
+TOP = """
+mbstab: 1
+parameters:
+  spin: {value: 60, unit: rad/s}
+gravity: [0, 0, -9.81]
+bodies:
+  top: {type: spatial, mass: 0.5, inertia: [0.002, 0.002, 0.003], points: {O: [0, 0, -0.1]}}
+joints:
+  tip: {type: spherical, between: [top.O, ground]}
+reference:
+  find: steady
+  steady: {axis: z}
+  coordinates:
+    top: {phi: 0, theta: 0.5}
+  rates:
+    top: {psi: spin}
+  guess:
+    top: {x: 0.1*sin(0.5), z: 0.1*cos(0.5)}
+"""
+
+
+def test_both_precessions_of_a_leaning_top_are_found():
+    # The turn has the Euler rates psi_t = W/cos(theta) here, so the spin about the own axis is spin − W/cos(theta).
+    A, C, moment, c = 0.002 + 0.5 * 0.01, 0.003, 0.5 * 9.81 * 0.1, math.cos(0.5)
+    found = sorted(item.steady.rate for item in mbstab.loads(TOP).equilibria(20))
+    assert len(found) == 2
+    for item in mbstab.loads(TOP).equilibria(20):
+        W, s = item.steady.rate, float(item.steady.spins[5])
+        # W² (C − A) cos + W C s = m g l, the balance of moments about the line of nodes.
+        assert W * W * (C - A) * c + W * C * s == pytest.approx(moment, rel=1e-12)
+
+
+def test_a_top_that_is_too_slow_says_that_what_is_given_leaves_no_motion():
+    with pytest.raises(mbstab.errors.MbstabError, match=r"what is given leaves no position") as error:
+        mbstab.loads(TOP).eig(spin=30)
+    assert "rates.top.psi" in str(error.value)
+
+
+@pytest.mark.parametrize("section", ["reference", "reference.steady", "expect", "sweep", "constraints", "parameters"])
+def test_sections_without_types_are_documented_as_well(section):
+    result = CliRunner().invoke(main, ["schema", section])
+    assert result.exit_code == 0
+    assert ": " in result.stdout
+    assert max(map(len, result.stdout.splitlines())) <= 80
