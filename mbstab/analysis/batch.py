@@ -465,7 +465,7 @@ class _Block:
         lengths[lengths == 0.0] = 1.0
         given = ~missing
         rows = np.concatenate([zero.J @ basis / lengths[..., None], (basis / sizes[:, None])[:, given]], axis=1)
-        known = self._declared(own)
+        known = self._declared()
         right = np.concatenate(
             [np.broadcast_to(-zero.V / lengths, (self.points, system.n_c)), (u / sizes)[:, given]], axis=1
         )
@@ -481,7 +481,7 @@ class _Block:
         self.good &= np.max(np.abs((speeds - u) / sizes)[:, given], axis=1, initial=0.0) <= TOLERANCE * fast
         return generator, speeds
 
-    def _declared(self, family: Family) -> dict[int, Array | float]:
+    def _declared(self) -> dict[int, Array | float]:
         """Return the coefficients of a declared steady motion."""
         steady = self.system.scene.steady
         if steady is None or steady.rate is None:

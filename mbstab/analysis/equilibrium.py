@@ -158,9 +158,7 @@ class _Search:
             G, moving = self.balance.jacobian(at), self.balance.moving
             accepted = None
             while accepted is None:
-                step = _step(G, at.residual, moving, damping)
-                longest = float(np.max(np.abs(step[:moving]), initial=0.0))
-                trial = self.tried(at, step * min(1.0, REACH / longest) if longest > REACH else step)
+                trial = self.tried(at, _bounded(_step(G, at.residual, moving, damping), moving))
                 if trial is not None and trial.size < at.size * (1.0 - 1e-6):
                     accepted = trial
                     damping = 0.0 if damping < 1e-6 else damping * 0.1
@@ -190,9 +188,7 @@ class _Search:
             self.iterations += 1
             G = self.balance.jacobian(at)
             G[open_, np.arange(n)] += inertia[open_] / pace
-            step = _step(G, at.residual, moving, 0.0)
-            longest = float(np.max(np.abs(step[:moving]), initial=0.0))
-            trial = self.tried(at, step * min(1.0, REACH / longest) if longest > REACH else step)
+            trial = self.tried(at, _bounded(_step(G, at.residual, moving, 0.0), moving))
             if trial is None or trial.size > 10.0 * at.size:
                 pace *= 0.25
                 if pace < 1e-12:
@@ -283,16 +279,17 @@ def _step(G: Array, residual: Array, moving: int, damping: float) -> Array:
     return np.asarray(np.linalg.lstsq(G, -residual, rcond=1e-11)[0], dtype=np.float64)
 
 
+def _bounded(step: Array, moving: int) -> Array:
+    """Return a step, shortened where it would move a coordinate or rate further than `REACH`."""
+    longest = float(np.max(np.abs(step[:moving]), initial=0.0))
+    return step * (REACH / longest) if longest > REACH else step
+
+
 # --- from a scene to its equilibria ---------------------------------------------------------------------------------
 
 
-def found_motion(system: System, near: tuple[Array, Array] | None = None) -> Motion:
+def found_motion(system: System) -> Motion:
     """Return the equilibrium or steady motion that the reference of a file leads to, given coordinates held.
-
-    Parameters
-    ----------
-    near : tuple of ndarray, optional
-        Predicted coordinates and rates to start from instead.
 
     Raises
     ------
@@ -300,7 +297,7 @@ def found_motion(system: System, near: tuple[Array, Array] | None = None) -> Mot
         If none is found; says where the search stalled, and what to try.
     """
     problem = Problem(system)
-    return problem.solved(*(near or (problem.start,)))[0]
+    return problem.solved(problem.start)[0]
 
 
 def find_equilibria(
@@ -466,10 +463,7 @@ class Problem:
         balance = search.balance
         if not balance.free:
             return
-        reduced = _reduced(balance, at)
-        _, s, right = np.linalg.svd(reduced)
-        rank = int(np.sum(s > SINGULAR * max(float(s[0]), 1e-300))) if len(s) else 0
-        null = right[rank:].T
+        null = _loose(balance, at)
         known = np.linalg.svd(balance.family.basis(at.q)[:, balance.free] / search.sizes[:, None])
         same = known[2][int(np.sum(known[1] > 1e-9 * max(float(known[1][0]), 1e-300))) :].T
         n = len(balance.open)
@@ -651,10 +645,7 @@ def _open_directions(search: _Search, at: State, known: list[Symmetry]) -> list[
     balance = search.balance
     if not balance.moving:
         return []
-    reduced = _reduced(balance, at)
-    _, s, right = np.linalg.svd(reduced)
-    rank = int(np.sum(s > SINGULAR * max(float(s[0]), 1e-300))) if len(s) else 0
-    null = right[rank:].T[: len(search.balance.open)]
+    null = _loose(balance, at)[: len(balance.open)]
     if known:
         shifts = (
             np.array([s.direction for s in known])[:, search.balance.open].T / search.sizes[search.balance.open, None]
@@ -670,6 +661,14 @@ def _open_directions(search: _Search, at: State, known: list[Symmetry]) -> list[
         kind = "a continuum" if _continues(search, at, vector) else "a critical position"
         found.append(f"{kind} along {', '.join(parts[:4])}")
     return found
+
+
+def _loose(balance: Balance, at: State) -> Array:
+    """Return the directions of [Δq; Δc], as columns, that leave everything in balance."""
+    _, s, right = np.linalg.svd(_reduced(balance, at))
+    rank = int(np.sum(s > SINGULAR * max(float(s[0]), 1e-300))) if len(s) else 0
+    null: Array = right[rank:].T
+    return null
 
 
 def _reduced(balance: Balance, at: State) -> Array:

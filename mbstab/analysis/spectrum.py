@@ -84,10 +84,8 @@ def discriminant(values: Complex, size: float) -> float:
 
 def has_twins(values: Complex) -> Flags:
     """Return which spectra, shape (m, r), have equal eigenvalues."""
-    gap = np.abs(values[:, :, None] - values[:, None, :])
-    gap[:, np.arange(values.shape[1]), np.arange(values.shape[1])] = np.inf
     size = np.max(np.abs(values), axis=1, initial=0.0)
-    found: Flags = np.min(gap, axis=(1, 2), initial=np.inf) < TWIN * size
+    found: Flags = np.min(_gaps(values), axis=(1, 2), initial=np.inf) < TWIN * size
     return found
 
 
@@ -106,22 +104,25 @@ def follow(before: Complex, after: Complex, twins: Flags | None = None) -> tuple
     return link, clear
 
 
+def _gaps(values: Complex) -> npt.NDArray[np.float64]:
+    """Return the distances within spectra, shape (m, r, r), of an eigenvalue from itself infinite."""
+    gap: npt.NDArray[np.float64] = np.abs(values[:, :, None] - values[:, None, :])
+    each = np.arange(values.shape[1])
+    gap[:, each, each] = np.inf
+    return gap
+
+
 def _followed(before: Complex, after: Complex, twins: Flags | None) -> tuple[Index, Flags]:
     nothing = np.any(np.isnan(before), axis=1) | np.any(np.isnan(after), axis=1)
     if nothing.any():
         ranks = np.broadcast_to(np.arange(before.shape[1]) + 0j, before.shape)
         before, after = (np.where(nothing[:, None], ranks, x) for x in (before, after))
-    r = before.shape[1]
     moved = np.abs(before[:, :, None] - after[:, None, :])
     link = np.argmin(moved, axis=2)
     distance = np.take_along_axis(moved, link[:, :, None], axis=2)[:, :, 0]
-    unique = np.all(np.sort(link, axis=1) == np.arange(r), axis=1)
+    unique = np.all(np.sort(link, axis=1) == np.arange(before.shape[1]), axis=1)
     size = np.max(np.abs(before), axis=1)[:, None]
-    gaps = []
-    for values in (before, np.take_along_axis(after, link, axis=1)):
-        gap = np.abs(values[:, :, None] - values[:, None, :])
-        gap[:, np.arange(r), np.arange(r)] = np.inf
-        gaps.append(gap)
+    gaps = _gaps(before), _gaps(np.take_along_axis(after, link, axis=1))
     # Eigenvalues that are the same on both sides are one multiple eigenvalue.
     same = (gaps[0] < TWIN * size[:, :, None]) & (gaps[1] < TWIN * size[:, :, None])
     if twins is not None:

@@ -187,7 +187,7 @@ def sweep(
     critical = tracker.critical(branches)
     critical += tracker.branch_points(critical) if solutions is not None else []
     for value, reason in solutions.lost if solutions is not None else ():
-        critical.append(tracker.lost(value, reason, branches))
+        critical.append(tracker.lost(value, reason))
     critical.sort(key=lambda c: c.value)
     problems = {len(values) - 1 - i if order.step else i: text for i, text in raw.problems.items()}
     if store is not None:
@@ -468,7 +468,7 @@ class _Tracker:
                 found.append(Critical(value, "branch point", (), 0.0, counts))
         return found
 
-    def lost(self, value: float, reason: str, branches: Complex) -> Critical:
+    def lost(self, value: float, reason: str) -> Critical:
         """Return the end of a path of equilibria as a critical value."""
         k = int(np.argmin(np.where(self.raw.unstable >= 0, np.abs(self.x - value), np.inf)))
         unstable = int(self.raw.unstable[k])
