@@ -350,6 +350,7 @@ def test_a_toggle_snaps_where_its_load_is_greatest(points, sign):
     values = sign * np.linspace(-10.0 if sign < 0.0 else 0.0, 10.0, points)
     result = mbstab.loads(TOGGLE).sweep("P", values)
     (critical,) = result.critical
+    assert result.start == values[0]
     assert critical.kind in ("fold", "loss of equilibrium")
     assert abs(critical.value - sign * snap()) <= 1e-10 * snap()
     lost = np.isnan(result.branches[:, 0])

@@ -194,7 +194,7 @@ def sweep(
         store.remove()
     return Sweep(
         parameter, values, branches[order], raw.unstable[order], raw.neutral, tuple(critical),
-        tuple(sorted(tracker.meetings)), dict(sorted(problems.items())),
+        tuple(sorted(tracker.meetings)), dict(sorted(problems.items())), None if solutions is None else solutions.start,
     )  # fmt: skip
 
 
