@@ -316,24 +316,7 @@ def test_two_pairs_pass_the_axis_at_the_same_value():
 # --- points without an answer ---------------------------------------------------------------------------------------
 
 
-TOGGLE = """\
-mbstab: 1
-parameters: {a: 1, h: 0.5, k: 100, P: 0}
-bodies:
-  knee: {type: planar_point, mass: 1}
-constraints:
-  guide: {holonomic: knee.x}
-forces:
-  left:
-    {type: spring, between: [knee, {body: ground, point: [-a, 0]}], stiffness: k, length: sqrt(a**2 + h**2)}
-  right:
-    {type: spring, between: [knee, {body: ground, point: [a, 0]}], stiffness: k, length: sqrt(a**2 + h**2)}
-  load: {type: force, at: knee, vector: [0, -P]}
-reference:
-  find: equilibrium
-  guess:
-    knee: {x: 0, y: h}
-"""
+TRUSS = "von_mises_truss.yaml"
 
 
 def snap(a=1.0, h=0.5, k=100.0):
@@ -343,44 +326,126 @@ def snap(a=1.0, h=0.5, k=100.0):
     return 2 * k * math.sqrt(length**2 - a**2) * (rest / length - 1)
 
 
-@pytest.mark.parametrize("points", [12, 101])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_toggle_snaps_where_its_load_is_greatest(points, sign):
-    # From below it stands and snaps; from above it hangs, and snaps back at the opposite load.
-    values = sign * np.linspace(-10.0 if sign < 0.0 else 0.0, 10.0, points)
-    result = mbstab.loads(TOGGLE).sweep("P", values)
-    (critical,) = result.critical
-    assert result.start == values[0]
-    assert critical.kind in ("fold", "loss of equilibrium")
-    assert abs(critical.value - sign * snap()) <= 1e-10 * snap()
-    lost = np.isnan(result.branches[:, 0])
-    assert np.array_equal(lost, sign * values > snap())
-    assert set(np.flatnonzero(lost)) == set(result.problems)
-    assert all(f"no solution beyond {sign * snap():.6g}"[:-2] in text for text in result.problems.values())
-    assert np.array_equal(result.unstable, np.where(lost, -1, 0))
-    # The rest is right: s² = −dP/dy/m.
-    for load, row in list(zip(values[~lost], result.branches[~lost], strict=True))[:: max(points // 10, 1)]:
-        frequency = toggle_frequency(sign * load)
-        assert optimal(row, [1j * frequency, -1j * frequency]) < 1e-9
-
-
-def toggle_frequency(load, a=1.0, h=0.5, k=100.0):
-    rest = math.hypot(a, h)
-    y = h
+def squares_of_truss(load, start, a=1.0, h=0.5, k=100.0):
+    """Return s² of the truss, up and down and sideways, where Newton's method finds its apex."""
+    rest, y = math.hypot(a, h), start
     for _ in range(60):
         length = math.hypot(a, y)
         slope = 2 * k * (1 - rest * a**2 / length**3)
         y -= (2 * k * y * (1 - rest / length) + load) / slope
-    length = math.hypot(a, y)
-    return math.sqrt(2 * k * (1 - rest * a**2 / length**3))
+    return np.array([-slope, -2 * k * (1 - rest * y**2 / math.hypot(a, y) ** 3)], dtype=complex)
+
+
+@pytest.mark.parametrize("points", [12, 101])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_truss_is_followed_through_both_of_its_folds(points, sign):
+    # From the one end it stands, falls back past the flat position, and hangs; from the other end the other way round.
+    values = sign * np.linspace(-10.0, 10.0, points)
+    result = mbstab.load(TRUSS).sweep("P", values)
+    assert [c.kind for path in (result, *result.beyond) for c in path.critical] == ["fold", "fold"]
+    for path, at in zip((result, *result.beyond), (sign * snap(), -sign * snap(), None), strict=True):
+        assert [abs(c.value - at) <= 1e-13 * snap() for c in path.critical] == ([True] if at is not None else [])
+    assert [path.start for path in (result, *result.beyond)] == pytest.approx(
+        [values[0], sign * snap(), -sign * snap()]
+    )
+    stands, falls, hangs = (result, *result.beyond)
+    assert np.array_equal(falls.values, values[np.abs(values) < snap()])
+    assert np.array_equal(hangs.values, values[sign * values > -snap()])
+    lost = sign * values > snap()
+    assert set(stands.problems) == set(np.flatnonzero(lost))
+    assert all(f"no solution beyond {sign * snap():.6g}"[:-2] in text for text in stands.problems.values())
+    assert not falls.problems
+    assert not hangs.problems
+    for path, start, unstable in ((stands, 0.7, 0), (falls, 0.0, 1), (hangs, -0.7, 0)):
+        known = path.unstable >= 0
+        assert set(path.unstable[known]) == {unstable}
+        for load, row in zip(path.values[known], path.branches[known], strict=True):
+            exact = np.sqrt(squares_of_truss(load, sign * start))
+            # Next to a fold a root of a small difference.
+            assert optimal(row, [*exact, *-exact]) < 1e-9
 
 
 @pytest.mark.parametrize("points", [12, 101])
 def test_the_count_before_a_fold_is_that_of_the_side_that_has_one(points):
-    (critical,) = mbstab.loads(TOGGLE).sweep("P", np.linspace(0.0, 10.0, points)).critical
+    (critical,) = mbstab.load(TRUSS).sweep("P", np.linspace(0.0, 10.0, points)).critical
     assert critical.unstable == (0, -1)
-    (critical,) = mbstab.loads(TOGGLE).sweep("P", np.linspace(10.0, -10.0, points)).critical
+    (critical,) = mbstab.load(TRUSS).sweep("P", np.linspace(10.0, -10.0, points)).critical
     assert critical.unstable == (-1, 0)
+
+
+TURNED = """\
+mbstab: 1
+parameters: {T: 0, m: 1, L: 0.5, k: 0}
+gravity: [0, -9.81]
+bodies:
+  rod: {type: planar, mass: m, inertia: 0.1, points: {O: [0, L]}}
+joints:
+  pivot: {type: revolute, between: [rod.O, ground]}
+forces:
+  drive: {type: torque, body: rod, value: T}
+  wound: {type: expression, on: {rod.theta: -k*rod.theta}}
+reference:
+  find: equilibrium
+  guess: {rod: {theta: 0}}
+"""
+
+
+@pytest.mark.parametrize("first", [6.0, -6.0, 1.0])
+def test_a_path_that_closes_after_a_whole_turn_is_followed_once(first):
+    # T = m g L sin(theta): stable below the pivot, unstable above it, and then the same again.
+    values = np.sign(first) * np.linspace(-6.0, 6.0, 25) if abs(first) > 2 else np.linspace(1.0, 6.0, 11)
+    result = mbstab.loads(TURNED).sweep("T", values)
+    hanging, standing = (result, *result.beyond)
+    top = 9.81 * 0.5
+    folds = [c.value for path in (hanging, standing) for c in path.critical]
+    assert set(np.round(folds, 10)) == ({top, -top} if abs(first) > 2 else {top})
+    assert set(hanging.unstable[hanging.unstable >= 0]) == {0}
+    assert set(standing.unstable) == {1}
+    for path, sign in ((hanging, -1.0), (standing, 1.0)):
+        known = path.unstable >= 0
+        square = sign * np.sqrt(top**2 - path.values[known] ** 2) / (0.1 + 0.25)
+        assert np.allclose(path.branches[known] ** 2, square[:, None], rtol=1e-9)
+
+
+def test_a_path_through_more_folds_than_are_followed_says_so():
+    # A spiral spring lets the rod wind up turn by turn: T = m g L sin(theta) + k theta.
+    result = mbstab.loads(TURNED).sweep("T", np.linspace(-6.0, 6.0, 13), k=1e-3)
+    assert len(result.beyond) > 5
+    assert [c.kind for c in result.beyond[-1].critical] == ["unresolved"]
+
+
+def test_a_path_that_turns_back_at_a_pitchfork_names_it():
+    text = (Path(__file__).parents[1] / "models" / "bead_on_hoop.yaml").read_text(encoding="utf-8")
+    raised = mbstab.loads(text.replace("theta: {value: 0,", "theta: {value: 1,"))
+    result = raised.sweep("Omega", np.linspace(8.0, 0.0, 33))
+    (critical,) = result.critical
+    assert critical.kind == "branch point"
+    assert abs(critical.value - HOOP) < 1e-11 * HOOP
+    # Beyond it the bead is on the other side of the hoop.
+    (other,) = result.beyond
+    assert np.allclose(other.branches, result.branches[: len(other.values)], rtol=1e-9)
+
+
+def test_all_paths_are_in_every_output(tmp_path):
+    arguments = (TRUSS, "--param", "P", "--points", 21)
+    data = json.loads(run(*arguments, "--format", "json").stdout)
+    assert [len(path["values"]) for path in (data, *data["beyond"])] == [21, 9, 15]
+    assert [path["start"] for path in (data, *data["beyond"])] == pytest.approx([-10.0, snap(), -snap()])
+    rows = list(csv.reader(io.StringIO(run(*arguments, "--format", "csv").stdout)))
+    assert [row[-2] for row in rows] == ["path", *["1"] * 21, *["2"] * 9, *["3"] * 15]
+    run(*arguments, "--plot", "none", "--output", tmp_path / "P.npz")
+    with np.load(tmp_path / "P.npz") as arrays:
+        assert [int(n) for n in arrays["path"]] == [int(row[-2]) for row in rows[1:]]
+        assert np.allclose(arrays["values"], [float(row[0]) for row in rows[1:]])
+        assert arrays["branches"].shape == (45, 4)
+        assert arrays["critical_kind"].tolist() == ["fold", "fold"]
+    printed = run(*arguments, "--plot", "none")
+    text = printed.stdout
+    assert printed.exit_code == 0  # values without an equilibrium on the first path have one on the third
+    assert "6 points without an answer:\n  6× no solution beyond 4.29143257312 on this path" in text
+    assert "path 2, beyond the turn at P = 4.29143, 9 points" in text
+    assert "path 3, beyond the turn at P = -4.29143, 15 points" in text
+    assert "-4.29143 to 4.29143: unstable (1)" in text
 
 
 def test_points_with_a_negative_mass_have_no_answer_and_the_others_have():
@@ -504,16 +569,16 @@ def test_csv_has_a_line_for_each_value_and_npz_the_arrays(tmp_path):
     assert rows[0][:4] == ["omega", "unstable", "real 1", "imag 1"]
     assert rows[0][-1] == "status"
     assert len(rows) == 8
-    assert {len(row) for row in rows} == {2 + 8 + 1}
+    assert {len(row) for row in rows} == {2 + 8 + 2}
     place = tmp_path / "top.npz"
     run("top.yaml", "--param", "omega", "--points", 7, "--plot", "none", "--output", place)
     with np.load(place) as data:
-        assert set(data) == {"parameter", "values", "branches", "unstable", "critical", "critical_kind"}
+        assert set(data) == {"parameter", "values", "branches", "unstable", "path", "critical", "critical_kind"}
         assert data["parameter"] == "omega"
         assert data["critical_kind"].tolist() == ["collision"]
         assert data["branches"].shape == (7, 4)
         for row, line in zip(data["branches"], rows[1:], strict=True):
-            assert [float(x) for x in line[2:-1]] == [part for s in row for part in (s.real, s.imag)]
+            assert [float(x) for x in line[2:-2]] == [part for s in row for part in (s.real, s.imag)]
         assert data["unstable"].tolist() == [int(line[1]) for line in rows[1:]]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["top.npz"]
 
@@ -535,7 +600,7 @@ def test_missing_points_give_exit_code_1_and_the_others(tmp_path, points):
     assert all([x is None for x in branch["real"]] == bad.tolist() for branch in data["branches"])
     rows = list(csv.reader(io.StringIO(run(*arguments, "--format", "csv").stdout)))[1:]
     assert [row[-1] != "ok" for row in rows] == bad.tolist()
-    assert [row[1] == "" and set(row[2:-1:2]) == {""} for row in rows] == bad.tolist()
+    assert [row[1] == "" and set(row[2:-2:2]) == {""} for row in rows] == bad.tolist()
 
 
 @pytest.mark.parametrize("format_", ["csv", "json"])
@@ -545,7 +610,7 @@ def test_missing_eigenvalues_have_no_imaginary_part(tmp_path, format_):
     result = run(path, "--param", "m", "--from", -1, "--to", 2, "--points", 7, "--format", format_)
     if format_ == "csv":
         row = list(csv.reader(io.StringIO(result.stdout)))[1]
-        assert set(row[2:-1]) == {""}
+        assert set(row[2:-2]) == {""}
     else:
         assert all(branch["imag"][0] is None for branch in json.loads(result.stdout)["branches"])
 

@@ -12,13 +12,14 @@ K + R Ξ + M Ξ₂. Rows and unknowns are scaled by the size of the scene, its e
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.motion import TOLERANCE
+from mbstab.analysis.reference import declared_family
 from mbstab.analysis.steady import Family, Generator
 from mbstab.compiler.system import Array, System
 
@@ -85,6 +86,22 @@ class Balance:
         values = [np.asarray(rates[system.names[i]], dtype=float) for i in self.given]
         self.rates = np.stack(np.broadcast_arrays(*values), axis=-1) if values else np.zeros(0)
         self.use(np.arange(system.n_c) if rows is None else rows)
+
+    def over(self, system: System) -> Balance:
+        """Return the same equations with other values of parameters, such as arrays of them."""
+        family, known = declared_family(system)
+        held = np.ones(system.n_q, dtype=bool)
+        held[self.open] = False
+        result = Balance(system, self.sizes, replace(family, columns=self.family.columns), known, held, self.rows)
+        result.energy, result.speed = self.energy, self.speed
+        return result
+
+    def completed(self, q: Array) -> Array:
+        """Return coordinates with the given ones put in."""
+        q = q.copy()
+        for i in np.setdiff1d(np.arange(self.system.n_q), self.open):
+            q[..., i] = self.system.scene.coordinates.get(self.system.names[i], q[..., i])
+        return q
 
     def use(self, rows: Index) -> None:
         """Take these constraint rows."""
@@ -210,7 +227,11 @@ class Balance:
 
     def moved(self, at: State, step: Array) -> tuple[Array, Array]:
         """Return coordinates and coefficients after a scaled step."""
-        q, c = at.q.copy(), at.c.copy()
+        return self.shifted(at.q, at.c, step)
+
+    def shifted(self, q: Array, c: Array, step: Array) -> tuple[Array, Array]:
+        """Return coordinates and coefficients after a scaled step from others."""
+        q, c = q.copy(), c.copy()
         q[..., self.open] += step[..., : len(self.open)] * self.sizes[self.open]
         c[..., self.free] += step[..., len(self.open) : self.moving] * self.speed
         return q, c

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.balance import Balance
-from mbstab.analysis.continuation import Path, follow
+from mbstab.analysis.continuation import Path
 from mbstab.analysis.eigen import (
     EPS,
     NEUTRAL_GAP,
@@ -32,13 +32,13 @@ from mbstab.analysis.eigen import (
 from mbstab.analysis.equilibrium import Problem
 from mbstab.analysis.linearize import Linearization, deflated_matrix, linearize, state_space
 from mbstab.analysis.motion import EQUILIBRIUM_TOLERANCE, NEWTON_STEPS, ROUNDING, TOLERANCE, Motion
-from mbstab.analysis.reference import declared_family, reference_motion
+from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.spectrum import NO_EIGENVALUE
 from mbstab.analysis.steady import Family, Generator, spinning_columns
 from mbstab.analysis.subspaces import RANK_LEAST, RANK_TOLERANCE
 from mbstab.analysis.symmetry import symmetries
 from mbstab.compiler.system import Array, Dynamics, System
-from mbstab.errors import EquilibriumError, MbstabError, UsageError
+from mbstab.errors import MbstabError, UsageError
 from mbstab.model.schema import Model
 from mbstab.model.values import Scene, evaluate
 
@@ -110,31 +110,14 @@ class Evaluator:
     model : Model
     settings : mapping
         Values of other parameters (SI).
+    path : Path, optional
+        Equilibria over the parameter that is swept, where a file asks to find them; without it
+        each point is looked for by itself.
     """
 
-    def __init__(self, model: Model, settings: Mapping[str, float]) -> None:
-        self.model, self.settings = model, dict(settings)
+    def __init__(self, model: Model, settings: Mapping[str, float], path: Path | None = None) -> None:
+        self.model, self.settings, self.path = model, dict(settings), path
         self.patterns: list[_Pattern] = []
-        self.paths: dict[str, Path] = {}
-
-    def path(self, values: Mapping[str, Array], start: float | None = None) -> Path | None:
-        """Return the equilibria over the parameter that is swept, where a file asks to find them.
-
-        They are followed from `start`, the first value if not given.
-
-        Raises
-        ------
-        MbstabError
-            If there is none to start from.
-        """
-        if self.model.reference.find is None or len(values) != 1:
-            return None
-        ((parameter, x),) = values.items()
-        low, high = float(np.min(x)), float(np.max(x))
-        known = self.paths.get(parameter)
-        if known is None or low < known.low or high > known.high:
-            self.paths[parameter] = known = follow(self.model, parameter, self.settings, low, high, start)
-        return known
 
     def spectra(self, values: Mapping[str, Array], progress: Callable[[float], object] = lambda done: None) -> Spectra:
         """Return the eigenvalues at many points.
@@ -185,7 +168,7 @@ class _Work:
         self.evaluator, self.values, self.progress = evaluator, values, progress
         self.points = len(next(iter(values.values())))
         self.lenient = False
-        self.path = evaluator.path(values)
+        self.path = evaluator.path
         self.problems: dict[int, str] = {}
         self.found: list[tuple[npt.NDArray[np.intp], Complex, int]] = []
 
@@ -199,6 +182,11 @@ class _Work:
     def run(self) -> None:
         """Compute all points."""
         pending = np.arange(self.points)
+        if self.path is not None:
+            x = next(iter(self.values.values()))
+            covered = self.path.covers(x)
+            self.problems |= {int(i): self.path.missing(float(x[i])) for i in pending[~covered]}
+            pending = pending[covered]
         for pattern in self.evaluator.patterns:
             pending = pending[~self._fitting(pattern, pending)]
         lonely, number = 0, 0
@@ -307,9 +295,6 @@ class _Work:
         if self.path is None:
             return reference_motion(system), None
         value = float(next(iter(self.values.values()))[i])
-        for end, reason in self.path.lost:
-            if (value - end) * (end - self.path.values.mean()) > 0.0:
-                raise EquilibriumError(f"no solution beyond {end:.12g}: {reason}")
         motion, search, _, _ = Problem(system).solved(*self.path.nearest(value))
         return motion, search.balance
 
@@ -409,15 +394,9 @@ class _Block:
 
     def _balanced(self, q: Array, c: Array) -> tuple[Array, Generator | None, Array]:
         """Return equilibria or steady motions near predicted ones, by Newton's method."""
-        known = self.pattern.balance
-        assert known is not None
-        family, given = declared_family(self.system)
-        family = replace(family, columns=known.family.columns)
-        held = np.ones(self.system.n_q, dtype=bool)
-        held[known.open] = False
-        q[:, held] = self._given(self.system.scene.coordinates, q[0])[:, held]
-        balance = Balance(self.system, known.sizes, family, given, held, known.rows)
-        balance.energy, balance.speed = known.energy, known.speed
+        assert self.pattern.balance is not None
+        balance = self.pattern.balance.over(self.system)
+        q = balance.completed(q)
         at = balance.state(q, c)
         for _ in range(POLISHING):
             G = balance.jacobian(at)

@@ -14,7 +14,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -89,10 +89,7 @@ class Block:
 
 def compute(task: Task, progress: Progress = lambda done: None) -> Block:
     """Return the block of a task."""
-    evaluator = Evaluator(read_model_text(task.text, task.name), task.settings)
-    if task.solutions is not None:
-        ((parameter, _),) = task.values.items()
-        evaluator.paths[parameter] = task.solutions
+    evaluator = Evaluator(read_model_text(task.text, task.name), task.settings, task.solutions)
     found = evaluator.spectra(task.values, progress)
     links, clear = follow(found.values[:-1], found.values[1:])
     return Block(found.values, found.problems, found.neutral, links, clear, unstable_counts(found.values))
@@ -110,7 +107,7 @@ def tasks(
             model.name,
             dict(settings),
             {name: x[start : start + POINTS] for name, x in values.items()},
-            solutions,
+            solutions and replace(solutions, beyond=()),
         )
         for start in range(0, points, POINTS)
     ]

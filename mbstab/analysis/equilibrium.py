@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from mbstab.analysis.balance import Balance, State
 from mbstab.analysis.linearize import linearize
-from mbstab.analysis.motion import CHART_WARNING, NEWTON_STEPS, TOLERANCE, Finder, Motion
+from mbstab.analysis.motion import CHART_WARNING, NEWTON_STEPS, TOLERANCE, Finder, Motion, force_rounding
 from mbstab.analysis.names import names_in
 from mbstab.analysis.reactions import Reaction, reactions
 from mbstab.analysis.reference import declared_family
@@ -109,7 +109,7 @@ class _Search:
     Attributes
     ----------
     iterations : int
-        Steps so far.
+        Steps so far, to where residuals are small.
     best : State or None
         The state nearest to balance so far.
     """
@@ -151,7 +151,8 @@ class _Search:
             self.best = at
         sizes: list[float] = []
         for _ in range(NEWTON_STEPS):
-            self.iterations += 1
+            # How many steps polish a solution depends on the machine.
+            self.iterations += at.size > CONVERGED
             sizes.append(at.size)
             if len(sizes) > PATIENCE and at.size > CONVERGED and at.size > 0.5 * sizes[-1 - PATIENCE]:
                 break
@@ -448,9 +449,12 @@ class Problem:
 
     def _weighed(self, search: _Search, at: State) -> bool:
         """Whether what is left of the forces is small beside those that balance."""
-        left = np.abs(at.residual[: self.system.n_q]) * search.balance.energy
-        loads = self.system.loads(at.q, at.u, at.a) * search.sizes
-        return bool(np.max(left) <= TOLERANCE * np.max(loads) + 1e-14 * search.balance.energy)
+        energy, sizes = search.balance.energy, search.sizes
+        left = np.abs(at.residual[: self.system.n_q]) * energy
+        loads = self.system.loads(at.q, at.u, at.a) * sizes
+        # Where all loads vanish, forces are what the rounding of coordinates makes of them.
+        rounding = force_rounding(self.system, (at.q, at.u, at.a, at.nu), sizes, sizes)
+        return bool(np.max(left) <= TOLERANCE * np.max(loads) + min(max(rounding, 1e-14 * energy), TOLERANCE * energy))
 
     def _require_rates(self, search: _Search, at: State) -> None:
         """Refuse a steady motion some of whose rates could be anything.
@@ -514,10 +518,14 @@ class Problem:
                 return self.start
         return q
 
+    def alike(self, one: Array, other: Array) -> bool:
+        """Whether two positions are the same, apart from whole turns."""
+        difference = _pose(self.system, one) - _pose(self.system, other)
+        return bool(np.max(np.abs(difference)) < 1e-6 * max(1e-300, float(np.min(self.finder.sizes))))
+
     def same(self, one: Equilibrium, other: Equilibrium) -> bool:
         """Whether two solutions are the same, apart from whole turns and symmetries."""
-        difference = _pose(self.system, one.motion.q) - _pose(self.system, other.motion.q)
-        if np.max(np.abs(difference)) < 1e-6 * max(1e-300, float(np.min(self.finder.sizes))):
+        if self.alike(one.motion.q, other.motion.q):
             return True
         if not one.symmetries or one.symmetries != other.symmetries:
             return False

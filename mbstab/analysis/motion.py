@@ -432,10 +432,12 @@ class Finder:
             result: Array = (with_rows - without) * spaces.scale * spaces.scale[:, None]
             return result
 
+        # Where rows are straight, what is left of their curvatures is rounding.
+        rounding = 1e-12 * max((float(np.max(np.abs(curvature(row)))) for row in np.eye(n_h)), default=0.0)
         for combination in spaces.C.left_null.T:
             total = float(np.max(np.abs(spaces.N.T @ curvature(combination) @ spaces.N), initial=0.0))
             single = max(float(np.max(np.abs(curvature(row)))) for row in np.diag(combination))
-            if total > CURVATURE_TOLERANCE * single:
+            if total > max(CURVATURE_TOLERANCE * single, rounding):
                 weights = np.abs(combination)
                 names = [str(self.system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
                 raise ConstraintError(
@@ -454,16 +456,23 @@ def unbalance(system: System, motion: Motion) -> float:
     scale, scene = motion.spaces.scale, system.scene
     weights = [math.sqrt(float(body.mass)) * float(np.linalg.norm(scene.gravity)) for body in scene.bodies]
     balancing = max(float(np.max(np.abs(motion.dynamics.F0 * scale))), *weights)
-    K, R, _ = system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
-    changes = np.abs(K) @ motion.sizes + np.abs(R) @ np.abs(motion.u)
-    rounding = ROUNDING * float(np.max(changes * scale))
-    if rounding > EQUILIBRIUM_TOLERANCE * balancing:
-        # Next to a singular point of a force the slope says nothing about how rounding changes it.
-        moved = motion.q + ROUNDING * motion.sizes
-        beside, _, _ = system.linearize(moved, motion.u, motion.a, motion.nu, motion.time)
-        if float(np.max(np.abs(beside - K))) > 0.01 * float(np.max(np.abs(K))):
-            rounding = 0.0
-    return EQUILIBRIUM_TOLERANCE * balancing + rounding
+    at = motion.q, motion.u, motion.a, motion.nu
+    return EQUILIBRIUM_TOLERANCE * balancing + force_rounding(system, at, motion.sizes, scale, motion.time)
+
+
+def force_rounding(
+    system: System, at: tuple[Array, Array, Array, Array], sizes: Array, scale: Array, time: float = 0.0
+) -> float:
+    """Return what the rounding of coordinates and speeds makes of scaled forces, at q, u, a and ν.
+
+    Next to a singular point of a force its slope says nothing about that: 0.
+    """
+    q, u, a, nu = at
+    K, R, _ = system.linearize(q, u, a, nu, time)
+    beside, _, _ = system.linearize(q + ROUNDING * sizes, u, a, nu, time)
+    if float(np.max(np.abs(beside - K))) > 0.01 * float(np.max(np.abs(K))):
+        return 0.0
+    return ROUNDING * float(np.max((np.abs(K) @ sizes + np.abs(R) @ np.abs(u)) * scale))
 
 
 def _balance(M: Array, J: Array, inverse: Array, allowed: Array, force: Array, bias: Array) -> tuple[Array, Array]:

@@ -11,6 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.linearize import Linearization
+from mbstab.compiler.system import Array
+from mbstab.errors import NumericalError
+
+Complex = npt.NDArray[np.complex128]
+
+ATTEMPTS = 6
+"""QZ is tried so many times."""
 
 FINITE_LIMIT = 1e5
 """Eigenvalues larger than this times the typical rate of the system count as infinite."""
@@ -19,9 +26,7 @@ ZERO_PAIR = 1e-13
 """A pair α/β with both parts below this times the size of the matrices is 0/0."""
 
 
-def finite_eigenvalues(
-    linear: Linearization, method: str, gamma: float
-) -> tuple[npt.NDArray[np.complex128], npt.NDArray[np.complex128], int, int]:
+def finite_eigenvalues(linear: Linearization, method: str, gamma: float) -> tuple[Complex, Complex, int, int]:
     """Return finite eigenvalues and vectors of a pencil, and how many were infinite and how many 0/0.
 
     Parameters
@@ -32,8 +37,6 @@ def finite_eigenvalues(
     gamma : float
         Typical rate (1/s): the pencil is solved in the time unit 1/γ.
     """
-    from scipy.linalg import eig
-
     A, E = linear.pencil() if method == "index3" else linear.paper_pencil()
     n, c = len(linear.M), len(linear.J)
     scale = linear.motion.spaces.scale
@@ -46,10 +49,38 @@ def finite_eigenvalues(
         right = np.concatenate([scale, rows * gamma * gamma, scale * gamma, rows * gamma**3])
         left = np.concatenate([scale, rows, scale, rows])
     A, E = A * left[:, None] * right, gamma * E * left[:, None] * right
-    (alpha, beta), vectors = eig(A, E, homogeneous_eigvals=True)
+    alpha, beta, vectors = _qz(A, E)
     size = max(float(np.linalg.norm(A)), float(np.linalg.norm(E)))
     undefined = (np.abs(alpha) < ZERO_PAIR * size) & (np.abs(beta) < ZERO_PAIR * size)
     finite = ~undefined & (np.abs(alpha) < FINITE_LIMIT * np.abs(beta))
     values = gamma * alpha[finite] / beta[finite]
     vectors = (right[:, None] * vectors)[: n + c, finite]
     return values, vectors, int(np.sum(~finite & ~undefined)), int(np.sum(undefined))
+
+
+def _qz(A: Array, E: Array) -> tuple[Complex, Complex, Complex]:
+    """Return α, β and vectors of a pencil.
+
+    Among many infinite eigenvalues the iteration of LAPACK may not converge; turned bases, which
+    change no eigenvalue, lead it another way.
+
+    Raises
+    ------
+    NumericalError
+        If no attempt converges.
+    """
+    from scipy.linalg import eig
+
+    rng, n = np.random.default_rng(1), len(A)
+    left = right = np.eye(n)
+    for _ in range(ATTEMPTS):
+        try:
+            (alpha, beta), vectors = eig(left @ A @ right, left @ E @ right, homogeneous_eigvals=True)
+        except np.linalg.LinAlgError:
+            left, right = (np.linalg.qr(rng.standard_normal((n, n)))[0] for _ in range(2))
+        else:
+            return alpha, beta, right @ vectors
+    raise NumericalError(
+        f"the QZ iteration did not converge in {ATTEMPTS} attempts on a pencil with many infinite eigenvalues\n"
+        "hint: --method nullspace"
+    )

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,9 @@ import numpy.typing as npt
 
 from mbstab.analysis.batch import Evaluator
 from mbstab.analysis.blocks import Block, Progress, Store, key_of, run, tasks
+from mbstab.analysis.continuation import AGAIN, BRANCHES, TURNS
+from mbstab.analysis.continuation import Path as Solutions
+from mbstab.analysis.continuation import follow as follow_path
 from mbstab.analysis.numerics import assigned, root
 from mbstab.analysis.spectrum import (
     NO_EIGENVALUE,
@@ -75,8 +78,8 @@ class Critical:
     kind : str
         ``divergence`` (an eigenvalue passes zero), ``flutter`` (a pair passes the imaginary
         axis), ``collision`` (two pairs meet on the imaginary axis), ``branch
-        point`` (other equilibria branch off; stability need not change), ``fold`` and ``loss of
-        equilibrium`` (no solution beyond), ``unresolved``.
+        point`` (other equilibria branch off; stability need not change), ``fold`` (the path of
+        equilibria turns back), ``loss of equilibrium`` (it ends), ``unresolved``.
     branches : tuple of int
         The branches that are involved.
     frequency : float (rad/s)
@@ -119,6 +122,9 @@ class Sweep:
         By the number of a point, why it has no eigenvalues.
     start : float or None
         The value from which equilibria were followed, where a file asks to find them.
+    beyond : tuple of Sweep
+        Along the paths to which the equilibria lead through folds: each from one fold to the next
+        or to an end of the range, at those of the values that lie between.
     """
 
     parameter: str
@@ -130,6 +136,15 @@ class Sweep:
     meetings: tuple[tuple[float, str], ...]
     problems: dict[int, str]
     start: float | None = None
+    beyond: tuple[Sweep, ...] = ()
+
+    @property
+    def unanswered(self) -> list[int]:
+        """Numbers of the points that have no eigenvalues on any path."""
+        elsewhere = {
+            float(x) for path in self.beyond for x, n in zip(path.values, path.unstable, strict=True) if n >= 0
+        }
+        return [i for i in self.problems if float(self.values[i]) not in elsewhere]
 
 
 def sweep(
@@ -177,25 +192,54 @@ def sweep(
         raise UsageError(f"the values of {parameter} must ascend or descend")
     order = slice(None, None, -1) if len(values) > 1 and values[0] > values[-1] else slice(None)
     x = values[order]
-    evaluator = Evaluator(model, settings)
-    solutions = evaluator.path({parameter: x}, float(values[0]))
-    all_tasks = tasks(model, settings, {parameter: x}, solutions)
+    paths: list[Solutions | None] = [None]
+    if model.reference.find is not None:
+        main = follow_path(model, parameter, settings, float(x[0]), float(x[-1]), float(values[0]))
+        paths = [main, *main.beyond]
+    grids = [x, *(x[path.covers(x)] for path in paths[1:] if path is not None)]
+    groups = [tasks(model, settings, {parameter: x}, path) for x, path in zip(grids, paths, strict=True)]
+    all_tasks = [task for group in groups for task in group]
     store = Store(directory, key_of(all_tasks), resume) if directory is not None else None
-    raw = merged(run(all_tasks, store, jobs, cluster, progress))
-    tracker = _Tracker(evaluator, parameter, x, raw)
-    branches = tracker.branches()
-    critical = tracker.critical(branches)
-    critical += tracker.branch_points(critical) if solutions is not None else []
-    for value, reason in solutions.lost if solutions is not None else ():
-        critical.append(tracker.lost(value, reason))
-    critical.sort(key=lambda c: c.value)
-    problems = {len(values) - 1 - i if order.step else i: text for i, text in raw.problems.items()}
+    blocks = iter(run(all_tasks, store, jobs, cluster, progress))
+    found = [
+        _answer(model, parameter, settings, x, path, merged(list(islice(blocks, len(group)))))
+        for x, path, group in zip(grids, paths, groups, strict=True)
+        if len(x)
+    ]
     if store is not None:
         store.remove()
+    return replace(_ordered(found[0], order), beyond=tuple(_ordered(result, order) for result in found[1:]))
+
+
+def _answer(
+    model: Model, parameter: str, settings: Mapping[str, float], x: Array, path: Solutions | None, raw: Block
+) -> Sweep:
+    """Return the branches and critical values along one path of solutions."""
+    tracker = _Tracker(Evaluator(model, settings, path), parameter, x, raw)
+    branches = tracker.branches()
+    critical = tracker.critical(branches)
+    if path is not None:
+        critical += tracker.branch_points(critical)
+        # The fold from which a further path starts is said with the path that leads to it.
+        critical += [tracker.ended(value, reason) for value, reason in path.ends if value != path.start]
+    critical.sort(key=lambda c: c.value)
     return Sweep(
-        parameter, values, branches[order], raw.unstable[order], raw.neutral, tuple(critical),
-        tuple(sorted(tracker.meetings)), dict(sorted(problems.items())), None if solutions is None else solutions.start,
+        parameter, x, branches, raw.unstable, raw.neutral, tuple(critical), tuple(sorted(tracker.meetings)),
+        raw.problems, None if path is None else path.start,
     )  # fmt: skip
+
+
+def _ordered(result: Sweep, order: slice) -> Sweep:
+    """Return a sweep over ascending values in the order that was asked for."""
+    last = len(result.values) - 1
+    problems = {last - i if order.step else i: text for i, text in result.problems.items()}
+    return replace(
+        result,
+        values=result.values[order],
+        branches=result.branches[order],
+        unstable=result.unstable[order],
+        problems=dict(sorted(problems.items())),
+    )
 
 
 def merged(blocks: list[Block]) -> Block:
@@ -468,13 +512,15 @@ class _Tracker:
                 found.append(Critical(value, "branch point", (), 0.0, counts))
         return found
 
-    def lost(self, value: float, reason: str) -> Critical:
+    def ended(self, value: float, reason: str) -> Critical:
         """Return the end of a path of equilibria as a critical value."""
         k = int(np.argmin(np.where(self.raw.unstable >= 0, np.abs(self.x - value), np.inf)))
         unstable = int(self.raw.unstable[k])
         below = self.x[k] <= value
-        kind = "fold" if "turns back" in reason else "loss of equilibrium"
-        return Critical(value, kind, (), 0.0, (unstable, -1) if below else (-1, unstable))
+        kinds = {TURNS: "fold", BRANCHES: "branch point", AGAIN: "unresolved"}
+        return Critical(
+            value, kinds.get(reason, "loss of equilibrium"), (), 0.0, (unstable, -1) if below else (-1, unstable)
+        )
 
     def _linked(self, spectra: Complex) -> Complex:
         """Return spectra in columns that are continuous, where eigenvalues do not meet."""

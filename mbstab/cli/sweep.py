@@ -145,16 +145,16 @@ def sweep(
             answer = mechanism.sweep(parameters[0], grids[parameters[0]], progress=progress, **run)
         _write(_sweep_answer(answer, *labels[0], model.name, model.title), format_, output, model.name)
         _draw(answer, drawn, *stem, _label(parameters[0], labels[0][0]), model.title)
-        total = len(answer.values)
+        total, missing = len(answer.values), len(answer.unanswered)
     else:
         with progress_bar("sweeping") as progress:
             answer = mechanism.chart(grids, progress=progress, **run)
         _write(_chart_answer(answer, labels, model.name, model.title), format_, output, model.name)
         if drawn:
             _draw_chart(answer, *stem, labels, model.title)
-        total = answer.unstable.size
-    if answer.problems:
-        raise NumericalError(f"{len(answer.problems)} of {total} points have no answer; the others are computed")
+        total, missing = answer.unstable.size, len(answer.problems)
+    if missing:
+        raise NumericalError(f"{missing} of {total} points have no answer; the others are computed")
 
 
 def _sweep_answer(result: Sweep, unit: str, factor: float, name: str, title: str) -> Answer:

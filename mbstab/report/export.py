@@ -181,13 +181,16 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     none), ``unstable`` (their number for each value, null without an answer), ``neutral``,
     ``critical`` (``value``, ``kind``, ``branch``: numbers counting from 0, ``frequency`` in
     rad/s, ``krein_signatures`` of a collision, ``unstable_below``, ``unstable_above``),
-    ``meetings`` (``value``, ``kind``) and ``problems`` (``point`` counting from 0, ``reason``).
+    ``meetings`` (``value``, ``kind``), ``problems`` (``point`` counting from 0, ``reason``),
+    ``start`` (where equilibria were followed from, null if they are given) and ``beyond``: for
+    each path to which folds lead an object with the same keys from ``values`` on.
     """
+    head = {"model": model, "title": title, "parameter": result.parameter, "unit": unit}
+    return head | _path_data(result, factor) | {"beyond": [_path_data(path, factor) for path in result.beyond]}
+
+
+def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
     return {
-        "model": model,
-        "title": title,
-        "parameter": result.parameter,
-        "unit": unit,
         "values": (result.values / factor).tolist(),
         "branches": [{"real": column.real, "imag": column.imag} for column in result.branches.T],
         "unstable": [int(n) if n >= 0 else None for n in result.unstable],
@@ -206,37 +209,43 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
         ],
         "meetings": [{"value": value / factor, "kind": kind} for value, kind in result.meetings],
         "problems": [{"point": i, "reason": reason} for i, reason in result.problems.items()],
+        "start": None if result.start is None else result.start / factor,
     }
 
 
 def sweep_csv(result: Sweep, factor: float) -> str:
-    """Return one line for each value: the value, the number of unstable eigenvalues, the branches, and its status."""
-    count = result.branches.shape[1]
-    heads = [
-        result.parameter,
-        "unstable",
-        *(f"{part} {b + 1}" for b in range(count) for part in ("real", "imag")),
-        "status",
-    ]
+    """Return one line for each value: it, the number of unstable eigenvalues, the branches, the path and its status.
+
+    Paths count from 1; those to which folds lead come after the first.
+    """
+    paths = (result, *result.beyond)
+    count = max(path.branches.shape[1] for path in paths)
+    parts = [f"{part} {b + 1}" for b in range(count) for part in ("real", "imag")]
     rows: list[list[Any]] = []
-    for i, (x, n, row) in enumerate(zip(result.values / factor, result.unstable, result.branches, strict=True)):
-        numbers = [float(part) for s in row for part in (s.real, s.imag)]
-        status = result.problems.get(i, "ok").splitlines()[0]
-        rows.append([float(x), int(n) if n >= 0 else "", *numbers, status])
-    return to_csv(heads, rows)
+    for number, path in enumerate(paths, 1):
+        missing = [float("nan")] * (2 * (count - path.branches.shape[1]))
+        for i, (x, n, row) in enumerate(zip(path.values / factor, path.unstable, path.branches, strict=True)):
+            numbers = [float(part) for s in row for part in (s.real, s.imag)]
+            status = path.problems.get(i, "ok").splitlines()[0]
+            rows.append([float(x), int(n) if n >= 0 else "", *numbers, *missing, number, status])
+    return to_csv([result.parameter, "unstable", *parts, "path", "status"], rows)
 
 
 def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
-    """Return the arrays of a sweep for npz files."""
+    """Return the arrays of a sweep for npz files; all paths one after the other, numbered in ``path`` from 1."""
     import numpy as np
 
+    paths = (result, *result.beyond)
+    count = max(path.branches.shape[1] for path in paths)
+    wide = [np.pad(x.branches, ((0, 0), (0, count - x.branches.shape[1])), constant_values=np.nan) for x in paths]
     return {
         "parameter": np.array(result.parameter),
-        "values": result.values / factor,
-        "branches": result.branches,
-        "unstable": result.unstable,
-        "critical": np.array([c.value / factor for c in result.critical]),
-        "critical_kind": np.array([c.kind for c in result.critical]),
+        "values": np.concatenate([path.values for path in paths]) / factor,
+        "branches": np.concatenate(wide),
+        "unstable": np.concatenate([path.unstable for path in paths]),
+        "path": np.repeat(np.arange(len(paths)) + 1, [len(path.values) for path in paths]),
+        "critical": np.array([c.value / factor for path in paths for c in path.critical]),
+        "critical_kind": np.array([c.kind for path in paths for c in path.critical]),
     }
 
 

@@ -11,7 +11,7 @@ import os
 import re
 import tempfile
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -43,6 +43,9 @@ FORMATS = ("png", "svg", "pdf")
 
 INK = ("#000000", "#b03a2e", "#4f94d4")
 """Colours of branches, in turn; apart in grey as well (0, 0.35, 0.54)."""
+
+BEYOND_INK = "0.62"
+"""Of the paths to which folds lead."""
 
 UNSTABLE_SHADE = "0.9"
 CRITICAL_STYLE = (0, (7, 2, 1.5, 2))
@@ -116,6 +119,10 @@ def stability_map(result: Sweep, label: Axis | str, title: str) -> Figure:
         picture = _Picture(result, label)
         figure, (upper, lower) = picture.over_parameter(title, ("real part (1/s)", "imaginary part (rad/s)"))
         upper.axhline(0.0, color="0.0", linewidth=0.8)
+        for other in picture.others:
+            for axes, part, dashed in ((upper, other.real, False), (lower, other.upper_half(), True)):
+                for j in range(part.shape[1]):
+                    _curve(axes, other.x, part[:, j], BEYOND_INK, other.growing[:, j], dashed)
         above = picture.upper_half()
         for axes, part, dashed in ((upper, picture.real, False), (lower, above, True)):
             for j in range(part.shape[1]):
@@ -123,8 +130,9 @@ def stability_map(result: Sweep, label: Axis | str, title: str) -> Figure:
         # Once for all real eigenvalues: dashes of several on each other would be a solid line.
         level = np.where(np.any(np.abs(picture.imag) <= STABLE * picture.size, axis=1), 0.0, np.nan)
         _curve(lower, picture.x, level, INK[0], np.zeros(len(level), dtype=bool), True)
-        _real_scale(upper, "y", picture.real, picture.size)
-        lower.set_ylim(_upward(np.column_stack([above, level]), picture.size))
+        _real_scale(upper, "y", picture.all(lambda part: part.real), picture.size)
+        heights = picture.all(_Picture.upper_half)
+        lower.set_ylim(_upward(np.append(heights.ravel(), level), picture.size))
         handles: list[Artist] = [
             Line2D([], [], color="k", linewidth=THIN, label="real part"),
             Line2D([], [], color="k", linewidth=THIN, linestyle="--", label="imaginary part (≥ 0)"),
@@ -141,12 +149,15 @@ def root_locus(result: Sweep, label: Axis | str, title: str) -> Figure:
         figure, (axes,) = _frame(title, heights=(5.0,), above=0.18)
         axes.set_xlabel("real part (1/s)")
         axes.set_ylabel("imaginary part (rad/s)")
-        bound = _limits(picture.imag, picture.size)
+        bound = _limits(picture.all(lambda part: part.imag), picture.size)
         axes.set_ylim(bound)
-        _real_scale(axes, "x", picture.real, picture.size)
+        _real_scale(axes, "x", picture.all(lambda part: part.real), picture.size)
         axes.axvspan(0.0, axes.get_xlim()[1], color=UNSTABLE_SHADE, linewidth=0, zorder=0)
         axes.axvline(0.0, color="0.5", linewidth=1.4, zorder=1.5)
         axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=1)
+        for other in picture.others:
+            for j in range(other.real.shape[1]):
+                _curve(axes, other.real[:, j], other.imag[:, j], BEYOND_INK, other.growing[:, j])
         for j in range(picture.real.shape[1]):
             _curve(axes, picture.real[:, j], picture.imag[:, j], picture.ink[j], picture.growing[:, j])
         for x, text in ((0.01, "stable side"), (0.99, "unstable side")):
@@ -173,14 +184,14 @@ def root_locus(result: Sweep, label: Axis | str, title: str) -> Figure:
                 )
             )
         labels = _Labels(axes)
-        for group in picture.critical[:LABELS]:
+        for group in picture.marked[:LABELS]:
             heights = sorted({c.frequency for c in group})
             for height in heights:
                 points = [height, -height] if height > 0.0 else [0.0]
                 axes.plot([0.0] * len(points), points, "D", color="k", markersize=7, markerfacecolor="w", zorder=5)
                 labels.add(0.0, height, f"{label.name} = {picture.show(group[0].value)}")
         labels.draw()
-        if picture.critical:
+        if picture.marked:
             handles.append(_marker("D", 7.0, "critical value"))
         _legend(figure, handles + picture.legend(over=False))
         return figure
@@ -203,10 +214,13 @@ def campbell(result: Sweep, label: Axis | str, title: str, excitations: Sequence
     with _style():
         picture = _Picture(result, label)
         figure, (axes,) = picture.over_parameter(title, ("frequency (Hz)",))
+        for other in picture.others:
+            for column, growing in zip(other.upper_half().T, other.growing.T, strict=True):
+                _curve(axes, other.x, column / (2.0 * math.pi), BEYOND_INK, growing)
         frequency = picture.upper_half() / (2.0 * math.pi)
         for j in range(frequency.shape[1]):
             _curve(axes, picture.x, frequency[:, j], picture.ink[j], picture.growing[:, j])
-        axes.set_ylim(_upward(frequency, picture.size / (2.0 * math.pi)))
+        axes.set_ylim(_upward(picture.all(_Picture.upper_half) / (2.0 * math.pi), picture.size / (2.0 * math.pi)))
         handles: list[Artist] = [Line2D([], [], color="k", linewidth=THIN, label="frequency of a mode")]
         if label.turns and excitations:
             labels = _Labels(axes)
@@ -347,6 +361,8 @@ class _Picture:
         A colour for each branch; conjugate branches share theirs.
     critical : list of list of Critical
         Those that are the same in six digits are together; values in the declared unit.
+    others : list of _Picture
+        The paths to which folds lead.
     """
 
     def __init__(self, result: Sweep, label: Axis, turned: bool = True) -> None:
@@ -374,6 +390,18 @@ class _Picture:
             else:
                 self.critical.append([item])
         self.unlabelled = 0
+        self.others = [_Picture(path, label, turned) for path in result.beyond]
+        self.size = max([self.size, *(other.size for other in self.others)])
+        self.marked = sorted(
+            [*self.critical, *(group for other in self.others for group in other.critical)],
+            key=lambda group: group[0].value,
+        )
+
+    def all(self, part: Callable[[_Picture], Array]) -> Array:
+        """Return something of this path and of the others, one after the other."""
+        found = [part(picture) for picture in (self, *self.others)]
+        width = max(x.shape[1] for x in found)
+        return np.concatenate([np.pad(x, ((0, 0), (0, width - x.shape[1])), constant_values=np.nan) for x in found])
 
     def show(self, value: float) -> str:
         """Return a value of the parameter with six digits."""
@@ -402,7 +430,7 @@ class _Picture:
                     axes.axvspan(a, b, facecolor="none", edgecolor="0.6", hatch="////", linewidth=0, zorder=0)
                 else:
                     axes.axvspan(a, b, color=UNSTABLE_SHADE, linewidth=0, zorder=0)
-            for group in self.critical:
+            for group in self.marked:
                 axes.axvline(group[0].value, color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, zorder=1.5)
         panels[-1].set_xlabel(self.label.text)
         for axes in panels[:-1]:
@@ -423,7 +451,7 @@ class _Picture:
         wide = (WIDTH - LEFT - RIGHT) * 72.0
         ends = [-math.inf] * ROWS
         places = []
-        for group in self.critical:
+        for group in self.marked:
             kinds = list(dict.fromkeys(c.kind for c in group))
             text = f"{self.show(group[0].value)} {', '.join(kinds)}" + (f" ({len(group)}×)" if len(group) > 1 else "")
             half = 0.5 * _text_width(text, FONT - 0.5)
@@ -473,9 +501,11 @@ class _Picture:
         handles: list[Artist] = []
         if np.any(self.growing if seen is None else self.growing & seen):
             handles.append(Line2D([], [], color="k", linewidth=THICK, label="unstable eigenvalue"))
-        if over and self.critical:
+        if over and self.marked:
             text = "critical value" + (f" ({self.unlabelled} without label)" if self.unlabelled else "")
             handles.append(Line2D([], [], color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, label=text))
+        if self.others:
+            handles.append(Line2D([], [], color=BEYOND_INK, linewidth=THIN, label="beyond a fold"))
         if over and np.any(self.unstable > 0):
             handles.append(Patch(facecolor=UNSTABLE_SHADE, edgecolor="0.6", linewidth=0.6, label="unstable range"))
         if over and np.any(self.unstable < 0):

@@ -252,6 +252,22 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
     lines.append(f"{counted(count, 'branch', 'branches')}, {counted(result.neutral, 'neutral eigenvalue')} besides")
     if result.start is not None:
         lines.append(f"equilibria followed from {result.parameter} = {number(result.start / factor)}")
+    lines += ["", *_path(result, label, factor)]
+    for n, path in enumerate(result.beyond, 2):
+        assert path.start is not None
+        turn = f"{result.parameter} = {number(path.start / factor, 6)}"
+        lines += [
+            "",
+            f"path {n}, beyond the turn at {turn}, {counted(len(path.values), 'point')}",
+            "",
+            *_path(path, label, factor),
+        ]
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _path(result: Sweep, label: str, factor: float) -> list[str]:
+    """Return what happens along one path of a sweep."""
+    lines = ["stability does not change in this range", ""]
     if result.critical:
         rows = [
             [
@@ -264,9 +280,7 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
             for c in result.critical
         ]
         heads = [f"critical\n{label}", "what happens", "frequency\n(rad/s)", "branch", "unstable\neigenvalues"]
-        lines += ["", table(heads, rows, left=(1, 3))]
-    else:
-        lines += ["", "stability does not change in this range", ""]
+        lines = [table(heads, rows, left=(1, 3))]
     if any(c.signatures for c in result.critical):
         lines += ["signs of a collision: energies of the two modes that meet (Krein signatures)", ""]
     lines += _ranges(result, factor)
@@ -281,7 +295,7 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
         lines += ["", f"{counted(len(result.problems), 'point')} without an answer:"]
         for text, times in list(reasons.items())[:5]:
             lines += wrap(f"{times}× {text}", width=WIDTH, initial_indent="  ", subsequent_indent="    ")
-    return "\n".join(lines).rstrip("\n") + "\n"
+    return lines
 
 
 def _signs(c: Critical) -> str:
@@ -290,8 +304,9 @@ def _signs(c: Critical) -> str:
 
 def _ranges(result: Sweep, factor: float) -> list[str]:
     """Return how many eigenvalues are unstable between the critical values."""
-    values = sorted(float(x) / factor for x in (result.values[0], result.values[-1]))
-    ends = [values[0], *sorted(c.value / factor for c in result.critical), values[1]]
+    values = [float(x) / factor for x in (result.values[0], result.values[-1])]
+    values = sorted([*values, values[0] if result.start is None else result.start / factor])
+    ends = [values[0], *sorted(c.value / factor for c in result.critical), values[-1]]
     lines = []
     for a, b in pairwise(ends):
         inside = (result.values / factor > a) & (result.values / factor < b) & (result.unstable >= 0)
