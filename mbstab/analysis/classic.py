@@ -49,11 +49,17 @@ import numpy.typing as npt
 
 from mbstab.analysis.linearize import Linearization
 from mbstab.analysis.methods import Found
+from mbstab.analysis.numerics import assigned
 from mbstab.analysis.subspaces import Rank, rank_of
 from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError, UsageError
 
 Complex = npt.NDArray[np.complex128]
+
+EPS = float(np.finfo(float).eps)
+
+INVERSE_STEPS = 3
+"""Steps of inverse iteration; the best vector is taken, as later ones may be worse (Peters and Wilkinson 1979)."""
 
 
 @dataclass(frozen=True)
@@ -192,11 +198,23 @@ class Technique:
             A_q, A_u = A_q + A_u @ Xi - Xi_2, A_u - 2.0 * Xi
         return np.block([[np.zeros((n, n)), np.eye(n)], [A_q, A_u]])
 
-    def __call__(self, linear: Linearization, gamma: float) -> Found:
-        """Return the 2 n_q eigenvalues and their vectors, and which of them constraint drift has exactly."""
+    def __call__(self, linear: Linearization, gamma: float, known: Complex) -> Found:
+        """Return those of the 2 n_q eigenvalues that are not of constraint drift, and how far the latter are off.
+
+        Each is paired with one that is known or with one that drift has exactly, so that the sum of
+        all distances is least. Zeros of both kinds are alike: which is which is arbitrary.
+        """
         scale = np.concatenate([linear.motion.spaces.scale, linear.motion.spaces.scale * gamma])
-        values, vectors = np.linalg.eig(self.state_matrix(linear) * scale / scale[:, None])
-        return Found(values.astype(complex), scale[:, None] * vectors, extra=drift(linear))
+        A = self.state_matrix(linear) * scale / scale[:, None]
+        values = np.linalg.eigvals(A).astype(complex)
+        exact = drift(linear)
+        distance = np.abs(values[:, None] - np.concatenate([known, exact])[None, :])
+        columns = assigned(distance)
+        extra = columns >= len(known)
+        off = float(np.max(distance[np.arange(len(values)), columns][extra], initial=0.0))
+        values = values[~extra]
+        vectors = scale[:, None] * _vectors(A, values)
+        return Found(values, vectors[: len(linear.M)], extra=len(exact), extra_error=off)
 
     def _check(self, linear: Linearization) -> None:
         if not linear.constant:
@@ -230,6 +248,27 @@ def drift(linear: Linearization) -> Complex:
     rate = rate * spaces.scale * spaces.row_scale[:, None]
     C, D = _row_rates(rate[:n_h], spaces.C), _row_rates(rate[n_h:] @ spaces.N, spaces.W)
     return -np.concatenate([C, C, D])
+
+
+def _vectors(A: Array, values: Complex) -> Complex:
+    """Return vectors for eigenvalues of A by inverse iteration, as columns.
+
+    LAPACK balances a matrix before it computes vectors, takes rounding beside zeros for bad scaling
+    and may return vectors that are none (Watkins 2006, ETNA 23); its eigenvalues have not suffered.
+    """
+    n, rng = len(A), np.random.default_rng(1)
+    shift = EPS * float(np.linalg.norm(A))
+    found = np.zeros((n, len(values)), dtype=complex)
+    for j, s in enumerate(values):
+        B = A - (s + shift) * np.eye(n)
+        x = rng.standard_normal(n).astype(complex)
+        best = np.inf
+        for _ in range(INVERSE_STEPS):
+            x = np.linalg.solve(B, x / np.linalg.norm(x))
+            residual = 1.0 / float(np.linalg.norm(x))  # of x as a vector of length 1
+            if residual < best:
+                best, found[:, j] = residual, x / np.linalg.norm(x)
+    return found
 
 
 def _row_rates(rate: Array, rows: Rank) -> Complex:

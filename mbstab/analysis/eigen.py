@@ -353,8 +353,8 @@ def eigenvalues(
     function = solver(method)
     if function is None:
         return judge.result(judge.nullspace(), method, known)
-    found, counted = judge.without_extra(function(linear, gamma))
-    return judge.result(judge.undeflated(found.values, found.vectors), method, known, **counted)
+    found = function(linear, gamma, judge.known())
+    return judge.result(judge.undeflated(found.values, found.vectors), method, known, found)
 
 
 def answer(
@@ -511,22 +511,9 @@ class _Judge:
         columns = [np.linalg.lstsq(x * R[:, n:] + K[:, n:], -known[:, j], rcond=1e-13)[0] for j, x in enumerate(s)]
         return np.array(columns, dtype=complex).T.reshape(c, len(values))
 
-    def without_extra(self, found: Found) -> tuple[Found, dict[str, Any]]:
-        """Return what a method found without the eigenvalues of constraint drift, and what is counted besides.
-
-        Each value is paired with an eigenvalue of the deflated system or with one of the drift, so
-        that the sum of all distances is least.
-        """
-        counted: dict[str, Any] = {"infinite": found.infinite, "undefined": found.undefined}
-        if found.extra is None:
-            return found, counted
-        own = np.concatenate([self._deflated_vectors()[0], self.deflated.neutral_values()])
-        distance = np.abs(found.values[:, None] - np.concatenate([own, found.extra])[None, :])
-        columns = assigned(distance)
-        extra = columns >= len(own)
-        counted["extra"] = len(found.extra)
-        counted["extra_error"] = float(np.max(distance[np.arange(len(columns)), columns][extra], initial=0.0))
-        return replace(found, values=found.values[~extra], vectors=found.vectors[:, ~extra]), counted
+    def known(self) -> Complex:
+        """Return the eigenvalues of the deflated system."""
+        return np.concatenate([self._deflated_vectors()[0], self.deflated.neutral_values()])
 
     def undeflated(self, values: Complex, vectors: Complex) -> list[Eigenvalue]:
         """Return eigenvalues of another method, judged with its own vectors and the deflated left ones."""
@@ -617,22 +604,16 @@ class _Judge:
     # --- verdict ----------------------------------------------------------------------------------------------------
 
     def result(
-        self,
-        found: list[Eigenvalue],
-        method: str,
-        known: list[Symmetry],
-        infinite: int = 0,
-        undefined: int = 0,
-        extra: int = 0,
-        extra_error: float = 0.0,
+        self, found: list[Eigenvalue], method: str, known: list[Symmetry], besides: Found | None = None
     ) -> EigenResult:
         linear = self.linear
+        besides = besides or Found(np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
         found = _with_saddles(found)
         found.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
         spaces = linear.motion.spaces
         counts = Counts(
             len(linear.M), linear.n_h, len(linear.J) - linear.n_h, spaces.C.rank, spaces.W.rank, linear.n_f, len(found),
-            self.n_neutral, infinite, undefined, extra, extra_error,
+            self.n_neutral, besides.infinite, besides.undefined, besides.extra, besides.extra_error,
         )  # fmt: skip
         verdict, reasons = self._verdict(found, counts, known)
         frame = str(linear.generator) if linear.generator is not None and linear.generator.turns else ""

@@ -60,22 +60,25 @@ class Found:
         The first n_q components of a column are Δq (m, rad).
     infinite, undefined : int
         How many eigenvalues were infinite and how many pairs 0/0, besides.
-    extra : ndarray of complex or None
-        Exact eigenvalues that the method has besides those of the system, and that are among `values`.
+    extra : int
+        How many eigenvalues of constraint drift it found besides.
+    extra_error : float (1/s)
+        How far the worst of these came out from where it belongs.
     """
 
     values: Complex
     vectors: Complex
     infinite: int = 0
     undefined: int = 0
-    extra: Complex | None = None
+    extra: int = 0
+    extra_error: float = 0.0
 
 
 class Solver(Protocol):
     """The function of a method."""
 
-    def __call__(self, linear: Linearization, gamma: float) -> Found:
-        """Return eigenvalues and vectors; `gamma` is a typical rate of the system (1/s)."""
+    def __call__(self, linear: Linearization, gamma: float, known: Complex) -> Found:
+        """Return eigenvalues and vectors; `gamma` is a typical rate (1/s), `known` are those of the deflated system."""
 
 
 def solver(name: str) -> Solver | None:

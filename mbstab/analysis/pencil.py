@@ -27,7 +27,7 @@ ZERO_PAIR = 1e-13
 """A pair α/β with both parts below this times the size of the matrices is 0/0."""
 
 
-def index3(linear: Linearization, gamma: float) -> Found:
+def index3(linear: Linearization, gamma: float, known: Complex) -> Found:
     """Return the finite eigenvalues of the regular index-3 pencil; it is solved in the time unit 1/γ."""
     scale, rows = linear.motion.spaces.scale, linear.motion.spaces.row_scale
     # Coordinates by mass, rows to unit length, speeds in units of γ: y = right · scaled y.
@@ -36,7 +36,7 @@ def index3(linear: Linearization, gamma: float) -> Found:
     return _finite(*linear.pencil(), left, right, linear, gamma)
 
 
-def paper(linear: Linearization, gamma: float) -> Found:
+def paper(linear: Linearization, gamma: float, known: Complex) -> Found:
     """Return the finite eigenvalues of the singular pencil of Eq. (70); it is solved in the time unit 1/γ."""
     scale, rows = linear.motion.spaces.scale, linear.motion.spaces.row_scale
     right = np.concatenate([scale, rows * gamma * gamma, scale * gamma, rows * gamma**3])
