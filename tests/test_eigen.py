@@ -11,7 +11,7 @@ from chains import hanging_chain, spring_chain
 from truth import distance, exact_eigenvalues
 
 import mbstab
-from mbstab.analysis.eigen import METHODS, deflate_neutral, matched
+from mbstab.analysis.eigen import deflate_neutral, matched
 from mbstab.errors import UsageError
 from mbstab.model.library import installed_models
 
@@ -311,9 +311,8 @@ def test_the_shares_of_the_bodies_in_the_kinetic_energy_sum_to_one(name):
 
 
 def test_an_unknown_method_is_named():
-    with pytest.raises(UsageError, match=r"unknown method 'qr'\nhint: one of nullspace, index3, paper"):
+    with pytest.raises(UsageError, match=r"unknown method 'qr'\nhint: one of nullspace, index3, paper, augmented, "):
         shipped("pendulum").eig("qr")
-    assert METHODS == ("nullspace", "index3", "paper")
 
 
 # --- the verdict ----------------------------------------------------------------------------------------------------
