@@ -457,13 +457,13 @@ def unbalance(system: System, motion: Motion) -> float:
     weights = [math.sqrt(float(body.mass)) * float(np.linalg.norm(scene.gravity)) for body in scene.bodies]
     balancing = max(float(np.max(np.abs(motion.dynamics.F0 * scale))), *weights)
     at = motion.q, motion.u, motion.a, motion.nu
-    return EQUILIBRIUM_TOLERANCE * balancing + force_rounding(system, at, motion.sizes, scale, motion.time)
+    return EQUILIBRIUM_TOLERANCE * balancing + ROUNDING * force_change(system, at, motion.sizes, scale, motion.time)
 
 
-def force_rounding(
+def force_change(
     system: System, at: tuple[Array, Array, Array, Array], sizes: Array, scale: Array, time: float = 0.0
 ) -> float:
-    """Return what the rounding of coordinates and speeds makes of scaled forces, at q, u, a and ν.
+    """Return how much scaled forces change over the size of the scene by their slope at q, u, a and ν.
 
     Next to a singular point of a force its slope says nothing about that: 0.
     """
@@ -472,7 +472,7 @@ def force_rounding(
     beside, _, _ = system.linearize(q + ROUNDING * sizes, u, a, nu, time)
     if float(np.max(np.abs(beside - K))) > 0.01 * float(np.max(np.abs(K))):
         return 0.0
-    return ROUNDING * float(np.max((np.abs(K) @ sizes + np.abs(R) @ np.abs(u)) * scale))
+    return float(np.max((np.abs(K) @ sizes + np.abs(R) @ np.abs(u)) * scale))
 
 
 def _balance(M: Array, J: Array, inverse: Array, allowed: Array, force: Array, bias: Array) -> tuple[Array, Array]:

@@ -225,7 +225,7 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     (lists with an eigenvalue for each value: ``real`` and ``imag`` in 1/s, null where there is
     none), ``unstable`` (their number for each value, null without an answer), ``neutral``,
     ``critical`` (``value``, ``kind``, ``branch``: numbers counting from 0, ``frequency`` in
-    rad/s, ``krein_signatures`` of a collision, ``unstable_below``, ``unstable_above``),
+    rad/s, ``krein_signatures`` of a collision, ``branching``, ``unstable_below``, ``unstable_above``),
     ``meetings`` (``value``, ``kind``), ``problems`` (``point`` counting from 0, ``reason``),
     ``start`` (where equilibria were followed from, null if they are given) and ``beyond``: for
     each path to which folds lead an object with the same keys from ``values`` on.
@@ -247,6 +247,7 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
                 "branch": list(c.branches),
                 "frequency": c.frequency,
                 "krein_signatures": c.signatures,
+                "branching": c.branching,
                 "unstable_below": c.unstable[0] if c.unstable[0] >= 0 else None,
                 "unstable_above": c.unstable[1] if c.unstable[1] >= 0 else None,
             }

@@ -392,6 +392,9 @@ class _Picture:
         self.unlabelled = 0
         self.others = [_Picture(path, label, turned) for path in result.beyond]
         self.size = max([self.size, *(other.size for other in self.others)])
+        unanswered = np.zeros(len(result.values), dtype=bool)
+        unanswered[result.unanswered] = True
+        self.unanswered = unanswered[::-1] if down else unanswered
         self.marked = sorted(
             [*self.critical, *(group for other in self.others for group in other.critical)],
             key=lambda group: group[0].value,
@@ -468,7 +471,8 @@ class _Picture:
         """Yield ranges of the parameter that are unstable (1) or have no answer (−1), as long as they are."""
         if len(self.points) < 2:
             return
-        x, sign = self.points, np.sign(self.unstable)
+        # Values that another path answers are not shaded.
+        x, sign = self.points, np.where((self.unstable < 0) & ~self.unanswered, 0, np.sign(self.unstable))
         state = np.where((sign[:-1] < 0) | (sign[1:] < 0), -1, sign[:-1])
         changes = (state >= 0) & (sign[:-1] != sign[1:])
         cuts: dict[int, list[Critical]] = {}
@@ -499,7 +503,8 @@ class _Picture:
     def legend(self, seen: Mask | None = None, over: bool = True) -> list[Artist]:
         """Return what the legends of all pictures of sweeps have in common."""
         handles: list[Artist] = []
-        if np.any(self.growing if seen is None else self.growing & seen):
+        growing = self.growing if seen is None else self.growing & seen
+        if np.any(growing) or any(np.any(other.growing) for other in self.others):
             handles.append(Line2D([], [], color="k", linewidth=THICK, label="unstable eigenvalue"))
         if over and self.marked:
             text = "critical value" + (f" ({self.unlabelled} without label)" if self.unlabelled else "")
@@ -508,7 +513,7 @@ class _Picture:
             handles.append(Line2D([], [], color=BEYOND_INK, linewidth=THIN, label="beyond a fold"))
         if over and np.any(self.unstable > 0):
             handles.append(Patch(facecolor=UNSTABLE_SHADE, edgecolor="0.6", linewidth=0.6, label="unstable range"))
-        if over and np.any(self.unstable < 0):
+        if over and np.any(self.unanswered):
             handles.append(_no_answer())
         return handles
 

@@ -295,6 +295,8 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
     lines.append(f"{counted(count, 'branch', 'branches')}, {counted(result.neutral, 'neutral eigenvalue')} besides")
     if result.start is not None:
         lines.append(f"equilibria followed from {result.parameter} = {number(result.start / factor)}")
+    if result.moved:
+        lines += wrap(f"not from the first value: {result.moved}", width=WIDTH)
     lines += ["", *_path(result, label, factor)]
     for n, path in enumerate(result.beyond, 2):
         assert path.start is not None
@@ -310,12 +312,12 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
 
 def _path(result: Sweep, label: str, factor: float) -> list[str]:
     """Return what happens along one path of a sweep."""
-    lines = ["stability does not change in this range", ""]
+    lines = ["stability does not change in this range", ""] if any(result.unstable >= 0) else []
     if result.critical:
         rows = [
             [
-                f"{c.value / factor:.13g}",
-                c.kind + _signs(c),
+                f"{_rounded(c.value, result) / factor:.13g}",
+                c.kind + _signs(c) + (", branch point" if c.branching and c.kind != "branch point" else ""),
                 number(c.frequency, 6) if c.frequency else "-",
                 ", ".join(str(b + 1) for b in c.branches) or "-",
                 " → ".join("none" if n < 0 else str(n) for n in c.unstable),
@@ -328,7 +330,7 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
         lines += ["signs of a collision: energies of the two modes that meet (Krein signatures)", ""]
     lines += _ranges(result, factor)
     if result.meetings:
-        shown = [f"{what} at {number(value / factor, 6)}" for value, what in dict.fromkeys(result.meetings)]
+        shown = [f"{what} at {number(_rounded(value, result) / factor, 6)}" for value, what in result.meetings]
         lines += ["", *wrap("branches " + ", ".join(shown[:12]) + (" …" if len(shown) > 12 else ""), width=WIDTH)]
     if result.problems:
         reasons: dict[str, int] = {}
@@ -345,18 +347,46 @@ def _signs(c: Critical) -> str:
     return "" if c.signatures is None else " (" + "".join("+" if x > 0 else "-" for x in c.signatures) + ")"
 
 
+def _rounded(value: float, result: Sweep) -> float:
+    """Return a value of the parameter, 0 if it is rounding beside the others."""
+    return value if abs(value) > 1e-11 * float(max(abs(result.values))) else 0.0
+
+
 def _ranges(result: Sweep, factor: float) -> list[str]:
-    """Return how many eigenvalues are unstable between the critical values."""
-    values = [float(x) / factor for x in (result.values[0], result.values[-1])]
-    values = sorted([*values, values[0] if result.start is None else result.start / factor])
-    ends = [values[0], *sorted(c.value / factor for c in result.critical), values[-1]]
-    lines = []
-    for a, b in pairwise(ends):
-        inside = (result.values / factor > a) & (result.values / factor < b) & (result.unstable >= 0)
-        counts = sorted({int(n) for n in result.unstable[inside]})
-        if counts and b > a:
-            what = "stable" if counts == [0] else f"unstable ({', '.join(map(str, counts))})"
-            lines.append(f"  {number(a, 6)} to {number(b, 6)}: {what}")
+    """Return how many eigenvalues are unstable between the critical values, where there is an answer."""
+    order = result.values.argsort()
+    x, counts = result.values[order] / factor, result.unstable[order]
+    begin = result.values[0] if result.start is None else result.start
+    critical = sorted(result.critical, key=lambda c: c.value)
+    edges = [
+        (min(x[0], begin / factor), -1, -1),
+        *((_rounded(c.value, result) / factor, *c.unstable) for c in critical),
+    ]
+    edges.append((max(x[-1], begin / factor), -1, -1))
+    lines, changes = [], {_rounded(c.value, result) / factor for c in critical}
+    for (a, _, above), (b, below, _) in pairwise(edges):
+        inside = (x >= a) & (x <= b)
+        runs: list[tuple[float, float, set[int]]] = []
+        whole = True
+        for value, n in zip(x[inside], counts[inside], strict=True):
+            if n < 0 and value not in changes:
+                whole = False
+            elif n >= 0 and a < value < b:
+                runs = runs if runs and whole else [*runs, (a if whole and not runs else value, value, set())]
+                runs[-1] = runs[-1][0], value, runs[-1][2] | {int(n)}
+                whole = True
+        known = {n for n in (above, below) if n >= 0}
+        if not runs and known and whole and b > a:
+            runs = [(a, b, known)]
+        elif runs and whole:
+            runs[-1] = runs[-1][0], b, runs[-1][2]
+        elif not runs and not known:
+            ends = {int(n) for n in counts[inside] if n >= 0}
+            runs = [(a, b, ends)] if ends and whole and b > a else []
+        for low, high, found in runs:
+            what = "stable" if found == {0} else f"unstable ({', '.join(map(str, sorted(found)))})"
+            place = f"{number(low, 6)} to {number(high, 6)}" if high > low else f"at {number(low, 6)}"
+            lines.append(f"  {place}: {what}")
     return lines
 
 
