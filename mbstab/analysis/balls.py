@@ -84,6 +84,7 @@ class Exact:
     """
 
     __slots__ = ("v",)
+    plain = True  # for mbstab.mechanics.vectors.plain_zero
 
     def __init__(self, v: Any) -> None:
         self.v = v
@@ -218,12 +219,14 @@ def between(low: Ball, high: Ball) -> Ball:
 
 
 @cache
-def _turns_type() -> type:
+def _turns_type() -> Any:
     """Return the type of exact multiples of π, balls that sine and cosine recognize."""
     from flint import arb, fmpq
 
-    class Turns(arb):  # type: ignore[misc]
+    class Turns(arb):
         """part·π with a fraction `part`."""
+
+        part: Fraction
 
         def __new__(cls, part: Fraction) -> Any:
             result = super().__new__(cls)

@@ -53,10 +53,12 @@ BOXES = 4000
 """… and so is the rest of an interval after so many parts."""
 
 RELATIVE = frozenset(
-    "coincident in_plane perpendicular distance screw spring ideal_spring body_force body_torque angle_spring "
-    "angle_effort angle_position angle_velocity displacement_spring displacement_effort displacement_position "
-    "displacement_velocity".split()
-)
+    [
+        "coincident", "in_plane", "perpendicular", "distance", "screw", "spring", "ideal_spring", "body_force",
+        "body_torque", "angle_spring", "angle_effort", "angle_position", "angle_velocity", "displacement_spring",
+        "displacement_effort", "displacement_position", "displacement_velocity",
+    ]
+)  # fmt: skip
 """Elements that see only how bodies lie to each other: turning all of them together changes nothing."""
 
 NORMALS = {"wheel": 8, "ellipsoid": 7, "knife": 6}
@@ -214,8 +216,8 @@ class _Field:
         """Return X, slope and growth of the Euler angles as `mbstab.analysis.rotation.turning_rates`."""
         f, base = balls.ball_arithmetic(), [ball(x) for x in body.base]
         w1, w2, w3 = (sum((base[3 * i + k] * self.axis[i] for i in range(3)), ball(0)) for k in range(3))
-        c1, s1, t2 = f.cos(angles[0]), f.sin(angles[0]), f.tan(angles[1])  # type: ignore[attr-defined]
-        sec = 1 / f.cos(angles[1])  # type: ignore[attr-defined]
+        c1, s1, t2 = f.cos(angles[0]), f.sin(angles[0]), f.tan(angles[1])
+        sec = 1 / f.cos(angles[1])
         x, y = c1 * w2 + s1 * w3, c1 * w3 - s1 * w2
         p = w1 - t2 * y
         x_t, y_t, t_t, sec_t = y * p, -x * p, sec * sec * x, sec * t2 * x
@@ -273,7 +275,7 @@ class _Proof:
     # --- what the scene says ----------------------------------------------------------------------------------------
 
     def _choose_rows(self) -> None:
-        """Take constraint rows that are independent of each other; of the others it is assumed that they repeat them."""
+        """Take constraint rows that are independent of each other; the others are assumed to repeat them."""
         motion, n_h = self.rough.motion, self.system.n_h
         J = motion.dynamics.J * motion.spaces.scale * motion.spaces.row_scale[:, None]
         C, W = motion.spaces.C, motion.spaces.W
@@ -547,7 +549,7 @@ class _Proof:
         if rank < n:
             raise NotProvable(
                 f"the {'steady motion' if moving else 'equilibrium'} is not isolated ({n - rank} directions are open): "
-                "its existence is not proven; give the coordinates that symmetries leave open under reference.coordinates"
+                "its existence is not proven; give what symmetries leave open under reference.coordinates"
             )
         chosen = _independent(scaled, n)
         what = "the steady motion" if moving else "the equilibrium"
@@ -612,7 +614,7 @@ class _Proof:
         s = self.state
         if not s.field.rate.is_zero():
             return False
-        while_ = real(0) + _arb(0, 10)
+        while_ = _arb(0, 10)
         q = [x if v.is_zero() else real(x) + real(v) * while_ for x, v in zip(s.q, s.u, strict=True)]
         nu = self._all_nu(s.nu)
         for path, part in self.system.parts():
@@ -621,12 +623,33 @@ class _Proof:
                 if not self._symmetric_where_it_turns(path.partition(".")[2]):
                     return False
                 continue
-            once, always = (_coefficients(part, x, s, nu, t) for x, t in ((s.q, self.time), (q, self.time + while_)))
+            moved = q[:]
+            for i in self._carried_along(element):
+                moved[i] = s.q[i]
+            try:
+                once, always = (
+                    _coefficients(part, x, s, nu, t) for x, t in ((s.q, self.time), (moved, self.time + while_))
+                )
+            except MbstabError:  # no enclosure over such a time
+                return False
             rounding = 1e-30 * max((abs(float(x.mid())) for x in once), default=0.0)
             for x, y in zip(once, always, strict=True):
                 if float(y.rad()) > 1.01 * float(x.rad()) + rounding:
                     return False
         return True
+
+    def _carried_along(self, element: Any) -> list[int]:
+        """Return places of bodies that an element connects and that move alike: it sees only their difference."""
+        name = element.kernel.__name__.rpartition(".")[2] if hasattr(element.kernel, "__name__") else "user"
+        d, size = self.system.scene.dimension, 3 if self.system.scene.dimension == 2 else 6
+        if name.partition("_")[2] not in RELATIVE or name.startswith("coordinate_"):
+            return []
+        slots = [element.columns[k : k + d] for k in range(0, len(element.columns), size)]
+        if any(i >= self.system.n_q for slot in slots for i in slot):
+            return []
+        u = self.state.u
+        alike = all((u[i] - u[j]).is_zero() for slot in slots[1:] for i, j in zip(slots[0], slot, strict=True))
+        return [i for slot in slots for i in slot] if alike else []
 
     def _symmetric_where_it_turns(self, name: str) -> bool:
         """Whether a body turns about an axis of symmetry of its mass only, if it turns."""
@@ -1120,8 +1143,8 @@ def _judged(found: list[Enclosure], proof: _Proof) -> tuple[str, list[str]]:
     zeros = sum(e.count for e in found if e.kind == "zero")
     if zeros and zeros > 2 * len(proof.known()):
         reasons.append(
-            f"{counted(zeros, 'eigenvalue is', 'eigenvalues are')} zero, more than symmetries explain: a critical state "
-            "or a continuum of equilibria, which the linearized equations cannot judge"
+            f"{counted(zeros, 'eigenvalue is', 'eigenvalues are')} zero, more than symmetries explain: a critical "
+            "state or a continuum of equilibria, which the linearized equations cannot judge"
         )
     if reasons:
         return "not provable", reasons
@@ -1159,7 +1182,10 @@ def _over(
     low, high = _fraction(ends[name][0], False), _fraction(ends[name][1], True)
     others = {key: value[0] for key, value in ends.items() if key != name}
     least = (high - low) * Fraction(WIDTH)
-    stack, parts, assumed, reasons, boxes = [(low, high)], [], [], {}, 0
+    stack, boxes = [(low, high)], 0
+    parts: list[Part] = []
+    assumed: list[str] = []
+    reasons: dict[Fraction, str] = {}
     while stack:
         a, b = stack.pop()
         boxes += 1
@@ -1188,8 +1214,10 @@ def _over(
         )
     open_ = [part for part in parts if part.verdict == "not provable"]
     why = []
-    if verdicts - {"not provable"}:
+    if len(verdicts - {"not provable"}) > 1:
         why.append(f"the verdict is not the same for every {text}")
+    elif len(verdicts) > 1:
+        why.append(f"a part of {text} is open")
     for part in open_:
         shown = f"[{_decimal(ball(part.low) / factor, 12)}, {_decimal(ball(part.high) / factor, 12)}]"
         width = float(part.high - part.low)
@@ -1201,7 +1229,8 @@ def _over(
 def _verdict_over(model: Model, overrides: Mapping[str, Ball]) -> tuple[str, str, tuple[str, ...]]:
     """Return the verdict for all parameters in balls, why there is none, and what is assumed."""
     try:
-        spectrum = _Proof(model, overrides).factors()
+        proof = _Proof(model, overrides)
+        spectrum = proof.factors()
     except MbstabError as error:
         return "not provable", str(error).partition("\n")[0], ()
     verdict = "marginally stable" if spectrum.zeros else "asymptotically stable"
@@ -1220,6 +1249,8 @@ def _verdict_over(model: Model, overrides: Mapping[str, Ball]) -> tuple[str, str
             return "unstable", "", spectrum.assumed
         if right is None:
             open_ = open_ or "an eigenvalue may be on the imaginary axis, or two may meet on it"
+    if spectrum.zeros and len(spectrum.zeros) > 2 * len(proof.known()):
+        open_ = open_ or "more eigenvalues are zero than symmetries explain"
     if not spectrum.factors and not spectrum.zeros:
         open_ = "constraints and drives leave no motion free whose stability could be judged"
     return ("not provable", open_, ()) if open_ else (verdict, "", spectrum.assumed)

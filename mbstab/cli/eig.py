@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -17,6 +18,9 @@ from mbstab.cli.common import (
     warn,
     write,
 )
+
+if TYPE_CHECKING:
+    from mbstab.api import Mechanism
 
 METHODS = ("nullspace", "index3", "paper")
 REQUIRED = {
@@ -40,6 +44,12 @@ REQUIRED = {
     is_flag=True,
     help="Take the equations as they are at the reference time; for comparison, no stability verdict.",
 )
+@click.option(
+    "--certify",
+    is_flag=True,
+    help="Enclose all eigenvalues with proven radii; a parameter may be an interval, such as omega=[5.6,10].",
+)
+@click.option("--digits", type=int, default=50, show_default=True, help="Decimal digits with --certify.")
 @click.option("--require", type=click.Choice(tuple(REQUIRED)), help="Exit with 3 unless at least this stable.")
 @format_option("table", "json", "csv")
 @output_option
@@ -48,6 +58,8 @@ def eig(
     settings: tuple[str, ...],
     method: str,
     frozen: bool,
+    certify: bool,
+    digits: int,
     require: str | None,
     format_: str,
     output: Path | None,
@@ -56,10 +68,17 @@ def eig(
 
     Example: mbstab eig pendulum.yaml --set L=0.5
     """
-    from mbstab.errors import ExpectationError
+    from mbstab.errors import ExpectationError, UsageError
 
     parameters = parse_settings(settings)
     mechanism = load_model(file)
+    if certify:
+        if frozen or method != METHODS[0] or format_ == "csv":
+            raise UsageError("--certify goes with neither --method nor --frozen nor --format csv")
+        _certify(mechanism, parameters, digits, require, format_, output)
+        return
+    if wide := [name for name, text in parameters.items() if text.startswith("[")]:
+        raise UsageError(f"{wide[0]} is an interval\nhint: intervals need --certify")
     with progress_bar("following the period") as progress:
         result = mechanism.eig(method, frozen, progress, **parameters)
     warn(result.warnings)
@@ -78,5 +97,32 @@ def eig(
 
         text = eigen_text(result, mechanism.model.title)
     write(text, output, mechanism.model.name)
+    if require and result.verdict not in REQUIRED[require]:
+        raise ExpectationError(f"required: {require}, found: {result.verdict}")
+
+
+def _certify(
+    mechanism: Mechanism,
+    parameters: dict[str, str],
+    digits: int,
+    require: str | None,
+    format_: str,
+    output: Path | None,
+) -> None:
+    """Write enclosures and the proven verdict; without one the exit code is 1."""
+    from mbstab.errors import ExpectationError, NumericalError
+    from mbstab.report.certificate import certificate_data, certificate_text
+
+    with progress_bar("dividing the interval") as progress:
+        result = mechanism.certify(digits, progress, **parameters)
+    if format_ == "json":
+        from mbstab.report.export import to_json
+
+        text = to_json(certificate_data(result, mechanism.model.name, mechanism.model.title))
+    else:
+        text = certificate_text(result, mechanism.model.title)
+    write(text, output, mechanism.model.name)
+    if not result.proven:
+        raise NumericalError(result.statement)
     if require and result.verdict not in REQUIRED[require]:
         raise ExpectationError(f"required: {require}, found: {result.verdict}")
