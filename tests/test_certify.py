@@ -198,6 +198,15 @@ def test_parts_agree_with_points_inside_them():
                 assert wheelset.eig(**{name: value / wheelset.model.parameters[name].factor}).verdict == part.verdict
 
 
+def test_a_reference_that_fits_in_the_middle_only_proves_nothing():
+    text = MODELS[0].with_name("top.yaml").read_text(encoding="utf-8")
+    model = mbstab.loads(text.replace("psi: omega}", "psi: 7}"))
+    result = model.certify(omega="[6, 8]")
+    assert model.certify(omega="7").proven
+    assert not result.proven
+    assert all(part.verdict == "not provable" for part in result.parts)
+
+
 def test_an_interval_counts_in_the_unit_of_the_parameter():
     model = mbstab.load("governor.yaml").model
     with digits(30):
