@@ -132,6 +132,38 @@ def test_answers_in_double_precision_lie_inside(path):
         assert any(other.contains(e.value, slack) for other in result.eigenvalues), e.value
 
 
+RANDOM = [
+    "ziegler_column",
+    "wheelset",
+    "whipple_bicycle",
+    "top",
+    "rolling_torus",
+    "rattleback",
+    "shimmy",
+    "bead_on_hoop",
+]
+
+
+@pytest.mark.parametrize("name", RANDOM)
+def test_at_other_parameters_both_ways_agree(name):
+    rng = random.Random(name)
+    mechanism = mbstab.load(f"{name}.yaml")
+    parameters, values = mechanism.model.parameters, mechanism.parameters()
+    literal = [key for key in parameters if parameters[key].expression.literal]
+    for _ in range(4):
+        key = rng.choice(literal)
+        value = round(values[key] / parameters[key].factor * rng.uniform(0.5, 1.6), 4)
+        try:
+            rough = mechanism.eig(**{key: value})
+        except mbstab.MbstabError:
+            continue
+        result = mechanism.certify(**{key: repr(value)})
+        assert rough.verdict in (result.verdict, "undecided")
+        for e in rough.eigenvalues:
+            slack = (e.error_bound if e.kind != "neutral" else 1e-9) + 1e-14
+            assert any(other.contains(e.value, slack) for other in result.eigenvalues), (key, value, e.value)
+
+
 # --- intervals ------------------------------------------------------------------------------------------------------
 
 

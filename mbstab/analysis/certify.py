@@ -54,11 +54,11 @@ BOXES = 500
 
 RELATIVE = frozenset(
     [
-        "aligned", "coincident", "in_plane", "perpendicular", "distance", "screw", "spring", "ideal_spring",
-        "body_force", "body_torque", "angle_spring", "angle_effort", "angle_position", "angle_velocity", "displacement_spring",
-        "displacement_effort", "displacement_position", "displacement_velocity",
+        *("aligned", "coincident", "in_plane", "perpendicular", "distance", "screw", "spring", "ideal_spring"),
+        *("body_force", "body_torque", "angle_spring", "angle_effort", "angle_position", "angle_velocity"),
+        *("displacement_spring", "displacement_effort", "displacement_position", "displacement_velocity"),
     ]
-)  # fmt: skip
+)
 """Elements that see only how bodies lie to each other: turning all of them together changes nothing."""
 
 NORMALS = {"wheel": 8, "ellipsoid": 7, "knife": 6}
