@@ -32,6 +32,7 @@ from mbstab.model.schema import Model
 from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides
 
 if TYPE_CHECKING:
+    from mbstab.analysis.certify import Certificate
     from mbstab.analysis.chart import Chart
     from mbstab.analysis.equilibrium import Equilibrium
     from mbstab.analysis.precise import PreciseResult
@@ -183,6 +184,30 @@ class Mechanism:
         from mbstab.analysis.precise import precise_eigenvalues
 
         return precise_eigenvalues(self.model, parameters, digits, frozen, progress)
+
+    @guarded
+    def certify(
+        self, digits: int = 50, progress: Callable[[float], object] = lambda done: None, **parameters: Setting
+    ) -> Certificate:
+        """Return enclosures of all eigenvalues with proven radii, and a proven verdict or why there is none.
+
+        Parameters
+        ----------
+        digits : int
+            Decimal digits; twice and four times as many where a verdict is open.
+        progress : callable
+            Is called with the part of an interval that is decided, from 0 to 1.
+        **parameters
+            Texts are exact decimals; one of them may be an interval: ``omega="[5.6, 10]"``.
+
+        Raises
+        ------
+        UsageError
+            If python-flint is missing, or a parameter is unknown.
+        """
+        from mbstab.analysis.certify import certify
+
+        return certify(self.model, parameters, digits, progress)
 
     @guarded
     def sweep(

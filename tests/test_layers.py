@@ -20,6 +20,7 @@ ONLY_IN = {
     "matplotlib": {"report/plots.py"},
     "scipy": {"analysis", "report/export.py"},
     "mpmath": {"model/arithmetic.py"} | {f"analysis/{x}.py" for x in ("multiprecision", "precise", "precise_motion")},
+    "flint": {"analysis/balls.py", "analysis/certify.py"},
 }
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.parent.name != "kernels")
 
@@ -80,6 +81,13 @@ def loaded_by(arguments: list[str]) -> set[str]:
     )
     run = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
     return set(run.stdout.splitlines()[-1].split()[1:])
+
+
+def test_flint_is_imported_inside_functions_only():
+    for path in (PACKAGE / "analysis" / name for name in ("balls.py", "certify.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        outside = [name for node in tree.body for name in ([node.module] if isinstance(node, ast.ImportFrom) else [])]
+        assert not any(name.startswith("flint") for name in outside)
 
 
 def test_help_imports_no_numerics():

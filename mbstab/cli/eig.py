@@ -19,11 +19,12 @@ from mbstab.cli.common import (
     warn,
     write,
 )
-from mbstab.errors import ExpectationError, UsageError
+from mbstab.errors import ExpectationError, NumericalError, UsageError
 
 if TYPE_CHECKING:
     from mbstab.api import Mechanism
 
+CERTIFIED_DIGITS = 50
 REQUIRED = {
     "stable": ("asymptotically stable",),
     "marginal": ("asymptotically stable", "marginally stable"),
@@ -49,7 +50,12 @@ REQUIRED = {
     "--precision",
     type=int,
     metavar="DIGITS",
-    help="Compute so many right digits, 16 to 1000, in multiprecision arithmetic; parameters count with all decimals.",
+    help="Compute so many right digits, 16 to 1000; parameters count with all decimals. Of the balls with --certify.",
+)
+@click.option(
+    "--certify",
+    is_flag=True,
+    help="Enclose all eigenvalues with proven radii; a parameter may be an interval, such as omega=[5.6,10].",
 )
 @click.option("--require", type=click.Choice(tuple(REQUIRED)), help="Exit with 3 unless at least this stable.")
 @format_option("table", "json", "csv")
@@ -60,6 +66,7 @@ def eig(
     method: str,
     frozen: bool,
     precision: int | None,
+    certify: bool,
     require: str | None,
     format_: str,
     output: Path | None,
@@ -69,10 +76,17 @@ def eig(
     Example: mbstab eig pendulum.yaml --set L=0.5
     """
     parameters = parse_settings(settings)
-    if precision is not None and method != DEFAULT:
-        message = f"--precision computes by deflation, not with --method {method}"
+    if (precision is not None or certify) and method != DEFAULT:
+        message = f"--precision and --certify compute by deflation, not with --method {method}"
         raise UsageError(f"{message}\nhint: leave out one of them")
     mechanism = load_model(file)
+    if certify:
+        if frozen or format_ == "csv":
+            raise UsageError("--certify goes with neither --frozen nor --format csv")
+        _certify(mechanism, parameters, precision or CERTIFIED_DIGITS, require, format_, output)
+        return
+    if wide := [name for name, text in parameters.items() if text.startswith("[")]:
+        raise UsageError(f"{wide[0]} is an interval\nhint: intervals need --certify")
     if precision is not None:
         _precise(mechanism, parameters, frozen, precision, require, format_, output)
         return
@@ -130,4 +144,29 @@ def _precise(
 
         text = precise_text(result, mechanism.model.title)
     write(text, output, mechanism.model.name)
+    _demand(require, result.verdict)
+
+
+def _certify(
+    mechanism: Mechanism,
+    parameters: dict[str, str],
+    digits: int,
+    require: str | None,
+    format_: str,
+    output: Path | None,
+) -> None:
+    """Write enclosures and the proven verdict; without one the exit code is 1."""
+    from mbstab.report.certificate import certificate_data, certificate_text
+
+    with progress_bar("dividing the interval") as progress:
+        result = mechanism.certify(digits, progress, **parameters)
+    if format_ == "json":
+        from mbstab.report.export import to_json
+
+        text = to_json(certificate_data(result, mechanism.model.name, mechanism.model.title))
+    else:
+        text = certificate_text(result, mechanism.model.title)
+    write(text, output, mechanism.model.name)
+    if not result.proven:
+        raise NumericalError(result.statement)
     _demand(require, result.verdict)

@@ -308,8 +308,10 @@ class System:
         if points is None and isinstance(q, np.ndarray) and q.ndim == 2:
             points = len(q)
         f = FLOAT if points else self.scene.arithmetic
-        q, u = _padded(q), _padded(u)
-        a = _padded(a) if a is not None else None
+        # Exact number systems must not meet floats.
+        zero = f.number("0") if f.name == "ball" else 0.0
+        q, u = _padded(q, zero), _padded(u, zero)
+        a = _padded(a, zero) if a is not None else None
         nu = _listed(nu) if nu is not None else None
         values: list[Any] = []
         for element in self._running(function):
@@ -410,9 +412,9 @@ def _listed(x: Any) -> list[Any]:
     return x.tolist() if isinstance(x, np.ndarray) and x.dtype != object and x.ndim == 1 else list(x)
 
 
-def _padded(x: Any) -> list[Any]:
+def _padded(x: Any, zero: Any) -> list[Any]:
     """Return a vector as a list with one fixed coordinate behind it."""
-    return [*_listed(x), 0.0]
+    return [*_listed(x), zero]
 
 
 def _scatter_points(values: Sequence[Any], take: Any, target: Any, shape: tuple[int, ...], points: int) -> Any:

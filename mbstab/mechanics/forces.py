@@ -8,6 +8,7 @@ from typing import Any
 from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind, Load
 from mbstab.mechanics.drives import MOTION, TRAVEL, TURN, joint_motion
 from mbstab.mechanics.joints import joint_angle_functions, joint_displacement, motion_parameters
+from mbstab.mechanics.vectors import plain_zero
 
 # --- elements -------------------------------------------------------------------------------------------------------
 
@@ -123,7 +124,7 @@ def _is_zero(x: Any) -> bool:
 def _spring_elements(item: Item) -> Iterable[ElementUse]:
     first, second = item.markers("between")
     ends = (*first.point, *second.point, item.number("stiffness"))
-    if all(_is_zero(item.number(name)) for name in ("length", "damping")):
+    if all(plain_zero(item.number(name)) for name in ("length", "damping")):
         yield ElementUse("ideal_spring", (first.body, second.body), ends)
         return
     numbers = (*ends, item.number("length"), item.number("damping"))

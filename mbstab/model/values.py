@@ -357,7 +357,7 @@ class _Evaluator:
             return True
         unit = f" {field.unit}" if field.unit not in ("", "1") else ""
         shown = value[~good].flat[0] if hasattr(value, "shape") else value
-        self.complain(quantity, f"{field.name.replace('_', ' ')} must {rule}, got {shown:g}{unit}")
+        self.complain(quantity, f"{field.name.replace('_', ' ')} must {rule}, got {_nominal(shown):g}{unit}")
         return False
 
     def vector(self, components: Components, length: bool = False) -> Vector:
