@@ -11,6 +11,7 @@ from io import BytesIO, StringIO
 from typing import Any
 
 from mbstab.analysis.chart import Chart
+from mbstab.analysis.compare import Comparison
 from mbstab.analysis.check import CheckReport
 from mbstab.analysis.eigen import EigenResult
 from mbstab.analysis.equilibrium import Equilibrium
@@ -247,6 +248,60 @@ def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
         "critical": np.array([c.value / factor for path in paths for c in path.critical]),
         "critical_kind": np.array([c.kind for path in paths for c in path.critical]),
     }
+
+
+def compare_data(result: Comparison, model: str, title: str) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab compare``.
+
+    Keys: ``model``, ``title``, ``digits``, ``truth`` (``real`` and ``imag`` of each eigenvalue as
+    decimal text, 1/s), ``neutral``, ``verdict``, ``seconds`` (what all methods share), ``methods``
+    (``method``, ``values`` with ``real`` and ``imag``, ``errors`` and ``bounds`` relative to the
+    modulus, ``error``, ``bound``, ``lost``, ``invented``, ``zeros`` in 1/s, ``besides``,
+    ``verdict``, ``seconds``, ``memory`` in bytes, ``failure``; null where there is none),
+    ``tolerance`` and ``chosen``.
+    """
+    return {
+        "model": model,
+        "title": title,
+        "digits": result.truth.digits,
+        "truth": [{"real": e.real, "imag": e.imag} for e in result.truth.eigenvalues],
+        "neutral": result.truth.neutral,
+        "verdict": result.truth.verdict,
+        "seconds": result.seconds,
+        "methods": [
+            {
+                "method": x.method,
+                "values": [{"real": s.real, "imag": s.imag} for s in x.values],
+                "errors": x.errors,
+                "bounds": x.bounds,
+                "error": x.error,
+                "bound": x.bound,
+                "lost": x.lost,
+                "invented": x.invented,
+                "zeros": x.zeros,
+                "besides": x.besides,
+                "verdict": x.verdict,
+                "seconds": x.seconds,
+                "memory": x.memory,
+                "failure": x.failure,
+            }
+            for x in result.outcomes
+        ],
+        "tolerance": result.tolerance,
+        "chosen": None if result.chosen is None else result.chosen.method,
+    }
+
+
+def compare_csv(result: Comparison) -> str:
+    """Return one line for each method and true eigenvalue."""
+    rows: list[list[Any]] = []
+    for x in result.outcomes:
+        for e, s, error, bound in zip(result.truth.eigenvalues, x.values, x.errors, x.bounds, strict=True):
+            rows.append(
+                [x.method, e.real, e.imag, float(s.real), float(s.imag), float(error), float(bound), x.seconds, x.memory]
+            )
+    heads = ["method", "true real", "true imag", "real", "imag", "error", "bound", "seconds", "bytes"]
+    return to_csv(heads, rows)
 
 
 def chart_data(result: Chart, labels: Sequence[tuple[str, float]], model: str, title: str) -> dict[str, Any]:

@@ -65,6 +65,9 @@ ROWS = 5
 LABELS = 60
 """Points that are labelled at most."""
 
+EXACT = 1e-17
+"""Smaller errors are drawn here, unless many digits were asked for."""
+
 SQUEEZED = 40.0
 """If real parts reach that many times farther than those next to the imaginary axis, their axis is logarithmic."""
 
@@ -294,6 +297,39 @@ def chart(
             handles.append(_no_answer())
         if len(boundaries):
             handles.append(Line2D([], [], color="k", linewidth=1.4, label="stability boundary"))
+        _legend(figure, handles)
+        return figure
+
+
+def work_precision(result: Comparison, title: str) -> Figure:
+    """Return error against time, one point for each method, with the bound that it claimed."""
+    with _style():
+        figure, (axes,) = _frame(title, heights=(4.4,))
+        known = [x for x in result.outcomes if math.isfinite(x.error)]
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        labels = _Labels(axes)
+        for x in known:
+            time, error = 1e3 * x.seconds, max(x.error, EXACT)
+            if math.isfinite(x.bound) and x.bound > error:
+                axes.plot([time, time], [error, x.bound], color="0.6", linewidth=1.0, zorder=2)
+                axes.plot(time, x.bound, "_", color="0.6", markersize=8, zorder=2)
+            axes.plot(time, error, "o", color="k", markersize=6, markerfacecolor="w", zorder=4)
+        axes.margins(x=0.18, y=0.1)
+        for x in known:
+            labels.add(1e3 * x.seconds, max(x.error, EXACT), x.method)
+        if result.tolerance is not None:
+            axes.axhline(result.tolerance, color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, zorder=1)
+        labels.draw()
+        axes.set_xlabel("time (ms)")
+        axes.set_ylabel("largest relative error of an eigenvalue")
+        handles: list[Artist] = [_marker("o", 6.0, "error"), Line2D([], [], color="0.6", label="up to the claimed bound")]
+        if result.tolerance is not None:
+            line = Line2D([], [], color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, label="tolerance")
+            handles.append(line)
+        missing = [x.method for x in result.outcomes if not math.isfinite(x.error)]
+        if missing:
+            handles.append(Line2D([], [], linestyle="", label=f"without an answer or wrong: {', '.join(missing)}"))
         _legend(figure, handles)
         return figure
 

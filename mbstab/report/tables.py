@@ -11,6 +11,7 @@ from typing import Any
 
 from mbstab.analysis.chart import Chart
 from mbstab.analysis.check import CheckReport
+from mbstab.analysis.compare import Comparison, Outcome
 from mbstab.analysis.eigen import EigenResult, Eigenvalue, show
 from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
@@ -331,6 +332,70 @@ def chart_text(result: Chart, labels: Sequence[tuple[str, float]], title: str) -
     lines += ["", table(["region", "part of the points"], rows, left=(0,))]
     lines.append(f"{counted(len(result.boundaries), 'boundary curve')}")
     return "\n".join(lines) + "\n"
+
+
+def compare_text(result: Comparison, title: str) -> str:
+    """Return the answer of ``mbstab compare`` as text."""
+    lines = [title, ""] if title else []
+    rows = [
+        [
+            str(n),
+            x.method,
+            _size(x.error) if not x.failure else "no answer",
+            _size(x.bound),
+            number(1e3 * x.seconds, 3),
+            number(x.memory / 1e3, 3) if x.memory else "-",
+            _losses(x),
+        ]
+        for n, x in enumerate(result.outcomes, 1)
+    ]
+    heads = ["", "method", "largest\nerror", "claimed\nbound", "time\n(ms)", "memory\n(kB)", "besides"]
+    lines.append(table(heads, rows, left=(1, 6)))
+    lines += wrap(
+        f"errors are relative to the modulus of each eigenvalue and against {result.truth.digits} digits, which took "
+        f"{result.truth.seconds:.2g} s; reference motion and linearized equations: {1e3 * result.seconds:.3g} ms",
+        width=WIDTH,
+    )
+    shown = [(i, e) for i, e in enumerate(result.truth.eigenvalues) if e.value.imag >= 0]
+    if shown:
+        errors = [[_size(float(x.errors[i])) for x in result.outcomes] for i, _ in shown]
+        named = [[eigenvalue(complex(e.value)), *cells] for (_, e), cells in zip(shown, errors, strict=True)]
+        numbers = [str(n + 1) for n in range(len(result.outcomes))]
+        lines += ["", table(["eigenvalue (1/s), error by", *numbers], named)]
+    for x in result.outcomes:
+        if x.failure:
+            lines += wrap(f"{x.method}: {x.failure.splitlines()[0]}", width=WIDTH, subsequent_indent="  ")
+    if result.truth.neutral:
+        lines.append(f"{counted(result.truth.neutral, 'neutral eigenvalue')} besides")
+    lines.append(f"Verdict with {result.truth.digits} digits: {result.truth.verdict}")
+    different = [x.method for x in result.outcomes if x.verdict and x.verdict != result.truth.verdict]
+    if different:
+        lines += wrap(f"another verdict by {', '.join(different)}", width=WIDTH)
+    if result.chosen is not None:
+        lines += ["", *wrap(_choice(result), width=WIDTH)]
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _size(x: float) -> str:
+    return "-" if math.isnan(x) else "wrong" if x == math.inf else "0" if x == 0.0 else f"{x:.0e}"
+
+
+def _losses(x: Outcome) -> str:
+    parts = [f"{x.lost} lost"] if x.lost and not x.failure else []
+    parts += [f"{x.invented} invented"] if x.invented else []
+    parts += [x.besides] if x.besides else []
+    parts += [f"zeros to {x.zeros:.0e}"] if x.zeros else []
+    return ", ".join(parts)
+
+
+def _choice(result: Comparison) -> str:
+    chosen = result.chosen
+    assert chosen is not None
+    assert result.tolerance is not None
+    faster = [x for x in result.outcomes if x.seconds < chosen.seconds and x is not chosen and not x.failure]
+    text = f"{chosen.method} keeps {result.tolerance:g}: error {_size(chosen.error)} in {1e3 * chosen.seconds:.3g} ms"
+    missed = ", ".join(f"{x.method} ({_size(x.error)})" for x in faster)
+    return f"{text}; faster ones do not: {missed}" if faster else f"{text}, and none is faster"
 
 
 def check_text(report: CheckReport, title: str) -> str:
