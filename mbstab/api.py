@@ -131,7 +131,8 @@ class Mechanism:
         Parameters
         ----------
         method : str
-            ``nullspace``, ``index3`` or ``paper``; see `mbstab.analysis.eigen`.
+            A name of `mbstab.analysis.methods.METHODS`: ``nullspace`` deflates, the others are
+            there for comparison.
         frozen : bool
             Take the equations as they are at the reference time: of a motion that does not stand
             still in its coordinates these eigenvalues say nothing about stability.
@@ -146,6 +147,8 @@ class Mechanism:
             If the rank of the constraints cannot be decided.
         MassError
             If a motion that nothing holds has no mass.
+        NumericalError
+            If the method needs independent constraint rows and they are not.
         """
         return answer(self.system(**parameters), method, frozen, progress)
 

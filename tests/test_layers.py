@@ -90,5 +90,9 @@ def test_eig_imports_neither_sympy_nor_scipy_nor_matplotlib(model):
     assert loaded_by(["eig", model]) == {"numpy", "yaml", "rich"}
 
 
+def test_the_help_of_eig_lists_its_methods_without_numerics():
+    assert loaded_by(["eig", "--help"]) == set()
+
+
 def test_eig_as_json_needs_no_tables():
     assert loaded_by(["eig", "pendulum.yaml", "--format", "json"]) == {"numpy", "yaml"}

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.linearize import Linearization, StateSpace, linearize, state_space
+from mbstab.analysis.methods import DEFAULT, METHODS, Found, solver
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.steady import Generator
@@ -32,8 +33,6 @@ from mbstab.errors import UsageError
 from mbstab.model.schema import is_length
 
 Complex = npt.NDArray[np.complex128]
-
-METHODS = ("nullspace", "index3", "paper")
 
 EPS = float(np.finfo(float).eps)
 DATA = 2.0 * EPS
@@ -126,6 +125,12 @@ class Counts:
         How many of them are zero.
     infinite, undefined : int
         Infinite eigenvalues and 0/0 pairs that the method returned besides.
+    extra : int
+        Eigenvalues of constraint drift that the method returned besides: two for each independent
+        holonomic row, one for each nonholonomic one.
+    extra_error : float (1/s)
+        How far the worst of them came out from where it belongs: from 0, or from ±iω where a
+        turning frame carries the constraint around.
     """
 
     n_q: int
@@ -138,6 +143,8 @@ class Counts:
     neutral: int
     infinite: int
     undefined: int
+    extra: int = 0
+    extra_error: float = 0.0
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -310,7 +317,7 @@ def carried_shifts(generator: Generator | None, q: Array, known: list[Symmetry])
 
 
 def eigenvalues(
-    linear: Linearization, method: str = "nullspace", find_symmetries: Callable[[], list[Symmetry]] = list
+    linear: Linearization, method: str = DEFAULT, find_symmetries: Callable[[], list[Symmetry]] = list
 ) -> EigenResult:
     """Return the eigenvalues of the linearized equations with bounds and a verdict.
 
@@ -318,15 +325,16 @@ def eigenvalues(
     ----------
     linear : Linearization
     method : str
-        ``nullspace`` (deflated, default), ``index3`` (QZ on the regular pencil) or ``paper``
-        (QZ on the singular pencil of Eq. (70)).
+        A name of `mbstab.analysis.methods.METHODS`.
     find_symmetries : callable, optional
         Returns the symmetries that explain neutral eigenvalues; called only if there are any.
 
     Raises
     ------
     UsageError
-        If the method is unknown.
+        If the method is unknown, or is not for this motion.
+    NumericalError
+        If the method needs independent constraint rows and they are not.
     """
     if method not in METHODS:
         raise UsageError(f"unknown method {method!r}\nhint: one of {', '.join(METHODS)}")
@@ -342,20 +350,16 @@ def eigenvalues(
         frequencies = carried_shifts(linear.generator, linear.motion.q, known)
         deflated = deflate_pairs(deflated, frequencies, rounding)
     judge = _Judge(linear, space, gamma, deflated, rounding)
-    infinite = undefined = 0
-    if method == "nullspace":
-        found = judge.nullspace()
-    else:
-        from mbstab.analysis.pencil import finite_eigenvalues
-
-        values, vectors, infinite, undefined = finite_eigenvalues(linear, method, gamma)
-        found = judge.pencil(values, vectors)
-    return judge.result(found, method, infinite, undefined, known)
+    function = solver(method)
+    if function is None:
+        return judge.result(judge.nullspace(), method, known)
+    found = function(linear, gamma, judge.known())
+    return judge.result(judge.undeflated(found.values, found.vectors), method, known, found)
 
 
 def answer(
     system: System,
-    method: str = "nullspace",
+    method: str = DEFAULT,
     frozen: bool = False,
     progress: Callable[[float], object] | None = None,
 ) -> EigenResult:
@@ -380,7 +384,7 @@ def answer(
     if period is not None and not frozen:
         from mbstab.analysis.periodic import periodic_answer
 
-        if method != METHODS[0]:
+        if method != DEFAULT:
             message = f"--method {method} is for constant coefficients; a periodic motion has multipliers"
             raise UsageError(f"{message}\nhint: leave out --method")
         return periodic_answer(system, motion, float(period), progress)
@@ -507,8 +511,12 @@ class _Judge:
         columns = [np.linalg.lstsq(x * R[:, n:] + K[:, n:], -known[:, j], rcond=1e-13)[0] for j, x in enumerate(s)]
         return np.array(columns, dtype=complex).T.reshape(c, len(values))
 
-    def pencil(self, values: Complex, vectors: Complex) -> list[Eigenvalue]:
-        """Return eigenvalues that QZ found, judged with its own vectors and the deflated left ones."""
+    def known(self) -> Complex:
+        """Return the eigenvalues of the deflated system."""
+        return np.concatenate([self._deflated_vectors()[0], self.deflated.neutral_values()])
+
+    def undeflated(self, values: Complex, vectors: Complex) -> list[Eigenvalue]:
+        """Return eigenvalues of another method, judged with its own vectors and the deflated left ones."""
         if len(values) == 0:
             return []
         scale = np.concatenate([self.linear.motion.spaces.scale, self.linear.motion.spaces.row_scale])
@@ -527,7 +535,7 @@ class _Judge:
             x = vectors[: self.n, i] / scale[: self.n]
             x = np.concatenate([x, self._multipliers(values[i : i + 1], x[:, None], False)[:, 0]])
             other = y[:, nearest] if nearest >= 0 else np.full_like(x, np.nan)
-            # QZ does not know of the zeros: its eigenvalues bear disturbances that move them.
+            # Other methods do not know of the zeros: their eigenvalues bear disturbances that move them.
             found += self._judged(values[i : i + 1], x[:, None], other[:, None], zeros_held=False)
         return found
 
@@ -596,15 +604,16 @@ class _Judge:
     # --- verdict ----------------------------------------------------------------------------------------------------
 
     def result(
-        self, found: list[Eigenvalue], method: str, infinite: int, undefined: int, known: list[Symmetry]
+        self, found: list[Eigenvalue], method: str, known: list[Symmetry], besides: Found | None = None
     ) -> EigenResult:
         linear = self.linear
+        besides = besides or Found(np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
         found = _with_saddles(found)
         found.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
         spaces = linear.motion.spaces
         counts = Counts(
             len(linear.M), linear.n_h, len(linear.J) - linear.n_h, spaces.C.rank, spaces.W.rank, linear.n_f, len(found),
-            self.n_neutral, infinite, undefined,
+            self.n_neutral, besides.infinite, besides.undefined, besides.extra, besides.extra_error,
         )  # fmt: skip
         verdict, reasons = self._verdict(found, counts, known)
         frame = str(linear.generator) if linear.generator is not None and linear.generator.turns else ""

@@ -38,6 +38,8 @@ class Linearization:
 
     Attributes
     ----------
+    system : System
+        Whose equations they are.
     M, R, K : ndarray, shape (n_q, n_q)
         ∂F/∂a, ∂F/∂u, ∂F/∂q; K contains the multiplier terms ∂(Jᵀν)/∂q.
     J : ndarray, shape (n_c, n_q)
@@ -57,6 +59,7 @@ class Linearization:
         Whether frozen-time coefficients were asked for.
     """
 
+    system: System
     M: Array
     R: Array
     K: Array
@@ -171,7 +174,7 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
         matrices = _matrices(system, motion, None)
         variation, generator = _variation(system, motion, matrices, None), None
     return Linearization(
-        *matrices, system.n_h, tuple(system.names), tuple(system.rows), motion, variation, generator, frozen
+        system, *matrices, system.n_h, tuple(system.names), tuple(system.rows), motion, variation, generator, frozen
     )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from mbstab.analysis.methods import DEFAULT, METHODS
 from mbstab.cli.common import (
     file_argument,
     format_option,
@@ -18,7 +19,6 @@ from mbstab.cli.common import (
     write,
 )
 
-METHODS = ("nullspace", "index3", "paper")
 REQUIRED = {
     "stable": ("asymptotically stable",),
     "marginal": ("asymptotically stable", "marginally stable"),
@@ -30,10 +30,10 @@ REQUIRED = {
 @set_option
 @click.option(
     "--method",
-    type=click.Choice(METHODS),
-    default=METHODS[0],
+    type=click.Choice(tuple(METHODS)),
+    default=DEFAULT,
     show_default=True,
-    help="nullspace deflates constraints and zeros; index3 is QZ on the regular pencil, paper QZ on Eq. (70).",
+    help="; ".join(f"{name}: {method.description}" for name, method in METHODS.items()) + ".",
 )
 @click.option(
     "--frozen",

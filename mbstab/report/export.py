@@ -58,8 +58,8 @@ def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str
     periodic motion; its eigenvalues are Floquet exponents with a ``multiplier``), ``verdict``, ``reasons``,
     ``eigenvalues`` (``real`` and ``imag`` in 1/s, ``kind``, ``frequency`` in Hz,
     ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s, ``error_bound`` in 1/s,
-    ``condition``, ``backward_error``, ``participation``), ``counts``, ``neutral_chains``,
-    ``symmetries``, ``warnings``.
+    ``condition``, ``backward_error``, ``participation``), ``counts`` (`mbstab.analysis.eigen.Counts`),
+    ``neutral_chains``, ``symmetries``, ``warnings``.
     """
     return {
         "model": model,

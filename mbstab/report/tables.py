@@ -15,6 +15,7 @@ from mbstab.analysis.compare import Comparison, Outcome
 from mbstab.analysis.eigen import EigenResult, Eigenvalue, show
 from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
+from mbstab.analysis.methods import DEFAULT
 from mbstab.analysis.sweep import Critical, Sweep
 from mbstab.errors import counted
 from mbstab.model.schema import is_length
@@ -111,7 +112,8 @@ def _multipliers(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
 
 
 def _neutral_value(result: EigenResult) -> str:
-    return "0" if result.method == "nullspace" else f"0 to {_spread(result):.0e}"
+    spread = _spread(result)
+    return f"0 to {spread:.0e}" if result.method != DEFAULT and spread else "0"
 
 
 def _spread(result: EigenResult) -> float:
@@ -185,6 +187,14 @@ def _counts(result: EigenResult) -> list[str]:
             "each constraint row; the pencil is singular for every s, and only because these\n"
             "zeros are exact can QZ still compute the other eigenvalues"
         )
+    if c.extra:
+        where = "0, or in the turning frame ±i times its rate" if result.frame else "0"
+        text = (
+            f"besides, the method returned {counted(c.extra, 'eigenvalue')} of constraint drift, two for each "
+            f"independent holonomic row and one for each nonholonomic row; exactly they are {where}, the worst came "
+            f"out {c.extra_error:.0e} 1/s away"
+        )
+        lines += wrap(text, width=WIDTH)
     if result.symmetries and c.neutral:
         lines += wrap(
             "neutral eigenvalues belong to: " + ", ".join(result.symmetries), width=WIDTH, subsequent_indent="  "
