@@ -11,8 +11,8 @@ from io import BytesIO, StringIO
 from typing import Any
 
 from mbstab.analysis.chart import Chart
-from mbstab.analysis.compare import Comparison
 from mbstab.analysis.check import CheckReport
+from mbstab.analysis.compare import Comparison
 from mbstab.analysis.eigen import EigenResult
 from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
@@ -298,7 +298,17 @@ def compare_csv(result: Comparison) -> str:
     for x in result.outcomes:
         for e, s, error, bound in zip(result.truth.eigenvalues, x.values, x.errors, x.bounds, strict=True):
             rows.append(
-                [x.method, e.real, e.imag, float(s.real), float(s.imag), float(error), float(bound), x.seconds, x.memory]
+                [
+                    x.method,
+                    e.real,
+                    e.imag,
+                    float(s.real),
+                    float(s.imag),
+                    float(error),
+                    float(bound),
+                    x.seconds,
+                    x.memory,
+                ]
             )
     heads = ["method", "true real", "true imag", "real", "imag", "error", "bound", "seconds", "bytes"]
     return to_csv(heads, rows)

@@ -31,6 +31,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, SymmetricalLogLocator
 
+from mbstab.analysis.compare import Comparison
 from mbstab.analysis.spectrum import STABLE, Complex
 from mbstab.analysis.sweep import Critical, Sweep
 from mbstab.compiler.system import Array
@@ -323,7 +324,10 @@ def work_precision(result: Comparison, title: str) -> Figure:
         labels.draw()
         axes.set_xlabel("time (ms)")
         axes.set_ylabel("largest relative error of an eigenvalue")
-        handles: list[Artist] = [_marker("o", 6.0, "error"), Line2D([], [], color="0.6", label="up to the claimed bound")]
+        handles: list[Artist] = [
+            _marker("o", 6.0, "error"),
+            Line2D([], [], color="0.6", label="up to the claimed bound"),
+        ]
         if result.tolerance is not None:
             line = Line2D([], [], color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, label="tolerance")
             handles.append(line)
