@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.chart import Chart
     from mbstab.analysis.compare import Comparison
     from mbstab.analysis.equilibrium import Equilibrium
+    from mbstab.analysis.precise import PreciseResult
     from mbstab.analysis.sweep import Sweep
 
 Setting = float | str
@@ -151,6 +152,38 @@ class Mechanism:
             If the method needs independent constraint rows and they are not.
         """
         return answer(self.system(**parameters), method, frozen, progress)
+
+    @guarded
+    def eig_precise(
+        self,
+        digits: int = 50,
+        frozen: bool = False,
+        progress: Callable[[float], object] = lambda done: None,
+        **parameters: Setting,
+    ) -> PreciseResult:
+        """Return eigenvalues (1/s) of which so many decimal digits are right, and the verdict.
+
+        Parameters
+        ----------
+        digits : int
+            From 16 to 1000.
+        frozen, progress
+            As in `eig`.
+        parameters
+            All digits of a text count; a float stands for the decimals it is printed with.
+
+        Raises
+        ------
+        UsageError
+            If the number of digits is out of range, or the motion is periodic.
+        ConstraintError
+            If the decimals of the file satisfy the constraints in double precision only.
+        NumericalError
+            If the digits cannot be reached.
+        """
+        from mbstab.analysis.precise import precise_eigenvalues
+
+        return precise_eigenvalues(self.model, parameters, digits, frozen, progress)
 
     @guarded
     def sweep(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from io import StringIO
 from itertools import pairwise
 from textwrap import wrap
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.chart import Chart
 from mbstab.analysis.check import CheckReport
@@ -20,6 +20,9 @@ from mbstab.analysis.sweep import Critical, Sweep
 from mbstab.errors import counted
 from mbstab.model.schema import is_length
 from mbstab.report import WIDTH
+
+if TYPE_CHECKING:
+    from mbstab.analysis.precise import PreciseResult
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:
@@ -71,6 +74,36 @@ def eigen_text(result: EigenResult, title: str) -> str:
     for reason in result.reasons:
         lines += wrap(reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ")
     lines += ["", *_counts(result)]
+    return "\n".join(lines) + "\n"
+
+
+def precise_text(result: PreciseResult, title: str) -> str:
+    """Return the answer of ``mbstab eig --precision`` as text: real and imaginary parts on lines of their own."""
+    lines = [title, ""] if title else []
+    rows = []
+    for e in result.eigenvalues:
+        if e.imag.startswith("-"):
+            continue
+        last = [e.bound, e.kind]
+        if e.imag == "0":
+            rows.append([e.real, *last])
+        elif e.real == "0":
+            rows.append([f"± {e.imag}i", *last])
+        else:
+            rows += [[e.real, "", ""], [f"± {e.imag}i", *last]]
+    rows += [[f"± {shift}i", "-", "neutral"] for shift in result.shifts]
+    if zeros := sum(result.chains):
+        rows.append(["0", "-", f"neutral, {zeros}×"])
+    lines.append(table(["eigenvalue\n(1/s)", "error\nbound", "type"], rows, left=(2,)) if rows else "no eigenvalues\n")
+    lines.append(f"Verdict: {result.verdict}")
+    for reason in result.reasons:
+        lines += wrap(reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ")
+    lines += ["", *_counts(result)]
+    lines += wrap(
+        f"{result.digits} digits, computed with {result.working_digits} in {result.seconds:.1f} s; smallest pivot that "
+        f"counts {result.kept}, largest that counts as zero {result.dropped}, relative to the matrix",
+        width=WIDTH,
+    )
     return "\n".join(lines) + "\n"
 
 
@@ -164,7 +197,7 @@ def _fitting(words: Sequence[str], width: int) -> str:
     return ""
 
 
-def _counts(result: EigenResult) -> list[str]:
+def _counts(result: EigenResult | PreciseResult) -> list[str]:
     c = result.counts
     rows = f"{counted(c.n_q, 'coordinate')}, {counted(c.n_holonomic, 'holonomic row')} (rank {c.rank_holonomic})"
     rows += f", {counted(c.n_nonholonomic, 'nonholonomic row')} (rank {c.rank_nonholonomic})"
