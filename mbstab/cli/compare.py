@@ -18,6 +18,7 @@ from mbstab.cli.common import (
     warn,
     write,
 )
+from mbstab.errors import UsageError
 
 
 @click.command()
@@ -52,6 +53,8 @@ def compare(
     """
     mechanism = load_model(file)
     model = mechanism.model
+    if picture is not None:
+        _check_picture(picture)
     with progress_bar("comparing") as progress:
         result = mechanism.compare(digits, tolerance, progress, **parse_settings(settings))
     warn(result.truth.warnings)
@@ -71,3 +74,13 @@ def compare(
         from mbstab.report import plots
 
         save_picture(plots.work_precision(result, model.title), picture)
+
+
+def _check_picture(path: Path) -> None:
+    """Refuse a place for the picture before anything is computed."""
+    from mbstab.report import plots
+
+    if path.suffix[1:].lower() not in plots.FORMATS:
+        raise UsageError(f"--plot {path}: pictures end with {', '.join('.' + name for name in plots.FORMATS)}")
+    if not path.resolve().parent.is_dir():
+        raise UsageError(f"{path}: cannot be written: there is no directory {path.parent}")
