@@ -43,8 +43,8 @@ FURTHER = (20, 30)
 CLOSE = 1.1
 """Times that differ by less than this factor are equal: the method that comes first is taken."""
 
-LOST = 1.0
-"""An eigenvalue with a larger relative error than this is none: one is lost and another one invented."""
+LOST = 0.5
+"""An eigenvalue with a larger relative error than this is none: not one binary digit of it is right."""
 
 Settings = Mapping[str, float | str]
 
@@ -146,6 +146,10 @@ class Comparison:
     tolerance: float | None
     chosen: Outcome | None
 
+    def faster(self) -> list[Outcome]:
+        """Return those that are faster than the chosen one and do not keep the tolerance."""
+        return [x for x in self.outcomes if self.chosen is not None and CLOSE * x.seconds < self.chosen.seconds]
+
 
 def compare(
     model: Model,
@@ -197,7 +201,7 @@ def compare(
     known = symmetries(system, motion)
     outcomes = _in_double(linear, known, ruler, lambda number: progress((2.0 + number) / total))
     for number, n in enumerate(further, 1):
-        outcomes.append(_with_digits(model, settings, n, ruler, number == 1))
+        outcomes.append(_with_digits(model, settings, n, ruler))
         progress((2.0 + len(METHODS) + 2.0 * number) / total)
     chosen = cheapest(outcomes, tolerance) if tolerance is not None else None
     return Comparison(truth, ruler.rounding, tuple(outcomes), shared, tolerance, chosen)
@@ -276,7 +280,7 @@ class _Ruler:
             for i, x in enumerate(found):
                 # All that are none cost the same, however far they are off.
                 cost[i, : len(true)] = [
-                    min(float(abs(x - s) / modulus), 1.5 * LOST) for s, modulus in zip(true, moduli, strict=True)
+                    min(float(abs(x - s) / modulus), 2.0 * LOST) for s, modulus in zip(true, moduli, strict=True)
                 ]
         columns = [
             int(j) if j < len(true) and cost[i, j] <= LOST else -1 for i, j in enumerate(assigned(cost)[: len(found)])
@@ -340,7 +344,9 @@ def _in_double(
     results = {}
     for number, method in enumerate(METHODS, 1):
         try:
-            results[method] = eigenvalues(linear, method, lambda: known)
+            # CPython 3.11 looks up line numbers in long kernels so slowly that tracing memory would
+            # take thirty times as long; after a profiler it has them ready.
+            results[method] = cProfile.Profile().runcall(eigenvalues, linear, method, lambda: known)
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as error:
             outcomes[method] = ruler.failure(method, str(error))
         progress(number)
@@ -389,17 +395,15 @@ def _alone(linear: Linearization, method: str, known: list[Symmetry]) -> Callabl
     return run
 
 
-def _with_digits(model: Model, settings: Settings, digits: int, ruler: _Ruler, first: bool) -> Outcome:
+def _with_digits(model: Model, settings: Settings, digits: int, ruler: _Ruler) -> Outcome:
     """Return what the same gives with more digits: the decimals it prints."""
     method = f"{digits} digits"
 
     def run() -> PreciseResult:
         return precise_eigenvalues(model, settings, digits)
 
-    # CPython 3.11 looks up line numbers in long kernels so slowly that tracing memory would take
-    # thirty times as long; a profiler makes it keep them.
     try:
-        result = cProfile.Profile().runcall(run) if first else run()
+        result = run()
     except MbstabError as error:
         return ruler.failure(method, str(error))
     with mp.workdps(ruler.digits):

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.chart import Chart
 from mbstab.analysis.check import CheckReport
-from mbstab.analysis.compare import Comparison, Outcome
 from mbstab.analysis.eigen import EigenResult
 from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
@@ -20,6 +19,7 @@ from mbstab.analysis.sweep import Sweep
 from mbstab.model.schema import is_length
 
 if TYPE_CHECKING:
+    from mbstab.analysis.compare import Comparison, Outcome
     from mbstab.analysis.precise import PreciseResult
 
 Named = tuple[Any, list[str], list[str]]

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -31,12 +31,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, SymmetricalLogLocator
 
-from mbstab.analysis.compare import Comparison, Outcome
 from mbstab.analysis.methods import METHODS
 from mbstab.analysis.spectrum import STABLE, Complex
 from mbstab.analysis.sweep import Critical, Sweep
 from mbstab.compiler.system import Array
 from mbstab.model.units import parse_unit
+
+if TYPE_CHECKING:
+    from mbstab.analysis.compare import Comparison, Outcome
 
 Mask = npt.NDArray[np.bool_]
 
@@ -322,7 +324,6 @@ def work_precision(result: Comparison, title: str) -> Figure:
                 axes.plot(time, x.bound, "_", color="0.6", markersize=8, zorder=2)
             face = "k" if x is result.chosen else "w"
             axes.plot(time, error, "v" if below else "o", color="k", markersize=6, markerfacecolor=face, zorder=4)
-        _decades(axes, list(points.values()), len(result.outcomes))
         handles: list[Artist] = [
             _marker("o", 6.0, "largest error"),
             Line2D([], [], color="0.6", label="up to the claimed bound"),
@@ -338,6 +339,7 @@ def work_precision(result: Comparison, title: str) -> Figure:
         if rounding > EXACT:
             axes.axhline(rounding, color="0.4", linewidth=1.0, linestyle=":", zorder=1)
             handles.append(Line2D([], [], color="0.4", linewidth=1.0, linestyle=":", label="rounding of the data"))
+        _decades(axes, list(points.values()), len(result.outcomes))
         labels = _Labels(axes)
         for n, (time, error) in points.items():
             labels.add(time, error, str(n))

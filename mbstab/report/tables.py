@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.chart import Chart
 from mbstab.analysis.check import CheckReport
-from mbstab.analysis.compare import CLOSE, Comparison, Outcome
 from mbstab.analysis.eigen import EigenResult, Eigenvalue, show
 from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
@@ -22,6 +21,7 @@ from mbstab.model.schema import is_length
 from mbstab.report import WIDTH
 
 if TYPE_CHECKING:
+    from mbstab.analysis.compare import Comparison, Outcome
     from mbstab.analysis.precise import PreciseResult
 
 
@@ -518,7 +518,7 @@ def _size(x: float, digits: int = 0) -> str:
 def _choice(result: Comparison) -> str:
     chosen, tolerance = result.chosen, result.tolerance
     assert chosen is not None
-    faster = [x for x in result.outcomes if CLOSE * x.seconds < chosen.seconds]
+    faster = result.faster()
     error = _size(chosen.error, result.truth.digits)
     text = f"{chosen.method} keeps {tolerance:g}: error {error} in {1e3 * chosen.seconds:.3g} ms"
     missed = ", ".join(f"{x.method} ({_size(x.error) if math.isfinite(x.error) else 'wrong'})" for x in faster)
