@@ -14,6 +14,7 @@ from mpmath import mp
 from truth import DIGITS, exact_eigenvalues
 
 import mbstab
+from mbstab.analysis import compare
 from mbstab.analysis.compare import Outcome, cheapest
 from mbstab.analysis.eigen import matched
 from mbstab.analysis.methods import METHODS
@@ -22,6 +23,14 @@ from mbstab.errors import NumericalError, UsageError
 from mbstab.report import plots
 
 TECHNIQUES = ["augmented", "embedding", "amalgamated", "projection", "udwadia-kalaba"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick():
+    """Times need not be good here."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compare, "REPEATS", 3)
+        yield
 
 
 def run(*arguments):
@@ -101,8 +110,8 @@ def test_rounding_near_a_collision_is_most_of_the_error():
 
 @pytest.fixture(scope="module")
 def heavy_chain():
-    """Each link weighs 32 times as much as the one above."""
-    text = hanging_chain(np.random.default_rng(1), 10, [10.0 ** (1.5 * i) for i in range(10)])
+    """Each link weighs 12.6 times as much as the one above."""
+    text = hanging_chain(np.random.default_rng(1), 10, [10.0 ** (1.1 * i) for i in range(10)])
     return mbstab.loads(text, "chain").compare(20)
 
 
@@ -162,8 +171,6 @@ def test_no_method_keeps_the_tolerance():
 
 
 def test_it_fails_with_one(monkeypatch):
-    from mbstab.analysis import compare
-
     def refused(outcomes, tolerance):
         return cheapest([], tolerance) if not outcomes else cheapest(outcomes[1:2], 1e-30)
 

@@ -437,7 +437,7 @@ def _outcome_row(n: int, x: Outcome, digits: int) -> list[str]:
 
 
 def _filled(text: str) -> list[str]:
-    return wrap(text, width=WIDTH, subsequent_indent="  ")
+    return wrap(text, width=WIDTH, subsequent_indent="  ", break_on_hyphens=False)
 
 
 ROUNDING = "rounding of data"
