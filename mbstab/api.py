@@ -34,6 +34,7 @@ from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides
 if TYPE_CHECKING:
     from mbstab.analysis.certify import Certificate
     from mbstab.analysis.chart import Chart
+    from mbstab.analysis.compare import Comparison
     from mbstab.analysis.equilibrium import Equilibrium
     from mbstab.analysis.precise import PreciseResult
     from mbstab.analysis.sweep import Sweep
@@ -267,6 +268,34 @@ class Mechanism:
 
         settings = parse_overrides(self.model, parameters)
         return chart(self.model, values, settings, progress, directory, resume, jobs, cluster)
+
+    @guarded
+    def compare(
+        self,
+        digits: int = 50,
+        tolerance: float | None = None,
+        progress: Callable[[float], object] = lambda done: None,
+        **parameters: Setting,
+    ) -> Comparison:
+        """Return what each method keeps of the eigenvalues to many digits, and what it costs.
+
+        Parameters
+        ----------
+        digits : int
+            Of the truth.
+        tolerance : float, optional
+            Largest relative error, for the choice of a method.
+        progress : callable
+            Is called with the part of the work that is done, from 0 to 1.
+
+        Raises
+        ------
+        UsageError
+            If the tolerance cannot be judged, or the motion is periodic.
+        """
+        from mbstab.analysis.compare import compare
+
+        return compare(self.model, parameters, digits, tolerance, progress)
 
     @guarded
     def check(self, **parameters: Setting) -> CheckReport:

@@ -19,7 +19,8 @@ ONLY_IN = {
     "sympy": {"mechanics", "compiler", "model/arithmetic.py", "analysis/symbolic.py", "report/symbolic.py"},
     "matplotlib": {"report/plots.py"},
     "scipy": {"analysis", "report/export.py"},
-    "mpmath": {"model/arithmetic.py"} | {f"analysis/{x}.py" for x in ("multiprecision", "precise", "precise_motion")},
+    "mpmath": {"model/arithmetic.py"}
+    | {f"analysis/{x}.py" for x in ("compare", "multiprecision", "precise", "precise_motion")},
     "flint": {"analysis/balls.py", "analysis/certify.py"},
 }
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.parent.name != "kernels")

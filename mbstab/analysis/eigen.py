@@ -338,6 +338,19 @@ def eigenvalues(
     """
     if method not in METHODS:
         raise UsageError(f"unknown method {method!r}\nhint: one of {', '.join(METHODS)}")
+    space, gamma, deflated, rounding, known = deflate(linear, find_symmetries)
+    judge = _Judge(linear, space, gamma, deflated, rounding)
+    function = solver(method)
+    if function is None:
+        return judge.result(judge.nullspace(), method, known)
+    found = function(linear, gamma, judge.known())
+    return judge.result(judge.undeflated(found.values, found.vectors), method, known, found)
+
+
+def deflate(
+    linear: Linearization, find_symmetries: Callable[[], list[Symmetry]] = list
+) -> tuple[StateSpace, float, Deflated, float, list[Symmetry]]:
+    """Return the deflated system, a typical rate (1/s), its matrix without zeros, to what that is known, symmetries."""
     space = state_space(linear)
     gamma = time_scale(space)
     S = balanced(space, gamma)
@@ -349,12 +362,7 @@ def eigenvalues(
         known = find_symmetries()
         frequencies = carried_shifts(linear.generator, linear.motion.q, known)
         deflated = deflate_pairs(deflated, frequencies, rounding)
-    judge = _Judge(linear, space, gamma, deflated, rounding)
-    function = solver(method)
-    if function is None:
-        return judge.result(judge.nullspace(), method, known)
-    found = function(linear, gamma, judge.known())
-    return judge.result(judge.undeflated(found.values, found.vectors), method, known, found)
+    return space, gamma, deflated, rounding, known
 
 
 def answer(

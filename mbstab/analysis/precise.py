@@ -21,12 +21,12 @@ from mpmath import mp
 
 from mbstab.analysis import multiprecision as more
 from mbstab.analysis.eigen import LONGEST_CHAIN, Counts, EigenResult, show, time_scale
-from mbstab.analysis.linearize import state_space
+from mbstab.analysis.linearize import Linearization, state_space
 from mbstab.analysis.methods import DEFAULT
 from mbstab.analysis.multiprecision import Matrix, Stalled, exact, largest, product
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.precise_motion import Point, Start, reference_point
-from mbstab.analysis.subspaces import rank_of
+from mbstab.analysis.subspaces import Subspaces, rank_of
 from mbstab.compiler.system import System
 from mbstab.errors import ConstraintError, NumericalError, UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic
@@ -234,14 +234,22 @@ def _spectrum(start: Start, settings: Mapping[str, Any], work: int) -> _Spectrum
 def _state_matrix(start: Start, system: System, point: Point) -> Matrix:
     """Return S of ẏ = S y, as `mbstab.analysis.linearize.state_space` does, for a basis that is nearly orthonormal."""
     spaces, n_h = start.motion.spaces, system.n_h
-    scale, row_scale = spaces.scale, spaces.row_scale
     K, R, D_q = (exact(x) for x in system.linearize(point.q, point.u, point.a, point.nu, system.scene.time))
     M, J = exact(point.state.M), exact(point.state.J)
     if point.generator is not None:
         Xi, Xi_2 = (exact(x) for x in point.generator.frame(point.q))
         K = K + product(R, Xi) + product(M, Xi_2)
         R, D_q = R + 2 * product(M, Xi), D_q + product(J[n_h:], Xi)
-    M, R, K = (x * scale * scale[:, None] for x in (M, R, K))
+    gamma = time_scale(state_space(start.linear))  # speeds are counted in units of it
+    return _deflated(spaces, gamma, (M, R, K), J, D_q)
+
+
+def _deflated(
+    spaces: Subspaces, gamma: float, matrices: tuple[Matrix, Matrix, Matrix], J: Matrix, D_q: Matrix
+) -> Matrix:
+    """Return S from M, R and K, the constraint rows and ∂D/∂q."""
+    scale, row_scale, n_h = spaces.scale, spaces.row_scale, len(J) - len(D_q)
+    M, R, K = (x * scale * scale[:, None] for x in matrices)
     J = J * scale * row_scale[:, None]
     D_q = D_q * scale * row_scale[n_h:, None]
     try:
@@ -261,7 +269,6 @@ def _state_matrix(start: Start, system: System, point: Point) -> Matrix:
     inertia = product(M, P) + R
     right = np.hstack([product(Z.T, product(inertia, P) + K), product(Z.T, inertia, Z)])
     n = N.shape[1]
-    gamma = time_scale(state_space(start.linear))  # speeds are counted in units of it
     lower = right
     if M_z.size:
         try:
@@ -272,6 +279,22 @@ def _state_matrix(start: Start, system: System, point: Point) -> Matrix:
     weights = np.ones(len(S))
     weights[n:] = gamma
     return exact(S * weights / weights[:, None])
+
+
+def rounded_eigenvalues(linear: Linearization, digits: int) -> list[Any] | None:
+    """Return what the eigenvalues are, as mpmath numbers, if the matrices in double precision are exact.
+
+    Zeros of the structure are not held at zero: rounding moves them. None if it destroys the rank
+    of redundant constraints, or the eigenvalues cannot be had.
+    """
+    with mp.workdps(digits):
+        matrices = (exact(linear.M), exact(linear.R), exact(linear.K))
+        gamma = time_scale(state_space(linear))
+        try:
+            S = _deflated(linear.motion.spaces, gamma, matrices, exact(linear.J), exact(linear.D_q))
+            return [e.value for e in more.eigenvalues(S)]
+        except (ConstraintError, NumericalError):
+            return None
 
 
 # --- how many digits are right --------------------------------------------------------------------------------------

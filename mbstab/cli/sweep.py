@@ -12,15 +12,15 @@ import click
 from mbstab.cli.common import (
     file_argument,
     load_model,
-    note,
     output_option,
     parse_settings,
     progress_bar,
+    save_picture,
     set_option,
     show,
     write,
 )
-from mbstab.errors import NumericalError, OutputError, UsageError
+from mbstab.errors import NumericalError, UsageError
 
 if TYPE_CHECKING:
     from mbstab.analysis.chart import Chart
@@ -218,7 +218,7 @@ def _draw_chart(result: Chart, stem: Path, suffix: str, labels: list[tuple[str, 
 
     texts = [_label(name, unit) for name, (unit, _) in zip(result.parameters, labels, strict=True)]
     figure = plots.chart(result.x, result.y, result.unstable, result.boundaries, (texts[0], texts[1]), title)
-    _save(figure, stem.with_name(f"{stem.name}-chart{suffix}"))
+    save_picture(figure, stem.with_name(f"{stem.name}-chart{suffix}"))
 
 
 def _draw(result: Sweep, pictures: tuple[str, ...], stem: Path, suffix: str, label: str, title: str) -> None:
@@ -230,19 +230,7 @@ def _draw(result: Sweep, pictures: tuple[str, ...], stem: Path, suffix: str, lab
     kinds = {"map": plots.stability_map, "locus": plots.root_locus, "campbell": plots.campbell}
     for picture in pictures:
         path = stem.with_name(f"{stem.name}-{picture}{suffix}")
-        _save(kinds[picture](result, label, title), path)
-
-
-def _save(figure: Any, path: Path) -> None:
-    from mbstab.report import plots
-
-    try:
-        plots.save(figure, path)
-    except (FileNotFoundError, NotADirectoryError, PermissionError) as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror}") from None
-    note(f"wrote {path}")
+        save_picture(kinds[picture](result, label, title), path)
 
 
 def _stem(place: Path | None, output: Path | None, model: Path, parameter: str) -> tuple[Path, str]:

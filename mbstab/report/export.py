@@ -19,6 +19,7 @@ from mbstab.analysis.sweep import Sweep
 from mbstab.model.schema import is_length
 
 if TYPE_CHECKING:
+    from mbstab.analysis.compare import Comparison, Outcome
     from mbstab.analysis.precise import PreciseResult
 
 Named = tuple[Any, list[str], list[str]]
@@ -293,6 +294,65 @@ def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
         "critical": np.array([c.value / factor for path in paths for c in path.critical]),
         "critical_kind": np.array([c.kind for path in paths for c in path.critical]),
     }
+
+
+def compare_data(result: Comparison, model: str, title: str) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab compare``.
+
+    Keys: ``model``, ``title``, ``digits``, ``truth`` (``real`` and ``imag`` of each eigenvalue as
+    decimal text, 1/s), ``neutral``, ``verdict``, ``rounding`` (how far the rounding of the data to
+    double precision alone moves each eigenvalue), ``seconds`` (reference motion and linearized
+    equations with their checks), ``methods`` (see below), ``tolerance`` and ``chosen`` (a method).
+
+    Of each method: ``method``, ``values`` (``real``, ``imag``; 1/s), ``errors``, ``own_errors``
+    (from the eigenvalues of the rounded data) and ``bounds``, one for each of ``truth`` and
+    relative to its modulus; ``error``, ``own_error``, ``bound`` (the largest ones), ``exceeded``
+    (an error is larger than its bound), ``lost``, ``invented``, ``zeros`` and ``drift`` (1/s: how
+    far the worst neutral eigenvalue and the worst one of constraint drift are off), ``besides``,
+    ``verdict``, ``seconds``, ``memory`` (bytes), ``failure`` (why there is no answer). Null stands
+    for what there is not: ``error`` is null if an eigenvalue is lost or invented.
+    """
+    return {
+        "model": model,
+        "title": title,
+        "digits": result.truth.digits,
+        "truth": [{"real": e.real, "imag": e.imag} for e in result.truth.eigenvalues],
+        "neutral": result.truth.neutral,
+        "verdict": result.truth.verdict,
+        "rounding": result.rounding,
+        "seconds": result.seconds,
+        "methods": [_outcome(x) for x in result.outcomes],
+        "tolerance": result.tolerance,
+        "chosen": None if result.chosen is None else result.chosen.method,
+    }
+
+
+def _outcome(x: Outcome) -> dict[str, Any]:
+    values = [{"real": s.real, "imag": s.imag} for s in x.values]
+    largest = {"error": x.error, "own_error": x.own_error, "bound": x.bound, "exceeded": x.exceeded}
+    if x.failure:
+        counts: dict[str, Any] = dict.fromkeys(("lost", "invented", "zeros", "drift", "besides", "verdict"))
+    else:
+        counts = {key: getattr(x, key) for key in ("lost", "invented", "zeros", "drift", "besides", "verdict")}
+    cost = {"seconds": x.seconds, "memory": x.memory or None, "failure": x.failure or None}
+    errors = {"errors": x.errors, "own_errors": x.own_errors, "bounds": x.bounds}
+    return {"method": x.method, "values": values} | errors | largest | counts | cost
+
+
+def compare_csv(result: Comparison) -> str:
+    """Return one line for each method and true eigenvalue."""
+    heads = [
+        "method", "true real (1/s)", "true imag (1/s)", "real (1/s)", "imag (1/s)", "relative error",
+        "own relative error", "claimed bound", "seconds", "bytes", "failure",
+    ]  # fmt: skip
+    rows: list[list[Any]] = []
+    for x in result.outcomes:
+        failure = x.failure.partition("\n")[0]
+        columns = (result.truth.eigenvalues, x.values, x.errors, x.own_errors, x.bounds)
+        for e, s, *numbers in zip(*columns, strict=True):
+            found = [float(y) for y in (s.real, s.imag, *numbers)]
+            rows.append([x.method, e.real, e.imag, *found, x.seconds, x.memory or "", failure])
+    return to_csv(heads, rows)
 
 
 def chart_data(result: Chart, labels: Sequence[tuple[str, float]], model: str, title: str) -> dict[str, Any]:
