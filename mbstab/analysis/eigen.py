@@ -21,9 +21,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.linearize import Linearization, StateSpace, linearize, state_space
+from mbstab.analysis.linearize import Linearization, StateSpace, composite, linearize, state_space
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.reference import reference_motion
+from mbstab.analysis.refine import Quadratic, refined
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.subspaces import rank_of
 from mbstab.analysis.symmetry import Symmetry, symmetries
@@ -58,6 +59,9 @@ ADVICE = (
 
 INDEPENDENT = 1e3
 """Equal eigenvalues whose vectors are better conditioned than this are no chain."""
+
+ROUGH = 1e3 * EPS
+"""Eigenvalues with larger relative error bounds are refined."""
 
 CLUSTER = 100.0
 """The first-order bound is trusted for eigenvalues whose distance to the next is this many bounds."""
@@ -434,6 +438,7 @@ class _Judge:
         rows[n : n + linear.n_h] = heavy
         rows[n + linear.n_h :] = heavy / gamma
         self.M, self.R, self.K = (x * rows[:, None] * rows for x in (M, R, K))
+        self.factors = scale * rows
         self.sizes = [float(np.linalg.norm(x, 2)) for x in (self.M, self.R, self.K)]
         self.n = n
 
@@ -443,7 +448,8 @@ class _Judge:
         """Return all finite eigenvalues from the deflated system."""
         values, right, left = self._deflated_vectors()
         neutral = [Eigenvalue(s, "neutral", math.nan, math.nan, math.nan) for s in self.deflated.neutral_values()]
-        return self._judged(values, *self._composite_vectors(values, right, left)) + neutral
+        x, y = self._composite_vectors(values, right, left)
+        return self._refined(self._judged(values, x, y), values, x, y) + neutral
 
     @cache  # noqa: B019 - a judge lives as long as one answer
     def _deflated_vectors(self) -> tuple[Complex, Complex, Complex]:
@@ -530,6 +536,50 @@ class _Judge:
             # QZ does not know of the zeros: its eigenvalues bear disturbances that move them.
             found += self._judged(values[i : i + 1], x[:, None], other[:, None], zeros_held=False)
         return found
+
+    # --- refinement -------------------------------------------------------------------------------------------------
+
+    def _refined(self, found: list[Eigenvalue], values: Complex, x: Complex, y: Complex) -> list[Eigenvalue]:
+        """Make eigenvalues exact that bear the rounding of larger numbers than those that decide them."""
+        rough = [i for i, e in enumerate(found) if not e.error_bound <= ROUGH * abs(values[i])]
+        if not rough or self.linear.terms is None:
+            return found
+        problem, kept = self._quadratic()
+        result = list(found)
+        for i in rough:
+            if values[i].imag < 0.0:
+                continue
+            better = refined(problem, complex(values[i]), x[kept, i], y[kept, i])
+            if better is None:
+                continue
+            s, bound, right, _ = better
+            if values[i].imag == 0.0:
+                s = complex(s.real)
+            # Newton's method must not have gone to another eigenvalue.
+            if not (bound < found[i].error_bound and abs(s - values[i]) <= found[i].error_bound):
+                continue
+            twins = [i]
+            if values[i].imag > 0.0:
+                twins.append(min(rough, key=lambda j: abs(values[j] - values[i].conjugate())))
+            for j, value in zip(twins, (s, s.conjugate()), strict=False):
+                kind = kind_of(value, bound, self._separation(value))
+                result[j] = replace(
+                    found[j], value=complex(value.real + 0.0, value.imag + 0.0), kind=kind, error_bound=bound,
+                    condition=bound / (DATA * abs(s)), backward_error=0.0,
+                    participation=self._participation(right[: self.n]),
+                )  # fmt: skip
+        return result
+
+    def _quadratic(self) -> tuple[Quadratic, npt.NDArray[np.intp]]:
+        """Return the composite problem in scaled coordinates without redundant rows, and what is left of its rows."""
+        linear, n = self.linear, self.n
+        assert linear.terms is not None
+        redundant = [id(item.row) for item in linear.motion.redundant]
+        kept = np.array([*range(n), *(n + i for i, row in enumerate(linear.rows) if id(row) not in redundant)])
+        terms = [x * self.factors * self.factors[:, None] for x in composite(linear.terms())]
+        M, R, K = (np.ascontiguousarray(x[np.ix_(kept, kept)]) for x in (self.M, self.R, self.K))
+        sizes = tuple(np.ascontiguousarray(x[np.ix_(kept, kept)]) for x in terms)
+        return Quadratic(M, R, K, sizes), kept
 
     # --- bounds -----------------------------------------------------------------------------------------------------
 
