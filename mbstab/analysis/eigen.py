@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.linearize import Linearization, StateSpace, composite, linearize, state_space
+from mbstab.analysis.linearize import Linearization, StateSpace, composite, linearize, reduced, state_space
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.reference import reference_motion
-from mbstab.analysis.refine import Quadratic, refined
+from mbstab.analysis.refine import Quadratic, equilibration, refined
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.subspaces import rank_of
 from mbstab.analysis.symmetry import Symmetry, symmetries
@@ -59,6 +59,12 @@ ADVICE = (
 
 INDEPENDENT = 1e3
 """Equal eigenvalues whose vectors are better conditioned than this are no chain."""
+
+APART = 1e-8
+"""Eigenvalues smaller than this part of the largest have lost half of their digits in the matrix."""
+
+FEW = 1e-10
+"""Eigenvalues with larger relative error bounds are warned about."""
 
 ROUGH = 1e3 * EPS
 """Eigenvalues with larger relative error bounds are refined."""
@@ -226,7 +232,7 @@ class Deflated:
         return [0j] * sum(self.steps) + pairs
 
 
-def deflate_neutral(S: Array, rounding: float = EPS) -> Deflated:
+def deflate_neutral(S: Array, rounding: float = EPS, null: Array | None = None) -> Deflated:
     """Separate the zero eigenvalues of S by the staircase null(S), null(S₂₂) and so on.
 
     Parameters
@@ -235,15 +241,34 @@ def deflate_neutral(S: Array, rounding: float = EPS) -> Deflated:
         Scaled so that its blocks are of similar size.
     rounding : float
         To what S is known, relative to its norm.
+    null : ndarray, shape (n, k), optional
+        Orthonormal basis of null(S) where that is known better.
     """
     n = len(S)
     Q, T = np.eye(n), S.copy()
     done, steps, dropped, undecided = 0, [], 0.0, ""
     size = float(np.linalg.norm(S, 2)) if n else 0.0
+    if null is not None:
+        n_null = null.shape[1]
+        if not n_null:
+            return Deflated(Q, T[:0, :0], T[:0], T, (), size, dropped, undecided)
+        complement = np.linalg.svd(null)[0][:, n_null:]
+        Q, T = _null_vectors_first(Q, T, np.vstack([complement.T, null.T]), 0, n_null)
+        dropped = float(np.linalg.norm(T[:, :n_null], 2))
+        T[:, :n_null] = 0.0
+        steps.append(n_null)
+        done = n_null
     while done < n:
         _, s, right = np.linalg.svd(T[done:, done:])
         zeros = int(np.sum(s <= NEUTRAL_ROUNDING * rounding * size))
         if zeros == 0:
+            break
+        if null is not None and zeros > steps[-1]:
+            # A chain has no more vectors in its next step than in the one before.
+            undecided = (
+                f"{_count(zeros)} close to zero where {steps[-1]} at most can be: "
+                "neutral or merely slow cannot be told in double precision"
+            )
             break
         largest, next_one = float(s[-zeros]), float(s[-zeros - 1]) if zeros < len(s) else math.inf
         if not undecided and next_one < NEUTRAL_GAP * largest:
@@ -257,6 +282,67 @@ def deflate_neutral(S: Array, rounding: float = EPS) -> Deflated:
         steps.append(zeros)
         done += zeros
     return Deflated(Q, T[:done, :done], T[:done, done:], T[done:, done:], tuple(steps), size, dropped, undecided)
+
+
+def _eig(S: Array) -> tuple[Complex, Complex]:
+    """Return eigenvalues and vectors; slow ones that are lost beside fast ones come from the inverse of S."""
+    values, vectors = (x.astype(complex) for x in np.linalg.eig(S))
+    size = np.abs(values)
+    order = np.argsort(-size)
+    if size[order[-1]] > APART * size[order[0]]:
+        return values, vectors
+    try:
+        inverse, others = (x.astype(complex) for x in np.linalg.eig(np.linalg.inv(S)))
+    except np.linalg.LinAlgError:
+        return values, vectors
+    slow = np.argsort(-np.abs(inverse))
+    if not np.isfinite(others).all() or inverse[slow[-1]] == 0.0:
+        return values, vectors
+    # The spectrum is parted where its gap is widest.
+    rates = size[order]
+    fast = 1 + int(np.argmax(rates[:-1] / np.maximum(rates[1:], EPS * rates[0])))
+    fast_ones, slow_ones = order[:fast], slow[: len(S) - fast]
+    return (
+        np.concatenate([values[fast_ones], 1.0 / inverse[slow_ones]]),
+        np.hstack([vectors[:, fast_ones], others[:, slow_ones]]),
+    )
+
+
+def null_space(linear: Linearization, space: StateSpace, gamma: float) -> Array | None:
+    """Return null(S) as far as the single entries of the equations tell it, or None where they leave a doubt.
+
+    Rows and columns of the equations before they are solved for the accelerations are scaled until their
+    roundings are of one size: great damping hides no slow motion then, and great masses none that is held.
+
+    Returns
+    -------
+    ndarray, shape (n_f, k) or None
+        An orthonormal basis for the balanced S.
+    """
+    if linear.terms is None:
+        return None
+    spaces = linear.motion.spaces
+    n = space.n_xi
+    weights = spaces.scale * spaces.scale[:, None]
+    B = space.A.copy()
+    P, N, Z = B[:n, :n], np.abs(spaces.N), np.abs(spaces.Z)
+    _, *lower = reduced(*(x * weights for x in (linear.M, linear.R, linear.K)), spaces.N, spaces.Z, P)
+    B[n:] = -np.hstack(lower)
+    terms = linear.terms()
+    rows = terms.D_q * spaces.scale * spaces.row_scale[linear.n_h :, None]
+    drift = np.abs(spaces.W.pseudo_inverse) @ rows @ N
+    _, *lower = reduced(*(x * weights for x in (terms.M, terms.R, terms.K)), N, Z, drift)
+    size = np.vstack([np.hstack([drift, Z]), np.hstack(lower)]) / min(1.0, spaces.C.smallest_kept)
+    left, right = equilibration(size)
+    _, s, vectors = np.linalg.svd(B * left[:, None] * right)
+    known = EPS * float(np.linalg.norm(size * left[:, None] * right, 2))
+    zeros = int(np.sum(s <= NEUTRAL_ROUNDING * known))
+    if zeros < len(s) and s[-zeros - 1] < NEUTRAL_GAP * known:
+        return None
+    weights = np.ones(len(B))
+    weights[n:] = gamma
+    null = (right / weights)[:, None] * vectors[len(s) - zeros :].T
+    return np.linalg.qr(null)[0] if zeros else null
 
 
 def _null_vectors_first(Q: Array, T: Array, right: Array, done: int, count: int) -> tuple[Array, Array]:
@@ -339,6 +425,10 @@ def eigenvalues(
     S = balanced(space, gamma)
     rounding = rounding_of(linear, space, gamma, S)
     deflated = deflate_neutral(S, rounding)
+    if deflated.steps:
+        null = null_space(linear, space, gamma)
+        if null is not None and null.shape[1] < deflated.steps[0]:
+            deflated = deflate_neutral(S, rounding, null)
     known: list[Symmetry] = []
     turns = linear.generator is not None and linear.generator.turns
     if deflated.steps or turns:
@@ -459,8 +549,7 @@ class _Judge:
         if n == k:
             empty = np.zeros((n, 0), dtype=complex)
             return np.zeros(0, dtype=complex), empty, empty
-        values, inner = np.linalg.eig(d.S)
-        values, inner = values.astype(complex), inner.astype(complex)
+        values, inner = _eig(d.S)
         try:
             dual = np.linalg.inv(inner).conj().T
         except np.linalg.LinAlgError:
@@ -660,7 +749,7 @@ class _Judge:
         frame = str(linear.generator) if linear.generator is not None and linear.generator.turns else ""
         return EigenResult(
             found, verdict, tuple(reasons), counts, self.deflated.steps, tuple(s.name for s in known), method,
-            linear.motion.warnings, frame, not linear.constant, self.deflated.pairs,
+            linear.motion.warnings + _inexact(found), frame, not linear.constant, self.deflated.pairs,
         )  # fmt: skip
 
     def _accelerating(self) -> str:
@@ -744,6 +833,19 @@ def kind_of(s: complex, bound: float, separation: float) -> str:
     if abs(s.real) > margin:
         return ("un" if s.real > 0 else "") + ("stable node" if real else "stable focus")
     return "undecided" if clustered or real else "center"
+
+
+def _inexact(found: list[Eigenvalue]) -> tuple[str, ...]:
+    """Return a warning about eigenvalues of which few digits are known, or nothing."""
+    few = [e for e in found if e.kind != "neutral" and e.value.imag >= 0.0 and e.error_bound > FEW * abs(e.value)]
+    if not few:
+        return ()
+    worst = max(few, key=lambda e: e.error_bound / abs(e.value) if e.value else math.inf)
+    others = f" (and {len(few) - 1} more, less so)" if len(few) > 1 else ""
+    return (
+        f"the eigenvalue {show(worst.value)} 1/s{others} is known to {worst.error_bound:.1e} 1/s only: "
+        f"the rounding of the data and of the equations is magnified {worst.condition:.1e} times",
+    )
 
 
 def _with_saddles(found: list[Eigenvalue]) -> list[Eigenvalue]:

@@ -420,11 +420,7 @@ def deflated_matrix(M: Array, R: Array, K: Array, N: Array, Z: Array, P: Array) 
     Z : ndarray, shape (…, n_xi, n_eta)
     P : ndarray, shape (…, n_xi, n_xi)
     """
-    N_t, Z_t = np.swapaxes(N, -1, -2), np.swapaxes(Z, -1, -2)
-    M_r, R_r, K_r = (N_t @ x @ N for x in (M, R, K))
-    M_z = Z_t @ M_r @ Z
-    inertia = M_r @ P + R_r
-    lower = [Z_t @ (inertia @ P + K_r), Z_t @ inertia @ Z]
+    M_z, *lower = reduced(M, R, K, N, Z, P)
     # Z is orthonormal in mass-scaled coordinates: M_z is as well conditioned as the scene allows.
     n, points = N.shape[-1], np.broadcast_shapes(*(x.shape[:-2] for x in (*lower, P, Z)))
     A = np.empty((*points, n + Z.shape[-1], n + Z.shape[-1]))
@@ -434,6 +430,14 @@ def deflated_matrix(M: Array, R: Array, K: Array, N: Array, Z: Array, P: Array) 
         for block, x in ((np.s_[..., n:, :n], lower[0]), (np.s_[..., n:, n:], lower[1])):
             A[block] = -np.linalg.solve(M_z, x) if inverse is None else -inverse @ x
     return A, M_z
+
+
+def reduced(M: Array, R: Array, K: Array, N: Array, Z: Array, P: Array) -> tuple[Array, Array, Array]:
+    """Return M_z, K_z and R_z of M_z η̇ = −K_z ξ − R_z η."""
+    N_t, Z_t = np.swapaxes(N, -1, -2), np.swapaxes(Z, -1, -2)
+    M_r, R_r, K_r = (N_t @ x @ N for x in (M, R, K))
+    inertia = M_r @ P + R_r
+    return Z_t @ M_r @ Z, Z_t @ (inertia @ P + K_r), Z_t @ inertia @ Z
 
 
 def state_space(linear: Linearization) -> StateSpace:

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.steady import Family, Generator
-from mbstab.analysis.subspaces import Redundancy, Subspaces, rank_of, redundancies, subspaces
+from mbstab.analysis.subspaces import RANK_TOLERANCE, Redundancy, Subspaces, rank_of, redundancies, subspaces
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem
 from mbstab.model.schema import is_length
@@ -356,6 +356,12 @@ class Finder:
         if redundant:
             self._check_constant_rank(q, u, time, spaces)
             self.warnings += [f"redundant constraint: {item}" for item in redundant]
+            misfit = max(spaces.C.largest_dropped, spaces.W.largest_dropped)
+            if misfit > ROUNDING:
+                self.warnings.append(
+                    f"the redundant rows repeat the others to {misfit:.1e} only; smaller than {RANK_TOLERANCE:g}, this "
+                    "is taken for rounding in the file, not for a constraint"
+                )
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, self.sizes, state, spaces, redundant, tuple(self.solved),
             tuple(self.warnings),

@@ -108,7 +108,7 @@ def _step(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[Compl
     T = np.zeros((n + 1, n + 1), dtype=complex)
     T[:n, :n] = Q
     T[:n, n], T[n, :n] = D @ x, y.conj() @ D
-    rows, columns = _equilibration(T)
+    rows, columns = equilibration(T)
     # The same matrix, turned over, corrects the left vector.
     right, left = (-np.append(residual, 0.0) for residual in (Q @ x, Q.conj().T @ y))
     try:
@@ -121,7 +121,7 @@ def _step(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[Compl
     return x + first[:n], y + second[:n], complex(first[n])
 
 
-def _equilibration(T: Complex) -> tuple[Array, Array]:
+def equilibration(T: Complex | Array) -> tuple[Array, Array]:
     """Return factors of rows and columns that make the largest entries of all of them about 1, powers of 2."""
     size = np.abs(T)
     rows, columns = np.ones(len(T)), np.ones(len(T))
