@@ -622,8 +622,9 @@ class _Judge:
             x = vectors[: self.n, i] / scale[: self.n]
             x = np.concatenate([x, self._multipliers(values[i : i + 1], x[:, None], False)[:, 0]])
             other = y[:, nearest] if nearest >= 0 else np.full_like(x, np.nan)
-            # QZ does not know of the zeros: its eigenvalues bear disturbances that move them.
-            found += self._judged(values[i : i + 1], x[:, None], other[:, None], zeros_held=False)
+            # QZ does not know of the zeros: its eigenvalues bear disturbances that move them, as far as to another one.
+            off = abs(values[i] - deflated[nearest]) if nearest >= 0 else 0.0
+            found += self._judged(values[i : i + 1], x[:, None], other[:, None], zeros_held=False, least=off)
         return found
 
     # --- refinement -------------------------------------------------------------------------------------------------
@@ -666,13 +667,14 @@ class _Judge:
         redundant = [id(item.row) for item in linear.motion.redundant]
         kept = np.array([*range(n), *(n + i for i, row in enumerate(linear.rows) if id(row) not in redundant)])
         terms = [x * self.factors * self.factors[:, None] for x in composite(linear.terms())]
-        M, R, K = (np.ascontiguousarray(x[np.ix_(kept, kept)]) for x in (self.M, self.R, self.K))
-        sizes = tuple(np.ascontiguousarray(x[np.ix_(kept, kept)]) for x in terms)
-        return Quadratic(M, R, K, sizes), kept
+        M, R, K, *sizes = (x[np.ix_(kept, kept)] for x in (self.M, self.R, self.K, *terms))
+        return Quadratic.of(M, R, K, tuple(sizes)), kept
 
     # --- bounds -----------------------------------------------------------------------------------------------------
 
-    def _judged(self, values: Complex, x: Complex, y: Complex, zeros_held: bool = True) -> list[Eigenvalue]:
+    def _judged(
+        self, values: Complex, x: Complex, y: Complex, zeros_held: bool = True, least: float = 0.0
+    ) -> list[Eigenvalue]:
         if len(values) == 0:
             return []
         size = np.abs(values)
@@ -685,7 +687,7 @@ class _Judge:
             kappa = weight * length_x * length_y / slope
             if self.n_neutral and zeros_held:
                 kappa = self._deflated_condition(values)
-            bound = kappa * (eta + DATA)
+            bound = np.maximum(kappa * (eta + DATA), least)
         found = []
         for j, s in enumerate(values):
             error = float(bound[j]) if np.isfinite(bound[j]) else math.inf

@@ -15,6 +15,7 @@ equations were reduced, but on how much of the single entries cancels,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -33,7 +34,7 @@ BALANCING = 4
 """Rounds in which rows and columns of a linear system are scaled to equal size."""
 
 DENSE = 200
-"""Larger systems than this are factorized as sparse ones."""
+"""From this size on matrices are stored as sparse ones."""
 
 EPS = float(np.finfo(float).eps)
 
@@ -44,25 +45,33 @@ class Quadratic:
 
     Attributes
     ----------
-    M, R, K : ndarray, shape (n, n)
-    terms : tuple of ndarray
+    M, R, K : matrix, shape (n, n)
+        Arrays, or sparse ones of SciPy where they are large.
+    terms : tuple of matrix
         Sizes of the terms of M, R and K.
     """
 
-    M: Array
-    R: Array
-    K: Array
-    terms: tuple[Array, Array, Array]
+    M: Any
+    R: Any
+    K: Any
+    terms: tuple[Any, ...]
 
-    def at(self, s: complex) -> Complex:
+    @classmethod
+    def of(cls, M: Array, R: Array, K: Array, terms: tuple[Array, ...]) -> Quadratic:
+        """Return a problem that is stored as suits its size."""
+        if len(M) < DENSE:
+            return cls(M, R, K, terms)
+        from scipy.sparse import csc_array
+
+        return cls(*(csc_array(x) for x in (M, R, K)), tuple(csc_array(x) for x in terms))
+
+    def at(self, s: complex) -> Any:
         """Return s²M + sR + K."""
-        result: Complex = (s * s) * self.M + s * self.R + self.K
-        return result
+        return (s * s) * self.M + s * self.R + self.K
 
-    def slope(self, s: complex) -> Complex:
+    def slope(self, s: complex) -> Any:
         """Return 2sM + R."""
-        result: Complex = 2.0 * s * self.M + self.R
-        return result
+        return 2.0 * s * self.M + self.R
 
     def spread(self, s: complex, x: Complex, y: Complex) -> float:
         """Return what the rounding of the entries makes of y* Q(s) x."""
@@ -104,40 +113,56 @@ def refined(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[com
 def _step(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[Complex, Complex, complex] | None:
     """Return corrected vectors and the correction of the eigenvalue, or None."""
     Q, D = problem.at(s), problem.slope(s)
-    n = len(Q)
-    T = np.zeros((n + 1, n + 1), dtype=complex)
-    T[:n, :n] = Q
-    T[:n, n], T[n, :n] = D @ x, y.conj() @ D
-    rows, columns = equilibration(T)
     # The same matrix, turned over, corrects the left vector.
     right, left = (-np.append(residual, 0.0) for residual in (Q @ x, Q.conj().T @ y))
     try:
-        first, second = _solved(T * rows[:, None] * columns, rows * right, columns * left)
+        first, second = (_solved if isinstance(Q, np.ndarray) else _solved_sparse)(Q, D @ x, y.conj() @ D, right, left)
     except (np.linalg.LinAlgError, RuntimeError):
         return None
-    first, second = columns * first, rows * second
     if not (np.isfinite(first).all() and np.isfinite(second).all()):
         return None
-    return x + first[:n], y + second[:n], complex(first[n])
+    return x + first[:-1], y + second[:-1], complex(first[-1])
+
+
+def _solved(Q: Complex, column: Complex, row: Complex, right: Complex, left: Complex) -> tuple[Complex, Complex]:
+    """Return T⁻¹ right and T⁻* left with T = [Q, column; row, 0]."""
+    T = np.block([[Q, column[:, None]], [row, np.zeros((1, 1))]])
+    rows, columns = equilibration(T)
+    T = T * rows[:, None] * columns
+    return columns * np.linalg.solve(T, rows * right), rows * np.linalg.solve(T.conj().T, columns * left)
+
+
+def _solved_sparse(Q: Any, column: Complex, row: Complex, right: Complex, left: Complex) -> tuple[Complex, Complex]:
+    """Return the same for a sparse Q."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.linalg import splu
+
+    Q, n = Q.tocoo(), len(column)
+    i = np.concatenate([Q.coords[0], np.arange(n), np.full(n, n)])
+    j = np.concatenate([Q.coords[1], np.full(n, n), np.arange(n)])
+    entries = np.concatenate([Q.data, column, row])
+    size = np.abs(entries)
+    rows, columns = np.ones(n + 1), np.ones(n + 1)
+    for _ in range(BALANCING):
+        for places, factors in ((i, rows), (j, columns)):
+            largest = np.zeros(n + 1)
+            np.maximum.at(largest, places, size * rows[i] * columns[j])
+            factors *= _power(largest)
+    lu = splu(coo_array((entries * rows[i] * columns[j], (i, j))).tocsc())
+    return columns * lu.solve(rows * right), rows * lu.solve(columns * left, "H")
 
 
 def equilibration(T: Complex | Array) -> tuple[Array, Array]:
-    """Return factors of rows and columns that make the largest entries of all of them about 1, powers of 2."""
+    """Return factors of rows and columns, powers of 2, that make the largest entries of all of them about 1."""
     size = np.abs(T)
     rows, columns = np.ones(len(T)), np.ones(len(T))
     for _ in range(BALANCING):
-        for axis, factors in ((1, rows), (0, columns)):
-            largest = np.max(size * rows[:, None] * columns, axis=axis)
-            factors /= np.exp2(np.round(0.5 * np.log2(np.where(largest > 0.0, largest, 1.0))))
+        rows *= _power(np.max(size * rows[:, None] * columns, axis=1))
+        columns *= _power(np.max(size * rows[:, None] * columns, axis=0))
     return rows, columns
 
 
-def _solved(T: Complex, right: Complex, left: Complex) -> tuple[Complex, Complex]:
-    """Return T⁻¹ right and T⁻* left."""
-    if len(T) <= DENSE:
-        return np.linalg.solve(T, right), np.linalg.solve(T.conj().T, left)
-    from scipy.sparse import csc_array
-    from scipy.sparse.linalg import splu
-
-    lu = splu(csc_array(T))
-    return lu.solve(right), lu.solve(left, "H")
+def _power(largest: Array) -> Array:
+    """Return the power of 2 next to 1/√x, and 1 for 0."""
+    result: Array = np.exp2(-np.round(0.5 * np.log2(np.where(largest > 0.0, largest, 1.0))))
+    return result
