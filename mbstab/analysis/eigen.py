@@ -66,6 +66,9 @@ APART = 1e-8
 FEW = 1e-10
 """Eigenvalues with larger relative error bounds are warned about."""
 
+WEAK = 1e-3
+"""Constraints with smaller singular values nearly depend on each other: the rounding of coordinates counts."""
+
 ROUGH = 1e3 * EPS
 """Eigenvalues with larger relative error bounds are refined."""
 
@@ -326,12 +329,14 @@ def null_space(linear: Linearization, space: StateSpace, gamma: float) -> Array 
     weights = spaces.scale * spaces.scale[:, None]
     B = space.A.copy()
     P, N, Z = B[:n, :n], np.abs(spaces.N), np.abs(spaces.Z)
-    _, *lower = reduced(*(x * weights for x in (linear.M, linear.R, linear.K)), spaces.N, spaces.Z, P)
+    M, R, K = (x * weights for x in (linear.M, linear.R, linear.K))
+    _, *lower = reduced(M, R, K, spaces.N, spaces.Z, P)
     B[n:] = -np.hstack(lower)
     terms = linear.terms()
     rows = terms.D_q * spaces.scale * spaces.row_scale[linear.n_h :, None]
     drift = np.abs(spaces.W.pseudo_inverse) @ rows @ N
-    _, *lower = reduced(*(x * weights for x in (terms.M, terms.R, terms.K)), N, Z, drift)
+    M, R, K = (x * weights for x in (terms.M, terms.R, terms.K))
+    _, *lower = reduced(M, R, K, N, Z, drift)
     size = np.vstack([np.hstack([drift, Z]), np.hstack(lower)]) / min(1.0, spaces.C.smallest_kept)
     left, right = equilibration(size)
     _, s, vectors = np.linalg.svd(B * left[:, None] * right)
@@ -539,7 +544,7 @@ class _Judge:
         values, right, left = self._deflated_vectors()
         neutral = [Eigenvalue(s, "neutral", math.nan, math.nan, math.nan) for s in self.deflated.neutral_values()]
         x, y = self._composite_vectors(values, right, left)
-        return self._refined(self._judged(values, x, y), values, x, y) + neutral
+        return self._displaced(self._refined(self._judged(values, x, y), values, x, y), x, y) + neutral
 
     @cache  # noqa: B019 - a judge lives as long as one answer
     def _deflated_vectors(self) -> tuple[Complex, Complex, Complex]:
@@ -551,14 +556,14 @@ class _Judge:
             return np.zeros(0, dtype=complex), empty, empty
         values, inner = _eig(d.S)
         try:
-            dual = np.linalg.inv(inner).conj().T
+            dual = np.linalg.inv(inner).conj().T.astype(complex)
         except np.linalg.LinAlgError:
             dual = np.full_like(inner, np.nan)
         upper = np.zeros((k, n - k), dtype=complex)
         for j, s in enumerate(values):
             upper[:, j] = np.linalg.solve(s * np.eye(k) - d.neutral, d.coupling @ inner[:, j]) if k else 0.0
-        right = d.Q @ np.vstack([upper, inner])
-        left = d.Q @ np.vstack([np.zeros((k, n - k)), dual])
+        right: Complex = d.Q @ np.vstack([upper, inner])
+        left: Complex = d.Q @ np.vstack([np.zeros((k, n - k)), dual])
         return values, right, left
 
     def _composite_vectors(self, values: Complex, right: Complex, left: Complex) -> tuple[Complex, Complex]:
@@ -635,30 +640,64 @@ class _Judge:
         if not rough or self.linear.terms is None:
             return found
         problem, kept = self._quadratic()
-        result = list(found)
+        better: dict[int, tuple[complex, float, Complex]] = {}
         for i in rough:
-            if values[i].imag < 0.0:
+            if values[i].imag < 0.0 or (pair := refined(problem, complex(values[i]), x[kept, i], y[kept, i])) is None:
                 continue
-            better = refined(problem, complex(values[i]), x[kept, i], y[kept, i])
-            if better is None:
-                continue
-            s, bound, right, _ = better
-            if values[i].imag == 0.0:
-                s = complex(s.real)
+            s, bound, vector = pair
+            s = complex(s.real) if values[i].imag == 0.0 else s
             # Newton's method must not have gone to another eigenvalue.
-            if not (bound < found[i].error_bound and abs(s - values[i]) <= found[i].error_bound):
+            if bound < found[i].error_bound and abs(s - values[i]) <= found[i].error_bound:
+                better[i] = s, bound, vector[: self.n] / np.linalg.norm(vector[: self.n])
+        lost = {i for i, one in better.items() for j, two in better.items() if i != j and _same(one, two)}
+        result = list(found)
+        for i, (s, bound, vector) in better.items():
+            if i in lost:
                 continue
-            twins = [i]
-            if values[i].imag > 0.0:
-                twins.append(min(rough, key=lambda j: abs(values[j] - values[i].conjugate())))
-            for j, value in zip(twins, (s, s.conjugate()), strict=False):
+            twins = [(i, s)]
+            if s.imag:
+                twins.append((min(rough, key=lambda j: abs(values[j] - values[i].conjugate())), s.conjugate()))
+            for j, value in twins:
                 kind = kind_of(value, bound, self._separation(value))
-                result[j] = replace(
-                    found[j], value=complex(value.real + 0.0, value.imag + 0.0), kind=kind, error_bound=bound,
-                    condition=bound / (DATA * abs(s)), backward_error=0.0,
-                    participation=self._participation(right[: self.n]),
-                )  # fmt: skip
+                value = complex(value.real + 0.0, value.imag + 0.0)
+                condition, energy = bound / (DATA * abs(s)), self._participation(vector)
+                result[j] = Eigenvalue(value, kind, bound, condition, 0.0, energy)
         return result
+
+    def _displaced(self, found: list[Eigenvalue], x: Complex, y: Complex) -> list[Eigenvalue]:
+        """Add to the bounds what the rounding of the coordinates makes of eigenvalues where constraints nearly depend.
+
+        There a rounding of a constraint moves the coordinates by the inverse of a small singular value.
+        """
+        linear, spaces = self.linear, self.linear.motion.spaces
+        if linear.beside is None or spaces.C.smallest_kept > WEAK or not found:
+            return found
+        motions, inverse, rows = np.linalg.svd(spaces.C.pseudo_inverse)
+        motion, n_h = linear.motion, linear.n_h
+        residual = motion.dynamics.E[:n_h] * spaces.row_scale[:n_h]
+        known = DATA * (np.abs(linear.J[:n_h]) @ motion.sizes) * spaces.row_scale[:n_h]
+        extra = np.zeros(len(found))
+        for k in np.flatnonzero(inverse * WEAK > 1.0):
+            far = float(inverse[k]) * (float(np.abs(rows[k]) @ known) + abs(float(rows[k] @ residual)))
+            # Differences over a path on which the constraints are as weak as here.
+            step = 1e-3 * float(np.min(motion.sizes / spaces.scale)) / float(inverse[k])
+            there, back = (composite(linear.beside(sign * step * spaces.scale * motions[:, k])) for sign in (1.0, -1.0))
+            M, R, K = (
+                (a - b) * (far / (2.0 * step)) * self.factors * self.factors[:, None]
+                for a, b in zip(there, back, strict=True)
+            )
+            for j, e in enumerate(found):
+                s = e.value
+                slope = complex(y[:, j].conj() @ (2.0 * s * (self.M @ x[:, j]) + self.R @ x[:, j]))
+                change = complex(y[:, j].conj() @ (s * s * (M @ x[:, j]) + s * (R @ x[:, j]) + K @ x[:, j]))
+                extra[j] += abs(change / slope) if slope else math.inf
+        return [
+            replace(
+                e, error_bound=e.error_bound + more, condition=e.condition + more / (DATA * abs(e.value)),
+                kind=kind_of(e.value, e.error_bound + more, self._separation(e.value)),
+            )
+            for e, more in zip(found, extra.tolist(), strict=True)
+        ]  # fmt: skip
 
     def _quadratic(self) -> tuple[Quadratic, npt.NDArray[np.intp]]:
         """Return the composite problem in scaled coordinates without redundant rows, and what is left of its rows."""
@@ -848,6 +887,11 @@ def _inexact(found: list[Eigenvalue]) -> tuple[str, ...]:
         f"the eigenvalue {show(worst.value)} 1/s{others} is known to {worst.error_bound:.1e} 1/s only: "
         f"the rounding of the data and of the equations is magnified {worst.condition:.1e} times",
     )
+
+
+def _same(one: tuple[complex, float, Complex], two: tuple[complex, float, Complex]) -> bool:
+    """Whether two refined eigenpairs are one: equal values are multiple only if their vectors are independent."""
+    return abs(one[0] - two[0]) <= one[1] + two[1] and bool(abs(np.vdot(one[2], two[2])) > 1.0 - 1e-6)
 
 
 def _with_saddles(found: list[Eigenvalue]) -> list[Eigenvalue]:

@@ -80,6 +80,8 @@ class Linearization:
         Whether frozen-time coefficients were asked for.
     terms : callable or None
         Returns the sizes of the terms of which M, R, K, J and D_q are sums.
+    beside : callable or None
+        Returns M, R, K, J and D_q where coordinates are a little different, with the multipliers that balance there.
     """
 
     M: Array
@@ -95,6 +97,7 @@ class Linearization:
     generator: Generator | None = None
     frozen: bool = False
     terms: Callable[[], Matrices] | None = None
+    beside: Callable[[Array], Matrices] | None = None
 
     @property
     def constant(self) -> bool:
@@ -191,7 +194,7 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
         variation, generator = _variation(system, motion, matrices, None), None
     return Linearization(
         *matrices, system.n_h, tuple(system.names), tuple(system.rows), motion, variation, generator, frozen,
-        lambda: _terms(system, motion, generator),
+        lambda: _terms(system, motion, generator), lambda change: _beside(system, motion, generator, change),
     )  # fmt: skip
 
 
@@ -226,6 +229,16 @@ def _terms(system: System, motion: Motion, generator: Generator | None) -> Matri
     M, R, K, J, D_q = (np.repeat(np.maximum.reduceat(x, first, axis=1), counts, axis=1) for x in (M, R, K, J, D_q))
     M, R, K = (np.repeat(np.maximum.reduceat(x, first, axis=0), counts, axis=0) for x in (M, R, K))
     return Matrices(M, R, K, J, D_q)
+
+
+def _beside(system: System, motion: Motion, generator: Generator | None, change: Array) -> Matrices:
+    """Return the coefficients a little beside the motion, where other multipliers balance the forces."""
+    q, u, a, spaces = motion.q + change, motion.u, motion.a, motion.spaces
+    state = system.dynamics(q, u, motion.time)
+    force = state.F0 + state.M @ a + state.J.T @ motion.nu
+    inverse = np.linalg.pinv(motion.dynamics.J * spaces.scale * spaces.row_scale[:, None], rcond=RANK_TOLERANCE)
+    nu = motion.nu - (inverse.T @ (force * spaces.scale)) * spaces.row_scale
+    return _matrices(system, replace(motion, q=q, nu=nu, dynamics=state), generator)
 
 
 def _variation(system: System, motion: Motion, matrices: Matrices, generator: Generator | None) -> float:

@@ -63,7 +63,7 @@ class Quadratic:
             return cls(M, R, K, terms)
         from scipy.sparse import csc_array
 
-        return cls(*(csc_array(x) for x in (M, R, K)), tuple(csc_array(x) for x in terms))
+        return cls(csc_array(M), csc_array(R), csc_array(K), tuple(csc_array(x) for x in terms))
 
     def at(self, s: complex) -> Any:
         """Return s²M + sR + K."""
@@ -80,8 +80,8 @@ class Quadratic:
         return ROUNDINGS * EPS * (size * size * parts[0] + size * parts[1] + parts[2])
 
 
-def refined(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[complex, float, Complex, Complex] | None:
-    """Return eigenvalue, error bound, right and left vector from first approximations; None if they do not converge.
+def refined(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[complex, float, Complex] | None:
+    """Return eigenvalue, error bound and right vector from first approximations; None if they do not converge.
 
     Parameters
     ----------
@@ -103,11 +103,11 @@ def refined(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[com
             if not np.isfinite(abs(s)) or not np.isfinite(bound):
                 return None
             if abs(ds) <= 0.1 * bound or abs(ds) <= EPS * abs(s):
-                return s, bound + EPS * abs(s), x, y
+                return s, bound + EPS * abs(s), x
             if abs(ds) > 2.0 * step:
                 return None
             step = abs(ds)
-        return (s, bound + step, x, y) if step <= bound else None
+        return (s, bound + step, x) if step <= bound else None
 
 
 def _step(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[Complex, Complex, complex] | None:
