@@ -69,7 +69,7 @@ FEW = 1e-10
 WEAK = 1e-3
 """Constraints with smaller singular values nearly depend on each other: the rounding of coordinates counts."""
 
-ROUGH = 1e3 * EPS
+ROUGH = 100.0 * EPS
 """Eigenvalues with larger relative error bounds are refined."""
 
 CLUSTER = 100.0
