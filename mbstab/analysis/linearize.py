@@ -211,11 +211,12 @@ def _matrices(system: System, motion: Motion, generator: Generator | None) -> Ma
 def _terms(system: System, motion: Motion, generator: Generator | None) -> Matrices:
     """Return the sizes of the terms of which the coefficients are sums, the same for all directions of a body."""
     state, spaces = motion.dynamics, motion.spaces
-    # Multipliers bear the rounding of all the forces that they balance.
+    # Multipliers bear the rounding of all the forces that they balance, and of the coordinates these depend on.
     loads = system.terms(motion.q, motion.u, motion.a, motion.nu, motion.time)
     J = state.J * spaces.scale * spaces.row_scale[:, None]
     inverse = np.abs(np.linalg.pinv(J, rcond=RANK_TOLERANCE)) if len(J) else J.T
     balanced = loads["F"] + loads["M"] @ np.abs(motion.a) + loads["J"].T @ np.abs(motion.nu)
+    balanced = balanced + loads["K"] @ motion.sizes + loads["R"] @ np.abs(motion.u)
     nu = np.abs(motion.nu) + (inverse.T @ (balanced * spaces.scale)) * spaces.row_scale
     found = system.terms(motion.q, motion.u, motion.a, nu, motion.time)
     M, R, K, J, D_q = (found[key] for key in "MRKJD")
