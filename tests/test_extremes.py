@@ -446,6 +446,41 @@ def test_long_chains_keep_all_digits(links):
     assert result.verdict == "marginally stable"
 
 
+# --- sizes at random ------------------------------------------------------------------------------------------------
+
+
+def of_random_sizes(number):
+    """Return the text of a chain whose masses, stiffnesses and dampings lie up to ten orders apart, and its length."""
+    rng = np.random.default_rng([77, number])
+    width = 0.5 * float(rng.choice([2, 6, 10]))
+
+    def any_size(power=1.0):
+        return 10.0 ** (power * float(rng.uniform(-width, width)))
+
+    links = int(rng.integers(1, 4))
+    if number % 3:
+        masses = [any_size() for _ in range(links)]
+        text = hanging_chain(rng, links, masses=masses, size=any_size(0.5), stiffness=1.0, damping=1.0)
+        sized = "stiffness|damping"
+    else:
+        text, sized = spring_chain(rng, min(links, 2), damping=1.0), "stiffness|damping|mass"
+    return re.sub(rf"({sized}): ([0-9.e+-]+)", lambda m: f"{m[1]}: {float(m[2]) * any_size()!r}", text)
+
+
+@pytest.mark.parametrize("number", range(60))
+def test_errors_lie_within_their_bounds_whatever_the_sizes(number):
+    model = mbstab.loads(of_random_sizes(number))
+    result, (exact, _) = model.eig(), exact_eigenvalues(model.model, 1e-40)
+    assert result.counts.found == len(exact)
+    if len(result.values()) < len(exact):
+        assert result.verdict == "undecided"
+        return
+    errors, bounds, sizes = compared(result, exact)
+    np.testing.assert_array_less(errors, bounds)
+    assert any("is known to" in text for text in result.warnings) == bool(np.any(bounds > 1e-10 * sizes))
+    assert result.verdict in ("asymptotically stable", "undecided")
+
+
 # --- what makes the difference --------------------------------------------------------------------------------------
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -194,7 +195,7 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
         variation, generator = _variation(system, motion, matrices, None), None
     return Linearization(
         *matrices, system.n_h, tuple(system.names), tuple(system.rows), motion, variation, generator, frozen,
-        lambda: _terms(system, motion, generator), lambda change: _beside(system, motion, generator, change),
+        cache(lambda: _terms(system, motion, generator)), lambda change: _beside(system, motion, generator, change),
     )  # fmt: skip
 
 
