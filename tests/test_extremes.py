@@ -11,6 +11,7 @@ from mpmath import mp
 from truth import ZERO, distance, exact_eigenvalues
 
 import mbstab
+from mbstab.analysis.eigen import METHODS
 from mbstab.analysis.refine import DENSE, Quadratic, refined
 from mbstab.errors import MbstabError, ModelFileError
 from mbstab.model.library import installed_models
@@ -484,8 +485,9 @@ def test_errors_lie_within_their_bounds_whatever_the_sizes(number):
 # --- what makes the difference --------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("a", [1e-1, 1e-3, 1e-4, 1e-5, 1e-6])
-def test_bounds_count_the_rounding_of_coordinates_that_weak_constraints_determine(a):
+def test_bounds_count_the_rounding_of_coordinates_that_weak_constraints_determine(a, method):
     start = LINKAGE.index("    left: {x: cos")
     text = (
         LINKAGE[:start]
@@ -497,7 +499,7 @@ def test_bounds_count_the_rounding_of_coordinates_that_weak_constraints_determin
     coupler: {x: 1/2 + cos(a), y: sin(a), theta: 0}
 """
     )
-    result = mbstab.loads(text).eig(a=a)
+    result = mbstab.loads(text).eig(method, a=a)
     errors, bounds, sizes = compared(result, pair(-6 * mp.mpf("9.81") / 5))
     np.testing.assert_array_less(errors, bounds)
     assert any("is known to" in text for text in result.warnings) == bool(np.any(bounds > 1e-10 * sizes))

@@ -618,7 +618,7 @@ class _Judge:
         for s in self.deflated.neutral_values():
             free = [i for i in range(len(values)) if i not in neutral]
             neutral |= {min(free, key=lambda i: abs(values[i] - s))} if free else set()
-        found = []
+        found, judged, columns = [], [], []
         for i in range(len(values)):
             if i in neutral:
                 found.append(Eigenvalue(complex(values[i]), "neutral", math.nan, math.nan, math.nan))
@@ -629,8 +629,12 @@ class _Judge:
             other = y[:, nearest] if nearest >= 0 else np.full_like(x, np.nan)
             # QZ does not know of the zeros: its eigenvalues bear disturbances that move them, as far as to another one.
             off = abs(values[i] - deflated[nearest]) if nearest >= 0 else 0.0
-            found += self._judged(values[i : i + 1], x[:, None], other[:, None], zeros_held=False, least=off)
-        return found
+            judged += self._judged(values[i : i + 1], x[:, None], other[:, None], zeros_held=False, least=off)
+            columns.append((x, other))
+        if not judged:
+            return found
+        right, left = (np.array(group).T for group in zip(*columns, strict=True))
+        return found + self._displaced(judged, right, left)
 
     # --- refinement -------------------------------------------------------------------------------------------------
 
@@ -660,7 +664,7 @@ class _Judge:
             for j, value in twins:
                 kind = kind_of(value, bound, self._separation(value))
                 value = complex(value.real + 0.0, value.imag + 0.0)
-                condition, energy = bound / (DATA * abs(s)), self._participation(vector)
+                condition, energy = _relative(bound / DATA, s), self._participation(vector)
                 result[j] = Eigenvalue(value, kind, bound, condition, 0.0, energy)
         return result
 
@@ -687,17 +691,18 @@ class _Judge:
                 for a, b in zip(there, back, strict=True)
             )
             for j, e in enumerate(found):
+                if not math.isfinite(e.error_bound):
+                    continue
                 s = e.value
-                slope = complex(y[:, j].conj() @ (2.0 * s * (self.M @ x[:, j]) + self.R @ x[:, j]))
-                change = complex(y[:, j].conj() @ (s * s * (M @ x[:, j]) + s * (R @ x[:, j]) + K @ x[:, j]))
-                extra[j] += abs(change / slope) if slope else math.inf
-        return [
-            replace(
-                e, error_bound=e.error_bound + more, condition=e.condition + more / (DATA * abs(e.value)),
-                kind=kind_of(e.value, e.error_bound + more, self._separation(e.value)),
-            )
-            for e, more in zip(found, extra.tolist(), strict=True)
-        ]  # fmt: skip
+                slope = abs(y[:, j].conj() @ (2.0 * s * (self.M @ x[:, j]) + self.R @ x[:, j]))
+                change = abs(y[:, j].conj() @ (s * s * (M @ x[:, j]) + s * (R @ x[:, j]) + K @ x[:, j]))
+                extra[j] += change / slope if slope > 0.0 else math.inf
+        result = []
+        for e, more in zip(found, extra.tolist(), strict=True):
+            bound, condition = e.error_bound + more, e.condition + _relative(more / DATA, e.value)
+            kind = kind_of(e.value, bound, self._separation(e.value))
+            result.append(replace(e, error_bound=bound, condition=condition, kind=kind))
+        return result
 
     def _quadratic(self) -> tuple[Quadratic, npt.NDArray[np.intp]]:
         """Return the composite problem in scaled coordinates without redundant rows, and what is left of its rows."""
@@ -730,7 +735,7 @@ class _Judge:
         found = []
         for j, s in enumerate(values):
             error = float(bound[j]) if np.isfinite(bound[j]) else math.inf
-            relative = float(kappa[j] / size[j]) if size[j] > 0.0 else math.inf
+            relative = _relative(float(kappa[j]), complex(s))
             kind = kind_of(complex(s), error, self._separation(complex(s)))
             value = complex(s.real + 0.0, s.imag + 0.0)  # no −0
             found.append(Eigenvalue(value, kind, error, relative, float(eta[j]), self._participation(x[: self.n, j])))
@@ -881,12 +886,17 @@ def _inexact(found: list[Eigenvalue]) -> tuple[str, ...]:
     few = [e for e in found if e.kind != "neutral" and e.value.imag >= 0.0 and e.error_bound > FEW * abs(e.value)]
     if not few:
         return ()
-    worst = max(few, key=lambda e: e.error_bound / abs(e.value) if e.value else math.inf)
+    worst = max(few, key=lambda e: _relative(e.error_bound, e.value))
     others = f" (and {len(few) - 1} more, less so)" if len(few) > 1 else ""
     return (
         f"the eigenvalue {show(worst.value)} 1/s{others} is known to {worst.error_bound:.1e} 1/s only: "
         f"the rounding of the data and of the equations is magnified {worst.condition:.1e} times",
     )
+
+
+def _relative(error: float, s: complex) -> float:
+    """Return an error relative to the size of an eigenvalue."""
+    return error / abs(s) if s else math.inf
 
 
 def _same(one: tuple[complex, float, Complex], two: tuple[complex, float, Complex]) -> bool:
