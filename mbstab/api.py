@@ -34,6 +34,7 @@ from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides
 if TYPE_CHECKING:
     from mbstab.analysis.chart import Chart
     from mbstab.analysis.equilibrium import Equilibrium
+    from mbstab.analysis.precise import PreciseResult
     from mbstab.analysis.sweep import Sweep
 
 Setting = float | str
@@ -130,7 +131,8 @@ class Mechanism:
         Parameters
         ----------
         method : str
-            ``nullspace``, ``index3`` or ``paper``; see `mbstab.analysis.eigen`.
+            A name of `mbstab.analysis.methods.METHODS`: ``nullspace`` deflates, the others are
+            there for comparison.
         frozen : bool
             Take the equations as they are at the reference time: of a motion that does not stand
             still in its coordinates these eigenvalues say nothing about stability.
@@ -145,8 +147,42 @@ class Mechanism:
             If the rank of the constraints cannot be decided.
         MassError
             If a motion that nothing holds has no mass.
+        NumericalError
+            If the method needs independent constraint rows and they are not.
         """
         return answer(self.system(**parameters), method, frozen, progress)
+
+    @guarded
+    def eig_precise(
+        self,
+        digits: int = 50,
+        frozen: bool = False,
+        progress: Callable[[float], object] = lambda done: None,
+        **parameters: Setting,
+    ) -> PreciseResult:
+        """Return eigenvalues (1/s) of which so many decimal digits are right, and the verdict.
+
+        Parameters
+        ----------
+        digits : int
+            From 16 to 1000.
+        frozen, progress
+            As in `eig`.
+        parameters
+            All digits of a text count; a float stands for the decimals it is printed with.
+
+        Raises
+        ------
+        UsageError
+            If the number of digits is out of range, or the motion is periodic.
+        ConstraintError
+            If the decimals of the file satisfy the constraints in double precision only.
+        NumericalError
+            If the digits cannot be reached.
+        """
+        from mbstab.analysis.precise import precise_eigenvalues
+
+        return precise_eigenvalues(self.model, parameters, digits, frozen, progress)
 
     @guarded
     def sweep(

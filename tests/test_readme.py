@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 import mbstab
+from mbstab.analysis.methods import METHODS
 from mbstab.cli import main
 from mbstab.model.library import installed_models
 
@@ -67,6 +68,11 @@ def test_every_command_is_in_the_readme_and_has_help():
         assert command.help
         undocumented = [p.name for p in command.params if isinstance(p, click.Option) and not p.help]
         assert undocumented == []
+
+
+def test_every_method_is_in_the_readme_with_what_it_does():
+    for name, method in METHODS.items():
+        assert f"`{name}` ({method.description})" in TEXT
 
 
 def test_every_example_is_in_the_readme():

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from chains import hanging_chain
 from click.testing import CliRunner
+from paths import avoided, bicycle_paths, chain_path, swaps
 from scipy.optimize import linear_sum_assignment
 
 import mbstab
@@ -205,9 +205,7 @@ def rows_that_differ(mechanism, parameter, low, high, **settings):
     coarse = mechanism.sweep(parameter, x[::10], **settings).branches
     fine = mechanism.sweep(parameter, x, **settings).branches[::10]
     assert coarse.shape == fine.shape
-    order = [int(np.argmin(np.abs(fine[0] - column))) for column in coarse[0]]
-    size = np.max(np.abs(coarse), axis=1)
-    return int(np.sum(np.max(np.abs(coarse - fine[:, order]), axis=1) > 1e-7 * size))
+    return swaps(coarse, fine)
 
 
 @pytest.mark.parametrize(
@@ -220,11 +218,26 @@ def test_branches_of_the_bicycle_are_the_same_on_a_finer_grid(parameter, low, hi
     assert rows_that_differ(mbstab.load("whipple_bicycle.yaml"), parameter, low, high, **settings) == 0
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_branches_of_a_chain_are_the_same_on_a_finer_grid(seed):
-    text = hanging_chain(np.random.default_rng(seed), 5, damping=0.3, stiffness=5.0)
-    text = text.replace("[0, -9.81]", "[0, -g]").replace("parameters:\n", "parameters:\n  g: 9.81\n")
-    assert rows_that_differ(mbstab.loads(text), "g", 0.5, 60.0) == 0
+def test_no_branches_are_swapped_on_random_paths_through_avoided_crossings():
+    rng = np.random.default_rng(4)
+    s = np.linspace(0.0, 1.0, 1001)
+    passed = {"bicycle": 0, "chain": 0}
+    texts = {"bicycle": bicycle_paths(rng, 60), "chain": [chain_path(rng) for _ in range(18)]}
+    for name, text in [(name, text) for name, some in texts.items() for text in some]:
+        fine, coarse = (mbstab.loads(text).sweep("s", x).branches for x in (s, s[::100]))
+        passed[name] += bool(avoided(fine))
+        assert swaps(coarse, fine[::100]) == 0
+    assert passed["bicycle"] >= 2
+    assert passed["chain"] >= 6
+
+
+def test_frequencies_of_undamped_chains_keep_their_order():
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        result = mbstab.loads(chain_path(rng, damping=0.0)).sweep("s", np.linspace(0.0, 1.0, 11))
+        frequencies = np.abs(result.branches.imag)
+        assert result.meetings == ()
+        assert np.all(np.diff(frequencies[:, np.argsort(frequencies[0])], axis=1) >= -1e-9 * np.max(frequencies))
 
 
 # --- meetings -------------------------------------------------------------------------------------------------------

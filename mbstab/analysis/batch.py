@@ -45,7 +45,7 @@ from mbstab.model.values import Scene, evaluate
 Complex = npt.NDArray[np.complex128]
 Flags = npt.NDArray[np.bool_]
 
-BLOCK_ENTRIES = 100_000
+BLOCK_ENTRIES = 600_000
 """Entries of a matrix over all points evaluated together: enough to hide Python, few enough for the caches."""
 
 POLISHING, POLISHED = 20, 1e-7

@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from mbstab.analysis.batch import Evaluator
 from mbstab.analysis.continuation import Path as Solutions
-from mbstab.analysis.spectrum import follow, unstable_counts
+from mbstab.analysis.spectrum import Complex, Flags, continuous, follow, signs, turning, unstable_counts
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError, OutputError, UsageError
 from mbstab.model.reader import read_model_text
@@ -32,6 +32,9 @@ from mbstab.model.schema import Model
 
 POINTS = 25_000
 """Points of a block: some tenths of a second for a small scene."""
+
+AHEAD = 2
+"""Blocks that each worker has: one that it computes, and one to go on with."""
 
 RETRIES = 3
 """A block whose worker died is computed again so many times."""
@@ -69,22 +72,26 @@ class Block:
     Attributes
     ----------
     values : ndarray of complex, shape (points, r)
+        In columns that are continuous …
+    clear : ndarray of bool, shape (points − 1,)
+        … up to the next point where that is beyond doubt.
     problems : dict
         By the number of a point within the block.
     neutral : int
-    follow : ndarray of int, shape (points − 1, r)
-        Which eigenvalue of the next point each becomes …
-    clear : ndarray of bool, shape (points − 1,)
-        … and whether that is beyond doubt.
     unstable : ndarray of int, shape (points,)
+    passes : ndarray of bool, shape (points,)
+        Whether a real part may change its sign before the next point …
+    turns : ndarray of bool, shape (points,)
+        … or come close to zero and turn back at this one.
     """
 
-    values: npt.NDArray[np.complex128]
+    values: Complex
+    clear: Flags
     problems: dict[int, str]
     neutral: int
-    follow: npt.NDArray[np.intp]
-    clear: npt.NDArray[np.bool_]
     unstable: npt.NDArray[np.intp]
+    passes: Flags
+    turns: Flags
 
 
 def compute(task: Task, progress: Progress = lambda done: None) -> Block:
@@ -92,7 +99,18 @@ def compute(task: Task, progress: Progress = lambda done: None) -> Block:
     evaluator = Evaluator(read_model_text(task.text, task.name), task.settings, task.solutions)
     found = evaluator.spectra(task.values, progress)
     links, clear = follow(found.values[:-1], found.values[1:])
-    return Block(found.values, found.problems, found.neutral, links, clear, unstable_counts(found.values))
+    values = continuous(found.values, links, clear)
+    return Block(values, clear, found.problems, found.neutral, unstable_counts(values), *_watched(values))
+
+
+def _watched(values: Complex) -> tuple[Flags, Flags]:
+    """Return where real parts may pass zero, and where they may touch it; ends count, as nothing is known beyond."""
+    passes, turns = np.ones(len(values), dtype=bool), np.ones(len(values), dtype=bool)
+    with np.errstate(invalid="ignore"):
+        sign = signs(values)
+        passes[:-1] = np.any(sign[1:] * sign[:-1] < 0.0, axis=1)
+        turns[1:-1] = np.any(turning(values[:-2], values[1:-1], values[2:]) & (sign[1:-1] != 0.0), axis=1)
+    return passes, turns
 
 
 def tasks(
@@ -177,9 +195,10 @@ class Store:
         np.savez(
             out,
             values=block.values,
-            follow=block.follow.astype(np.uint16),
             clear=block.clear,
             unstable=block.unstable,
+            passes=block.passes,
+            turns=block.turns,
             neutral=block.neutral,
             problems=np.array(json.dumps(block.problems)),
         )
@@ -201,8 +220,8 @@ class Store:
         with np.load(name) as data:
             problems = {int(i): text for i, text in json.loads(str(data["problems"])).items()}
             return Block(
-                data["values"], problems, int(data["neutral"]), data["follow"].astype(np.intp), data["clear"],
-                data["unstable"],
+                data["values"], data["clear"], problems, int(data["neutral"]), data["unstable"], data["passes"],
+                data["turns"],
             )  # fmt: skip
 
     def _name(self, number: int) -> Path:
@@ -284,7 +303,7 @@ def run(
     if cluster:
         source = _on_cluster(all_tasks, missing, cluster)
     elif jobs > 1 and len(missing) > 1:
-        source = _in_processes(all_tasks, missing, jobs)
+        source = _in_processes(all_tasks, missing, jobs, part)
     else:
         source = ((number, compute(all_tasks[number], part)) for number in missing)
     for number, block in source:
@@ -295,17 +314,28 @@ def run(
     return [blocks[number] for number in range(len(all_tasks))]
 
 
-def _in_processes(all_tasks: list[Task], missing: list[int], jobs: int) -> Iterator[tuple[int, Block]]:
-    """Yield blocks as processes finish them; those of a process that died are given to others."""
+def _in_processes(
+    all_tasks: list[Task], missing: list[int], jobs: int, progress: Progress
+) -> Iterator[tuple[int, Block]]:
+    """Yield blocks as processes finish them, this one among them; those of a process that died are given to others."""
     import multiprocessing
 
     waiting, tries = list(missing), 0
     while waiting:
-        with ProcessPoolExecutor(min(jobs, len(waiting)), multiprocessing.get_context("spawn")) as pool:
-            running: dict[Future[Block], int] = {pool.submit(compute, all_tasks[i]): i for i in waiting}
+        left, running = list(waiting), dict[Future[Block], int]()
+        workers = max(min(jobs, len(left)) - 1, 1)
+        with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
             try:
-                while running:
-                    done, _ = wait(running, return_when=FIRST_COMPLETED)
+                while left or running:
+                    own = left.pop() if left else None
+                    while left and len(running) < AHEAD * workers:
+                        running[pool.submit(compute, all_tasks[left[0]])] = left[0]
+                        del left[0]
+                    if own is not None:
+                        block = compute(all_tasks[own], progress)
+                        waiting.remove(own)
+                        yield own, block
+                    done, _ = wait(running, None if own is None else 0.0, FIRST_COMPLETED)
                     for future in done:
                         number = running.pop(future)
                         block = future.result()

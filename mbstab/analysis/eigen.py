@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.linearize import Linearization, StateSpace, composite, linearize, reduced, state_space
+from mbstab.analysis.methods import DEFAULT, METHODS, Found, solver
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.refine import Quadratic, equilibration, refined
@@ -33,8 +34,6 @@ from mbstab.errors import UsageError
 from mbstab.model.schema import is_length
 
 Complex = npt.NDArray[np.complex128]
-
-METHODS = ("nullspace", "index3", "paper")
 
 EPS = float(np.finfo(float).eps)
 DATA = 2.0 * EPS
@@ -139,6 +138,12 @@ class Counts:
         How many of them are zero.
     infinite, undefined : int
         Infinite eigenvalues and 0/0 pairs that the method returned besides.
+    extra : int
+        Eigenvalues of constraint drift that the method returned besides: two for each independent
+        holonomic row, one for each nonholonomic one.
+    extra_error : float (1/s)
+        How far the worst of them came out from where it belongs: from 0, or from ±iω where a
+        turning frame carries the constraint around.
     """
 
     n_q: int
@@ -151,6 +156,8 @@ class Counts:
     neutral: int
     infinite: int
     undefined: int
+    extra: int = 0
+    extra_error: float = 0.0
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -322,8 +329,6 @@ def null_space(linear: Linearization, space: StateSpace, gamma: float) -> Array 
     ndarray, shape (n_f, k) or None
         An orthonormal basis for the balanced S.
     """
-    if linear.terms is None:
-        return None
     spaces = linear.motion.spaces
     n = space.n_xi
     weights = spaces.scale * spaces.scale[:, None]
@@ -332,7 +337,7 @@ def null_space(linear: Linearization, space: StateSpace, gamma: float) -> Array 
     M, R, K = (x * weights for x in (linear.M, linear.R, linear.K))
     _, *lower = reduced(M, R, K, spaces.N, spaces.Z, P)
     B[n:] = -np.hstack(lower)
-    terms = linear.terms()
+    terms = linear.terms
     rows = terms.D_q * spaces.scale * spaces.row_scale[linear.n_h :, None]
     drift = np.abs(spaces.W.pseudo_inverse) @ rows @ N
     M, R, K = (x * weights for x in (terms.M, terms.R, terms.K))
@@ -405,7 +410,7 @@ def carried_shifts(generator: Generator | None, q: Array, known: list[Symmetry])
 
 
 def eigenvalues(
-    linear: Linearization, method: str = "nullspace", find_symmetries: Callable[[], list[Symmetry]] = list
+    linear: Linearization, method: str = DEFAULT, find_symmetries: Callable[[], list[Symmetry]] = list
 ) -> EigenResult:
     """Return the eigenvalues of the linearized equations with bounds and a verdict.
 
@@ -413,15 +418,16 @@ def eigenvalues(
     ----------
     linear : Linearization
     method : str
-        ``nullspace`` (deflated, default), ``index3`` (QZ on the regular pencil) or ``paper``
-        (QZ on the singular pencil of Eq. (70)).
+        A name of `mbstab.analysis.methods.METHODS`.
     find_symmetries : callable, optional
         Returns the symmetries that explain neutral eigenvalues; called only if there are any.
 
     Raises
     ------
     UsageError
-        If the method is unknown.
+        If the method is unknown, or is not for this motion.
+    NumericalError
+        If the method needs independent constraint rows and they are not.
     """
     if method not in METHODS:
         raise UsageError(f"unknown method {method!r}\nhint: one of {', '.join(METHODS)}")
@@ -441,20 +447,16 @@ def eigenvalues(
         frequencies = carried_shifts(linear.generator, linear.motion.q, known)
         deflated = deflate_pairs(deflated, frequencies, rounding)
     judge = _Judge(linear, space, gamma, deflated, rounding)
-    infinite = undefined = 0
-    if method == "nullspace":
-        found = judge.nullspace()
-    else:
-        from mbstab.analysis.pencil import finite_eigenvalues
-
-        values, vectors, infinite, undefined = finite_eigenvalues(linear, method, gamma)
-        found = judge.pencil(values, vectors)
-    return judge.result(found, method, infinite, undefined, known)
+    function = solver(method)
+    if function is None:
+        return judge.result(judge.nullspace(), method, known)
+    found = function(linear, gamma, judge.known())
+    return judge.result(judge.undeflated(found.values, found.vectors), method, known, found)
 
 
 def answer(
     system: System,
-    method: str = "nullspace",
+    method: str = DEFAULT,
     frozen: bool = False,
     progress: Callable[[float], object] | None = None,
 ) -> EigenResult:
@@ -479,7 +481,7 @@ def answer(
     if period is not None and not frozen:
         from mbstab.analysis.periodic import periodic_answer
 
-        if method != METHODS[0]:
+        if method != DEFAULT:
             message = f"--method {method} is for constant coefficients; a periodic motion has multipliers"
             raise UsageError(f"{message}\nhint: leave out --method")
         return periodic_answer(system, motion, float(period), progress)
@@ -607,8 +609,12 @@ class _Judge:
         columns = [np.linalg.lstsq(x * R[:, n:] + K[:, n:], -known[:, j], rcond=1e-13)[0] for j, x in enumerate(s)]
         return np.array(columns, dtype=complex).T.reshape(c, len(values))
 
-    def pencil(self, values: Complex, vectors: Complex) -> list[Eigenvalue]:
-        """Return eigenvalues that QZ found, judged with its own vectors and the deflated left ones."""
+    def known(self) -> Complex:
+        """Return the eigenvalues of the deflated system."""
+        return np.concatenate([self._deflated_vectors()[0], self.deflated.neutral_values()])
+
+    def undeflated(self, values: Complex, vectors: Complex) -> list[Eigenvalue]:
+        """Return eigenvalues of another method, judged with its own vectors and the deflated left ones."""
         if len(values) == 0:
             return []
         scale = np.concatenate([self.linear.motion.spaces.scale, self.linear.motion.spaces.row_scale])
@@ -627,7 +633,7 @@ class _Judge:
             x = vectors[: self.n, i] / scale[: self.n]
             x = np.concatenate([x, self._multipliers(values[i : i + 1], x[:, None], False)[:, 0]])
             other = y[:, nearest] if nearest >= 0 else np.full_like(x, np.nan)
-            # QZ does not know of the zeros: its eigenvalues bear disturbances that move them, as far as to another one.
+            # Other methods do not know of the zeros: their eigenvalues bear disturbances that move them.
             off = abs(values[i] - deflated[nearest]) if nearest >= 0 else 0.0
             judged += self._judged(values[i : i + 1], x[:, None], other[:, None], zeros_held=False, least=off)
             columns.append((x, other))
@@ -641,7 +647,7 @@ class _Judge:
     def _refined(self, found: list[Eigenvalue], values: Complex, x: Complex, y: Complex) -> list[Eigenvalue]:
         """Make eigenvalues exact that bear the rounding of larger numbers than those that decide them."""
         rough = [i for i, e in enumerate(found) if not e.error_bound <= ROUGH * abs(values[i])]
-        if not rough or self.linear.terms is None:
+        if not rough:
             return found
         problem, kept = self._quadratic()
         better: dict[int, tuple[complex, float, Complex]] = {}
@@ -674,7 +680,7 @@ class _Judge:
         There a rounding of a constraint moves the coordinates by the inverse of a small singular value.
         """
         linear, spaces = self.linear, self.linear.motion.spaces
-        if linear.beside is None or spaces.C.smallest_kept > WEAK or not found:
+        if spaces.C.smallest_kept > WEAK or not found:
             return found
         motions, inverse, rows = np.linalg.svd(spaces.C.pseudo_inverse)
         motion, n_h = linear.motion, linear.n_h
@@ -707,10 +713,9 @@ class _Judge:
     def _quadratic(self) -> tuple[Quadratic, npt.NDArray[np.intp]]:
         """Return the composite problem in scaled coordinates without redundant rows, and what is left of its rows."""
         linear, n = self.linear, self.n
-        assert linear.terms is not None
         redundant = [id(item.row) for item in linear.motion.redundant]
         kept = np.array([*range(n), *(n + i for i, row in enumerate(linear.rows) if id(row) not in redundant)])
-        terms = [x * self.factors * self.factors[:, None] for x in composite(linear.terms())]
+        terms = [x * self.factors * self.factors[:, None] for x in composite(linear.terms)]
         M, R, K, *sizes = (x[np.ix_(kept, kept)] for x in (self.M, self.R, self.K, *terms))
         return Quadratic.of(M, R, K, tuple(sizes)), kept
 
@@ -781,15 +786,16 @@ class _Judge:
     # --- verdict ----------------------------------------------------------------------------------------------------
 
     def result(
-        self, found: list[Eigenvalue], method: str, infinite: int, undefined: int, known: list[Symmetry]
+        self, found: list[Eigenvalue], method: str, known: list[Symmetry], besides: Found | None = None
     ) -> EigenResult:
         linear = self.linear
+        besides = besides or Found(np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
         found = _with_saddles(found)
         found.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
         spaces = linear.motion.spaces
         counts = Counts(
             len(linear.M), linear.n_h, len(linear.J) - linear.n_h, spaces.C.rank, spaces.W.rank, linear.n_f, len(found),
-            self.n_neutral, infinite, undefined,
+            self.n_neutral, besides.infinite, besides.undefined, besides.extra, besides.extra_error,
         )  # fmt: skip
         verdict, reasons = self._verdict(found, counts, known)
         frame = str(linear.generator) if linear.generator is not None and linear.generator.turns else ""

@@ -11,9 +11,9 @@ the finite eigenvalues: with N, Z, P of `mbstab.analysis.subspaces` and y = [ξ;
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -62,6 +62,8 @@ class Linearization:
 
     Attributes
     ----------
+    system : System
+        Whose equations they are.
     M, R, K : ndarray, shape (n_q, n_q)
         ∂F/∂a, ∂F/∂u, ∂F/∂q; K contains the multiplier terms ∂(Jᵀν)/∂q.
     J : ndarray, shape (n_c, n_q)
@@ -79,12 +81,9 @@ class Linearization:
         The symmetry in whose frame the equations are written; None: in the coordinates of the file.
     frozen : bool
         Whether frozen-time coefficients were asked for.
-    terms : callable or None
-        Returns the sizes of the terms of which M, R, K, J and D_q are sums.
-    beside : callable or None
-        Returns M, R, K, J and D_q where coordinates are a little different, with the multipliers that balance there.
     """
 
+    system: System
     M: Array
     R: Array
     K: Array
@@ -97,8 +96,6 @@ class Linearization:
     variation: float
     generator: Generator | None = None
     frozen: bool = False
-    terms: Callable[[], Matrices] | None = None
-    beside: Callable[[Array], Matrices] | None = None
 
     @property
     def constant(self) -> bool:
@@ -109,6 +106,15 @@ class Linearization:
     def n_f(self) -> int:
         """Number of finite eigenvalues, 2(n_q − rank C_q) − rank(D_u N)."""
         return self.motion.spaces.n_f
+
+    @cached_property
+    def terms(self) -> Matrices:
+        """Sizes of the terms of which M, R, K, J and D_q are sums."""
+        return _terms(self.system, self.motion, self.generator)
+
+    def beside(self, change: Array) -> Matrices:
+        """Return M, R, K, J and D_q where the coordinates are a little different, and what balances there."""
+        return _beside(self.system, self.motion, self.generator, change)
 
     def composite(self) -> tuple[Array, Array, Array]:
         """Return M̄, R̄, K̄ of Eqs. (62)-(67), for [Δq; Δν]."""
@@ -194,9 +200,8 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
         matrices = _matrices(system, motion, None)
         variation, generator = _variation(system, motion, matrices, None), None
     return Linearization(
-        *matrices, system.n_h, tuple(system.names), tuple(system.rows), motion, variation, generator, frozen,
-        cache(lambda: _terms(system, motion, generator)), lambda change: _beside(system, motion, generator, change),
-    )  # fmt: skip
+        system, *matrices, system.n_h, tuple(system.names), tuple(system.rows), motion, variation, generator, frozen
+    )
 
 
 def _matrices(system: System, motion: Motion, generator: Generator | None) -> Matrices:

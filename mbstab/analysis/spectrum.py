@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
 
@@ -132,6 +134,42 @@ def _followed(before: Complex, after: Complex, twins: Flags | None) -> tuple[Ind
     if np.any(same & clear[:, None, None]):
         _untwin(link, moved, clear & ~unique)
     return link, clear
+
+
+def continuous(values: Complex, links: Index, clear: Flags) -> Complex:
+    """Return spectra, shape (m, r), in columns along which each eigenvalue becomes what `follow` says.
+
+    Where that is in doubt columns stay what they are.
+    """
+    m, r = values.shape
+    identity = np.arange(r)
+    if r < 2 or m < 2 or np.all(links == identity):
+        return values
+    # About √m parts of about √m points: all parts are followed at once, then put together.
+    length = int(np.sqrt(m)) + 1
+    order = np.broadcast_to(identity, (-(-m // length) * length, r)).copy()
+    order[1:m] = np.where(clear[:, None], links, identity)
+    parts = order.reshape(-1, length, r)
+    for i in range(1, length):
+        parts[:, i] = np.take_along_axis(parts[:, i], parts[:, i - 1], axis=1)
+    for one, other in pairwise(parts):
+        other[:] = other[:, one[-1]]
+    return np.take_along_axis(values, order[:m], axis=1)
+
+
+def signs(values: Complex) -> npt.NDArray[np.float64]:
+    """Return the signs of the real parts of spectra, shape (m, r); 0 where they are rounding."""
+    size = np.max(np.abs(values), axis=1, keepdims=True, initial=0.0)
+    return np.where(np.abs(values.real) > STABLE * size, np.sign(values.real), 0.0)
+
+
+def turning(before: Complex, now: Complex, after: Complex) -> Flags:
+    """Return whether real parts come close to zero and turn back, for spectra in continuous columns, shape (m, r)."""
+    rising, falling = now.real - before.real, now.real - after.real
+    top = (rising * falling > 0.0) & (np.sign(now.real) == -np.sign(rising)) & (now.real != 0.0)
+    near = np.abs(now.real) < 2.0 * np.maximum(np.abs(rising), np.abs(falling))
+    found: Flags = top & near
+    return found
 
 
 def _untwin(link: Index, moved: npt.NDArray[np.float64], doubtful: Flags) -> None:

@@ -35,7 +35,9 @@ from mbstab.analysis.spectrum import (
     follow,
     has_twins,
     product,
+    signs,
     symmetric,
+    turning,
     unstable_counts,
 )
 from mbstab.compiler.system import Array
@@ -250,8 +252,8 @@ def merged(blocks: list[Block]) -> Block:
             key = block.values.shape[1], block.neutral
             sizes[key] = sizes.get(key, 0) + len(block.values)
     count, neutral = max(sizes, key=lambda key: sizes[key]) if sizes else (0, 0)
-    values: list[Complex] = []
-    links, clear, unstable = [], [], []
+    values = np.full((sum(len(block.values) for block in blocks), count), NO_EIGENVALUE)
+    clear, unstable, passes, turns = [], [], [], []
     problems: dict[int, str] = {}
     start = 0
     for block in blocks:
@@ -261,23 +263,26 @@ def merged(blocks: list[Block]) -> Block:
         if not fits:
             text = f"{block.neutral} eigenvalues are neutral here, elsewhere {neutral}"
             problems |= {start + i: problems.get(start + i, text) for i in range(points)}
-        part = block.values if fits else np.full((points, count), NO_EIGENVALUE)
-        if values:
-            link, is_clear = follow(values[-1][-1:], part[:1])
-            links.append(link)
+        if fits:
+            values[start : start + points] = block.values
+        if start:
+            link, is_clear = follow(values[start - 1 : start], values[start : start + 1])
             clear.append(is_clear)
-        values.append(part)
-        links.append(block.follow if fits else np.zeros((points - 1, count), dtype=np.intp))
+            if fits and is_clear[0] and count > 1 and np.any(link[0] != np.arange(count)):
+                values[start : start + points] = block.values[:, link[0]]
         clear.append(block.clear if fits else np.zeros(points - 1, dtype=bool))
         unstable.append(block.unstable if fits else np.full(points, -1))
+        passes.append(block.passes)
+        turns.append(block.turns)
         start += points
     return Block(
-        np.concatenate(values),
+        values,
+        np.concatenate(clear),
         problems,
         neutral,
-        np.concatenate(links),
-        np.concatenate(clear),
         np.concatenate(unstable),
+        np.concatenate(passes),
+        np.concatenate(turns),
     )
 
 
@@ -330,27 +335,18 @@ class _Tracker:
     def branches(self) -> Complex:
         """Return the eigenvalues in columns that are continuous over the points."""
         values = self.values
-        good = ~np.any(np.isnan(values), axis=1)
-        count = values.shape[1]
-        if count == 0 or not good.any():
+        good = self.raw.unstable >= 0
+        if values.shape[1] == 0 or not good.any():
             return values
-        identity = np.arange(count)
-        links = self.raw.follow.copy()
-        linked = good[:-1] & good[1:]
-        for k, link in self._refined(np.flatnonzero(linked & ~self.raw.clear)).items():
-            links[k] = link
-        order = np.broadcast_to(identity, values.shape).copy()
-        first = int(np.flatnonzero(good)[0])
-        current, start = np.lexsort((-values[first].imag, -values[first].real)), first
-        # Between changes the order of the eigenvalues stays what it is.
-        changes = np.flatnonzero(~linked | np.any(links != identity, axis=1))
-        for k in changes[changes >= first]:
-            order[start : k + 1] = current
-            if linked[k]:
-                current = links[k][current]
-            start = k + 1
-        order[start:] = current
-        return np.take_along_axis(values, order, axis=1)
+        first, start = int(np.flatnonzero(good)[0]), 0
+        current = np.lexsort((-values[first].imag, -values[first].real))
+        branches = np.empty_like(values)
+        # Elsewhere the order of the eigenvalues stays what it is.
+        for k, link in sorted(self._refined(np.flatnonzero(good[:-1] & good[1:] & ~self.raw.clear)).items()):
+            branches[start : k + 1] = values[start : k + 1, current]
+            current, start = link[current], k + 1
+        branches[start:] = values[start:, current]
+        return branches
 
     def _refined(self, intervals: Index) -> dict[int, Index]:
         """Divide intervals until eigenvalues can be followed through each part; return what becomes what."""
@@ -458,11 +454,11 @@ class _Tracker:
 
     def _suspects(self, branches: Complex) -> list[tuple[int, int]]:
         """Return ranges of points, without gaps, in which stability may change."""
-        good = ~np.any(np.isnan(self.values), axis=1)
+        good = self.raw.unstable >= 0
+        changes = self.raw.unstable[1:] != self.raw.unstable[:-1]
+        watched = np.flatnonzero(self.raw.passes[:-1] | ~self.raw.clear)
         with np.errstate(invalid="ignore"):
-            size = np.max(np.abs(branches), axis=1, keepdims=True)
-            sign = np.where(np.abs(branches.real) > STABLE * size, np.sign(branches.real), 0.0)
-        changes = (self.raw.unstable[1:] != self.raw.unstable[:-1]) | np.any(sign[1:] * sign[:-1] < 0.0, axis=1)
+            changes[watched] |= np.any(signs(branches[watched]) * signs(branches[watched + 1]) < 0.0, axis=1)
         changes[np.searchsorted(self.x, [p for p, _ in self.between]) - 1] = True
         changes &= good[:-1] & good[1:]
         ranges: list[tuple[int, int]] = []
@@ -580,18 +576,17 @@ class _Tracker:
 
     def _look_between(self, branches: Complex) -> None:
         """Look at real parts that come close to the axis and turn back between points: they may have crossed it."""
-        real = branches.real
-        if len(real) < 3:
-            return
+        clear = self.raw.clear
+        watched = np.flatnonzero(self.raw.turns[1:-1] | ~clear[:-1] | ~clear[1:]) + 1
+        now = branches.real[watched]
         with np.errstate(invalid="ignore"):
-            before, now, after = real[:-2], real[1:-1], real[2:]
-            rising, falling = now - before, now - after
-            top = (rising * falling > 0.0) & (np.sign(now) == -np.sign(rising)) & (now != 0.0)
-            near = np.abs(now) < 2.0 * np.maximum(np.abs(rising), np.abs(falling))
+            turns = turning(branches[watched - 1], branches[watched], branches[watched + 1])
+        if not turns.any():
+            return
         size = np.nanmax(np.abs(branches), initial=1e-300)
-        near &= np.abs(now) > STABLE * size
-        for k in np.unique(np.nonzero(top & near)[0]):
-            a, b = float(self.x[k]), float(self.x[k + 2])
+        turns &= np.abs(now) > STABLE * size
+        for k in np.flatnonzero(np.any(turns, axis=1)):
+            a, b = float(self.x[watched[k] - 1]), float(self.x[watched[k] + 1])
             for _ in range(6):
                 points = np.linspace(a, b, 9)[1:-1]
                 found = self.at(points)

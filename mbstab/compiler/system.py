@@ -29,6 +29,7 @@ import importlib
 from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -367,24 +368,34 @@ class System:
         self, function: str, shapes: dict[str, tuple[int, ...]]
     ) -> dict[str, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
         """Return for each matrix which returned value is added to which entry (counted row by row)."""
-        take: dict[str, list[int]] = {key: [] for key in shapes}
-        target: dict[str, list[int]] = {key: [] for key in shapes}
-        position = 0
-        for element in self._running(function):
-            for key, entries in getattr(element.kernel, function.upper()).items():
-                for index in entries:
-                    first = element.rows if key in _OF_ROWS else element.columns
-                    place = first[index[0]]
-                    inside = place < self.n_q or first is element.rows
-                    if len(index) == 2:
-                        column = element.columns[index[1]]
-                        inside = inside and column < self.n_q
-                        place = place * self.n_q + column
-                    if inside:
-                        take[key].append(position)
-                        target[key].append(place)
-                    position += 1
-        return {key: (np.array(take[key], dtype=np.intp), np.array(target[key], dtype=np.intp)) for key in shapes}
+        elements = self._running(function)
+        known = tuple((element.kernel, element.columns, element.rows) for element in elements)
+        return _plan(function, tuple(shapes), known, self.n_q)
+
+
+@lru_cache(maxsize=64)
+def _plan(
+    function: str, keys: tuple[str, ...], elements: tuple[tuple[Any, tuple[int, ...], tuple[int, ...]], ...], n_q: int
+) -> dict[str, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
+    """Return the plan of elements given by their kernels, columns and rows: scenes of a model have the same."""
+    take: dict[str, list[int]] = {key: [] for key in keys}
+    target: dict[str, list[int]] = {key: [] for key in keys}
+    position = 0
+    for kernel, columns, rows in elements:
+        for key, entries in getattr(kernel, function.upper()).items():
+            for index in entries:
+                of_rows = key in _OF_ROWS
+                place = (rows if of_rows else columns)[index[0]]
+                inside = of_rows or place < n_q
+                if len(index) == 2:
+                    column = columns[index[1]]
+                    inside = inside and column < n_q
+                    place = place * n_q + column
+                if inside:
+                    take[key].append(position)
+                    target[key].append(place)
+                position += 1
+    return {key: (np.array(take[key], dtype=np.intp), np.array(target[key], dtype=np.intp)) for key in keys}
 
 
 class _Time:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from types import SimpleNamespace
+from types import ModuleType
 from typing import Any
 
 from mbstab.model.expressions import Expression
@@ -59,4 +59,6 @@ def _kernel(
     # The text is ours: it was written from the parsed terms, not taken from the file.
     exec(compile(source, "<user kernel>", "exec"), module)
     functions = [key for key in ("dynamics", "linearize", "linearize_rows") if key in module]
-    return SimpleNamespace(**{key: module[key] for name in functions for key in (name, name.upper())})
+    kernel = ModuleType("user")
+    vars(kernel).update({key: module[key] for name in functions for key in (name, name.upper())})
+    return kernel

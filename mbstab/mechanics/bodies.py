@@ -143,7 +143,7 @@ SHAPES: dict[str, ShapeKind] = {
             "solid sphere",
             (_length("radius", "radius"),),
             None,
-            lambda radius: (0.4 * radius * radius,) * 3,
+            lambda radius: (2.0 * radius * radius / 5.0,) * 3,
         ),
     )
 }

@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from io import BytesIO, StringIO
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.chart import Chart
 from mbstab.analysis.check import CheckReport
@@ -17,6 +17,9 @@ from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
 from mbstab.analysis.sweep import Sweep
 from mbstab.model.schema import is_length
+
+if TYPE_CHECKING:
+    from mbstab.analysis.precise import PreciseResult
 
 Named = tuple[Any, list[str], list[str]]
 
@@ -57,8 +60,8 @@ def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str
     periodic motion; its eigenvalues are Floquet exponents with a ``multiplier``), ``verdict``, ``reasons``,
     ``eigenvalues`` (``real`` and ``imag`` in 1/s, ``kind``, ``frequency`` in Hz,
     ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s, ``error_bound`` in 1/s,
-    ``condition``, ``backward_error``, ``participation``), ``counts``, ``neutral_chains``,
-    ``symmetries``, ``warnings``.
+    ``condition``, ``backward_error``, ``participation``), ``counts`` (`mbstab.analysis.eigen.Counts`),
+    ``neutral_chains``, ``symmetries``, ``warnings``.
     """
     return {
         "model": model,
@@ -101,6 +104,48 @@ def eigen_csv(result: EigenResult) -> str:
         [e.value.real, e.value.imag, e.kind, e.frequency, e.damping_ratio, e.error_bound] for e in result.eigenvalues
     ]
     return to_csv(heads, rows)
+
+
+def precise_data(result: PreciseResult, model: str, title: str, parameters: dict[str, float]) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab eig --precision``.
+
+    Keys: ``model``, ``title``, ``parameters`` (SI, rounded to doubles), ``method``, ``frame``, ``frozen_time``,
+    ``digits`` (all of them right), ``working_digits``, ``seconds``, ``verdict``, ``reasons``, ``eigenvalues``
+    without the neutral ones (``real``, ``imag`` and ``error_bound`` in 1/s as decimal strings; ``kind``),
+    ``neutral`` (``zeros`` and the frequencies ``shifts`` of pairs, rad/s as decimal strings), ``counts``,
+    ``neutral_chains``, ``symmetries``, ``smallest_pivot`` and ``largest_zero_pivot`` (the rank decisions about
+    neutral eigenvalues, as decimal strings), ``double_precision`` (``verdict`` there), ``warnings``.
+    """
+    return {
+        "model": model,
+        "title": title,
+        "parameters": parameters,
+        "method": result.method,
+        "frame": result.frame,
+        "frozen_time": result.frozen,
+        "digits": result.digits,
+        "working_digits": result.working_digits,
+        "seconds": result.seconds,
+        "verdict": result.verdict,
+        "reasons": result.reasons,
+        "eigenvalues": [
+            {"real": e.real, "imag": e.imag, "kind": e.kind, "error_bound": e.bound} for e in result.eigenvalues
+        ],
+        "neutral": {"zeros": sum(result.chains), "shifts": result.shifts},
+        "counts": {**asdict(result.counts), "degrees_of_freedom": result.counts.degrees_of_freedom},
+        "neutral_chains": result.chains,
+        "symmetries": result.symmetries,
+        "smallest_pivot": result.kept,
+        "largest_zero_pivot": result.dropped,
+        "double_precision": {"verdict": result.plain.verdict},
+        "warnings": result.warnings,
+    }
+
+
+def precise_csv(result: PreciseResult) -> str:
+    """Return the eigenvalues with many digits as CSV."""
+    rows = [[e.real, e.imag, e.kind, e.bound] for e in result.eigenvalues]
+    return to_csv(["real (1/s)", "imag (1/s)", "kind", "error bound (1/s)"], rows)
 
 
 def check_data(report: CheckReport, model: str, title: str) -> dict[str, Any]:

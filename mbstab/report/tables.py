@@ -7,17 +7,21 @@ from collections.abc import Sequence
 from io import StringIO
 from itertools import pairwise
 from textwrap import wrap
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.chart import Chart
 from mbstab.analysis.check import CheckReport
 from mbstab.analysis.eigen import EigenResult, Eigenvalue, show
 from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
+from mbstab.analysis.methods import DEFAULT
 from mbstab.analysis.sweep import Critical, Sweep
 from mbstab.errors import counted
 from mbstab.model.schema import is_length
 from mbstab.report import WIDTH
+
+if TYPE_CHECKING:
+    from mbstab.analysis.precise import PreciseResult
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:
@@ -72,6 +76,36 @@ def eigen_text(result: EigenResult, title: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+def precise_text(result: PreciseResult, title: str) -> str:
+    """Return the answer of ``mbstab eig --precision`` as text: real and imaginary parts on lines of their own."""
+    lines = [title, ""] if title else []
+    rows = []
+    for e in result.eigenvalues:
+        if e.imag.startswith("-"):
+            continue
+        last = [e.bound, e.kind]
+        if e.imag == "0":
+            rows.append([e.real, *last])
+        elif e.real == "0":
+            rows.append([f"± {e.imag}i", *last])
+        else:
+            rows += [[e.real, "", ""], [f"± {e.imag}i", *last]]
+    rows += [[f"± {shift}i", "-", "neutral"] for shift in result.shifts]
+    if zeros := sum(result.chains):
+        rows.append(["0", "-", f"neutral, {zeros}×"])
+    lines.append(table(["eigenvalue\n(1/s)", "error\nbound", "type"], rows, left=(2,)) if rows else "no eigenvalues\n")
+    lines.append(f"Verdict: {result.verdict}")
+    for reason in result.reasons:
+        lines += wrap(reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ")
+    lines += ["", *_counts(result)]
+    lines += wrap(
+        f"{result.digits} digits, computed with {result.working_digits} in {result.seconds:.1f} s; smallest pivot that "
+        f"counts {result.kept}, largest that counts as zero {result.dropped}, relative to the matrix",
+        width=WIDTH,
+    )
+    return "\n".join(lines) + "\n"
+
+
 def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -> str:
     rows = []
     for e, multiplicity in shown:
@@ -110,7 +144,8 @@ def _multipliers(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
 
 
 def _neutral_value(result: EigenResult) -> str:
-    return "0" if result.method == "nullspace" else f"0 to {_spread(result):.0e}"
+    spread = _spread(result)
+    return f"0 to {spread:.0e}" if result.method != DEFAULT and spread else "0"
 
 
 def _spread(result: EigenResult) -> float:
@@ -161,7 +196,7 @@ def _fitting(words: Sequence[str], width: int) -> str:
     return ""
 
 
-def _counts(result: EigenResult) -> list[str]:
+def _counts(result: EigenResult | PreciseResult) -> list[str]:
     c = result.counts
     rows = f"{counted(c.n_q, 'coordinate')}, {counted(c.n_holonomic, 'holonomic row')} (rank {c.rank_holonomic})"
     rows += f", {counted(c.n_nonholonomic, 'nonholonomic row')} (rank {c.rank_nonholonomic})"
@@ -184,6 +219,14 @@ def _counts(result: EigenResult) -> list[str]:
             "each constraint row; the pencil is singular for every s, and only because these\n"
             "zeros are exact can QZ still compute the other eigenvalues"
         )
+    if c.extra:
+        where = "0, or in the turning frame ±i times its rate" if result.frame else "0"
+        text = (
+            f"besides, the method returned {counted(c.extra, 'eigenvalue')} of constraint drift, two for each "
+            f"independent holonomic row and one for each nonholonomic row; exactly they are {where}, the worst came "
+            f"out {c.extra_error:.0e} 1/s away"
+        )
+        lines += wrap(text, width=WIDTH)
     if result.symmetries and c.neutral:
         lines += wrap(
             "neutral eigenvalues belong to: " + ", ".join(result.symmetries), width=WIDTH, subsequent_indent="  "
