@@ -896,7 +896,8 @@ def _inexact(found: list[Eigenvalue]) -> tuple[str, ...]:
     others = f" (and {len(few) - 1} more, less so)" if len(few) > 1 else ""
     return (
         f"the eigenvalue {show(worst.value)} 1/s{others} is known to {worst.error_bound:.1e} 1/s only: "
-        f"the rounding of the data and of the equations is magnified {worst.condition:.1e} times",
+        f"the rounding of the data and of the equations is magnified {worst.condition:.1e} times; "
+        "--precision gives more digits",
     )
 
 
