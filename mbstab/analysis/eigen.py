@@ -7,7 +7,8 @@ is judged on the undeflated quadratic eigenproblem (s²M̄ + sR̄ + K̄) x = 0 w
 vectors x, y: backward error η and condition number κ as in Tisseur (2000), Linear Algebra
 Appl. 309, sections 2.2-2.3; κ·(η + rounding of the matrices) bounds the error to first order.
 Where zero eigenvalues are held at zero by their structure, κ is the condition number in the
-deflated matrix: disturbances that would move the zeros do not occur.
+deflated matrix: disturbances that would move the zeros do not occur. Eigenvalues whose bound
+exceeds a hundred roundings are refined on that problem (`mbstab.analysis.refine`).
 """
 
 from __future__ import annotations
