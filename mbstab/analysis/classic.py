@@ -264,7 +264,13 @@ def _vectors(A: Array, values: Complex) -> Complex:
         x = rng.standard_normal(n).astype(complex)
         best = np.inf
         for _ in range(INVERSE_STEPS):
-            x = np.linalg.solve(B, x / np.linalg.norm(x))
+            try:
+                x = np.linalg.solve(B, x / np.linalg.norm(x))
+            except np.linalg.LinAlgError:
+                if not shift:
+                    raise
+                B -= shift * np.eye(n)  # the shift hit an eigenvalue of the rounded matrix
+                continue
             residual = 1.0 / float(np.linalg.norm(x))  # of x as a vector of length 1
             if residual < best:
                 best, found[:, j] = residual, x / np.linalg.norm(x)

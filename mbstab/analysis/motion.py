@@ -18,10 +18,11 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.steady import Family, Generator
-from mbstab.analysis.subspaces import Redundancy, Subspaces, rank_of, redundancies, subspaces
+from mbstab.analysis.subspaces import RANK_TOLERANCE, Redundancy, Subspaces, rank_of, redundancies, subspaces
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem
 from mbstab.model.schema import is_length
+from mbstab.model.units import parse_unit
 
 TOLERANCE = 1e-9
 """A reference satisfies its constraints if the residuals are below this, relative to the sizes in the scene."""
@@ -110,7 +111,7 @@ class Finder:
         self.document = system.scene.model.document
         self.is_length: npt.NDArray[np.bool_] = np.array([is_length(name) for name in system.names])
         given = [abs(v) for n, v in self.scene.coordinates.items() if is_length(n)]
-        length = max([*self.scene.lengths, *given], default=0.0) or 1.0
+        length = max([*self.scene.lengths, *given], default=0.0) or _longest_parameter(system) or 1.0
         self.sizes = np.where(self.is_length, length, 1.0)
         self.solved: list[str] = []
         self.warnings: list[str] = []
@@ -356,6 +357,12 @@ class Finder:
         if redundant:
             self._check_constant_rank(q, u, time, spaces)
             self.warnings += [f"redundant constraint: {item}" for item in redundant]
+            misfit = max(spaces.C.largest_dropped, spaces.W.largest_dropped)
+            if misfit > ROUNDING:
+                self.warnings.append(
+                    f"the redundant rows repeat the others to {misfit:.1e} only; smaller than {RANK_TOLERANCE:g}, this "
+                    "is taken for rounding in the file, not for a constraint"
+                )
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, self.sizes, state, spaces, redundant, tuple(self.solved),
             tuple(self.warnings),
@@ -445,6 +452,13 @@ class Finder:
                     f"each other here (curvature {total / single:.3g})\nthe rows involved: {'; '.join(names)}\n"
                     "hint: eigenvalues do not exist at such a point; move the reference away from it"
                 )
+
+
+def _longest_parameter(system: System) -> float:
+    """Return the largest parameter that is a length, for scenes that equations alone give a size; or 0."""
+    values, metre = system.scene.parameters, parse_unit("m")[1]
+    lengths = [n for n, p in system.scene.model.parameters.items() if p.unit and parse_unit(p.unit)[1] == metre]
+    return max((abs(float(values[n])) for n in lengths if not hasattr(values[n], "shape")), default=0.0)
 
 
 def unbalance(system: System, motion: Motion) -> float:

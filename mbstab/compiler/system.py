@@ -150,6 +150,21 @@ class System:
                 total += np.abs(state.F0 + state.M @ a)
         return total
 
+    def terms(self, q: Any, u: Any, a: Any, nu: Any, time: Any = None) -> dict[str, Any]:
+        """Return M, F (= F0), J, K, R and D (= D_q) as if nothing could cancel: sums of sizes over the elements.
+
+        Parameters
+        ----------
+        q, u, a : array_like, shape (n_q,)
+        nu : array_like, shape (n_c,)
+        time : float, optional
+        """
+        n, c = self.n_q, self.n_c
+        shapes = {"M": (n, n), "F": (n,), "E": (c,), "V": (c,), "J": (c, n), "B": (c,)}
+        out = self._run("dynamics", q, u, time, shapes, sizes=True)
+        out |= self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu, sizes=True)
+        return out | {"D": out["D"][self.n_h :]}
+
     # --- what is in the scene ---------------------------------------------------------------------------------------
 
     def _uses(self) -> list[tuple[Any, Entry | None, str]]:
@@ -302,6 +317,7 @@ class System:
         shapes: dict[str, tuple[int, ...]],
         a: Any = None,
         nu: Any = None,
+        sizes: bool = False,
     ) -> dict[str, Any]:
         time = self.scene.time if time is None else time
         points = self.scene.points
@@ -331,6 +347,8 @@ class System:
                     "hint: a spring of zero length, a wheel lying flat, an expression outside its domain or at a kink "
                     "has no derivative"
                 ) from None
+        if sizes:
+            values = [abs(x) for x in values]
         plan = self._plans.get(function)
         if plan is None:
             plan = self._plans[function] = self._plan(function, shapes)
