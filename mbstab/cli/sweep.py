@@ -12,6 +12,7 @@ import click
 from mbstab.cli.common import (
     file_argument,
     load_model,
+    note,
     output_option,
     parse_settings,
     progress_bar,
