@@ -18,6 +18,7 @@ ONLY_IN = {
     "rich": {"report/tables.py"},
     "sympy": {"mechanics", "compiler", "model/arithmetic.py", "analysis/symbolic.py", "report/symbolic.py"},
     "matplotlib": {"report/plots.py"},
+    "numba": {"compiler/fused.py"},
     "scipy": {"analysis", "report/export.py"},
 }
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.parent.name != "kernels")

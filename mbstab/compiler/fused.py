@@ -9,12 +9,15 @@ generated before it is asked for.
 
 from __future__ import annotations
 
-import math
+import os
 import struct
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
+from hashlib import sha256
+from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -22,7 +25,7 @@ import numpy.typing as npt
 
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.compiler.trace import Trace, Traced
-from mbstab.errors import MbstabError
+from mbstab.errors import MbstabError, UsageError
 from mbstab.model.arithmetic import FLOAT, FUNCTIONS
 from mbstab.model.values import Law
 
@@ -38,7 +41,7 @@ class Program:
         Its text: q3 is coordinate number 3, counted from 0, and so on.
     """
 
-    def __init__(self, trace: Trace, inputs: dict[str, Any], outputs: Sequence[Any]) -> None:
+    def __init__(self, trace: Trace, inputs: dict[str, Any], outputs: Sequence[Any], machine_code: bool) -> None:
         slots: dict[Any, int] = {}
         values: list[Any] = []
         places: list[int] = []
@@ -54,13 +57,13 @@ class Program:
                 places.append(slots[key])
             self._parts.append((slice(start, len(places)), array.shape))
         self._index: npt.NDArray[np.intp] = np.array(places, dtype=np.intp)
-        self._ones = np.ones(len(values))
-        self.source = trace.text("evaluate", inputs, values, "pack")
-        names: dict[str, Any] = {name: getattr(FLOAT, name) for name in (*FUNCTIONS, "sign", "abs_slope", "power")}
-        names["pack"] = struct.Struct(f"{len(values)}d").pack
-        # The text is ours: it was written from traced numbers, nothing of it was taken from the file.
-        exec(compile(self.source, "<fused>", "exec"), names)
-        self._evaluate: Callable[..., bytes] = names["evaluate"]
+        self._values: Callable[..., Array]
+        if machine_code:
+            self.source, constants = trace.array_text(inputs, values)
+            self._values = _from_arrays(self.source, tuple(isinstance(x, list) for x in inputs.values()), constants)
+        else:
+            self.source = trace.text(inputs, values)
+            self._values = _from_floats(self.source, len(values))
 
     def __call__(self, *arguments: Any) -> list[Array]:
         """Return new arrays, views of one block of memory.
@@ -70,12 +73,84 @@ class Program:
         ArithmeticError, ValueError
             If a number does not exist or is not finite.
         """
-        values = np.frombuffer(self._evaluate(*arguments))
-        # One number that is not finite spoils the sum.
-        if not math.isfinite(values.dot(self._ones)):
+        values = self._values(*arguments)
+        # A search in bytes takes a third of the time of ``all``.
+        if b"\0" in np.isfinite(values).tobytes():
             raise OverflowError
         flat = values.take(self._index)
         return [flat[part].reshape(shape) for part, shape in self._parts]
+
+
+def _functions() -> dict[str, Callable[..., Any]]:
+    return {name: getattr(FLOAT, name) for name in (*FUNCTIONS, "sign", "abs_slope", "power")}
+
+
+def _from_floats(source: str, count: int) -> Callable[..., Array]:
+    """Return the function of lists of floats that has this source and returns this many numbers."""
+    names = _functions() | {"pack": struct.Struct(f"{count}d").pack}
+    # The text is ours: it was written from traced numbers, nothing of it was taken from the file.
+    exec(compile(source, "<fused>", "exec"), names)
+    evaluate = names["evaluate"]
+
+    def values(*arguments: Any) -> Array:
+        return np.frombuffer(evaluate(*arguments))
+
+    return values
+
+
+def _from_arrays(source: str, vectors: tuple[bool, ...], constants: list[float]) -> Callable[..., Array]:
+    """Return the function of arrays that has this source, compiled."""
+    evaluate, k, count = _machine_code(source, vectors), np.array(constants, dtype=float), source.count("    out[")
+
+    def values(*arguments: Any) -> Array:
+        out = np.empty(count)
+        evaluate(*arguments, k, out)
+        return out
+
+    return values
+
+
+@lru_cache(maxsize=64)
+def _machine_code(source: str, vectors: tuple[bool, ...]) -> Callable[..., None]:
+    """Return the function with this source as compiled by Numba, which keeps its result in the user's cache directory.
+
+    Raises
+    ------
+    UsageError
+        If Numba is not installed.
+    """
+    try:
+        import numba
+    except ImportError:
+        raise UsageError("machine code needs Numba\nhint: install it with pip install 'mbstab[fast]'") from None
+
+    path = _kept(source)
+    names: dict[str, Any] = {"__name__": __name__}  # what is kept names the module it belongs to
+    for name, function in _functions().items():
+        if f"{name}(" in source:
+            names[name] = numba.njit(function) if isinstance(function, FunctionType) else function
+    # The text is ours, as above; the file only tells Numba where to keep its result and is not read.
+    exec(compile(source, str(path or "<fused>"), "exec"), names)
+    arguments = [numba.float64[::1] if vector else numba.float64 for vector in (*vectors, True, True)]
+    compiled: Callable[..., None] = numba.njit(
+        numba.void(*arguments), cache=path is not None, error_model="numpy", nogil=True
+    )(names["evaluate"])
+    return compiled
+
+
+def _kept(source: str) -> Path | None:
+    """Return a file in the user's cache directory with this text, None if there can be none."""
+    try:
+        directory = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mbstab"
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        path = directory / f"fused_{sha256(source.encode()).hexdigest()[:32]}.py"
+        if not path.exists():
+            part = path.with_suffix(f".{os.getpid()}")
+            part.write_text(source, encoding="utf-8")
+            part.replace(path)
+    except (OSError, RuntimeError):  # no home, or none that can be written to
+        return None
+    return path if os.access(directory, os.W_OK) else None
 
 
 class Fused:
@@ -87,6 +162,9 @@ class Fused:
     Parameters
     ----------
     system : System
+    machine_code : bool
+        Let Numba (the extra ``fast``) compile each function when it is first called. That takes from half a
+        second to some ten; the result is kept for scenes that differ in their parameters only.
 
     Raises
     ------
@@ -94,10 +172,12 @@ class Fused:
         If the parameters of the scene are not floats.
     """
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System, machine_code: bool = False) -> None:
         if system.scene.points is not None or system.scene.arithmetic is not FLOAT:
             raise ValueError("only a scene whose parameters are floats can be fused")
         self.system = system
+        self._machine_code = machine_code
+        self.vector: Callable[[Any], Any] = _array if machine_code else _listed
         self._trace = Trace()
         arithmetic = self._trace.arithmetic()
         self._traced = copy(system)
@@ -114,15 +194,17 @@ class Fused:
 
     def dynamics(self, q: Any, u: Any, time: float | None = None) -> Dynamics:
         """Return the matrices of the equations of motion."""
+        program = self._dynamics
         try:
-            return Dynamics(*self._dynamics(*self._state(q, u, time)))
+            return Dynamics(*program(*self._state(q, u, time)))
         except _FAILURES:
             return self.system.dynamics(q, u, time)
 
     def equations(self, q: Any, u: Any, time: float | None = None) -> tuple[Array, Array, Array, Array]:
         """Return M, F0, J and B of M a + Jᵀ ν = −F0, J a = −B."""
+        program = self._equations
         try:
-            M, F0, J, B = self._equations(*self._state(q, u, time))
+            M, F0, J, B = program(*self._state(q, u, time))
         except _FAILURES:
             state = self.system.dynamics(q, u, time)
             return state.M, state.F0, state.J, state.B
@@ -130,8 +212,9 @@ class Fused:
 
     def residuals(self, q: Any, u: Any, time: float | None = None) -> tuple[Array, Array, Array]:
         """Return E, V and J, to correct a state that violates the constraints."""
+        program = self._residuals
         try:
-            E, V, J = self._residuals(*self._state(q, u, time))
+            E, V, J = program(*self._state(q, u, time))
         except _FAILURES:
             state = self.system.dynamics(q, u, time)
             return state.E, state.V, state.J
@@ -139,16 +222,18 @@ class Fused:
 
     def linearize(self, q: Any, u: Any, a: Any, nu: Any, time: float | None = None) -> tuple[Array, Array, Array]:
         """Return K = ∂F/∂q, R = ∂F/∂u and D_q; a has shape (n_q,), nu (n_c,)."""
+        program = self._linearize
         try:
-            K, R, D_q = self._linearize(*self._state(q, u, time), _listed(a), _listed(nu))
+            K, R, D_q = program(*self._state(q, u, time), self.vector(a), self.vector(nu))
         except _FAILURES:
             K, R, D_q = self.system.linearize(q, u, a, nu, time)
         return K, R, D_q
 
     def linearize_rows(self, q: Any, u: Any, a: Any, time: float | None = None) -> tuple[Array, Array, Array]:
         """Return V_q, A_q and A_u; a has shape (n_q,)."""
+        program = self._linearize_rows
         try:
-            V_q, A_q, A_u = self._linearize_rows(*self._state(q, u, time), _listed(a))
+            V_q, A_q, A_u = program(*self._state(q, u, time), self.vector(a))
         except _FAILURES:
             V_q, A_q, A_u = self.system.linearize_rows(q, u, a, time)
         return V_q, A_q, A_u
@@ -164,7 +249,8 @@ class Fused:
         Returns
         -------
         Program
-            Takes q, u (lists of float) and the time (s); returns shapes (n, n) and (n,), n = n_q + number of `rows`.
+            Takes q and u as `vector` returns them and the time (s); returns shapes (n, n) and (n,) with
+            n = n_q + number of `rows`.
         """
         state, count = self._traced_dynamics, len(rows)
         J = np.asarray(state.J)[list(rows)]
@@ -195,7 +281,9 @@ class Fused:
     @cached_property
     def _linearize(self) -> Program:
         x = self._inputs
-        return self._program(("q", "u", "t", "a", "nu"), self._traced.linearize(*(x[k] for k in ("q", "u", "a", "nu", "t"))))
+        return self._program(
+            ("q", "u", "t", "a", "nu"), self._traced.linearize(*(x[k] for k in ("q", "u", "a", "nu", "t")))
+        )
 
     @cached_property
     def _linearize_rows(self) -> Program:
@@ -203,10 +291,14 @@ class Fused:
         return self._program("quta", self._traced.linearize_rows(*(x[k] for k in "quat")))
 
     def _program(self, inputs: Sequence[str], outputs: Sequence[Any]) -> Program:
-        return Program(self._trace, {name: self._inputs[name] for name in inputs}, outputs)
+        return Program(self._trace, {name: self._inputs[name] for name in inputs}, outputs, self._machine_code)
 
     def _state(self, q: Any, u: Any, time: float | None) -> tuple[list[float], list[float], float]:
-        return _listed(q), _listed(u), self.system.scene.time if time is None else time
+        return self.vector(q), self.vector(u), self.system.scene.time if time is None else time
+
+
+def _array(x: Any) -> Array:
+    return np.ascontiguousarray(x, dtype=float)
 
 
 def _listed(x: Any) -> list[float]:

@@ -207,30 +207,49 @@ class Trace:
 
     # --- text -------------------------------------------------------------------------------------------------------
 
-    def text(self, name: str, inputs: dict[str, Sequence[Any]], outputs: Iterable[Any], result: str) -> str:
-        """Return the source of a function.
+    def text(self, inputs: dict[str, Any], outputs: Sequence[Any]) -> str:
+        """Return the source of a function ``evaluate`` for Python floats, which packs its results.
 
         Parameters
         ----------
-        name : str
         inputs : dict
-            Arguments in their order; each is a sequence with one number for each of these inputs,
-            or the number itself where there is no sequence.
-        outputs : iterable of Traced or float
-        result : str
-            A callable of the module that is given the outputs, and whose value is returned.
+            Arguments in their order; each is a list of inputs that comes as a sequence, or a single one.
+        outputs : sequence of Traced or float
+            Arguments of the callable ``pack``, whose value is returned.
         """
-        outputs = list(outputs)
-        steps = self._needed(outputs)
-        used = {step.operands[0] for step in map(self.steps.__getitem__, steps) if step.operation == "input"}
-        lines = [f"def {name}({', '.join(inputs)}):"]
+        writer = _Writer(self.steps, self._needed(outputs), outputs, lambda x: repr(float(x)))
+        lines = [f"def evaluate({', '.join(inputs)}):"]
         for argument, members in inputs.items():
-            if isinstance(members, Sequence) and members:
-                own = [self.steps[x.step].operands[0] for x in members]
-                lines.append(f"    {', '.join(x if x in used else '_' for x in own)}, = {argument}")
-        writer = _Writer(self.steps, steps, outputs)
+            if isinstance(members, list) and members:
+                names = [name if name in writer.inputs else "_" for name in self._names(members)]
+                lines.append(f"    {', '.join(names)}, = {argument}")
+        lines += [*(f"    {line}" for line in writer.lines), "    return pack("]
+        return "\n".join([*lines, *(f"        {writer.term(x)}," for x in outputs), "    )", ""])
+
+    def array_text(self, inputs: dict[str, Any], outputs: Sequence[Any]) -> tuple[str, list[float]]:
+        """Return the source of a function ``evaluate`` for arrays, and the constants it takes.
+
+        Its arguments are those of the function of `text`, the constants and the array that it fills. So
+        the text is the same for other parameters, as long as the same of them are zero, one or equal.
+        """
+        constants: dict[float, int] = {}
+        writer = _Writer(
+            self.steps,
+            self._needed(outputs),
+            outputs,
+            lambda x: f"k[{constants.setdefault(float(x), len(constants))}]",
+        )
+        lines = [f"def evaluate({', '.join([*inputs, 'k', 'out'])}):"]
+        for argument, members in inputs.items():
+            if isinstance(members, list):
+                names = enumerate(self._names(members))
+                lines += [f"    {name} = {argument}[{i}]" for i, name in names if name in writer.inputs]
         lines += [f"    {line}" for line in writer.lines]
-        return "\n".join([*lines, f"    return {result}(", *[f"        {writer.term(x)}," for x in outputs], "    )", ""])
+        lines += [f"    out[{i}] = {writer.term(x)}" for i, x in enumerate(outputs)]
+        return "\n".join([*lines, ""]), list(constants)
+
+    def _names(self, inputs: Iterable[Traced]) -> list[str]:
+        return [self.steps[x.step].operands[0] for x in inputs]
 
     def _needed(self, outputs: Iterable[Any]) -> list[int]:
         needed: set[int] = set()
@@ -244,10 +263,22 @@ class Trace:
 
 
 class _Writer:
-    """Steps as lines of Python; a step that is used once and short is written in the place of its use."""
+    """Steps as lines of Python; a step that is used once and short is written in the place of its use.
 
-    def __init__(self, steps: Sequence[Step], needed: Sequence[int], outputs: Iterable[Any]) -> None:
+    Attributes
+    ----------
+    lines : list of str
+        Assignments.
+    inputs : set of str
+        Names of the inputs that occur.
+    """
+
+    def __init__(
+        self, steps: Sequence[Step], needed: Sequence[int], outputs: Iterable[Any], constant: Callable[[float], str]
+    ) -> None:
         self.lines: list[str] = []
+        self.inputs = {steps[i].operands[0] for i in needed if steps[i].operation == "input"}
+        self._constant = constant
         self._texts: dict[int, tuple[str, int]] = {}
         counts = Counter(x.step for x in outputs if isinstance(x, Traced))
         for number in needed:
@@ -275,14 +306,14 @@ class _Writer:
     def _bound(self, x: Any, least: int) -> str:
         """Return the text of an operand, in parentheses if it binds less than that."""
         if not isinstance(x, Traced):
-            return repr(float(x))
+            return self._constant(x)
         text, binding = self._texts[x.step]
         return text if binding >= least else f"({text})"
 
     def term(self, x: Any) -> str:
         """Return the text of a number that stands alone."""
         if not isinstance(x, Traced):
-            return repr(float(x))
+            return self._constant(x)
         return f"-{self._bound(x, _PRODUCT)}" if x.negative else self._bound(x, _SUM)
 
 
