@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -165,7 +166,7 @@ def test_the_text_does_not_depend_on_the_hash_seed():
     texts = {
         subprocess.run(
             [sys.executable, "-c", code],
-            env={"PYTHONHASHSEED": seed, "PYTHONPATH": str(MODELS["top"].parents[1])},
+            env={"PYTHONHASHSEED": seed, "PYTHONPATH": str(Path(mbstab.__file__).parents[1])},
             capture_output=True,
             text=True,
             check=True,
