@@ -18,6 +18,7 @@ ONLY_IN = {
     "rich": {"report/tables.py"},
     "sympy": {"mechanics", "compiler", "model/arithmetic.py", "analysis/symbolic.py", "report/symbolic.py"},
     "matplotlib": {"report/plots.py"},
+    "numba": {"compiler/fused.py"},
     "scipy": {"analysis", "report/export.py"},
     "mpmath": {"model/arithmetic.py"}
     | {f"analysis/{x}.py" for x in ("compare", "multiprecision", "precise", "precise_motion")},

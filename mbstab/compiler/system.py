@@ -30,7 +30,7 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -44,6 +44,9 @@ from mbstab.model.expressions import Expression
 from mbstab.model.jets import Jet
 from mbstab.model.schema import Entry, is_length
 from mbstab.model.values import Scene
+
+if TYPE_CHECKING:
+    from mbstab.compiler.fused import Fused
 
 Array = npt.NDArray[np.float64]
 
@@ -164,6 +167,23 @@ class System:
         out = self._run("dynamics", q, u, time, shapes, sizes=True)
         out |= self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu, sizes=True)
         return out | {"D": out["D"][self.n_h :]}
+
+    def fused(self, machine_code: bool = False) -> Fused:
+        """Return the same equations as functions of this scene alone, for thousands of states.
+
+        Parameters
+        ----------
+        machine_code : bool
+            Compile them with Numba, the extra ``fast``.
+
+        Raises
+        ------
+        ValueError
+            If the parameters of the scene are not floats.
+        """
+        from mbstab.compiler.fused import Fused
+
+        return Fused(self, machine_code)
 
     # --- what is in the scene ---------------------------------------------------------------------------------------
 
