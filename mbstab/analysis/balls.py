@@ -84,7 +84,6 @@ class Exact:
     """
 
     __slots__ = ("v",)
-    plain = True  # for mbstab.mechanics.vectors.plain_zero
 
     def __init__(self, v: Any) -> None:
         self.v = v

@@ -115,12 +115,6 @@ ELEMENTS = (
 # --- kinds ----------------------------------------------------------------------------------------------------------
 
 
-def _is_zero(x: Any) -> bool:
-    """Whether a number is zero and stays it: neither a symbol nor the points of a sweep."""
-    plain = isinstance(x, (int, float)) or not (hasattr(x, "shape") or hasattr(x, "free_symbols"))
-    return plain and bool(x == 0)
-
-
 def _spring_elements(item: Item) -> Iterable[ElementUse]:
     first, second = item.markers("between")
     ends = (*first.point, *second.point, item.number("stiffness"))

@@ -60,8 +60,8 @@ def triad(axis: Vector, zero: Vector | None, sqrt: Callable[[Number], Number]) -
 
 
 def plain_zero(x: Number) -> bool:
-    """Whether a number is zero, and everywhere: no array of a sweep, no symbol."""
-    return bool(getattr(x, "plain", isinstance(x, (int, float))) and x == 0.0)
+    """Whether a number is zero and stays it: neither a symbol nor the points of a sweep."""
+    return not (hasattr(x, "shape") or hasattr(x, "free_symbols")) and bool(x == 0)
 
 
 def _nominal(x: Number) -> float:
