@@ -163,16 +163,16 @@ def test_no_method_keeps_the_tolerance():
     nothing = np.zeros(1)
     rough = Outcome("paper", nothing, np.array([1e-9]), nothing, nothing, seconds=1.0)
     wrong = Outcome("index3", nothing, nothing, nothing, nothing, lost=1, seconds=0.1)
-    assert cheapest([wrong, rough], 1e-8) is rough
+    assert cheapest([wrong, rough], 1e-8, rough.verdict) is rough
     with pytest.raises(NumericalError, match=r"no method keeps 1e-10: paper comes closest with 1.0e-09\nhint: .* 16"):
-        cheapest([wrong, rough], 1e-10)
+        cheapest([wrong, rough], 1e-10, rough.verdict)
     with pytest.raises(NumericalError, match=r"no method keeps 0\.5\n"):
-        cheapest([wrong], 0.5)
+        cheapest([wrong], 0.5, wrong.verdict)
 
 
 def test_it_fails_with_one(monkeypatch):
-    def refused(outcomes, tolerance):
-        return cheapest([], tolerance) if not outcomes else cheapest(outcomes[1:2], 1e-30)
+    def refused(outcomes, tolerance, verdict):
+        return cheapest(outcomes[1:2], 1e-30, verdict)
 
     monkeypatch.setattr(compare, "cheapest", refused)
     result = run("pendulum.yaml", "--tol", "1e-3")

@@ -502,8 +502,24 @@ def test_a_mode_is_not_mistaken_for_another_one_on_a_coarse_grid():
         assert abs(c.value * 50 / math.pi - round(c.value * 50 / math.pi)) < 1e-9
 
 
-def test_a_range_of_many_magnitudes():
-    found = mbstab.load("top.yaml").sweep("omega", np.linspace(0.0, 1e6, 5)).critical
+def test_a_fold_on_a_point_of_the_grid_counts_for_neither_side():
+    # mu = x**2, and a second mass that loses its stiffness at mu = 0.0025.
+    text = CUBIC.replace("LOAD", "mu - p.x**2").replace("rail:", "side: {holonomic: s.y}\n  rail:")
+    text = text.replace("bodies:\n", "bodies:\n  s: {type: planar_point, mass: 1}\n")
+    text = text.replace("on: {p.x", "on: {s.x: -s.x*(p.x**2 - 0.0025) - 0.2*rate(s.x), p.x")
+    text = text.replace("{p: {y: 0}}", "{p: {y: 0}, s: {x: 0, y: 0}}")
+    result = mbstab.loads(text).sweep("mu", np.linspace(2.0, -2.0, 41))
+    (second,) = result.beyond
+    assert [(c.kind, c.unstable) for c in result.critical] == [("fold", (-1, 1)), ("divergence", (1, 0))]
+    assert [(c.kind, c.unstable) for c in second.critical] == [("divergence", (2, 1))]
+    for path in (result, second):
+        assert abs(path.critical[-1].value - 0.0025) < 1e-13
+    assert 0.0 not in second.values
+
+
+@pytest.mark.parametrize("largest", [1e6, 1e8, 1e9, 1e12])
+def test_a_range_of_many_magnitudes(largest):
+    found = mbstab.load("top.yaml").sweep("omega", np.linspace(0.0, largest, 5)).critical
     assert [(c.kind, c.unstable) for c in found] == [("collision", (2, 0))]
     assert abs(found[0].value - TOP) < 1e-11 * TOP
 

@@ -90,7 +90,6 @@ class _Pattern:
     """What one point, answered in full, says about its neighbours."""
 
     linear: Linearization
-    gamma: float
     steps: tuple[int, ...]
     pairs: int
     family: Family | None
@@ -298,7 +297,7 @@ class _Work:
         if turning is not None:
             directions = np.eye(3)[: system.scene.dimension]
             family = Family(system, turning.axis, np.zeros(3), directions, spinning_columns(system))
-        pattern = _Pattern(linear, gamma, deflated.steps, len(deflated.pairs), family, motion.sizes, balance)
+        pattern = _Pattern(linear, deflated.steps, len(deflated.pairs), family, motion.sizes, balance)
         return pattern, np.linalg.eigvals(deflated.S).astype(complex)
 
     def motion(self, system: System, i: int) -> tuple[Motion, Balance | None]:
@@ -561,10 +560,10 @@ class _Block:
     ) -> tuple[Flags, Complex]:
         pattern = self.pattern
         n = A.shape[-1]
-        gamma = pattern.gamma
-        weights = np.ones(n)
-        weights[n_xi:] = gamma
-        S = A * weights / weights[:, None]
+        gamma = _time_scales(A, n_xi)
+        weights = np.ones((len(A), n))
+        weights[:, n_xi:] = gamma[:, None]
+        S = A * weights[:, None, :] / weights[:, :, None]
         if S.shape[0] == 1 and self.points > 1:
             S = np.broadcast_to(S, (self.points, n, n))
         finite = np.all(np.isfinite(S), axis=(1, 2))
@@ -599,6 +598,13 @@ class _Block:
             self.good &= (next_one >= NEUTRAL_GAP * largest) & (next_one > limit)
         rest = right[:, : right.shape[-2] - zeros]
         return rest @ S @ _t(rest)
+
+
+def _time_scales(A: Array, n_xi: int) -> Array:
+    """Return a typical rate of each deflated system (1/s), as `mbstab.analysis.eigen.time_scale`."""
+    sizes = [np.sqrt(_norm(A[:, n_xi:, :n_xi])), _norm(A[:, n_xi:, n_xi:]), _norm(A[:, :n_xi, :n_xi])]
+    largest: Array = np.max(sizes, axis=0)
+    return np.where(largest > 0.0, largest, 1.0)
 
 
 def _norm(x: Array) -> Array:

@@ -105,7 +105,8 @@ def chart(
         start += len(part)
     grid = unstable.reshape(len(y), len(x))
     evaluator.learn(points)
-    boundaries = _boundaries(evaluator, (one, other), x, y, grid, max(block.values.shape[1] for block in blocks))
+    count = max((block.values.shape[1] for block in blocks), default=0)
+    boundaries = _boundaries(evaluator, (one, other), x, y, grid, count)
     if sheet is not None:
         boundaries += _ends(sheet)
     if store is not None:
@@ -129,7 +130,7 @@ def _ends(sheet: Sheet) -> list[Array]:
         points: list[tuple[float, float]] = []
         for value, path in zip([*sheet.values, math.nan], [*sheet.paths, None], strict=True):
             end = float(path.values[side]) if path is not None else math.nan
-            if path is not None and any(at == end for at, _ in path.ends):
+            if path is not None and path.ended(side):
                 points.append((end, float(value)))
             elif points:
                 curves += [np.array(points)] if len(points) > 1 else []
@@ -142,7 +143,10 @@ def _boundaries(
 ) -> list[Array]:
     """Return the curves on which the number of unstable eigenvalues changes."""
     edges: list[Edge] = []
-    for axis, (left, right) in enumerate(((unstable[:, :-1], unstable[:, 1:]), (unstable[:-1], unstable[1:]))):
+    sides = [(unstable[:, :-1], unstable[:, 1:]), (unstable[:-1], unstable[1:])]
+    if evaluator.path is not None:
+        del sides[1]  # between paths that differ nothing is followed
+    for axis, (left, right) in enumerate(sides):
         rows, columns = np.nonzero((left != right) & (left >= 0) & (right >= 0))
         edges += [(axis, int(i), int(j)) for i, j in zip(rows, columns, strict=True)]
     if not edges:

@@ -203,7 +203,7 @@ def compare(
     for number, n in enumerate(further, 1):
         outcomes.append(_with_digits(model, settings, n, ruler))
         progress((2.0 + len(METHODS) + 2.0 * number) / total)
-    chosen = cheapest(outcomes, tolerance) if tolerance is not None else None
+    chosen = cheapest(outcomes, tolerance, truth.verdict) if tolerance is not None else None
     return Comparison(truth, ruler.rounding, tuple(outcomes), shared, tolerance, chosen)
 
 
@@ -228,15 +228,15 @@ def _further(digits: int, tolerance: float | None) -> list[int]:
     return found
 
 
-def cheapest(outcomes: Sequence[Outcome], tolerance: float) -> Outcome:
-    """Return the fastest outcome that keeps a tolerance.
+def cheapest(outcomes: Sequence[Outcome], tolerance: float, verdict: str) -> Outcome:
+    """Return the fastest outcome that keeps a tolerance and comes to the verdict of the truth.
 
     Raises
     ------
     NumericalError
         If none does.
     """
-    good = [x for x in outcomes if x.error <= tolerance]
+    good = [x for x in outcomes if x.error <= tolerance and x.verdict == verdict]
     if good:
         least = CLOSE * min(x.seconds for x in good)
         return next(x for x in good if x.seconds <= least)

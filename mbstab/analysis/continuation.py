@@ -123,9 +123,16 @@ class Path:
         """Return which points lie on the path, shape (points,)."""
         x = values[self.parameter.name]
         lower, upper = float(self.values[0]), float(self.values[-1])
-        ended = [value for value, _ in self.ends]
-        inside: Flags = (x > lower if lower in ended else x >= lower) & (x < upper if upper in ended else x <= upper)
+        room = SAME * (upper - lower)
+        # A turn itself is left out: there an eigenvalue is zero.
+        low, high = room * self.ended(0), room * self.ended(-1)
+        inside: Flags = (x >= lower + low) & (x <= upper - high)
         return inside
+
+    def ended(self, side: int) -> bool:
+        """Whether it ends within the range, below (0) or above (−1)."""
+        room = SAME * float(self.values[-1] - self.values[0])
+        return any(abs(value - float(self.values[side])) <= room for value, _ in self.ends)
 
     def missing(self, values: Values, i: int) -> str:
         """Say why there is no solution at a point."""
@@ -259,7 +266,9 @@ def follow(
 
 
 def follow_all(model: Model, parameters: tuple[str, str], settings: Mapping[str, float], x: Array, y: Array) -> Sheet:
-    """Return the solutions over two parameters, from the corner where both are least.
+    """Return the solutions over two parameters: over the first one from those over the second one.
+
+    These are at the least value of the first one, or where there are none, at the largest or in the middle.
 
     Raises
     ------
@@ -267,7 +276,7 @@ def follow_all(model: Model, parameters: tuple[str, str], settings: Mapping[str,
         If there is no solution to start from.
     """
     one, other = parameters
-    edge = follow(model, other, {**settings, one: float(x[0])}, float(y[0]), float(y[-1]))
+    edge, begin = _edge(model, parameters, settings, x, y)
     paths: list[Path | None] = []
     for value, covered in zip(y, edge.covers({other: y}), strict=True):
         path = None
@@ -275,10 +284,25 @@ def follow_all(model: Model, parameters: tuple[str, str], settings: Mapping[str,
             q, c = edge.predicted({other: np.array([value])})
             with contextlib.suppress(MbstabError):
                 path = follow(
-                    model, one, {**settings, other: float(value)}, float(x[0]), float(x[-1]), near=(q[0], c[0])
+                    model, one, {**settings, other: float(value)}, float(x[0]), float(x[-1]), begin, (q[0], c[0])
                 )
         paths.append(path and replace(path, beyond=()))
     return Sheet(model.parameters[other], y, tuple(paths), replace(edge, beyond=()))
+
+
+def _edge(
+    model: Model, parameters: tuple[str, str], settings: Mapping[str, float], x: Array, y: Array
+) -> tuple[Path, float]:
+    """Return the solutions over the second parameter, and at which value of the first one."""
+    one, other = parameters
+    failure: MbstabError | None = None
+    for value in (x[0], x[-1], x[len(x) // 2]):
+        try:
+            return follow(model, other, {**settings, one: float(value)}, float(y[0]), float(y[-1])), float(value)
+        except MbstabError as error:
+            failure = failure or error
+    assert failure is not None
+    raise failure
 
 
 @dataclass(frozen=True)
@@ -475,12 +499,12 @@ class _Curve:
                 return runs
             branches = fold.least < BRANCHING * self.first.least
             runs[-1].ends.append((fold.p, BRANCHES if branches else TURNS))
+            self._close_in(runs, fold)
             if any(self._same(fold, other) for other in self.folds):
-                return runs  # a closed curve: it has been followed from the other side
+                return runs[:-1]  # a closed curve: it has been followed from the other side
             self.folds.append(fold)
             if branches:
                 self.branchings.append(fold)
-            self._close_in(runs, fold)
 
     def _run(self, run: _Run) -> _Point | None:
         """Add points until the parameter turns back or leaves the range; return the fold if it turns."""

@@ -66,6 +66,9 @@ APART = 1e-8
 FEW = 1e-10
 """Eigenvalues with larger relative error bounds are warned about."""
 
+KNOWN = 1e-6
+"""An eigenvalue known worse than this, relative to itself, is not said to lie on the imaginary axis."""
+
 WEAK = 1e-3
 """Constraints with smaller singular values nearly depend on each other: the rounding of coordinates counts."""
 
@@ -874,10 +877,11 @@ class _Judge:
         if doubts:
             return "undecided", doubts
         centers = sum(e.kind == "center" for e in found)
+        widest = max((e.error_bound for e in found if e.kind == "center"), default=0.0)
         if centers:
             return "marginally stable", [
-                f"{centers} eigenvalues lie on the imaginary axis, none to the right of it: whether disturbances stay "
-                "small in the long run is up to nonlinear terms"
+                f"{centers} eigenvalues lie on the imaginary axis within {widest:.0e} 1/s, none to the right of it: "
+                "whether disturbances stay small in the long run is up to nonlinear terms"
             ]
         if self.n_neutral:
             what = "neutral, the others decay" if counts.found > self.n_neutral else "neutral"
@@ -893,7 +897,7 @@ def kind_of(s: complex, bound: float, separation: float) -> str:
     margin = max(bound, 10.0 * separation, math.sqrt(EPS) * abs(s)) if clustered else bound
     if abs(s.real) > margin:
         return ("un" if s.real > 0 else "") + ("stable node" if real else "stable focus")
-    return "undecided" if clustered or real else "center"
+    return "undecided" if clustered or real or bound > KNOWN * abs(s) else "center"
 
 
 def _inexact(found: list[Eigenvalue]) -> tuple[str, ...]:

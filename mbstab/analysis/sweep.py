@@ -69,7 +69,7 @@ APART, WIDE = 100.0, 0.1
 BESIDE = 0.1
 """The number of unstable eigenvalues changes where it is looked at this part of the way to the ends of the interval."""
 
-FINER, DEPTH = 32, 3
+FINER, DEPTH = 32, 6
 """Parts into which an interval is divided in which a test function jumps, and how often."""
 
 MARGIN = 2
@@ -495,7 +495,7 @@ class _Tracker:
                 found += [self.branch_point(value, branches) for value in crossings if not self.known(value, found)]
                 continue
             # Branches are mistaken for each other there: more points tell them apart.
-            more = np.linspace(x[a], x[b], FINER + 1)
+            more = _spaced(float(x[a]), float(x[b]))
             between = self.at(more[1:-1])
             if depth == DEPTH or np.any(np.isnan(between)):
                 counts = unstable_counts(spectra[[a, b]])
@@ -612,11 +612,12 @@ class _Tracker:
             # Next to a meeting rounding decides on which side of the axis a point lies.
             a = changes.pop(0)
             b = a + 1
-            while changes and x[changes[0]] - x[b] < NOISE * self.width:
+            near = NOISE * max(abs(x[a]), abs(x[b]), x[-1] - x[0])
+            while changes and x[changes[0]] - x[b] < near:
                 b = changes.pop(0) + 1
-            while a > 0 and x[b] - x[a] < NOISE * self.width:
+            while a > 0 and x[b] - x[a] < near:
                 a -= 1
-            while b < len(x) - 1 and x[b] - x[a] < 2.0 * NOISE * self.width:
+            while b < len(x) - 1 and x[b] - x[a] < 2.0 * near:
                 b += 1
             if counts[a] == counts[b] or not (both[a] and both[b]):
                 continue
@@ -687,10 +688,13 @@ class _Tracker:
                     return None
                 step = BESIDE * min(value - a, b - value)
                 beside = unstable_counts(np.array([spectrum(value - step), spectrum(value + step)]))
-                if step > NOISE * self.width and counts[0] != counts[1] and beside[0] == beside[1]:
+                if step > NOISE * self.width and not np.array_equal(beside, counts):
                     return None
             else:  # the range begins or ends at the critical value
                 value = a if abs(ends[0]) < abs(ends[1]) else b
+                inside = unstable_counts(spectrum(value + SIDE * (a + b - 2.0 * value))[None])[0]
+                if inside != counts[int(value == a)]:
+                    return None
         found = self._described(value, kind, spectrum(value), sides, branches)
         if kind == "collision":
             stable = a if counts[0] < counts[1] else b
@@ -744,6 +748,15 @@ def _vanishes_between(one: float, other: float) -> bool:
     """Whether a function with these values at two neighbouring points is zero between them, or at one of them."""
     least, largest = sorted((abs(one), abs(other)))
     return one * other < 0.0 or least < AT_END * largest
+
+
+def _spaced(a: float, b: float) -> Array:
+    """Return points from a to b: evenly spaced, and ever closer towards an end that is zero beside the other."""
+    parts = np.linspace(0.0, 1.0, FINER + 1)
+    if min(abs(a), abs(b)) < max(abs(a), abs(b)) / FINER:
+        near = np.geomspace(1e-12, 1.0 / FINER, FINER)
+        parts = np.union1d(parts, near if abs(a) < abs(b) else 1.0 - near)
+    return np.asarray(np.append(a + parts[:-1] * (b - a), b))
 
 
 def _far_apart(one: Complex, other: Complex) -> bool:

@@ -589,7 +589,7 @@ class _Picture:
             text = "critical value" + (f" ({self.unlabelled} without label)" if self.unlabelled else "")
             handles.append(Line2D([], [], color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, label=text))
         if self.others:
-            handles.append(Line2D([], [], color=BEYOND_INK, linewidth=THIN, label="beyond a fold"))
+            handles.append(Line2D([], [], color=BEYOND_INK, linewidth=THIN, label="further paths"))
         if over and np.any(self.unstable > 0):
             handles.append(Patch(facecolor=UNSTABLE_SHADE, edgecolor="0.6", linewidth=0.6, label="unstable range"))
         if over and np.any(self.unanswered):
