@@ -244,12 +244,11 @@ def test_a_chart_follows_equilibria_and_draws_where_they_end():
 
 
 def test_a_chart_of_equilibria_draws_nothing_between_paths_that_differ():
-    from test_sweep import cubic
+    from test_sweep import CUBIC
 
     # Only the row without imperfection loses stability: its neighbours are other paths.
-    mechanism = cubic("mu*p.x - p.x**3 + e")
-    text = mechanism.model.document.lines
-    mechanism = mbstab.loads("\n".join(text).replace("{mu: 0, x0: 1}", "{mu: 0, x0: 0, e: 0}"))
+    text = CUBIC.replace("LOAD", "mu*p.x - p.x**3 + e").replace("{mu: 0, x0: 1}", "{mu: 0, x0: 0, e: 0}")
+    mechanism = mbstab.loads(text)
     result = mechanism.chart({"mu": np.linspace(-2.0, 2.0, 20), "e": np.linspace(-0.1, 0.1, 5)})
     assert [sorted(set(row.tolist())) for row in result.unstable] == [[0], [0], [0, 1], [0], [0]]
     assert all(np.allclose(points, 0.0, atol=1e-9) for points in result.boundaries)

@@ -742,3 +742,11 @@ def test_missing_eigenvalues_have_no_imaginary_part(tmp_path, format_):
 def test_a_periodic_motion_is_not_swept():
     with pytest.raises(UsageError, match="periodic"):
         sweep(mbstab.load("kapitza.yaml").model, "nu", np.linspace(90.0, 100.0, 5))
+
+
+def test_a_path_between_two_points_of_the_grid_is_listed_with_its_fold():
+    # mu + x - x**3: the middle path lies within ±0.3849.
+    result = cubic("mu + p.x - p.x**3").sweep("mu", np.array([-2.0, 2.0]), x0=-1.5)
+    assert [[c.kind for c in path.critical] for path in (result, *result.beyond)] == [["fold"], ["fold"], []]
+    assert [len(path.values) for path in (result, *result.beyond)] == [2, 0, 1]
+    assert abs(result.critical[0].value - 2.0 / (3.0 * math.sqrt(3.0))) < 1e-13

@@ -74,6 +74,9 @@ KINK = 1e-6
 CLOSE = 1e-6
 """Where another path crosses is known to the square of this."""
 
+NEXT = 1e-7
+"""Next to a turn, as a part of the path."""
+
 ASIDE = 1e-3
 """So far from a branch point another path is taken up."""
 
@@ -133,6 +136,12 @@ class Path:
         """Whether it ends within the range, below (0) or above (−1)."""
         room = SAME * float(self.values[-1] - self.values[0])
         return any(abs(value - float(self.values[side])) <= room for value, _ in self.ends)
+
+    def next_to_ends(self) -> Array:
+        """Return values within the path, next to where it ends within the range."""
+        lower, upper = float(self.values[0]), float(self.values[-1])
+        room = NEXT * (upper - lower)
+        return np.array([end + step for side, end, step in ((0, lower, room), (-1, upper, -room)) if self.ended(side)])
 
     def missing(self, values: Values, i: int) -> str:
         """Say why there is no solution at a point."""

@@ -215,14 +215,15 @@ def sweep(
         main = follow_path(model, parameter, settings, float(x[0]), float(x[-1]), float(values[0]))
         paths = [main, *main.beyond]
     grids = [x, *(x[path.covers({parameter: x})] for path in paths[1:] if path is not None)]
-    groups = [tasks(model, settings, {parameter: x}, path) for x, path in zip(grids, paths, strict=True)]
+    # What happens between the last point and a turn is seen from a point next to the turn.
+    closer = [x if path is None else np.union1d(x, path.next_to_ends()) for x, path in zip(grids, paths, strict=True)]
+    groups = [tasks(model, settings, {parameter: x}, path) for x, path in zip(closer, paths, strict=True)]
     all_tasks = [task for group in groups for task in group]
     store = Store(directory, key_of(all_tasks), resume) if directory is not None else None
     blocks = iter(run(all_tasks, store, jobs, cluster, progress))
     found = [
-        _answer(model, parameter, settings, x, path, merged(list(islice(blocks, len(group)))))
-        for x, path, group in zip(grids, paths, groups, strict=True)
-        if len(x)
+        _at(x, _answer(model, parameter, settings, more, path, merged(list(islice(blocks, len(group))))))
+        for x, more, path, group in zip(grids, closer, paths, groups, strict=True)
     ]
     if store is not None:
         store.remove()
@@ -247,6 +248,13 @@ def _answer(
         parameter, x, branches, raw.unstable, raw.neutral, tuple(critical), tuple(sorted(set(tracker.meetings))),
         raw.problems, None if path is None else path.start, "" if path is None else path.moved,
     )  # fmt: skip
+
+
+def _at(x: Array, result: Sweep) -> Sweep:
+    """Return a sweep at some of its points."""
+    kept = np.flatnonzero(np.isin(result.values, x))
+    problems = {n: result.problems[int(i)] for n, i in enumerate(kept) if int(i) in result.problems}
+    return replace(result, values=x, branches=result.branches[kept], unstable=result.unstable[kept], problems=problems)
 
 
 def _ordered(result: Sweep, order: slice) -> Sweep:

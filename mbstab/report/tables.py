@@ -350,20 +350,22 @@ def _signs(c: Critical) -> str:
 
 def _rounded(value: float, result: Sweep) -> float:
     """Return a value of the parameter, 0 if it is rounding beside the others."""
-    return value if abs(value) > 1e-11 * float(max(abs(result.values))) else 0.0
+    places = [*result.values[:1], *result.values[-1:], *(c.value for c in result.critical), result.start or 0.0]
+    return value if abs(value) > 1e-11 * max(abs(x) for x in places) else 0.0
 
 
 def _ranges(result: Sweep, factor: float) -> list[str]:
     """Return how many eigenvalues are unstable between the critical values, where there is an answer."""
     order = result.values.argsort()
     x, counts = result.values[order] / factor, result.unstable[order]
-    begin = result.values[0] if result.start is None else result.start
+    begin = [] if result.start is None else [result.start / factor]
+    lowest, highest = min([*x, *begin]), max([*x, *begin])
     critical = sorted(result.critical, key=lambda c: c.value)
     edges = [
-        (min(x[0], begin / factor), -1, -1),
+        (lowest, -1, -1),
         *((_rounded(c.value, result) / factor, *c.unstable) for c in critical),
     ]
-    edges.append((max(x[-1], begin / factor), -1, -1))
+    edges.append((highest, -1, -1))
     lines, changes = [], {_rounded(c.value, result) / factor for c in critical}
     for (a, _, above), (b, below, _) in pairwise(edges):
         inside = (x >= a) & (x <= b)
