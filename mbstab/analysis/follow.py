@@ -27,7 +27,7 @@ LEAST_PROGRESS = 0.002
 
 @dataclass(frozen=True)
 class Sample:
-    """The motion at a time of output; q, u, a in the angles of the file."""
+    """The motion at a time of output; q, u, a in the angles of the file, loads by owner, body and component."""
 
     t: float
     q: Array
@@ -38,7 +38,7 @@ class Sample:
     rotations: Array
     velocities: Array
     spins: Array
-    loads: Array
+    loads: dict[tuple[str, str, str], float]
     kinetic: float
     potential: float
     work: float
@@ -53,8 +53,6 @@ class Run:
     Attributes
     ----------
     samples : list of Sample
-    labels : list of tuple of str
-        Of the loads: the owner, the body acted on, and the component such as ``force x``.
     steps, rejected, evaluations, charts : int
         `charts` counts how often Euler angles were replaced by others.
     reached : float (s)
@@ -64,7 +62,6 @@ class Run:
     """
 
     samples: list[Sample] = field(default_factory=list)
-    labels: list[tuple[str, str, str]] = field(default_factory=list)
     steps: int = 0
     rejected: int = 0
     evaluations: int = 0
@@ -240,14 +237,11 @@ class _Leg:
         a, nu = equations.solve(state, -state.F0, state.B)
         nu = equations.least(nu)
         motion = replace(self.motion, q=q, u=u, a=a, nu=nu, time=t, dynamics=state)
-        found = reactions(system, motion)
-        if not self.run.labels:
-            axes = "xyz"
-            for r in found:
-                turning = axes if len(r.torque) == 3 else "z"
-                self.run.labels += [(r.owner, r.body, f"force {x}") for x in axes[: len(r.force)]]
-                self.run.labels += [(r.owner, r.body, f"torque {x}") for x in turning[: len(r.torque)]]
-        loads = np.concatenate([np.zeros(0), *(np.concatenate([r.force, r.torque]) for r in found)])
+        loads: dict[tuple[str, str, str], float] = {}
+        for r in reactions(system, motion):
+            turning = "xyz" if len(r.torque) == 3 else "z"
+            for what, letters, vector in (("force", "xyz", r.force), ("torque", turning, r.torque)):
+                loads |= {(r.owner, r.body, f"{what} {x}"): float(v) for x, v in zip(letters, vector, strict=False)}
         position, velocity = equations.residuals(state, equations.fastest(u))
         d = system.scene.dimension
         places, speeds = (np.stack([x[p.start : p.start + d] for p in system.body_slices]) for x in (q, u))

@@ -37,8 +37,8 @@ from mbstab.errors import MbstabError, NumericalError
 RHO = 0.8
 """Spectral radius at infinity of the generalized-α method: 1 keeps all frequencies, 0 takes the highest out at once."""
 
-NEWTON = 12
-"""Iterations of Newton's method; more mean that the step is too long."""
+NEWTON = (10, 40)
+"""Iterations of Newton's method at most, with steps that can be shortened and with fixed ones."""
 
 CONVERGED = 0.01
 """Newton's method is finished when a correction is this part of the tolerance of a step …"""
@@ -196,7 +196,7 @@ class GeneralizedAlpha(_Implicit):
         lines: Any = None
         before = math.inf
         r_h = P_h.shape[1]
-        for _ in range(NEWTON):
+        for _ in range(NEWTON[self.options.step is not None]):
             q, u = q0 + to_q * a, u0 + to_u * a
             state = equations.evaluate(t, q, u)
             if lines is None:
@@ -296,7 +296,7 @@ class RadauIIA(_Implicit):
         a, nu = self._predicted(h)
         eta = np.zeros((3, r_h))
         before = math.inf
-        for _ in range(NEWTON):
+        for _ in range(NEWTON[self.options.step is not None]):
             speeds, positions = self._unfolded(h, a, h * eta @ G.T)
             balance, place, speed = np.empty((3, n)), np.empty((3, r_h)), np.empty((3, r))
             for i in range(3):

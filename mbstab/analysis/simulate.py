@@ -318,6 +318,9 @@ def _result(begin: Start, follower: Follower, work: _Work, run: Run, method: str
         return np.array([getattr(s, name) for s in samples], dtype=float).reshape(len(samples), *shape)
 
     n = system.n_q
+    # A reaction that vanishes exactly may be missing from a sample.
+    labels = list(dict.fromkeys(label for s in samples for label in s.loads))
+    loads = [[s.loads.get(label, 0.0) for label in labels] for s in samples]
     return Simulation(
         names=tuple(system.names),
         bodies=tuple(body.name for body in system.scene.bodies),
@@ -331,8 +334,8 @@ def _result(begin: Start, follower: Follower, work: _Work, run: Run, method: str
         rotations=stacked("rotations", n_b, d, d),
         velocities=stacked("velocities", n_b, d),
         spins=stacked("spins", n_b, 3),
-        loads=stacked("loads", len(run.labels)),
-        load_names=tuple(run.labels),
+        loads=np.array(loads, dtype=float).reshape(len(samples), len(labels)),
+        load_names=tuple(labels),
         kinetic=stacked("kinetic"),
         potential=stacked("potential"),
         work=stacked("work"),

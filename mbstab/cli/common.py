@@ -56,8 +56,8 @@ def load_model(file: str) -> Mechanism:
     return Mechanism(read_model(found.path))
 
 
-def parse_settings(settings: tuple[str, ...]) -> dict[str, str]:
-    """Return ``--set`` options as a dictionary.
+def parse_settings(settings: tuple[str, ...], option: str = "--set") -> dict[str, str]:
+    """Return options such as ``--set`` as a dictionary.
 
     Raises
     ------
@@ -69,9 +69,9 @@ def parse_settings(settings: tuple[str, ...]) -> dict[str, str]:
         name, equals, value = setting.partition("=")
         name = name.strip()
         if not equals or not name or not value.strip():
-            raise UsageError(f"--set {setting}: write NAME=VALUE")
+            raise UsageError(f"{option} {setting}: write NAME=VALUE")
         if name in found:
-            raise UsageError(f"--set {name} is given twice")
+            raise UsageError(f"{option} {name} is given twice")
         found[name] = value.strip()
     return found
 
