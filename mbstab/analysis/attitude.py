@@ -80,10 +80,10 @@ class Attitudes:
             elif abs(cosine) < PINNED or cosine * math.cos(before[part.start + 1]) < 0.0:
                 name = system.scene.bodies[i].name
                 raise NumericalError(
-                    f"the Euler angles of {name!r} become singular: |cos theta| falls to {abs(cosine):.1e}, and "
-                    f"{self.pinned[i]} names one of them, so that they cannot be replaced by others\n"
-                    f"hint: give {name!r} another base rotation with axes: [phi, theta, psi], or drive a joint instead "
-                    "of the coordinate"
+                    f"theta of {name!r} comes to ±pi/2, where its Euler angles are singular (|cos theta| = "
+                    f"{abs(cosine):.1e} after a step), and {self.pinned[i]} names one of them, so that they cannot be "
+                    f"replaced by others\nhint: give {name!r} another base rotation with axes: [phi, theta, psi], or "
+                    "drive a joint instead of the coordinate"
                 )
         return change
 
@@ -175,5 +175,3 @@ def _nearest(body: BodyValues, A: Array, near: Array) -> Array:
     turn = 2.0 * math.pi
     both = [x + turn * np.round((near - x) / turn) for x in both]
     return min(both, key=lambda x: float(np.max(np.abs(x - near))))
-
-

@@ -19,10 +19,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from mbstab.analysis.motion import Motion
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError
+
+Flags = npt.NDArray[np.bool_]
 
 SINGULAR = 1e-5
 """A mechanism is singular where the least singular value of its constraints falls to this part of that at the start."""
@@ -120,7 +123,7 @@ class Constrained:
 
     def jacobian(self, t: float, q: Array, u: Array) -> tuple[Array, Array]:
         """Return ∂a/∂q and ∂a/∂u of the accelerations, each of shape (n_q, n_q)."""
-        a, nu, state = self.accelerations(t, q, u)
+        a, nu, _ = self.accelerations(t, q, u)
         K, R, _ = self.system.linearize(q, u, a, nu, t)
         _, A_q, A_u = self.system.linearize_rows(q, u, a, t)
         self.evaluations += 1
@@ -144,7 +147,7 @@ class Constrained:
         velocity = np.abs(state.V) / (reach * (fastest or 1.0))
         return float(np.max(position, initial=0.0)), float(np.max(velocity, initial=0.0))
 
-    def onto_positions(self, t: float, q: Array, held: Array | None = None) -> tuple[Array, float]:
+    def onto_positions(self, t: float, q: Array, held: Flags | None = None) -> tuple[Array, float]:
         """Return the nearest coordinates that satisfy C(q, t) = 0, and the residual that is left.
 
         Parameters
@@ -167,7 +170,7 @@ class Constrained:
             q = q + self._least_change(state, state.E[: self.n_h], self.n_h, held)
         return best, least if self.n_h else 0.0
 
-    def onto_velocities(self, t: float, q: Array, u: Array, held: Array | None = None) -> tuple[Array, float, Dynamics]:
+    def onto_velocities(self, t: float, q: Array, u: Array, held: Flags | None = None) -> tuple[Array, float, Dynamics]:
         """Return the nearest speeds that satisfy V(q, u, t) = 0, the residual that is left, and the matrices there."""
         state = self.evaluate(t, q, u)
         best, least, matrices = u, np.inf, state
@@ -221,7 +224,7 @@ class Constrained:
         """Return the largest speed of a coordinate in its sizes (1/s)."""
         return float(np.max(np.abs(u / self.sizes), initial=0.0))
 
-    def _least_change(self, state: Dynamics, residual: Array, rows: int, held: Array | None) -> Array:
+    def _least_change(self, state: Dynamics, residual: Array, rows: int, held: Flags | None) -> Array:
         """Return the least Δ in the metric of M with J Δ = −residual for the first rows."""
         P = self._holonomic if rows == self.n_h else self._all
         J = P.T @ (state.J[:rows] * self._rows[:rows])
@@ -230,10 +233,10 @@ class Constrained:
         if held is not None:
             free = np.flatnonzero(~held)
             # What is not held may leave rows without a part; the least change of the others in the plain metric.
-            change = np.zeros(self.n)
+            moved = np.zeros(self.n)
             if len(free):
-                change[free] = np.linalg.lstsq(J[:, free], goal, rcond=1e-12)[0]
-            return change * self.scale
+                moved[free] = np.linalg.lstsq(J[:, free], goal, rcond=1e-12)[0]
+            return moved * self.scale
         n, r = self.n, len(J)
         A, b = np.zeros((n + r, n + r)), np.zeros(n + r)
         A[:n, :n], A[:n, n:], A[n:, :n] = M, J.T, J

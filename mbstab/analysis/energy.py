@@ -61,6 +61,11 @@ class Energy:
         """Whether nothing does work: the sum of kinetic and potential energy is constant."""
         return not (self.working or self.damped or self.driven)
 
+    def reach(self, length: float) -> float:
+        """Return the work of the weight of all bodies over a length (J)."""
+        scene = self.system.scene
+        return sum(float(body.mass) for body in scene.bodies) * math.hypot(*map(float, scene.gravity)) * length
+
     def potential(self, system: System, q: Array) -> float:
         """Return the potential energy of weight and springs (J), in the coordinates of `system`."""
         scene = system.scene
@@ -88,8 +93,8 @@ def _stored(system: System, q: Array, turns: Array, item: ItemValues) -> float:
     """Return the energy of a spring (J)."""
     stiffness = float(item.number("stiffness"))
     if item.kind.name == "spring":
-        first, second = (_place(system, q, turns, marker) for marker in item.markers("between"))
-        return 0.5 * stiffness * (float(np.linalg.norm(first - second)) - float(item.number("length"))) ** 2
+        ends = [_place(system, q, turns, marker) for marker in item.markers("between")]
+        return 0.5 * stiffness * (float(np.linalg.norm(ends[0] - ends[1])) - float(item.number("length"))) ** 2
     joint, motion = joint_motion(item)
     first, second = joint.markers("between")
     rest = float(item.number("rest"))

@@ -56,6 +56,8 @@ class Run:
     steps, rejected, evaluations, charts : int
         `charts` counts how often Euler angles were replaced by others.
     reached : float (s)
+    peak : float (J)
+        The largest kinetic energy after any step; 1/1000 of what weight does over the size of the scene at least.
     failure : str
         Why it ended early, or empty.
     interrupted : bool
@@ -67,6 +69,7 @@ class Run:
     evaluations: int = 0
     charts: int = 0
     reached: float = 0.0
+    peak: float = 0.0
     failure: str = ""
     interrupted: bool = False
 
@@ -95,7 +98,7 @@ class Follower:
 
     def run(self, method: Method, options: Options, progress: Callable[[float], object]) -> Run:
         """Follow the motion; failures end the run and are kept in it."""
-        run = Run(reached=float(self.times[0]))
+        run = Run(reached=float(self.times[0]), peak=1e-3 * self.energy.reach(float(np.max(self.motion.sizes))))
         leg = _Leg(self, run)
         try:
             leg.sample(float(self.times[0]), self.motion.q, self.motion.u)
@@ -139,7 +142,9 @@ class _Leg:
                 before = stepper.q
                 stepper.advance()
                 run.steps += 1
+                run.peak = max(run.peak, 0.5 * float(stepper.u @ stepper.state.M @ stepper.u))
                 self._watch(stepper, t)
+                change = self.attitudes.needs_change(self.system, before, stepper.q)
                 inside = []
                 while done < len(times) and times[done] <= stepper.t:
                     inside.append(float(times[done]))
@@ -151,7 +156,7 @@ class _Leg:
                     progress(shown)
                 if t >= end:
                     break
-                if self.attitudes.needs_change(self.system, before, stepper.q):
+                if change:
                     break
             run.rejected += stepper.rejected
             options = replace(options, first=stepper.taken)
@@ -287,4 +292,3 @@ def fastest(run: Run, length: float) -> float:
         default=0.0,
     )
     return found or 1.0
-

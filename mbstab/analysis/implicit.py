@@ -71,9 +71,7 @@ class _Implicit:
 
     order_of_estimate = 0
 
-    def __init__(
-        self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options
-    ) -> None:
+    def __init__(self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> None:
         self.equations, self.end, self.options = equations, end, options
         self.t, self.q, self.u = t, q, u
         self.rejected, self.taken = 0, 0.0
@@ -110,7 +108,8 @@ class _Implicit:
                 error, trouble = math.inf, str(problem)
             if fixed and trouble:
                 raise NumericalError(
-                    f"the step of {h:.3g} s fails at t = {self.t:.9g} s: {trouble}\nhint: take a shorter one with --step"
+                    f"the step of {h:.3g} s fails at t = {self.t:.9g} s: {trouble}\n"
+                    "hint: take a shorter one with --step"
                 )
             if fixed or error <= 1.0:
                 break
@@ -165,9 +164,7 @@ class GeneralizedAlpha(_Implicit):
 
     order_of_estimate = 2
 
-    def __init__(
-        self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options
-    ) -> None:
+    def __init__(self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> None:
         super().__init__(equations, t, q, u, end, options)
         rho = RHO
         self.m, self.f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
@@ -253,9 +250,7 @@ class RadauIIA(_Implicit):
 
     order_of_estimate = 3
 
-    def __init__(
-        self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options
-    ) -> None:
+    def __init__(self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> None:
         super().__init__(equations, t, q, u, end, options)
         self._prepare()
         self._stages: tuple[float, Array, Array] | None = None

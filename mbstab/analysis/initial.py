@@ -217,10 +217,8 @@ def mode_shape(system: System, motion: Motion, number: int) -> tuple[Array, Arra
     y = vectors[:, int(np.argmin(np.abs(values - value)))]
     dq, du = to_q @ y, to_u @ y
     relative = np.abs(dq / motion.sizes)
-    if np.any(relative > 0.0):
-        largest = dq[int(np.argmax(relative))]
-    else:
-        largest = du[int(np.argmax(np.abs(du / motion.sizes)))]
+    moves, x = (relative, dq) if np.any(relative > 0.0) else (np.abs(du / motion.sizes), du)
+    largest = x[int(np.argmax(moves))]
     return np.real(dq / largest), np.real(du / largest)
 
 

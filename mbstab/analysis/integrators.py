@@ -26,7 +26,7 @@ from mbstab.compiler.system import Array, Dynamics
 from mbstab.errors import MbstabError, NumericalError
 
 RELATIVE = 3e-14
-"""Relative part of the tolerance of explicit integrators: rounding; the tolerance itself counts in sizes of the scene."""
+"""Relative part of the tolerance of explicit integrators: rounding. The tolerance counts in sizes of the scene."""
 
 HINT = (
     "hint: look for a jump or a kink in a given function of time or a force, for a singular configuration, or for "
@@ -162,6 +162,7 @@ class Projected:
         return np.block([[np.zeros((n, n)), np.eye(n)], [by_q, by_u]])
 
     def advance(self) -> None:
+        """Take one step and go back onto the constraints."""
         solver = self._solver
         message = solver.step()
         if solver.status == "failed":
@@ -186,6 +187,7 @@ class Projected:
         self._dense = None
 
     def at(self, t: float) -> tuple[Array, Array]:
+        """Return q and u at a time within the last step, from the integrator's own interpolation."""
         if self._dense is None:
             self._dense = self._solver.dense_output()
         y = self._dense(t)

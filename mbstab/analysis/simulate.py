@@ -85,6 +85,8 @@ class Simulation:
         Of the last run; evaluations count all runs.
     runs, charts : int
         How many runs were made; how often in the last one Euler angles were replaced by others.
+    peak : float (J)
+        The largest kinetic energy after any step; 1/1000 of what weight does over the size of the scene at least.
     sizes : ndarray, shape (n_q,)
         What a large change of each coordinate is.
     conservative : bool
@@ -123,6 +125,7 @@ class Simulation:
     evaluations: int
     runs: int
     charts: int
+    peak: float
     sizes: Array
     conservative: bool
     warnings: tuple[str, ...]
@@ -150,7 +153,7 @@ class Simulation:
     def energy_scale(self) -> float:
         """The largest energy that goes to and fro (J)."""
         swing = float(np.ptp(self.potential))
-        return max(float(np.max(self.kinetic)), swing, float(np.max(np.abs(self.work)))) or 1.0
+        return max(self.peak, float(np.max(self.kinetic)), swing, float(np.max(np.abs(self.work)))) or 1.0
 
     @property
     def energy_drift(self) -> float:
@@ -270,20 +273,20 @@ class _Work:
         """Follow the motion until the estimate of its global error is below the tolerance."""
         local = max(self.tol, SMALLEST)
         sizes = self.follower.motion.sizes
-        before = self.once(local, lambda done: self.progress(0.15 * done))
+        before = self.once(local, self._share(0.0, 0.15))
         if not before.complete:
             return before
         self.rate = max(fastest(before, float(np.max(sizes))), 1e-3 * self.rate)
         following = max(local * REDUCTION, SMALLEST)
         if following >= local:
-            before, following, local = before, SMALLEST, 10.0 * SMALLEST
-            before = self.once(local, lambda done: self.progress(0.15 + 0.1 * done))
+            following, local = SMALLEST, 10.0 * SMALLEST
+            before = self.once(local, self._share(0.15, 0.2))
             if not before.complete:
                 return before
         shares = [0.15, 0.4, 0.8, 0.95, 1.0]
         for k in range(1, RUNS):
             low, high = shares[k - 1], shares[k]
-            run = self.once(following, lambda done, low=low, high=high: self.progress(low + (high - low) * done))
+            run = self.once(following, self._share(low, high))
             if not run.complete:
                 return self._better(before, run)
             ratio = (following / local) ** self.method.power
@@ -295,11 +298,15 @@ class _Work:
             following = max(min(wanted, 0.3 * following), SMALLEST)
         if self.estimate > self.tol:
             self.warnings.append(
-                f"the estimate of the global error, {self.estimate:.1e}, is above the tolerance {self.tol:.1e}: rounding "
-                "and the growth of disturbances over this time allow no better"
+                f"the estimate of the global error, {self.estimate:.1e}, is above the tolerance {self.tol:.1e}: "
+                "rounding and the growth of disturbances over this time allow no better"
             )
         self.progress(1.0)
         return run
+
+    def _share(self, low: float, high: float) -> Callable[[float], object]:
+        """Return the progress function of a part of the work."""
+        return lambda done: self.progress(low + (high - low) * done)
 
     def _better(self, before: Run, run: Run) -> Run:
         """Return what is kept of an early end: a complete run with a larger error if it was stopped by hand."""
@@ -350,6 +357,7 @@ def _result(begin: Start, follower: Follower, work: _Work, run: Run, method: str
         evaluations=work.evaluations,
         runs=work.runs,
         charts=run.charts,
+        peak=run.peak,
         sizes=follower.motion.sizes,
         conservative=follower.energy.conservative,
         warnings=(*begin.warnings, *work.warnings),

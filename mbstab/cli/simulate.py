@@ -42,8 +42,8 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
     type=click.Choice(METHODS),
     default=METHODS[0],
     show_default=True,
-    help="projection: accelerations and a --solver, back onto the constraints after each step; alpha: generalized-alpha "
-    "on the index-3 equations, order 2; radau: Radau IIA for stiff motions, order 5.",
+    help="projection: accelerations and a --solver, back onto the constraints after each step; alpha: "
+    "generalized-alpha on the index-3 equations, order 2; radau: Radau IIA for stiff motions, order 5.",
 )
 @click.option(
     "--solver",

@@ -270,8 +270,8 @@ REFERENCE_FIELDS = {
 }
 INITIAL_FIELDS = {
     "time": "time at which the simulation starts, that of the reference if not given (s)",
-    "coordinates": "values by body: {body: {x: …}}; missing ones are those of the reference, moved onto the constraints",
-    "rates": "time derivatives by body; missing ones are those of the reference, moved onto the constraints",
+    "coordinates": "values by body: {body: {x: …}}; others are those of the reference, moved onto the constraints",
+    "rates": "time derivatives by body; others are those of the reference, moved onto the constraints",
 }
 FINDS = ("equilibrium", "steady")
 STEADY_FIELDS = {
