@@ -24,6 +24,7 @@ from mbstab.analysis.rotation import euler_angles, rate_drift, rate_matrix
 from mbstab.analysis.simulate import TRUST
 from mbstab.cli import main
 from mbstab.errors import ModelFileError, SimulationError, UsageError
+from mbstab.model.library import installed_models
 
 PENDULUM = mbstab.load("pendulum.yaml")
 RELEASED = {"rod.theta": math.pi / 4}
@@ -300,6 +301,30 @@ def test_the_initial_block_starts_the_motion_and_missing_values_are_solved():
     assert sim.u[0] == pytest.approx([0.2 * math.sin(math.pi / 4), 0.2 * math.cos(math.pi / 4), 1.0])
     assert sim.warnings == ()
     assert own.simulate(3.0, start=2.5, points=2, tol=1e-6).times[0] == 2.5
+
+
+def test_the_initial_block_is_read_like_the_reference():
+    text = BODY + "initial: {coordinates: {body: {thta: 1}}, speeds: {}, rates: {bodi: {}}}\n"
+    with pytest.raises(ModelFileError) as caught:
+        mbstab.loads(text)
+    said = str(caught.value)
+    assert "initial.coordinates.body: unknown key 'thta'" in said
+    assert "did you mean 'theta'?" in said
+    assert "initial: unknown key 'speeds'" in said
+    assert "did you mean 'body'?" in said
+    shown = CliRunner().invoke(main, ["schema", "initial"])
+    assert shown.exit_code == 0
+    assert "rates" in shown.stdout
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in installed_models()))
+def test_every_example_moves_from_its_reference(name):
+    model = mbstab.load(f"{name}.yaml")
+    begin = start_of(model.system()).motion.time
+    sim = model.simulate(begin + 0.1, points=3, tol=1e-6)
+    assert sim.max_constraint_residual <= 1e-12
+    assert sim.error_estimate <= 1e-6
+    assert sim.energy_drift <= 1e-4
 
 
 def test_inconsistent_values_are_moved_by_the_least_change_or_refused():

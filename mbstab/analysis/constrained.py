@@ -25,6 +25,9 @@ from mbstab.analysis.motion import Motion
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError
 
+SLOWEST = 1e-3
+"""Speeds below this part of what the forces at the start can cause are as good as rest."""
+
 Flags = npt.NDArray[np.bool_]
 
 SINGULAR = 1e-5
@@ -59,6 +62,10 @@ class Constrained:
         What a large change of each coordinate is (m, rad).
     evaluations : int
         How often the equations of motion, or their derivatives, were formed.
+    slowest : float (1/s)
+        Speeds in sizes of the scene below this are as good as rest.
+    least_energy : float (J)
+        Kinetic energy of such speeds.
     """
 
     def __init__(self, system: System, motion: Motion) -> None:
@@ -68,6 +75,12 @@ class Constrained:
         self.n, self.n_h, self.n_c = system.n_q, system.n_h, system.n_c
         self.rank_h, self.rank = spaces.C.rank, spaces.C.rank + spaces.W.rank
         self.evaluations = 0
+        # What gives the matrices at a state: any function with the arguments and the result of `System.dynamics`.
+        self.form = system.dynamics
+        pulled = np.abs(motion.dynamics.F0 * self.scale * self.scale / motion.sizes)
+        natural = max(self.fastest(motion.u), float(np.sqrt(np.max(pulled, initial=0.0))))
+        self.slowest = SLOWEST * (natural or 1.0)
+        self.least_energy = 0.5 * float(np.diag(motion.dynamics.M) @ (motion.sizes * self.slowest) ** 2)
         self.full = self.rank == self.n_c
         self._weights = self.scale * self.scale[:, None]
         self._rows = self.scale * self.row_scale[:, None]
@@ -91,7 +104,7 @@ class Constrained:
         """
         self.evaluations += 1
         try:
-            return self.system.dynamics(q, u, t)
+            return self.form(q, u, t)
         except NumericalError as error:
             self.trouble = error
             raise
@@ -140,11 +153,12 @@ class Constrained:
     def residuals(self, state: Dynamics, fastest: float) -> tuple[float, float]:
         """Return the largest residuals of rows in position and in velocity, relative to the sizes in the scene.
 
-        `fastest` is the largest speed of a coordinate in its sizes (1/s).
+        `fastest` is the largest speed of a coordinate in its sizes (1/s); where all are slow, residuals in velocity
+        count relative to `slowest`.
         """
         reach = np.abs(state.J) @ self.sizes + 1e-300
         position = np.abs(state.E[: self.n_h]) / reach[: self.n_h]
-        velocity = np.abs(state.V) / (reach * (fastest or 1.0))
+        velocity = np.abs(state.V) / (reach * max(fastest, self.slowest))
         return float(np.max(position, initial=0.0)), float(np.max(velocity, initial=0.0))
 
     def onto_positions(self, t: float, q: Array, held: Flags | None = None) -> tuple[Array, float]:

@@ -61,11 +61,6 @@ class Energy:
         """Whether nothing does work: the sum of kinetic and potential energy is constant."""
         return not (self.working or self.damped or self.driven)
 
-    def reach(self, length: float) -> float:
-        """Return the work of the weight of all bodies over a length (J)."""
-        scene = self.system.scene
-        return sum(float(body.mass) for body in scene.bodies) * math.hypot(*map(float, scene.gravity)) * length
-
     def potential(self, system: System, q: Array) -> float:
         """Return the potential energy of weight and springs (J), in the coordinates of `system`."""
         scene = system.scene

@@ -57,7 +57,7 @@ class Run:
         `charts` counts how often Euler angles were replaced by others.
     reached : float (s)
     peak : float (J)
-        The largest kinetic energy after any step; 1/1000 of what weight does over the size of the scene at least.
+        The largest kinetic energy after any step; that of speeds as good as rest at least.
     failure : str
         Why it ended early, or empty.
     interrupted : bool
@@ -98,8 +98,9 @@ class Follower:
 
     def run(self, method: Method, options: Options, progress: Callable[[float], object]) -> Run:
         """Follow the motion; failures end the run and are kept in it."""
-        run = Run(reached=float(self.times[0]), peak=1e-3 * self.energy.reach(float(np.max(self.motion.sizes))))
+        run = Run(reached=float(self.times[0]))
         leg = _Leg(self, run)
+        run.peak = leg.equations.least_energy
         try:
             leg.sample(float(self.times[0]), self.motion.q, self.motion.u)
             leg.follow(method, options, progress)

@@ -86,7 +86,7 @@ class Simulation:
     runs, charts : int
         How many runs were made; how often in the last one Euler angles were replaced by others.
     peak : float (J)
-        The largest kinetic energy after any step; 1/1000 of what weight does over the size of the scene at least.
+        The largest kinetic energy after any step; that of speeds as good as rest at least.
     sizes : ndarray, shape (n_q,)
         What a large change of each coordinate is.
     conservative : bool
@@ -153,7 +153,7 @@ class Simulation:
     def energy_scale(self) -> float:
         """The largest energy that goes to and fro (J)."""
         swing = float(np.ptp(self.potential))
-        return max(self.peak, float(np.max(self.kinetic)), swing, float(np.max(np.abs(self.work)))) or 1.0
+        return max(self.peak, float(np.max(self.kinetic)), swing, float(np.max(np.abs(self.work))))
 
     @property
     def energy_drift(self) -> float:
