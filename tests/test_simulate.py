@@ -514,6 +514,21 @@ def test_redundant_constraints_are_followed_with_the_least_reactions():
     assert sim.energy_drift < 1e-7
 
 
+@pytest.mark.parametrize(
+    "options", [{}, {"solver": "RK45"}, {"method": "radau"}, {"method": "alpha", "tol": 1e-4}], ids=str
+)
+def test_a_drive_that_starts_late_is_not_passed_over(options):
+    text = """\
+mbstab: 1
+bodies: {p: {type: planar_point, mass: 1}}
+forces: {f: {type: force, at: p, vector: [smooth_start((t - 5)/0.2) - smooth_start((t - 5.2)/0.2), 0]}}
+"""
+    sim = mbstab.loads(text).simulate(10.0, **{"tol": 1e-6, **options})
+    # The force rises and falls: half of its 0.4 s.
+    assert sim.u[-1, 0] == pytest.approx(0.2, abs=1e-4)
+    assert sim.energy_drift < 1e-3
+
+
 def test_a_force_that_ends_ends_the_simulation_with_a_reason():
     text = """mbstab: 1
 bodies: {p: {type: planar_point, mass: 1}}

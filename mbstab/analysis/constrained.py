@@ -69,6 +69,9 @@ class Constrained:
     """
 
     def __init__(self, system: System, motion: Motion) -> None:
+        from scipy.linalg.lapack import dgesv
+
+        self._dgesv = dgesv
         spaces = motion.spaces
         self.system, self.sizes = system, motion.sizes
         self.scale, self.row_scale = spaces.scale, spaces.row_scale
@@ -130,9 +133,16 @@ class Constrained:
         A[:n, :n] = state.M * self._weights
         A[:n, n:], A[n:, :n] = J.T, J
         b[:n], b[n:] = force * self.scale, -bias
-        found = np.linalg.solve(A, b)
+        found = self._solved(A, b)
         nu = found[n:] if self.full else self._all @ found[n:]
         return found[:n] * self.scale, nu * self.row_scale
+
+    def _solved(self, A: Array, b: Array) -> Array:
+        """Return A⁻¹ b for a symmetric matrix; LAPACK at once, as for small ones the way there takes longer."""
+        *_, found, failed = self._dgesv(A, b)
+        if failed:
+            raise np.linalg.LinAlgError("singular matrix")
+        return np.asarray(found)
 
     def jacobian(self, t: float, q: Array, u: Array) -> tuple[Array, Array]:
         """Return ∂a/∂q and ∂a/∂u of the accelerations, each of shape (n_q, n_q)."""
@@ -255,7 +265,7 @@ class Constrained:
         A, b = np.zeros((n + r, n + r)), np.zeros(n + r)
         A[:n, :n], A[:n, n:], A[n:, :n] = M, J.T, J
         b[n:] = goal
-        change = np.linalg.solve(A, b)[:n]
+        change = self._solved(A, b)[:n]
         return np.asarray(change * self.scale)
 
     # --- rank -------------------------------------------------------------------------------------------------------
@@ -302,8 +312,6 @@ class Constrained:
         assert self._least is not None
         if after.value <= SINGULAR * self._least:
             return True
-        if max(before.value, after.value) > 0.3 * self._least:
-            return False
         return bool(before.left @ (state.J * self._rows) @ before.right < 0.0)
 
     def start_from(self, other: Constrained) -> None:

@@ -96,7 +96,7 @@ class _Implicit:
         failures = 0
         while True:
             left = self.end - self.t
-            h = min(self.h, left)
+            h = min(self.h, left, math.inf if fixed else self.options.longest)
             if not fixed and h < left < 1.5 * h:
                 h = 0.5 * left
             last = left - h <= 1e-9 * h

@@ -15,6 +15,7 @@ orders 1 to 5 with exact derivatives. The methods `alpha` and `radau` stand in
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -48,6 +49,8 @@ class Options:
         Step to begin with (s).
     rate : float (1/s)
         What a fast change of a coordinate of size 1 is.
+    longest : float (s)
+        Longest step; given functions of time may rest for a while and then start.
     solver : str
         Integrator of the projection method.
     """
@@ -56,6 +59,7 @@ class Options:
     step: float | None
     first: float | None
     rate: float
+    longest: float = math.inf
     solver: str = ""
 
 
@@ -135,9 +139,8 @@ class Projected:
             "rtol": max(tol, 1e-13) if implicit else RELATIVE,
             "atol": tol * np.concatenate([sizes, sizes * options.rate]),
             "first_step": options.step or options.first,
+            "max_step": options.step or options.longest,
         }
-        if options.step is not None:
-            settings["max_step"] = options.step
         if settings["first_step"] is not None:
             settings["first_step"] = min(settings["first_step"], end - t)
         if implicit:

@@ -19,6 +19,7 @@ import numpy as np
 from mbstab.analysis.follow import Follower, Run, difference, fastest
 from mbstab.analysis.initial import Start, start_of
 from mbstab.analysis.integrators import METHODS, Method, Options
+from mbstab.analysis.names import names_in
 from mbstab.compiler.system import Array, System
 from mbstab.errors import SimulationError, UsageError
 
@@ -36,6 +37,9 @@ REDUCTION = 0.1
 
 MARGIN = 0.3
 """A repeated run aims at this part of the tolerance."""
+
+LONGEST_STEPS = (100.0, 1000.0)
+"""With given functions of time a step is a hundredth of the duration at most, and may be a thousandth."""
 
 LONGEST = 10.0
 """Duration of a simulation whose end is not given (s)."""
@@ -217,11 +221,16 @@ def simulate(
     run = work.once(tol) if step is not None or once else work.refined()
     result = _result(begin, follower, work, run, method, solver)
     if not run.complete:
-        reached = float(result.times[-1]) if len(result.times) else first
-        kept = f"the part until t = {reached:.9g} s is kept"
-        reason = run.failure or f"stopped at t = {run.reached:.9g} s"
-        raise SimulationError(f"{reason}\n{kept}" if result.times.size else reason, result)
+        raise SimulationError(_reason(run, result, last), result)
     return result
+
+
+def _reason(run: Run, result: Simulation, last: float) -> str:
+    """Return why a motion ended early, and what is kept of it."""
+    if run.interrupted and run.reached >= last:
+        return "stopped before its error was reduced to the tolerance\nthe motion is kept as it was found before"
+    reason = run.failure or f"stopped at t = {run.reached:.9g} s"
+    return f"{reason}\nthe part until t = {result.times[-1]:.9g} s is kept" if len(result.times) else reason
 
 
 def _method(method: str, solver: str, step: float | None) -> tuple[Method, str]:
@@ -246,6 +255,15 @@ def _check(tol: float, step: float | None, points: int) -> None:
         raise UsageError(f"a simulation has two times of output at least, not {points}")
 
 
+def _longest(follower: Follower) -> float:
+    """Return the longest step: with given functions of time about the distance of two times of output."""
+    if not any("t" in names_in(item.entry.values) for item in follower.system.scene.items):
+        return math.inf
+    times = follower.times
+    duration = float(times[-1] - times[0])
+    return min(max(float(times[1] - times[0]), duration / LONGEST_STEPS[1]), duration / LONGEST_STEPS[0])
+
+
 class _Work:
     """Runs with smaller and smaller tolerances."""
 
@@ -258,12 +276,13 @@ class _Work:
         relative = float(np.max(np.abs(motion.u / motion.sizes), initial=0.0))
         pulled = math.sqrt(float(np.max(np.abs(motion.a / motion.sizes), initial=0.0)))
         self.rate = max(relative, pulled, 1.0 / float(follower.times[-1] - follower.times[0]))
+        self.longest = _longest(follower)
         self.estimate, self.runs, self.evaluations = math.nan, 0, 0
         self.warnings: list[str] = []
 
     def once(self, tol: float, progress: Callable[[float], object] | None = None) -> Run:
         """Follow the motion with a tolerance of a step."""
-        options = Options(tol, self.step, None, self.rate, self.solver)
+        options = Options(tol, self.step, None, self.rate, self.longest, self.solver)
         run = self.follower.run(self.method, options, progress or self.progress)
         self.runs += 1
         self.evaluations += run.evaluations
