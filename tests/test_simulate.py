@@ -630,7 +630,8 @@ def test_csv_and_npz_hold_the_same_columns(tmp_path):
     assert "rate(rod.theta) (rad/s)" in head
     assert "force x of joint 'pivot' on rod (N)" in head
     assert "kinetic energy (J)" in head
-    data = np.load(archive)
+    with np.load(archive) as stored:
+        data = dict(stored)
     assert data["q"].tolist() == [[float(x) for x in row[1:4]] for row in rows]
     assert data["rotations"].shape == (11, 1, 2, 2)
     assert data["coordinates"].tolist() == ["rod.x", "rod.y", "rod.theta"]

@@ -39,7 +39,7 @@ MARGIN = 0.3
 """A repeated run aims at this part of the tolerance."""
 
 LONGEST_STEPS = (100.0, 1000.0)
-"""With given functions of time a step is a hundredth of the duration at most, and may be a thousandth."""
+"""With given functions of time a step is a hundredth of the duration at most, and may be a thousandth, at first."""
 
 LONGEST = 10.0
 """Duration of a simulation whose end is not given (s)."""
@@ -282,7 +282,9 @@ class _Work:
 
     def once(self, tol: float, progress: Callable[[float], object] | None = None) -> Run:
         """Follow the motion with a tolerance of a step."""
-        options = Options(tol, self.step, None, self.rate, self.longest, self.solver)
+        # The longest step shrinks with the tolerance as the others do: otherwise runs would not differ where it binds.
+        longest = self.longest * (tol / self.tol) ** (self.method.power / self.method.order)
+        options = Options(tol, self.step, None, self.rate, longest, self.solver)
         run = self.follower.run(self.method, options, progress or self.progress)
         self.runs += 1
         self.evaluations += run.evaluations
