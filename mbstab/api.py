@@ -32,8 +32,11 @@ from mbstab.model.schema import Model
 from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides
 
 if TYPE_CHECKING:
+    from mbstab.analysis.certify import Certificate
     from mbstab.analysis.chart import Chart
+    from mbstab.analysis.compare import Comparison
     from mbstab.analysis.equilibrium import Equilibrium
+    from mbstab.analysis.precise import PreciseResult
     from mbstab.analysis.simulate import Simulation
     from mbstab.analysis.sweep import Sweep
 
@@ -131,7 +134,8 @@ class Mechanism:
         Parameters
         ----------
         method : str
-            ``nullspace``, ``index3`` or ``paper``; see `mbstab.analysis.eigen`.
+            A name of `mbstab.analysis.methods.METHODS`: ``nullspace`` deflates, the others are
+            there for comparison.
         frozen : bool
             Take the equations as they are at the reference time: of a motion that does not stand
             still in its coordinates these eigenvalues say nothing about stability.
@@ -146,8 +150,66 @@ class Mechanism:
             If the rank of the constraints cannot be decided.
         MassError
             If a motion that nothing holds has no mass.
+        NumericalError
+            If the method needs independent constraint rows and they are not.
         """
         return answer(self.system(**parameters), method, frozen, progress)
+
+    @guarded
+    def eig_precise(
+        self,
+        digits: int = 50,
+        frozen: bool = False,
+        progress: Callable[[float], object] = lambda done: None,
+        **parameters: Setting,
+    ) -> PreciseResult:
+        """Return eigenvalues (1/s) of which so many decimal digits are right, and the verdict.
+
+        Parameters
+        ----------
+        digits : int
+            From 16 to 1000.
+        frozen, progress
+            As in `eig`.
+        parameters
+            All digits of a text count; a float stands for the decimals it is printed with.
+
+        Raises
+        ------
+        UsageError
+            If the number of digits is out of range, or the motion is periodic.
+        ConstraintError
+            If the decimals of the file satisfy the constraints in double precision only.
+        NumericalError
+            If the digits cannot be reached.
+        """
+        from mbstab.analysis.precise import precise_eigenvalues
+
+        return precise_eigenvalues(self.model, parameters, digits, frozen, progress)
+
+    @guarded
+    def certify(
+        self, digits: int = 50, progress: Callable[[float], object] = lambda done: None, **parameters: Setting
+    ) -> Certificate:
+        """Return enclosures of all eigenvalues with proven radii, and a proven verdict or why there is none.
+
+        Parameters
+        ----------
+        digits : int
+            Decimal digits; twice and four times as many where a verdict is open.
+        progress : callable
+            Is called with the part of an interval that is decided, from 0 to 1.
+        **parameters
+            Texts are exact decimals; one of them may be an interval: ``omega="[5.6, 10]"``.
+
+        Raises
+        ------
+        UsageError
+            If python-flint is missing, or a parameter is unknown.
+        """
+        from mbstab.analysis.certify import certify
+
+        return certify(self.model, parameters, digits, progress)
 
     @guarded
     def sweep(
@@ -259,6 +321,34 @@ class Mechanism:
 
         settings = parse_overrides(self.model, parameters)
         return chart(self.model, values, settings, progress, directory, resume, jobs, cluster)
+
+    @guarded
+    def compare(
+        self,
+        digits: int = 50,
+        tolerance: float | None = None,
+        progress: Callable[[float], object] = lambda done: None,
+        **parameters: Setting,
+    ) -> Comparison:
+        """Return what each method keeps of the eigenvalues to many digits, and what it costs.
+
+        Parameters
+        ----------
+        digits : int
+            Of the truth.
+        tolerance : float, optional
+            Largest relative error, for the choice of a method.
+        progress : callable
+            Is called with the part of the work that is done, from 0 to 1.
+
+        Raises
+        ------
+        UsageError
+            If the tolerance cannot be judged, or the motion is periodic.
+        """
+        from mbstab.analysis.compare import compare
+
+        return compare(self.model, parameters, digits, tolerance, progress)
 
     @guarded
     def check(self, **parameters: Setting) -> CheckReport:

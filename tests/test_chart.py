@@ -228,3 +228,16 @@ def test_a_command_line_that_is_wrong(arguments, message):
     result = run(*DISK, *arguments)
     assert result.exit_code == 2
     assert message in result.stderr
+
+
+def test_a_chart_follows_equilibria_and_draws_where_they_end():
+    from test_sweep import snap
+
+    x, y = np.linspace(0.0, 6.0, 25), np.linspace(0.2, 0.6, 9)
+    result = mbstab.load("von_mises_truss.yaml").chart({"P": x, "h": y})
+    for row, h in zip(result.unstable, y, strict=True):
+        assert np.array_equal(row, np.where(x < snap(h=h), 0, -1))
+    assert all("no solution beyond P" in text for text in result.problems.values())
+    (curve,) = [points for points in result.boundaries if len(points) > 1]
+    for load, h in curve:
+        assert abs(load - snap(h=h)) < 1e-10

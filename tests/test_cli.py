@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from mbstab.analysis.methods import METHODS
 from mbstab.cli import main
 
 UNSTABLE = """\
@@ -268,6 +269,32 @@ def test_the_paper_method_counts_and_explains_its_undefined_pairs():
     assert "singular for every s" in result.stdout
 
 
+def test_the_help_lists_every_method_with_what_it_does():
+    text = " ".join(run("eig", "--help").stdout.replace("-\n", "-").split()).replace("- ", "-")
+    for name, method in METHODS.items():
+        assert f"{name}: {method.description}" in text
+
+
+def test_a_standard_technique_counts_and_explains_its_extra_eigenvalues():
+    result = run("eig", "wheeled_inverted_pendulum.yaml", "--method", "udwadia-kalaba")
+    text = " ".join(result.stdout.split())
+    assert "5 expected, 5 found, 3 of them neutral; method udwadia-kalaba" in text
+    assert "besides, the method returned 7 eigenvalues of constraint drift, two for each independent" in text
+    assert "exactly they are 0, the worst came out" in text
+    counts = json.loads(
+        run("eig", "four_bar.yaml", "--method", "embedding", "--format", "json").stdout,
+    )["counts"]
+    assert counts["extra"] == 16
+    assert 0.0 <= counts["extra_error"] < 1e-5
+
+
+def test_dependent_rows_fail_a_technique_that_cannot_have_them():
+    result = run("eig", "bricard.yaml", "--method", "projection")
+    assert result.exit_code == 1
+    assert "needs independent constraint rows, but 30 rows have rank 29: joint 'hinge_5'" in result.stderr
+    assert "--method udwadia-kalaba" in result.stderr
+
+
 def test_output_without_colour_and_without_a_terminal_is_the_same():
     environment = {**os.environ, "NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "40"}
     piped = subprocess.run(
@@ -278,12 +305,10 @@ def test_output_without_colour_and_without_a_terminal_is_the_same():
 
 def test_the_command_line_offers_what_the_library_has():
     # Written twice so that --help imports no numerics.
-    from mbstab.analysis import eigen
     from mbstab.cli import eig, linearize
     from mbstab.model.schema import VERDICTS
     from mbstab.report import export
 
-    assert eig.METHODS == eigen.METHODS
     assert linearize.FORMS == export.FORMS
     assert {verdict for verdicts in eig.REQUIRED.values() for verdict in verdicts} < set(VERDICTS)
 

@@ -18,7 +18,11 @@ ONLY_IN = {
     "rich": {"report/tables.py"},
     "sympy": {"mechanics", "compiler", "model/arithmetic.py", "analysis/symbolic.py", "report/symbolic.py"},
     "matplotlib": {"report/plots.py"},
+    "numba": {"compiler/fused.py"},
     "scipy": {"analysis", "report/export.py"},
+    "mpmath": {"model/arithmetic.py"}
+    | {f"analysis/{x}.py" for x in ("compare", "multiprecision", "precise", "precise_motion")},
+    "flint": {"analysis/balls.py", "analysis/certify.py"},
 }
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.parent.name != "kernels")
 
@@ -75,10 +79,17 @@ def loaded_by(arguments: list[str]) -> set[str]:
         "from mbstab.cli import main\n"
         "try:\n    main(sys.argv[1:])\n"
         "except SystemExit as stop:\n    assert not stop.code, stop.code\n"
-        "print('loaded:', *[m for m in 'numpy sympy scipy matplotlib rich yaml'.split() if m in sys.modules])\n"
+        "print('loaded:', *[m for m in 'numpy sympy scipy mpmath matplotlib rich yaml'.split() if m in sys.modules])\n"
     )
     run = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
     return set(run.stdout.splitlines()[-1].split()[1:])
+
+
+def test_flint_is_imported_inside_functions_only():
+    for path in (PACKAGE / "analysis" / name for name in ("balls.py", "certify.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        outside = [name for node in tree.body for name in ([node.module] if isinstance(node, ast.ImportFrom) else [])]
+        assert not any(name.startswith("flint") for name in outside)
 
 
 def test_help_imports_no_numerics():
@@ -88,6 +99,10 @@ def test_help_imports_no_numerics():
 @pytest.mark.parametrize("model", ["pendulum.yaml", "top.yaml", "rolling_disk.yaml", "trailer.yaml"])
 def test_eig_imports_neither_sympy_nor_scipy_nor_matplotlib(model):
     assert loaded_by(["eig", model]) == {"numpy", "yaml", "rich"}
+
+
+def test_the_help_of_eig_lists_its_methods_without_numerics():
+    assert loaded_by(["eig", "--help"]) == set()
 
 
 def test_eig_as_json_needs_no_tables():

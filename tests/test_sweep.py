@@ -296,7 +296,7 @@ def test_frequencies_of_uncoupled_oscillators_cross(seed):
         bad += not np.allclose(ends_of(result), expected, rtol=1e-9)
         kinds += [(kind, abs(at - 1.0) < 1e-9) for at, kind in result.meetings]
     assert bad == 0
-    assert kinds == [("cross", True)] * 8
+    assert kinds == [("cross", True)] * 4  # both of each pair at once
 
 
 def test_every_row_of_oscillators_that_cross_is_right_as_a_set():
@@ -308,7 +308,7 @@ def test_every_row_of_oscillators_that_cross_is_right_as_a_set():
 
 def test_a_collision_at_a_point_of_the_grid_is_one_collision():
     result = mbstab.load("top.yaml").sweep("omega", np.linspace(0.0, 2 * TOP, 101))
-    assert [kind for _, kind in result.meetings] == ["collide"] * 2
+    assert [kind for _, kind in result.meetings] == ["collide"]
 
 
 def test_springs_that_become_repulsive():
@@ -366,7 +366,7 @@ def test_a_truss_is_followed_through_both_of_its_folds(points, sign):
     assert np.array_equal(hangs.values, values[sign * values > -snap()])
     lost = sign * values > snap()
     assert set(stands.problems) == set(np.flatnonzero(lost))
-    assert all(f"no solution beyond {sign * snap():.6g}"[:-2] in text for text in stands.problems.values())
+    assert all(f"no solution beyond P = {sign * snap():.6g}"[:-2] in text for text in stands.problems.values())
     assert not falls.problems
     assert not hangs.problems
     for path, start, unstable in ((stands, 0.7, 0), (falls, 0.0, 1), (hangs, -0.7, 0)):
@@ -427,6 +427,96 @@ def test_a_path_through_more_folds_than_are_followed_says_so():
     assert [c.kind for c in result.beyond[-1].critical] == ["unresolved"]
 
 
+CUBIC = """\
+mbstab: 1
+parameters: {mu: 0, x0: 1}
+bodies:
+  p: {type: planar_point, mass: 1}
+constraints:
+  rail: {holonomic: p.y}
+forces:
+  f: {type: expression, on: {p.x: LOAD - 0.2*rate(p.x)}}
+reference:
+  find: equilibrium
+  coordinates: {p: {y: 0}}
+  guess: {p: {x: x0}}
+"""
+
+
+def cubic(load):
+    return mbstab.loads(CUBIC.replace("LOAD", load))
+
+
+@pytest.mark.parametrize(("start", "stop", "points"), [(2, -2, 41), (1.7, -2.1, 20), (2, -2, 101)])
+def test_the_other_path_through_a_pitchfork_is_followed(start, stop, points):
+    result = cubic("mu*p.x - p.x**3").sweep("mu", np.linspace(start, stop, points))
+    assert [c.kind for c in result.critical] == ["branch point"]
+    assert abs(result.critical[0].value) < 1e-10
+    mirror, straight = result.beyond
+    assert set(mirror.unstable) <= {0}
+    assert np.array_equal(straight.values, result.values)
+    assert [(c.kind, c.unstable) for c in straight.critical] == [("divergence", (0, 1))]
+    assert result.unanswered == []
+
+
+@pytest.mark.parametrize(("x0", "points"), [(2.0, 23), (2.0, 5), (-2.0, 22), (-2.0, 101)])
+def test_an_exchange_of_stability_along_a_path_is_found(x0, points):
+    # x = 0 and x**2 - 0.3*x - mu = 0 cross at mu = 0; the second folds at mu = -0.0225.
+    result = cubic("mu*p.x + 0.3*p.x**2 - p.x**3").sweep("mu", np.linspace(2.0, -2.0, points), x0=x0)
+    paths = (result, *result.beyond)
+    found = [(c.kind, c.branching) for path in paths for c in path.critical]
+    assert sorted(found) == [("divergence", True), ("fold", False)]
+    for path in paths:
+        for c in path.critical:
+            assert abs(c.value - (-0.0225 if c.kind == "fold" else 0.0)) < 1e-12
+            assert c.unstable == ((1, 0) if c.kind == "divergence" else (-1, int(path.start == 2.0 and x0 < 0.0)))
+
+
+def test_a_fold_and_a_crossing_close_to_each_other():
+    result = cubic("mu*p.x + 0.3*p.x**2 - p.x**3").sweep("mu", np.linspace(0.06, -0.05, 12), x0=-0.2)
+    assert [(c.kind, c.unstable) for c in result.critical] == [("fold", (-1, 1)), ("divergence", (1, 0))]
+    assert [abs(c.value - at) < 1e-12 for c, at in zip(result.critical, (-0.0225, 0.0), strict=True)] == [True] * 2
+
+
+def test_a_path_goes_on_beyond_a_kink():
+    result = cubic("abs(mu) - p.x").sweep("mu", np.linspace(-2.0, 2.0, 41), x0=0)
+    assert result.critical == ()
+    assert result.problems == {}
+
+
+def test_a_model_that_is_not_valid_beyond_a_value_loses_no_equilibrium_there():
+    text = CUBIC.replace("LOAD", "mu*p.x - p.x**3").replace("mass: 1", "mass: 1 - mu")
+    result = mbstab.loads(text).sweep("mu", np.linspace(0.5, 1.5, 11))
+    assert result.critical == ()
+    assert all("mass must be positive" in message for message in result.problems.values())
+    assert [int(n) for n in result.unstable] == [0] * 5 + [-1] * 6
+
+
+def test_a_mode_is_not_mistaken_for_another_one_on_a_coarse_grid():
+    text = OSCILLATORS.replace("- d*rate(a.x)", "+ sin(50*d)*rate(a.x)").replace(
+        "b.x: -b.x", "b.x: -b.x - 0.2*rate(b.x)"
+    )
+    critical = mbstab.loads(text).sweep("d", np.linspace(-2.0, 2.0, 9)).critical
+    assert critical
+    for c in critical:
+        assert abs(c.value * 50 / math.pi - round(c.value * 50 / math.pi)) < 1e-9
+
+
+def test_a_range_of_many_magnitudes():
+    found = mbstab.load("top.yaml").sweep("omega", np.linspace(0.0, 1e6, 5)).critical
+    assert [(c.kind, c.unstable) for c in found] == [("collision", (2, 0))]
+    assert abs(found[0].value - TOP) < 1e-11 * TOP
+
+
+def test_points_without_an_answer_are_not_called_stable():
+    result = run("pendulum.yaml", "--param", "m", "--from", -1, "--to", 1, "--points", 5, "--plot", "none")
+    assert "0.5 to 1: stable" in result.stdout
+    assert "-1 to" not in result.stdout.replace("from -1 to", "")
+    result = run("pendulum.yaml", "--param", "m", "--from", -3, "--to", -1, "--points", 4, "--plot", "none")
+    assert "stable" not in result.stdout
+    assert result.exit_code == 1
+
+
 def test_a_path_that_turns_back_at_a_pitchfork_names_it():
     text = (Path(__file__).parents[1] / "models" / "bead_on_hoop.yaml").read_text(encoding="utf-8")
     raised = mbstab.loads(text.replace("theta: {value: 0,", "theta: {value: 1,"))
@@ -435,8 +525,13 @@ def test_a_path_that_turns_back_at_a_pitchfork_names_it():
     assert critical.kind == "branch point"
     assert abs(critical.value - HOOP) < 1e-11 * HOOP
     # Beyond it the bead is on the other side of the hoop.
-    (other,) = result.beyond
+    other, bottom = result.beyond
     assert np.allclose(other.branches, result.branches[: len(other.values)], rtol=1e-9)
+    # The bottom, which loses stability there, is answered on its own path.
+    assert np.array_equal(bottom.values, result.values)
+    assert [(c.kind, c.unstable, c.branching) for c in bottom.critical] == [("divergence", (0, 1), True)]
+    assert abs(bottom.critical[0].value - HOOP) < 1e-11 * HOOP
+    assert result.unanswered == []
 
 
 def test_all_paths_are_in_every_output(tmp_path):
@@ -455,7 +550,7 @@ def test_all_paths_are_in_every_output(tmp_path):
     printed = run(*arguments, "--plot", "none")
     text = printed.stdout
     assert printed.exit_code == 0  # values without an equilibrium on the first path have one on the third
-    assert "6 points without an answer:\n  6× no solution beyond 4.29143257312 on this path" in text
+    assert "6 points without an answer:\n  6× no solution beyond P = 4.29143257312 N on this path" in text
     assert "path 2, beyond the turn at P = 4.29143, 9 points" in text
     assert "path 3, beyond the turn at P = -4.29143, 15 points" in text
     assert "-4.29143 to 4.29143: unstable (1)" in text

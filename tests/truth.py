@@ -31,12 +31,12 @@ STEP = mpmath.mpf(10) ** -40
 """Central differences, of third derivatives at most: off by STEP² from Taylor and by 1e-240/STEP³ from rounding."""
 
 
-def exact_eigenvalues(model, **parameters):
+def exact_eigenvalues(model, zero=ZERO, **parameters):
     """Return the eigenvalues of a model that are not neutral, as mpmath numbers, and how many are neutral.
 
     Neutral are zeros, and pairs ±iω where a frame turns at ω and nothing depends on the place across its axis.
     Parameters are texts in SI units. Missing coordinates are solved for by Newton's method, from ``reference.guess``
-    if only the constraints determine them.
+    if only the constraints determine them. Eigenvalues smaller than `zero` times the largest count as zeros.
     """
     with mp.workdps(WORKING_DIGITS):
         overrides = {name: mp.mpf(value) for name, value in parameters.items()}
@@ -52,7 +52,7 @@ def exact_eigenvalues(model, **parameters):
             values = [sign * mp.sqrt(s) for s in _eigenvalues(A[half:, :half]) for sign in (1, -1)]
         size = max(abs(value) for value in values)
         neutral = [0, *((mp.mpc(0, carried), mp.mpc(0, -carried)) if carried else ())]
-        kept = [value for value in values if all(abs(value - other) > ZERO * size for other in neutral)]
+        kept = [value for value in values if all(abs(value - other) > zero * size for other in neutral)]
         return kept, len(values) - len(kept)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.balance import Balance
-from mbstab.analysis.continuation import Path
+from mbstab.analysis.continuation import Path, Sheet
 from mbstab.analysis.eigen import (
     EPS,
     NEUTRAL_GAP,
@@ -110,12 +110,12 @@ class Evaluator:
     model : Model
     settings : mapping
         Values of other parameters (SI).
-    path : Path, optional
-        Equilibria over the parameter that is swept, where a file asks to find them; without it
+    path : Path or Sheet, optional
+        Equilibria over the parameters that vary, where a file asks to find them; without it
         each point is looked for by itself.
     """
 
-    def __init__(self, model: Model, settings: Mapping[str, float], path: Path | None = None) -> None:
+    def __init__(self, model: Model, settings: Mapping[str, float], path: Path | Sheet | None = None) -> None:
         self.model, self.settings, self.path = model, dict(settings), path
         self.patterns: list[_Pattern] = []
 
@@ -183,9 +183,8 @@ class _Work:
         """Compute all points."""
         pending = np.arange(self.points)
         if self.path is not None:
-            x = next(iter(self.values.values()))
-            covered = self.path.covers(x)
-            self.problems |= {int(i): self.path.missing(float(x[i])) for i in pending[~covered]}
+            covered = self.path.covers(self.values)
+            self.problems |= {int(i): self._missing(int(i), self.path) for i in pending[~covered]}
             pending = pending[covered]
         for pattern in self.evaluator.patterns:
             pending = pending[~self._fitting(pattern, pending)]
@@ -207,6 +206,14 @@ class _Work:
                 if np.sum(done) > FEW:
                     self.evaluator.patterns.append(pattern)
 
+    def _missing(self, i: int, path: Path | Sheet) -> str:
+        """Say why there is no solution at a point: the scene itself may not exist there."""
+        try:
+            self.scene(i)
+        except MbstabError as error:
+            return str(error)
+        return path.missing(self.values, i)
+
     def _fitting(self, pattern: _Pattern, pending: npt.NDArray[np.intp]) -> Flags:
         """Compute points with a pattern; return which of them have it."""
         done = np.zeros(len(pending), dtype=bool)
@@ -221,29 +228,32 @@ class _Work:
         """Refuse points whose motion does not stand still in the frame of their pattern; a sample says which."""
         good = np.sort(np.concatenate([index for index, _, _ in self.found])) if self.found else np.arange(0)
         sample = good[np.unique(np.linspace(0, len(good) - 1, GUARDED).round().astype(int))] if len(good) else good
-        doubtful = [int(i) for i in sample if not self._steady(int(i))]
-        if doubtful:
-            for i in good:
-                if int(i) in doubtful or not self._steady(int(i)):
-                    self.problems.setdefault(int(i), FROZEN)
+        doubts = {int(i): self._doubt(int(i)) for i in sample}
+        if any(doubts.values()):
+            doubts |= {int(i): self._doubt(int(i)) for i in good if int(i) not in doubts}
+            for i, doubt in doubts.items():
+                if doubt:
+                    self.problems.setdefault(i, doubt)
 
-    def _steady(self, i: int) -> bool:
+    def _doubt(self, i: int) -> str:
+        """Say why the motion at a point does not stand still, or is none."""
         try:
             system = System(self.scene(i))
-            return linearize(system, self.motion(system, i)[0]).constant
-        except MbstabError:
-            return False
+            return "" if linearize(system, self.motion(system, i)[0]).constant else FROZEN
+        except MbstabError as error:
+            return str(error)
 
     def gathered(self, count: int | None = None) -> Spectra:
-        """Return what was found; `count` or the pattern of most points decides how many eigenvalues are neutral."""
+        """Return what was found; `count` decides how many are neutral, or the points at which fewest are."""
         if not self.found:
             return Spectra(np.full((self.points, count or 0), NO_EIGENVALUE), self.problems, 0)
         counts: dict[tuple[int, int], int] = {}
         for index, values, neutral in self.found:
             key = values.shape[1] + neutral, neutral
             counts[key] = counts.get(key, 0) + len(index)
-        (n_f, neutral), _ = max(counts.items(), key=lambda item: item[1])
-        neutral = neutral if count is None else max(n_f - count, 0)
+        n_f = max(counts, key=lambda key: counts[key])[0]
+        # More may be zero where a symmetry is added: there they are eigenvalues like others.
+        neutral = min(zeros for n, zeros in counts if n == n_f) if count is None else max(n_f - count, 0)
         result = np.full((self.points, n_f - neutral), NO_EIGENVALUE)
         for index, values, other in self.found:
             if values.shape[1] + other != n_f:
@@ -254,6 +264,7 @@ class _Work:
             full = np.hstack([values, np.zeros((len(index), other), dtype=complex)])
             order = np.argsort(-np.abs(full), axis=1)[:, : n_f - neutral]
             result[index] = np.take_along_axis(full, order, axis=1)
+        result[list(self.problems)] = NO_EIGENVALUE
         return Spectra(result, self.problems, neutral)
 
     # --- one point --------------------------------------------------------------------------------------------------
@@ -280,8 +291,8 @@ class _Work:
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as error:
             self.problems[i] = str(error)
             return None
-        if not linear.constant:
-            self.problems[i] = FROZEN
+        if not linear.constant or deflated.undecided:
+            self.problems[i] = FROZEN if not linear.constant else deflated.undecided
             return None
         family = None
         if turning is not None:
@@ -294,8 +305,8 @@ class _Work:
         """Return the motion at a point, and the equations it was found with if it was."""
         if self.path is None:
             return reference_motion(system), None
-        value = float(next(iter(self.values.values()))[i])
-        motion, search, _, _ = Problem(system).solved(*self.path.nearest(value))
+        q, c = self.path.predicted({name: x[i : i + 1] for name, x in self.values.items()})
+        motion, search, _, _ = Problem(system).solved(q[0], c[0])
         return motion, search.balance
 
     # --- many points ------------------------------------------------------------------------------------------------
@@ -315,7 +326,7 @@ class _Work:
             try:
                 block = _Block(pattern, System(scene), len(index), self.lenient)
                 if self.path is not None:
-                    block.start = self.path.predicted(np.asarray(next(iter(self.values.values()))[index]))
+                    block.start = self.path.predicted({name: x[index] for name, x in self.values.items()})
                 good, values = block.values()
             except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
                 return np.zeros(len(index), dtype=bool)

@@ -12,7 +12,7 @@ import json
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -100,7 +100,9 @@ def compute(task: Task, progress: Progress = lambda done: None) -> Block:
     found = evaluator.spectra(task.values, progress)
     links, clear = follow(found.values[:-1], found.values[1:])
     values = continuous(found.values, links, clear)
-    return Block(values, clear, found.problems, found.neutral, unstable_counts(values), *_watched(values))
+    unstable = unstable_counts(values)
+    unstable[list(found.problems)] = -1
+    return Block(values, clear, found.problems, found.neutral, unstable, *_watched(values))
 
 
 def _watched(values: Complex) -> tuple[Flags, Flags]:
@@ -306,11 +308,16 @@ def run(
         source = _in_processes(all_tasks, missing, jobs, part)
     else:
         source = ((number, compute(all_tasks[number], part)) for number in missing)
-    for number, block in source:
-        if store is not None:
-            store.save(number, block)
-        blocks[number] = block
-        part(0.0)
+    try:
+        for number, block in source:
+            if store is not None:
+                store.save(number, block)
+            blocks[number] = block
+            part(0.0)
+    except UsageError:
+        if store is not None and not blocks:
+            store.remove()
+        raise
     return [blocks[number] for number in range(len(all_tasks))]
 
 
@@ -357,7 +364,7 @@ def _in_processes(
 def _on_cluster(all_tasks: list[Task], missing: list[int], address: str) -> Iterator[tuple[int, Block]]:
     """Yield blocks as the workers of a Dask cluster finish them; those of dead workers are given to others."""
     try:
-        from distributed import Client, as_completed
+        from distributed import Client, KilledWorker, as_completed
     except ImportError:
         raise UsageError("--cluster needs Dask\nhint: python -m pip install 'mbstab[cluster]'") from None
     try:
@@ -366,5 +373,11 @@ def _on_cluster(all_tasks: list[Task], missing: list[int], address: str) -> Iter
         raise UsageError(f"--cluster {address}: no scheduler answers ({error})") from None
     with client:
         futures = {client.submit(compute, all_tasks[i], pure=False, retries=RETRIES): i for i in missing}
-        for future in as_completed(list(futures)):
-            yield futures[future], future.result()
+        try:
+            for future in as_completed(list(futures)):
+                yield futures[future], future.result()
+        except (OSError, CancelledError, KilledWorker) as error:
+            raise NumericalError(
+                f"--cluster {address}: the cluster was lost ({type(error).__name__})\n"
+                "hint: finished blocks are kept with --output, go on with --resume"
+            ) from None

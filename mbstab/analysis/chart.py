@@ -2,11 +2,13 @@
 
 All points of a grid are computed together. On every edge between two neighbours that differ
 the change is located by bisection, all edges at once, and the points found are joined through
-the cells of the grid to curves.
+the cells of the grid to curves. Where a file asks for equilibria they are followed over the
+first parameter, from those along the least of its values.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.batch import Evaluator
-from mbstab.analysis.blocks import Progress, Store, key_of, run, tasks
+from mbstab.analysis.blocks import Progress, Store, Task, key_of, run, tasks
+from mbstab.analysis.continuation import Sheet, follow_all
 from mbstab.analysis.spectrum import unstable_counts
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
@@ -40,7 +43,7 @@ class Chart:
     unstable : ndarray of int, shape (len(y), len(x))
         Number of unstable eigenvalues; −1 where there is no answer.
     boundaries : list of ndarray, shape (k, 2)
-        Curves on which it changes.
+        Curves on which it changes, or on which the equilibria that are followed end.
     problems : dict
         By the number of a point, row by row, why it has no answer.
     """
@@ -85,21 +88,53 @@ def chart(
         if not np.all(np.diff(along) > 0.0):
             raise UsageError(f"the values of {name} must ascend in a chart")
     points = {one: np.tile(x, len(y)), other: np.repeat(y, len(x))}
-    all_tasks = tasks(model, settings, points)
+    sheet = follow_all(model, (one, other), settings, x, y) if model.reference.find is not None else None
+    all_tasks = tasks(model, settings, points) if sheet is None else _rows(model, settings, sheet, one, x)
     store = Store(directory, key_of(all_tasks), resume) if directory is not None else None
     blocks = run(all_tasks, store, jobs, cluster, progress)
-    problems: dict[int, str] = {}
-    start = 0
+    unstable, problems = np.full(len(y) * len(x), -1), {}
+    place, start = np.arange(len(unstable)), 0
+    evaluator = Evaluator(model, settings, sheet)
+    if sheet is not None:
+        place = np.flatnonzero(np.repeat([path is not None for path in sheet.paths], len(x)))
+        problems = {int(i): sheet.missing(points, int(i)) for i in np.setdiff1d(np.arange(len(unstable)), place)}
     for block in blocks:
-        problems |= {start + i: text for i, text in block.problems.items()}
-        start += len(block.unstable)
-    unstable = np.concatenate([block.unstable for block in blocks]).reshape(len(y), len(x))
-    evaluator = Evaluator(model, settings)
+        part = place[start : start + len(block.unstable)]
+        unstable[part] = block.unstable
+        problems |= {int(part[i]): text for i, text in block.problems.items()}
+        start += len(part)
+    grid = unstable.reshape(len(y), len(x))
     evaluator.learn(points)
-    boundaries = _boundaries(evaluator, (one, other), x, y, unstable, blocks[0].values.shape[1])
+    boundaries = _boundaries(evaluator, (one, other), x, y, grid, max(block.values.shape[1] for block in blocks))
+    if sheet is not None:
+        boundaries += _ends(sheet)
     if store is not None:
         store.remove()
-    return Chart((one, other), x, y, unstable, boundaries, problems)
+    return Chart((one, other), x, y, grid, boundaries, dict(sorted(problems.items())))
+
+
+def _rows(model: Model, settings: Mapping[str, float], sheet: Sheet, parameter: str, x: Array) -> list[Task]:
+    """Return the tasks of the paths of a sheet."""
+    found = []
+    for value, path in zip(sheet.values, sheet.paths, strict=True):
+        if path is not None:
+            found += tasks(model, {**settings, sheet.parameter.name: float(value)}, {parameter: x}, path)
+    return found
+
+
+def _ends(sheet: Sheet) -> list[Array]:
+    """Return the curves on which equilibria end: the folds of neighbouring paths, below and above."""
+    curves: list[Array] = []
+    for side in (0, -1):
+        points: list[tuple[float, float]] = []
+        for value, path in zip([*sheet.values, math.nan], [*sheet.paths, None], strict=True):
+            end = float(path.values[side]) if path is not None else math.nan
+            if path is not None and any(at == end for at, _ in path.ends):
+                points.append((end, float(value)))
+            elif points:
+                curves += [np.array(points)] if len(points) > 1 else []
+                points = []
+    return curves
 
 
 def _boundaries(

@@ -4,12 +4,15 @@ A path is a curve in the space of coordinates, rates and the parameter. From one
 next one is predicted along the tangent and corrected by Newton's method perpendicular to it
 (pseudo-arclength continuation; Keller 1977), so the parameter may turn back. Between two turns
 the parameter grows or falls all the time: such a part is a `Path`, and the others to which it
-leads are those `beyond` it.
+leads are those `beyond` it. Where another path crosses, the determinant of the equations
+bordered by the tangent passes zero.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -23,7 +26,7 @@ from mbstab.analysis.subspaces import rank_of
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError
 from mbstab.model.arithmetic import FLOAT
-from mbstab.model.schema import Model
+from mbstab.model.schema import Model, Parameter
 from mbstab.model.values import evaluate, evaluate_parameters
 
 FIRST = 1.0 / 16.0
@@ -32,14 +35,17 @@ FIRST = 1.0 / 16.0
 LEAST = 1e-12
 """A solution is lost if no step of this length leads further."""
 
-TRUSTED = 0.05
+TRUSTED = 0.02
 """A prediction may be wrong by this part of the size of the scene, or by this angle (rad)."""
 
-STRAIGHT = 0.95
+STRAIGHT = 0.985
 """Cosine of the angle by which the tangent may turn in a step."""
 
-CORRECTIONS, CORRECTED = 10, 1e-8
+CORRECTIONS, CORRECTED = 25, 1e-8
 """Newton steps from a prediction, and the size of the last one: what it leaves is its square."""
+
+EXACT, SLOW = 1e-14, 1e-4
+"""Residuals that are rounding, and steps after which that counts."""
 
 DIFFERENCE = 1e-6
 """Derivatives by the parameter are taken over this part of the range."""
@@ -60,10 +66,21 @@ FOLDS, POINTS = 10, 5000
 """A path is followed through so many folds, and so many points between two of them."""
 
 ENDS, TURNS, BRANCHES = "it ends there", "it turns back", "it turns back where others branch off"
+AGAIN = f"it turns back after {FOLDS} folds and is not followed further"
+
+KINK = 1e-6
+"""A path with a kink is taken up again this part of the range beyond it, if the solution moves by little more."""
+
+CLOSE = 1e-6
+"""Where another path crosses is known to the square of this."""
+
+ASIDE = 1e-3
+"""So far from a branch point another path is taken up."""
 
 Flags = npt.NDArray[np.bool_]
 
-AGAIN = f"it turns back after {FOLDS} folds and is not followed further"
+Values = Mapping[str, Array]
+"""Parameters that vary, arrays of shape (points,)."""
 
 FAILURES = (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 
@@ -74,6 +91,7 @@ class Path:
 
     Attributes
     ----------
+    parameter : Parameter
     values : ndarray, shape (k,)
         Of the parameter (SI), ascending.
     q : ndarray, shape (k, n_q)
@@ -81,60 +99,136 @@ class Path:
         Rates of the steady motion.
     ends : tuple of (float, str)
         Values at which it ends within the range, and why.
-    low, high : float
-        The range that was asked for.
+    crossings : tuple of float
+        Values at which another path crosses.
     start : float
         The value from which it was followed: where the first solution was found, or a fold.
+    moved : str
+        Why it was not followed from the value that was asked for.
     beyond : tuple of Path
         Those to which it leads through folds: first from its upper end, then from its lower end.
     """
 
+    parameter: Parameter
     values: Array
     q: Array
     c: Array
     ends: tuple[tuple[float, str], ...]
-    low: float
-    high: float
+    crossings: tuple[float, ...]
     start: float
+    moved: str = ""
     beyond: tuple[Path, ...] = ()
 
-    def covers(self, values: Array) -> Flags:
-        """Return which values lie on the path, shape (points,)."""
+    def covers(self, values: Values) -> Flags:
+        """Return which points lie on the path, shape (points,)."""
+        x = values[self.parameter.name]
         lower, upper = float(self.values[0]), float(self.values[-1])
         ended = [value for value, _ in self.ends]
-        inside: Flags = (values > lower if lower in ended else values >= lower) & (
-            values < upper if upper in ended else values <= upper
-        )
+        inside: Flags = (x > lower if lower in ended else x >= lower) & (x < upper if upper in ended else x <= upper)
         return inside
 
-    def missing(self, value: float) -> str:
-        """Say why there is no solution at a value."""
-        end, reason = min(self.ends, key=lambda item: abs(item[0] - value))
-        return f"no solution beyond {end:.12g} on this path: {reason}"
+    def missing(self, values: Values, i: int) -> str:
+        """Say why there is no solution at a point."""
+        value = float(values[self.parameter.name][i])
+        end, reason = min(self.ends, key=lambda item: abs(item[0] - value), default=(value, "it does not lead there"))
+        unit = f" {self.parameter.unit}" if self.parameter.unit not in ("", "1") else ""
+        at = f"{self.parameter.name} = {end / self.parameter.factor:.12g}{unit}"
+        return f"no solution beyond {at} on this path: {reason}"
 
-    def predicted(self, values: Array) -> tuple[Array, Array]:
-        """Return starting values at parameter values, shapes (points, n_q) and (points, size)."""
+    def predicted(self, values: Values) -> tuple[Array, Array]:
+        """Return starting values at points, shapes (points, n_q) and (points, size)."""
+        x = values[self.parameter.name]
         q, c = (
-            np.stack([np.interp(values, self.values, column) for column in x.T], axis=1)
-            if x.shape[1]
-            else np.zeros((len(values), 0))
-            for x in (self.q, self.c)
+            np.stack([np.interp(x, self.values, column) for column in part.T], axis=1)
+            if part.shape[1]
+            else np.zeros((len(x), 0))
+            for part in (self.q, self.c)
         )
         return q, c
 
-    def nearest(self, value: float) -> tuple[Array, Array]:
-        """Return starting values at one parameter value."""
-        q, c = self.predicted(np.array([value]))
-        return q[0], c[0]
+
+@dataclass(frozen=True)
+class Sheet:
+    """Solutions over two parameters: paths over the first one at values of the second one.
+
+    Attributes
+    ----------
+    parameter : Parameter
+        The second one.
+    values : ndarray, shape (k,)
+        Its values (SI), ascending.
+    paths : tuple of Path or None
+        None where no solution is known.
+    edge : Path
+        Over the second parameter, from which the paths start.
+    """
+
+    parameter: Parameter
+    values: Array
+    paths: tuple[Path | None, ...]
+    edge: Path
+
+    def _rows(self, values: Values) -> tuple[npt.NDArray[np.intp], Array]:
+        """Return for points the path below, and how far they are towards the one above."""
+        y = values[self.parameter.name]
+        row = np.clip(np.searchsorted(self.values, y, side="right") - 1, 0, max(len(self.values) - 2, 0))
+        gap = self.values[np.minimum(row + 1, len(self.values) - 1)] - self.values[row]
+        weight: Array = np.where(gap > 0.0, (y - self.values[row]) / np.where(gap > 0.0, gap, 1.0), 0.0)
+        return row, weight
+
+    def covers(self, values: Values) -> Flags:
+        """Return which points lie between paths that lead there, shape (points,)."""
+        row, weight = self._rows(values)
+        result = np.ones(len(row), dtype=bool)
+        for j, path in enumerate(self.paths):
+            near = ((row == j) & (weight < 1.0)) | ((row == j - 1) & (weight > 0.0))
+            result[near] &= path.covers(_chosen(values, near)) if path is not None else False
+        return result
+
+    def missing(self, values: Values, i: int) -> str:
+        """Say why there is no solution at a point."""
+        row, weight = self._rows(_chosen(values, np.array([i])))
+        below = int(row[0])
+        above = min(below + int(weight[0] > 0.0), len(self.paths) - 1)
+        for path in (self.paths[below], self.paths[above]):
+            if path is None:
+                return self.edge.missing(values, i)
+            if not path.covers(_chosen(values, np.array([i])))[0]:
+                return path.missing(values, i)
+        return "no solution"
+
+    def predicted(self, values: Values) -> tuple[Array, Array]:
+        """Return starting values at points that are covered."""
+        row, weight = self._rows(values)
+        q, c = np.zeros((len(row), self.edge.q.shape[1])), np.zeros((len(row), self.edge.c.shape[1]))
+        for j, path in enumerate(self.paths):
+            share = np.where(row == j, 1.0 - weight, np.where(row == j - 1, weight, 0.0))
+            near = share > 0.0
+            if path is not None and near.any():
+                found = path.predicted(_chosen(values, near))
+                q[near] += share[near, None] * found[0]
+                c[near] += share[near, None] * found[1]
+        return q, c
+
+
+def _chosen(values: Values, index: npt.NDArray[np.intp] | Flags) -> Values:
+    return {name: x[index] for name, x in values.items()}
 
 
 def follow(
-    model: Model, parameter: str, settings: Mapping[str, float], low: float, high: float, first_at: float | None = None
+    model: Model,
+    parameter: str,
+    settings: Mapping[str, float],
+    low: float,
+    high: float,
+    first_at: float | None = None,
+    near: tuple[Array, Array] | None = None,
 ) -> Path:
     """Return the solutions over a range of a parameter, followed from one value both ways.
 
     From `first_at`, or else the lowest value; where there is none, from the other end, the file's
-    own value, or the middle.
+    own value, or the middle. The solution `near` coordinates and rates, if they are given, or the
+    one that the file's own guess leads to.
 
     Raises
     ------
@@ -142,13 +236,13 @@ def follow(
         If there is no solution to start from.
     """
     nominal = float(evaluate_parameters(model, dict(settings), FLOAT)[parameter])
-    starts = [low if first_at is None else first_at, low, high]
-    starts += [nominal] if low <= nominal <= high else []
-    starts.append(0.5 * (low + high))
+    starts = [low if first_at is None else first_at]
+    if near is None:
+        starts += [low, high, *([nominal] if low <= nominal <= high else []), 0.5 * (low + high)]
     failure: MbstabError | None = None
     for start in starts:
         try:
-            curve = _Curve(model, parameter, settings, low, high, start)
+            curve = _Curve(model, parameter, settings, (low, high), start, near)
             break
         except MbstabError as error:
             failure = failure or error
@@ -156,19 +250,63 @@ def follow(
         assert failure is not None
         raise failure
     up, down = (curve.traced(sign) for sign in (1.0, -1.0))
-    main = _Run([*down[0].points[:0:-1], *up[0].points], [*down[0].ends, *up[0].ends])
-    beyond = tuple(curve.path(run, run.ends[0][0]) for run in (*up[1:], *down[1:]))
-    return replace(curve.path(main, start), beyond=beyond)
+    main = _joined(down[0], up[0])
+    beyond = [curve.path(run, run.ends[0][0]) for run in (*up[1:], *down[1:])]
+    for fold in curve.branchings:
+        beyond += curve.switched(fold)
+    moved = "" if failure is None else str(failure).splitlines()[0]
+    return replace(curve.path(main, start), moved=moved, beyond=tuple(beyond))
+
+
+def follow_all(model: Model, parameters: tuple[str, str], settings: Mapping[str, float], x: Array, y: Array) -> Sheet:
+    """Return the solutions over two parameters, from the corner where both are least.
+
+    Raises
+    ------
+    MbstabError
+        If there is no solution to start from.
+    """
+    one, other = parameters
+    edge = follow(model, other, {**settings, one: float(x[0])}, float(y[0]), float(y[-1]))
+    paths: list[Path | None] = []
+    for value, covered in zip(y, edge.covers({other: y}), strict=True):
+        path = None
+        if covered:
+            q, c = edge.predicted({other: np.array([value])})
+            with contextlib.suppress(MbstabError):
+                path = follow(
+                    model, one, {**settings, other: float(value)}, float(x[0]), float(x[-1]), near=(q[0], c[0])
+                )
+        paths.append(path and replace(path, beyond=()))
+    return Sheet(model.parameters[other], y, tuple(paths), replace(edge, beyond=()))
 
 
 @dataclass(frozen=True)
 class _Point:
-    """A solution: coordinates, rates, the parameter, and the tangent of the path (scaled, of length 1)."""
+    """A solution, and how the equations change around it.
+
+    Attributes
+    ----------
+    q, c : ndarray
+    p : float
+    tangent : ndarray
+        Of the path in scaled unknowns, of length 1.
+    left, right : ndarray
+        Bases of what the equations do not depend on, aligned from point to point.
+    sign : float
+        Of the determinant of the equations bordered by them.
+    least : float
+        Smallest singular value that counts.
+    """
 
     q: Array
     c: Array
     p: float
     tangent: Array
+    left: Array
+    right: Array
+    sign: float
+    least: float
 
     @property
     def rise(self) -> float:
@@ -178,10 +316,21 @@ class _Point:
 
 @dataclass
 class _Run:
-    """Points of a path between two turns, and where and why it ends within the range."""
+    """Points of a path between two turns, where and why it ends within the range, and where others cross."""
 
     points: list[_Point]
     ends: list[tuple[float, str]] = field(default_factory=list)
+    crossings: list[float] = field(default_factory=list)
+
+
+def _joined(down: _Run, up: _Run) -> _Run:
+    """Return two runs from the same place, or from both sides of a place, as one."""
+    first = 1 if down.points[0].p == up.points[0].p else 0
+    return _Run(
+        [*down.points[: first - 1 if first else None : -1], *up.points],
+        [*down.ends, *up.ends],
+        [*down.crossings, *up.crossings],
+    )
 
 
 class _Curve:
@@ -192,24 +341,53 @@ class _Curve:
     """
 
     def __init__(
-        self, model: Model, parameter: str, settings: Mapping[str, float], low: float, high: float, start: float
+        self,
+        model: Model,
+        parameter: str,
+        settings: Mapping[str, float],
+        ends: tuple[float, float],
+        start: float,
+        near: tuple[Array, Array] | None,
     ) -> None:
         self.model, self.parameter, self.settings = model, parameter, settings
-        self.low, self.high, self.width = low, high, (high - low) or 1.0
+        self.width = (ends[1] - ends[0]) or 1.0
         self.problem = Problem(System(evaluate(model, {**settings, parameter: start})))
-        _, search, at, _ = self.problem.solved(self.problem.start)
+        self.low, self.high = (self._last_valid(start, end) for end in ends)
+        _, search, at, _ = self.problem.solved(*((self.problem.start,) if near is None else near))
         self.balance = search.balance
         _, A = self._equations(at.q, at.c, start)
+        s = np.linalg.svd(A, compute_uv=False)
+        self.rank = int(np.sum(s > DEPENDENT * max(float(s[0]), 1e-300))) if len(s) else 0
         # Least change with the parameter: symmetries have no part in it.
         by_p = np.append(np.linalg.lstsq(A[:, :-1], -A[:, -1], rcond=DEPENDENT)[0], 1.0)
-        self.first = _Point(at.q, at.c, start, self._tangent(A, by_p))
+        self.first = self._point(at.q, at.c, start, A, by_p, None)
         self.folds: list[_Point] = []
+        self.branchings: list[_Point] = []
+
+    def _last_valid(self, start: float, end: float) -> float:
+        """Return the value nearest to an end of the range up to which the model is valid."""
+
+        def valid(value: float) -> bool:
+            try:
+                evaluate(self.model, {**self.settings, self.parameter: value})
+            except MbstabError:
+                return False
+            return True
+
+        if valid(end):
+            return end
+        good, bad = start, end
+        while good != 0.5 * (good + bad) != bad:
+            middle = 0.5 * (good + bad)
+            good, bad = (middle, bad) if valid(middle) else (good, middle)
+        return good
 
     def path(self, run: _Run, start: float) -> Path:
         """Return a run as a path."""
         values, index = np.unique([point.p for point in run.points], return_index=True)
         q, c = (np.array([getattr(run.points[i], name) for i in index]) for name in ("q", "c"))
-        return Path(values, q, c, tuple(run.ends), self.low, self.high, start)
+        crossings = tuple(sorted(run.crossings))
+        return Path(self.model.parameters[self.parameter], values, q, c, tuple(run.ends), crossings, start)
 
     # --- equations --------------------------------------------------------------------------------------------------
 
@@ -235,13 +413,17 @@ class _Curve:
         q, c = self.balance.shifted(q, c, step[:-1])
         return q, c, p + float(step[-1]) * self.width
 
-    def _tangent(self, A: Array, along: Array) -> Array:
-        """Return the direction in which the equations stay satisfied, nearest to a given one, of length 1."""
-        _, s, right = np.linalg.svd(A)
-        rank = int(np.sum(s > DEPENDENT * max(float(s[0]), 1e-300))) if len(s) else 0
-        null = right[rank:].T
-        tangent: Array = null @ (null.T @ along)
-        return tangent / float(np.linalg.norm(tangent))
+    def _point(self, q: Array, c: Array, p: float, A: Array, along: Array, before: _Point | None) -> _Point:
+        """Return a solution with the tangent nearest to a direction, aligned with a solution next to it."""
+        left, s, right = np.linalg.svd(A)
+        left, right = left[:, self.rank :], right[self.rank :].T
+        tangent = right @ (right.T @ along)
+        tangent /= float(np.linalg.norm(tangent))
+        if before is not None:
+            left, right = left @ _nearest_turn(left.T @ before.left), right @ _nearest_turn(right.T @ before.right)
+        bordered = np.block([[A, left], [right.T, np.zeros((right.shape[1], left.shape[1]))]])
+        sign = float(np.linalg.slogdet(bordered)[0])
+        return _Point(q, c, p, tangent, left, right, sign, float(s[self.rank - 1]) if self.rank else 0.0)
 
     def _corrected(self, start: _Point, ahead: Array, hold: Array) -> tuple[_Point, float] | None:
         """Return the solution near a step, perpendicular to `hold`, and how far the step missed it."""
@@ -256,11 +438,14 @@ class _Curve:
                     missed += step
                     if not np.max(np.abs(missed)) < 1.0:
                         return None
-                    if np.max(np.abs(step)) < CORRECTED:
+                    # Where another path crosses, steps become half as long at best.
+                    slow = np.max(np.abs(residual)) < EXACT and np.max(np.abs(step)) < SLOW
+                    if slow or np.max(np.abs(step)) < CORRECTED:
                         residual, A = self._equations(q, c, p)
                         if np.max(np.abs(residual)) > TOLERANCE:
                             return None
-                        return _Point(q, c, p, self._tangent(A, start.tangent)), float(np.max(np.abs(missed)))
+                        point = self._point(q, c, p, A, start.tangent, start)
+                        return point, float(np.max(np.abs(missed)))
         except FAILURES:
             pass
         return None
@@ -269,6 +454,14 @@ class _Curve:
 
     def traced(self, sign: float) -> list[_Run]:
         """Return the path from the first solution on, cut where it turns; the parameter first grows or falls."""
+        runs = self._runs(sign)
+        for run in runs:
+            for one, other in list(pairwise(run.points)):
+                if one.sign != other.sign:
+                    self._cross(run, one, other)
+        return runs
+
+    def _runs(self, sign: float) -> list[_Run]:
         at = replace(self.first, tangent=self.first.tangent * (sign if self.first.rise >= 0.0 else -sign))
         runs = [_Run([at])]
         while True:
@@ -280,10 +473,13 @@ class _Curve:
             if len(runs) > FOLDS:
                 runs[-1].ends.append((fold.p, AGAIN))
                 return runs
-            runs[-1].ends.append((fold.p, BRANCHES if self._branches(fold) else TURNS))
+            branches = fold.least < BRANCHING * self.first.least
+            runs[-1].ends.append((fold.p, BRANCHES if branches else TURNS))
             if any(self._same(fold, other) for other in self.folds):
                 return runs  # a closed curve: it has been followed from the other side
             self.folds.append(fold)
+            if branches:
+                self.branchings.append(fold)
             self._close_in(runs, fold)
 
     def _run(self, run: _Run) -> _Point | None:
@@ -315,9 +511,91 @@ class _Curve:
                     continue
             length = 0.5 * min(length, float(np.linalg.norm(step)))
             if length < LEAST:
-                break
+                if abs(end - at.p) < KINK * self.width:
+                    # The range ends where another path crosses: what is there is for others to say.
+                    run.points.append(replace(at, p=end))
+                    return None
+                beyond = self._beyond_a_kink(at, end)
+                if beyond is None:
+                    break
+                run.points.append(beyond)
+                length = FIRST
         run.ends.append((run.points[-1].p, ENDS))
         return None
+
+    def _beyond_a_kink(self, at: _Point, end: float) -> _Point | None:
+        """Return the solution a little further where a path goes on in another direction."""
+        step = KINK if abs(end - at.p) > KINK * self.width else abs(end - at.p) / self.width
+        axis = np.eye(len(at.tangent))[-1]
+        found = self._corrected(at, np.copysign(step, at.rise) * axis, axis)
+        if found is None or found[1] > 100.0 * KINK or found[0].rise == 0.0:
+            return None
+        turned = np.copysign(1.0, at.rise * found[0].rise)
+        return replace(found[0], tangent=turned * found[0].tangent)
+
+    def _cross(self, run: _Run, before: _Point, after: _Point) -> None:
+        """Note where another path crosses between two points, and add points that close in on it."""
+        low, high = before, after
+        for _ in range(POINTS):
+            length = float(np.linalg.norm(self._open(self._between(low, high))))
+            part = low.least / max(low.least + high.least, 1e-300)
+            if length < CLOSE:
+                break
+            found = self._inside(low, high, min(max(part, 0.1), 0.9)) or self._inside(low, high, 0.5)
+            if found is None:
+                return
+            low, high = (found, high) if found.sign == low.sign else (low, found)
+        if low.least > 10.0 * CLOSE * self.first.least:
+            return
+        q, c = (x + part * (y - x) for x, y in ((low.q, high.q), (low.c, high.c)))
+        at = replace(low, q=q, c=c, p=low.p + part * (high.p - low.p), tangent=0.5 * (low.tangent + high.tangent))
+        run.crossings.append(at.p)
+        for pair in ((before, at), (at, after)):
+            for _ in range(HALVINGS):
+                half = self._inside(*pair, 0.5)
+                if half is None:
+                    break
+                run.points.append(half)
+                pair = (half, at) if pair[1] is at else (at, half)
+
+    def _inside(self, one: _Point, other: _Point, part: float) -> _Point | None:
+        """Return a solution between two: predicted by a cubic through both, and on their path by its direction."""
+        gap = self._open(self._between(one, other))
+        length = float(np.linalg.norm(gap))
+        if length == 0.0:
+            return None
+        ahead = part * part * (3.0 - 2.0 * part) * gap
+        ahead += length * part * (1.0 - part) * ((1.0 - part) * one.tangent - part * other.tangent)
+        found = self._corrected(one, ahead, gap / length)
+        if found is None or found[0].tangent @ gap < STRAIGHT * length:
+            return None
+        return found[0]
+
+    def switched(self, fold: _Point) -> list[Path]:
+        """Return the other path through a point at which this one turns back."""
+        _, A = self._equations(fold.q, fold.c, fold.p)
+        null = np.linalg.svd(A)[2][self.rank - 1 :].T
+        aside = null @ null[-1]
+        aside -= fold.tangent * (fold.tangent @ aside)
+        size = float(np.linalg.norm(aside))
+        if size < ASIDE:
+            return []
+        runs: list[list[_Run]] = []
+        for sign in (1.0, -1.0):
+            found = self._corrected(fold, sign * ASIDE * aside / size, aside / size)
+            if found is None or not self.low <= found[0].p <= self.high:
+                continue
+            other = copy(self)
+            point = found[0]
+            other.first = replace(point, tangent=point.tangent * np.copysign(1.0, point.tangent @ aside * sign))
+            other.branchings = []
+            runs.append(other.traced(1.0 if other.first.rise >= 0.0 else -1.0))
+        if not runs:
+            return []
+        main = _joined(runs[1][0], runs[0][0]) if len(runs) == 2 else runs[0][0]
+        main.crossings += [fold.p] if len(runs) == 2 else []
+        paths = [self.path(main, fold.p)]
+        return paths + [self.path(run, run.ends[0][0]) for part in runs for run in part[1:]]
 
     def _fold(self, at: _Point, length: float) -> _Point | None:
         """Return the point less than a length ahead at which the parameter turns back."""
@@ -361,14 +639,6 @@ class _Curve:
     def _same(self, one: _Point, other: _Point) -> bool:
         return abs(one.p - other.p) < SAME * self.width and self.problem.alike(one.q, other.q)
 
-    def _branches(self, fold: _Point) -> bool:
-        """Whether another path leaves where this one turns back."""
-        _, A = self._equations(fold.q, fold.c, fold.p)
-        _, A_first = self._equations(self.first.q, self.first.c, self.first.p)
-        s, s_first = (np.linalg.svd(x, compute_uv=False) for x in (A, A_first))
-        rank = int(np.sum(s_first > DEPENDENT * max(float(s_first[0]), 1e-300)))
-        return rank > 0 and bool(s[rank - 1] < BRANCHING * s[0])
-
     def _closes(self, runs: list[_Run]) -> bool:
         """Whether the last of several runs passes the first solution: the curve is closed."""
         if len(runs) < 2 or (runs[-1].points[-1].rise > 0.0) != (runs[0].points[0].rise > 0.0):
@@ -377,16 +647,20 @@ class _Curve:
         for one, other in pairwise(points):
             weight = (self.first.p - one.p) / (other.p - one.p) if other.p != one.p else 0.0
             if 0.0 <= weight <= 1.0:
-                ahead = weight * np.delete(self._between(one, other), self._held)
+                ahead = weight * self._open(self._between(one, other))
                 found = self._corrected(one, ahead, np.eye(len(ahead))[-1])
                 return found is not None and self._same(found[0], self.first)
         return False
 
-    @property
-    def _held(self) -> npt.NDArray[np.intp]:
-        """Numbers, within all scaled coordinates and rates, of those that are given."""
+    def _open(self, difference: Array) -> Array:
+        """Return the part of a difference of solutions that is not given."""
         n = len(self.balance.sizes)
-        given = np.ones(n + self.balance.family.size, dtype=bool)
-        given[self.balance.open] = False
-        given[[n + k for k in self.balance.free]] = False
-        return np.flatnonzero(given)
+        wanted = [*self.balance.open, *(n + k for k in self.balance.free), n + self.balance.family.size]
+        return difference[np.array(wanted, dtype=np.intp)]
+
+
+def _nearest_turn(x: Array) -> Array:
+    """Return the orthogonal matrix nearest to a square one."""
+    left, _, right = np.linalg.svd(x)
+    result: Array = left @ right
+    return result

@@ -7,7 +7,8 @@ is judged on the undeflated quadratic eigenproblem (s²M̄ + sR̄ + K̄) x = 0 w
 vectors x, y: backward error η and condition number κ as in Tisseur (2000), Linear Algebra
 Appl. 309, sections 2.2-2.3; κ·(η + rounding of the matrices) bounds the error to first order.
 Where zero eigenvalues are held at zero by their structure, κ is the condition number in the
-deflated matrix: disturbances that would move the zeros do not occur.
+deflated matrix: disturbances that would move the zeros do not occur. Eigenvalues whose bound
+exceeds a hundred roundings are refined on that problem (`mbstab.analysis.refine`).
 """
 
 from __future__ import annotations
@@ -21,9 +22,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.linearize import Linearization, StateSpace, linearize, state_space
+from mbstab.analysis.linearize import Linearization, StateSpace, composite, linearize, reduced, state_space
+from mbstab.analysis.methods import DEFAULT, METHODS, Found, solver
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.reference import reference_motion
+from mbstab.analysis.refine import Quadratic, equilibration, refined
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.subspaces import rank_of
 from mbstab.analysis.symmetry import Symmetry, symmetries
@@ -32,8 +35,6 @@ from mbstab.errors import UsageError
 from mbstab.model.schema import is_length
 
 Complex = npt.NDArray[np.complex128]
-
-METHODS = ("nullspace", "index3", "paper")
 
 EPS = float(np.finfo(float).eps)
 DATA = 2.0 * EPS
@@ -58,6 +59,18 @@ ADVICE = (
 
 INDEPENDENT = 1e3
 """Equal eigenvalues whose vectors are better conditioned than this are no chain."""
+
+APART = 1e-8
+"""Eigenvalues smaller than this part of the largest have lost half of their digits in the matrix."""
+
+FEW = 1e-10
+"""Eigenvalues with larger relative error bounds are warned about."""
+
+WEAK = 1e-3
+"""Constraints with smaller singular values nearly depend on each other: the rounding of coordinates counts."""
+
+ROUGH = 100.0 * EPS
+"""Eigenvalues with larger relative error bounds are refined."""
 
 CLUSTER = 100.0
 """The first-order bound is trusted for eigenvalues whose distance to the next is this many bounds."""
@@ -126,6 +139,12 @@ class Counts:
         How many of them are zero.
     infinite, undefined : int
         Infinite eigenvalues and 0/0 pairs that the method returned besides.
+    extra : int
+        Eigenvalues of constraint drift that the method returned besides: two for each independent
+        holonomic row, one for each nonholonomic one.
+    extra_error : float (1/s)
+        How far the worst of them came out from where it belongs: from 0, or from ±iω where a
+        turning frame carries the constraint around.
     """
 
     n_q: int
@@ -138,6 +157,8 @@ class Counts:
     neutral: int
     infinite: int
     undefined: int
+    extra: int = 0
+    extra_error: float = 0.0
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -222,7 +243,7 @@ class Deflated:
         return [0j] * sum(self.steps) + pairs
 
 
-def deflate_neutral(S: Array, rounding: float = EPS) -> Deflated:
+def deflate_neutral(S: Array, rounding: float = EPS, null: Array | None = None) -> Deflated:
     """Separate the zero eigenvalues of S by the staircase null(S), null(S₂₂) and so on.
 
     Parameters
@@ -231,15 +252,34 @@ def deflate_neutral(S: Array, rounding: float = EPS) -> Deflated:
         Scaled so that its blocks are of similar size.
     rounding : float
         To what S is known, relative to its norm.
+    null : ndarray, shape (n, k), optional
+        Orthonormal basis of null(S) where that is known better.
     """
     n = len(S)
     Q, T = np.eye(n), S.copy()
     done, steps, dropped, undecided = 0, [], 0.0, ""
     size = float(np.linalg.norm(S, 2)) if n else 0.0
+    if null is not None:
+        n_null = null.shape[1]
+        if not n_null:
+            return Deflated(Q, T[:0, :0], T[:0], T, (), size, dropped, undecided)
+        complement = np.linalg.svd(null)[0][:, n_null:]
+        Q, T = _null_vectors_first(Q, T, np.vstack([complement.T, null.T]), 0, n_null)
+        dropped = float(np.linalg.norm(T[:, :n_null], 2))
+        T[:, :n_null] = 0.0
+        steps.append(n_null)
+        done = n_null
     while done < n:
         _, s, right = np.linalg.svd(T[done:, done:])
         zeros = int(np.sum(s <= NEUTRAL_ROUNDING * rounding * size))
         if zeros == 0:
+            break
+        if null is not None and zeros > steps[-1]:
+            # A chain has no more vectors in its next step than in the one before.
+            undecided = (
+                f"{_count(zeros)} close to zero where {steps[-1]} at most can be: "
+                "neutral or merely slow cannot be told in double precision"
+            )
             break
         largest, next_one = float(s[-zeros]), float(s[-zeros - 1]) if zeros < len(s) else math.inf
         if not undecided and next_one < NEUTRAL_GAP * largest:
@@ -253,6 +293,67 @@ def deflate_neutral(S: Array, rounding: float = EPS) -> Deflated:
         steps.append(zeros)
         done += zeros
     return Deflated(Q, T[:done, :done], T[:done, done:], T[done:, done:], tuple(steps), size, dropped, undecided)
+
+
+def _eig(S: Array) -> tuple[Complex, Complex]:
+    """Return eigenvalues and vectors; slow ones that are lost beside fast ones come from the inverse of S."""
+    values, vectors = (x.astype(complex) for x in np.linalg.eig(S))
+    size = np.abs(values)
+    order = np.argsort(-size)
+    if size[order[-1]] > APART * size[order[0]]:
+        return values, vectors
+    try:
+        inverse, others = (x.astype(complex) for x in np.linalg.eig(np.linalg.inv(S)))
+    except np.linalg.LinAlgError:
+        return values, vectors
+    slow = np.argsort(-np.abs(inverse))
+    if not np.isfinite(others).all() or inverse[slow[-1]] == 0.0:
+        return values, vectors
+    # The spectrum is parted where its gap is widest.
+    rates = size[order]
+    fast = 1 + int(np.argmax(rates[:-1] / np.maximum(rates[1:], EPS * rates[0])))
+    fast_ones, slow_ones = order[:fast], slow[: len(S) - fast]
+    return (
+        np.concatenate([values[fast_ones], 1.0 / inverse[slow_ones]]),
+        np.hstack([vectors[:, fast_ones], others[:, slow_ones]]),
+    )
+
+
+def null_space(linear: Linearization, space: StateSpace, gamma: float) -> Array | None:
+    """Return null(S) as far as the single entries of the equations tell it, or None where they leave a doubt.
+
+    Rows and columns of the equations before they are solved for the accelerations are scaled until their
+    roundings are of one size: great damping hides no slow motion then, and great masses none that is held.
+
+    Returns
+    -------
+    ndarray, shape (n_f, k) or None
+        An orthonormal basis for the balanced S.
+    """
+    spaces = linear.motion.spaces
+    n = space.n_xi
+    weights = spaces.scale * spaces.scale[:, None]
+    B = space.A.copy()
+    P, N, Z = B[:n, :n], np.abs(spaces.N), np.abs(spaces.Z)
+    M, R, K = (x * weights for x in (linear.M, linear.R, linear.K))
+    _, *lower = reduced(M, R, K, spaces.N, spaces.Z, P)
+    B[n:] = -np.hstack(lower)
+    terms = linear.terms
+    rows = terms.D_q * spaces.scale * spaces.row_scale[linear.n_h :, None]
+    drift = np.abs(spaces.W.pseudo_inverse) @ rows @ N
+    M, R, K = (x * weights for x in (terms.M, terms.R, terms.K))
+    _, *lower = reduced(M, R, K, N, Z, drift)
+    size = np.vstack([np.hstack([drift, Z]), np.hstack(lower)]) / min(1.0, spaces.C.smallest_kept)
+    left, right = equilibration(size)
+    _, s, vectors = np.linalg.svd(B * left[:, None] * right)
+    known = EPS * float(np.linalg.norm(size * left[:, None] * right, 2))
+    zeros = int(np.sum(s <= NEUTRAL_ROUNDING * known))
+    if zeros < len(s) and s[-zeros - 1] < NEUTRAL_GAP * known:
+        return None
+    weights = np.ones(len(B))
+    weights[n:] = gamma
+    null = (right / weights)[:, None] * vectors[len(s) - zeros :].T
+    return np.linalg.qr(null)[0] if zeros else null
 
 
 def _null_vectors_first(Q: Array, T: Array, right: Array, done: int, count: int) -> tuple[Array, Array]:
@@ -310,7 +411,7 @@ def carried_shifts(generator: Generator | None, q: Array, known: list[Symmetry])
 
 
 def eigenvalues(
-    linear: Linearization, method: str = "nullspace", find_symmetries: Callable[[], list[Symmetry]] = list
+    linear: Linearization, method: str = DEFAULT, find_symmetries: Callable[[], list[Symmetry]] = list
 ) -> EigenResult:
     """Return the eigenvalues of the linearized equations with bounds and a verdict.
 
@@ -318,44 +419,53 @@ def eigenvalues(
     ----------
     linear : Linearization
     method : str
-        ``nullspace`` (deflated, default), ``index3`` (QZ on the regular pencil) or ``paper``
-        (QZ on the singular pencil of Eq. (70)).
+        A name of `mbstab.analysis.methods.METHODS`.
     find_symmetries : callable, optional
         Returns the symmetries that explain neutral eigenvalues; called only if there are any.
 
     Raises
     ------
     UsageError
-        If the method is unknown.
+        If the method is unknown, or is not for this motion.
+    NumericalError
+        If the method needs independent constraint rows and they are not.
     """
     if method not in METHODS:
         raise UsageError(f"unknown method {method!r}\nhint: one of {', '.join(METHODS)}")
+    space, gamma, deflated, rounding, known = deflate(linear, find_symmetries)
+    judge = _Judge(linear, space, gamma, deflated, rounding)
+    function = solver(method)
+    if function is None:
+        return judge.result(judge.nullspace(), method, known)
+    found = function(linear, gamma, judge.known())
+    return judge.result(judge.undeflated(found.values, found.vectors), method, known, found)
+
+
+def deflate(
+    linear: Linearization, find_symmetries: Callable[[], list[Symmetry]] = list
+) -> tuple[StateSpace, float, Deflated, float, list[Symmetry]]:
+    """Return the deflated system, a typical rate (1/s), its matrix without zeros, to what that is known, symmetries."""
     space = state_space(linear)
     gamma = time_scale(space)
     S = balanced(space, gamma)
     rounding = rounding_of(linear, space, gamma, S)
     deflated = deflate_neutral(S, rounding)
+    if deflated.steps:
+        null = null_space(linear, space, gamma)
+        if null is not None and null.shape[1] < deflated.steps[0]:
+            deflated = deflate_neutral(S, rounding, null)
     known: list[Symmetry] = []
     turns = linear.generator is not None and linear.generator.turns
     if deflated.steps or turns:
         known = find_symmetries()
         frequencies = carried_shifts(linear.generator, linear.motion.q, known)
         deflated = deflate_pairs(deflated, frequencies, rounding)
-    judge = _Judge(linear, space, gamma, deflated, rounding)
-    infinite = undefined = 0
-    if method == "nullspace":
-        found = judge.nullspace()
-    else:
-        from mbstab.analysis.pencil import finite_eigenvalues
-
-        values, vectors, infinite, undefined = finite_eigenvalues(linear, method, gamma)
-        found = judge.pencil(values, vectors)
-    return judge.result(found, method, infinite, undefined, known)
+    return space, gamma, deflated, rounding, known
 
 
 def answer(
     system: System,
-    method: str = "nullspace",
+    method: str = DEFAULT,
     frozen: bool = False,
     progress: Callable[[float], object] | None = None,
 ) -> EigenResult:
@@ -380,7 +490,7 @@ def answer(
     if period is not None and not frozen:
         from mbstab.analysis.periodic import periodic_answer
 
-        if method != METHODS[0]:
+        if method != DEFAULT:
             message = f"--method {method} is for constant coefficients; a periodic motion has multipliers"
             raise UsageError(f"{message}\nhint: leave out --method")
         return periodic_answer(system, motion, float(period), progress)
@@ -434,6 +544,7 @@ class _Judge:
         rows[n : n + linear.n_h] = heavy
         rows[n + linear.n_h :] = heavy / gamma
         self.M, self.R, self.K = (x * rows[:, None] * rows for x in (M, R, K))
+        self.factors = scale * rows
         self.sizes = [float(np.linalg.norm(x, 2)) for x in (self.M, self.R, self.K)]
         self.n = n
 
@@ -443,7 +554,8 @@ class _Judge:
         """Return all finite eigenvalues from the deflated system."""
         values, right, left = self._deflated_vectors()
         neutral = [Eigenvalue(s, "neutral", math.nan, math.nan, math.nan) for s in self.deflated.neutral_values()]
-        return self._judged(values, *self._composite_vectors(values, right, left)) + neutral
+        x, y = self._composite_vectors(values, right, left)
+        return self._displaced(self._refined(self._judged(values, x, y), values, x, y), x, y) + neutral
 
     @cache  # noqa: B019 - a judge lives as long as one answer
     def _deflated_vectors(self) -> tuple[Complex, Complex, Complex]:
@@ -453,17 +565,16 @@ class _Judge:
         if n == k:
             empty = np.zeros((n, 0), dtype=complex)
             return np.zeros(0, dtype=complex), empty, empty
-        values, inner = np.linalg.eig(d.S)
-        values, inner = values.astype(complex), inner.astype(complex)
+        values, inner = _eig(d.S)
         try:
-            dual = np.linalg.inv(inner).conj().T
+            dual = np.linalg.inv(inner).conj().T.astype(complex)
         except np.linalg.LinAlgError:
             dual = np.full_like(inner, np.nan)
         upper = np.zeros((k, n - k), dtype=complex)
         for j, s in enumerate(values):
             upper[:, j] = np.linalg.solve(s * np.eye(k) - d.neutral, d.coupling @ inner[:, j]) if k else 0.0
-        right = d.Q @ np.vstack([upper, inner])
-        left = d.Q @ np.vstack([np.zeros((k, n - k)), dual])
+        right: Complex = d.Q @ np.vstack([upper, inner])
+        left: Complex = d.Q @ np.vstack([np.zeros((k, n - k)), dual])
         return values, right, left
 
     def _composite_vectors(self, values: Complex, right: Complex, left: Complex) -> tuple[Complex, Complex]:
@@ -507,8 +618,12 @@ class _Judge:
         columns = [np.linalg.lstsq(x * R[:, n:] + K[:, n:], -known[:, j], rcond=1e-13)[0] for j, x in enumerate(s)]
         return np.array(columns, dtype=complex).T.reshape(c, len(values))
 
-    def pencil(self, values: Complex, vectors: Complex) -> list[Eigenvalue]:
-        """Return eigenvalues that QZ found, judged with its own vectors and the deflated left ones."""
+    def known(self) -> Complex:
+        """Return the eigenvalues of the deflated system."""
+        return np.concatenate([self._deflated_vectors()[0], self.deflated.neutral_values()])
+
+    def undeflated(self, values: Complex, vectors: Complex) -> list[Eigenvalue]:
+        """Return eigenvalues of another method, judged with its own vectors and the deflated left ones."""
         if len(values) == 0:
             return []
         scale = np.concatenate([self.linear.motion.spaces.scale, self.linear.motion.spaces.row_scale])
@@ -518,7 +633,7 @@ class _Judge:
         for s in self.deflated.neutral_values():
             free = [i for i in range(len(values)) if i not in neutral]
             neutral |= {min(free, key=lambda i: abs(values[i] - s))} if free else set()
-        found = []
+        found, judged, columns = [], [], []
         for i in range(len(values)):
             if i in neutral:
                 found.append(Eigenvalue(complex(values[i]), "neutral", math.nan, math.nan, math.nan))
@@ -527,13 +642,97 @@ class _Judge:
             x = vectors[: self.n, i] / scale[: self.n]
             x = np.concatenate([x, self._multipliers(values[i : i + 1], x[:, None], False)[:, 0]])
             other = y[:, nearest] if nearest >= 0 else np.full_like(x, np.nan)
-            # QZ does not know of the zeros: its eigenvalues bear disturbances that move them.
-            found += self._judged(values[i : i + 1], x[:, None], other[:, None], zeros_held=False)
-        return found
+            # Other methods do not know of the zeros: their eigenvalues bear disturbances that move them.
+            off = abs(values[i] - deflated[nearest]) if nearest >= 0 else 0.0
+            judged += self._judged(values[i : i + 1], x[:, None], other[:, None], zeros_held=False, least=off)
+            columns.append((x, other))
+        if not judged:
+            return found
+        right, left = (np.array(group).T for group in zip(*columns, strict=True))
+        return found + self._displaced(judged, right, left)
+
+    # --- refinement -------------------------------------------------------------------------------------------------
+
+    def _refined(self, found: list[Eigenvalue], values: Complex, x: Complex, y: Complex) -> list[Eigenvalue]:
+        """Make eigenvalues exact that bear the rounding of larger numbers than those that decide them."""
+        rough = [i for i, e in enumerate(found) if not e.error_bound <= ROUGH * abs(values[i])]
+        if not rough:
+            return found
+        problem, kept = self._quadratic()
+        better: dict[int, tuple[complex, float, Complex]] = {}
+        for i in rough:
+            if values[i].imag < 0.0 or (pair := refined(problem, complex(values[i]), x[kept, i], y[kept, i])) is None:
+                continue
+            s, bound, vector = pair
+            s = complex(s.real) if values[i].imag == 0.0 else s
+            # Newton's method must not have gone to another eigenvalue.
+            if bound < found[i].error_bound and abs(s - values[i]) <= found[i].error_bound:
+                better[i] = s, bound, vector[: self.n] / np.linalg.norm(vector[: self.n])
+        lost = {i for i, one in better.items() for j, two in better.items() if i != j and _same(one, two)}
+        result = list(found)
+        for i, (s, bound, vector) in better.items():
+            if i in lost:
+                continue
+            twins = [(i, s)]
+            if s.imag:
+                twins.append((min(rough, key=lambda j: abs(values[j] - values[i].conjugate())), s.conjugate()))
+            for j, value in twins:
+                kind = kind_of(value, bound, self._separation(value))
+                value = complex(value.real + 0.0, value.imag + 0.0)
+                condition, energy = _relative(bound / DATA, s), self._participation(vector)
+                result[j] = Eigenvalue(value, kind, bound, condition, 0.0, energy)
+        return result
+
+    def _displaced(self, found: list[Eigenvalue], x: Complex, y: Complex) -> list[Eigenvalue]:
+        """Add to the bounds what the rounding of the coordinates makes of eigenvalues where constraints nearly depend.
+
+        There a rounding of a constraint moves the coordinates by the inverse of a small singular value.
+        """
+        linear, spaces = self.linear, self.linear.motion.spaces
+        if spaces.C.smallest_kept > WEAK or not found:
+            return found
+        motions, inverse, rows = np.linalg.svd(spaces.C.pseudo_inverse)
+        motion, n_h = linear.motion, linear.n_h
+        residual = motion.dynamics.E[:n_h] * spaces.row_scale[:n_h]
+        known = DATA * (np.abs(linear.J[:n_h]) @ motion.sizes) * spaces.row_scale[:n_h]
+        extra = np.zeros(len(found))
+        for k in np.flatnonzero(inverse * WEAK > 1.0):
+            far = float(inverse[k]) * (float(np.abs(rows[k]) @ known) + abs(float(rows[k] @ residual)))
+            # Differences over a path on which the constraints are as weak as here.
+            step = 1e-3 * float(np.min(motion.sizes / spaces.scale)) / float(inverse[k])
+            there, back = (composite(linear.beside(sign * step * spaces.scale * motions[:, k])) for sign in (1.0, -1.0))
+            M, R, K = (
+                (a - b) * (far / (2.0 * step)) * self.factors * self.factors[:, None]
+                for a, b in zip(there, back, strict=True)
+            )
+            for j, e in enumerate(found):
+                if not math.isfinite(e.error_bound):
+                    continue
+                s = e.value
+                slope = abs(y[:, j].conj() @ (2.0 * s * (self.M @ x[:, j]) + self.R @ x[:, j]))
+                change = abs(y[:, j].conj() @ (s * s * (M @ x[:, j]) + s * (R @ x[:, j]) + K @ x[:, j]))
+                extra[j] += change / slope if slope > 0.0 else math.inf
+        result = []
+        for e, more in zip(found, extra.tolist(), strict=True):
+            bound, condition = e.error_bound + more, e.condition + _relative(more / DATA, e.value)
+            kind = kind_of(e.value, bound, self._separation(e.value))
+            result.append(replace(e, error_bound=bound, condition=condition, kind=kind))
+        return result
+
+    def _quadratic(self) -> tuple[Quadratic, npt.NDArray[np.intp]]:
+        """Return the composite problem in scaled coordinates without redundant rows, and what is left of its rows."""
+        linear, n = self.linear, self.n
+        redundant = [id(item.row) for item in linear.motion.redundant]
+        kept = np.array([*range(n), *(n + i for i, row in enumerate(linear.rows) if id(row) not in redundant)])
+        terms = [x * self.factors * self.factors[:, None] for x in composite(linear.terms)]
+        M, R, K, *sizes = (x[np.ix_(kept, kept)] for x in (self.M, self.R, self.K, *terms))
+        return Quadratic.of(M, R, K, tuple(sizes)), kept
 
     # --- bounds -----------------------------------------------------------------------------------------------------
 
-    def _judged(self, values: Complex, x: Complex, y: Complex, zeros_held: bool = True) -> list[Eigenvalue]:
+    def _judged(
+        self, values: Complex, x: Complex, y: Complex, zeros_held: bool = True, least: float = 0.0
+    ) -> list[Eigenvalue]:
         if len(values) == 0:
             return []
         size = np.abs(values)
@@ -546,11 +745,11 @@ class _Judge:
             kappa = weight * length_x * length_y / slope
             if self.n_neutral and zeros_held:
                 kappa = self._deflated_condition(values)
-            bound = kappa * (eta + DATA)
+            bound = np.maximum(kappa * (eta + DATA), least)
         found = []
         for j, s in enumerate(values):
             error = float(bound[j]) if np.isfinite(bound[j]) else math.inf
-            relative = float(kappa[j] / size[j]) if size[j] > 0.0 else math.inf
+            relative = _relative(float(kappa[j]), complex(s))
             kind = kind_of(complex(s), error, self._separation(complex(s)))
             value = complex(s.real + 0.0, s.imag + 0.0)  # no −0
             found.append(Eigenvalue(value, kind, error, relative, float(eta[j]), self._participation(x[: self.n, j])))
@@ -596,21 +795,22 @@ class _Judge:
     # --- verdict ----------------------------------------------------------------------------------------------------
 
     def result(
-        self, found: list[Eigenvalue], method: str, infinite: int, undefined: int, known: list[Symmetry]
+        self, found: list[Eigenvalue], method: str, known: list[Symmetry], besides: Found | None = None
     ) -> EigenResult:
         linear = self.linear
+        besides = besides or Found(np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
         found = _with_saddles(found)
         found.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
         spaces = linear.motion.spaces
         counts = Counts(
             len(linear.M), linear.n_h, len(linear.J) - linear.n_h, spaces.C.rank, spaces.W.rank, linear.n_f, len(found),
-            self.n_neutral, infinite, undefined,
+            self.n_neutral, besides.infinite, besides.undefined, besides.extra, besides.extra_error,
         )  # fmt: skip
         verdict, reasons = self._verdict(found, counts, known)
         frame = str(linear.generator) if linear.generator is not None and linear.generator.turns else ""
         return EigenResult(
             found, verdict, tuple(reasons), counts, self.deflated.steps, tuple(s.name for s in known), method,
-            linear.motion.warnings, frame, not linear.constant, self.deflated.pairs,
+            linear.motion.warnings + _inexact(found), frame, not linear.constant, self.deflated.pairs,
         )  # fmt: skip
 
     def _accelerating(self) -> str:
@@ -694,6 +894,30 @@ def kind_of(s: complex, bound: float, separation: float) -> str:
     if abs(s.real) > margin:
         return ("un" if s.real > 0 else "") + ("stable node" if real else "stable focus")
     return "undecided" if clustered or real else "center"
+
+
+def _inexact(found: list[Eigenvalue]) -> tuple[str, ...]:
+    """Return a warning about eigenvalues of which few digits are known, or nothing."""
+    few = [e for e in found if e.kind != "neutral" and e.value.imag >= 0.0 and e.error_bound > FEW * abs(e.value)]
+    if not few:
+        return ()
+    worst = max(few, key=lambda e: _relative(e.error_bound, e.value))
+    others = f" (and {len(few) - 1} more, less so)" if len(few) > 1 else ""
+    return (
+        f"the eigenvalue {show(worst.value)} 1/s{others} is known to {worst.error_bound:.1e} 1/s only: "
+        f"the rounding of the data and of the equations is magnified {worst.condition:.1e} times; "
+        "--precision gives more digits",
+    )
+
+
+def _relative(error: float, s: complex) -> float:
+    """Return an error relative to the size of an eigenvalue."""
+    return error / abs(s) if s else math.inf
+
+
+def _same(one: tuple[complex, float, Complex], two: tuple[complex, float, Complex]) -> bool:
+    """Whether two refined eigenpairs are one: equal values are multiple only if their vectors are independent."""
+    return abs(one[0] - two[0]) <= one[1] + two[1] and bool(abs(np.vdot(one[2], two[2])) > 1.0 - 1e-6)
 
 
 def _with_saddles(found: list[Eigenvalue]) -> list[Eigenvalue]:

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from mbstab.analysis.balance import Balance, State
 from mbstab.analysis.linearize import linearize
-from mbstab.analysis.motion import CHART_WARNING, NEWTON_STEPS, TOLERANCE, Finder, Motion, force_rounding
+from mbstab.analysis.motion import CHART_WARNING, NEWTON_STEPS, ROUNDING, TOLERANCE, Finder, Motion, force_change
 from mbstab.analysis.names import names_in
 from mbstab.analysis.reactions import Reaction, reactions
 from mbstab.analysis.reference import declared_family
@@ -49,6 +49,9 @@ NEAR = 1e-3
 
 RELAXATION_STEPS = 200
 SPIN_UP_STEPS = 40
+SLIGHT = 1e-5
+"""Where no force acts, those are the scale that a move by this part of the size of the scene brings about."""
+
 SINGULAR = 1e-7
 """A direction of the equations whose singular value is this small beside the largest leaves a solution not isolated."""
 
@@ -268,6 +271,9 @@ class _Search:
         a = self.balance.family.generator(full).acceleration(q)
         # Forces, not their slopes: those may be anything next to a singular point.
         energy = max(energy, float(np.max(self.system.loads(q, u, a) * self.sizes, initial=0.0)))
+        # At an equilibrium whose forces vanish one by one, a small move shows how large they are.
+        at = q, u, a, np.zeros(self.system.n_c)
+        energy = max(energy, SLIGHT * force_change(self.system, at, self.sizes, self.sizes))
         self.balance.energy = energy or 1.0
 
 
@@ -453,7 +459,7 @@ class Problem:
         left = np.abs(at.residual[: self.system.n_q]) * energy
         loads = self.system.loads(at.q, at.u, at.a) * sizes
         # Where all loads vanish, forces are what the rounding of coordinates makes of them.
-        rounding = force_rounding(self.system, (at.q, at.u, at.a, at.nu), sizes, sizes)
+        rounding = ROUNDING * force_change(self.system, (at.q, at.u, at.a, at.nu), sizes, sizes)
         return bool(np.max(left) <= TOLERANCE * np.max(loads) + min(max(rounding, 1e-14 * energy), TOLERANCE * energy))
 
     def _require_rates(self, search: _Search, at: State) -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ import numpy as np
 from mbstab.analysis.motion import ROUNDING, TOLERANCE, Motion, motion_at, unbalance
 from mbstab.analysis.names import names_in
 from mbstab.analysis.steady import Generator
-from mbstab.analysis.subspaces import Subspaces, rank_of
+from mbstab.analysis.subspaces import RANK_TOLERANCE, Subspaces, rank_of
 from mbstab.compiler.system import Array, Row, System
 from mbstab.errors import ConstraintError, MbstabError, ModelFileError
 from mbstab.model.schema import is_length
@@ -32,12 +33,37 @@ TURN = 0.3
 """The coefficients are compared after a turn by this angle (rad) and a travel by this part of the scene's size."""
 
 
+class Matrices(NamedTuple):
+    """Coefficients of the linearized equations."""
+
+    M: Array
+    R: Array
+    K: Array
+    J: Array
+    D_q: Array
+
+
+def composite(matrices: Matrices) -> tuple[Array, Array, Array]:
+    """Return M̄, R̄, K̄ of Eqs. (62)-(67), for [Δq; Δν]."""
+    n, c = len(matrices.M), len(matrices.J)
+    n_h = c - len(matrices.D_q)
+    M, R, K = (np.zeros((n + c, n + c)) for _ in range(3))
+    M[:n, :n], R[:n, :n], K[:n, :n] = matrices.M, matrices.R, matrices.K
+    R[n + n_h :, :n] = matrices.J[n_h:]
+    K[:n, n:] = matrices.J.T
+    K[n : n + n_h, :n] = matrices.J[:n_h]
+    K[n + n_h :, :n] = matrices.D_q
+    return M, R, K
+
+
 @dataclass(frozen=True)
 class Linearization:
     """Matrices of the linearized equations.
 
     Attributes
     ----------
+    system : System
+        Whose equations they are.
     M, R, K : ndarray, shape (n_q, n_q)
         ∂F/∂a, ∂F/∂u, ∂F/∂q; K contains the multiplier terms ∂(Jᵀν)/∂q.
     J : ndarray, shape (n_c, n_q)
@@ -57,6 +83,7 @@ class Linearization:
         Whether frozen-time coefficients were asked for.
     """
 
+    system: System
     M: Array
     R: Array
     K: Array
@@ -80,16 +107,18 @@ class Linearization:
         """Number of finite eigenvalues, 2(n_q − rank C_q) − rank(D_u N)."""
         return self.motion.spaces.n_f
 
+    @cached_property
+    def terms(self) -> Matrices:
+        """Sizes of the terms of which M, R, K, J and D_q are sums."""
+        return _terms(self.system, self.motion, self.generator)
+
+    def beside(self, change: Array) -> Matrices:
+        """Return M, R, K, J and D_q where the coordinates are a little different, and what balances there."""
+        return _beside(self.system, self.motion, self.generator, change)
+
     def composite(self) -> tuple[Array, Array, Array]:
         """Return M̄, R̄, K̄ of Eqs. (62)-(67), for [Δq; Δν]."""
-        n, c = len(self.M), len(self.J)
-        M, R, K = (np.zeros((n + c, n + c)) for _ in range(3))
-        M[:n, :n], R[:n, :n], K[:n, :n] = self.M, self.R, self.K
-        R[n + self.n_h :, :n] = self.J[self.n_h :]
-        K[:n, n:] = self.J.T
-        K[n : n + self.n_h, :n] = self.J[: self.n_h]
-        K[n + self.n_h :, :n] = self.D_q
-        return M, R, K
+        return composite(Matrices(self.M, self.R, self.K, self.J, self.D_q))
 
     def pencil(self) -> tuple[Array, Array]:
         """Return A, E of the regular index-3 pencil A y = s E y with y = [Δq; Δν; Δu], size 2 n_q + n_c."""
@@ -154,7 +183,7 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
         candidates: tuple[Generator | None, ...] = (None,)
     else:
         candidates = motion.generators
-    best: tuple[float, Generator | None, _Matrices] | None = None
+    best: tuple[float, Generator | None, Matrices] | None = None
     for generator in candidates:
         matrices = _matrices(system, motion, generator)
         variation = _variation(system, motion, matrices, generator)
@@ -171,31 +200,55 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
         matrices = _matrices(system, motion, None)
         variation, generator = _variation(system, motion, matrices, None), None
     return Linearization(
-        *matrices, system.n_h, tuple(system.names), tuple(system.rows), motion, variation, generator, frozen
+        system, *matrices, system.n_h, tuple(system.names), tuple(system.rows), motion, variation, generator, frozen
     )
 
 
-class _Matrices(NamedTuple):
-    """Coefficients of the linearized equations."""
-
-    M: Array
-    R: Array
-    K: Array
-    J: Array
-    D_q: Array
-
-
-def _matrices(system: System, motion: Motion, generator: Generator | None) -> _Matrices:
+def _matrices(system: System, motion: Motion, generator: Generator | None) -> Matrices:
     """Return the coefficients in the frame that follows a generator, or in the coordinates of the file."""
     K, R, D_q = system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
     M, J = motion.dynamics.M, motion.dynamics.J
     if generator is not None and generator.turns:
         Xi, Xi_2 = generator.frame(motion.q)
         K, R, D_q = K + R @ Xi + M @ Xi_2, R + 2.0 * M @ Xi, D_q + J[system.n_h :] @ Xi
-    return _Matrices(M, R, K, J, D_q)
+    return Matrices(M, R, K, J, D_q)
 
 
-def _variation(system: System, motion: Motion, matrices: _Matrices, generator: Generator | None) -> float:
+def _terms(system: System, motion: Motion, generator: Generator | None) -> Matrices:
+    """Return the sizes of the terms of which the coefficients are sums, the same for all directions of a body."""
+    state, spaces = motion.dynamics, motion.spaces
+    # Multipliers bear the rounding of all the forces that they balance, and of the coordinates these depend on.
+    loads = system.terms(motion.q, motion.u, motion.a, motion.nu, motion.time)
+    J = state.J * spaces.scale * spaces.row_scale[:, None]
+    inverse = np.abs(np.linalg.pinv(J, rcond=RANK_TOLERANCE)) if len(J) else J.T
+    balanced = loads["F"] + loads["M"] @ np.abs(motion.a) + loads["J"].T @ np.abs(motion.nu)
+    balanced = balanced + loads["K"] @ motion.sizes + loads["R"] @ np.abs(motion.u)
+    nu = np.abs(motion.nu) + (inverse.T @ (balanced * spaces.scale)) * spaces.row_scale
+    found = system.terms(motion.q, motion.u, motion.a, nu, motion.time)
+    M, R, K, J, D_q = (found[key] for key in "MRKJD")
+    if generator is not None and generator.turns:
+        Xi, Xi_2 = (np.abs(x) for x in generator.frame(motion.q))
+        K, R, D_q = K + R @ Xi + M @ Xi_2, R + 2.0 * M @ Xi, D_q + J[system.n_h :] @ Xi
+    # Turned axes mix the directions of a body: none of them is known better than the others.
+    kinds = [(name.partition(".")[0], is_length(name)) for name in system.names]
+    first = [i for i, kind in enumerate(kinds) if i == 0 or kind != kinds[i - 1]]
+    counts = np.diff([*first, len(kinds)])
+    M, R, K, J, D_q = (np.repeat(np.maximum.reduceat(x, first, axis=1), counts, axis=1) for x in (M, R, K, J, D_q))
+    M, R, K = (np.repeat(np.maximum.reduceat(x, first, axis=0), counts, axis=0) for x in (M, R, K))
+    return Matrices(M, R, K, J, D_q)
+
+
+def _beside(system: System, motion: Motion, generator: Generator | None, change: Array) -> Matrices:
+    """Return the coefficients a little beside the motion, where other multipliers balance the forces."""
+    q, u, a, spaces = motion.q + change, motion.u, motion.a, motion.spaces
+    state = system.dynamics(q, u, motion.time)
+    force = state.F0 + state.M @ a + state.J.T @ motion.nu
+    inverse = np.linalg.pinv(motion.dynamics.J * spaces.scale * spaces.row_scale[:, None], rcond=RANK_TOLERANCE)
+    nu = motion.nu - (inverse.T @ (force * spaces.scale)) * spaces.row_scale
+    return _matrices(system, replace(motion, q=q, nu=nu, dynamics=state), generator)
+
+
+def _variation(system: System, motion: Motion, matrices: Matrices, generator: Generator | None) -> float:
     """Return the largest relative change of the coefficients a little later on the motion."""
     worst = 0.0
     try:
@@ -211,8 +264,8 @@ def _variation(system: System, motion: Motion, matrices: _Matrices, generator: G
 
 
 def _followed(
-    system: System, motion: Motion, matrices: _Matrices, generator: Generator
-) -> Iterator[tuple[Motion, _Matrices]]:
+    system: System, motion: Motion, matrices: Matrices, generator: Generator
+) -> Iterator[tuple[Motion, Matrices]]:
     """Yield the steady motion later on, and the coefficients there in the directions of now."""
     rate = abs(generator.rate)
     speed = float(np.linalg.norm(generator.velocity)) / float(
@@ -234,7 +287,7 @@ def _followed(
             raise ConstraintError(f"the forces do not keep {worst} on the steady motion")
         later = replace(later, a=generator.acceleration(q))
         M, R, K, J, D_q = _matrices(system, later, generator)
-        yield later, _Matrices(T.T @ M @ T, T.T @ R @ T, T.T @ K @ T, J @ T, D_q @ T)
+        yield later, Matrices(T.T @ M @ T, T.T @ R @ T, T.T @ K @ T, J @ T, D_q @ T)
 
 
 def _left_rows(system: System, motion: Motion, q: Array, u: Array, time: float) -> list[str]:
@@ -251,7 +304,7 @@ def _lengths(system: System) -> Any:
     return np.array([is_length(name) for name in system.names])
 
 
-def _continuing(system: System, motion: Motion, matrices: _Matrices) -> Iterator[Motion]:
+def _continuing(system: System, motion: Motion, matrices: Matrices) -> Iterator[Motion]:
     yield from _moved(system, motion)
     yield from _continued(system, motion, matrices)
 
@@ -269,7 +322,7 @@ def _moved(system: System, motion: Motion) -> Iterator[Motion]:
             yield motion_at(system, motion.q + time * u + 0.5 * time * time * a, u + time * a, motion.time + time)
 
 
-def _law_times(system: System, motion: Motion, matrices: _Matrices) -> list[float]:
+def _law_times(system: System, motion: Motion, matrices: Matrices) -> list[float]:
     """Return times at which given functions of time may have changed."""
     if not any("t" in names_in(item.entry.values) for item in system.scene.items):
         return []
@@ -280,7 +333,7 @@ def _law_times(system: System, motion: Motion, matrices: _Matrices) -> list[floa
     return [0.5 * step, step]
 
 
-def _continued(system: System, motion: Motion, matrices: _Matrices) -> Iterator[Motion]:
+def _continued(system: System, motion: Motion, matrices: Matrices) -> Iterator[Motion]:
     """Yield where given functions of time carry the motion, by a step of the midpoint rule."""
     last = motion
     for time in _law_times(system, motion, matrices):
@@ -341,7 +394,7 @@ def breaking(system: System, motion: Motion, generator: Generator) -> list[str]:
     return found
 
 
-def _change(system: System, motion: Motion, now: _Matrices, then: _Matrices, time: float) -> float:
+def _change(system: System, motion: Motion, now: Matrices, then: Matrices, time: float) -> float:
     """Return the largest relative change of the deflated system, apart from rounding."""
     spaces, scale = motion.spaces, motion.spaces.scale
     J = then.J * scale * spaces.row_scale[:, None]
@@ -366,7 +419,7 @@ def _change(system: System, motion: Motion, now: _Matrices, then: _Matrices, tim
     return worst
 
 
-def _deflated(spaces: Subspaces, matrices: _Matrices) -> tuple[Array, Array]:
+def _deflated(spaces: Subspaces, matrices: Matrices) -> tuple[Array, Array]:
     """Return the matrix of ẏ = A y in the bases N and Z, and the mass matrix of the speeds."""
     n_h = len(matrices.J) - len(matrices.D_q)
     D_u, D_q = (x * spaces.scale * spaces.row_scale[n_h:, None] for x in (matrices.J[n_h:], matrices.D_q))
@@ -387,11 +440,7 @@ def deflated_matrix(M: Array, R: Array, K: Array, N: Array, Z: Array, P: Array) 
     Z : ndarray, shape (…, n_xi, n_eta)
     P : ndarray, shape (…, n_xi, n_xi)
     """
-    N_t, Z_t = np.swapaxes(N, -1, -2), np.swapaxes(Z, -1, -2)
-    M_r, R_r, K_r = (N_t @ x @ N for x in (M, R, K))
-    M_z = Z_t @ M_r @ Z
-    inertia = M_r @ P + R_r
-    lower = [Z_t @ (inertia @ P + K_r), Z_t @ inertia @ Z]
+    M_z, *lower = reduced(M, R, K, N, Z, P)
     # Z is orthonormal in mass-scaled coordinates: M_z is as well conditioned as the scene allows.
     n, points = N.shape[-1], np.broadcast_shapes(*(x.shape[:-2] for x in (*lower, P, Z)))
     A = np.empty((*points, n + Z.shape[-1], n + Z.shape[-1]))
@@ -403,12 +452,20 @@ def deflated_matrix(M: Array, R: Array, K: Array, N: Array, Z: Array, P: Array) 
     return A, M_z
 
 
+def reduced(M: Array, R: Array, K: Array, N: Array, Z: Array, P: Array) -> tuple[Array, Array, Array]:
+    """Return M_z, K_z and R_z of M_z η̇ = −K_z ξ − R_z η."""
+    N_t, Z_t = np.swapaxes(N, -1, -2), np.swapaxes(Z, -1, -2)
+    M_r, R_r, K_r = (N_t @ x @ N for x in (M, R, K))
+    inertia = M_r @ P + R_r
+    return Z_t @ M_r @ Z, Z_t @ (inertia @ P + K_r), Z_t @ inertia @ Z
+
+
 def state_space(linear: Linearization) -> StateSpace:
     """Return the deflated system; all its eigenvalues are finite, and they are all finite eigenvalues."""
     spaces = linear.motion.spaces
     scale, N, Z = spaces.scale, spaces.N, spaces.Z
     n_xi = N.shape[1]
-    A, M_z = _deflated(spaces, _Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q))
+    A, M_z = _deflated(spaces, Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q))
     to_coordinates = scale[:, None] * np.hstack([N, np.zeros((len(scale), Z.shape[1]))])
     to_rates = scale[:, None] * (N @ A[:n_xi])
     return StateSpace(A, to_coordinates, to_rates, n_xi, M_z)

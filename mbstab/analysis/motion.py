@@ -18,10 +18,11 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.steady import Family, Generator
-from mbstab.analysis.subspaces import Redundancy, Subspaces, rank_of, redundancies, subspaces
+from mbstab.analysis.subspaces import RANK_TOLERANCE, Redundancy, Subspaces, rank_of, redundancies, subspaces
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem
 from mbstab.model.schema import is_length
+from mbstab.model.units import parse_unit
 
 TOLERANCE = 1e-9
 """A reference satisfies its constraints if the residuals are below this, relative to the sizes in the scene."""
@@ -110,7 +111,7 @@ class Finder:
         self.document = system.scene.model.document
         self.is_length: npt.NDArray[np.bool_] = np.array([is_length(name) for name in system.names])
         given = [abs(v) for n, v in self.scene.coordinates.items() if is_length(n)]
-        length = max([*self.scene.lengths, *given], default=0.0) or 1.0
+        length = max([*self.scene.lengths, *given], default=0.0) or _longest_parameter(system) or 1.0
         self.sizes = np.where(self.is_length, length, 1.0)
         self.solved: list[str] = []
         self.warnings: list[str] = []
@@ -356,6 +357,12 @@ class Finder:
         if redundant:
             self._check_constant_rank(q, u, time, spaces)
             self.warnings += [f"redundant constraint: {item}" for item in redundant]
+            misfit = max(spaces.C.largest_dropped, spaces.W.largest_dropped)
+            if misfit > ROUNDING:
+                self.warnings.append(
+                    f"the redundant rows repeat the others to {misfit:.1e} only; smaller than {RANK_TOLERANCE:g}, this "
+                    "is taken for rounding in the file, not for a constraint"
+                )
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, self.sizes, state, spaces, redundant, tuple(self.solved),
             tuple(self.warnings),
@@ -447,6 +454,13 @@ class Finder:
                 )
 
 
+def _longest_parameter(system: System) -> float:
+    """Return the largest parameter that is a length, for scenes that equations alone give a size; or 0."""
+    values, metre = system.scene.parameters, parse_unit("m")[1]
+    lengths = [n for n, p in system.scene.model.parameters.items() if p.unit and parse_unit(p.unit)[1] == metre]
+    return max((abs(float(values[n])) for n in lengths if not hasattr(values[n], "shape")), default=0.0)
+
+
 def unbalance(system: System, motion: Motion) -> float:
     """Return how large forces in scaled coordinates may be that should vanish.
 
@@ -457,13 +471,13 @@ def unbalance(system: System, motion: Motion) -> float:
     weights = [math.sqrt(float(body.mass)) * float(np.linalg.norm(scene.gravity)) for body in scene.bodies]
     balancing = max(float(np.max(np.abs(motion.dynamics.F0 * scale))), *weights)
     at = motion.q, motion.u, motion.a, motion.nu
-    return EQUILIBRIUM_TOLERANCE * balancing + force_rounding(system, at, motion.sizes, scale, motion.time)
+    return EQUILIBRIUM_TOLERANCE * balancing + ROUNDING * force_change(system, at, motion.sizes, scale, motion.time)
 
 
-def force_rounding(
+def force_change(
     system: System, at: tuple[Array, Array, Array, Array], sizes: Array, scale: Array, time: float = 0.0
 ) -> float:
-    """Return what the rounding of coordinates and speeds makes of scaled forces, at q, u, a and ν.
+    """Return how much scaled forces change over the size of the scene by their slope at q, u, a and ν.
 
     Next to a singular point of a force its slope says nothing about that: 0.
     """
@@ -472,7 +486,7 @@ def force_rounding(
     beside, _, _ = system.linearize(q + ROUNDING * sizes, u, a, nu, time)
     if float(np.max(np.abs(beside - K))) > 0.01 * float(np.max(np.abs(K))):
         return 0.0
-    return ROUNDING * float(np.max((np.abs(K) @ sizes + np.abs(R) @ np.abs(u)) * scale))
+    return float(np.max((np.abs(K) @ sizes + np.abs(R) @ np.abs(u)) * scale))
 
 
 def _balance(M: Array, J: Array, inverse: Array, allowed: Array, force: Array, bias: Array) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.linearize import Linearization
+from mbstab.analysis.methods import Found
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError
 
@@ -26,36 +27,32 @@ ZERO_PAIR = 1e-13
 """A pair α/β with both parts below this times the size of the matrices is 0/0."""
 
 
-def finite_eigenvalues(linear: Linearization, method: str, gamma: float) -> tuple[Complex, Complex, int, int]:
-    """Return finite eigenvalues and vectors of a pencil, and how many were infinite and how many 0/0.
-
-    Parameters
-    ----------
-    linear : Linearization
-    method : str
-        ``index3`` or ``paper``.
-    gamma : float
-        Typical rate (1/s): the pencil is solved in the time unit 1/γ.
-    """
-    A, E = linear.pencil() if method == "index3" else linear.paper_pencil()
-    n, c = len(linear.M), len(linear.J)
-    scale = linear.motion.spaces.scale
-    rows = linear.motion.spaces.row_scale
+def index3(linear: Linearization, gamma: float, known: Complex) -> Found:
+    """Return the finite eigenvalues of the regular index-3 pencil; it is solved in the time unit 1/γ."""
+    scale, rows = linear.motion.spaces.scale, linear.motion.spaces.row_scale
     # Coordinates by mass, rows to unit length, speeds in units of γ: y = right · scaled y.
-    if method == "index3":
-        right = np.concatenate([scale, rows * gamma * gamma, scale * gamma])
-        left = np.concatenate([1.0 / scale, scale, rows])
-    else:
-        right = np.concatenate([scale, rows * gamma * gamma, scale * gamma, rows * gamma**3])
-        left = np.concatenate([scale, rows, scale, rows])
+    right = np.concatenate([scale, rows * gamma * gamma, scale * gamma])
+    left = np.concatenate([1.0 / scale, scale, rows])
+    return _finite(*linear.pencil(), left, right, linear, gamma)
+
+
+def paper(linear: Linearization, gamma: float, known: Complex) -> Found:
+    """Return the finite eigenvalues of the singular pencil of Eq. (70); it is solved in the time unit 1/γ."""
+    scale, rows = linear.motion.spaces.scale, linear.motion.spaces.row_scale
+    right = np.concatenate([scale, rows * gamma * gamma, scale * gamma, rows * gamma**3])
+    left = np.concatenate([scale, rows, scale, rows])
+    return _finite(*linear.paper_pencil(), left, right, linear, gamma)
+
+
+def _finite(A: Array, E: Array, left: Array, right: Array, linear: Linearization, gamma: float) -> Found:
     A, E = A * left[:, None] * right, gamma * E * left[:, None] * right
     alpha, beta, vectors = _qz(A, E)
     size = max(float(np.linalg.norm(A)), float(np.linalg.norm(E)))
     undefined = (np.abs(alpha) < ZERO_PAIR * size) & (np.abs(beta) < ZERO_PAIR * size)
     finite = ~undefined & (np.abs(alpha) < FINITE_LIMIT * np.abs(beta))
     values = gamma * alpha[finite] / beta[finite]
-    vectors = (right[:, None] * vectors)[: n + c, finite]
-    return values, vectors, int(np.sum(~finite & ~undefined)), int(np.sum(undefined))
+    vectors = (right[:, None] * vectors)[: len(linear.M), finite]
+    return Found(values, vectors, int(np.sum(~finite & ~undefined)), int(np.sum(undefined)))
 
 
 def _qz(A: Array, E: Array) -> tuple[Complex, Complex, Complex]:

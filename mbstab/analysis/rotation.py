@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.compiler.system import Array
-from mbstab.model.arithmetic import FLOAT
+from mbstab.model.arithmetic import FLOAT, mpmath_arithmetic
 from mbstab.model.values import BodyValues, euler_matrix
 
 
@@ -29,7 +29,16 @@ def rotation_matrix(axis: Array, angle: float) -> Array:
 
 def base_rotation(body: BodyValues) -> Array:
     """Return B, shape (3, 3)."""
-    return np.array(body.base, dtype=float).reshape(3, 3)
+    # Numbers of another system keep their digits.
+    kind = float if all(isinstance(x, (int, float)) for x in body.base) else object
+    return np.array(body.base, dtype=kind).reshape(3, 3)
+
+
+def _functions(angles: Array) -> Any:
+    """Return cos, sin and tan for single angles, for the points of a sweep, or for numbers with more digits."""
+    if angles.dtype == object:
+        return mpmath_arithmetic()
+    return math if angles.ndim == 1 else np
 
 
 def orientation(body: BodyValues, angles: Array) -> Array:
@@ -52,7 +61,8 @@ def euler_angles(body: BodyValues, rotation: Array, near: Array) -> Array:
 
 def rate_matrix(body: BodyValues, angles: Array) -> Array:
     """Return G, the matrix from Euler rates to the angular velocity in ground axes."""
-    (c1, s1), (c2, s2) = ((math.cos(x), math.sin(x)) for x in angles[:2])
+    f = _functions(angles)
+    (c1, s1), (c2, s2) = ((f.cos(x), f.sin(x)) for x in angles[:2])
     result: Array = base_rotation(body) @ np.array([[1.0, 0.0, s2], [0.0, c1, -s1 * c2], [0.0, s1, c1 * c2]])
     return result
 
@@ -75,14 +85,14 @@ def turning_rates(body: BodyValues, angles: Array, axis: Array) -> tuple[Array, 
         Rate of the slope along X.
     """
     w1, w2, w3 = base_rotation(body).T @ axis
-    f: Any = math if angles.ndim == 1 else np
-    phi, theta = (float(angles[0]), float(angles[1])) if angles.ndim == 1 else (angles[..., 0], angles[..., 1])
+    f = _functions(angles)
+    phi, theta = (float(angles[0]), float(angles[1])) if f is math else (angles[..., k][()] for k in (0, 1))
     c1, s1, t2, sec = f.cos(phi), f.sin(phi), f.tan(theta), 1.0 / f.cos(theta)
     x, y = c1 * w2 + s1 * w3, c1 * w3 - s1 * w2
     p, s = w1 - t2 * y, sec * y
     # Along X: ẋ = y φ̇, ẏ = −x φ̇, d(tan θ)/dt = θ̇/cos²θ, d(1/cos θ)/dt = θ̇ tan θ/cos θ.
     x_t, y_t, t_t, sec_t = y * p, -x * p, sec * sec * x, sec * t2 * x
-    X, slope, growth = (np.zeros((*angles.shape[:-1], *shape)) for shape in ((3,), (3, 3), (3, 3)))
+    X, slope, growth = (np.zeros((*angles.shape[:-1], *shape), angles.dtype) for shape in ((3,), (3, 3), (3, 3)))
     X[..., 0], X[..., 1], X[..., 2] = p, x, s
     slope[..., 0, 0], slope[..., 0, 1], slope[..., 1, 0] = t2 * x, -sec * sec * y, y
     slope[..., 2, 0], slope[..., 2, 1] = -sec * x, sec * t2 * y

@@ -101,8 +101,8 @@ class Generator:
         n, d = q.shape[-1], self.system.scene.dimension
         rate = np.asarray(self.rate)[..., None]
         turns = bool(np.any(rate))
-        X = np.broadcast_to(self.spins, q.shape).copy()
-        slope, growth = np.zeros((*q.shape, n)), np.zeros((*q.shape, n))
+        X = np.broadcast_to(self.spins, q.shape).astype(q.dtype)
+        slope, growth = np.zeros((*q.shape, n), q.dtype), np.zeros((*q.shape, n), q.dtype)
         cross = rate[..., None] * cross_matrix(self.axis)[:d, :d]
         for body, part in zip(self.system.scene.bodies, self.system.body_slices, strict=True):
             place = slice(part.start, part.start + d)
@@ -196,10 +196,11 @@ class Family:
         """Return the generator with these coefficients, shape (…, size)."""
         turns = self.axis is not None
         k = turns + len(self.directions)
-        spins = np.zeros((*c.shape[:-1], self.system.n_q))
+        spins = np.zeros((*c.shape[:-1], self.system.n_q), c.dtype)
         spins[..., list(self.columns)] = c[..., k:]
         axis = self.axis if self.axis is not None else np.array([0.0, 0.0, 1.0])
-        rate: Any = (float(c[0]) if c.ndim == 1 else c[..., 0]) if turns else 0.0
+        number = float if c.dtype != object else lambda x: x
+        rate: Any = (number(c[0]) if c.ndim == 1 else c[..., 0]) if turns else 0.0
         return Generator(self.system, axis, self.point, rate, c[..., turns:k] @ self.directions, spins)
 
     def units(self) -> list[Generator]:
@@ -260,12 +261,12 @@ def detected(system: System, q: Array, u: Array, sizes: Array) -> list[Generator
             fast = float(np.max(np.abs(u / sizes)))
             if np.max(np.abs(basis @ c - u / sizes)) <= FIT * fast and abs(c[0]) > FIT * fast:
                 c[np.abs(c) < FIT * np.max(np.abs(c))] = 0.0
-                found.append(_centered(family.generator(c)))
+                found.append(centered(family.generator(c)))
                 break
     return found
 
 
-def _centered(generator: Generator) -> Generator:
+def centered(generator: Generator) -> Generator:
     """Return the same field with the translation across the axis as a shift of its point."""
     axis, velocity = generator.axis, generator.velocity
     along = axis * (axis @ velocity)

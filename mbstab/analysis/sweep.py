@@ -11,6 +11,7 @@ parts grow from there like a root; Seyranian and Mailybaev 2003, chapter 4).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
@@ -41,7 +42,7 @@ from mbstab.analysis.spectrum import (
     unstable_counts,
 )
 from mbstab.compiler.system import Array
-from mbstab.errors import MbstabError, UsageError
+from mbstab.errors import MbstabError, NumericalError, UsageError
 from mbstab.model.schema import Model
 
 RESOLUTION = 1e-12
@@ -53,14 +54,23 @@ NOISE = 1e-7
 SPLIT = 8
 """Parts into which an interval is divided in which eigenvalues cannot be followed."""
 
-BRANCHING, TOUCHING = 18, 1e-4
-"""Narrowings around a least eigenvalue by a factor of 4 each, and how small it is, beside others, where paths meet."""
-
 SIDE = 1e-3
 """So far from a collision, relative to the parameter, the modes that meet are told apart."""
 
 AT_END = 1e-8
 """A test function is zero at a point if it is this small beside its value at the next one."""
+
+ZERO = 1e-6
+"""A test function is zero where it is this small beside its values at the ends of the interval."""
+
+APART, WIDE = 100.0, 0.1
+"""Spectra are compared by products of eigenvalues if their sizes are within this factor, or the parameter is."""
+
+BESIDE = 0.1
+"""The number of unstable eigenvalues changes where it is looked at this part of the way to the ends of the interval."""
+
+FINER, DEPTH = 32, 3
+"""Parts into which an interval is divided in which a test function jumps, and how often."""
 
 MARGIN = 2
 """So many points on either side are looked at with an interval in which stability may change."""
@@ -91,6 +101,8 @@ class Critical:
     signatures : tuple of int or None
         Of a collision: the signs of the energies of the two modes that meet (Krein
         signatures); only modes of opposite sign can leave the axis.
+    branching : bool
+        Whether another path of equilibria crosses there.
     """
 
     value: float
@@ -99,6 +111,7 @@ class Critical:
     frequency: float
     unstable: tuple[int, int]
     signatures: tuple[int, int] | None = None
+    branching: bool = False
 
 
 @dataclass(frozen=True)
@@ -124,6 +137,8 @@ class Sweep:
         By the number of a point, why it has no eigenvalues.
     start : float or None
         The value from which equilibria were followed, where a file asks to find them.
+    moved : str
+        Why they were not followed from the first value.
     beyond : tuple of Sweep
         Along the paths to which the equilibria lead through folds: each from one fold to the next
         or to an end of the range, at those of the values that lie between.
@@ -138,6 +153,7 @@ class Sweep:
     meetings: tuple[tuple[float, str], ...]
     problems: dict[int, str]
     start: float | None = None
+    moved: str = ""
     beyond: tuple[Sweep, ...] = ()
 
     @property
@@ -146,7 +162,7 @@ class Sweep:
         elsewhere = {
             float(x) for path in self.beyond for x, n in zip(path.values, path.unstable, strict=True) if n >= 0
         }
-        return [i for i in self.problems if float(self.values[i]) not in elsewhere]
+        return [int(i) for i in np.flatnonzero(self.unstable < 0) if float(self.values[i]) not in elsewhere]
 
 
 def sweep(
@@ -198,7 +214,7 @@ def sweep(
     if model.reference.find is not None:
         main = follow_path(model, parameter, settings, float(x[0]), float(x[-1]), float(values[0]))
         paths = [main, *main.beyond]
-    grids = [x, *(x[path.covers(x)] for path in paths[1:] if path is not None)]
+    grids = [x, *(x[path.covers({parameter: x})] for path in paths[1:] if path is not None)]
     groups = [tasks(model, settings, {parameter: x}, path) for x, path in zip(grids, paths, strict=True)]
     all_tasks = [task for group in groups for task in group]
     store = Store(directory, key_of(all_tasks), resume) if directory is not None else None
@@ -221,13 +237,15 @@ def _answer(
     branches = tracker.branches()
     critical = tracker.critical(branches)
     if path is not None:
-        critical += tracker.branch_points(critical)
+        known = [value for value in tracker.crossings if tracker.known(value, critical)]
+        critical = [replace(c, branching=any(tracker.known(value, [c]) for value in known)) for c in critical]
+        critical += [tracker.branch_point(value, branches) for value in tracker.crossings if value not in known]
         # The fold from which a further path starts is said with the path that leads to it.
         critical += [tracker.ended(value, reason) for value, reason in path.ends if value != path.start]
     critical.sort(key=lambda c: c.value)
     return Sweep(
-        parameter, x, branches, raw.unstable, raw.neutral, tuple(critical), tuple(sorted(tracker.meetings)),
-        raw.problems, None if path is None else path.start,
+        parameter, x, branches, raw.unstable, raw.neutral, tuple(critical), tuple(sorted(set(tracker.meetings))),
+        raw.problems, None if path is None else path.start, "" if path is None else path.moved,
     )  # fmt: skip
 
 
@@ -245,31 +263,36 @@ def _ordered(result: Sweep, order: slice) -> Sweep:
 
 
 def merged(blocks: list[Block]) -> Block:
-    """Return consecutive blocks as one; where they differ in the number of eigenvalues, most points decide."""
-    sizes: dict[tuple[int, int], int] = {}
-    for block in blocks:
-        if not np.all(np.isnan(block.values)):
-            key = block.values.shape[1], block.neutral
-            sizes[key] = sizes.get(key, 0) + len(block.values)
-    count, neutral = max(sizes, key=lambda key: sizes[key]) if sizes else (0, 0)
+    """Return consecutive blocks as one, with as many neutral eigenvalues as where there are fewest."""
+    sizes: dict[int, int] = {}
+    answered = [block for block in blocks if np.any(block.unstable >= 0)]
+    for block in answered:
+        total = block.values.shape[1] + block.neutral
+        sizes[total] = sizes.get(total, 0) + len(block.values)
+    total = max(sizes, key=lambda key: sizes[key]) if sizes else 0
+    neutral = min((x.neutral for x in answered if x.values.shape[1] + x.neutral == total), default=0)
+    count = total - neutral
     values = np.full((sum(len(block.values) for block in blocks), count), NO_EIGENVALUE)
     clear, unstable, passes, turns = [], [], [], []
     problems: dict[int, str] = {}
     start = 0
     for block in blocks:
         points = len(block.values)
-        fits = (block.values.shape[1], block.neutral) == (count, neutral)
+        here = block.values.shape[1] + block.neutral
+        fits = here == total and bool(np.any(block.unstable >= 0))
         problems |= {start + i: text for i, text in block.problems.items()}
         if not fits:
-            text = f"{block.neutral} eigenvalues are neutral here, elsewhere {neutral}"
+            text = f"{here} finite eigenvalues exist here, elsewhere {total}"
             problems |= {start + i: problems.get(start + i, text) for i in range(points)}
         if fits:
-            values[start : start + points] = block.values
+            # Zeros of a symmetry that is not there elsewhere.
+            further = count - block.values.shape[1]
+            values[start : start + points] = np.pad(block.values, ((0, 0), (0, further)))
         if start:
             link, is_clear = follow(values[start - 1 : start], values[start : start + 1])
             clear.append(is_clear)
             if fits and is_clear[0] and count > 1 and np.any(link[0] != np.arange(count)):
-                values[start : start + points] = block.values[:, link[0]]
+                values[start : start + points] = values[start : start + points, link[0]]
         clear.append(block.clear if fits else np.zeros(points - 1, dtype=bool))
         unstable.append(block.unstable if fits else np.full(points, -1))
         passes.append(block.passes)
@@ -325,6 +348,14 @@ class _Tracker:
         self.meetings: list[tuple[float, str]] = []
         self.between: list[tuple[float, Complex]] = []
         self.width = max(float(np.max(np.abs(x), initial=0.0)), 1e-300)
+        path = evaluator.path
+        self.crossings = (
+            []
+            if not isinstance(path, Solutions)
+            else [
+                value for value in path.crossings if all(abs(value - end) > NOISE * self.width for end, _ in path.ends)
+            ]
+        )
 
     def at(self, points: Array) -> Complex:
         """Return the eigenvalues at further points, and keep them."""
@@ -445,11 +476,34 @@ class _Tracker:
         self._look_between(branches)
         found: list[Critical] = []
         for first, last in self._suspects(branches):
-            x, spectra = self._closer(first, last)
-            found += [
-                self._located(x[a], x[b], spectra[a], spectra[b], kind, test, branches)
-                for a, b, kind, test in (*self._passing(spectra), *self._meeting(x, spectra))
-            ]
+            found += self._changes(*self._closer(first, last), branches)
+        return found
+
+    def _changes(self, x: Array, spectra: Complex, branches: Complex, depth: int = 0) -> list[Critical]:
+        """Return where stability changes between points that are close to each other."""
+        found: list[Critical] = []
+        doubtful: list[tuple[int, int]] = []
+        for a, b, kind, test in (*self._passing(spectra), *self._meeting(x, spectra)):
+            critical = self._located(x[a], x[b], spectra[a], spectra[b], kind, test, branches)
+            if critical is not None:
+                found.append(critical)
+            elif (a, b) not in doubtful:
+                doubtful.append((a, b))
+        for a, b in doubtful:
+            crossings = [value for value in self.crossings if x[a] < value < x[b]]
+            if crossings:  # next to other equilibria those of the path are hard to tell
+                found += [self.branch_point(value, branches) for value in crossings if not self.known(value, found)]
+                continue
+            # Branches are mistaken for each other there: more points tell them apart.
+            more = np.linspace(x[a], x[b], FINER + 1)
+            between = self.at(more[1:-1])
+            if depth == DEPTH or np.any(np.isnan(between)):
+                counts = unstable_counts(spectra[[a, b]])
+                sides = int(counts[0]), int(counts[1])
+                found.append(Critical(0.5 * (x[a] + x[b]), "unresolved", (), 0.0, sides))
+                continue
+            closer = self._linked(np.concatenate([spectra[a : a + 1], between, spectra[b : b + 1]]))
+            found += self._changes(more, closer, branches, depth + 1)
         return found
 
     def _suspects(self, branches: Complex) -> list[tuple[int, int]]:
@@ -483,40 +537,41 @@ class _Tracker:
         x, order = np.unique(x, return_index=True)
         return x, self._linked(spectra[order])
 
-    def branch_points(self, known: list[Critical]) -> list[Critical]:
-        """Return where a path of equilibria meets another one: an eigenvalue touches zero and turns back."""
-        size = np.max(np.abs(np.where(np.isnan(self.values), 0.0, self.values)), initial=0.0)
-        smallest = np.min(np.abs(self.values), axis=1, initial=np.inf)
-        found = []
-        for k in range(1, len(self.x) - 1):
-            before, now, after = smallest[k - 1 : k + 2]
-            if not (now <= before and now < after and now < 0.7 * max(before, after)):
-                continue
-            a, b = float(self.x[k - 1]), float(self.x[k + 1])
-            for _ in range(BRANCHING):
-                points = np.linspace(a, b, 9)
-                spectra = self.evaluator.near({self.parameter: points}, self.values.shape[1])
-                least = np.min(np.abs(spectra), axis=1)
-                if np.any(np.isnan(least)):
-                    break
-                best = int(np.argmin(least))
-                a, b = float(points[max(best - 1, 0)]), float(points[min(best + 1, 8)])
-            value = 0.5 * (a + b)
-            near = any(abs(c.value - value) < NOISE * self.width for c in known)
-            if not np.any(np.isnan(least)) and np.min(least) < TOUCHING * size and not near:
-                counts = int(self.raw.unstable[k - 1]), int(self.raw.unstable[k + 1])
-                found.append(Critical(value, "branch point", (), 0.0, counts))
-        return found
+    def known(self, value: float, critical: list[Critical]) -> bool:
+        """Whether a value is among critical ones."""
+        return any(abs(c.value - value) < NOISE * self.width for c in critical)
+
+    def branch_point(self, value: float, branches: Complex) -> Critical:
+        """Return a place at which another path of equilibria crosses."""
+        sides = self._sides(value)
+        beside = self.at(np.array([value + FAR * self.width]))[0]
+        if sides[0] == sides[1] or min(sides) < 0 or np.any(np.isnan(beside)):
+            return Critical(value, "branch point", (), 0.0, sides, branching=True)
+        return replace(self._described(value, "divergence", beside, sides, branches), branching=True)
 
     def ended(self, value: float, reason: str) -> Critical:
         """Return the end of a path of equilibria as a critical value."""
-        k = int(np.argmin(np.where(self.raw.unstable >= 0, np.abs(self.x - value), np.inf)))
-        unstable = int(self.raw.unstable[k])
-        below = self.x[k] <= value
-        kinds = {TURNS: "fold", BRANCHES: "branch point", AGAIN: "unresolved"}
-        return Critical(
-            value, kinds.get(reason, "loss of equilibrium"), (), 0.0, (unstable, -1) if below else (-1, unstable)
-        )
+        kind = {TURNS: "fold", BRANCHES: "branch point", AGAIN: "unresolved"}.get(reason, "loss of equilibrium")
+        return Critical(value, kind, (), 0.0, self._sides(value))
+
+    def _sides(self, value: float) -> tuple[int, int]:
+        """Return the number of unstable eigenvalues below and above a place on the path; −1 where it does not lead."""
+        path = self.evaluator.path
+        assert isinstance(path, Solutions)
+        found = []
+        for end, sign in ((float(path.values[0]), -1.0), (float(path.values[-1]), 1.0)):
+            room = sign * (end - value)
+            if room <= NOISE * self.width:
+                found.append(-1)
+                continue
+            at = value + sign * min(FAR * self.width, 0.5 * room)
+            count = int(unstable_counts(self.at(np.array([at])))[0])
+            if count < 0:
+                known = np.flatnonzero((self.raw.unstable >= 0) & (sign * (self.x - value) > 0.0))
+                nearest = known[np.argsort(np.abs(self.x[known] - value))][:1]
+                count = int(self.raw.unstable[nearest[0]]) if len(nearest) else -1
+            found.append(count)
+        return found[0], found[1]
 
     def _linked(self, spectra: Complex) -> Complex:
         """Return spectra in columns that are continuous, where eigenvalues do not meet."""
@@ -565,6 +620,9 @@ class _Tracker:
                 b += 1
             if counts[a] == counts[b] or not (both[a] and both[b]):
                 continue
+            if x[b] - x[a] > WIDE * max(abs(x[a]), abs(x[b])) and _far_apart(spectra[a], spectra[b]):
+                yield a, b, "collision", _no_zero
+                continue
             tests = (("divergence", product), ("collision", discriminant))
             size = float(np.max(np.abs(spectra[[a, b]])))
             passed = [
@@ -605,22 +663,35 @@ class _Tracker:
         kind: str,
         test: Test | None,
         branches: Complex,
-    ) -> Critical:
-        """Return the stability change in a bracket."""
+    ) -> Critical | None:
+        """Return the stability change in a bracket; None if there is none."""
 
         def spectrum(p: float) -> Complex:
             found: Complex = self.evaluator.near({self.parameter: np.array([p])}, self.values.shape[1])[0]
             return found
 
+        counts = unstable_counts(np.array([before, after]))
+        sides = int(counts[0]), int(counts[1])
         value, size = 0.5 * (a + b), float(np.max(np.abs([before, after])))
         if test is not None:
             ends = test(before, size), test(after, size)
+            if math.isnan(ends[0]):
+                return None
             if ends[0] * ends[1] < 0.0:
-                value = root(lambda p: test(spectrum(p), size), a, b)
+                try:
+                    value = root(lambda p: test(spectrum(p), size), a, b)
+                except NumericalError:
+                    return None
+                # A test that jumps has no zero.
+                if not abs(test(spectrum(value), size)) <= ZERO * max(abs(ends[0]), abs(ends[1])):
+                    return None
+                step = BESIDE * min(value - a, b - value)
+                beside = unstable_counts(np.array([spectrum(value - step), spectrum(value + step)]))
+                if step > NOISE * self.width and counts[0] != counts[1] and beside[0] == beside[1]:
+                    return None
             else:  # the range begins or ends at the critical value
                 value = a if abs(ends[0]) < abs(ends[1]) else b
-        counts = unstable_counts(np.array([before, after]))
-        found = self._described(value, kind, spectrum(value), (int(counts[0]), int(counts[1])), branches)
+        found = self._described(value, kind, spectrum(value), sides, branches)
         if kind == "collision":
             stable = a if counts[0] < counts[1] else b
             found = replace(found, signatures=self._signatures(value, stable, found.frequency))
@@ -673,6 +744,17 @@ def _vanishes_between(one: float, other: float) -> bool:
     """Whether a function with these values at two neighbouring points is zero between them, or at one of them."""
     least, largest = sorted((abs(one), abs(other)))
     return one * other < 0.0 or least < AT_END * largest
+
+
+def _far_apart(one: Complex, other: Complex) -> bool:
+    """Whether spectra are so different in size that products of their eigenvalues cannot be compared."""
+    sizes = sorted((float(np.max(np.abs(one))), float(np.max(np.abs(other)))))
+    return sizes[1] > APART * sizes[0]
+
+
+def _no_zero(spectrum: Complex, size: float) -> float:
+    """Say that an interval is too wide for a test."""
+    return math.nan
 
 
 def _real_part(one: complex, other: complex) -> Test:

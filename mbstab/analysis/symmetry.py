@@ -98,10 +98,7 @@ def _carries(system: System, motion: Motion, q: Array, T: Array) -> bool:
 
 def _disturbance(system: System, motion: Motion) -> Array:
     """Return speeds that the constraints allow, as fast as the scene would move by itself."""
-    spaces = motion.spaces
-    K, R, _ = system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
-    K, R = (np.abs(x * spaces.scale * spaces.scale[:, None]) for x in (K, R))
-    rate = max(float(np.max(np.abs(motion.u) / motion.sizes)), float(np.max(K)) ** 0.5, float(np.max(R))) or 1.0
+    spaces, rate = motion.spaces, _rate(system, motion)
     allowed = spaces.N @ spaces.Z
     speeds = spaces.scale * (allowed @ np.random.default_rng(11).uniform(0.5, 1.0, allowed.shape[1]))
     largest = float(np.max(np.abs(speeds) / motion.sizes, initial=0.0))
@@ -109,15 +106,23 @@ def _disturbance(system: System, motion: Motion) -> Array:
     return result
 
 
+def _rate(system: System, motion: Motion) -> float:
+    """Return a rate at which the scene moves by itself or is moved (1/s)."""
+    scale = motion.spaces.scale
+    K, R, _ = system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
+    K, R = (np.abs(x * scale * scale[:, None]) for x in (K, R))
+    return max(float(np.max(np.abs(motion.u) / motion.sizes)), float(np.max(K)) ** 0.5, float(np.max(R))) or 1.0
+
+
 def _constant_directions(system: System, motion: Motion) -> list[Symmetry]:
     rng = np.random.default_rng(20)
     scale = motion.spaces.scale
     blocks: list[Array] = []
-    size = np.maximum(np.abs(motion.q), 0.3)
+    size, rate = np.maximum(np.abs(motion.q), 0.3 * motion.sizes), _rate(system, motion)
     while len(blocks) < STATES:
         for spread in (1.0, 0.1, 0.01, 0.0):
             try:
-                blocks.append(_dependence(system, motion, rng, size * spread))
+                blocks.append(_dependence(system, motion, rng, size * spread, rate))
                 break
             except MbstabError:
                 continue
@@ -134,12 +139,13 @@ def _constant_directions(system: System, motion: Motion) -> list[Symmetry]:
     return _named(system, null, scale)
 
 
-def _dependence(system: System, motion: Motion, rng: np.random.Generator, spread: Array) -> Array:
-    """Return K, C_q and D_q at a random state near the reference."""
-    n = system.n_q
+def _dependence(system: System, motion: Motion, rng: np.random.Generator, spread: Array, rate: float) -> Array:
+    """Return K, C_q and D_q at a random state near the reference, with speeds and forces that belong to a rate."""
+    n, spaces = system.n_q, motion.spaces
     q = motion.q + spread * rng.uniform(-1.0, 1.0, n)
-    u = motion.u + spread * rng.uniform(-1.0, 1.0, n)
-    a, nu = spread * rng.uniform(-1.0, 1.0, n), rng.uniform(0.5, 1.5, system.n_c)
+    u = motion.u + rate * spread * rng.uniform(-1.0, 1.0, n)
+    a, nu = rate * rate * spread * rng.uniform(-1.0, 1.0, n), rng.uniform(0.5, 1.5, system.n_c)
+    nu *= rate * rate * spaces.row_scale * float(np.max(motion.sizes / spaces.scale))
     K, _, D_q = system.linearize(q, u, a, nu, motion.time)
     C_q = system.dynamics(q, u, motion.time).J[: system.n_h]
     return np.vstack([K, C_q, D_q])

@@ -155,6 +155,25 @@ def write(data: str | bytes, output: Path | None, model: str = "") -> None:
     note(f"wrote {output}")
 
 
+def save_picture(figure: Any, path: Path) -> None:
+    """Draw a picture to a file.
+
+    Raises
+    ------
+    UsageError, OutputError
+        If it cannot be written.
+    """
+    from mbstab.report import plots
+
+    try:
+        plots.save(figure, path)
+    except (FileNotFoundError, NotADirectoryError, PermissionError) as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror}") from None
+    note(f"wrote {path}")
+
+
 def _replace(goal: Path, content: bytes) -> None:
     """Write a file beside its goal, then put it in place."""
     handle, temporary = tempfile.mkstemp(dir=goal.parent, prefix=f".{goal.name}.")

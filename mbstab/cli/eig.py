@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from mbstab.analysis.methods import DEFAULT, METHODS
 from mbstab.cli.common import (
     file_argument,
     format_option,
@@ -17,8 +19,12 @@ from mbstab.cli.common import (
     warn,
     write,
 )
+from mbstab.errors import ExpectationError, NumericalError, UsageError
 
-METHODS = ("nullspace", "index3", "paper")
+if TYPE_CHECKING:
+    from mbstab.api import Mechanism
+
+CERTIFIED_DIGITS = 50
 REQUIRED = {
     "stable": ("asymptotically stable",),
     "marginal": ("asymptotically stable", "marginally stable"),
@@ -30,15 +36,26 @@ REQUIRED = {
 @set_option
 @click.option(
     "--method",
-    type=click.Choice(METHODS),
-    default=METHODS[0],
+    type=click.Choice(tuple(METHODS)),
+    default=DEFAULT,
     show_default=True,
-    help="nullspace deflates constraints and zeros; index3 is QZ on the regular pencil, paper QZ on Eq. (70).",
+    help="; ".join(f"{name}: {method.description}" for name, method in METHODS.items()) + ".",
 )
 @click.option(
     "--frozen",
     is_flag=True,
     help="Take the equations as they are at the reference time; for comparison, no stability verdict.",
+)
+@click.option(
+    "--precision",
+    type=int,
+    metavar="DIGITS",
+    help="Compute so many right digits, 16 to 1000; parameters count with all decimals. Of the balls with --certify.",
+)
+@click.option(
+    "--certify",
+    is_flag=True,
+    help="Enclose all eigenvalues with proven radii; a parameter may be an interval, such as omega=[5.6,10].",
 )
 @click.option("--require", type=click.Choice(tuple(REQUIRED)), help="Exit with 3 unless at least this stable.")
 @format_option("table", "json", "csv")
@@ -48,6 +65,8 @@ def eig(
     settings: tuple[str, ...],
     method: str,
     frozen: bool,
+    precision: int | None,
+    certify: bool,
     require: str | None,
     format_: str,
     output: Path | None,
@@ -56,10 +75,21 @@ def eig(
 
     Example: mbstab eig pendulum.yaml --set L=0.5
     """
-    from mbstab.errors import ExpectationError
-
     parameters = parse_settings(settings)
+    if (precision is not None or certify) and method != DEFAULT:
+        message = f"--precision and --certify compute by deflation, not with --method {method}"
+        raise UsageError(f"{message}\nhint: leave out one of them")
     mechanism = load_model(file)
+    if certify:
+        if frozen or format_ == "csv":
+            raise UsageError("--certify goes with neither --frozen nor --format csv")
+        _certify(mechanism, parameters, precision or CERTIFIED_DIGITS, require, format_, output)
+        return
+    if wide := [name for name, text in parameters.items() if text.startswith("[")]:
+        raise UsageError(f"{wide[0]} is an interval\nhint: intervals need --certify")
+    if precision is not None:
+        _precise(mechanism, parameters, frozen, precision, require, format_, output)
+        return
     with progress_bar("following the period") as progress:
         result = mechanism.eig(method, frozen, progress, **parameters)
     warn(result.warnings)
@@ -78,5 +108,65 @@ def eig(
 
         text = eigen_text(result, mechanism.model.title)
     write(text, output, mechanism.model.name)
-    if require and result.verdict not in REQUIRED[require]:
-        raise ExpectationError(f"required: {require}, found: {result.verdict}")
+    _demand(require, result.verdict)
+
+
+def _demand(require: str | None, verdict: str) -> None:
+    """Refuse a verdict that is less than required."""
+    if require and verdict not in REQUIRED[require]:
+        raise ExpectationError(f"required: {require}, found: {verdict}")
+
+
+def _precise(
+    mechanism: Mechanism,
+    parameters: dict[str, str],
+    frozen: bool,
+    digits: int,
+    require: str | None,
+    format_: str,
+    output: Path | None,
+) -> None:
+    """Answer with many digits."""
+    with progress_bar("more digits") as progress:
+        result = mechanism.eig_precise(digits, frozen, progress, **parameters)
+    warn(result.warnings)
+    if format_ == "csv":
+        from mbstab.report.export import precise_csv
+
+        text = precise_csv(result)
+    elif format_ == "json":
+        from mbstab.report.export import precise_data, to_json
+
+        model = mechanism.model
+        text = to_json(precise_data(result, model.name, model.title, mechanism.parameters(**parameters)))
+    else:
+        from mbstab.report.tables import precise_text
+
+        text = precise_text(result, mechanism.model.title)
+    write(text, output, mechanism.model.name)
+    _demand(require, result.verdict)
+
+
+def _certify(
+    mechanism: Mechanism,
+    parameters: dict[str, str],
+    digits: int,
+    require: str | None,
+    format_: str,
+    output: Path | None,
+) -> None:
+    """Write enclosures and the proven verdict; without one the exit code is 1."""
+    from mbstab.report.certificate import certificate_data, certificate_text
+
+    with progress_bar("dividing the interval") as progress:
+        result = mechanism.certify(digits, progress, **parameters)
+    if format_ == "json":
+        from mbstab.report.export import to_json
+
+        text = to_json(certificate_data(result, mechanism.model.name, mechanism.model.title))
+    else:
+        text = certificate_text(result, mechanism.model.title)
+    write(text, output, mechanism.model.name)
+    if not result.proven:
+        raise NumericalError(result.statement)
+    _demand(require, result.verdict)

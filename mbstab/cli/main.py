@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from mbstab.cli import check, eig, equilibrium, linearize, models, schema, simulate, sweep, test
+from mbstab.cli import check, compare, eig, equilibrium, linearize, models, schema, simulate, sweep, test
 from mbstab.cli.common import note, one_thread_by_default
 from mbstab.errors import MbstabError
 
@@ -46,6 +46,7 @@ def main() -> None:
 
 for _command in (
     check.check,
+    compare.compare,
     eig.eig,
     equilibrium.equilibrium,
     linearize.linearize,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,15 +16,17 @@ from mbstab.cli.common import (
     output_option,
     parse_settings,
     progress_bar,
+    save_picture,
     set_option,
     show,
     write,
 )
-from mbstab.errors import NumericalError, OutputError, UsageError
+from mbstab.errors import NumericalError, UsageError
 
 if TYPE_CHECKING:
     from mbstab.analysis.chart import Chart
     from mbstab.analysis.sweep import Sweep
+    from mbstab.model.schema import Model
 
 Answer = dict[str, Callable[[], "str | bytes"]]
 
@@ -110,18 +113,25 @@ def sweep(
     format_ = format_ or _format_of(output)
     if format_ == "npz" and output is None:
         raise UsageError("--format npz needs --output")
+    if "none" in pictures and (len(pictures) > 1 or place is not None):
+        raise UsageError("--plot none goes with no other picture")
+    if place is not None and place.suffix and place.suffix not in SUFFIXES:
+        raise UsageError(f"--pictures {place}: pictures are {', '.join(SUFFIXES)}")
+    if jobs > 1 and cluster:
+        raise UsageError(
+            "--jobs is for processes of this machine, --cluster for those of others: leave out one of them"
+        )
     if resume and output is None:
         raise UsageError("--resume goes with --output, beside which the finished parts are kept")
     mechanism = load_model(file)
     model = mechanism.model
-    count = None if len(parameters) == 1 else CHART_POINTS
     grids = {
         name: sweep_values(
             model,
             name,
             start[i] if start else None,
             stop[i] if stop else None,
-            points[i] if points else count,
+            points[i] if points else None if len(parameters) == 1 else _chart_points(model, name),
             logarithmic,
             values,
         )
@@ -141,13 +151,13 @@ def sweep(
     drawn = () if "none" in wanted else wanted
     answer: Sweep | Chart
     if len(parameters) == 1:
-        with progress_bar("sweeping") as progress:
+        with progress_bar("sweeping") as progress, _kept(directory):
             answer = mechanism.sweep(parameters[0], grids[parameters[0]], progress=progress, **run)
         _write(_sweep_answer(answer, *labels[0], model.name, model.title), format_, output, model.name)
         _draw(answer, drawn, *stem, _label(parameters[0], labels[0][0]), model.title)
         total, missing = len(answer.values), len(answer.unanswered)
     else:
-        with progress_bar("sweeping") as progress:
+        with progress_bar("sweeping") as progress, _kept(directory):
             answer = mechanism.chart(grids, progress=progress, **run)
         _write(_chart_answer(answer, labels, model.name, model.title), format_, output, model.name)
         if drawn:
@@ -155,6 +165,22 @@ def sweep(
         total, missing = answer.unstable.size, len(answer.problems)
     if missing:
         raise NumericalError(f"{missing} of {total} points have no answer; the others are computed")
+
+
+@contextlib.contextmanager
+def _kept(directory: Path | None) -> Iterator[None]:
+    """Say what an interrupted sweep leaves."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if directory is not None and directory.exists():
+            note(f"interrupted: finished blocks are kept in {directory}; go on with --resume")
+        raise
+
+
+def _chart_points(model: Model, parameter: str) -> int:
+    """Return the number of values along a side of a chart: that of the file, if it is not too many."""
+    return min(model.sweep[parameter].points, CHART_POINTS) if parameter in model.sweep else CHART_POINTS
 
 
 def _sweep_answer(result: Sweep, unit: str, factor: float, name: str, title: str) -> Answer:
@@ -193,7 +219,7 @@ def _draw_chart(result: Chart, stem: Path, suffix: str, labels: list[tuple[str, 
 
     texts = [_label(name, unit) for name, (unit, _) in zip(result.parameters, labels, strict=True)]
     figure = plots.chart(result.x, result.y, result.unstable, result.boundaries, (texts[0], texts[1]), title)
-    _save(figure, stem.with_name(f"{stem.name}-chart{suffix}"))
+    save_picture(figure, stem.with_name(f"{stem.name}-chart{suffix}"))
 
 
 def _draw(result: Sweep, pictures: tuple[str, ...], stem: Path, suffix: str, label: str, title: str) -> None:
@@ -205,19 +231,7 @@ def _draw(result: Sweep, pictures: tuple[str, ...], stem: Path, suffix: str, lab
     kinds = {"map": plots.stability_map, "locus": plots.root_locus, "campbell": plots.campbell}
     for picture in pictures:
         path = stem.with_name(f"{stem.name}-{picture}{suffix}")
-        _save(kinds[picture](result, label, title), path)
-
-
-def _save(figure: Any, path: Path) -> None:
-    from mbstab.report import plots
-
-    try:
-        plots.save(figure, path)
-    except (FileNotFoundError, NotADirectoryError, PermissionError) as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror}") from None
-    note(f"wrote {path}")
+        save_picture(kinds[picture](result, label, title), path)
 
 
 def _stem(place: Path | None, output: Path | None, model: Path, parameter: str) -> tuple[Path, str]:

@@ -30,7 +30,7 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -44,6 +44,9 @@ from mbstab.model.expressions import Expression
 from mbstab.model.jets import Jet
 from mbstab.model.schema import Entry, is_length
 from mbstab.model.values import Scene
+
+if TYPE_CHECKING:
+    from mbstab.compiler.fused import Fused
 
 Array = npt.NDArray[np.float64]
 
@@ -149,6 +152,38 @@ class System:
                 state = part.dynamics(q, u, time)
                 total += np.abs(state.F0 + state.M @ a)
         return total
+
+    def terms(self, q: Any, u: Any, a: Any, nu: Any, time: Any = None) -> dict[str, Any]:
+        """Return M, F (= F0), J, K, R and D (= D_q) as if nothing could cancel: sums of sizes over the elements.
+
+        Parameters
+        ----------
+        q, u, a : array_like, shape (n_q,)
+        nu : array_like, shape (n_c,)
+        time : float, optional
+        """
+        n, c = self.n_q, self.n_c
+        shapes = {"M": (n, n), "F": (n,), "E": (c,), "V": (c,), "J": (c, n), "B": (c,)}
+        out = self._run("dynamics", q, u, time, shapes, sizes=True)
+        out |= self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu, sizes=True)
+        return out | {"D": out["D"][self.n_h :]}
+
+    def fused(self, machine_code: bool = False) -> Fused:
+        """Return the same equations as functions of this scene alone, for thousands of states.
+
+        Parameters
+        ----------
+        machine_code : bool
+            Compile them with Numba, the extra ``fast``.
+
+        Raises
+        ------
+        ValueError
+            If the parameters of the scene are not floats.
+        """
+        from mbstab.compiler.fused import Fused
+
+        return Fused(self, machine_code)
 
     # --- what is in the scene ---------------------------------------------------------------------------------------
 
@@ -302,14 +337,17 @@ class System:
         shapes: dict[str, tuple[int, ...]],
         a: Any = None,
         nu: Any = None,
+        sizes: bool = False,
     ) -> dict[str, Any]:
         time = self.scene.time if time is None else time
         points = self.scene.points
         if points is None and isinstance(q, np.ndarray) and q.ndim == 2:
             points = len(q)
         f = FLOAT if points else self.scene.arithmetic
-        q, u = _padded(q), _padded(u)
-        a = _padded(a) if a is not None else None
+        # Exact number systems must not meet floats.
+        zero = f.number("0") if f.name == "ball" else 0.0
+        q, u = _padded(q, zero), _padded(u, zero)
+        a = _padded(a, zero) if a is not None else None
         nu = _listed(nu) if nu is not None else None
         values: list[Any] = []
         for element in self._running(function):
@@ -329,6 +367,8 @@ class System:
                     "hint: a spring of zero length, a wheel lying flat, an expression outside its domain or at a kink "
                     "has no derivative"
                 ) from None
+        if sizes:
+            values = [abs(x) for x in values]
         plan = self._plans.get(function)
         if plan is None:
             plan = self._plans[function] = self._plan(function, shapes)
@@ -410,9 +450,9 @@ def _listed(x: Any) -> list[Any]:
     return x.tolist() if isinstance(x, np.ndarray) and x.dtype != object and x.ndim == 1 else list(x)
 
 
-def _padded(x: Any) -> list[Any]:
+def _padded(x: Any, zero: Any) -> list[Any]:
     """Return a vector as a list with one fixed coordinate behind it."""
-    return [*_listed(x), 0.0]
+    return [*_listed(x), zero]
 
 
 def _scatter_points(values: Sequence[Any], take: Any, target: Any, shape: tuple[int, ...], points: int) -> Any:

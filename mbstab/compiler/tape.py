@@ -248,7 +248,7 @@ class Tape:
     def _multiple(self, value: int) -> Term | None:
         """Return the known step that has this value, or its double, half or negative, as a term."""
         for times in (Fraction(1), Fraction(2), Fraction(1, 2)):
-            part = value * _residue(1 / times) % PRIME
+            part = value * residue(1 / times) % PRIME
             number = self._by_value.get(min(part, PRIME - part))
             if number is not None:
                 return Term(self, times if self._values[number] == part else -times, number)
@@ -274,20 +274,18 @@ class Tape:
         values = self._values
         match step:
             case Sum():
-                return sum(values[n] * _residue(c) for n, c in step.terms) % PRIME
+                return sum(values[n] * residue(c) for n, c in step.terms) % PRIME
             case Product():
                 result = 1
                 for n, e in step.factors:
                     result = result * pow(values[n], e, PRIME) % PRIME
                 return result
             case Literal() if step.text != "pi":
-                return _residue(Fraction(step.text))
+                return residue(Fraction(step.text))
             case Call("sin" | "cos"):
-                tangent = _random(f"half of {step.arguments}")
-                over = pow(1 + tangent * tangent, -1, PRIME)
-                return (2 * tangent if step.function == "sin" else 1 - tangent * tangent) * over % PRIME
+                return half_angle(step.function, str(step.arguments))
             case _:
-                return _random(repr(step))
+                return random_residue(repr(step))
 
     # --- derivatives ------------------------------------------------------------------------------------------------
 
@@ -426,11 +424,20 @@ def uses(step: Step) -> Iterable[int]:
             return ()
 
 
-def _residue(x: Fraction) -> int:
+def residue(x: Fraction) -> int:
+    """Return the residue of a rational number."""
     if x.denominator == 1:
         return x.numerator % PRIME
     return x.numerator * pow(x.denominator, -1, PRIME) % PRIME
 
 
-def _random(text: str) -> int:
+def half_angle(function: str, angle: str) -> int:
+    """Return the residue of the sine or cosine of an angle given by a text: a random point of the unit circle."""
+    tangent = random_residue(f"half of {angle}")
+    over = pow(1 + tangent * tangent, -1, PRIME)
+    return (2 * tangent if function == "sin" else 1 - tangent * tangent) * over % PRIME
+
+
+def random_residue(text: str) -> int:
+    """Return a residue that looks random, always the same for a text."""
     return int.from_bytes(sha256(text.encode()).digest()) % PRIME

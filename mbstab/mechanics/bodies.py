@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind, Number, Vector
+from mbstab.mechanics.vectors import plain_zero
 
 # --- elements -------------------------------------------------------------------------------------------------------
 
@@ -70,7 +71,7 @@ def inertia_element(
     """Return the element of a body, the simplest that its numbers allow."""
     if not orientation:
         return ElementUse("point", (body,), (mass, *gravity))
-    if all(isinstance(c, (int, float)) and c == 0.0 for c in center):
+    if all(plain_zero(c) for c in center):
         return ElementUse("body", (body,), (mass, *inertia, *gravity))
     return ElementUse("body_offset", (body,), (mass, *inertia, *center, *gravity))
 
@@ -143,7 +144,7 @@ SHAPES: dict[str, ShapeKind] = {
             "solid sphere",
             (_length("radius", "radius"),),
             None,
-            lambda radius: (0.4 * radius * radius,) * 3,
+            lambda radius: (2.0 * radius * radius / 5.0,) * 3,  # 0.4 is no double
         ),
     )
 }

@@ -8,6 +8,7 @@ from typing import Any
 from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind, Load
 from mbstab.mechanics.drives import MOTION, TRAVEL, TURN, joint_motion
 from mbstab.mechanics.joints import joint_angle_functions, joint_displacement, motion_parameters
+from mbstab.mechanics.vectors import plain_zero
 
 # --- elements -------------------------------------------------------------------------------------------------------
 
@@ -114,10 +115,16 @@ ELEMENTS = (
 # --- kinds ----------------------------------------------------------------------------------------------------------
 
 
+def _is_zero(x: Any) -> bool:
+    """Whether a number is zero and stays it: neither a symbol nor the points of a sweep."""
+    plain = isinstance(x, (int, float)) or not (hasattr(x, "shape") or hasattr(x, "free_symbols"))
+    return plain and bool(x == 0)
+
+
 def _spring_elements(item: Item) -> Iterable[ElementUse]:
     first, second = item.markers("between")
     ends = (*first.point, *second.point, item.number("stiffness"))
-    if all(isinstance(item.number(name), (int, float)) and item.number(name) == 0.0 for name in ("length", "damping")):
+    if all(plain_zero(item.number(name)) for name in ("length", "damping")):
         yield ElementUse("ideal_spring", (first.body, second.body), ends)
         return
     numbers = (*ends, item.number("length"), item.number("damping"))

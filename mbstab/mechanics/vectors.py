@@ -59,6 +59,11 @@ def triad(axis: Vector, zero: Vector | None, sqrt: Callable[[Number], Number]) -
     return Triad(v1, v2, cross(v1, v2))
 
 
+def plain_zero(x: Number) -> bool:
+    """Whether a number is zero, and everywhere: no array of a sweep, no symbol."""
+    return bool(getattr(x, "plain", isinstance(x, (int, float))) and x == 0.0)
+
+
 def _nominal(x: Number) -> float:
     """Return one representative of a number: the first point of a sweep, the value of a constant."""
     if hasattr(x, "flat"):

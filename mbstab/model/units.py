@@ -9,9 +9,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from fractions import Fraction
+from typing import Any
 
 from mbstab.errors import suggestion
-from mbstab.model.arithmetic import CONSTANTS
+from mbstab.model.arithmetic import CONSTANTS, Arithmetic
 from mbstab.model.expressions import Binary, Call, Expression, ExpressionError, Name, Negative, Node, Number, Rate
 
 Dimension = tuple[Fraction, Fraction, Fraction]
@@ -85,6 +86,30 @@ def parse_unit(text: str) -> tuple[float, Dimension]:
             raise ExpressionError(f"{text!r} is no unit", at, "write products of units, such as kg*m^2 or N*s/m")
         sign = -1 if text[at] == "/" else 1
         at += 1
+
+
+def exact_factor(text: str, arithmetic: Arithmetic) -> Any:
+    """Return the factor to SI of a unit that `parse_unit` accepts, in a number system: a millimetre is 1/1000.
+
+    The float of `UNITS` is the nearest double only; its shortest decimals are the factor itself.
+    """
+    above, below = arithmetic.number("1"), arithmetic.number("1")
+    for sign, part in re.findall(r"([*/]?)((?:\*\*|[^*/])+)", text):
+        match = _FACTOR.fullmatch(part)
+        assert match is not None
+        name, power = match.group("name"), int(match.group("power") or 1)
+        if name == "deg":
+            factor = arithmetic.constants["deg"]
+        elif name == "rpm":
+            factor = arithmetic.constants["pi"] / 30
+        else:
+            factor = arithmetic.number(repr(UNITS[name][0]))
+        for _ in range(abs(power)):
+            if (power > 0) == (sign != "/"):
+                above = above * factor
+            else:
+                below = below * factor
+    return above / below
 
 
 def _times(a: Dimension, b: Dimension, power: Fraction | int = 1) -> Dimension:

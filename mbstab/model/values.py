@@ -31,6 +31,7 @@ from mbstab.model.schema import (
     body_coordinates,
     parse_finite,
 )
+from mbstab.model.units import exact_factor
 
 
 @dataclass(frozen=True)
@@ -145,18 +146,21 @@ class Scene:
         return self.model.coordinates()
 
 
-def parse_overrides(model: Model, settings: Mapping[str, Number | str]) -> dict[str, Number]:
+def parse_overrides(
+    model: Model, settings: Mapping[str, Number | str], arithmetic: Arithmetic = FLOAT
+) -> dict[str, Number]:
     """Return parameter values in SI for settings such as ``{"omega": "2*pi"}``.
 
     A plain number counts in the declared unit of the parameter; an expression may use the
-    other parameters' values in the file and counts in SI.
+    other parameters' values in the file and counts in SI. In a number system other than floats
+    a text keeps all its digits, and a float stands for the decimals it is printed with.
 
     Raises
     ------
     UsageError
         If a parameter is unknown or the value is no finite number.
     """
-    return {name: _override(model, name, setting) for name, setting in settings.items()}
+    return {name: _override(model, name, setting, arithmetic) for name, setting in settings.items()}
 
 
 def _parameter(model: Model, name: str) -> Parameter:
@@ -166,21 +170,32 @@ def _parameter(model: Model, name: str) -> Parameter:
     return model.parameters[name]
 
 
-def _override(model: Model, name: str, setting: Number | str) -> Number:
+def _factor(parameter: Parameter, arithmetic: Arithmetic) -> Number:
+    """Return what turns the unit of a parameter into SI, as exact as the number system can have it."""
+    if parameter.factor == 1.0 or arithmetic.name in ("float", "array"):
+        return parameter.factor
+    return exact_factor(parameter.unit, arithmetic)
+
+
+def _override(model: Model, name: str, setting: Number | str, arithmetic: Arithmetic) -> Number:
     parameter = _parameter(model, name)
+    factor = _factor(parameter, arithmetic)
     try:
+        if arithmetic is not FLOAT and isinstance(setting, (int, float)):
+            _require_finite(setting)
+            setting = arithmetic.number(repr(setting if isinstance(setting, int) else float(setting)))
         if not isinstance(setting, str):
-            return _require_finite(setting * parameter.factor)
+            return _require_finite(setting * factor)
         expression = parse_finite(setting, model.parameters)
         if expression.literal:
-            return _require_finite(expression.evaluate({}, FLOAT) * parameter.factor)
-        nominal = evaluate_parameters(model, {}, FLOAT)
+            return _require_finite(expression.evaluate({}, arithmetic) * factor)
+        nominal = evaluate_parameters(model, {}, arithmetic)
         if expression.rates():
             raise ExpressionError("rate(...) cannot be used here")
         for used in expression.names():
             if used not in nominal:
                 raise ExpressionError(f"unknown parameter {used!r}", 0, suggestion(used, nominal))
-        return _require_finite(expression.evaluate(nominal, FLOAT))
+        return _require_finite(expression.evaluate(nominal, arithmetic))
     except ExpressionError as error:
         hint = f"\nhint: {error.hint}" if error.hint else ""
         raise UsageError(f"{name}={setting}: {error.message}{hint}") from None
@@ -205,7 +220,8 @@ def evaluate_parameters(model: Model, overrides: Mapping[str, Number], arithmeti
             values[name] = overrides[name]
             continue
         try:
-            values[name] = _require_finite(parameter.expression.evaluate(values, arithmetic) * parameter.factor)
+            value = parameter.expression.evaluate(values, arithmetic)
+            values[name] = _require_finite(value * _factor(parameter, arithmetic))
         except ExpressionError as error:
             document.complain(parameter.location, parameter.expression.path, error.message)
             values[name] = 1.0
@@ -362,7 +378,7 @@ class _Evaluator:
             return True
         unit = f" {field.unit}" if field.unit not in ("", "1") else ""
         shown = value[~good].flat[0] if hasattr(value, "shape") else value
-        self.complain(quantity, f"{field.name.replace('_', ' ')} must {rule}, got {shown:g}{unit}")
+        self.complain(quantity, f"{field.name.replace('_', ' ')} must {rule}, got {_nominal(shown):g}{unit}")
         return False
 
     def vector(self, components: Components, length: bool = False) -> Vector:

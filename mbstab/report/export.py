@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from io import BytesIO, StringIO
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.chart import Chart
 from mbstab.analysis.check import CheckReport
@@ -17,6 +17,10 @@ from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
 from mbstab.analysis.sweep import Sweep
 from mbstab.model.schema import is_length
+
+if TYPE_CHECKING:
+    from mbstab.analysis.compare import Comparison, Outcome
+    from mbstab.analysis.precise import PreciseResult
 
 Named = tuple[Any, list[str], list[str]]
 
@@ -57,8 +61,8 @@ def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str
     periodic motion; its eigenvalues are Floquet exponents with a ``multiplier``), ``verdict``, ``reasons``,
     ``eigenvalues`` (``real`` and ``imag`` in 1/s, ``kind``, ``frequency`` in Hz,
     ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s, ``error_bound`` in 1/s,
-    ``condition``, ``backward_error``, ``participation``), ``counts``, ``neutral_chains``,
-    ``symmetries``, ``warnings``.
+    ``condition``, ``backward_error``, ``participation``), ``counts`` (`mbstab.analysis.eigen.Counts`),
+    ``neutral_chains``, ``symmetries``, ``warnings``.
     """
     return {
         "model": model,
@@ -101,6 +105,48 @@ def eigen_csv(result: EigenResult) -> str:
         [e.value.real, e.value.imag, e.kind, e.frequency, e.damping_ratio, e.error_bound] for e in result.eigenvalues
     ]
     return to_csv(heads, rows)
+
+
+def precise_data(result: PreciseResult, model: str, title: str, parameters: dict[str, float]) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab eig --precision``.
+
+    Keys: ``model``, ``title``, ``parameters`` (SI, rounded to doubles), ``method``, ``frame``, ``frozen_time``,
+    ``digits`` (all of them right), ``working_digits``, ``seconds``, ``verdict``, ``reasons``, ``eigenvalues``
+    without the neutral ones (``real``, ``imag`` and ``error_bound`` in 1/s as decimal strings; ``kind``),
+    ``neutral`` (``zeros`` and the frequencies ``shifts`` of pairs, rad/s as decimal strings), ``counts``,
+    ``neutral_chains``, ``symmetries``, ``smallest_pivot`` and ``largest_zero_pivot`` (the rank decisions about
+    neutral eigenvalues, as decimal strings), ``double_precision`` (``verdict`` there), ``warnings``.
+    """
+    return {
+        "model": model,
+        "title": title,
+        "parameters": parameters,
+        "method": result.method,
+        "frame": result.frame,
+        "frozen_time": result.frozen,
+        "digits": result.digits,
+        "working_digits": result.working_digits,
+        "seconds": result.seconds,
+        "verdict": result.verdict,
+        "reasons": result.reasons,
+        "eigenvalues": [
+            {"real": e.real, "imag": e.imag, "kind": e.kind, "error_bound": e.bound} for e in result.eigenvalues
+        ],
+        "neutral": {"zeros": sum(result.chains), "shifts": result.shifts},
+        "counts": {**asdict(result.counts), "degrees_of_freedom": result.counts.degrees_of_freedom},
+        "neutral_chains": result.chains,
+        "symmetries": result.symmetries,
+        "smallest_pivot": result.kept,
+        "largest_zero_pivot": result.dropped,
+        "double_precision": {"verdict": result.plain.verdict},
+        "warnings": result.warnings,
+    }
+
+
+def precise_csv(result: PreciseResult) -> str:
+    """Return the eigenvalues with many digits as CSV."""
+    rows = [[e.real, e.imag, e.kind, e.bound] for e in result.eigenvalues]
+    return to_csv(["real (1/s)", "imag (1/s)", "kind", "error bound (1/s)"], rows)
 
 
 def check_data(report: CheckReport, model: str, title: str) -> dict[str, Any]:
@@ -180,7 +226,7 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     (lists with an eigenvalue for each value: ``real`` and ``imag`` in 1/s, null where there is
     none), ``unstable`` (their number for each value, null without an answer), ``neutral``,
     ``critical`` (``value``, ``kind``, ``branch``: numbers counting from 0, ``frequency`` in
-    rad/s, ``krein_signatures`` of a collision, ``unstable_below``, ``unstable_above``),
+    rad/s, ``krein_signatures`` of a collision, ``branching``, ``unstable_below``, ``unstable_above``),
     ``meetings`` (``value``, ``kind``), ``problems`` (``point`` counting from 0, ``reason``),
     ``start`` (where equilibria were followed from, null if they are given) and ``beyond``: for
     each path to which folds lead an object with the same keys from ``values`` on.
@@ -202,6 +248,7 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
                 "branch": list(c.branches),
                 "frequency": c.frequency,
                 "krein_signatures": c.signatures,
+                "branching": c.branching,
                 "unstable_below": c.unstable[0] if c.unstable[0] >= 0 else None,
                 "unstable_above": c.unstable[1] if c.unstable[1] >= 0 else None,
             }
@@ -247,6 +294,65 @@ def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
         "critical": np.array([c.value / factor for path in paths for c in path.critical]),
         "critical_kind": np.array([c.kind for path in paths for c in path.critical]),
     }
+
+
+def compare_data(result: Comparison, model: str, title: str) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab compare``.
+
+    Keys: ``model``, ``title``, ``digits``, ``truth`` (``real`` and ``imag`` of each eigenvalue as
+    decimal text, 1/s), ``neutral``, ``verdict``, ``rounding`` (how far the rounding of the data to
+    double precision alone moves each eigenvalue), ``seconds`` (reference motion and linearized
+    equations with their checks), ``methods`` (see below), ``tolerance`` and ``chosen`` (a method).
+
+    Of each method: ``method``, ``values`` (``real``, ``imag``; 1/s), ``errors``, ``own_errors``
+    (from the eigenvalues of the rounded data) and ``bounds``, one for each of ``truth`` and
+    relative to its modulus; ``error``, ``own_error``, ``bound`` (the largest ones), ``exceeded``
+    (an error is larger than its bound), ``lost``, ``invented``, ``zeros`` and ``drift`` (1/s: how
+    far the worst neutral eigenvalue and the worst one of constraint drift are off), ``besides``,
+    ``verdict``, ``seconds``, ``memory`` (bytes), ``failure`` (why there is no answer). Null stands
+    for what there is not: ``error`` is null if an eigenvalue is lost or invented.
+    """
+    return {
+        "model": model,
+        "title": title,
+        "digits": result.truth.digits,
+        "truth": [{"real": e.real, "imag": e.imag} for e in result.truth.eigenvalues],
+        "neutral": result.truth.neutral,
+        "verdict": result.truth.verdict,
+        "rounding": result.rounding,
+        "seconds": result.seconds,
+        "methods": [_outcome(x) for x in result.outcomes],
+        "tolerance": result.tolerance,
+        "chosen": None if result.chosen is None else result.chosen.method,
+    }
+
+
+def _outcome(x: Outcome) -> dict[str, Any]:
+    values = [{"real": s.real, "imag": s.imag} for s in x.values]
+    largest = {"error": x.error, "own_error": x.own_error, "bound": x.bound, "exceeded": x.exceeded}
+    if x.failure:
+        counts: dict[str, Any] = dict.fromkeys(("lost", "invented", "zeros", "drift", "besides", "verdict"))
+    else:
+        counts = {key: getattr(x, key) for key in ("lost", "invented", "zeros", "drift", "besides", "verdict")}
+    cost = {"seconds": x.seconds, "memory": x.memory or None, "failure": x.failure or None}
+    errors = {"errors": x.errors, "own_errors": x.own_errors, "bounds": x.bounds}
+    return {"method": x.method, "values": values} | errors | largest | counts | cost
+
+
+def compare_csv(result: Comparison) -> str:
+    """Return one line for each method and true eigenvalue."""
+    heads = [
+        "method", "true real (1/s)", "true imag (1/s)", "real (1/s)", "imag (1/s)", "relative error",
+        "own relative error", "claimed bound", "seconds", "bytes", "failure",
+    ]  # fmt: skip
+    rows: list[list[Any]] = []
+    for x in result.outcomes:
+        failure = x.failure.partition("\n")[0]
+        columns = (result.truth.eigenvalues, x.values, x.errors, x.own_errors, x.bounds)
+        for e, s, *numbers in zip(*columns, strict=True):
+            found = [float(y) for y in (s.real, s.imag, *numbers)]
+            rows.append([x.method, e.real, e.imag, *found, x.seconds, x.memory or "", failure])
+    return to_csv(heads, rows)
 
 
 def chart_data(result: Chart, labels: Sequence[tuple[str, float]], model: str, title: str) -> dict[str, Any]:

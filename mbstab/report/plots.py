@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -31,10 +31,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, SymmetricalLogLocator
 
+from mbstab.analysis.methods import METHODS
 from mbstab.analysis.spectrum import STABLE, Complex
 from mbstab.analysis.sweep import Critical, Sweep
 from mbstab.compiler.system import Array
 from mbstab.model.units import parse_unit
+
+if TYPE_CHECKING:
+    from mbstab.analysis.compare import Comparison, Outcome
 
 Mask = npt.NDArray[np.bool_]
 
@@ -64,6 +68,9 @@ ROWS = 5
 
 LABELS = 60
 """Points that are labelled at most."""
+
+EXACT = 1e-17
+"""Smaller errors are chance in double precision; they are drawn here, those of n digits at a tenth of the last one."""
 
 SQUEEZED = 40.0
 """If real parts reach that many times farther than those next to the imaginary axis, their axis is logarithmic."""
@@ -298,6 +305,78 @@ def chart(
         return figure
 
 
+def work_precision(result: Comparison, title: str) -> Figure:
+    """Return error against time, one numbered point for each method or number of digits, with the bound it claimed."""
+    with _style():
+        figure, (axes,) = _frame(title, heights=(4.4,))
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        points: dict[int, tuple[float, float]] = {}
+        smaller = False
+        for n, x in enumerate(result.outcomes, 1):
+            if not math.isfinite(x.error):
+                continue
+            floor = EXACT if x.method in METHODS else max(10.0 ** -(1 + int(x.method.split()[0])), 1e-300)
+            time, error, below = 1e3 * x.seconds, max(x.error, floor), x.error < floor
+            points[n], smaller = (time, error), smaller or below
+            if math.isfinite(x.bound) and x.bound > error:
+                axes.plot([time, time], [error, x.bound], color="0.6", linewidth=1.0, zorder=2)
+                axes.plot(time, x.bound, "_", color="0.6", markersize=8, zorder=2)
+            face = "k" if x is result.chosen else "w"
+            axes.plot(time, error, "v" if below else "o", color="k", markersize=6, markerfacecolor=face, zorder=4)
+        handles: list[Artist] = [
+            _marker("o", 6.0, "largest error"),
+            Line2D([], [], color="0.6", label="up to the claimed bound"),
+        ]
+        if smaller:
+            handles.append(_marker("v", 6.0, "smaller than drawn"))
+        if result.chosen is not None:
+            handles.append(Line2D([], [], color="k", linestyle="", marker="o", markersize=6, label="chosen"))
+        if result.tolerance is not None:
+            axes.axhline(result.tolerance, color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, zorder=1)
+            handles.append(Line2D([], [], color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, label="tolerance"))
+        rounding = float(np.max(result.rounding, initial=0.0))
+        if rounding > EXACT:
+            axes.axhline(rounding, color="0.4", linewidth=1.0, linestyle=":", zorder=1)
+            handles.append(Line2D([], [], color="0.4", linewidth=1.0, linestyle=":", label="rounding of the data"))
+        _decades(axes, list(points.values()), len(result.outcomes))
+        labels = _Labels(axes)
+        for n, (time, error) in points.items():
+            labels.add(time, error, str(n))
+        labels.draw()
+        axes.set_xlabel("time (ms); of digits from the file, of the others from the reference motion")
+        axes.set_ylabel("largest relative error of an eigenvalue")
+        lines = [f"{n}  {x.method}{_missing(x)}" for n, x in enumerate(result.outcomes, 1)]
+        # Methods in double precision are fast and inexact, digits are neither: this corner is free.
+        axes.text(
+            0.02, 0.03, "\n".join(lines), transform=axes.transAxes, ha="left", va="bottom", fontsize=FONT, zorder=6
+        )
+        _legend(figure, handles)
+        return figure
+
+
+def _missing(x: Outcome) -> str:
+    if x.failure:
+        return ": no answer"
+    parts = [f"{count} {what}" for count, what in ((x.lost, "lost"), (x.invented, "invented")) if count]
+    return f": {', '.join(parts)}" if parts else ""
+
+
+def _decades(axes: Axes, points: Sequence[tuple[float, float]], entries: int) -> None:
+    """Set logarithmic limits with room for labels beside the points, and for a list in the lower left corner."""
+    if not points:
+        return
+    times = [time for time, _ in points]
+    lower, upper = float(axes.dataLim.y0), float(axes.dataLim.y1)
+    span = max(math.log10(max(times) / min(times)), 1.0)
+    axes.set_xlim(min(times) * 10.0 ** (-0.12 * span), max(times) * 10.0 ** (0.12 * span))
+    lowest_there = min(error for time, error in points if time < min(times) * 10.0 ** (0.5 * span))
+    part = 0.045 * entries + 0.08  # of the height, for the list
+    top = math.log10(upper) + 1.0
+    bottom = min(math.log10(lower) - 1.0, (math.log10(lowest_there) - part * top) / (1.0 - part))
+    axes.set_ylim(10.0 ** max(bottom, -306.0), 10.0**top)
+
+
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write a picture; the file appears whole or not at all, and is the same for the same picture.
 
@@ -392,6 +471,9 @@ class _Picture:
         self.unlabelled = 0
         self.others = [_Picture(path, label, turned) for path in result.beyond]
         self.size = max([self.size, *(other.size for other in self.others)])
+        unanswered = np.zeros(len(result.values), dtype=bool)
+        unanswered[result.unanswered] = True
+        self.unanswered = unanswered[::-1] if down else unanswered
         self.marked = sorted(
             [*self.critical, *(group for other in self.others for group in other.critical)],
             key=lambda group: group[0].value,
@@ -468,7 +550,8 @@ class _Picture:
         """Yield ranges of the parameter that are unstable (1) or have no answer (−1), as long as they are."""
         if len(self.points) < 2:
             return
-        x, sign = self.points, np.sign(self.unstable)
+        # Values that another path answers are not shaded.
+        x, sign = self.points, np.where((self.unstable < 0) & ~self.unanswered, 0, np.sign(self.unstable))
         state = np.where((sign[:-1] < 0) | (sign[1:] < 0), -1, sign[:-1])
         changes = (state >= 0) & (sign[:-1] != sign[1:])
         cuts: dict[int, list[Critical]] = {}
@@ -499,7 +582,8 @@ class _Picture:
     def legend(self, seen: Mask | None = None, over: bool = True) -> list[Artist]:
         """Return what the legends of all pictures of sweeps have in common."""
         handles: list[Artist] = []
-        if np.any(self.growing if seen is None else self.growing & seen):
+        growing = self.growing if seen is None else self.growing & seen
+        if np.any(growing) or any(np.any(other.growing) for other in self.others):
             handles.append(Line2D([], [], color="k", linewidth=THICK, label="unstable eigenvalue"))
         if over and self.marked:
             text = "critical value" + (f" ({self.unlabelled} without label)" if self.unlabelled else "")
@@ -508,7 +592,7 @@ class _Picture:
             handles.append(Line2D([], [], color=BEYOND_INK, linewidth=THIN, label="beyond a fold"))
         if over and np.any(self.unstable > 0):
             handles.append(Patch(facecolor=UNSTABLE_SHADE, edgecolor="0.6", linewidth=0.6, label="unstable range"))
-        if over and np.any(self.unstable < 0):
+        if over and np.any(self.unanswered):
             handles.append(_no_answer())
         return handles
 

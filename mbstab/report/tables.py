@@ -7,17 +7,22 @@ from collections.abc import Sequence
 from io import StringIO
 from itertools import pairwise
 from textwrap import wrap
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.chart import Chart
 from mbstab.analysis.check import CheckReport
 from mbstab.analysis.eigen import EigenResult, Eigenvalue, show
 from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
+from mbstab.analysis.methods import DEFAULT
 from mbstab.analysis.sweep import Critical, Sweep
 from mbstab.errors import counted
 from mbstab.model.schema import is_length
 from mbstab.report import WIDTH
+
+if TYPE_CHECKING:
+    from mbstab.analysis.compare import Comparison, Outcome
+    from mbstab.analysis.precise import PreciseResult
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:
@@ -72,6 +77,36 @@ def eigen_text(result: EigenResult, title: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+def precise_text(result: PreciseResult, title: str) -> str:
+    """Return the answer of ``mbstab eig --precision`` as text: real and imaginary parts on lines of their own."""
+    lines = [title, ""] if title else []
+    rows = []
+    for e in result.eigenvalues:
+        if e.imag.startswith("-"):
+            continue
+        last = [e.bound, e.kind]
+        if e.imag == "0":
+            rows.append([e.real, *last])
+        elif e.real == "0":
+            rows.append([f"± {e.imag}i", *last])
+        else:
+            rows += [[e.real, "", ""], [f"± {e.imag}i", *last]]
+    rows += [[f"± {shift}i", "-", "neutral"] for shift in result.shifts]
+    if zeros := sum(result.chains):
+        rows.append(["0", "-", f"neutral, {zeros}×"])
+    lines.append(table(["eigenvalue\n(1/s)", "error\nbound", "type"], rows, left=(2,)) if rows else "no eigenvalues\n")
+    lines.append(f"Verdict: {result.verdict}")
+    for reason in result.reasons:
+        lines += wrap(reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ")
+    lines += ["", *_counts(result)]
+    lines += wrap(
+        f"{result.digits} digits, computed with {result.working_digits} in {result.seconds:.1f} s; smallest pivot that "
+        f"counts {result.kept}, largest that counts as zero {result.dropped}, relative to the matrix",
+        width=WIDTH,
+    )
+    return "\n".join(lines) + "\n"
+
+
 def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -> str:
     rows = []
     for e, multiplicity in shown:
@@ -110,7 +145,8 @@ def _multipliers(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
 
 
 def _neutral_value(result: EigenResult) -> str:
-    return "0" if result.method == "nullspace" else f"0 to {_spread(result):.0e}"
+    spread = _spread(result)
+    return f"0 to {spread:.0e}" if result.method != DEFAULT and spread else "0"
 
 
 def _spread(result: EigenResult) -> float:
@@ -161,7 +197,7 @@ def _fitting(words: Sequence[str], width: int) -> str:
     return ""
 
 
-def _counts(result: EigenResult) -> list[str]:
+def _counts(result: EigenResult | PreciseResult) -> list[str]:
     c = result.counts
     rows = f"{counted(c.n_q, 'coordinate')}, {counted(c.n_holonomic, 'holonomic row')} (rank {c.rank_holonomic})"
     rows += f", {counted(c.n_nonholonomic, 'nonholonomic row')} (rank {c.rank_nonholonomic})"
@@ -184,6 +220,14 @@ def _counts(result: EigenResult) -> list[str]:
             "each constraint row; the pencil is singular for every s, and only because these\n"
             "zeros are exact can QZ still compute the other eigenvalues"
         )
+    if c.extra:
+        where = "0, or in the turning frame ±i times its rate" if result.frame else "0"
+        text = (
+            f"besides, the method returned {counted(c.extra, 'eigenvalue')} of constraint drift, two for each "
+            f"independent holonomic row and one for each nonholonomic row; exactly they are {where}, the worst came "
+            f"out {c.extra_error:.0e} 1/s away"
+        )
+        lines += wrap(text, width=WIDTH)
     if result.symmetries and c.neutral:
         lines += wrap(
             "neutral eigenvalues belong to: " + ", ".join(result.symmetries), width=WIDTH, subsequent_indent="  "
@@ -252,6 +296,8 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
     lines.append(f"{counted(count, 'branch', 'branches')}, {counted(result.neutral, 'neutral eigenvalue')} besides")
     if result.start is not None:
         lines.append(f"equilibria followed from {result.parameter} = {number(result.start / factor)}")
+    if result.moved:
+        lines += wrap(f"not from the first value: {result.moved}", width=WIDTH)
     lines += ["", *_path(result, label, factor)]
     for n, path in enumerate(result.beyond, 2):
         assert path.start is not None
@@ -267,12 +313,12 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
 
 def _path(result: Sweep, label: str, factor: float) -> list[str]:
     """Return what happens along one path of a sweep."""
-    lines = ["stability does not change in this range", ""]
+    lines = ["stability does not change in this range", ""] if any(result.unstable >= 0) else []
     if result.critical:
         rows = [
             [
-                f"{c.value / factor:.13g}",
-                c.kind + _signs(c),
+                f"{_rounded(c.value, result) / factor:.13g}",
+                c.kind + _signs(c) + (", branch point" if c.branching and c.kind != "branch point" else ""),
                 number(c.frequency, 6) if c.frequency else "-",
                 ", ".join(str(b + 1) for b in c.branches) or "-",
                 " → ".join("none" if n < 0 else str(n) for n in c.unstable),
@@ -285,7 +331,7 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
         lines += ["signs of a collision: energies of the two modes that meet (Krein signatures)", ""]
     lines += _ranges(result, factor)
     if result.meetings:
-        shown = [f"{what} at {number(value / factor, 6)}" for value, what in dict.fromkeys(result.meetings)]
+        shown = [f"{what} at {number(_rounded(value, result) / factor, 6)}" for value, what in result.meetings]
         lines += ["", *wrap("branches " + ", ".join(shown[:12]) + (" …" if len(shown) > 12 else ""), width=WIDTH)]
     if result.problems:
         reasons: dict[str, int] = {}
@@ -302,18 +348,46 @@ def _signs(c: Critical) -> str:
     return "" if c.signatures is None else " (" + "".join("+" if x > 0 else "-" for x in c.signatures) + ")"
 
 
+def _rounded(value: float, result: Sweep) -> float:
+    """Return a value of the parameter, 0 if it is rounding beside the others."""
+    return value if abs(value) > 1e-11 * float(max(abs(result.values))) else 0.0
+
+
 def _ranges(result: Sweep, factor: float) -> list[str]:
-    """Return how many eigenvalues are unstable between the critical values."""
-    values = [float(x) / factor for x in (result.values[0], result.values[-1])]
-    values = sorted([*values, values[0] if result.start is None else result.start / factor])
-    ends = [values[0], *sorted(c.value / factor for c in result.critical), values[-1]]
-    lines = []
-    for a, b in pairwise(ends):
-        inside = (result.values / factor > a) & (result.values / factor < b) & (result.unstable >= 0)
-        counts = sorted({int(n) for n in result.unstable[inside]})
-        if counts and b > a:
-            what = "stable" if counts == [0] else f"unstable ({', '.join(map(str, counts))})"
-            lines.append(f"  {number(a, 6)} to {number(b, 6)}: {what}")
+    """Return how many eigenvalues are unstable between the critical values, where there is an answer."""
+    order = result.values.argsort()
+    x, counts = result.values[order] / factor, result.unstable[order]
+    begin = result.values[0] if result.start is None else result.start
+    critical = sorted(result.critical, key=lambda c: c.value)
+    edges = [
+        (min(x[0], begin / factor), -1, -1),
+        *((_rounded(c.value, result) / factor, *c.unstable) for c in critical),
+    ]
+    edges.append((max(x[-1], begin / factor), -1, -1))
+    lines, changes = [], {_rounded(c.value, result) / factor for c in critical}
+    for (a, _, above), (b, below, _) in pairwise(edges):
+        inside = (x >= a) & (x <= b)
+        runs: list[tuple[float, float, set[int]]] = []
+        whole = True
+        for value, n in zip(x[inside], counts[inside], strict=True):
+            if n < 0 and value not in changes:
+                whole = False
+            elif n >= 0 and a < value < b:
+                runs = runs if runs and whole else [*runs, (a if whole and not runs else value, value, set())]
+                runs[-1] = runs[-1][0], value, runs[-1][2] | {int(n)}
+                whole = True
+        known = {n for n in (above, below) if n >= 0}
+        if not runs and known and whole and b > a:
+            runs = [(a, b, known)]
+        elif runs and whole:
+            runs[-1] = runs[-1][0], b, runs[-1][2]
+        elif not runs and not known:
+            ends = {int(n) for n in counts[inside] if n >= 0}
+            runs = [(a, b, ends)] if ends and whole and b > a else []
+        for low, high, found in runs:
+            what = "stable" if found == {0} else f"unstable ({', '.join(map(str, sorted(found)))})"
+            place = f"{number(low, 6)} to {number(high, 6)}" if high > low else f"at {number(low, 6)}"
+            lines.append(f"  {place}: {what}")
     return lines
 
 
@@ -331,6 +405,154 @@ def chart_text(result: Chart, labels: Sequence[tuple[str, float]], title: str) -
     lines += ["", table(["region", "part of the points"], rows, left=(0,))]
     lines.append(f"{counted(len(result.boundaries), 'boundary curve')}")
     return "\n".join(lines) + "\n"
+
+
+def compare_text(result: Comparison, title: str) -> str:
+    """Return the answer of ``mbstab compare`` as text."""
+    truth, outcomes = result.truth, result.outcomes
+    lines = [title, ""] if title else []
+    heads = ["", "method", "largest\nerror", "method\nalone", "claimed\nbound", "time\n(ms)", "memory\n(kB)", "lost"]
+    lines.append(
+        table([*heads, "invented"], [_outcome_row(n, x, truth.digits) for n, x in enumerate(outcomes, 1)], left=(1,))
+    )
+    lines += _filled(
+        f"errors: relative to the modulus of each eigenvalue, against {truth.digits} digits, which took "
+        f"{truth.seconds:.2g} s"
+    )
+    if len(result.rounding) and not _unknown(result):
+        lines += _filled(
+            f"rounding of parameters and matrices to double moves eigenvalues by up to "
+            f"{_size(max(result.rounding), truth.digits)}; "
+            "method alone: error against the exact eigenvalues of these matrices"
+        )
+    elif len(result.rounding):
+        lines += _filled("method alone: not known, as rounding makes redundant constraints contradict each other")
+    lines += _filled(
+        "time: from the reference motion to eigenvalues and vectors (the motion and checks before that: "
+        f"{1e3 * result.seconds:.3g} ms); of digits all of it"
+    )
+    if truth.eigenvalues:
+        lines += ["", *_error_tables(result)]
+    lines += _failures(outcomes) + _remarks(outcomes)
+    if truth.neutral:
+        lines.append(f"{counted(truth.neutral, 'neutral eigenvalue')} besides")
+    lines.append(f"Verdict with {truth.digits} digits: {truth.verdict}")
+    different = [f"{n} {x.method} ({x.verdict})" for n, x in enumerate(outcomes, 1) if _differs(x, result)]
+    if different:
+        lines += _filled(f"another verdict by {', '.join(different)}")
+    if result.chosen is not None:
+        lines += ["", *_filled(_choice(result))]
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _outcome_row(n: int, x: Outcome, digits: int) -> list[str]:
+    if x.failure:
+        return [str(n), x.method, "no answer", *["-"] * 6]
+    memory = number(x.memory / 1e3, 3) if x.memory < 1e6 else f"{x.memory / 1e3:.0f}"
+    time = number(1e3 * x.seconds, 3) if x.seconds < 1.0 else f"{1e3 * x.seconds:.0f}"
+    largest = max((e for e in x.errors if not math.isnan(e)), default=math.nan)
+    own = max((e for e in x.own_errors if not math.isnan(e)), default=math.nan)
+    bound = x.bound if any(not math.isnan(b) for b in x.bounds) else math.nan
+    return [
+        str(n),
+        x.method,
+        _size(largest, digits),
+        _size(own, digits),
+        _size(bound),
+        time,
+        memory,
+        str(x.lost),
+        str(x.invented),
+    ]
+
+
+def _filled(text: str) -> list[str]:
+    return wrap(text, width=WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+
+
+ROUNDING = "rounding of data"
+
+
+def _error_tables(result: Comparison) -> list[str]:
+    """Return the error of each method in each eigenvalue, as many eigenvalues beside each other as fit."""
+    shown = [i for i, e in enumerate(result.truth.eigenvalues) if e.value.imag >= 0]
+    names, digits = [x.method for x in result.outcomes], result.truth.digits
+    blocks: list[list[int]] = []
+    room = 0
+    for i in shown:
+        width = max(map(len, _head(result, i).splitlines())) + 2
+        if width > room:
+            blocks.append([])
+            room = WIDTH - 4 - max(map(len, [ROUNDING, *names]))
+        blocks[-1].append(i)
+        room -= width
+    texts = []
+    for block in blocks:
+        rows = [
+            [str(n), x.method, *(_size(float(x.errors[i]), digits) for i in block)]
+            for n, x in enumerate(result.outcomes, 1)
+        ]
+        if not _unknown(result):
+            rows.append(["", ROUNDING, *(_size(float(result.rounding[i]), digits) for i in block)])
+        heads = ["", "error in the\neigenvalue (1/s)", *(_head(result, i) for i in block)]
+        texts.append(table(heads, rows, left=(1,)))
+    return texts
+
+
+def _head(result: Comparison, i: int) -> str:
+    """Return an eigenvalue on two lines, with ten digits."""
+    text = eigenvalue(complex(result.truth.eigenvalues[i].value))
+    return text.replace(" ± ", "\n± ")
+
+
+def _failures(outcomes: Sequence[Outcome]) -> list[str]:
+    """Return why methods have no answer, the same of several once."""
+    texts: dict[str, list[str]] = {}
+    for n, x in enumerate(outcomes, 1):
+        if x.failure:
+            text = x.failure.splitlines()[0].removeprefix(f"--method {x.method} ")
+            texts.setdefault(text, []).append(str(n))
+    return [line for text, numbers in texts.items() for line in _filled(f"no answer by {', '.join(numbers)}: {text}")]
+
+
+def _remarks(outcomes: Sequence[Outcome]) -> list[str]:
+    """Return what methods returned besides, the same of several in one line."""
+    texts: dict[str, list[str]] = {}
+    for n, x in enumerate(outcomes, 1):
+        parts = [x.besides] if x.besides else []
+        parts += [f"drift off by {x.drift:.0e} 1/s"] if x.drift else []
+        parts += [f"zeros off by {x.zeros:.0e} 1/s"] if x.zeros else []
+        parts += ["an error above its bound"] if x.exceeded else []
+        if parts:
+            texts.setdefault(", ".join(parts), []).append(str(n))
+    found = [line for text, numbers in texts.items() for line in _filled(f"{', '.join(numbers)}: {text}")]
+    return [*(["besides:"] if found else []), *(f"  {line}" for line in found)]
+
+
+def _unknown(result: Comparison) -> bool:
+    """Whether it is not known what rounding of the data does."""
+    return any(math.isnan(x) for x in result.rounding)
+
+
+def _differs(x: Outcome, result: Comparison) -> bool:
+    return not x.failure and x.verdict != result.truth.verdict
+
+
+def _size(x: float, digits: int = 0) -> str:
+    """Return the size of an error; nothing is said about one below the digits of the truth."""
+    if math.isnan(x):
+        return "-"
+    return f"<1e-{digits}" if digits and (x == 0.0 or x < 10.0**-digits) else f"{x:.0e}"
+
+
+def _choice(result: Comparison) -> str:
+    chosen, tolerance = result.chosen, result.tolerance
+    assert chosen is not None
+    faster = result.faster()
+    error = _size(chosen.error, result.truth.digits)
+    text = f"{chosen.method} keeps {tolerance:g}: error {error} in {1e3 * chosen.seconds:.3g} ms"
+    missed = ", ".join(f"{x.method} ({_size(x.error) if math.isfinite(x.error) else 'wrong'})" for x in faster)
+    return f"{text}; faster ones do not: {missed}" if faster else f"{text}, and none is faster"
 
 
 def check_text(report: CheckReport, title: str) -> str:

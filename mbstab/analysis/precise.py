@@ -1,0 +1,494 @@
+"""Eigenvalues with any number of digits: the same kernels and the same deflation on mpmath numbers.
+
+Parameters are the decimals of the file and the command line. Double precision says where the
+reference motion is, which rows are independent and in which frame the motion stands still;
+every number is then polished until its residual vanishes to the working digits, which also
+verifies the ranks: a null space that cannot be polished is none. Everything is done twice,
+with different working digits. What differs is the error bound, and if it reaches into the
+digits that are asked for, both are repeated with more: an eigenvalue in a chain of length m
+keeps one digit in m only.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from mpmath import mp
+
+from mbstab.analysis import multiprecision as more
+from mbstab.analysis.eigen import LONGEST_CHAIN, Counts, EigenResult, show, time_scale
+from mbstab.analysis.linearize import Linearization, state_space
+from mbstab.analysis.methods import DEFAULT
+from mbstab.analysis.multiprecision import Matrix, Stalled, exact, largest, product
+from mbstab.analysis.numerics import assigned
+from mbstab.analysis.precise_motion import Point, Start, reference_point
+from mbstab.analysis.subspaces import Subspaces, rank_of
+from mbstab.compiler.system import System
+from mbstab.errors import ConstraintError, NumericalError, UsageError
+from mbstab.model.arithmetic import mpmath_arithmetic
+from mbstab.model.schema import Model
+from mbstab.model.values import evaluate, parse_overrides
+
+LEAST_DIGITS, MOST_DIGITS = 16, 1000
+
+GUARD = 15
+"""Digits beyond those asked for, and as many more in the second computation."""
+
+SPARE = 2
+"""An error bound is this many digits below the last one that is printed."""
+
+ROUNDS = 6
+"""Computations with more digits before giving up."""
+
+SEPARATE = 100
+"""Eigenvalues this many error bounds apart are different."""
+
+
+@dataclass(frozen=True)
+class PreciseEigenvalue:
+    """One finite eigenvalue that is not neutral.
+
+    Attributes
+    ----------
+    value : mpc (1/s)
+        With the working digits.
+    kind : str
+        As in `mbstab.analysis.eigen.Eigenvalue`.
+    error_bound : mpf (1/s)
+        How much it changed between computations with different numbers of digits.
+    real, imag : str
+        Decimals, every digit right; ``0`` for what is smaller than the error bound.
+    bound : str
+        The error bound as text.
+    """
+
+    value: Any
+    kind: str
+    error_bound: Any
+    real: str
+    imag: str
+    bound: str
+
+
+@dataclass(frozen=True)
+class PreciseResult:
+    """Eigenvalues with many digits.
+
+    Attributes
+    ----------
+    eigenvalues : list of PreciseEigenvalue
+        Sorted by decreasing real part, without the neutral ones.
+    neutral : int
+        Number of neutral eigenvalues: zeros and pairs ±iω.
+    chains : tuple of int
+        Sizes of the steps of the neutral staircase.
+    shifts : tuple of str
+        ω of neutral pairs ±iω (rad/s).
+    verdict : str
+    reasons : tuple of str
+    counts : Counts
+    kept, dropped : str
+        The smallest pivot that counted and the largest that counted as zero, relative to their matrix.
+    digits, working_digits : int
+        Digits that are right, and digits of the arithmetic.
+    seconds : float
+    symmetries, warnings : tuple of str
+    frame : str
+        Where the equations stand still, in words; empty: in the coordinates of the file.
+    frozen : bool
+        Whether these are frozen-time eigenvalues, which say nothing about stability.
+    plain : EigenResult
+        The answer in double precision.
+    """
+
+    eigenvalues: list[PreciseEigenvalue]
+    neutral: int
+    chains: tuple[int, ...]
+    shifts: tuple[str, ...]
+    verdict: str
+    reasons: tuple[str, ...]
+    counts: Counts
+    kept: str
+    dropped: str
+    digits: int
+    working_digits: int
+    seconds: float
+    symmetries: tuple[str, ...]
+    warnings: tuple[str, ...]
+    frame: str
+    frozen: bool
+    plain: EigenResult
+
+    @property
+    def method(self) -> str:
+        """Return the method that the equations are deflated by."""
+        return DEFAULT
+
+    @property
+    def period(self) -> float | None:
+        """Return None: periodic motions are refused."""
+        return None
+
+    def values(self) -> list[Any]:
+        """Return the eigenvalues that are not neutral, as mpmath numbers (1/s)."""
+        return [e.value for e in self.eigenvalues]
+
+
+def precise_eigenvalues(
+    model: Model,
+    settings: Mapping[str, Any] | None = None,
+    digits: int = 50,
+    frozen: bool = False,
+    progress: Callable[[float], object] = lambda done: None,
+) -> PreciseResult:
+    """Return the eigenvalues of a model with a given number of right digits.
+
+    Parameters
+    ----------
+    model : Model
+    settings : mapping, optional
+        Values of parameters by name: texts as after ``--set``, of which all digits count; floats,
+        which stand for the decimals they are printed with; or mpmath numbers, in declared units.
+    digits : int
+    frozen : bool
+        As in `mbstab.analysis.eigen.answer`.
+    progress : callable
+        Is called with the part of the work that is done, from 0 to 1.
+
+    Raises
+    ------
+    UsageError
+        If the number of digits is out of range, or the file describes a periodic motion.
+    ConstraintError
+        If the constraints have another rank with these digits than in double precision.
+    NumericalError
+        If the digits cannot be reached.
+    MbstabError
+        As `mbstab.analysis.reference.reference_motion`.
+    """
+    if not LEAST_DIGITS <= digits <= MOST_DIGITS:
+        raise UsageError(f"precision {digits}: from {LEAST_DIGITS} to {MOST_DIGITS} digits are possible")
+    began = time.perf_counter()
+    settings = settings or {}
+    start = Start(model, settings, frozen)
+    progress(0.1)
+    work = digits + GUARD
+    for number in range(ROUNDS):
+        rough, fine = (_spectrum(start, settings, n) for n in (work, work + GUARD))
+        with mp.workdps(work + 2 * GUARD):
+            bounds = _bounds(rough, fine, work)
+            lacking, chained = _lacking(fine, bounds, digits)
+            decided = fine.deflation.decided and len(rough.values) == len(fine.values)
+            if lacking <= 0 and decided:
+                progress(1.0)
+                return _result(start, fine, bounds, digits, began)
+        if not decided:
+            work += digits
+        elif chained:  # of a chain of length m one digit in m is left
+            reached = max(digits + SPARE - lacking, work / 8)
+            work = int(work * (digits + SPARE + GUARD / 2) / reached)
+        else:
+            work += lacking + 3
+        progress(0.1 + 0.8 * (number + 1) / ROUNDS)
+        if work > 20 * (digits + 2 * GUARD):
+            break
+    raise NumericalError(
+        f"{digits} digits are not reached with {fine.work} working digits: {_worst(fine, bounds)}\n"
+        "hint: the eigenvalues depend on the data so strongly that their decimals in the file do not fix them"
+    )
+
+
+# --- one computation ------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Spectrum:
+    """Eigenvalues with some number of working digits."""
+
+    work: int
+    values: list[more.Value]
+    deflation: more.Deflation
+    frequency: Any
+    n_f: int
+    size: Any
+    excess: tuple[Any, str]
+
+
+def _spectrum(start: Start, settings: Mapping[str, Any], work: int) -> _Spectrum:
+    """Return the eigenvalues of a model computed with `work` digits."""
+    with mp.workdps(work):
+        arithmetic = mpmath_arithmetic()
+        system = System(evaluate(start.model, parse_overrides(start.model, settings, arithmetic), arithmetic))
+        point = reference_point(start, system)
+        S = _state_matrix(start, system, point)
+        frequency = abs(point.generator.rate) if point.generator is not None and start.carried() else mp.zero
+        deflation = more.deflated(S, frequency)
+        values = more.eigenvalues(deflation.S)
+        return _Spectrum(work, values, deflation, frequency, len(S), largest(S), point.excess)
+
+
+def _state_matrix(start: Start, system: System, point: Point) -> Matrix:
+    """Return S of ẏ = S y, as `mbstab.analysis.linearize.state_space` does, for a basis that is nearly orthonormal."""
+    spaces, n_h = start.motion.spaces, system.n_h
+    K, R, D_q = (exact(x) for x in system.linearize(point.q, point.u, point.a, point.nu, system.scene.time))
+    M, J = exact(point.state.M), exact(point.state.J)
+    if point.generator is not None:
+        Xi, Xi_2 = (exact(x) for x in point.generator.frame(point.q))
+        K = K + product(R, Xi) + product(M, Xi_2)
+        R, D_q = R + 2 * product(M, Xi), D_q + product(J[n_h:], Xi)
+    gamma = time_scale(state_space(start.linear))  # speeds are counted in units of it
+    return _deflated(spaces, gamma, (M, R, K), J, D_q)
+
+
+def _deflated(
+    spaces: Subspaces, gamma: float, matrices: tuple[Matrix, Matrix, Matrix], J: Matrix, D_q: Matrix
+) -> Matrix:
+    """Return S from M, R and K, the constraint rows and ∂D/∂q."""
+    scale, row_scale, n_h = spaces.scale, spaces.row_scale, len(J) - len(D_q)
+    M, R, K = (x * scale * scale[:, None] for x in matrices)
+    J = J * scale * row_scale[:, None]
+    D_q = D_q * scale * row_scale[n_h:, None]
+    try:
+        N = more.null_space(J[:n_h], spaces.N, spaces.C.pseudo_inverse)
+        W, drift = product(J[n_h:], N), product(D_q, N)
+        Z = more.null_space(W, spaces.Z, spaces.W.pseudo_inverse)
+        P = -more.solved(W, drift, spaces.W.pseudo_inverse)
+    except Stalled as stalled:
+        raise ConstraintError(
+            f"with {mp.dps} digits the constraints have another rank than in double precision: rows that depend on "
+            f"each other there differ by {stalled.reached:.1e}\n"
+            "hint: write lengths and given coordinates as expressions, such as sqrt(3)/2, or leave out what the "
+            "constraints determine; or remove the redundant rows that mbstab check names"
+        ) from None
+    M, R, K = (product(N.T, x, N) for x in (M, R, K))
+    M_z = product(Z.T, M, Z)
+    inertia = product(M, P) + R
+    right = np.hstack([product(Z.T, product(inertia, P) + K), product(Z.T, inertia, Z)])
+    n = N.shape[1]
+    lower = right
+    if M_z.size:
+        try:
+            lower = -more.solved(M_z, right, np.linalg.inv(M_z.astype(float)))
+        except (Stalled, np.linalg.LinAlgError):
+            raise NumericalError("the mass matrix of the motions that are allowed is singular") from None
+    S = np.vstack([np.hstack([P, Z]), lower])
+    weights = np.ones(len(S))
+    weights[n:] = gamma
+    return exact(S * weights / weights[:, None])
+
+
+def rounded_eigenvalues(linear: Linearization, digits: int) -> list[Any] | None:
+    """Return what the eigenvalues are, as mpmath numbers, if the matrices in double precision are exact.
+
+    Zeros of the structure are not held at zero: rounding moves them. None if it destroys the rank
+    of redundant constraints, or the eigenvalues cannot be had.
+    """
+    with mp.workdps(digits):
+        matrices = (exact(linear.M), exact(linear.R), exact(linear.K))
+        gamma = time_scale(state_space(linear))
+        try:
+            S = _deflated(linear.motion.spaces, gamma, matrices, exact(linear.J), exact(linear.D_q))
+            return [e.value for e in more.eigenvalues(S)]
+        except (ConstraintError, NumericalError):
+            return None
+
+
+# --- how many digits are right --------------------------------------------------------------------------------------
+
+
+def _bounds(rough: _Spectrum, fine: _Spectrum, work: int) -> list[Any]:
+    """Return how much each eigenvalue of `fine` differs from that of `rough`; a floor where they agree by chance."""
+    n = len(fine.values)
+    if len(rough.values) != n or n == 0:
+        return [mp.inf] * n
+    floor = fine.size * mp.mpf(10) ** -work
+    distance = [[abs(x.value - y.value) for y in rough.values] for x in fine.values]
+    columns = assigned(np.array(distance, dtype=float))
+    return [max(distance[i][columns[i]], floor) for i in range(n)]
+
+
+def _lacking(fine: _Spectrum, bounds: list[Any], digits: int) -> tuple[int, bool]:
+    """Return how many digits are missing at most, and whether chains are the reason."""
+    worst, chained = 0, False
+    for e, bound in zip(fine.values, bounds, strict=True):
+        if not mp.isfinite(bound):
+            return digits, e.chained
+        parts = [abs(x) for x in (e.value.real, e.value.imag)]
+        # What is below the bound is shown as 0, which must not be all there is.
+        for size in {x if x > bound else abs(e.value) for x in parts}:
+            digits_right = mp.log10(size / bound) if size > 0 else mp.mpf(-digits)
+            lack = int(mp.ceil(digits + SPARE - digits_right))
+            if lack > worst:
+                worst, chained = lack, e.chained
+    return worst, chained
+
+
+def _worst(fine: _Spectrum, bounds: list[Any]) -> str:
+    k = max(range(len(bounds)), key=lambda i: bounds[i])
+    return f"{show(complex(fine.values[k].value))} 1/s changes by {mp.nstr(bounds[k], 2)}"
+
+
+# --- the answer -----------------------------------------------------------------------------------------------------
+
+
+def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began: float) -> PreciseResult:
+    found = _judged(fine, bounds, digits)
+    deflation, spaces = fine.deflation, start.motion.spaces
+    neutral = sum(deflation.steps) + 2 * deflation.pairs
+    counts = Counts(
+        start.system.n_q, start.system.n_h, start.system.n_n, spaces.C.rank, spaces.W.rank, fine.n_f,
+        len(found) + neutral, neutral, 0, 0,
+    )  # fmt: skip
+    verdict, reasons = _verdict(start, found, counts, deflation)
+    linear, plain = start.linear, start.plain
+    warnings = [*start.motion.warnings, *_differences(start, found, counts, verdict)]
+    excess, where = fine.excess
+    if excess > mp.mpf(10) ** (-digits - SPARE):
+        warnings.append(
+            f"the reference as it is written satisfies {where} to {mp.nstr(excess, 1)} only: later digits of the "
+            "eigenvalues belong to these decimals"
+        )
+    warnings += _undetermined(start)
+    turns = linear.generator is not None and linear.generator.turns
+    return PreciseResult(
+        found, neutral, deflation.steps, tuple(_text(fine.frequency, digits) for _ in range(deflation.pairs)), verdict,
+        tuple(reasons), counts, mp.nstr(deflation.kept, 2), mp.nstr(deflation.dropped, 2), digits, fine.work,
+        time.perf_counter() - began, tuple(s.name for s in start.known()) if neutral or turns else (),
+        tuple(warnings), str(linear.generator) if turns else "", not linear.constant, plain,
+    )  # fmt: skip
+
+
+def _text(x: Any, digits: int) -> str:
+    """Return a number with its significant digits, without an exponent where that is not long."""
+    return str(mp.nstr(x, digits, strip_zeros=False, min_fixed=-6, max_fixed=digits))
+
+
+def _judged(fine: _Spectrum, bounds: list[Any], digits: int) -> list[PreciseEigenvalue]:
+    """Return the eigenvalues with their kinds, sorted."""
+    found = []
+    for i, (e, bound) in enumerate(zip(fine.values, bounds, strict=True)):
+        near = any(j != i and abs(e.value - x.value) <= SEPARATE * bound for j, x in enumerate(fine.values))
+        real, imag = (x if abs(x) > bound else mp.zero for x in (e.value.real, e.value.imag))
+        if real:
+            kind = ("un" if real > 0 else "") + ("stable focus" if imag else "stable node")
+        else:
+            kind = "undecided" if not imag or (near and e.chained) else "center"
+        one, other = (_text(x, digits) if x else "0" for x in (real, imag))
+        found.append(PreciseEigenvalue(mp.mpc(real, imag), kind, bound, one, other, mp.nstr(bound, 2)))
+    # Pairs stay together: their real parts differ by less than their bounds.
+    found.sort(key=lambda e: (-_rounded(e.value.real, digits), abs(e.value.imag), -e.value.imag))
+    return _with_saddles(found)
+
+
+def _rounded(x: Any, digits: int) -> Any:
+    return mp.mpf(mp.nstr(x, digits - 2))
+
+
+def _with_saddles(found: list[PreciseEigenvalue]) -> list[PreciseEigenvalue]:
+    """Pair real eigenvalues of opposite sign: two such directions form a saddle."""
+    saddles: set[int] = set()
+    for i, e in enumerate(found):
+        if e.kind == "unstable node":
+            decaying = [j for j, x in enumerate(found) if x.kind == "stable node" and j not in saddles]
+            if decaying:
+                saddles |= {i, min(decaying, key=lambda j: abs(found[j].value.real + e.value.real))}
+    return [replace(e, kind="saddle") if i in saddles else e for i, e in enumerate(found)]
+
+
+def _verdict(
+    start: Start, found: list[PreciseEigenvalue], counts: Counts, deflation: more.Deflation
+) -> tuple[str, list[str]]:
+    """Return the verdict and what decides it, by the rules of `mbstab.analysis.eigen`."""
+    linear = start.linear
+    if not linear.constant:
+        return "undecided", [x for x in start.plain.reasons if x.startswith("frozen-time")]
+    growing = [e for e in found if e.kind in ("unstable node", "unstable focus", "saddle") and e.value.real > 0]
+    if growing:
+        worst = max(growing, key=lambda e: e.value.real)
+        plural, verb = ("s", "grow") if worst.value.imag else ("", "grows")
+        return "unstable", [
+            f"the eigenvalue{plural} {show(complex(worst.value))} 1/s {verb} (error bound {worst.bound})"
+        ]
+    doubts = []
+    zeros_ = sum(deflation.steps)
+    if len(deflation.steps) > LONGEST_CHAIN:
+        doubts.append(
+            f"zero eigenvalues form a chain of length {len(deflation.steps)}, longer than symmetries explain: a "
+            "critical state, which the linearized equations cannot judge"
+        )
+    elif zeros_ > 2 * len(start.known() if zeros_ else []):
+        known = len(start.known())
+        doubts.append(
+            f"{zeros_} eigenvalue{' is' if zeros_ == 1 else 's are'} zero, but {known} symmetr"
+            f"{'y explains' if known == 1 else 'ies explain'} {2 * known} at most: a critical state or a continuum of "
+            "equilibria, which the linearized equations cannot judge"
+        )
+    for e in found:
+        if e.kind == "undecided" and e.value.imag >= 0:
+            what = "is multiple, with fewer vectors than that," if e.value.imag else "lies"
+            doubts.append(
+                f"the eigenvalue {show(complex(e.value))} 1/s {what} on the imaginary axis to {e.bound} 1/s: a "
+                "critical state, which the linearized equations cannot judge"
+            )
+    if not counts.expected:
+        doubts.append("constraints and drives leave no motion free whose stability could be judged")
+    if doubts:
+        return "undecided", doubts
+    centers = sum(e.kind == "center" for e in found)
+    if centers:
+        bound = mp.nstr(max(e.error_bound for e in found), 1)
+        return "marginally stable", [
+            f"{centers} eigenvalues lie on the imaginary axis to {bound} 1/s, none to the right of it: whether "
+            "disturbances stay small in the long run is up to nonlinear terms"
+        ]
+    if counts.neutral:
+        what = f"{counts.neutral} eigenvalue{' is' if counts.neutral == 1 else 's are'} neutral"
+        return "marginally stable", [what + (", the others decay" if found else "")]
+    return "asymptotically stable", ["all eigenvalues lie to the left of the imaginary axis"]
+
+
+def _differences(start: Start, found: list[PreciseEigenvalue], counts: Counts, verdict: str) -> list[str]:
+    """Return where double precision says something else."""
+    plain = start.plain
+    texts = []
+    if plain.counts.neutral != counts.neutral:
+        texts.append(
+            f"{counts.neutral} eigenvalues are neutral with these digits, {plain.counts.neutral} in double precision"
+        )
+    if plain.verdict not in ("undecided", verdict):
+        texts.append(f"the verdict in double precision is {plain.verdict!r}")
+    judged = [e for e in plain.eigenvalues if e.kind != "neutral"]
+    if len(judged) == len(found) and found:
+        distance = np.array([[abs(e.value - complex(x.value)) for x in found] for e in judged])
+        columns = assigned(distance)
+        off = [e for i, e in enumerate(judged) if distance[i, columns[i]] > 2.0 * e.error_bound]
+        texts += [
+            f"double precision has {show(e.value)} 1/s, off by more than its error bound {e.error_bound:.1e}"
+            for e in off
+            if e.value.imag >= 0.0
+        ]
+    return texts
+
+
+def _undetermined(start: Start) -> list[str]:
+    """Name coordinates that neither the file nor the constraints determine, unless nothing depends on them."""
+    motion, scene = start.motion, start.system.scene
+    missing = [i for i, name in enumerate(start.system.names) if name not in scene.coordinates]
+    if start.balance is not None or not missing:
+        return []
+    J = (motion.dynamics.J[: start.system.n_h] * motion.sizes)[:, missing]
+    lengths = np.linalg.norm(J, axis=1)
+    null = rank_of(J[lengths > 0.0] / lengths[lengths > 0.0, None]).null
+    if not null.shape[1]:
+        return []
+    shifts = np.array([s.direction / motion.sizes for s in start.known()]).reshape(-1, len(motion.q))[:, missing].T
+    basis, _ = np.linalg.qr(shifts)
+    free = np.linalg.norm(null - basis @ (basis.T @ null), axis=1) > 1e-6
+    if not np.any(free):
+        return []
+    names = ", ".join(start.system.names[i] for i, loose in zip(missing, free, strict=True) if loose)
+    return [f"nothing determines {names}: the reference is the one of double precision there, with its 16 digits"]

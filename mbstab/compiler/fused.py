@@ -1,0 +1,307 @@
+"""The equations of motion of one scene as straight-line functions of the state, for many evaluations.
+
+`System` gathers, calls and scatters for every element at every state, and takes any kind of
+numbers. A `Fused` takes floats only and does that work once: its functions are written by
+`mbstab.compiler.trace`, with the parameters as constants, and return each different number
+once; one ``take`` puts them, the constants and the zeros in their places. Nothing is
+generated before it is asked for.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import replace
+from functools import cached_property, lru_cache
+from hashlib import sha256
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.compiler.system import Array, Dynamics, System
+from mbstab.compiler.trace import Trace, Traced
+from mbstab.errors import MbstabError, UsageError
+from mbstab.model.arithmetic import FLOAT, FUNCTIONS
+from mbstab.model.values import Law
+
+_FAILURES = (ArithmeticError, ValueError, MbstabError)
+
+
+class Program:
+    """A function from numbers to arrays.
+
+    Attributes
+    ----------
+    source : str
+        Its text: q3 is coordinate number 3, counted from 0, and so on.
+    """
+
+    def __init__(self, trace: Trace, inputs: dict[str, Any], outputs: Sequence[Any], machine_code: bool) -> None:
+        slots: dict[Any, int] = {}
+        values: list[Any] = []
+        places: list[int] = []
+        self._parts: list[tuple[slice, tuple[int, ...]]] = []
+        for output in outputs:
+            array = np.asarray(output)
+            start = len(places)
+            for x in array.ravel().tolist():
+                key = (x.step, x.negative) if isinstance(x, Traced) else float(x)
+                if key not in slots:
+                    slots[key] = len(values)
+                    values.append(x)
+                places.append(slots[key])
+            self._parts.append((slice(start, len(places)), array.shape))
+        self._index: npt.NDArray[np.intp] = np.array(places, dtype=np.intp)
+        self._values: Callable[..., Array]
+        if machine_code:
+            self.source, constants = trace.array_text(inputs, values)
+            self._values = _from_arrays(self.source, tuple(isinstance(x, list) for x in inputs.values()), constants)
+        else:
+            self.source = trace.text(inputs, values)
+            self._values = _from_floats(self.source, len(values))
+
+    def __call__(self, *arguments: Any) -> list[Array]:
+        """Return new arrays, views of one block of memory.
+
+        Raises
+        ------
+        ArithmeticError, ValueError
+            If a number does not exist or is not finite.
+        """
+        values = self._values(*arguments)
+        # A search in bytes takes a third of the time of ``all``.
+        if b"\0" in np.isfinite(values).tobytes():
+            raise OverflowError
+        flat = values.take(self._index)
+        return [flat[part].reshape(shape) for part, shape in self._parts]
+
+
+def _functions() -> dict[str, Callable[..., Any]]:
+    return {name: getattr(FLOAT, name) for name in (*FUNCTIONS, "sign", "abs_slope", "power")}
+
+
+def _from_floats(source: str, count: int) -> Callable[..., Array]:
+    """Return the function of lists of floats that has this source and returns this many numbers."""
+    names = _functions() | {"pack": struct.Struct(f"{count}d").pack}
+    # The text is ours: it was written from traced numbers, nothing of it was taken from the file.
+    exec(compile(source, "<fused>", "exec"), names)
+    evaluate = names["evaluate"]
+
+    def values(*arguments: Any) -> Array:
+        return np.frombuffer(evaluate(*arguments))
+
+    return values
+
+
+def _from_arrays(source: str, vectors: tuple[bool, ...], constants: list[float]) -> Callable[..., Array]:
+    """Return the function of arrays that has this source, compiled."""
+    evaluate, k, count = _machine_code(source, vectors), np.array(constants, dtype=float), source.count("    out[")
+
+    def values(*arguments: Any) -> Array:
+        out = np.empty(count)
+        evaluate(*arguments, k, out)
+        return out
+
+    return values
+
+
+@lru_cache(maxsize=64)
+def _machine_code(source: str, vectors: tuple[bool, ...]) -> Callable[..., None]:
+    """Return the function with this source as compiled by Numba, which keeps its result in the user's cache directory.
+
+    Raises
+    ------
+    UsageError
+        If Numba is not installed.
+    """
+    try:
+        import numba
+    except ImportError:
+        raise UsageError("machine code needs Numba\nhint: install it with pip install 'mbstab[fast]'") from None
+
+    names: dict[str, Any] = {"__name__": __name__}  # what is kept names the module it belongs to
+    used = {name: function for name, function in _functions().items() if f"{name}(" in source}
+    own = {name: function for name, function in used.items() if isinstance(function, FunctionType)}
+    path = _kept(source, "".join(function.__code__.co_code.hex() for function in own.values()))
+    names |= used | {name: numba.njit(function) for name, function in own.items()}
+    # The text is ours, as above; the file only tells Numba where to keep its result and is not read.
+    exec(compile(source, str(path or "<fused>"), "exec"), names)
+    arguments = [numba.float64[::1] if vector else numba.float64 for vector in (*vectors, True, True)]
+    compiled: Callable[..., None] = numba.njit(
+        numba.void(*arguments), cache=path is not None, error_model="numpy", nogil=True
+    )(names["evaluate"])
+    return compiled
+
+
+def _kept(source: str, called: str) -> Path | None:
+    """Return a file in the user's cache directory for a text and what it calls, None if there can be none."""
+    try:
+        directory = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mbstab"
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        path = directory / f"fused_{sha256((source + called).encode()).hexdigest()[:32]}.py"
+        if not path.exists():
+            part = path.with_suffix(f".{os.getpid()}")
+            part.write_text(source, encoding="utf-8")
+            part.replace(path)
+    except (OSError, RuntimeError):  # no home, or none that can be written to
+        return None
+    return path if os.access(directory, os.W_OK) else None
+
+
+class Fused:
+    """What `System` returns, for one scene with fixed parameters, faster.
+
+    Every method takes coordinates q and speeds u (m, rad, s; shape (n_q,)) and optionally
+    the time (s) as those of `System` do, and raises what they raise.
+
+    Parameters
+    ----------
+    system : System
+    machine_code : bool
+        Let Numba (the extra ``fast``) compile each function when it is first called. That takes from half a
+        second to some ten; the result is kept for scenes that differ in their parameters only.
+
+    Raises
+    ------
+    ValueError
+        If the parameters of the scene are not floats.
+    """
+
+    def __init__(self, system: System, machine_code: bool = False) -> None:
+        if system.scene.points is not None or system.scene.arithmetic is not FLOAT:
+            raise ValueError("only a scene whose parameters are floats can be fused")
+        self.system = system
+        self._machine_code = machine_code
+        self.vector: Callable[[Any], Any] = _array if machine_code else _listed
+        self._trace = Trace()
+        arithmetic = self._trace.arithmetic()
+        self._traced = copy(system)
+        self._traced.scene = replace(system.scene, arithmetic=arithmetic)
+        self._traced._elements = [
+            replace(e, laws=tuple(replace(x, arithmetic=arithmetic) if isinstance(x, Law) else x for x in e.laws))
+            for e in system._elements
+        ]
+        sizes = {"q": system.n_q, "u": system.n_q, "a": system.n_q, "nu": system.n_c}
+        self._inputs: dict[str, Any] = {
+            name: [self._trace.input(f"{name}{i}") for i in range(size)] for name, size in sizes.items()
+        }
+        self._inputs["t"] = self._trace.input("t")
+
+    def dynamics(self, q: Any, u: Any, time: float | None = None) -> Dynamics:
+        """Return the matrices of the equations of motion."""
+        program = self._dynamics
+        try:
+            return Dynamics(*program(*self._state(q, u, time)))
+        except _FAILURES:
+            return self.system.dynamics(q, u, time)
+
+    def equations(self, q: Any, u: Any, time: float | None = None) -> tuple[Array, Array, Array, Array]:
+        """Return M, F0, J and B of M a + Jᵀ ν = −F0, J a = −B."""
+        program = self._equations
+        try:
+            M, F0, J, B = program(*self._state(q, u, time))
+        except _FAILURES:
+            state = self.system.dynamics(q, u, time)
+            return state.M, state.F0, state.J, state.B
+        return M, F0, J, B
+
+    def residuals(self, q: Any, u: Any, time: float | None = None) -> tuple[Array, Array, Array]:
+        """Return E, V and J, to correct a state that violates the constraints."""
+        program = self._residuals
+        try:
+            E, V, J = program(*self._state(q, u, time))
+        except _FAILURES:
+            state = self.system.dynamics(q, u, time)
+            return state.E, state.V, state.J
+        return E, V, J
+
+    def linearize(self, q: Any, u: Any, a: Any, nu: Any, time: float | None = None) -> tuple[Array, Array, Array]:
+        """Return K = ∂F/∂q, R = ∂F/∂u and D_q; a has shape (n_q,), nu (n_c,)."""
+        program = self._linearize
+        try:
+            K, R, D_q = program(*self._state(q, u, time), self.vector(a), self.vector(nu))
+        except _FAILURES:
+            K, R, D_q = self.system.linearize(q, u, a, nu, time)
+        return K, R, D_q
+
+    def linearize_rows(self, q: Any, u: Any, a: Any, time: float | None = None) -> tuple[Array, Array, Array]:
+        """Return V_q, A_q and A_u; a has shape (n_q,)."""
+        program = self._linearize_rows
+        try:
+            V_q, A_q, A_u = program(*self._state(q, u, time), self.vector(a))
+        except _FAILURES:
+            V_q, A_q, A_u = self.system.linearize_rows(q, u, a, time)
+        return V_q, A_q, A_u
+
+    def augmented(self, rows: Sequence[int]) -> Program:
+        """Return the program of the matrix and the right-hand side of [[M, Jᵀ], [J, 0]] [a; ν] = [−F0; −B].
+
+        Parameters
+        ----------
+        rows : sequence of int
+            The constraint rows that enter; with rows that depend on each other the matrix is singular.
+
+        Returns
+        -------
+        Program
+            Takes q and u as `vector` returns them and the time (s); returns shapes (n, n) and (n,) with
+            n = n_q + number of `rows`.
+        """
+        state, count = self._traced_dynamics, len(rows)
+        J = np.asarray(state.J)[list(rows)]
+        matrix = np.block([[np.asarray(state.M, dtype=object), J.T], [J, np.zeros((count, count), dtype=object)]])
+        right = [-x for x in (*state.F0.tolist(), *state.B[list(rows)].tolist())]
+        return self._program("qut", (matrix, np.array(right, dtype=object)))
+
+    @cached_property
+    def _traced_dynamics(self) -> Dynamics:
+        x = self._inputs
+        return self._traced.dynamics(x["q"], x["u"], x["t"])
+
+    @cached_property
+    def _dynamics(self) -> Program:
+        x = self._traced_dynamics
+        return self._program("qut", (x.M, x.F0, x.E, x.V, x.J, x.B))
+
+    @cached_property
+    def _equations(self) -> Program:
+        x = self._traced_dynamics
+        return self._program("qut", (x.M, x.F0, x.J, x.B))
+
+    @cached_property
+    def _residuals(self) -> Program:
+        x = self._traced_dynamics
+        return self._program("qut", (x.E, x.V, x.J))
+
+    @cached_property
+    def _linearize(self) -> Program:
+        x = self._inputs
+        return self._program(
+            ("q", "u", "t", "a", "nu"), self._traced.linearize(*(x[k] for k in ("q", "u", "a", "nu", "t")))
+        )
+
+    @cached_property
+    def _linearize_rows(self) -> Program:
+        x = self._inputs
+        return self._program("quta", self._traced.linearize_rows(*(x[k] for k in "quat")))
+
+    def _program(self, inputs: Sequence[str], outputs: Sequence[Any]) -> Program:
+        return Program(self._trace, {name: self._inputs[name] for name in inputs}, outputs, self._machine_code)
+
+    def _state(self, q: Any, u: Any, time: float | None) -> tuple[list[float], list[float], float]:
+        return self.vector(q), self.vector(u), float(self.system.scene.time if time is None else time)
+
+
+def _array(x: Any) -> Array:
+    return np.ascontiguousarray(x, dtype=float)
+
+
+def _listed(x: Any) -> list[float]:
+    # Python floats are several times faster than array elements.
+    listed: list[float] = x.tolist() if isinstance(x, np.ndarray) else x
+    return listed

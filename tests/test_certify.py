@@ -1,0 +1,475 @@
+"""Proven enclosures: they contain closed forms and multiprecision values, and nothing is claimed that is not so."""
+
+import json
+import math
+import random
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from flint import arb, ctx
+from mpmath import mp
+from truth import exact_eigenvalues
+
+import mbstab
+from mbstab.analysis import balls
+from mbstab.analysis.balls import NotProvable, ball, digits, real
+from mbstab.analysis.certify import WIDTH, certified_critical, krawczyk
+from mbstab.cli import main
+from mbstab.errors import UsageError
+from mbstab.model.arithmetic import mpmath_arithmetic
+from mbstab.model.expressions import parse
+from mbstab.model.units import UNITS
+from mbstab.report.certificate import certificate_data, decimals
+
+MODELS = sorted(Path(__file__).parent.parent.joinpath("models").glob("*.yaml"))
+
+
+def inside(e, s):
+    """Whether an enclosure contains a multiprecision number, which is known to far more digits than its radius."""
+    with mp.workdps(80):
+        return all(
+            abs(mp.mpf(str(part.mid().str(80, radius=False))) - value)
+            <= mp.mpf(float(part.rad()) * 1.0001) + mp.mpf(10) ** -75
+            for part, value in ((e.real, mp.re(s)), (e.imag, mp.im(s)))
+        )
+
+
+def matched(result, exact):
+    """Every exact eigenvalue lies in an enclosure of its own."""
+    free = [e for e in result.eigenvalues if e.kind != "zero"]
+    assert sum(e.count for e in free) == len(exact)
+    for s in exact:
+        with ctx.workprec(400):
+            e = next(e for e in free if inside(e, s))
+        free.remove(e)
+        assert e.radius < 1e-35 * (1 + abs(s))
+
+
+# --- values ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_pendulum_swings_exactly_on_the_axis():
+    result = mbstab.load("pendulum.yaml").certify()
+    assert result.verdict == "marginally stable"
+    assert result.proven
+    assert not result.assumed
+    assert [e.kind for e in result.eigenvalues] == ["imaginary"] * 2
+    assert all(e.real.is_zero() for e in result.eigenvalues)
+    with mp.workdps(70):
+        root = mp.sqrt(3 * mp.mpf("9.81") / (4 * mp.mpf("0.2")))
+        matched(result, [mp.mpc(0, root), mp.mpc(0, -root)])
+
+
+@pytest.mark.parametrize(
+    ("omega", "verdict"), [("4", "unstable"), ("5.6", "marginally stable"), ("10", "marginally stable")]
+)
+def test_the_top_has_its_closed_form(omega, verdict):
+    result = mbstab.load("top.yaml").certify(omega=omega)
+    assert result.verdict == verdict
+    assert not result.assumed
+    with mp.workdps(70):
+        inertia, spin = mp.mpf("3e-4") + mp.mpf("0.01") * mp.mpf("0.04") ** 2, mp.mpf("4e-4") * mp.mpf(omega)
+        root = mp.sqrt(spin**2 - 4 * inertia * mp.mpf("0.01") * mp.mpf("9.81") * mp.mpf("0.04"))
+        one, other = (mp.mpc(0, 1) * (spin + sign * root) / (2 * inertia) for sign in (1, -1))
+        matched(result, [one, other, mp.conj(one), mp.conj(other)])
+
+
+def test_the_disk_rolls_with_four_exact_zeros():
+    result = mbstab.load("rolling_disk.yaml").certify()
+    assert [(e.kind, e.count) for e in result.eigenvalues] == [("imaginary", 1)] * 2 + [("zero", 4)]
+    with mp.workdps(70):
+        m, R, W, omega = mp.mpf(2), mp.mpf("0.3"), mp.mpf("0.05"), mp.mpf(5)
+        I_t, I_a = m * (3 * R**2 + W**2) / 12, m * R**2 / 2
+        root = mp.sqrt((I_a * (I_a + m * R**2) * omega**2 / I_t - m * mp.mpf("9.81") * R) / (I_t + m * R**2))
+        matched(result, [mp.mpc(0, root), mp.mpc(0, -root)])
+
+
+SPEEDS = {"v": "5"}
+LENGTHS = {"L": "0.05", "R": "0.002", "H": "0.02", "e": "0.01777", "omega": "10"}
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "verdict"),
+    [
+        ("whipple_bicycle", SPEEDS, "marginally stable"),
+        ("whipple_bicycle", {"v": "3"}, "unstable"),
+        ("wheeled_inverted_pendulum", {}, "unstable"),
+        ("double_pendulum", {}, "marginally stable"),
+        ("wheelset", {}, "asymptotically stable"),
+        ("trailer", {}, "asymptotically stable"),
+        ("ziegler_column", {}, "unstable"),
+        ("rattleback", {}, "marginally stable"),
+        ("slider_crank", {}, "asymptotically stable"),
+        ("governor", LENGTHS, "marginally stable"),
+    ],
+)
+def test_enclosures_contain_the_truth(name, settings, verdict):
+    mechanism = mbstab.load(f"{name}.yaml")
+    exact, neutral = exact_eigenvalues(mechanism.model, **settings)
+    ends = {key: text for key, text in settings.items() if mechanism.model.parameters[key].unit != "mm"}
+    result = mechanism.certify(**ends)
+    assert result.verdict == verdict
+    assert sum(e.count for e in result.eigenvalues if e.kind == "zero") == neutral
+    matched(result, exact)
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
+def test_answers_in_double_precision_lie_inside(path):
+    mechanism = mbstab.load(path)
+    result, rough = mechanism.certify(), mechanism.eig()
+    if rough.period is not None:
+        assert not result.proven
+        assert "periodic" in result.statement
+        return
+    assert result.verdict == rough.verdict
+    assert sum(e.count for e in result.eigenvalues) == rough.counts.found
+    for e in rough.eigenvalues:
+        slack = e.error_bound + 1e-15 if e.kind != "neutral" else 1e-9
+        assert any(other.contains(e.value, slack) for other in result.eigenvalues), e.value
+
+
+RANDOM = [
+    "ziegler_column",
+    "wheelset",
+    "whipple_bicycle",
+    "top",
+    "rolling_torus",
+    "rattleback",
+    "shimmy",
+    "bead_on_hoop",
+]
+
+
+@pytest.mark.parametrize("name", RANDOM)
+def test_at_other_parameters_both_ways_agree(name):
+    rng = random.Random(name)
+    mechanism = mbstab.load(f"{name}.yaml")
+    parameters, values = mechanism.model.parameters, mechanism.parameters()
+    literal = [key for key in parameters if parameters[key].expression.literal]
+    for _ in range(4):
+        key = rng.choice(literal)
+        value = round(values[key] / parameters[key].factor * rng.uniform(0.5, 1.6), 4)
+        try:
+            rough = mechanism.eig(**{key: value})
+        except mbstab.MbstabError:
+            continue
+        result = mechanism.certify(**{key: repr(value)})
+        assert rough.verdict in (result.verdict, "undecided")
+        for e in rough.eigenvalues:
+            slack = (e.error_bound if e.kind != "neutral" else 1e-9) + 1e-14
+            assert any(other.contains(e.value, slack) for other in result.eigenvalues), (key, value, e.value)
+
+
+# --- intervals ------------------------------------------------------------------------------------------------------
+
+
+def test_the_top_falls_for_every_slow_spin_and_sleeps_for_every_fast_one():
+    top = mbstab.load("top.yaml")
+    slow, fast = top.certify(omega="[0, 5.5677]"), top.certify(omega="[5.5678, 100]")
+    assert slow.verdict == "unstable"
+    assert [(p.low, p.high) for p in slow.parts] == [(0, Fraction("5.5677"))]
+    assert fast.verdict == "marginally stable"
+    assert fast.proven
+
+
+def test_the_critical_spin_of_the_top_to_thirty_digits():
+    found = certified_critical(mbstab.load("top.yaml").model, "omega", "5", "6", 30)
+    with mp.workdps(60):
+        exact = 2 * mp.sqrt(mp.mpf("3.16e-4") * mp.mpf("0.01") * mp.mpf("9.81") * mp.mpf("0.04")) / mp.mpf("4e-4")
+        low, high = (mp.mpf(x.numerator) / x.denominator for x in (found.low, found.high))
+        assert low < exact < high
+        assert high - low < mp.mpf(10) ** -30
+    assert found.test == "collision"
+    assert found.text().startswith("[5.56772844165374")
+
+
+@pytest.mark.parametrize(("low", "high", "value"), [("4", "5", 4.29238253634110396), ("6", "6.1", 6.02426201538835889)])
+def test_weave_and_capsize_of_the_bicycle(low, high, value):
+    found = certified_critical(mbstab.load("whipple_bicycle.yaml").model, "v", low, high, 25)
+    assert float(found.low) == pytest.approx(value, abs=1e-14)
+    assert float(found.high - found.low) < 1e-24
+
+
+def test_a_critical_value_that_is_not_there_is_refused():
+    with pytest.raises(NotProvable, match="no test function changes its sign"):
+        certified_critical(mbstab.load("top.yaml").model, "omega", "6", "7")
+
+
+def test_an_interval_over_a_change_is_not_claimed():
+    rng = random.Random(3)
+    top, critical = mbstab.load("top.yaml"), 5.5677284416537414
+    for _ in range(4):
+        low, high = critical - 10 ** rng.uniform(-5, 0), critical + 10 ** rng.uniform(-5, 0)
+        result = top.certify(omega=f"[{low!r}, {high!r}]")
+        assert not result.proven
+        assert result.statement.startswith("not provable")
+        for part in result.parts:
+            expected = (
+                "unstable" if part.high < critical else "marginally stable" if part.low > critical else "not provable"
+            )
+            assert part.verdict == expected
+        (open_,) = [part for part in result.parts if part.verdict == "not provable"]
+        assert open_.low < critical < open_.high
+        assert float(open_.high - open_.low) <= 4 * WIDTH * (high - low)
+
+
+def test_parts_agree_with_points_inside_them():
+    rng = random.Random(8)
+    wheelset = mbstab.load("wheelset.yaml")
+    name = next(iter(wheelset.model.sweep))
+    nominal = wheelset.parameters()[name] / wheelset.model.parameters[name].factor
+    result = wheelset.certify(**{name: f"[{0.9 * nominal!r}, {1.1 * nominal!r}]"})
+    for part in result.parts:
+        for _ in range(5):
+            value = float(part.low + (part.high - part.low) * Fraction(rng.random()))
+            if part.verdict != "not provable":
+                assert wheelset.eig(**{name: value / wheelset.model.parameters[name].factor}).verdict == part.verdict
+
+
+def test_a_reference_that_fits_in_the_middle_only_proves_nothing():
+    text = MODELS[0].with_name("top.yaml").read_text(encoding="utf-8")
+    model = mbstab.loads(text.replace("psi: omega}", "psi: 7}"))
+    result = model.certify(omega="[6, 8]")
+    assert model.certify(omega="7").proven
+    assert not result.proven
+    assert all(part.verdict == "not provable" for part in result.parts)
+
+
+def test_an_interval_counts_in_the_unit_of_the_parameter():
+    model = mbstab.load("governor.yaml").model
+    with digits(30):
+        low, high = balls.interval(model, "L", "[49, 50.5]")
+        assert balls.fraction(low) == Fraction(49, 1000)
+        assert balls.fraction(high) == Fraction(505, 10000)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"omega": "[5,"}, "an interval is written"),
+        ({"omega": "[6, 5]"}, "must be below"),
+        ({"omega": "[5, x]"}, "unknown parameter"),
+        ({"omega": "[5, 6]", "m": "[1, 2]"}, "one parameter may be an interval"),
+        ({"omega": "5 +"}, "expected a number"),
+        ({"spin": "5"}, "no parameter"),
+    ],
+)
+def test_settings_that_are_none(settings, message):
+    with pytest.raises(UsageError, match=message):
+        mbstab.load("top.yaml").certify(**settings)
+
+
+# --- what cannot be proven ------------------------------------------------------------------------------------------
+
+
+def test_a_critical_state_is_not_judged():
+    # The spring balances the weight of the upright bar exactly.
+    text = """
+mbstab: 1
+gravity: [0, -10]
+bodies: {bar: {type: planar, mass: 1, inertia: 0.1, points: {O: [0, -1]}}}
+joints: {pivot: {type: revolute, between: [bar.O, ground]}}
+forces: {spring: {type: joint_spring, joint: pivot, stiffness: 10}}
+reference: {coordinates: {bar: {x: 0, y: 1, theta: 0}}}
+"""
+    result = mbstab.loads(text).certify()
+    assert not result.proven
+    assert "more than symmetries explain" in result.statement
+
+
+def test_digits_that_do_not_suffice_are_doubled():
+    # A stiffness 1e-80 above the critical one.
+    model = """
+mbstab: 1
+gravity: [0, -10]
+bodies: {bar: {type: planar, mass: 1, inertia: 0.1, points: {O: [0, -1]}}}
+joints: {pivot: {type: revolute, between: [bar.O, ground]}}
+forces: {spring: {type: joint_spring, joint: pivot, stiffness: "10*(sin(1)**2 + cos(1)**2) + EXTRA"}}
+reference: {coordinates: {bar: {x: 0, y: 1, theta: 0}}}
+"""
+    result = mbstab.loads(model.replace("EXTRA", "1e-80")).certify()
+    assert result.verdict == "marginally stable"
+    assert result.digits == 100
+    zero = mbstab.loads(model.replace("EXTRA", "0")).certify()
+    assert not zero.proven
+    assert zero.digits == 200
+    assert "reaches over the imaginary axis" in zero.statement
+
+
+def test_an_equilibrium_that_is_not_isolated_is_not_proven_to_exist():
+    text = """
+mbstab: 1
+gravity: [0, -10]
+bodies: {disk: {type: planar, mass: 1, inertia: 0.1}}
+contacts: {ground: {type: disk, center: disk, radius: 1}}
+reference: {find: equilibrium, guess: {disk: {x: 0.3, y: 1.2, theta: 0}}}
+"""
+    result = mbstab.loads(text).certify()
+    assert not result.proven
+    assert "not isolated" in result.statement
+
+
+def test_without_the_library_the_way_to_get_it_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "flint", None)
+    with pytest.raises(UsageError, match="pip install python-flint"):
+        mbstab.load("pendulum.yaml").certify()
+
+
+# --- numbers --------------------------------------------------------------------------------------------------------
+
+EXPRESSIONS = [
+    "sin(x)*cos(y) + tan(x/3)", "atan2(x, y) - asin(x/10)", "exp(-x)*log(1 + y*y)", "sqrt(x*x + y*y)**3",
+    "acos(y/20) + atan(x)", "sinh(x/5) - cosh(y/5)*tanh(x)", "abs(x - 7)*smooth_start(y/9)", "x**y - (x + 1)**-3",
+    "cos(x*pi/4) + sin(30*deg*y)", "2**0.5 + x/3 - y/7",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", EXPRESSIONS)
+def test_balls_contain_what_mpmath_finds(text):
+    rng = random.Random(text)
+    for _ in range(20):
+        x, y = (Fraction(rng.randint(1, 60), rng.choice([7, 64, 100])) for _ in range(2))
+        with digits(40), mp.workdps(90):
+            found = real(parse(text).evaluate({"x": ball(x), "y": ball(y)}, balls.ball_arithmetic()))
+            names = {"x": mp.mpf(x.numerator) / x.denominator, "y": mp.mpf(y.numerator) / y.denominator}
+            exact = parse(text).evaluate(names, mpmath_arithmetic())
+            middle = mp.mpf(found.mid().str(120, radius=False))
+            assert abs(middle - exact) <= mp.mpf(float(found.rad())) * mp.mpf("1.0001") + abs(exact) * mp.mpf(10) ** -80
+            assert float(found.rad()) <= 1e-45 * (1 + abs(float(exact)))
+
+
+def test_structure_stays_exact():
+    with digits(30):
+        f = balls.ball_arithmetic()
+
+        def value(text):
+            return balls.fraction(parse(text).evaluate({"x": ball(Fraction(3, 10))}, f))
+
+        assert value("cos(pi/2)") == 0
+        assert value("sin(3*pi/2)") == -1
+        assert value("sin(30*deg)*2 - 1") == 0
+        assert value("0.1 + 0.2 - x") == 0
+        assert value("sqrt(x*x)") == Fraction(3, 10)
+        assert value("cos(0.5*pi + pi)*exp(x)") == 0
+        assert value("exp(x)") is None
+
+
+def test_units_are_exact():
+    class Unit:
+        def __init__(self, unit):
+            self.unit = unit
+
+    with digits(30):
+        for name, (factor, _) in UNITS.items():
+            assert float(balls.exact_factor(Unit(name))) == pytest.approx(factor, rel=1e-15)
+        assert balls.fraction(balls.exact_factor(Unit("kg*mm^2/ms"))) == Fraction(1, 1000)
+
+
+def test_a_kink_or_a_hole_has_no_enclosure():
+    with digits(30):
+        f, wide = balls.ball_arithmetic(), arb(0, 1)
+        for function in (f.sqrt, f.log, f.sign, f.abs_slope, f.smooth_start):
+            with pytest.raises(ValueError, match=r"."):
+                function(wide)
+
+
+def polynomial(roots):
+    with digits(40):
+        p = [ball(1)]
+        for root in roots:
+            p = balls.product(p, [ball(-root), ball(1)])
+        return p
+
+
+def test_roots_are_inside_their_discs_and_counted_on_both_sides():
+    rng = random.Random(5)
+    for _ in range(30):
+        roots = [Fraction(rng.randint(-60, 60), 7) or Fraction(1) for _ in range(rng.randint(1, 7))]
+        p = polynomial(roots)
+        with digits(40):
+            discs = balls.root_discs(p)
+            assert sum(count for _, _, count in discs) == len(roots)
+            for root in roots:
+                assert any(not abs(real(ball(root)) - centre) > radius for centre, radius, _ in discs)
+            right = balls.right_roots(p)
+            assert right is None or right == sum(root > 0 for root in roots)
+            good = balls.all_negative_and_simple(p)
+            assert good is None or good == (all(root < 0 for root in roots) and len(set(roots)) == len(roots))
+
+
+def test_characteristic_polynomials_of_all_sizes():
+    rng = np.random.default_rng(2)
+    for n in (1, 2, 5, 8):
+        A = rng.integers(-4, 5, (n, n))
+        expected = np.poly(A)[::-1]
+        with digits(30):
+            for wrapped in (lambda x: ball(int(x)), lambda x: arb(int(x), 1e-20)):
+                p = balls.characteristic([[wrapped(x) for x in row] for row in A])
+                assert np.allclose([float(x) for x in p], expected, atol=1e-6)
+
+
+def test_krawczyk_proves_a_root_and_refuses_where_there_is_none():
+    with digits(40):
+        (x,) = krawczyk(lambda x: [x[0] * x[0] - 2], lambda x: [[2 * x[0]]], [ball(1.4)], "the root")
+        assert x.overlaps(arb(2).sqrt())
+        assert float(x.rad()) < 1e-40
+        with pytest.raises(NotProvable, match="the root is not proven"):
+            krawczyk(lambda x: [x[0] * x[0] + 2], lambda x: [[2 * x[0]]], [ball(1.4)], "the root")
+        with pytest.raises(NotProvable, match="the root is not proven"):
+            krawczyk(lambda x: [x[0] * x[0]], lambda x: [[2 * x[0]]], [ball(1e-3)], "the root")
+
+
+def test_decimal_strings_cover_their_rounding():
+    with digits(50):
+        x = arb(1) / 3
+        text = decimals(x, 10)
+        assert abs(Fraction(text["midpoint"]) - Fraction(1, 3)) <= Fraction(text["radius"])
+    assert decimals(arb(0), 10) == {"midpoint": "0", "radius": "0"}
+    assert decimals(arb(-250), 10)["midpoint"] == "-2.5e+2"
+
+
+# --- command line ---------------------------------------------------------------------------------------------------
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, ["eig", *arguments])
+
+
+def test_the_command_prints_what_is_proven():
+    found = run("whipple_bicycle.yaml", "--certify", "--set", "v=5")
+    assert found.exit_code == 0
+    assert "Proven marginally stable: 4 eigenvalues to the left" in found.output
+    assert "assumed:" in found.output
+
+
+def test_the_command_as_json():
+    found = run("pendulum.yaml", "--certify", "--format", "json", "--precision", "30")
+    data = json.loads(found.stdout)
+    assert data["proven"]
+    assert Fraction(data["eigenvalues"][0]["imag"]["radius"]) < Fraction(1, 10**28)
+    assert data == json.loads(
+        json.dumps(certificate_data(mbstab.load("pendulum.yaml").certify(30), data["model"], data["title"]))
+    )
+
+
+def test_exit_codes():
+    assert run("top.yaml", "--certify", "--set", "omega=[5,6]").exit_code == 1
+    assert run("top.yaml", "--set", "omega=[5,6]").exit_code == 2
+    assert run("top.yaml", "--certify", "--frozen").exit_code == 2
+    assert run("top.yaml", "--certify", "--precision", "3").exit_code == 2
+    assert run("top.yaml", "--certify", "--set", "omega=4", "--require", "marginal").exit_code == 3
+    assert run("top.yaml", "--certify", "--require", "marginal").exit_code == 0
+
+
+def test_real_parts_of_a_stable_system_are_proven_negative():
+    result = mbstab.load("wheelset.yaml").certify()
+    assert all(e.real < 0 for e in result.eigenvalues)
+    assert math.isclose(
+        max(float(e.real) for e in result.eigenvalues),
+        max(x.value.real for x in mbstab.load("wheelset.yaml").eig().eigenvalues),
+        rel_tol=1e-9,
+    )

@@ -1,0 +1,552 @@
+"""Numbers at the extremes: how many digits are kept, whether the bounds say so, and what is refused instead."""
+
+import functools
+import re
+
+import numpy as np
+import pytest
+import yaml
+from chains import hanging_chain, spring_chain
+from mpmath import mp
+from truth import ZERO, distance, exact_eigenvalues
+
+import mbstab
+from mbstab.analysis.methods import METHODS
+from mbstab.analysis.refine import DENSE, Quadratic, refined
+from mbstab.errors import MbstabError, ModelFileError
+from mbstab.model.library import installed_models
+
+MODELS = {path.stem: path.read_text(encoding="utf-8") for path in installed_models()}
+EPS = float(np.finfo(float).eps)
+
+
+# --- closed forms in 50 digits --------------------------------------------------------------------------------------
+
+
+def pair(square):
+    root = mp.sqrt(mp.mpc(square))
+    return [root, -root]
+
+
+def top(omega):
+    H, m, I_x, I_z, g = map(mp.mpf, ("0.04", "0.01", "3e-4", "4e-4", "9.81"))
+    A, spin = I_x + m * H**2, 1j * I_z * mp.mpf(omega)
+    root = mp.sqrt(4 * A * m * g * H + spin**2)
+    values = [(spin + root) / (2 * A), (spin - root) / (2 * A)]
+    return [*values, *(mp.conj(s) for s in values)]
+
+
+def disk(omega):
+    R, W, m, g = map(mp.mpf, ("0.3", "0.05", "2", "9.81"))
+    I_t, I_a = m * (3 * R**2 + W**2) / 12, m * R**2 / 2
+    return pair((m * g * R * I_t - I_a * (I_a + m * R**2) * mp.mpf(omega) ** 2) / (I_t * (I_t + m * R**2)))
+
+
+def pendulum(L):
+    return pair(-3 * mp.mpf("9.81") / (4 * mp.mpf(L)))
+
+
+def ziegler(P):
+    p = mp.mpf(P)
+    root = mp.sqrt(mp.mpc((7 - 2 * p) ** 2 - 8))
+    return [s for sign in (1, -1) for s in pair((2 * p - 7 + sign * root) / 4)]
+
+
+def critical(closed_form):
+    with mp.workdps(60):
+        if closed_form is top:
+            H, m, I_x, I_z, g = map(mp.mpf, ("0.04", "0.01", "3e-4", "4e-4", "9.81"))
+            return 2 * mp.sqrt((I_x + m * H**2) * m * g * H) / I_z
+        if closed_form is disk:
+            R, W, m, g = map(mp.mpf, ("0.3", "0.05", "2", "9.81"))
+            I_t, I_a = m * (3 * R**2 + W**2) / 12, m * R**2 / 2
+            return mp.sqrt(m * g * R * I_t / (I_a * (I_a + m * R**2)))
+        return mp.mpf(7) / 2 - mp.sqrt(2)
+
+
+def rounded(number):
+    """Return the text of a double, which both arithmetics read as the same number."""
+    return repr(float(number))
+
+
+# --- texts ----------------------------------------------------------------------------------------------------------
+
+
+def plumb_line(links, length="1", mass="1"):
+    """Return the text of a chain of rods without mass with a point mass at the end of each."""
+    link = f"{{type: planar, mass: {mass}, inertia: 0, points: {{A: [0, {length}]}}}}"
+    bodies = [f"  b{i}: {link}" for i in range(links)]
+    joints = [f"  j{i}: {{type: revolute, between: [b{i}.A, {f'b{i - 1}' if i else 'ground'}]}}" for i in range(links)]
+    places = [f"    b{i}: {{x: 0, y: -{i + 1}*{length}, theta: 0}}" for i in range(links)]
+    head = ["mbstab: 1", "gravity: [0, -9.81]"]
+    return "\n".join([*head, "bodies:", *bodies, "joints:", *joints, "reference:", "  coordinates:", *places, ""])
+
+
+@functools.cache
+def laguerre_roots(n):
+    """Return the zeros of the Laguerre polynomial: squared frequencies of a plumb line in units of g/l."""
+    start = np.linalg.eigvalsh(
+        np.diag(2.0 * np.arange(n) + 1.0) + np.diag(np.arange(1.0, n), 1) + np.diag(np.arange(1.0, n), -1)
+    )
+    roots = []
+    for x in start:
+        x = mp.mpf(float(x))
+        for _ in range(8):
+            before, now = mp.mpf(1), 1 - x
+            for k in range(1, n):
+                before, now = now, ((2 * k + 1 - x) * now - k * before) / (k + 1)
+            step = now * x / (n * (now - before)) if n > 1 else -(1 - x)
+            x -= step
+            if abs(step) < mp.mpf(10) ** -45 * abs(x):
+                break
+        roots.append(x)
+    return roots
+
+
+def plumb_line_eigenvalues(links, length="1"):
+    return [s for x in laguerre_roots(links) for s in pair(-x * mp.mpf("9.81") / mp.mpf(length))]
+
+
+TILTED = """\
+mbstab: 1
+parameters: {d: 0.1, tilt: pi/2 - d}
+gravity: [0, 0, -9.81]
+bodies:
+  b: {type: spatial, mass: 2, inertia: [0.3, 0.4, 0.5], center_of_mass: [0.7*sin(tilt), 0, -0.7*cos(tilt)]}
+joints:
+  pivot: {type: spherical, between: [b, ground]}
+reference:
+  coordinates: {b: {x: 0, y: 0, z: 0, phi: 0, theta: tilt, psi: 0}}
+"""
+
+
+def tilted(d):
+    """The tensor is that of the body's frame, so it turns with theta: 3x3 quadratic problem about the pivot."""
+    with mp.workdps(60):
+        t = mp.pi / 2 - mp.mpf(d)
+        c, s = mp.cos(t), mp.sin(t)
+        A = mp.matrix([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+        inertia = A * mp.diag([mp.mpf("0.3"), mp.mpf("0.4"), mp.mpf("0.5")]) * A.T
+        m, arm, g = mp.mpf(2), mp.mpf("0.7"), mp.mpf("9.81")
+        for k in (0, 1):
+            inertia[k, k] += m * arm * arm
+        # About the vertical nothing resists: eliminated.
+        x, y = inertia[0, 0] - inertia[0, 2] ** 2 / inertia[2, 2], inertia[1, 1]
+        return [*pair(-m * g * arm / x), *pair(-m * g * arm / y)]
+
+
+LINKAGE = """\
+mbstab: 1
+parameters: {a: 0.1}
+gravity: [9.81*cos(a), 9.81*sin(a)]
+ground: {points: {B: [1, 0]}}
+bodies:
+  left: {type: planar, mass: 1, shape: {type: rod, length: 1}, points: {A: [-0.5, 0], C: [0.5, 0]}}
+  right: {type: planar, mass: 1, shape: {type: rod, length: 1}, points: {B: [-0.5, 0], D: [0.5, 0]}}
+  coupler: {type: planar, mass: 1, shape: {type: rod, length: 1}, points: {C: [-0.5, 0], D: [0.5, 0]}}
+joints:
+  A: {type: revolute, between: [left.A, ground]}
+  B: {type: revolute, between: [right.B, ground.B]}
+  C: {type: revolute, between: [coupler.C, left.C]}
+  D: {type: revolute, between: [coupler.D, right.D]}
+reference:
+  coordinates:
+    left: {x: cos(a)/2, y: sin(a)/2, theta: a}
+    right: {x: 1 + cos(a)/2, y: sin(a)/2, theta: a}
+    coupler: {x: 1/2 + cos(a), y: sin(a), theta: 0}
+"""
+
+# A door on two hinges, the second one turned by a small angle and moved by as much.
+DOOR = """\
+mbstab: 1
+parameters: {e: 0}
+gravity: [0, -9.81, 0]
+bodies:
+  door: {type: spatial, mass: 3, inertia: [0.2, 0.3, 0.4], center_of_mass: [0, -0.5, 0], points: {H: [0, 0, 1]}}
+joints:
+  one: {type: revolute, between: [door, ground], axis: z}
+  two: {type: revolute, between: [door.H, {body: ground, point: [0, 0, 1]}], axis: [sin(e), 0, cos(e)]}
+reference:
+  coordinates: {door: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}
+"""
+
+# Two pins of one link, a small distance apart.
+PINS = """\
+mbstab: 1
+parameters: {e: 0}
+gravity: [0, -9.81]
+bodies:
+  link: {type: planar, mass: 3, inertia: 0.2, center_of_mass: [0, -0.5], points: {P: [e, 0]}}
+joints:
+  one: {type: revolute, between: [link, ground]}
+  two: {type: revolute, between: [link.P, {body: ground, point: [e, 0]}]}
+reference:
+  coordinates: {link: {x: 0, y: 0, theta: 0}}
+"""
+
+
+def without_turning_inertia(text, numbers):
+    for i in numbers:
+        text = re.sub(rf"(link_{i}: {{type: planar, mass: \S+ inertia: )\S+,", r"\g<1>0,", text)
+    return text
+
+
+def chain(number, links, **options):
+    return hanging_chain(np.random.default_rng(number), links, **options)
+
+
+def with_inertia(text, link, value):
+    return re.sub(rf"(link_{link}: {{type: planar, mass: \S+ inertia: )\S+,", rf"\g<1>{value},", text)
+
+
+def with_stiffness(text, joint, value):
+    return re.sub(rf"(spring_{joint}: .*stiffness: )\S+,", rf"\g<1>{value},", text)
+
+
+def growing(number, reverse=False):
+    masses = [10.0**i for i in range(10)]
+    return chain([10, number], 10, masses=masses[::-1] if reverse else masses)
+
+
+# --- cases: text, parameters, closed form or None -------------------------------------------------------------------
+
+CASES = {
+    "masses 1 : 1e12, heavy below": (chain(11, 2, masses=[1.0, 1e12]), {}, None),
+    "masses 1e12 : 1, light below": (chain(12, 2, masses=[1e12, 1.0]), {}, None),
+    "masses 1 : 1e12 : 1": (chain(13, 3, masses=[1.0, 1e12, 1.0]), {}, None),
+    "masses 1e-12 : 1": (chain(14, 3, masses=[1.0, 1e-12, 1.0]), {}, None),
+    "inertia 1e12": (with_inertia(chain(6, 3), 2, "1e12"), {}, None),
+    "inertia 1e-12": (with_inertia(chain(7, 3), 2, "1e-12"), {}, None),
+    **{
+        f"pendulum, L = {x} m": (MODELS["pendulum"], {"L": x}, lambda x=x: pendulum(x))
+        for x in ("1e-9", "1e-3", "1e3", "1e9")
+    },
+    "chain of 4, links of 1e-9 m": (chain(1, 4, size=1e-9), {}, None),
+    "chain of 4, links of 1e9 m": (chain(2, 4, size=1e9), {}, None),
+    **{
+        f"top, spin {x} rad/s": (MODELS["top"], {"omega": x}, lambda x=x: top(x))
+        for x in ("0", "1e-6", "1", "100", "1e4", "1e6")
+    },
+    **{
+        f"rolling disk, spin {x} rad/s": (MODELS["rolling_disk"], {"omega": x}, lambda x=x: disk(x))
+        for x in ("0", "1e-6", "1", "100", "1e4", "1e6")
+    },
+    "joints of 1e15 N m": (chain(4, 4, stiffness=1e15), {}, None),
+    "joints of 1e-15 N m": (chain(4, 4, stiffness=1e-15), {}, None),
+    "one soft joint among 1e12": (with_stiffness(chain(5, 3, stiffness=1e12), 2, "1.5"), {}, None),
+    "one soft joint among 1e15": (with_stiffness(chain(5, 3, stiffness=1e15), 2, "1.5"), {}, None),
+    "spatial chain of 3": (spring_chain(np.random.default_rng(15), 3), {}, None),
+    **{f"10 links, masses growing downwards ({i})": (growing(i), {}, None) for i in range(3)},
+    "10 links, masses growing upwards": (growing(0, True), {}, None),
+    **{f"plumb line of {n}": (plumb_line(n), {}, lambda n=n: plumb_line_eigenvalues(n)) for n in (1, 10, 50)},
+    **{
+        f"{name}, {x:g} beside critical": (
+            MODELS[model],
+            {**more, parameter: rounded(critical(form) * (1 + mp.mpf(x)))},
+            lambda form=form, x=x: form(rounded(critical(form) * (1 + mp.mpf(x)))),
+        )
+        for name, model, parameter, form, more in (
+            ("top", "top", "omega", top, {}),
+            ("rolling disk", "rolling_disk", "omega", disk, {}),
+            ("Ziegler", "ziegler_column", "P", ziegler, {"b_1": "0", "b_2": "0"}),
+        )
+        for x in (1e-3, -1e-6, 1e-9, -1e-12, 1e-14, 1e-15)
+    },
+    **{
+        f"bicycle, {x:g} beside flutter": (MODELS["whipple_bicycle"], {"v": rounded(4.292382536341 * (1 + x))}, None)
+        for x in (1e-3, 1e-8)
+    },
+    **{
+        f"theta {x} off pi/2": (TILTED, {"d": x}, lambda x=x: tilted(x))
+        for x in ("1e-1", "1e-2", "1e-3", "1e-4", "1e-5", "1e-6", "1e-7", "1e-9")
+    },
+    **{
+        f"four-bar {x} off its change point": (LINKAGE, {"a": x}, lambda: pair(-6 * mp.mpf("9.81") / 5))
+        for x in ("1e-1", "1e-3", "1e-5", "1e-7", "1e-8", "1e-9")
+    },
+    "n_four_bar": (MODELS["n_four_bar"], {}, lambda: pair(-7 * mp.mpf("9.81") / 6)),
+    "bricard": (MODELS["bricard"], {}, None),
+    "door on two hinges": (
+        DOOR,
+        {"e": "0"},
+        lambda: pair(-3 * mp.mpf("9.81") * 0.5 / (mp.mpf("0.4") + mp.mpf("0.75"))),
+    ),
+    **{
+        f"door, second hinge off by {x}": (DOOR, {"e": x}, lambda: [])
+        for x in ("1e-3", "1e-6", "1e-9", "1e-11", "1e-12", "1e-14")
+    },
+    **{f"pins {x} m apart": (PINS, {"e": x}, lambda: []) for x in ("1e-3", "1e-6", "1e-9", "1e-11", "1e-12", "1e-14")},
+    "zero inertia in one link": (without_turning_inertia(chain(16, 4), [2]), {}, None),
+    "zero inertia in all links": (without_turning_inertia(chain(17, 4), [1, 2, 3, 4]), {}, None),
+    "damping 1e-15": (chain(18, 3, stiffness=5.0, damping=1e-15), {}, None),
+    "damping 1e15": (chain(18, 3, stiffness=5.0, damping=1e15), {}, None),
+    "damping 1e6": (chain(18, 3, stiffness=5.0, damping=1e6), {}, None),
+}
+
+
+# Refused, with these words of the message.
+REFUSED = {
+    **{f"theta {x} off pi/2": "Euler angles of 'b' are singular" for x in ("1e-6", "1e-7", "1e-9")},
+    **{f"four-bar {x} off its change point": "rank of the constraints cannot be decided" for x in ("1e-8", "1e-9")},
+    "door, second hinge off by 1e-9": "rank of the constraints cannot be decided",
+    **{f"pins {x} m apart": "rank of the constraints cannot be decided" for x in ("1e-9", "1e-11")},
+    **{f"pins {x} m apart": "singular configuration" for x in ("1e-12", "1e-14")},
+}
+# No verdict, with these words of the first reason.
+UNDECIDED = {
+    "one soft joint among 1e15": "eigenvalues are zero, but 0 symmetries explain 0 at most",
+    "theta 1e-5 off pi/2": "2 eigenvalues are zero, but 0 symmetries explain 0 at most",
+    **{f"rolling disk, {x} beside critical": "a critical state" for x in ("1e-14", "1e-15")},
+    **{
+        f"{name}, {x} beside critical": "too close to another one"
+        for name in ("top", "Ziegler")
+        for x in ("1e-14", "1e-15")
+    },
+    **{f"pins {x} m apart": "leave no motion free" for x in ("1e-3", "1e-6")},
+    **{f"door, second hinge off by {x}": "leave no motion free" for x in ("1e-3", "1e-6")},
+}
+# Answered with a warning, with these words of the last one.
+WARNED = {
+    "one soft joint among 1e12": "is known to",
+    **{f"{name} beside critical": "is known to" for name in ("top, -1e-12", "Ziegler, -1e-12")},
+    **{f"rolling disk, {x} beside critical": "is known to" for x in ("-1e-06", "1e-09", "-1e-12")},
+    "four-bar 1e-7 off its change point": "is known to",
+    **{f"door, second hinge off by {x}": "taken for rounding in the file" for x in ("1e-11", "1e-12")},
+}
+# A door whose second hinge is off by less than the rounding of an angle in the file swings.
+SWINGING = {f"door, second hinge off by {x}" for x in ("1e-11", "1e-12", "1e-14")}
+ANSWERED = [case for case in CASES if case not in REFUSED and case not in UNDECIDED and case not in WARNED]
+FAIR = 10.0
+"""No error may exceed its bound by more than this factor …"""
+USEFUL = 1e3
+"""… and no bound the error, or one rounding, by more than this one."""
+
+
+@functools.cache
+def truth(case):
+    text, parameters, closed_form = CASES[case if case not in SWINGING else "door on two hinges"]
+    with mp.workdps(60):
+        if closed_form is not None:
+            return closed_form()
+        return exact_eigenvalues(mbstab.loads(text).model, 1e-35 if "damping" in case else ZERO, **parameters)[0]
+
+
+@functools.cache
+def answer(case, method="nullspace"):
+    """Return the result, or the error."""
+    text, parameters, _ = CASES[case]
+    try:
+        return mbstab.loads(text).eig(method, **{k: float(x) for k, x in parameters.items()})
+    except MbstabError as error:
+        return error
+
+
+def compared(result, exact):
+    """Return errors, bounds and sizes of the eigenvalues that are not neutral."""
+    judged = [e for e in result.eigenvalues if e.kind != "neutral"]
+    assert len(judged) == len(exact)
+    errors, exact = distance([e.value for e in judged], exact)
+    return errors, np.array([e.error_bound for e in judged]), np.abs(exact)
+
+
+@pytest.mark.parametrize("case", ANSWERED)
+def test_ten_digits_are_kept(case):
+    result = answer(case)
+    errors, bounds, sizes = compared(result, truth(case))
+    np.testing.assert_array_less(errors, 1e-10 * sizes)
+    np.testing.assert_array_less(errors, bounds)
+    assert np.all(bounds <= USEFUL * np.maximum(errors, EPS * sizes))
+    assert result.verdict != "undecided"
+    assert not any("is known to" in warning for warning in result.warnings)
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if "growing" in case or "masses 1" in case or "spin" in case])
+def test_great_ratios_of_masses_and_spins_cost_no_digits(case):
+    errors, _, sizes = compared(answer(case), truth(case))
+    np.testing.assert_array_less(errors, 3e-15 * sizes)
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_it_is_refused_and_says_why(case):
+    assert isinstance(answer(case), MbstabError)
+    assert REFUSED[case] in str(answer(case))
+    assert "hint: " in str(answer(case))
+
+
+@pytest.mark.parametrize("case", UNDECIDED)
+def test_it_is_undecided_and_says_why(case):
+    result = answer(case)
+    assert result.verdict == "undecided"
+    assert UNDECIDED[case] in result.reasons[0]
+    if len(result.values()) == len(truth(case)) > 0:
+        errors, bounds, _ = compared(result, truth(case))
+        np.testing.assert_array_less(errors, FAIR * bounds)
+
+
+@pytest.mark.parametrize("case", WARNED)
+def test_it_is_answered_with_the_digits_that_there_are_and_says_so(case):
+    result = answer(case)
+    assert WARNED[case] in result.warnings[-1]
+    errors, bounds, _ = compared(result, truth(case))
+    np.testing.assert_array_less(errors, bounds)
+    stable = "unstable" if "-1e" in case and "Ziegler" not in case else "marginally stable"
+    assert result.verdict == stable
+
+
+QZ = ("index3", "paper")
+OTHERS = [case for case in CASES if case not in REFUSED]
+SOME = OTHERS[::4]
+
+
+@pytest.mark.parametrize(
+    ("case", "method"),
+    [(case, method) for method in list(METHODS)[1:] for case in (OTHERS if method in QZ else SOME)],
+)
+def test_undeflated_methods_are_not_wrong_without_a_word(case, method):
+    result = answer(case, method)
+    if isinstance(result, MbstabError):
+        assert "needs independent constraint rows" in str(result)
+    elif result.counts.found == result.counts.expected and len(result.values()) == len(truth(case)):
+        errors, bounds, _ = compared(result, truth(case))
+        np.testing.assert_array_less(errors, FAIR * bounds)
+    else:
+        assert result.verdict == "undecided"
+
+
+# --- the gallery ----------------------------------------------------------------------------------------------------
+
+# Of a periodic motion there are multipliers; a motion that is found to be steady must be declared for the truth.
+DECLARED = {
+    **MODELS,
+    "rattleback": MODELS["rattleback"].replace(
+        "  rates:\n    stone: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: omega}", "  steady: {axis: z, rate: omega}"
+    ),
+}
+ALONG = [name for name in MODELS if name != "kapitza" and yaml.safe_load(MODELS[name]).get("sweep")]
+
+
+@pytest.mark.parametrize("part", [0.13, 0.77])
+@pytest.mark.parametrize("name", ALONG)
+def test_bounds_hold_along_the_sweeps_of_the_examples(name, part):
+    model = mbstab.loads(DECLARED[name])
+    parameter, span = next(iter(yaml.safe_load(MODELS[name])["sweep"].items()))
+    first, last = float(span["from"]), float(span["to"])
+    value = (first + part * (last - first)) * model.model.parameters[parameter].factor
+    try:
+        result = model.eig(**{parameter: value})
+    except ModelFileError:
+        pytest.skip("the example has no such motion")
+    errors, bounds, sizes = compared(result, exact_eigenvalues(model.model, **{parameter: repr(value)})[0])
+    np.testing.assert_array_less(errors, FAIR * bounds)
+    assert np.median(bounds / np.maximum(errors, EPS * sizes)) < USEFUL
+    np.testing.assert_array_less(bounds, 1e-9 * sizes)
+
+
+# --- long chains ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("links", [2, 5, 20, 100, 200])
+def test_long_chains_keep_all_digits(links):
+    with mp.workdps(60):
+        exact = plumb_line_eigenvalues(links)
+    result = mbstab.loads(plumb_line(links)).eig()
+    errors, bounds, sizes = compared(result, exact)
+    np.testing.assert_array_less(errors, 1e-15 * sizes)
+    np.testing.assert_array_less(errors, bounds)
+    assert result.verdict == "marginally stable"
+
+
+# --- sizes at random ------------------------------------------------------------------------------------------------
+
+
+def of_random_sizes(number):
+    """Return the text of a chain whose masses, stiffnesses and dampings lie up to ten orders apart, and its length."""
+    rng = np.random.default_rng([77, number])
+    width = 0.5 * float(rng.choice([2, 6, 10]))
+
+    def any_size(power=1.0):
+        return 10.0 ** (power * float(rng.uniform(-width, width)))
+
+    links = int(rng.integers(1, 4))
+    if number % 3:
+        masses = [any_size() for _ in range(links)]
+        text = hanging_chain(rng, links, masses=masses, size=any_size(0.5), stiffness=1.0, damping=1.0)
+        sized = "stiffness|damping"
+    else:
+        text, sized = spring_chain(rng, min(links, 2), damping=1.0), "stiffness|damping|mass"
+    return re.sub(rf"({sized}): ([0-9.e+-]+)", lambda m: f"{m[1]}: {float(m[2]) * any_size()!r}", text)
+
+
+@pytest.mark.parametrize("number", range(60))
+def test_errors_lie_within_their_bounds_whatever_the_sizes(number):
+    model = mbstab.loads(of_random_sizes(number))
+    result, (exact, _) = model.eig(), exact_eigenvalues(model.model, 1e-40)
+    assert result.counts.found == len(exact)
+    if len(result.values()) < len(exact):
+        assert result.verdict == "undecided"
+        return
+    errors, bounds, sizes = compared(result, exact)
+    np.testing.assert_array_less(errors, bounds)
+    assert any("is known to" in text for text in result.warnings) == bool(np.any(bounds > 1e-10 * sizes))
+    assert result.verdict in ("asymptotically stable", "undecided")
+
+
+# --- what makes the difference --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("a", [1e-1, 1e-3, 1e-4, 1e-5, 1e-6])
+def test_bounds_count_the_rounding_of_coordinates_that_weak_constraints_determine(a, method):
+    start = LINKAGE.index("    left: {x: cos")
+    text = (
+        LINKAGE[:start]
+        + """\
+    left: {theta: a}
+  guess:
+    left: {x: cos(a)/2, y: sin(a)/2 + 1e-9}
+    right: {x: 1 + cos(a)/2, y: sin(a)/2, theta: 1.01*a}
+    coupler: {x: 1/2 + cos(a), y: sin(a), theta: 0}
+"""
+    )
+    result = mbstab.loads(text).eig(method, a=a)
+    errors, bounds, sizes = compared(result, pair(-6 * mp.mpf("9.81") / 5))
+    np.testing.assert_array_less(errors, bounds)
+    assert any("is known to" in text for text in result.warnings) == bool(np.any(bounds > 1e-10 * sizes))
+
+
+@pytest.mark.parametrize("damping", [1e3, 1e6, 1e9, 1e15])
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+def test_slow_motions_of_what_floats_are_not_counted_among_its_neutral_ones(kind, damping):
+    options = {"damping": damping} | ({"stiffness": 20.0} if kind == "planar" else {})
+    text = (hanging_chain if kind == "planar" else spring_chain)(np.random.default_rng(3), 3, **options)
+    text = re.sub(r"  (pin|angle|displacement|spring)_1:.*\n", "", text)
+    result = mbstab.loads(text.replace("gravity: [0, -9.81]", "gravity: 0")).eig()
+    if damping > 1e6:
+        assert result.verdict == "undecided"
+        assert "neutral or merely slow cannot be told in double precision" in result.reasons[0]
+        return
+    assert result.verdict == "marginally stable"
+    assert result.counts.neutral == (6 if kind == "planar" else 12)
+
+
+def test_a_bad_start_is_not_taken_for_another_eigenvalue():
+    M, R, K = np.diag([1.0, 1.0]), np.zeros((2, 2)), np.diag([1.0, 4.0])
+    problem = Quadratic.of(M, R, K, (M, R, K))
+    x = np.array([1.0, 1e-3], dtype=complex)
+    s, bound, vector = refined(problem, 1.001j, x, x)
+    assert abs(s - 1j) <= bound < 1e-14
+    assert abs(vector[1]) < 1e-12 * abs(vector[0])
+    assert refined(problem, complex(np.nan), x, x) is None
+
+
+def test_large_problems_are_refined_as_small_ones():
+    n = DENSE + 5
+    rng = np.random.default_rng(1)
+    K = np.diag(np.geomspace(1.0, 1e12, n)) + np.diag(np.full(n - 1, 0.1), 1) + np.diag(np.full(n - 1, 0.1), -1)
+    M, R = np.eye(n), 0.01 * np.diag(rng.uniform(size=n))
+    x = np.zeros(n, dtype=complex)
+    x[0] = 1.0
+    dense = refined(Quadratic(M, R, K, (M, R, np.abs(K))), 1j, x, x)
+    sparse = refined(Quadratic.of(M, R, K, (M, R, np.abs(K))), 1j, x, x)
+    assert abs(dense[0] - sparse[0]) <= dense[1]
+    assert dense[1] == pytest.approx(sparse[1], rel=1e-6)
