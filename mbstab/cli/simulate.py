@@ -12,11 +12,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mbstab.cli.common import (
+    check_pictures,
     file_argument,
     load_model,
     output_option,
     parse_settings,
+    picture_stem,
+    pictures_option,
     progress_bar,
+    save_picture,
     set_option,
     show,
     warn,
@@ -26,6 +30,8 @@ from mbstab.errors import SimulationError, UsageError
 
 if TYPE_CHECKING:
     from mbstab.analysis.simulate import Simulation
+    from mbstab.model.schema import Model
+    from mbstab.report.motion_plots import Picture
 
 FORMATS = ("table", "json", "csv", "npz")
 METHODS = ("projection", "alpha", "radau")
@@ -64,6 +70,15 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
 )
 @click.option("--strict", is_flag=True, help="Refuse initial values that the constraints do not allow.")
 @click.option(
+    "--plot",
+    "plots",
+    metavar="WHAT",
+    multiple=True,
+    help="Draw over time: rod.theta, rate(rod.theta), acceleration(…), force(pivot), torque(pivot.z), kinetic, …, "
+    "several separated by commas; energy; residuals; or phase:rod.theta. May be repeated, each a picture.",
+)
+@pictures_option
+@click.option(
     "--format", "format_", type=click.Choice(FORMATS), help="Of the data; told by the suffix of --output, else table."
 )
 @output_option
@@ -80,6 +95,8 @@ def simulate(
     points: int,
     disturbances: tuple[str, ...],
     strict: bool,
+    plots: tuple[str, ...],
+    place: Path | None,
     format_: str | None,
     output: Path | None,
 ) -> None:
@@ -96,8 +113,10 @@ def simulate(
         raise UsageError("--format npz needs --output")
     perturb = parse_settings(disturbances, "--perturb")
     parameters = parse_settings(settings)
+    check_pictures(place)
     mechanism = load_model(file)
     model = mechanism.model
+    pictures = _pictures(plots, model)
     stopped: SimulationError | None = None
     try:
         with _terminable(), progress_bar("simulating") as progress:
@@ -110,6 +129,7 @@ def simulate(
         stopped, result = error, error.partial
     warn(result.warnings)
     _write(result, format_, output, model.name, model.title)
+    _draw(result, pictures, *picture_stem(place, output, Path(model.name)), model.title)
     if stopped is not None:
         raise stopped
 
@@ -129,6 +149,25 @@ def _write(result: Simulation, format_: str, output: Path | None, name: str, tit
     finally:
         if output is not None and format_ != "table":
             show(str(answer["table"]()))
+
+
+def _pictures(plots: tuple[str, ...], model: Model) -> list[Picture]:
+    """Read what is to be drawn, before anything is computed."""
+    if not plots:
+        return []
+    from mbstab.report.motion_plots import read_picture
+
+    return list({picture.name: picture for picture in (read_picture(model, text) for text in plots)}.values())
+
+
+def _draw(result: Simulation, pictures: list[Picture], stem: Path, suffix: str, title: str) -> None:
+    """Draw pictures to files whose names begin alike."""
+    if not pictures:
+        return
+    from mbstab.report.motion_plots import draw
+
+    for picture in pictures:
+        save_picture(draw(picture, result, title), stem.with_name(f"{stem.name}-{picture.name}{suffix}"))
 
 
 def _format_of(output: Path | None) -> str:
