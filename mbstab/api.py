@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.precise import PreciseResult
     from mbstab.analysis.simulate import Simulation
     from mbstab.analysis.sweep import Sweep
+    from mbstab.analysis.swing import Swing
 
 Setting = float | str
 Starts = Callable[[list[int]], Iterator[int]]
@@ -296,6 +297,19 @@ class Mechanism:
 
         system = self.system(**parameters)
         return simulate(system, to, start, method, solver, tol, step, points, perturb, strict, once, progress)
+
+    @guarded
+    def swing(self, number: int = 1, points: int = 50, **parameters: Setting) -> Swing:
+        """Return a mode, as `eig` lists them from 1, at evenly spaced instants of a period, exaggerated.
+
+        Raises
+        ------
+        UsageError
+            If there is no such mode, or it has no shape that swings.
+        """
+        from mbstab.analysis.swing import swing
+
+        return swing(self.system(**parameters), number, points)
 
     @guarded
     def chart(

@@ -192,6 +192,12 @@ def mode_shape(system: System, motion: Motion, number: int) -> tuple[Array, Arra
     UsageError
         If there is no such mode.
     """
+    _, dq, du = complex_mode(system, number)
+    return np.real(dq), np.real(du)
+
+
+def complex_mode(system: System, number: int) -> tuple[complex, Array, Array]:
+    """Return eigenvalue (1/s; the multiplier of a periodic motion), complex Δq and Δu of a mode, as in `mode_shape`."""
     from mbstab.analysis.eigen import answer
     from mbstab.analysis.linearize import linearize, state_space
 
@@ -219,7 +225,7 @@ def mode_shape(system: System, motion: Motion, number: int) -> tuple[Array, Arra
     relative = np.abs(dq / motion.sizes)
     moves, x = (relative, dq) if np.any(relative > 0.0) else (np.abs(du / motion.sizes), du)
     largest = x[int(np.argmax(moves))]
-    return np.real(dq / largest), np.real(du / largest)
+    return complex(value or 0.0), dq / largest, du / largest
 
 
 # --- onto the constraints -------------------------------------------------------------------------------------------

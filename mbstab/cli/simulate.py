@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mbstab.cli.animate import POINTS, Animation, animation_options
 from mbstab.cli.common import (
     check_pictures,
     file_argument,
@@ -59,7 +60,11 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
 @click.option("--tol", type=float, default=1e-8, show_default=True, help="Error of the result, relative to the scene.")
 @click.option("--step", type=float, metavar="H", help="Fixed step (s), without control of the error.")
 @click.option("--once", is_flag=True, help="Make one run in which --tol is the error of a step: faster, error unknown.")
-@click.option("--points", type=click.IntRange(2, 10_000_000), default=501, show_default=True, help="Times of output.")
+@click.option(
+    "--points",
+    type=click.IntRange(2, 10_000_000),
+    help=f"Times of output; {POINTS} if not given, with --animate one for each frame at least.",
+)
 @click.option(
     "--perturb",
     "disturbances",
@@ -78,6 +83,7 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
     "several separated by commas; energy; residuals; or phase:rod.theta. May be repeated, each a picture.",
 )
 @pictures_option
+@animation_options
 @click.option(
     "--format", "format_", type=click.Choice(FORMATS), help="Of the data; told by the suffix of --output, else table."
 )
@@ -92,36 +98,49 @@ def simulate(
     tol: float,
     step: float | None,
     once: bool,
-    points: int,
+    points: int | None,
     disturbances: tuple[str, ...],
     strict: bool,
     plots: tuple[str, ...],
     place: Path | None,
     format_: str | None,
     output: Path | None,
+    **animation: Any,
 ) -> None:
     """Follow the nonlinear motion that starts as the file says, with joint reactions, energies and residuals.
 
     It starts at the reference of the file, or where its initial: block says, with what --perturb adds. --tol holds for
     the result: it is computed again with smaller steps until the estimate of its error is below. What is finished
-    when the motion ends early, by a failure or by Ctrl-C, is written all the same.
+    when the motion ends early, by a failure or by Ctrl-C, is written all the same, the animation only after a failure.
 
     Example: mbstab simulate pendulum.yaml --perturb rod.theta=pi/4 --to 20 -o pendulum.csv
     """
     format_ = format_ or _format_of(output)
     if format_ == "npz" and output is None:
         raise UsageError("--format npz needs --output")
+    movie = Animation.of(**animation)
     perturb = parse_settings(disturbances, "--perturb")
     parameters = parse_settings(settings)
     check_pictures(place)
     mechanism = load_model(file)
     model = mechanism.model
-    pictures = _pictures(plots, model)
+    pictures, count = _pictures(plots, model), points or POINTS
+    if movie is not None:
+        movie.check(mechanism.system(**parameters))
+        if movie.mode is not None:
+            if to is not None or start is not None or perturb or pictures or output is not None:
+                raise UsageError(
+                    "--mode-shape shows the linear mode: nothing is simulated, perturbed, plotted or stored"
+                )
+            with _terminable():
+                movie.write_mode(mechanism, **parameters)
+            return
+        count = points or movie.points(mechanism.system(**parameters), start, to)
     stopped: SimulationError | None = None
     try:
         with _terminable(), progress_bar("simulating") as progress:
             result = mechanism.simulate(
-                to, start, method, solver or "", tol, step, points, perturb, strict, once, progress, **parameters
+                to, start, method, solver or "", tol, step, count, perturb, strict, once, progress, **parameters
             )
     except SimulationError as error:
         if error.partial is None or not len(error.partial.times):
@@ -130,6 +149,9 @@ def simulate(
     warn(result.warnings)
     _write(result, format_, output, model.name, model.title)
     _draw(result, pictures, *picture_stem(place, output, Path(model.name)), model.title)
+    if movie is not None and (result.complete or result.failure):
+        with _terminable():
+            movie.write_motion(mechanism.system(**parameters), result, model.title)
     if stopped is not None:
         raise stopped
 

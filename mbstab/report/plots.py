@@ -419,8 +419,9 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """
     goal = Path(path).resolve()
     handle, temporary = tempfile.mkstemp(dir=goal.parent, prefix=f".{goal.name}.")
+    os.close(handle)
     try:
-        with os.fdopen(handle, "wb") as stream:
+        with open(temporary, "wb") as stream:
             yield stream
         mask = os.umask(0)
         os.umask(mask)
