@@ -6,6 +6,8 @@ the inks and dashes of all pictures. Limits are fixed over the motion.
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import math
 import os
 import shutil
@@ -270,9 +272,8 @@ class Stage:
         markers += [m for link in self.sketch.links for m in (link.first, link.second)]
         markers += [pin.place for pin in self.sketch.pins]
         clouds += [(self._path(m, True) @ self.across[:2].T)[:, None] for m in markers]
-        clouds += [
-            (path - self.shift)[:, None] @ self.across[:2].T for path in self.traced.values() if not self.follows
-        ]
+        if not self.follows:
+            clouds += [path[::FINE][: len(self.shift), None] @ self.across[:2].T for path in self.traced.values()]
         cloud = np.concatenate(clouds, axis=1)
         self.low, self.high = cloud.min(axis=(0, 1)), cloud.max(axis=(0, 1))
         self.width = float(np.max(cloud[0].max(axis=0) - cloud[0].min(axis=0))) or 1.0
@@ -340,7 +341,9 @@ class Stage:
 
     def _moving_artists(self) -> None:
         axes = self.axes
-        self.ground = LineCollection([], colors="0.82", linewidths=0.7, zorder=1)
+        self.ground = LineCollection(
+            [], colors="0.82" if self.sketch.dimension == 3 else "0.4", linewidths=0.7, zorder=1
+        )
         self.bodies = PolyCollection([], closed=False, zorder=3)
         self.springs = LineCollection([], colors="k", linewidths=1.0, zorder=3.5)
         for collection in (self.ground, self.bodies, self.springs):
@@ -380,7 +383,7 @@ class Stage:
         """Move everything to where it is in a frame."""
         shapes: list[tuple[float, Array, str, str, float]] = []
         for number, piece in enumerate(self.sketch.pieces):
-            shapes += self._shapes(self.outline(number, frame), FILLS[piece.body % len(FILLS)], piece.heavy)
+            shapes += self._shapes(self.outline(number, frame), FILLS[piece.body % len(FILLS)], piece.width)
         springs = []
         for link, first, second in self.ends:
             ends = np.array([first[frame], second[frame]]) @ self.across.T
@@ -403,9 +406,8 @@ class Stage:
             self.ground.set_segments([line for lines in planes for line in lines])
         self.caption.set_text(self.frames.captions[frame])
 
-    def _shapes(self, outline: Outline, fill: str, heavy: bool) -> list[tuple[float, Array, str, str, float]]:
+    def _shapes(self, outline: Outline, fill: str, width: float) -> list[tuple[float, Array, str, str, float]]:
         """Return what is drawn of an outline: depth, points of the picture, face, edge, width of lines."""
-        width = 2.6 if heavy else 1.0
         found = []
         # With its skin an outline stays together, whatever is behind or before.
         center = float((outline.skin @ self.across[2]).mean()) if len(outline.skin) else None
@@ -641,29 +643,24 @@ def _write_gif(stream: BinaryIO, images: Iterator[Image.Image], fps: float) -> N
 
 def _write_mp4(stream: BinaryIO, images: Iterator[Image.Image], fps: float) -> None:
     """Give frames to ffmpeg, which writes to the place of the stream."""
-    process: subprocess.Popen[bytes] | None = None
-    try:
-        for image in images:
-            if process is None:
-                size = "x".join(str(x) for x in image.size)
-                source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", f"{fps:g}", "-i", "-"]
-                goal = ["-an", "-pix_fmt", "yuv420p", "-f", "mp4", stream.name]
-                command = ["ffmpeg", "-y", "-loglevel", "error", *source, *goal]
-                process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
-            assert process.stdin is not None
-            process.stdin.write(image.tobytes())
-        assert process is not None
-        _, said = process.communicate()
-    except BrokenPipeError:
-        assert process is not None
-        said = process.stderr.read() if process.stderr else b""
-        process.wait()
-        raise OutputError(_failed(said)) from None
-    except BaseException:
-        if process is not None:
+    first = next(images)
+    source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{first.width}x{first.height}", "-r", f"{fps:g}", "-i", "-"]
+    command = ["ffmpeg", "-y", "-loglevel", "error", *source, "-an", "-pix_fmt", "yuv420p", "-f", "mp4", stream.name]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        assert process.stderr is not None
+        try:
+            for image in itertools.chain([first], images):
+                process.stdin.write(image.tobytes())
+        except BrokenPipeError:
+            pass  # it says why
+        except BaseException:
             process.kill()
-            process.wait()
-        raise
+            raise
+        finally:
+            with contextlib.suppress(BrokenPipeError):
+                process.stdin.close()
+        said = process.stderr.read()
     if process.returncode:
         raise OutputError(_failed(said))
 

@@ -28,6 +28,9 @@ ROUND = 49
 CROSS = 0.1
 """Half length of the axes by which a body without shape is drawn, as a part of the size of the scene."""
 
+THIN, THICK, BLADE = 1.0, 2.6, 5.0
+"""Width (points) of the edges of bodies, of rods and lines between joints, of knife edges."""
+
 
 @dataclass(frozen=True)
 class Outline:
@@ -64,11 +67,11 @@ class Outline:
 
 @dataclass(frozen=True)
 class Piece:
-    """An outline fixed in a body, in the frame of the body; `heavy` for thick lines."""
+    """An outline fixed in a body, in the frame of the body, and the width of its lines (points)."""
 
     body: int
     outline: Outline
-    heavy: bool = False
+    width: float = THIN
 
 
 @dataclass(frozen=True)
@@ -281,7 +284,7 @@ class Sketch:
                 else:
                     shaped.add(body)
                     planes.append(Plane(_spatial(item.unit_vector("normal")), _spatial(item.vector("origin"))))
-                pieces.append(Piece(body, outline, direction))
+                pieces.append(Piece(body, outline, BLADE if direction else THIN))
         masses, centers = [], []
         for b, (body_values, entry) in enumerate(zip(scene.bodies, scene.model.bodies.values(), strict=True)):
             if not body_values.orientation:
@@ -289,9 +292,9 @@ class Sketch:
                 continue
             own = _shapes(system, entry, _spatial(body_values.center))
             places = held[b] + [_spatial(_numbers(system, p)) for p in entry.values.get("points", {}).values()]
-            pieces += [Piece(b, outline, name == "rod") for name, outline in own]
+            pieces += [Piece(b, outline, THICK if name == "rod" else THIN) for name, outline in own]
             skeleton = _skeleton(_distinct(places), _spatial(body_values.center), [x for _, x in own])
-            pieces += [Piece(b, Outline((x,)), True) for x in skeleton]
+            pieces += [Piece(b, Outline((x,)), THICK) for x in skeleton]
             if own or b in shaped:
                 continue
             # That a body turns about a line is seen by its axes only.
