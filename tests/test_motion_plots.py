@@ -185,6 +185,9 @@ def test_pictures_lie_where_those_of_sweeps_do(tmp_path):
     result = run(*common, "-o", table, "--plot", "rod.theta,rate(rod.theta)", "--plot", "energy")
     assert result.exit_code == 0
     assert {p.name for p in tmp_path.iterdir()} == {"a.csv", "a-rod.theta-rate-rod.theta.png", "a-energy.png"}
+    twice = ("--plot", "energy", "--plot", "energy", "--plot", "energy,", "--pictures", tmp_path / "c.pdf")
+    assert run(*common, *twice).exit_code == 0
+    assert {p.name for p in tmp_path.glob("c*")} == {"c-energy.pdf", "c-energy-2.pdf"}
     result = run(*common, "--plot", "phase:rod.theta", "--pictures", tmp_path / "b.svg")
     assert result.exit_code == 0
     assert (tmp_path / "b-phase-rod.theta.svg").read_bytes().startswith(b"<?xml")

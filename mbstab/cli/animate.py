@@ -162,10 +162,10 @@ class Animation:
 
     def write_mode(self, mechanism: Mechanism, **parameters: str) -> None:
         """Animate a mode."""
-        from mbstab.report.animation import SWING, swing_frames
+        from mbstab.report.animation import SWING, frame_count, swing_frames
 
         assert self.mode is not None
-        points = max(2, round(self.fps * SWING))
+        points = max(2, frame_count(SWING, self.fps, 1.0) - 1)
         frames = swing_frames(mechanism.swing(self.mode, points, **parameters), self.mode, self.fps)
         self._write(mechanism.system(**parameters), frames, mechanism.model.title)
 

@@ -6,6 +6,7 @@ import contextlib
 import signal
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from mbstab.cli.common import (
     check_pictures,
     file_argument,
     load_model,
+    note,
     output_option,
     parse_settings,
     picture_stem,
@@ -149,7 +151,9 @@ def simulate(
     warn(result.warnings)
     _write(result, format_, output, model.name, model.title)
     _draw(result, pictures, *picture_stem(place, output, Path(model.name)), model.title)
-    if movie is not None and (result.complete or result.failure):
+    if movie is not None and not (result.complete or result.failure):
+        note("not animated, as the simulation was stopped")
+    elif movie is not None:
         with _terminable():
             movie.write_motion(mechanism.system(**parameters), result, model.title)
     if stopped is not None:
@@ -179,7 +183,14 @@ def _pictures(plots: tuple[str, ...], model: Model) -> list[Picture]:
         return []
     from mbstab.report.motion_plots import read_picture
 
-    return list({picture.name: picture for picture in (read_picture(model, text) for text in plots)}.values())
+    found: dict[str, Picture] = {}
+    for text in dict.fromkeys(plots):
+        picture = read_picture(model, text)
+        name, number = picture.name, 2
+        while name in found:  # long lists may begin alike
+            name, number = f"{picture.name}-{number}", number + 1
+        found[name] = replace(picture, name=name)
+    return list(found.values())
 
 
 def _draw(result: Simulation, pictures: list[Picture], stem: Path, suffix: str, title: str) -> None:
