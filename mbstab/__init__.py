@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         MbstabError,
         ModelFileError,
         NumericalError,
+        SimulationError,
         UsageError,
     )
 
@@ -28,6 +29,7 @@ _HOME = {
         "MbstabError",
         "ModelFileError",
         "NumericalError",
+        "SimulationError",
         "UsageError",
     ),
 }
@@ -40,6 +42,7 @@ __all__ = [
     "Mechanism",
     "ModelFileError",
     "NumericalError",
+    "SimulationError",
     "UsageError",
     "load",
     "loads",

@@ -37,7 +37,9 @@ if TYPE_CHECKING:
     from mbstab.analysis.compare import Comparison
     from mbstab.analysis.equilibrium import Equilibrium
     from mbstab.analysis.precise import PreciseResult
+    from mbstab.analysis.simulate import Simulation
     from mbstab.analysis.sweep import Sweep
+    from mbstab.analysis.swing import Swing
 
 Setting = float | str
 Starts = Callable[[list[int]], Iterator[int]]
@@ -243,6 +245,71 @@ class Mechanism:
 
         settings = parse_overrides(self.model, parameters)
         return sweep(self.model, parameter, values, settings, progress, directory, resume, jobs, cluster)
+
+    @guarded
+    def simulate(
+        self,
+        to: float | None = None,
+        start: float | None = None,
+        method: str = "projection",
+        solver: str = "",
+        tol: float = 1e-8,
+        step: float | None = None,
+        points: int = 501,
+        perturb: Mapping[str, Setting] | None = None,
+        strict: bool = False,
+        once: bool = False,
+        progress: Callable[[float], object] = lambda done: None,
+        **parameters: Setting,
+    ) -> Simulation:
+        """Return the nonlinear motion: ``model.simulate(10.0, perturb={"rod.theta": 0.1})``.
+
+        Parameters
+        ----------
+        to, start : float, optional
+            Last time (s), 10 s after the start if not given, and first one, that of the file if not given.
+        method, solver : str
+            ``projection`` (with DOP853, RK45, Radau, BDF), ``alpha`` or ``radau``; see
+            `mbstab.analysis.integrators`.
+        tol : float
+            Global error, relative to the sizes in the scene; see `mbstab.analysis.simulate`.
+        step : float, optional
+            Fixed step (s), without control of the error.
+        points : int
+            Number of times of output.
+        perturb : mapping, optional
+            What is added to the reference motion, by ``rod.theta``, ``rate(rod.theta)`` or ``mode:1``.
+        strict : bool
+            Refuse initial values that the constraints do not allow, instead of moving them.
+        once : bool
+            Make one run in which `tol` is the error of a step.
+        progress : callable
+            Is called with the part of the work that is done, from 0 to 1.
+
+        Raises
+        ------
+        UsageError
+            If an argument is out of range or a name is unknown.
+        SimulationError
+            If the motion cannot be followed to the end; its `partial` holds the finished part.
+        """
+        from mbstab.analysis.simulate import simulate
+
+        system = self.system(**parameters)
+        return simulate(system, to, start, method, solver, tol, step, points, perturb, strict, once, progress)
+
+    @guarded
+    def swing(self, number: int = 1, points: int = 50, **parameters: Setting) -> Swing:
+        """Return a mode, as `eig` lists them from 1, at evenly spaced instants of a period, exaggerated.
+
+        Raises
+        ------
+        UsageError
+            If there is no such mode, or it has no shape that swings.
+        """
+        from mbstab.analysis.swing import swing
+
+        return swing(self.system(**parameters), number, points)
 
     @guarded
     def chart(

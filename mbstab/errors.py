@@ -10,6 +10,7 @@ import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import islice
+from typing import Any
 
 
 @dataclass(frozen=True, order=True)
@@ -97,6 +98,14 @@ class MassError(MbstabError):
 
 class NumericalError(MbstabError):
     """A computation did not reach its threshold; the message says number, threshold and next step."""
+
+
+class SimulationError(NumericalError):
+    """A motion could be followed only in part; `partial` is the finished part, or None."""
+
+    def __init__(self, message: str, partial: Any = None) -> None:
+        super().__init__(message)
+        self.partial = partial
 
 
 class EquilibriumError(MbstabError):

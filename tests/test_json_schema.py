@@ -81,6 +81,8 @@ GOOD = f"mbstab: 1\n{BODY}"
         GOOD + "constraints: {c: {scleronomic: b.x}}",
         GOOD + "reference: {speeds: {}}",
         GOOD + "reference: {find: equilibria}",
+        GOOD + "initial: {speeds: {}}",
+        GOOD + "initial: {time: [1]}",
         GOOD + "reference: {steady: {axis: z, rates: 3}}",
         GOOD + "reference: {steady: {direction: x, speed: [1]}}",
         GOOD + "reference: {period: [1]}",
@@ -113,7 +115,7 @@ def closed_mappings(model: dict[str, Any]) -> Iterator[dict[str, Any]]:
             yield from (entry[key] for key in ("shape",) if key in entry)
             yield from entry.get("parts", [])
     yield from (value for value in model.get("parameters", {}).values() if isinstance(value, dict))
-    yield from (model[key] for key in ("ground", "reference") if key in model)
+    yield from (model[key] for key in ("ground", "reference", "initial") if key in model)
     yield from (model["reference"][key] for key in ("steady",) if key in model.get("reference", {}))
     for expectation in model.get("expect", []):
         yield expectation

@@ -17,7 +17,8 @@ ONLY_IN = {
     "click": {"cli"},
     "rich": {"report/tables.py"},
     "sympy": {"mechanics", "compiler", "model/arithmetic.py", "analysis/symbolic.py", "report/symbolic.py"},
-    "matplotlib": {"report/plots.py"},
+    "matplotlib": {"report/plots.py", "report/motion_plots.py", "report/animation.py"},
+    "PIL": {"report/animation.py"},
     "numba": {"compiler/fused.py"},
     "scipy": {"analysis", "report/export.py"},
     "mpmath": {"model/arithmetic.py"}

@@ -36,6 +36,16 @@ output_option = click.option(
     help="Write to this file instead of the terminal.",
 )
 
+SUFFIXES = (".png", ".svg", ".pdf")
+"""Of pictures; the first is the default."""
+
+pictures_option = click.option(
+    "--pictures",
+    "place",
+    type=click.Path(path_type=Path),
+    help="How the names of the pictures begin, with the suffix .png, .svg or .pdf; else beside the model or --output.",
+)
+
 
 def format_option(*formats: str) -> Callable[[F], F]:
     """Return the option that chooses among output formats; the first is the default."""
@@ -56,8 +66,8 @@ def load_model(file: str) -> Mechanism:
     return Mechanism(read_model(found.path))
 
 
-def parse_settings(settings: tuple[str, ...]) -> dict[str, str]:
-    """Return ``--set`` options as a dictionary.
+def parse_settings(settings: tuple[str, ...], option: str = "--set") -> dict[str, str]:
+    """Return options such as ``--set`` as a dictionary.
 
     Raises
     ------
@@ -69,9 +79,9 @@ def parse_settings(settings: tuple[str, ...]) -> dict[str, str]:
         name, equals, value = setting.partition("=")
         name = name.strip()
         if not equals or not name or not value.strip():
-            raise UsageError(f"--set {setting}: write NAME=VALUE")
+            raise UsageError(f"{option} {setting}: write NAME=VALUE")
         if name in found:
-            raise UsageError(f"--set {name} is given twice")
+            raise UsageError(f"{option} {name} is given twice")
         found[name] = value.strip()
     return found
 
@@ -153,6 +163,41 @@ def write(data: str | bytes, output: Path | None, model: str = "") -> None:
     except OSError as error:
         raise OutputError(f"{output}: cannot be written: {error.strerror}") from None
     note(f"wrote {output}")
+
+
+def check_pictures(place: Path | None) -> None:
+    """Refuse a wrong suffix in --pictures before anything is computed.
+
+    Raises
+    ------
+    UsageError
+        If pictures cannot end like that.
+    """
+    if place is not None and place.suffix and place.suffix not in SUFFIXES:
+        raise UsageError(f"--pictures {place}: pictures are {', '.join(SUFFIXES)}")
+
+
+def picture_stem(place: Path | None, output: Path | None, model: Path, name: str = "") -> tuple[Path, str]:
+    """Return how the names of the pictures begin, and their suffix.
+
+    Parameters
+    ----------
+    place, output : Path or None
+        What --pictures and --output say.
+    model : Path
+        The model file, beside which they are drawn otherwise; those of installed models in the working directory.
+    name : str
+        Follows the name of the model there.
+    """
+    from mbstab.model.library import installed_models
+
+    if place is not None:
+        suffix = place.suffix if place.suffix in SUFFIXES else SUFFIXES[0]
+        return (place.with_suffix("") if place.suffix in SUFFIXES else place), suffix
+    if output is not None:
+        return output.with_suffix(""), SUFFIXES[0]
+    name = f"{model.stem}-{name}" if name else model.stem
+    return (Path(name) if model in installed_models() else model.with_name(name)), SUFFIXES[0]
 
 
 def save_picture(figure: Any, path: Path) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from mbstab.cli import check, compare, eig, equilibrium, linearize, models, schema, sweep, test
+from mbstab.cli import check, compare, eig, equilibrium, linearize, models, schema, simulate, sweep, test
 from mbstab.cli.common import note, one_thread_by_default
 from mbstab.errors import MbstabError
 
@@ -52,6 +52,7 @@ for _command in (
     linearize.linearize,
     models.models,
     schema.schema,
+    simulate.simulate,
     sweep.sweep,
     test.test,
 ):

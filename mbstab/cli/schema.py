@@ -18,7 +18,7 @@ def schema(section: str | None, output: Path | None) -> None:
 
     With SECTION (bodies, joints, contacts, drives, forces) print its types and their keys as text; with a type as well,
     such as joints.revolute, only that one. Sections without types (parameters, ground, constraints, reference,
-    reference.steady, sweep, expect, expect.critical) print their keys.
+    reference.steady, initial, sweep, expect, expect.critical) print their keys.
 
     Example: mbstab schema -o mbstab.schema.json
     """

@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mbstab.cli.common import (
+    check_pictures,
     file_argument,
     load_model,
     note,
     output_option,
     parse_settings,
+    picture_stem,
+    pictures_option,
     progress_bar,
     save_picture,
     set_option,
@@ -32,7 +35,6 @@ Answer = dict[str, Callable[[], "str | bytes"]]
 
 FORMATS = ("table", "json", "csv", "npz")
 PICTURES = ("map", "locus", "campbell", "none")
-SUFFIXES = (".png", ".svg", ".pdf")
 CHART_POINTS = 101
 
 
@@ -65,12 +67,7 @@ CHART_POINTS = 101
     multiple=True,
     help="Pictures to draw; map and locus if not given, none for none.",
 )
-@click.option(
-    "--pictures",
-    "place",
-    type=click.Path(path_type=Path),
-    help="How the names of the pictures begin, with the suffix .png, .svg or .pdf; else beside the model or --output.",
-)
+@pictures_option
 @click.option("--resume", is_flag=True, help="Go on with a sweep to --output that was interrupted.")
 @click.option("--jobs", type=click.IntRange(1, 1024), default=1, show_default=True, help="Number of processes.")
 @click.option("--cluster", metavar="ADDRESS", default="", help="Compute on a Dask cluster, tcp://HOST:PORT.")
@@ -115,8 +112,7 @@ def sweep(
         raise UsageError("--format npz needs --output")
     if "none" in pictures and (len(pictures) > 1 or place is not None):
         raise UsageError("--plot none goes with no other picture")
-    if place is not None and place.suffix and place.suffix not in SUFFIXES:
-        raise UsageError(f"--pictures {place}: pictures are {', '.join(SUFFIXES)}")
+    check_pictures(place)
     if jobs > 1 and cluster:
         raise UsageError(
             "--jobs is for processes of this machine, --cluster for those of others: leave out one of them"
@@ -146,7 +142,7 @@ def sweep(
         **parse_settings(settings),
     }
     labels = [(model.parameters[name].unit, model.parameters[name].factor) for name in parameters]
-    stem = _stem(place, output, Path(model.name), "-".join(parameters))
+    stem = picture_stem(place, output, Path(model.name), "-".join(parameters))
     wanted = pictures or (("map", "locus") if format_ == "table" or output is not None else ())
     drawn = () if "none" in wanted else wanted
     answer: Sweep | Chart
@@ -232,19 +228,6 @@ def _draw(result: Sweep, pictures: tuple[str, ...], stem: Path, suffix: str, lab
     for picture in pictures:
         path = stem.with_name(f"{stem.name}-{picture}{suffix}")
         save_picture(kinds[picture](result, label, title), path)
-
-
-def _stem(place: Path | None, output: Path | None, model: Path, parameter: str) -> tuple[Path, str]:
-    """Return how the names of the pictures begin, and their suffix."""
-    from mbstab.model.library import installed_models
-
-    if place is not None:
-        suffix = place.suffix if place.suffix in SUFFIXES else SUFFIXES[0]
-        return (place.with_suffix("") if place.suffix in SUFFIXES else place), suffix
-    if output is not None:
-        return output.with_suffix(""), SUFFIXES[0]
-    name = f"{model.stem}-{parameter}"
-    return (Path(name) if model in installed_models() else model.with_name(name)), SUFFIXES[0]
 
 
 def _label(parameter: str, unit: str) -> str:

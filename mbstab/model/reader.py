@@ -25,6 +25,7 @@ from mbstab.model.schema import (
     Entry,
     Expectation,
     ExpectedEigenvalue,
+    Initial,
     MarkerValue,
     Model,
     Parameter,
@@ -111,6 +112,7 @@ class _Reader:
             bodies=self.bodies,
             entries=self.entries,
             reference=self._reference(top.get("reference"), root),
+            initial=self._initial(top.get("initial"), root),
             sweep=self._sweep(top.get("sweep")),
             expect=self._expect(top.get("expect")),
         )
@@ -806,6 +808,18 @@ class _Reader:
             self._state(entries.get("guess"), "reference.guess"),
             *self._search(entries),
             self._expression(entries["period"], "reference.period", "s") if "period" in entries else None,
+        )
+
+    def _initial(self, node: YamlNode | None, root: Mapping) -> Initial:
+        mapping = self._optional(node, "initial")
+        if mapping is not None:
+            self._known_keys(mapping, "initial", schema.INITIAL_FIELDS)
+        entries = mapping.entries if mapping else {}
+        return Initial(
+            root.keys["initial"].location if mapping else root.location,
+            self._expression(entries["time"], "initial.time", "s") if "time" in entries else None,
+            self._state(entries.get("coordinates"), "initial.coordinates"),
+            self._state(entries.get("rates"), "initial.rates", "/s"),
         )
 
     def _search(self, entries: dict[str, YamlNode]) -> tuple[str | None, Steady | None]:

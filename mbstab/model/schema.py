@@ -30,6 +30,7 @@ SECTIONS: dict[str, str] = {
     "forces": "springs, dampers, forces and torques, by name",
     "constraints": "constraints written as expressions, by name: {holonomic: …} or {nonholonomic: …}",
     "reference": "the motion whose stability is asked for: coordinates and rates by body",
+    "initial": "where mbstab simulate starts: coordinates and rates by body; the others are those of the reference",
     "sweep": "default ranges of parameters: {from, to, points}",
     "expect": "what the answer must be, checked by mbstab test",
 }
@@ -154,6 +155,16 @@ class Reference:
 
 
 @dataclass(frozen=True)
+class Initial:
+    """Where a simulation starts, by name such as ``rod.theta``; a time of None is that of the reference."""
+
+    location: Location
+    time: Quantity | None
+    coordinates: dict[str, Quantity]
+    rates: dict[str, Quantity]
+
+
+@dataclass(frozen=True)
 class SweepRange:
     """Default range of a parameter."""
 
@@ -221,6 +232,7 @@ class Model:
     bodies: dict[str, Entry]
     entries: dict[str, dict[str, Entry]]
     reference: Reference
+    initial: Initial
     sweep: dict[str, SweepRange]
     expect: tuple[Expectation, ...]
 
@@ -255,6 +267,11 @@ REFERENCE_FIELDS = {
     "find": "equilibrium or steady: coordinates that are not given are solved so that the forces balance",
     "steady": "the motion is a steady turn about an axis, a steady translation, or both",
     "period": "period of a periodic motion, judged by its Floquet multipliers (s)",
+}
+INITIAL_FIELDS = {
+    "time": "time at which the simulation starts, that of the reference if not given (s)",
+    "coordinates": "values by body: {body: {x: …}}; others are those of the reference, moved onto the constraints",
+    "rates": "time derivatives by body; others are those of the reference, moved onto the constraints",
 }
 FINDS = ("equilibrium", "steady")
 STEADY_FIELDS = {
@@ -301,6 +318,7 @@ SECTION_FIELDS: dict[str, dict[str, str]] = {
     "constraints": CONSTRAINT_FIELDS,
     "reference": REFERENCE_FIELDS,
     "reference.steady": STEADY_FIELDS,
+    "initial": INITIAL_FIELDS,
     "sweep": SWEEP_FIELDS,
     "expect": EXPECT_FIELDS,
     "expect.critical": CRITICAL_FIELDS,
@@ -408,6 +426,7 @@ def json_schema() -> dict[str, Any]:
             steady=_object(STEADY_FIELDS, axis=direction, rate=number, point=vector, direction=direction, speed=number),
             period=number,
         ),
+        "initial": _object(INITIAL_FIELDS, time=number, coordinates=state, rates=state),
         "sweep": {"type": "object", "additionalProperties": sweep},
         "expect": {"type": "array", "items": expectation},
     }

@@ -87,6 +87,15 @@ class SteadyValues:
 
 
 @dataclass(frozen=True)
+class InitialValues:
+    """Where a simulation starts, with its numbers: given values by coordinate name; None: the reference time (s)."""
+
+    time: Number | None = None
+    coordinates: dict[str, Number] = field(default_factory=dict)
+    rates: dict[str, Number] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Scene:
     """A model at given parameter values.
 
@@ -107,6 +116,8 @@ class Scene:
         Number of points of a sweep, if numbers may be arrays over them.
     lengths : list of float
         Sizes that occur in the scene (m), for scaling tolerances.
+    initial : InitialValues
+        Where a simulation starts.
     """
 
     model: Model
@@ -123,6 +134,7 @@ class Scene:
     period: Number | None
     points: int | None = None
     lengths: list[float] = field(default_factory=list)
+    initial: InitialValues = field(default_factory=InitialValues)
 
     @property
     def dimension(self) -> int:
@@ -295,11 +307,20 @@ class _Evaluator:
             for values in (reference.coordinates, reference.rates, reference.guess)
         )
         steady, period = self.steady(reference.steady), self.period(reference.period)
+        initial = self.initial()
         self.document.raise_problems()
         return Scene(
             model, self.f, self.parameters, gravity, bodies, items, time, coordinates, rates, guess, steady,
-            period, self.points(), self.lengths,
+            period, self.points(), self.lengths, initial,
         )  # fmt: skip
+
+    def initial(self) -> InitialValues:
+        given = self.model.initial
+        time = None if given.time is None else self.number(given.time)
+        coordinates, rates = (
+            {name: self.number(value) for name, value in values.items()} for values in (given.coordinates, given.rates)
+        )
+        return InitialValues(time, coordinates, rates)
 
     def points(self) -> int | None:
         return next((len(value) for value in self.parameters.values() if getattr(value, "ndim", 0)), None)

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import matplotlib as mpl
 import numpy as np
@@ -403,11 +403,26 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
         "svg": {"Date": None, "Creator": None},
         "pdf": {"Creator": None, "Producer": None, "CreationDate": None},
     }
+    with whole_file(goal) as stream, _style(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph ")  # a title in a script the font lacks
+        figure.savefig(stream, format=kind, dpi=150 if kind == "png" else 300, metadata=metadata[kind])
+
+
+@contextmanager
+def whole_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """Give a stream to a file that takes the place of `path` when all is written: it appears whole or not at all.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    goal = Path(path).resolve()
     handle, temporary = tempfile.mkstemp(dir=goal.parent, prefix=f".{goal.name}.")
+    os.close(handle)
     try:
-        with os.fdopen(handle, "wb") as stream, _style(), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Glyph ")  # a title in a script the font lacks
-            figure.savefig(stream, format=kind, dpi=150 if kind == "png" else 300, metadata=metadata[kind])
+        with open(temporary, "wb") as stream:
+            yield stream
         mask = os.umask(0)
         os.umask(mask)
         os.chmod(temporary, goal.stat().st_mode & 0o777 if goal.exists() else 0o666 & ~mask)

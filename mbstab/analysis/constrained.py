@@ -1,0 +1,348 @@
+"""The constrained equations as a right-hand side: accelerations, projections, and a watch on the rank.
+
+At a state q, u and a time t the accelerations and multipliers solve
+
+    M a + Jᵀ ν = −F0,   J a = −B                                     (index 1)
+
+and a state next to the constraints is moved onto them by the least change in the metric of
+the mass matrix,
+
+    min Δqᵀ M Δq  with  C(q + Δq, t) = 0,   min Δuᵀ M Δu  with  V(q, u + Δu, t) = 0
+
+(Eich 1993, SIAM J. Numer. Anal. 30; Hairer and Wanner 1996, section VII.2). Where rows are
+redundant, they are replaced by as many orthonormal combinations of them as the rank at the
+start says. Everything is computed in coordinates scaled by the masses they carry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.motion import Motion
+from mbstab.compiler.system import Array, Dynamics, System
+from mbstab.errors import ConstraintError, MbstabError, NumericalError
+
+SLOWEST = 1e-3
+"""Speeds below this part of what the forces at the start can cause are as good as rest."""
+
+Flags = npt.NDArray[np.bool_]
+
+SINGULAR = 1e-5
+"""A mechanism is singular where the least singular value of its constraints falls to this part of that at the start."""
+
+PROJECTIONS = 12
+"""Newton steps of a projection; near the constraints two are enough."""
+
+PROJECTED = 2e-14
+"""A projection is finished when the residuals, relative to the sizes in the scene, are below this …"""
+
+ACCEPTED = 1e-12
+"""… and has failed if they stay above this."""
+
+
+@dataclass(frozen=True)
+class Watch:
+    """The least singular value of the scaled constraints at an instant, with its vectors."""
+
+    left: Array
+    right: Array
+    value: float
+
+
+class Constrained:
+    """The equations of motion of a scene as a right-hand side.
+
+    Attributes
+    ----------
+    system : System
+    sizes : ndarray, shape (n_q,)
+        What a large change of each coordinate is (m, rad).
+    evaluations : int
+        How often the equations of motion, or their derivatives, were formed.
+    slowest : float (1/s)
+        Speeds in sizes of the scene below this are as good as rest.
+    least_energy : float (J)
+        Kinetic energy of such speeds.
+    """
+
+    def __init__(self, system: System, motion: Motion) -> None:
+        from scipy.linalg.lapack import dgesv
+
+        self._dgesv = dgesv
+        spaces = motion.spaces
+        self.system, self.sizes = system, motion.sizes
+        self.scale, self.row_scale = spaces.scale, spaces.row_scale
+        self.n, self.n_h, self.n_c = system.n_q, system.n_h, system.n_c
+        self.rank_h, self.rank = spaces.C.rank, spaces.C.rank + spaces.W.rank
+        self.evaluations = 0
+        # What gives the matrices at a state: any function with the arguments and the result of `System.dynamics`.
+        self.form = system.dynamics
+        pulled = np.abs(motion.dynamics.F0 * self.scale * self.scale / motion.sizes)
+        natural = max(self.fastest(motion.u), float(np.sqrt(np.max(pulled, initial=0.0))))
+        self.slowest = SLOWEST * (natural or 1.0)
+        self.least_energy = 0.5 * float(np.diag(motion.dynamics.M) @ (motion.sizes * self.slowest) ** 2)
+        self.full = self.rank == self.n_c
+        self._weights = self.scale * self.scale[:, None]
+        self._rows = self.scale * self.row_scale[:, None]
+        self._holonomic, self._all = np.eye(self.n_h), np.eye(self.n_c)
+        self._matrix = np.zeros((self.n + self.rank, self.n + self.rank))
+        self._right = np.zeros(self.n + self.rank)
+        self._least: float | None = None
+        self._span = np.zeros((self.n_c, self.rank))
+        self.trouble: MbstabError | None = None
+        self.refresh(motion.dynamics)
+
+    # --- the one place where the scene is evaluated -----------------------------------------------------------------
+
+    def evaluate(self, t: float, q: Array, u: Array) -> Dynamics:
+        """Return the matrices of the equations of motion; every right-hand side comes from here.
+
+        Raises
+        ------
+        NumericalError
+            If a force or a given function of time has no value there.
+        """
+        self.evaluations += 1
+        try:
+            return self.form(q, u, t)
+        except NumericalError as error:
+            self.trouble = error
+            raise
+        except MbstabError as error:
+            self.trouble = NumericalError(f"a given function of time has no value at t = {t:.9g} s: {error}")
+            raise self.trouble from None
+
+    # --- accelerations ----------------------------------------------------------------------------------------------
+
+    def accelerations(self, t: float, q: Array, u: Array) -> tuple[Array, Array, Dynamics]:
+        """Return a (n_q,), the multipliers ν (n_c,) and the matrices at a state."""
+        state = self.evaluate(t, q, u)
+        a, nu = self.solve(state, -state.F0, state.B)
+        return a, nu, state
+
+    def solve(self, state: Dynamics, force: Array, bias: Array) -> tuple[Array, Array]:
+        """Return x (n_q,) and ν (n_c,) with M x + Jᵀ ν = force and J x = −bias."""
+        n, A, b = self.n, self._matrix, self._right
+        J = state.J * self._rows
+        bias = bias * self.row_scale
+        if not self.full:
+            J, bias = self._all.T @ J, self._all.T @ bias
+        A[:n, :n] = state.M * self._weights
+        A[:n, n:], A[n:, :n] = J.T, J
+        b[:n], b[n:] = force * self.scale, -bias
+        found = self._solved(A, b)
+        nu = found[n:] if self.full else self._all @ found[n:]
+        return found[:n] * self.scale, nu * self.row_scale
+
+    def _solved(self, A: Array, b: Array) -> Array:
+        """Return A⁻¹ b for a symmetric matrix; LAPACK at once, as for small ones the way there takes longer."""
+        *_, found, failed = self._dgesv(A, b)
+        if failed:
+            raise np.linalg.LinAlgError("singular matrix")
+        return np.asarray(found)
+
+    def jacobian(self, t: float, q: Array, u: Array) -> tuple[Array, Array]:
+        """Return ∂a/∂q and ∂a/∂u of the accelerations, each of shape (n_q, n_q)."""
+        a, nu, _ = self.accelerations(t, q, u)
+        K, R, _ = self.system.linearize(q, u, a, nu, t)
+        _, A_q, A_u = self.system.linearize_rows(q, u, a, t)
+        self.evaluations += 1
+        n = self.n
+        right = -np.block([[K, R], [A_q, A_u]])
+        right[:n] *= self.scale[:, None]
+        lower = right[n:] * self.row_scale[:, None]
+        lower = lower if self.full else self._all.T @ lower
+        found = np.linalg.solve(self._matrix, np.vstack([right[:n], lower]))[:n] * self.scale[:, None]
+        return found[:, :n], found[:, n:]
+
+    # --- projections ------------------------------------------------------------------------------------------------
+
+    def residuals(self, state: Dynamics, fastest: float) -> tuple[float, float]:
+        """Return the largest residuals of rows in position and in velocity, relative to the sizes in the scene.
+
+        `fastest` is the largest speed of a coordinate in its sizes (1/s); where all are slow, residuals in velocity
+        count relative to `slowest`.
+        """
+        reach = np.abs(state.J) @ self.sizes + 1e-300
+        position = np.abs(state.E[: self.n_h]) / reach[: self.n_h]
+        velocity = np.abs(state.V) / (reach * max(fastest, self.slowest))
+        return float(np.max(position, initial=0.0)), float(np.max(velocity, initial=0.0))
+
+    def onto_positions(self, t: float, q: Array, held: Flags | None = None) -> tuple[Array, float]:
+        """Return the nearest coordinates that satisfy C(q, t) = 0, and the residual that is left.
+
+        Parameters
+        ----------
+        held : ndarray of bool, shape (n_q,), optional
+            Coordinates that are not to change.
+        """
+        zero = np.zeros(self.n)
+        best, least = q, np.inf
+        for _ in range(PROJECTIONS if self.n_h else 0):
+            state = self.evaluate(t, q, zero)
+            residual = self.residuals(state, 1.0)[0]
+            if residual >= 0.5 * least:  # rounding is reached, or it does not converge
+                if residual < least:
+                    best, least = q, residual
+                break
+            best, least = q, residual
+            if residual <= PROJECTED:
+                break
+            q = q + self._least_change(state, state.E[: self.n_h], self.n_h, held)
+        return best, least if self.n_h else 0.0
+
+    def onto_velocities(self, t: float, q: Array, u: Array, held: Flags | None = None) -> tuple[Array, float, Dynamics]:
+        """Return the nearest speeds that satisfy V(q, u, t) = 0, the residual that is left, and the matrices there."""
+        state = self.evaluate(t, q, u)
+        best, least, matrices = u, np.inf, state
+        for _ in range(PROJECTIONS if self.n_c else 0):
+            residual = self.residuals(state, self.fastest(u))[1]
+            if residual >= 0.5 * least:
+                if residual < least:
+                    best, least, matrices = u, residual, state
+                break
+            best, least, matrices = u, residual, state
+            if residual <= PROJECTED:
+                break
+            u = u + self._least_change(state, state.V, self.n_c, held)
+            state = self.evaluate(t, q, u)
+        return best, least if self.n_c else 0.0, matrices
+
+    def project(self, t: float, q: Array, u: Array, state: Dynamics | None = None) -> tuple[Array, Array, Dynamics]:
+        """Return coordinates and speeds that satisfy the constraints, and the matrices there.
+
+        `state` are the matrices at the given state, where they are known.
+
+        Raises
+        ------
+        NumericalError
+            If the constraints cannot be satisfied near this state.
+        """
+        best, least = (q, u, state), np.inf
+        for _ in range(PROJECTIONS):
+            state = self.evaluate(t, q, u) if state is None else state
+            position, velocity = self.residuals(state, self.fastest(u))
+            size = max(position, velocity)
+            if size >= 0.5 * least:
+                best, least = min((best, least), ((q, u, state), size), key=lambda x: x[1])
+                break
+            best, least = (q, u, state), size
+            if size <= PROJECTED:
+                break
+            if position > PROJECTED:
+                q = q + self._least_change(state, state.E[: self.n_h], self.n_h, None)
+                state = self.evaluate(t, q, u)
+            u, state = u + self._least_change(state, state.V, self.n_c, None), None
+        if not least <= ACCEPTED:
+            raise NumericalError(
+                f"the constraints cannot be satisfied at t = {t:.9g} s: a residual of {least:.1e} of the sizes in the "
+                f"scene is left, where {ACCEPTED:g} is allowed"
+            )
+        assert best[2] is not None
+        return best[0], best[1], best[2]
+
+    def fastest(self, u: Array) -> float:
+        """Return the largest speed of a coordinate in its sizes (1/s)."""
+        return float(np.max(np.abs(u / self.sizes), initial=0.0))
+
+    def _least_change(self, state: Dynamics, residual: Array, rows: int, held: Flags | None) -> Array:
+        """Return the least Δ in the metric of M with J Δ = −residual for the first rows."""
+        P = self._holonomic if rows == self.n_h else self._all
+        J = P.T @ (state.J[:rows] * self._rows[:rows])
+        goal = -(P.T @ (residual * self.row_scale[:rows]))
+        M = state.M * self._weights
+        if held is not None:
+            free = np.flatnonzero(~held)
+            # What is not held may leave rows without a part; the least change of the others in the plain metric.
+            moved = np.zeros(self.n)
+            if len(free):
+                moved[free] = np.linalg.lstsq(J[:, free], goal, rcond=1e-12)[0]
+            return moved * self.scale
+        n, r = self.n, len(J)
+        A, b = np.zeros((n + r, n + r)), np.zeros(n + r)
+        A[:n, :n], A[:n, n:], A[n:, :n] = M, J.T, J
+        b[n:] = goal
+        change = self._solved(A, b)[:n]
+        return np.asarray(change * self.scale)
+
+    # --- rank -------------------------------------------------------------------------------------------------------
+
+    def refresh(self, state: Dynamics) -> Watch:
+        """Choose the combinations of redundant rows anew, and return the least singular value that should not vanish.
+
+        Raises
+        ------
+        ConstraintError
+            If the constraints have lost rank.
+        """
+        if not self.rank:
+            return Watch(np.zeros(0), np.zeros(self.n), np.inf)
+        J = state.J * self._rows
+        left, s, right = np.linalg.svd(J, full_matrices=False)
+        if not self.full:
+            self._holonomic, self._all = self._combinations(J)
+            self._span = left[:, : self.rank]
+        k = self.rank - 1
+        if self._least is None:
+            self._least = float(s[k])
+        return Watch(left[:, k], right[k], float(s[k]))
+
+    def _combinations(self, J: Array) -> tuple[Array, Array]:
+        """Return independent combinations of the holonomic rows, and of all rows without mixing the two kinds."""
+        own, _, rest = np.linalg.svd(J[: self.n_h])
+        own, null = own[:, : self.rank_h], rest[self.rank_h :].T
+        others = np.linalg.svd(J[self.n_h :] @ null)[0][:, : self.rank - self.rank_h]
+        both = np.zeros((self.n_c, self.rank))
+        both[: self.n_h, : self.rank_h], both[self.n_h :, self.rank_h :] = own, others
+        return own, both
+
+    def least(self, nu: Array) -> Array:
+        """Return the least multipliers (n_c,) with the same effect, where rows are redundant."""
+        if self.full or not self.rank:
+            return nu
+        return np.asarray(self._span @ (self._span.T @ (nu / self.row_scale)) * self.row_scale)
+
+    def flipped(self, before: Watch, state: Dynamics, after: Watch) -> bool:
+        """Whether the least singular value changed its sign, seen along its own vectors, or is as good as zero."""
+        if not self.rank:
+            return False
+        assert self._least is not None
+        if after.value <= SINGULAR * self._least:
+            return True
+        return bool(before.left @ (state.J * self._rows) @ before.right < 0.0)
+
+    def start_from(self, other: Constrained) -> None:
+        """Measure singular values against those at the start of another chart of the same motion."""
+        self._least = other._least
+
+    def smallness(self, state: Dynamics) -> float:
+        """Return the least singular value relative to that at the start."""
+        assert self._least is not None
+        s = np.linalg.svd(state.J * self._rows, compute_uv=False)
+        return float(s[self.rank - 1]) / self._least
+
+    def singular(self, t: float, state: Dynamics, value: float) -> ConstraintError:
+        """Return the error about a singular configuration: number, threshold, rows, time."""
+        left = np.linalg.svd(state.J * self._rows)[0][:, self.rank - 1]
+        order = [i for i in np.argsort(-np.abs(left)) if abs(left[i]) > 0.1][:6]
+        names = list(dict.fromkeys(self.system.rows[i].owner for i in order))
+        return ConstraintError(
+            f"the mechanism is at a singular configuration at t = {t:.9g} s: the least singular value of its "
+            f"constraints falls to {value:.1e} of that at the start, where {SINGULAR:g} is the threshold\n"
+            f"the rows that depend on each other there: {', '.join(names)}\n"
+            "hint: from there the motion may go on in different ways; keep away from it, or take out what locks it"
+        )
+
+    def derivatives(self, t: float, q: Array, u: Array, a: Array, nu: Array) -> tuple[Array, Array, Array]:
+        """Return K, R and V_q, the exact derivatives that the linearization uses."""
+        self.evaluations += 1
+        K, R, _ = self.system.linearize(q, u, a, nu, t)
+        return K, R, self.system.linearize_rows(q, u, a, t)[0]
+
+    @property
+    def combinations(self) -> tuple[Array, Array]:
+        """Independent combinations of scaled holonomic rows (n_h, rank) and of all scaled rows (n_c, rank)."""
+        return self._holonomic, self._all

@@ -1,0 +1,123 @@
+"""Energy of a motion: kinetic, potential of weight and springs, and the power of everything else."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.attitude import Attitudes
+from mbstab.compiler.system import Array, Dynamics, System
+from mbstab.mechanics.catalogue import GROUND, Marker
+from mbstab.mechanics.drives import joint_motion
+from mbstab.model.values import ItemValues
+
+SPRINGS = ("spring", "joint_spring")
+"""Types of forces with a potential; all others do work."""
+
+NODES, WEIGHTS = (x.tolist() for x in np.polynomial.legendre.leggauss(4))
+"""Gauss quadrature of the power over a part of a step: exact to order 8."""
+
+
+@dataclass(frozen=True)
+class Energy:
+    """What stores energy in a scene, and what does work on it.
+
+    Attributes
+    ----------
+    springs, working : tuple of str
+        Entries with a potential, and forces without, such as ``forces.spring``.
+    damped : tuple of str
+        Springs that are dampers as well.
+    driven : bool
+        Whether constraints may do work: drives, and rows written as expressions.
+    """
+
+    system: System
+    attitudes: Attitudes
+    springs: tuple[ItemValues, ...]
+    working: tuple[str, ...]
+    damped: tuple[str, ...]
+    driven: bool
+
+    @classmethod
+    def of(cls, system: System, attitudes: Attitudes) -> Energy:
+        """Sort the entries of a scene."""
+        forces = [item for item in system.scene.items if item.entry.section == "forces"]
+        springs = tuple(item for item in forces if item.kind.name in SPRINGS)
+        return cls(
+            system,
+            attitudes,
+            springs,
+            tuple(item.entry.path for item in forces if item.kind.name not in SPRINGS),
+            tuple(item.entry.path for item in springs if item.given("damping") and item.number("damping") != 0.0),
+            any(item.entry.section in ("drives", "constraints") for item in system.scene.items),
+        )
+
+    @property
+    def conservative(self) -> bool:
+        """Whether nothing does work: the sum of kinetic and potential energy is constant."""
+        return not (self.working or self.damped or self.driven)
+
+    def potential(self, system: System, q: Array) -> float:
+        """Return the potential energy of weight and springs (J), in the coordinates of `system`."""
+        scene = system.scene
+        turns = self.attitudes.orientations(system, q)
+        d, total = scene.dimension, 0.0
+        gravity = np.array(scene.gravity, dtype=float)
+        for body, part, A in zip(scene.bodies, system.body_slices, turns, strict=True):
+            place = q[part.start : part.start + d] + A @ np.array(body.center, dtype=float)
+            total -= float(body.mass) * float(gravity @ place)
+        return total + sum(_stored(system, q, turns, spring) for spring in self.springs)
+
+    def power(self, parts: dict[str, System], q: Array, u: Array, t: float, state: Dynamics, nu: Array) -> float:
+        """Return the power of all that has no potential (W): forces, dampers, drives."""
+        total = -float(nu @ (state.J @ u)) if self.driven else 0.0
+        zero = np.zeros(len(u))
+        for path in self.working:
+            total -= float(parts[path].dynamics(q, u, t).F0 @ u)
+        for path in self.damped:
+            part = parts[path]
+            total -= float((part.dynamics(q, u, t).F0 - part.dynamics(q, zero, t).F0) @ u)
+        return total
+
+
+def _stored(system: System, q: Array, turns: Array, item: ItemValues) -> float:
+    """Return the energy of a spring (J)."""
+    stiffness = float(item.number("stiffness"))
+    if item.kind.name == "spring":
+        ends = [_place(system, q, turns, marker) for marker in item.markers("between")]
+        return 0.5 * stiffness * (float(np.linalg.norm(ends[0] - ends[1])) - float(item.number("length"))) ** 2
+    joint, motion = joint_motion(item)
+    first, second = joint.markers("between")
+    rest = float(item.number("rest"))
+    if motion == "angle" and system.scene.dimension == 2:
+        angle = _angle(system, q, first) - _angle(system, q, second) - rest
+        return 0.5 * stiffness * angle * angle
+    one, two = joint.triads("axis", "zero")
+    if motion == "angle":
+        zero = _turn(turns, first) @ np.array(one.v2)
+        cosine, sine = (float(zero @ (_turn(turns, second) @ np.array(v))) for v in (two.v2, two.v3))
+        c, s = math.cos(rest), math.sin(rest)
+        return 0.5 * stiffness * math.atan2(sine * c - cosine * s, cosine * c + sine * s) ** 2
+    axis = _turn(turns, second) @ np.array(two.v1[: system.scene.dimension])
+    gap = _place(system, q, turns, first) - _place(system, q, turns, second)
+    return 0.5 * stiffness * (float(axis @ gap) - rest) ** 2
+
+
+def _turn(turns: Array, marker: Marker) -> Any:
+    return np.eye(turns.shape[1]) if marker.body == GROUND else turns[marker.body]
+
+
+def _angle(system: System, q: Array, marker: Marker) -> float:
+    return 0.0 if marker.body == GROUND else float(q[system.body_slices[marker.body].start + 2])
+
+
+def _place(system: System, q: Array, turns: Array, marker: Marker) -> Array:
+    point = np.array(marker.point, dtype=float)
+    if marker.body == GROUND:
+        return point
+    start = system.body_slices[marker.body].start
+    return np.asarray(q[start : start + system.scene.dimension] + turns[marker.body] @ point)

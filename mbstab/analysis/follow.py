@@ -1,0 +1,295 @@
+"""One run of a method over a span of time: output, charts, a watch on the rank, and work.
+
+A run gives samples at the times asked for. Wherever it ends early, by a failure or by hand, the
+samples so far are kept.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mbstab.analysis.attitude import Attitudes
+from mbstab.analysis.constrained import SINGULAR, Constrained, Watch
+from mbstab.analysis.energy import NODES, WEIGHTS, Energy
+from mbstab.analysis.integrators import Method, Options, Stepper
+from mbstab.analysis.motion import Motion
+from mbstab.analysis.reactions import reactions
+from mbstab.compiler.system import Array, Dynamics, System
+from mbstab.errors import MbstabError
+
+LEAST_PROGRESS = 0.002
+"""The progress function is called when this part of the work is done."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The motion at a time of output; q, u, a in the angles of the file, loads by owner, body and component."""
+
+    t: float
+    q: Array
+    u: Array
+    a: Array
+    nu: Array
+    positions: Array
+    rotations: Array
+    velocities: Array
+    spins: Array
+    loads: dict[tuple[str, str, str], float]
+    kinetic: float
+    potential: float
+    work: float
+    residual_q: float
+    residual_u: float
+
+
+@dataclass
+class Run:
+    """What a run found.
+
+    Attributes
+    ----------
+    samples : list of Sample
+    steps, rejected, evaluations, charts : int
+        `charts` counts how often Euler angles were replaced by others.
+    reached : float (s)
+    peak : float (J)
+        The largest kinetic energy after any step; that of speeds as good as rest at least.
+    failure : str
+        Why it ended early, or empty.
+    interrupted : bool
+    """
+
+    samples: list[Sample] = field(default_factory=list)
+    steps: int = 0
+    rejected: int = 0
+    evaluations: int = 0
+    charts: int = 0
+    reached: float = 0.0
+    peak: float = 0.0
+    failure: str = ""
+    interrupted: bool = False
+
+    @property
+    def complete(self) -> bool:
+        """Whether it reached its end."""
+        return not self.failure and not self.interrupted
+
+
+class Follower:
+    """Follows the motion from a state, any number of times.
+
+    Parameters
+    ----------
+    system : System
+    motion : Motion
+        The motion at the start: its state, and ranks and scales that are kept.
+    times : ndarray, shape (n_t,)
+        Times of output (s), ascending; the first is the start.
+    """
+
+    def __init__(self, system: System, motion: Motion, times: Array) -> None:
+        self.system, self.motion, self.times = system, motion, times
+        self.attitudes = Attitudes.of(system)
+        self.energy = Energy.of(system, self.attitudes)
+
+    def run(self, method: Method, options: Options, progress: Callable[[float], object]) -> Run:
+        """Follow the motion; failures end the run and are kept in it."""
+        run = Run(reached=float(self.times[0]))
+        leg = _Leg(self, run)
+        run.peak = leg.equations.least_energy
+        try:
+            leg.sample(float(self.times[0]), self.motion.q, self.motion.u)
+            leg.follow(method, options, progress)
+        except KeyboardInterrupt:
+            run.interrupted = True
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            run.failure = f"the motion leaves the range of double precision near t = {run.reached:.9g} s: {error}"
+        except MbstabError as error:
+            run.failure = str(error)
+        run.evaluations += leg.equations.evaluations
+        return run
+
+
+class _Leg:
+    """The state of a run: the present chart, the watch, the work so far."""
+
+    def __init__(self, follower: Follower, run: Run) -> None:
+        self.follower, self.run = follower, run
+        self.attitudes, self.energy = follower.attitudes, follower.energy
+        self.system, self.motion = follower.system, follower.motion
+        self.equations = Constrained(self.system, self.motion)
+        self.watch: Watch = self.equations.refresh(self.motion.dynamics)
+        self.near = self.motion.q
+        self.work = 0.0
+        self.parts = self._working_parts()
+
+    def _working_parts(self) -> dict[str, System]:
+        wanted = {*self.energy.working, *self.energy.damped}
+        return {path: part for path, part in self.system.parts() if path in wanted} if wanted else {}
+
+    def follow(self, method: Method, options: Options, progress: Callable[[float], object]) -> None:
+        times, run = self.follower.times, self.run
+        t, end = float(times[0]), float(times[-1])
+        q, u = self.motion.q, self.motion.u
+        done, shown = 1, 0.0
+        q, u = self._change_chart(q, q, u, t)
+        while t < end:
+            stepper = method.start(self.equations, t, q, u, end, options)
+            while True:
+                before = stepper.q
+                stepper.advance()
+                run.steps += 1
+                run.peak = max(run.peak, 0.5 * float(stepper.u @ stepper.state.M @ stepper.u))
+                self._watch(stepper, t)
+                change = self.attitudes.needs_change(self.system, before, stepper.q)
+                inside = []
+                while done < len(times) and times[done] <= stepper.t:
+                    inside.append(float(times[done]))
+                    done += 1
+                self._cover(stepper, t, inside)
+                t = run.reached = stepper.t
+                if (t - times[0]) / (end - times[0]) > shown + LEAST_PROGRESS:
+                    shown = (t - times[0]) / (end - times[0])
+                    progress(shown)
+                if t >= end:
+                    break
+                if change:
+                    break
+            run.rejected += stepper.rejected
+            options = replace(options, first=stepper.taken)
+            if t < end:
+                # Implicit methods leave speeds a little off their constraints: the new start must satisfy them.
+                q, u, _ = self.equations.project(t, stepper.q, stepper.u)
+                q, u = self._change_chart(before, q, u, t)
+        progress(1.0)
+
+    # --- charts -----------------------------------------------------------------------------------------------------
+
+    def _change_chart(self, before: Array, q: Array, u: Array, t: float) -> tuple[Array, Array]:
+        if not self.attitudes.needs_change(self.system, before, q):
+            return q, u
+        self.system, q, u = self.attitudes.changed(self.system, q, u)
+        self.run.charts += 1
+        self.run.evaluations += self.equations.evaluations + 1
+        state = self.system.dynamics(q, u, t)
+        old = self.equations
+        self.equations = Constrained(self.system, replace(self.motion, dynamics=state))
+        self.equations.start_from(old)
+        self.watch = self.equations.refresh(state)
+        self.parts = self._working_parts()
+        return q, u
+
+    # --- rank -------------------------------------------------------------------------------------------------------
+
+    def _watch(self, stepper: Stepper, t: float) -> None:
+        """Look for a singular configuration within the last step."""
+        equations = self.equations
+        if not equations.rank:
+            return
+        state = stepper.state
+        found = equations.refresh(state)
+        if equations.flipped(self.watch, state, found):
+            self._search(stepper, t)
+        self.watch = found
+
+    def _at(self, stepper: Stepper, t: float) -> Dynamics:
+        return self.equations.evaluate(t, *(stepper.at(t) if t != stepper.t else (stepper.q, stepper.u)))
+
+    def _search(self, stepper: Stepper, start: float) -> None:
+        """Find where in the last step the constraints are closest to losing rank; refuse if they do."""
+        from scipy.optimize import minimize_scalar
+
+        def smallness(t: float) -> float:
+            return self.equations.smallness(self._at(stepper, t))
+
+        grid = np.linspace(start, stepper.t, 9)
+        values = [smallness(float(t)) for t in grid]
+        k = int(np.argmin(values))
+        low, high = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, 8)])
+        found = minimize_scalar(smallness, bounds=(low, high), method="bounded", options={"xatol": 1e-9 * (high - low)})
+        t, least = min([(float(found.x), float(found.fun)), (float(grid[k]), values[k])], key=lambda x: x[1])
+        if least <= SINGULAR:
+            self.run.reached = start
+            raise self.equations.singular(t, self._at(stepper, t), least)
+
+    # --- output -----------------------------------------------------------------------------------------------------
+
+    def _cover(self, stepper: Stepper, t: float, inside: list[float]) -> None:
+        """Take the samples within the last step, and add up the work."""
+        for time in inside:
+            self._add_work(stepper, t, time)
+            t = time
+            self.sample(time, *(stepper.at(time) if time != stepper.t else (stepper.q, stepper.u)))
+        self._add_work(stepper, t, stepper.t)
+
+    def _add_work(self, stepper: Stepper, start: float, stop: float) -> None:
+        if self.energy.conservative or stop <= start:
+            return
+        half = 0.5 * (stop - start)
+        for node, weight in zip(NODES, WEIGHTS, strict=True):
+            t = start + half * (1.0 + node)
+            q, u = stepper.at(t)
+            _, nu, state = self.equations.accelerations(t, q, u)
+            self.work += half * weight * self.energy.power(self.parts, q, u, t, state, nu)
+
+    def sample(self, t: float, q: Array, u: Array) -> None:
+        """Record the motion at a time, projected onto the constraints."""
+        equations, system = self.equations, self.system
+        q, u, state = equations.project(t, q, u)
+        a, nu = equations.solve(state, -state.F0, state.B)
+        nu = equations.least(nu)
+        motion = replace(self.motion, q=q, u=u, a=a, nu=nu, time=t, dynamics=state)
+        loads: dict[tuple[str, str, str], float] = {}
+        for r in reactions(system, motion):
+            turning = "xyz" if len(r.torque) == 3 else "z"
+            for what, letters, vector in (("force", "xyz", r.force), ("torque", turning, r.torque)):
+                loads |= {(r.owner, r.body, f"{what} {x}"): float(v) for x, v in zip(letters, vector, strict=False)}
+        position, velocity = equations.residuals(state, equations.fastest(u))
+        d = system.scene.dimension
+        places, speeds = (np.stack([x[p.start : p.start + d] for p in system.body_slices]) for x in (q, u))
+        turns, spins = self.attitudes.orientations(system, q), self.attitudes.spins(system, q, u)
+        kinetic, potential = 0.5 * float(u @ state.M @ u), self.energy.potential(system, q)
+        shown = self.attitudes.in_file(system, q, u, a, self.near)
+        self.near = shown[0]
+        self.run.samples.append(
+            Sample(
+                t, *shown, nu, places, turns, speeds, spins, loads, kinetic, potential, self.work, position, velocity
+            )
+        )
+
+
+def difference(one: Run, other: Run, sizes: Array) -> float:
+    """Return how much two runs differ: the largest difference of places, orientations and speeds at common times.
+
+    Lengths count in the size of the scene, orientations by the entries of rotation matrices, speeds and
+    angular velocities relative to the largest.
+    """
+    count = min(len(one.samples), len(other.samples))
+    length = float(np.max(sizes))
+    fast = fastest(other, length)
+    worst = 0.0
+    for a, b in zip(one.samples[:count], other.samples[:count], strict=True):
+        worst = max(
+            worst,
+            float(np.max(np.abs(a.positions - b.positions))) / length,
+            float(np.max(np.abs(a.rotations - b.rotations))),
+            float(np.max(np.abs(a.velocities - b.velocities))) / (length * fast),
+            float(np.max(np.abs(a.spins - b.spins))) / fast,
+        )
+    return worst if math.isfinite(worst) else math.inf
+
+
+def fastest(run: Run, length: float) -> float:
+    """Return the largest speed over the size of the scene, or the largest angular velocity (1/s)."""
+    found = max(
+        (
+            max(float(np.max(np.linalg.norm(s.velocities, axis=1))) / length, float(np.max(np.abs(s.spins))))
+            for s in run.samples
+        ),
+        default=0.0,
+    )
+    return found or 1.0

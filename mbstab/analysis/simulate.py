@@ -1,0 +1,387 @@
+"""The nonlinear motion of a scene, as accurate as asked for.
+
+The tolerance is that of the result: the largest error of places (in the size of the scene), of
+orientations (of entries of the rotation matrices) and of speeds (relative to the largest) at
+any time of output. It is estimated from runs with different tolerances of a step, to whose
+power `Method.power` the error is proportional, and runs are repeated with smaller ones until the estimate
+is below. The true error may exceed the estimate by the factor `TRUST`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.follow import Follower, Run, difference, fastest
+from mbstab.analysis.initial import Start, start_of
+from mbstab.analysis.integrators import METHODS, Method, Options
+from mbstab.analysis.names import names_in
+from mbstab.compiler.system import Array, System
+from mbstab.errors import SimulationError, UsageError
+
+TRUST = 3.0
+"""The error of a result is below this factor times the tolerance, if no warning says that the tolerance is not met."""
+
+RUNS = 4
+"""With different tolerances, at most."""
+
+SMALLEST = 1e-13
+"""Tolerance of a step below which rounding decides."""
+
+REDUCTION = 0.1
+"""Of the tolerance of a step from the first run to the second."""
+
+MARGIN = 0.3
+"""A repeated run aims at this part of the tolerance."""
+
+LONGEST_STEPS = (100.0, 1000.0)
+"""With given functions of time a step is a hundredth of the duration at most, and may be a thousandth, at first."""
+
+LONGEST = 10.0
+"""Duration of a simulation whose end is not given (s)."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A motion over a span of time.
+
+    Attributes
+    ----------
+    names, bodies, rows : tuple of str
+        Coordinates in the order of q, bodies, constraint rows.
+    times : ndarray, shape (n_t,)
+        Times of output (s).
+    q, u, a : ndarray, shape (n_t, n_q)
+        Coordinates (m, rad), rates and accelerations, in the angles of the file.
+    nu : ndarray, shape (n_t, n_c)
+        Multipliers [λ; μ], the least ones where rows are redundant.
+    positions : ndarray, shape (n_t, n_b, d)
+        Reference points of the bodies in ground axes (m), d = 2 or 3.
+    rotations : ndarray, shape (n_t, n_b, d, d)
+        From body axes to ground axes; the unit matrix for point masses.
+    velocities : ndarray, shape (n_t, n_b, d)
+        Of the reference points (m/s).
+    spins : ndarray, shape (n_t, n_b, 3)
+        Angular velocities in ground axes (rad/s); about z in the plane.
+    loads : ndarray, shape (n_t, n_l)
+        Reactions as in `mbstab.analysis.reactions`: forces (N) and torques (N·m), ground axes.
+    load_names : tuple of (str, str, str)
+        Owner, body acted on, and component such as ``force x``.
+    kinetic, potential : ndarray, shape (n_t,)
+        Energies (J): of the motion; of weight and springs.
+    work : ndarray, shape (n_t,)
+        What forces without a potential, dampers and drives have done since the start (J).
+    residuals : ndarray, shape (n_t, 2)
+        Largest residuals of constraint rows in position and velocity, relative to the sizes in the scene and to
+        the speeds at that time.
+    method, solver : str
+    tol : float
+        The global error asked for; nan with fixed steps.
+    step : float or None
+        The fixed step (s).
+    error_estimate : float
+        Of the global error; nan where only one run was made.
+    steps, rejected, evaluations : int
+        Of the last run; evaluations count all runs.
+    runs, charts : int
+        How many runs were made; how often in the last one Euler angles were replaced by others.
+    peak : float (J)
+        The largest kinetic energy after any step; that of speeds as good as rest at least.
+    sizes : ndarray, shape (n_q,)
+        What a large change of each coordinate is.
+    conservative : bool
+        Whether nothing does work.
+    warnings : tuple of str
+    complete : bool
+    failure : str
+        Why the motion ends early, or empty.
+    """
+
+    names: tuple[str, ...]
+    bodies: tuple[str, ...]
+    rows: tuple[str, ...]
+    times: Array
+    q: Array
+    u: Array
+    a: Array
+    nu: Array
+    positions: Array
+    rotations: Array
+    velocities: Array
+    spins: Array
+    loads: Array
+    load_names: tuple[tuple[str, str, str], ...]
+    kinetic: Array
+    potential: Array
+    work: Array
+    residuals: Array
+    method: str
+    solver: str
+    tol: float
+    step: float | None
+    error_estimate: float
+    steps: int
+    rejected: int
+    evaluations: int
+    runs: int
+    charts: int
+    peak: float
+    sizes: Array
+    conservative: bool
+    warnings: tuple[str, ...]
+    complete: bool
+    failure: str
+
+    @property
+    def end_state(self) -> dict[str, dict[str, float]]:
+        """Coordinates and rates by name at the last time."""
+        q, u = (dict(zip(self.names, x[-1].tolist(), strict=True)) for x in (self.q, self.u))
+        return {"coordinates": q, "rates": u}
+
+    @property
+    def max_constraint_residual(self) -> float:
+        """The largest relative residual of a constraint row at any time of output."""
+        return float(np.max(self.residuals, initial=0.0))
+
+    @property
+    def imbalance(self) -> Array:
+        """T + V − work, relative to what it is at the start, shape (n_t,) (J): zero but for errors."""
+        total = self.kinetic + self.potential - self.work
+        return np.asarray(total - total[0])
+
+    @property
+    def energy_scale(self) -> float:
+        """The largest energy that goes to and fro (J)."""
+        swing = float(np.ptp(self.potential))
+        return max(self.peak, float(np.max(self.kinetic)), swing, float(np.max(np.abs(self.work))))
+
+    @property
+    def energy_drift(self) -> float:
+        """The largest imbalance of energy, relative to `energy_scale`."""
+        return float(np.max(np.abs(self.imbalance))) / self.energy_scale
+
+
+def simulate(
+    system: System,
+    to: float | None = None,
+    start: float | None = None,
+    method: str = "projection",
+    solver: str = "",
+    tol: float = 1e-8,
+    step: float | None = None,
+    points: int = 501,
+    perturb: Mapping[str, float | str] | None = None,
+    strict: bool = False,
+    once: bool = False,
+    progress: Callable[[float], object] = lambda done: None,
+) -> Simulation:
+    """Return the motion that starts as the file and `perturb` say.
+
+    Parameters
+    ----------
+    to, start : float, optional
+        Last time (s), 10 s after the start if not given, and first one, that of the file if not given.
+    method, solver : str
+        Keys of `mbstab.analysis.integrators.METHODS`; without a solver the first of the method.
+    tol : float
+        Global error.
+    step : float, optional
+        Fixed step (s), without control or estimate of the error.
+    points : int
+        Number of times of output, evenly spaced.
+    perturb, strict
+        As in `mbstab.analysis.initial.start_of`.
+    once : bool
+        Make one run in which `tol` is the error of each step; nothing is known about the global error.
+    progress : callable
+        Is called with the part of the work that is done, from 0 to 1.
+
+    Raises
+    ------
+    UsageError
+        If an argument is out of range or a name is unknown.
+    SimulationError
+        If the motion cannot be followed to the end; `partial` holds the finished part.
+    """
+    chosen, solver = _method(method, solver, step)
+    _check(tol, step, points)
+    begin = start_of(system, perturb, start, strict)
+    first = begin.motion.time
+    last = first + LONGEST if to is None else float(to)
+    if not (math.isfinite(last) and last > first):
+        raise UsageError(f"the end of the simulation, {last:g} s, must be later than its start, {first:g} s")
+    if step is not None and step > last - first:
+        raise UsageError(f"the step of {step:g} s is longer than the simulation of {last - first:g} s")
+    follower = Follower(begin.system, begin.motion, np.linspace(first, last, points))
+    work = _Work(follower, chosen, solver, tol, step, progress)
+    run = work.once(tol) if step is not None or once else work.refined()
+    result = _result(begin, follower, work, run, method, solver)
+    if not run.complete:
+        raise SimulationError(_reason(run, result, last), result)
+    return result
+
+
+def _reason(run: Run, result: Simulation, last: float) -> str:
+    """Return why a motion ended early, and what is kept of it."""
+    if run.interrupted and run.reached >= last:
+        return "stopped before its error was reduced to the tolerance\nthe motion is kept as it was found before"
+    reason = run.failure or f"stopped at t = {run.reached:.9g} s"
+    return f"{reason}\nthe part until t = {result.times[-1]:.9g} s is kept" if len(result.times) else reason
+
+
+def _method(method: str, solver: str, step: float | None) -> tuple[Method, str]:
+    if method not in METHODS:
+        raise UsageError(f"there is no method {method!r}: {', '.join(METHODS)}")
+    solvers = METHODS[method]
+    solver = solver or next(iter(solvers))
+    if solver not in solvers:
+        known = ", ".join(filter(None, solvers)) or "none: it is a solver of its own"
+        raise UsageError(f"the method {method} has no solver {solver!r}; solvers: {known}")
+    if step is not None and not solvers[solver].fixed:
+        raise UsageError(f"the solver {solver} chooses its own steps; fixed ones go with --method radau or alpha")
+    return solvers[solver], solver
+
+
+def _check(tol: float, step: float | None, points: int) -> None:
+    if not (math.isfinite(tol) and 0.0 < tol < 1.0):
+        raise UsageError(f"the tolerance must lie between 0 and 1, not at {tol:g}")
+    if step is not None and not (math.isfinite(step) and step > 0.0):
+        raise UsageError(f"the step must be a positive number of seconds, not {step:g}")
+    if points < 2:
+        raise UsageError(f"a simulation has two times of output at least, not {points}")
+
+
+def _longest(follower: Follower) -> float:
+    """Return the longest step: with given functions of time about the distance of two times of output."""
+    if not any("t" in names_in(item.entry.values) for item in follower.system.scene.items):
+        return math.inf
+    times = follower.times
+    duration = float(times[-1] - times[0])
+    return min(max(float(times[1] - times[0]), duration / LONGEST_STEPS[1]), duration / LONGEST_STEPS[0])
+
+
+class _Work:
+    """Runs with smaller and smaller tolerances."""
+
+    def __init__(
+        self, follower: Follower, method: Method, solver: str, tol: float, step: float | None, progress: Any
+    ) -> None:
+        self.follower, self.method, self.solver = follower, method, solver
+        self.tol, self.step, self.progress = tol, step, progress
+        motion = follower.motion
+        relative = float(np.max(np.abs(motion.u / motion.sizes), initial=0.0))
+        pulled = math.sqrt(float(np.max(np.abs(motion.a / motion.sizes), initial=0.0)))
+        self.rate = max(relative, pulled, 1.0 / float(follower.times[-1] - follower.times[0]))
+        self.longest = _longest(follower)
+        self.estimate, self.runs, self.evaluations = math.nan, 0, 0
+        self.warnings: list[str] = []
+
+    def once(self, tol: float, progress: Callable[[float], object] | None = None) -> Run:
+        """Follow the motion with a tolerance of a step."""
+        # The longest step shrinks with the tolerance as the others do: otherwise runs would not differ where it binds.
+        longest = self.longest * (tol / self.tol) ** (self.method.power / self.method.order)
+        options = Options(tol, self.step, None, self.rate, longest, self.solver)
+        run = self.follower.run(self.method, options, progress or self.progress)
+        self.runs += 1
+        self.evaluations += run.evaluations
+        return run
+
+    def refined(self) -> Run:
+        """Follow the motion until the estimate of its global error is below the tolerance."""
+        local = max(self.tol, SMALLEST)
+        sizes = self.follower.motion.sizes
+        before = self.once(local, self._share(0.0, 0.15))
+        if not before.complete:
+            return before
+        self.rate = max(fastest(before, float(np.max(sizes))), 1e-3 * self.rate)
+        following = max(local * REDUCTION, SMALLEST)
+        if following >= local:
+            following, local = SMALLEST, 10.0 * SMALLEST
+            before = self.once(local, self._share(0.15, 0.2))
+            if not before.complete:
+                return before
+        shares = [0.15, 0.4, 0.8, 0.95, 1.0]
+        for k in range(1, RUNS):
+            low, high = shares[k - 1], shares[k]
+            run = self.once(following, self._share(low, high))
+            if not run.complete:
+                return self._better(before, run)
+            ratio = (following / local) ** self.method.power
+            self.estimate = difference(run, before, sizes) * ratio / (1.0 - ratio)
+            if self.estimate <= self.tol or following <= SMALLEST:
+                break
+            wanted = following * (MARGIN * self.tol / self.estimate) ** (1.0 / self.method.power)
+            local, before = following, run
+            following = max(min(wanted, 0.3 * following), SMALLEST)
+        if self.estimate > self.tol:
+            self.warnings.append(
+                f"the estimate of the global error, {self.estimate:.1e}, is above the tolerance {self.tol:.1e}: "
+                "rounding and the growth of disturbances over this time allow no better"
+            )
+        self.progress(1.0)
+        return run
+
+    def _share(self, low: float, high: float) -> Callable[[float], object]:
+        """Return the progress function of a part of the work."""
+        return lambda done: self.progress(low + (high - low) * done)
+
+    def _better(self, before: Run, run: Run) -> Run:
+        """Return what is kept of an early end: a complete run with a larger error if it was stopped by hand."""
+        if run.interrupted:
+            self.warnings.append("stopped while the error was being reduced: its size is not known")
+            return replace(before, interrupted=True)
+        return run
+
+
+def _result(begin: Start, follower: Follower, work: _Work, run: Run, method: str, solver: str) -> Simulation:
+    """Gather the samples of a run."""
+    system, samples = follower.system, run.samples
+    n_b, d = len(system.scene.bodies), system.scene.dimension
+
+    def stacked(name: str, *shape: int) -> Array:
+        return np.array([getattr(s, name) for s in samples], dtype=float).reshape(len(samples), *shape)
+
+    n = system.n_q
+    # A reaction that vanishes exactly may be missing from a sample.
+    labels = list(dict.fromkeys(label for s in samples for label in s.loads))
+    loads = [[s.loads.get(label, 0.0) for label in labels] for s in samples]
+    return Simulation(
+        names=tuple(system.names),
+        bodies=tuple(body.name for body in system.scene.bodies),
+        rows=tuple(str(row) for row in system.rows),
+        times=stacked("t"),
+        q=stacked("q", n),
+        u=stacked("u", n),
+        a=stacked("a", n),
+        nu=stacked("nu", system.n_c),
+        positions=stacked("positions", n_b, d),
+        rotations=stacked("rotations", n_b, d, d),
+        velocities=stacked("velocities", n_b, d),
+        spins=stacked("spins", n_b, 3),
+        loads=np.array(loads, dtype=float).reshape(len(samples), len(labels)),
+        load_names=tuple(labels),
+        kinetic=stacked("kinetic"),
+        potential=stacked("potential"),
+        work=stacked("work"),
+        residuals=np.stack([stacked("residual_q"), stacked("residual_u")], axis=1),
+        method=method,
+        solver=solver,
+        tol=math.nan if work.step is not None else work.tol,
+        step=work.step,
+        error_estimate=work.estimate,
+        steps=run.steps,
+        rejected=run.rejected,
+        evaluations=work.evaluations,
+        runs=work.runs,
+        charts=run.charts,
+        peak=run.peak,
+        sizes=follower.motion.sizes,
+        conservative=follower.energy.conservative,
+        warnings=(*begin.warnings, *work.warnings),
+        complete=run.complete,
+        failure=run.failure,
+    )

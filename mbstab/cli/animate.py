@@ -1,0 +1,198 @@
+"""``mbstab simulate --animate``: its options, and writing the file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from mbstab.cli.common import note, progress_bar
+from mbstab.errors import OutputError, UsageError
+
+if TYPE_CHECKING:
+    from mbstab.analysis.simulate import Simulation
+    from mbstab.api import Mechanism
+    from mbstab.compiler.system import System
+    from mbstab.report.animation import Frames
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+POINTS = 501
+"""Times of output of a simulation, if not given and enough for an animation."""
+
+SMALL = 6.0
+"""A picture that is so many times as wide as the mechanism calls for --follow."""
+
+_OPTIONS = (
+    click.option(
+        "--animate",
+        "path",
+        type=click.Path(dir_okay=False, path_type=Path),
+        metavar="FILE",
+        help="Write a moving picture, .gif or .mp4 (with ffmpeg), as fast as the motion is.",
+    ),
+    click.option("--fps", type=float, help="Its frames in a second; 25 if not given."),
+    click.option("--speed", type=float, help="Seconds of the motion in a second, such as 0.1 for slow motion."),
+    click.option(
+        "--view", metavar="ELEVATION,AZIMUTH", help="Where one looks from in space (deg); 20,-60 if not given."
+    ),
+    click.option("--trace", "traces", metavar="POINT", multiple=True, help="Draw the path of body or body.point."),
+    click.option("--follow", metavar="POINT", help="Keep a body or body.point in place while the ground moves along."),
+    click.option(
+        "--mode-shape",
+        "mode",
+        type=click.IntRange(1),
+        metavar="K",
+        help="Animate mode K of mbstab eig instead of a simulation: exaggerated, in 2 s to and fro about the "
+        "reference, its growth or decay not shown.",
+    ),
+)
+
+
+def animation_options(command: F) -> F:
+    """Add the options of animations to a command, which takes them as keywords to `Animation.of`."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+@dataclass(frozen=True)
+class Animation:
+    """What is asked for.
+
+    Attributes
+    ----------
+    path : Path
+    fps, speed : float
+        Frames in a second, and seconds of the motion in a second.
+    view : (float, float) or None
+        Elevation and azimuth (deg).
+    traces : tuple of str
+    follow : str
+    mode : int or None
+        Number of the mode that swings; None: the simulation.
+    """
+
+    path: Path
+    fps: float
+    speed: float
+    view: tuple[float, float] | None
+    traces: tuple[str, ...]
+    follow: str
+    mode: int | None
+
+    @classmethod
+    def of(
+        cls,
+        path: Path | None,
+        fps: float | None,
+        speed: float | None,
+        view: str | None,
+        traces: tuple[str, ...],
+        follow: str | None,
+        mode: int | None,
+    ) -> Animation | None:
+        """Read the options; None if there is nothing to animate.
+
+        Raises
+        ------
+        UsageError
+            If they do not go together, a number is out of range, or the file cannot be written.
+        """
+        if path is None:
+            given = {"fps": fps, "speed": speed, "view": view, "trace": traces, "follow": follow, "mode-shape": mode}
+            for name, value in given.items():
+                if value not in (None, ()):
+                    raise UsageError(f"--{name} goes with --animate")
+            return None
+        for name, number in (("fps", fps), ("speed", speed)):
+            if number is not None and not (math.isfinite(number) and number > 0.0):
+                raise UsageError(f"--{name} must be a positive number, not {number:g}")
+        if mode is not None and speed is not None:
+            raise UsageError("--speed is for motions: a mode takes 2 s for a period, whatever it is")
+        from mbstab.report import animation
+
+        fps = animation.FPS if fps is None else fps
+        try:
+            animation.check(path, fps)
+        except UsageError as error:
+            raise UsageError(f"--animate {error}") from None
+        return cls(path, fps, 1.0 if speed is None else speed, _angles(view), traces, follow or "", mode)
+
+    def check(self, system: System) -> None:
+        """Refuse unknown points, and a view of a planar scene, before anything is computed."""
+        from mbstab.report.sketch import Sketch
+
+        sketch = Sketch.of(system)
+        for name in self.traces:
+            sketch.marker(name, "--trace")
+        if self.follow:
+            sketch.marker(self.follow, "--follow")
+        if self.view is not None and sketch.dimension == 2:
+            raise UsageError("--view is for scenes in space, this one is planar")
+
+    def points(self, system: System, start: float | None, to: float | None) -> int:
+        """Return how many times of output a simulation needs, so that each frame has one.
+
+        Raises
+        ------
+        UsageError
+            If there are too many frames.
+        """
+        from mbstab.analysis.simulate import LONGEST
+        from mbstab.report.animation import frame_count
+
+        scene = system.scene
+        first = start if start is not None else float(scene.time if scene.initial.time is None else scene.initial.time)
+        duration = LONGEST if to is None else to - first
+        if not (math.isfinite(duration) and duration > 0.0):
+            return POINTS  # the simulation says what is wrong
+        intervals = max(frame_count(duration, self.fps, self.speed) - 1, 1)
+        return intervals * math.ceil((POINTS - 1) / intervals) + 1
+
+    def write_motion(self, system: System, sim: Simulation, title: str) -> None:
+        """Animate a simulation."""
+        from mbstab.report.animation import motion_frames
+
+        self._write(system, motion_frames(sim, self.fps, self.speed), title)
+
+    def write_mode(self, mechanism: Mechanism, **parameters: str) -> None:
+        """Animate a mode."""
+        from mbstab.report.animation import SWING, frame_count, swing_frames
+
+        assert self.mode is not None
+        points = max(2, frame_count(SWING, self.fps, 1.0) - 1)
+        frames = swing_frames(mechanism.swing(self.mode, points, **parameters), self.mode, self.fps)
+        self._write(mechanism.system(**parameters), frames, mechanism.model.title)
+
+    def _write(self, system: System, frames: Frames, title: str) -> None:
+        from mbstab.report.animation import Stage, write
+        from mbstab.report.sketch import Sketch
+
+        stage = Stage(Sketch.of(system), frames, title, self.view, self.traces, self.follow)
+        if not self.follow and stage.spread > SMALL:
+            note(f"hint: --follow {stage.sketch.bodies[0]} keeps the mechanism in view, which is small in the picture")
+        try:
+            with progress_bar("animating") as progress:
+                write(stage, self.path, progress)
+        except (FileNotFoundError, NotADirectoryError, PermissionError) as error:
+            raise UsageError(f"{self.path}: cannot be written: {error.strerror}") from None
+        except OSError as error:
+            raise OutputError(f"{self.path}: cannot be written: {error.strerror}") from None
+        note(f"wrote {self.path}")
+
+
+def _angles(view: str | None) -> tuple[float, float] | None:
+    if view is None:
+        return None
+    try:
+        elevation, azimuth = (float(x) for x in view.split(","))
+    except ValueError:
+        raise UsageError(f"--view {view}: write ELEVATION,AZIMUTH in degrees, such as 20,-60") from None
+    if not (-90.0 <= elevation <= 90.0 and math.isfinite(azimuth)):
+        raise UsageError(f"--view {view}: the elevation lies between -90 and 90 degrees")
+    return elevation, azimuth

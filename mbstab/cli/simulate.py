@@ -1,0 +1,225 @@
+"""``mbstab simulate``: the nonlinear motion."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mbstab.cli.animate import POINTS, Animation, animation_options
+from mbstab.cli.common import (
+    check_pictures,
+    file_argument,
+    load_model,
+    note,
+    output_option,
+    parse_settings,
+    picture_stem,
+    pictures_option,
+    progress_bar,
+    save_picture,
+    set_option,
+    show,
+    warn,
+    write,
+)
+from mbstab.errors import SimulationError, UsageError
+
+if TYPE_CHECKING:
+    from mbstab.analysis.simulate import Simulation
+    from mbstab.model.schema import Model
+    from mbstab.report.motion_plots import Picture
+
+FORMATS = ("table", "json", "csv", "npz")
+METHODS = ("projection", "alpha", "radau")
+SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
+
+
+@click.command()
+@file_argument
+@click.option("--to", type=float, metavar="T", help="Last time (s); 10 s after the start if not given.")
+@click.option("--from", "start", type=float, metavar="T0", help="First time (s); that of the file if not given.")
+@set_option
+@click.option(
+    "--method",
+    type=click.Choice(METHODS),
+    default=METHODS[0],
+    show_default=True,
+    help="projection: accelerations and a --solver, back onto the constraints after each step; alpha: "
+    "generalized-alpha on the index-3 equations, order 2; radau: Radau IIA for stiff motions, order 5.",
+)
+@click.option(
+    "--solver",
+    type=click.Choice(SOLVERS),
+    help="Of the projection method: DOP853 (order 8, the default), RK45, or for stiff motions Radau, BDF.",
+)
+@click.option("--tol", type=float, default=1e-8, show_default=True, help="Error of the result, relative to the scene.")
+@click.option("--step", type=float, metavar="H", help="Fixed step (s), without control of the error.")
+@click.option("--once", is_flag=True, help="Make one run in which --tol is the error of a step: faster, error unknown.")
+@click.option(
+    "--points",
+    type=click.IntRange(2, 10_000_000),
+    help=f"Times of output; {POINTS} if not given, with --animate one for each frame at least.",
+)
+@click.option(
+    "--perturb",
+    "disturbances",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="Add to the reference motion: rod.theta=0.01, rate(rod.theta)=0.1, or mode:1=0.01, a mode of mbstab eig. May "
+    "be repeated.",
+)
+@click.option("--strict", is_flag=True, help="Refuse initial values that the constraints do not allow.")
+@click.option(
+    "--plot",
+    "plots",
+    metavar="WHAT",
+    multiple=True,
+    help="Draw over time: rod.theta, rate(rod.theta), acceleration(…), force(pivot), torque(pivot.z), kinetic, …, "
+    "several separated by commas; energy; residuals; or phase:rod.theta. May be repeated, each a picture.",
+)
+@pictures_option
+@animation_options
+@click.option(
+    "--format", "format_", type=click.Choice(FORMATS), help="Of the data; told by the suffix of --output, else table."
+)
+@output_option
+def simulate(
+    file: str,
+    to: float | None,
+    start: float | None,
+    settings: tuple[str, ...],
+    method: str,
+    solver: str | None,
+    tol: float,
+    step: float | None,
+    once: bool,
+    points: int | None,
+    disturbances: tuple[str, ...],
+    strict: bool,
+    plots: tuple[str, ...],
+    place: Path | None,
+    format_: str | None,
+    output: Path | None,
+    **animation: Any,
+) -> None:
+    """Follow the nonlinear motion that starts as the file says, with joint reactions, energies and residuals.
+
+    It starts at the reference of the file, or where its initial: block says, with what --perturb adds. --tol holds for
+    the result: it is computed again with smaller steps until the estimate of its error is below. What is finished
+    when the motion ends early, by a failure or by Ctrl-C, is written all the same, the animation only after a failure.
+
+    Example: mbstab simulate pendulum.yaml --perturb rod.theta=pi/4 --to 20 -o pendulum.csv
+    """
+    format_ = format_ or _format_of(output)
+    if format_ == "npz" and output is None:
+        raise UsageError("--format npz needs --output")
+    movie = Animation.of(**animation)
+    perturb = parse_settings(disturbances, "--perturb")
+    parameters = parse_settings(settings)
+    check_pictures(place)
+    mechanism = load_model(file)
+    model = mechanism.model
+    pictures, count = _pictures(plots, model), points or POINTS
+    if movie is not None:
+        movie.check(mechanism.system(**parameters))
+        if movie.mode is not None:
+            if to is not None or start is not None or perturb or pictures or output is not None:
+                raise UsageError(
+                    "--mode-shape shows the linear mode: nothing is simulated, perturbed, plotted or stored"
+                )
+            with _terminable():
+                movie.write_mode(mechanism, **parameters)
+            return
+        count = points or movie.points(mechanism.system(**parameters), start, to)
+    stopped: SimulationError | None = None
+    try:
+        with _terminable(), progress_bar("simulating") as progress:
+            result = mechanism.simulate(
+                to, start, method, solver or "", tol, step, count, perturb, strict, once, progress, **parameters
+            )
+    except SimulationError as error:
+        if error.partial is None or not len(error.partial.times):
+            raise
+        stopped, result = error, error.partial
+    warn(result.warnings)
+    _write(result, format_, output, model.name, model.title)
+    _draw(result, pictures, *picture_stem(place, output, Path(model.name)), model.title)
+    if movie is not None and not (result.complete or result.failure):
+        note("not animated, as the simulation was stopped")
+    elif movie is not None:
+        with _terminable():
+            movie.write_motion(mechanism.system(**parameters), result, model.title)
+    if stopped is not None:
+        raise stopped
+
+
+def _write(result: Simulation, format_: str, output: Path | None, name: str, title: str) -> None:
+    """Write the data, and the summary to the terminal where the data go to a file."""
+    from mbstab.report import simulation
+
+    answer: dict[str, Any] = {
+        "table": lambda: simulation.simulation_text(result, title),
+        "json": lambda: simulation.simulation_json(result, name, title, output is not None),
+        "csv": lambda: simulation.simulation_csv(result),
+        "npz": lambda: simulation.simulation_npz(result),
+    }
+    try:
+        write(answer[format_](), output, name)
+    finally:
+        if output is not None and format_ != "table":
+            show(str(answer["table"]()))
+
+
+def _pictures(plots: tuple[str, ...], model: Model) -> list[Picture]:
+    """Read what is to be drawn, before anything is computed."""
+    if not plots:
+        return []
+    from mbstab.report.motion_plots import read_picture
+
+    found: dict[str, Picture] = {}
+    for text in dict.fromkeys(plots):
+        picture = read_picture(model, text)
+        name, number = picture.name, 2
+        while name in found:  # long lists may begin alike
+            name, number = f"{picture.name}-{number}", number + 1
+        found[name] = replace(picture, name=name)
+    return list(found.values())
+
+
+def _draw(result: Simulation, pictures: list[Picture], stem: Path, suffix: str, title: str) -> None:
+    """Draw pictures to files whose names begin alike."""
+    if not pictures:
+        return
+    from mbstab.report.motion_plots import draw
+
+    for picture in pictures:
+        save_picture(draw(picture, result, title), stem.with_name(f"{stem.name}-{picture.name}{suffix}"))
+
+
+def _format_of(output: Path | None) -> str:
+    suffix = "" if output is None else output.suffix.lstrip(".")
+    return suffix if suffix in FORMATS else "table" if output is None else "csv"
+
+
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """Let a request to terminate stop the simulation as Ctrl-C does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(number: int, frame: Any) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,425 @@
+"""Simulations as pictures: quantities over time, energies, constraint drift, phase planes.
+
+A picture is asked for in words: quantities separated by commas, such as ``rod.theta, rate(rod.theta)``, of which
+those with the same unit share a panel; ``energy``; ``residuals``; or ``phase:rod.theta``, rates over coordinates.
+A further quantity is one entry of `FUNCTIONS` or `WORDS`, a further picture of several panels one of `GROUPS`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter
+
+from mbstab.analysis.simulate import Simulation
+from mbstab.compiler.system import Array
+from mbstab.errors import UsageError, suggestion
+from mbstab.model.schema import Model, is_length
+from mbstab.report.plots import EXACT, FONT, INK, THIN, _decimated, _frame, _legend, _marker, _minus, _style, _thinned
+
+MOST = 12
+"""Curves of a picture: more could not be told apart."""
+
+DASHES = ("-", (0, (5.0, 2.0)), (0, (1.2, 1.6)), (0, (7.0, 2.0, 1.5, 2.0)))
+"""Styles of curves; with the three inks in turn they make `MOST` different ones."""
+
+FLAT = 1e-11
+"""What varies by less than this part of its size is rounding, and is drawn as constant."""
+
+NARROW = 1e-3
+"""Along an axis that spans less than this part of its values, the part they share is written once."""
+
+TITLES = {
+    "m": "length",
+    "rad": "angle",
+    "m/s": "speed",
+    "rad/s": "angular rate",
+    "m/s²": "acceleration",
+    "rad/s²": "angular acceleration",
+    "N": "force",
+    "N·m": "torque",
+    "J": "energy",
+}
+"""What panels with several curves are called, by unit."""
+
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One curve over time.
+
+    Attributes
+    ----------
+    name : str
+        As it is asked for, such as ``rate(rod.theta)``.
+    unit : str
+        SI, as it is written on pictures; empty for plain numbers.
+    values : callable
+        From a simulation to an array of shape (n_t,).
+    said : str
+        What legends call it if not by its name.
+    """
+
+    name: str
+    unit: str
+    values: Callable[[Simulation], Array]
+    said: str = ""
+
+    @property
+    def label(self) -> str:
+        """What it is called in a legend."""
+        return self.said or self.name
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Curves with the same unit over time; `title` if it is not that of `TITLES`."""
+
+    curves: tuple[Quantity, ...]
+    title: str = ""
+    logarithmic: bool = False
+
+    @property
+    def text(self) -> str:
+        """What is written at its axis."""
+        return self.said(0)
+
+    def said(self, power: int) -> str:
+        """Return what is written at its axis, whose numbers count in a power of ten of the unit."""
+        unit = self.curves[0].unit
+        name = self.curves[0].label if len(self.curves) == 1 else TITLES.get(unit, "value")
+        scale = f"10{str(power).translate(_RAISED)} " if power else ""
+        return f"{self.title or name} ({scale}{unit})" if unit else self.title or name
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What a picture shows: panels over time, or pairs of quantities over each other.
+
+    Attributes
+    ----------
+    name : str
+        Part of the name of its file.
+    panels : tuple of Panel
+    phases : tuple of (Quantity, Quantity)
+        Across and up.
+    """
+
+    name: str
+    panels: tuple[Panel, ...] = ()
+    phases: tuple[tuple[Quantity, Quantity], ...] = ()
+
+
+# --- what can be asked for ------------------------------------------------------------------------------------------
+
+
+def _of_coordinate(form: str, array: str, per: str) -> Callable[[Model, str], list[Quantity]]:
+    """Return what reads a name of a coordinate as a column of an array of the simulation."""
+
+    def read(model: Model, name: str) -> list[Quantity]:
+        known = model.coordinates()
+        if name not in known:
+            bodies = list(dict.fromkeys(x.rpartition(".")[0] for x in known))
+            text = "" if form == "{}" else f" in {form.format(name)!r}"
+            hint = suggestion(name, known) or "coordinates: " + ", ".join(known[:12])
+            if name in bodies:
+                hint = "coordinates: " + ", ".join(x for x in known if x.startswith(f"{name}."))
+            raise UsageError(f"there is no coordinate {name!r}{text}\nhint: {hint}")
+        i, unit = known.index(name), ("m" if is_length(name) else "rad") + per
+        return [Quantity(form.format(name), unit, lambda sim: np.asarray(getattr(sim, array)[:, i]))]
+
+    return read
+
+
+def _of_reaction(what: str, unit: str) -> Callable[[Model, str], list[Quantity]]:
+    """Return what reads the name of a joint, or with a component such as ``pivot.x``, as reactions."""
+
+    def read(model: Model, name: str) -> list[Quantity]:
+        owner, dot, component = name.partition(".")
+        letters = "z" if what == "torque" and model.dimension == 2 else "xyz"[: model.dimension]
+        sections = [s for s in ("joints", "contacts", "drives", "constraints") if owner in model.entries.get(s, {})]
+        if not sections:
+            known = [x for s in ("joints", "contacts", "drives", "constraints") for x in model.entries.get(s, {})]
+            hint = suggestion(owner, known) or "those with reactions: " + (", ".join(known[:12]) or "none")
+            raise UsageError(f"nothing called {owner!r} has reactions, in {f'{what}({name})'!r}\nhint: {hint}")
+        if len(sections) > 1:
+            raise UsageError(f"{what}({name}): there are several called {owner!r}, in {' and '.join(sections)}")
+        if dot and (len(component) != 1 or component not in letters):
+            raise UsageError(f"{what}({name}): a {what} here has the components {', '.join(letters)}")
+        called = f"{sections[0].removesuffix('s')} {owner!r}"
+        parts = component or letters
+        return [Quantity(f"{what}({owner}.{x})", unit, _reaction(called, f"{what} {x}")) for x in parts]
+
+    return read
+
+
+def _reaction(owner: str, component: str) -> Callable[[Simulation], Array]:
+    def values(sim: Simulation) -> Array:
+        for i, (one, _, other) in enumerate(sim.load_names):
+            if (one, other) == (owner, component):
+                return np.asarray(sim.loads[:, i])
+        raise UsageError(f"{owner} transmits no {component}")
+
+    return values
+
+
+FUNCTIONS: dict[str, Callable[[Model, str], list[Quantity]]] = {
+    "": _of_coordinate("{}", "q", ""),
+    "rate": _of_coordinate("rate({})", "u", "/s"),
+    "acceleration": _of_coordinate("acceleration({})", "a", "/s²"),
+    "force": _of_reaction("force", "N"),
+    "torque": _of_reaction("torque", "N·m"),
+}
+"""From the name before a parenthesis to what is read inside; without parentheses it is a coordinate."""
+
+
+def _above(values: Array) -> Array:
+    return np.asarray(values - np.min(values))
+
+
+WORDS: dict[str, Quantity] = {
+    quantity.name: quantity
+    for quantity in (
+        Quantity("kinetic", "J", lambda sim: sim.kinetic, "kinetic energy"),
+        Quantity("potential", "J", lambda sim: sim.potential, "potential energy"),
+        Quantity("total", "J", lambda sim: sim.kinetic + sim.potential, "kinetic + potential"),
+        Quantity("work", "J", lambda sim: sim.work, "work of other forces"),
+        Quantity("drift", "J", lambda sim: sim.imbalance, "change of kinetic + potential − work"),
+    )
+}
+"""Quantities of the whole scene."""
+
+GROUPS: dict[str, tuple[Panel, ...]] = {
+    "energy": (
+        Panel(
+            (
+                WORDS["kinetic"],
+                # Its zero is arbitrary: from the least value on its change is seen beside the kinetic energy.
+                Quantity("potential", "J", lambda sim: _above(sim.potential), "potential energy above its least"),
+                Quantity("total", "J", lambda sim: sim.kinetic + _above(sim.potential), "sum of both"),
+                WORDS["work"],
+            ),
+            "energy",
+        ),
+        Panel((WORDS["drift"],), "energy drift"),
+    ),
+    "residuals": (
+        Panel(
+            (
+                Quantity("position", "", lambda sim: sim.residuals[:, 0], "positions (zeros left out)"),
+                Quantity("velocity", "", lambda sim: sim.residuals[:, 1], "velocities"),
+            ),
+            "largest relative residual",
+            True,
+        ),
+    ),
+}
+"""Panels that have a name together."""
+
+_CALL = re.compile(r"([A-Za-z_]+)\(\s*([^()\s]*)\s*\)")
+_PHASE = "phase:"
+
+
+def read_picture(model: Model, text: str) -> Picture:
+    """Return the picture that a text such as ``rod.theta, rate(rod.theta)`` asks for.
+
+    Raises
+    ------
+    UsageError
+        If a name is unknown, or a picture would have too many curves.
+    """
+    words = [word.strip() for word in text.removeprefix(_PHASE).split(",") if word.strip()]
+    if not words:
+        raise UsageError(f"--plot {text!r} names nothing\nhint: a coordinate, or {_alternatives()}")
+    slug = "-".join(re.sub(r"[^A-Za-z0-9_.]+", "-", word).strip("-") for word in words)[:80]
+    try:
+        if text.startswith(_PHASE):
+            phases = tuple(_phase(model, word) for word in words)
+            picture = Picture(f"phase-{slug}", phases=phases)
+        else:
+            picture = Picture(slug, panels=tuple(_panels(model, words)))
+    except UsageError as error:
+        raise UsageError(f"--plot {text}: {error}") from None
+    units = {(x.unit, y.unit) for x, y in picture.phases}
+    if len(units) > 1:
+        raise UsageError(f"--plot {text}: lengths and angles are no axis of one phase plane")
+    count = sum(len(panel.curves) for panel in picture.panels) + len(picture.phases)
+    if count > MOST:
+        raise UsageError(f"--plot {text}: {count} curves, and no more than {MOST} can be told apart in a picture")
+    return picture
+
+
+def _alternatives() -> str:
+    calls = [f"{name}(…)" for name in FUNCTIONS if name]
+    return ", ".join([*calls, *WORDS, *GROUPS, f"{_PHASE}…"])
+
+
+def _phase(model: Model, word: str) -> tuple[Quantity, Quantity]:
+    return FUNCTIONS[""](model, word)[0], FUNCTIONS["rate"](model, word)[0]
+
+
+def _panels(model: Model, words: Sequence[str]) -> Iterator[Panel]:
+    """Yield panels in the order in which they are asked for; quantities with the same unit are together."""
+    found: list[Quantity | Panel] = []
+    for word in words:
+        found += GROUPS[word] if word in GROUPS else _quantities(model, word)
+    units = dict.fromkeys(x.unit for x in found if isinstance(x, Quantity))
+    for x in found:
+        if isinstance(x, Panel):
+            yield x
+        elif x.unit in units:
+            del units[x.unit]
+            same = (y for y in found if isinstance(y, Quantity) and y.unit == x.unit)
+            yield Panel(tuple({y.name: y for y in same}.values()))
+
+
+def _quantities(model: Model, word: str) -> list[Quantity]:
+    if word in WORDS:
+        return [WORDS[word]]
+    call = _CALL.fullmatch(word)
+    if call is None:
+        if "." not in word:
+            known = [*model.coordinates(), *WORDS, *GROUPS]
+            hint = suggestion(word, known)
+            if not hint and word in model.bodies:
+                hint = "coordinates: " + ", ".join(x for x in model.coordinates() if x.startswith(f"{word}."))
+            raise UsageError(f"there is no {word!r} to plot\nhint: {hint or f'a coordinate, or {_alternatives()}'}")
+        return FUNCTIONS[""](model, word)
+    name, argument = call.groups()
+    if name not in FUNCTIONS:
+        hint = suggestion(name, FUNCTIONS) or f"a coordinate, or {_alternatives()}"
+        raise UsageError(f"there is no function {name!r}\nhint: {hint}")
+    return FUNCTIONS[name](model, argument)
+
+
+# --- pictures -------------------------------------------------------------------------------------------------------
+
+
+def draw(picture: Picture, sim: Simulation, title: str) -> Figure:
+    """Return a picture of a simulation.
+
+    Raises
+    ------
+    UsageError
+        If a reaction is asked for that is not transmitted.
+    """
+    with _style():
+        return _draw_phases(picture, sim, title) if picture.phases else _draw_panels(picture, sim, title)
+
+
+def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
+    shown = [Panel(_at_work(panel, sim), panel.title, panel.logarithmic) for panel in picture.panels]
+    heights = [3.6] if len(shown) == 1 else [2.4] * 2 if len(shown) == 2 else [1.75] * len(shown)
+    figure, axes = _frame(title, heights)
+    handles: list[Artist] = []
+    number = 0
+    for panel, here in zip(shown, axes, strict=True):
+        values = [np.asarray(curve.values(sim), dtype=float) for curve in panel.curves]
+        base = _common(np.concatenate(values)) if not panel.logarithmic else 0.0
+        for curve, y in zip(panel.curves, values, strict=True):
+            style = _curve_style(number if len(values) > 1 else 0)
+            if panel.logarithmic:
+                here.plot(*_decimated(sim.times[y > 0.0], y[y > 0.0]), **style | {"linewidth": 0.9}, zorder=3)
+            else:
+                here.plot(*_decimated(sim.times, y - base), **style, zorder=3)
+            if len(values) > 1:
+                number += 1
+                handles.append(Line2D([], [], **style, label=curve.label))
+        text = panel.text
+        if not panel.logarithmic:
+            text = panel.said(_room(here, "y", np.concatenate(values) - base, base))
+        elif any(np.any(y > 0.0) for y in values):
+            here.set_yscale("log")
+            here.set_ylim(bottom=max(here.get_ylim()[0], EXACT))
+        else:
+            here.text(0.5, 0.5, "all are exactly zero", transform=here.transAxes, ha="center")
+        text = text if not base else f"{text}, less {_minus(f'{base:.12g}')}"
+        here.set_ylabel(text, fontsize=min(FONT + 0.5, heights[0] * 72.0 / (0.5 * len(text))))
+        here.set_xlim(float(sim.times[0]), max(float(sim.times[-1]), np.nextafter(float(sim.times[0]), np.inf)))
+        here.tick_params(labelbottom=here is axes[-1])
+        here.grid(color="0.88", linewidth=0.6)
+        here.set_axisbelow(True)
+        here.yaxis.set_label_coords(-0.1, 0.5)
+    axes[-1].set_xlabel("time (s)" + ("" if sim.complete else f", ended early at {sim.times[-1]:.6g} s"))
+    _legend(figure, handles)
+    return figure
+
+
+def _at_work(panel: Panel, sim: Simulation) -> tuple[Quantity, ...]:
+    """Return the curves of a panel, without the work that is not done."""
+    idle = sim.conservative and len(panel.curves) > 1
+    return tuple(curve for curve in panel.curves if not (idle and curve is WORDS["work"]))
+
+
+def _draw_phases(picture: Picture, sim: Simulation, title: str) -> Figure:
+    figure, (axes,) = _frame(title, heights=(4.6,))
+    handles: list[Artist] = []
+    alone = len(picture.phases) == 1
+    pairs = [(x.values(sim), y.values(sim)) for x, y in picture.phases]
+    for number, ((x, _), (across, up)) in enumerate(zip(picture.phases, pairs, strict=True)):
+        style = _curve_style(number)
+        axes.plot(*_thinned(across, up), **style, zorder=3)
+        axes.plot(across[:1], up[:1], "o", color=style["color"], markersize=7, markerfacecolor="w", zorder=4)
+        axes.plot(across[-1:], up[-1:], "s", color=style["color"], markersize=5, zorder=4)
+        if not alone:
+            handles.append(Line2D([], [], **style, label=x.name))
+    handles.append(_marker("o", 7.0, f"start, t = {_minus(f'{sim.times[0]:.6g}')} s"))
+    end = f"end, t = {_minus(f'{sim.times[-1]:.6g}')} s" + ("" if sim.complete else " (early)")
+    handles.append(Line2D([], [], color="k", linestyle="", marker="s", markersize=5, label=end))
+    for which, column in (("x", 0), ("y", 1)):
+        values = np.concatenate([pair[column] for pair in pairs])
+        base = _common(values)
+        for line in axes.get_lines():
+            shifted = np.asarray(line.get_xdata() if which == "x" else line.get_ydata()) - base
+            (line.set_xdata if which == "x" else line.set_ydata)(shifted)
+        text = Panel(tuple(pair[column] for pair in picture.phases)).said(_room(axes, which, values - base, base))
+        text = text if not base else f"{text}, less {_minus(f'{base:.12g}')}"
+        (axes.set_xlabel if which == "x" else axes.set_ylabel)(text)
+    axes.yaxis.set_label_coords(-0.1, 0.5)
+    axes.grid(color="0.88", linewidth=0.6)
+    axes.set_axisbelow(True)
+    _legend(figure, handles)
+    return figure
+
+
+def _curve_style(number: int) -> dict[str, Any]:
+    return {"color": INK[number % len(INK)], "linestyle": DASHES[number % len(DASHES)], "linewidth": THIN}
+
+
+def _common(values: Array) -> float:
+    """Return the part that values share if they differ little: their mean, as short as it can be; else 0."""
+    low, high = _range(values)
+    size = max(abs(low), abs(high))
+    if not FLAT * size < high - low < NARROW * size:
+        return 0.0
+    return float(f"{0.5 * (low + high):.{math.ceil(math.log10(size / (high - low))) + 1}g}")
+
+
+def _range(values: Array) -> tuple[float, float]:
+    finite = values[np.isfinite(values)]
+    return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+
+
+def _room(axes: Axes, which: str, values: Array, base: float = 0.0) -> int:
+    """Set the range of an axis, rounding not blown up to fill it; return the power of ten its numbers count in."""
+    low, high = _range(values)
+    size = max(abs(low), abs(high))
+    margin = 0.06 * (high - low) if high - low > FLAT * max(size, abs(base)) else 0.1 * size or 1.0
+    (axes.set_xlim if which == "x" else axes.set_ylim)(low - margin, high + margin)
+    if not size or 5e-3 < size < 1e5:
+        return 0
+    power = 3 * math.floor(math.log10(size) / 3.0)
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_major_formatter(FuncFormatter(lambda value, _: _minus(f"{round(value / 10.0**power, 6) + 0.0:g}")))
+    return power

@@ -1,0 +1,173 @@
+"""Simulations as text and data. A further output is one entry of `OUTPUTS`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+from mbstab.analysis.simulate import TRUST, Simulation
+from mbstab.errors import counted
+from mbstab.model.schema import is_length
+from mbstab.report import WIDTH
+from mbstab.report.export import npz_bytes, to_csv, to_json
+from mbstab.report.tables import number, table
+
+if TYPE_CHECKING:
+    from mbstab.compiler.system import Array
+
+
+@dataclass(frozen=True)
+class Output:
+    """One group of columns.
+
+    Attributes
+    ----------
+    name : str
+        Key in npz files.
+    heads : callable
+        From a simulation to the heads of its columns, with units.
+    values : callable
+        From a simulation to an array of shape (n_t, columns) or (n_t,).
+    """
+
+    name: str
+    heads: Callable[[Simulation], list[str]]
+    values: Callable[[Simulation], Array]
+
+
+def _units(sim: Simulation, per: str = "") -> list[str]:
+    return [("m" if is_length(name) else "rad") + per for name in sim.names]
+
+
+def _named(sim: Simulation, form: str, per: str = "") -> list[str]:
+    return [form.format(name) + f" ({unit})" for name, unit in zip(sim.names, _units(sim, per), strict=True)]
+
+
+def _load_heads(sim: Simulation) -> list[str]:
+    return [
+        f"{component} of {owner} on {body} ({'N' if component.startswith('force') else 'N*m'})"
+        for owner, body, component in sim.load_names
+    ]
+
+
+OUTPUTS = (
+    Output("time", lambda sim: ["time (s)"], lambda sim: sim.times),
+    Output("q", lambda sim: _named(sim, "{}"), lambda sim: sim.q),
+    Output("u", lambda sim: _named(sim, "rate({})", "/s"), lambda sim: sim.u),
+    Output("a", lambda sim: _named(sim, "acceleration({})", "/s^2"), lambda sim: sim.a),
+    Output("reactions", _load_heads, lambda sim: sim.loads),
+    Output("kinetic", lambda sim: ["kinetic energy (J)"], lambda sim: sim.kinetic),
+    Output("potential", lambda sim: ["potential energy (J)"], lambda sim: sim.potential),
+    Output("work", lambda sim: ["work (J)"], lambda sim: sim.work),
+    Output("energy_error", lambda sim: ["energy error (J)"], lambda sim: sim.imbalance),
+    Output("residuals", lambda sim: ["position residual", "velocity residual"], lambda sim: sim.residuals),
+)
+"""What files contain, in the order of their columns."""
+
+
+def simulation_csv(sim: Simulation) -> str:
+    """Return one line for each time of output: the columns of `OUTPUTS`."""
+    import numpy as np
+
+    columns = np.hstack([np.reshape(out.values(sim), (len(sim.times), -1)) for out in OUTPUTS])
+    return to_csv([head for out in OUTPUTS for head in out.heads(sim)], columns.tolist())
+
+
+def simulation_npz(sim: Simulation) -> bytes:
+    """Return `OUTPUTS` as arrays of a NumPy archive, with the places and orientations of bodies and all names."""
+    import numpy as np
+
+    arrays: dict[str, Any] = {out.name: out.values(sim) for out in OUTPUTS}
+    arrays |= {f"{out.name}_columns": np.array(out.heads(sim)) for out in OUTPUTS}
+    arrays |= {"positions": sim.positions, "rotations": sim.rotations, "velocities": sim.velocities}
+    arrays |= {"spins": sim.spins, "multipliers": sim.nu}
+    arrays |= {"coordinates": np.array(sim.names), "bodies": np.array(sim.bodies), "rows": np.array(sim.rows)}
+    arrays |= {key: np.array(value) for key, value in _summary(sim).items() if not isinstance(value, dict | list)}
+    return npz_bytes(arrays)
+
+
+def _summary(sim: Simulation) -> dict[str, Any]:
+    return {
+        "method": sim.method,
+        "solver": sim.solver,
+        "tol": sim.tol,
+        "step": math.nan if sim.step is None else sim.step,
+        "error_estimate": sim.error_estimate,
+        "complete": sim.complete,
+        "failure": sim.failure,
+        "start": float(sim.times[0]),
+        "end": float(sim.times[-1]),
+        "end_state": sim.end_state,
+        "max_constraint_residual": sim.max_constraint_residual,
+        "energy_drift": sim.energy_drift,
+        "conservative": sim.conservative,
+        "steps": sim.steps,
+        "rejected": sim.rejected,
+        "evaluations": sim.evaluations,
+        "runs": sim.runs,
+        "charts": sim.charts,
+        "warnings": list(sim.warnings),
+    }
+
+
+def simulation_json(sim: Simulation, model: str, title: str, full: bool) -> str:
+    """Return the JSON object of ``mbstab simulate``.
+
+    Keys: ``model``, ``title``, ``method``, ``solver``, ``tol`` (null with fixed steps), ``step`` (s),
+    ``error_estimate`` (of the global error), ``complete``, ``failure``, ``start`` and ``end`` (s), ``end_state``
+    (``coordinates`` in m and rad and ``rates``, by name), ``max_constraint_residual``, ``energy_drift`` (relative),
+    ``conservative``, ``steps``, ``rejected``, ``evaluations``, ``runs``, ``charts``, ``warnings``; in a
+    file also ``columns`` (names with units) and ``rows`` (a list for each time of output).
+    """
+    data: dict[str, Any] = {"model": model, "title": title, **_summary(sim)}
+    if full:
+        import numpy as np
+
+        data["columns"] = [head for out in OUTPUTS for head in out.heads(sim)]
+        data["rows"] = np.hstack([np.reshape(out.values(sim), (len(sim.times), -1)) for out in OUTPUTS])
+    return to_json(data)
+
+
+def simulation_text(sim: Simulation, title: str) -> str:
+    """Return the summary of ``mbstab simulate``."""
+    lines = [title, ""] if title else []
+    rows = []
+    for i, (name, unit) in enumerate(zip(sim.names, _units(sim), strict=True)):
+        q, u = sim.q[:, i], sim.u[:, i]
+        rows.append([name, *(number(float(x), 8) for x in (q[0], q[-1], q.min(), q.max(), u[-1])), unit])
+    heads = ["coordinate", "at first", "at last", "least", "largest", "last rate", ""]
+    shown = rows if len(rows) <= 40 else rows[:40]
+    lines.append(table(heads, shown, left=(0, 6)))
+    if len(rows) > len(shown):
+        lines += [f"{len(rows) - len(shown)} more coordinates", ""]
+    what = f"{sim.method}{f' ({sim.solver})' if sim.solver else ''}"
+    steps = counted(sim.steps, "step") + (f", {sim.rejected} taken back" if sim.rejected else "")
+    control = f"fixed step {sim.step:g} s" if sim.step is not None else f"tolerance {sim.tol:g}"
+    lines += [
+        f"time          {number(float(sim.times[0]), 9)} to {number(float(sim.times[-1]), 9)} s, "
+        f"{counted(len(sim.times), 'time')} of output",
+        f"method        {what}, {control}",
+        f"work done     {steps}, {sim.evaluations} evaluations in {counted(sim.runs, 'run')}",
+        f"error         {_error(sim)}",
+        f"constraints   largest residual {sim.max_constraint_residual:.1e} of the sizes in the scene",
+        f"energy        {_energy(sim)}",
+    ]
+    if sim.charts:
+        lines.append(f"orientation   Euler angles replaced by others {counted(sim.charts, 'time')}")
+    if not sim.complete:
+        lines += ["", *wrap(f"ended early, at t = {number(float(sim.times[-1]), 9)} s", width=WIDTH)]
+    return "\n".join(lines) + "\n"
+
+
+def _error(sim: Simulation) -> str:
+    if math.isnan(sim.error_estimate):
+        return "not estimated: one run"
+    return f"{sim.error_estimate:.1e} estimated, to a factor {TRUST:g}"
+
+
+def _energy(sim: Simulation) -> str:
+    what = "kinetic + potential drift" if sim.conservative else "kinetic + potential - work drift"
+    return f"{what} by {sim.energy_drift:.1e} of {number(sim.energy_scale, 4)} J"

@@ -1,0 +1,465 @@
+"""Pictures and animations of motions show what was computed, with units; frames, shapes, files, errors."""
+
+import math
+import os
+import signal
+import stat
+import subprocess
+import sys
+import time
+
+import matplotlib
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+
+import mbstab
+from mbstab.analysis.swing import swing
+from mbstab.cli import main
+from mbstab.errors import OutputError, UsageError
+from mbstab.mechanics.bodies import SHAPES
+from mbstab.mechanics.contacts import KINDS as CONTACT_KINDS
+from mbstab.mechanics.joints import KINDS as JOINT_KINDS
+from mbstab.report import animation, motion_plots, plots, sketch
+from mbstab.report.animation import Stage, motion_frames, swing_frames
+from mbstab.report.sketch import Sketch
+
+PENDULUM = mbstab.load("pendulum.yaml")
+DISK = mbstab.load("rolling_disk.yaml")
+
+SHAPED = """\
+mbstab: 1
+title: All shapes
+gravity: [0, 0, -9.81]
+bodies:
+  rod: {type: spatial, mass: 1, shape: {type: rod, length: 2, along: y}}
+  can: {type: spatial, mass: 1, shape: {type: cylinder, radius: 0.5, length: 3, along: x}}
+  plate: {type: spatial, mass: 1, shape: {type: disk, radius: 0.7}}
+  ring: {type: spatial, mass: 1, shape: {type: hoop, radius: 0.4, along: y}}
+  box: {type: spatial, mass: 1, shape: {type: box, x: 1, y: 2, z: 3}}
+  ball: {type: spatial, mass: 1, shape: {type: sphere, radius: 0.6}, center_of_mass: [0, 0, 1]}
+  pair:
+    type: spatial
+    parts:
+      - {type: sphere, radius: 0.1, mass: 1, at: [1, 0, 0]}
+      - {type: sphere, radius: 0.1, mass: 1, at: [-1, 0, 0]}
+  grain: {type: point, mass: 1}
+reference:
+  coordinates:
+    rod: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: pi/2}
+"""
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    return PENDULUM.simulate(1.0, points=101, perturb={"rod.theta": 1.0}, tol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def disk():
+    return DISK.simulate(1.0, points=51, perturb={"disk.phi": 0.2}, tol=1e-5)
+
+
+def drawn(text, sim, mechanism=PENDULUM):
+    return motion_plots.draw(motion_plots.read_picture(mechanism.model, text), sim, mechanism.model.title)
+
+
+def curves(axes):
+    return [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
+
+
+def legend(figure):
+    return [text.get_text() for one in figure.legends for text in one.get_texts()]
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, ["simulate", *map(str, arguments)])
+
+
+# --- curves ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "label", "values"),
+    [
+        ("rod.theta", "rod.theta (rad)", lambda sim: sim.q[:, 2]),
+        ("rod.x", "rod.x (m)", lambda sim: sim.q[:, 0]),
+        ("rate(rod.theta)", "rate(rod.theta) (rad/s)", lambda sim: sim.u[:, 2]),
+        ("rate( rod.x )", "rate(rod.x) (m/s)", lambda sim: sim.u[:, 0]),
+        ("acceleration(rod.theta)", "acceleration(rod.theta) (rad/s²)", lambda sim: sim.a[:, 2]),
+        ("force(pivot.y)", "force(pivot.y) (N)", lambda sim: sim.loads[:, 1]),
+        ("kinetic", "kinetic energy (J)", lambda sim: sim.kinetic),
+        ("total", "kinetic + potential", None),
+    ],
+)
+def test_a_curve_is_the_data_with_its_unit(pendulum, text, label, values):
+    figure = drawn(text, pendulum)
+    (axes,) = figure.axes
+    (line,) = curves(axes)
+    assert axes.get_ylabel().startswith(label)
+    assert axes.get_xlabel() == "time (s)"
+    assert legend(figure) == []
+    assert line.get_xdata().tolist() == pendulum.times.tolist()
+    if values is not None:
+        assert line.get_ydata().tolist() == values(pendulum).tolist()
+
+
+def test_quantities_of_a_unit_share_a_panel_others_are_stacked(pendulum):
+    figure = drawn("rod.theta, rod.x, rod.y, force(pivot)", pendulum)
+    assert [axes.get_ylabel() for axes in figure.axes] == ["rod.theta (rad)", "length (m)", "force (N)"]
+    assert [len(curves(axes)) for axes in figure.axes] == [1, 2, 2]
+    assert legend(figure) == ["rod.x", "rod.y", "force(pivot.x)", "force(pivot.y)"]
+    styles = {(line.get_color(), str(line.get_linestyle())) for axes in figure.axes[1:] for line in curves(axes)}
+    assert len(styles) == 4
+
+
+def test_the_energies_add_up_and_work_is_shown_where_it_is_done(pendulum):
+    upper, lower = drawn("energy", pendulum).axes
+    kinetic, potential, total = (np.asarray(line.get_ydata()) for line in curves(upper))
+    np.testing.assert_allclose(kinetic + potential, total)
+    assert potential.min() == 0.0
+    assert lower.get_ylabel().startswith("energy drift (10⁻")
+    assert lower.get_ylabel().endswith(" J)")
+    model = mbstab.load("ziegler_column.yaml")
+    sim = model.simulate(0.1, points=5, tol=1e-4)
+    assert "work of other forces" in legend(drawn("energy", sim, model))
+
+
+def test_residuals_are_logarithmic_and_zeros_are_left_out(pendulum):
+    (axes,) = drawn("residuals", pendulum).axes
+    assert axes.get_yscale() == "log"
+    for line, column in zip(curves(axes), pendulum.residuals.T, strict=True):
+        assert line.get_ydata().tolist() == column[column > 0.0].tolist()
+
+
+def test_a_phase_plane_has_rates_over_coordinates_and_marked_ends(pendulum):
+    figure = drawn("phase:rod.theta", pendulum)
+    (axes,) = figure.axes
+    (line,) = curves(axes)
+    assert line.get_xdata().tolist() == pendulum.q[:, 2].tolist()
+    assert line.get_ydata().tolist() == pendulum.u[:, 2].tolist()
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("rod.theta (rad)", "rate(rod.theta) (rad/s)")
+    assert legend(figure) == ["start, t = 0 s", "end, t = 1 s"]
+
+
+def test_small_motions_are_drawn_from_what_they_share_in_powers_of_ten():
+    sim = PENDULUM.simulate(1.0, points=21, perturb={"rod.theta": 1e-6}, tol=1e-6)
+    (axes,) = drawn("rod.theta", sim).axes
+    assert axes.get_ylabel() == "rod.theta (10⁻⁶ rad), less 4.712389"
+    np.testing.assert_array_equal(curves(axes)[0].get_ydata(), sim.q[:, 2] - 4.712389)
+    assert axes.yaxis.get_major_formatter()(-5e-7, 0) == "−0.5"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("rod.tetha", "did you mean 'rod.theta'?"),
+        ("rate(rod.tetha)", "did you mean 'rod.theta'?"),
+        ("phase:rod.tetha", "did you mean 'rod.theta'?"),
+        ("phase:rod", "coordinates: rod.x, rod.y, rod.theta"),
+        ("phase:rod.x,rod.theta", "lengths and angles"),
+        ("enrgy", "did you mean 'energy'?"),
+        ("speed(rod.x)", "there is no function 'speed'"),
+        ("force(pivt)", "did you mean 'pivot'?"),
+        ("force(pivot.z)", "components x, y"),
+        (" , ", "names nothing"),
+        (",".join(f"{f}(rod.{x})" for f in ("rate", "acceleration") for x in ("x", "y", "theta")) + ",rod.x,rod.y,"
+         "rod.theta,kinetic,potential,total,work", "13 curves"),
+    ],
+)  # fmt: skip
+def test_unknown_names_are_refused_before_anything_is_computed(text, message):
+    result = run("pendulum.yaml", "--to", "1e9", "--plot", text)
+    assert result.exit_code == 2
+    assert message in result.stderr
+
+
+def test_a_reaction_that_is_not_transmitted_is_said(disk):
+    with pytest.raises(UsageError, match=r"contact 'rolling' transmits no torque x"):
+        drawn("torque(rolling.x)", disk, DISK)
+
+
+def test_pictures_lie_where_those_of_sweeps_do(tmp_path):
+    common = ("pendulum.yaml", "--to", "0.2", "--points", "5", "--tol", "1e-4")
+    table = tmp_path / "a.csv"
+    result = run(*common, "-o", table, "--plot", "rod.theta,rate(rod.theta)", "--plot", "energy")
+    assert result.exit_code == 0
+    assert {p.name for p in tmp_path.iterdir()} == {"a.csv", "a-rod.theta-rate-rod.theta.png", "a-energy.png"}
+    twice = ("--plot", "energy", "--plot", "energy", "--plot", "energy,", "--pictures", tmp_path / "c.pdf")
+    assert run(*common, *twice).exit_code == 0
+    assert {p.name for p in tmp_path.glob("c*")} == {"c-energy.pdf", "c-energy-2.pdf"}
+    result = run(*common, "--plot", "phase:rod.theta", "--pictures", tmp_path / "b.svg")
+    assert result.exit_code == 0
+    assert (tmp_path / "b-phase-rod.theta.svg").read_bytes().startswith(b"<?xml")
+    result = run(*common, "--plot", "energy", "--pictures", tmp_path / "b.jpg")
+    assert result.exit_code == 2
+    assert "pictures are .png, .svg, .pdf" in result.stderr
+
+
+def test_pictures_show_the_part_of_a_motion_that_ends_early(tmp_path):
+    early = ("four_bar.yaml", "--to", "2", "--perturb", "rate(left.theta)=9", "--tol", "1e-4")
+    result = run(*early, "--plot", "left.theta", "--pictures", tmp_path / "a", "--animate", tmp_path / "a.gif")
+    assert result.exit_code == 1
+    assert {p.name for p in tmp_path.iterdir()} == {"a-left.theta.png", "a.gif"}
+    assert 3 <= len(durations(tmp_path / "a.gif")) <= 6
+
+
+@pytest.mark.parametrize("text", ["energy", "residuals", "rod.theta,rod.x,force(pivot)", "phase:rod.theta"])
+def test_nothing_is_cut_off_or_covered(pendulum, text):
+    figure = drawn(text, pendulum)
+    figure.draw_without_rendering()
+    whole = figure.bbox
+    for axes in figure.axes:
+        box = axes.get_tightbbox()
+        assert whole.x0 <= box.x0
+        assert box.x1 <= whole.x1
+    boxes = [axes.get_tightbbox() for axes in figure.axes] + [one.get_window_extent() for one in figure.legends]
+    for i, one in enumerate(boxes):
+        assert all(min(one.y1, other.y1) - max(one.y0, other.y0) < 3.0 for other in boxes[:i])
+
+
+# --- shapes ---------------------------------------------------------------------------------------------------------
+
+
+def test_every_shape_contact_and_joint_can_be_drawn():
+    assert set(SHAPES) <= set(sketch.OUTLINES)
+    assert {name for name, _ in CONTACT_KINDS} == set(sketch.CONTACTS)
+    assert {name for name, _ in JOINT_KINDS} == set(sketch.PINS)
+
+
+def test_shapes_have_the_sizes_and_axes_of_the_file():
+    system = mbstab.loads(SHAPED).system()
+    drawing = Sketch.of(system)
+    extent = {}
+    for piece in drawing.pieces:
+        points = np.concatenate([*piece.outline.strokes, piece.outline.skin])
+        low, high = extent.get(drawing.bodies[piece.body], (np.inf, -np.inf))
+        extent[drawing.bodies[piece.body]] = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+    expected = {
+        "rod": ([0, -1, 0], [0, 1, 0]),
+        "can": ([-1.5, -0.5, -0.5], [1.5, 0.5, 0.5]),
+        "plate": ([-0.7, -0.7, 0], [0.7, 0.7, 0]),
+        "ring": ([-0.4, 0, -0.4], [0.4, 0, 0.4]),
+        "box": ([-0.5, -1, -1.5], [0.5, 1, 1.5]),
+        "ball": ([-0.6, -0.6, 0.4], [0.6, 0.6, 1.6]),
+        "pair": ([-1.1, -0.1, -0.1], [1.1, 0.1, 0.1]),
+    }
+    assert extent.keys() == expected.keys()
+    for name, bounds in expected.items():
+        np.testing.assert_allclose(extent[name], bounds, atol=2e-3, err_msg=name)
+    assert drawing.masses == [7]
+
+
+def test_drawn_shapes_are_where_positions_and_rotations_say(disk):
+    frames = motion_frames(disk, fps=50.0)
+    stage = Stage(Sketch.of(DISK.system()), frames)
+    for k in (0, 20, 50):
+        circle, radius = stage.outline(0, k).strokes
+        center, A = disk.positions[k, 0], disk.rotations[k, 0]
+        np.testing.assert_allclose(circle[:-1].mean(axis=0), center, atol=1e-9)
+        np.testing.assert_allclose(np.linalg.norm(circle - center, axis=1), 0.3, rtol=1e-9)
+        np.testing.assert_allclose((circle - center) @ A[:, 2], 0.0, atol=1e-9)
+        assert circle[:, 2].min() == pytest.approx(0.0, abs=2e-3)
+        np.testing.assert_allclose(radius[0], center, atol=1e-9)
+    # As pixels: the middle of the filled outline is the place of the disk, seen from where one looks.
+    stage.show(20)
+    hull = stage.bodies.get_paths()[0].vertices[:-1]
+    middle = 0.5 * (hull.max(axis=0) + hull.min(axis=0))
+    np.testing.assert_allclose(middle, stage.across[:2] @ disk.positions[20, 0], atol=2e-3)
+
+
+def test_a_planar_scene_is_seen_along_z_with_pins_and_paths(pendulum):
+    stage = Stage(Sketch.of(PENDULUM.system()), motion_frames(pendulum), traces=["rod", "rod.O"])
+    stage.show(10)
+    k = 40  # 25 frames and 100 times in a second
+    (verts,) = (path.vertices for path in stage.bodies.get_paths())
+    np.testing.assert_allclose(verts, [[0.0, 0.0], pendulum.positions[k, 0]], atol=1e-9)
+    np.testing.assert_allclose(np.array(stage.paths[0].get_data()).T[-1], pendulum.positions[k, 0], atol=1e-9)
+    path = np.array(stage.paths[1].get_data())
+    assert path.shape == (2, 10 * animation.FINE + 1)
+    np.testing.assert_allclose(path[:, :: animation.FINE], 0.0, atol=1e-9)
+    np.testing.assert_allclose(path, 0.0, atol=1e-4)
+    assert stage.caption.get_text() == "t = 0.40 s"
+    assert stage.axes.get_xlabel() == "x (m)"
+    scale = [stage.axes.transData.transform(p) for p in ((0, 0), (0.1, 0), (0, 0.1))]
+    assert scale[1][0] - scale[0][0] == pytest.approx(scale[2][1] - scale[0][1], rel=1e-6)
+
+
+def test_limits_hold_the_whole_motion(disk):
+    stage = Stage(Sketch.of(DISK.system()), motion_frames(disk))
+    for k in range(len(stage.frames.captions)):
+        seen = stage.outline(0, k).strokes[0] @ stage.across[:2].T
+        assert np.all(seen > stage.low)
+        assert np.all(seen < stage.high)
+
+
+def test_what_is_followed_stays_in_place_and_the_ground_moves(disk):
+    stage = Stage(Sketch.of(DISK.system()), motion_frames(disk), follow="disk")
+    stage.show(0)
+    at, ground = stage.outline(0, 0).strokes[1][0], stage.ground.get_segments()
+    stage.show(25)
+    np.testing.assert_allclose(stage.outline(0, 25).strokes[1][0][:2], at[:2], atol=1e-12)
+    assert not np.allclose(ground[0], stage.ground.get_segments()[0])
+
+
+def test_turns_between_times_of_output_are_even():
+    sim = DISK.simulate(1.0, points=3, tol=1e-5)  # 2.5 rad from one to the next
+    frames = motion_frames(sim, fps=20.0)
+    exact = DISK.simulate(1.0, points=21, tol=1e-5)
+    np.testing.assert_allclose(frames.rotations, exact.rotations, atol=1e-4)
+    np.testing.assert_allclose(frames.positions, exact.positions, atol=1e-4)
+
+
+# --- modes ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_mode_swings_about_the_reference_on_the_constraints():
+    model = mbstab.load("double_pendulum.yaml")
+    found = model.swing(2, points=20)
+    middle = 0.5 * (found.positions[0] + found.positions[10])
+    np.testing.assert_allclose(middle[:, 0], 0.0, atol=1e-9)
+    rods = np.linalg.norm(np.diff(found.positions, axis=1)[:, 0], axis=1), np.linalg.norm(found.positions[:, 0], axis=1)
+    np.testing.assert_allclose(rods, 1.0, rtol=1e-9)
+    # The masses of the fast mode move against each other in the ratio of its shape, 1 to −√2 in angles.
+    upper, lower = found.positions[0]
+    assert lower[0] - upper[0] == pytest.approx(-math.sqrt(2.0) * upper[0], rel=0.05)
+    assert swing_frames(found, 2).captions[0] == f"mode 2: 0 ± {abs(found.value.imag):.4g}i 1/s, exaggerated"
+
+
+def test_a_real_mode_starts_at_the_reference():
+    system = mbstab.load("wheeled_inverted_pendulum.yaml").system()
+    found = swing(system, 1, 4)
+    assert found.value.real > 0.0
+    np.testing.assert_allclose(found.q[0], found.q[2], atol=1e-9)
+    assert np.max(np.abs(found.q[1] - found.q[0])) > 0.1
+    assert "growth and decay not shown" in swing_frames(found, 1).captions[0]
+
+
+def test_modes_of_periodic_motions_do_not_swing():
+    with pytest.raises(UsageError, match="periodic"):
+        mbstab.load("kapitza.yaml").swing(1)
+
+
+# --- files ----------------------------------------------------------------------------------------------------------
+
+
+def durations(path):
+    found = []
+    with Image.open(path) as image:
+        for k in range(image.n_frames):
+            image.seek(k)
+            found.append(image.info["duration"])
+        assert image.info["loop"] == 0
+    return found
+
+
+@pytest.mark.parametrize(
+    ("options", "frames", "seconds"),
+    [((), 26, 1.04), (("--fps", "30"), 31, 31 / 30), (("--speed", "0.5", "--fps", "10"), 21, 2.1)],
+)
+def test_a_gif_takes_as_long_as_the_motion(tmp_path, options, frames, seconds):
+    path = tmp_path / "a.gif"
+    result = run("pendulum.yaml", "--to", "1", "--perturb", "rod.theta=1", "--tol", "1e-4", "--animate", path, *options)
+    assert result.exit_code == 0
+    assert f"wrote {path}" in result.stderr
+    found = durations(path)
+    assert len(found) == frames
+    assert sum(found) == pytest.approx(1000 * seconds, abs=5.1)
+    assert max(found) - min(found) <= 10
+
+
+def test_a_frame_of_a_file_is_the_frame_that_was_drawn(tmp_path, pendulum):
+    stage = Stage(Sketch.of(PENDULUM.system()), motion_frames(pendulum), "Title", traces=["rod"])
+    animation.write(stage, tmp_path / "a.gif")
+    with Image.open(tmp_path / "a.gif") as stored:
+        for k, image in enumerate(stage.images()):
+            if k in (0, 7, 25):
+                stored.seek(k)
+                difference = np.abs(np.asarray(stored.convert("RGB"), dtype=int) - np.asarray(image, dtype=int))
+                assert difference.max() <= 40
+                assert difference.mean() < 0.5
+        assert np.asarray(stored.convert("RGB"))[0, 0].tolist() == [255, 255, 255]
+
+
+def test_a_mode_is_one_period_of_two_seconds(tmp_path):
+    path = tmp_path / "m.gif"
+    result = run("four_bar.yaml", "--mode-shape", "1", "--animate", path, "--fps", "10")
+    assert result.exit_code == 0
+    assert durations(path) == [100] * 20
+
+
+def fake_ffmpeg(folder, code):
+    program = folder / "ffmpeg"
+    program.write_text(f"#!{sys.executable}\nimport sys\n{code}\n")
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    return f"{folder}{os.pathsep}{os.environ['PATH']}"
+
+
+def test_mp4_files_get_all_frames_from_ffmpeg(tmp_path, monkeypatch, pendulum):
+    size, count = "sys.argv[sys.argv.index('-s') + 1]", "str(len(sys.stdin.buffer.read()))"
+    code = f"open(sys.argv[-1], 'w').write({size} + ' ' + {count})"
+    monkeypatch.setenv("PATH", fake_ffmpeg(tmp_path, code))
+    stage = Stage(Sketch.of(PENDULUM.system()), motion_frames(pendulum))
+    animation.write(stage, tmp_path / "a.mp4")
+    size, count = (tmp_path / "a.mp4").read_text().split()
+    width, height = map(int, size.split("x"))
+    assert int(count) == 26 * width * height * 3
+    assert width % 2 == height % 2 == 0
+    fake_ffmpeg(tmp_path, "sys.exit('Unknown encoder')")
+    with pytest.raises(OutputError, match="ffmpeg could not write the animation: Unknown encoder"):
+        animation.write(stage, tmp_path / "b.mp4")
+    assert {p.name for p in tmp_path.iterdir()} == {"a.mp4", "ffmpeg"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--animate", "a.mp4"), "ffmpeg, which is not found"),
+        (("--animate", "a.avi"), "animations end with .gif or .mp4"),
+        (("--animate", "nowhere/a.gif"), "there is no directory nowhere"),
+        (("--animate", "a.gif", "--fps", "60"), "50 frames in a second at most"),
+        (("--animate", "a.gif", "--fps", "0"), "--fps must be a positive number"),
+        (("--animate", "a.gif", "--view", "20,30"), "this one is planar"),
+        (("--animate", "a.gif", "--view", "20"), "write ELEVATION,AZIMUTH"),
+        (("--animate", "a.gif", "--trace", "rod.o"), "did you mean 'rod.O'?"),
+        (("--animate", "a.gif", "--follow", "rood"), "did you mean 'rod'?"),
+        (("--animate", "a.gif", "--to", "1e6"), "or make it faster with --speed"),
+        (("--animate", "a.gif", "--mode-shape", "2"), "there is 1 to choose from"),
+        (("--animate", "a.gif", "--mode-shape", "1", "--to", "3"), "nothing is simulated"),
+        (("--mode-shape", "1"), "--mode-shape goes with --animate"),
+        (("--trace", "rod"), "--trace goes with --animate"),
+    ],
+    ids=str,
+)
+def test_wrong_requests_are_refused_before_anything_is_computed(tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", "")
+    result = run("pendulum.yaml", *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_while_animating_leaves_no_half_file(tmp_path):
+    path = tmp_path / "a.gif"
+    command = [sys.executable, "-m", "mbstab", "simulate", "pendulum.yaml", "--perturb", "rod.theta=1", "--to", "60"]
+    process = subprocess.Popen(
+        [*command, "--tol", "1e-3", "--once", "--animate", str(path), "--fps", "50"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    deadline = time.monotonic() + 30.0
+    while not any(p.stat().st_size > 20_000 for p in tmp_path.iterdir()) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert [p.name.startswith(".a.gif.") for p in tmp_path.iterdir()] == [True]
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_users_matplotlibrc_changes_nothing(pendulum, tmp_path):
+    before = drawn("energy", pendulum)
+    plots.save(before, tmp_path / "a.png")
+    with matplotlib.rc_context({"lines.linewidth": 9, "font.size": 30}):
+        plots.save(drawn("energy", pendulum), tmp_path / "b.png")
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
