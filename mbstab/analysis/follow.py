@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mbstab.analysis.attitude import Attitudes
-from mbstab.analysis.constrained import SINGULAR, Constrained, Watch
+from mbstab.analysis.constrained import SINGULAR, Constrained, Form, Watch
 from mbstab.analysis.energy import NODES, WEIGHTS, Energy
 from mbstab.analysis.integrators import Method, Options, Stepper
 from mbstab.analysis.motion import Motion
@@ -95,6 +95,13 @@ class Follower:
         self.system, self.motion, self.times = system, motion, times
         self.attitudes = Attitudes.of(system)
         self.energy = Energy.of(system, self.attitudes)
+        self.form = Form(system)
+        self.parts = self.working_parts(system)
+
+    def working_parts(self, system: System) -> dict[str, Form]:
+        """Return the forces without a potential, each alone, in the coordinates of `system`."""
+        wanted = {*self.energy.working, *self.energy.damped}
+        return {path: Form(part) for path, part in system.parts() if path in wanted} if wanted else {}
 
     def run(self, method: Method, options: Options, progress: Callable[[float], object]) -> Run:
         """Follow the motion; failures end the run and are kept in it."""
@@ -121,15 +128,11 @@ class _Leg:
         self.follower, self.run = follower, run
         self.attitudes, self.energy = follower.attitudes, follower.energy
         self.system, self.motion = follower.system, follower.motion
-        self.equations = Constrained(self.system, self.motion)
+        self.equations = Constrained(self.system, self.motion, follower.form)
         self.watch: Watch = self.equations.refresh(self.motion.dynamics)
         self.near = self.motion.q
         self.work = 0.0
-        self.parts = self._working_parts()
-
-    def _working_parts(self) -> dict[str, System]:
-        wanted = {*self.energy.working, *self.energy.damped}
-        return {path: part for path, part in self.system.parts() if path in wanted} if wanted else {}
+        self.parts = follower.parts
 
     def follow(self, method: Method, options: Options, progress: Callable[[float], object]) -> None:
         times, run = self.follower.times, self.run
@@ -180,7 +183,7 @@ class _Leg:
         self.equations = Constrained(self.system, replace(self.motion, dynamics=state))
         self.equations.start_from(old)
         self.watch = self.equations.refresh(state)
-        self.parts = self._working_parts()
+        self.parts = self.follower.working_parts(self.system)
         return q, u
 
     # --- rank -------------------------------------------------------------------------------------------------------
