@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.precise import PreciseResult
     from mbstab.analysis.simulate import Simulation
     from mbstab.analysis.sweep import Sweep
+    from mbstab.analysis.verify import Verification
 
 Setting = float | str
 Starts = Callable[[list[int]], Iterator[int]]
@@ -210,6 +211,28 @@ class Mechanism:
         from mbstab.analysis.certify import certify
 
         return certify(self.model, parameters, digits, progress)
+
+    @guarded
+    def verify(
+        self, frozen: bool = False, progress: Callable[[float], object] = lambda done: None, **parameters: Setting
+    ) -> Verification:
+        """Return what the nonlinear motion says about the eigenvalues: each mode excited a little, and measured.
+
+        Parameters
+        ----------
+        frozen : bool
+            Judge the eigenvalues of the equations frozen at the reference time.
+        progress : callable
+            Is called with the part of the work that is done, from 0 to 1.
+
+        Raises
+        ------
+        MbstabError
+            As `eig`.
+        """
+        from mbstab.analysis.verify import verify
+
+        return verify(self.system(**parameters), frozen, progress)
 
     @guarded
     def sweep(

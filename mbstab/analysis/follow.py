@@ -89,13 +89,15 @@ class Follower:
         The motion at the start: its state, and ranks and scales that are kept.
     times : ndarray, shape (n_t,)
         Times of output (s), ascending; the first is the start.
+    form : Form, optional
+        What evaluates the scene, where others use it as well.
     """
 
-    def __init__(self, system: System, motion: Motion, times: Array) -> None:
+    def __init__(self, system: System, motion: Motion, times: Array, form: Form | None = None) -> None:
         self.system, self.motion, self.times = system, motion, times
         self.attitudes = Attitudes.of(system)
         self.energy = Energy.of(system, self.attitudes)
-        self.form = Form(system)
+        self.form = form or Form(system)
         self.parts = self.working_parts(system)
 
     def working_parts(self, system: System) -> dict[str, Form]:
