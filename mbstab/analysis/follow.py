@@ -58,6 +58,8 @@ class Run:
     reached : float (s)
     peak : float (J)
         The largest kinetic energy after any step; that of speeds as good as rest at least.
+    drift : float
+        The largest residual of a constraint row after any step, relative to sizes and speeds in the scene.
     failure : str
         Why it ended early, or empty.
     interrupted : bool
@@ -70,6 +72,7 @@ class Run:
     charts: int = 0
     reached: float = 0.0
     peak: float = 0.0
+    drift: float = 0.0
     failure: str = ""
     interrupted: bool = False
 
@@ -149,6 +152,7 @@ class _Leg:
                 stepper.advance()
                 run.steps += 1
                 run.peak = max(run.peak, 0.5 * float(stepper.u @ stepper.state.M @ stepper.u))
+                run.drift = max(run.drift, *self.equations.residuals(stepper.state, self.equations.fastest(stepper.u)))
                 self._watch(stepper, t)
                 change = self.attitudes.needs_change(self.system, before, stepper.q)
                 inside = []
@@ -202,7 +206,13 @@ class _Leg:
         self.watch = found
 
     def _at(self, stepper: Stepper, t: float) -> Dynamics:
-        return self.equations.evaluate(t, *(stepper.at(t) if t != stepper.t else (stepper.q, stepper.u)))
+        """Return the matrices at a time within the last step, with Euler angles that are not singular there."""
+        q, u = stepper.at(t) if t != stepper.t else (stepper.q, stepper.u)
+        if self.attitudes.needs_change(self.system, q, q):
+            system, q, u = self.attitudes.changed(self.system, q, u)
+            self.run.evaluations += 1
+            return system.dynamics(q, u, t)
+        return self.equations.evaluate(t, q, u)
 
     def _search(self, stepper: Stepper, start: float) -> None:
         """Find where in the last step the constraints are closest to losing rank; refuse if they do."""
@@ -267,15 +277,15 @@ class _Leg:
         )
 
 
-def difference(one: Run, other: Run, sizes: Array) -> float:
+def difference(one: Run, other: Run, sizes: Array, fast: float | None = None) -> float:
     """Return how much two runs differ: the largest difference of places, orientations and speeds at common times.
 
     Lengths count in the size of the scene, orientations by the entries of rotation matrices, speeds and
-    angular velocities relative to the largest.
+    angular velocities relative to the largest, or to `fast` (1/s).
     """
     count = min(len(one.samples), len(other.samples))
     length = float(np.max(sizes))
-    fast = fastest(other, length)
+    fast = fastest(other, length) if fast is None else fast
     worst = 0.0
     for a, b in zip(one.samples[:count], other.samples[:count], strict=True):
         worst = max(
