@@ -36,10 +36,12 @@ if TYPE_CHECKING:
     from mbstab.analysis.chart import Chart
     from mbstab.analysis.compare import Comparison
     from mbstab.analysis.equilibrium import Equilibrium
+    from mbstab.analysis.integrations import Integrations
     from mbstab.analysis.precise import PreciseResult
     from mbstab.analysis.simulate import Simulation
     from mbstab.analysis.sweep import Sweep
     from mbstab.analysis.swing import Swing
+    from mbstab.analysis.verify import Verification
 
 Setting = float | str
 Starts = Callable[[list[int]], Iterator[int]]
@@ -213,6 +215,28 @@ class Mechanism:
         return certify(self.model, parameters, digits, progress)
 
     @guarded
+    def verify(
+        self, frozen: bool = False, progress: Callable[[float], object] = lambda done: None, **parameters: Setting
+    ) -> Verification:
+        """Return what the nonlinear motion says about the eigenvalues: each mode excited a little, and measured.
+
+        Parameters
+        ----------
+        frozen : bool
+            Judge the eigenvalues of the equations frozen at the reference time.
+        progress : callable
+            Is called with the part of the work that is done, from 0 to 1.
+
+        Raises
+        ------
+        MbstabError
+            As `eig`.
+        """
+        from mbstab.analysis.verify import verify
+
+        return verify(self.system(**parameters), frozen, progress)
+
+    @guarded
     def sweep(
         self,
         parameter: str,
@@ -363,6 +387,41 @@ class Mechanism:
         from mbstab.analysis.compare import compare
 
         return compare(self.model, parameters, digits, tolerance, progress)
+
+    @guarded
+    def compare_integrators(
+        self,
+        to: float | None = None,
+        perturb: Mapping[str, Setting] | None = None,
+        tolerance: float | None = None,
+        progress: Callable[[float], object] = lambda done: None,
+        **parameters: Setting,
+    ) -> Integrations:
+        """Return error, cost and drift of every integrator on the nonlinear motion, with several tolerances.
+
+        Parameters
+        ----------
+        to : float, optional
+            Last time (s); 1 s after the start if not given.
+        perturb : mapping, optional
+            As in `simulate`; a tenth of the first mode if neither this nor the file disturbs the reference.
+        tolerance : float, optional
+            Largest error at the end, for the choice of an integrator.
+        progress : callable
+            Is called with the part of the work that is done, from 0 to 1.
+
+        Raises
+        ------
+        UsageError
+            If an argument is out of range or a name is unknown.
+        SimulationError
+            If the motion cannot be followed to the end.
+        NumericalError
+            If no integrator keeps the tolerance.
+        """
+        from mbstab.analysis.integrations import compare_integrators
+
+        return compare_integrators(self.system(**parameters), to, perturb, tolerance, progress)
 
     @guarded
     def check(self, **parameters: Setting) -> CheckReport:

@@ -17,6 +17,7 @@ from click.testing import CliRunner
 from scipy.special import ellipj, ellipk
 
 import mbstab
+from mbstab.analysis import constrained
 from mbstab.analysis.initial import mode_shape, start_of
 from mbstab.analysis.integrators import METHODS
 from mbstab.analysis.motion import Finder
@@ -196,6 +197,22 @@ def test_the_observed_order_is_that_of_theory(name, solver, exact_end):
         )
     observed = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
     assert observed == pytest.approx(order, abs=0.15)
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "radau", "tol": 1e-6}], ids=["projection", "radau"])
+@pytest.mark.parametrize("name", ["top", "rolling_disk", "governor", "shimmy", "bricard"])
+def test_straight_line_functions_change_nothing_but_the_rounding(name, options, monkeypatch):
+    model = mbstab.load(f"{name}.yaml")
+    begin = start_of(model.system()).motion.time
+    found = []
+    for after in (0, 10**9):
+        monkeypatch.setattr(constrained, "FUSED_AFTER", after)
+        found.append(model.simulate(begin + 0.01, once=True, points=3, **{"tol": 1e-9, **options}))
+    one, other = found
+    assert one.steps == other.steps
+    assert np.max(np.abs(one.q - other.q) / one.sizes) <= 1e-12
+    assert np.max(np.abs(one.u - other.u) / one.sizes) <= 1e-11 * max(1.0, np.max(np.abs(one.u / one.sizes)))
+    assert np.max(np.abs(one.loads - other.loads), initial=0.0) <= 1e-9 * np.max(np.abs(one.loads), initial=1.0)
 
 
 # --- orientation ----------------------------------------------------------------------------------------------------

@@ -17,6 +17,8 @@ start says. Everything is computed in coordinates scaled by the masses they carr
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +26,15 @@ import numpy.typing as npt
 from mbstab.analysis.motion import Motion
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError
+
+if TYPE_CHECKING:
+    from mbstab.compiler.fused import Fused, Program
+
+FUSED_AFTER = 150
+"""Evaluations after which straight-line functions of the scene, which have to be written first, are worth it."""
+
+WEAK_PIVOT = 1e-10
+"""Where redundant rows are left out and a pivot falls below this part of the largest, all rows are combined instead."""
 
 SLOWEST = 1e-3
 """Speeds below this part of what the forces at the start can cause are as good as rest."""
@@ -52,8 +63,55 @@ class Watch:
     value: float
 
 
+class Form:
+    """The equations of a scene: as the system gives them at first, as straight-line functions once that is worth it.
+
+    Functions have the arguments and results of those of `System` and raise what they raise.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self._count = 0
+
+    @cached_property
+    def fused(self) -> Fused:
+        """The straight-line functions."""
+        return self.system.fused()
+
+    @property
+    def quick(self) -> bool:
+        """Whether there are straight-line functions, or there should be."""
+        return self._count >= FUSED_AFTER
+
+    def dynamics(self, q: Array, u: Array, t: float) -> Dynamics:
+        """Return the matrices of the equations of motion."""
+        if self._count >= FUSED_AFTER:
+            return self.fused.dynamics(q, u, t)
+        self._count += 1
+        return self.system.dynamics(q, u, t)
+
+    def linearize(self, q: Array, u: Array, a: Array, nu: Array, t: float) -> tuple[Array, Array, Array]:
+        """Return K, R and D_q."""
+        source: System | Fused = self.fused if self.quick else self.system
+        self._count += 1
+        return source.linearize(q, u, a, nu, t)
+
+    def linearize_rows(self, q: Array, u: Array, a: Array, t: float) -> tuple[Array, Array, Array]:
+        """Return V_q, A_q and A_u."""
+        source: System | Fused = self.fused if self.quick else self.system
+        return source.linearize_rows(q, u, a, t)
+
+
 class Constrained:
     """The equations of motion of a scene as a right-hand side.
+
+    Parameters
+    ----------
+    system : System
+    motion : Motion
+        The motion at the start: ranks and scales.
+    form : Form, optional
+        What evaluates the scene; several runs share one.
 
     Attributes
     ----------
@@ -68,7 +126,7 @@ class Constrained:
         Kinetic energy of such speeds.
     """
 
-    def __init__(self, system: System, motion: Motion) -> None:
+    def __init__(self, system: System, motion: Motion, form: Form | None = None) -> None:
         from scipy.linalg.lapack import dgesv
 
         self._dgesv = dgesv
@@ -78,8 +136,12 @@ class Constrained:
         self.n, self.n_h, self.n_c = system.n_q, system.n_h, system.n_c
         self.rank_h, self.rank = spaces.C.rank, spaces.C.rank + spaces.W.rank
         self.evaluations = 0
-        # What gives the matrices at a state: any function with the arguments and the result of `System.dynamics`.
-        self.form = system.dynamics
+        self.form = form or Form(system)
+        without = {redundancy.row for redundancy in motion.redundant}
+        self._kept = [i for i, row in enumerate(system.rows) if row not in without]
+        factors = np.concatenate([self.scale, self.row_scale[self._kept]])
+        self._factors, self._products = factors, factors * factors[:, None]
+        self._program: Program | None = None
         pulled = np.abs(motion.dynamics.F0 * self.scale * self.scale / motion.sizes)
         natural = max(self.fastest(motion.u), float(np.sqrt(np.max(pulled, initial=0.0))))
         self.slowest = SLOWEST * (natural or 1.0)
@@ -107,7 +169,7 @@ class Constrained:
         """
         self.evaluations += 1
         try:
-            return self.form(q, u, t)
+            return self.form.dynamics(q, u, t)
         except NumericalError as error:
             self.trouble = error
             raise
@@ -122,6 +184,27 @@ class Constrained:
         state = self.evaluate(t, q, u)
         a, nu = self.solve(state, -state.F0, state.B)
         return a, nu, state
+
+    def acceleration(self, t: float, q: Array, u: Array) -> Array:
+        """Return a (n_q,) alone at a state, from the straight-line functions where there are some."""
+        program = self._program or self._quick_program()
+        if program is not None:
+            try:
+                A, b = program(q.tolist(), u.tolist(), t)
+            except (ArithmeticError, ValueError):
+                return self.accelerations(t, q, u)[0]
+            self.evaluations += 1
+            # The matrix is symmetric: its transpose is what LAPACK calls in order, and may be overwritten.
+            pivots, _, found, failed = self._dgesv((A * self._products).T, b * self._factors, 1, 1)
+            if not failed and (self.full or _strong(pivots)):
+                return np.asarray(found[: self.n] * self.scale)
+        return self.accelerations(t, q, u)[0]
+
+    def _quick_program(self) -> Program | None:
+        """Return the function of the matrix and the right-hand side of the accelerations, once it is worth it."""
+        if self.form.quick and len(self._kept) == self.rank:
+            self._program = self.form.fused.augmented(self._kept)
+        return self._program
 
     def solve(self, state: Dynamics, force: Array, bias: Array) -> tuple[Array, Array]:
         """Return x (n_q,) and ν (n_c,) with M x + Jᵀ ν = force and J x = −bias."""
@@ -147,8 +230,8 @@ class Constrained:
     def jacobian(self, t: float, q: Array, u: Array) -> tuple[Array, Array]:
         """Return ∂a/∂q and ∂a/∂u of the accelerations, each of shape (n_q, n_q)."""
         a, nu, _ = self.accelerations(t, q, u)
-        K, R, _ = self.system.linearize(q, u, a, nu, t)
-        _, A_q, A_u = self.system.linearize_rows(q, u, a, t)
+        K, R, _ = self.form.linearize(q, u, a, nu, t)
+        _, A_q, A_u = self.form.linearize_rows(q, u, a, t)
         self.evaluations += 1
         n = self.n
         right = -np.block([[K, R], [A_q, A_u]])
@@ -211,19 +294,18 @@ class Constrained:
             state = self.evaluate(t, q, u)
         return best, least if self.n_c else 0.0, matrices
 
-    def project(self, t: float, q: Array, u: Array, state: Dynamics | None = None) -> tuple[Array, Array, Dynamics]:
+    def project(self, t: float, q: Array, u: Array) -> tuple[Array, Array, Dynamics]:
         """Return coordinates and speeds that satisfy the constraints, and the matrices there.
-
-        `state` are the matrices at the given state, where they are known.
 
         Raises
         ------
         NumericalError
             If the constraints cannot be satisfied near this state.
         """
-        best, least = (q, u, state), np.inf
+        best: tuple[Array, Array, Dynamics | None] = (q, u, None)
+        least = np.inf
         for _ in range(PROJECTIONS):
-            state = self.evaluate(t, q, u) if state is None else state
+            state = self.evaluate(t, q, u)
             position, velocity = self.residuals(state, self.fastest(u))
             size = max(position, velocity)
             if size >= 0.5 * least:
@@ -235,7 +317,7 @@ class Constrained:
             if position > PROJECTED:
                 q = q + self._least_change(state, state.E[: self.n_h], self.n_h, None)
                 state = self.evaluate(t, q, u)
-            u, state = u + self._least_change(state, state.V, self.n_c, None), None
+            u = u + self._least_change(state, state.V, self.n_c, None)
         if not least <= ACCEPTED:
             raise NumericalError(
                 f"the constraints cannot be satisfied at t = {t:.9g} s: a residual of {least:.1e} of the sizes in the "
@@ -339,10 +421,16 @@ class Constrained:
     def derivatives(self, t: float, q: Array, u: Array, a: Array, nu: Array) -> tuple[Array, Array, Array]:
         """Return K, R and V_q, the exact derivatives that the linearization uses."""
         self.evaluations += 1
-        K, R, _ = self.system.linearize(q, u, a, nu, t)
-        return K, R, self.system.linearize_rows(q, u, a, t)[0]
+        K, R, _ = self.form.linearize(q, u, a, nu, t)
+        return K, R, self.form.linearize_rows(q, u, a, t)[0]
 
     @property
     def combinations(self) -> tuple[Array, Array]:
         """Independent combinations of scaled holonomic rows (n_h, rank) and of all scaled rows (n_c, rank)."""
         return self._holonomic, self._all
+
+
+def _strong(factors: Any) -> bool:
+    """Whether no pivot of a factored matrix is small."""
+    pivots = np.abs(factors.diagonal())
+    return bool(pivots.min() > WEAK_PIVOT * pivots.max())

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from mbstab.analysis.attitude import Attitudes
+from mbstab.analysis.constrained import Form
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.mechanics.catalogue import GROUND, Marker
 from mbstab.mechanics.drives import joint_motion
@@ -72,7 +74,7 @@ class Energy:
             total -= float(body.mass) * float(gravity @ place)
         return total + sum(_stored(system, q, turns, spring) for spring in self.springs)
 
-    def power(self, parts: dict[str, System], q: Array, u: Array, t: float, state: Dynamics, nu: Array) -> float:
+    def power(self, parts: Mapping[str, Form], q: Array, u: Array, t: float, state: Dynamics, nu: Array) -> float:
         """Return the power of all that has no potential (W): forces, dampers, drives."""
         total = -float(nu @ (state.J @ u)) if self.driven else 0.0
         zero = np.zeros(len(u))

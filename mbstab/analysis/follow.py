@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mbstab.analysis.attitude import Attitudes
-from mbstab.analysis.constrained import SINGULAR, Constrained, Watch
+from mbstab.analysis.constrained import SINGULAR, Constrained, Form, Watch
 from mbstab.analysis.energy import NODES, WEIGHTS, Energy
 from mbstab.analysis.integrators import Method, Options, Stepper
 from mbstab.analysis.motion import Motion
@@ -58,6 +58,8 @@ class Run:
     reached : float (s)
     peak : float (J)
         The largest kinetic energy after any step; that of speeds as good as rest at least.
+    drift : float
+        The largest residual of a constraint row after any step, relative to sizes and speeds in the scene.
     failure : str
         Why it ended early, or empty.
     interrupted : bool
@@ -70,6 +72,7 @@ class Run:
     charts: int = 0
     reached: float = 0.0
     peak: float = 0.0
+    drift: float = 0.0
     failure: str = ""
     interrupted: bool = False
 
@@ -89,12 +92,21 @@ class Follower:
         The motion at the start: its state, and ranks and scales that are kept.
     times : ndarray, shape (n_t,)
         Times of output (s), ascending; the first is the start.
+    form : Form, optional
+        What evaluates the scene, where others use it as well.
     """
 
-    def __init__(self, system: System, motion: Motion, times: Array) -> None:
+    def __init__(self, system: System, motion: Motion, times: Array, form: Form | None = None) -> None:
         self.system, self.motion, self.times = system, motion, times
         self.attitudes = Attitudes.of(system)
         self.energy = Energy.of(system, self.attitudes)
+        self.form = form or Form(system)
+        self.parts = self.working_parts(system)
+
+    def working_parts(self, system: System) -> dict[str, Form]:
+        """Return the forces without a potential, each alone, in the coordinates of `system`."""
+        wanted = {*self.energy.working, *self.energy.damped}
+        return {path: Form(part) for path, part in system.parts() if path in wanted} if wanted else {}
 
     def run(self, method: Method, options: Options, progress: Callable[[float], object]) -> Run:
         """Follow the motion; failures end the run and are kept in it."""
@@ -121,15 +133,11 @@ class _Leg:
         self.follower, self.run = follower, run
         self.attitudes, self.energy = follower.attitudes, follower.energy
         self.system, self.motion = follower.system, follower.motion
-        self.equations = Constrained(self.system, self.motion)
+        self.equations = Constrained(self.system, self.motion, follower.form)
         self.watch: Watch = self.equations.refresh(self.motion.dynamics)
         self.near = self.motion.q
         self.work = 0.0
-        self.parts = self._working_parts()
-
-    def _working_parts(self) -> dict[str, System]:
-        wanted = {*self.energy.working, *self.energy.damped}
-        return {path: part for path, part in self.system.parts() if path in wanted} if wanted else {}
+        self.parts = follower.parts
 
     def follow(self, method: Method, options: Options, progress: Callable[[float], object]) -> None:
         times, run = self.follower.times, self.run
@@ -144,6 +152,7 @@ class _Leg:
                 stepper.advance()
                 run.steps += 1
                 run.peak = max(run.peak, 0.5 * float(stepper.u @ stepper.state.M @ stepper.u))
+                run.drift = max(run.drift, *self.equations.residuals(stepper.state, self.equations.fastest(stepper.u)))
                 self._watch(stepper, t)
                 change = self.attitudes.needs_change(self.system, before, stepper.q)
                 inside = []
@@ -180,7 +189,7 @@ class _Leg:
         self.equations = Constrained(self.system, replace(self.motion, dynamics=state))
         self.equations.start_from(old)
         self.watch = self.equations.refresh(state)
-        self.parts = self._working_parts()
+        self.parts = self.follower.working_parts(self.system)
         return q, u
 
     # --- rank -------------------------------------------------------------------------------------------------------
@@ -197,7 +206,13 @@ class _Leg:
         self.watch = found
 
     def _at(self, stepper: Stepper, t: float) -> Dynamics:
-        return self.equations.evaluate(t, *(stepper.at(t) if t != stepper.t else (stepper.q, stepper.u)))
+        """Return the matrices at a time within the last step, with Euler angles that are not singular there."""
+        q, u = stepper.at(t) if t != stepper.t else (stepper.q, stepper.u)
+        if self.attitudes.needs_change(self.system, q, q):
+            system, q, u = self.attitudes.changed(self.system, q, u)
+            self.run.evaluations += 1
+            return system.dynamics(q, u, t)
+        return self.equations.evaluate(t, q, u)
 
     def _search(self, stepper: Stepper, start: float) -> None:
         """Find where in the last step the constraints are closest to losing rank; refuse if they do."""
@@ -262,15 +277,15 @@ class _Leg:
         )
 
 
-def difference(one: Run, other: Run, sizes: Array) -> float:
+def difference(one: Run, other: Run, sizes: Array, fast: float | None = None) -> float:
     """Return how much two runs differ: the largest difference of places, orientations and speeds at common times.
 
     Lengths count in the size of the scene, orientations by the entries of rotation matrices, speeds and
-    angular velocities relative to the largest.
+    angular velocities relative to the largest, or to `fast` (1/s).
     """
     count = min(len(one.samples), len(other.samples))
     length = float(np.max(sizes))
-    fast = fastest(other, length)
+    fast = fastest(other, length) if fast is None else fast
     worst = 0.0
     for a, b in zip(one.samples[:count], other.samples[:count], strict=True):
         worst = max(

@@ -130,7 +130,6 @@ class Projected:
         self.equations, self.n = equations, equations.n
         self.t, self.q, self.u = t, q, u
         self.rejected, self.taken = 0, 0.0
-        self._last: Any = (np.nan, None, None)
         self._dense: Any = None
         sizes = equations.sizes
         # With a fixed step the tolerance is out of the way, and the largest step is the step.
@@ -152,11 +151,10 @@ class Projected:
     def _slope(self, t: float, y: Array) -> Array:
         q, u = y[: self.n], y[self.n :]
         try:
-            a, _, state = self.equations.accelerations(t, q, u)
+            a = self.equations.acceleration(t, q, u)
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
             # Too far out: the integrator takes a shorter step.
             return np.full(len(y), np.nan)
-        self._last = (t, y.copy(), state)
         return np.concatenate([u, a])
 
     def _jacobian(self, t: float, y: Array) -> Array:
@@ -175,11 +173,10 @@ class Projected:
                 + (f"\n{trouble}" if trouble else f"\n{HINT}")
             )
         self.taken, self.t = solver.t - solver.t_old, float(solver.t)
-        t, y, state = self._last
-        known = state if t == solver.t and y is not None and np.array_equal(y, solver.y) else None
-        q, u, state = self.equations.project(self.t, solver.y[: self.n], solver.y[self.n :], known)
+        reached = solver.y
+        q, u, state = self.equations.project(self.t, reached[: self.n], reached[self.n :])
         self.q, self.u, self.state = q, u, state
-        if state is not known:
+        if not (np.array_equal(q, reached[: self.n]) and np.array_equal(u, reached[self.n :])):
             moved = np.concatenate([q, u])
             if self._multistep:  # its past is moved along
                 solver.D[0] += moved - solver.y

@@ -255,7 +255,7 @@ def _check(tol: float, step: float | None, points: int) -> None:
         raise UsageError(f"a simulation has two times of output at least, not {points}")
 
 
-def _longest(follower: Follower) -> float:
+def longest_step(follower: Follower) -> float:
     """Return the longest step: with given functions of time about the distance of two times of output."""
     if not any("t" in names_in(item.entry.values) for item in follower.system.scene.items):
         return math.inf
@@ -276,7 +276,7 @@ class _Work:
         relative = float(np.max(np.abs(motion.u / motion.sizes), initial=0.0))
         pulled = math.sqrt(float(np.max(np.abs(motion.a / motion.sizes), initial=0.0)))
         self.rate = max(relative, pulled, 1.0 / float(follower.times[-1] - follower.times[0]))
-        self.longest = _longest(follower)
+        self.longest = longest_step(follower)
         self.estimate, self.runs, self.evaluations = math.nan, 0, 0
         self.warnings: list[str] = []
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -20,6 +21,9 @@ from mbstab.cli.common import (
 )
 from mbstab.errors import UsageError
 
+if TYPE_CHECKING:
+    from mbstab.api import Mechanism
+
 
 @click.command()
 @file_argument
@@ -28,6 +32,17 @@ from mbstab.errors import UsageError
     "--digits", type=click.IntRange(20, 1000), default=50, show_default=True, help="Digits of the truth compared with."
 )
 @click.option("--tol", "tolerance", type=float, help="Choose the fastest method with at most this relative error.")
+@click.option(
+    "--simulate", is_flag=True, help="Compare the integrators of mbstab simulate on the nonlinear motion instead."
+)
+@click.option("--to", type=float, metavar="T", help="With --simulate: last time (s); 1 s after the start if not given.")
+@click.option(
+    "--perturb",
+    "disturbances",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="With --simulate: add to the reference motion, as mbstab simulate does; mode:1=0.1 if nothing is given.",
+)
 @click.option(
     "--plot",
     "picture",
@@ -41,13 +56,17 @@ def compare(
     settings: tuple[str, ...],
     digits: int,
     tolerance: float | None,
+    simulate: bool,
+    to: float | None,
+    disturbances: tuple[str, ...],
     picture: Path | None,
     format_: str,
     output: Path | None,
 ) -> None:
     """Compare all methods: error of each eigenvalue against many digits, claimed bounds, time, memory.
 
-    The truth is the same model with as many digits as asked for, its parameters the exact decimals of the file.
+    The truth is the same model with as many digits as asked for, its parameters the exact decimals of the file. With
+    --simulate: error, time, evaluations and drift of all integrators with several tolerances.
 
     Example: mbstab compare governor.yaml --tol 1e-10
     """
@@ -55,6 +74,11 @@ def compare(
     model = mechanism.model
     if picture is not None:
         _check_picture(picture)
+    if simulate:
+        _integrators(mechanism, parse_settings(settings), to, disturbances, tolerance, picture, format_, output)
+        return
+    if to is not None or disturbances:
+        raise UsageError("--to and --perturb go with --simulate")
     with progress_bar("comparing") as progress:
         result = mechanism.compare(digits, tolerance, progress, **parse_settings(settings))
     warn(result.truth.warnings)
@@ -74,6 +98,36 @@ def compare(
         from mbstab.report import plots
 
         save_picture(plots.work_precision(result, model.title), picture)
+
+
+def _integrators(
+    mechanism: Mechanism,
+    parameters: dict[str, str],
+    to: float | None,
+    disturbances: tuple[str, ...],
+    tolerance: float | None,
+    picture: Path | None,
+    format_: str,
+    output: Path | None,
+) -> None:
+    """Compare the integrators on the nonlinear motion."""
+    from mbstab.report.integrations import integrations_csv, integrations_data, integrations_text
+
+    model = mechanism.model
+    perturb = parse_settings(disturbances, "--perturb")
+    with progress_bar("comparing") as progress:
+        result = mechanism.compare_integrators(to, perturb, tolerance, progress, **parameters)
+    if format_ == "json":
+        from mbstab.report.export import to_json
+
+        text = to_json(integrations_data(result, model.name, model.title))
+    else:
+        text = integrations_csv(result) if format_ == "csv" else integrations_text(result, model.title)
+    write(text, output, model.name)
+    if picture is not None:
+        from mbstab.report import plots
+
+        save_picture(plots.integrator_precision(result, model.title), picture)
 
 
 def _check_picture(path: Path) -> None:

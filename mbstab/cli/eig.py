@@ -57,6 +57,11 @@ REQUIRED = {
     is_flag=True,
     help="Enclose all eigenvalues with proven radii; a parameter may be an interval, such as omega=[5.6,10].",
 )
+@click.option(
+    "--verify",
+    is_flag=True,
+    help="Excite each mode of the nonlinear motion a little; set its growth rate and frequency beside the eigenvalue.",
+)
 @click.option("--require", type=click.Choice(tuple(REQUIRED)), help="Exit with 3 unless at least this stable.")
 @format_option("table", "json", "csv")
 @output_option
@@ -67,6 +72,7 @@ def eig(
     frozen: bool,
     precision: int | None,
     certify: bool,
+    verify: bool,
     require: str | None,
     format_: str,
     output: Path | None,
@@ -79,6 +85,8 @@ def eig(
     if (precision is not None or certify) and method != DEFAULT:
         message = f"--precision and --certify compute by deflation, not with --method {method}"
         raise UsageError(f"{message}\nhint: leave out one of them")
+    if verify and (precision is not None or certify or method != DEFAULT or format_ == "csv"):
+        raise UsageError("--verify goes with none of --precision, --certify, --method and --format csv")
     mechanism = load_model(file)
     if certify:
         if frozen or format_ == "csv":
@@ -89,6 +97,9 @@ def eig(
         raise UsageError(f"{wide[0]} is an interval\nhint: intervals need --certify")
     if precision is not None:
         _precise(mechanism, parameters, frozen, precision, require, format_, output)
+        return
+    if verify:
+        _verify(mechanism, parameters, frozen, require, format_, output)
         return
     with progress_bar("following the period") as progress:
         result = mechanism.eig(method, frozen, progress, **parameters)
@@ -145,6 +156,34 @@ def _precise(
         text = precise_text(result, mechanism.model.title)
     write(text, output, mechanism.model.name)
     _demand(require, result.verdict)
+
+
+def _verify(
+    mechanism: Mechanism,
+    parameters: dict[str, str],
+    frozen: bool,
+    require: str | None,
+    format_: str,
+    output: Path | None,
+) -> None:
+    """Write the eigenvalues, and what the nonlinear motion says about them."""
+    from mbstab.report.verification import verification_data, verification_text
+
+    with progress_bar("exciting modes") as progress:
+        found = mechanism.verify(frozen, progress, **parameters)
+    model = mechanism.model
+    warn(found.result.warnings)
+    if format_ == "json":
+        from mbstab.report.export import eigen_data, to_json
+
+        data = eigen_data(found.result, model.name, model.title, mechanism.parameters(**parameters))
+        text = to_json({**data, "verification": verification_data(found)})
+    else:
+        from mbstab.report.tables import eigen_text
+
+        text = f"{eigen_text(found.result, model.title)}\n{verification_text(found)}"
+    write(text, output, model.name)
+    _demand(require, found.result.verdict)
 
 
 def _certify(

@@ -39,6 +39,7 @@ from mbstab.model.units import parse_unit
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare import Comparison, Outcome
+    from mbstab.analysis.integrations import Integrations
 
 Mask = npt.NDArray[np.bool_]
 
@@ -351,6 +352,38 @@ def work_precision(result: Comparison, title: str) -> Figure:
         axes.text(
             0.02, 0.03, "\n".join(lines), transform=axes.transAxes, ha="left", va="bottom", fontsize=FONT, zorder=6
         )
+        _legend(figure, handles)
+        return figure
+
+
+def integrator_precision(result: Integrations, title: str) -> Figure:
+    """Return error at the end against time, one line for each integrator, a point for each tolerance."""
+    looks = (("o", "-"), ("s", "-"), ("^", "--"), ("v", "--"), ("D", ":"), ("P", ":"))
+    with _style():
+        figure, (axes,) = _frame(title, heights=(4.4,))
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        handles: list[Artist] = []
+        names = list(dict.fromkeys(x.name for x in result.runs))
+        for name, (marker, style) in zip(names, looks, strict=False):
+            points = [(1e3 * x.seconds, max(x.error, EXACT)) for x in result.runs if x.name == name and not x.failure]
+            look: dict[str, Any] = {"color": "k", "linewidth": 1.0, "linestyle": style, "marker": marker}
+            look |= {"markersize": 6, "markerfacecolor": "w"}
+            if points:
+                axes.plot(*zip(*points, strict=True), **look)
+                handles.append(Line2D([], [], label=name, **look))
+        if result.chosen is not None:
+            axes.plot(
+                1e3 * result.chosen.seconds, max(result.chosen.error, EXACT), "o", color="k", markersize=3, zorder=5
+            )
+        if result.tolerance is not None:
+            axes.axhline(result.tolerance, color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, zorder=1)
+            handles.append(Line2D([], [], color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, label="tolerance"))
+        if result.known > EXACT:
+            axes.axhline(result.known, color="0.4", linewidth=1.0, linestyle=":", zorder=1)
+            handles.append(Line2D([], [], color="0.4", linewidth=1.0, linestyle=":", label="reference known to"))
+        axes.set_xlabel("time of a run (ms)")
+        axes.set_ylabel(f"error at t = {result.end:g} s")
         _legend(figure, handles)
         return figure
 

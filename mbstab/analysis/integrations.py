@@ -1,0 +1,262 @@
+"""Every integrator on one motion: what its tolerances cost, and what error they leave at the end.
+
+A run is one pass with a tolerance of a step, without the repetitions that control the global error in
+`mbstab.analysis.simulate`. Errors are distances from a run of DOP853 (of Radau IIA where that takes too long) with the
+smallest tolerance; how far that one is from a run with ten times the tolerance says to what it is known.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.compare import CLOSE
+from mbstab.analysis.follow import Follower, Run, difference, fastest
+from mbstab.analysis.initial import Start, start_of
+from mbstab.analysis.integrators import METHODS, Method, Options
+from mbstab.analysis.simulate import longest_step
+from mbstab.compiler.system import Array, System
+from mbstab.errors import ModelFileError, NumericalError, SimulationError, UsageError
+
+TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
+EXACT, BESIDE = 1e-13, 1e-12
+"""Tolerances of the reference, and of the run that tells to what it is known."""
+
+LIMIT = 10.0
+"""Seconds after which a run is given up; the reference may take three times as long."""
+
+DURATION = 1.0
+"""Of the motion, if its end is not given (s)."""
+
+POINTS = 21
+DISTURBANCE: dict[str, float | str] = {"mode:1": 0.1}
+"""Where neither the file nor the caller says how the reference is disturbed."""
+
+
+@dataclass(frozen=True)
+class Integration:
+    """One integrator with one tolerance.
+
+    Attributes
+    ----------
+    method, solver : str
+        Keys of `mbstab.analysis.integrators.METHODS`.
+    tol : float
+        Of a step.
+    error : float
+        At the end: the largest difference of places (in the size of the scene), of entries of rotation matrices and of
+        speeds (relative to the largest) from the reference.
+    seconds : float
+    evaluations, steps, rejected : int
+    energy : float
+        Largest imbalance of energy, relative to what goes to and fro.
+    constraints : float
+        Largest residual of a constraint row after any step, relative to sizes and speeds in the scene.
+    failure : str
+        Why there is no end.
+    """
+
+    method: str
+    solver: str
+    tol: float
+    error: float = math.nan
+    seconds: float = math.nan
+    evaluations: int = 0
+    steps: int = 0
+    rejected: int = 0
+    energy: float = math.nan
+    constraints: float = math.nan
+    failure: str = ""
+
+    @property
+    def name(self) -> str:
+        """The name that the integrator has on the command line."""
+        return self.solver or self.method
+
+
+@dataclass(frozen=True)
+class Integrations:
+    """All integrators on one motion.
+
+    Attributes
+    ----------
+    runs : tuple of Integration
+    start, end : float (s)
+    disturbance : dict
+        What was added to the reference motion.
+    reference : str
+        The integrator of the reference.
+    known : float
+        To what the reference is known.
+    final : ndarray, shape (n_q,)
+        Coordinates of the reference at the end (m, rad).
+    tolerance : float or None
+    chosen : Integration or None
+        The fastest with at most this error.
+    """
+
+    runs: tuple[Integration, ...]
+    start: float
+    end: float
+    disturbance: dict[str, float | str]
+    reference: str
+    known: float
+    final: Array
+    tolerance: float | None
+    chosen: Integration | None
+
+
+def compare_integrators(
+    system: System,
+    to: float | None = None,
+    perturb: Mapping[str, float | str] | None = None,
+    tolerance: float | None = None,
+    progress: Callable[[float], object] = lambda done: None,
+) -> Integrations:
+    """Return error, cost and drift of every integrator with several tolerances.
+
+    Parameters
+    ----------
+    system : System
+    to : float, optional
+        Last time (s); `DURATION` after the start if not given.
+    perturb : mapping, optional
+        As in `mbstab.analysis.initial.start_of`; `DISTURBANCE` if nothing moves otherwise.
+    tolerance : float, optional
+        Largest error, for the choice of an integrator.
+    progress : callable
+        Is called with the part of the work that is done, from 0 to 1.
+
+    Raises
+    ------
+    UsageError
+        If an argument is out of range or a name is unknown.
+    SimulationError
+        If the motion cannot be followed to the end.
+    NumericalError
+        If no integrator keeps the tolerance.
+    """
+    if tolerance is not None and not 0.0 < tolerance < 1.0:
+        raise UsageError(f"--tol {tolerance:g}: an error above 0 and below 1")
+    begin, disturbance = _disturbed(system, dict(perturb or {}))
+    first = begin.motion.time
+    last = first + DURATION if to is None else float(to)
+    if not (math.isfinite(last) and last > first):
+        raise UsageError(f"the end of the simulation, {last:g} s, must be later than its start, {first:g} s")
+    follower = Follower(begin.system, begin.motion, np.linspace(first, last, POINTS))
+    race = _Race(follower)
+    solvers = [(name, key, solver) for name, group in METHODS.items() for key, solver in group.items()]
+    reference, known = race.reference()
+    total = len(solvers) * len(TOLERANCES)
+    runs: list[Integration] = []
+    for name, key, solver in solvers:
+        given_up = False
+        for tol in TOLERANCES:
+            if given_up:
+                runs.append(Integration(name, key, tol, failure="not tried: a larger tolerance took too long"))
+            else:
+                runs.append(race.measured(name, key, solver, tol, reference))
+                given_up = bool(runs[-1].failure)
+            progress(len(runs) / total)
+    chosen = None
+    if tolerance is not None:
+        chosen = _fastest_within(runs, tolerance)
+    final = reference.samples[-1].q
+    return Integrations(tuple(runs), first, last, disturbance, race.name, known, final, tolerance, chosen)
+
+
+def _disturbed(system: System, perturb: dict[str, float | str]) -> tuple[Start, dict[str, float | str]]:
+    """Return where the motion starts, and what was added to the reference: a mode, if nothing else is given."""
+    initial = system.scene.initial
+    if not perturb and not initial.coordinates and not initial.rates:
+        try:
+            return start_of(system, DISTURBANCE), dict(DISTURBANCE)
+        except (UsageError, ModelFileError):  # no mode, or a reference that moves on its own
+            pass
+    return start_of(system, perturb), perturb
+
+
+def _fastest_within(runs: list[Integration], tolerance: float) -> Integration:
+    good = [x for x in runs if x.error <= tolerance]
+    if not good:
+        best = min((x for x in runs if not math.isnan(x.error)), key=lambda x: x.error, default=None)
+        nearest = f": {best.name} comes closest with {best.error:.1e}" if best is not None else ""
+        raise NumericalError(f"no integrator keeps {tolerance:g}{nearest}")
+    least = CLOSE * min(x.seconds for x in good)
+    return next(x for x in good if x.seconds <= least)
+
+
+class _Race:
+    """Runs of the same motion."""
+
+    def __init__(self, follower: Follower) -> None:
+        self.follower = follower
+        motion, times = follower.motion, follower.times
+        relative = float(np.max(np.abs(motion.u / motion.sizes), initial=0.0))
+        pulled = math.sqrt(float(np.max(np.abs(motion.a / motion.sizes), initial=0.0)))
+        self.rate = max(relative, pulled, 1.0 / float(times[-1] - times[0]))
+        self.longest = longest_step(follower)
+        self.name = ""
+
+    def run(self, method: Method, solver: str, tol: float, limit: float) -> tuple[Run, float]:
+        """Return a run and how long it took (s); one that takes longer than the limit fails."""
+        began = time.perf_counter()
+
+        def watch(done: float) -> None:
+            if time.perf_counter() - began > limit:
+                raise NumericalError(f"given up after {limit:g} s, when {done:.0%} was done")
+
+        # As in a simulation, the longest step shrinks with the tolerance.
+        longest = self.longest * tol ** (method.power / method.order)
+        run = self.follower.run(method, Options(tol, None, None, self.rate, longest, solver), watch)
+        if run.interrupted:
+            raise KeyboardInterrupt
+        return run, time.perf_counter() - began
+
+    def reference(self) -> tuple[Run, float]:
+        """Return the reference, and to what it is known."""
+        failure = ""
+        for name, method, solver in (
+            ("DOP853", METHODS["projection"]["DOP853"], "DOP853"),
+            ("radau", METHODS["radau"][""], ""),
+        ):
+            rough, _ = self.run(method, solver, BESIDE, 3.0 * LIMIT)
+            if rough.complete:
+                length = float(np.max(self.follower.motion.sizes))
+                self.rate = max(fastest(rough, length), 1e-3 * self.rate)
+                exact, _ = self.run(method, solver, EXACT, 3.0 * LIMIT)
+                if exact.complete:
+                    self.name = name
+                    return exact, difference(exact, rough, self.follower.motion.sizes)
+                rough = exact
+            failure = failure or rough.failure
+        raise SimulationError(f"there is no reference to compare with: {failure}", None)
+
+    def measured(self, name: str, key: str, method: Method, tol: float, reference: Run) -> Integration:
+        """Return what a run costs and leaves."""
+        run, seconds = self.run(method, key, tol, LIMIT)
+        counts: dict[str, Any] = {"evaluations": run.evaluations, "steps": run.steps, "rejected": run.rejected}
+        if not run.complete:
+            return Integration(name, key, tol, seconds=seconds, failure=run.failure.partition("\n")[0], **counts)
+        error = difference(
+            Run(samples=run.samples[-1:]),
+            Run(samples=reference.samples[-1:]),
+            self.follower.motion.sizes,
+            fastest(reference, float(np.max(self.follower.motion.sizes))),
+        )
+        return Integration(name, key, tol, error, seconds, energy=_imbalance(run), constraints=run.drift, **counts)
+
+
+def _imbalance(run: Run) -> float:
+    """Return the largest imbalance of energy, relative to what goes to and fro."""
+    kinetic, potential, work = (
+        np.array([getattr(s, x) for s in run.samples]) for x in ("kinetic", "potential", "work")
+    )
+    total = kinetic + potential - work
+    scale = max(run.peak, float(np.ptp(potential)), float(np.max(np.abs(work))))
+    return float(np.max(np.abs(total - total[0]))) / scale if scale > 0.0 else 0.0

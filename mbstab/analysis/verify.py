@@ -1,0 +1,392 @@
+"""Eigenvalues against the nonlinear motion: each mode is excited a little, and what it does is measured.
+
+Two motions start at the reference plus and minus a small part of the mode; half of their
+difference is free of quadratic terms. Taken back by the steady motion (Δq = DΦ_t z, Δu = DΦ_t ż
++ DX DΦ_t z, as in `mbstab.analysis.steady`), or looked at after whole periods of a periodic one, and
+projected with the left eigenvector w of the mode, it is c(t) = wᴴy(t): exp(s t) where the
+prediction s holds. The slope of log c gives the growth rate and the frequency that are
+observed; how different the slopes of its two halves are, and how far it is from a line, says
+to what they are known. The reference itself need not be followed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.constrained import Constrained, Form
+from mbstab.analysis.eigen import EigenResult, Eigenvalue, answer, show, time_scale
+from mbstab.analysis.floquet import monodromy
+from mbstab.analysis.follow import Follower, Run
+from mbstab.analysis.integrators import METHODS, Options
+from mbstab.analysis.linearize import Linearization, linearize, state_space
+from mbstab.analysis.motion import Finder, Motion
+from mbstab.analysis.numerics import assigned
+from mbstab.analysis.reference import reference_motion
+from mbstab.compiler.system import Array, System
+from mbstab.errors import MbstabError
+
+Complex = npt.NDArray[np.complex128]
+
+AMPLITUDE = 2e-5
+"""Largest part of a mode in the motion: of the sizes in the scene, or of its speeds."""
+
+AGREES = 1e-4
+"""Relative error of an eigenvalue that is confirmed."""
+
+BLURRED = 3.0
+"""An eigenvalue is contradicted if it is off by more than `AGREES` and this many uncertainties of the observation."""
+
+PERIODS, GROWTHS, DECAYS = 3.0, 3.0, 6.0
+"""Length of a run in periods, e-foldings of growth and of decay, whichever is shortest …"""
+
+LONGEST, GROWN = 300.0, 12.0
+"""… and in times 1/(fastest rate) and e-foldings of the fastest growing mode."""
+
+SAMPLES = 161
+ROUNDS = 4
+"""Periods of a periodic motion."""
+
+TOLERANCE = 1e-13
+STIFF = 3000.0
+"""Decay of other modes within a run, in e-foldings, from which the integrator is an implicit one."""
+
+EQUAL = 1e-6
+"""Eigenvalues are multiple if they differ by less than this part of their modulus."""
+
+DEFECTIVE = 1e9
+"""A mode whose left and right vectors are orthogonal but for the inverse of this has no amplitude of its own."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """One mode, predicted and observed.
+
+    Attributes
+    ----------
+    number : int
+        As ``mbstab eig`` lists the modes, from 1; a pair is one mode.
+    predicted : complex (1/s)
+        The eigenvalue, its imaginary part not negative.
+    kind : str
+    observed : complex (1/s)
+        Growth rate and frequency of the nonlinear motion; nan where there is none.
+    uncertainty : float (1/s)
+        To what these are known.
+    span : float (s)
+        How long the motion was followed.
+    amplitude : float
+        Largest part of the mode in the motion, relative to the sizes in the scene.
+    verdict : str
+        ``confirmed``, ``contradicted`` or ``cannot be judged``.
+    reason : str
+        Why it cannot be judged, or what contradicts.
+    """
+
+    number: int
+    predicted: complex
+    kind: str
+    observed: complex
+    uncertainty: float
+    span: float
+    amplitude: float
+    verdict: str
+    reason: str = ""
+
+    @property
+    def error(self) -> float:
+        """|observed − predicted| relative to |predicted|; nan where nothing was observed."""
+        return abs(self.observed - self.predicted) / abs(self.predicted) if self.predicted else math.nan
+
+
+@dataclass(frozen=True)
+class Verification:
+    """A verdict on a verdict.
+
+    Attributes
+    ----------
+    result : EigenResult
+        What is verified.
+    modes : tuple of Observation
+    verdict : str
+        ``confirmed``, ``contradicted`` or ``cannot be judged``.
+    reason : str
+    evaluations : int
+        How often the equations of motion were formed.
+    """
+
+    result: EigenResult
+    modes: tuple[Observation, ...]
+    verdict: str
+    reason: str
+    evaluations: int
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """How differences of two motions become components of the linearized equations.
+
+    `matrix` is that of ẏ = A y, or of y(T) = Φ y(0) with `period`; `to_q`, `to_u` lead from y to Δq and Δu at the
+    start, `components` from Δq, Δu at a time to y.
+    """
+
+    matrix: Array
+    to_q: Array
+    to_u: Array
+    components: Callable[[float, Array, Array], Array]
+    period: float | None
+
+
+def verify(
+    system: System, frozen: bool = False, progress: Callable[[float], object] = lambda done: None
+) -> Verification:
+    """Return what the nonlinear motion says about the eigenvalues.
+
+    Parameters
+    ----------
+    system : System
+    frozen : bool
+        Judge the eigenvalues of the equations frozen at the reference time.
+    progress : callable
+        Is called with the part of the work that is done, from 0 to 1.
+
+    Raises
+    ------
+    MbstabError
+        As `mbstab.analysis.eigen.answer`.
+    """
+    result = answer(system, frozen=frozen)
+    modes = [e for e in result.eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
+    motion = reference_motion(system)
+    frame = _frame(system, motion)
+    if isinstance(frame, str):
+        observations = [_unjudged(k, e, frame) for k, e in enumerate(modes, 1)]
+        return Verification(result, tuple(observations), "cannot be judged", frame, 0)
+    excited = _Excited(system, motion, frame)
+    partners = excited.partners([e.value for e in modes])
+    observations = []
+    for number, (mode, partner) in enumerate(zip(modes, partners, strict=True), 1):
+        observations.append(excited.observed(number, mode, partner))
+        progress(number / len(modes))
+    verdict, reason = _overall(result, observations)
+    return Verification(result, tuple(observations), verdict, reason, excited.evaluations)
+
+
+def _frame(system: System, motion: Motion) -> _Frame | str:
+    """Return the frame in which the linearized equations are constant, or why there is none."""
+    if system.scene.period is not None:
+        around = monodromy(system, motion, float(system.scene.period))
+        back = around.to_components
+        return _Frame(
+            around.Phi, around.to_coordinates, around.to_rates,
+            lambda t, dq, du: np.asarray(back @ np.concatenate([dq, du])), around.period,
+        )  # fmt: skip
+    linear = linearize(system, motion)
+    if not linear.constant:
+        return (
+            "the motion is neither steady nor declared as periodic: the coefficients of its linearized equations change"
+        )
+    return _steady_frame(linear, motion)
+
+
+def _steady_frame(linear: Linearization, motion: Motion) -> _Frame:
+    space = state_space(linear)
+    generator = linear.generator if linear.generator is not None and linear.generator.turns else None
+    to_u = space.to_rates
+    rows = 1.0 / np.concatenate([motion.sizes, motion.sizes * time_scale(space)])
+    inverse = np.linalg.pinv(np.vstack([space.to_coordinates, to_u]) * rows[:, None]) * rows
+
+    def components(t: float, dq: Array, du: Array) -> Array:
+        if generator is not None:
+            q, T = generator.flow(motion.q, t - motion.time)
+            dq, du = np.linalg.solve(T, np.stack([dq, du - generator.frame(q)[0] @ dq], axis=1)).T
+        return np.asarray(inverse @ np.concatenate([dq, du]))
+
+    if generator is not None:
+        to_u = to_u + generator.frame(motion.q)[0] @ space.to_coordinates
+    return _Frame(space.A, space.to_coordinates, to_u, components, None)
+
+
+class _Excited:
+    """The modes of a motion, and runs that start in one of them."""
+
+    def __init__(self, system: System, motion: Motion, frame: _Frame) -> None:
+        self.system, self.motion, self.frame = system, motion, frame
+        self.form = Form(system)
+        self.finder = Finder(system)
+        self.evaluations = 0
+        self.speed = float(np.max(np.abs(motion.u / motion.sizes), initial=0.0))
+        n, n_f = len(motion.q), len(frame.matrix)
+        self.values, self.right, self.left = np.zeros(0, complex), np.zeros((n, 0)), np.zeros((n, 0))
+        if n_f:
+            self._decompose()
+
+    def _decompose(self) -> None:
+        """Find eigenvalues (1/s), right and left vectors; for multiple eigenvalues such that belong together."""
+        from scipy.linalg import eig
+
+        frame, motion = self.frame, self.motion
+        lengths = np.linalg.norm(np.vstack([frame.to_q, frame.to_u]) / np.tile(motion.sizes, 2)[:, None], axis=0)
+        weights = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
+        values, left, right = eig(frame.matrix * weights / weights[:, None], left=True)
+        self.multipliers = values
+        rates = values if frame.period is None else np.log(values.astype(complex) + 0j) / frame.period
+        for i, s in enumerate(rates):
+            group = np.flatnonzero(np.abs(rates - s) <= EQUAL * abs(s))
+            if len(group) > 1 and group[0] == i:
+                product = right[:, group].conj().T @ left[:, group]
+                # The vectors have length 1.
+                if np.linalg.svd(product, compute_uv=False)[-1] > 1.0 / DEFECTIVE:
+                    left[:, group] = left[:, group] @ np.linalg.inv(product)
+        self.values, self.right, self.left = rates, right * weights[:, None], left / weights[:, None]
+
+    def partners(self, predicted: list[complex]) -> list[int]:
+        """Return for each predicted eigenvalue which mode of the motion it belongs to."""
+        found = np.flatnonzero(self.values.imag >= 0.0)
+        size = max(len(found), len(predicted))
+        cost = np.zeros((size, size))
+        for i, s in enumerate(predicted):
+            cost[i, : len(found)] = np.abs(self.values[found] - s)
+            cost[i, len(found) :] = 2.0 * np.max(np.abs(self.values), initial=1.0)
+        columns = assigned(cost)
+        return [int(found[columns[i]]) if columns[i] < len(found) else -1 for i in range(len(predicted))]
+
+    def observed(self, number: int, mode: Eigenvalue, k: int) -> Observation:
+        """Return what the motion does when it starts in mode `k`."""
+        if k < 0:
+            return _unjudged(number, mode, "the motion has no mode that belongs to it")
+        s, v, w = complex(self.values[k]), self.right[:, k], self.left[:, k]
+        overlap = complex(np.vdot(w, v))
+        # Both have length 1 where components of y are of equal size.
+        if abs(overlap) * DEFECTIVE < 1.0:
+            return _unjudged(number, mode, "it is one of several equal eigenvalues without modes of their own")
+        times = self._times(s)
+        span = float(times[-1] - times[0])
+        growth = math.exp(max(s.real, 0.0) * span)
+        y = np.real(v) if abs(s.imag) <= EQUAL * abs(s) else 2.0 * np.real(v)
+        dq, du = self.frame.to_q @ y, self.frame.to_u @ y
+        sizes, rate = self.motion.sizes, max(abs(s), self.speed)
+        extent = max(
+            float(np.max(np.abs(self.frame.to_q @ v / sizes))),
+            float(np.max(np.abs(self.frame.to_u @ v / sizes))) / rate,
+        )
+        size = AMPLITUDE / (growth * extent)
+        runs = []
+        for sign in (1.0, -1.0):
+            run = self._followed(times, sign * size * dq, sign * size * du, s)
+            if isinstance(run, str):
+                return _unjudged(number, mode, run)
+            runs.append(run)
+        c = np.array(
+            [
+                np.vdot(w, self.frame.components(a.t, 0.5 * (a.q - b.q), 0.5 * (a.u - b.u))) / (overlap * size)
+                for a, b in zip(runs[0].samples, runs[1].samples, strict=True)
+            ]
+        )
+        return _judged(number, mode, s, times - times[0], c, AMPLITUDE)
+
+    def _times(self, s: complex) -> Array:
+        """Return the times of output for a mode with the eigenvalue s (s)."""
+        start, period = self.motion.time, self.frame.period
+        if period is not None:
+            return np.asarray(start + period * np.arange(ROUNDS + 1), dtype=np.float64)
+        spans = [PERIODS * 2.0 * math.pi / abs(s)]
+        spans += [(GROWTHS if s.real > 0.0 else DECAYS) / abs(s.real)] if s.real else []
+        spans.append(LONGEST / max(float(np.max(np.abs(self.values.imag))), self.speed, abs(s)))
+        fastest = float(np.max(self.values.real))
+        spans += [GROWN / fastest] if fastest > 0.0 else []
+        return np.asarray(np.linspace(start, start + min(spans), SAMPLES), dtype=np.float64)
+
+    def _followed(self, times: Array, dq: Array, du: Array, s: complex) -> Run | str:
+        """Return the motion from a disturbed start, or why there is none."""
+        motion, system = self.motion, self.system
+        start, span = float(times[0]), float(times[-1] - times[0])
+        stiff = float(np.max(-self.values.real)) * span > STIFF
+        solver = "Radau" if stiff else "DOP853"
+        try:
+            equations = Constrained(system, motion, self.form)
+            q, u, _ = equations.project(start, motion.q + dq, motion.u + du)
+            follower = Follower(system, self.finder.motion(q, u, start), times, self.form)
+        except MbstabError as error:
+            return f"the disturbed start: {error}"
+        tol = 1e3 * TOLERANCE if stiff else TOLERANCE
+        options = Options(tol, None, None, max(abs(s), self.speed, 1.0 / span), solver=solver)
+        run = follower.run(METHODS["projection"][solver], options, lambda done: None)
+        self.evaluations += run.evaluations + equations.evaluations
+        if run.interrupted:
+            raise KeyboardInterrupt
+        return run if run.complete else f"the simulation ends early: {run.failure}".partition("\n")[0]
+
+
+def _unjudged(number: int, mode: Eigenvalue, reason: str) -> Observation:
+    nan = math.nan
+    return Observation(number, mode.value, mode.kind, complex(nan, nan), nan, nan, nan, "cannot be judged", reason)
+
+
+def _judged(number: int, mode: Eigenvalue, s: complex, times: Array, c: Complex, amplitude: float) -> Observation:
+    """Return the observed eigenvalue: the slope of the logarithm of the amplitude of a mode."""
+    span = float(times[-1])
+    if not np.all(np.abs(c) > 0.0):
+        return _unjudged(number, mode, "its part of the motion vanishes")
+    # The prediction taken out, what is left turns slowly and has no doubt about whole turns.
+    rest = c * np.exp(-s * times)
+    logs = np.log(np.abs(rest)) + 1j * np.unwrap(np.angle(rest))
+    weights = np.abs(c) / np.max(np.abs(c))
+    slope, off = _line(times, logs, weights)
+    half = len(times) // 2 + 1
+    halves = (
+        _line(times[:half], logs[:half], weights[:half])[0],
+        _line(times[-half:], logs[-half:], weights[-half:])[0],
+    )
+    observed = s + slope
+    if mode.value.imag == 0.0 and abs(s.imag) <= EQUAL * abs(s):
+        observed = complex(observed.real)
+    # A smooth change of the slope shows in the halves, noise in the distances from the line.
+    uncertainty = 0.5 * abs(halves[0] - halves[1]) + off / span
+    predicted = mode.value
+    found = Observation(number, predicted, mode.kind, observed, uncertainty, span, amplitude, "confirmed")
+    error, known = abs(observed - predicted), uncertainty
+    size = abs(predicted)
+    if error <= AGREES * size and known <= AGREES * size:
+        return found
+    if error > max(AGREES * size, BLURRED * known):
+        reason = f"the motion has {show(observed)} 1/s, known to {known:.1e} 1/s"
+        return replace(found, verdict="contradicted", reason=reason)
+    return replace(found, verdict="cannot be judged", reason=f"the motion tells it to {known:.1e} 1/s only")
+
+
+def _line(times: Array, values: Complex, weights: Array) -> tuple[complex, float]:
+    """Return the slope of a line through complex values by weighted least squares, and the distance from it (rms)."""
+    X = np.stack([np.ones(len(times)), times - times[0]], axis=1)
+    found: Any = np.linalg.lstsq(X * weights[:, None], values * weights, rcond=None)[0]
+    away = (values - X @ found) * weights
+    return complex(found[1]), float(np.sqrt(np.mean(np.abs(away) ** 2)))
+
+
+def _overall(result: EigenResult, modes: list[Observation]) -> tuple[str, str]:
+    """Return the verdict on the verdict."""
+    wrong = [m for m in modes if m.verdict == "contradicted"]
+    if wrong:
+        names = ", ".join(str(m.number) for m in wrong)
+        return "contradicted", f"mode{'s' if len(wrong) > 1 else ''} {names}: {wrong[0].reason}"
+    if result.verdict == "undecided":
+        return "cannot be judged", "the linearized equations decide nothing that could be verified"
+    growing = [
+        m for m in modes if m.verdict == "confirmed" and m.observed.real > m.uncertainty + AGREES * abs(m.predicted)
+    ]
+    if result.verdict == "unstable" and growing:
+        worst = max(growing, key=lambda m: m.observed.real)
+        return "confirmed", f"mode {worst.number} grows with {worst.observed.real:.6g} 1/s in the nonlinear motion"
+    unknown = [m for m in modes if m.verdict != "confirmed"]
+    if unknown:
+        return "cannot be judged", f"mode {unknown[0].number}: {unknown[0].reason}"
+    if not modes:
+        return "cannot be judged", "there is no mode that could be excited"
+    neutral = "; neutral directions were not tried" if result.counts.neutral else ""
+    what = "all modes decay" if result.verdict == "asymptotically stable" else "no mode grows"
+    return "confirmed", f"{what} in the nonlinear motion, within the time it was followed{neutral}"

@@ -1,0 +1,99 @@
+"""What integrators cost and leave, as text and as data."""
+
+from __future__ import annotations
+
+import math
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+from mbstab.report import WIDTH
+from mbstab.report.tables import number, table
+
+if TYPE_CHECKING:
+    from mbstab.analysis.integrations import Integration, Integrations
+
+
+def integrations_text(result: Integrations, title: str) -> str:
+    """Return the answer of ``mbstab compare --simulate`` as text."""
+    lines = [title, ""] if title else []
+    heads = ["integrator", "tolerance\nof a step", "error at\nthe end", "time\n(ms)", "steps", "evalua-\ntions"]
+    heads += ["energy", "constraints"]
+    lines.append(table(heads, [_row(x) for x in result.runs], left=(0,)))
+    failures = {
+        (x.name, x.failure): x for x in reversed(result.runs) if x.failure and not x.failure.startswith("not tried")
+    }
+    for (name, failure), x in reversed(failures.items()):
+        lines += _filled(f"{name} with {x.tol:g}: {failure}")
+    disturbed = ", ".join(f"{name} = {value}" for name, value in result.disturbance.items())
+    lines += _filled(
+        f"motion from {number(result.start, 9)} to {number(result.end, 9)} s"
+        + (f", disturbed by {disturbed}" if disturbed else "")
+    )
+    lines += _filled(
+        f"error: of places, orientations and speeds, against {result.reference} with the smallest tolerance, which is "
+        f"known to {result.known:.0e}"
+    )
+    lines += _filled(
+        "energy: largest imbalance, relative to what goes to and fro; constraints: largest residual after a step; "
+        "time: of one run with this tolerance, without control of the error at the end"
+    )
+    if result.chosen is not None:
+        x = result.chosen
+        lines += ["", *_filled(
+            f"Chosen for {result.tolerance:g}: {x.name} with {x.tol:g}, {1e3 * x.seconds:.3g} ms, error {x.error:.1e}"
+        )]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def _row(x: Integration) -> list[str]:
+    if x.failure:
+        return [x.name, f"{x.tol:g}", "-", *["-"] * 5]
+    return [
+        x.name, f"{x.tol:g}", f"{x.error:.1e}", number(1e3 * x.seconds, 3), str(x.steps), str(x.evaluations),
+        f"{x.energy:.0e}", f"{x.constraints:.0e}",
+    ]  # fmt: skip
+
+
+def _filled(text: str) -> list[str]:
+    return wrap(text, width=WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+
+
+def integrations_data(result: Integrations, model: str, title: str) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab compare --simulate``.
+
+    Keys: ``model``, ``title``, ``start`` and ``end`` (s), ``disturbance``, ``reference`` (an integrator), ``known`` (to
+    what the reference is), ``tolerance``, ``chosen`` (``method``, ``solver``, ``tol``) and ``runs``. Of each run:
+    ``method``, ``solver``, ``tol`` (of a step), ``error``, ``seconds``, ``evaluations``, ``steps``, ``rejected``,
+    ``energy`` and ``constraints`` (relative drift), ``failure``; null where there is no end.
+    """
+    chosen = result.chosen
+    return {
+        "model": model,
+        "title": title,
+        "start": result.start,
+        "end": result.end,
+        "disturbance": result.disturbance,
+        "reference": result.reference,
+        "known": result.known,
+        "tolerance": result.tolerance,
+        "chosen": None if chosen is None else {key: getattr(chosen, key) for key in ("method", "solver", "tol")},
+        "runs": [{head: value for head, value in zip(HEADS, _values(x), strict=True)} for x in result.runs],
+    }
+
+
+HEADS = (
+    "method", "solver", "tol", "error", "seconds", "evaluations", "steps", "rejected", "energy", "constraints",
+    "failure",
+)  # fmt: skip
+
+
+def _values(x: Integration) -> list[Any]:
+    found = [getattr(x, head) for head in HEADS]
+    return [None if isinstance(value, float) and math.isnan(value) else value for value in found]
+
+
+def integrations_csv(result: Integrations) -> str:
+    """Return one line for each integrator and tolerance."""
+    from mbstab.report.export import to_csv
+
+    return to_csv(list(HEADS), [["" if value is None else value for value in _values(x)] for x in result.runs])

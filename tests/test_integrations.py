@@ -1,0 +1,146 @@
+"""Work and precision of the integrators on one motion."""
+
+import csv
+import io
+import json
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.special import ellipj, ellipk
+
+import mbstab
+from mbstab.analysis import integrations
+from mbstab.cli import main
+from mbstab.errors import NumericalError, SimulationError, UsageError
+
+PENDULUM = mbstab.load("pendulum.yaml")
+NAMES = ["DOP853", "RK45", "Radau", "BDF", "alpha", "radau"]
+
+
+@cache
+def compared():
+    return PENDULUM.compare_integrators(0.5, {"rod.theta": math.pi / 4}, 1e-6)
+
+
+def test_the_reference_is_the_exact_solution():
+    result = compared()
+    k, rate = math.sin(math.pi / 8), math.sqrt(3.0 * 9.81 / 0.8)
+    sn = ellipj(ellipk(k * k) - rate * 0.5, k * k)[0]
+    assert result.final[2] - 1.5 * math.pi == pytest.approx(2.0 * math.asin(k * sn), abs=1e-12)
+    assert result.known <= 1e-11
+
+
+def test_smaller_tolerances_leave_smaller_errors_and_cost_more():
+    result = compared()
+    for name in NAMES:
+        runs = [x for x in result.runs if x.name == name]
+        assert [x.tol for x in runs] == list(integrations.TOLERANCES)
+        done = [x for x in runs if not x.failure]
+        assert len(done) >= 3
+        errors = [x.error for x in done]
+        assert errors == sorted(errors, reverse=True)
+        assert errors[-1] < 1e-3 * errors[0]
+        assert [x.evaluations for x in done] == sorted(x.evaluations for x in done)
+        assert all(x.constraints <= 1e-4 for x in done)
+        assert done[-1].energy < 1e-4
+
+
+def test_the_chosen_integrator_is_the_fastest_that_keeps_the_tolerance():
+    result = compared()
+    good = [x for x in result.runs if x.error <= 1e-6]
+    assert result.chosen in good
+    assert result.chosen.seconds <= integrations.CLOSE * min(x.seconds for x in good)
+
+
+def test_a_reference_at_rest_is_disturbed_by_its_first_mode(monkeypatch):
+    monkeypatch.setattr(integrations, "TOLERANCES", (1e-4,))
+    result = PENDULUM.compare_integrators(0.2)
+    assert result.disturbance == {"mode:1": 0.1}
+    assert all(x.error > 0.0 for x in result.runs)
+
+
+def test_angles_may_pass_their_singularity_within_a_step(monkeypatch):
+    # The shaft turns by a quarter in 0.157 s, and with it theta of the cranks passes pi/2.
+    monkeypatch.setattr(integrations, "TOLERANCES", (1e-3,))
+    result = mbstab.load("governor.yaml").compare_integrators(0.2)
+    assert [x.failure for x in result.runs] == [""] * len(NAMES)
+    assert max(x.error for x in result.runs) < 0.1
+
+
+def test_what_takes_too_long_is_given_up(monkeypatch):
+    run = integrations._Race.run
+
+    def short(self, method, solver, tol, limit):
+        return run(self, method, solver, tol, limit if limit > integrations.LIMIT else 0.0)
+
+    monkeypatch.setattr(integrations._Race, "run", short)
+    result = PENDULUM.compare_integrators(0.5, {"rod.theta": 0.5})
+    assert "given up after 0 s" in result.runs[0].failure
+    assert result.runs[1].failure == "not tried: a larger tolerance took too long"
+    assert np.isnan(result.runs[0].error)
+    with pytest.raises(NumericalError, match=r"no integrator keeps 0\.001"):
+        PENDULUM.compare_integrators(0.5, {"rod.theta": 0.5}, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"to": -1.0}, UsageError, "must be later than its start"),
+        ({"tolerance": 2.0}, UsageError, "above 0 and below 1"),
+        ({"perturb": {"rod.tetha": 1}}, UsageError, "no coordinate 'rod.tetha'"),
+    ],
+)
+def test_wrong_arguments_are_refused(arguments, error, message):
+    with pytest.raises(error, match=message):
+        PENDULUM.compare_integrators(**arguments)
+
+
+def test_a_motion_that_cannot_be_followed_is_said():
+    with pytest.raises(SimulationError, match="no reference to compare with: the mechanism is at a singular"):
+        mbstab.load("four_bar.yaml").compare_integrators(1.0, {"rate(left.theta)": 9.0})
+
+
+# --- the command ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def few(monkeypatch):
+    monkeypatch.setattr(integrations, "TOLERANCES", (1e-3, 1e-5))
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, ["compare", "pendulum.yaml", "--to", "0.2", *arguments])
+
+
+def test_table_json_csv_and_picture(few, tmp_path):
+    picture = tmp_path / "p.svg"
+    result = run("--simulate", "--perturb", "rod.theta=pi/4", "--tol", "1e-3", "--plot", str(picture))
+    assert result.exit_code == 0
+    assert all(name in result.stdout for name in NAMES)
+    assert "Chosen for 0.001: " in result.stdout
+    assert picture.read_text().startswith("<?xml")
+    data = json.loads(run("--simulate", "--format", "json").stdout)
+    assert data["disturbance"] == {"mode:1": 0.1}
+    assert len(data["runs"]) == 12
+    assert set(data["runs"][0]) >= {
+        "method",
+        "solver",
+        "tol",
+        "error",
+        "seconds",
+        "evaluations",
+        "energy",
+        "constraints",
+    }
+    head, *rows = csv.reader(io.StringIO(run("--simulate", "--format", "csv").stdout))
+    assert head[:4] == ["method", "solver", "tol", "error"]
+    assert len(rows) == 12
+
+
+def test_options_of_the_simulation_need_it():
+    result = run()
+    assert result.exit_code == 2
+    assert "--to and --perturb go with --simulate" in result.stderr

@@ -1,0 +1,177 @@
+"""The nonlinear motion confirms right eigenvalues and contradicts wrong ones."""
+
+import json
+import math
+
+import pytest
+from click.testing import CliRunner
+
+import mbstab
+from mbstab.analysis import verify as module
+from mbstab.cli import main
+
+EXAMPLES = [
+    ("pendulum", {}),
+    ("wheeled_inverted_pendulum", {}),
+    ("top", {"omega": 4}),
+    ("top", {"omega": 10}),
+    ("rolling_disk", {"omega": 1}),
+    ("rolling_disk", {}),
+    ("double_pendulum", {}),
+    ("slider_crank", {}),
+    ("four_bar", {}),
+    ("ziegler_column", {}),
+    ("ziegler_column", {"b_1": 1, "b_2": 1}),
+    ("free_rigid_body", {}),
+    ("rolling_torus", {}),
+    ("rattleback", {}),
+    ("rotating_pendulum", {}),
+    ("bead_on_hoop", {}),
+    ("von_mises_truss", {}),
+    ("bricard", {}),
+    ("chaplygin_sleigh", {}),
+    ("trailer", {}),
+    ("shimmy", {}),
+    ("wheelset", {}),
+    ("whipple_bicycle", {"v": 1}),
+    ("whipple_bicycle", {"v": 5}),
+    ("kapitza", {"nu": 60}),
+    ("kapitza", {}),
+]
+
+
+@pytest.mark.parametrize(("name", "parameters"), EXAMPLES, ids=str)
+def test_rates_and_frequencies_of_the_examples_are_those_of_the_nonlinear_motion(name, parameters):
+    found = mbstab.load(f"{name}.yaml").verify(**parameters)
+    assert found.verdict == "confirmed"
+    for mode in found.modes:
+        assert mode.verdict == "confirmed"
+        assert mode.error <= 1e-5
+        assert mode.uncertainty <= 1e-4 * abs(mode.predicted)
+    if found.result.verdict == "unstable":
+        fastest = max(e.value.real for e in found.result.eigenvalues)
+        grown = max(mode.observed.real for mode in found.modes)
+        assert grown == pytest.approx(fastest, rel=1e-6)
+        assert "grows with" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("name", "true", "frozen"),
+    [
+        ("governor_paper", -0.271958656303631506 + 12.182367622566508j, 12.762),
+        ("rotating_pendulum", complex(0.0, math.sqrt(64.0 - (9.81 / 4.0) ** 2)), 8.0),
+    ],
+)
+def test_the_motion_decides_between_the_turning_frame_and_frozen_time(name, true, frozen):
+    model = mbstab.load(f"{name}.yaml")
+    (mode,) = model.verify().modes
+    assert mode.verdict == "confirmed"
+    assert abs(mode.observed - true) <= 1e-6 * abs(true)
+    found = model.verify(frozen=True)
+    (mode,) = found.modes
+    assert mode.predicted.imag == pytest.approx(frozen, abs=1e-3)
+    assert abs(mode.observed - true) <= 1e-6 * abs(true)
+    assert (mode.verdict, found.verdict) == ("contradicted", "contradicted")
+    assert mode.error > 0.04
+
+
+def test_a_wrong_prediction_is_contradicted(monkeypatch):
+    from dataclasses import replace
+
+    def shifted(system, **options):
+        result = answer(system, **options)
+        return replace(result, eigenvalues=[replace(e, value=e.value * 1.001) for e in result.eigenvalues])
+
+    answer = module.answer
+    monkeypatch.setattr(module, "answer", shifted)
+    found = mbstab.load("pendulum.yaml").verify()
+    assert found.verdict == "contradicted"
+    assert found.modes[0].error == pytest.approx(1e-3, rel=1e-3)
+
+
+def test_what_is_not_steady_cannot_be_judged():
+    text = """\
+mbstab: 1
+gravity: [0, -9.81]
+bodies: {p: {type: planar_point, mass: 1}}
+joints: {rope: {type: distance, between: [p, ground], length: 1}}
+reference: {coordinates: {p: {x: 1, y: 0}}, rates: {p: {x: 0, y: 2}}}
+"""
+    found = mbstab.loads(text).verify()
+    assert found.verdict == "cannot be judged"
+    assert "neither steady nor declared as periodic" in found.reason
+    assert all(mode.verdict == "cannot be judged" for mode in found.modes)
+
+
+def test_an_eigenvalue_without_a_mode_of_its_own_cannot_be_judged():
+    # Critical damping: both eigenvalues are -1, with one vector.
+    text = """\
+mbstab: 1
+bodies: {p: {type: planar_point, mass: 1}}
+constraints: {line: {holonomic: p.y}}
+forces: {f: {type: expression, on: {p.x: -p.x - 2*rate(p.x)}}}
+reference: {coordinates: {p: {x: 0, y: 0}}}
+"""
+    found = mbstab.loads(text).verify()
+    assert found.result.verdict in ("asymptotically stable", "undecided")
+    assert found.verdict == "cannot be judged"
+    assert all(mode.verdict == "cannot be judged" for mode in found.modes)
+
+
+def test_equal_eigenvalues_with_modes_of_their_own_are_confirmed():
+    text = """\
+mbstab: 1
+bodies: {p: {type: planar_point, mass: 1}}
+forces: {f: {type: expression, on: {p.x: -4*p.x - p.x**3, p.y: -4*p.y}}}
+reference: {coordinates: {p: {x: 0, y: 0}}}
+"""
+    found = mbstab.loads(text).verify()
+    assert found.verdict == "confirmed"
+    assert [mode.observed.imag for mode in found.modes] == pytest.approx([2.0, 2.0], rel=1e-8)
+
+
+def test_a_stiff_motion_is_followed_by_an_implicit_integrator():
+    text = """\
+mbstab: 1
+bodies: {p: {type: planar_point, mass: 1}}
+forces: {f: {type: expression, on: {p.x: -p.x, p.y: -1e6*p.y - 1e6*rate(p.y)}}}
+reference: {coordinates: {p: {x: 0, y: 0}}}
+"""
+    found = mbstab.loads(text).verify()
+    slow = min(found.modes, key=lambda mode: abs(mode.predicted.imag - 1.0))
+    assert slow.verdict == "confirmed"
+    assert found.verdict == "confirmed"
+    assert found.evaluations < 20_000
+
+
+# --- the command ----------------------------------------------------------------------------------------------------
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, ["eig", *arguments, "--verify"])
+
+
+def test_the_table_shows_prediction_and_observation():
+    result = run("rotating_pendulum.yaml")
+    assert result.exit_code == 0
+    assert "Verdict: marginally stable" in result.stdout
+    assert "0 ± 7.61480" in result.stdout
+    assert "Nonlinear motion: confirmed" in result.stdout
+
+
+def test_the_json_answer_has_the_modes():
+    data = json.loads(run("top.yaml", "--set", "omega=4", "--format", "json").stdout)
+    found = data["verification"]
+    assert data["verdict"] == "unstable"
+    assert found["verdict"] == "confirmed"
+    assert found["modes"][0]["observed"]["real"] == pytest.approx(2.451223, abs=1e-6)
+    assert set(found["modes"][0]) >= {"number", "predicted", "observed", "error", "uncertainty", "verdict", "reason"}
+
+
+@pytest.mark.parametrize(
+    "extra", [("--certify",), ("--precision", "30"), ("--method", "index3"), ("--format", "csv")], ids=str
+)
+def test_what_it_does_not_go_with_is_said(extra):
+    result = run("pendulum.yaml", *extra)
+    assert result.exit_code == 2
+    assert "--verify goes with none of" in result.stderr
