@@ -39,7 +39,7 @@ MARGIN = 0.3
 """A repeated run aims at this part of the tolerance."""
 
 LONGEST_STEPS = (100.0, 1000.0)
-"""With functions of time that may rest a step is a hundredth of the duration at most; at first it may be a thousandth."""
+"""With functions of time that may rest a step is at most the distance of two times of output, between these parts."""
 
 LONGEST = 10.0
 """Duration of a simulation whose end is not given (s)."""
