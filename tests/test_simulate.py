@@ -21,10 +21,12 @@ from mbstab.analysis import constrained
 from mbstab.analysis.initial import mode_shape, start_of
 from mbstab.analysis.integrators import METHODS
 from mbstab.analysis.motion import Finder
+from mbstab.analysis.names import uneven_in_time
 from mbstab.analysis.rotation import euler_angles, rate_drift, rate_matrix
 from mbstab.analysis.simulate import TRUST
 from mbstab.cli import main
 from mbstab.errors import ModelFileError, SimulationError, UsageError
+from mbstab.model.expressions import parse
 from mbstab.model.library import installed_models
 
 PENDULUM = mbstab.load("pendulum.yaml")
@@ -544,6 +546,24 @@ forces: {f: {type: force, at: p, vector: [smooth_start((t - 5)/0.2) - smooth_sta
     # The force rises and falls: half of its 0.4 s.
     assert sim.u[-1, 0] == pytest.approx(0.2, abs=3e-3)
     assert sim.energy_drift < 10.0 * options.get("tol", 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "uneven"),
+    [
+        ("omega*t", False),
+        ("-(2*t + 1)/T - t*sin(a)", False),
+        ("3", False),
+        ("T/t", True),
+        ("t*t", True),
+        ("t**2", True),
+        ("2**t", True),
+        ("sin(t)", True),
+        ("omega*smooth_start(t/T)", True),
+    ],
+)
+def test_only_functions_of_time_that_may_rest_limit_the_steps(text, uneven):
+    assert uneven_in_time(parse(text)) is uneven
 
 
 @pytest.mark.parametrize("options", [{"method": "radau"}, {"solver": "Radau"}, {"solver": "BDF"}], ids=str)

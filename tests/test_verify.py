@@ -2,11 +2,13 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
 
 import mbstab
+from mbstab.analysis import eigen
 from mbstab.analysis import verify as module
 from mbstab.cli import main
 
@@ -76,8 +78,6 @@ def test_the_motion_decides_between_the_turning_frame_and_frozen_time(name, true
 
 
 def test_a_wrong_prediction_is_contradicted(monkeypatch):
-    from dataclasses import replace
-
     def shifted(system, **options):
         result = answer(system, **options)
         return replace(result, eigenvalues=[replace(e, value=e.value * 1.001) for e in result.eigenvalues])
@@ -87,6 +87,21 @@ def test_a_wrong_prediction_is_contradicted(monkeypatch):
     found = mbstab.load("pendulum.yaml").verify()
     assert found.verdict == "contradicted"
     assert found.modes[0].error == pytest.approx(1e-3, rel=1e-3)
+
+
+@pytest.mark.parametrize(("name", "exact"), [("pendulum", 6.065269986j), ("governor_paper", -0.2719587 + 12.1823676j)])
+def test_wrong_linearized_equations_are_contradicted_though_their_modes_are_excited(name, exact, monkeypatch):
+    def stiffer(*arguments, **options):
+        linear = linearize(*arguments, **options)
+        return replace(linear, K=1.002 * linear.K)
+
+    linearize = module.linearize
+    monkeypatch.setattr(module, "linearize", stiffer)
+    monkeypatch.setattr(eigen, "linearize", stiffer)
+    (mode,) = mbstab.load(f"{name}.yaml").verify().modes
+    assert mode.verdict == "contradicted"
+    assert mode.error == pytest.approx(1e-3, rel=0.05)
+    assert abs(mode.observed - exact) <= 3e-5 * abs(exact)
 
 
 def test_what_is_not_steady_cannot_be_judged():

@@ -30,7 +30,7 @@ from mbstab.errors import ConstraintError, MbstabError, NumericalError
 if TYPE_CHECKING:
     from mbstab.compiler.fused import Fused, Program
 
-FUSED_AFTER = 150
+FUSED_AFTER = 60
 """Evaluations after which straight-line functions of the scene, which have to be written first, are worth it."""
 
 WEAK_PIVOT = 1e-10

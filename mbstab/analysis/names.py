@@ -2,17 +2,49 @@
 
 from __future__ import annotations
 
-from mbstab.model.expressions import Expression
+from collections.abc import Iterator
+
+from mbstab.model.expressions import Binary, Call, Expression, Name, Negative, Node
 
 
 def names_in(value: object) -> set[str]:
     """Return the names in anything that a model is made of: parameters, coordinates, the time ``t``."""
+    return {name for expression in expressions_in(value) for name in expression.names()}
+
+
+def expressions_in(value: object) -> Iterator[Expression]:
+    """Yield the expressions in anything that a model is made of."""
     if isinstance(value, Expression):
-        return set(value.names())
-    if isinstance(value, dict):
-        return names_in(tuple(value.values()))
-    if isinstance(value, (tuple, list)):
-        return set().union(*(names_in(item) for item in value))
-    if hasattr(value, "__dataclass_fields__"):
-        return names_in([getattr(value, name) for name in value.__dataclass_fields__])
-    return set()
+        yield value
+    elif isinstance(value, dict):
+        yield from expressions_in(tuple(value.values()))
+    elif isinstance(value, (tuple, list)):
+        for item in value:
+            yield from expressions_in(item)
+    elif hasattr(value, "__dataclass_fields__"):
+        yield from expressions_in([getattr(value, name) for name in value.__dataclass_fields__])
+
+
+def uneven_in_time(expression: Expression) -> bool:
+    """Whether an expression may rest for a while and then change: it is not of the first degree in the time ``t``."""
+    return _degree(expression.root) > 1
+
+
+def _degree(node: Node) -> int:
+    """Return the degree in t: 0, 1, or 2 for everything else."""
+    match node:
+        case Name():
+            return int(node.name == "t")
+        case Negative():
+            return _degree(node.operand)
+        case Call():
+            return 2 if any(map(_degree, node.arguments)) else 0
+        case Binary():
+            left, right = _degree(node.left), _degree(node.right)
+            if node.operator in "+-":
+                return max(left, right)
+            if node.operator == "*":
+                return min(left + right, 2)
+            return left if not right and (node.operator == "/" or not left) else 2
+        case _:
+            return 0

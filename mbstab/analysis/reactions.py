@@ -87,7 +87,9 @@ def _wrench(system: System, motion: Motion, owner: str, marker: Marker, load: Ar
     torque: Any = load[angles]
     if body.orientation and d == 3:
         arm = orientation(body, motion.q[angles]) @ np.array(marker.point, dtype=float)
-        torque = np.linalg.solve(rate_matrix(body, motion.q[angles]).T, torque) - np.cross(arm, force)
+        (x, y, z), (f, g, h) = arm.tolist(), force.tolist()
+        moment = np.array([y * h - z * g, z * f - x * h, x * g - y * f])
+        torque = np.linalg.solve(rate_matrix(body, motion.q[angles]).T, torque) - moment
     elif body.orientation:
         (c, s), (x, y) = (np.cos(motion.q[angles][0]), np.sin(motion.q[angles][0])), marker.point
         arm = np.array([c * x - s * y, s * x + c * y], dtype=float)

@@ -19,7 +19,7 @@ import numpy as np
 from mbstab.analysis.follow import Follower, Run, difference, fastest
 from mbstab.analysis.initial import Start, start_of
 from mbstab.analysis.integrators import METHODS, Method, Options
-from mbstab.analysis.names import names_in
+from mbstab.analysis.names import expressions_in, uneven_in_time
 from mbstab.compiler.system import Array, System
 from mbstab.errors import SimulationError, UsageError
 
@@ -39,7 +39,7 @@ MARGIN = 0.3
 """A repeated run aims at this part of the tolerance."""
 
 LONGEST_STEPS = (100.0, 1000.0)
-"""With given functions of time a step is a hundredth of the duration at most, and may be a thousandth, at first."""
+"""With functions of time that may rest a step is at most the distance of two times of output, between these parts."""
 
 LONGEST = 10.0
 """Duration of a simulation whose end is not given (s)."""
@@ -256,8 +256,9 @@ def _check(tol: float, step: float | None, points: int) -> None:
 
 
 def longest_step(follower: Follower) -> float:
-    """Return the longest step: with given functions of time about the distance of two times of output."""
-    if not any("t" in names_in(item.entry.values) for item in follower.system.scene.items):
+    """Return the longest step: with functions of time that may rest about the distance of two times of output."""
+    given = (x for item in follower.system.scene.items for x in expressions_in(item.entry.values))
+    if not any(map(uneven_in_time, given)):
         return math.inf
     times = follower.times
     duration = float(times[-1] - times[0])
