@@ -17,7 +17,8 @@ from truth import exact_eigenvalues
 import mbstab
 from mbstab.analysis import balls
 from mbstab.analysis.balls import NotProvable, ball, digits, real
-from mbstab.analysis.certify import WIDTH, certified_critical, krawczyk
+from mbstab.analysis.certify import WIDTH, certified_critical
+from mbstab.analysis.enclosures import krawczyk
 from mbstab.cli import main
 from mbstab.errors import UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic
