@@ -19,39 +19,26 @@ for all values of the parameters in their balls. Then
 
 Equilibria and steady motions are enclosed by the operator of Krawczyk (1969, Computing 4; Rump
 2010, Acta Numerica 19, section 13), which proves that there is one and only one near the
-program's solution. What a statement rests on besides is listed with it as assumed.
+program's solution. Over an interval one of them is followed (`mbstab.analysis.intervals`).
+What is not proven is part of the statement: "proven …, provided that …".
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 from mbstab.analysis import balls
 from mbstab.analysis.balls import Ball, NotProvable, ball, real, zero_inside
 from mbstab.analysis.factors import Enclosure, Proof, Spectrum, enclosed, zeros_of
-from mbstab.errors import MbstabError, UsageError, counted
+from mbstab.analysis.intervals import OPEN, Part, Walk
+from mbstab.errors import UsageError, counted
 from mbstab.model.schema import Model
 
 MORE_DIGITS = (1, 2, 4)
 """Where a verdict is open, it is tried again with so many times the digits."""
-
-WIDTH = 2.0**-24
-"""A part of an interval that is narrower than this part of the whole is given up …"""
-
-BOXES = 500
-"""… and so is the rest of an interval after so many parts."""
-
-
-@dataclass(frozen=True)
-class Part:
-    """What is proven for all values of a parameter between two ends (SI): a verdict, or ``not provable``."""
-
-    low: Fraction
-    high: Fraction
-    verdict: str
 
 
 @dataclass(frozen=True)
@@ -67,8 +54,10 @@ class Certificate:
         What is proven, in a sentence.
     eigenvalues : list of Enclosure
         Empty over an interval.
+    conditions : tuple of str
+        What is not proven and must hold for the verdict to be true, as clauses of a sentence.
     assumed : tuple of str
-        What the statement rests on besides the model file.
+        The same in full, and what was taken as found.
     reasons : tuple of str
         Why there is no verdict.
     digits : int
@@ -77,6 +66,10 @@ class Certificate:
         Which parameter is an interval; empty: none.
     parts : tuple of Part
         Of an interval, in ascending order.
+    followed : str
+        Over an interval, which equilibrium it is about if the file leaves it to the program.
+    notes : tuple of str
+        What the linearized equations do not say.
     """
 
     verdict: str
@@ -87,11 +80,24 @@ class Certificate:
     digits: int
     parameter: str = ""
     parts: tuple[Part, ...] = ()
+    conditions: tuple[str, ...] = ()
+    followed: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def status(self) -> str:
+        """Return ``proven``, ``conditional`` (a verdict that rests on `conditions`) or ``not provable``."""
+        return "not provable" if self.verdict == "not provable" else "conditional" if self.conditions else "proven"
+
+    @property
+    def decided(self) -> bool:
+        """Whether there is a verdict, proven or under conditions."""
+        return self.status != "not provable"
 
     @property
     def proven(self) -> bool:
-        """Whether there is a verdict."""
-        return self.verdict != "not provable"
+        """Whether there is a verdict that rests on nothing but the model file."""
+        return self.status == "proven"
 
 
 # --- verdicts -------------------------------------------------------------------------------------------------------
@@ -141,7 +147,7 @@ def certify(
             if wide:
                 return _over(model, ends, wide[0], digits, progress)
             result = _at(model, {name: low for name, (low, _) in ends.items()}, more * digits)
-        if result.proven:
+        if result.decided:
             break
     assert result is not None
     return result
@@ -163,8 +169,28 @@ def _at(model: Model, overrides: Mapping[str, Ball], digits: int) -> Certificate
         found += enclosed(factor)
     found.sort(key=lambda e: (e.kind == "zero", -float(e.real.mid()), abs(float(e.imag.mid())), -float(e.imag.mid())))
     verdict, reasons = _judged(found, proof)
-    statement = _sentence(verdict, found) if not reasons else f"not provable with {digits} digits: {reasons[0]}"
-    return Certificate(verdict, statement, found, spectrum.assumed, tuple(reasons), digits)
+    if reasons:
+        statement = f"not provable with {digits} digits: {reasons[0]}"
+        return Certificate(verdict, statement, found, spectrum.assumed, tuple(reasons), digits)
+    statement = f"proven {verdict}{_provided(spectrum.conditions)}: {_counted(found)}"
+    on_axis = sum(e.count for e in found if e.kind == "imaginary")
+    notes = (
+        [f"{counted(on_axis, 'eigenvalue lies', 'eigenvalues lie')} on the imaginary axis, none to the right of it"]
+        if verdict == "marginally stable" and on_axis
+        else []
+    )
+    return Certificate(
+        verdict, statement, found, spectrum.assumed, (), digits, conditions=spectrum.conditions,
+        notes=tuple(f"{note}: {NONLINEAR}" for note in notes),
+    )  # fmt: skip
+
+
+NONLINEAR = "whether disturbances stay small in the long run is up to nonlinear terms"
+
+
+def _provided(conditions: Sequence[str]) -> str:
+    """Return the conditions of a verdict as the end of a sentence."""
+    return f", provided that {'; that '.join(conditions)}" if conditions else ""
 
 
 def _judged(found: list[Enclosure], proof: Proof) -> tuple[str, list[str]]:
@@ -197,8 +223,8 @@ def _short(x: Ball) -> str:
     return f"{float(x.mid()):.6g}"
 
 
-def _sentence(verdict: str, found: list[Enclosure]) -> str:
-    """Return what is proven in words."""
+def _counted(found: list[Enclosure]) -> str:
+    """Return in words how many eigenvalues are where."""
     counts = {
         kind: sum(e.count for e in found if e.kind == kind) for kind in ("left", "right", "imaginary", "zero", "open")
     }
@@ -210,7 +236,7 @@ def _sentence(verdict: str, found: list[Enclosure]) -> str:
         "open": "not told from the axis",
     }
     parts = [f"{counted(counts[kind], 'eigenvalue')} {words[kind]}" for kind in words if counts[kind]]
-    return f"proven {verdict}: {', '.join(parts)}"
+    return ", ".join(parts)
 
 
 # --- intervals of a parameter ---------------------------------------------------------------------------------------
@@ -222,93 +248,42 @@ def _over(
     """Return what is proven for all values of a parameter in an interval, by bisection."""
     low, high = _fraction(ends[name][0], False), _fraction(ends[name][1], True)
     others = {key: value[0] for key, value in ends.items() if key != name}
-    least = (high - low) * Fraction(WIDTH)
-    stack, boxes = [(low, high)], 0
-    parts: list[Part] = []
-    assumed: list[str] = []
-    reasons: dict[Fraction, str] = {}
-    checked: dict[Fraction, str] = {}
-
-    def wrong(x: Fraction) -> str:
-        """Return what is wrong with the reference at a value of the parameter."""
-        if x not in checked:
-            try:
-                Proof(model, {**others, name: ball(x)})
-                checked[x] = ""
-            except MbstabError as error:
-                checked[x] = str(error).partition("\n")[0]
-        return checked[x]
-
-    while stack:
-        a, b = stack.pop()
-        boxes += 1
-        box = balls.between(ball(a), ball(b))
-        verdict, reason, notes = _verdict_over(model, {**others, name: box})
-        if verdict != "not provable" and (bad := wrong(a) or wrong(b)):
-            verdict, reason = "not provable", bad
-        if verdict == "not provable" and b - a > least and boxes < BOXES:
-            middle = (a + b) / 2
-            stack += [(middle, b), (a, middle)]
-            continue
-        if reason:
-            reasons[a] = reason
-        assumed += [x for x in notes if x not in assumed]
-        if parts and parts[-1].verdict == verdict:
-            parts[-1] = replace(parts[-1], high=b)
-        else:
-            parts.append(Part(a, b, verdict))
-        progress(float((b - low) / (high - low)))
-    verdicts = {part.verdict for part in parts}
+    walk = Walk(model, others, name, (low, high), progress)
+    verdicts = {part.verdict for part in walk.parts}
     factor = balls.exact_factor(model.parameters[name])
     unit = model.parameters[name].unit
     text = f"{name} in [{_decimal(ball(low) / factor)}, {_decimal(ball(high) / factor)}] {unit}".rstrip()
-    if len(verdicts) == 1 and verdicts != {"not provable"}:
+    followed = ""
+    if walk.start is not None:
+        what = {None: "position", "equilibrium": "equilibrium"}.get(model.reference.find, "steady motion")
+        start = f"{_decimal(ball(walk.start) / factor)} {unit}".rstrip()
+        followed = f"the {what} that the file leads to at {name} = {start}, followed from there"
+    assumed = tuple(walk.assumed)
+    parts = tuple(walk.parts)
+    marginal = f"where the verdict is marginally stable, {NONLINEAR}"
+    notes = (marginal,) if "marginally stable" in verdicts else ()
+    if len(verdicts) == 1 and OPEN not in verdicts:
         (verdict,) = verdicts
+        statement = f"proven {verdict} for every {text}{_provided(walk.conditions)}"
+        statement += f" ({followed})" if followed else ""
         return Certificate(
-            verdict, f"proven {verdict} for every {text}", [], tuple(assumed), (), digits, name, tuple(parts)
+            verdict, statement, [], assumed, (), digits, name, parts, tuple(walk.conditions), followed, notes
         )
-    open_ = [part for part in parts if part.verdict == "not provable"]
     why = []
-    if len(verdicts - {"not provable"}) > 1:
+    if len(verdicts - {OPEN}) > 1:
         why.append(f"the verdict is not the same for every {text}")
     elif len(verdicts) > 1:
         why.append(f"a part of {text} is open")
-    for part in open_:
-        shown = f"[{_decimal(ball(part.low) / factor, 12)}, {_decimal(ball(part.high) / factor, 12)}]"
-        width = float(part.high - part.low)
-        why.append(f"open in {shown}, width {width:.1e} (SI): {reasons.get(part.low, 'too many parts')}")
+    for part in parts:
+        if part.verdict == OPEN:
+            shown = f"[{_decimal(ball(part.low) / factor, 12)}, {_decimal(ball(part.high) / factor, 12)}]"
+            why.append(f"open in {shown}, width {float(part.high - part.low):.1e} (SI): {part.reason}")
     statement = f"not provable with {digits} digits: {why[0]}"
-    return Certificate("not provable", statement, [], tuple(assumed), tuple(why), digits, name, tuple(parts))
-
-
-def _verdict_over(model: Model, overrides: Mapping[str, Ball]) -> tuple[str, str, tuple[str, ...]]:
-    """Return the verdict for all parameters in balls, why there is none, and what is assumed."""
-    try:
-        proof = Proof(model, overrides)
-        spectrum = proof.factors()
-    except MbstabError as error:
-        return "not provable", str(error).partition("\n")[0], ()
-    verdict = "marginally stable" if spectrum.zeros else "asymptotically stable"
-    open_ = ""
-    for factor in spectrum.factors:
-        if factor.even:
-            inside = balls.all_negative_and_simple(factor.p)
-            right = None if inside is None else int(not inside)
-            verdict = "marginally stable"
-        else:
-            right = balls.right_roots(factor.p)
-        if right is None:
-            kinds = {e.kind for e in enclosed(factor)}
-            right = 1 if "right" in kinds else None if "open" in kinds else 0
-        if right:
-            return "unstable", "", spectrum.assumed
-        if right is None:
-            open_ = open_ or "an eigenvalue may be on the imaginary axis, or two may meet on it"
-    if spectrum.zeros and len(spectrum.zeros) > 2 * len(proof.known()):
-        open_ = open_ or "more eigenvalues are zero than symmetries explain"
-    if not spectrum.factors and not spectrum.zeros:
-        open_ = "constraints and drives leave no motion free whose stability could be judged"
-    return ("not provable", open_, ()) if open_ else (verdict, "", spectrum.assumed)
+    if verdicts != {OPEN} and walk.conditions:
+        statement += f"; the verdicts of the other parts hold{_provided(walk.conditions)[1:]}"
+    return Certificate(
+        OPEN, statement, [], assumed, tuple(why), digits, name, parts, tuple(walk.conditions), followed, notes
+    )
 
 
 def _fraction(x: Ball, up: bool) -> Fraction:
@@ -400,8 +375,12 @@ def certified_critical(
             for x, up in ((low, False), (high, True))
         ]
 
+        near: Proof | None = None
+
         def tests(x: Any) -> list[tuple[str, Ball]]:
-            return _tests(Proof(model, {**values, parameter: ball(x)}).factors())
+            nonlocal near
+            near = Proof(model, {**values, parameter: ball(x)}, near)
+            return _tests(near.factors())
 
         first, last = (tests(x) for x in ends)
         if [name for name, _ in first] != [name for name, _ in last]:
@@ -434,7 +413,13 @@ def certified_critical(
                 a, f_a = x, f_x
                 f_b = f_b / 2 if side == -1 else f_b
                 side = -1
-        tests(balls.between(ball(a), ball(b)))
+        # All of it about one motion: the signs are those of the solution that is alone in the enclosure.
+        whole = Proof(model, {**values, parameter: balls.between(ball(a), ball(b))}, near)
+        _tests(whole.factors())
+        both = [Proof(model, {**values, parameter: ball(x)}, whole) for x in (a, b)]
+        signs = [_tests(proof.factors())[k][1] for proof in both]
+        if not (all(whole.same_at(proof) for proof in both) and _opposite(*signs)):
+            raise NotProvable(f"the motion is not proven to be the same on both sides of {_decimal(ball(a), 12)}")
         return Critical(a, b, first[k][0], digits)
 
 

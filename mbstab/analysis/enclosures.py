@@ -7,12 +7,14 @@ section 13) proves that there is one and only one next to it, for all values of 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from mbstab.analysis import balls
 from mbstab.analysis.balls import Ball, Matrix, NotProvable, ball, real, zero_inside
+from mbstab.analysis.equilibrium import Problem
 from mbstab.analysis.linearize import Linearization, linearize
 from mbstab.analysis.motion import Motion
 from mbstab.analysis.reference import reference_motion
@@ -110,18 +112,83 @@ class Rough(NamedTuple):
     linear: Linearization
 
 
-class Reference:
-    """The linearized equations of a scene in balls, and the factors of their characteristic polynomial."""
+class Solution(NamedTuple):
+    """What the operator of Krawczyk has proven.
 
-    def __init__(self, model: Model, overrides: Mapping[str, Ball]) -> None:
+    Attributes
+    ----------
+    unknowns : tuple of str
+        Coordinates, rates and multipliers that are solved for.
+    equations : tuple of int
+        Which of the equations determine them.
+    found : list of ball
+        Contain the solution.
+    alone : list of ball
+        Contain no other one.
+    """
+
+    unknowns: tuple[str, ...]
+    equations: tuple[int, ...]
+    found: list[Ball]
+    alone: list[Ball]
+
+
+class Reference:
+    """The reference motion of a scene in balls.
+
+    Parameters
+    ----------
+    model : Model
+    overrides : mapping
+        Parameters in SI.
+    near : Reference, optional
+        Another one, from which this one is looked for instead of from the guess of the file.
+
+    Attributes
+    ----------
+    assumed : list of str
+        What is not proven, in full.
+    conditions : list of str
+        The same as clauses of a sentence.
+    solutions : list of Solution
+        What was solved for, in order; empty: the file gives the motion.
+    found : list of str
+        Coordinates among what was solved for.
+    taken : dict
+        Coordinates that nothing determines; they stay as they are in what is near.
+    closed, driven : set of int
+        Constraint rows that the solution is proven to satisfy, and their rates.
+    state : State
+
+    Raises
+    ------
+    NotProvable
+        If the motion is not proven to exist, or redundant rows are proven not to repeat each other.
+    MbstabError
+        As `mbstab.analysis.reference.reference_motion`.
+    """
+
+    rows: list[int]
+    r_h: int
+    r_n: int
+    rates: Any = None
+
+    def __init__(self, model: Model, overrides: Mapping[str, Ball], near: Reference | None = None) -> None:
         self.assumed: list[str] = []
+        self.conditions: list[str] = []
+        self.solutions: list[Solution] = []
+        self.found: list[str] = []
+        self.closed: set[int] = set()
+        self.driven: set[int] = set()
+        self.taken: dict[str, float] = near.taken if near is not None else {}
+        self.near = near if near is not None and near.solutions else None
         self.wide = any(float(x.rad()) > 1e-12 * abs(float(x.mid())) for x in overrides.values())
         self._symmetries: list[Any] | None = None
         nominal = {name: float(x.mid()) for name, x in overrides.items()}
         system = System(evaluate(model, nominal))
         if system.scene.period is not None:
             raise NotProvable("the motion is periodic: multipliers are not enclosed")
-        motion = reference_motion(system)
+        motion = self._rough_motion(system)
         linear = linearize(system, motion)
         if not linear.constant:
             raise NotProvable("the coefficients of the linearized equations change along the motion")
@@ -132,6 +199,62 @@ class Reference:
         self.state = self._reference()
         self._check()
 
+    def _rough_motion(self, system: System) -> Motion:
+        """Return the motion in double precision, with `near` the one that Newton's method leads to from there."""
+        if system.scene.model.reference.find is not None:
+            problem = Problem(system)
+            if self.near is None:
+                motion, _, at, _ = problem.solved(problem.start)
+            else:
+                q = np.array([float(x.mid()) for x in self.near.state.q])
+                motion, _, at, _ = problem.solved(q, self.near.rates)
+            self.rates = at.c
+            return motion
+        guess = system.scene.guess
+        if self.near is not None:
+            guess = {name: float(x.mid()) for name, x in zip(system.names, self.near.state.q, strict=True)}
+        # What nothing determines stays where it was.
+        system.scene = replace(system.scene, guess=guess, coordinates={**system.scene.coordinates, **self.taken})
+        return reference_motion(system)
+
+    def same_at(self, point: Reference) -> bool:
+        """Whether the solution at one value of the parameters, for which this one holds too, is proven to be this one.
+
+        Both are the only solution in their boxes. If the narrow one lies in the box of this one, it is its solution.
+        """
+        return len(self.solutions) == len(point.solutions) and all(
+            one.unknowns == other.unknowns
+            and one.equations == other.equations
+            and all(real(x).contains(real(y)) for x, y in zip(one.alone, other.found, strict=True))
+            for one, other in zip(self.solutions, point.solutions, strict=True)
+        )
+
+    def solved(self) -> dict[str, Ball]:
+        """Return enclosures of the coordinates that the file does not give."""
+        return {name: x for name, x in zip(self.system.names, self.state.q, strict=True) if name in self.found}
+
+    def _solve(
+        self,
+        residual: Callable[[Sequence[Ball]], list[Ball]],
+        jacobian: Callable[[Sequence[Ball]], Matrix],
+        start: Sequence[Ball],
+        what: str,
+        unknowns: Sequence[str],
+        equations: Sequence[int],
+    ) -> list[Ball]:
+        """Return balls that contain the one solution."""
+        if not start:
+            return []
+        found, alone = krawczyk_boxes(residual, jacobian, start, what)
+        self.solutions.append(Solution(tuple(unknowns), tuple(equations), found, alone))
+        self.found += [name for name in unknowns if name in self.system.names]
+        return found
+
+    def _earlier(self) -> Solution | None:
+        """Return the solution next to this one that belongs to what is solved for now."""
+        k = len(self.solutions)
+        return self.near.solutions[k] if self.near is not None and k < len(self.near.solutions) else None
+
     # --- what the scene says ----------------------------------------------------------------------------------------
 
     def _choose_rows(self) -> None:
@@ -141,6 +264,10 @@ class Reference:
         C, W = motion.spaces.C, motion.spaces.W
         holonomic = _independent(J[:n_h], C.rank)
         others = [n_h + i for i in _independent(J[n_h:] @ motion.spaces.N, W.rank)]
+        if self.near is not None:  # multipliers of other rows would be other unknowns
+            if (len(holonomic), len(others)) != (self.near.r_h, self.near.r_n):
+                raise NotProvable("the number of rows that repeat others changes")
+            holonomic, others = self.near.rows[: self.near.r_h], self.near.rows[self.near.r_h :]
         self.rows = [*holonomic, *others]
         self.r_h, self.r_n = len(holonomic), len(others)
         left_out = [i for i in range(self.system.n_c) if i not in set(self.rows)]
@@ -149,6 +276,7 @@ class Reference:
             self.assumed.append(
                 f"rows that repeat others are left out ({names}): that they follow from the others is not proven"
             )
+            self.conditions.append(f"these rows repeat others: {names}")
         self.left_out = left_out
 
     def _generator(self, q: Sequence[Ball], c: Sequence[Ball] | None = None) -> Field:
@@ -208,6 +336,8 @@ class Reference:
         missing = [i for i, name in enumerate(self.system.names) if name not in scene.coordinates]
         if missing and self.r_h:
             q = self._assembled(q, missing)
+        elif missing:
+            self._take(q, missing)
         free = self._free()
         if scene.steady is not None and free:
             return self._balanced(q, hold=True)
@@ -245,9 +375,11 @@ class Reference:
         rank = int(np.linalg.matrix_rank(J, tol=1e-9))
         chosen = _independent(J, rank)
         columns = [missing[k] for k in _independent(J[chosen].T, rank)]
-        others = [self.system.names[i] for i in missing if i not in columns]
-        if others and any(not q[i].is_zero() for i in missing if i not in columns):
-            self.assumed.append(f"what the constraints leave open is taken as found ({', '.join(others)})")
+        if earlier := self._earlier():
+            chosen = list(earlier.equations)
+            columns = [i for i in missing if self.system.names[i] in earlier.unknowns]
+        self._take(q, [i for i in missing if i not in columns])
+        self.closed |= {self.rows[k] for k in chosen}
 
         def put(x: Sequence[Ball]) -> list[Ball]:
             moved = q[:]
@@ -262,7 +394,15 @@ class Reference:
             J = self._dynamics(put(x), still)[4]
             return [[J[k][i] for i in columns] for k in chosen]
 
-        return put(krawczyk(residual, jacobian, [q[i] for i in columns], "the assembled position"))
+        names = [self.system.names[i] for i in columns]
+        return put(self._solve(residual, jacobian, [q[i] for i in columns], "the assembled position", names, chosen))
+
+    def _take(self, q: Sequence[Ball], places: Sequence[int]) -> None:
+        """Note coordinates that nothing determines and keep them as they are."""
+        names = self.system.names
+        self.taken = {names[i]: float(q[i]) for i in places}
+        if any(self.taken.values()):
+            self.assumed.append(f"what the constraints leave open is taken as found ({', '.join(self.taken)})")
 
     def _with_rates(self, q: list[Ball], field_: Field) -> Field:
         """Return the field with rates that the file leaves out, from the velocity rows."""
@@ -277,6 +417,9 @@ class Reference:
         rank = int(np.linalg.matrix_rank(J, tol=1e-9))
         chosen = _independent(J, rank)
         columns = [missing[k] for k in _independent(J[chosen].T, rank)]
+        if earlier := self._earlier():
+            chosen = list(earlier.equations)
+            columns = [i for i in missing if f"rate of {names[i]}" in earlier.unknowns]
 
         def put(x: Sequence[Ball]) -> list[Ball]:
             rates = field_.spins[:]
@@ -291,7 +434,9 @@ class Reference:
             J = self._dynamics(q, put(x))[4]
             return [[J[k][i] for i in columns] for k in chosen]
 
-        found = krawczyk(residual, jacobian, [ball(float(u[i])) for i in columns], "the rates")
+        start, labels = [ball(float(u[i])) for i in columns], [f"rate of {names[i]}" for i in columns]
+        found = self._solve(residual, jacobian, start, "the rates", labels, chosen)
+        self.driven |= {self.rows[k] for k in chosen}
         return Field(self.system, field_.axis, field_.point, field_.rate, field_.velocity, put(found))
 
     def _multipliers(self, q: list[Ball], u: list[Ball], a: list[Ball]) -> list[Ball]:
@@ -411,14 +556,24 @@ class Reference:
                 f"the {'steady motion' if moving else 'equilibrium'} is not isolated ({n - rank} directions are open): "
                 "its existence is not proven; give what symmetries leave open under reference.coordinates"
             )
-        chosen = _independent(scaled, n)
+        chosen = list(earlier.equations) if (earlier := self._earlier()) else _independent(scaled, n)
         what = "the steady motion" if moving else "the equilibrium"
-        found = krawczyk(
+        found = self._solve(
             lambda x: [y for i, y in enumerate(residual(x)) if i in set(chosen)],
             lambda x: [row for i, row in enumerate(jacobian(x)) if i in set(chosen)],
             start,
             what,
+            [
+                *(system.names[i] for i in open_),
+                *(f"free rate {k}" for k in range(n_free)),
+                *(f"multiplier of row {i}" for i in self.rows),
+            ],
+            chosen,
         )
+        at_rows = [k - system.n_q for k in chosen if k >= system.n_q]
+        self.closed |= {self.rows[k] for k in at_rows if k < self.r_h}
+        if moving:
+            self.driven |= {self.rows[k - self.r_h] for k in at_rows if 0 <= k - self.r_h < len(self.rows)}
         others = [y for i, y in enumerate(residual(found)) if i not in set(chosen)]
         self._vanish(others, f"{what} satisfies the equations besides those that determine it")
         at, c, nu_ = split(found)
@@ -439,11 +594,37 @@ class Reference:
         largest = max((float(x.rad()) for x in residuals), default=0.0)
         if largest > 0.0:
             size = (
-                "checked at both ends of each part, zero is inside between"
+                "checked at some values in each part, zero is inside between"
                 if self.wide
                 else f"residuals are zero to within {largest:.0e}"
             )
             self.assumed.append(f"{what} ({size})")
+            self.conditions.append(what)
+
+    def _check_rank(self, J: Matrix) -> None:
+        """Refuse redundant rows of which it is proven that they are independent of the others."""
+        if not self.left_out:
+            return
+        n, n_h = self.system.n_q, self.system.n_h
+        spaces = self.rough.motion.spaces
+        scale, row_scale = spaces.scale.tolist(), spaces.row_scale.tolist()
+
+        def rest(A: Matrix, rank: int, columns: list[int], rows: list[float], name: str) -> tuple[list[int], Matrix]:
+            """Return free columns and the null space if no minor larger than the rank is proven not to be zero."""
+            pivots, T = balls.eliminate(A, rank, len(columns), rows, [scale[j] for j in columns])
+            bound = {i for i, _ in pivots}
+            free, N = balls.null_space(pivots, T, len(columns))
+            for i in range(len(A)):
+                if i not in bound and any(not zero_inside(T[i][j]) for j in free):
+                    raise NotProvable(
+                        f"the {name} do not repeat each other: their rank is at least {rank + 1} at these decimals, "
+                        f"{rank} in double precision"
+                    )
+            return free, N
+
+        free, N = rest(J[:n_h], self.r_h, list(range(n)), row_scale[:n_h], "holonomic rows")
+        if self.system.n_n:
+            rest(balls.times(J[n_h:], N), self.r_n, free, row_scale[n_h:], "nonholonomic rows")
 
     def _check(self) -> None:
         """Check that the state is a steady motion."""
@@ -452,6 +633,7 @@ class Reference:
         full = self.system.dynamics(s.q, s.u, self.time)
         E, V, B = balls.vector(full.E), balls.vector(full.V), balls.vector(full.B)
         J_all = balls.matrix(full.J)
+        self._check_rank(J_all)
         if not self.system.scene.model.reference.find:
             force = [
                 sum(terms, ball(0))
@@ -461,13 +643,16 @@ class Reference:
             ]
             self._vanish(force, "the reference satisfies the equations of motion")
         slack = [x + y for x, y in zip(B, balls.apply(J_all, s.a), strict=True)]
-        self._vanish([*E[: self.system.n_h], *V, *slack], "the reference satisfies the constraints")
+        left = [x for i, x in enumerate(E[: self.system.n_h]) if i not in self.closed]
+        left += [x for i, x in enumerate(V) if i not in self.driven]
+        self._vanish([*left, *slack], "the reference satisfies the constraints")
         if not self._stands_still():
             change = max(self.rough.linear.variation, 1e-16)
             self.assumed.append(
                 f"the scene does not change along the motion ({self.rough.linear.generator}): its coefficients are the "
                 f"same later on to {change:.0e}, checked in double precision"
             )
+            self.conditions.append(f"the scene does not change along the motion ({self.rough.linear.generator})")
 
     def _stands_still(self) -> bool:
         """Whether it is proven that the coefficients stay the same while all that moves goes on by up to 10 s.
@@ -568,7 +753,17 @@ def krawczyk(
     start: Sequence[Ball],
     what: str,
 ) -> list[Ball]:
-    """Return balls that contain one and only one zero of as many equations as unknowns.
+    """Return balls that contain one and only one zero of as many equations as unknowns; see `krawczyk_boxes`."""
+    return krawczyk_boxes(residual, jacobian, start, what)[0]
+
+
+def krawczyk_boxes(
+    residual: Callable[[Sequence[Ball]], list[Ball]],
+    jacobian: Callable[[Sequence[Ball]], Matrix],
+    start: Sequence[Ball],
+    what: str,
+) -> tuple[list[Ball], list[Ball]]:
+    """Return balls that contain a zero of as many equations as unknowns, and wider ones that contain no other.
 
     With an approximate inverse Y and x near the zero, x − Y f(x) + (1 − Y f'(X))(X − x) inside X
     proves it (Krawczyk 1969).
@@ -581,7 +776,7 @@ def krawczyk(
     from flint import arb, ctx
 
     if not start:
-        return []
+        return [], []
     x = [balls.real(value).mid() for value in start]
     slope = np.array([[float(y.mid()) for y in row] for row in jacobian(x)])
     rows = np.max(np.abs(slope), axis=1)
@@ -615,6 +810,6 @@ def krawczyk(
         rest = [[ball(int(i == j)) - y for j, y in enumerate(row)] for i, row in enumerate(product)]
         moved = [-b + z for b, z in zip(base, balls.apply(rest, offset), strict=True)]
         if all(arb(0, r).contains_interior(balls.real(z)) for z, r in zip(moved, reach, strict=True)):
-            return [y + z for y, z in zip(x, moved, strict=True)]
+            return [y + z for y, z in zip(x, moved, strict=True)], X
         reach = [2 * max(balls.real(abs(z)).abs_upper(), r, key=float) for z, r in zip(moved, reach, strict=True)]
     raise NotProvable(f"{what} is not proven to exist: the operator of Krawczyk does not contract")

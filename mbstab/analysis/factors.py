@@ -79,6 +79,7 @@ class Spectrum:
     zeros: list[str]
     factors: list[Factor]
     assumed: tuple[str, ...]
+    conditions: tuple[str, ...]
 
 
 class Proof(Reference):
@@ -182,6 +183,7 @@ class Proof(Reference):
             zeros.append(name)
             if not proven:
                 self.assumed.append(f"{name} is a symmetry (checked in double precision)")
+                self.conditions.append(f"{name} is a symmetry")
         factors: list[Factor] = []
         uneven: list[list[Ball]] = []
         for component in _components(kept, alive):
@@ -194,14 +196,14 @@ class Proof(Reference):
                 uneven.append(balls.characteristic(block))
                 continue
             small, large = sorted(sides, key=len)
-            zeros += ["the motion is reversible"] * (len(large) - len(small))
+            zeros += ["the linearized equations are reversible"] * (len(large) - len(small))
             A = [[block[i][j] for j in large] for i in small]
             B = [[block[i][j] for j in small] for i in large]
             if len(block) <= balls.SMALL:
                 even = balls.characteristic(block)[len(large) - len(small) :: 2]
             else:
                 even = balls.characteristic(balls.times(A, B))
-            factors.append(Factor(even, True, "the motion is reversible"))
+            factors.append(Factor(even, True, "the linearized equations are reversible"))
         if uneven and self._conservative():
             whole = [ball(1)]
             for p in uneven:
@@ -218,7 +220,7 @@ class Proof(Reference):
                 p = p[1:]
             factors[k] = replace(factor, p=p)
         factors = [factor for factor in factors if len(factor.p) > 1]
-        return Spectrum(zeros, factors, tuple(dict.fromkeys(self.assumed)))
+        return Spectrum(zeros, factors, tuple(dict.fromkeys(self.assumed)), tuple(dict.fromkeys(self.conditions)))
 
     def _state_name(self, i: int, free: list[int], moving: list[int]) -> str:
         j = free[i] if i < len(free) else free[moving[i - len(free)]]
