@@ -17,7 +17,9 @@ from truth import exact_eigenvalues
 import mbstab
 from mbstab.analysis import balls
 from mbstab.analysis.balls import NotProvable, ball, digits, real
-from mbstab.analysis.certify import WIDTH, certified_critical, krawczyk
+from mbstab.analysis.certify import certified_critical
+from mbstab.analysis.enclosures import krawczyk
+from mbstab.analysis.intervals import WIDTH
 from mbstab.cli import main
 from mbstab.errors import UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic
@@ -173,7 +175,8 @@ def test_the_top_falls_for_every_slow_spin_and_sleeps_for_every_fast_one():
     assert slow.verdict == "unstable"
     assert [(p.low, p.high) for p in slow.parts] == [(0, Fraction("5.5677"))]
     assert fast.verdict == "marginally stable"
-    assert fast.proven
+    assert fast.status == "conditional"
+    assert "provided that the reference satisfies the constraints" in fast.statement
 
 
 def test_the_critical_spin_of_the_top_to_thirty_digits():
@@ -261,6 +264,173 @@ def test_an_interval_counts_in_the_unit_of_the_parameter():
 def test_settings_that_are_none(settings, message):
     with pytest.raises(UsageError, match=message):
         mbstab.load("top.yaml").certify(**settings)
+
+
+# --- one equilibrium ------------------------------------------------------------------------------------------------
+
+POINT = """
+mbstab: 1
+parameters: {p: 0.5}
+bodies: {b: {type: planar_point, mass: 1}}
+constraints: {y: {holonomic: b.y}}
+forces: {f: {type: expression, on: {b.x: FORCE}}}
+reference: REFERENCE
+"""
+
+
+def point(force, guess=None):
+    """A body on a line with a force along it, at an equilibrium next to a guess, or at rest at 0."""
+    reference = "{coordinates: {b: {x: 0, y: 0}}}"
+    if guess is not None:
+        reference = f"{{find: equilibrium, coordinates: {{b: {{y: 0}}}}, guess: {{b: {{x: {guess}}}}}}}"
+    return mbstab.loads(POINT.replace("FORCE", force).replace("REFERENCE", reference))
+
+
+HYSTERESIS = "p + b.x - b.x**3 - rate(b.x)"
+THREE = "-(b.x**2 - 1)*b.x - rate(b.x)*(b.x + p)"  # x = 1 and x = -1 attract, if the damping is positive there
+
+
+def test_a_branch_that_folds_is_not_continued_on_another_one():
+    fold = 2 / math.sqrt(27)
+    result = point(HYSTERESIS, -1).certify(p="[-0.3, 0.43]")
+    assert not result.decided
+    stable, lost = result.parts
+    assert stable.verdict == "asymptotically stable"
+    assert fold - 1e-6 < float(stable.high) < fold
+    assert lost.verdict == "not provable"
+    assert lost.high == Fraction("0.43")
+    assert "the motion followed from p = -0.3 is lost near p = 0.38490" in lost.reason
+    assert float(stable.at_high["b.x"]) == pytest.approx(-1 / math.sqrt(3), abs=1e-3)
+
+
+def test_before_the_fold_the_branch_is_named():
+    result = point(HYSTERESIS, -1).certify(p="[-0.3, 0.38]")
+    assert result.proven
+    assert "the equilibrium that the file leads to at p = -0.3" in result.statement
+    (part,) = result.parts
+    for p, at in ((-0.3, part.at_low), (0.38, part.at_high)):
+        x = float(at["b.x"])
+        assert p + x - x**3 == pytest.approx(0, abs=1e-14)
+        assert x < -0.57
+
+
+def test_a_guess_that_jumps_does_not_take_the_proof_along():
+    result = point(THREE, "p").certify(p="[-1, 0.9]")
+    (part,) = result.parts
+    assert result.verdict == "unstable"
+    assert [float(at["b.x"]) for at in (part.at_low, part.at_high)] == pytest.approx([-1, -1])
+    right = point(THREE, "p").certify(p="[0.6, 1]")
+    assert right.verdict == "asymptotically stable"
+    assert float(right.parts[0].at_low["b.x"]) == pytest.approx(1)
+
+
+def test_where_the_lower_end_has_none_it_begins_at_the_upper_one():
+    result = point("p - b.x**2 - rate(b.x)", 1).certify(p="[-0.5, 1]")
+    lost, stable = result.parts
+    assert stable.verdict == "asymptotically stable"
+    assert 0 < stable.low < 1e-6
+    assert "followed from p = 1 is lost" in lost.reason
+
+
+def test_no_equilibrium_is_one_row_with_one_reason():
+    done = []
+    result = point("p - b.x**2 - rate(b.x)", 1).certify(50, done.append, p="[-2, -1]")
+    (part,) = result.parts
+    assert part.verdict == "not provable"
+    assert "no equilibrium is proven to exist at its ends and in its middle" in part.reason
+    assert len(result.reasons) == 1
+    assert done == [1.0]
+
+
+def test_a_limit_of_boxes_leaves_what_is_proven(monkeypatch):
+    monkeypatch.setattr("mbstab.analysis.intervals.BOXES", 5)
+    result = point(HYSTERESIS, -1).certify(p="[-0.3, 0.38]")
+    assert [part.verdict for part in result.parts] == ["asymptotically stable", "not provable"]
+    assert "given up after 5 parts" in result.parts[1].reason
+
+
+def test_progress_never_goes_back():
+    done = []
+    point(HYSTERESIS, -1).certify(50, done.append, p="[-0.3, 0.43]")
+    assert done == sorted(done)
+    assert done[-1] == 1.0
+
+
+def test_a_start_that_fails_in_double_precision_leaves_a_part_open_to_division():
+    bump = point("-b.x - (1 - 2*exp(-((p-0.123456789)*40)**2))*rate(b.x)")
+    result = bump.certify(p="[0, 1]")
+    verdicts = [part.verdict for part in result.parts]
+    assert verdicts == ["asymptotically stable", "not provable", "unstable", "not provable", "asymptotically stable"]
+
+
+def test_a_critical_value_belongs_to_one_equilibrium():
+    # The damping of x = 1 is 1 - 2 p; that of the other one does not change its sign.
+    model = point("-(b.x**2 - 1)*b.x - rate(b.x)*(b.x - 2*p)", "0.4 + p").model
+    found = certified_critical(model, "p", "0.3", "0.7", 20)
+    assert found.low < Fraction(1, 2) < found.high
+    with pytest.raises(NotProvable):
+        certified_critical(point("-(b.x**2 - 1)*b.x - rate(b.x)*b.x", "p").model, "p", "-0.7", "0.7", 20)
+
+
+# --- rows that repeat others ----------------------------------------------------------------------------------------
+
+DOOR = """
+mbstab: 1
+parameters: {e: EXTRA}
+gravity: [-2, 0, -9]
+bodies:
+  d: {type: spatial, mass: 2, inertia: [0.1, 0.2, 0.3], points: {A: [0.5, 0, -1], B: [0.5, 0, 1], C: [0.5 + e, 0, 0]}}
+joints:
+  a: {type: spherical, between: [d.A, ground.A]}
+  b: {type: spherical, between: [d.B, ground.B]}
+  c: {type: spherical, between: [d.C, ground.C]}
+ground: {points: {A: [0, 0, -1], B: [0, 0, 1], C: [e, 0, 0]}}
+reference: {coordinates: {d: {x: -0.5, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}}
+"""
+
+
+def door(extra):
+    return mbstab.loads(DOOR.replace("EXTRA", extra))
+
+
+@pytest.mark.parametrize("extra", ["1e-11", "1e-14", "1e-20", "-1e-12"])
+def test_rows_that_are_independent_are_not_left_out(extra):
+    result = door(extra).certify()
+    assert not result.decided
+    assert "do not repeat each other: their rank is at least 6" in result.statement
+
+
+def test_rows_that_may_repeat_others_are_a_condition():
+    result = door("0").certify()
+    assert result.status == "conditional"
+    assert not result.proven
+    assert result.statement.startswith("proven marginally stable, provided that these rows repeat others: joint 'b'")
+    data = certificate_data(result, "", "")
+    assert data["verdict"] == "marginally stable"
+    assert data["status"] == "conditional"
+    assert data["conditions"]
+
+
+@pytest.mark.parametrize("interval", ["[-1e-14, 1e-14]", "[0, 1e-14]", "[-3e-15, 1e-14]"])
+def test_rows_that_repeat_others_at_one_value_only(interval):
+    result = door("0").certify(e=interval)
+    assert not result.decided
+    assert {part.verdict for part in result.parts} == {"not provable"}
+
+
+def test_a_reference_that_fits_at_both_ends_only_proves_nothing():
+    assert not point("p*(1 - p)*1e-30 - b.x - rate(b.x)").certify(p="[0, 1]").decided
+
+
+def test_what_is_reversible_and_what_is_up_to_nonlinear_terms():
+    # The motion grows: only its linearization swings for ever.
+    found = point("-b.x + rate(b.x)**3").certify()
+    assert found.verdict == "marginally stable"
+    assert {e.why for e in found.eigenvalues} == {"the linearized equations are reversible"}
+    assert "up to nonlinear terms" in found.notes[0]
+    assert "up to nonlinear terms" in run("pendulum.yaml", "--certify").output.replace("\n", " ")
+    assert point("-b.x*(1 + p*p)").certify(p="[0, 1]").notes
+    assert not point("-b.x - rate(b.x)").certify().notes
 
 
 # --- what cannot be proven ------------------------------------------------------------------------------------------
@@ -442,7 +612,9 @@ def run(*arguments):
 def test_the_command_prints_what_is_proven():
     found = run("whipple_bicycle.yaml", "--certify", "--set", "v=5")
     assert found.exit_code == 0
-    assert "Proven marginally stable: 4 eigenvalues to the left" in found.output
+    flat = " ".join(found.output.split())
+    assert "Proven marginally stable, provided that the reference satisfies" in flat
+    assert "4 eigenvalues to the left" in flat
     assert "assumed:" in found.output
 
 

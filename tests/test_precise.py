@@ -508,3 +508,38 @@ def test_the_precision_of_the_caller_is_left_alone():
     before = mp.prec
     answer.__wrapped__("pendulum", 33)
     assert mp.prec == before
+
+
+DOOR = """
+mbstab: 1
+gravity: [GRAVITY, 0, -9]
+parameters: {e: EXTRA}
+bodies:
+  d: {type: spatial, mass: 2, inertia: [0.1, 0.2, 0.3], points: {A: [0.5, 0, -1], B: [0.5, 0, 1], C: [0.5 + e, 0, 0]}}
+joints:
+  a: {type: spherical, between: [d.A, ground.A]}
+  b: {type: spherical, between: [d.B, ground.B]}
+  c: {type: spherical, between: [d.C, ground.C]}
+ground: {points: {A: [0, 0, -1], B: [0, 0, 1], C: [e, 0, 0]}}
+reference: {coordinates: {d: {x: -0.5, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}}
+"""
+
+
+@pytest.mark.parametrize("gravity", ["-2", "2"])
+@pytest.mark.parametrize("extra", ["1e-11", "1e-12", "1e-14", "1e-20"])
+def test_rows_that_repeat_others_in_double_precision_only_are_named(gravity, extra):
+    model = mbstab.loads(DOOR.replace("GRAVITY", gravity).replace("EXTRA", extra))
+    for ask in (lambda: model.eig_precise(50), model.compare):
+        with pytest.raises(ConstraintError, match="another rank than in double precision") as caught:
+            ask()
+        text = str(caught.value)
+        assert "joint 'c'" in text
+        assert "hint:" in text
+        differ = float(text.partition("differ by ")[2].split()[0])
+        assert 0.1 < differ / float(extra) < 10
+
+
+def test_an_interval_is_for_certificates_only():
+    for ask in (mbstab.load("pendulum.yaml").compare, mbstab.load("pendulum.yaml").eig_precise):
+        with pytest.raises(UsageError, match="this is an interval\nhint: intervals need mbstab eig --certify"):
+            ask(L="[0.1,0.2]")

@@ -130,6 +130,22 @@ def null_space(A: Matrix, start: Array, inverse: Array) -> Matrix:
     return polished(exact(start), lambda N: -applied(inverse, product(A, N)), 1.0)
 
 
+def misfits(A: Matrix, rank: int) -> Any:
+    """Return the largest entry that is left after so many steps of elimination with complete pivoting."""
+    rows, (m, n) = [list(row) for row in A], A.shape
+    for k in range(min(rank, m, n)):
+        pivot, i, j = max((abs(rows[i][j]), i, j) for i in range(k, m) for j in range(k, n))
+        if not pivot:
+            return mp.zero
+        rows[k], rows[i] = rows[i], rows[k]
+        for row in rows:
+            row[k], row[j] = row[j], row[k]
+        for row in rows[k + 1 :]:
+            factor = row[k] / rows[k][k]
+            row[k:] = [x - factor * y for x, y in zip(row[k:], rows[k][k:], strict=True)]
+    return max((abs(x) for row in rows[rank:] for x in row[rank:]), default=mp.zero)
+
+
 # --- zero eigenvalues -----------------------------------------------------------------------------------------------
 
 

@@ -25,10 +25,10 @@ from mbstab.analysis.linearize import Linearization, state_space
 from mbstab.analysis.methods import DEFAULT
 from mbstab.analysis.multiprecision import Matrix, Stalled, exact, largest, product
 from mbstab.analysis.numerics import assigned
-from mbstab.analysis.precise_motion import Point, Start, reference_point
+from mbstab.analysis.precise_motion import Point, Start, another_rank, rank_misfit, reference_point
 from mbstab.analysis.subspaces import Subspaces, rank_of
 from mbstab.compiler.system import System
-from mbstab.errors import ConstraintError, NumericalError, UsageError
+from mbstab.errors import NumericalError, UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate, parse_overrides
@@ -220,6 +220,17 @@ class _Spectrum:
 
 def _spectrum(start: Start, settings: Mapping[str, Any], work: int) -> _Spectrum:
     """Return the eigenvalues of a model computed with `work` digits."""
+    try:
+        return _polished_spectrum(start, settings, work)
+    except Stalled as stalled:
+        raise NumericalError(
+            f"the motion is not sharpened to {work} digits: steps stop shrinking at {stalled.reached:.1e}\n"
+            "hint: fewer digits, or numbers of less extreme size in the file"
+        ) from None
+
+
+def _polished_spectrum(start: Start, settings: Mapping[str, Any], work: int) -> _Spectrum:
+    """Return the eigenvalues of a model computed with `work` digits; `Stalled` where polishing ends before."""
     with mp.workdps(work):
         arithmetic = mpmath_arithmetic()
         system = System(evaluate(start.model, parse_overrides(start.model, settings, arithmetic), arithmetic))
@@ -241,29 +252,31 @@ def _state_matrix(start: Start, system: System, point: Point) -> Matrix:
         K = K + product(R, Xi) + product(M, Xi_2)
         R, D_q = R + 2 * product(M, Xi), D_q + product(J[n_h:], Xi)
     gamma = time_scale(state_space(start.linear))  # speeds are counted in units of it
-    return _deflated(spaces, gamma, (M, R, K), J, D_q)
+    try:
+        return _deflated(spaces, gamma, (M, R, K), J, D_q)
+    except Stalled as stalled:
+        misfit = rank_misfit(start.motion, J * spaces.scale * spaces.row_scale[:, None], n_h)
+        raise another_rank(start.motion, misfit or stalled.reached) from None
 
 
 def _deflated(
     spaces: Subspaces, gamma: float, matrices: tuple[Matrix, Matrix, Matrix], J: Matrix, D_q: Matrix
 ) -> Matrix:
-    """Return S from M, R and K, the constraint rows and ∂D/∂q."""
+    """Return S from M, R and K, the constraint rows and ∂D/∂q.
+
+    Raises
+    ------
+    Stalled
+        If the rows have another rank than in double precision.
+    """
     scale, row_scale, n_h = spaces.scale, spaces.row_scale, len(J) - len(D_q)
     M, R, K = (x * scale * scale[:, None] for x in matrices)
     J = J * scale * row_scale[:, None]
     D_q = D_q * scale * row_scale[n_h:, None]
-    try:
-        N = more.null_space(J[:n_h], spaces.N, spaces.C.pseudo_inverse)
-        W, drift = product(J[n_h:], N), product(D_q, N)
-        Z = more.null_space(W, spaces.Z, spaces.W.pseudo_inverse)
-        P = -more.solved(W, drift, spaces.W.pseudo_inverse)
-    except Stalled as stalled:
-        raise ConstraintError(
-            f"with {mp.dps} digits the constraints have another rank than in double precision: rows that depend on "
-            f"each other there differ by {stalled.reached:.1e}\n"
-            "hint: write lengths and given coordinates as expressions, such as sqrt(3)/2, or leave out what the "
-            "constraints determine; or remove the redundant rows that mbstab check names"
-        ) from None
+    N = more.null_space(J[:n_h], spaces.N, spaces.C.pseudo_inverse)
+    W, drift = product(J[n_h:], N), product(D_q, N)
+    Z = more.null_space(W, spaces.Z, spaces.W.pseudo_inverse)
+    P = -more.solved(W, drift, spaces.W.pseudo_inverse)
     M, R, K = (product(N.T, x, N) for x in (M, R, K))
     M_z = product(Z.T, M, Z)
     inertia = product(M, P) + R
@@ -293,7 +306,7 @@ def rounded_eigenvalues(linear: Linearization, digits: int) -> list[Any] | None:
         try:
             S = _deflated(linear.motion.spaces, gamma, matrices, exact(linear.J), exact(linear.D_q))
             return [e.value for e in more.eigenvalues(S)]
-        except (ConstraintError, NumericalError):
+        except (Stalled, NumericalError):
             return None
 
 

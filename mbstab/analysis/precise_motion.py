@@ -19,13 +19,24 @@ from mbstab.analysis.eigen import carried_shifts, eigenvalues
 from mbstab.analysis.equilibrium import Problem
 from mbstab.analysis.linearize import Linearization, linearize
 from mbstab.analysis.motion import Motion
-from mbstab.analysis.multiprecision import Matrix, Stalled, applied, exact, largest, polished, product, zeros
+from mbstab.analysis.multiprecision import (
+    ROUNDED,
+    Matrix,
+    Stalled,
+    applied,
+    exact,
+    largest,
+    misfits,
+    polished,
+    product,
+    zeros,
+)
 from mbstab.analysis.reference import declared_family, reference_motion
 from mbstab.analysis.rotation import rate_matrix
 from mbstab.analysis.steady import Family, Generator, centered
 from mbstab.analysis.symmetry import Symmetry, symmetries
 from mbstab.compiler.system import Dynamics, System
-from mbstab.errors import ConstraintError, EquilibriumError, NumericalError, UsageError
+from mbstab.errors import ConstraintError, EquilibriumError, MbstabError, NumericalError, UsageError
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate, parse_overrides
 
@@ -371,7 +382,10 @@ def _accelerations(start: Start, state: Dynamics, known: Matrix | None) -> tuple
         loads = force - product(M, a)
         # What does not balance stays: its rounding in double precision would be more than the digits.
         to_nu = exact(inverse.T)
-        nu = polished(zeros(len(J)), lambda nu: product(to_nu, loads - product(J.T, nu)), floor)
+        try:
+            nu = polished(zeros(len(J)), lambda nu: product(to_nu, loads - product(J.T, nu)), floor)
+        except Stalled as stalled:
+            raise _undetermined(start, J, stalled) from None
         return known, nu * row_scale, (loads - product(J.T, nu)) / (floor or 1.0)
     M_z = allowed.T @ plain_M @ allowed
     move = allowed @ np.linalg.solve(M_z, allowed.T) if M_z.size else np.zeros((n, n))
@@ -386,12 +400,39 @@ def _accelerations(start: Start, state: Dynamics, known: Matrix | None) -> tuple
     try:
         x = polished(zeros(n + len(J)), correction, floor)
     except Stalled as stalled:
-        raise NumericalError(
-            f"accelerations and reactions do not converge (steps of {stalled.reached:.1e}): "
-            "the masses that move differ by too many orders"
-        ) from None
+        raise _undetermined(start, J, stalled) from None
     a, nu = x[:n], x[n:]
     return a * scale, nu * row_scale, (force - product(M, a) - product(J.T, nu)) / (floor or 1.0)
+
+
+def _undetermined(start: Start, J: Matrix, stalled: Stalled) -> MbstabError:
+    """Return why accelerations and reactions do not converge: rows that repeat others in double precision only."""
+    motion, misfit = start.motion, rank_misfit(start.motion, J, start.system.n_h)
+    if motion.redundant and misfit > mp.mpf(10) ** (-ROUNDED * mp.dps):
+        return another_rank(motion, misfit)
+    return NumericalError(
+        f"accelerations and reactions do not converge (steps of {stalled.reached:.1e}): "
+        "the masses that move differ by too many orders\n"
+        "hint: look for masses and inertias of extreme size in the file"
+    )
+
+
+def rank_misfit(motion: Motion, J: Matrix, n_h: int) -> Any:
+    """Return by how much scaled rows that repeat others in double precision differ from them."""
+    spaces = motion.spaces
+    return max(misfits(J[:n_h], spaces.C.rank), misfits(J, spaces.C.rank + spaces.W.rank))
+
+
+def another_rank(motion: Motion, misfit: Any) -> ConstraintError:
+    """Return the error of rows that repeat others in double precision and not with more digits."""
+    rows = ", ".join(dict.fromkeys(str(item.row) for item in motion.redundant))
+    which = f" ({rows})" if rows else ""
+    return ConstraintError(
+        f"with {mp.dps} digits the constraints have another rank than in double precision: rows that depend on "
+        f"each other there differ by {mp.nstr(mp.mpf(misfit), 2)}{which}\n"
+        "hint: write lengths and given coordinates as expressions, such as sqrt(3)/2, or leave out what the "
+        "constraints determine; or remove the redundant rows that mbstab check names"
+    )
 
 
 def _excess(system: System, motion: Motion, state: Dynamics, u: Matrix, force: Matrix) -> tuple[Any, str]:

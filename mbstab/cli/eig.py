@@ -194,7 +194,7 @@ def _certify(
     format_: str,
     output: Path | None,
 ) -> None:
-    """Write enclosures and the proven verdict; without one the exit code is 1."""
+    """Write enclosures and the verdict, proven or under conditions; without one the exit code is 1."""
     from mbstab.report.certificate import certificate_data, certificate_text
 
     with progress_bar("dividing the interval") as progress:
@@ -206,6 +206,6 @@ def _certify(
     else:
         text = certificate_text(result, mechanism.model.title)
     write(text, output, mechanism.model.name)
-    if not result.proven:
+    if not result.decided:
         raise NumericalError(result.statement)
     _demand(require, result.verdict)

@@ -180,6 +180,8 @@ def _factor(parameter: Parameter, arithmetic: Arithmetic) -> Number:
 def _override(model: Model, name: str, setting: Number | str, arithmetic: Arithmetic) -> Number:
     parameter = _parameter(model, name)
     factor = _factor(parameter, arithmetic)
+    if isinstance(setting, str) and setting.strip().startswith("["):
+        raise UsageError(f"{name}={setting}: this is an interval\nhint: intervals need mbstab eig --certify")
     try:
         if arithmetic is not FLOAT and isinstance(setting, (int, float)):
             _require_finite(setting)

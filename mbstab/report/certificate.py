@@ -12,6 +12,9 @@ from mbstab.report.tables import table
 SHOWN = 20
 """Digits of a midpoint in a table."""
 
+COORDINATES = 6
+"""So many coordinates of an equilibrium are shown."""
+
 WORDS = {
     "left": "left of the axis",
     "right": "right of the axis",
@@ -39,16 +42,21 @@ def _scientific(mantissa: int, exponent: int) -> str:
 def certificate_data(result: Certificate, model: str, title: str) -> dict[str, Any]:
     """Return the JSON object of ``mbstab eig --certify``.
 
-    Keys: ``model``, ``title``, ``verdict``, ``proven``, ``statement``, ``eigenvalues`` (``real``
-    and ``imag`` in 1/s, each with ``midpoint`` and ``radius`` as decimal strings, ``count``,
-    ``kind``, ``why``), ``assumed``, ``reasons``, ``digits``, ``parameter`` and ``parts`` of an
-    interval (``low`` and ``high`` in SI as fractions, ``verdict``).
+    Keys: ``model``, ``title``, ``verdict``, ``status`` (``proven``, ``conditional``: the verdict
+    rests on ``conditions``, or ``not provable``), ``proven`` (whether the status is that),
+    ``conditions``, ``statement``, ``eigenvalues`` (``real`` and ``imag`` in 1/s, each with
+    ``midpoint`` and ``radius`` as decimal strings, ``count``, ``kind``, ``why``), ``assumed``,
+    ``reasons``, ``notes``, ``digits``, ``parameter``, ``followed`` (which equilibrium an interval
+    is about) and ``parts`` of an interval (``low`` and ``high`` in SI as fractions, ``verdict``,
+    ``reason``, ``at_low`` and ``at_high``: enclosures of the coordinates that were solved for).
     """
     return {
         "model": model,
         "title": title,
         "verdict": result.verdict,
+        "status": result.status,
         "proven": result.proven,
+        "conditions": result.conditions,
         "statement": result.statement,
         "eigenvalues": [
             {
@@ -62,9 +70,21 @@ def certificate_data(result: Certificate, model: str, title: str) -> dict[str, A
         ],
         "assumed": result.assumed,
         "reasons": result.reasons,
+        "notes": result.notes,
         "digits": result.digits,
         "parameter": result.parameter,
-        "parts": [{"low": str(part.low), "high": str(part.high), "verdict": part.verdict} for part in result.parts],
+        "followed": result.followed,
+        "parts": [
+            {
+                "low": str(part.low),
+                "high": str(part.high),
+                "verdict": part.verdict,
+                "reason": part.reason,
+                "at_low": {name: decimals(x, result.digits) for name, x in part.at_low.items()},
+                "at_high": {name: decimals(x, result.digits) for name, x in part.at_high.items()},
+            }
+            for part in result.parts
+        ],
     }
 
 
@@ -80,7 +100,9 @@ def certificate_text(result: Certificate, title: str) -> str:
         lines.append(table(heads, rows, left=(4,)))
     if result.parts:
         rows = [[f"{float(p.low):.12g}", f"{float(p.high):.12g}", p.verdict] for p in result.parts]
-        lines.append(table([f"{result.parameter} from\n(SI)", "to\n(SI)", "proven"], rows, left=(2,)))
+        head = "under conditions" if result.conditions else "proven"
+        lines.append(table([f"{result.parameter} from\n(SI)", "to\n(SI)", head], rows, left=(2,)))
+        lines += _where(result)
     lines += _wrapped(result.statement[0].upper() + result.statement[1:], "")
     for reason in result.reasons[1:]:
         lines += _wrapped(reason, "  ")
@@ -90,12 +112,27 @@ def certificate_text(result: Certificate, title: str) -> str:
         lines.append("")
     lines += [line for e in zeros for line in _wrapped(f"zero because of: {e.why}", "")]
     lines += [line for why in on_axis for line in _wrapped(f"exactly on the axis because {why}", "")]
+    lines += [line for note in result.notes for line in _wrapped(note, "")]
     lines += ["", "assumed: " + ("nothing but the model file" if not result.assumed else "")]
     lines[-1] = lines[-1].rstrip()
     for text in result.assumed:
         lines += _wrapped(text, "  ")
     lines.append(f"computed with {result.digits} digits")
     return "\n".join(lines) + "\n"
+
+
+def _where(result: Certificate) -> list[str]:
+    """Return the coordinates of the motion that an interval is about, at the ends of the parts it is followed over."""
+    if not result.followed:
+        return []
+    places = {x: at for p in result.parts for x, at in ((p.low, p.at_low), (p.high, p.at_high)) if at}
+    ends = [x for x in sorted(places) if x in (min(places), max(places))]
+    lines = _wrapped(f"about {result.followed}:", "")
+    for x in ends:
+        shown = [f"{name} = {float(value):.6g}" for name, value in list(places[x].items())[:COORDINATES]]
+        more = f", … ({len(places[x])} in all, see --format json)" if len(places[x]) > COORDINATES else ""
+        lines += _wrapped(f"{result.parameter} = {float(x):.12g}: {', '.join(shown)}{more}", "  ")
+    return [*lines, ""]
 
 
 def _wrapped(text: str, indent: str) -> list[str]:
