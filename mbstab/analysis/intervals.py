@@ -30,7 +30,7 @@ WIDTH = 2.0**-24
 BOXES = 500
 """… and so is the rest of an interval after so many parts …"""
 
-SECONDS = 120.0
+SECONDS = 60.0
 """… or so many seconds."""
 
 HOPELESS = 2.0**-5
@@ -160,8 +160,9 @@ class Walk:
         while stack:
             a, b = stack.pop()
             self.boxes += 1
-            if self.boxes > BOXES or time.monotonic() - self.began > SECONDS:
-                self._leave(a, last, f"given up after {min(self.boxes, BOXES)} parts")
+            passed = time.monotonic() - self.began
+            if self.boxes > BOXES or passed > SECONDS:
+                self._leave(a, last, f"given up after {self.boxes - 1} parts and {passed:.0f} s")
                 return
             tried = self._tried(a, b, here)
             width = abs(b - a)
@@ -181,7 +182,7 @@ class Walk:
                     a,
                     last,
                     f"the motion followed from {self.name} = {float(self.start):.6g} is lost near {self.name} = "
-                    f"{float(a):.9g}: {tried.reason}",
+                    f"{float(a):.9g} (SI): {tried.reason}",
                 )
                 return
             at = [x.solved() if x is not None else {} for x in (here, tried.there)]

@@ -123,15 +123,15 @@ def certificate_text(result: Certificate, title: str) -> str:
 
 def _where(result: Certificate) -> list[str]:
     """Return the coordinates of the motion that an interval is about, at the ends of the parts it is followed over."""
-    if not result.followed:
-        return []
     places = {x: at for p in result.parts for x, at in ((p.low, p.at_low), (p.high, p.at_high)) if at}
+    if not (result.followed and places):
+        return []
     ends = [x for x in sorted(places) if x in (min(places), max(places))]
     lines = _wrapped(f"about {result.followed}:", "")
     for x in ends:
         shown = [f"{name} = {float(value):.6g}" for name, value in list(places[x].items())[:COORDINATES]]
         more = f", … ({len(places[x])} in all, see --format json)" if len(places[x]) > COORDINATES else ""
-        lines += _wrapped(f"{result.parameter} = {float(x):.12g}: {', '.join(shown)}{more}", "  ")
+        lines += _wrapped(f"{result.parameter} = {float(x):.12g} (SI): {', '.join(shown)}{more}", "  ")
     return [*lines, ""]
 
 
