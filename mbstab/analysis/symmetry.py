@@ -22,6 +22,9 @@ STATES = 3
 TOLERANCE = 1e-9
 ANGLE = 0.7
 
+SHARP = 1e-12
+"""An element is carried into itself if what it does changes by no more than this part of its own size."""
+
 
 @dataclass(frozen=True)
 class Symmetry:
@@ -41,7 +44,7 @@ class Symmetry:
 
 def symmetries(system: System, motion: Motion) -> list[Symmetry]:
     """Return independent symmetries of the scene at the reference motion."""
-    found = _constant_directions(system, motion)
+    found = [item for item in _constant_directions(system, motion) if _shifts_elements(system, motion, item.direction)]
     # Rows may depend on a shift away from the constraints only, so shifts are tried on them as well.
     moved = [(name, _shift(system, motion, direction)) for name, direction in _shifts(system)]
     turned = [(name, _rotation(system, motion, axis, point)) for name, axis, point in _axes(system, motion)]
@@ -91,9 +94,35 @@ def _carries(system: System, motion: Motion, q: Array, T: Array) -> bool:
             force = (moved.dynamics.M @ (moved.a - a)) * motion.spaces.scale
             if np.max(np.abs(force)) > unbalance(system, base):
                 return False
+            if not _carries_elements(system, base, (q, moved_u, a), T):
+                return False
     except (MbstabError, ValueError, np.linalg.LinAlgError):
         return False
     return True
+
+
+def _carries_elements(system: System, base: Motion, moved: tuple[Array, Array, Array], T: Array) -> bool:
+    """Whether the elements do the same after a turn or a shift: weak springs do not count less beside stiff ones.
+
+    Those that do not do the same by themselves must do so together, along all motions that the constraints allow.
+    """
+    allowed = base.spaces.scale[:, None] * (base.spaces.N @ base.spaces.Z)
+    before, sizes = system.shares(base.q, base.u, base.a, base.time)
+    after, sizes_after = system.shares(*moved, base.time)
+    change = np.abs(after @ T - before)
+    broken = np.any(change > SHARP * (sizes + sizes_after @ np.abs(T)), axis=1)
+    along = (after[broken] @ T - before[broken]) @ allowed
+    size = (np.abs(before[broken]) + np.abs(after[broken] @ T)) @ np.abs(allowed)
+    return bool(np.all(np.abs(along.sum(axis=0)) <= TOLERANCE * size.sum(axis=0)))
+
+
+def _shifts_elements(system: System, motion: Motion, direction: Array) -> bool:
+    """Whether a shift of the coordinates that no equation seems to depend on leaves every element as it is."""
+    q = motion.q + ANGLE * direction * (np.min(motion.sizes) / np.max(np.abs(direction)))
+    try:
+        return _carries_elements(system, motion, (q, motion.u, motion.a), np.eye(system.n_q))
+    except (MbstabError, ValueError):
+        return False
 
 
 def _disturbance(system: System, motion: Motion) -> Array:
