@@ -29,7 +29,7 @@ from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.refine import Quadratic, equilibration, refined
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.subspaces import rank_of
-from mbstab.analysis.symmetry import Symmetry, symmetries
+from mbstab.analysis.symmetry import Symmetry, conserved, symmetries
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
 from mbstab.model.schema import is_length
@@ -56,6 +56,9 @@ ADVICE = (
     "if it follows a symmetry, declare it with reference.steady; if it is periodic, give reference.period; "
     "or describe the motion so that it stands still"
 )
+
+TOLD = 0.1
+"""An eigenvalue is told from zero if its error bound is no larger than this part of it."""
 
 INDEPENDENT = 1e3
 """Equal eigenvalues whose vectors are better conditioned than this are no chain."""
@@ -219,7 +222,8 @@ class Deflated:
     """A matrix in which the neutral eigenvalues are separated: Qᵀ S Q = [[neutral, T], [0, S_r]].
 
     `size` is its norm, `steps` are the zero eigenvalues in the steps of the staircase, `pairs`
-    the frequencies of neutral pairs: shifts seen from a turning frame.
+    the frequencies of neutral pairs: shifts seen from a turning frame. `unexplained` is how many
+    zero eigenvalues no symmetry explains: they may be slow ones that rounding hides.
     """
 
     Q: Array
@@ -231,6 +235,7 @@ class Deflated:
     dropped: float
     undecided: str
     pairs: tuple[float, ...] = ()
+    unexplained: int = 0
 
     @property
     def n_neutral(self) -> int:
@@ -435,10 +440,42 @@ def eigenvalues(
     space, gamma, deflated, rounding, known = deflate(linear, find_symmetries)
     judge = _Judge(linear, space, gamma, deflated, rounding)
     function = solver(method)
+    if deflated.unexplained and not deflated.pairs:
+        # Zeros of the matrix may be slow eigenvalues that the single entries of the equations still tell.
+        other = _Judge(linear, space, gamma, held(linear, balanced(space, gamma), rounding, known), rounding)
+        if (found := other.told()) is not None:
+            judge = other
+            if function is None:
+                return judge.result(found, method, known)
     if function is None:
         return judge.result(judge.nullspace(), method, known)
-    found = function(linear, gamma, judge.known())
-    return judge.result(judge.undeflated(found.values, found.vectors), method, known, found)
+    others = function(linear, gamma, judge.known())
+    return judge.result(judge.undeflated(others.values, others.vectors), method, known, others)
+
+
+def explained(linear: Linearization, known: list[Symmetry]) -> int:
+    """Return how many zero eigenvalues symmetries explain: a place each, and a speed where momentum is kept."""
+    system, motion = linear.system, linear.motion
+    if not known or len(linear.D_q) or np.any(motion.u):
+        return 2 * len(known)
+    return len(known) + conserved(system, motion, known)
+
+
+def held(linear: Linearization, S: Array, rounding: float, known: list[Symmetry]) -> Deflated:
+    """Separate those zero eigenvalues of the balanced S alone that symmetries explain."""
+    spaces = linear.motion.spaces
+    n, limit = spaces.N.shape[1], NEUTRAL_ROUNDING * rounding * float(np.linalg.norm(S, 2))
+    columns = np.zeros((len(S), len(known)))
+    for k, symmetry in enumerate(known):
+        shift = spaces.N.T @ (symmetry.direction / spaces.scale)
+        columns[:n, k] = shift / (np.linalg.norm(shift) or 1.0)
+    null = columns[:, np.linalg.norm(S @ columns, axis=0) <= limit]
+    null = np.linalg.qr(null)[0]
+    first = deflate_neutral(S, rounding, null)
+    allowed = explained(linear, known) - null.shape[1]
+    if first.steps[1:] and sum(first.steps[1:]) > allowed:
+        return replace(first, unexplained=sum(first.steps[1:]) - allowed)
+    return first
 
 
 def deflate(
@@ -460,6 +497,8 @@ def deflate(
         known = find_symmetries()
         frequencies = carried_shifts(linear.generator, linear.motion.q, known)
         deflated = deflate_pairs(deflated, frequencies, rounding)
+        zeros = sum(deflated.steps)
+        deflated = replace(deflated, unexplained=max(0, zeros - explained(linear, known)) if zeros else 0)
     return space, gamma, deflated, rounding, known
 
 
@@ -553,9 +592,29 @@ class _Judge:
     def nullspace(self) -> list[Eigenvalue]:
         """Return all finite eigenvalues from the deflated system."""
         values, right, left = self._deflated_vectors()
-        neutral = [Eigenvalue(s, "neutral", math.nan, math.nan, math.nan) for s in self.deflated.neutral_values()]
+        neutral = [self._zero(s, i) for i, s in enumerate(self.deflated.neutral_values())]
         x, y = self._composite_vectors(values, right, left)
         return self._displaced(self._refined(self._judged(values, x, y), values, x, y), x, y) + neutral
+
+    def told(self) -> list[Eigenvalue] | None:
+        """Return all finite eigenvalues if those that are not neutral can be told from zero, or None."""
+        try:
+            with np.errstate(all="ignore"):
+                found = self.nullspace()
+        except np.linalg.LinAlgError:
+            return None
+        judged = [e for e in found if e.kind != "neutral"]
+        return found if all(e.error_bound <= TOLD * abs(e.value) for e in judged) else None
+
+    def _zero(self, s: complex, number: int) -> Eigenvalue:
+        """Return an eigenvalue that the staircase found to be neutral; what no symmetry explains may be slow."""
+        d = self.deflated
+        if number >= d.unexplained:
+            return Eigenvalue(s, "neutral", math.nan, math.nan, math.nan)
+        # Of a chain of length m one digit in m is left; the next eigenvalues are slow as well perhaps.
+        length = max(2, len(d.steps))
+        part = max(NEUTRAL_ROUNDING * self.rounding, d.dropped / d.size if d.size else 0.0)
+        return Eigenvalue(s, "undecided", d.size * part ** (1.0 / length), math.inf, math.nan)
 
     @cache  # noqa: B019 - a judge lives as long as one answer
     def _deflated_vectors(self) -> tuple[Complex, Complex, Complex]:
@@ -636,7 +695,7 @@ class _Judge:
         found, judged, columns = [], [], []
         for i in range(len(values)):
             if i in neutral:
-                found.append(Eigenvalue(complex(values[i]), "neutral", math.nan, math.nan, math.nan))
+                found.append(self._zero(complex(values[i]), len(found)))
                 continue
             nearest = int(np.argmin(np.abs(deflated - values[i]))) if len(deflated) else -1
             x = vectors[: self.n, i] / scale[: self.n]
@@ -743,7 +802,7 @@ class _Judge:
         with np.errstate(all="ignore"):
             eta = np.linalg.norm(residual, axis=0) / (weight * length_x)
             kappa = weight * length_x * length_y / slope
-            if self.n_neutral and zeros_held:
+            if self.n_neutral and zeros_held and not self.deflated.unexplained:
                 kappa = self._deflated_condition(values)
             bound = np.maximum(kappa * (eta + DATA), least)
         found = []

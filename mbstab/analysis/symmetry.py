@@ -26,6 +26,10 @@ SHARP = 1e-12
 """An element is carried into itself if what it does changes by no more than this part of its own size."""
 
 
+BASIS = 1e-14
+"""Motions that the constraints allow are known to this, in scaled coordinates."""
+
+
 @dataclass(frozen=True)
 class Symmetry:
     """A direction in which the motion can be shifted without effect.
@@ -55,6 +59,25 @@ def symmetries(system: System, motion: Motion) -> list[Symmetry]:
             if np.linalg.matrix_rank(basis, tol=1e-8) == len(basis):
                 found.append(Symmetry(name, direction))
     return found
+
+
+def conserved(system: System, motion: Motion, known: list[Symmetry]) -> int:
+    """Return how many momenta along symmetries are kept near a state of rest: nothing there resists or drives them.
+
+    A motion along such a symmetry goes on, which makes a second zero eigenvalue.
+    """
+    scale = motion.spaces.scale
+    along = np.array([item.direction for item in known]).T / scale[:, None]
+    along = scale[:, None] * along / np.linalg.norm(along, axis=0)
+    allowed = scale[:, None] * (motion.spaces.N @ motion.spaces.Z)
+    rows = [np.zeros((1, len(known)))]
+    for element in system.forces_alone():
+        _, R, _ = element.linearize(motion.q, motion.u, motion.a, np.zeros(system.n_c), motion.time)
+        size = float(np.max(np.abs(along).T @ np.abs(R) @ np.abs(allowed), initial=0.0))
+        if size > 0.0:
+            resisted = (along.T @ R @ allowed).T / size
+            rows.append(np.where(np.abs(resisted) > SHARP, resisted, 0.0))
+    return len(known) - int(np.linalg.matrix_rank(np.vstack(rows), tol=TOLERANCE))
 
 
 def _shifts(system: System) -> list[tuple[str, Array]]:
@@ -107,13 +130,24 @@ def _carries_elements(system: System, base: Motion, moved: tuple[Array, Array, A
     Those that do not do the same by themselves must do so together, along all motions that the constraints allow.
     """
     allowed = base.spaces.scale[:, None] * (base.spaces.N @ base.spaces.Z)
-    before, sizes = system.shares(base.q, base.u, base.a, base.time)
-    after, sizes_after = system.shares(*moved, base.time)
-    change = np.abs(after @ T - before)
-    broken = np.any(change > SHARP * (sizes + sizes_after @ np.abs(T)), axis=1)
-    along = (after[broken] @ T - before[broken]) @ allowed
-    size = (np.abs(before[broken]) + np.abs(after[broken] @ T)) @ np.abs(allowed)
-    return bool(np.all(np.abs(along.sum(axis=0)) <= TOLERANCE * size.sum(axis=0)))
+    reach = np.abs(allowed) + BASIS / TOLERANCE * base.spaces.scale[:, None]
+    total, size = np.zeros((2, allowed.shape[1]))
+    for element in system.forces_alone():
+        before, rounding = _force(element, base.q, base.u, base.a, base)
+        after, more = _force(element, *moved, base)
+        change = after @ T - before
+        if np.any(np.abs(change) > SHARP * (rounding + more @ np.abs(T))):
+            total += change @ allowed
+            size += (np.abs(before) + np.abs(after @ T)) @ reach
+    return bool(np.all(np.abs(total) <= TOLERANCE * size))
+
+
+def _force(element: System, q: Array, u: Array, a: Array, motion: Motion) -> tuple[Array, Array]:
+    """Return the force of an element alone, with its inertia, and the size of what it is computed from."""
+    state = element.dynamics(q, u, motion.time)
+    K, R, _ = element.linearize(q, u, a, np.zeros(element.n_c), motion.time)
+    size = np.abs(state.F0) + np.abs(state.M) @ np.abs(a) + np.abs(K) @ motion.sizes + np.abs(R) @ np.abs(u)
+    return state.F0 + state.M @ a, size
 
 
 def _shifts_elements(system: System, motion: Motion, direction: Array) -> bool:

@@ -168,34 +168,13 @@ class System:
         out |= self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu, sizes=True)
         return out | {"D": out["D"][self.n_h :]}
 
-    def shares(self, q: Any, u: Any, a: Any, time: Any = None) -> tuple[Array, Array]:
-        """Return what each element without rows adds to F, and the sum of the sizes of what may cancel in that.
-
-        Parameters
-        ----------
-        q, u, a : array_like, shape (n_q,)
-        time : float, optional
-
-        Returns
-        -------
-        forces, sizes : ndarray, shape (elements, n_q)
-            Sizes are those of F and M a, and of what a change of q by itself and of u to zero makes of F.
-        """
-        n, chosen = self.n_q, [element for element in self._elements if not element.rows]
-        forces, sizes = np.zeros((2, len(chosen), n))
-        part = copy(self)
-        for k, element in enumerate(chosen):
-            part._elements, part._plans = [element], {}
-            columns = sorted({i for i in element.columns if i < n})
-            out = part._run("dynamics", q, u, time, {"M": (n, n), "F": (n,)})
-            inertia = out["M"] @ a
-            forces[k] = out["F"] + inertia
-            slopes = part._run("linearize", q, u, time, {"K": (n, n), "R": (n, n)}, a, ())
-            own = np.zeros(n)
-            own[columns] = np.abs(q[columns])
-            sizes[k] = np.abs(out["F"]) + np.abs(out["M"]) @ np.abs(a)
-            sizes[k] += np.abs(slopes["K"]) @ own + np.abs(slopes["R"]) @ np.abs(u)
-        return forces, sizes
+    def forces_alone(self) -> Iterator[System]:
+        """Yield for each element without rows, which makes forces or bears inertia, a system in which it alone acts."""
+        for element in self._elements:
+            if not element.rows:
+                part = copy(self)
+                part._elements, part._plans = [element], {}
+                yield part
 
     def fused(self, machine_code: bool = False) -> Fused:
         """Return the same equations as functions of this scene alone, for thousands of states.
