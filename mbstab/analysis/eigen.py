@@ -572,7 +572,7 @@ class _Judge:
     ) -> None:
         self.linear, self.space, self.gamma, self.deflated, self.rounding = linear, space, gamma, deflated, rounding
         spaces = linear.motion.spaces
-        self.n_neutral = deflated.n_neutral
+        self.n_neutral, self.doubtful = deflated.n_neutral, False
         # Composite matrices in scaled coordinates and rows, the rows as heavy as the stiffness.
         n = len(linear.M)
         M, R, K = linear.composite()
@@ -598,6 +598,7 @@ class _Judge:
 
     def told(self) -> list[Eigenvalue] | None:
         """Return all finite eigenvalues if those that are not neutral can be told from zero, or None."""
+        self.doubtful = True
         try:
             with np.errstate(all="ignore"):
                 found = self.nullspace()
@@ -646,7 +647,7 @@ class _Judge:
         x = np.vstack([x_q, self._multipliers(values, x_q, False)])
         y = np.vstack([y_q, self._multipliers(values, y_q, True)])
         for j in range(len(values)):
-            if np.linalg.norm(left[m:, j]) <= 1e-10 * np.linalg.norm(left[:, j]):
+            if len(self.linear.D_q) and np.linalg.norm(left[m:, j]) <= 1e-10 * np.linalg.norm(left[:, j]):
                 y[:, j] = self._kinematic_left_vector(complex(values[j]))
         return x, y
 
@@ -736,7 +737,7 @@ class _Judge:
             if s.imag:
                 twins.append((min(rough, key=lambda j: abs(values[j] - values[i].conjugate())), s.conjugate()))
             for j, value in twins:
-                kind = kind_of(value, bound, self._separation(value))
+                kind = self._kind(value, bound)
                 value = complex(value.real + 0.0, value.imag + 0.0)
                 condition, energy = _relative(bound / DATA, s), self._participation(vector)
                 result[j] = Eigenvalue(value, kind, bound, condition, 0.0, energy)
@@ -774,7 +775,7 @@ class _Judge:
         result = []
         for e, more in zip(found, extra.tolist(), strict=True):
             bound, condition = e.error_bound + more, e.condition + _relative(more / DATA, e.value)
-            kind = kind_of(e.value, bound, self._separation(e.value))
+            kind = self._kind(e.value, bound)
             result.append(replace(e, error_bound=bound, condition=condition, kind=kind))
         return result
 
@@ -809,7 +810,7 @@ class _Judge:
         for j, s in enumerate(values):
             error = float(bound[j]) if np.isfinite(bound[j]) else math.inf
             relative = _relative(float(kappa[j]), complex(s))
-            kind = kind_of(complex(s), error, self._separation(complex(s)))
+            kind = self._kind(complex(s), error)
             value = complex(s.real + 0.0, s.imag + 0.0)  # no −0
             found.append(Eigenvalue(value, kind, error, relative, float(eta[j]), self._participation(x[: self.n, j])))
         return found
@@ -827,6 +828,11 @@ class _Judge:
         nearest = [int(np.argmin(np.abs(known - s))) for s in values]
         result: Array = condition[nearest] * size
         return result
+
+    def _kind(self, s: complex, bound: float) -> str:
+        """Return the type of singular point; beside what rounding nearly hid, an axis is not taken for granted."""
+        kind = kind_of(s, bound, self._separation(s))
+        return "undecided" if kind == "center" and self.doubtful and bound > FEW * abs(s) else kind
 
     def _separation(self, s: complex) -> float:
         """Return the distance of an eigenvalue to the next one, itself left out."""
@@ -914,15 +920,16 @@ class _Judge:
                 f"zero eigenvalues form a chain of length {len(self.deflated.steps)}, longer than symmetries explain: "
                 "a critical state, which the linearized equations cannot judge"
             )
-        elif sum(self.deflated.steps) > 2 * len(known):
-            explain = "symmetry explains" if len(known) == 1 else "symmetries explain"
-            explained = f"{len(known)} {explain} {2 * len(known)} at most"
+        elif self.deflated.unexplained:
+            zeros, explain = sum(self.deflated.steps), "symmetry explains" if len(known) == 1 else "symmetries explain"
+            most = f"{len(known)} {explain} {zeros - self.deflated.unexplained} at most"
             doubts.append(
-                f"{_count(sum(self.deflated.steps))} zero, but {explained}: a critical state or a continuum of "
-                "equilibria, which the linearized equations cannot judge"
+                f"{_count(zeros)} zero, but {most}: a critical state or a continuum of equilibria, which the "
+                "linearized equations cannot judge, or motions so slow that rounding hides them: zero to "
+                f"{self._zero(0j, 0).error_bound:.1e} 1/s; --precision tells them apart"
             )
         for e in found:
-            if e.kind == "undecided" and e.value.imag >= 0.0:
+            if e.kind == "undecided" and e.value.imag >= 0.0 and math.isfinite(e.condition + e.backward_error):
                 doubts.append(
                     f"the eigenvalue {show(e.value)} 1/s lies within its error bound {e.error_bound:.1e} of the "
                     "imaginary axis or too close to another one to be placed on it "
@@ -957,7 +964,11 @@ def kind_of(s: complex, bound: float, separation: float) -> str:
 
 def _inexact(found: list[Eigenvalue]) -> tuple[str, ...]:
     """Return a warning about eigenvalues of which few digits are known, or nothing."""
-    few = [e for e in found if e.kind != "neutral" and e.value.imag >= 0.0 and e.error_bound > FEW * abs(e.value)]
+    few = [
+        e
+        for e in found
+        if e.kind != "neutral" and e.value and e.value.imag >= 0.0 and e.error_bound > FEW * abs(e.value)
+    ]
     if not few:
         return ()
     worst = max(few, key=lambda e: _relative(e.error_bound, e.value))
