@@ -756,13 +756,13 @@ class _Judge:
         return found
 
     def _deflated_condition(self, values: Complex) -> Array:
-        """Return absolute condition numbers (1/s) of eigenvalues in the matrix without its zeros."""
+        """Return absolute condition numbers (1/s) of eigenvalues in the balanced matrix.
+
+        Rounding turns the null vectors as well, so the shares of a mode along neutral directions count.
+        """
         known, right, left = self._deflated_vectors()
-        k = self.n_neutral
-        inner, dual = self.deflated.Q.T @ right, self.deflated.Q.T @ left
-        inner, dual = inner[k:], dual[k:]
-        product = np.abs(np.sum(dual.conj() * inner, axis=0))
-        condition = np.linalg.norm(inner, axis=0) * np.linalg.norm(dual, axis=0) / product
+        product = np.abs(np.sum(left.conj() * right, axis=0))
+        condition = np.linalg.norm(right, axis=0) * np.linalg.norm(left, axis=0) / product
         # S is known to round-off, and zeros were separated by dropping something.
         size = max(self.deflated.size * self.rounding, self.deflated.dropped) / EPS
         nearest = [int(np.argmin(np.abs(known - s))) for s in values]
