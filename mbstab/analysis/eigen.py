@@ -6,9 +6,10 @@ that neutral directions do not spoil small physical eigenvalues. Each remaining 
 is judged on the undeflated quadratic eigenproblem (s²M̄ + sR̄ + K̄) x = 0 with right and left
 vectors x, y: backward error η and condition number κ as in Tisseur (2000), Linear Algebra
 Appl. 309, sections 2.2-2.3; κ·(η + rounding of the matrices) bounds the error to first order.
-Where zero eigenvalues are held at zero by their structure, κ is the condition number in the
-deflated matrix: disturbances that would move the zeros do not occur. Eigenvalues whose bound
-exceeds a hundred roundings are refined on that problem (`mbstab.analysis.refine`).
+Where symmetries hold zero eigenvalues at zero, κ is the condition number in the deflated matrix:
+disturbances that would move these zeros do not occur. The null vectors of other zeros are turned
+by rounding, and the more the closer other eigenvalues are; that counts, unless it is measured.
+Eigenvalues whose bound exceeds a hundred roundings are refined on that problem (`mbstab.analysis.refine`).
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from mbstab.analysis.linearize import Linearization, StateSpace, composite, line
 from mbstab.analysis.methods import DEFAULT, METHODS, Found, solver
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.reference import reference_motion
-from mbstab.analysis.refine import Quadratic, equilibration, refined
+from mbstab.analysis.refine import ROUNDINGS, Quadratic, equilibration, refined
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.subspaces import rank_of
 from mbstab.analysis.symmetry import Symmetry, conserved, symmetries
@@ -45,6 +46,9 @@ NEUTRAL_ROUNDING = 30.0
 
 NEUTRAL_GAP = 1e3
 """… and the decision is trusted if the next one is larger than those by this factor."""
+
+RANK_ROUNDING = 1e-12
+"""A shift and a rate along symmetries satisfy the constraints if they do it to this."""
 
 SLOW = 1e-3
 """Where it is not trusted, eigenvalues smaller than this fraction of the typical rate are in doubt."""
@@ -74,6 +78,9 @@ WEAK = 1e-3
 
 ROUGH = 100.0 * EPS
 """Eigenvalues with larger relative error bounds are refined."""
+
+MEASURED = 10.0
+"""The error of one eigenvalue that its distance to another approximation measures is this many times that."""
 
 CLUSTER = 100.0
 """The first-order bound is trusted for eigenvalues whose distance to the next is this many bounds."""
@@ -222,8 +229,9 @@ class Deflated:
     """A matrix in which the neutral eigenvalues are separated: Qᵀ S Q = [[neutral, T], [0, S_r]].
 
     `size` is its norm, `steps` are the zero eigenvalues in the steps of the staircase, `pairs`
-    the frequencies of neutral pairs: shifts seen from a turning frame. `unexplained` is how many
-    zero eigenvalues no symmetry explains: they may be slow ones that rounding hides.
+    the frequencies of neutral pairs: shifts seen from a turning frame. The first `exact` columns
+    of Q come from symmetries, not from S, so they do not bear its rounding. `unexplained` is how
+    many zero eigenvalues no symmetry explains: they may be slow ones that rounding hides.
     """
 
     Q: Array
@@ -235,6 +243,7 @@ class Deflated:
     dropped: float
     undecided: str
     pairs: tuple[float, ...] = ()
+    exact: int = 0
     unexplained: int = 0
 
     @property
@@ -298,6 +307,98 @@ def deflate_neutral(S: Array, rounding: float = EPS, null: Array | None = None) 
         steps.append(zeros)
         done += zeros
     return Deflated(Q, T[:done, :done], T[:done, done:], T[done:, done:], tuple(steps), size, dropped, undecided)
+
+
+def deflate_symmetries(
+    S: Array, rounding: float, linear: Linearization, space: StateSpace, gamma: float, known: list[Symmetry]
+) -> Deflated | None:
+    """Separate the zero eigenvalues that symmetries explain, then those that the staircase finds in the rest.
+
+    Disturbances that are a shift along symmetries and a rate along them satisfy the equations where
+    their accelerations are of that kind as well: going further, another heading, another speed.
+    Nothing of S is needed to know them, so that its rounding does not turn them.
+
+    Returns
+    -------
+    Deflated or None
+        None if symmetries explain none or leave a doubt.
+    """
+    spaces, n, q = linear.motion.spaces, space.n_xi, linear.motion.q
+    shifts = [s.direction / spaces.scale for s in known if s.exact and not _carried(linear.generator, q, s)]
+    if not shifts:
+        return None
+    W = spaces.N.T @ np.array([w / np.linalg.norm(w) for w in shifts]).T
+    P, Z = space.A[:n, :n], spaces.Z
+    # Shifts W a and rates W b for which W b = P W a + Z η has a solution η.
+    off = W - Z @ (Z.T @ W), P @ W - Z @ (Z.T @ (P @ W))
+    lengths = max(float(np.linalg.norm(P, 2)) if n else 0.0, 1.0)
+    both = _kernel(np.hstack([off[1] / lengths, -off[0]]), RANK_ROUNDING)
+    if both is None:
+        return None
+    both[: W.shape[1]] /= lengths
+    shift, rate = W @ both[: W.shape[1]], W @ both[W.shape[1] :]
+    states = np.vstack([shift, Z.T @ (rate - P @ shift) / gamma])
+    left, s, _ = np.linalg.svd(states, full_matrices=False)
+    V = left[:, s > 1e-9 * np.max(s, initial=0.0)] if len(s) else left
+    size = float(np.linalg.norm(S, 2))
+    known_to = NEUTRAL_ROUNDING * rounding * size
+    while V.shape[1]:
+        # What S makes of them must be of their kind.
+        image = S @ V
+        kept = _kernel(image - V @ (V.T @ image), known_to)
+        if kept is None:
+            return None
+        if kept.shape[1] == V.shape[1]:
+            break
+        V = V @ kept
+    count = V.shape[1]
+    if not count:
+        return None
+    Q = np.linalg.svd(V)[0]
+    Q[:, :count] = V
+    T = Q.T @ S @ Q
+    steps = _nilpotent(T[:count, :count], max(known_to, 1e-9 * float(np.linalg.norm(T[:count, :count], 2))))
+    if not steps:
+        return None
+    dropped = float(np.linalg.norm(T[count:, :count], 2))
+    T[count:, :count] = 0.0
+    rest = T[count:, count:]
+    more = deflate_neutral(rest, rounding * size / (float(np.linalg.norm(rest, 2)) or 1.0) if len(rest) else rounding)
+    turn = np.eye(len(S))
+    turn[count:, count:] = more.Q
+    Q, T = Q @ turn, turn.T @ T @ turn
+    done = count + more.n_neutral
+    T[count + more.n_neutral :, count:done] = 0.0
+    for i, zeros in enumerate(more.steps):
+        steps[i : i + 1] = [zeros + (steps[i] if i < len(steps) else 0)]
+    return Deflated(
+        Q, T[:done, :done], T[:done, done:], T[done:, done:], tuple(steps), size, max(dropped, more.dropped),
+        more.undecided, (), count,
+    )  # fmt: skip
+
+
+def _kernel(matrix: Array, rounding: float) -> Array | None:
+    """Return an orthonormal basis of what a matrix makes no larger than the rounding; None where that is in doubt."""
+    _, s, right = np.linalg.svd(matrix)
+    rank = int(np.sum(s > rounding))
+    if rank and s[rank - 1] < NEUTRAL_GAP * rounding:
+        return None
+    result: Array = right[rank:].T
+    return result
+
+
+def _nilpotent(A: Array, rounding: float) -> list[int]:
+    """Return the sizes of the steps of a nilpotent matrix; nothing if it is none."""
+    steps: list[int] = []
+    while len(A):
+        _, s, right = np.linalg.svd(A)
+        zeros = int(np.sum(s <= rounding))
+        if not zeros:
+            return []
+        steps.append(zeros)
+        others = right[: len(A) - zeros].T
+        A = others.T @ A @ others
+    return steps
 
 
 def _eig(S: Array) -> tuple[Complex, Complex]:
@@ -408,11 +509,16 @@ def carried_shifts(generator: Generator | None, q: Array, known: list[Symmetry])
 
     A shift across the axis, or a tilt of it, is fixed in the ground and goes round in that frame.
     """
+    carried = [s for s in known if _carried(generator, q, s)]
+    return [abs(generator.rate)] if generator is not None and len(carried) >= 2 else []
+
+
+def _carried(generator: Generator | None, q: Array, symmetry: Symmetry) -> bool:
+    """Whether a turning frame carries a symmetry around."""
     if generator is None or not generator.turns:
-        return []
-    Xi, rate = generator.frame(q)[0], abs(generator.rate)
-    carried = [s for s in known if np.linalg.norm(Xi @ s.direction) > 1e-9 * rate * np.linalg.norm(s.direction)]
-    return [rate] if len(carried) >= 2 else []
+        return False
+    change, size = np.linalg.norm(generator.frame(q)[0] @ symmetry.direction), np.linalg.norm(symmetry.direction)
+    return bool(change > 1e-9 * abs(generator.rate) * size)
 
 
 def eigenvalues(
@@ -487,14 +593,21 @@ def deflate(
     S = balanced(space, gamma)
     rounding = rounding_of(linear, space, gamma, S)
     deflated = deflate_neutral(S, rounding)
+    fewer = False
     if deflated.steps:
         null = null_space(linear, space, gamma)
         if null is not None and null.shape[1] < deflated.steps[0]:
-            deflated = deflate_neutral(S, rounding, null)
+            fewer, deflated = True, deflate_neutral(S, rounding, null)
     known: list[Symmetry] = []
     turns = linear.generator is not None and linear.generator.turns
     if deflated.steps or turns:
         known = find_symmetries()
+        better = None if fewer else deflate_symmetries(S, rounding, linear, space, gamma, known)
+        # The staircase in S may miss zeros of a chain that come after a slow motion; never the reverse.
+        if better is not None and better.n_neutral > deflated.n_neutral:
+            deflated = better
+        elif better is not None and better.n_neutral == deflated.n_neutral:
+            deflated = replace(better, steps=deflated.steps, undecided=deflated.undecided or better.undecided)
         frequencies = carried_shifts(linear.generator, linear.motion.q, known)
         deflated = deflate_pairs(deflated, frequencies, rounding)
         zeros = sum(deflated.steps)
@@ -725,6 +838,11 @@ class _Judge:
                 continue
             s, bound, vector = pair
             s = complex(s.real) if values[i].imag == 0.0 else s
+            if self.n_neutral > self.deflated.exact and not self.deflated.unexplained:
+                held = self._held(i, complex(values[i]), s, x, y)
+                if held < min(bound, found[i].error_bound):
+                    better[i] = complex(values[i]), held, x[: self.n, i] / np.linalg.norm(x[: self.n, i])
+                    continue
             # Newton's method must not have gone to another eigenvalue.
             if bound < found[i].error_bound and abs(s - values[i]) <= found[i].error_bound:
                 better[i] = s, bound, vector[: self.n] / np.linalg.norm(vector[: self.n])
@@ -788,6 +906,20 @@ class _Judge:
         M, R, K, *sizes = (x[np.ix_(kept, kept)] for x in (self.M, self.R, self.K, *terms))
         return Quadratic.of(M, R, K, tuple(sizes)), kept
 
+    def _held(self, i: int, s: complex, refined: complex, x: Complex, y: Complex) -> float:
+        """Return the error bound of an eigenvalue of the deflated matrix if its zeros are zeros of the structure.
+
+        Then rounding does what it does to the rest of the matrix and to the single entries. How far the zeros
+        were turned in finding them is measured: the refined eigenvalue does not know of them.
+        """
+        inner = float(self._deflated_condition(np.array([s]), self.n_neutral)[0]) * EPS
+        M, R, K = (z * self.factors * self.factors[:, None] for z in composite(self.linear.entries))
+        left, right, size = np.abs(y[:, i]), np.abs(x[:, i]), abs(s)
+        slope = abs(y[:, i].conj() @ (2.0 * s * (self.M @ x[:, i]) + self.R @ x[:, i]))
+        entries = ROUNDINGS * EPS * float(left @ ((size * size * M + size * R + K) @ right))
+        turned = MEASURED * abs(s - refined)
+        return max(inner, entries / slope + turned) if slope > 0.0 else math.inf
+
     # --- bounds -----------------------------------------------------------------------------------------------------
 
     def _judged(
@@ -804,7 +936,7 @@ class _Judge:
             eta = np.linalg.norm(residual, axis=0) / (weight * length_x)
             kappa = weight * length_x * length_y / slope
             if self.n_neutral and zeros_held and not self.deflated.unexplained:
-                kappa = self._deflated_condition(values)
+                kappa = self._deflated_condition(values, self.deflated.exact)
             bound = np.maximum(kappa * (eta + DATA), least)
         found = []
         for j, s in enumerate(values):
@@ -815,14 +947,15 @@ class _Judge:
             found.append(Eigenvalue(value, kind, error, relative, float(eta[j]), self._participation(x[: self.n, j])))
         return found
 
-    def _deflated_condition(self, values: Complex) -> Array:
-        """Return absolute condition numbers (1/s) of eigenvalues in the matrix without its zeros."""
+    def _deflated_condition(self, values: Complex, held: int) -> Array:
+        """Return absolute condition numbers (1/s) of eigenvalues in the matrix without its first `held` zeros.
+
+        Rounding turns the null vectors of other zeros, so the shares of a mode along them count.
+        """
         known, right, left = self._deflated_vectors()
-        k = self.n_neutral
-        inner, dual = self.deflated.Q.T @ right, self.deflated.Q.T @ left
-        inner, dual = inner[k:], dual[k:]
-        product = np.abs(np.sum(dual.conj() * inner, axis=0))
-        condition = np.linalg.norm(inner, axis=0) * np.linalg.norm(dual, axis=0) / product
+        product = np.abs(np.sum(left.conj() * right, axis=0))
+        others = self.deflated.Q[:, held:].T @ right
+        condition = np.linalg.norm(others, axis=0) * np.linalg.norm(left, axis=0) / product
         # S is known to round-off, and zeros were separated by dropping something.
         size = max(self.deflated.size * self.rounding, self.deflated.dropped) / EPS
         nearest = [int(np.argmin(np.abs(known - s))) for s in values]

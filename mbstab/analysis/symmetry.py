@@ -40,10 +40,13 @@ class Symmetry:
         Such as ``wheel.psi``, ``translation along x``, ``rotation about z``.
     direction : ndarray, shape (n_q,)
         The shift of the coordinates.
+    exact : bool
+        Whether the direction is known but for its own rounding; not if it was found as a null vector.
     """
 
     name: str
     direction: Array
+    exact: bool = True
 
 
 def symmetries(system: System, motion: Motion) -> list[Symmetry]:
@@ -233,7 +236,7 @@ def _named(system: System, null: Array, scale: Array) -> list[Symmetry]:
         strong = [
             n for n, x in zip(system.names, np.abs(direction), strict=True) if x > 0.3 * np.max(np.abs(direction))
         ]
-        found.append(Symmetry("joint shift of " + ", ".join(strong[:4]), direction))
+        found.append(Symmetry("joint shift of " + ", ".join(strong[:4]), direction, exact=False))
     return found
 
 
