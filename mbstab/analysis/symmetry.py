@@ -8,6 +8,7 @@ into another motion with the same accelerations, turned.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,6 +56,7 @@ def symmetries(system: System, motion: Motion) -> list[Symmetry]:
     # Rows may depend on a shift away from the constraints only, so shifts are tried on them as well.
     moved = [(name, _shift(system, motion, direction)) for name, direction in _shifts(system)]
     turned = [(name, _rotation(system, motion, axis, point)) for name, axis, point in _axes(system, motion)]
+    turned += _own_turns(system, motion)
     for name, direction in [*moved, *turned, ("the motion itself", _own(system, motion))]:
         if direction is not None and np.any(direction):
             basis = np.array([s.direction for s in found] + [direction]) / motion.spaces.scale
@@ -99,17 +101,20 @@ def _shift(system: System, motion: Motion, direction: Array) -> Array | None:
     return direction if _carries(system, motion, q, np.eye(system.n_q)) else None
 
 
-def _carries(system: System, motion: Motion, q: Array, T: Array) -> bool:
+def _carries(
+    system: System, motion: Motion, q: Array, T: Array, drift: Callable[[Array], Array] | None = None
+) -> bool:
     """Whether a change of the coordinates with derivative T that leads to q carries motions into motions.
 
     Asked of the motion itself, and of one nearby that is faster: at rest more positions are
-    alike than symmetries explain.
+    alike than symmetries explain. The derivative itself changes with the speeds by `drift`.
     """
     steps = TOLERANCE * motion.sizes
     try:
         for u in (motion.u, motion.u + _disturbance(system, motion)):
             base = motion if u is motion.u else motion_at(system, motion.q, u, motion.time)
             moved_u, a = T @ u, _carried_accelerations(system, motion.q, base, q, T)
+            a = a if drift is None else a + drift(base.u)
             state = system.dynamics(q, moved_u, motion.time)
             if np.any(np.abs(state.E[: system.n_h]) > (np.abs(state.J) @ steps)[: system.n_h]):
                 return False
@@ -282,6 +287,34 @@ def _rotation(system: System, motion: Motion, axis: Array, point: Array) -> Arra
     except (ValueError, np.linalg.LinAlgError):
         return None
     return generator.field(motion.q) if _carries(system, motion, q, T) else None
+
+
+def _own_turns(system: System, motion: Motion) -> list[tuple[str, Array | None]]:
+    """Return the turns of planar bodies about their centres of mass, where these are not their places."""
+    found: list[tuple[str, Array | None]] = []
+    for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
+        if system.scene.dimension != 2 or part.stop - part.start != 3 or not any(body.center):
+            continue
+        c, s = (float(np.cos(motion.q[part.stop - 1])), float(np.sin(motion.q[part.stop - 1])))
+        x, y = (float(value) for value in body.center[:2])
+        lever = np.array([c * x - s * y, s * x + c * y])
+        c, s = float(np.cos(ANGLE)), float(np.sin(ANGLE))
+        moved = np.array([c * lever[0] - s * lever[1], s * lever[0] + c * lever[1]])
+        across = np.array([[-z[1], z[0]] for z in (lever, moved)])
+        q, T, direction = motion.q.copy(), np.eye(system.n_q), np.zeros(system.n_q)
+        places, angle = slice(part.start, part.start + 2), part.stop - 1
+        q[places] += lever - moved
+        q[angle] += ANGLE
+        T[places, angle] = across[0] - across[1]
+        direction[places], direction[angle] = -across[0], 1.0
+
+        def drift(u: Array, change: Array = moved - lever, places: slice = places, angle: int = angle) -> Array:
+            result = np.zeros(len(u))
+            result[places] = change * u[angle] ** 2
+            return result
+
+        found.append((system.names[angle], direction if _carries(system, motion, q, T, drift) else None))
+    return found
 
 
 def _carried_accelerations(system: System, q: Array, base: Motion, moved: Array, T: Array) -> Array:
