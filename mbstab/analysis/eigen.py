@@ -73,6 +73,9 @@ APART = 1e-8
 FEW = 1e-10
 """Eigenvalues with larger relative error bounds are warned about."""
 
+ON_AXIS = 1e-3
+"""Eigenvalues with larger relative error bounds are on neither side of the imaginary axis, nor on it."""
+
 WEAK = 1e-3
 """Constraints with smaller singular values nearly depend on each other: the rounding of coordinates counts."""
 
@@ -806,7 +809,8 @@ class _Judge:
         for s in self.deflated.neutral_values():
             free = [i for i in range(len(values)) if i not in neutral]
             neutral |= {min(free, key=lambda i: abs(values[i] - s))} if free else set()
-        found, judged, columns = [], [], []
+        found: list[Eigenvalue] = []
+        judged, columns = [], []
         for i in range(len(values)):
             if i in neutral:
                 found.append(self._zero(complex(values[i]), len(found)))
@@ -963,9 +967,10 @@ class _Judge:
         return result
 
     def _kind(self, s: complex, bound: float) -> str:
-        """Return the type of singular point; beside what rounding nearly hid, an axis is not taken for granted."""
+        """Return the type of singular point; where few digits are known, nothing is taken to be on the axis."""
         kind = kind_of(s, bound, self._separation(s))
-        return "undecided" if kind == "center" and self.doubtful and bound > FEW * abs(s) else kind
+        close = bound <= (FEW if self.doubtful else ON_AXIS) * abs(s)
+        return kind if kind != "center" or close else "undecided"
 
     def _separation(self, s: complex) -> float:
         """Return the distance of an eigenvalue to the next one, itself left out."""
@@ -997,7 +1002,7 @@ class _Judge:
     ) -> EigenResult:
         linear = self.linear
         besides = besides or Found(np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
-        found = _with_saddles(found)
+        found = _with_saddles(_lost(found))
         found.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
         spaces = linear.motion.spaces
         counts = Counts(
@@ -1093,6 +1098,15 @@ def kind_of(s: complex, bound: float, separation: float) -> str:
     if abs(s.real) > margin:
         return ("un" if s.real > 0 else "") + ("stable node" if real else "stable focus")
     return "undecided" if clustered or real else "center"
+
+
+def _lost(found: list[Eigenvalue]) -> list[Eigenvalue]:
+    """Give eigenvalues of which no digit is known one bound: they stand for each other, and vectors say nothing."""
+    lost = [e for e in found if e.kind != "neutral" and e.error_bound > abs(e.value)]
+    if len(lost) < 2:
+        return found
+    ids, bound = {id(e) for e in lost}, max(e.error_bound for e in lost)
+    return [replace(e, error_bound=bound, kind="undecided") if id(e) in ids else e for e in found]
 
 
 def _inexact(found: list[Eigenvalue]) -> tuple[str, ...]:

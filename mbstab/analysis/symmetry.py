@@ -101,9 +101,7 @@ def _shift(system: System, motion: Motion, direction: Array) -> Array | None:
     return direction if _carries(system, motion, q, np.eye(system.n_q)) else None
 
 
-def _carries(
-    system: System, motion: Motion, q: Array, T: Array, drift: Callable[[Array], Array] | None = None
-) -> bool:
+def _carries(system: System, motion: Motion, q: Array, T: Array, drift: Callable[[Array], Array] | None = None) -> bool:
     """Whether a change of the coordinates with derivative T that leads to q carries motions into motions.
 
     Asked of the motion itself, and of one nearby that is faster: at rest more positions are
