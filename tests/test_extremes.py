@@ -12,8 +12,10 @@ from mpmath import mp
 from truth import ZERO, distance, exact_eigenvalues
 
 import mbstab
+from mbstab.analysis.eigen import eigenvalues
 from mbstab.analysis.methods import METHODS
 from mbstab.analysis.numerics import assigned
+from mbstab.analysis.precise import precise_eigenvalues
 from mbstab.analysis.refine import DENSE, Quadratic, refined
 from mbstab.errors import MbstabError, ModelFileError
 from mbstab.model.library import installed_models
@@ -679,3 +681,88 @@ def test_a_shift_explains_a_second_zero_only_where_its_momentum_is_kept(c, neutr
         assert result.verdict == "undecided"
         assert "zero to" in result.reasons[0]
         assert "--precision" in result.reasons[0]
+
+
+# --- great speeds ---------------------------------------------------------------------------------------------------
+
+SPEEDS = {
+    "whipple_bicycle": ("v", ["0.1", "1", "10", "100", "1000", "3000", "1e4", "1e5"]),
+    "rolling_disk": ("omega", ["1e-3", "1", "1e4"]),
+    "rolling_torus": ("v", ["0.1", "10", "1000", "1e4"]),
+    "wheelset": ("V", ["0.1", "100", "1e4"]),
+    "wheelset_no_slip": ("v", ["0.1", "1e4"]),
+    "top": ("omega", ["1", "1e4"]),
+    "governor": ("omega", ["10", "100", "1000"]),
+    "rotating_pendulum": ("Omega", ["1", "100", "1e4"]),
+    "rattleback": ("omega", ["-1", "100", "1e4"]),
+    "trailer": ("v", ["0.1", "100", "1e4"]),
+    "shimmy": ("u", ["0.1", "100", "1e4"]),
+}
+
+
+def against_precise(text, settings):
+    """Return the result, and errors, bounds and true values of all eigenvalues, zeros included."""
+    model = mbstab.loads(text)
+    result = model.eig(**{name: float(x) for name, x in settings.items()})
+    precise = precise_eigenvalues(model.model, settings, 30)
+    exact = [mp.mpmathify(e.value) for e in precise.eigenvalues]
+    exact += [mp.mpc(0, sign * mp.mpf(x)) for x in precise.shifts for sign in (1, -1)]
+    exact += [mp.mpf(0)] * (precise.neutral - 2 * len(precise.shifts))
+    errors, true = distance([e.value for e in result.eigenvalues], exact)
+    # Neutral ones are exact zeros or pairs.
+    largest = float(np.max(np.abs(true), initial=0.0))
+    bounds = np.array([4.0 * EPS * largest if e.kind == "neutral" else e.error_bound for e in result.eigenvalues])
+    return result, precise, errors, bounds, np.abs(true)
+
+
+@pytest.mark.parametrize(("name", "speed"), [(name, speed) for name, (_, all_) in SPEEDS.items() for speed in all_])
+def test_bounds_hold_at_great_and_small_speeds(name, speed):
+    result, precise, errors, bounds, sizes = against_precise(MODELS[name], {SPEEDS[name][0]: speed})
+    np.testing.assert_array_less(errors, FAIR * bounds + 1e-300)
+    simple = np.array([e.kind != "neutral" and e.condition < 1e4 for e in result.eigenvalues])
+    assert np.all((bounds <= USEFUL * np.maximum(errors, EPS * sizes))[simple])
+    assert result.verdict in (precise.verdict, "undecided")
+    assert result.counts.neutral == precise.neutral
+
+
+@pytest.mark.parametrize("speed", ["100", "300", "1000", "3000", "1e4", "3e4", "1e5"])
+def test_all_zeros_of_a_fast_bicycle_are_found_and_its_slow_motion_keeps_all_digits(speed):
+    result, _, errors, _, sizes = against_precise(MODELS["whipple_bicycle"], {"v": speed})
+    assert result.counts.neutral == 6
+    assert result.verdict == "unstable"
+    np.testing.assert_array_less(errors, 1e-13 * sizes + 1e-300)
+
+
+@pytest.mark.parametrize("free", [False, True])
+@pytest.mark.parametrize("number", range(4))
+def test_bounds_hold_for_spatial_chains_fixed_and_free(number, free):
+    text = spring_chain(np.random.default_rng([number, 3]), 1 + number % 3, damping=[0.0, 1.0, 100.0][number % 3])
+    if free:
+        text = re.sub(r"  (pin|angle|displacement|spring)_1:.*\n", "", text)
+    result, precise, errors, bounds, _ = against_precise(text, {})
+    np.testing.assert_array_less(errors, FAIR * bounds + 1e-300)
+    assert result.verdict in (precise.verdict, "undecided")
+    assert result.counts.neutral == precise.neutral
+
+
+@pytest.mark.parametrize("speed", [100.0, 1e3, 1e4])
+def test_without_symmetries_a_slow_eigenvalue_beside_zeros_is_undecided_not_wrong(speed):
+    model = mbstab.loads(MODELS["whipple_bicycle"])
+    found = [e for e in eigenvalues(model.linearize(v=speed)).eigenvalues if e.kind != "neutral"]
+    exact = [e.value for e in precise_eigenvalues(model.model, {"v": repr(speed)}, 30).eigenvalues]
+    errors, _ = distance([e.value for e in found], [*exact, *[mp.mpf(0)] * (len(found) - len(exact))])
+    np.testing.assert_array_less(errors, [e.error_bound for e in found])
+    assert min(found, key=lambda e: abs(e.value)).kind == "undecided"
+
+
+@pytest.mark.parametrize("drag", [1e-2, 1e-6, 1e-9])
+def test_a_slow_motion_along_a_symmetry_is_not_counted_as_neutral(drag):
+    text = (
+        "mbstab: 1\nbodies: {m: {type: planar_point, mass: 1}, n: {type: planar_point, mass: 1}}\n"
+        f"forces: {{all: {{type: expression, on: {{m.x: -{drag}*rate(m.x), n.x: -1e6*n.x, n.y: -n.y}}}}}}\n"
+        "reference: {coordinates: {m: {x: 0, y: 0}, n: {x: 0, y: 0}}}\n"
+    )
+    result = mbstab.loads(text).eig()
+    assert result.counts.neutral == 3
+    (slow,) = [e for e in result.eigenvalues if e.kind != "neutral" and not e.value.imag]
+    assert abs(slow.value + drag) <= slow.error_bound <= 1e-10

@@ -340,28 +340,28 @@ def deflate_symmetries(
         return None
     both[: W.shape[1]] /= lengths
     shift, rate = W @ both[: W.shape[1]], W @ both[W.shape[1] :]
+    # They must become shifts W b with rates 0.
     states = np.vstack([shift, Z.T @ (rate - P @ shift) / gamma])
-    left, s, _ = np.linalg.svd(states, full_matrices=False)
-    V = left[:, s > 1e-9 * np.max(s, initial=0.0)] if len(s) else left
+    images = np.vstack([rate, -Z.T @ (P @ rate) / gamma])
+    left, s, right = np.linalg.svd(states, full_matrices=False)
+    large = s > 1e-9 * np.max(s, initial=0.0)
+    V, weights = left[:, large], right[large].T / s[large]
     size = float(np.linalg.norm(S, 2))
     known_to = NEUTRAL_ROUNDING * rounding * size
-    while V.shape[1]:
-        # What S makes of them must be of their kind.
-        image = S @ V
-        kept = _kernel(image - V @ (V.T @ image), known_to)
-        if kept is None:
-            return None
-        if kept.shape[1] == V.shape[1]:
-            break
-        V = V @ kept
-    count = V.shape[1]
-    if not count:
+    # Such a shift must satisfy the constraints without a rate.
+    drift = (P @ rate - Z @ (Z.T @ (P @ rate))) / gamma
+    kept = _kernel(np.vstack([S @ V - images @ weights, drift @ weights]), known_to)
+    if kept is None or not kept.shape[1]:
         return None
+    V, rate = V @ kept, rate @ weights @ kept
+    count = V.shape[1]
+    second = int(np.linalg.matrix_rank(rate, tol=1e-12 * (float(np.linalg.norm(rate, 2)) or 1.0)))
+    steps = [count - second, second] if second else [count]
     Q = np.linalg.svd(V)[0]
     Q[:, :count] = V
     T = Q.T @ S @ Q
-    steps = _nilpotent(T[:count, :count], max(known_to, 1e-9 * float(np.linalg.norm(T[:count, :count], 2))))
-    if not steps:
+    A = T[:count, :count]
+    if np.linalg.norm(T[count:, :count], 2) > known_to or np.linalg.norm(A @ A, 2) > known_to * size:
         return None
     dropped = float(np.linalg.norm(T[count:, :count], 2))
     T[count:, :count] = 0.0
@@ -388,20 +388,6 @@ def _kernel(matrix: Array, rounding: float) -> Array | None:
         return None
     result: Array = right[rank:].T
     return result
-
-
-def _nilpotent(A: Array, rounding: float) -> list[int]:
-    """Return the sizes of the steps of a nilpotent matrix; nothing if it is none."""
-    steps: list[int] = []
-    while len(A):
-        _, s, right = np.linalg.svd(A)
-        zeros = int(np.sum(s <= rounding))
-        if not zeros:
-            return []
-        steps.append(zeros)
-        others = right[: len(A) - zeros].T
-        A = others.T @ A @ others
-    return steps
 
 
 def _eig(S: Array) -> tuple[Complex, Complex]:
