@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -26,6 +27,11 @@ ANGLE = 0.7
 SHARP = 1e-12
 """An element is carried into itself if what it does changes by no more than this part of its own size."""
 
+
+WEAK = 1e-4
+"""Elements weaker than this part of the strongest are looked at by themselves."""
+
+_UNEQUAL: WeakKeyDictionary[System, bool] = WeakKeyDictionary()
 
 BASIS = 1e-14
 """Motions that the constraints allow are known to this, in scaled coordinates."""
@@ -135,6 +141,8 @@ def _carries_elements(system: System, base: Motion, moved: tuple[Array, Array, A
 
     Those that do not do the same by themselves must do so together, along all motions that the constraints allow.
     """
+    if not _unequal(system, base):
+        return True  # the sums of all elements have told it
     allowed = base.spaces.scale[:, None] * (base.spaces.N @ base.spaces.Z)
     reach = np.abs(allowed) + BASIS / TOLERANCE * base.spaces.scale[:, None]
     total, size = np.zeros((2, allowed.shape[1]))
@@ -146,6 +154,17 @@ def _carries_elements(system: System, base: Motion, moved: tuple[Array, Array, A
             total += change @ allowed
             size += (np.abs(before) + np.abs(after @ T)) @ reach
     return bool(np.all(np.abs(total) <= TOLERANCE * size))
+
+
+def _unequal(system: System, motion: Motion) -> bool:
+    """Whether some elements are so weak beside others that their sums do not tell what they do."""
+    if system not in _UNEQUAL:
+        sizes = []
+        for element in system.forces_alone():
+            size = _force(element, motion.q + 0.01 * motion.sizes, motion.u, motion.a, motion)[1] * motion.spaces.scale
+            sizes += size[size > 0.0].tolist()
+        _UNEQUAL[system] = bool(sizes) and min(sizes) < WEAK * max(sizes)
+    return _UNEQUAL[system]
 
 
 def _force(element: System, q: Array, u: Array, a: Array, motion: Motion) -> tuple[Array, Array]:
