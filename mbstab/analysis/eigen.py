@@ -593,6 +593,8 @@ def deflate(
         known = find_symmetries()
         better = None if fewer else deflate_symmetries(S, rounding, linear, space, gamma, known)
         # The staircase in S may miss zeros of a chain that come after a slow motion; never the reverse.
+        if better is not None and better.undecided and not deflated.undecided:
+            better = None
         if better is not None and better.n_neutral > deflated.n_neutral:
             deflated = better
         elif better is not None and better.n_neutral == deflated.n_neutral:
