@@ -5,13 +5,17 @@ import re
 
 import numpy as np
 import pytest
+import truth as truth_module
 import yaml
 from chains import hanging_chain, spring_chain
 from mpmath import mp
 from truth import ZERO, distance, exact_eigenvalues
 
 import mbstab
+from mbstab.analysis.eigen import eigenvalues
 from mbstab.analysis.methods import METHODS
+from mbstab.analysis.numerics import assigned
+from mbstab.analysis.precise import precise_eigenvalues
 from mbstab.analysis.refine import DENSE, Quadratic, refined
 from mbstab.errors import MbstabError, ModelFileError
 from mbstab.model.library import installed_models
@@ -550,3 +554,215 @@ def test_large_problems_are_refined_as_small_ones():
     sparse = refined(Quadratic.of(M, R, K, (M, R, np.abs(K))), 1j, x, x)
     assert abs(dense[0] - sparse[0]) <= dense[1]
     assert dense[1] == pytest.approx(sparse[1], rel=1e-6)
+
+
+# --- soft beside stiff: what is neutral and what is only slow -------------------------------------------------------
+
+
+def masses_in_a_row(masses, forces):
+    """Return the text of point masses on a line, 1 m apart, joined to each other and to the ground by forces."""
+    bodies = [f"  b{i}: {{type: planar_point, mass: {m}}}" for i, m in enumerate(masses)]
+    guides = [f"  c{i}: {{holonomic: b{i}.y}}" for i in range(len(masses))]
+    places = [f"    b{i}: {{x: {i + 1}, y: 0}}" for i in range(len(masses))]
+    acting = [f"  f{i}: {{{force}}}" for i, force in enumerate(forces)]
+    parts = ["bodies:", *bodies, "constraints:", *guides, "forces:", *acting, "reference:", "  coordinates:", *places]
+    return "\n".join(["mbstab: 1", *parts, ""])
+
+
+def spring(one, other, k, c="0"):
+    return f"type: spring, between: [{one}, {other}], stiffness: {k}, length: 1, damping: {c}"
+
+
+def field(k, c="0"):
+    return f"type: expression, on: {{b0.x: -({k})*(b0.x - 1) - ({c})*rate(b0.x)}}"
+
+
+def random_row(number):
+    rng = np.random.default_rng(number)
+    n = int(rng.integers(2, 5))
+
+    def size(power):
+        return f"{10 ** rng.uniform(-power, power):.3e}"
+
+    springs = [
+        spring(f"b{i}", f"b{i - 1}" if i else "ground", size(15), size(15) if rng.random() < 0.5 else "0")
+        for i in range(n)
+    ]
+    return masses_in_a_row([size(12) for _ in range(n)], springs)
+
+
+SOFT_BESIDE_STIFF = {
+    **{
+        f"field {k}, {c} beside {stiff}": masses_in_a_row([1, 1], [field(k, c), spring("b0", "b1", stiff, d)])
+        for k, stiff, c, d in [
+            *((-1, stiff, 0, 0) for stiff in ("1e12", "1e13", "2e13", "3e13", "5e13", "7e13", "1e14", "1e15")),
+            *((1, stiff, 0, 0) for stiff in ("1e12", "1e13", "1e14", "1e15")),
+            (-1, "1e15", 1, 0), (-1, "1e15", 1, "1e3"), (1, "1e13", "-1e-3", 1), (1, "1e15", "-1e-3", 1),
+            ("-1e-3", "1e10", 0, 0), ("-1e-6", "1e7", 0, 1), ("1e-6", "1e7", "-1e-9", 0),
+        ]
+    },
+    "spring 1 beside 1e15": masses_in_a_row([1, 1], [spring("b0", "ground", 1), spring("b1", "b0", "1e15")]),
+    "damped, 1 beside 1e15": masses_in_a_row(
+        [1, 1, 1], [spring("b0", "ground", 1, "1e-15"), spring("b1", "b0", "1e15"), spring("b2", "b1", 1, 1)]
+    ),
+    **{
+        f"a mass of {m}": masses_in_a_row([m, 1], [field(-1), spring("b0", "b1", k)])
+        for m, k in (("1e12", "1e12"), ("1e-12", "1"))
+    },
+    "four masses": masses_in_a_row(
+        ["7.930e1", "6.271e2", "8.235e-3", "3.066e0"],
+        [spring("b0", "ground", "8.932e-6", "4.958e3"), spring("b1", "b0", "4.396e4"),
+         spring("b2", "b1", "1.788e8"), spring("b3", "b2", "5.817e-4", "9.116e4")],
+    ),
+    "three masses": masses_in_a_row(
+        ["5.873e-7", "1.616e-1", "3.405e-6"],
+        [spring("b0", "ground", "8.126e-8"), spring("b1", "b0", "3.997e5"), spring("b2", "b1", "9.808e4", "7.412e-4")],
+    ),
+    "four masses, damped to the ground": masses_in_a_row(
+        ["6.535e4", "2.889e1", "6.292e2", "7.460e4"],
+        [spring("b0", "ground", "9.868e-7", "3.965e8"), spring("b1", "b0", "8.672e7"),
+         spring("b2", "b1", "9.323e0"), spring("b3", "b2", "1.931e3", "8.769e-8")],
+    ),
+}  # fmt: skip
+
+
+def assert_honest(result, exact):
+    """Everything lies within ten bounds of what is exact, nothing is neutral, and the verdict is right or left open."""
+    assert len(result.eigenvalues) == len(exact)
+    assert not [e for e in result.eigenvalues if e.kind == "neutral"]
+    off = np.array([[float(mp.fabs(mp.mpc(e.value) - s)) for s in exact] for e in result.eigenvalues])
+    bounds = np.array([FAIR * e.error_bound for e in result.eigenvalues])
+    columns = assigned(np.where(off <= bounds[:, None], 0.0, 1.0))
+    assert np.all(off[np.arange(len(exact)), columns] <= bounds)
+    growing = any(s.real > mp.mpf("1e-60") * mp.fabs(s) for s in exact)
+    decaying = all(s.real < -mp.mpf("1e-60") * mp.fabs(s) for s in exact)
+    if result.verdict == "marginally stable" and (growing or decaying):
+        # Centers are on the axis within their bounds, which are small or said.
+        rough = [e for e in result.eigenvalues if e.kind == "center" and e.error_bound > 1e-10 * abs(e.value)]
+        assert all(e.error_bound <= 1e-3 * abs(e.value) for e in rough)
+        assert result.warnings or not rough
+    else:
+        right = "unstable" if growing else "asymptotically stable" if decaying else "marginally stable"
+        assert result.verdict in (right, "undecided")
+
+
+@pytest.fixture
+def many_digits(monkeypatch):
+    monkeypatch.setattr(truth_module, "WORKING_DIGITS", 220)
+
+
+@pytest.mark.usefixtures("many_digits")
+@pytest.mark.parametrize("case", SOFT_BESIDE_STIFF)
+def test_slow_eigenvalues_beside_fast_ones_are_not_taken_for_neutral(case):
+    mechanism = mbstab.loads(SOFT_BESIDE_STIFF[case])
+    exact, _ = exact_eigenvalues(mechanism.model, 1e-80)
+    for method in ("nullspace", "index3", "projection"):
+        result = mechanism.eig(method)
+        assert result.symmetries == ()
+        assert_honest(result, exact)
+
+
+@pytest.mark.usefixtures("many_digits")
+@pytest.mark.parametrize("start", range(0, 150, 10))
+def test_masses_and_springs_of_all_sizes_are_told_from_neutral_or_left_open(start):
+    for number in range(start, start + 10):
+        mechanism = mbstab.loads(random_row(number))
+        exact, zeros = exact_eigenvalues(mechanism.model, 1e-80)
+        assert not zeros
+        assert_honest(mechanism.eig(), exact)
+
+
+@pytest.mark.parametrize(("c", "neutral"), [("0", 2), ("1e-15", 1), ("1", 1)])
+def test_a_shift_explains_a_second_zero_only_where_its_momentum_is_kept(c, neutral):
+    damped = f"type: expression, on: {{b0.x: -{c}*rate(b0.x)}}"
+    result = mbstab.loads(masses_in_a_row([1, 1], [damped, spring("b0", "b1", "1e4")])).eig()
+    assert sum(e.kind == "neutral" for e in result.eigenvalues) == neutral
+    if c == "1e-15":
+        assert result.verdict == "undecided"
+        assert "zero to" in result.reasons[0]
+        assert "--precision" in result.reasons[0]
+
+
+# --- great speeds ---------------------------------------------------------------------------------------------------
+
+SPEEDS = {
+    "whipple_bicycle": ("v", ["0.1", "1", "10", "100", "1000", "3000", "1e4", "1e5"]),
+    "rolling_disk": ("omega", ["1e-3", "1", "1e4"]),
+    "rolling_torus": ("v", ["0.1", "10", "1000", "1e4"]),
+    "wheelset": ("V", ["0.1", "100", "1e4"]),
+    "wheelset_no_slip": ("v", ["0.1", "1e4"]),
+    "top": ("omega", ["1", "1e4"]),
+    "governor": ("omega", ["10", "100", "1000"]),
+    "rotating_pendulum": ("Omega", ["1", "100", "1e4"]),
+    "rattleback": ("omega", ["-1", "100", "1e4"]),
+    "trailer": ("v", ["0.1", "100", "1e4"]),
+    "shimmy": ("u", ["0.1", "100", "1e4"]),
+}
+
+
+def against_precise(text, settings):
+    """Return the result, and errors, bounds and true values of all eigenvalues, zeros included."""
+    model = mbstab.loads(text)
+    result = model.eig(**{name: float(x) for name, x in settings.items()})
+    precise = precise_eigenvalues(model.model, settings, 30)
+    exact = [mp.mpmathify(e.value) for e in precise.eigenvalues]
+    exact += [mp.mpc(0, sign * mp.mpf(x)) for x in precise.shifts for sign in (1, -1)]
+    exact += [mp.mpf(0)] * (precise.neutral - 2 * len(precise.shifts))
+    errors, true = distance([e.value for e in result.eigenvalues], exact)
+    # Neutral ones are exact zeros or pairs.
+    largest = float(np.max(np.abs(true), initial=0.0))
+    bounds = np.array([4.0 * EPS * largest if e.kind == "neutral" else e.error_bound for e in result.eigenvalues])
+    return result, precise, errors, bounds, np.abs(true)
+
+
+@pytest.mark.parametrize(("name", "speed"), [(name, speed) for name, (_, all_) in SPEEDS.items() for speed in all_])
+def test_bounds_hold_at_great_and_small_speeds(name, speed):
+    result, precise, errors, bounds, sizes = against_precise(MODELS[name], {SPEEDS[name][0]: speed})
+    np.testing.assert_array_less(errors, FAIR * bounds + 1e-300)
+    simple = np.array([e.kind != "neutral" and e.condition < 1e4 for e in result.eigenvalues])
+    assert np.all((bounds <= USEFUL * np.maximum(errors, EPS * sizes))[simple])
+    assert result.verdict in (precise.verdict, "undecided")
+    assert result.counts.neutral == precise.neutral
+
+
+@pytest.mark.parametrize("speed", ["100", "300", "1000", "3000", "1e4", "3e4", "1e5"])
+def test_all_zeros_of_a_fast_bicycle_are_found_and_its_slow_motion_keeps_all_digits(speed):
+    result, _, errors, _, sizes = against_precise(MODELS["whipple_bicycle"], {"v": speed})
+    assert result.counts.neutral == 6
+    assert result.verdict == "unstable"
+    np.testing.assert_array_less(errors, 1e-13 * sizes + 1e-300)
+
+
+@pytest.mark.parametrize("free", [False, True])
+@pytest.mark.parametrize("number", range(4))
+def test_bounds_hold_for_spatial_chains_fixed_and_free(number, free):
+    text = spring_chain(np.random.default_rng([number, 3]), 1 + number % 3, damping=[0.0, 1.0, 100.0][number % 3])
+    if free:
+        text = re.sub(r"  (pin|angle|displacement|spring)_1:.*\n", "", text)
+    result, precise, errors, bounds, _ = against_precise(text, {})
+    np.testing.assert_array_less(errors, FAIR * bounds + 1e-300)
+    assert result.verdict in (precise.verdict, "undecided")
+    assert result.counts.neutral == precise.neutral
+
+
+@pytest.mark.parametrize("speed", [100.0, 1e3, 1e4])
+def test_without_symmetries_a_slow_eigenvalue_beside_zeros_is_undecided_not_wrong(speed):
+    model = mbstab.loads(MODELS["whipple_bicycle"])
+    found = [e for e in eigenvalues(model.linearize(v=speed)).eigenvalues if e.kind != "neutral"]
+    exact = [e.value for e in precise_eigenvalues(model.model, {"v": repr(speed)}, 30).eigenvalues]
+    errors, _ = distance([e.value for e in found], [*exact, *[mp.mpf(0)] * (len(found) - len(exact))])
+    np.testing.assert_array_less(errors, [e.error_bound for e in found])
+    assert min(found, key=lambda e: abs(e.value)).kind == "undecided"
+
+
+@pytest.mark.parametrize("drag", [1e-2, 1e-6, 1e-9])
+def test_a_slow_motion_along_a_symmetry_is_not_counted_as_neutral(drag):
+    text = (
+        "mbstab: 1\nbodies: {m: {type: planar_point, mass: 1}, n: {type: planar_point, mass: 1}}\n"
+        f"forces: {{all: {{type: expression, on: {{m.x: -{drag}*rate(m.x), n.x: -1e6*n.x, n.y: -n.y}}}}}}\n"
+        "reference: {coordinates: {m: {x: 0, y: 0}, n: {x: 0, y: 0}}}\n"
+    )
+    result = mbstab.loads(text).eig()
+    assert result.counts.neutral == 3
+    (slow,) = [e for e in result.eigenvalues if e.kind != "neutral" and not e.value.imag]
+    assert abs(slow.value + drag) <= slow.error_bound <= 1e-10

@@ -6,9 +6,10 @@ that neutral directions do not spoil small physical eigenvalues. Each remaining 
 is judged on the undeflated quadratic eigenproblem (s²M̄ + sR̄ + K̄) x = 0 with right and left
 vectors x, y: backward error η and condition number κ as in Tisseur (2000), Linear Algebra
 Appl. 309, sections 2.2-2.3; κ·(η + rounding of the matrices) bounds the error to first order.
-Where zero eigenvalues are held at zero by their structure, κ is the condition number in the
-deflated matrix: disturbances that would move the zeros do not occur. Eigenvalues whose bound
-exceeds a hundred roundings are refined on that problem (`mbstab.analysis.refine`).
+Where symmetries hold zero eigenvalues at zero, κ is the condition number in the deflated matrix:
+disturbances that would move these zeros do not occur. The null vectors of other zeros are turned
+by rounding, and the more the closer other eigenvalues are; that counts, unless it is measured.
+Eigenvalues whose bound exceeds a hundred roundings are refined on that problem (`mbstab.analysis.refine`).
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ from mbstab.analysis.linearize import Linearization, StateSpace, composite, line
 from mbstab.analysis.methods import DEFAULT, METHODS, Found, solver
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.reference import reference_motion
-from mbstab.analysis.refine import Quadratic, equilibration, refined
+from mbstab.analysis.refine import ROUNDINGS, Quadratic, equilibration, refined
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.subspaces import rank_of
-from mbstab.analysis.symmetry import Symmetry, symmetries
+from mbstab.analysis.symmetry import Symmetry, conserved, symmetries
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
 from mbstab.model.schema import is_length
@@ -46,6 +47,9 @@ NEUTRAL_ROUNDING = 30.0
 NEUTRAL_GAP = 1e3
 """… and the decision is trusted if the next one is larger than those by this factor."""
 
+RANK_ROUNDING = 1e-12
+"""A shift and a rate along symmetries satisfy the constraints if they do it to this."""
+
 SLOW = 1e-3
 """Where it is not trusted, eigenvalues smaller than this fraction of the typical rate are in doubt."""
 
@@ -57,6 +61,9 @@ ADVICE = (
     "or describe the motion so that it stands still"
 )
 
+TOLD = 0.1
+"""An eigenvalue is told from zero if its error bound is no larger than this part of it."""
+
 INDEPENDENT = 1e3
 """Equal eigenvalues whose vectors are better conditioned than this are no chain."""
 
@@ -67,13 +74,16 @@ FEW = 1e-10
 """Eigenvalues with larger relative error bounds are warned about."""
 
 KNOWN = 1e-6
-"""An eigenvalue known worse than this, relative to itself, is not said to lie on the imaginary axis."""
+"""An eigenvalue known worse than this, relative to itself, is on neither side of the imaginary axis, nor on it."""
 
 WEAK = 1e-3
 """Constraints with smaller singular values nearly depend on each other: the rounding of coordinates counts."""
 
 ROUGH = 100.0 * EPS
 """Eigenvalues with larger relative error bounds are refined."""
+
+MEASURED = 10.0
+"""The error of one eigenvalue that its distance to another approximation measures is this many times that."""
 
 CLUSTER = 100.0
 """The first-order bound is trusted for eigenvalues whose distance to the next is this many bounds."""
@@ -222,7 +232,9 @@ class Deflated:
     """A matrix in which the neutral eigenvalues are separated: Qᵀ S Q = [[neutral, T], [0, S_r]].
 
     `size` is its norm, `steps` are the zero eigenvalues in the steps of the staircase, `pairs`
-    the frequencies of neutral pairs: shifts seen from a turning frame.
+    the frequencies of neutral pairs: shifts seen from a turning frame. The first `exact` columns
+    of Q come from symmetries, not from S, so they do not bear its rounding. `unexplained` is how
+    many zero eigenvalues no symmetry explains: they may be slow ones that rounding hides.
     """
 
     Q: Array
@@ -234,6 +246,8 @@ class Deflated:
     dropped: float
     undecided: str
     pairs: tuple[float, ...] = ()
+    exact: int = 0
+    unexplained: int = 0
 
     @property
     def n_neutral(self) -> int:
@@ -296,6 +310,84 @@ def deflate_neutral(S: Array, rounding: float = EPS, null: Array | None = None) 
         steps.append(zeros)
         done += zeros
     return Deflated(Q, T[:done, :done], T[:done, done:], T[done:, done:], tuple(steps), size, dropped, undecided)
+
+
+def deflate_symmetries(
+    S: Array, rounding: float, linear: Linearization, space: StateSpace, gamma: float, known: list[Symmetry]
+) -> Deflated | None:
+    """Separate the zero eigenvalues that symmetries explain, then those that the staircase finds in the rest.
+
+    Disturbances that are a shift along symmetries and a rate along them satisfy the equations where
+    their accelerations are of that kind as well: going further, another heading, another speed.
+    Nothing of S is needed to know them, so that its rounding does not turn them.
+
+    Returns
+    -------
+    Deflated or None
+        None if symmetries explain none or leave a doubt.
+    """
+    spaces, n, q = linear.motion.spaces, space.n_xi, linear.motion.q
+    shifts = [s.direction / spaces.scale for s in known if s.exact and not _carried(linear.generator, q, s)]
+    if not shifts:
+        return None
+    W = spaces.N.T @ np.array([w / np.linalg.norm(w) for w in shifts]).T
+    P, Z = space.A[:n, :n], spaces.Z
+    # Shifts W a and rates W b for which W b = P W a + Z η has a solution η.
+    off = W - Z @ (Z.T @ W), P @ W - Z @ (Z.T @ (P @ W))
+    lengths = max(float(np.linalg.norm(P, 2)) if n else 0.0, 1.0)
+    both = _kernel(np.hstack([off[1] / lengths, -off[0]]), RANK_ROUNDING)
+    if both is None:
+        return None
+    both[: W.shape[1]] /= lengths
+    shift, rate = W @ both[: W.shape[1]], W @ both[W.shape[1] :]
+    # They must become shifts W b with rates 0.
+    states = np.vstack([shift, Z.T @ (rate - P @ shift) / gamma])
+    images = np.vstack([rate, -Z.T @ (P @ rate) / gamma])
+    left, s, right = np.linalg.svd(states, full_matrices=False)
+    large = s > 1e-9 * np.max(s, initial=0.0)
+    V, weights = left[:, large], right[large].T / s[large]
+    size = float(np.linalg.norm(S, 2))
+    known_to = NEUTRAL_ROUNDING * rounding * size
+    # Such a shift must satisfy the constraints without a rate.
+    drift = (P @ rate - Z @ (Z.T @ (P @ rate))) / gamma
+    kept = _kernel(np.vstack([S @ V - images @ weights, drift @ weights]), known_to)
+    if kept is None or not kept.shape[1]:
+        return None
+    V, rate = V @ kept, rate @ weights @ kept
+    count = V.shape[1]
+    second = int(np.linalg.matrix_rank(rate, tol=1e-12 * (float(np.linalg.norm(rate, 2)) or 1.0)))
+    steps = [count - second, second] if second else [count]
+    Q = np.linalg.svd(V)[0]
+    Q[:, :count] = V
+    T = Q.T @ S @ Q
+    A = T[:count, :count]
+    if np.linalg.norm(T[count:, :count], 2) > known_to or np.linalg.norm(A @ A, 2) > known_to * size:
+        return None
+    dropped = float(np.linalg.norm(T[count:, :count], 2))
+    T[count:, :count] = 0.0
+    rest = T[count:, count:]
+    more = deflate_neutral(rest, rounding * size / (float(np.linalg.norm(rest, 2)) or 1.0) if len(rest) else rounding)
+    turn = np.eye(len(S))
+    turn[count:, count:] = more.Q
+    Q, T = Q @ turn, turn.T @ T @ turn
+    done = count + more.n_neutral
+    T[count + more.n_neutral :, count:done] = 0.0
+    for i, zeros in enumerate(more.steps):
+        steps[i : i + 1] = [zeros + (steps[i] if i < len(steps) else 0)]
+    return Deflated(
+        Q, T[:done, :done], T[:done, done:], T[done:, done:], tuple(steps), size, max(dropped, more.dropped),
+        more.undecided, (), count,
+    )  # fmt: skip
+
+
+def _kernel(matrix: Array, rounding: float) -> Array | None:
+    """Return an orthonormal basis of what a matrix makes no larger than the rounding; None where that is in doubt."""
+    _, s, right = np.linalg.svd(matrix)
+    rank = int(np.sum(s > rounding))
+    if rank and s[rank - 1] < NEUTRAL_GAP * rounding:
+        return None
+    result: Array = right[rank:].T
+    return result
 
 
 def _eig(S: Array) -> tuple[Complex, Complex]:
@@ -406,11 +498,16 @@ def carried_shifts(generator: Generator | None, q: Array, known: list[Symmetry])
 
     A shift across the axis, or a tilt of it, is fixed in the ground and goes round in that frame.
     """
+    carried = [s for s in known if _carried(generator, q, s)]
+    return [abs(generator.rate)] if generator is not None and len(carried) >= 2 else []
+
+
+def _carried(generator: Generator | None, q: Array, symmetry: Symmetry) -> bool:
+    """Whether a turning frame carries a symmetry around."""
     if generator is None or not generator.turns:
-        return []
-    Xi, rate = generator.frame(q)[0], abs(generator.rate)
-    carried = [s for s in known if np.linalg.norm(Xi @ s.direction) > 1e-9 * rate * np.linalg.norm(s.direction)]
-    return [rate] if len(carried) >= 2 else []
+        return False
+    change, size = np.linalg.norm(generator.frame(q)[0] @ symmetry.direction), np.linalg.norm(symmetry.direction)
+    return bool(change > 1e-9 * abs(generator.rate) * size)
 
 
 def eigenvalues(
@@ -438,10 +535,42 @@ def eigenvalues(
     space, gamma, deflated, rounding, known = deflate(linear, find_symmetries)
     judge = _Judge(linear, space, gamma, deflated, rounding)
     function = solver(method)
+    if deflated.unexplained and not deflated.pairs:
+        # Zeros of the matrix may be slow eigenvalues that the single entries of the equations still tell.
+        other = _Judge(linear, space, gamma, held(linear, balanced(space, gamma), rounding, known), rounding)
+        if (found := other.told()) is not None:
+            judge = other
+            if function is None:
+                return judge.result(found, method, known)
     if function is None:
         return judge.result(judge.nullspace(), method, known)
-    found = function(linear, gamma, judge.known())
-    return judge.result(judge.undeflated(found.values, found.vectors), method, known, found)
+    others = function(linear, gamma, judge.known())
+    return judge.result(judge.undeflated(others.values, others.vectors), method, known, others)
+
+
+def explained(linear: Linearization, known: list[Symmetry]) -> int:
+    """Return how many zero eigenvalues symmetries explain: a place each, and a speed where momentum is kept."""
+    system, motion = linear.system, linear.motion
+    if not known or len(linear.D_q) or np.any(motion.u):
+        return 2 * len(known)
+    return len(known) + conserved(system, motion, known)
+
+
+def held(linear: Linearization, S: Array, rounding: float, known: list[Symmetry]) -> Deflated:
+    """Separate those zero eigenvalues of the balanced S alone that symmetries explain."""
+    spaces = linear.motion.spaces
+    n, limit = spaces.N.shape[1], NEUTRAL_ROUNDING * rounding * float(np.linalg.norm(S, 2))
+    columns = np.zeros((len(S), len(known)))
+    for k, symmetry in enumerate(known):
+        shift = spaces.N.T @ (symmetry.direction / spaces.scale)
+        columns[:n, k] = shift / (np.linalg.norm(shift) or 1.0)
+    null = columns[:, np.linalg.norm(S @ columns, axis=0) <= limit]
+    null = np.linalg.qr(null)[0]
+    first = deflate_neutral(S, rounding, null)
+    allowed = explained(linear, known) - null.shape[1]
+    if first.steps[1:] and sum(first.steps[1:]) > allowed:
+        return replace(first, unexplained=sum(first.steps[1:]) - allowed)
+    return first
 
 
 def deflate(
@@ -453,16 +582,27 @@ def deflate(
     S = balanced(space, gamma)
     rounding = rounding_of(linear, space, gamma, S)
     deflated = deflate_neutral(S, rounding)
+    fewer = False
     if deflated.steps:
         null = null_space(linear, space, gamma)
         if null is not None and null.shape[1] < deflated.steps[0]:
-            deflated = deflate_neutral(S, rounding, null)
+            fewer, deflated = True, deflate_neutral(S, rounding, null)
     known: list[Symmetry] = []
     turns = linear.generator is not None and linear.generator.turns
     if deflated.steps or turns:
         known = find_symmetries()
+        better = None if fewer else deflate_symmetries(S, rounding, linear, space, gamma, known)
+        # The staircase in S may miss zeros of a chain that come after a slow motion; never the reverse.
+        if better is not None and better.undecided and not deflated.undecided:
+            better = None
+        if better is not None and better.n_neutral > deflated.n_neutral:
+            deflated = better
+        elif better is not None and better.n_neutral == deflated.n_neutral:
+            deflated = replace(better, steps=deflated.steps, undecided=deflated.undecided or better.undecided)
         frequencies = carried_shifts(linear.generator, linear.motion.q, known)
         deflated = deflate_pairs(deflated, frequencies, rounding)
+        zeros = sum(deflated.steps)
+        deflated = replace(deflated, unexplained=max(0, zeros - explained(linear, known)) if zeros else 0)
     return space, gamma, deflated, rounding, known
 
 
@@ -536,7 +676,7 @@ class _Judge:
     ) -> None:
         self.linear, self.space, self.gamma, self.deflated, self.rounding = linear, space, gamma, deflated, rounding
         spaces = linear.motion.spaces
-        self.n_neutral = deflated.n_neutral
+        self.n_neutral, self.doubtful = deflated.n_neutral, False
         # Composite matrices in scaled coordinates and rows, the rows as heavy as the stiffness.
         n = len(linear.M)
         M, R, K = linear.composite()
@@ -556,9 +696,30 @@ class _Judge:
     def nullspace(self) -> list[Eigenvalue]:
         """Return all finite eigenvalues from the deflated system."""
         values, right, left = self._deflated_vectors()
-        neutral = [Eigenvalue(s, "neutral", math.nan, math.nan, math.nan) for s in self.deflated.neutral_values()]
+        neutral = [self._zero(s, i) for i, s in enumerate(self.deflated.neutral_values())]
         x, y = self._composite_vectors(values, right, left)
         return self._displaced(self._refined(self._judged(values, x, y), values, x, y), x, y) + neutral
+
+    def told(self) -> list[Eigenvalue] | None:
+        """Return all finite eigenvalues if those that are not neutral can be told from zero, or None."""
+        self.doubtful = True
+        try:
+            with np.errstate(all="ignore"):
+                found = self.nullspace()
+        except np.linalg.LinAlgError:
+            return None
+        judged = [e for e in found if e.kind != "neutral"]
+        return found if all(e.error_bound <= TOLD * abs(e.value) for e in judged) else None
+
+    def _zero(self, s: complex, number: int) -> Eigenvalue:
+        """Return an eigenvalue that the staircase found to be neutral; what no symmetry explains may be slow."""
+        d = self.deflated
+        if number >= d.unexplained:
+            return Eigenvalue(s, "neutral", math.nan, math.nan, math.nan)
+        # Of a chain of length m one digit in m is left; the next eigenvalues are slow as well perhaps.
+        length = max(2, len(d.steps))
+        part = max(NEUTRAL_ROUNDING * self.rounding, d.dropped / d.size if d.size else 0.0)
+        return Eigenvalue(s, "undecided", d.size * part ** (1.0 / length), math.inf, math.nan)
 
     @cache  # noqa: B019 - a judge lives as long as one answer
     def _deflated_vectors(self) -> tuple[Complex, Complex, Complex]:
@@ -590,7 +751,7 @@ class _Judge:
         x = np.vstack([x_q, self._multipliers(values, x_q, False)])
         y = np.vstack([y_q, self._multipliers(values, y_q, True)])
         for j in range(len(values)):
-            if np.linalg.norm(left[m:, j]) <= 1e-10 * np.linalg.norm(left[:, j]):
+            if len(self.linear.D_q) and np.linalg.norm(left[m:, j]) <= 1e-10 * np.linalg.norm(left[:, j]):
                 y[:, j] = self._kinematic_left_vector(complex(values[j]))
         return x, y
 
@@ -636,10 +797,11 @@ class _Judge:
         for s in self.deflated.neutral_values():
             free = [i for i in range(len(values)) if i not in neutral]
             neutral |= {min(free, key=lambda i: abs(values[i] - s))} if free else set()
-        found, judged, columns = [], [], []
+        found: list[Eigenvalue] = []
+        judged, columns = [], []
         for i in range(len(values)):
             if i in neutral:
-                found.append(Eigenvalue(complex(values[i]), "neutral", math.nan, math.nan, math.nan))
+                found.append(self._zero(complex(values[i]), len(found)))
                 continue
             nearest = int(np.argmin(np.abs(deflated - values[i]))) if len(deflated) else -1
             x = vectors[: self.n, i] / scale[: self.n]
@@ -668,6 +830,11 @@ class _Judge:
                 continue
             s, bound, vector = pair
             s = complex(s.real) if values[i].imag == 0.0 else s
+            if self.n_neutral > self.deflated.exact and not self.deflated.unexplained:
+                held = self._held(i, complex(values[i]), s, x, y)
+                if held < min(bound, found[i].error_bound):
+                    better[i] = complex(values[i]), held, x[: self.n, i] / np.linalg.norm(x[: self.n, i])
+                    continue
             # Newton's method must not have gone to another eigenvalue.
             if bound < found[i].error_bound and abs(s - values[i]) <= found[i].error_bound:
                 better[i] = s, bound, vector[: self.n] / np.linalg.norm(vector[: self.n])
@@ -680,7 +847,7 @@ class _Judge:
             if s.imag:
                 twins.append((min(rough, key=lambda j: abs(values[j] - values[i].conjugate())), s.conjugate()))
             for j, value in twins:
-                kind = kind_of(value, bound, self._separation(value))
+                kind = self._kind(value, bound)
                 value = complex(value.real + 0.0, value.imag + 0.0)
                 condition, energy = _relative(bound / DATA, s), self._participation(vector)
                 result[j] = Eigenvalue(value, kind, bound, condition, 0.0, energy)
@@ -718,7 +885,7 @@ class _Judge:
         result = []
         for e, more in zip(found, extra.tolist(), strict=True):
             bound, condition = e.error_bound + more, e.condition + _relative(more / DATA, e.value)
-            kind = kind_of(e.value, bound, self._separation(e.value))
+            kind = self._kind(e.value, bound)
             result.append(replace(e, error_bound=bound, condition=condition, kind=kind))
         return result
 
@@ -730,6 +897,20 @@ class _Judge:
         terms = [x * self.factors * self.factors[:, None] for x in composite(linear.terms)]
         M, R, K, *sizes = (x[np.ix_(kept, kept)] for x in (self.M, self.R, self.K, *terms))
         return Quadratic.of(M, R, K, tuple(sizes)), kept
+
+    def _held(self, i: int, s: complex, refined: complex, x: Complex, y: Complex) -> float:
+        """Return the error bound of an eigenvalue of the deflated matrix if its zeros are zeros of the structure.
+
+        Then rounding does what it does to the rest of the matrix and to the single entries. How far the zeros
+        were turned in finding them is measured: the refined eigenvalue does not know of them.
+        """
+        inner = float(self._deflated_condition(np.array([s]), self.n_neutral)[0]) * EPS
+        M, R, K = (z * self.factors * self.factors[:, None] for z in composite(self.linear.entries))
+        left, right, size = np.abs(y[:, i]), np.abs(x[:, i]), abs(s)
+        slope = abs(y[:, i].conj() @ (2.0 * s * (self.M @ x[:, i]) + self.R @ x[:, i]))
+        entries = ROUNDINGS * EPS * float(left @ ((size * size * M + size * R + K) @ right))
+        turned = MEASURED * abs(s - refined)
+        return max(inner, entries / slope + turned) if slope > 0.0 else math.inf
 
     # --- bounds -----------------------------------------------------------------------------------------------------
 
@@ -746,31 +927,38 @@ class _Judge:
         with np.errstate(all="ignore"):
             eta = np.linalg.norm(residual, axis=0) / (weight * length_x)
             kappa = weight * length_x * length_y / slope
-            if self.n_neutral and zeros_held:
-                kappa = self._deflated_condition(values)
+            if self.n_neutral and zeros_held and not self.deflated.unexplained:
+                kappa = self._deflated_condition(values, self.deflated.exact)
             bound = np.maximum(kappa * (eta + DATA), least)
         found = []
         for j, s in enumerate(values):
             error = float(bound[j]) if np.isfinite(bound[j]) else math.inf
             relative = _relative(float(kappa[j]), complex(s))
-            kind = kind_of(complex(s), error, self._separation(complex(s)))
+            kind = self._kind(complex(s), error)
             value = complex(s.real + 0.0, s.imag + 0.0)  # no −0
             found.append(Eigenvalue(value, kind, error, relative, float(eta[j]), self._participation(x[: self.n, j])))
         return found
 
-    def _deflated_condition(self, values: Complex) -> Array:
-        """Return absolute condition numbers (1/s) of eigenvalues in the matrix without its zeros."""
+    def _deflated_condition(self, values: Complex, held: int) -> Array:
+        """Return absolute condition numbers (1/s) of eigenvalues in the matrix without its first `held` zeros.
+
+        Rounding turns the null vectors of other zeros, so the shares of a mode along them count.
+        """
         known, right, left = self._deflated_vectors()
-        k = self.n_neutral
-        inner, dual = self.deflated.Q.T @ right, self.deflated.Q.T @ left
-        inner, dual = inner[k:], dual[k:]
-        product = np.abs(np.sum(dual.conj() * inner, axis=0))
-        condition = np.linalg.norm(inner, axis=0) * np.linalg.norm(dual, axis=0) / product
+        product = np.abs(np.sum(left.conj() * right, axis=0))
+        others = self.deflated.Q[:, held:].T @ right
+        condition = np.linalg.norm(others, axis=0) * np.linalg.norm(left, axis=0) / product
         # S is known to round-off, and zeros were separated by dropping something.
         size = max(self.deflated.size * self.rounding, self.deflated.dropped) / EPS
         nearest = [int(np.argmin(np.abs(known - s))) for s in values]
         result: Array = condition[nearest] * size
         return result
+
+    def _kind(self, s: complex, bound: float) -> str:
+        """Return the type of singular point; where few digits are known, nothing is taken to be on the axis."""
+        kind = kind_of(s, bound, self._separation(s))
+        close = bound <= (FEW if self.doubtful else KNOWN) * abs(s)
+        return kind if kind != "center" or close else "undecided"
 
     def _separation(self, s: complex) -> float:
         """Return the distance of an eigenvalue to the next one, itself left out."""
@@ -802,7 +990,7 @@ class _Judge:
     ) -> EigenResult:
         linear = self.linear
         besides = besides or Found(np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
-        found = _with_saddles(found)
+        found = _with_saddles(_lost(found))
         found.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
         spaces = linear.motion.spaces
         counts = Counts(
@@ -858,15 +1046,16 @@ class _Judge:
                 f"zero eigenvalues form a chain of length {len(self.deflated.steps)}, longer than symmetries explain: "
                 "a critical state, which the linearized equations cannot judge"
             )
-        elif sum(self.deflated.steps) > 2 * len(known):
-            explain = "symmetry explains" if len(known) == 1 else "symmetries explain"
-            explained = f"{len(known)} {explain} {2 * len(known)} at most"
+        elif self.deflated.unexplained:
+            zeros, explain = sum(self.deflated.steps), "symmetry explains" if len(known) == 1 else "symmetries explain"
+            most = f"{len(known)} {explain} {zeros - self.deflated.unexplained} at most"
             doubts.append(
-                f"{_count(sum(self.deflated.steps))} zero, but {explained}: a critical state or a continuum of "
-                "equilibria, which the linearized equations cannot judge"
+                f"{_count(zeros)} zero, but {most}: a critical state or a continuum of equilibria, which the "
+                "linearized equations cannot judge, or motions so slow that rounding hides them: zero to "
+                f"{self._zero(0j, 0).error_bound:.1e} 1/s; --precision tells them apart"
             )
         for e in found:
-            if e.kind == "undecided" and e.value.imag >= 0.0:
+            if e.kind == "undecided" and e.value.imag >= 0.0 and math.isfinite(e.condition + e.backward_error):
                 doubts.append(
                     f"the eigenvalue {show(e.value)} 1/s lies within its error bound {e.error_bound:.1e} of the "
                     "imaginary axis or too close to another one to be placed on it "
@@ -900,9 +1089,22 @@ def kind_of(s: complex, bound: float, separation: float) -> str:
     return "undecided" if clustered or real or bound > KNOWN * abs(s) else "center"
 
 
+def _lost(found: list[Eigenvalue]) -> list[Eigenvalue]:
+    """Give eigenvalues of which no digit is known one bound: they stand for each other, and vectors say nothing."""
+    lost = [e for e in found if e.kind != "neutral" and e.error_bound > abs(e.value)]
+    if len(lost) < 2:
+        return found
+    ids, bound = {id(e) for e in lost}, max(e.error_bound for e in lost)
+    return [replace(e, error_bound=bound, kind="undecided") if id(e) in ids else e for e in found]
+
+
 def _inexact(found: list[Eigenvalue]) -> tuple[str, ...]:
     """Return a warning about eigenvalues of which few digits are known, or nothing."""
-    few = [e for e in found if e.kind != "neutral" and e.value.imag >= 0.0 and e.error_bound > FEW * abs(e.value)]
+    few = [
+        e
+        for e in found
+        if e.kind != "neutral" and e.value and e.value.imag >= 0.0 and e.error_bound > FEW * abs(e.value)
+    ]
     if not few:
         return ()
     worst = max(few, key=lambda e: _relative(e.error_bound, e.value))

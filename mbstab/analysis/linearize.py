@@ -112,6 +112,12 @@ class Linearization:
         """Sizes of the terms of which M, R, K, J and D_q are sums."""
         return _terms(self.system, self.motion, self.generator)
 
+    @cached_property
+    def entries(self) -> Matrices:
+        """Sizes of the terms entry by entry, at the multipliers there are: what is zero stays it."""
+        motion = self.motion
+        return _entries(self.system, motion, self.generator, np.abs(motion.nu))
+
     def beside(self, change: Array) -> Matrices:
         """Return M, R, K, J and D_q where the coordinates are a little different, and what balances there."""
         return _beside(self.system, self.motion, self.generator, change)
@@ -224,17 +230,23 @@ def _terms(system: System, motion: Motion, generator: Generator | None) -> Matri
     balanced = loads["F"] + loads["M"] @ np.abs(motion.a) + loads["J"].T @ np.abs(motion.nu)
     balanced = balanced + loads["K"] @ motion.sizes + loads["R"] @ np.abs(motion.u)
     nu = np.abs(motion.nu) + (inverse.T @ (balanced * spaces.scale)) * spaces.row_scale
-    found = system.terms(motion.q, motion.u, motion.a, nu, motion.time)
-    M, R, K, J, D_q = (found[key] for key in "MRKJD")
-    if generator is not None and generator.turns:
-        Xi, Xi_2 = (np.abs(x) for x in generator.frame(motion.q))
-        K, R, D_q = K + R @ Xi + M @ Xi_2, R + 2.0 * M @ Xi, D_q + J[system.n_h :] @ Xi
+    M, R, K, J, D_q = _entries(system, motion, generator, nu)
     # Turned axes mix the directions of a body: none of them is known better than the others.
     kinds = [(name.partition(".")[0], is_length(name)) for name in system.names]
     first = [i for i, kind in enumerate(kinds) if i == 0 or kind != kinds[i - 1]]
     counts = np.diff([*first, len(kinds)])
     M, R, K, J, D_q = (np.repeat(np.maximum.reduceat(x, first, axis=1), counts, axis=1) for x in (M, R, K, J, D_q))
     M, R, K = (np.repeat(np.maximum.reduceat(x, first, axis=0), counts, axis=0) for x in (M, R, K))
+    return Matrices(M, R, K, J, D_q)
+
+
+def _entries(system: System, motion: Motion, generator: Generator | None, nu: Array) -> Matrices:
+    """Return the sizes of the terms of which the coefficients are sums, for multipliers of given sizes."""
+    found = system.terms(motion.q, motion.u, motion.a, nu, motion.time)
+    M, R, K, J, D_q = (found[key] for key in "MRKJD")
+    if generator is not None and generator.turns:
+        Xi, Xi_2 = (np.abs(x) for x in generator.frame(motion.q))
+        K, R, D_q = K + R @ Xi + M @ Xi_2, R + 2.0 * M @ Xi, D_q + J[system.n_h :] @ Xi
     return Matrices(M, R, K, J, D_q)
 
 

@@ -168,6 +168,14 @@ class System:
         out |= self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu, sizes=True)
         return out | {"D": out["D"][self.n_h :]}
 
+    def forces_alone(self) -> Iterator[System]:
+        """Yield for each element without rows, which makes forces or bears inertia, a system in which it alone acts."""
+        for element in self._elements:
+            if not element.rows:
+                part = copy(self)
+                part._elements, part._plans = [element], {}
+                yield part
+
     def fused(self, machine_code: bool = False) -> Fused:
         """Return the same equations as functions of this scene alone, for thousands of states.
 
