@@ -529,8 +529,13 @@ def test_slow_motions_of_what_floats_are_not_counted_among_its_neutral_ones(kind
         assert result.verdict == "undecided"
         assert "neutral or merely slow cannot be told in double precision" in result.reasons[0]
         return
-    assert result.verdict == "marginally stable"
     assert result.counts.neutral == (6 if kind == "planar" else 12)
+    if (kind, damping) == ("spatial", 1e6):
+        # The slow ones are known to a few per cent only, beside the zeros: that is said.
+        assert result.verdict == "undecided"
+        assert "--precision" in result.warnings[0]
+    else:
+        assert result.verdict == "marginally stable"
 
 
 def test_a_bad_start_is_not_taken_for_another_eigenvalue():
