@@ -750,3 +750,34 @@ def test_a_path_between_two_points_of_the_grid_is_listed_with_its_fold():
     assert [[c.kind for c in path.critical] for path in (result, *result.beyond)] == [["fold"], ["fold"], []]
     assert [len(path.values) for path in (result, *result.beyond)] == [2, 0, 1]
     assert abs(result.critical[0].value - 2.0 / (3.0 * math.sqrt(3.0))) < 1e-13
+
+
+def test_zeros_that_nothing_explains_are_no_answer():
+    # Beside 1e15 N/m rounding hides a spring of -1 N/m; without it the zeros are those of a shift.
+    text = """
+mbstab: 1
+parameters: {k: 1e15, weak: -1}
+bodies:
+  a: {type: planar_point, mass: 1}
+  b: {type: planar_point, mass: 1}
+constraints:
+  rail_a: {holonomic: a.y}
+  rail_b: {holonomic: b.y}
+forces:
+  weak: {type: expression, on: {a.x: -weak*(a.x - 1)}}
+  stiff: {type: spring, between: [a, b], stiffness: k, length: 1, damping: 0}
+reference:
+  coordinates:
+    a: {x: 1, y: 0}
+    b: {x: 2, y: 0}
+"""
+    hidden = mbstab.loads(text).sweep("k", np.linspace(0.9e15, 1e15, 5))
+    assert set(hidden.unstable) == {-1}
+    assert {message.splitlines()[0] for message in hidden.problems.values()} == {
+        "nothing explains 2 of 2 zero eigenvalues: slow ones may be lost"
+    }
+    seen = mbstab.loads(text).sweep("k", np.linspace(0.9e3, 1e3, 5))
+    assert set(seen.unstable) == {1}
+    free = mbstab.loads(text).sweep("k", np.linspace(0.9e15, 1e15, 5), weak=0)
+    assert set(free.unstable) == {0}
+    assert free.neutral == 2

@@ -26,6 +26,7 @@ from mbstab.analysis.eigen import (
     carried_shifts,
     deflate_neutral,
     deflate_pairs,
+    explained,
     rounding_of,
     time_scale,
 )
@@ -95,6 +96,7 @@ class _Pattern:
     family: Family | None
     sizes: Array
     balance: Balance | None
+    unexplained: int
 
     @property
     def n_neutral(self) -> int:
@@ -169,7 +171,7 @@ class _Work:
         self.lenient = False
         self.path = evaluator.path
         self.problems: dict[int, str] = {}
-        self.found: list[tuple[npt.NDArray[np.intp], Complex, int]] = []
+        self.found: list[tuple[npt.NDArray[np.intp], Complex, _Pattern]] = []
 
     def scene(self, index: npt.NDArray[np.intp] | int) -> Scene:
         """Return the scene at some points, or at one."""
@@ -197,7 +199,7 @@ class _Work:
             if found is None:
                 continue
             pattern, values = found
-            self.found.append((np.array([i]), values[None, :], pattern.n_neutral))
+            self.found.append((np.array([i]), values[None, :], pattern))
             if lonely < PATIENCE and len(pending):
                 done = self._fitting(pattern, pending)
                 pending = pending[~done]
@@ -247,14 +249,19 @@ class _Work:
         if not self.found:
             return Spectra(np.full((self.points, count or 0), NO_EIGENVALUE), self.problems, 0)
         counts: dict[tuple[int, int], int] = {}
-        for index, values, neutral in self.found:
-            key = values.shape[1] + neutral, neutral
+        for index, values, pattern in self.found:
+            key = values.shape[1] + pattern.n_neutral, pattern.n_neutral
             counts[key] = counts.get(key, 0) + len(index)
         n_f = max(counts, key=lambda key: counts[key])[0]
         # More may be zero where a symmetry is added: there they are eigenvalues like others.
         neutral = min(zeros for n, zeros in counts if n == n_f) if count is None else max(n_f - count, 0)
         result = np.full((self.points, n_f - neutral), NO_EIGENVALUE)
-        for index, values, other in self.found:
+        for index, values, pattern in self.found:
+            other = pattern.n_neutral
+            if count is None and other == neutral and pattern.unexplained:
+                # Zeros everywhere that nothing explains may be slow eigenvalues that rounding hides.
+                text = f"nothing explains {pattern.unexplained} of {other} zero eigenvalues: slow ones may be lost"
+                self.problems |= {int(i): f"{text}\nhint: mbstab eig --precision" for i in index}
             if values.shape[1] + other != n_f:
                 text = f"{values.shape[1] + other} finite eigenvalues exist here, elsewhere {n_f}"
                 self.problems |= {int(i): text for i in index}
@@ -283,8 +290,10 @@ class _Work:
                 rounding = rounding_of(linear, space, gamma, S)
                 deflated = deflate_neutral(S, rounding)
                 turning = linear.generator if linear.generator is not None and linear.generator.turns else None
-                known = symmetries(system, motion) if turning is not None else []
+                known = symmetries(system, motion) if turning is not None or deflated.steps else []
                 deflated = deflate_pairs(deflated, carried_shifts(turning, motion.q, known), rounding)
+                zeros = sum(deflated.steps)
+                unexplained = max(0, zeros - explained(linear, known)) if zeros else 0
         except UsageError:
             raise
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as error:
@@ -297,7 +306,7 @@ class _Work:
         if turning is not None:
             directions = np.eye(3)[: system.scene.dimension]
             family = Family(system, turning.axis, np.zeros(3), directions, spinning_columns(system))
-        pattern = _Pattern(linear, deflated.steps, len(deflated.pairs), family, motion.sizes, balance)
+        pattern = _Pattern(linear, deflated.steps, len(deflated.pairs), family, motion.sizes, balance, unexplained)
         return pattern, np.linalg.eigvals(deflated.S).astype(complex)
 
     def motion(self, system: System, i: int) -> tuple[Motion, Balance | None]:
@@ -330,7 +339,7 @@ class _Work:
             except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
                 return np.zeros(len(index), dtype=bool)
         if np.any(good):
-            self.found.append((index[good], values[good], pattern.n_neutral))
+            self.found.append((index[good], values[good], pattern))
         return good
 
 
