@@ -39,8 +39,10 @@ def pairs(*squares):
 
 
 def assert_eigenvalues(result, expected, neutral, rtol=1e-13):
-    found = result.values()
-    assert (len(found), result.counts.neutral) == (len(expected), neutral)
+    # Zeros that no symmetry of coordinates explains, such as rolling in place, are undecided.
+    unexplained = [e for e in result.eigenvalues if e.kind == "undecided" and e.value == 0.0]
+    found = [s for s in result.values() if s != 0.0]
+    assert (len(found), result.counts.neutral + len(unexplained)) == (len(expected), neutral)
     np.testing.assert_array_less(matched(found, expected) / np.abs(expected), rtol)
 
 

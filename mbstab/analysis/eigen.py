@@ -73,7 +73,7 @@ APART = 1e-8
 FEW = 1e-10
 """Eigenvalues with larger relative error bounds are warned about."""
 
-KNOWN = 1e-6
+KNOWN = 1e-3
 """An eigenvalue known worse than this, relative to itself, is on neither side of the imaginary axis, nor on it."""
 
 WEAK = 1e-3
@@ -995,7 +995,7 @@ class _Judge:
         spaces = linear.motion.spaces
         counts = Counts(
             len(linear.M), linear.n_h, len(linear.J) - linear.n_h, spaces.C.rank, spaces.W.rank, linear.n_f, len(found),
-            self.n_neutral, besides.infinite, besides.undefined, besides.extra, besides.extra_error,
+            sum(e.kind == "neutral" for e in found), besides.infinite, besides.undefined, besides.extra, besides.extra_error,
         )  # fmt: skip
         verdict, reasons = self._verdict(found, counts, known)
         frame = str(linear.generator) if linear.generator is not None and linear.generator.turns else ""
