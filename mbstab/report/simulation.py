@@ -117,7 +117,9 @@ def simulation_json(sim: Simulation, model: str, title: str, full: bool) -> str:
     """Return the JSON object of ``mbstab simulate``.
 
     Keys: ``model``, ``title``, ``method``, ``solver``, ``tol`` (null with fixed steps), ``step`` (s),
-    ``error_estimate`` (of the global error), ``complete``, ``failure``, ``start`` and ``end`` (s), ``end_state``
+    ``error_estimate`` (of the global error: places relative to the size of the scene, entries of rotation matrices,
+    speeds relative to the largest one, or to a part of the natural rate of the scene where nothing moves),
+    ``complete``, ``failure``, ``start`` and ``end`` (s), ``end_state``
     (``coordinates`` in m and rad and ``rates``, by name), ``max_constraint_residual``, ``energy_drift`` (relative),
     ``conservative``, ``steps``, ``rejected``, ``evaluations``, ``runs``, ``charts``, ``warnings``; in a
     file also ``columns`` (names with units) and ``rows`` (a list for each time of output).
