@@ -735,6 +735,23 @@ def test_exit_codes_and_messages(arguments, code, message):
     assert message in result.stderr
 
 
+@pytest.mark.parametrize(
+    ("name", "message"), [("none/a.csv", "there is no directory"), ("a.xls", "the suffix says no format")]
+)
+def test_what_cannot_be_written_is_found_before_the_simulation(tmp_path, name, message, monkeypatch):
+    monkeypatch.setattr(mbstab.Mechanism, "simulate", None)
+    result = run("pendulum.yaml", "--to", "1", "-o", str(tmp_path / name))
+    assert result.exit_code == 2
+    assert message in result.stderr
+
+
+def test_rates_have_their_unit():
+    lines = run("pendulum.yaml", "--to", "0.1").stdout.splitlines()
+    assert next(x for x in lines if x.startswith("coordinate")).split()[:2] == ["coordinate", "unit"]
+    row = next(x for x in lines if x.startswith("rod.theta")).split()
+    assert (row[1], row[-1]) == ("rad", "rad/s")
+
+
 def test_a_failure_leaves_the_finished_part_on_disk(tmp_path):
     path = tmp_path / "part.csv"
     result = run("four_bar.yaml", "--to", "2", "--perturb", "rate(left.theta)=9", "-o", str(path))

@@ -139,10 +139,11 @@ def simulation_text(sim: Simulation, title: str) -> str:
     rows = []
     for i, (name, unit) in enumerate(zip(sim.names, _units(sim), strict=True)):
         q, u = sim.q[:, i], sim.u[:, i]
-        rows.append([name, *(number(float(x), 8) for x in (q[0], q[-1], q.min(), q.max(), u[-1])), unit])
-    heads = ["coordinate", "at first", "at last", "least", "largest", "last rate", ""]
+        values = [number(float(x), 8) for x in (q[0], q[-1], q.min(), q.max(), u[-1])]
+        rows.append([name, unit, *values, f"{unit}/s"])
+    heads = ["coordinate", "unit", "at first", "at last", "least", "largest", "last rate", ""]
     shown = rows if len(rows) <= 40 else rows[:40]
-    lines.append(table(heads, shown, left=(0, 6)))
+    lines.append(table(heads, shown, left=(0, 1, 7)))
     if len(rows) > len(shown):
         lines += [f"{len(rows) - len(shown)} more coordinates", ""]
     what = f"{sim.method}{f' ({sim.solver})' if sim.solver else ''}"
