@@ -18,6 +18,7 @@ from scipy.special import ellipj, ellipk
 
 import mbstab
 from mbstab.analysis import constrained
+from mbstab.analysis import simulate as simulating
 from mbstab.analysis.initial import mode_shape, start_of
 from mbstab.analysis.integrators import METHODS
 from mbstab.analysis.motion import Finder
@@ -99,6 +100,41 @@ def test_the_tolerance_is_the_global_error_to_the_factor_that_is_documented(tol,
     assert sim.error_estimate <= tol
     assert error <= TRUST * sim.error_estimate + 1e-13
     assert error <= TRUST * tol
+
+
+@pytest.mark.parametrize(("degrees", "to"), [(165, 10), (165, 20), (170, 10), (172, 10), (172, 20), (175, 10)])
+def test_the_estimate_holds_where_errors_of_two_runs_agree_by_chance(degrees, to):
+    start = math.radians(degrees)
+    modulus = math.sin(start / 2)
+    sim = PENDULUM.simulate(to, perturb={"rod.theta": start}, tol=1e-6)
+    sn, cn, dn, _ = ellipj(ellipk(modulus**2) - OMEGA * sim.times, modulus**2)
+    angle = 2.0 * np.arcsin(modulus * sn)
+    rate = -2.0 * modulus * OMEGA * cn * dn / np.cos(0.5 * angle)
+    error = max(
+        np.max(np.abs(sim.rotations[:, 0, 0, 0] - np.sin(angle))),
+        np.max(np.abs(sim.rotations[:, 0, 1, 0] + np.cos(angle))),
+        np.max(np.abs(sim.u[:, 2] - rate)) / np.max(np.abs(rate)),
+    )
+    assert sim.warnings == ()
+    assert sim.runs >= 3
+    assert error <= TRUST * sim.error_estimate
+
+
+def test_errors_at_rest_are_those_of_the_scene():
+    sim = PENDULUM.simulate(1.0)
+    assert sim.warnings == ()
+    assert sim.error_estimate <= 1e-9
+
+
+@pytest.mark.parametrize(
+    ("to", "tol", "runs", "reason"),
+    [(10.0, 1e-13, 5, "rounding and the growth of disturbances"), (10.0, 1e-6, 2, "stopped after 2 runs")],
+)
+def test_why_a_tolerance_is_not_met_is_said(to, tol, runs, reason, monkeypatch):
+    monkeypatch.setattr(simulating, "RUNS", runs)
+    sim = PENDULUM.simulate(to, perturb={"rod.theta": math.radians(175)}, tol=tol)
+    (text,) = sim.warnings
+    assert reason in text
 
 
 def test_the_energy_of_a_pendulum_stays_over_a_thousand_periods():
@@ -697,6 +733,23 @@ def test_exit_codes_and_messages(arguments, code, message):
     result = run(*arguments)
     assert result.exit_code == code
     assert message in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "message"), [("none/a.csv", "there is no directory"), ("a.xls", "the suffix says no format")]
+)
+def test_what_cannot_be_written_is_found_before_the_simulation(tmp_path, name, message, monkeypatch):
+    monkeypatch.setattr(mbstab.Mechanism, "simulate", None)
+    result = run("pendulum.yaml", "--to", "1", "-o", str(tmp_path / name))
+    assert result.exit_code == 2
+    assert message in result.stderr
+
+
+def test_rates_have_their_unit():
+    lines = run("pendulum.yaml", "--to", "0.1").stdout.splitlines()
+    assert next(x for x in lines if x.startswith("coordinate")).split()[:2] == ["coordinate", "unit"]
+    row = next(x for x in lines if x.startswith("rod.theta")).split()
+    assert (row[1], row[-1]) == ("rad", "rad/s")
 
 
 def test_a_failure_leaves_the_finished_part_on_disk(tmp_path):

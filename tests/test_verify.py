@@ -159,6 +159,54 @@ reference: {coordinates: {p: {x: 0, y: 0}}}
     assert found.evaluations < 20_000
 
 
+def point(force):
+    return mbstab.loads(f"""\
+mbstab: 1
+bodies: {{a: {{type: planar_point, mass: 1}}}}
+joints: {{r: {{type: point_on_line, between: [ground, a], axis: x}}}}
+forces: {{s: {{type: expression, on: {{a.x: "{force}"}}}}}}
+reference: {{coordinates: {{a: {{x: 0, y: 0}}}}}}
+""").verify()
+
+
+@pytest.mark.parametrize(
+    "force",
+    ["-400*a.x - 5*tanh(rate(a.x)/1e-3)", "-tanh(1e7*a.x)", "-4*a.x + 1e6*rate(a.x)**3", "-4*a.x + 1e3*rate(a.x)**3"],
+)
+def test_a_small_linear_range_is_found_by_smaller_amplitudes(force):
+    found = point(force)
+    assert found.verdict == "confirmed"
+    assert min(mode.amplitude for mode in found.modes) < module.AMPLITUDE
+    for mode in found.modes:
+        assert mode.error <= 1e-5
+        assert abs(mode.observed - mode.predicted) <= module.BLURRED * mode.uncertainty
+
+
+@pytest.mark.parametrize("width", [1e-4, 1e-5, 1e-6, 1e-8])
+def test_a_linear_range_below_rounding_contradicts_nothing(width):
+    found = point(f"-400*a.x - 5*tanh(rate(a.x)/{width})")
+    assert found.verdict != "contradicted"
+    for mode in found.modes:
+        assert mode.verdict != "confirmed" or mode.error <= 1e-5
+        assert mode.verdict == "confirmed" or mode.reason
+
+
+@pytest.mark.parametrize("force", ["-400*a.x + 1e-6*rate(a.x)", "-4*a.x + 1e-8*rate(a.x)"])
+def test_growth_that_is_too_slow_to_be_seen_is_not_confirmed(force):
+    found = point(force)
+    (mode,) = found.modes
+    assert found.result.verdict == "unstable"
+    assert (found.verdict, mode.verdict) == ("cannot be judged", "cannot be judged")
+    assert "frequency confirmed; growth too small to be seen" in mode.reason
+    assert "no mode grows" not in found.reason
+
+
+def test_slow_growth_that_is_seen_is_confirmed():
+    found = point("-4*a.x + 1e-5*rate(a.x)")
+    assert found.verdict == "confirmed"
+    assert "mode 1 grows with 4.9998" in found.reason
+
+
 # --- the command ----------------------------------------------------------------------------------------------------
 
 
@@ -172,6 +220,8 @@ def test_the_table_shows_prediction_and_observation():
     assert "Verdict: marginally stable" in result.stdout
     assert "0 ± 7.61480" in result.stdout
     assert "Nonlinear motion: confirmed" in result.stdout
+    assert "confirmed: real and imaginary part each within 3 times" in result.stdout
+    assert "amplitude 2e-05 of the sizes" in result.stdout
 
 
 def test_the_json_answer_has_the_modes():

@@ -1,10 +1,13 @@
 """The nonlinear motion of a scene, as accurate as asked for.
 
 The tolerance is that of the result: the largest error of places (in the size of the scene), of
-orientations (of entries of the rotation matrices) and of speeds (relative to the largest) at
-any time of output. It is estimated from runs with different tolerances of a step, to whose
-power `Method.power` the error is proportional, and runs are repeated with smaller ones until the estimate
-is below. The true error may exceed the estimate by the factor `TRUST`.
+orientations (of entries of the rotation matrices) and of speeds (relative to the largest of the
+motion; where nothing moves, to the part `REST` of the natural rate of the scene) at
+any time of output. It is estimated from three runs at least with different tolerances of a step, to which
+power the error is proportional (`SURE` times `Method.power` is counted on), and runs are repeated with
+smaller ones until the estimate is below: the largest of those from each of the earlier runs, as the errors
+of two runs may agree by chance.
+The true error may exceed the estimate by the factor `TRUST`.
 """
 
 from __future__ import annotations
@@ -26,14 +29,26 @@ from mbstab.errors import SimulationError, UsageError
 TRUST = 3.0
 """The error of a result is below this factor times the tolerance, if no warning says that the tolerance is not met."""
 
-RUNS = 4
-"""With different tolerances, at most."""
+RUNS, LEAST_RUNS = 5, 3
+"""With different tolerances, at most and at least."""
+
+REST = 1e-4
+"""Speeds below this part of the natural rate are as good as none."""
 
 SMALLEST = 1e-13
 """Tolerance of a step below which rounding decides."""
 
 REDUCTION = 0.1
 """Of the tolerance of a step from the first run to the second."""
+
+LARGEST_RATIO = 0.5
+"""Of tolerances whose runs tell anything about the error."""
+
+IMPROVED = 0.7
+"""A run whose estimate is above this part of the one before has not improved the result."""
+
+SURE = 0.75
+"""Part of `Method.power` that is counted on: errors of single runs may shrink less than theory says."""
 
 MARGIN = 0.3
 """A repeated run aims at this part of the tolerance."""
@@ -84,7 +99,9 @@ class Simulation:
     step : float or None
         The fixed step (s).
     error_estimate : float
-        Of the global error; nan where only one run was made.
+        Of the global error, which is the largest of those of places, relative to the size of the scene, of entries
+        of rotation matrices, and of speeds, relative to the largest speed of the motion, or where nothing moves to
+        `REST` times the natural rate of the scene; nan where only one run was made.
     steps, rejected, evaluations : int
         Of the last run; evaluations count all runs.
     runs, charts : int
@@ -277,6 +294,8 @@ class _Work:
         relative = float(np.max(np.abs(motion.u / motion.sizes), initial=0.0))
         pulled = math.sqrt(float(np.max(np.abs(motion.a / motion.sizes), initial=0.0)))
         self.rate = max(relative, pulled, 1.0 / float(follower.times[-1] - follower.times[0]))
+        falling = math.sqrt(math.hypot(*map(float, follower.system.scene.gravity)) / float(np.max(motion.sizes)))
+        self.natural = max(self.rate, falling)
         self.longest = longest_step(follower)
         self.estimate, self.runs, self.evaluations = math.nan, 0, 0
         self.warnings: list[str] = []
@@ -298,33 +317,52 @@ class _Work:
         before = self.once(local, self._share(0.0, 0.15))
         if not before.complete:
             return before
+        started = self.rate
         self.rate = max(fastest(before, float(np.max(sizes))), 1e-3 * self.rate)
+        fast = max(fastest(before, float(np.max(sizes))), REST * self.natural)
         following = max(local * REDUCTION, SMALLEST)
         if following >= local:
             following, local = SMALLEST, 10.0 * SMALLEST
             before = self.once(local, self._share(0.15, 0.2))
             if not before.complete:
                 return before
-        shares = [0.15, 0.4, 0.8, 0.95, 1.0]
+        shares = [0.15, 0.3, 0.5, 0.8, 0.95, 1.0]
+        # The first run took another rate as fast: for speeds its tolerance was as much smaller.
+        earlier, improved = [(local * (min(started / self.rate, 1.0) if self.runs == 1 else 1.0), before)], True
         for k in range(1, RUNS):
-            low, high = shares[k - 1], shares[k]
-            run = self.once(following, self._share(low, high))
+            run = self.once(following, self._share(shares[k - 1], shares[k]))
             if not run.complete:
                 return self._better(before, run)
-            ratio = (following / local) ** self.method.power
-            self.estimate = difference(run, before, sizes) * ratio / (1.0 - ratio)
-            if self.estimate <= self.tol or following <= SMALLEST:
+            last, self.estimate = self.estimate, self._estimated(run, following, earlier, fast)
+            improved = not self.estimate > IMPROVED * last
+            if following <= SMALLEST or (self.estimate <= self.tol and k + 1 >= LEAST_RUNS):
                 break
-            wanted = following * (MARGIN * self.tol / self.estimate) ** (1.0 / self.method.power)
-            local, before = following, run
+            wanted = REDUCTION * following
+            if self.estimate > self.tol:
+                wanted = following * (MARGIN * self.tol / self.estimate) ** (1.0 / (SURE * self.method.power))
+            earlier.append((following, run))
+            before = run
             following = max(min(wanted, 0.3 * following), SMALLEST)
         if self.estimate > self.tol:
+            reason = (
+                f"stopped after {self.runs} runs"
+                if improved and following > SMALLEST
+                else "rounding and the growth of disturbances over this time allow no better"
+            )
             self.warnings.append(
                 f"the estimate of the global error, {self.estimate:.1e}, is above the tolerance {self.tol:.1e}: "
-                "rounding and the growth of disturbances over this time allow no better"
+                + reason
             )
         self.progress(1.0)
         return run
+
+    def _estimated(self, run: Run, tol: float, earlier: list[tuple[float, Run]], fast: float) -> float:
+        """Return the error of a run: the largest of those that its differences from earlier ones tell."""
+        found = 0.0
+        for larger, other in earlier:
+            ratio = min(tol / larger, LARGEST_RATIO) ** (SURE * self.method.power)
+            found = max(found, difference(run, other, self.follower.motion.sizes, fast) * ratio / (1.0 - ratio))
+        return found
 
     def _share(self, low: float, high: float) -> Callable[[float], object]:
         """Return the progress function of a part of the work."""

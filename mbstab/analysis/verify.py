@@ -6,7 +6,9 @@ difference is free of quadratic terms. Taken back by the steady motion (Δq = D�
 projected with the left eigenvector w of the mode, it is c(t) = wᴴy(t): exp(s t) where the
 prediction s holds. The slope of log c gives the growth rate and the frequency that are
 observed; how different the slopes of its two halves are, and how far it is from a line, says
-to what they are known. The reference itself need not be followed.
+to what they are known, together with the errors of integration, which at worst add up.
+Where this does not confirm the prediction it is repeated with smaller amplitudes, until two of them agree: the
+linear range may be small. The reference itself need not be followed.
 """
 
 from __future__ import annotations
@@ -40,7 +42,14 @@ AGREES = 1e-4
 """Relative error of an eigenvalue that is confirmed."""
 
 BLURRED = 3.0
-"""An eigenvalue is contradicted if it is off by more than `AGREES` and this many uncertainties of the observation."""
+"""A part of an eigenvalue is confirmed, or not seen to differ from 0, within this many uncertainties of the
+observation; contradicted is what is off by more than these and more than `AGREES`."""
+
+SMALLER, REPEATS = 0.1, 6
+"""Amplitude of a repeated observation, relative to the one before, and how often it is repeated at most."""
+
+LEAST_TOLERANCE = 1e-15
+"""Tolerance of a step with small amplitudes."""
 
 PERIODS, GROWTHS, DECAYS = 3.0, 3.0, 6.0
 """Length of a run in periods, e-foldings of growth and of decay, whichever is shortest …"""
@@ -77,11 +86,11 @@ class Observation:
     observed : complex (1/s)
         Growth rate and frequency of the nonlinear motion; nan where there is none.
     uncertainty : float (1/s)
-        To what these are known.
+        To what these are known: from the fit, the errors of integration and the difference of two amplitudes.
     span : float (s)
         How long the motion was followed.
     amplitude : float
-        Largest part of the mode in the motion, relative to the sizes in the scene.
+        Largest part of the mode in the motion, relative to the sizes in the scene; of the last of several.
     verdict : str
         ``confirmed``, ``contradicted`` or ``cannot be judged``.
     reason : str
@@ -267,7 +276,27 @@ class _Excited:
             return _unjudged(number, mode, "it is one of several equal eigenvalues without modes of their own")
         times = self._times(s)
         span = float(times[-1] - times[0])
-        growth = math.exp(max(s.real, 0.0) * span)
+        found: list[Observation] = []
+        for repeat in range(REPEATS + 1):
+            amplitude = AMPLITUDE * SMALLER**repeat
+            seen = self._seen(times, k, overlap, amplitude)
+            if isinstance(seen, str):
+                return _unjudged(number, mode, seen) if not found else _undecided(found[-1], found, seen)
+            c, noise = seen
+            found.append(_fitted(number, mode, s, times - times[0], c, amplitude, noise / span))
+            if math.isnan(found[-1].uncertainty):
+                return found[-1]
+            if (judged := _judged(found)) is not None:
+                return judged
+            if len(found) > 1 and found[-1].uncertainty > found[-2].uncertainty and all(map(_possible, found[-2:])):
+                # Rounding, not the amplitude, is what blurs it.
+                return _undecided(found[-2], found[-2:-1], "")
+        return _undecided(found[-1], found, "")
+
+    def _seen(self, times: Array, k: int, overlap: complex, amplitude: float) -> tuple[Complex, float] | str:
+        """Return the amplitude of mode `k` over time, relative to its start, and the part of it that may be error."""
+        s, v, w = complex(self.values[k]), self.right[:, k], self.left[:, k]
+        growth = math.exp(max(s.real, 0.0) * float(times[-1] - times[0]))
         y = np.real(v) if abs(s.imag) <= EQUAL * abs(s) else 2.0 * np.real(v)
         dq, du = self.frame.to_q @ y, self.frame.to_u @ y
         sizes, rate = self.motion.sizes, max(abs(s), self.speed)
@@ -275,12 +304,13 @@ class _Excited:
             float(np.max(np.abs(self.frame.to_q @ v / sizes))),
             float(np.max(np.abs(self.frame.to_u @ v / sizes))) / rate,
         )
-        size = AMPLITUDE / (growth * extent)
+        size = amplitude / (growth * extent)
+        tol = max(TOLERANCE * amplitude / AMPLITUDE, LEAST_TOLERANCE)
         runs = []
         for sign in (1.0, -1.0):
-            run = self._followed(times, sign * size * dq, sign * size * du, s)
+            run = self._followed(times, sign * size * dq, sign * size * du, s, tol)
             if isinstance(run, str):
-                return _unjudged(number, mode, run)
+                return run
             runs.append(run)
         c = np.array(
             [
@@ -288,7 +318,7 @@ class _Excited:
                 for a, b in zip(runs[0].samples, runs[1].samples, strict=True)
             ]
         )
-        return _judged(number, mode, s, times - times[0], c, AMPLITUDE)
+        return c, runs[0].steps * tol / amplitude
 
     def _times(self, s: complex) -> Array:
         """Return the times of output for a mode with the eigenvalue s (s)."""
@@ -302,7 +332,7 @@ class _Excited:
         spans += [GROWN / fastest] if fastest > 0.0 else []
         return np.asarray(np.linspace(start, start + min(spans), SAMPLES), dtype=np.float64)
 
-    def _followed(self, times: Array, dq: Array, du: Array, s: complex) -> Run | str:
+    def _followed(self, times: Array, dq: Array, du: Array, s: complex, tol: float) -> Run | str:
         """Return the motion from a disturbed start, or why there is none."""
         motion, system = self.motion, self.system
         start, span = float(times[0]), float(times[-1] - times[0])
@@ -314,8 +344,7 @@ class _Excited:
             follower = Follower(system, self.finder.motion(q, u, start), times, self.form)
         except MbstabError as error:
             return f"the disturbed start: {error}"
-        tol = 1e3 * TOLERANCE if stiff else TOLERANCE
-        options = Options(tol, None, None, max(abs(s), self.speed, 1.0 / span), solver=solver)
+        options = Options(1e3 * tol if stiff else tol, None, None, max(abs(s), self.speed, 1.0 / span), solver=solver)
         run = follower.run(METHODS["projection"][solver], options, lambda done: None)
         self.evaluations += run.evaluations + equations.evaluations
         if run.interrupted:
@@ -328,7 +357,9 @@ def _unjudged(number: int, mode: Eigenvalue, reason: str) -> Observation:
     return Observation(number, mode.value, mode.kind, complex(nan, nan), nan, nan, nan, "cannot be judged", reason)
 
 
-def _judged(number: int, mode: Eigenvalue, s: complex, times: Array, c: Complex, amplitude: float) -> Observation:
+def _fitted(
+    number: int, mode: Eigenvalue, s: complex, times: Array, c: Complex, amplitude: float, noise: float
+) -> Observation:
     """Return the observed eigenvalue: the slope of the logarithm of the amplitude of a mode."""
     span = float(times[-1])
     if not np.all(np.abs(c) > 0.0):
@@ -347,17 +378,69 @@ def _judged(number: int, mode: Eigenvalue, s: complex, times: Array, c: Complex,
     if mode.value.imag == 0.0 and abs(s.imag) <= EQUAL * abs(s):
         observed = complex(observed.real)
     # A smooth change of the slope shows in the halves, noise in the distances from the line.
-    uncertainty = 0.5 * abs(halves[0] - halves[1]) + off / span
-    predicted = mode.value
-    found = Observation(number, predicted, mode.kind, observed, uncertainty, span, amplitude, "confirmed")
-    error, known = abs(observed - predicted), uncertainty
-    size = abs(predicted)
-    if error <= AGREES * size and known <= AGREES * size:
-        return found
-    if error > max(AGREES * size, BLURRED * known):
-        reason = f"the motion has {show(observed)} 1/s, known to {known:.1e} 1/s"
-        return replace(found, verdict="contradicted", reason=reason)
-    return replace(found, verdict="cannot be judged", reason=f"the motion tells it to {known:.1e} 1/s only")
+    uncertainty = 0.5 * abs(halves[0] - halves[1]) + off / span + noise
+    return Observation(number, mode.value, mode.kind, observed, uncertainty, span, amplitude, "confirmed")
+
+
+def _judged(found: list[Observation]) -> Observation | None:
+    """Return the verdict on a mode from observations with smaller and smaller amplitudes, None if one more is due."""
+    last, size, apart = found[-1], abs(found[-1].predicted), 0.0
+    if len(found) > 1:
+        before = found[-2]
+        apart = abs(last.observed - before.observed)
+        blur = last.uncertainty + before.uncertainty
+        last = replace(last, uncertainty=last.uncertainty + apart)
+        if blur > AGREES * size or apart > AGREES * size:
+            return None
+    off = last.observed - last.predicted
+    known, worst = last.uncertainty, max(abs(off.real), abs(off.imag))
+    if known <= AGREES * size and worst <= BLURRED * known:
+        if last.kind not in ("center", "neutral") and abs(last.predicted.real) <= BLURRED * known:
+            what = "growth" if last.predicted.real > 0.0 else "decay"
+            first = "frequency confirmed; " if last.predicted.imag else ""
+            reason = f"{first}{what} too small to be seen in {last.span:.3g} s (known to {known:.1e} 1/s)"
+            return replace(last, verdict="cannot be judged", reason=reason)
+        return last
+    # What is not as predicted has to agree by its own size: friction that has reached its limit damps hardly at all.
+    if len(found) == 1 or apart > AGREES * abs(last.observed):
+        return None
+    if abs(off) > max(AGREES * size, BLURRED * known):
+        reason = f"the motion has {show(last.observed)} 1/s, known to {known:.1e} 1/s"
+        return replace(last, verdict="contradicted", reason=reason)
+    return None
+
+
+def _possible(x: Observation) -> bool:
+    """Return whether an observation leaves the prediction possible."""
+    return abs(x.observed - x.predicted) <= BLURRED * x.uncertainty
+
+
+def _undecided(last: Observation, found: list[Observation], failure: str) -> Observation:
+    """Return the last observation, with why the amplitudes together say nothing."""
+    size = abs(last.predicted)
+    apart = abs(last.observed - found[-2].observed) if len(found) > 1 else 0.0
+    known = last.uncertainty + apart
+    if failure:
+        reason = f"with a smaller amplitude, {failure}"
+    elif last.uncertainty > AGREES * size:
+        reason = (
+            f"what is seen depends on the amplitude, and at {last.amplitude:.0e} of the sizes in the scene errors of "
+            f"integration let it be known to {last.uncertainty:.1e} 1/s only"
+            if apart > AGREES * size
+            else f"the motion tells it to {last.uncertainty:.1e} 1/s only"
+        )
+    elif apart > AGREES * min(size, abs(last.observed)):
+        reason = (
+            f"what is seen depends on the amplitude: two, {found[-2].amplitude:.0e} and {last.amplitude:.0e} of the "
+            f"sizes in the scene, differ by {apart:.1e} 1/s"
+        )
+    else:
+        off = last.observed - last.predicted
+        reason = (
+            f"it is off by {abs(off.real):.1e} 1/s in growth and {abs(off.imag):.1e} 1/s in frequency, more than the "
+            f"{known:.1e} 1/s to which it is known"
+        )
+    return replace(last, uncertainty=known, verdict="cannot be judged", reason=reason)
 
 
 def _line(times: Array, values: Complex, weights: Array) -> tuple[complex, float]:
@@ -376,9 +459,7 @@ def _overall(result: EigenResult, modes: list[Observation]) -> tuple[str, str]:
         return "contradicted", f"mode{'s' if len(wrong) > 1 else ''} {names}: {wrong[0].reason}"
     if result.verdict == "undecided":
         return "cannot be judged", "the linearized equations decide nothing that could be verified"
-    growing = [
-        m for m in modes if m.verdict == "confirmed" and m.observed.real > m.uncertainty + AGREES * abs(m.predicted)
-    ]
+    growing = [m for m in modes if m.verdict == "confirmed" and m.observed.real > BLURRED * m.uncertainty]
     if result.verdict == "unstable" and growing:
         worst = max(growing, key=lambda m: m.observed.real)
         return "confirmed", f"mode {worst.number} grows with {worst.observed.real:.6g} 1/s in the nonlinear motion"
@@ -387,6 +468,8 @@ def _overall(result: EigenResult, modes: list[Observation]) -> tuple[str, str]:
         return "cannot be judged", f"mode {unknown[0].number}: {unknown[0].reason}"
     if not modes:
         return "cannot be judged", "there is no mode that could be excited"
+    if result.verdict == "unstable":
+        return "cannot be judged", "no single mode grows in the nonlinear motion: what is unstable was not excited"
     neutral = "; neutral directions were not tried" if result.counts.neutral else ""
     what = "all modes decay" if result.verdict == "asymptotically stable" else "no mode grows"
     return "confirmed", f"{what} in the nonlinear motion, within the time it was followed{neutral}"

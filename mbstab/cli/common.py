@@ -165,6 +165,22 @@ def write(data: str | bytes, output: Path | None, model: str = "") -> None:
     note(f"wrote {output}")
 
 
+def check_output(output: Path | None) -> None:
+    """Refuse a file in a directory that does not exist before anything is computed.
+
+    Raises
+    ------
+    UsageError
+        If there is no such directory, or the file is one.
+    """
+    if output is None:
+        return
+    if not output.parent.is_dir():
+        raise UsageError(f"{output}: cannot be written: there is no directory {output.parent}")
+    if output.is_dir():
+        raise UsageError(f"{output}: cannot be written: it is a directory")
+
+
 def check_pictures(place: Path | None) -> None:
     """Refuse a wrong suffix in --pictures before anything is computed.
 

@@ -14,6 +14,7 @@ import click
 
 from mbstab.cli.animate import POINTS, Animation, animation_options
 from mbstab.cli.common import (
+    check_output,
     check_pictures,
     file_argument,
     load_model,
@@ -118,6 +119,7 @@ def simulate(
     Example: mbstab simulate pendulum.yaml --perturb rod.theta=pi/4 --to 20 -o pendulum.csv
     """
     format_ = format_ or _format_of(output)
+    check_output(output)
     if format_ == "npz" and output is None:
         raise UsageError("--format npz needs --output")
     movie = Animation.of(**animation)
@@ -204,8 +206,13 @@ def _draw(result: Simulation, pictures: list[Picture], stem: Path, suffix: str, 
 
 
 def _format_of(output: Path | None) -> str:
-    suffix = "" if output is None else output.suffix.lstrip(".")
-    return suffix if suffix in FORMATS else "table" if output is None else "csv"
+    if output is None:
+        return "table"
+    suffix = output.suffix.lstrip(".")
+    if suffix and suffix not in FORMATS[1:]:
+        known = ", ".join(f".{x}" for x in FORMATS[1:])
+        raise UsageError(f"--output {output}: the suffix says no format\nhint: {known}, or --format")
+    return suffix or "csv"
 
 
 @contextlib.contextmanager

@@ -117,7 +117,9 @@ def simulation_json(sim: Simulation, model: str, title: str, full: bool) -> str:
     """Return the JSON object of ``mbstab simulate``.
 
     Keys: ``model``, ``title``, ``method``, ``solver``, ``tol`` (null with fixed steps), ``step`` (s),
-    ``error_estimate`` (of the global error), ``complete``, ``failure``, ``start`` and ``end`` (s), ``end_state``
+    ``error_estimate`` (of the global error: places relative to the size of the scene, entries of rotation matrices,
+    speeds relative to the largest one, or to a part of the natural rate of the scene where nothing moves),
+    ``complete``, ``failure``, ``start`` and ``end`` (s), ``end_state``
     (``coordinates`` in m and rad and ``rates``, by name), ``max_constraint_residual``, ``energy_drift`` (relative),
     ``conservative``, ``steps``, ``rejected``, ``evaluations``, ``runs``, ``charts``, ``warnings``; in a
     file also ``columns`` (names with units) and ``rows`` (a list for each time of output).
@@ -137,10 +139,11 @@ def simulation_text(sim: Simulation, title: str) -> str:
     rows = []
     for i, (name, unit) in enumerate(zip(sim.names, _units(sim), strict=True)):
         q, u = sim.q[:, i], sim.u[:, i]
-        rows.append([name, *(number(float(x), 8) for x in (q[0], q[-1], q.min(), q.max(), u[-1])), unit])
-    heads = ["coordinate", "at first", "at last", "least", "largest", "last rate", ""]
+        values = [number(float(x), 8) for x in (q[0], q[-1], q.min(), q.max(), u[-1])]
+        rows.append([name, unit, *values, f"{unit}/s"])
+    heads = ["coordinate", "unit", "at first", "at last", "least", "largest", "last rate", ""]
     shown = rows if len(rows) <= 40 else rows[:40]
-    lines.append(table(heads, shown, left=(0, 6)))
+    lines.append(table(heads, shown, left=(0, 1, 7)))
     if len(rows) > len(shown):
         lines += [f"{len(rows) - len(shown)} more coordinates", ""]
     what = f"{sim.method}{f' ({sim.solver})' if sim.solver else ''}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
+from mbstab.analysis.verify import BLURRED
 from mbstab.report import WIDTH
 from mbstab.report.tables import number, table
 
@@ -18,12 +19,23 @@ def verification_text(found: Verification) -> str:
     lines = []
     if found.modes:
         lines.append(table(heads, [_row(x) for x in found.modes], left=(6,)))
+        lines += _filled(_footer(found)) if any(x.observed == x.observed for x in found.modes) else []
     reasons = {x.reason: x.number for x in reversed(found.modes) if x.reason and x.reason not in found.reason}
     for reason, first in sorted(reasons.items(), key=lambda item: item[1]):
         lines += _filled(f"mode {first}: {reason}")
     lines += _filled(f"Nonlinear motion: {found.verdict}")
     lines += wrap(found.reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
     return "\n".join(lines) + "\n"
+
+
+def _footer(found: Verification) -> str:
+    used = [x.amplitude for x in found.modes if x.observed == x.observed]
+    least, most = f"{min(used):.0e}", f"{max(used):.0e}"
+    amplitude = most if least == most else f"{least} to {most}"
+    return (
+        f"confirmed: real and imaginary part each within {BLURRED:g} times what they are known to, and growth seen; "
+        f"amplitude {amplitude} of the sizes in the scene"
+    )
 
 
 def _row(x: Observation) -> list[str]:
@@ -49,8 +61,8 @@ def verification_data(found: Verification) -> dict[str, Any]:
 
     Keys: ``verdict`` (``confirmed``, ``contradicted``, ``cannot be judged``), ``reason``, ``evaluations``,
     ``modes``. Of each mode: ``number``, ``kind``, ``predicted`` and ``observed`` (``real`` and ``imag`` in 1/s; null
-    where nothing was observed), ``error`` (relative), ``uncertainty`` (1/s), ``span`` (s), ``amplitude``, ``verdict``,
-    ``reason``.
+    where nothing was observed), ``error`` (relative), ``uncertainty`` (1/s), ``span`` (s), ``amplitude`` (of the
+    sizes in the scene), ``verdict``, ``reason``.
     """
     return {
         "verdict": found.verdict,
