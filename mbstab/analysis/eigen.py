@@ -995,7 +995,7 @@ class _Judge:
         spaces = linear.motion.spaces
         counts = Counts(
             len(linear.M), linear.n_h, len(linear.J) - linear.n_h, spaces.C.rank, spaces.W.rank, linear.n_f, len(found),
-            sum(e.kind == "neutral" for e in found), besides.infinite, besides.undefined, besides.extra, besides.extra_error,
+            self.n_neutral, besides.infinite, besides.undefined, besides.extra, besides.extra_error,
         )  # fmt: skip
         verdict, reasons = self._verdict(found, counts, known)
         frame = str(linear.generator) if linear.generator is not None and linear.generator.turns else ""
