@@ -446,6 +446,8 @@ def test_ctrl_c_while_animating_leaves_no_half_file(tmp_path):
     process = subprocess.Popen(
         [*command, "--tol", "1e-3", "--once", "--animate", str(path), "--fps", "50"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        # In the background of a script interrupts are ignored, and that is inherited.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     deadline = time.monotonic() + 30.0
     while not any(p.stat().st_size > 20_000 for p in tmp_path.iterdir()) and time.monotonic() < deadline:

@@ -768,8 +768,10 @@ def test_ctrl_c_leaves_the_finished_part_on_disk(tmp_path):
     path = tmp_path / "part.json"
     command = [sys.executable, "-m", "mbstab", "simulate", "pendulum.yaml", "--perturb", "rod.theta=1", "--to", "1e5"]
     process = subprocess.Popen(
-        [*command, "--points", "200001", "-o", str(path)], stderr=subprocess.PIPE, text=True, env=os.environ
-    )
+        [*command, "--points", "200001", "-o", str(path)], stderr=subprocess.PIPE, text=True, env=os.environ,
+        # In the background of a script interrupts are ignored, and that is inherited.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     time.sleep(3.0)
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=60)

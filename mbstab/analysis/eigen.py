@@ -709,7 +709,7 @@ class _Judge:
         except np.linalg.LinAlgError:
             return None
         judged = [e for e in found if e.kind != "neutral"]
-        return found if all(e.error_bound <= TOLD * abs(e.value) for e in judged) else None
+        return found if all(e.error_bound < TOLD * abs(e.value) for e in judged) else None
 
     def _zero(self, s: complex, number: int) -> Eigenvalue:
         """Return an eigenvalue that the staircase found to be neutral; what no symmetry explains may be slow."""
