@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -96,7 +97,15 @@ class _Pattern:
     family: Family | None
     sizes: Array
     balance: Balance | None
-    unexplained: int
+
+    @cached_property
+    def unexplained(self) -> int:
+        """Number of zero eigenvalues that no symmetry explains."""
+        zeros = sum(self.steps)
+        if not zeros:
+            return 0
+        known = symmetries(self.linear.system, self.linear.motion)
+        return max(0, zeros - explained(self.linear, known))
 
     @property
     def n_neutral(self) -> int:
@@ -255,10 +264,12 @@ class _Work:
         n_f = max(counts, key=lambda key: counts[key])[0]
         # More may be zero where a symmetry is added: there they are eigenvalues like others.
         neutral = min(zeros for n, zeros in counts if n == n_f) if count is None else max(n_f - count, 0)
+        least = [pattern for _, _, pattern in self.found if pattern.n_neutral == neutral]
+        hidden = count is None and all(pattern.unexplained for pattern in least)
         result = np.full((self.points, n_f - neutral), NO_EIGENVALUE)
         for index, values, pattern in self.found:
             other = pattern.n_neutral
-            if count is None and other == neutral and pattern.unexplained:
+            if hidden and other == neutral:
                 # Zeros everywhere that nothing explains may be slow eigenvalues that rounding hides.
                 text = f"nothing explains {pattern.unexplained} of {other} zero eigenvalues: slow ones may be lost"
                 self.problems |= {int(i): f"{text}\nhint: mbstab eig --precision" for i in index}
@@ -290,10 +301,8 @@ class _Work:
                 rounding = rounding_of(linear, space, gamma, S)
                 deflated = deflate_neutral(S, rounding)
                 turning = linear.generator if linear.generator is not None and linear.generator.turns else None
-                known = symmetries(system, motion) if turning is not None or deflated.steps else []
+                known = symmetries(system, motion) if turning is not None else []
                 deflated = deflate_pairs(deflated, carried_shifts(turning, motion.q, known), rounding)
-                zeros = sum(deflated.steps)
-                unexplained = max(0, zeros - explained(linear, known)) if zeros else 0
         except UsageError:
             raise
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as error:
@@ -306,7 +315,7 @@ class _Work:
         if turning is not None:
             directions = np.eye(3)[: system.scene.dimension]
             family = Family(system, turning.axis, np.zeros(3), directions, spinning_columns(system))
-        pattern = _Pattern(linear, deflated.steps, len(deflated.pairs), family, motion.sizes, balance, unexplained)
+        pattern = _Pattern(linear, deflated.steps, len(deflated.pairs), family, motion.sizes, balance)
         return pattern, np.linalg.eigvals(deflated.S).astype(complex)
 
     def motion(self, system: System, i: int) -> tuple[Motion, Balance | None]:
