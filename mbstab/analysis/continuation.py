@@ -11,7 +11,7 @@ bordered by the tangent passes zero.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from mbstab.analysis.equilibrium import Problem
 from mbstab.analysis.motion import TOLERANCE
-from mbstab.analysis.numerics import root
+from mbstab.analysis.numerics import FAILURES, root
 from mbstab.analysis.subspaces import rank_of
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError
@@ -84,8 +84,6 @@ Flags = npt.NDArray[np.bool_]
 
 Values = Mapping[str, Array]
 """Parameters that vary, arrays of shape (points,)."""
-
-FAILURES = (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 
 
 @dataclass(frozen=True)
@@ -184,50 +182,35 @@ class Sheet:
     paths: tuple[Path | None, ...]
     edge: Path
 
-    def _rows(self, values: Values) -> tuple[npt.NDArray[np.intp], Array]:
-        """Return for points the path below, and how far they are towards the one above."""
-        y = values[self.parameter.name]
-        row = np.clip(np.searchsorted(self.values, y, side="right") - 1, 0, max(len(self.values) - 2, 0))
-        gap = self.values[np.minimum(row + 1, len(self.values) - 1)] - self.values[row]
-        weight: Array = np.where(gap > 0.0, (y - self.values[row]) / np.where(gap > 0.0, gap, 1.0), 0.0)
-        return row, weight
+    def _paths(self, values: Values) -> Iterator[tuple[Path | None, npt.NDArray[np.intp]]]:
+        """Yield paths with the numbers of the points on them; all points are at values of the second parameter."""
+        row = np.searchsorted(self.values, values[self.parameter.name])
+        for j in np.unique(row):
+            yield self.paths[j], np.flatnonzero(row == j)
 
     def covers(self, values: Values) -> Flags:
-        """Return which points lie between paths that lead there, shape (points,)."""
-        row, weight = self._rows(values)
-        result = np.ones(len(row), dtype=bool)
-        for j, path in enumerate(self.paths):
-            near = ((row == j) & (weight < 1.0)) | ((row == j - 1) & (weight > 0.0))
-            result[near] &= path.covers(_chosen(values, near)) if path is not None else False
+        """Return which points lie on a path that leads there, shape (points,)."""
+        result = np.zeros(len(values[self.parameter.name]), dtype=bool)
+        for path, on in self._paths(values):
+            result[on] = path is not None and path.covers(_chosen(values, on))
         return result
 
     def missing(self, values: Values, i: int) -> str:
         """Say why there is no solution at a point."""
-        row, weight = self._rows(_chosen(values, np.array([i])))
-        below = int(row[0])
-        above = min(below + int(weight[0] > 0.0), len(self.paths) - 1)
-        for path in (self.paths[below], self.paths[above]):
-            if path is None:
-                return self.edge.missing(values, i)
-            if not path.covers(_chosen(values, np.array([i])))[0]:
-                return path.missing(values, i)
-        return "no solution"
+        ((path, _),) = self._paths(_chosen(values, np.array([i])))
+        return (self.edge if path is None else path).missing(values, i)
 
     def predicted(self, values: Values) -> tuple[Array, Array]:
         """Return starting values at points that are covered."""
-        row, weight = self._rows(values)
-        q, c = np.zeros((len(row), self.edge.q.shape[1])), np.zeros((len(row), self.edge.c.shape[1]))
-        for j, path in enumerate(self.paths):
-            share = np.where(row == j, 1.0 - weight, np.where(row == j - 1, weight, 0.0))
-            near = share > 0.0
-            if path is not None and near.any():
-                found = path.predicted(_chosen(values, near))
-                q[near] += share[near, None] * found[0]
-                c[near] += share[near, None] * found[1]
+        points = len(values[self.parameter.name])
+        q, c = np.zeros((points, self.edge.q.shape[1])), np.zeros((points, self.edge.c.shape[1]))
+        for path, on in self._paths(values):
+            if path is not None:
+                q[on], c[on] = path.predicted(_chosen(values, on))
         return q, c
 
 
-def _chosen(values: Values, index: npt.NDArray[np.intp] | Flags) -> Values:
+def _chosen(values: Values, index: npt.NDArray[np.intp]) -> Values:
     return {name: x[index] for name, x in values.items()}
 
 
@@ -239,12 +222,13 @@ def follow(
     high: float,
     first_at: float | None = None,
     near: tuple[Array, Array] | None = None,
+    further: bool = True,
 ) -> Path:
     """Return the solutions over a range of a parameter, followed from one value both ways.
 
     From `first_at`, or else the lowest value; where there is none, from the other end, the file's
     own value, or the middle. The solution `near` coordinates and rates, if they are given, or the
-    one that the file's own guess leads to.
+    one that the file's own guess leads to. Paths to which folds lead only if asked for.
 
     Raises
     ------
@@ -265,7 +249,7 @@ def follow(
     else:
         assert failure is not None
         raise failure
-    up, down = (curve.traced(sign) for sign in (1.0, -1.0))
+    up, down = (curve.traced(sign, further) for sign in (1.0, -1.0))
     main = _joined(down[0], up[0])
     beyond = [curve.path(run, run.ends[0][0]) for run in (*up[1:], *down[1:])]
     for fold in curve.branchings:
@@ -292,11 +276,10 @@ def follow_all(model: Model, parameters: tuple[str, str], settings: Mapping[str,
         if covered:
             q, c = edge.predicted({other: np.array([value])})
             with contextlib.suppress(MbstabError):
-                path = follow(
-                    model, one, {**settings, other: float(value)}, float(x[0]), float(x[-1]), begin, (q[0], c[0])
-                )
-        paths.append(path and replace(path, beyond=()))
-    return Sheet(model.parameters[other], y, tuple(paths), replace(edge, beyond=()))
+                at = {**settings, other: float(value)}
+                path = follow(model, one, at, float(x[0]), float(x[-1]), begin, (q[0], c[0]), further=False)
+        paths.append(path)
+    return Sheet(model.parameters[other], y, tuple(paths), edge)
 
 
 def _edge(
@@ -307,7 +290,8 @@ def _edge(
     failure: MbstabError | None = None
     for value in (x[0], x[-1], x[len(x) // 2]):
         try:
-            return follow(model, other, {**settings, one: float(value)}, float(y[0]), float(y[-1])), float(value)
+            at = {**settings, one: float(value)}
+            return follow(model, other, at, float(y[0]), float(y[-1]), further=False), float(value)
         except MbstabError as error:
             failure = failure or error
     assert failure is not None
@@ -485,16 +469,19 @@ class _Curve:
 
     # --- along the path ---------------------------------------------------------------------------------------------
 
-    def traced(self, sign: float) -> list[_Run]:
-        """Return the path from the first solution on, cut where it turns; the parameter first grows or falls."""
-        runs = self._runs(sign)
+    def traced(self, sign: float, further: bool = True) -> list[_Run]:
+        """Return the path from the first solution on, cut where it turns, or up to where it turns first.
+
+        The parameter first grows or falls.
+        """
+        runs = self._runs(sign, further)
         for run in runs:
             for one, other in list(pairwise(run.points)):
                 if one.sign != other.sign:
                     self._cross(run, one, other)
         return runs
 
-    def _runs(self, sign: float) -> list[_Run]:
+    def _runs(self, sign: float, further: bool) -> list[_Run]:
         at = replace(self.first, tangent=self.first.tangent * (sign if self.first.rise >= 0.0 else -sign))
         runs = [_Run([at])]
         while True:
@@ -509,8 +496,9 @@ class _Curve:
             branches = fold.least < BRANCHING * self.first.least
             runs[-1].ends.append((fold.p, BRANCHES if branches else TURNS))
             self._close_in(runs, fold)
-            if any(self._same(fold, other) for other in self.folds):
-                return runs[:-1]  # a closed curve: it has been followed from the other side
+            # On a closed curve it has been followed from the other side.
+            if not further or any(self._same(fold, other) for other in self.folds):
+                return runs[:-1]
             self.folds.append(fold)
             if branches:
                 self.branchings.append(fold)

@@ -990,7 +990,7 @@ class _Judge:
     ) -> EigenResult:
         linear = self.linear
         besides = besides or Found(np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
-        found = _with_saddles(_lost(found))
+        found = with_saddles(_lost(found))
         found.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
         spaces = linear.motion.spaces
         counts = Counts(
@@ -1126,8 +1126,8 @@ def _same(one: tuple[complex, float, Complex], two: tuple[complex, float, Comple
     return abs(one[0] - two[0]) <= one[1] + two[1] and bool(abs(np.vdot(one[2], two[2])) > 1.0 - 1e-6)
 
 
-def _with_saddles(found: list[Eigenvalue]) -> list[Eigenvalue]:
-    """Pair real eigenvalues of opposite sign: two such directions form a saddle."""
+def with_saddles(found: list[Any]) -> list[Any]:
+    """Pair real eigenvalues of opposite sign, with whatever digits: two such directions form a saddle."""
     growing = [e for e in found if e.kind == "unstable node"]
     decaying = [e for e in found if e.kind == "stable node"]
     saddles: set[int] = set()
@@ -1137,11 +1137,7 @@ def _with_saddles(found: list[Eigenvalue]) -> list[Eigenvalue]:
         )
         if partner is not None:
             saddles |= {id(e), id(partner)}
-    return [_replaced(e) if id(e) in saddles else e for e in found]
-
-
-def _replaced(e: Eigenvalue) -> Eigenvalue:
-    return Eigenvalue(e.value, "saddle", e.error_bound, e.condition, e.backward_error, e.participation)
+    return [replace(e, kind="saddle") if id(e) in saddles else e for e in found]
 
 
 def _count(number: int) -> str:

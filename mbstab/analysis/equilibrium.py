@@ -21,6 +21,7 @@ from mbstab.analysis.balance import Balance, State
 from mbstab.analysis.linearize import linearize
 from mbstab.analysis.motion import CHART_WARNING, NEWTON_STEPS, ROUNDING, TOLERANCE, Finder, Motion, force_change
 from mbstab.analysis.names import names_in
+from mbstab.analysis.numerics import FAILURES
 from mbstab.analysis.reactions import Reaction, reactions
 from mbstab.analysis.reference import declared_family
 from mbstab.analysis.rotation import orientation
@@ -142,7 +143,7 @@ class _Search:
         """Return the state after a scaled step, or None where the equations have no value."""
         try:
             return self.state(*self.balance.moved(at, step))
-        except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
+        except FAILURES:
             return None
 
     # --- strategies -------------------------------------------------------------------------------------------------
@@ -255,7 +256,7 @@ class _Search:
                 return strategy(), name
             except _Stalled:
                 continue
-            except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
+            except FAILURES:
                 continue
         raise _Stalled(self.best)
 
@@ -520,7 +521,7 @@ class Problem:
         if self.system.n_h and not self.held.all():
             try:
                 q = self.finder.assemble(q, ~self.held)
-            except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
+            except FAILURES:
                 return self.start
         return q
 

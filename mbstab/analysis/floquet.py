@@ -37,7 +37,7 @@ from mbstab.analysis.motion import Motion
 from mbstab.analysis.numerics import guarded
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError
-from mbstab.model.schema import is_length
+from mbstab.model.schema import is_length, unit_of
 
 TOLERANCES = (1e-12, 1e-13)
 """Local errors, relative and in units of a large change, of two integrations: the second counts, the first judges."""
@@ -371,7 +371,7 @@ def _change(flow: _Flow, now: _Instant, then: _Instant) -> float:
 def _not_periodic(flow: _Flow, difference: Array, what: str, per: str) -> ModelFileError:
     i = int(np.argmax(np.abs(difference) / flow.sizes))
     name = flow.system.names[i]
-    unit = ("m" if is_length(name) else "rad") + per
+    unit = unit_of(name) + per
     message = f"the motion does not repeat after {flow.period:.6g} s: the {what} of {name} differs by"
     return _problem(flow, f"{message} {difference[i]:.6g} {unit}")
 

@@ -81,7 +81,6 @@ class _Implicit:
         guess = 0.3 * max(options.tol, 1e-13) ** (1.0 / (self.order_of_estimate + 1)) / options.rate
         self.h = options.step or options.first or min(guess, 0.1 * (end - t))
         self._before: Any = None
-        self.fresh = True
 
     def _attempt(self, h: float) -> tuple[Array, Array, float]:
         """Return q and u at t + h and the error estimate in tolerances."""
@@ -124,7 +123,7 @@ class _Implicit:
         before = (self.t, self.q, self.u, self.a)
         self.t, self.q, self.u = (self.end if last else self.t + h), q, u
         self._accepted(h)
-        self.taken, self._before, self.fresh = h, before, False
+        self.taken, self._before = h, before
         if not fixed:
             factor = min(4.0, 0.85 * max(error, 1e-10) ** -power)
             if failures:

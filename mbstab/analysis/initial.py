@@ -20,7 +20,7 @@ from mbstab.compiler.system import Array, System
 from mbstab.errors import ModelFileError, NumericalError, UsageError, suggestion
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
-from mbstab.model.schema import is_length, parse_finite
+from mbstab.model.schema import parse_finite, unit_of
 
 INCREMENT = 0.2
 """Given coordinates go from the reference to their values in steps of this part of their sizes, the others follow."""
@@ -288,7 +288,7 @@ def _report(system: System, finder: Finder, moved: Array, per: str, strict: bool
         return
     texts = []
     for i in changed[:6]:
-        name, unit = system.names[i], "m" if is_length(system.names[i]) else "rad"
+        name, unit = system.names[i], unit_of(system.names[i])
         what = f"rate({name})" if per else name
         texts.append(f"{what} by {moved[i]:.6g} {unit}{per}")
     text = "the initial values do not satisfy the constraints; moved onto them: " + ", ".join(texts)

@@ -14,11 +14,10 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import NamedTuple
 
-import numpy as np
-
 from mbstab.analysis import balls
 from mbstab.analysis.balls import Ball, ball
 from mbstab.analysis.factors import Proof, enclosed
+from mbstab.analysis.numerics import FAILURES
 from mbstab.errors import MbstabError
 from mbstab.model.schema import Model
 
@@ -39,7 +38,6 @@ HOPELESS = 2.0**-5
 INSIDE = (Fraction(1, 2), Fraction(38197, 100000))
 """Where in a part that rests on something unproven it is tested besides its ends."""
 
-FAILURES = (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 """What a start in double precision or a ball that is too wide ends with."""
 
 

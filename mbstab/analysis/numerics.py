@@ -10,7 +10,10 @@ from typing import ParamSpec, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.errors import NumericalError
+from mbstab.errors import MbstabError, NumericalError
+
+FAILURES = (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError)
+"""What a trial of equations may end in where they have no value."""
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -13,14 +13,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from mpmath import mp
 
 from mbstab.analysis import multiprecision as more
-from mbstab.analysis.eigen import LONGEST_CHAIN, Counts, EigenResult, show, time_scale
+from mbstab.analysis.eigen import LONGEST_CHAIN, Counts, EigenResult, show, time_scale, with_saddles
 from mbstab.analysis.linearize import Linearization, state_space
 from mbstab.analysis.methods import DEFAULT
 from mbstab.analysis.multiprecision import Matrix, Stalled, exact, largest, product
@@ -394,22 +394,11 @@ def _judged(fine: _Spectrum, bounds: list[Any], digits: int) -> list[PreciseEige
         found.append(PreciseEigenvalue(mp.mpc(real, imag), kind, bound, one, other, mp.nstr(bound, 2)))
     # Pairs stay together: their real parts differ by less than their bounds.
     found.sort(key=lambda e: (-_rounded(e.value.real, digits), abs(e.value.imag), -e.value.imag))
-    return _with_saddles(found)
+    return with_saddles(found)
 
 
 def _rounded(x: Any, digits: int) -> Any:
     return mp.mpf(mp.nstr(x, digits - 2))
-
-
-def _with_saddles(found: list[PreciseEigenvalue]) -> list[PreciseEigenvalue]:
-    """Pair real eigenvalues of opposite sign: two such directions form a saddle."""
-    saddles: set[int] = set()
-    for i, e in enumerate(found):
-        if e.kind == "unstable node":
-            decaying = [j for j, x in enumerate(found) if x.kind == "stable node" and j not in saddles]
-            if decaying:
-                saddles |= {i, min(decaying, key=lambda j: abs(found[j].value.real + e.value.real))}
-    return [replace(e, kind="saddle") if i in saddles else e for i, e in enumerate(found)]
 
 
 def _verdict(

@@ -238,9 +238,9 @@ def _answer(
     branches = tracker.branches()
     critical = tracker.critical(branches)
     if path is not None:
-        known = [value for value in tracker.crossings if tracker.known(value, critical)]
-        critical = [replace(c, branching=any(tracker.known(value, [c]) for value in known)) for c in critical]
-        critical += [tracker.branch_point(value, branches) for value in tracker.crossings if value not in known]
+        others = [value for value in tracker.crossings if not tracker.known(value, critical)]
+        critical = [replace(c, branching=any(tracker.known(x, [c]) for x in tracker.crossings)) for c in critical]
+        critical += [tracker.branch_point(value, branches) for value in others]
         # The fold from which a further path starts is said with the path that leads to it.
         critical += [tracker.ended(value, reason) for value, reason in path.ends if value != path.start]
     critical.sort(key=lambda c: c.value)
@@ -596,8 +596,8 @@ class _Tracker:
     @staticmethod
     def _passing(spectra: Complex) -> Iterator[Bracket]:
         """Yield brackets in which a branch passes the imaginary axis, and the function that is zero there."""
-        size = np.max(np.abs(spectra), axis=1, keepdims=True)
-        sign = np.where(np.abs(spectra.real) > STABLE * size, np.sign(spectra.real), 0.0)
+        size = np.max(np.abs(spectra), axis=1)
+        sign = signs(spectra)
         both = symmetric(spectra)
         for i in range(spectra.shape[1]):
             sure = np.flatnonzero(sign[:, i])
@@ -607,7 +607,7 @@ class _Tracker:
                 before, after = complex(spectra[a, i]), complex(spectra[b, i])
                 if before.imag == 0.0 and after.imag == 0.0:
                     # The product of all is smoother than the eigenvalue that passes, and may not change its sign.
-                    single = product(spectra[a], float(size[a, 0])) * product(spectra[b], float(size[b, 0])) < 0.0
+                    single = product(spectra[a], float(size[a])) * product(spectra[b], float(size[b])) < 0.0
                     yield int(a), int(b), "divergence", product if single else _real_part(before, after)
                 elif before.imag >= 0.0 and after.imag >= 0.0:
                     yield int(a), int(b), "flutter", _real_part(before, after)

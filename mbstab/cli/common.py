@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from mbstab.errors import OutputError, UsageError
+from mbstab.report.files import whole_file
 
 if TYPE_CHECKING:
     from mbstab.api import Mechanism
@@ -157,7 +157,8 @@ def write(data: str | bytes, output: Path | None, model: str = "") -> None:
         if output.exists() and not output.is_file():  # a device or a pipe is written to, not replaced
             output.write_bytes(content)
         else:
-            _replace(output.resolve(), content)
+            with whole_file(output) as stream:
+                stream.write(content)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
         raise UsageError(f"{output}: cannot be written: {error.strerror}") from None
     except OSError as error:
@@ -233,21 +234,6 @@ def save_picture(figure: Any, path: Path) -> None:
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror}") from None
     note(f"wrote {path}")
-
-
-def _replace(goal: Path, content: bytes) -> None:
-    """Write a file beside its goal, then put it in place."""
-    handle, temporary = tempfile.mkstemp(dir=goal.parent, prefix=f".{goal.name}.")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, goal.stat().st_mode & 0o777 if goal.exists() else 0o666 & ~mask)
-        os.replace(temporary, goal)
-    except BaseException:
-        os.unlink(temporary)
-        raise
 
 
 def show(text: str, end: str = "") -> None:

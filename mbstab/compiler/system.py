@@ -42,7 +42,7 @@ from mbstab.mechanics.elements import ELEMENTS
 from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
 from mbstab.model.expressions import Expression
 from mbstab.model.jets import Jet
-from mbstab.model.schema import Entry, is_length
+from mbstab.model.schema import Entry, unit_of
 from mbstab.model.values import Scene
 
 if TYPE_CHECKING:
@@ -231,7 +231,7 @@ class System:
         label = use.labels[0] if use.labels else element.name
         unit = element.units[0]
         if unit.startswith("unit"):
-            unit = unit.replace("unit", "m" if is_length(self.names[use.slots[0]]) else "rad")
+            unit = unit.replace("unit", unit_of(self.names[use.slots[0]]))
         labels = [label] if count == 1 else [f"{label} {axis}" for axis in "xyz"[:count]]
         return [Row(entry.section, entry.name, text, unit, entry.location) for text in labels]
 

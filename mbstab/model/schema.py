@@ -256,6 +256,11 @@ def is_length(coordinate: str) -> bool:
     return coordinate.rpartition(".")[2] in ("x", "y", "z")
 
 
+def unit_of(coordinate: str) -> str:
+    """Return the SI unit of a coordinate: m, or rad."""
+    return "m" if is_length(coordinate) else "rad"
+
+
 VERDICTS = ("asymptotically stable", "marginally stable", "unstable", "undecided")
 
 PARAMETER_FIELDS = {"value": "number or expression", "unit": "unit of the value", "description": "what it is"}

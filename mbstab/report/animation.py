@@ -34,8 +34,9 @@ from mbstab.analysis.swing import Swing
 from mbstab.compiler.system import Array
 from mbstab.errors import OutputError, UsageError
 from mbstab.mechanics.catalogue import GROUND, Marker
+from mbstab.report.files import whole_file
 from mbstab.report.motion_plots import DASHES
-from mbstab.report.plots import FONT, INK, WIDTH, _legend, _minus, _style, whole_file
+from mbstab.report.plots import FONT, INK, WIDTH, _legend, _minus, _style
 from mbstab.report.sketch import Outline, Plane, Sketch
 
 FORMATS = (".gif", ".mp4")

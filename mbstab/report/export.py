@@ -16,7 +16,7 @@ from mbstab.analysis.eigen import EigenResult
 from mbstab.analysis.equilibrium import Equilibrium
 from mbstab.analysis.linearize import Linearization, StateSpace
 from mbstab.analysis.sweep import Sweep
-from mbstab.model.schema import is_length
+from mbstab.model.schema import unit_of
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare import Comparison, Outcome
@@ -209,7 +209,7 @@ def equilibrium_csv(found: Sequence[Equilibrium], names: Sequence[str]) -> str:
     rows: list[list[Any]] = []
     for number, item in enumerate(found, 1):
         for name, q, u in zip(names, item.motion.q, item.motion.u, strict=True):
-            length = "m" if is_length(name) else "rad"
+            length = unit_of(name)
             rows += [[number, "coordinate", name, float(q), length], [number, "rate", name, float(u), f"{length}/s"]]
         for r in item.reactions:
             axes = "xyz" if len(r.torque) != 1 else "z"

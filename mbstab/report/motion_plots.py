@@ -23,7 +23,7 @@ from matplotlib.ticker import FuncFormatter
 from mbstab.analysis.simulate import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError, suggestion
-from mbstab.model.schema import Model, is_length
+from mbstab.model.schema import Model, unit_of
 from mbstab.report.plots import EXACT, FONT, INK, THIN, _decimated, _frame, _legend, _marker, _minus, _style, _thinned
 
 MOST = 12
@@ -136,7 +136,7 @@ def _of_coordinate(form: str, array: str, per: str) -> Callable[[Model, str], li
             if name in bodies:
                 hint = "coordinates: " + ", ".join(x for x in known if x.startswith(f"{name}."))
             raise UsageError(f"there is no coordinate {name!r}{text}\nhint: {hint}")
-        i, unit = known.index(name), ("m" if is_length(name) else "rad") + per
+        i, unit = known.index(name), unit_of(name) + per
         return [Quantity(form.format(name), unit, lambda sim: np.asarray(getattr(sim, array)[:, i]))]
 
     return read

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import os
 import re
-import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,7 +16,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -36,6 +35,7 @@ from mbstab.analysis.spectrum import STABLE, Complex
 from mbstab.analysis.sweep import Critical, Sweep
 from mbstab.compiler.system import Array
 from mbstab.model.units import parse_unit
+from mbstab.report.files import whole_file
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare import Comparison, Outcome
@@ -439,30 +439,6 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
     with whole_file(goal) as stream, _style(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph ")  # a title in a script the font lacks
         figure.savefig(stream, format=kind, dpi=150 if kind == "png" else 300, metadata=metadata[kind])
-
-
-@contextmanager
-def whole_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
-    """Give a stream to a file that takes the place of `path` when all is written: it appears whole or not at all.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
-    """
-    goal = Path(path).resolve()
-    handle, temporary = tempfile.mkstemp(dir=goal.parent, prefix=f".{goal.name}.")
-    os.close(handle)
-    try:
-        with open(temporary, "wb") as stream:
-            yield stream
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, goal.stat().st_mode & 0o777 if goal.exists() else 0o666 & ~mask)
-        os.replace(temporary, goal)
-    except BaseException:
-        os.unlink(temporary)
-        raise
 
 
 # --- what sweeps have in common -------------------------------------------------------------------------------------

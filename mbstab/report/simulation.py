@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.simulate import TRUST, Simulation
 from mbstab.errors import counted
-from mbstab.model.schema import is_length
+from mbstab.model.schema import unit_of
 from mbstab.report import WIDTH
 from mbstab.report.export import npz_bytes, to_csv, to_json
 from mbstab.report.tables import number, table
@@ -39,7 +39,7 @@ class Output:
 
 
 def _units(sim: Simulation, per: str = "") -> list[str]:
-    return [("m" if is_length(name) else "rad") + per for name in sim.names]
+    return [unit_of(name) + per for name in sim.names]
 
 
 def _named(sim: Simulation, form: str, per: str = "") -> list[str]:

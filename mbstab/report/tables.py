@@ -17,7 +17,7 @@ from mbstab.analysis.linearize import Linearization, StateSpace
 from mbstab.analysis.methods import DEFAULT
 from mbstab.analysis.sweep import Critical, Sweep
 from mbstab.errors import counted
-from mbstab.model.schema import is_length
+from mbstab.model.schema import unit_of
 from mbstab.report import WIDTH
 
 if TYPE_CHECKING:
@@ -263,7 +263,7 @@ def _state_table(item: Equilibrium, names: Sequence[str]) -> str:
     moving, fastest = bool(item.motion.u.any()), float(abs(item.motion.u).max())
     rows = []
     for name, q, u in zip(names, item.motion.q, item.motion.u, strict=True):
-        unit = "m" if is_length(name) else "rad"
+        unit = unit_of(name)
         rate = u if abs(u) > 1e-14 * fastest else 0.0
         rows.append([name, number(q, 10), unit, *([number(rate, 6), f"{unit}/s"] if moving else [])])
     heads = ["coordinate", "value", "", *(["rate", ""] if moving else [])]

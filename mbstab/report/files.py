@@ -1,0 +1,34 @@
+"""Files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+
+@contextmanager
+def whole_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """Give a stream to a file that takes the place of `path` when all is written: it appears whole or not at all.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    goal = Path(path).resolve()
+    handle, temporary = tempfile.mkstemp(dir=goal.parent, prefix=f".{goal.name}.")
+    os.close(handle)
+    try:
+        with open(temporary, "wb") as stream:
+            yield stream
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(temporary, goal.stat().st_mode & 0o777 if goal.exists() else 0o666 & ~mask)
+        os.replace(temporary, goal)
+    except BaseException:
+        os.unlink(temporary)
+        raise
