@@ -19,6 +19,7 @@ from mbstab.analysis.compare import CLOSE
 from mbstab.analysis.follow import Follower, Run, difference, fastest
 from mbstab.analysis.initial import Start, start_of
 from mbstab.analysis.integrators import METHODS, Method, Options
+from mbstab.analysis.samples import Record, states
 from mbstab.analysis.simulate import longest_step
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ModelFileError, NumericalError, SimulationError, UsageError
@@ -166,7 +167,7 @@ def compare_integrators(
     chosen = None
     if tolerance is not None:
         chosen = _fastest_within(runs, tolerance)
-    final = reference.samples[-1].q
+    final = states(reference.samples)[0][-1]
     return Integrations(tuple(runs), first, last, disturbance, race.name, known, final, tolerance, chosen)
 
 
@@ -254,9 +255,7 @@ class _Race:
 
 def _imbalance(run: Run) -> float:
     """Return the largest imbalance of energy, relative to what goes to and fro."""
-    kinetic, potential, work = (
-        np.array([getattr(s, x) for s in run.samples]) for x in ("kinetic", "potential", "work")
-    )
-    total = kinetic + potential - work
-    scale = max(run.peak, float(np.ptp(potential)), float(np.max(np.abs(work))))
+    record, work = Record.of(run.samples), np.array([s.work for s in run.samples])
+    total = record.kinetic + record.potential - work
+    scale = max(run.peak, float(np.ptp(record.potential)), float(np.max(np.abs(work))))
     return float(np.max(np.abs(total - total[0]))) / scale if scale > 0.0 else 0.0

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Callable, Sequence
-from copy import copy
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from hashlib import sha256
@@ -24,10 +23,9 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.compiler.system import Array, Dynamics, System
-from mbstab.compiler.trace import Trace, Traced
+from mbstab.compiler.trace import Code, Trace, Traced
 from mbstab.errors import MbstabError, UsageError
 from mbstab.model.arithmetic import FLOAT, FUNCTIONS
-from mbstab.model.values import Law
 
 _FAILURES = (ArithmeticError, ValueError, MbstabError)
 
@@ -162,6 +160,8 @@ class Fused:
     Parameters
     ----------
     system : System
+    free : sequence of int
+        Numbers of bodies whose base rotation is not known before: only for `code`.
     machine_code : bool
         Let Numba (the extra ``fast``) compile each function when it is first called. That takes from half a
         second to some ten; the result is kept for scenes that differ in their parameters only.
@@ -172,20 +172,21 @@ class Fused:
         If the parameters of the scene are not floats.
     """
 
-    def __init__(self, system: System, machine_code: bool = False) -> None:
+    def __init__(self, system: System, machine_code: bool = False, free: Sequence[int] = ()) -> None:
         if system.scene.points is not None or system.scene.arithmetic is not FLOAT:
             raise ValueError("only a scene whose parameters are floats can be fused")
         self.system = system
         self._machine_code = machine_code
         self.vector: Callable[[Any], Any] = _array if machine_code else _listed
         self._trace = Trace()
-        arithmetic = self._trace.arithmetic()
-        self._traced = copy(system)
-        self._traced.scene = replace(system.scene, arithmetic=arithmetic)
-        self._traced._elements = [
-            replace(e, laws=tuple(replace(x, arithmetic=arithmetic) if isinstance(x, Law) else x for x in e.laws))
-            for e in system._elements
-        ]
+        bodies = list(system.scene.bodies)
+        self._bases: list[Traced] = []
+        for number in free:
+            base = [self._trace.input(f"base{number}_{i}") for i in range(9)]
+            bodies[number] = replace(bodies[number], base=tuple(base))
+            self._bases += base
+        scene = replace(system.scene, arithmetic=self._trace.arithmetic(), bodies=tuple(bodies))
+        self._traced = System(scene) if free else system.in_arithmetic(scene)
         sizes = {"q": system.n_q, "u": system.n_q, "a": system.n_q, "nu": system.n_c}
         self._inputs: dict[str, Any] = {
             name: [self._trace.input(f"{name}{i}") for i in range(size)] for name, size in sizes.items()
@@ -252,30 +253,49 @@ class Fused:
             Takes q and u as `vector` returns them and the time (s); returns shapes (n, n) and (n,) with
             n = n_q + number of `rows`.
         """
-        state, count = self._traced_dynamics, len(rows)
+        state, count = self.traced, len(rows)
         J = np.asarray(state.J)[list(rows)]
         matrix = np.block([[np.asarray(state.M, dtype=object), J.T], [J, np.zeros((count, count), dtype=object)]])
         right = [-x for x in (*state.F0.tolist(), *state.B[list(rows)].tolist())]
         return self._program("qut", (matrix, np.array(right, dtype=object)))
 
     @cached_property
-    def _traced_dynamics(self) -> Dynamics:
+    def traced(self) -> Dynamics:
+        """The matrices of the equations of motion, as traced numbers."""
         x = self._inputs
         return self._traced.dynamics(x["q"], x["u"], x["t"])
 
+    def traced_power(self, working: Collection[str], damped: Collection[str]) -> Any:
+        """Return the power (W) of entries, and of the dampers of others, such as ``forces.spring``, traced."""
+        x, total = self._inputs, 0.0
+        rest = [0.0] * self.system.n_q
+        for path, part in self._traced.parts():
+            if path in working or path in damped:
+                force = part.dynamics(x["q"], x["u"], x["t"]).F0
+                if path in damped:
+                    force = force - part.dynamics(x["q"], rest, x["t"]).F0
+                for f, u in zip(force.tolist(), x["u"], strict=True):
+                    total = total - f * u
+        return total
+
+    def code(self, groups: Sequence[Sequence[Any]]) -> Code:
+        """Return the program that finds groups of traced numbers; its first registers are q, u, t and free bases."""
+        x = self._inputs
+        return self._trace.code([*x["q"], *x["u"], x["t"], *self._bases], groups)
+
     @cached_property
     def _dynamics(self) -> Program:
-        x = self._traced_dynamics
+        x = self.traced
         return self._program("qut", (x.M, x.F0, x.E, x.V, x.J, x.B))
 
     @cached_property
     def _equations(self) -> Program:
-        x = self._traced_dynamics
+        x = self.traced
         return self._program("qut", (x.M, x.F0, x.J, x.B))
 
     @cached_property
     def _residuals(self) -> Program:
-        x = self._traced_dynamics
+        x = self.traced
         return self._program("qut", (x.E, x.V, x.J))
 
     @cached_property

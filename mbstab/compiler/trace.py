@@ -32,6 +32,39 @@ _ODD = {"sin", "tan", "asin", "atan", "sinh", "tanh", "sign", "abs_slope"}
 _EVEN = {"cos", "cosh", "abs"}
 
 
+OPERATIONS = ("+", "-", "*", "/", "negative", *FUNCTIONS, "power", "sign", "abs_slope")
+"""What `Code` numbers."""
+
+
+@dataclass(frozen=True)
+class Code:
+    """A program as numbers, for an interpreter.
+
+    Registers hold the inputs, the constants, and then one result of each operation.
+
+    Attributes
+    ----------
+    inputs : int
+        How many.
+    operations : list of int
+        Indices into `OPERATIONS`.
+    operands : list of (int, int)
+        Registers that an operation takes; the second repeats the first where it takes one.
+    constants : list of float
+    results : list of (int, bool)
+        Register of each output, and whether its negative is meant.
+    ends : list of int
+        How many operations each group of outputs needs, those before it included.
+    """
+
+    inputs: int
+    operations: list[int]
+    operands: list[tuple[int, int]]
+    constants: list[float]
+    results: list[tuple[int, bool]]
+    ends: list[int]
+
+
 @dataclass(frozen=True, slots=True)
 class Step:
     """An input (``operands`` holds its name), or an operation on numbers and earlier steps."""
@@ -247,6 +280,55 @@ class Trace:
         lines += [f"    {line}" for line in writer.lines]
         lines += [f"    out[{i}] = {writer.term(x)}" for i, x in enumerate(outputs)]
         return "\n".join([*lines, ""]), list(constants)
+
+    def code(self, inputs: Sequence[Traced], groups: Sequence[Sequence[Any]]) -> Code:
+        """Return the program that finds groups of outputs, one after the other.
+
+        Parameters
+        ----------
+        inputs : sequence of Traced
+            All inputs that may occur, in the order of their registers.
+        groups : sequence of sequences of Traced or float
+        """
+        registers = {x.step: i for i, x in enumerate(inputs)}
+        constants: dict[float, int] = {}
+        needed: list[int] = []
+        ends: list[int] = []
+        for group in groups:
+            known = set(needed)
+            needed += [i for i in self._needed(group) if i not in known and i not in registers]
+            ends.append(len(needed))
+        used = [x for i in needed for x in self.steps[i].operands] + [x for group in groups for x in group]
+        for x in used:
+            if not isinstance(x, Traced):
+                constants.setdefault(float(x), len(inputs) + len(constants))
+        first = len(inputs) + len(constants)
+        operations: list[int] = []
+        operands: list[tuple[int, int]] = []
+
+        def put(operation: str, x: int, y: int) -> int:
+            operations.append(OPERATIONS.index(operation))
+            operands.append((x, y))
+            return first + len(operations) - 1
+
+        def register(x: Any) -> int:
+            if not isinstance(x, Traced):
+                return constants[float(x)]
+            return put("negative", registers[x.step], registers[x.step]) if x.negative else registers[x.step]
+
+        counts = []
+        for i, number in enumerate(needed):
+            x, *rest = map(register, self.steps[number].operands)
+            registers[number] = put(self.steps[number].operation, x, rest[0] if rest else x)
+            if i + 1 in ends:
+                counts.append((i + 1, len(operations)))
+        length = dict(counts) | {0: 0}
+        results = [
+            (registers[x.step], x.negative) if isinstance(x, Traced) else (constants[float(x)], False)
+            for group in groups
+            for x in group
+        ]
+        return Code(len(inputs), operations, operands, list(constants), results, [length[end] for end in ends])
 
     def _names(self, inputs: Iterable[Traced]) -> list[str]:
         return [self.steps[x.step].operands[0] for x in inputs]
