@@ -204,6 +204,8 @@ class _Leg:
             if reason != "more":
                 break
             reason = marching.go()
+        if reason == "look":
+            self.watch = self.equations.refresh(self.equations.evaluate(state.time, state.q, state.u))
         self.least, self.work = state.least, base + state.work
         self.done += covered
         run.steps += state.steps

@@ -2,13 +2,14 @@
 
 The steps are those of `mbstab.analysis.integrators.Projected`: the same tableau, the same control of the step, the same
 projection but that a change of positions leaves nonholonomic rows as they are. Where something is out of the
-ordinary, a `March` stops before it and the caller goes on step by step.
+ordinary, a march stops before it and the caller goes on step by step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -316,6 +317,21 @@ class State:
         return int(self.march.counts[3])
 
 
+def machine_code() -> ModuleType:
+    """Return `mbstab.compiler.machine`.
+
+    Raises
+    ------
+    UsageError
+        If Numba is not installed.
+    """
+    try:
+        import mbstab.compiler.machine as machine
+    except ImportError:
+        raise UsageError("compiled steps need Numba\nhint: install it with pip install 'mbstab[fast]'") from None
+    return machine
+
+
 class Marching:
     """An explicit integrator of one scene as machine code.
 
@@ -327,19 +343,10 @@ class Marching:
     energy : Energy
     solver : str
         DOP853 or RK45.
-
-    Raises
-    ------
-    UsageError
-        If Numba is not installed.
     """
 
     def __init__(self, equations: Constrained, attitudes: Attitudes, energy: Energy, solver: str) -> None:
-        try:
-            from mbstab.compiler import machine
-        except ImportError:
-            raise UsageError("compiled steps need Numba\nhint: install it with pip install 'mbstab[fast]'") from None
-        self._code = machine
+        self._code = machine_code()
         self._free = [i for i, _ in attitudes.parts if i not in attitudes.pinned]
         self.machine = machine_of(equations, self._free, attitudes, energy)
         self.tableau = tableau_of(solver)

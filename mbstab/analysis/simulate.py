@@ -21,6 +21,7 @@ import numpy as np
 from mbstab.analysis.follow import Follower, Run, difference, fastest
 from mbstab.analysis.initial import Start, start_of
 from mbstab.analysis.integrators import METHODS, Method, Options
+from mbstab.analysis.marching import machine_code
 from mbstab.analysis.names import expressions_in, uneven_in_time
 from mbstab.analysis.samples import Record, Track
 from mbstab.compiler.system import Array, System
@@ -268,6 +269,8 @@ def _method(method: str, solver: str, step: float | None, compiled: bool) -> tup
     if compiled and not solvers[solver].compiled:
         known = ", ".join(f"{m} {x}" for m, group in METHODS.items() for x in group if group[x].compiled)
         raise UsageError(f"there are no compiled steps for {f'{method} {solver}'.strip()}; there are for {known}")
+    if compiled:
+        machine_code()
     return solvers[solver], solver
 
 

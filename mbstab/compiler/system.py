@@ -186,13 +186,8 @@ class System:
                 part._elements, part._plans = [element], {}
                 yield part
 
-    def fused(self, machine_code: bool = False) -> Fused:
+    def fused(self) -> Fused:
         """Return the same equations as functions of this scene alone, for thousands of states.
-
-        Parameters
-        ----------
-        machine_code : bool
-            Compile them with Numba, the extra ``fast``.
 
         Raises
         ------
@@ -201,7 +196,7 @@ class System:
         """
         from mbstab.compiler.fused import Fused
 
-        return Fused(self, machine_code)
+        return Fused(self)
 
     # --- what is in the scene ---------------------------------------------------------------------------------------
 

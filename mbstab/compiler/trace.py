@@ -250,7 +250,7 @@ class Trace:
         outputs : sequence of Traced or float
             Arguments of the callable ``pack``, whose value is returned.
         """
-        writer = _Writer(self.steps, self._needed(outputs), outputs, lambda x: repr(float(x)))
+        writer = _Writer(self.steps, self._needed(outputs), outputs)
         lines = [f"def evaluate({', '.join(inputs)}):"]
         for argument, members in inputs.items():
             if isinstance(members, list) and members:
@@ -258,28 +258,6 @@ class Trace:
                 lines.append(f"    {', '.join(names)}, = {argument}")
         lines += [*(f"    {line}" for line in writer.lines), "    return pack("]
         return "\n".join([*lines, *(f"        {writer.term(x)}," for x in outputs), "    )", ""])
-
-    def array_text(self, inputs: dict[str, Any], outputs: Sequence[Any]) -> tuple[str, list[float]]:
-        """Return the source of a function ``evaluate`` for arrays, and the constants it takes.
-
-        Its arguments are those of the function of `text`, the constants and the array that it fills. So
-        the text is the same for other parameters, as long as the same of them are zero, one or equal.
-        """
-        constants: dict[float, int] = {}
-        writer = _Writer(
-            self.steps,
-            self._needed(outputs),
-            outputs,
-            lambda x: f"k[{constants.setdefault(float(x), len(constants))}]",
-        )
-        lines = [f"def evaluate({', '.join([*inputs, 'k', 'out'])}):"]
-        for argument, members in inputs.items():
-            if isinstance(members, list):
-                names = enumerate(self._names(members))
-                lines += [f"    {name} = {argument}[{i}]" for i, name in names if name in writer.inputs]
-        lines += [f"    {line}" for line in writer.lines]
-        lines += [f"    out[{i}] = {writer.term(x)}" for i, x in enumerate(outputs)]
-        return "\n".join([*lines, ""]), list(constants)
 
     def code(self, inputs: Sequence[Traced], groups: Sequence[Sequence[Any]]) -> Code:
         """Return the program that finds groups of outputs, one after the other.
@@ -355,12 +333,9 @@ class _Writer:
         Names of the inputs that occur.
     """
 
-    def __init__(
-        self, steps: Sequence[Step], needed: Sequence[int], outputs: Iterable[Any], constant: Callable[[float], str]
-    ) -> None:
+    def __init__(self, steps: Sequence[Step], needed: Sequence[int], outputs: Iterable[Any]) -> None:
         self.lines: list[str] = []
         self.inputs = {steps[i].operands[0] for i in needed if steps[i].operation == "input"}
-        self._constant = constant
         self._texts: dict[int, tuple[str, int]] = {}
         counts = Counter(x.step for x in outputs if isinstance(x, Traced))
         for number in needed:
@@ -388,14 +363,14 @@ class _Writer:
     def _bound(self, x: Any, least: int) -> str:
         """Return the text of an operand, in parentheses if it binds less than that."""
         if not isinstance(x, Traced):
-            return self._constant(x)
+            return repr(float(x))
         text, binding = self._texts[x.step]
         return text if binding >= least else f"({text})"
 
     def term(self, x: Any) -> str:
         """Return the text of a number that stands alone."""
         if not isinstance(x, Traced):
-            return self._constant(x)
+            return repr(float(x))
         return f"-{self._bound(x, _PRODUCT)}" if x.negative else self._bound(x, _SUM)
 
 
