@@ -44,6 +44,13 @@ Flags = npt.NDArray[np.bool_]
 SINGULAR = 1e-5
 """A mechanism is singular where the least singular value of its constraints falls to this part of that at the start."""
 
+BRANCH_HINT = "hint: from there the motion may go on in different ways; keep away from it, or take out what locks it"
+
+LIMIT_HINT = (
+    "hint: the mechanism may be driven to a limit beyond which it cannot go, such as a dead centre or links at full "
+    "reach, where speeds grow without bound; end before (--to), or change the drive or the lengths"
+)
+
 PROJECTIONS = 12
 """Newton steps of a projection; near the constraints two are enough."""
 
@@ -406,17 +413,33 @@ class Constrained:
         s = np.linalg.svd(state.J * self._rows, compute_uv=False)
         return float(s[self.rank - 1]) / self._least
 
-    def singular(self, t: float, state: Dynamics, value: float) -> ConstraintError:
+    def nears(self, watch: Watch, part: float) -> bool:
+        """Whether the least singular value has fallen below a part of that at the start."""
+        return bool(self.rank) and self._least is not None and watch.value < part * self._least
+
+    def singular(self, t: float, state: Dynamics, value: float, hint: str = BRANCH_HINT) -> ConstraintError:
         """Return the error about a singular configuration: number, threshold, rows, time."""
         left = np.linalg.svd(state.J * self._rows)[0][:, self.rank - 1]
-        order = [i for i in np.argsort(-np.abs(left)) if abs(left[i]) > 0.1][:6]
-        names = list(dict.fromkeys(self.system.rows[i].owner for i in order))
         return ConstraintError(
             f"the mechanism is at a singular configuration at t = {t:.9g} s: the least singular value of its "
             f"constraints falls to {value:.1e} of that at the start, where {SINGULAR:g} is the threshold\n"
-            f"the rows that depend on each other there: {', '.join(names)}\n"
-            "hint: from there the motion may go on in different ways; keep away from it, or take out what locks it"
+            f"the rows that depend on each other there: {self._owners(left)}\n{hint}"
         )
+
+    def approached(self, t: float, watch: Watch, reason: str) -> ConstraintError:
+        """Return the error about a step that failed next to a singular configuration: as `singular`, and the reason."""
+        assert self._least is not None
+        return ConstraintError(
+            f"the mechanism comes to a singular configuration just after t = {t:.9g} s: the least singular value of "
+            f"its constraints has fallen to {watch.value / self._least:.1e} of that at the start ({SINGULAR:g} counts "
+            f"as singular), and {reason}\n"
+            f"the rows that depend on each other there: {self._owners(watch.left)}\n{LIMIT_HINT}"
+        )
+
+    def _owners(self, left: Array) -> str:
+        """Return the names of the rows with the largest parts of a left singular vector."""
+        order = [i for i in np.argsort(-np.abs(left)) if abs(left[i]) > 0.1][:6]
+        return ", ".join(dict.fromkeys(self.system.rows[i].owner for i in order))
 
     def derivatives(self, t: float, q: Array, u: Array, a: Array, nu: Array) -> tuple[Array, Array, Array]:
         """Return K, R and V_q, the exact derivatives that the linearization uses."""

@@ -13,16 +13,35 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mbstab.analysis.attitude import Attitudes
-from mbstab.analysis.constrained import SINGULAR, Constrained, Form, Watch
+from mbstab.analysis.constrained import BRANCH_HINT, LIMIT_HINT, SINGULAR, Constrained, Form, Watch
 from mbstab.analysis.energy import NODES, WEIGHTS, Energy
 from mbstab.analysis.integrators import Method, Options, Stepper
 from mbstab.analysis.motion import Motion
 from mbstab.analysis.reactions import reactions
+from mbstab.analysis.stiffness import Pace
 from mbstab.compiler.system import Array, Dynamics, System
-from mbstab.errors import MbstabError
+from mbstab.errors import MbstabError, NumericalError
 
 LEAST_PROGRESS = 0.002
 """The progress function is called when this part of the work is done."""
+
+NEAR = 0.1
+"""A singular configuration is near where the least singular value is below this part of that at the start."""
+
+EXPLAINS = 0.3
+"""A step that fails where it is below this part fails for that reason."""
+
+SHORTENED = 0.999
+"""A fixed step that is taken back and shortened to less than this part has failed."""
+
+STEEPER = 2.0
+"""Near it speeds may be known to the tolerance times the present ones; these are taken anew when they grow by this."""
+
+GROWN = 100.0
+"""Speeds that have grown by more when a singular configuration is reached tell of a limit, not of a branch."""
+
+ROUNDINGS = 8.0
+"""Speeds cannot be known better than what they change by in this many roundings of the time."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +82,8 @@ class Run:
     failure : str
         Why it ended early, or empty.
     interrupted : bool
+    notes : list of str
+        What the user should know about the result.
     """
 
     samples: list[Sample] = field(default_factory=list)
@@ -75,6 +96,7 @@ class Run:
     drift: float = 0.0
     failure: str = ""
     interrupted: bool = False
+    notes: list[str] = field(default_factory=list)
 
     @property
     def complete(self) -> bool:
@@ -112,16 +134,19 @@ class Follower:
         """Follow the motion; failures end the run and are kept in it."""
         run = Run(reached=float(self.times[0]))
         leg = _Leg(self, run)
+        pace = Pace(method, options, float(self.times[-1]))
         run.peak = leg.equations.least_energy
         try:
             leg.sample(float(self.times[0]), self.motion.q, self.motion.u)
-            leg.follow(method, options, progress)
+            leg.follow(method, options, progress, pace)
         except KeyboardInterrupt:
             run.interrupted = True
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             run.failure = f"the motion leaves the range of double precision near t = {run.reached:.9g} s: {error}"
         except MbstabError as error:
             run.failure = str(error)
+        if pace.note and not run.failure:
+            run.notes.append(pace.note)
         run.evaluations += leg.equations.evaluations
         return run
 
@@ -139,17 +164,18 @@ class _Leg:
         self.work = 0.0
         self.parts = follower.parts
 
-    def follow(self, method: Method, options: Options, progress: Callable[[float], object]) -> None:
+    def follow(self, method: Method, options: Options, progress: Callable[[float], object], pace: Pace) -> None:
         times, run = self.follower.times, self.run
         t, end = float(times[0]), float(times[-1])
         q, u = self.motion.q, self.motion.u
-        done, shown = 1, 0.0
+        done, shown, steeper = 1, 0.0, options.rate
+        self.rate = options.rate
         q, u = self._change_chart(q, q, u, t)
         while t < end:
             stepper = method.start(self.equations, t, q, u, end, options)
             while True:
                 before = stepper.q
-                stepper.advance()
+                self._advance(stepper, t, options)
                 run.steps += 1
                 run.peak = max(run.peak, 0.5 * float(stepper.u @ stepper.state.M @ stepper.u))
                 run.drift = max(run.drift, *self.equations.residuals(stepper.state, self.equations.fastest(stepper.u)))
@@ -166,10 +192,11 @@ class _Leg:
                     progress(shown)
                 if t >= end:
                     break
-                if change:
+                pace.look(run.steps, stepper, self.equations, options)
+                if change or (steeper := self._steeper(stepper, options)) > options.rate:
                     break
             run.rejected += stepper.rejected
-            options = replace(options, first=stepper.taken)
+            options = replace(options, first=stepper.taken, rate=max(steeper, options.rate))
             if t < end:
                 # Implicit methods leave speeds a little off their constraints: the new start must satisfy them.
                 q, u, _ = self.equations.project(t, stepper.q, stepper.u)
@@ -205,6 +232,34 @@ class _Leg:
             self._search(stepper, t)
         self.watch = found
 
+    def _steeper(self, stepper: Stepper, options: Options) -> float:
+        """Return what a fast change is from now on (1/s).
+
+        Where a mechanism reaches a limit, speeds grow as the inverse of the least singular value: the tolerance counts
+        relative to the largest, and what they change by while the time is rounded cannot be known.
+        """
+        equations, state = self.equations, stepper.state
+        if options.step is not None or not equations.nears(self.watch, NEAR):
+            return options.rate
+        growth, _ = equations.solve(state, -state.F0, state.B)
+        rounding = ROUNDINGS * math.ulp(stepper.t) * equations.fastest(growth) / options.tol
+        found = max(equations.fastest(stepper.u), rounding)
+        return found if found > STEEPER * options.rate else options.rate
+
+    def _advance(self, stepper: Stepper, t: float, options: Options) -> None:
+        """Take a step from a time; a failure next to a singular configuration is explained by it."""
+        try:
+            stepper.advance()
+            if options.step is not None and stepper.taken < SHORTENED * min(options.step, self.follower.times[-1] - t):
+                raise NumericalError(
+                    f"the step of {options.step:.3g} s fails at t = {t:.9g} s: its error is beyond all measure\n"
+                    "hint: take a shorter one with --step"
+                )
+        except NumericalError as error:
+            if not self.equations.nears(self.watch, EXPLAINS):
+                raise
+            raise self.equations.approached(t, self.watch, str(error).partition("\n")[0]) from None
+
     def _at(self, stepper: Stepper, t: float) -> Dynamics:
         """Return the matrices at a time within the last step, with Euler angles that are not singular there."""
         q, u = stepper.at(t) if t != stepper.t else (stepper.q, stepper.u)
@@ -229,7 +284,8 @@ class _Leg:
         t, least = min([(float(found.x), float(found.fun)), (float(grid[k]), values[k])], key=lambda x: x[1])
         if least <= SINGULAR:
             self.run.reached = start
-            raise self.equations.singular(t, self._at(stepper, t), least)
+            grown = self.equations.fastest(stepper.u) > GROWN * self.rate
+            raise self.equations.singular(t, self._at(stepper, t), least, LIMIT_HINT if grown else BRANCH_HINT)
 
     # --- output -----------------------------------------------------------------------------------------------------
 

@@ -299,6 +299,7 @@ class _Work:
         self.longest = longest_step(follower)
         self.estimate, self.runs, self.evaluations = math.nan, 0, 0
         self.warnings: list[str] = []
+        self.notes: list[str] = []
 
     def once(self, tol: float, progress: Callable[[float], object] | None = None) -> Run:
         """Follow the motion with a tolerance of a step."""
@@ -307,6 +308,7 @@ class _Work:
         options = Options(tol, self.step, None, self.rate, longest, self.solver)
         run = self.follower.run(self.method, options, progress or self.progress)
         self.runs += 1
+        self.notes = run.notes or self.notes
         self.evaluations += run.evaluations
         return run
 
@@ -420,7 +422,7 @@ def _result(begin: Start, follower: Follower, work: _Work, run: Run, method: str
         peak=run.peak,
         sizes=follower.motion.sizes,
         conservative=follower.energy.conservative,
-        warnings=(*begin.warnings, *work.warnings),
+        warnings=(*begin.warnings, *work.warnings, *work.notes),
         complete=run.complete,
         failure=run.failure,
     )
