@@ -284,6 +284,7 @@ class Mechanism:
         strict: bool = False,
         once: bool = False,
         progress: Callable[[float], object] = lambda done: None,
+        through_singular: bool = False,
         **parameters: Setting,
     ) -> Simulation:
         """Return the nonlinear motion: ``model.simulate(10.0, perturb={"rod.theta": 0.1})``.
@@ -309,6 +310,8 @@ class Mechanism:
             Make one run in which `tol` is the error of a step.
         progress : callable
             Is called with the part of the work that is done, from 0 to 1.
+        through_singular : bool
+            Go on smoothly through configurations where the constraints lose rank, and say so in a warning.
 
         Raises
         ------
@@ -320,7 +323,9 @@ class Mechanism:
         from mbstab.analysis.simulate import simulate
 
         system = self.system(**parameters)
-        return simulate(system, to, start, method, solver, tol, step, points, perturb, strict, once, progress)
+        return simulate(
+            system, to, start, method, solver, tol, step, points, perturb, strict, once, progress, through_singular
+        )
 
     @guarded
     def swing(self, number: int = 1, points: int = 50, **parameters: Setting) -> Swing:

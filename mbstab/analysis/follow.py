@@ -17,10 +17,11 @@ from mbstab.analysis.constrained import BRANCH_HINT, LIMIT_HINT, SINGULAR, Const
 from mbstab.analysis.energy import NODES, WEIGHTS, Energy
 from mbstab.analysis.integrators import Method, Options, Stepper
 from mbstab.analysis.motion import Motion
+from mbstab.analysis.passage import Passage, passage, predicted
 from mbstab.analysis.reactions import reactions
 from mbstab.analysis.stiffness import Pace
 from mbstab.compiler.system import Array, Dynamics, System
-from mbstab.errors import MbstabError, NumericalError
+from mbstab.errors import ConstraintError, MbstabError, NumericalError
 
 LEAST_PROGRESS = 0.002
 """The progress function is called when this part of the work is done."""
@@ -42,6 +43,18 @@ GROWN = 100.0
 
 ROUNDINGS = 8.0
 """Speeds cannot be known better than what they change by in this many roundings of the time."""
+
+PASSED_FROM = 0.5
+"""Passages are tried from where the least singular value has fallen to this part of that at the start."""
+
+HALVINGS = 12
+"""How often the way to a singular configuration is halved until its passage is accurate enough."""
+
+PASSAGE_ERROR = 1e-10
+"""Error of a passage where steps are fixed."""
+
+LISTED = 8
+"""Times of passages that are said one by one."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +97,8 @@ class Run:
     interrupted : bool
     notes : list of str
         What the user should know about the result.
+    passed : list of (float, str)
+        Times at which singular configurations were passed (s), and the rows that depend on each other there.
     """
 
     samples: list[Sample] = field(default_factory=list)
@@ -97,6 +112,7 @@ class Run:
     failure: str = ""
     interrupted: bool = False
     notes: list[str] = field(default_factory=list)
+    passed: list[tuple[float, str]] = field(default_factory=list)
 
     @property
     def complete(self) -> bool:
@@ -116,10 +132,14 @@ class Follower:
         Times of output (s), ascending; the first is the start.
     form : Form, optional
         What evaluates the scene, where others use it as well.
+    through : bool
+        Go through singular configurations where the motion is smooth, instead of refusing them.
     """
 
-    def __init__(self, system: System, motion: Motion, times: Array, form: Form | None = None) -> None:
-        self.system, self.motion, self.times = system, motion, times
+    def __init__(
+        self, system: System, motion: Motion, times: Array, form: Form | None = None, through: bool = False
+    ) -> None:
+        self.system, self.motion, self.times, self.through = system, motion, times, through
         self.attitudes = Attitudes.of(system)
         self.energy = Energy.of(system, self.attitudes)
         self.form = form or Form(system)
@@ -147,8 +167,30 @@ class Follower:
             run.failure = str(error)
         if pace.note and not run.failure:
             run.notes.append(pace.note)
+        if run.passed:
+            run.notes.append(_passed(run.passed))
         run.evaluations += leg.equations.evaluations
         return run
+
+
+def _passed(found: list[tuple[float, str]]) -> str:
+    """Return what is said about singular configurations that were passed."""
+    times = ", ".join(f"{t:.6g}" for t, _ in found[:LISTED])
+    if len(found) > LISTED:
+        times += f", … ({len(found)} times)"
+    owners = ", ".join(dict.fromkeys(name for _, names in found for name in names.split(", ")))
+    return (
+        f"the motion passed singular configurations at t = {times} s, where these rows depend on each other: {owners}; "
+        "it was continued smoothly, but could have gone on in another way there, and reactions may grow without bound"
+    )
+
+
+class _Singular(Exception):
+    """A singular configuration on the way: its time (s), from where known or about, and the error that it is."""
+
+    def __init__(self, time: float, error: ConstraintError) -> None:
+        super().__init__(str(error))
+        self.time, self.error = time, error
 
 
 class _Leg:
@@ -163,45 +205,76 @@ class _Leg:
         self.near = self.motion.q
         self.work = 0.0
         self.parts = follower.parts
+        self.done, self.shown = 1, 0.0
+        self.fall, self.tried, self.given_up = 0.0, math.inf, 0
 
     def follow(self, method: Method, options: Options, progress: Callable[[float], object], pace: Pace) -> None:
-        times, run = self.follower.times, self.run
-        t, end = float(times[0]), float(times[-1])
-        q, u = self.motion.q, self.motion.u
-        done, shown, steeper = 1, 0.0, options.rate
+        run, end = self.run, float(self.follower.times[-1])
+        t, q, u = float(self.follower.times[0]), self.motion.q, self.motion.u
+        steeper, limit = options.rate, end
         self.rate = options.rate
         q, u = self._change_chart(q, q, u, t)
         while t < end:
-            stepper = method.start(self.equations, t, q, u, end, options)
+            stepper = method.start(self.equations, t, q, u, limit, options)
+            passed: Passage | None = None
             while True:
-                before = stepper.q
-                self._advance(stepper, t, options)
-                run.steps += 1
-                run.peak = max(run.peak, 0.5 * float(stepper.u @ stepper.state.M @ stepper.u))
-                run.drift = max(run.drift, *self.equations.residuals(stepper.state, self.equations.fastest(stepper.u)))
-                self._watch(stepper, t)
-                change = self.attitudes.needs_change(self.system, before, stepper.q)
-                inside = []
-                while done < len(times) and times[done] <= stepper.t:
-                    inside.append(float(times[done]))
-                    done += 1
-                self._cover(stepper, t, inside)
-                t = run.reached = stepper.t
-                if (t - times[0]) / (end - times[0]) > shown + LEAST_PROGRESS:
-                    shown = (t - times[0]) / (end - times[0])
-                    progress(shown)
-                if t >= end:
+                before, speeds = stepper.q, stepper.u
+                try:
+                    self._advance(stepper, t, options)
+                    self._watch(stepper, t)
+                except _Singular as found:
+                    if not self.follower.through:
+                        raise found.error from None
+                    passed = self._passage(t, found.time, before, speeds, options)
+                    if passed is None:
+                        # From nearer it is a shorter way.
+                        limit = self._halfway(t, found, before, speeds)
+                        q, u = before, speeds
+                        break
+                if passed is None:
+                    change = self.attitudes.needs_change(self.system, before, stepper.q)
+                    self._finish(stepper, t, progress)
+                    t = stepper.t
+                    if t < limit and self.follower.through and self._falling():
+                        passed = self._passage(t, self._ahead(stepper), stepper.q, stepper.u, options)
+                if passed is not None:
+                    self._finish(passed, passed.start, progress)
+                    t = passed.t
+                    break
+                if t >= limit:
                     break
                 pace.look(run.steps, stepper, self.equations, options)
                 if change or (steeper := self._steeper(stepper, options)) > options.rate:
                     break
             run.rejected += stepper.rejected
-            options = replace(options, first=stepper.taken, rate=max(steeper, options.rate))
+            if passed is None and t < stepper.t:  # the step is given up
+                options = replace(options, first=None)
+                continue
+            limit = end
+            options = replace(options, first=stepper.taken or None, rate=max(steeper, options.rate))
             if t < end:
                 # Implicit methods leave speeds a little off their constraints: the new start must satisfy them.
-                q, u, _ = self.equations.project(t, stepper.q, stepper.u)
+                last = passed or stepper
+                q, u, _ = self.equations.project(t, last.q, last.u)
                 q, u = self._change_chart(before, q, u, t)
         progress(1.0)
+
+    def _finish(self, stepper: Stepper, t: float, progress: Callable[[float], object]) -> None:
+        """Take what a step from a time gives: output, work, extremes."""
+        run, times = self.run, self.follower.times
+        run.steps += 1
+        run.peak = max(run.peak, 0.5 * float(stepper.u @ stepper.state.M @ stepper.u))
+        run.drift = max(run.drift, *self.equations.residuals(stepper.state, self.equations.fastest(stepper.u)))
+        inside = []
+        while self.done < len(times) and times[self.done] <= stepper.t:
+            inside.append(float(times[self.done]))
+            self.done += 1
+        self._cover(stepper, t, inside)
+        run.reached = stepper.t
+        part = (stepper.t - times[0]) / (times[-1] - times[0])
+        if part > self.shown + LEAST_PROGRESS:
+            self.shown = float(part)
+            progress(self.shown)
 
     # --- charts -----------------------------------------------------------------------------------------------------
 
@@ -230,6 +303,7 @@ class _Leg:
         found = equations.refresh(state)
         if equations.flipped(self.watch, state, found):
             self._search(stepper, t)
+        self.fall = (self.watch.value - found.value) / stepper.taken
         self.watch = found
 
     def _steeper(self, stepper: Stepper, options: Options) -> float:
@@ -258,7 +332,8 @@ class _Leg:
         except NumericalError as error:
             if not self.equations.nears(self.watch, EXPLAINS):
                 raise
-            raise self.equations.approached(t, self.watch, str(error).partition("\n")[0]) from None
+            near = self.equations.approached(t, self.watch, str(error).partition("\n")[0])
+            raise _Singular(t + self.watch.value / self.fall if self.fall > 0.0 else math.inf, near) from None
 
     def _at(self, stepper: Stepper, t: float) -> Dynamics:
         """Return the matrices at a time within the last step, with Euler angles that are not singular there."""
@@ -285,20 +360,63 @@ class _Leg:
         if least <= SINGULAR:
             self.run.reached = start
             grown = self.equations.fastest(stepper.u) > GROWN * self.rate
-            raise self.equations.singular(t, self._at(stepper, t), least, LIMIT_HINT if grown else BRANCH_HINT)
+            hint = LIMIT_HINT if grown else BRANCH_HINT
+            raise _Singular(t, self.equations.singular(t, self._at(stepper, t), least, hint))
+
+    # --- through singular configurations ----------------------------------------------------------------------------
+
+    def _falling(self) -> bool:
+        """Whether a singular configuration is near and comes nearer, and a passage should be tried."""
+        if not self.equations.nears(self.watch, PASSED_FROM):
+            self.tried = math.inf
+            return False
+        if not 0.0 < self.watch.value < 0.5 * self.tried or self.fall <= 0.0:
+            return False
+        self.tried = self.watch.value
+        return True
+
+    def _ahead(self, stepper: Stepper) -> float:
+        """Return about when the least singular value vanishes; nan if it does not."""
+        horizon = 3.0 * self.watch.value / self.fall
+        return predicted(self.equations, stepper.t, stepper.q, stepper.u, self.watch, horizon)
+
+    def _passage(self, t: float, singular: float, q: Array, u: Array, options: Options) -> Passage | None:
+        """Return the step from a state to as far behind a singular configuration, if the motion is smooth there."""
+        allowed = PASSAGE_ERROR if options.step is not None else options.tol
+        last = float(self.follower.times[-1])
+        found = passage(self.equations, self.watch, t, singular, last, q, u, allowed)
+        if found is None or not found.locate(self.watch):
+            return None
+        self.watch = self.equations.refresh(found.state)
+        self.fall, self.tried, self.given_up = 0.0, math.inf, 0
+        self.run.passed.append((found.singular, found.owners))
+        return found
+
+    def _halfway(self, t: float, found: _Singular, q: Array, u: Array) -> float:
+        """Return the time on the way to a singular configuration from where the passage is tried next."""
+        self.given_up += 1
+        limit = 0.5 * (t + found.time)
+        if self.given_up > HALVINGS or not t < limit < self.follower.times[-1]:
+            raise found.error from None
+        self.watch = self.equations.refresh(self.equations.evaluate(t, q, u))
+        return limit
 
     # --- output -----------------------------------------------------------------------------------------------------
 
     def _cover(self, stepper: Stepper, t: float, inside: list[float]) -> None:
         """Take the samples within the last step, and add up the work."""
+        passed = stepper if isinstance(stepper, Passage) else None
         for time in inside:
             self._add_work(stepper, t, time)
             t = time
-            self.sample(time, *(stepper.at(time) if time != stepper.t else (stepper.q, stepper.u)))
+            self.sample(time, *(stepper.at(time) if time != stepper.t else (stepper.q, stepper.u)), passed)
         self._add_work(stepper, t, stepper.t)
 
     def _add_work(self, stepper: Stepper, start: float, stop: float) -> None:
         if self.energy.conservative or stop <= start:
+            return
+        if isinstance(stepper, Passage):
+            self.work += stepper.work(start, stop, self._power)
             return
         half = 0.5 * (stop - start)
         for node, weight in zip(NODES, WEIGHTS, strict=True):
@@ -307,12 +425,20 @@ class _Leg:
             _, nu, state = self.equations.accelerations(t, q, u)
             self.work += half * weight * self.energy.power(self.parts, q, u, t, state, nu)
 
-    def sample(self, t: float, q: Array, u: Array) -> None:
-        """Record the motion at a time, projected onto the constraints."""
+    def _power(self, t: float, q: Array, u: Array, a: Array) -> float:
+        state = self.equations.evaluate(t, q, u)
+        return self.energy.power(self.parts, q, u, t, state, self.equations.multipliers(state, a))
+
+    def sample(self, t: float, q: Array, u: Array, passed: Passage | None = None) -> None:
+        """Record the motion at a time, projected onto the constraints; on a passage as that gives it."""
         equations, system = self.equations, self.system
-        q, u, state = equations.project(t, q, u)
-        a, nu = equations.solve(state, -state.F0, state.B)
-        nu = equations.least(nu)
+        if passed is None:
+            q, u, state = equations.project(t, q, u)
+            a, nu = equations.solve(state, -state.F0, state.B)
+            nu = equations.least(nu)
+        else:
+            state, a = equations.evaluate(t, q, u), passed.acceleration(t)
+            nu = equations.multipliers(state, a)
         motion = replace(self.motion, q=q, u=u, a=a, nu=nu, time=t, dynamics=state)
         loads: dict[tuple[str, str, str], float] = {}
         for r in reactions(system, motion):

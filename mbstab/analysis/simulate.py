@@ -195,6 +195,7 @@ def simulate(
     strict: bool = False,
     once: bool = False,
     progress: Callable[[float], object] = lambda done: None,
+    through_singular: bool = False,
 ) -> Simulation:
     """Return the motion that starts as the file and `perturb` say.
 
@@ -216,6 +217,10 @@ def simulate(
         Make one run in which `tol` is the error of each step; nothing is known about the global error.
     progress : callable
         Is called with the part of the work that is done, from 0 to 1.
+    through_singular : bool
+        Go on through configurations where the constraints lose rank, along the smooth continuation of the motion,
+        and say so in a warning. The tolerance holds there as well. Where there is no such continuation, or it cannot
+        be found to the tolerance, the motion ends as without this.
 
     Raises
     ------
@@ -233,7 +238,7 @@ def simulate(
         raise UsageError(f"the end of the simulation, {last:g} s, must be later than its start, {first:g} s")
     if step is not None and step > last - first:
         raise UsageError(f"the step of {step:g} s is longer than the simulation of {last - first:g} s")
-    follower = Follower(begin.system, begin.motion, np.linspace(first, last, points))
+    follower = Follower(begin.system, begin.motion, np.linspace(first, last, points), through=through_singular)
     work = _Work(follower, chosen, solver, tol, step, progress)
     run = work.once(tol) if step is not None or once else work.refined()
     result = _result(begin, follower, work, run, method, solver)

@@ -76,6 +76,11 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
     help="Add to the reference motion: rod.theta=0.01, rate(rod.theta)=0.1, or mode:1=0.01, a mode of mbstab eig. May "
     "be repeated.",
 )
+@click.option(
+    "--through-singular",
+    is_flag=True,
+    help="Go on smoothly through configurations where the constraints lose rank, and say when; refused otherwise.",
+)
 @click.option("--strict", is_flag=True, help="Refuse initial values that the constraints do not allow.")
 @click.option(
     "--plot",
@@ -103,6 +108,7 @@ def simulate(
     once: bool,
     points: int | None,
     disturbances: tuple[str, ...],
+    through_singular: bool,
     strict: bool,
     plots: tuple[str, ...],
     place: Path | None,
@@ -144,7 +150,19 @@ def simulate(
     try:
         with _terminable(), progress_bar("simulating") as progress:
             result = mechanism.simulate(
-                to, start, method, solver or "", tol, step, count, perturb, strict, once, progress, **parameters
+                to,
+                start,
+                method,
+                solver or "",
+                tol,
+                step,
+                count,
+                perturb,
+                strict,
+                once,
+                progress,
+                through_singular,
+                **parameters,
             )
     except SimulationError as error:
         if error.partial is None or not len(error.partial.times):
