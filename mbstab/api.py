@@ -285,6 +285,7 @@ class Mechanism:
         once: bool = False,
         compiled: bool = False,
         progress: Callable[[float], object] = lambda done: None,
+        through_singular: bool = False,
         **parameters: Setting,
     ) -> Simulation:
         """Return the nonlinear motion: ``model.simulate(10.0, perturb={"rod.theta": 0.1})``.
@@ -310,6 +311,8 @@ class Mechanism:
             Make one run in which `tol` is the error of a step.
         progress : callable
             Is called with the part of the work that is done, from 0 to 1.
+        through_singular : bool
+            Go on smoothly through configurations where the constraints lose rank, and say so in a warning.
 
         Raises
         ------
@@ -321,7 +324,22 @@ class Mechanism:
         from mbstab.analysis.simulate import simulate
 
         system = self.system(**parameters)
-        return simulate(system, to, start, method, solver, tol, step, points, perturb, strict, once, compiled, progress)
+        return simulate(
+            system,
+            to=to,
+            start=start,
+            method=method,
+            solver=solver,
+            tol=tol,
+            step=step,
+            points=points,
+            perturb=perturb,
+            strict=strict,
+            once=once,
+            compiled=compiled,
+            progress=progress,
+            through_singular=through_singular,
+        )
 
     @guarded
     def swing(self, number: int = 1, points: int = 50, **parameters: Setting) -> Swing:

@@ -128,7 +128,7 @@ def _ldl(A):
 def test_accelerations_and_power_are_those_of_the_system_at_any_state(name):
     steps, equations, start = compiled_steps(MODELS[name])
     m, system, n = steps.machine, start.system, equations.n
-    steps.start(system, 0.0, start.motion.q, start.motion.u, np.array([1.0]), _options(), 0.0)
+    steps.start(system, 0.0, start.motion.q, start.motion.u, np.array([1.0]), 1.0, _options(), 0.0, 1e-3)
     rng = np.random.default_rng(5)
     energy = Energy.of(system, Attitudes.of(system))
     parts = {path: part for path, part in system.parts() if path in {*energy.working, *energy.damped}}

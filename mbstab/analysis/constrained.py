@@ -44,6 +44,19 @@ Flags = npt.NDArray[np.bool_]
 SINGULAR = 1e-5
 """A mechanism is singular where the least singular value of its constraints falls to this part of that at the start."""
 
+UNDECIDED = 1e-10
+"""Multipliers of combinations of rows whose singular value is below this part of the largest are set to zero."""
+
+BRANCH_HINT = (
+    "hint: from there the motion may go on in different ways; --through-singular takes the smooth one, if there is "
+    "one; else keep away from it, or take out what locks it"
+)
+
+LIMIT_HINT = (
+    "hint: the mechanism may be driven to a limit beyond which it cannot go, such as a dead centre or links at full "
+    "reach, where speeds grow without bound; end before (--to), or change the drive or the lengths"
+)
+
 PROJECTIONS = 12
 """Newton steps of a projection; near the constraints two are enough."""
 
@@ -333,6 +346,15 @@ class Constrained:
         assert best[2] is not None
         return best[0], best[1], best[2]
 
+    def nearer(self, t: float, q: Array, u: Array) -> tuple[Array, Array, Dynamics]:
+        """Return coordinates and speeds after one Newton step each towards the constraints, and the matrices there."""
+        state = self.evaluate(t, q, u)
+        if self.n_h:
+            q = q + self._least_change(state, state.E[: self.n_h], self.n_h, None)
+            state = self.evaluate(t, q, u)
+        u = u + self._least_change(state, state.V, self.n_c, None)
+        return q, u, self.evaluate(t, q, u)
+
     def fastest(self, u: Array) -> float:
         """Return the largest speed of a coordinate in its sizes (1/s)."""
         return float(np.max(np.abs(u / self.sizes), initial=0.0))
@@ -394,6 +416,12 @@ class Constrained:
             return nu
         return np.asarray(self._span @ (self._span.T @ (nu / self.row_scale)) * self.row_scale)
 
+    def multipliers(self, state: Dynamics, a: Array) -> Array:
+        """Return the least multipliers (n_c,) that balance given accelerations, also where rank is lost."""
+        J = (state.J * self._rows).T
+        force = -(state.F0 + state.M @ a) * self.scale
+        return np.asarray(np.linalg.lstsq(J, force, rcond=UNDECIDED)[0] * self.row_scale)
+
     def flipped(self, before: Watch, state: Dynamics, after: Watch) -> bool:
         """Whether the least singular value changed its sign, seen along its own vectors, or is as good as zero."""
         if not self.rank:
@@ -401,7 +429,11 @@ class Constrained:
         assert self._least is not None
         if after.value <= SINGULAR * self._least:
             return True
-        return bool(before.left @ (state.J * self._rows) @ before.right < 0.0)
+        return self.signed(before, state) < 0.0
+
+    def signed(self, before: Watch, state: Dynamics) -> float:
+        """Return what the least singular value at an earlier state has become, seen along its own vectors."""
+        return float(before.left @ (state.J * self._rows) @ before.right)
 
     def start_from(self, other: Constrained) -> None:
         """Measure singular values against those at the start of another chart of the same motion."""
@@ -413,17 +445,33 @@ class Constrained:
         s = np.linalg.svd(state.J * self._rows, compute_uv=False)
         return float(s[self.rank - 1]) / self._least
 
-    def singular(self, t: float, state: Dynamics, value: float) -> ConstraintError:
+    def nears(self, watch: Watch, part: float) -> bool:
+        """Whether the least singular value has fallen below a part of that at the start."""
+        return bool(self.rank) and self._least is not None and watch.value < part * self._least
+
+    def singular(self, t: float, state: Dynamics, value: float, hint: str = BRANCH_HINT) -> ConstraintError:
         """Return the error about a singular configuration: number, threshold, rows, time."""
         left = np.linalg.svd(state.J * self._rows)[0][:, self.rank - 1]
-        order = [i for i in np.argsort(-np.abs(left)) if abs(left[i]) > 0.1][:6]
-        names = list(dict.fromkeys(self.system.rows[i].owner for i in order))
         return ConstraintError(
             f"the mechanism is at a singular configuration at t = {t:.9g} s: the least singular value of its "
             f"constraints falls to {value:.1e} of that at the start, where {SINGULAR:g} is the threshold\n"
-            f"the rows that depend on each other there: {', '.join(names)}\n"
-            "hint: from there the motion may go on in different ways; keep away from it, or take out what locks it"
+            f"the rows that depend on each other there: {self.owners(left)}\n{hint}"
         )
+
+    def approached(self, t: float, watch: Watch, reason: str) -> ConstraintError:
+        """Return the error about a step that failed next to a singular configuration: as `singular`, and the reason."""
+        assert self._least is not None
+        return ConstraintError(
+            f"the mechanism comes to a singular configuration just after t = {t:.9g} s: the least singular value of "
+            f"its constraints has fallen to {watch.value / self._least:.1e} of that at the start ({SINGULAR:g} counts "
+            f"as singular), and {reason}\n"
+            f"the rows that depend on each other there: {self.owners(watch.left)}\n{LIMIT_HINT}"
+        )
+
+    def owners(self, left: Array) -> str:
+        """Return the names of the rows with the largest parts of a left singular vector."""
+        order = [i for i in np.argsort(-np.abs(left)) if abs(left[i]) > 0.1][:6]
+        return ", ".join(dict.fromkeys(self.system.rows[i].owner for i in order))
 
     def derivatives(self, t: float, q: Array, u: Array, a: Array, nu: Array) -> tuple[Array, Array, Array]:
         """Return K, R and V_q, the exact derivatives that the linearization uses."""

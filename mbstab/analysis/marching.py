@@ -26,7 +26,7 @@ from mbstab.errors import UsageError
 if TYPE_CHECKING:
     from mbstab.compiler.machine import Machine, Tableau
 
-STEPS = 2000
+STEPS = 250
 """After so many the caller hears of them."""
 
 
@@ -226,7 +226,19 @@ class State:
         q, u and the work at the times of output, as far as they are `done`.
     """
 
-    def __init__(self, t: float, q: Array, u: Array, times: Array, stages: int, sizes: Array, options: Options) -> None:
+    def __init__(
+        self,
+        t: float,
+        q: Array,
+        u: Array,
+        times: Array,
+        end: float,
+        stages: int,
+        sizes: Array,
+        options: Options,
+        least: float,
+        near: float,
+    ) -> None:
         from mbstab.compiler.machine import March
 
         n = len(q)
@@ -236,12 +248,13 @@ class State:
             before=np.concatenate([q, u]),
             k=np.zeros((stages, 2 * n)),
             power=np.zeros(stages),
-            t=np.array([t, options.first, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            t=np.array([t, options.first, 0.0, 0.0, 0.0, 0.0, least]),
             counts=np.zeros(4, dtype=np.int64),
             absolute=options.tolerances(sizes),
             relative=RELATIVE,
             longest=options.step or options.longest,
-            end=float(times[-1]),
+            end=end,
+            near=near * near,
             times=np.ascontiguousarray(times, dtype=float),
             found=np.zeros((len(times), 2 * n + 1)),
             trial=np.zeros(2 * n),
@@ -267,7 +280,7 @@ class State:
         return self.march.before[: self.n].copy()
 
     @property
-    def time(self) -> float:
+    def t(self) -> float:
         """The time reached (s)."""
         return float(self.march.t[0])
 
@@ -275,6 +288,11 @@ class State:
     def following(self) -> float:
         """The step to try next (s)."""
         return float(self.march.t[1])
+
+    @property
+    def taken(self) -> float:
+        """The last step (s)."""
+        return float(self.march.t[2])
 
     @property
     def work(self) -> float:
@@ -351,7 +369,18 @@ class Marching:
         self.machine = machine_of(equations, self._free, attitudes, energy)
         self.tableau = tableau_of(solver)
 
-    def start(self, system: System, t: float, q: Array, u: Array, times: Array, options: Options, least: float) -> str:
+    def start(
+        self,
+        system: System,
+        t: float,
+        q: Array,
+        u: Array,
+        times: Array,
+        end: float,
+        options: Options,
+        least: float,
+        near: float,
+    ) -> str:
         """Start at a state; return ``more``, or ``look`` if nothing can be done there.
 
         Parameters
@@ -361,16 +390,18 @@ class Marching:
         t : float (s)
         q, u : ndarray, shape (n_q,)
         times : ndarray
-            Times of output that are left (s); the last is the end.
+            Times of output that are left (s).
+        end : float (s)
         options : Options
             With a first step.
         least : float
             Square of the least singular value, in the metric of M, with which others are compared; 0: that here.
+        near : float
+            Part of that least singular value below which steps are left to others.
         """
         bases = [x for i in self._free for x in system.scene.bodies[i].base]
         self.machine.w[2 * len(q) + 1 : 2 * len(q) + 1 + len(bases)] = bases
-        self.state = State(t, q, u, times, len(self.tableau.C), self.machine.sizes, options)
-        self.state.march.t[6] = least
+        self.state = State(t, q, u, times, end, len(self.tableau.C), self.machine.sizes, options, least, near)
         return "more" if self._code.begin(self.machine, self.state.march) else "look"
 
     def go(self) -> str:

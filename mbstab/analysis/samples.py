@@ -41,13 +41,17 @@ class Frame:
 
 @dataclass(frozen=True)
 class Sample:
-    """The motion at a time of output (s): q and u on the constraints, in the angles of the frame; work (J)."""
+    """The motion at a time of output (s): q and u on the constraints, in the angles of the frame; work (J).
+
+    The accelerations are given where the constraints do not determine them.
+    """
 
     frame: Frame
     t: float
     q: Array
     u: Array
     work: float
+    a: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -132,8 +136,12 @@ class Record:
         q, u = (np.array([getattr(s, name) for s in samples]) for name in "qu")
         a, nu, J, kinetic, residuals = np.empty_like(q), np.empty((len(q), system.n_c)), [], np.empty(len(q)), []
         for i, sample in enumerate(samples):
-            a[i], multipliers, state = equations.accelerations(sample.t, sample.q, sample.u)
-            nu[i] = equations.least(multipliers)
+            if sample.a is None:
+                a[i], multipliers, state = equations.accelerations(sample.t, sample.q, sample.u)
+                nu[i] = equations.least(multipliers)
+            else:
+                state, a[i] = equations.evaluate(sample.t, sample.q, sample.u), sample.a
+                nu[i] = equations.multipliers(state, a[i])
             J.append(state.J)
             kinetic[i] = 0.5 * float(sample.u @ state.M @ sample.u)
             residuals.append(equations.residuals(state, equations.fastest(sample.u)))

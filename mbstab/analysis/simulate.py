@@ -197,6 +197,7 @@ def simulate(
     once: bool = False,
     compiled: bool = False,
     progress: Callable[[float], object] = lambda done: None,
+    through_singular: bool = False,
 ) -> Simulation:
     """Return the motion that starts as the file and `perturb` say.
 
@@ -220,6 +221,10 @@ def simulate(
         Take the steps in machine code; for the projection method with DOP853 or RK45.
     progress : callable
         Is called with the part of the work that is done, from 0 to 1.
+    through_singular : bool
+        Go on through configurations where the constraints lose rank, along the smooth continuation of the motion,
+        and say so in a warning. The tolerance holds there as well. Where there is no such continuation, or it cannot
+        be found to the tolerance, the motion ends as without this.
 
     Raises
     ------
@@ -237,7 +242,7 @@ def simulate(
         raise UsageError(f"the end of the simulation, {last:g} s, must be later than its start, {first:g} s")
     if step is not None and step > last - first:
         raise UsageError(f"the step of {step:g} s is longer than the simulation of {last - first:g} s")
-    follower = Follower(begin.system, begin.motion, np.linspace(first, last, points))
+    follower = Follower(begin.system, begin.motion, np.linspace(first, last, points), through=through_singular)
     work = _Work(follower, chosen, solver, tol, step, compiled, progress)
     run = work.once(tol) if step is not None or once else work.refined()
     if not run.samples:
@@ -317,6 +322,7 @@ class _Work:
         self.longest = longest_step(follower)
         self.estimate, self.runs, self.evaluations = math.nan, 0, 0
         self.warnings: list[str] = []
+        self.notes: list[str] = []
 
     def once(self, tol: float, progress: Callable[[float], object] | None = None) -> Run:
         """Follow the motion with a tolerance of a step."""
@@ -325,6 +331,7 @@ class _Work:
         options = Options(tol, self.step, None, self.rate, longest, self.solver, self.compiled)
         run = self.follower.run(self.method, options, progress or self.progress)
         self.runs += 1
+        self.notes = run.notes or self.notes
         self.evaluations += run.evaluations
         return run
 
@@ -432,7 +439,7 @@ def _result(begin: Start, follower: Follower, work: _Work, run: Run, method: str
         peak=run.peak,
         sizes=follower.motion.sizes,
         conservative=follower.energy.conservative,
-        warnings=(*begin.warnings, *work.warnings),
+        warnings=(*begin.warnings, *work.warnings, *work.notes),
         complete=run.complete,
         failure=run.failure,
     )

@@ -81,6 +81,11 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
     help="Add to the reference motion: rod.theta=0.01, rate(rod.theta)=0.1, or mode:1=0.01, a mode of mbstab eig. May "
     "be repeated.",
 )
+@click.option(
+    "--through-singular",
+    is_flag=True,
+    help="Go on smoothly through configurations where the constraints lose rank, and say when; refused otherwise.",
+)
 @click.option("--strict", is_flag=True, help="Refuse initial values that the constraints do not allow.")
 @click.option(
     "--plot",
@@ -109,6 +114,7 @@ def simulate(
     compiled: bool,
     points: int | None,
     disturbances: tuple[str, ...],
+    through_singular: bool,
     strict: bool,
     plots: tuple[str, ...],
     place: Path | None,
@@ -162,6 +168,7 @@ def simulate(
                 once=once,
                 compiled=compiled,
                 progress=progress,
+                through_singular=through_singular,
                 **parameters,
             )
     except SimulationError as error:

@@ -38,9 +38,6 @@ PROJECTIONS, PROJECTED, ACCEPTED = 12, 2e-14, 1e-12
 SAFETY, LEAST_FACTOR, LARGEST_FACTOR = 0.9, 0.2, 10.0
 """Of a step to the next one, as in SciPy's integrators."""
 
-NEAR = 1e-3
-"""The least singular value relative to that at the start, below which somebody has to look."""
-
 _nodes, _weights = np.polynomial.legendre.leggauss(4)
 NODES, WEIGHTS = tuple((0.5 * (_nodes + 1.0)).tolist()), tuple((0.5 * _weights).tolist())
 """Gauss quadrature of the power over a step; its own weights, at stages of lower order, are ten times worse."""
@@ -148,6 +145,7 @@ class March(NamedTuple):
     relative: float
     longest: float
     end: float
+    near: float  # part of the square of the least singular value at the start, below which somebody has to look
     times: Floats
     found: Floats  # q, u, work at times of output
     trial: Floats
@@ -578,7 +576,7 @@ def begin(m: Machine, s: March) -> bool:
     _, value = watch(m)
     if s.t[6] == 0.0:
         s.t[6] = value
-    return not value <= NEAR * NEAR * s.t[6]
+    return not value <= s.near * s.t[6]
 
 
 @compiled
@@ -615,7 +613,7 @@ def march(m: Machine, tableau: Tableau, s: March, most: int) -> int:
         rate = power(m, y)
         if len(m.row_place) > 0:
             flipped, value = watch(m)
-            if flipped or value <= NEAR * NEAR * s.t[6]:
+            if flipped or value <= s.near * s.t[6]:
                 return LOOK
         s.t[4] = max(s.t[4], kinetic(m))
         s.t[5] = max(s.t[5], left_over)

@@ -1,0 +1,190 @@
+"""Motions that run into a limit end soon and say why; steps that are limited by stability are said to be."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+import mbstab
+from mbstab.analysis import stiffness
+from mbstab.errors import SimulationError
+
+# Each ends where two links lie on a line; the time is exact.
+LINKS = """\
+mbstab: 1
+bodies: {p: {type: planar_point, mass: 1}, e: {type: planar_point, mass: 1}}
+joints: {one: {type: distance, between: [p, ground], length: 1}, two: {type: distance, between: [e, p], length: 1}}
+drives: {dx: {type: coordinate, coordinate: e.x, LAW}, dy: {type: coordinate, coordinate: e.y, position: 0}}
+reference: {coordinates: {e: {x: 1, y: 0}}, guess: {p: {x: 0.5, y: 0.8}}}
+"""
+# A second motion is free here: the links turn about the line between their ends, faster and faster.
+SPATIAL_LINKS = """\
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies: {p: {type: point, mass: 1}, e: {type: point, mass: 1}}
+joints: {one: {type: distance, between: [p, ground], length: 1}, two: {type: distance, between: [e, p], length: 1}}
+drives:
+  dx: {type: coordinate, coordinate: e.x, LAW}
+  dy: {type: coordinate, coordinate: e.y, position: 0}
+  dz: {type: coordinate, coordinate: e.z, position: 0}
+reference: {coordinates: {e: {x: 1, y: 0, z: 0}, p: {y: 0.1}}, rates: {p: {y: 1}}, guess: {p: {x: 0.5, z: -0.8}}}
+"""
+SLIDER_CRANK = """\
+mbstab: 1
+gravity: [0, -9.81]
+bodies:
+  crank: {type: planar, mass: 1, shape: {type: rod, length: 1}, points: {O: [-0.5, 0], A: [0.5, 0]}}
+  rod: {type: planar, mass: 1, shape: {type: rod, length: 0.8}, points: {A: [-0.4, 0], B: [0.4, 0]}}
+  slider: {type: planar, mass: 1, inertia: 1}
+joints:
+  O: {type: revolute, between: [crank.O, ground]}
+  A: {type: revolute, between: [rod.A, crank.A]}
+  B: {type: revolute, between: [rod.B, slider]}
+  guide: {type: prismatic, between: [ground, slider], axis: x}
+drives: {motor: {type: coordinate, coordinate: crank.theta, LAW}}
+reference: {coordinates: {crank: {theta: 0.2}}, guess: {rod: {x: 1.3, y: 0.1, theta: -0.2}, slider: {x: 1.75}}}
+"""
+FOUR_BAR = """\
+mbstab: 1
+gravity: [0, -9.81]
+bodies:
+  crank: {type: planar, mass: 1, shape: {type: rod, length: 2}, points: {O: [-1, 0], A: [1, 0]}}
+  coupler: {type: planar, mass: 1, shape: {type: rod, length: 2}, points: {A: [-1, 0], B: [1, 0]}}
+  rocker: {type: planar, mass: 1, shape: {type: rod, length: 2}, points: {B: [-1, 0], C: [1, 0]}}
+joints:
+  O: {type: revolute, between: [crank.O, ground]}
+  A: {type: revolute, between: [crank.A, coupler.A]}
+  B: {type: revolute, between: [coupler.B, rocker.B]}
+  C: {type: revolute, between: [rocker.C, {body: ground, point: [3, 0]}]}
+drives: {motor: {type: coordinate, coordinate: crank.theta, LAW}}
+reference:
+  coordinates: {crank: {theta: pi/3}}
+  guess: {crank: {x: 0.5, y: 0.9}, coupler: {x: 2, y: 1.8, theta: 0}, rocker: {x: 3, y: 1, theta: -1.4}}
+"""
+SPATIAL_LEVER = """\
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies:
+  a: {type: point, mass: 1}
+  b: {type: spatial, mass: 1, inertia: [0.1, 0.2, 0.3], points: {E: [0.5, 0, 0]}}
+joints:
+  hinge: {type: revolute, between: [b, ground], axis: z}
+  d: {type: distance, between: [a, b.E], length: 1}
+  line: {type: point_on_line, between: [{body: ground, point: [0, 0, 0.3]}, a], axis: x}
+drives: {go: {type: coordinate, coordinate: a.x, LAW}}
+reference: {coordinates: {a: {x: 1}, b: {z: 0}}, guess: {a: {z: 0.3}, b: {psi: 1}}}
+"""
+LIMITS = {
+    "links": (LINKS, "1 + t/2", 0.5, 2.0, "joint 'one', joint 'two', drive 'dx'"),
+    "spatial links": (SPATIAL_LINKS, "1 + t/2", 0.5, 2.0, "joint 'one', joint 'two', drive 'dx'"),
+    "slider crank": (SLIDER_CRANK, "0.2 + 2*t", 2.0, (math.asin(0.8) - 0.2) / 2, "joint 'A', joint 'B', drive 'motor'"),
+    "four-bar": (FOUR_BAR, "pi/3 + t", 1.0, math.acos(-0.25) - math.pi / 3, "joint 'A', joint 'B', drive 'motor'"),
+    "spatial lever": (SPATIAL_LEVER, "1 + 0.4*t", 0.4, (0.5 + math.sqrt(0.91) - 1) / 0.4, "joint 'd', drive 'go'"),
+}
+
+
+def text(name, drive):
+    model, law, rate, time, rows = LIMITS[name]
+    return model.replace("LAW", f"position: {law}" if drive == "law" else f"velocity: {rate!r}"), time, rows
+
+
+@pytest.mark.parametrize("drive", ["law", "rate"])
+@pytest.mark.parametrize("name", LIMITS)
+def test_a_drive_into_a_limit_ends_there_with_the_rows_that_lock(name, drive):
+    model, time, rows = text(name, drive)
+    with pytest.raises(SimulationError, match="singular configuration at t = ") as caught:
+        mbstab.loads(model).simulate(10.0)
+    said, partial = str(caught.value), caught.value.partial
+    assert float(re.search(r"at t = (\S+) s", said)[1]) == pytest.approx(time, abs=1e-8)
+    assert re.search(r"falls to \d\.\de-0\d of that at the start, where 1e-05 is the threshold", said)
+    assert all(row in said for row in rows.split(", "))
+    assert "hint: the mechanism may be driven to a limit" in said
+    assert "the part until t = " in said
+    assert time - 0.021 < partial.times[-1] <= time
+    assert partial.max_constraint_residual < 1e-11
+    # The largest run makes a few hundred steps, where it once made millions.
+    assert partial.evaluations < 20000
+
+
+OTHERS = [
+    {"tol": 1e-12},
+    {"tol": 1e-3},
+    {"solver": "RK45"},
+    {"solver": "Radau", "tol": 1e-6},
+    {"solver": "BDF", "tol": 1e-4},
+    {"method": "radau"},
+    {"method": "alpha", "tol": 1e-4},
+    {"step": 0.01},
+    {"method": "radau", "step": 0.01},
+    {"method": "alpha", "step": 0.01},
+]
+
+
+@pytest.mark.parametrize("options", OTHERS, ids=str)
+@pytest.mark.parametrize(("name", "drive"), [("four-bar", "law"), ("spatial links", "rate")])
+def test_every_method_ends_at_a_limit(name, drive, options):
+    model, time, rows = text(name, drive)
+    with pytest.raises(SimulationError, match="singular configuration") as caught:
+        mbstab.loads(model).simulate(10.0, **options)
+    said = str(caught.value)
+    assert float(re.search(r"t = (\S+) s", said)[1]) == pytest.approx(time, abs=0.0201 if "step" in options else 1e-3)
+    assert any(row in said for row in rows.split(", "))
+    assert "hint: the mechanism may be driven to a limit" in said
+    assert len(caught.value.partial.times) > 10
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-6])
+def test_a_motion_that_turns_just_before_its_limit_goes_on(gap):
+    sim = mbstab.loads(LINKS.replace("LAW", f"position: 1 + {1 - gap!r}*sin(t)")).simulate(3.0, tol=1e-7)
+    x = 0.5 * (1.0 + (1.0 - gap) * np.sin(sim.times))
+    y, speed = np.sqrt(1.0 - x * x), 0.5 * (1.0 - gap) * np.cos(sim.times)
+    assert np.max(np.abs(sim.q[:, 1] - y)) <= 1e-7
+    assert np.max(np.abs(sim.u[:, 1] + x * speed / y)) <= 1e-7 * np.max(np.abs(sim.u))
+    assert sim.warnings == ()
+
+
+# --- stiff motions ----------------------------------------------------------------------------------------------------
+
+DRAGGED = """\
+mbstab: 1
+bodies: {rod: {type: planar, mass: 1, inertia: 0.03, points: {O: [-0.3, 0]}}}
+joints: {pivot: {type: revolute, between: [rod.O, ground]}}
+forces: {drag: {type: expression, on: {rod.theta: -DRAG*(rate(rod.theta) + rod.theta - 1)}}}
+reference: {coordinates: {rod: {theta: 0}}, guess: {rod: {x: 0.3}}}
+"""
+
+
+@pytest.mark.parametrize("solver", ["DOP853", "RK45"])
+def test_steps_that_stability_limits_are_said(solver):
+    model = mbstab.loads(DRAGGED.replace("DRAG", "2e3"))
+    sim = model.simulate(0.3, tol=1e-5, once=True, solver=solver)
+    (said,) = sim.warnings
+    assert "are limited by stability, not by accuracy" in said
+    # The inertia about the pivot is 0.12.
+    assert float(re.search(r"possible there, (\S+) 1/s", said)[1]) == pytest.approx(2e3 / 0.12, rel=0.03)
+    mean, other = (float(x) for x in re.findall(r"steps of (\S+) s", said))
+    assert mean == pytest.approx(0.3 / sim.steps, rel=0.3)
+    assert other >= stiffness.LONGER * mean
+    assert model.simulate(0.3, tol=1e-5, once=True, method="radau").warnings == ()
+
+
+@pytest.mark.parametrize("solver", ["DOP853", "RK45"])
+def test_a_motion_that_would_never_end_is_refused(solver):
+    with pytest.raises(SimulationError, match="limited by stability, not by accuracy") as caught:
+        mbstab.loads(DRAGGED.replace("DRAG", "1e9")).simulate(2.0, solver=solver)
+    said = str(caught.value)
+    assert re.search(r"\d\.\de\+\d\d more would be needed, where 1e\+07 is the limit\nhint: use --method radau", said)
+
+
+def test_a_fast_motion_that_is_seen_is_not_stiff():
+    # It really swings at 1000 1/s.
+    model = """\
+mbstab: 1
+bodies: {p: {type: planar_point, mass: 1}}
+forces: {s: {type: spring, between: [p, ground], stiffness: 1e6, length: 1}}
+reference: {coordinates: {p: {x: 1.1, y: 0}}}
+"""
+    sim = mbstab.loads(model).simulate(1.0, once=True, points=2)
+    assert sim.steps > stiffness.FIRST
+    assert sim.warnings == ()
