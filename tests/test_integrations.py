@@ -141,6 +141,12 @@ def test_table_json_csv_and_picture(few, tmp_path):
 
 
 def test_options_of_the_simulation_need_it():
-    result = run()
+    result = run("--perturb", "rod.theta=1")
     assert result.exit_code == 2
-    assert "--to and --perturb go with --simulate" in result.stderr
+    assert "--to, --perturb have no effect without --simulate\nhint: leave them out" in result.stderr
+
+
+def test_digits_of_eigenvalues_are_refused_where_there_are_none():
+    result = run("--simulate", "--digits", "50")
+    assert result.exit_code == 2
+    assert "--digits has no effect with --simulate\nhint: leave it out" in result.stderr

@@ -4,15 +4,15 @@ import csv
 import functools
 import json
 import math
-import os
 import re
 import signal
 import subprocess
-import sys
 import time
 
 import numpy as np
 import pytest
+from children import child
+from children import mbstab as mbstab_command
 from click.testing import CliRunner
 from scipy.special import ellipj, ellipk
 
@@ -752,6 +752,14 @@ def test_rates_have_their_unit():
     assert (row[1], row[-1]) == ("rad", "rad/s")
 
 
+def test_the_energy_that_the_drift_is_a_part_of_is_named():
+    sim = PENDULUM.simulate(1.0, perturb={"rod.theta": 1.0}, tol=1e-6)
+    text = " ".join(run("pendulum.yaml", "--to", "1", "--perturb", "rod.theta=1", "--tol", "1e-6").stdout.split())
+    assert f"of {sim.energy_scale:.4g} J, the largest kinetic energy or change of potential energy" in text
+    assert sim.energy_scale == pytest.approx(0.2 * 9.81 * (1.0 - math.cos(1.0)), rel=1e-3)
+    assert "change of potential energy or work" in " ".join(run("kapitza.yaml", "--to", "0.01").stdout.split())
+
+
 def test_a_failure_leaves_the_finished_part_on_disk(tmp_path):
     path = tmp_path / "part.csv"
     result = run("four_bar.yaml", "--to", "2", "--perturb", "rate(left.theta)=9", "-o", str(path))
@@ -766,15 +774,12 @@ def test_a_failure_leaves_the_finished_part_on_disk(tmp_path):
 
 def test_ctrl_c_leaves_the_finished_part_on_disk(tmp_path):
     path = tmp_path / "part.json"
-    command = [sys.executable, "-m", "mbstab", "simulate", "pendulum.yaml", "--perturb", "rod.theta=1", "--to", "1e5"]
-    process = subprocess.Popen(
-        [*command, "--points", "200001", "-o", str(path)], stderr=subprocess.PIPE, text=True, env=os.environ,
-        # In the background of a script interrupts are ignored, and that is inherited.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )  # fmt: skip
-    time.sleep(3.0)
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=60)
+    arguments = ("--perturb", "rod.theta=1", "--to", "1e5", "--points", "200001", "-o", path)
+    pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+    with child(mbstab_command("simulate", "pendulum.yaml", *arguments), **pipes) as process:
+        time.sleep(3.0)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
     assert process.returncode == 1
     assert "stopped at t = " in said
     data = json.loads(path.read_text())

@@ -24,6 +24,7 @@ from mbstab.cli.common import (
     picture_stem,
     pictures_option,
     progress_bar,
+    refuse_given,
     save_picture,
     set_option,
     show,
@@ -118,6 +119,7 @@ def simulate(
 
     Example: mbstab simulate pendulum.yaml --perturb rod.theta=pi/4 --to 20 -o pendulum.csv
     """
+    _check_options(animation["mode"] is not None, step is not None, bool(plots))
     format_ = format_ or _format_of(output)
     check_output(output)
     if format_ == "npz" and output is None:
@@ -132,34 +134,47 @@ def simulate(
     if movie is not None:
         movie.check(mechanism.system(**parameters))
         if movie.mode is not None:
-            if to is not None or start is not None or perturb or pictures or output is not None:
-                raise UsageError(
-                    "--mode-shape shows the linear mode: nothing is simulated, perturbed, plotted or stored"
-                )
             with _terminable():
                 movie.write_mode(mechanism, **parameters)
             return
         count = points or movie.points(mechanism.system(**parameters), start, to)
-    stopped: SimulationError | None = None
-    try:
-        with _terminable(), progress_bar("simulating") as progress:
-            result = mechanism.simulate(
-                to, start, method, solver or "", tol, step, count, perturb, strict, once, progress, **parameters
-            )
-    except SimulationError as error:
-        if error.partial is None or not len(error.partial.times):
-            raise
-        stopped, result = error, error.partial
-    warn(result.warnings)
-    _write(result, format_, output, model.name, model.title)
-    _draw(result, pictures, *picture_stem(place, output, Path(model.name)), model.title)
-    if movie is not None and not (result.complete or result.failure):
-        note("not animated, as the simulation was stopped")
-    elif movie is not None:
-        with _terminable():
+    with _terminable():
+        stopped: SimulationError | None = None
+        try:
+            with progress_bar("simulating") as progress:
+                result = mechanism.simulate(
+                    to, start, method, solver or "", tol, step, count, perturb, strict, once, progress, **parameters
+                )
+        except SimulationError as error:
+            if error.partial is None or not len(error.partial.times):
+                raise
+            stopped, result = error, error.partial
+        warn(result.warnings)
+        _write(result, format_, output, model.name, model.title)
+        _draw(result, pictures, *picture_stem(place, output, Path(model.name)), model.title)
+        if movie is not None and not (result.complete or result.failure):
+            note("not animated, as the simulation was stopped")
+        elif movie is not None:
             movie.write_motion(mechanism.system(**parameters), result, model.title)
     if stopped is not None:
         raise stopped
+
+
+SIMULATED = (
+    "to", "start", "method", "solver", "tol", "step", "once", "points", "disturbances", "strict", "plots", "place",
+    "format_", "output", "speed",
+)  # fmt: skip
+"""Options of what a linear mode does without."""
+
+
+def _check_options(mode: bool, step: bool, plots: bool) -> None:
+    """Refuse options that would be passed over."""
+    if mode:
+        refuse_given(SIMULATED, "with --mode-shape, for which nothing is simulated: a mode takes 2 s, whatever it is")
+    if step:
+        refuse_given(("tol", "once"), "with --step: one run with fixed steps has no tolerance")
+    if not plots:
+        refuse_given(("place",), "without --plot")
 
 
 def _write(result: Simulation, format_: str, output: Path | None, name: str, title: str) -> None:

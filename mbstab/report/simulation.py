@@ -156,7 +156,7 @@ def simulation_text(sim: Simulation, title: str) -> str:
         f"work done     {steps}, {sim.evaluations} evaluations in {counted(sim.runs, 'run')}",
         f"error         {_error(sim)}",
         f"constraints   largest residual {sim.max_constraint_residual:.1e} of the sizes in the scene",
-        f"energy        {_energy(sim)}",
+        *wrap(f"energy        {_energy(sim)}", width=WIDTH, subsequent_indent=" " * 14),
     ]
     if sim.charts:
         lines.append(f"orientation   Euler angles replaced by others {counted(sim.charts, 'time')}")
@@ -173,4 +173,6 @@ def _error(sim: Simulation) -> str:
 
 def _energy(sim: Simulation) -> str:
     what = "kinetic + potential drift" if sim.conservative else "kinetic + potential - work drift"
-    return f"{what} by {sim.energy_drift:.1e} of {number(sim.energy_scale, 4)} J"
+    largest = " or change of potential energy" if sim.conservative else ", change of potential energy or work"
+    size = f"{number(sim.energy_scale, 4)} J, the largest kinetic energy{largest}"
+    return f"{what} by {sim.energy_drift:.1e} of {size}"
