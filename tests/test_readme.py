@@ -59,6 +59,7 @@ def test_the_model_in_the_readme_is_right(tmp_path):
     own = mbstab.loads(text).eig()
     shipped = mbstab.load("pendulum.yaml").eig()
     assert [e.kind for e in own.eigenvalues] == ["center", "center"]
+    assert mbstab.loads(text).motion().q == pytest.approx(mbstab.load("pendulum.yaml").motion().q, abs=1e-15)
     assert abs(own.eigenvalues[0].value - shipped.eigenvalues[0].value) < 1e-13 * abs(own.eigenvalues[0].value)
 
 
