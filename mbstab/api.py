@@ -406,7 +406,7 @@ class Mechanism:
         perturb : mapping, optional
             As in `simulate`; a tenth of the first mode if neither this nor the file disturbs the reference.
         tolerance : float, optional
-            Largest error at the end, for the choice of an integrator.
+            Largest global error, for the choice of an integrator.
         progress : callable
             Is called with the part of the work that is done, from 0 to 1.
 

@@ -234,7 +234,7 @@ def simulate(
     if step is not None and step > last - first:
         raise UsageError(f"the step of {step:g} s is longer than the simulation of {last - first:g} s")
     follower = Follower(begin.system, begin.motion, np.linspace(first, last, points))
-    work = _Work(follower, chosen, solver, tol, step, progress)
+    work = Work(follower, chosen, solver, tol, step, progress)
     run = work.once(tol) if step is not None or once else work.refined()
     result = _result(begin, follower, work, run, method, solver)
     if not run.complete:
@@ -282,7 +282,7 @@ def longest_step(follower: Follower) -> float:
     return min(max(float(times[1] - times[0]), duration / LONGEST_STEPS[1]), duration / LONGEST_STEPS[0])
 
 
-class _Work:
+class Work:
     """Runs with smaller and smaller tolerances."""
 
     def __init__(
@@ -297,7 +297,7 @@ class _Work:
         falling = math.sqrt(math.hypot(*map(float, follower.system.scene.gravity)) / float(np.max(motion.sizes)))
         self.natural = max(self.rate, falling)
         self.longest = longest_step(follower)
-        self.estimate, self.runs, self.evaluations = math.nan, 0, 0
+        self.estimate, self.fast, self.runs, self.evaluations = math.nan, math.nan, 0, 0
         self.warnings: list[str] = []
 
     def once(self, tol: float, progress: Callable[[float], object] | None = None) -> Run:
@@ -319,7 +319,7 @@ class _Work:
             return before
         started = self.rate
         self.rate = max(fastest(before, float(np.max(sizes))), 1e-3 * self.rate)
-        fast = max(fastest(before, float(np.max(sizes))), REST * self.natural)
+        fast = self.fast = max(fastest(before, float(np.max(sizes))), REST * self.natural)
         following = max(local * REDUCTION, SMALLEST)
         if following >= local:
             following, local = SMALLEST, 10.0 * SMALLEST
@@ -376,7 +376,7 @@ class _Work:
         return run
 
 
-def _result(begin: Start, follower: Follower, work: _Work, run: Run, method: str, solver: str) -> Simulation:
+def _result(begin: Start, follower: Follower, work: Work, run: Run, method: str, solver: str) -> Simulation:
     """Gather the samples of a run."""
     system, samples = follower.system, run.samples
     n_b, d = len(system.scene.bodies), system.scene.dimension
