@@ -831,6 +831,20 @@ def test_the_energy_that_the_drift_is_a_part_of_is_named():
     assert "change of potential energy or work" in " ".join(run("kapitza.yaml", "--to", "0.01").stdout.split())
 
 
+def test_a_motion_that_stays_at_rest_says_so_and_shows_no_rounding(tmp_path):
+    said = "nothing moves: the motion starts at rest"
+    path = tmp_path / "own.yaml"
+    path.write_text(SOURCE.replace("{x: 0, y: -L, theta: 3*pi/2}", "{theta: -pi/2}"))
+    assert start_of(mbstab.load(path).system()).motion.q[0] != 0.0
+    shown = run(str(path), "--to", "0.5").stdout
+    assert said in shown
+    row = next(x for x in shown.splitlines() if x.startswith("rod.x")).split()
+    assert row == ["rod.x", "m", "0", "0", "0", "0", "0", "m/s"]
+    # What it says to do does it.
+    assert said not in run("pendulum.yaml", "--to", "0.5", "--perturb", "mode:1=0.1").stdout
+    assert said not in run("rolling_disk.yaml", "--to", "0.1").stdout
+
+
 def test_a_failure_leaves_the_finished_part_on_disk(tmp_path):
     path = tmp_path / "part.csv"
     result = run("four_bar.yaml", "--to", "2", "--perturb", "rate(left.theta)=9", "-o", str(path))

@@ -238,7 +238,8 @@ class _Parser:
         root = self._sum()
         kind, token, at = self.tokens[self.index]
         if kind != "end":
-            raise ExpressionError(f"unexpected {token!r} in an expression", at)
+            hint = f"multiplication is written *{token}" if kind in ("name", "number") or token == "(" else ""
+            raise ExpressionError(f"unexpected {token!r} in an expression", at, hint)
         self._check_chains(root)
         return root
 

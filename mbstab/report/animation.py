@@ -510,7 +510,8 @@ class Stage:
             empty.set_data(*(places[covered] @ self.across[:2].T).T)
         for line, trail in zip(self.paths, self.traced.values(), strict=True):
             gone = trail[: FINE * frame + 1] - self.shift[frame]
-            line.set_data(*np.where(self._hidden(gone, everything), np.nan, self.across[:2] @ gone.T))
+            covered = self._hidden(gone, everything, inside=False)  # the point itself may be inside of its body
+            line.set_data(*np.where(covered, np.nan, self.across[:2] @ gone.T))
         if frame == 0 or self.follows:
             planes = (_ground(p, self, self.shift[frame]) for p in self.sketch.planes)
             self.ground.set_segments([line for lines in planes for line in lines])
