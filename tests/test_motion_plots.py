@@ -349,6 +349,31 @@ def test_paths_and_joints_behind_a_body_are_hidden_by_it():
     assert planar.paths[0].get_zorder() < planar.bodies.get_zorder()
 
 
+def test_a_thin_plate_hides_what_is_behind_it():
+    plate = "bodies:\n  ball: {type: spatial, mass: 1, shape: {type: disk, radius: 0.5, along: y}}\n"
+    model = mbstab.loads(
+        HIDING.replace("bodies:\n  ball: {type: spatial, mass: 1, shape: {type: sphere, radius: 0.5}}\n", plate)
+    )
+    towards = np.array([0.0, -1.0, 0.0])
+    solid = animation.Solid.of(Sketch.of(model.system()).pieces[0].outline.skin)
+    x = np.linspace(-0.9, 0.9, 7)
+    for y, hidden in ((0.5, True), (0.0, False), (-0.5, False)):
+        stage = placed(0.0, np.zeros((1, 3)))
+        np.testing.assert_allclose(stage.across[2], towards, atol=1e-12)
+        points = np.stack([x, np.full(7, y), np.zeros(7)], axis=1)
+        assert stage._hidden(points, [solid]).tolist() == [hidden and abs(p) < 0.5 for p in x]
+
+
+def test_a_torus_shows_its_near_side_only():
+    torus = sketch.OUTLINES["torus"](0.3, 0.1)
+    for towards in np.eye(3):
+        seen = np.concatenate(torus.seen(towards))
+        place = seen - 0.3 * seen * [1, 1, 0] / np.hypot(seen[:, 0], seen[:, 1])[:, None]
+        np.testing.assert_allclose(np.linalg.norm(place, axis=1), 0.1, rtol=1e-9)
+        assert np.all(place @ towards > -0.06)
+        assert len(torus.seen(towards)) < 0.7 * len(torus.strokes)
+
+
 def test_a_spring_in_space_winds_about_its_axis():
     ends = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     across = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])

@@ -540,7 +540,9 @@ class Stage:
         covered, deep = np.zeros(len(points), dtype=bool), TOUCHING * self.width
         for solid in solids:
             first, last = solid.through(points, self.across[2])
-            covered |= (last - np.maximum(first, 0.0) > deep) & (inside | (first > -deep))
+            # Before it the ray runs free, or it runs through what is thick.
+            passes = (last > first) & ((first > deep) | (last - np.maximum(first, 0.0) > deep))
+            covered |= passes & (inside | (first > -deep))
         return covered
 
     def _visible(self, line: Array, solids: list[Solid]) -> list[Array]:
