@@ -218,7 +218,7 @@ class Mechanism:
     def verify(
         self, frozen: bool = False, progress: Callable[[float], object] = lambda done: None, **parameters: Setting
     ) -> Verification:
-        """Return what the nonlinear motion says about the eigenvalues: each mode excited a little, and measured.
+        """Return what the nonlinear motion says about the eigenvalues: each mode, each neutral direction excited.
 
         Parameters
         ----------

@@ -24,7 +24,7 @@ from mbstab.errors import OutputError, UsageError
 from mbstab.mechanics.bodies import SHAPES
 from mbstab.mechanics.contacts import KINDS as CONTACT_KINDS
 from mbstab.mechanics.joints import KINDS as JOINT_KINDS
-from mbstab.report import animation, motion_plots, plots, sketch
+from mbstab.report import animation, motion_plots, plots, sketch, solids
 from mbstab.report.animation import Stage, motion_frames, swing_frames
 from mbstab.report.sketch import Sketch
 
@@ -355,13 +355,27 @@ def test_a_thin_plate_hides_what_is_behind_it():
         HIDING.replace("bodies:\n  ball: {type: spatial, mass: 1, shape: {type: sphere, radius: 0.5}}\n", plate)
     )
     towards = np.array([0.0, -1.0, 0.0])
-    solid = animation.Solid.of(Sketch.of(model.system()).pieces[0].outline.skin)
+    solid = solids.Solid.of(Sketch.of(model.system()).pieces[0].outline.skin)
     x = np.linspace(-0.9, 0.9, 7)
     for y, hidden in ((0.5, True), (0.0, False), (-0.5, False)):
         stage = placed(0.0, np.zeros((1, 3)))
         np.testing.assert_allclose(stage.across[2], towards, atol=1e-12)
         points = np.stack([x, np.full(7, y), np.zeros(7)], axis=1)
         assert stage._hidden(points, [solid]).tolist() == [hidden and abs(p) < 0.5 for p in x]
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+def test_solids_of_any_size_and_flat_ones_are_where_their_corners_are(size):
+    cube = size * np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    solid = solids.Solid.of(cube)
+    assert len(solid.faces) == 6
+    first, last = solid.through(size * np.array([[0.5, 0.2, -3.0], [1.5, 0.0, -3.0]]), np.array([0.0, 0.0, 1.0]))
+    np.testing.assert_allclose([first[0], last[0]], [2.0 * size, 4.0 * size])
+    assert last[1] < first[1]
+    plate = solids.Solid.of(cube[np.abs(cube[:, 0] - size) < 0.1 * size])
+    first, last = plate.through(np.zeros((1, 3)), np.array([1.0, 0.0, 0.0]))
+    assert 0.5 * (first + last) == pytest.approx(size)
+    assert 0.0 < last - first < 1e-3 * size
 
 
 def test_a_torus_shows_its_near_side_only():
