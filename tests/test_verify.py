@@ -254,6 +254,13 @@ def test_what_depends_on_the_amplitude_along_a_neutral_direction_is_not_judged()
     assert found.verdict == "cannot be judged"
 
 
+def test_an_undecided_zero_is_tried_as_a_neutral_direction():
+    found = mbstab.load("wheelset_no_slip.yaml").verify(v=0)
+    assert (found.result.verdict, found.verdict) == ("undecided", "cannot be judged")
+    assert "it is zero" in found.modes[0].reason
+    assert (found.neutral.verdict, found.neutral.count, found.neutral.staying) == ("confirmed", 4, 3)
+
+
 def test_neutral_directions_of_a_periodic_motion_are_followed_by_periods():
     # Mathieu's equation in y, nothing in x.
     text = free("-(4 + cos(3*t))*a.y").model.document.lines

@@ -287,6 +287,8 @@ class _Excited:
         if k < 0:
             return _unjudged(number, mode, "the motion has no mode that belongs to it")
         s, v, w = complex(self.values[k]), self.right[:, k], self.left[:, k]
+        if not s:
+            return _unjudged(number, mode, "it is zero, and has neither growth nor frequency to be measured")
         overlap = complex(np.vdot(w, v))
         # Both have length 1 where components of y are of equal size.
         if abs(overlap) * DEFECTIVE < 1.0:
