@@ -77,7 +77,9 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
     help="Add to the reference motion: rod.theta=0.01, rate(rod.theta)=0.1, or mode:1=0.01, a mode of mbstab eig. May "
     "be repeated.",
 )
-@click.option("--strict", is_flag=True, help="Refuse initial values that the constraints do not allow.")
+@click.option(
+    "--strict", is_flag=True, help="Refuse initial values that are not consistent, instead of moving them a little."
+)
 @click.option(
     "--plot",
     "plots",
