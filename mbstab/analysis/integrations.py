@@ -20,7 +20,7 @@ from mbstab.analysis.compare import CLOSE
 from mbstab.analysis.follow import Follower, Run, difference
 from mbstab.analysis.initial import Start, start_of
 from mbstab.analysis.integrators import METHODS, Method
-from mbstab.analysis.simulate import Work
+from mbstab.analysis.simulate import _Work
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ModelFileError, NumericalError, SimulationError, UsageError
 
@@ -207,7 +207,7 @@ class _Race:
             ("DOP853", METHODS["projection"]["DOP853"], "DOP853"),
             ("radau", METHODS["radau"][""], ""),
         ):
-            work = Work(self.follower, method, solver, EXACT, None, _watch(10.0 * LIMIT))
+            work = _Work(self.follower, method, solver, EXACT, None, progress=_watch(10.0 * LIMIT))
             run = work.refined()
             if run.interrupted:
                 raise KeyboardInterrupt
@@ -219,7 +219,7 @@ class _Race:
 
     def run(self, method: Method, solver: str, tol: float, limit: float) -> tuple[Run, float]:
         """Return a run and how long it took (s); one that takes longer than the limit fails."""
-        work = Work(self.follower, method, solver, 1.0, None, _watch(limit))
+        work = _Work(self.follower, method, solver, 1.0, None, progress=_watch(limit))
         work.rate = self.rate
         began = time.perf_counter()
         run = work.once(tol)

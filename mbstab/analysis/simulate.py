@@ -234,7 +234,7 @@ def simulate(
     if step is not None and step > last - first:
         raise UsageError(f"the step of {step:g} s is longer than the simulation of {last - first:g} s")
     follower = Follower(begin.system, begin.motion, np.linspace(first, last, points))
-    work = Work(follower, chosen, solver, tol, step, progress)
+    work = _Work(follower, chosen, solver, tol, step, progress)
     run = work.once(tol) if step is not None or once else work.refined()
     result = _result(begin, follower, work, run, method, solver)
     if not run.complete:
@@ -282,7 +282,7 @@ def longest_step(follower: Follower) -> float:
     return min(max(float(times[1] - times[0]), duration / LONGEST_STEPS[1]), duration / LONGEST_STEPS[0])
 
 
-class Work:
+class _Work:
     """Runs with smaller and smaller tolerances."""
 
     def __init__(
@@ -376,7 +376,7 @@ class Work:
         return run
 
 
-def _result(begin: Start, follower: Follower, work: Work, run: Run, method: str, solver: str) -> Simulation:
+def _result(begin: Start, follower: Follower, work: _Work, run: Run, method: str, solver: str) -> Simulation:
     """Gather the samples of a run."""
     system, samples = follower.system, run.samples
     n_b, d = len(system.scene.bodies), system.scene.dimension

@@ -43,6 +43,23 @@ METHODS = ("projection", "alpha", "radau")
 SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
 
 
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """Let a request to terminate stop the command as Ctrl-C does: no half file is left."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(number: int, frame: Any) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 @click.command()
 @file_argument
 @click.option("--to", type=float, metavar="T", help="Last time (s); 10 s after the start if not given.")
@@ -77,9 +94,7 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
     help="Add to the reference motion: rod.theta=0.01, rate(rod.theta)=0.1, or mode:1=0.01, a mode of mbstab eig. May "
     "be repeated.",
 )
-@click.option(
-    "--strict", is_flag=True, help="Refuse initial values that are not consistent, instead of moving them a little."
-)
+@click.option("--strict", is_flag=True, help="Refuse initial values that the constraints do not allow.")
 @click.option(
     "--plot",
     "plots",
@@ -94,6 +109,7 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
     "--format", "format_", type=click.Choice(FORMATS), help="Of the data; told by the suffix of --output, else table."
 )
 @output_option
+@_terminable()
 def simulate(
     file: str,
     to: float | None,
@@ -140,23 +156,23 @@ def simulate(
                 movie.write_mode(mechanism, **parameters)
             return
         count = points or movie.points(mechanism.system(**parameters), start, to)
-    with _terminable():
-        stopped: SimulationError | None = None
-        try:
-            with progress_bar("simulating") as progress:
-                result = mechanism.simulate(
-                    to, start, method, solver or "", tol, step, count, perturb, strict, once, progress, **parameters
-                )
-        except SimulationError as error:
-            if error.partial is None or not len(error.partial.times):
-                raise
-            stopped, result = error, error.partial
-        warn(result.warnings)
-        _write(result, format_, output, model.name, model.title)
-        _draw(result, pictures, *picture_stem(place, output, Path(model.name)), model.title)
-        if movie is not None and not (result.complete or result.failure):
-            note("not animated, as the simulation was stopped")
-        elif movie is not None:
+    stopped: SimulationError | None = None
+    try:
+        with _terminable(), progress_bar("simulating") as progress:
+            result = mechanism.simulate(
+                to, start, method, solver or "", tol, step, count, perturb, strict, once, progress, **parameters
+            )
+    except SimulationError as error:
+        if error.partial is None or not len(error.partial.times):
+            raise
+        stopped, result = error, error.partial
+    warn(result.warnings)
+    _write(result, format_, output, model.name, model.title)
+    _draw(result, pictures, *picture_stem(place, output, Path(model.name)), model.title)
+    if movie is not None and not (result.complete or result.failure):
+        note("not animated, as the simulation was stopped")
+    elif movie is not None:
+        with _terminable():
             movie.write_motion(mechanism.system(**parameters), result, model.title)
     if stopped is not None:
         raise stopped
@@ -230,20 +246,3 @@ def _format_of(output: Path | None) -> str:
         known = ", ".join(f".{x}" for x in FORMATS[1:])
         raise UsageError(f"--output {output}: the suffix says no format\nhint: {known}, or --format")
     return suffix or "csv"
-
-
-@contextlib.contextmanager
-def _terminable() -> Iterator[None]:
-    """Let a request to terminate stop the simulation as Ctrl-C does."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def stop(number: int, frame: Any) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
