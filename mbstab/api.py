@@ -283,6 +283,7 @@ class Mechanism:
         perturb: Mapping[str, Setting] | None = None,
         strict: bool = False,
         once: bool = False,
+        compiled: bool = False,
         progress: Callable[[float], object] = lambda done: None,
         **parameters: Setting,
     ) -> Simulation:
@@ -320,7 +321,7 @@ class Mechanism:
         from mbstab.analysis.simulate import simulate
 
         system = self.system(**parameters)
-        return simulate(system, to, start, method, solver, tol, step, points, perturb, strict, once, progress)
+        return simulate(system, to, start, method, solver, tol, step, points, perturb, strict, once, compiled, progress)
 
     @guarded
     def swing(self, number: int = 1, points: int = 50, **parameters: Setting) -> Swing:

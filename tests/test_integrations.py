@@ -54,7 +54,8 @@ def _error_of_rk45(angle, speed):
     race = integrations._Race(follower)
     race.reference()
     run, _ = race.run(integrations.METHODS["projection"]["RK45"], "RK45", 1e-5, 10.0)
-    found = np.array([(s.q[2] - 1.5 * math.pi, s.u[2]) for s in run.samples])
+    q, u = integrations.states(run.samples)
+    found = np.stack([q[:, 2] - 1.5 * math.pi, u[:, 2]], axis=1)
     fast = np.max(np.abs(speed))
     return max(
         np.max(np.abs(np.sin(found[:, 0]) - np.sin(angle))),

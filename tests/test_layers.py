@@ -19,7 +19,7 @@ ONLY_IN = {
     "sympy": {"mechanics", "compiler", "model/arithmetic.py", "analysis/symbolic.py", "report/symbolic.py"},
     "matplotlib": {"report/plots.py", "report/motion_plots.py", "report/animation.py"},
     "PIL": {"report/animation.py"},
-    "numba": {"compiler/fused.py"},
+    "numba": {"compiler/machine.py"},
     "scipy": {"analysis", "report/export.py", "report/solids.py"},
     "mpmath": {"model/arithmetic.py"}
     | {f"analysis/{x}.py" for x in ("compare", "multiprecision", "precise", "precise_motion")},

@@ -582,7 +582,8 @@ def test_a_film_has_all_frames_their_size_and_the_duration_of_the_motion(tmp_pat
             (("--animate", "a.gif", "--mode-shape", "1", *extra), f"{extra[0]} has no effect with --mode-shape")
             for extra in (
                 ("--to", "3"), ("--from", "1"), ("--method", "alpha"), ("--solver", "BDF"), ("--tol", "1e-8"),
-                ("--step", "1e-3"), ("--once",), ("--points", "7"), ("--perturb", "rod.theta=1"), ("--strict",),
+                ("--step", "1e-3"), ("--once",), ("--compiled",), ("--points", "7"), ("--perturb", "rod.theta=1"),
+                ("--strict",),
                 ("--plot", "energy"), ("--pictures", "b"), ("--format", "json"), ("--output", "a.csv"),
                 ("--speed", "2"),
             )

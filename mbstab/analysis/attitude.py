@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -101,49 +102,69 @@ class Attitudes:
         return System(replace(system.scene, bodies=tuple(bodies))), q, u
 
     def orientations(self, system: System, q: Array) -> Array:
-        """Return the orientation of every body, shape (n_b, d, d); the unit matrix for point masses."""
+        """Return the orientation of every body, shape (…, n_b, d, d); the unit matrix for point masses.
+
+        Here and below q and u have the shape (…, n_q); axes in front are those of several states.
+        """
         scene = system.scene
-        found = np.tile(np.eye(scene.dimension), (len(scene.bodies), 1, 1))
+        found = np.tile(np.eye(scene.dimension), (*q.shape[:-1], len(scene.bodies), 1, 1))
         if scene.dimension == 3:
             for i, part in self.parts:
-                found[i] = orientation(scene.bodies[i], q[part])
+                found[..., i, :, :] = orientation(scene.bodies[i], q[..., part])
         else:
             for i, (body, own) in enumerate(zip(scene.bodies, system.body_slices, strict=True)):
                 if body.orientation:
-                    c, s = math.cos(q[own.start + 2]), math.sin(q[own.start + 2])
-                    found[i] = [[c, -s], [s, c]]
+                    c, s = np.cos(q[..., own.start + 2]), np.sin(q[..., own.start + 2])
+                    found[..., i, 0, 0], found[..., i, 0, 1] = c, -s
+                    found[..., i, 1, 0], found[..., i, 1, 1] = s, c
         return found
 
     def spins(self, system: System, q: Array, u: Array) -> Array:
-        """Return the angular velocity of every body in ground axes, shape (n_b, 3) (rad/s); about z in the plane."""
+        """Return the angular velocity of every body in ground axes, shape (…, n_b, 3) (rad/s); about z in the plane."""
         scene = system.scene
-        found = np.zeros((len(scene.bodies), 3))
+        found = np.zeros((*q.shape[:-1], len(scene.bodies), 3))
         for i, part in self.parts:
-            found[i] = rate_matrix(scene.bodies[i], q[part]) @ u[part]
+            found[..., i, :] = _times(rate_matrix(scene.bodies[i], q[..., part]), u[..., part])
         if scene.dimension == 2:
             for i, (body, own) in enumerate(zip(scene.bodies, system.body_slices, strict=True)):
                 if body.orientation:
-                    found[i, 2] = u[own.start + 2]
+                    found[..., i, 2] = u[..., own.start + 2]
         return found
 
-    def in_file(self, system: System, q: Array, u: Array, a: Array, near: Array) -> tuple[Array, Array, Array]:
-        """Return a state in the angles of the file, of all that describe it the one nearest to `near` (n_q,)."""
+    def coordinates_in_file(self, system: System, q: Array, near: Array) -> Array:
+        """Return coordinates in the angles of the file, of all that describe them those nearest to `near` (n_q,)."""
+        if system is self.file:
+            return q
+        q = q.copy()
+        for i, part in self.parts:
+            body, own = system.scene.bodies[i], self.file.scene.bodies[i]
+            if body.base != own.base:
+                q[part] = _nearest(own, orientation(body, q[part]), near[part])
+        return q
+
+    def in_file(self, system: System, q: Array, u: Array, a: Array, shown: Array) -> tuple[Array, Array, Array]:
+        """Return a state in the angles of the file, in which its coordinates are `shown`; shapes (…, n_q)."""
         if system is self.file:
             return q, u, a
         q, u, a = q.copy(), u.copy(), a.copy()
-        for i, part in self.parts:
+        for i, part in ((i, (..., part)) for i, part in self.parts):
             body, own = system.scene.bodies[i], self.file.scene.bodies[i]
             if body.base == own.base:
                 continue
             G = rate_matrix(body, q[part])
-            A, spin = orientation(body, q[part]), G @ u[part]
-            turning = G @ a[part] + rate_drift(body, q[part], u[part])
-            q[part] = _nearest(own, A, near[part])
-            back = rate_matrix(own, q[part])
+            spin = _times(G, u[part])
+            turning = _times(G, a[part]) + rate_drift(body, q[part], u[part])
+            q[part] = shown[part]
             # Exactly at the singularity rates do not exist; the least ones are as good as any.
-            u[part] = np.linalg.lstsq(back, spin, rcond=1e-14)[0]
-            a[part] = np.linalg.lstsq(back, turning - rate_drift(own, q[part], u[part]), rcond=1e-14)[0]
+            back: Any = np.linalg.pinv(rate_matrix(own, q[part]), rcond=1e-14)
+            u[part] = _times(back, spin)
+            a[part] = _times(back, turning - rate_drift(own, q[part], u[part]))
         return q, u, a
+
+
+def _times(matrix: Array, vector: Array) -> Array:
+    """Return products of matrices (…, 3, 3) and vectors (…, 3)."""
+    return np.asarray((matrix @ vector[..., None])[..., 0])
 
 
 def _named(value: object) -> set[str]:

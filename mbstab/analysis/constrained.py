@@ -118,6 +118,8 @@ class Constrained:
     system : System
     sizes : ndarray, shape (n_q,)
         What a large change of each coordinate is (m, rad).
+    kept : list of int
+        Rows but those that others imply.
     evaluations : int
         How often the equations of motion, or their derivatives, were formed.
     slowest : float (1/s)
@@ -138,8 +140,8 @@ class Constrained:
         self.evaluations = 0
         self.form = form or Form(system)
         without = {redundancy.row for redundancy in motion.redundant}
-        self._kept = [i for i, row in enumerate(system.rows) if row not in without]
-        factors = np.concatenate([self.scale, self.row_scale[self._kept]])
+        self.kept = [i for i, row in enumerate(system.rows) if row not in without]
+        factors = np.concatenate([self.scale, self.row_scale[self.kept]])
         self._factors, self._products = factors, factors * factors[:, None]
         self._program: Program | None = None
         pulled = np.abs(motion.dynamics.F0 * self.scale * self.scale / motion.sizes)
@@ -156,6 +158,11 @@ class Constrained:
         self._span = np.zeros((self.n_c, self.rank))
         self.trouble: MbstabError | None = None
         self.refresh(motion.dynamics)
+
+    @property
+    def independent(self) -> bool:
+        """Whether the rows kept are as many as the rank."""
+        return len(self.kept) == self.rank
 
     # --- the one place where the scene is evaluated -----------------------------------------------------------------
 
@@ -202,8 +209,8 @@ class Constrained:
 
     def _quick_program(self) -> Program | None:
         """Return the function of the matrix and the right-hand side of the accelerations, once it is worth it."""
-        if self.form.quick and len(self._kept) == self.rank:
-            self._program = self.form.fused.augmented(self._kept)
+        if self.form.quick and self.independent:
+            self._program = self.form.fused.augmented(self.kept)
         return self._program
 
     def solve(self, state: Dynamics, force: Array, bias: Array) -> tuple[Array, Array]:

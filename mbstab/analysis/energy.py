@@ -63,16 +63,16 @@ class Energy:
         """Whether nothing does work: the sum of kinetic and potential energy is constant."""
         return not (self.working or self.damped or self.driven)
 
-    def potential(self, system: System, q: Array) -> float:
-        """Return the potential energy of weight and springs (J), in the coordinates of `system`."""
+    def potential(self, system: System, q: Array) -> Array:
+        """Return the potential energy of weight and springs (J), shape (…), at q (…, n_q) in the chart of `system`."""
         scene = system.scene
         turns = self.attitudes.orientations(system, q)
-        d, total = scene.dimension, 0.0
+        d, total = scene.dimension, np.zeros(q.shape[:-1])
         gravity = np.array(scene.gravity, dtype=float)
-        for body, part, A in zip(scene.bodies, system.body_slices, turns, strict=True):
-            place = q[part.start : part.start + d] + A @ np.array(body.center, dtype=float)
-            total -= float(body.mass) * float(gravity @ place)
-        return total + sum(_stored(system, q, turns, spring) for spring in self.springs)
+        for i, (body, part) in enumerate(zip(scene.bodies, system.body_slices, strict=True)):
+            place = q[..., part.start : part.start + d] + turns[..., i, :, :] @ np.array(body.center, dtype=float)
+            total -= float(body.mass) * (place @ gravity)
+        return np.asarray(total + sum(_stored(system, q, turns, spring) for spring in self.springs))
 
     def power(self, parts: Mapping[str, Form], q: Array, u: Array, t: float, state: Dynamics, nu: Array) -> float:
         """Return the power of all that has no potential (W): forces, dampers, drives."""
@@ -86,12 +86,12 @@ class Energy:
         return total
 
 
-def _stored(system: System, q: Array, turns: Array, item: ItemValues) -> float:
-    """Return the energy of a spring (J)."""
+def _stored(system: System, q: Array, turns: Array, item: ItemValues) -> Any:
+    """Return the energy of a spring (J), shape (…)."""
     stiffness = float(item.number("stiffness"))
     if item.kind.name == "spring":
         ends = [_place(system, q, turns, marker) for marker in item.markers("between")]
-        return 0.5 * stiffness * (float(np.linalg.norm(ends[0] - ends[1])) - float(item.number("length"))) ** 2
+        return 0.5 * stiffness * (np.linalg.norm(ends[0] - ends[1], axis=-1) - float(item.number("length"))) ** 2
     joint, motion = joint_motion(item)
     first, second = joint.markers("between")
     rest = float(item.number("rest"))
@@ -101,20 +101,20 @@ def _stored(system: System, q: Array, turns: Array, item: ItemValues) -> float:
     one, two = joint.triads("axis", "zero")
     if motion == "angle":
         zero = _turn(turns, first) @ np.array(one.v2)
-        cosine, sine = (float(zero @ (_turn(turns, second) @ np.array(v))) for v in (two.v2, two.v3))
+        cosine, sine = (np.sum(zero * (_turn(turns, second) @ np.array(v)), axis=-1) for v in (two.v2, two.v3))
         c, s = math.cos(rest), math.sin(rest)
-        return 0.5 * stiffness * math.atan2(sine * c - cosine * s, cosine * c + sine * s) ** 2
+        return 0.5 * stiffness * np.arctan2(sine * c - cosine * s, cosine * c + sine * s) ** 2
     axis = _turn(turns, second) @ np.array(two.v1[: system.scene.dimension])
     gap = _place(system, q, turns, first) - _place(system, q, turns, second)
-    return 0.5 * stiffness * (float(axis @ gap) - rest) ** 2
+    return 0.5 * stiffness * (np.sum(axis * gap, axis=-1) - rest) ** 2
 
 
 def _turn(turns: Array, marker: Marker) -> Any:
-    return np.eye(turns.shape[1]) if marker.body == GROUND else turns[marker.body]
+    return np.eye(turns.shape[-1]) if marker.body == GROUND else turns[..., marker.body, :, :]
 
 
-def _angle(system: System, q: Array, marker: Marker) -> float:
-    return 0.0 if marker.body == GROUND else float(q[system.body_slices[marker.body].start + 2])
+def _angle(system: System, q: Array, marker: Marker) -> Any:
+    return 0.0 if marker.body == GROUND else q[..., system.body_slices[marker.body].start + 2]
 
 
 def _place(system: System, q: Array, turns: Array, marker: Marker) -> Array:
@@ -122,4 +122,4 @@ def _place(system: System, q: Array, turns: Array, marker: Marker) -> Array:
     if marker.body == GROUND:
         return point
     start = system.body_slices[marker.body].start
-    return np.asarray(q[start : start + system.scene.dimension] + turns[marker.body] @ point)
+    return np.asarray(q[..., start : start + system.scene.dimension] + turns[..., marker.body, :, :] @ point)

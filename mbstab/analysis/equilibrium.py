@@ -438,8 +438,9 @@ class Problem:
         unbalanced = [
             float(np.max(np.abs(force[kind]), initial=0.0)) for kind in (self.finder.is_length, ~self.finder.is_length)
         ]
+        loads = reactions(self.system, motion.q, motion.dynamics.J, motion.nu)
         return Equilibrium(
-            motion, at.steady, reactions(self.system, motion), float(np.max(np.abs(at.residual))),
+            motion, at.steady, loads, float(np.max(np.abs(at.residual))),
             (unbalanced[0], unbalanced[1]), search.iterations, strategy, tuple(s.name for s in known),
             tuple(_open_directions(search, at, known)),
             not np.any(at.u) and any("t" in names_in(item.entry.values) for item in self.scene.items),

@@ -15,35 +15,18 @@ import numpy as np
 from mbstab.analysis.attitude import Attitudes
 from mbstab.analysis.constrained import SINGULAR, Constrained, Form, Watch
 from mbstab.analysis.energy import NODES, WEIGHTS, Energy
-from mbstab.analysis.integrators import Method, Options, Stepper
+from mbstab.analysis.integrators import Method, Options, Stepper, first_step
+from mbstab.analysis.marching import Marching
 from mbstab.analysis.motion import Motion
-from mbstab.analysis.reactions import reactions
+from mbstab.analysis.samples import Frame, Sample, Track
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import MbstabError
 
 LEAST_PROGRESS = 0.002
 """The progress function is called when this part of the work is done."""
 
-
-@dataclass(frozen=True)
-class Sample:
-    """The motion at a time of output; q, u, a in the angles of the file, loads by owner, body and component."""
-
-    t: float
-    q: Array
-    u: Array
-    a: Array
-    nu: Array
-    positions: Array
-    rotations: Array
-    velocities: Array
-    spins: Array
-    loads: dict[tuple[str, str, str], float]
-    kinetic: float
-    potential: float
-    work: float
-    residual_q: float
-    residual_u: float
+LOOKED = 5
+"""Where compiled steps leave something to others, so many are taken one by one."""
 
 
 @dataclass
@@ -102,6 +85,13 @@ class Follower:
         self.energy = Energy.of(system, self.attitudes)
         self.form = form or Form(system)
         self.parts = self.working_parts(system)
+        self._marching: Marching | None = None
+
+    def marching(self, equations: Constrained, solver: str) -> Marching:
+        """Return compiled steps of the scene."""
+        if self._marching is None:
+            self._marching = Marching(equations, self.attitudes, self.energy, solver)
+        return self._marching
 
     def working_parts(self, system: System) -> dict[str, Form]:
         """Return the forces without a potential, each alone, in the coordinates of `system`."""
@@ -135,38 +125,49 @@ class _Leg:
         self.system, self.motion = follower.system, follower.motion
         self.equations = Constrained(self.system, self.motion, follower.form)
         self.watch: Watch = self.equations.refresh(self.motion.dynamics)
-        self.near = self.motion.q
+        self.frame: Frame | None = None
         self.work = 0.0
         self.parts = follower.parts
+        self.done = 1  # times of output
+        self.least = 0.0
 
     def follow(self, method: Method, options: Options, progress: Callable[[float], object]) -> None:
         times, run = self.follower.times, self.run
         t, end = float(times[0]), float(times[-1])
         q, u = self.motion.q, self.motion.u
-        done, shown = 1, 0.0
+        shown = 0.0
+
+        def reached(t: float) -> None:
+            nonlocal shown
+            run.reached = t
+            if (t - times[0]) / (end - times[0]) > shown + LEAST_PROGRESS:
+                shown = (t - times[0]) / (end - times[0])
+                progress(shown)
+
         q, u = self._change_chart(q, q, u, t)
         while t < end:
+            if options.compiled and self.equations.independent:
+                t, q, u, before, options = self._march(t, q, u, options, reached)
+                if t >= end:
+                    break
+                if self.attitudes.needs_change(self.system, before, q):
+                    q, u = self._change_chart(before, q, u, t)
+                    continue
             stepper = method.start(self.equations, t, q, u, end, options)
+            steps = 0
             while True:
                 before = stepper.q
                 stepper.advance()
+                steps += 1
                 run.steps += 1
                 run.peak = max(run.peak, 0.5 * float(stepper.u @ stepper.state.M @ stepper.u))
                 run.drift = max(run.drift, *self.equations.residuals(stepper.state, self.equations.fastest(stepper.u)))
                 self._watch(stepper, t)
                 change = self.attitudes.needs_change(self.system, before, stepper.q)
-                inside = []
-                while done < len(times) and times[done] <= stepper.t:
-                    inside.append(float(times[done]))
-                    done += 1
-                self._cover(stepper, t, inside)
-                t = run.reached = stepper.t
-                if (t - times[0]) / (end - times[0]) > shown + LEAST_PROGRESS:
-                    shown = (t - times[0]) / (end - times[0])
-                    progress(shown)
-                if t >= end:
-                    break
-                if change:
+                self._cover(stepper, t, self._due(stepper.t))
+                t = stepper.t
+                reached(t)
+                if t >= end or change or (options.compiled and steps >= LOOKED):
                     break
             run.rejected += stepper.rejected
             options = replace(options, first=stepper.taken)
@@ -175,6 +176,43 @@ class _Leg:
                 q, u, _ = self.equations.project(t, stepper.q, stepper.u)
                 q, u = self._change_chart(before, q, u, t)
         progress(1.0)
+
+    def _due(self, t: float) -> list[float]:
+        """Return the times of output until t that were not covered before."""
+        first = self.done
+        while self.done < len(self.follower.times) and self.follower.times[self.done] <= t:
+            self.done += 1
+        return [float(x) for x in self.follower.times[first : self.done]]
+
+    def _march(
+        self, t: float, q: Array, u: Array, options: Options, reached: Callable[[float], None]
+    ) -> tuple[float, Array, Array, Array, Options]:
+        """Take compiled steps as far as they go; return the state there, q before the last step, and the options."""
+        run, n = self.run, len(q)
+        marching, base, covered = self.follower.marching(self.equations, options.solver), self.work, 0
+        times = self.follower.times[self.done :]
+        if options.first is None:
+            options = replace(options, first=first_step(self.equations, t, q, u, float(times[-1]), options))
+        reason = marching.start(self.system, t, q, u, times, options, self.least)
+        state = marching.state
+        while True:
+            for time, found in zip(times[covered : state.done], state.found[covered : state.done], strict=True):
+                self.work = base + float(found[2 * n])
+                self.sample(float(time), found[:n], found[n : 2 * n], settled=True)
+            covered = state.done
+            reached(state.time)
+            if reason != "more":
+                break
+            reason = marching.go()
+        if reason == "look":
+            self.watch = self.equations.refresh(self.equations.evaluate(state.time, state.q, state.u))
+        self.least, self.work = state.least, base + state.work
+        self.done += covered
+        run.steps += state.steps
+        run.rejected += state.rejected
+        run.peak, run.drift = max(run.peak, state.peak), max(run.drift, state.drift)
+        self.equations.evaluations += state.evaluations
+        return state.time, state.q, state.u, state.before, replace(options, first=state.following)
 
     # --- charts -----------------------------------------------------------------------------------------------------
 
@@ -251,30 +289,13 @@ class _Leg:
             _, nu, state = self.equations.accelerations(t, q, u)
             self.work += half * weight * self.energy.power(self.parts, q, u, t, state, nu)
 
-    def sample(self, t: float, q: Array, u: Array) -> None:
-        """Record the motion at a time, projected onto the constraints."""
-        equations, system = self.equations, self.system
-        q, u, state = equations.project(t, q, u)
-        a, nu = equations.solve(state, -state.F0, state.B)
-        nu = equations.least(nu)
-        motion = replace(self.motion, q=q, u=u, a=a, nu=nu, time=t, dynamics=state)
-        loads: dict[tuple[str, str, str], float] = {}
-        for r in reactions(system, motion):
-            turning = "xyz" if len(r.torque) == 3 else "z"
-            for what, letters, vector in (("force", "xyz", r.force), ("torque", turning, r.torque)):
-                loads |= {(r.owner, r.body, f"{what} {x}"): float(v) for x, v in zip(letters, vector, strict=False)}
-        position, velocity = equations.residuals(state, equations.fastest(u))
-        d = system.scene.dimension
-        places, speeds = (np.stack([x[p.start : p.start + d] for p in system.body_slices]) for x in (q, u))
-        turns, spins = self.attitudes.orientations(system, q), self.attitudes.spins(system, q, u)
-        kinetic, potential = 0.5 * float(u @ state.M @ u), self.energy.potential(system, q)
-        shown = self.attitudes.in_file(system, q, u, a, self.near)
-        self.near = shown[0]
-        self.run.samples.append(
-            Sample(
-                t, *shown, nu, places, turns, speeds, spins, loads, kinetic, potential, self.work, position, velocity
-            )
-        )
+    def sample(self, t: float, q: Array, u: Array, settled: bool = False) -> None:
+        """Record the motion at a time, projected onto the constraints if it is not `settled` there."""
+        if not settled:
+            q, u, _ = self.equations.project(t, q, u)
+        if self.frame is None or self.frame.equations is not self.equations:
+            self.frame = Frame(self.equations, self.attitudes, self.energy, self.motion.q)
+        self.run.samples.append(Sample(self.frame, t, q, u, self.work))
 
 
 def difference(one: Run, other: Run, sizes: Array, fast: float | None = None) -> float:
@@ -286,25 +307,21 @@ def difference(one: Run, other: Run, sizes: Array, fast: float | None = None) ->
     count = min(len(one.samples), len(other.samples))
     length = float(np.max(sizes))
     fast = fastest(other, length) if fast is None else fast
-    worst = 0.0
-    for a, b in zip(one.samples[:count], other.samples[:count], strict=True):
-        worst = max(
-            worst,
-            float(np.max(np.abs(a.positions - b.positions))) / length,
-            float(np.max(np.abs(a.rotations - b.rotations))),
-            float(np.max(np.abs(a.velocities - b.velocities))) / (length * fast),
-            float(np.max(np.abs(a.spins - b.spins))) / fast,
-        )
+    a, b = Track.of(one.samples[:count]), Track.of(other.samples[:count])
+    worst = max(
+        _largest(a.positions - b.positions) / length,
+        _largest(a.rotations - b.rotations),
+        _largest(a.velocities - b.velocities) / (length * fast),
+        _largest(a.spins - b.spins) / fast,
+    )
     return worst if math.isfinite(worst) else math.inf
 
 
 def fastest(run: Run, length: float) -> float:
     """Return the largest speed over the size of the scene, or the largest angular velocity (1/s)."""
-    found = max(
-        (
-            max(float(np.max(np.linalg.norm(s.velocities, axis=1))) / length, float(np.max(np.abs(s.spins))))
-            for s in run.samples
-        ),
-        default=0.0,
-    )
-    return found or 1.0
+    track = Track.of(run.samples)
+    return max(_largest(np.linalg.norm(track.velocities, axis=-1)) / length, _largest(track.spins)) or 1.0
+
+
+def _largest(x: Array) -> float:
+    return float(np.max(np.abs(x), initial=0.0))

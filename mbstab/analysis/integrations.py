@@ -20,6 +20,7 @@ from mbstab.analysis.compare import CLOSE
 from mbstab.analysis.follow import Follower, Run, difference
 from mbstab.analysis.initial import Start, start_of
 from mbstab.analysis.integrators import METHODS, Method
+from mbstab.analysis.samples import Record, states
 from mbstab.analysis.simulate import _Work
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ModelFileError, NumericalError, SimulationError, UsageError
@@ -167,7 +168,7 @@ def compare_integrators(
     chosen = None
     if tolerance is not None:
         chosen = _fastest_within(runs, tolerance)
-    final = reference.samples[-1].q
+    final = states(reference.samples)[0][-1]
     return Integrations(tuple(runs), first, last, disturbance, race.name, known, final, tolerance, chosen)
 
 
@@ -207,7 +208,7 @@ class _Race:
             ("DOP853", METHODS["projection"]["DOP853"], "DOP853"),
             ("radau", METHODS["radau"][""], ""),
         ):
-            work = _Work(self.follower, method, solver, EXACT, None, progress=_watch(10.0 * LIMIT))
+            work = _Work(self.follower, method, solver, EXACT, None, False, _watch(10.0 * LIMIT))
             run = work.refined()
             if run.interrupted:
                 raise KeyboardInterrupt
@@ -219,7 +220,7 @@ class _Race:
 
     def run(self, method: Method, solver: str, tol: float, limit: float) -> tuple[Run, float]:
         """Return a run and how long it took (s); one that takes longer than the limit fails."""
-        work = _Work(self.follower, method, solver, 1.0, None, progress=_watch(limit))
+        work = _Work(self.follower, method, solver, 1.0, None, False, _watch(limit))
         work.rate = self.rate
         began = time.perf_counter()
         run = work.once(tol)
@@ -250,9 +251,7 @@ def _watch(limit: float) -> Callable[[float], object]:
 
 def _imbalance(run: Run) -> float:
     """Return the largest imbalance of energy, relative to what goes to and fro."""
-    kinetic, potential, work = (
-        np.array([getattr(s, x) for s in run.samples]) for x in ("kinetic", "potential", "work")
-    )
-    total = kinetic + potential - work
-    scale = max(run.peak, float(np.ptp(potential)), float(np.max(np.abs(work))))
+    record, work = Record.of(run.samples), np.array([s.work for s in run.samples])
+    total = record.kinetic + record.potential - work
+    scale = max(run.peak, float(np.ptp(record.potential)), float(np.max(np.abs(work))))
     return float(np.max(np.abs(total - total[0]))) / scale if scale > 0.0 else 0.0

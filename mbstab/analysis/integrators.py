@@ -53,6 +53,8 @@ class Options:
         Longest step; given functions of time may rest for a while and then start.
     solver : str
         Integrator of the projection method.
+    compiled : bool
+        Let `mbstab.analysis.marching` take the steps.
     """
 
     tol: float
@@ -61,6 +63,13 @@ class Options:
     rate: float
     longest: float = math.inf
     solver: str = ""
+    compiled: bool = False
+
+    def tolerances(self, sizes: Array) -> Array:
+        """Return the errors of a step that are allowed in q and u, shape (2 n_q,)."""
+        # With a fixed step the tolerance is out of the way, and the largest step is the step.
+        tol = self.tol if self.step is None else 1e6
+        return tol * np.concatenate([sizes, sizes * self.rate])
 
 
 class Stepper(Protocol):
@@ -111,12 +120,15 @@ class Method:
         error estimate + 1).
     fixed : bool
         Whether steps of fixed size can be asked for.
+    compiled : bool
+        Whether `mbstab.analysis.marching` can take the steps.
     """
 
     start: Start
     order: int
     power: float
     fixed: bool = True
+    compiled: bool = False
 
 
 class Projected:
@@ -131,12 +143,9 @@ class Projected:
         self.t, self.q, self.u = t, q, u
         self.rejected, self.taken = 0, 0.0
         self._dense: Any = None
-        sizes = equations.sizes
-        # With a fixed step the tolerance is out of the way, and the largest step is the step.
-        tol = options.tol if options.step is None else 1e6
         settings: dict[str, Any] = {
-            "rtol": max(tol, 1e-13) if implicit else RELATIVE,
-            "atol": tol * np.concatenate([sizes, sizes * options.rate]),
+            "rtol": max(options.tol, 1e-13) if implicit else RELATIVE,
+            "atol": options.tolerances(equations.sizes),
             "first_step": options.step or options.first,
             "max_step": options.step or options.longest,
         }
@@ -194,6 +203,11 @@ class Projected:
         return y[: self.n], y[self.n :]
 
 
+def first_step(equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> float:
+    """Return the step (s) with which an explicit integrator of SciPy begins."""
+    return float(Projected(equations, t, q, u, end, options, implicit=False)._solver.h_abs)
+
+
 def explicit(equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> Stepper:
     """Start an explicit integrator of SciPy with projection."""
     return Projected(equations, t, q, u, end, options, implicit=False)
@@ -218,8 +232,8 @@ def _radau(equations: Constrained, t: float, q: Array, u: Array, end: float, opt
 
 METHODS: dict[str, dict[str, Method]] = {
     "projection": {
-        "DOP853": Method(explicit, 8, 1.0),
-        "RK45": Method(explicit, 5, 1.0),
+        "DOP853": Method(explicit, 8, 1.0, compiled=True),
+        "RK45": Method(explicit, 5, 1.0, compiled=True),
         "Radau": Method(implicit, 5, 1.25, fixed=False),
         "BDF": Method(implicit, 5, 0.8, fixed=False),
     },

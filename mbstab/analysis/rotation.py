@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.compiler.system import Array
-from mbstab.model.arithmetic import FLOAT, mpmath_arithmetic
+from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic
 from mbstab.model.values import BodyValues, euler_matrix
 
 
@@ -41,9 +41,18 @@ def _functions(angles: Array) -> Any:
     return math if angles.ndim == 1 else np
 
 
+def _array(rows: list[list[Any]], angles: Array) -> Array:
+    """Return an array of rows of numbers, with axes in front where the numbers are those of several points."""
+    if angles.ndim == 1:
+        return np.array(rows)
+    return np.stack([np.stack([np.broadcast_to(x, angles.shape[:-1]) for x in row], -1) for row in rows], -2)
+
+
 def orientation(body: BodyValues, angles: Array) -> Array:
-    """Return A, shape (3, 3)."""
-    result: Array = base_rotation(body) @ np.array(euler_matrix(tuple(angles), FLOAT)).reshape(3, 3)
+    """Return A, shape (…, 3, 3), for angles of shape (…, 3)."""
+    f = FLOAT if angles.ndim == 1 else array_arithmetic()
+    entries = euler_matrix(tuple(angles[..., k][()] for k in range(3)), f)
+    result: Array = base_rotation(body) @ _array([list(entries[i : i + 3]) for i in (0, 3, 6)], angles)
     return result
 
 
@@ -60,10 +69,10 @@ def euler_angles(body: BodyValues, rotation: Array, near: Array) -> Array:
 
 
 def rate_matrix(body: BodyValues, angles: Array) -> Array:
-    """Return G, the matrix from Euler rates to the angular velocity in ground axes."""
+    """Return G, shape (…, 3, 3), the matrix from Euler rates to the angular velocity in ground axes."""
     f = _functions(angles)
-    (c1, s1), (c2, s2) = ((f.cos(x), f.sin(x)) for x in angles[:2])
-    result: Array = base_rotation(body) @ np.array([[1.0, 0.0, s2], [0.0, c1, -s1 * c2], [0.0, s1, c1 * c2]])
+    (c1, s1), (c2, s2) = ((f.cos(x), f.sin(x)) for x in (angles[..., 0][()], angles[..., 1][()]))
+    result: Array = base_rotation(body) @ _array([[1.0, 0.0, s2], [0.0, c1, -s1 * c2], [0.0, s1, c1 * c2]], angles)
     return result
 
 
@@ -103,11 +112,13 @@ def turning_rates(body: BodyValues, angles: Array, axis: Array) -> tuple[Array, 
 
 
 def rate_drift(body: BodyValues, angles: Array, rates: Array) -> Array:
-    """Return Ġ times the Euler rates, the part of the angular acceleration that their accelerations do not explain."""
-    (c1, s1), (c2, s2) = ((math.cos(x), math.sin(x)) for x in angles[:2])
-    p, t, s = rates
-    drift = np.array(
-        [t * s * c2, -p * t * s1 - p * s * c1 * c2 + t * s * s1 * s2, p * t * c1 - p * s * s1 * c2 - t * s * c1 * s2]
-    )
-    result: Array = base_rotation(body) @ drift
+    """Return Ġ times the Euler rates, shape (…, 3): the angular acceleration without that of the Euler rates."""
+    f = _functions(angles)
+    (c1, s1), (c2, s2) = ((f.cos(x), f.sin(x)) for x in (angles[..., 0][()], angles[..., 1][()]))
+    p, t, s = (rates[..., k][()] for k in range(3))
+    drift = _array(
+        [[t * s * c2, -p * t * s1 - p * s * c1 * c2 + t * s * s1 * s2, p * t * c1 - p * s * s1 * c2 - t * s * c1 * s2]],
+        angles,
+    )[..., 0, :]
+    result: Array = drift @ base_rotation(body).T
     return result

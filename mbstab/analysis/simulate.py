@@ -15,14 +15,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from mbstab.analysis.follow import Follower, Run, difference, fastest
 from mbstab.analysis.initial import Start, start_of
 from mbstab.analysis.integrators import METHODS, Method, Options
+from mbstab.analysis.marching import machine_code
 from mbstab.analysis.names import expressions_in, uneven_in_time
+from mbstab.analysis.samples import Record, Track
 from mbstab.compiler.system import Array, System
 from mbstab.errors import SimulationError, UsageError
 
@@ -194,6 +195,7 @@ def simulate(
     perturb: Mapping[str, float | str] | None = None,
     strict: bool = False,
     once: bool = False,
+    compiled: bool = False,
     progress: Callable[[float], object] = lambda done: None,
 ) -> Simulation:
     """Return the motion that starts as the file and `perturb` say.
@@ -214,6 +216,8 @@ def simulate(
         As in `mbstab.analysis.initial.start_of`.
     once : bool
         Make one run in which `tol` is the error of each step; nothing is known about the global error.
+    compiled : bool
+        Take the steps in machine code; for the projection method with DOP853 or RK45.
     progress : callable
         Is called with the part of the work that is done, from 0 to 1.
 
@@ -224,7 +228,7 @@ def simulate(
     SimulationError
         If the motion cannot be followed to the end; `partial` holds the finished part.
     """
-    chosen, solver = _method(method, solver, step)
+    chosen, solver = _method(method, solver, step, compiled)
     _check(tol, step, points)
     begin = start_of(system, perturb, start, strict)
     first = begin.motion.time
@@ -234,8 +238,10 @@ def simulate(
     if step is not None and step > last - first:
         raise UsageError(f"the step of {step:g} s is longer than the simulation of {last - first:g} s")
     follower = Follower(begin.system, begin.motion, np.linspace(first, last, points))
-    work = _Work(follower, chosen, solver, tol, step, progress)
+    work = _Work(follower, chosen, solver, tol, step, compiled, progress)
     run = work.once(tol) if step is not None or once else work.refined()
+    if not run.samples:
+        raise SimulationError(run.failure or "stopped before anything was found", None)
     result = _result(begin, follower, work, run, method, solver)
     if not run.complete:
         raise SimulationError(_reason(run, result, last), result)
@@ -250,7 +256,7 @@ def _reason(run: Run, result: Simulation, last: float) -> str:
     return f"{reason}\nthe part until t = {result.times[-1]:.9g} s is kept" if len(result.times) else reason
 
 
-def _method(method: str, solver: str, step: float | None) -> tuple[Method, str]:
+def _method(method: str, solver: str, step: float | None, compiled: bool) -> tuple[Method, str]:
     if method not in METHODS:
         raise UsageError(f"there is no method {method!r}: {', '.join(METHODS)}")
     solvers = METHODS[method]
@@ -260,6 +266,11 @@ def _method(method: str, solver: str, step: float | None) -> tuple[Method, str]:
         raise UsageError(f"the method {method} has no solver {solver!r}; solvers: {known}")
     if step is not None and not solvers[solver].fixed:
         raise UsageError(f"the solver {solver} chooses its own steps; fixed ones go with --method radau or alpha")
+    if compiled and not solvers[solver].compiled:
+        known = ", ".join(f"{m} {x}" for m, group in METHODS.items() for x in group if group[x].compiled)
+        raise UsageError(f"there are no compiled steps for {f'{method} {solver}'.strip()}; there are for {known}")
+    if compiled:
+        machine_code()
     return solvers[solver], solver
 
 
@@ -286,10 +297,17 @@ class _Work:
     """Runs with smaller and smaller tolerances."""
 
     def __init__(
-        self, follower: Follower, method: Method, solver: str, tol: float, step: float | None, progress: Any
+        self,
+        follower: Follower,
+        method: Method,
+        solver: str,
+        tol: float,
+        step: float | None,
+        compiled: bool,
+        progress: Callable[[float], object],
     ) -> None:
         self.follower, self.method, self.solver = follower, method, solver
-        self.tol, self.step, self.progress = tol, step, progress
+        self.tol, self.step, self.compiled, self.progress = tol, step, compiled, progress
         motion = follower.motion
         relative = float(np.max(np.abs(motion.u / motion.sizes), initial=0.0))
         pulled = math.sqrt(float(np.max(np.abs(motion.a / motion.sizes), initial=0.0)))
@@ -304,7 +322,7 @@ class _Work:
         """Follow the motion with a tolerance of a step."""
         # The longest step shrinks with the tolerance as the others do: otherwise runs would not differ where it binds.
         longest = self.longest * (tol / self.tol) ** (self.method.power / self.method.order)
-        options = Options(tol, self.step, None, self.rate, longest, self.solver)
+        options = Options(tol, self.step, None, self.rate, longest, self.solver, self.compiled)
         run = self.follower.run(self.method, options, progress or self.progress)
         self.runs += 1
         self.evaluations += run.evaluations
@@ -378,35 +396,29 @@ class _Work:
 
 def _result(begin: Start, follower: Follower, work: _Work, run: Run, method: str, solver: str) -> Simulation:
     """Gather the samples of a run."""
-    system, samples = follower.system, run.samples
-    n_b, d = len(system.scene.bodies), system.scene.dimension
-
-    def stacked(name: str, *shape: int) -> Array:
-        return np.array([getattr(s, name) for s in samples], dtype=float).reshape(len(samples), *shape)
-
-    n = system.n_q
-    # A reaction that vanishes exactly may be missing from a sample.
-    labels = list(dict.fromkeys(label for s in samples for label in s.loads))
-    loads = [[s.loads.get(label, 0.0) for label in labels] for s in samples]
+    system, record = follower.system, Record.of(run.samples)
+    samples = run.samples[: len(record.q)]
+    run.interrupted = run.interrupted or len(samples) < len(run.samples)
+    track, labels = Track.of(samples), tuple(record.loads)
     return Simulation(
         names=tuple(system.names),
         bodies=tuple(body.name for body in system.scene.bodies),
         rows=tuple(str(row) for row in system.rows),
-        times=stacked("t"),
-        q=stacked("q", n),
-        u=stacked("u", n),
-        a=stacked("a", n),
-        nu=stacked("nu", system.n_c),
-        positions=stacked("positions", n_b, d),
-        rotations=stacked("rotations", n_b, d, d),
-        velocities=stacked("velocities", n_b, d),
-        spins=stacked("spins", n_b, 3),
-        loads=np.array(loads, dtype=float).reshape(len(samples), len(labels)),
-        load_names=tuple(labels),
-        kinetic=stacked("kinetic"),
-        potential=stacked("potential"),
-        work=stacked("work"),
-        residuals=np.stack([stacked("residual_q"), stacked("residual_u")], axis=1),
+        times=np.array([s.t for s in samples]),
+        q=record.q,
+        u=record.u,
+        a=record.a,
+        nu=record.nu,
+        positions=track.positions,
+        rotations=track.rotations,
+        velocities=track.velocities,
+        spins=track.spins,
+        loads=np.array([record.loads[x] for x in labels]).reshape(len(labels), len(samples)).T,
+        load_names=labels,
+        kinetic=record.kinetic,
+        potential=record.potential,
+        work=np.array([s.work for s in samples]),
+        residuals=record.residuals,
         method=method,
         solver=solver,
         tol=math.nan if work.step is not None else work.tol,

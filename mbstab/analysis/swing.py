@@ -74,5 +74,5 @@ def swing(system: System, number: int, points: int, amplitude: float = AMPLITUDE
         q, left = equations.onto_positions(motion.time, goal) if equations.n_h else (goal, 0.0)
         found.append(q if left <= ACCEPTED else goal)
     positions = np.array([[q[p.start : p.start + d] for p in system.body_slices] for q in found])
-    rotations = np.array([attitudes.orientations(system, q) for q in found])
+    rotations = attitudes.orientations(system, np.array(found))
     return Swing(value, np.array(found), positions, rotations)

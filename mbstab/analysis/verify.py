@@ -33,6 +33,7 @@ from mbstab.analysis.linearize import Linearization, linearize, state_space
 from mbstab.analysis.motion import Finder, Motion
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.reference import reference_motion
+from mbstab.analysis.samples import states
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
 
@@ -331,10 +332,11 @@ class _Excited:
             if isinstance(run, str):
                 return run
             runs.append(run)
+        (q, u), (q_less, u_less) = (states(run.samples) for run in runs)
         c = np.array(
             [
-                np.vdot(w, self.frame.components(a.t, 0.5 * (a.q - b.q), 0.5 * (a.u - b.u))) / (overlap * size)
-                for a, b in zip(runs[0].samples, runs[1].samples, strict=True)
+                np.vdot(w, self.frame.components(t, x, v)) / (overlap * size)
+                for t, x, v in zip(times, 0.5 * (q - q_less), 0.5 * (u - u_less), strict=True)
             ]
         )
         return c, runs[0].steps * tol / amplitude
@@ -376,10 +378,9 @@ class _Excited:
             if isinstance(run, str):
                 return run
             runs.append(run)
-        found = [
-            frame.components(a.t, 0.5 * (a.q - b.q), 0.5 * (a.u - b.u)) / (size * self.weights)
-            for a, b in zip(runs[0].samples, runs[1].samples, strict=True)
-        ]
+        (q, u), (q_less, u_less) = (states(run.samples) for run in runs)
+        differences = zip(times.tolist(), 0.5 * (q - q_less), 0.5 * (u - u_less), strict=True)
+        found = [frame.components(t, dq, du) / (size * self.weights) for t, dq, du in differences]
         return times - start, np.array(found)
 
     def _times(self, s: complex) -> Array:

@@ -80,6 +80,11 @@ def _terminable() -> Iterator[None]:
 )
 @click.option("--tol", type=float, default=1e-8, show_default=True, help="Error of the result, relative to the scene.")
 @click.option("--step", type=float, metavar="H", help="Fixed step (s), without control of the error.")
+@click.option(
+    "--compiled",
+    is_flag=True,
+    help=r"Take the steps in machine code, for long motions; DOP853 and RK45, needs pip install 'mbstab\[fast]'.",
+)
 @click.option("--once", is_flag=True, help="Make one run in which --tol is the error of a step: faster, error unknown.")
 @click.option(
     "--points",
@@ -120,6 +125,7 @@ def simulate(
     tol: float,
     step: float | None,
     once: bool,
+    compiled: bool,
     points: int | None,
     disturbances: tuple[str, ...],
     strict: bool,
@@ -160,7 +166,19 @@ def simulate(
     try:
         with _terminable(), progress_bar("simulating") as progress:
             result = mechanism.simulate(
-                to, start, method, solver or "", tol, step, count, perturb, strict, once, progress, **parameters
+                to=to,
+                start=start,
+                method=method,
+                solver=solver or "",
+                tol=tol,
+                step=step,
+                points=count,
+                perturb=perturb,
+                strict=strict,
+                once=once,
+                compiled=compiled,
+                progress=progress,
+                **parameters,
             )
     except SimulationError as error:
         if error.partial is None or not len(error.partial.times):
@@ -179,8 +197,8 @@ def simulate(
 
 
 SIMULATED = (
-    "to", "start", "method", "solver", "tol", "step", "once", "points", "disturbances", "strict", "plots", "place",
-    "format_", "output", "speed",
+    "to", "start", "method", "solver", "tol", "step", "compiled", "once", "points", "disturbances", "strict", "plots",
+    "place", "format_", "output", "speed",
 )  # fmt: skip
 """Options of what a linear mode does without."""
 

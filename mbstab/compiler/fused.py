@@ -9,25 +9,19 @@ generated before it is asked for.
 
 from __future__ import annotations
 
-import os
 import struct
-from collections.abc import Callable, Sequence
-from copy import copy
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache
-from hashlib import sha256
-from pathlib import Path
-from types import FunctionType
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from mbstab.compiler.system import Array, Dynamics, System
-from mbstab.compiler.trace import Trace, Traced
-from mbstab.errors import MbstabError, UsageError
+from mbstab.compiler.trace import Code, Trace, Traced
+from mbstab.errors import MbstabError
 from mbstab.model.arithmetic import FLOAT, FUNCTIONS
-from mbstab.model.values import Law
 
 _FAILURES = (ArithmeticError, ValueError, MbstabError)
 
@@ -41,7 +35,7 @@ class Program:
         Its text: q3 is coordinate number 3, counted from 0, and so on.
     """
 
-    def __init__(self, trace: Trace, inputs: dict[str, Any], outputs: Sequence[Any], machine_code: bool) -> None:
+    def __init__(self, trace: Trace, inputs: dict[str, Any], outputs: Sequence[Any]) -> None:
         slots: dict[Any, int] = {}
         values: list[Any] = []
         places: list[int] = []
@@ -57,13 +51,8 @@ class Program:
                 places.append(slots[key])
             self._parts.append((slice(start, len(places)), array.shape))
         self._index: npt.NDArray[np.intp] = np.array(places, dtype=np.intp)
-        self._values: Callable[..., Array]
-        if machine_code:
-            self.source, constants = trace.array_text(inputs, values)
-            self._values = _from_arrays(self.source, tuple(isinstance(x, list) for x in inputs.values()), constants)
-        else:
-            self.source = trace.text(inputs, values)
-            self._values = _from_floats(self.source, len(values))
+        self.source = trace.text(inputs, values)
+        self._values = _from_floats(self.source, len(values))
 
     def __call__(self, *arguments: Any) -> list[Array]:
         """Return new arrays, views of one block of memory.
@@ -98,61 +87,6 @@ def _from_floats(source: str, count: int) -> Callable[..., Array]:
     return values
 
 
-def _from_arrays(source: str, vectors: tuple[bool, ...], constants: list[float]) -> Callable[..., Array]:
-    """Return the function of arrays that has this source, compiled."""
-    evaluate, k, count = _machine_code(source, vectors), np.array(constants, dtype=float), source.count("    out[")
-
-    def values(*arguments: Any) -> Array:
-        out = np.empty(count)
-        evaluate(*arguments, k, out)
-        return out
-
-    return values
-
-
-@lru_cache(maxsize=64)
-def _machine_code(source: str, vectors: tuple[bool, ...]) -> Callable[..., None]:
-    """Return the function with this source as compiled by Numba, which keeps its result in the user's cache directory.
-
-    Raises
-    ------
-    UsageError
-        If Numba is not installed.
-    """
-    try:
-        import numba
-    except ImportError:
-        raise UsageError("machine code needs Numba\nhint: install it with pip install 'mbstab[fast]'") from None
-
-    names: dict[str, Any] = {"__name__": __name__}  # what is kept names the module it belongs to
-    used = {name: function for name, function in _functions().items() if f"{name}(" in source}
-    own = {name: function for name, function in used.items() if isinstance(function, FunctionType)}
-    path = _kept(source, "".join(function.__code__.co_code.hex() for function in own.values()))
-    names |= used | {name: numba.njit(function) for name, function in own.items()}
-    # The text is ours, as above; the file only tells Numba where to keep its result and is not read.
-    exec(compile(source, str(path or "<fused>"), "exec"), names)
-    arguments = [numba.float64[::1] if vector else numba.float64 for vector in (*vectors, True, True)]
-    compiled: Callable[..., None] = numba.njit(
-        numba.void(*arguments), cache=path is not None, error_model="numpy", nogil=True
-    )(names["evaluate"])
-    return compiled
-
-
-def _kept(source: str, called: str) -> Path | None:
-    """Return a file in the user's cache directory for a text and what it calls, None if there can be none."""
-    try:
-        directory = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mbstab"
-        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-        path = directory / f"fused_{sha256((source + called).encode()).hexdigest()[:32]}.py"
-        if not path.exists():
-            part = path.with_suffix(f".{os.getpid()}")
-            part.write_text(source, encoding="utf-8")
-            part.replace(path)
-    except (OSError, RuntimeError):  # no home, or none that can be written to
-        return None
-    return path if os.access(directory, os.W_OK) else None
-
-
 class Fused:
     """What `System` returns, for one scene with fixed parameters, faster.
 
@@ -162,9 +96,8 @@ class Fused:
     Parameters
     ----------
     system : System
-    machine_code : bool
-        Let Numba (the extra ``fast``) compile each function when it is first called. That takes from half a
-        second to some ten; the result is kept for scenes that differ in their parameters only.
+    free : sequence of int
+        Numbers of bodies whose base rotation is not known before: only for `code`.
 
     Raises
     ------
@@ -172,20 +105,19 @@ class Fused:
         If the parameters of the scene are not floats.
     """
 
-    def __init__(self, system: System, machine_code: bool = False) -> None:
+    def __init__(self, system: System, free: Sequence[int] = ()) -> None:
         if system.scene.points is not None or system.scene.arithmetic is not FLOAT:
             raise ValueError("only a scene whose parameters are floats can be fused")
         self.system = system
-        self._machine_code = machine_code
-        self.vector: Callable[[Any], Any] = _array if machine_code else _listed
         self._trace = Trace()
-        arithmetic = self._trace.arithmetic()
-        self._traced = copy(system)
-        self._traced.scene = replace(system.scene, arithmetic=arithmetic)
-        self._traced._elements = [
-            replace(e, laws=tuple(replace(x, arithmetic=arithmetic) if isinstance(x, Law) else x for x in e.laws))
-            for e in system._elements
-        ]
+        bodies = list(system.scene.bodies)
+        self._bases: list[Traced] = []
+        for number in free:
+            base = [self._trace.input(f"base{number}_{i}") for i in range(9)]
+            bodies[number] = replace(bodies[number], base=tuple(base))
+            self._bases += base
+        scene = replace(system.scene, arithmetic=self._trace.arithmetic(), bodies=tuple(bodies))
+        self._traced = System(scene) if free else system.in_arithmetic(scene)
         sizes = {"q": system.n_q, "u": system.n_q, "a": system.n_q, "nu": system.n_c}
         self._inputs: dict[str, Any] = {
             name: [self._trace.input(f"{name}{i}") for i in range(size)] for name, size in sizes.items()
@@ -224,7 +156,7 @@ class Fused:
         """Return K = ∂F/∂q, R = ∂F/∂u and D_q; a has shape (n_q,), nu (n_c,)."""
         program = self._linearize
         try:
-            K, R, D_q = program(*self._state(q, u, time), self.vector(a), self.vector(nu))
+            K, R, D_q = program(*self._state(q, u, time), _listed(a), _listed(nu))
         except _FAILURES:
             K, R, D_q = self.system.linearize(q, u, a, nu, time)
         return K, R, D_q
@@ -233,7 +165,7 @@ class Fused:
         """Return V_q, A_q and A_u; a has shape (n_q,)."""
         program = self._linearize_rows
         try:
-            V_q, A_q, A_u = program(*self._state(q, u, time), self.vector(a))
+            V_q, A_q, A_u = program(*self._state(q, u, time), _listed(a))
         except _FAILURES:
             V_q, A_q, A_u = self.system.linearize_rows(q, u, a, time)
         return V_q, A_q, A_u
@@ -249,33 +181,52 @@ class Fused:
         Returns
         -------
         Program
-            Takes q and u as `vector` returns them and the time (s); returns shapes (n, n) and (n,) with
+            Takes q and u as lists and the time (s); returns shapes (n, n) and (n,) with
             n = n_q + number of `rows`.
         """
-        state, count = self._traced_dynamics, len(rows)
+        state, count = self.traced, len(rows)
         J = np.asarray(state.J)[list(rows)]
         matrix = np.block([[np.asarray(state.M, dtype=object), J.T], [J, np.zeros((count, count), dtype=object)]])
         right = [-x for x in (*state.F0.tolist(), *state.B[list(rows)].tolist())]
         return self._program("qut", (matrix, np.array(right, dtype=object)))
 
     @cached_property
-    def _traced_dynamics(self) -> Dynamics:
+    def traced(self) -> Dynamics:
+        """The matrices of the equations of motion, as traced numbers."""
         x = self._inputs
         return self._traced.dynamics(x["q"], x["u"], x["t"])
 
+    def traced_power(self, working: Collection[str], damped: Collection[str]) -> Any:
+        """Return the power (W) of entries, and of the dampers of others, such as ``forces.spring``, traced."""
+        x, total = self._inputs, 0.0
+        rest = [0.0] * self.system.n_q
+        for path, part in self._traced.parts():
+            if path in working or path in damped:
+                force = part.dynamics(x["q"], x["u"], x["t"]).F0
+                if path in damped:
+                    force = force - part.dynamics(x["q"], rest, x["t"]).F0
+                for f, u in zip(force.tolist(), x["u"], strict=True):
+                    total = total - f * u
+        return total
+
+    def code(self, groups: Sequence[Sequence[Any]]) -> Code:
+        """Return the program that finds groups of traced numbers; its first registers are q, u, t and free bases."""
+        x = self._inputs
+        return self._trace.code([*x["q"], *x["u"], x["t"], *self._bases], groups)
+
     @cached_property
     def _dynamics(self) -> Program:
-        x = self._traced_dynamics
+        x = self.traced
         return self._program("qut", (x.M, x.F0, x.E, x.V, x.J, x.B))
 
     @cached_property
     def _equations(self) -> Program:
-        x = self._traced_dynamics
+        x = self.traced
         return self._program("qut", (x.M, x.F0, x.J, x.B))
 
     @cached_property
     def _residuals(self) -> Program:
-        x = self._traced_dynamics
+        x = self.traced
         return self._program("qut", (x.E, x.V, x.J))
 
     @cached_property
@@ -291,14 +242,10 @@ class Fused:
         return self._program("quta", self._traced.linearize_rows(*(x[k] for k in "quat")))
 
     def _program(self, inputs: Sequence[str], outputs: Sequence[Any]) -> Program:
-        return Program(self._trace, {name: self._inputs[name] for name in inputs}, outputs, self._machine_code)
+        return Program(self._trace, {name: self._inputs[name] for name in inputs}, outputs)
 
     def _state(self, q: Any, u: Any, time: float | None) -> tuple[list[float], list[float], float]:
-        return self.vector(q), self.vector(u), float(self.system.scene.time if time is None else time)
-
-
-def _array(x: Any) -> Array:
-    return np.ascontiguousarray(x, dtype=float)
+        return _listed(q), _listed(u), float(self.system.scene.time if time is None else time)
 
 
 def _listed(x: Any) -> list[float]:

@@ -28,7 +28,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -43,7 +43,7 @@ from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
 from mbstab.model.expressions import Expression
 from mbstab.model.jets import Jet
 from mbstab.model.schema import Entry, unit_of
-from mbstab.model.values import Scene
+from mbstab.model.values import Law, Scene
 
 if TYPE_CHECKING:
     from mbstab.compiler.fused import Fused
@@ -144,6 +144,16 @@ class System:
             part._plans = {}
             yield path, part
 
+    def in_arithmetic(self, scene: Scene) -> System:
+        """Return the same elements in the arithmetic of a scene that differs from this one in nothing else."""
+        other = copy(self)
+        other.scene = scene
+        other._elements = [
+            replace(e, laws=tuple(replace(x, arithmetic=scene.arithmetic) if isinstance(x, Law) else x for x in e.laws))
+            for e in self._elements
+        ]
+        return other
+
     def loads(self, q: Any, u: Any, a: Any, time: Any = None) -> Any:
         """Return the sum of the sizes of all forces and inertia on each coordinate, shape (n_q,): what may cancel."""
         total = np.zeros(self.n_q)
@@ -176,13 +186,8 @@ class System:
                 part._elements, part._plans = [element], {}
                 yield part
 
-    def fused(self, machine_code: bool = False) -> Fused:
+    def fused(self) -> Fused:
         """Return the same equations as functions of this scene alone, for thousands of states.
-
-        Parameters
-        ----------
-        machine_code : bool
-            Compile them with Numba, the extra ``fast``.
 
         Raises
         ------
@@ -191,7 +196,7 @@ class System:
         """
         from mbstab.compiler.fused import Fused
 
-        return Fused(self, machine_code)
+        return Fused(self)
 
     # --- what is in the scene ---------------------------------------------------------------------------------------
 

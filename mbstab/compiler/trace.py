@@ -32,6 +32,39 @@ _ODD = {"sin", "tan", "asin", "atan", "sinh", "tanh", "sign", "abs_slope"}
 _EVEN = {"cos", "cosh", "abs"}
 
 
+OPERATIONS = ("+", "-", "*", "/", "negative", *FUNCTIONS, "power", "sign", "abs_slope")
+"""What `Code` numbers."""
+
+
+@dataclass(frozen=True)
+class Code:
+    """A program as numbers, for an interpreter.
+
+    Registers hold the inputs, the constants, and then one result of each operation.
+
+    Attributes
+    ----------
+    inputs : int
+        How many.
+    operations : list of int
+        Indices into `OPERATIONS`.
+    operands : list of (int, int)
+        Registers that an operation takes; the second repeats the first where it takes one.
+    constants : list of float
+    results : list of (int, bool)
+        Register of each output, and whether its negative is meant.
+    ends : list of int
+        How many operations each group of outputs needs, those before it included.
+    """
+
+    inputs: int
+    operations: list[int]
+    operands: list[tuple[int, int]]
+    constants: list[float]
+    results: list[tuple[int, bool]]
+    ends: list[int]
+
+
 @dataclass(frozen=True, slots=True)
 class Step:
     """An input (``operands`` holds its name), or an operation on numbers and earlier steps."""
@@ -217,7 +250,7 @@ class Trace:
         outputs : sequence of Traced or float
             Arguments of the callable ``pack``, whose value is returned.
         """
-        writer = _Writer(self.steps, self._needed(outputs), outputs, lambda x: repr(float(x)))
+        writer = _Writer(self.steps, self._needed(outputs), outputs)
         lines = [f"def evaluate({', '.join(inputs)}):"]
         for argument, members in inputs.items():
             if isinstance(members, list) and members:
@@ -226,27 +259,54 @@ class Trace:
         lines += [*(f"    {line}" for line in writer.lines), "    return pack("]
         return "\n".join([*lines, *(f"        {writer.term(x)}," for x in outputs), "    )", ""])
 
-    def array_text(self, inputs: dict[str, Any], outputs: Sequence[Any]) -> tuple[str, list[float]]:
-        """Return the source of a function ``evaluate`` for arrays, and the constants it takes.
+    def code(self, inputs: Sequence[Traced], groups: Sequence[Sequence[Any]]) -> Code:
+        """Return the program that finds groups of outputs, one after the other.
 
-        Its arguments are those of the function of `text`, the constants and the array that it fills. So
-        the text is the same for other parameters, as long as the same of them are zero, one or equal.
+        Parameters
+        ----------
+        inputs : sequence of Traced
+            All inputs that may occur, in the order of their registers.
+        groups : sequence of sequences of Traced or float
         """
+        registers = {x.step: i for i, x in enumerate(inputs)}
         constants: dict[float, int] = {}
-        writer = _Writer(
-            self.steps,
-            self._needed(outputs),
-            outputs,
-            lambda x: f"k[{constants.setdefault(float(x), len(constants))}]",
-        )
-        lines = [f"def evaluate({', '.join([*inputs, 'k', 'out'])}):"]
-        for argument, members in inputs.items():
-            if isinstance(members, list):
-                names = enumerate(self._names(members))
-                lines += [f"    {name} = {argument}[{i}]" for i, name in names if name in writer.inputs]
-        lines += [f"    {line}" for line in writer.lines]
-        lines += [f"    out[{i}] = {writer.term(x)}" for i, x in enumerate(outputs)]
-        return "\n".join([*lines, ""]), list(constants)
+        needed: list[int] = []
+        ends: list[int] = []
+        for group in groups:
+            known = set(needed)
+            needed += [i for i in self._needed(group) if i not in known and i not in registers]
+            ends.append(len(needed))
+        used = [x for i in needed for x in self.steps[i].operands] + [x for group in groups for x in group]
+        for x in used:
+            if not isinstance(x, Traced):
+                constants.setdefault(float(x), len(inputs) + len(constants))
+        first = len(inputs) + len(constants)
+        operations: list[int] = []
+        operands: list[tuple[int, int]] = []
+
+        def put(operation: str, x: int, y: int) -> int:
+            operations.append(OPERATIONS.index(operation))
+            operands.append((x, y))
+            return first + len(operations) - 1
+
+        def register(x: Any) -> int:
+            if not isinstance(x, Traced):
+                return constants[float(x)]
+            return put("negative", registers[x.step], registers[x.step]) if x.negative else registers[x.step]
+
+        counts = []
+        for i, number in enumerate(needed):
+            x, *rest = map(register, self.steps[number].operands)
+            registers[number] = put(self.steps[number].operation, x, rest[0] if rest else x)
+            if i + 1 in ends:
+                counts.append((i + 1, len(operations)))
+        length = dict(counts) | {0: 0}
+        results = [
+            (registers[x.step], x.negative) if isinstance(x, Traced) else (constants[float(x)], False)
+            for group in groups
+            for x in group
+        ]
+        return Code(len(inputs), operations, operands, list(constants), results, [length[end] for end in ends])
 
     def _names(self, inputs: Iterable[Traced]) -> list[str]:
         return [self.steps[x.step].operands[0] for x in inputs]
@@ -273,12 +333,9 @@ class _Writer:
         Names of the inputs that occur.
     """
 
-    def __init__(
-        self, steps: Sequence[Step], needed: Sequence[int], outputs: Iterable[Any], constant: Callable[[float], str]
-    ) -> None:
+    def __init__(self, steps: Sequence[Step], needed: Sequence[int], outputs: Iterable[Any]) -> None:
         self.lines: list[str] = []
         self.inputs = {steps[i].operands[0] for i in needed if steps[i].operation == "input"}
-        self._constant = constant
         self._texts: dict[int, tuple[str, int]] = {}
         counts = Counter(x.step for x in outputs if isinstance(x, Traced))
         for number in needed:
@@ -306,14 +363,14 @@ class _Writer:
     def _bound(self, x: Any, least: int) -> str:
         """Return the text of an operand, in parentheses if it binds less than that."""
         if not isinstance(x, Traced):
-            return self._constant(x)
+            return repr(float(x))
         text, binding = self._texts[x.step]
         return text if binding >= least else f"({text})"
 
     def term(self, x: Any) -> str:
         """Return the text of a number that stands alone."""
         if not isinstance(x, Traced):
-            return self._constant(x)
+            return repr(float(x))
         return f"-{self._bound(x, _PRODUCT)}" if x.negative else self._bound(x, _SUM)
 
 

@@ -1,31 +1,23 @@
-"""One evaluation of the equations of motion: by the system, fused in Python, and as machine code (with the extra fast).
+"""One evaluation of the equations of motion: by the system, fused in Python, and by the machine (with the extra fast).
 
-Columns: microseconds of `System.dynamics`; how many times as fast M, F0, J, B, then the accelerations (with their
-solution), then K, R, D_q are found; milliseconds until the first M, F0, J, B are there. Machine code is compiled
-anew, in a directory of its own; the last column is the time of a second process, which finds it there.
+Columns: microseconds of `System.dynamics`; how many times as fast M, F0, J, B, then the accelerations (with the
+solution of the linear equations), then K, R, D_q are found fused in Python; how many times as fast the accelerations
+by the machine; milliseconds until the first M, F0, J, B are there in Python, and the first accelerations by the
+machine.
 """
 
-import os
-import subprocess
-import sys
-import tempfile
 import time
 from importlib.util import find_spec
 
-import mbstab
-from mbstab.analysis.accelerations import Accelerations
-from mbstab.model.library import installed_models
+import numpy as np
 
-MACHINE_CODE = ("pendulum", "top", "rolling_disk", "whipple_bicycle", "governor")
-FIRST = (
-    "import sys, time, numpy, mbstab, numba\n"
-    "system = mbstab.load(sys.argv[1]).system()\n"
-    "q = numpy.full(system.n_q, 0.3)\n"
-    "system.dynamics(q, q)\n"
-    "start = time.perf_counter()\n"
-    "system.fused(machine_code=True).equations(q, q)\n"
-    "print(time.perf_counter() - start)\n"
-)
+import mbstab
+from mbstab.analysis.attitude import Attitudes
+from mbstab.analysis.constrained import FUSED_AFTER, Constrained
+from mbstab.analysis.energy import Energy
+from mbstab.analysis.integrators import Options
+from mbstab.analysis.marching import Marching
+from mbstab.model.library import installed_models
 
 
 def seconds(function, repeat=7, least=0.01):
@@ -47,49 +39,56 @@ def seconds(function, repeat=7, least=0.01):
     return best
 
 
-def first(name):
-    """Return the seconds until a process has its first matrices from machine code."""
-    run = subprocess.run([sys.executable, "-c", FIRST, name], capture_output=True, text=True, check=True)
-    return float(run.stdout)
+def compiled(equations, motion):
+    """Return a function that finds the accelerations by the machine, and the seconds until it is there."""
+    from mbstab.compiler import machine
 
-
-def row(path, machine_code):
-    """Return the line of a model."""
-    model = mbstab.load(path)
-    system, motion = model.system(), model.motion()
-    q, u, a, nu = motion.q, motion.u, motion.a, motion.nu
+    system, attitudes = equations.system, Attitudes.of(equations.system)
     start = time.perf_counter()
-    fused = system.fused(machine_code)
+    marching = Marching(equations, attitudes, Energy.of(system, attitudes), "DOP853")
+    marching.start(system, motion.time, motion.q, motion.u, np.array([1.0]), Options(1e-8, None, 1e-3, 1.0), 0.0)
+    ready = time.perf_counter() - start
+    y, dy = np.concatenate([motion.q, motion.u]), np.zeros(2 * system.n_q)
+
+    @machine.compiled
+    def many(m, t, y, dy, count):  # a call from Python costs as much as the work
+        for _ in range(count):
+            machine.slope(m, t, y, dy)
+
+    many(marching.machine, motion.time, y, dy, 1)
+    return lambda: many(marching.machine, motion.time, y, dy, 100), ready
+
+
+def row(path, machine):
+    """Return the line of a model."""
+    system, motion = mbstab.load(path).system(), mbstab.load(path).motion()
+    q, u, a, nu, t = motion.q, motion.u, motion.a, motion.nu, motion.time
+    start = time.perf_counter()
+    fused = system.fused()
     fused.equations(q, u)
     ready = time.perf_counter() - start
-    accelerations = Accelerations(system, motion.redundant, machine_code)
-    slow, slow_linearize = (
-        seconds(lambda: system.dynamics(q, u)),
-        seconds(lambda: system.linearize(q, u, a, nu)),
-    )
-    equations, both, linearize = (
-        seconds(lambda: fused.equations(q, u)),
-        seconds(lambda: accelerations(q, u)),
-        seconds(lambda: fused.linearize(q, u, a, nu)),
-    )
-    speeds = (slow / equations, slow / both, slow_linearize / linearize)
-    return f"{path.stem:27}{1e6 * slow:9.1f}" + "".join(f"{x:9.1f}" for x in speeds) + f"{1e3 * ready:10.1f}"
+    equations = Constrained(system, motion)
+    for _ in range(FUSED_AFTER + 1):
+        equations.acceleration(t, q, u)
+    slow, slow_linearize = seconds(lambda: system.dynamics(q, u)), seconds(lambda: system.linearize(q, u, a, nu))
+    times = [
+        (slow, lambda: fused.equations(q, u)),
+        (slow, lambda: equations.acceleration(t, q, u)),
+        (slow_linearize, lambda: fused.linearize(q, u, a, nu)),
+    ]
+    text = f"{path.stem:27}{1e6 * slow:9.1f}" + "".join(f"{one / seconds(f):9.1f}" for one, f in times)
+    if not machine:
+        return f"{text}{1e3 * ready:10.1f}"
+    many, also = compiled(equations, motion)
+    return f"{text}{100.0 * slow / seconds(many):9.1f}{1e3 * ready:10.1f}{1e3 * also:9.1f}"
 
 
 def main():
-    heads = ("dynamics", "M F0 J B", "a, nu", "K R D_q", "ready")
-    print(f"{'in Python':27}" + "".join(f"{head:>9}" for head in heads))
-    paths = list(installed_models())
-    for path in paths:
-        print(row(path, False), flush=True)
-    if find_spec("numba") is None:
-        return
-    print(f"\n{'machine code':27}" + "".join(f"{head:>9}" for head in (*heads, "again")))
-    with tempfile.TemporaryDirectory() as directory:
-        os.environ["XDG_CACHE_HOME"] = directory
-        for path in paths:
-            if path.stem in MACHINE_CODE:
-                print(f"{row(path, True)}{1e3 * first(path.name):9.1f}", flush=True)
+    machine = find_spec("numba") is not None
+    heads = ("dynamics", "M F0 J B", "a, nu", "K R D_q", *(("machine",) if machine else ()), "ready")
+    print(f"{'':27}" + "".join(f"{head:>9}" for head in heads))
+    for path in installed_models():
+        print(row(path, machine), flush=True)
 
 
 if __name__ == "__main__":

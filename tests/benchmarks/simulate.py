@@ -6,15 +6,17 @@ method of Exudyn where that is installed (``pip install exudyn``). Each program 
 shrink until the error at the end is below 1e-6: the least CPU time counts. Errors are differences of places (in the
 size of the scene) and of entries of rotation matrices from a run of mbstab with the smallest tolerance.
 
-Columns: mbstab with a tolerance of a step (everything that follows the loading of the model, also the writing of
-straight-line functions), and with the global error controlled (``tol=1e-6``: several runs); SciPy without the time for
-generation, which stands beside it; Exudyn without the set-up; ratios to the first column.
+Columns (CPU time, s): the integration by mbstab step by step, by its compiled steps (with the extra fast) and by SciPy,
+each without the generation of equations, which stands beside it: everything else that follows the loading of the model
+is counted. With the global error controlled (``tol=1e-6``: several runs, compiled, generation and all). Exudyn without
+the set-up. Ratios: SciPy or Exudyn over mbstab step by step, and over its compiled steps.
 """
 
 import math
 import sys
 import time
 import warnings
+from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
@@ -22,6 +24,8 @@ import scipy.integrate
 import sympy as sp
 
 import mbstab
+from mbstab.analysis import marching
+from mbstab.compiler import fused
 
 GOAL, END = 1e-6, 10.0
 MOTIONS = {
@@ -308,22 +312,49 @@ def exudyn_times(name, parameters, off):
 
 
 def least(run):
-    """Return the least time with an error below the goal: tolerances shrink until it is met twice, each five times."""
+    """Return the least time with an error below the goal, and that for writing the equations.
+
+    Tolerances shrink until the goal is met twice, each is tried five times.
+    """
     times = []
     for tol in TOLERANCES:
-        error, seconds = run(tol)
+        error, *seconds = run(tol)
         if error <= GOAL:
-            times.append(min(seconds, *(run(tol)[1] for _ in range(4))))
+            times.append(min(seconds, *(run(tol)[1:] for _ in range(4)), key=lambda x: x[0]))
         if len(times) == 2:
             break
-    return min(times, default=math.nan)
+    return min(times, key=lambda x: x[0])
+
+
+class Written:
+    """Counts the time in which mbstab writes equations."""
+
+    def __init__(self):
+        self.seconds = 0.0
+        for where, name in ((marching, "machine_of"), (fused.Fused, "augmented"), (fused.Fused, "dynamics")):
+            self.watch(where, name)
+
+    def watch(self, where, name):
+        function = getattr(where, name)
+
+        def timed(*arguments):
+            began = time.process_time()
+            result = function(*arguments)
+            # A function that is there takes microseconds.
+            seconds = time.process_time() - began
+            self.seconds += seconds if seconds > 5e-4 else 0.0
+            return result
+
+        setattr(where, name, timed)
 
 
 def main():
-    names = sys.argv[1:] or list(MOTIONS)
-    heads = (("", 14), ("mbstab", 10), ("controlled", 12), ("SciPy", 10), ("ratio", 8), ("generated", 11))
-    print("".join(f"{head:>{width}}" for head, width in (*heads, ("Exudyn", 10), ("ratio", 8))), " (s)")
-    for name in names:
+    written = Written()
+    machine = find_spec("numba") is not None
+    heads = (("", 14), ("steps", 9), ("written", 9), ("compiled", 9), ("written", 9), ("SciPy", 9), ("written", 9))
+    heads += (("ratios", 12), ("controlled", 12), ("Exudyn", 9), ("ratios", 12))
+    print("".join(f"{head:>{width}}" for head, width in heads))
+    for name in sys.argv[1:] or list(MOTIONS):
         model, perturb = mbstab.load(f"{name}.yaml"), MOTIONS[name]
         exact = model.simulate(END, perturb=perturb, tol=1e-13, once=True, points=2)
         size = float(np.max(exact.sizes))
@@ -333,35 +364,36 @@ def main():
                 np.max(np.abs(places - exact.positions[-1])) / size, np.max(np.abs(turned - exact.rotations[-1]))
             )
 
-        def own(tol, model=model, perturb=perturb, off=off):
-            began = time.process_time()
-            sim = model.simulate(END, perturb=perturb, tol=tol, once=True, points=2)
-            seconds = time.process_time() - began
-            return off(sim.positions[-1], sim.rotations[-1]), seconds
+        def own(tol, model=model, perturb=perturb, off=off, compiled=False):
+            began, before = time.process_time(), written.seconds
+            sim = model.simulate(END, perturb=perturb, tol=tol, once=True, points=2, compiled=compiled)
+            writing = written.seconds - before
+            return off(sim.positions[-1], sim.rotations[-1]), time.process_time() - began - writing, writing
 
-        parameters = model.parameters()
-        equations = globals()[name](parameters)
+        equations = globals()[name](model.parameters())
         y = equations.start(exact)
 
         def scipys(tol, equations=equations, y=y, off=off):
             *end, seconds = equations.run(y, tol)
-            return off(*end), seconds
+            return off(*end), seconds, equations.generation
 
-        ours, theirs = least(own), least(scipys)
+        ours, theirs, quick = least(own), least(scipys), (math.nan, math.nan)
+        if machine:
+            own(1e-3, compiled=True)  # the first time it is compiled
+            quick = least(partial(own, compiled=True))
         began = time.process_time()
-        sim = model.simulate(END, perturb=perturb, tol=GOAL, points=2)
+        sim = model.simulate(END, perturb=perturb, tol=GOAL, points=2, compiled=machine)
         controlled = time.process_time() - began
         assert off(sim.positions[-1], sim.rotations[-1]) <= 3.0 * GOAL
-        exudyn = math.nan
+        exudyn, steps = math.nan, 0
         if name in EXUDYN and find_spec("exudyn"):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", DeprecationWarning)  # of names that older versions need
-                exudyn, steps = exudyn_times(name, parameters, off)
-        print(
-            f"{name:14}{ours:10.3f}{controlled:12.3f}{theirs:10.3f}{theirs / ours:8.1f}{equations.generation:11.2f}"
-            f"{exudyn:10.3f}{exudyn / ours:8.1f}" + (f"  ({steps} steps)" if exudyn > 0.0 else ""),
-            flush=True,
-        )
+                exudyn, steps = exudyn_times(name, model.parameters(), off)
+        row = f"{name:14}" + "".join(f"{x:9.4f}" for pair in (ours, quick, theirs) for x in pair)
+        row += "".join(f"{theirs[0] / x[0]:6.1f}" for x in (ours, quick)) + f"{controlled:12.4f}{exudyn:9.4f}"
+        row += "".join(f"{exudyn / x[0]:6.1f}" for x in (ours, quick))
+        print(row + (f"  ({steps} steps)" if steps else ""), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,322 @@
+"""Compiled steps: every operation, the linear equations, and motions that are those of the steps taken one by one."""
+
+import math
+import re
+import sys
+
+import numpy as np
+import pytest
+
+import mbstab
+from mbstab.analysis import marching
+from mbstab.analysis.attitude import Attitudes
+from mbstab.analysis.constrained import Constrained
+from mbstab.analysis.energy import Energy
+from mbstab.analysis.initial import start_of
+from mbstab.analysis.marching import Elimination, Marching
+from mbstab.compiler.trace import OPERATIONS, Trace
+from mbstab.errors import SimulationError, UsageError
+from mbstab.model.arithmetic import FLOAT
+from mbstab.model.library import installed_models
+
+machine = pytest.importorskip("mbstab.compiler.machine")
+MODELS = {path.stem: path for path in installed_models()}
+
+
+def compiled_steps(name, perturb=None, **parameters):
+    start = start_of(mbstab.load(name).system(**parameters), perturb, None, False)
+    equations, attitudes = Constrained(start.system, start.motion), Attitudes.of(start.system)
+    return Marching(equations, attitudes, Energy.of(start.system, attitudes), "DOP853"), equations, start
+
+
+# --- operations -----------------------------------------------------------------------------------------------------
+
+ONE_BODY = compiled_steps("pendulum")[0].machine
+VALUES = [-2.5, -1.0, -0.3, 0.0, 0.4, 1.0, 3.0]
+SYMBOLS = {"+": lambda x, y: x + y, "-": lambda x, y: x - y, "*": lambda x, y: x * y, "/": lambda x, y: x / y}
+
+
+def of_floats(operation, x, y):
+    """Return what Python makes of an operation, None where it refuses."""
+    try:
+        if operation in SYMBOLS:
+            value = SYMBOLS[operation](x, y)
+        elif operation == "negative":
+            value = -x
+        else:
+            function = getattr(FLOAT, operation)
+            value = function(x, y) if operation in ("atan2", "power") else function(x)
+    except (ArithmeticError, ValueError):
+        return None
+    return value if math.isfinite(value) else None
+
+
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_an_operation_is_that_of_floats(operation):
+    some = 0
+    for x in [*VALUES, 800.0]:
+        for y in VALUES:
+            one = ONE_BODY._replace(
+                operations=np.array([OPERATIONS.index(operation)]),
+                first=np.array([0]),
+                second=np.array([1]),
+                w=np.array([x, y, math.nan]),
+                base=2,
+            )
+            expected = of_floats(operation, x, y)
+            assert machine.interpret(one, 0, 1) == (expected is not None), (x, y)
+            if expected is not None:
+                assert one.w[2] == pytest.approx(expected, rel=4e-16, abs=0.0), (x, y)
+                some += 1
+    assert some > 20
+
+
+def test_a_program_is_that_of_the_text():
+    trace = Trace()
+    x, y, unused = (trace.input(name) for name in "xyz")
+    f = trace.arithmetic()
+    groups = [[f.exp(-x) * y, 3.0], [-(x / y), f.atan2(-y, x), f.exp(-x) * y + 2.0, 0.0, x]]
+    code = trace.code([x, y, unused], groups)
+    assert code.ends[0] < code.ends[1] == len(code.operations)
+    values = {0: 0.7, 1: 1.9, 2: math.nan}
+    registers = [*values.values(), *code.constants]
+    for operation, (one, other) in zip(code.operations, code.operands, strict=True):
+        registers.append(of_floats(OPERATIONS[operation], registers[one], registers[other]))
+    found = [-registers[i] if negative else registers[i] for i, negative in code.results]
+    a, b = 0.7, 1.9
+    part = math.exp(-a) * b
+    assert found == pytest.approx([part, 3.0, -a / b, math.atan2(-b, a), part + 2.0, 0.0, a], rel=1e-15)
+
+
+# --- linear equations -----------------------------------------------------------------------------------------------
+
+
+def test_the_order_of_elimination_puts_rows_after_their_coordinates_and_knows_every_place():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        n, rows = 12, 7
+        A = np.zeros((n + rows, n + rows), dtype=bool)
+        A[:n, :n] = rng.random((n, n)) < 0.1
+        A[n:, :n] = rng.random((rows, n)) < 0.25
+        A |= A.T | np.eye(n + rows, dtype=bool)
+        A[n:, n:] = False
+        neighbours = [set(np.flatnonzero(row).tolist()) - {i} for i, row in enumerate(A)]
+        elimination = Elimination.of(neighbours, n)
+        place = np.array(elimination.place)
+        assert sorted(place) == list(range(n + rows))
+        for row in range(n, n + rows):
+            assert all(place[j] < place[row] for j in neighbours[row])
+        values = np.where(A, rng.uniform(0.5, 1.5, A.shape), 0.0)
+        values = values + values.T + 40.0 * np.diag([*np.ones(n), *-np.ones(rows)])
+        values[n:, n:] -= np.diag(np.full(rows, 40.0))  # dominant: no pivoting is needed
+        permuted = np.empty_like(values)
+        permuted[np.ix_(place, place)] = values
+        factor = _ldl(permuted)
+        for k, column in enumerate(elimination.columns):
+            assert set(np.flatnonzero(np.abs(factor[k + 1 :, k]) > 1e-14) + k + 1) <= set(column)
+
+
+def _ldl(A):
+    L, A = np.eye(len(A)), A.copy()
+    for k in range(len(A)):
+        L[k + 1 :, k] = A[k + 1 :, k] / A[k, k]
+        A[k + 1 :, k + 1 :] -= np.outer(L[k + 1 :, k], A[k, k + 1 :])
+    return L
+
+
+@pytest.mark.parametrize("name", sorted(MODELS))
+def test_accelerations_and_power_are_those_of_the_system_at_any_state(name):
+    steps, equations, start = compiled_steps(MODELS[name])
+    m, system, n = steps.machine, start.system, equations.n
+    steps.start(system, 0.0, start.motion.q, start.motion.u, np.array([1.0]), _options(), 0.0)
+    rng = np.random.default_rng(5)
+    energy = Energy.of(system, Attitudes.of(system))
+    parts = {path: part for path, part in system.parts() if path in {*energy.working, *energy.damped}}
+    for _ in range(4):
+        t = start.motion.time + rng.uniform(0.0, 0.5)
+        q = start.motion.q + 0.2 * rng.uniform(-1.0, 1.0, n) * equations.sizes
+        u = start.motion.u + rng.uniform(-1.0, 1.0, n) * equations.sizes
+        dy = np.empty(2 * n)
+        assert machine.slope(m, t, np.concatenate([q, u]), dy)
+        state = system.dynamics(q, u, t)
+        kept = equations.kept
+        A = np.block([[state.M, state.J[kept].T], [state.J[kept], np.zeros((len(kept), len(kept)))]])
+        scale = np.concatenate([equations.scale, equations.row_scale[kept]])
+        A = A * scale * scale[:, None]
+        expected = np.linalg.solve(A, -np.concatenate([state.F0, state.B[kept]]) * scale) * scale
+        limit = 1e-13 * np.linalg.cond(A) * np.max(np.abs(expected / scale)) * scale[:n]
+        assert np.all(np.abs(dy[n:] - expected[:n]) <= limit)
+        assert dy[:n].tolist() == u.tolist()
+        nu = np.zeros(system.n_c)
+        nu[kept] = expected[n:]
+        terms = energy.power(parts, q, u, t, state, nu)
+        assert machine.power(m, np.concatenate([q, u])) == pytest.approx(
+            terms, rel=1e-9, abs=1e-10 * float(np.abs(nu) @ np.abs(state.J) @ np.abs(u) + 1.0)
+        )
+
+
+def _options():
+    from mbstab.analysis.integrators import Options
+
+    return Options(1e-8, None, 1e-3, 1.0)
+
+
+def test_inertias_of_zero_do_no_harm_and_a_singular_matrix_is_seen():
+    text = """
+mbstab: 1
+title: A rod without inertia on a cart
+bodies:
+  cart: {type: planar, mass: 1, inertia: 1}
+  link: {type: planar, mass: 1, inertia: 0, points: {A: [0, 0], B: [0, -1]}}
+  bob: {type: planar, mass: 2, inertia: 0.1}
+gravity: [0, -9.81]
+joints:
+  one: {type: revolute, between: [cart, link.A]}
+  two: {type: revolute, between: [link.B, bob]}
+constraints:
+  rail: {holonomic: cart.y}
+  level: {holonomic: cart.theta}
+reference:
+  coordinates: {cart: {x: 0, y: 0, theta: 0}, link: {x: 0, y: 0, theta: 0}, bob: {x: 0, y: -1, theta: 0}}
+"""
+    model = mbstab.loads(text)
+    options = {"perturb": {"link.theta": 0.5}, "tol": 1e-9, "points": 11}
+    one, other = (model.simulate(3.0, compiled=x, **options) for x in (False, True))
+    assert np.max(np.abs(one.q - other.q)) < 1e-7
+    m = compiled_steps("pendulum")[0].machine
+    m.w[:] = 0.0  # a matrix of zeros
+    machine.factor(m)
+    m.b[:] = 1.0
+    assert not machine.solve(m)
+
+
+# --- motions --------------------------------------------------------------------------------------------------------
+
+MOTIONS = {
+    "pendulum": ({"rod.theta": 1.0}, {}),
+    "top": ({"top.theta": 0.3}, {}),
+    "rolling_disk": ({"disk.phi": 0.02, "rate(disk.theta)": 0.1}, {}),
+    "governor": ({"right_crank.psi": 0.2}, {}),
+    "free_rigid_body": ({"mode:1": 0.2}, {}),  # its angles are replaced on the way
+    "whipple_bicycle": ({"mode:1": 0.1}, {"v": 5.0}),
+    "chaplygin_sleigh": ({"mode:1": 0.1}, {}),
+    "bricard": ({}, {}),  # with a row that others imply
+    "kapitza": ({"rod.theta": 0.1}, {}),
+    "trailer": ({"mode:1": 0.05}, {}),
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_compiled_steps_are_the_same_steps(name):
+    perturb, parameters = MOTIONS[name]
+    model = mbstab.load(MODELS[name])
+    one, other = (
+        model.simulate(2.0, perturb=perturb, tol=1e-9, once=True, points=21, compiled=x, **parameters)
+        for x in (False, True)
+    )
+    assert abs(one.steps - other.steps) <= 1 + 0.02 * one.steps
+    assert one.charts == other.charts
+    size = np.max(np.abs(one.q - one.q[0])) + 1e-3
+    assert np.max(np.abs(one.q - other.q)) < 2e-7 * size
+    assert np.max(np.abs(one.u - other.u)) < 2e-6 * (np.max(np.abs(one.u)) + 1e-3)
+    assert np.max(np.abs(one.work - other.work)) < 1e-6 * one.energy_scale
+    assert other.max_constraint_residual < 1e-12
+    assert other.energy_drift < 3.0 * one.energy_drift + 1e-7
+
+
+@pytest.mark.parametrize(("solver", "step"), [("DOP853", 0.1), ("RK45", 0.05)])
+def test_compiled_steps_of_fixed_size_have_the_error_of_the_method(solver, step):
+    model = mbstab.load("pendulum.yaml")
+    options = {"perturb": {"rod.theta": 1.0}, "once": True, "points": 2}
+    exact = model.simulate(2.0, tol=1e-13, **options).q[-1]
+    one, other = (model.simulate(2.0, solver=solver, step=step, compiled=x, **options).q[-1] for x in (False, True))
+    error = float(np.max(np.abs(one - exact)))
+    assert error > 1e-9
+    assert np.max(np.abs(other - one)) < 1e-4 * error
+
+
+def test_a_body_that_tumbles_needs_one_program_only(monkeypatch):
+    made = []
+    of = marching.machine_of
+    monkeypatch.setattr(marching, "machine_of", lambda *arguments: made.append(1) or of(*arguments))
+    model = mbstab.loads("""
+mbstab: 1
+title: A free body
+bodies: {body: {type: spatial, mass: 1, inertia: [1, 2, 3]}}
+reference: {coordinates: {body: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}, rates: {body: {phi: 1.5, psi: 0.9}}}
+""")
+    one, other = (model.simulate(30.0, tol=1e-9, compiled=x, points=101) for x in (False, True))
+    assert one.charts == other.charts >= 2
+    assert made == [1]
+    assert np.max(np.abs(one.rotations - other.rotations)) < 1e-7
+    assert np.max(np.abs(one.q - other.q)) < 1e-6
+    assert other.energy_drift < 1e-8
+
+
+def test_the_tolerance_holds_for_compiled_steps():
+    model = mbstab.load("pendulum.yaml")
+    exact = model.simulate(10.0, perturb={"rod.theta": 2.0}, tol=1e-12, points=11)
+    for tol in (1e-4, 1e-7, 1e-10):
+        sim = model.simulate(10.0, perturb={"rod.theta": 2.0}, tol=tol, points=11, compiled=True)
+        assert np.max(np.abs(sim.rotations - exact.rotations)) < 3.0 * tol
+        assert sim.error_estimate <= tol
+
+
+def test_a_singular_configuration_is_found_between_compiled_steps():
+    model = mbstab.load("n_four_bar.yaml")
+    told = []
+    for compiled in (False, True):
+        with pytest.raises(SimulationError, match="singular configuration") as caught:
+            model.simulate(3.0, perturb={"rate(crank_1.theta)": 9.0}, compiled=compiled)
+        told.append(float(re.search(r"at t = (\S+) s", str(caught.value))[1]))
+        assert told[-1] - 0.03 < caught.value.partial.times[-1] < told[-1]
+    assert told[0] == pytest.approx(told[1], abs=1e-7)
+
+
+def test_a_force_that_loses_its_value_ends_the_motion_with_the_same_words():
+    text = """
+mbstab: 1
+title: A mass that is pulled out of the domain of its force
+bodies: {b: {type: point, mass: 1}}
+forces: {f: {type: expression, on: {b.x: 1 + sqrt(1 - b.x)}}}
+reference: {coordinates: {b: {x: 0, y: 0, z: 0}}, rates: {b: {x: 0, y: 0, z: 0}}}
+"""
+    told, texts = [], []
+    for compiled in (False, True):
+        with pytest.raises(SimulationError) as caught:
+            mbstab.loads(text).simulate(5.0, compiled=compiled)
+        told.append(caught.value.partial.times[-1])
+        texts.append(str(caught.value).partition(" s:")[2])
+    assert told[0] == told[1] > 0.5
+    assert texts[0] == texts[1]
+
+
+def test_progress_is_told_and_a_stop_keeps_what_was_found():
+    seen = []
+
+    def progress(done):
+        seen.append(done)
+        if done > 0.3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(SimulationError, match="stopped") as caught:
+        mbstab.load("pendulum.yaml").simulate(
+            3000.0, perturb={"rod.theta": 1.0}, once=True, compiled=True, progress=progress
+        )
+    assert len(seen) > 2
+    assert 0.25 < caught.value.partial.times[-1] / 3000.0 < 0.5
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [({"method": "radau"}, "no compiled steps for radau"), ({"solver": "BDF"}, "projection RK45")],
+)
+def test_other_methods_have_no_compiled_steps(options, message):
+    with pytest.raises(UsageError, match=message):
+        mbstab.load("pendulum.yaml").simulate(1.0, compiled=True, **options)
+
+
+def test_compiled_steps_need_numba(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mbstab.compiler.machine", None)
+    with pytest.raises(UsageError, match=r"mbstab\[fast\]"):
+        mbstab.load("pendulum.yaml").simulate(1.0, compiled=True)
