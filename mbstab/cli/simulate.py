@@ -158,13 +158,12 @@ def simulate(
     if movie is not None:
         movie.check(mechanism.system(**parameters))
         if movie.mode is not None:
-            with _terminable():
-                movie.write_mode(mechanism, **parameters)
+            movie.write_mode(mechanism, **parameters)
             return
         count = points or movie.points(mechanism.system(**parameters), start, to)
     stopped: SimulationError | None = None
     try:
-        with _terminable(), progress_bar("simulating") as progress:
+        with progress_bar("simulating") as progress:
             result = mechanism.simulate(
                 to=to,
                 start=start,
@@ -190,8 +189,7 @@ def simulate(
     if movie is not None and not (result.complete or result.failure):
         note("not animated, as the simulation was stopped")
     elif movie is not None:
-        with _terminable():
-            movie.write_motion(mechanism.system(**parameters), result, model.title)
+        movie.write_motion(mechanism.system(**parameters), result, model.title)
     if stopped is not None:
         raise stopped
 
