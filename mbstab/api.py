@@ -218,7 +218,7 @@ class Mechanism:
     def verify(
         self, frozen: bool = False, progress: Callable[[float], object] = lambda done: None, **parameters: Setting
     ) -> Verification:
-        """Return what the nonlinear motion says about the eigenvalues: each mode excited a little, and measured.
+        """Return what the nonlinear motion says about the eigenvalues: each mode, each neutral direction excited.
 
         Parameters
         ----------
@@ -425,7 +425,7 @@ class Mechanism:
         perturb : mapping, optional
             As in `simulate`; a tenth of the first mode if neither this nor the file disturbs the reference.
         tolerance : float, optional
-            Largest error at the end, for the choice of an integrator.
+            Largest global error, for the choice of an integrator.
         progress : callable
             Is called with the part of the work that is done, from 0 to 1.
 

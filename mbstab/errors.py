@@ -1,7 +1,7 @@
 """What can go wrong, where, and which exit code says so.
 
 Exit codes: 0 answered, 1 the computation failed, 2 the file or the command line
-is wrong, 3 an expectation (``expect:`` or ``--require``) did not hold.
+is wrong, 3 an expectation (``expect:``, ``--require`` or ``--verify``) did not hold.
 """
 
 from __future__ import annotations
@@ -117,6 +117,6 @@ class OutputError(MbstabError):
 
 
 class ExpectationError(MbstabError):
-    """An ``expect:`` block or ``--require`` did not hold."""
+    """An ``expect:`` block or ``--require`` did not hold, or ``--verify`` contradicts."""
 
     exit_code = 3

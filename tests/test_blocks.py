@@ -7,10 +7,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
+from children import child, until
 from click.testing import CliRunner
 
 import mbstab
@@ -177,13 +177,9 @@ def test_a_killed_command_is_resumed_and_loses_a_block_at_most(tmp_path):
     out, reference = tmp_path / "v.npz", tmp_path / "reference.npz"
     arguments = ("--points", "5101", "--output")
     parts = out.with_name("v.npz.parts")
-    process = subprocess.Popen(command(*arguments, str(out)), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    end = time.monotonic() + 20.0
-    while len(finished(parts)) < 4 and time.monotonic() < end and process.poll() is None:
-        time.sleep(0.005)
-    assert process.poll() is None
-    process.kill()
-    process.wait()
+    with child(command(*arguments, str(out)), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        until(lambda: len(finished(parts)) >= 4, process)
+        assert process.poll() is None
     kept = finished(parts)
     # A block is written whole or not at all, and none but the one in flight is missing.
     assert len(kept) >= 4

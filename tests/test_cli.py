@@ -11,6 +11,7 @@ import sys
 
 import numpy as np
 import pytest
+from children import child
 from click.testing import CliRunner
 
 from mbstab.analysis.methods import METHODS
@@ -333,7 +334,7 @@ def test_an_answer_goes_through_a_link_and_into_a_pipe(tmp_path):
     assert link.is_symlink()
     assert "Verdict" in goal.read_text()
     os.mkfifo(pipe)
-    with subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE, text=True) as reader:
+    with child(["cat", str(pipe)], stdout=subprocess.PIPE) as reader:
         assert run("eig", "pendulum", "-o", str(pipe)).exit_code == 0
         assert "Verdict" in reader.communicate(timeout=10)[0]
     assert pipe.is_fifo()

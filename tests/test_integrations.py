@@ -33,6 +33,37 @@ def test_the_reference_is_the_exact_solution():
     assert result.known <= 1e-11
 
 
+def test_errors_are_the_global_ones_of_simulations():
+    result = compared()
+    run = next(x for x in result.runs if (x.name, x.tol) == ("RK45", 1e-5))
+    # As in tests of simulations: places, orientations and speeds at any time, against the elliptic functions.
+    times = np.linspace(0.0, 0.5, integrations.POINTS)
+    k, rate = math.sin(math.pi / 8), math.sqrt(3.0 * 9.81 / 0.8)
+    sn, cn, dn, _ = ellipj(ellipk(k * k) - rate * times, k * k)
+    angle = 2.0 * np.arcsin(k * sn)
+    speed = -2.0 * k * rate * cn * dn / np.cos(0.5 * angle)
+    # The single run of a simulation takes another rate as fast, that of compare the one of its reference.
+    assert run.error == pytest.approx(_error_of_rk45(angle, speed), rel=1e-3)
+    assert 0.0 < result.known <= integrations.EXACT
+
+
+def _error_of_rk45(angle, speed):
+    system = PENDULUM.system()
+    begin = integrations.start_of(system, {"rod.theta": math.pi / 4})
+    follower = integrations.Follower(begin.system, begin.motion, np.linspace(0.0, 0.5, integrations.POINTS))
+    race = integrations._Race(follower)
+    race.reference()
+    run, _ = race.run(integrations.METHODS["projection"]["RK45"], "RK45", 1e-5, 10.0)
+    q, u = integrations.states(run.samples)
+    found = np.stack([q[:, 2] - 1.5 * math.pi, u[:, 2]], axis=1)
+    fast = np.max(np.abs(speed))
+    return max(
+        np.max(np.abs(np.sin(found[:, 0]) - np.sin(angle))),
+        np.max(np.abs(np.cos(found[:, 0]) - np.cos(angle))),
+        np.max(np.abs(found[:, 1] - speed)) / fast,
+    )
+
+
 def test_smaller_tolerances_leave_smaller_errors_and_cost_more():
     result = compared()
     for name in NAMES:
@@ -141,6 +172,12 @@ def test_table_json_csv_and_picture(few, tmp_path):
 
 
 def test_options_of_the_simulation_need_it():
-    result = run()
+    result = run("--perturb", "rod.theta=1")
     assert result.exit_code == 2
-    assert "--to and --perturb go with --simulate" in result.stderr
+    assert "--to, --perturb have no effect without --simulate\nhint: leave them out" in result.stderr
+
+
+def test_digits_of_eigenvalues_are_refused_where_there_are_none():
+    result = run("--simulate", "--digits", "50")
+    assert result.exit_code == 2
+    assert "--digits has no effect with --simulate\nhint: leave it out" in result.stderr

@@ -20,7 +20,7 @@ ONLY_IN = {
     "matplotlib": {"report/plots.py", "report/motion_plots.py", "report/animation.py"},
     "PIL": {"report/animation.py"},
     "numba": {"compiler/machine.py"},
-    "scipy": {"analysis", "report/export.py"},
+    "scipy": {"analysis", "report/export.py", "report/solids.py"},
     "mpmath": {"model/arithmetic.py"}
     | {f"analysis/{x}.py" for x in ("compare", "multiprecision", "precise", "precise_motion")},
     "flint": {"analysis/balls.py", "analysis/enclosures.py", "analysis/factors.py"},

@@ -2,15 +2,18 @@
 
 import math
 import os
+import re
+import shutil
 import signal
 import stat
 import subprocess
 import sys
-import time
 
 import matplotlib
 import numpy as np
 import pytest
+from children import child, until
+from children import mbstab as mbstab_command
 from click.testing import CliRunner
 from PIL import Image
 
@@ -21,7 +24,7 @@ from mbstab.errors import OutputError, UsageError
 from mbstab.mechanics.bodies import SHAPES
 from mbstab.mechanics.contacts import KINDS as CONTACT_KINDS
 from mbstab.mechanics.joints import KINDS as JOINT_KINDS
-from mbstab.report import animation, motion_plots, plots, sketch
+from mbstab.report import animation, motion_plots, plots, sketch, solids
 from mbstab.report.animation import Stage, motion_frames, swing_frames
 from mbstab.report.sketch import Sketch
 
@@ -118,6 +121,11 @@ def test_the_energies_add_up_and_work_is_shown_where_it_is_done(pendulum):
     upper, lower = drawn("energy", pendulum).axes
     kinetic, potential, total = (np.asarray(line.get_ydata()) for line in curves(upper))
     np.testing.assert_allclose(kinetic + potential, total)
+    np.testing.assert_array_equal(kinetic, pendulum.kinetic)
+    # The sum is told from what it coincides with: below the others, and broad.
+    lines = curves(upper)
+    assert lines[2].get_zorder() < min(line.get_zorder() for line in lines[:2])
+    assert lines[2].get_linewidth() >= 3.0 * max(line.get_linewidth() for line in lines[:2])
     assert potential.min() == 0.0
     assert lower.get_ylabel().startswith("energy drift (10⁻")
     assert lower.get_ylabel().endswith(" J)")
@@ -126,11 +134,29 @@ def test_the_energies_add_up_and_work_is_shown_where_it_is_done(pendulum):
     assert "work of other forces" in legend(drawn("energy", sim, model))
 
 
-def test_residuals_are_logarithmic_and_zeros_are_left_out(pendulum):
+def test_energies_are_drawn_at_the_scale_at_which_they_change():
+    model = mbstab.load("trailer.yaml")
+    sim = model.simulate(1.0, points=21, perturb={"trailer.theta": 0.1}, tol=1e-6)
+    least = sim.kinetic.min()
+    assert np.ptp(sim.kinetic) < 0.01 * least
+    figure = drawn("energy", sim, model)
+    kinetic, potential, total, work = (np.asarray(line.get_ydata()) for line in curves(figure.axes[0]))
+    assert f"kinetic energy less {least:.6g} J" in legend(figure)
+    np.testing.assert_allclose(kinetic, sim.kinetic - least)
+    np.testing.assert_allclose(total, kinetic + potential)
+    np.testing.assert_array_equal(work, sim.work)
+    # What changes by rounding only keeps its size.
+    still = mbstab.load("free_rigid_body.yaml").simulate(0.1, points=3, tol=1e-6)
+    assert "kinetic energy" in legend(drawn("energy", still, mbstab.load("free_rigid_body.yaml")))
+
+
+def test_residuals_are_logarithmic_with_gaps_where_they_are_zero(pendulum):
     (axes,) = drawn("residuals", pendulum).axes
     assert axes.get_yscale() == "log"
+    assert np.any(pendulum.residuals == 0.0)
     for line, column in zip(curves(axes), pendulum.residuals.T, strict=True):
-        assert line.get_ydata().tolist() == column[column > 0.0].tolist()
+        np.testing.assert_array_equal(line.get_ydata(), np.where(column > 0.0, column, np.nan))
+        assert line.get_marker() == "."  # of a value between two gaps there is no line
 
 
 def test_a_phase_plane_has_rates_over_coordinates_and_marked_ends(pendulum):
@@ -266,6 +292,111 @@ def test_drawn_shapes_are_where_positions_and_rotations_say(disk):
     hull = stage.bodies.get_paths()[0].vertices[:-1]
     middle = 0.5 * (hull.max(axis=0) + hull.min(axis=0))
     np.testing.assert_allclose(middle, stage.across[:2] @ disk.positions[20, 0], atol=2e-3)
+
+
+HIDING = """\
+mbstab: 1
+bodies:
+  ball: {type: spatial, mass: 1, shape: {type: sphere, radius: 0.5}}
+  beam: {type: spatial, mass: 1, shape: {type: box, x: 6, y: 0.1, z: 0.1}}
+  fly: {type: point, mass: 1}
+joints: {eye: {type: spherical, between: [ball, {body: ground, point: [0, 2, 0]}]}}
+"""
+
+
+def placed(angle, fly):
+    """Return a ball, seen along y, a beam whose middle is at x = 1.5 and turned about z, and the places of a fly."""
+    n = len(fly)
+    positions, rotations = np.zeros((n, 3, 3)), np.tile(np.eye(3), (n, 3, 1, 1))
+    positions[:, 1] = [1.5, -0.5, 0.0]
+    positions[:, 2] = fly
+    rotations[:, 1] = [[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]]
+    trail = np.repeat(positions, animation.FINE, axis=0), np.repeat(rotations, animation.FINE, axis=0)
+    return Stage(
+        Sketch.of(mbstab.loads(HIDING).system()), animation.Frames(25.0, [""] * n, positions, rotations, trail),
+        view=(0.0, -90.0), traces=["fly"],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    # Where it passes the ball the beam is behind or before it; its middle is always nearer than the ball.
+    ("angle", "last"),
+    [(-0.7, "ball"), (0.0, "beam")],
+)
+def test_what_is_nearer_covers_what_is_behind_it(angle, last):
+    stage = placed(angle, np.zeros((1, 3)))
+    np.testing.assert_allclose(stage.across[2], [0.0, -1.0, 0.0], atol=1e-12)
+    stage.show(0)
+    radii = [np.ptp(path.vertices[:, 1]) for path in stage.bodies.get_paths()]
+    assert radii == pytest.approx([0.1, 1.0] if last == "ball" else [1.0, 0.1], abs=0.01)
+    # Of the straight edges of the beam none shows where the ball covers it.
+    inside = [x for x in stage.edges.get_segments() if np.allclose(abs(x[:, 1]), 0.05) and np.any(abs(x[:, 0]) < 0.4)]
+    assert bool(inside) is (last == "beam")
+
+
+def test_paths_and_joints_behind_a_body_are_hidden_by_it():
+    x = np.linspace(-1.0, 1.0, 21)
+    for y, seen in ((1.0, False), (-1.0, True)):
+        stage = placed(0.0, np.stack([x, np.full(21, y), np.full(21, 0.2)], axis=1))
+        stage.show(20)
+        across, up = stage.paths[0].get_data()
+        assert np.all(np.isnan(across) == np.isnan(up))
+        assert np.any(np.abs(across) < 0.4) == seen
+        assert (np.nanmin(across), np.nanmax(across)) == pytest.approx((-1.0, 1.0))
+        eye = next(k for k, (line, _) in enumerate(stage.marked) if line.get_marker() == "o")
+        assert len(stage.behind[eye].get_xdata()) == 1
+    planar = Stage(Sketch.of(PENDULUM.system()), swing_frames(PENDULUM.swing(1, points=4), 1), traces=["rod"])
+    assert planar.paths[0].get_zorder() < planar.bodies.get_zorder()
+
+
+def test_a_thin_plate_hides_what_is_behind_it():
+    plate = "bodies:\n  ball: {type: spatial, mass: 1, shape: {type: disk, radius: 0.5, along: y}}\n"
+    model = mbstab.loads(
+        HIDING.replace("bodies:\n  ball: {type: spatial, mass: 1, shape: {type: sphere, radius: 0.5}}\n", plate)
+    )
+    towards = np.array([0.0, -1.0, 0.0])
+    solid = solids.Solid.of(Sketch.of(model.system()).pieces[0].outline.skin)
+    x = np.linspace(-0.9, 0.9, 7)
+    for y, hidden in ((0.5, True), (0.0, False), (-0.5, False)):
+        stage = placed(0.0, np.zeros((1, 3)))
+        np.testing.assert_allclose(stage.across[2], towards, atol=1e-12)
+        points = np.stack([x, np.full(7, y), np.zeros(7)], axis=1)
+        assert stage._hidden(points, [solid]).tolist() == [hidden and abs(p) < 0.5 for p in x]
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+def test_solids_of_any_size_and_flat_ones_are_where_their_corners_are(size):
+    cube = size * np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    solid = solids.Solid.of(cube)
+    assert len(solid.faces) == 6
+    first, last = solid.through(size * np.array([[0.5, 0.2, -3.0], [1.5, 0.0, -3.0]]), np.array([0.0, 0.0, 1.0]))
+    np.testing.assert_allclose([first[0], last[0]], [2.0 * size, 4.0 * size])
+    assert last[1] < first[1]
+    plate = solids.Solid.of(cube[np.abs(cube[:, 0] - size) < 0.1 * size])
+    first, last = plate.through(np.zeros((1, 3)), np.array([1.0, 0.0, 0.0]))
+    assert 0.5 * (first + last) == pytest.approx(size)
+    assert 0.0 < last - first < 1e-3 * size
+
+
+def test_a_torus_shows_its_near_side_only():
+    torus = sketch.OUTLINES["torus"](0.3, 0.1)
+    for towards in np.eye(3):
+        seen = np.concatenate(torus.seen(towards))
+        place = seen - 0.3 * seen * [1, 1, 0] / np.hypot(seen[:, 0], seen[:, 1])[:, None]
+        np.testing.assert_allclose(np.linalg.norm(place, axis=1), 0.1, rtol=1e-9)
+        assert np.all(place @ towards > -0.06)
+        assert len(torus.seen(towards)) < 0.7 * len(torus.strokes)
+
+
+def test_a_spring_in_space_winds_about_its_axis():
+    ends = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    across = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    points = animation._windings(ends, 0.1, across, 3)
+    radius = np.hypot(points[:, 0], points[:, 1])
+    assert radius.max() == pytest.approx(0.1)
+    turned = np.unwrap(np.arctan2(points[radius > 0.01, 1], points[radius > 0.01, 0]))
+    assert abs(turned[-1] - turned[0]) == pytest.approx(2.0 * math.pi * animation.WINDINGS, rel=0.1)
+    assert points[[0, -1]].tolist() == ends.tolist()
 
 
 def test_a_planar_scene_is_seen_along_z_with_pins_and_paths(pendulum):
@@ -411,6 +542,28 @@ def test_mp4_files_get_all_frames_from_ffmpeg(tmp_path, monkeypatch, pendulum):
     assert {p.name for p in tmp_path.iterdir()} == {"a.mp4", "ffmpeg"}
 
 
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="there is no ffmpeg")
+@pytest.mark.parametrize(("options", "rate"), [((), 25.0), (("--fps", "29.97", "--speed", "0.5"), 29.97)], ids=str)
+def test_a_film_has_all_frames_their_size_and_the_duration_of_the_motion(tmp_path, options, rate):
+    path = tmp_path / "a.mp4"
+    result = run("pendulum.yaml", "--to", "1", "--perturb", "rod.theta=1", "--tol", "1e-4", "--animate", path, *options)
+    assert result.exit_code == 0
+    speed = 0.5 if options else 1.0
+    sim = PENDULUM.simulate(1.0, points=1001, perturb={"rod.theta": 1.0}, tol=1e-6)
+    stage = Stage(Sketch.of(PENDULUM.system()), motion_frames(sim, rate, speed), PENDULUM.model.title)
+    drawn = [np.asarray(image, dtype=int) for image in stage.images()]
+    assert len(drawn) == math.floor(rate / speed) + 1
+    said = subprocess.run(["ffmpeg", "-hide_banner", "-i", path], capture_output=True, text=True).stderr
+    height, width, _ = drawn[0].shape
+    assert re.search(rf"Video: h264.* yuv420p.* {width}x{height},.* {rate:g} fps", said)
+    hours, minutes, seconds = map(float, re.search(r"Duration: (\d+):(\d+):([\d.]+)", said).groups())
+    assert (hours, minutes, seconds) == (0.0, 0.0, pytest.approx(len(drawn) / rate, abs=0.011))
+    command = ["ffmpeg", "-loglevel", "error", "-i", path, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    stored = np.frombuffer(subprocess.run(command, capture_output=True).stdout, dtype=np.uint8)
+    for image, frame in zip(drawn, stored.reshape(-1, height, width, 3), strict=True):
+        assert np.abs(frame - image).mean() < 2.0
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -425,12 +578,24 @@ def test_mp4_files_get_all_frames_from_ffmpeg(tmp_path, monkeypatch, pendulum):
         (("--animate", "a.gif", "--follow", "rood"), "did you mean 'rod'?"),
         (("--animate", "a.gif", "--to", "1e6"), "or make it faster with --speed"),
         (("--animate", "a.gif", "--mode-shape", "2"), "there is 1 to choose from"),
-        (("--animate", "a.gif", "--mode-shape", "1", "--to", "3"), "nothing is simulated"),
+        *(
+            (("--animate", "a.gif", "--mode-shape", "1", *extra), f"{extra[0]} has no effect with --mode-shape")
+            for extra in (
+                ("--to", "3"), ("--from", "1"), ("--method", "alpha"), ("--solver", "BDF"), ("--tol", "1e-8"),
+                ("--step", "1e-3"), ("--once",), ("--compiled",), ("--points", "7"), ("--perturb", "rod.theta=1"),
+                ("--strict",),
+                ("--plot", "energy"), ("--pictures", "b"), ("--format", "json"), ("--output", "a.csv"),
+                ("--speed", "2"),
+            )
+        ),
+        (("--pictures", "b"), "--pictures has no effect without --plot"),
+        (("--step", "0.1", "--tol", "1e-8", "--method", "alpha"), "--tol has no effect with --step"),
+        (("--step", "0.1", "--once", "--tol", "1e-8"), "--tol, --once have no effect with --step"),
         (("--mode-shape", "1"), "--mode-shape goes with --animate"),
         (("--trace", "rod"), "--trace goes with --animate"),
     ],
     ids=str,
-)
+)  # fmt: skip
 def test_wrong_requests_are_refused_before_anything_is_computed(tmp_path, monkeypatch, arguments, message):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", "")
@@ -440,23 +605,71 @@ def test_wrong_requests_are_refused_before_anything_is_computed(tmp_path, monkey
     assert list(tmp_path.iterdir()) == []
 
 
-def test_ctrl_c_while_animating_leaves_no_half_file(tmp_path):
+STALLING = """\
+import contextlib, sys, time
+from mbstab.cli import common, main
+whole_file = common.whole_file
+
+@contextlib.contextmanager
+def stalling(path):
+    with whole_file(path) as stream:
+        stream.write(b"half")
+        stream.flush()
+        time.sleep(60)
+        yield stream
+
+common.whole_file = stalling
+"""
+QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=str)
+def test_ctrl_c_while_animating_leaves_no_half_file(tmp_path, number):
     path = tmp_path / "a.gif"
-    command = [sys.executable, "-m", "mbstab", "simulate", "pendulum.yaml", "--perturb", "rod.theta=1", "--to", "60"]
-    process = subprocess.Popen(
-        [*command, "--tol", "1e-3", "--once", "--animate", str(path), "--fps", "50"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        # In the background of a script interrupts are ignored, and that is inherited.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )  # fmt: skip
-    deadline = time.monotonic() + 30.0
-    while not any(p.stat().st_size > 20_000 for p in tmp_path.iterdir()) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert [p.name.startswith(".a.gif.") for p in tmp_path.iterdir()] == [True]
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=30)
+    arguments = ("--perturb", "rod.theta=1", "--to", "60", "--tol", "1e-3", "--once", "--animate", path, "--fps", "50")
+    with child(mbstab_command("simulate", "pendulum.yaml", *arguments), **QUIET) as process:
+        until(lambda: any(p.stat().st_size > 20_000 for p in tmp_path.iterdir()), process)
+        assert [p.name.startswith(".a.gif.") for p in tmp_path.iterdir()] == [True]
+        process.send_signal(number)
+        process.wait(timeout=30)
     assert process.returncode == 1
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=str)
+def test_ctrl_c_while_data_are_written_leaves_no_half_file(tmp_path, number):
+    path = tmp_path / "a.csv"
+    # The disk stops after the first bytes.
+    code = STALLING + "main(sys.argv[1:])"
+    command = [sys.executable, "-c", code, "simulate", "pendulum.yaml", "--to", "0.1", "--points", "3", "-o", str(path)]
+    with child(command, **QUIET) as process:
+        until(lambda: any(p.stat().st_size for p in tmp_path.iterdir()), process)
+        process.send_signal(number)
+        process.wait(timeout=30)
+    assert process.returncode == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=str)
+def test_ffmpeg_ends_with_the_animation(tmp_path, number):
+    # It says its number and swallows frames for ever.
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    code = "import os\nopen(sys.argv[-1], 'w').write(str(os.getpid()))\nwhile sys.stdin.buffer.read(9999): pass"
+    environment = {**os.environ, "PATH": fake_ffmpeg(folder, code)}
+    out = tmp_path / "out"
+    out.mkdir()
+    arguments = ("--perturb", "rod.theta=1", "--to", "60", "--tol", "1e-3", "--once", "--animate", out / "a.mp4")
+    with child(mbstab_command("simulate", "pendulum.yaml", *arguments), env=environment, **QUIET) as process:
+        until(lambda: any(p.stat().st_size for p in out.iterdir()), process)
+        (half,) = out.iterdir()
+        writer = int(half.read_text())
+        process.send_signal(number)
+        process.wait(timeout=30)
+    assert process.returncode == 1
+    assert list(out.iterdir()) == []
+    with pytest.raises(ProcessLookupError):
+        os.kill(writer, 0)
 
 
 def test_the_users_matplotlibrc_changes_nothing(pendulum, tmp_path):

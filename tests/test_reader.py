@@ -385,6 +385,7 @@ BAD: dict[str, tuple[str, str]] = {
     "division by zero": (mass("»1/(a - 2)"), "has no value here"),
     "root of a negative number": (ONE + "parameters: {a: »sqrt(-1)}", "has no value here"),
     "word for a number": (mass("»yes"), "unknown parameter 'yes'"),
+    "unit beside a number": (mass("2 »deg"), r"unexpected 'deg' .*\n(.*\n)*hint: write \*deg for a product"),
     "power with a caret": (mass("a»^2"), "unexpected character .* in an expression\n(.*\n)*hint: powers are written"),
     # expressions
     "unknown parameter": (

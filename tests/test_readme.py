@@ -53,12 +53,33 @@ def test_a_console_block_shows_what_the_command_prints(block):
         assert float(found) == pytest.approx(float(printed), rel=1e-8, abs=1e-10)
 
 
+INLINE = [" ".join(text.split()) for text in re.findall(r"`(mbstab [a-z]+ \w+\.yaml [^`]*)`", TEXT)]
+
+
+@pytest.mark.parametrize("command", INLINE)
+def test_a_command_within_the_text_runs(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(main, shlex.split(command)[1:])
+    assert result.exit_code == 0
+    for line in result.stderr.splitlines():
+        if line.startswith("wrote "):
+            assert (tmp_path / line.removeprefix("wrote ")).stat().st_size > 0
+    if "simulate" in command:
+        names = {"swing.csv", "swing-rod.theta.png", "swing-energy.png", "swing.gif"}
+        assert {path.name for path in tmp_path.iterdir()} == names
+
+
+def test_there_is_a_simulation_in_the_text():
+    assert any(command.startswith("mbstab simulate ") for command in INLINE)
+
+
 def test_the_model_in_the_readme_is_right(tmp_path):
     (text,) = [body for kind, body in BLOCKS if kind == "yaml"]
     assert len(text.splitlines()) <= 20
     own = mbstab.loads(text).eig()
     shipped = mbstab.load("pendulum.yaml").eig()
     assert [e.kind for e in own.eigenvalues] == ["center", "center"]
+    assert mbstab.loads(text).motion().q == pytest.approx(mbstab.load("pendulum.yaml").motion().q, abs=1e-15)
     assert abs(own.eigenvalues[0].value - shipped.eigenvalues[0].value) < 1e-13 * abs(own.eigenvalues[0].value)
 
 

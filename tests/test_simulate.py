@@ -4,15 +4,16 @@ import csv
 import functools
 import json
 import math
-import os
 import re
 import signal
 import subprocess
-import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
+from children import child
+from children import mbstab as mbstab_command
 from click.testing import CliRunner
 from scipy.special import ellipj, ellipk
 
@@ -45,6 +46,8 @@ reference:
   coordinates: {disk: {x: 0, y: 0, z: 0.3, phi: pi/2, theta: 0, psi: 0}}
   rates: {disk: {x: -1.5, y: 0, z: 0, phi: 0, theta: 0, psi: 5}}
 """
+
+SOURCE = Path(PENDULUM.model.document.name).read_text(encoding="utf-8")
 
 BODY = """\
 mbstab: 1
@@ -344,11 +347,8 @@ def test_a_chart_that_is_named_by_a_drive_is_not_changed_silently():
 
 
 def test_the_initial_block_starts_the_motion_and_missing_values_are_solved():
-    text = mbstab.load("pendulum.yaml").model.document
-    with open(text.name, encoding="utf-8") as stream:
-        source = stream.read()
     own = mbstab.loads(
-        source + "initial:\n  time: 2\n  coordinates: {rod: {theta: -pi/4}}\n  rates: {rod: {theta: 1}}\n"
+        SOURCE + "initial:\n  time: 2\n  coordinates: {rod: {theta: -pi/4}}\n  rates: {rod: {theta: 1}}\n"
     )
     sim = own.simulate(3.0, points=2, tol=1e-6)
     assert sim.times.tolist() == [2.0, 3.0]
@@ -402,6 +402,77 @@ def test_rates_that_the_constraints_forbid_are_moved_too():
     assert "rate(rod." in sim.warnings[0]
     # min m (0.2 w − 1)² + I (w − 1)²
     assert sim.u[0, 2] == pytest.approx((0.2 + 0.04 / 3.0) / (0.04 + 0.04 / 3.0), rel=1e-9)
+
+
+def started(initial):
+    """Return where the pendulum starts; the block is line 38."""
+    return start_of(mbstab.loads(f"{SOURCE}initial: {initial}\n").system())
+
+
+@pytest.mark.parametrize(
+    ("initial", "place", "message"),
+    [
+        (
+            "{coordinates: {rod: {x: 0.5}}}",
+            "38:34: initial.coordinates.rod.x",
+            "was found with rod.x = 0.5 m; one near",
+        ),
+        ("{rates: {rod: {y: 1}}}", "38:28: initial.rates.rod.y", "allow no rate(rod.y) = 1 m/s here, but 0 m/s"),
+        # Each of these is possible, but both together are nowhere near.
+        (
+            "{coordinates: {rod: {x: 0.05, theta: 0}}}",
+            "38:34: initial.coordinates.rod.x",
+            "no state near the initial",
+        ),
+        ("{coordinates: {rod: {x: 5, y: 7}}}", "38:40: initial.coordinates.rod.y", "found with rod.y = 7 m"),
+    ],
+)
+def test_values_that_no_state_has_are_errors_of_the_file(initial, place, message, tmp_path):
+    with pytest.raises(ModelFileError) as caught:
+        started(initial)
+    assert place in str(caught.value)
+    assert message in str(caught.value)
+    assert f" 38 | initial: {initial}" in str(caught.value)
+    path = tmp_path / "own.yaml"
+    path.write_text(f"{SOURCE}initial: {initial}\n")
+    result = run(str(path), "--to", "1")
+    assert result.exit_code == 2
+    assert f"{path}:{place}" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("rod.x", "was found with rod.x = 0.5 m"), ("rate(rod.y)", "allow no rate(rod.y) = 0.5 m/s here, but 0 m/s")],
+)
+def test_disturbances_that_lead_to_no_state_are_refused(name, message):
+    with pytest.raises(UsageError, match=re.escape(f"--perturb {name}: ")) as caught:
+        PENDULUM.simulate(1.0, perturb={name: 0.5})
+    assert message in str(caught.value)
+
+
+def test_a_value_that_a_drive_holds_is_an_error_of_the_file():
+    text = BODY + "drives: {d: {type: coordinate, coordinate: body.x, position: 0.1*t}}\n"
+    text += "initial:\n  time: 1\n  coordinates: {body: {x: 0.1}}\n"
+    assert start_of(mbstab.loads(text).system()).motion.u[0] == pytest.approx(0.1)
+    with pytest.raises(ModelFileError, match=r"found with body\.x = 0\.2 m; one near it has 0\.1 m, 0\.1 m away"):
+        start_of(mbstab.loads(text.replace("{x: 0.1}", "{x: 0.2}")).system())
+
+
+def test_a_value_on_the_other_side_of_a_symmetric_reference_is_found():
+    # Upright: the way there may lead to the right or to the left.
+    motion = started("{coordinates: {rod: {y: 0.2}}}").motion
+    assert motion.q[:2] == pytest.approx([0.0, 0.2], abs=1e-7)
+    assert math.sin(motion.q[2]) == pytest.approx(1.0)
+
+
+def test_inconsistent_values_near_a_state_are_moved_and_said(tmp_path):
+    begin = started("{coordinates: {rod: {x: 0.12, y: -0.17}}}")
+    (text,) = begin.warnings
+    moved = begin.motion.q[:2] - [0.12, -0.17]
+    assert f"rod.x by {moved[0]:.6g} m" in text
+    assert f"rod.y by {moved[1]:.6g} m" in text
+    # The point of the circle that is nearest, as the angle was not given.
+    assert moved == pytest.approx((0.2 / math.hypot(0.12, 0.17) - 1.0) * np.array([0.12, -0.17]), rel=0.3)
 
 
 @pytest.mark.parametrize(
@@ -724,7 +795,7 @@ def test_the_reaction_of_a_hanging_rod_carries_its_weight():
         (("pendulum.yaml", "--perturb", "rod.tetha=1"), 2, "did you mean 'rod.theta'?"),
         (("pendulum.yaml", "--perturb", "rod.theta"), 2, "--perturb rod.theta: write NAME=VALUE"),
         (("pendulum.yaml", "--format", "npz"), 2, "needs --output"),
-        (("pendulum.yaml", "--perturb", "rod.theta=1", "--perturb", "rod.x=1", "--strict"), 2, "do not satisfy"),
+        (("pendulum.yaml", "--perturb", "rod.theta=0.3", "--perturb", "rod.x=0.1", "--strict"), 2, "do not satisfy"),
         (("four_bar.yaml", "--to", "2", "--perturb", "rate(left.theta)=9"), 1, "singular configuration"),
     ],
     ids=str,
@@ -752,6 +823,28 @@ def test_rates_have_their_unit():
     assert (row[1], row[-1]) == ("rad", "rad/s")
 
 
+def test_the_energy_that_the_drift_is_a_part_of_is_named():
+    sim = PENDULUM.simulate(1.0, perturb={"rod.theta": 1.0}, tol=1e-6)
+    text = " ".join(run("pendulum.yaml", "--to", "1", "--perturb", "rod.theta=1", "--tol", "1e-6").stdout.split())
+    assert f"of {sim.energy_scale:.4g} J, the largest kinetic energy or change of potential energy" in text
+    assert sim.energy_scale == pytest.approx(0.2 * 9.81 * (1.0 - math.cos(1.0)), rel=1e-3)
+    assert "change of potential energy or work" in " ".join(run("kapitza.yaml", "--to", "0.01").stdout.split())
+
+
+def test_a_motion_that_stays_at_rest_says_so_and_shows_no_rounding(tmp_path):
+    said = "nothing moves: the motion starts at rest"
+    path = tmp_path / "own.yaml"
+    path.write_text(SOURCE.replace("{x: 0, y: -L, theta: 3*pi/2}", "{theta: -pi/2}"))
+    assert start_of(mbstab.load(path).system()).motion.q[0] != 0.0
+    shown = run(str(path), "--to", "0.5").stdout
+    assert said in shown
+    row = next(x for x in shown.splitlines() if x.startswith("rod.x")).split()
+    assert row == ["rod.x", "m", "0", "0", "0", "0", "0", "m/s"]
+    # What it says to do does it.
+    assert said not in run("pendulum.yaml", "--to", "0.5", "--perturb", "mode:1=0.1").stdout
+    assert said not in run("rolling_disk.yaml", "--to", "0.1").stdout
+
+
 def test_a_failure_leaves_the_finished_part_on_disk(tmp_path):
     path = tmp_path / "part.csv"
     result = run("four_bar.yaml", "--to", "2", "--perturb", "rate(left.theta)=9", "-o", str(path))
@@ -766,15 +859,12 @@ def test_a_failure_leaves_the_finished_part_on_disk(tmp_path):
 
 def test_ctrl_c_leaves_the_finished_part_on_disk(tmp_path):
     path = tmp_path / "part.json"
-    command = [sys.executable, "-m", "mbstab", "simulate", "pendulum.yaml", "--perturb", "rod.theta=1", "--to", "1e5"]
-    process = subprocess.Popen(
-        [*command, "--points", "200001", "-o", str(path)], stderr=subprocess.PIPE, text=True, env=os.environ,
-        # In the background of a script interrupts are ignored, and that is inherited.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )  # fmt: skip
-    time.sleep(3.0)
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=60)
+    arguments = ("--perturb", "rod.theta=1", "--to", "1e5", "--points", "200001", "-o", path)
+    pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+    with child(mbstab_command("simulate", "pendulum.yaml", *arguments), **pipes) as process:
+        time.sleep(3.0)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
     assert process.returncode == 1
     assert "stopped at t = " in said
     data = json.loads(path.read_text())

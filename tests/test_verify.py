@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -50,6 +51,12 @@ def test_rates_and_frequencies_of_the_examples_are_those_of_the_nonlinear_motion
         assert mode.verdict == "confirmed"
         assert mode.error <= 1e-5
         assert mode.uncertainty <= 1e-4 * abs(mode.predicted)
+    if found.result.counts.neutral:
+        assert found.neutral.verdict == "confirmed"
+        assert found.neutral.count == found.result.counts.neutral
+        assert found.neutral.error <= 1e-5
+    else:
+        assert found.neutral is None
     if found.result.verdict == "unstable":
         fastest = max(e.value.real for e in found.result.eigenvalues)
         grown = max(mode.observed.real for mode in found.modes)
@@ -207,6 +214,81 @@ def test_slow_growth_that_is_seen_is_confirmed():
     assert "mode 1 grows with 4.9998" in found.reason
 
 
+# --- neutral directions ---------------------------------------------------------------------------------------------
+
+
+def free(force="-9*a.y", more=""):
+    return mbstab.loads(f"""\
+mbstab: 1
+bodies: {{a: {{type: planar_point, mass: 1}}}}
+forces: {{s: {{type: expression, on: {{a.y: "{force}"{more}}}}}}}
+reference: {{coordinates: {{a: {{x: 0, y: 0}}}}}}
+""")
+
+
+def test_a_free_coordinate_stays_and_its_speed_drifts():
+    found = free().verify()
+    assert found.verdict == "confirmed"
+    assert "neutral directions do what the linearized equations say" in found.reason
+    assert (found.neutral.count, found.neutral.staying, found.neutral.power) == (2, 1, 1)
+    assert 0.0 < found.neutral.span < 100.0
+    # With a damper the speed decays: no direction drifts.
+    found = free(more=', a.x: "-2*rate(a.x)"').verify()
+    assert (found.neutral.count, found.neutral.staying, found.neutral.power) == (1, 1, 0)
+    assert found.neutral.verdict == "confirmed"
+
+
+def test_a_wrong_prediction_along_neutral_directions_is_contradicted(monkeypatch):
+    # As if speeds did not move anything.
+    monkeypatch.setattr(module.drift, "flow", lambda A, times: [np.eye(len(A))] * len(times))
+    found = free().verify()
+    assert found.modes[0].verdict == "confirmed"
+    assert (found.neutral.verdict, found.verdict) == ("contradicted", "contradicted")
+    assert "displaced along a neutral direction is off by" in found.reason
+
+
+def test_what_depends_on_the_amplitude_along_a_neutral_direction_is_not_judged():
+    found = free(more=', a.x: "-1e12*a.x**3"').verify()
+    assert found.neutral.verdict == "cannot be judged"
+    assert "depends on the amplitude" in found.neutral.reason
+    assert found.verdict == "cannot be judged"
+
+
+def test_an_undecided_zero_is_tried_as_a_neutral_direction():
+    found = mbstab.load("wheelset_no_slip.yaml").verify(v=0)
+    assert (found.result.verdict, found.verdict) == ("undecided", "cannot be judged")
+    assert "it is zero" in found.modes[0].reason
+    assert (found.neutral.verdict, found.neutral.count, found.neutral.staying) == ("confirmed", 4, 3)
+
+
+def test_neutral_directions_of_a_periodic_motion_are_followed_by_periods():
+    # Mathieu's equation in y, nothing in x.
+    text = free("-(4 + cos(3*t))*a.y").model.document.lines
+    found = mbstab.loads("\n".join(text).replace("reference: {", "reference: {period: 2*pi/3, ")).verify()
+    assert found.result.counts.neutral == 2
+    assert (found.neutral.verdict, found.neutral.staying, found.neutral.power) == ("confirmed", 1, 1)
+    assert found.neutral.span == pytest.approx(module.ROUNDS * 2.0 * math.pi / 3.0)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "exact", "told"),
+    [
+        ([[0.0, 1.0, 5.0], [0.0, 0.0, 1.0], [0.0, 0.0, -2.0]], [0j, 0j], True),
+        ([[0.0, 1.0], [-4.0, 0.0]], [2j, -2j], True),
+        ([[1e-9, 0.0], [0.0, 1e-8]], [0j], False),
+    ],
+)
+def test_the_invariant_subspace_is_that_of_the_given_eigenvalues(matrix, exact, told):
+    matrix = np.array(matrix)
+    basis = module.drift.invariant_subspace(matrix, exact)
+    assert (basis is not None) == told
+    if told:
+        inner = basis.T @ matrix @ basis
+        np.testing.assert_allclose(basis.T @ basis, np.eye(len(exact)), atol=1e-14)
+        np.testing.assert_allclose(matrix @ basis, basis @ inner, atol=1e-13)
+        np.testing.assert_allclose(sorted(np.linalg.eigvals(inner), key=np.imag), sorted(exact, key=np.imag), atol=1e-7)
+
+
 # --- the command ----------------------------------------------------------------------------------------------------
 
 
@@ -222,6 +304,24 @@ def test_the_table_shows_prediction_and_observation():
     assert "Nonlinear motion: confirmed" in result.stdout
     assert "confirmed: real and imaginary part each within 3 times" in result.stdout
     assert "amplitude 2e-05 of the sizes" in result.stdout
+
+
+@pytest.mark.parametrize("form", ["table", "json"])
+def test_a_contradiction_is_answered_and_has_an_exit_code(form):
+    result = run("rotating_pendulum.yaml", "--frozen", "--format", form)
+    assert result.exit_code == 3
+    assert "contradicted" in result.stdout
+    assert "the nonlinear motion contradicts the eigenvalues: mode 1: " in result.stderr
+    # What cannot be judged is an answer, as "undecided" is.
+    assert run("top.yaml", "--set", "omega=10").exit_code == 0
+
+
+def test_neutral_directions_are_in_the_table_and_in_json():
+    shown = " ".join(run("rolling_disk.yaml").stdout.split())
+    assert "4 neutral directions tried: 2 stay, 2 drift with the power 2 of time, as the linearized equations" in shown
+    found = json.loads(run("rolling_disk.yaml", "--format", "json").stdout)["verification"]["neutral"]
+    assert (found["count"], found["staying"], found["power"], found["verdict"]) == (4, 2, 2, "confirmed")
+    assert json.loads(run("pendulum.yaml", "--format", "json").stdout)["verification"]["neutral"] is None
 
 
 def test_the_json_answer_has_the_modes():

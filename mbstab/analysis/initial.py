@@ -1,14 +1,15 @@
 """Where a simulation starts: the reference motion, what ``initial:`` gives, disturbances, and all of it consistent.
 
 Given values are held while the others are moved onto the constraints. Where that is impossible
-everything is moved by the least change in the metric of the masses, and it is said by how much.
+everything is moved by the least change in the metric of the masses, and it is said by how much. Values
+that no state has, whatever the others are, and those far from every state that was found are errors.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from mbstab.analysis.constrained import ACCEPTED, Constrained
 from mbstab.analysis.motion import Finder, Motion
 from mbstab.analysis.reference import reference_motion
 from mbstab.compiler.system import Array, System
-from mbstab.errors import ModelFileError, NumericalError, UsageError, suggestion
+from mbstab.errors import MbstabError, ModelFileError, UsageError, suggestion
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.schema import parse_finite, unit_of
@@ -27,6 +28,12 @@ INCREMENT = 0.2
 
 LARGEST_CHANGE = 1e-9
 """What is moved by less, relative to its size, is not mentioned."""
+
+FAR = 0.5
+"""A value that is moved by more than this part of its size was not near a state that satisfies the constraints."""
+
+BESIDE = 0.1
+"""Part of their sizes by which coordinates are moved aside, where a symmetric start leads nowhere."""
 
 _RATE = re.compile(r"rate\(\s*([^()\s]+)\s*\)")
 _MODE = re.compile(r"mode:\s*([0-9]{1,6})")
@@ -51,12 +58,13 @@ class Start:
 
 @dataclass
 class _Wanted:
-    """A state and which of its values were asked for."""
+    """A state and which of its values were asked for, in the file or with --perturb."""
 
     q: Array
     u: Array
     held_q: Any
     held_u: Any
+    perturbed: set[str] = field(default_factory=set)
 
 
 def start_of(
@@ -76,12 +84,9 @@ def start_of(
 
     Raises
     ------
-    UsageError
-        If a name is unknown or a value is no number.
-    ModelFileError
-        If the constraints do not allow the given values, and `strict`; if the reference is none.
-    NumericalError
-        If no state near the given values satisfies the constraints.
+    UsageError, ModelFileError
+        If a name is unknown or a value is no number; if no state near the given values satisfies the constraints, or
+        no state at all has one of them; if they have to be moved, and `strict`; if the reference is none.
     """
     scene = system.scene
     q0, u0, motion = _reference(system)
@@ -103,8 +108,10 @@ def start_of(
     equations = Constrained(system, motion)
     warnings: list[str] = []
     q, moved = _positions(finder, equations, begin, q0, wanted)
+    _check_positions(finder, equations, begin, (q, q0), wanted, moved)
     _report(system, finder, moved, "", strict, warnings)
     u, moved = _speeds(equations, begin, q, wanted)
+    _check_speeds(finder, equations, begin, q, u, wanted, moved)
     _report(system, finder, moved, "/s", strict, warnings)
     finder.check_chart(q, np.zeros(n, dtype=bool))
     found = finder.motion(q, u, begin)
@@ -149,6 +156,7 @@ def _disturb(system: System, motion: Motion, wanted: _Wanted, name: str, value: 
         hint = suggestion(name, known) or "coordinates: " + ", ".join(system.names[:12])
         raise UsageError(f"--perturb {name}: there is no coordinate {coordinate!r}\nhint: {hint}")
     i = system.names.index(coordinate)
+    wanted.perturbed.add(f"rate({coordinate})" if rate else coordinate)
     if rate:
         wanted.u[i] += size
         wanted.held_u[i] = True
@@ -240,28 +248,40 @@ def _positions(finder: Finder, equations: Constrained, t: float, q0: Array, want
     none = np.zeros(len(q0))
     if not equations.n_h:
         return goal, none
-    change = goal - q0
+    q = goal
     if np.any(held):
-        count = int(np.clip(np.ceil(np.max(np.abs(change[held] / finder.sizes[held])) / INCREMENT), 1, 200))
-        q = q0 + np.where(held, 0.0, change)
-        for k in range(1, count + 1):
-            q = np.where(held, q0 + (k / count) * change, q)
-            q = finder.assemble(q, ~held)
-        q = np.where(held, goal, q)
-        q, left = equations.onto_positions(t, q, held)
+        q, left = _held(finder, equations, t, q0, goal, held)
         if left <= ACCEPTED:
             return q, none
-    q, left = equations.onto_positions(t, goal)
+    # Others than the given ones start where they contradict these least.
+    q, left = equations.onto_positions(t, q)
     if not left <= ACCEPTED:
         q = finder.assemble(goal, np.ones(len(goal), dtype=bool))
         q, left = equations.onto_positions(t, q)
     if not left <= ACCEPTED:
-        raise NumericalError(
+        text = (
             f"no state near the initial values satisfies the constraints at t = {t:.9g} s: a residual of {left:.1e} of "
-            "the sizes in the scene is left\n"
-            "hint: correct the values under initial: or --perturb, or give those of other coordinates, too"
+            "the sizes in the scene is left"
         )
+        raise _refused(finder.system, wanted, text, "correct the values, or give those of other coordinates, too")
     return q, np.where(held, q - goal, none)
+
+
+def _held(finder: Finder, equations: Constrained, t: float, q0: Array, goal: Array, held: Any) -> tuple[Array, float]:
+    """Return coordinates of which those held have their goals, followed there from `q0`, and the residual left."""
+    change = goal - q0
+    count = int(np.clip(np.ceil(np.max(np.abs(change[held] / finder.sizes[held])) / INCREMENT), 1, 200))
+    aside = BESIDE * finder.sizes * np.sin(1.0 + np.arange(len(q0)))
+    q, left = goal, np.inf
+    for way in (0.0, 1.0, -1.0):
+        q = q0 + np.where(held, 0.0, change + way * aside)
+        for k in range(1, count + 1):
+            q = np.where(held, q0 + (k / count) * change, q)
+            q = finder.assemble(q, ~held)
+        q, left = equations.onto_positions(t, np.where(held, goal, q), held)
+        if left <= ACCEPTED:
+            break
+    return q, left
 
 
 def _speeds(equations: Constrained, t: float, q: Array, wanted: _Wanted) -> tuple[Array, Array]:
@@ -274,11 +294,74 @@ def _speeds(equations: Constrained, t: float, q: Array, wanted: _Wanted) -> tupl
             return u, none
     u, left, _ = equations.onto_velocities(t, q, goal)
     if not left <= ACCEPTED:
-        raise NumericalError(
+        text = (
             f"no rates near the initial values satisfy the constraints at t = {t:.9g} s: a residual of {left:.1e} of "
-            "the rates in the scene is left\nhint: correct the rates under initial: or --perturb"
+            "the rates in the scene is left"
         )
+        raise _refused(equations.system, wanted, text, "correct the rates")
     return u, np.where(held, u - goal, none)
+
+
+def _refused(system: System, wanted: _Wanted, text: str, hint: str) -> MbstabError:
+    """Return the error of initial values as a whole."""
+    model = system.scene.model
+    if wanted.perturbed or not (model.initial.coordinates or model.initial.rates):
+        return UsageError(f"--perturb: {text}\nhint: {hint}")
+    return ModelFileError([model.document.problem(model.initial.location, "initial", text, hint)])
+
+
+def _check_positions(
+    finder: Finder, equations: Constrained, t: float, starts: tuple[Array, Array], wanted: _Wanted, moved: Array
+) -> None:
+    """Refuse values that no state has, whatever the others are, and those that had to be moved far.
+
+    `starts` are states from which a value is looked for, the first one that to which the values were moved.
+    """
+    system, sizes, found = finder.system, finder.sizes, []
+    for i in np.flatnonzero(np.abs(moved) > LARGEST_CHANGE * sizes):
+        alone = np.arange(len(moved)) == i
+        name, unit = system.names[i], unit_of(system.names[i])
+        near = f"{starts[0][i]:.6g} {unit}, {abs(moved[i]):.6g} {unit} away"
+        goals = (np.where(alone, wanted.q, start) for start in starts)
+        pairs = zip(starts, goals, strict=True)
+        if not any(_held(finder, equations, t, start, goal, alone)[1] <= ACCEPTED for start, goal in pairs):
+            text = f"no state of the mechanism was found with {name} = {wanted.q[i]:.6g} {unit}; one near it has {near}"
+            found.append((name, text))
+        elif abs(moved[i]) > FAR * sizes[i]:
+            found.append(
+                (name, f"no state near the initial values satisfies the constraints; one that does has {near}")
+            )
+    _refuse_values(system, wanted, found, "coordinates")
+
+
+def _check_speeds(
+    finder: Finder, equations: Constrained, t: float, q: Array, u: Array, wanted: _Wanted, moved: Array
+) -> None:
+    """Refuse rates that the constraints forbid, whatever the others are."""
+    system, found = finder.system, []
+    for i in np.flatnonzero(np.abs(moved) > LARGEST_CHANGE * finder.sizes):
+        alone = np.arange(len(moved)) == i
+        if equations.onto_velocities(t, q, np.where(alone, wanted.u, u), alone)[1] <= ACCEPTED:
+            continue
+        name, unit = system.names[i], f"{unit_of(system.names[i])}/s"
+        allowed = u[i] if abs(u[i]) > LARGEST_CHANGE * abs(wanted.u[i]) else 0.0
+        text = f"the constraints allow no rate({name}) = {wanted.u[i]:.6g} {unit} here, but {allowed:.6g} {unit}"
+        found.append((f"rate({name})", text))
+    _refuse_values(system, wanted, found, "rates")
+
+
+def _refuse_values(system: System, wanted: _Wanted, found: list[tuple[str, str]], which: str) -> None:
+    """Refuse values, each with what is wrong, where they were given."""
+    if not found:
+        return
+    hint = "correct the value, or leave it out and it is solved for"
+    for name, text in found:
+        if name in wanted.perturbed:
+            raise UsageError(f"--perturb {name}: {text}")
+    model = system.scene.model
+    given = getattr(model.initial, which)
+    values = ((given[name.removeprefix("rate(").rstrip(")")], text) for name, text in found)
+    raise ModelFileError([model.document.problem(value.location, value.path, text, hint) for value, text in values])
 
 
 def _report(system: System, finder: Finder, moved: Array, per: str, strict: bool, warnings: list[str]) -> None:

@@ -1,8 +1,9 @@
-"""Every integrator on one motion: what its tolerances cost, and what error they leave at the end.
+"""Every integrator on one motion: what its tolerances cost, and what global error they leave.
 
 A run is one pass with a tolerance of a step, without the repetitions that control the global error in
-`mbstab.analysis.simulate`. Errors are distances from a run of DOP853 (of Radau IIA where that takes too long) with the
-smallest tolerance; how far that one is from a run with ten times the tolerance says to what it is known.
+`mbstab.analysis.simulate`. Its error is the distance from a reference, in the measure of that module: the largest at
+any time of output. The reference is what that module makes of DOP853 (of Radau IIA where that takes too long) with the
+tolerance `EXACT`, and known to its estimate.
 """
 
 from __future__ import annotations
@@ -16,20 +17,20 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.compare import CLOSE
-from mbstab.analysis.follow import Follower, Run, difference, fastest
+from mbstab.analysis.follow import Follower, Run, difference
 from mbstab.analysis.initial import Start, start_of
-from mbstab.analysis.integrators import METHODS, Method, Options
+from mbstab.analysis.integrators import METHODS, Method
 from mbstab.analysis.samples import Record, states
-from mbstab.analysis.simulate import longest_step
+from mbstab.analysis.simulate import _Work
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ModelFileError, NumericalError, SimulationError, UsageError
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
-EXACT, BESIDE = 1e-13, 1e-12
-"""Tolerances of the reference, and of the run that tells to what it is known."""
+EXACT = 1e-11
+"""Global error asked of the reference; it may turn out larger."""
 
 LIMIT = 10.0
-"""Seconds after which a run is given up; the reference may take three times as long."""
+"""Seconds after which a run is given up; the runs of a reference may take ten times as long together."""
 
 DURATION = 1.0
 """Of the motion, if its end is not given (s)."""
@@ -50,8 +51,8 @@ class Integration:
     tol : float
         Of a step.
     error : float
-        At the end: the largest difference of places (in the size of the scene), of entries of rotation matrices and of
-        speeds (relative to the largest) from the reference.
+        Largest difference from the reference at any time of output, as `error_estimate` of
+        `mbstab.analysis.simulate.Simulation`.
     seconds : float
     evaluations, steps, rejected : int
     energy : float
@@ -93,7 +94,7 @@ class Integrations:
     reference : str
         The integrator of the reference.
     known : float
-        To what the reference is known.
+        To what the reference is known: the estimate of its global error.
     final : ndarray, shape (n_q,)
         Coordinates of the reference at the end (m, rad).
     tolerance : float or None
@@ -197,27 +198,8 @@ class _Race:
 
     def __init__(self, follower: Follower) -> None:
         self.follower = follower
-        motion, times = follower.motion, follower.times
-        relative = float(np.max(np.abs(motion.u / motion.sizes), initial=0.0))
-        pulled = math.sqrt(float(np.max(np.abs(motion.a / motion.sizes), initial=0.0)))
-        self.rate = max(relative, pulled, 1.0 / float(times[-1] - times[0]))
-        self.longest = longest_step(follower)
         self.name = ""
-
-    def run(self, method: Method, solver: str, tol: float, limit: float) -> tuple[Run, float]:
-        """Return a run and how long it took (s); one that takes longer than the limit fails."""
-        began = time.perf_counter()
-
-        def watch(done: float) -> None:
-            if time.perf_counter() - began > limit:
-                raise NumericalError(f"given up after {limit:g} s, when {done:.0%} was done")
-
-        # As in a simulation, the longest step shrinks with the tolerance.
-        longest = self.longest * tol ** (method.power / method.order)
-        run = self.follower.run(method, Options(tol, None, None, self.rate, longest, solver), watch)
-        if run.interrupted:
-            raise KeyboardInterrupt
-        return run, time.perf_counter() - began
+        self.rate = self.fast = math.nan
 
     def reference(self) -> tuple[Run, float]:
         """Return the reference, and to what it is known."""
@@ -226,17 +208,25 @@ class _Race:
             ("DOP853", METHODS["projection"]["DOP853"], "DOP853"),
             ("radau", METHODS["radau"][""], ""),
         ):
-            rough, _ = self.run(method, solver, BESIDE, 3.0 * LIMIT)
-            if rough.complete:
-                length = float(np.max(self.follower.motion.sizes))
-                self.rate = max(fastest(rough, length), 1e-3 * self.rate)
-                exact, _ = self.run(method, solver, EXACT, 3.0 * LIMIT)
-                if exact.complete:
-                    self.name = name
-                    return exact, difference(exact, rough, self.follower.motion.sizes)
-                rough = exact
-            failure = failure or rough.failure
+            work = _Work(self.follower, method, solver, EXACT, None, False, _watch(10.0 * LIMIT))
+            run = work.refined()
+            if run.interrupted:
+                raise KeyboardInterrupt
+            if run.complete:
+                self.name, self.rate, self.fast = name, work.rate, work.fast
+                return run, work.estimate
+            failure = failure or run.failure
         raise SimulationError(f"there is no reference to compare with: {failure}", None)
+
+    def run(self, method: Method, solver: str, tol: float, limit: float) -> tuple[Run, float]:
+        """Return a run and how long it took (s); one that takes longer than the limit fails."""
+        work = _Work(self.follower, method, solver, 1.0, None, False, _watch(limit))
+        work.rate = self.rate
+        began = time.perf_counter()
+        run = work.once(tol)
+        if run.interrupted:
+            raise KeyboardInterrupt
+        return run, time.perf_counter() - began
 
     def measured(self, name: str, key: str, method: Method, tol: float, reference: Run) -> Integration:
         """Return what a run costs and leaves."""
@@ -244,13 +234,19 @@ class _Race:
         counts: dict[str, Any] = {"evaluations": run.evaluations, "steps": run.steps, "rejected": run.rejected}
         if not run.complete:
             return Integration(name, key, tol, seconds=seconds, failure=run.failure.partition("\n")[0], **counts)
-        error = difference(
-            Run(samples=run.samples[-1:]),
-            Run(samples=reference.samples[-1:]),
-            self.follower.motion.sizes,
-            fastest(reference, float(np.max(self.follower.motion.sizes))),
-        )
+        error = difference(run, reference, self.follower.motion.sizes, self.fast)
         return Integration(name, key, tol, error, seconds, energy=_imbalance(run), constraints=run.drift, **counts)
+
+
+def _watch(limit: float) -> Callable[[float], object]:
+    """Return a progress function that gives up after so many seconds."""
+    began = time.perf_counter()
+
+    def watch(done: float) -> None:
+        if time.perf_counter() - began > limit:
+            raise NumericalError(f"given up after {limit:g} s, when {done:.0%} was done")
+
+    return watch
 
 
 def _imbalance(run: Run) -> float:

@@ -320,7 +320,7 @@ class _Work:
         falling = math.sqrt(math.hypot(*map(float, follower.system.scene.gravity)) / float(np.max(motion.sizes)))
         self.natural = max(self.rate, falling)
         self.longest = longest_step(follower)
-        self.estimate, self.runs, self.evaluations = math.nan, 0, 0
+        self.estimate, self.fast, self.runs, self.evaluations = math.nan, math.nan, 0, 0
         self.warnings: list[str] = []
         self.notes: list[str] = []
 
@@ -344,7 +344,7 @@ class _Work:
             return before
         started = self.rate
         self.rate = max(fastest(before, float(np.max(sizes))), 1e-3 * self.rate)
-        fast = max(fastest(before, float(np.max(sizes))), REST * self.natural)
+        fast = self.fast = max(fastest(before, float(np.max(sizes))), REST * self.natural)
         following = max(local * REDUCTION, SMALLEST)
         if following >= local:
             following, local = SMALLEST, 10.0 * SMALLEST

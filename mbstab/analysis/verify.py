@@ -8,7 +8,8 @@ prediction s holds. The slope of log c gives the growth rate and the frequency t
 observed; how different the slopes of its two halves are, and how far it is from a line, says
 to what they are known, together with the errors of integration, which at worst add up.
 Where this does not confirm the prediction it is repeated with smaller amplitudes, until two of them agree: the
-linear range may be small. The reference itself need not be followed.
+linear range may be small. The reference itself need not be followed. Neutral directions are tried as
+`mbstab.analysis.drift` says.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.analysis import drift
 from mbstab.analysis.constrained import Constrained, Form
+from mbstab.analysis.drift import Drift
 from mbstab.analysis.eigen import EigenResult, Eigenvalue, answer, show, time_scale
 from mbstab.analysis.floquet import monodromy
 from mbstab.analysis.follow import Follower, Run
@@ -58,7 +61,7 @@ PERIODS, GROWTHS, DECAYS = 3.0, 3.0, 6.0
 LONGEST, GROWN = 300.0, 12.0
 """… and in times 1/(fastest rate) and e-foldings of the fastest growing mode."""
 
-SAMPLES = 161
+SAMPLES, NEUTRAL_SAMPLES = 161, 33
 ROUNDS = 4
 """Periods of a periodic motion."""
 
@@ -128,6 +131,8 @@ class Verification:
     reason : str
     evaluations : int
         How often the equations of motion were formed.
+    neutral : Drift or None
+        What is seen along the neutral directions, if there are any.
     """
 
     result: EigenResult
@@ -135,6 +140,7 @@ class Verification:
     verdict: str
     reason: str
     evaluations: int
+    neutral: Drift | None
 
 
 @dataclass(frozen=True)
@@ -174,17 +180,24 @@ def verify(
     modes = [e for e in result.eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
     motion = reference_motion(system)
     frame = _frame(system, motion)
+    count = result.counts.neutral
     if isinstance(frame, str):
         observations = [_unjudged(k, e, frame) for k, e in enumerate(modes, 1)]
-        return Verification(result, tuple(observations), "cannot be judged", frame, 0)
+        return Verification(
+            result, tuple(observations), "cannot be judged", frame, 0, drift.untried(count, frame) if count else None
+        )
     excited = _Excited(system, motion, frame)
     partners = excited.partners([e.value for e in modes])
     observations = []
     for number, (mode, partner) in enumerate(zip(modes, partners, strict=True), 1):
         observations.append(excited.observed(number, mode, partner))
-        progress(number / len(modes))
-    verdict, reason = _overall(result, observations)
-    return Verification(result, tuple(observations), verdict, reason, excited.evaluations)
+        progress(number / (len(modes) + bool(count)))
+    exact = [e.value for e in result.eigenvalues if e.kind == "neutral"]
+    # Zeros that nothing explains are called undecided, and are counted.
+    neutral = excited.neutral([*exact, *[0j] * (count - len(exact))]) if count else None
+    progress(1.0)
+    verdict, reason = _overall(result, observations, neutral)
+    return Verification(result, tuple(observations), verdict, reason, excited.evaluations, neutral)
 
 
 def _frame(system: System, motion: Motion) -> _Frame | str:
@@ -231,8 +244,12 @@ class _Excited:
         self.finder = Finder(system)
         self.evaluations = 0
         self.speed = float(np.max(np.abs(motion.u / motion.sizes), initial=0.0))
+        pulled = math.sqrt(float(np.max(np.abs(motion.a / motion.sizes), initial=0.0)))
+        falling = math.sqrt(math.hypot(*map(float, system.scene.gravity)) / float(np.max(motion.sizes)))
+        self.pace = max(pulled, falling) or 1.0
         n, n_f = len(motion.q), len(frame.matrix)
         self.values, self.right, self.left = np.zeros(0, complex), np.zeros((n, 0)), np.zeros((n, 0))
+        self.weights = np.ones(n_f)
         if n_f:
             self._decompose()
 
@@ -242,7 +259,7 @@ class _Excited:
 
         frame, motion = self.frame, self.motion
         lengths = np.linalg.norm(np.vstack([frame.to_q, frame.to_u]) / np.tile(motion.sizes, 2)[:, None], axis=0)
-        weights = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
+        self.weights = weights = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
         values, left, right = eig(frame.matrix * weights / weights[:, None], left=True)
         self.multipliers = values
         rates = values if frame.period is None else np.log(values.astype(complex) + 0j) / frame.period
@@ -271,6 +288,8 @@ class _Excited:
         if k < 0:
             return _unjudged(number, mode, "the motion has no mode that belongs to it")
         s, v, w = complex(self.values[k]), self.right[:, k], self.left[:, k]
+        if not s:
+            return _unjudged(number, mode, "it is zero, and has neither growth nor frequency to be measured")
         overlap = complex(np.vdot(w, v))
         # Both have length 1 where components of y are of equal size.
         if abs(overlap) * DEFECTIVE < 1.0:
@@ -321,6 +340,48 @@ class _Excited:
             ]
         )
         return c, runs[0].steps * tol / amplitude
+
+    def neutral(self, exact: list[complex]) -> Drift:
+        """Return what the motion does when it starts along the neutral directions."""
+        frame, weights = self.frame, self.weights
+        matrix = frame.matrix * weights / weights[:, None]
+        if frame.period is None:
+            return drift.observed(matrix, exact, self._neutral_span(len(exact)), drift.flow, self._displaced)
+        multipliers = [complex(np.exp(s * frame.period)) for s in exact]
+        return drift.observed(matrix, multipliers, ROUNDS * frame.period, drift.powers, self._displaced)
+
+    def _neutral_span(self, count: int) -> float:
+        """Return how long motions along neutral directions are followed (s)."""
+        sizes = np.sort(np.abs(self.values))
+        fastest = max(float(sizes[-1]), self.speed, self.pace)
+        moving = sizes[count:][sizes[count:] > EQUAL * fastest]
+        slowest = float(moving[0]) if len(moving) else self.speed or self.pace
+        grown = float(np.max(self.values.real))
+        spans = [PERIODS * 2.0 * math.pi / slowest, LONGEST / fastest]
+        return min([*spans, GROWTHS / grown] if grown > AGREES * fastest else spans)
+
+    def _displaced(self, y0: Array, span: float, part: float) -> tuple[Array, Array] | str:
+        """Return times since the start (s), and how a motion differs that starts displaced, shape (n_t, n)."""
+        frame, start, sizes = self.frame, self.motion.time, self.motion.sizes
+        count = NEUTRAL_SAMPLES if frame.period is None else ROUNDS + 1
+        times = np.asarray(np.linspace(start, start + span, count), dtype=np.float64)
+        y = self.weights * y0
+        dq, du = frame.to_q @ y, frame.to_u @ y
+        rate = max(self.speed, self.pace)
+        # What drifts must not leave the linear range within the span.
+        extent = float(np.max(np.abs(dq / sizes))) + float(np.max(np.abs(du / sizes))) * max(1.0 / rate, span)
+        size = part * AMPLITUDE / extent
+        tol = max(TOLERANCE * part, LEAST_TOLERANCE)
+        runs = []
+        for sign in (1.0, -1.0):
+            run = self._followed(times, sign * size * dq, sign * size * du, complex(rate), tol)
+            if isinstance(run, str):
+                return run
+            runs.append(run)
+        (q, u), (q_less, u_less) = (states(run.samples) for run in runs)
+        differences = zip(times.tolist(), 0.5 * (q - q_less), 0.5 * (u - u_less), strict=True)
+        found = [frame.components(t, dq, du) / (size * self.weights) for t, dq, du in differences]
+        return times - start, np.array(found)
 
     def _times(self, s: complex) -> Array:
         """Return the times of output for a mode with the eigenvalue s (s)."""
@@ -453,12 +514,14 @@ def _line(times: Array, values: Complex, weights: Array) -> tuple[complex, float
     return complex(found[1]), float(np.sqrt(np.mean(np.abs(away) ** 2)))
 
 
-def _overall(result: EigenResult, modes: list[Observation]) -> tuple[str, str]:
+def _overall(result: EigenResult, modes: list[Observation], neutral: Drift | None) -> tuple[str, str]:
     """Return the verdict on the verdict."""
     wrong = [m for m in modes if m.verdict == "contradicted"]
     if wrong:
         names = ", ".join(str(m.number) for m in wrong)
         return "contradicted", f"mode{'s' if len(wrong) > 1 else ''} {names}: {wrong[0].reason}"
+    if neutral is not None and neutral.verdict == "contradicted":
+        return "contradicted", neutral.reason
     if result.verdict == "undecided":
         return "cannot be judged", "the linearized equations decide nothing that could be verified"
     growing = [m for m in modes if m.verdict == "confirmed" and m.observed.real > BLURRED * m.uncertainty]
@@ -468,10 +531,13 @@ def _overall(result: EigenResult, modes: list[Observation]) -> tuple[str, str]:
     unknown = [m for m in modes if m.verdict != "confirmed"]
     if unknown:
         return "cannot be judged", f"mode {unknown[0].number}: {unknown[0].reason}"
-    if not modes:
+    if not modes and neutral is None:
         return "cannot be judged", "there is no mode that could be excited"
     if result.verdict == "unstable":
         return "cannot be judged", "no single mode grows in the nonlinear motion: what is unstable was not excited"
-    neutral = "; neutral directions were not tried" if result.counts.neutral else ""
+    if neutral is not None and neutral.verdict != "confirmed":
+        return "cannot be judged", f"neutral directions: {neutral.reason}"
     what = "all modes decay" if result.verdict == "asymptotically stable" else "no mode grows"
-    return "confirmed", f"{what} in the nonlinear motion, within the time it was followed{neutral}"
+    if neutral is not None:
+        what += " and neutral directions do what the linearized equations say"
+    return "confirmed", f"{what} in the nonlinear motion, within the time it was followed"

@@ -112,8 +112,6 @@ class Animation:
         for name, number in (("fps", fps), ("speed", speed)):
             if number is not None and not (math.isfinite(number) and number > 0.0):
                 raise UsageError(f"--{name} must be a positive number, not {number:g}")
-        if mode is not None and speed is not None:
-            raise UsageError("--speed is for motions: a mode takes 2 s for a period, whatever it is")
         from mbstab.report import animation
 
         fps = animation.FPS if fps is None else fps

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
 from mbstab.errors import OutputError, UsageError
 from mbstab.report.files import whole_file
@@ -84,6 +85,35 @@ def parse_settings(settings: tuple[str, ...], option: str = "--set") -> dict[str
             raise UsageError(f"{option} {name} is given twice")
         found[name] = value.strip()
     return found
+
+
+def refuse_given(names: tuple[str, ...], where: str) -> None:
+    """Refuse options that would be passed over.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Parameters of the command that has been called.
+    where : str
+        What makes them pointless, such as ``with --step``.
+
+    Raises
+    ------
+    UsageError
+        If one of them is on the command line.
+    """
+    context = click.get_current_context()
+    given = [
+        parameter.opts[0]
+        for parameter in context.command.params
+        if parameter.name in names and context.get_parameter_source(parameter.name) is ParameterSource.COMMANDLINE
+    ]
+    if given:
+        listed = ", ".join(given)
+        raise UsageError(
+            f"{listed} {'has' if len(given) == 1 else 'have'} no effect {where}\n"
+            f"hint: leave {'it' if len(given) == 1 else 'them'} out"
+        )
 
 
 def note(text: str) -> None:

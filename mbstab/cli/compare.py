@@ -14,6 +14,7 @@ from mbstab.cli.common import (
     output_option,
     parse_settings,
     progress_bar,
+    refuse_given,
     save_picture,
     set_option,
     warn,
@@ -70,6 +71,10 @@ def compare(
 
     Example: mbstab compare governor.yaml --tol 1e-10
     """
+    if simulate:
+        refuse_given(("digits",), "with --simulate")
+    else:
+        refuse_given(("to", "disturbances"), "without --simulate")
     mechanism = load_model(file)
     model = mechanism.model
     if picture is not None:
@@ -77,8 +82,6 @@ def compare(
     if simulate:
         _integrators(mechanism, parse_settings(settings), to, disturbances, tolerance, picture, format_, output)
         return
-    if to is not None or disturbances:
-        raise UsageError("--to and --perturb go with --simulate")
     with progress_bar("comparing") as progress:
         result = mechanism.compare(digits, tolerance, progress, **parse_settings(settings))
     warn(result.truth.warnings)

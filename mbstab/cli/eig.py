@@ -60,7 +60,8 @@ REQUIRED = {
 @click.option(
     "--verify",
     is_flag=True,
-    help="Excite each mode of the nonlinear motion a little; set its growth rate and frequency beside the eigenvalue.",
+    help="Excite each mode of the nonlinear motion a little; set its growth rate and frequency beside the eigenvalue. "
+    "Exit with 3 if it contradicts.",
 )
 @click.option("--require", type=click.Choice(tuple(REQUIRED)), help="Exit with 3 unless at least this stable.")
 @format_option("table", "json", "csv")
@@ -166,7 +167,7 @@ def _verify(
     format_: str,
     output: Path | None,
 ) -> None:
-    """Write the eigenvalues, and what the nonlinear motion says about them."""
+    """Write the eigenvalues, and what the nonlinear motion says about them; the exit code is 3 if it contradicts."""
     from mbstab.report.verification import verification_data, verification_text
 
     with progress_bar("exciting modes") as progress:
@@ -183,6 +184,8 @@ def _verify(
 
         text = f"{eigen_text(found.result, model.title)}\n{verification_text(found)}"
     write(text, output, model.name)
+    if found.verdict == "contradicted":
+        raise ExpectationError(f"the nonlinear motion contradicts the eigenvalues: {found.reason}")
     _demand(require, found.result.verdict)
 
 

@@ -39,7 +39,8 @@ def main() -> None:
 
     FILE is a model file (YAML); a name that is no file is looked up among the example models.
     Answers go to the terminal or to --output, messages to stderr. Exit codes: 0 answered,
-    1 the computation failed, 2 the file or the command line is wrong, 3 an expectation did not hold.
+    1 the computation failed, 2 the file or the command line is wrong, 3 an expectation did not hold
+    or --verify contradicts.
     """
     one_thread_by_default()
 

@@ -24,6 +24,7 @@ from mbstab.cli.common import (
     picture_stem,
     pictures_option,
     progress_bar,
+    refuse_given,
     save_picture,
     set_option,
     show,
@@ -40,6 +41,23 @@ if TYPE_CHECKING:
 FORMATS = ("table", "json", "csv", "npz")
 METHODS = ("projection", "alpha", "radau")
 SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
+
+
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """Let a request to terminate stop the command as Ctrl-C does: no half file is left."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(number: int, frame: Any) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @click.command()
@@ -101,6 +119,7 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
     "--format", "format_", type=click.Choice(FORMATS), help="Of the data; told by the suffix of --output, else table."
 )
 @output_option
+@_terminable()
 def simulate(
     file: str,
     to: float | None,
@@ -130,6 +149,7 @@ def simulate(
 
     Example: mbstab simulate pendulum.yaml --perturb rod.theta=pi/4 --to 20 -o pendulum.csv
     """
+    _check_options(animation["mode"] is not None, step is not None, bool(plots))
     format_ = format_ or _format_of(output)
     check_output(output)
     if format_ == "npz" and output is None:
@@ -144,17 +164,12 @@ def simulate(
     if movie is not None:
         movie.check(mechanism.system(**parameters))
         if movie.mode is not None:
-            if to is not None or start is not None or perturb or pictures or output is not None:
-                raise UsageError(
-                    "--mode-shape shows the linear mode: nothing is simulated, perturbed, plotted or stored"
-                )
-            with _terminable():
-                movie.write_mode(mechanism, **parameters)
+            movie.write_mode(mechanism, **parameters)
             return
         count = points or movie.points(mechanism.system(**parameters), start, to)
     stopped: SimulationError | None = None
     try:
-        with _terminable(), progress_bar("simulating") as progress:
+        with progress_bar("simulating") as progress:
             result = mechanism.simulate(
                 to=to,
                 start=start,
@@ -181,10 +196,26 @@ def simulate(
     if movie is not None and not (result.complete or result.failure):
         note("not animated, as the simulation was stopped")
     elif movie is not None:
-        with _terminable():
-            movie.write_motion(mechanism.system(**parameters), result, model.title)
+        movie.write_motion(mechanism.system(**parameters), result, model.title)
     if stopped is not None:
         raise stopped
+
+
+SIMULATED = (
+    "to", "start", "method", "solver", "tol", "step", "compiled", "once", "points", "disturbances", "through_singular",
+    "strict", "plots", "place", "format_", "output", "speed",
+)  # fmt: skip
+"""Options of what a linear mode does without."""
+
+
+def _check_options(mode: bool, step: bool, plots: bool) -> None:
+    """Refuse options that would be passed over."""
+    if mode:
+        refuse_given(SIMULATED, "with --mode-shape, for which nothing is simulated: a mode takes 2 s, whatever it is")
+    if step:
+        refuse_given(("tol", "once"), "with --step: one run with fixed steps has no tolerance")
+    if not plots:
+        refuse_given(("place",), "without --plot")
 
 
 def _write(result: Simulation, format_: str, output: Path | None, name: str, title: str) -> None:
@@ -238,20 +269,3 @@ def _format_of(output: Path | None) -> str:
         known = ", ".join(f".{x}" for x in FORMATS[1:])
         raise UsageError(f"--output {output}: the suffix says no format\nhint: {known}, or --format")
     return suffix or "csv"
-
-
-@contextlib.contextmanager
-def _terminable() -> Iterator[None]:
-    """Let a request to terminate stop the simulation as Ctrl-C does."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def stop(number: int, frame: Any) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

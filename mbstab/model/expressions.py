@@ -238,7 +238,10 @@ class _Parser:
         root = self._sum()
         kind, token, at = self.tokens[self.index]
         if kind != "end":
-            raise ExpressionError(f"unexpected {token!r} in an expression", at)
+            hint = "multiplication is written *" if kind == "number" or token == "(" else ""
+            if kind == "name":
+                hint = f"write *{token} for a product; a number stands alone, in SI units, degrees as 30*deg"
+            raise ExpressionError(f"unexpected {token!r} in an expression", at, hint)
         self._check_chains(root)
         return root
 

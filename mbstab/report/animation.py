@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
@@ -38,6 +39,7 @@ from mbstab.report.files import whole_file
 from mbstab.report.motion_plots import DASHES
 from mbstab.report.plots import FONT, INK, WIDTH, _legend, _minus, _style
 from mbstab.report.sketch import Outline, Plane, Sketch
+from mbstab.report.solids import Solid, hull
 
 FORMATS = (".gif", ".mp4")
 """What `write` writes, by suffix."""
@@ -66,6 +68,12 @@ FILLS = ("0.93", "0.80", "0.67", "0.86", "0.73")
 
 TALLEST, FLATTEST = 6.4, 2.2
 """Height of the picture without its margins (inches)."""
+
+FRAGMENTS = 40
+"""Lines in space are hidden in pieces not longer than this part of the mechanism."""
+
+TOUCHING = 2e-3
+"""What lies deeper behind a body than this part of the mechanism is hidden by it."""
 
 SUPPORT = Outlined([(0.0, 0.0), (-0.6, -1.0), (0.6, -1.0), (0.0, 0.0)])
 WINDINGS = 6
@@ -234,6 +242,9 @@ class Stage:
                 self.shift -= np.outer(self.shift @ sketch.up, sketch.up)
         self.follows = bool(follow)
         self._extent()
+        # Planar bodies lie in one plane: none is behind another.
+        skins = [k for k, piece in enumerate(sketch.pieces) if sketch.dimension == 3 and len(piece.outline.skin)]
+        self.solids = {k: Solid.of(sketch.pieces[k].outline.skin) for k in skins}
         with _style():
             self._build(title)
 
@@ -346,14 +357,18 @@ class Stage:
             [], colors="0.82" if self.sketch.dimension == 3 else "0.4", linewidths=0.7, zorder=1
         )
         self.bodies = PolyCollection([], closed=False, zorder=3)
-        self.springs = LineCollection([], colors="k", linewidths=1.0, zorder=3.5)
-        for collection in (self.ground, self.bodies, self.springs):
+        self.edges = LineCollection([], colors="k", zorder=3.4)
+        self.links = LineCollection([], colors="k", zorder=3.5)
+        for collection in (self.ground, self.bodies, self.edges, self.links):
             axes.add_collection(collection, autolim=False)
-        self.paths = [axes.plot([], [], **_path_style(k), zorder=4)[0] for k in range(len(self.traced))]
+        # In the plane paths lie below the bodies; in space they are hidden where they are behind one.
+        layer = 2.0 if self.sketch.dimension == 2 else 4.0
+        self.paths = [axes.plot([], [], **_path_style(k), zorder=layer)[0] for k in range(len(self.traced))]
         plain: dict[str, Any] = {"linestyle": "", "color": "k", "zorder": 5}
         grounded = [pin for pin in self.sketch.pins if pin.grounded]
         support = {**plain, "color": "0.35", "markerfacecolor": "0.75"}
         self.markers: list[tuple[Line2D, list[Marker]]] = []
+        self.behind: list[Line2D] = []
         for markers, style in (
             ([pin.place for pin in grounded], {**support, "marker": SUPPORT, "markersize": 13}),
             ([pin.place for pin in self.sketch.pins if pin.form == "o"], {**plain, "marker": "o", "markersize": 5}),
@@ -367,11 +382,15 @@ class Stage:
                 style = {**style, "zorder": 4.5}
             if markers:
                 self.markers.append((axes.plot([], [], **style)[0], markers))
+                # Behind a body they are not lost, but empty.
+                empty = {"markerfacecolor": "none", "markeredgecolor": "0.3", "markeredgewidth": 0.7}
+                self.behind.append(axes.plot([], [], **style | empty)[0])
         self.caption = axes.text(
             0.015, 0.98, "", transform=axes.transAxes, ha="left", va="top", fontsize=FONT + 1, zorder=7,
             bbox={"boxstyle": "square,pad=0.2", "facecolor": "w", "alpha": 0.85, "linewidth": 0},
         )  # fmt: skip
-        artists = [self.ground, self.bodies, self.springs, *self.paths, *(line for line, _ in self.markers)]
+        lines = [*(line for line, _ in self.markers), *self.behind]
+        artists = [self.ground, self.bodies, self.edges, self.links, *self.paths, *lines]
         self.artists = sorted([*artists, self.caption], key=lambda artist: artist.get_zorder())
         for artist in self.artists:
             artist.set_animated(True)
@@ -382,43 +401,95 @@ class Stage:
 
     def show(self, frame: int) -> None:
         """Move everything to where it is in a frame."""
-        shapes: list[tuple[float, Array, str, str, float]] = []
-        for number, piece in enumerate(self.sketch.pieces):
-            shapes += self._shapes(self.outline(number, frame), FILLS[piece.body % len(FILLS)], piece.width)
-        springs = []
+        placed = [self.outline(number, frame) for number in range(len(self.sketch.pieces))]
+        solids = {k: self._solid(k, solid, frame) for k, solid in self.solids.items()}
+        fills: list[tuple[Array, str, str, float]] = []
+        edges: list[tuple[Array, float]] = []
+        for k in self._order(solids) if solids else range(len(placed)):
+            if len(placed[k].skin):
+                fill = FILLS[self.sketch.pieces[k].body % len(FILLS)]
+                fills.append((hull(placed[k].skin @ self.across[:2].T), fill, "none" if solids else "k", 1.1))
+            if not solids:
+                width = self.sketch.pieces[k].width
+                fills += [(x @ self.across[:2].T, "none", "k", width) for x in placed[k].seen(self.across[2])]
+        if solids:
+            for k, piece in enumerate(self.sketch.pieces):
+                # A body without inside is drawn over what it is fixed to.
+                others = [
+                    x for j, x in solids.items() if j != k and (k in solids or self.sketch.pieces[j].body != piece.body)
+                ]
+                if k in solids:
+                    edges += [(x, 1.1) for x in self._visible(solids[k].rim, others)]
+                for stroke in placed[k].seen(self.across[2]):
+                    edges += [(x, piece.width) for x in self._visible(stroke, others)]
+        links: list[tuple[Array, float]] = []
+        everything = list(solids.values())
         for link, first, second in self.ends:
-            ends = np.array([first[frame], second[frame]]) @ self.across.T
-            if link.spring:
-                springs.append(_windings(ends[:, :2], 0.035 * self.width))
-            else:
-                shapes.append((float(ends[:, 2].mean()), ends[:, :2], "none", "k", 2.2))
-        shapes.sort(key=lambda shape: shape[0])
-        self.bodies.set_verts([shape[1] for shape in shapes], closed=False)
-        self.bodies.set_facecolor([shape[2] for shape in shapes])
-        self.bodies.set_edgecolor([shape[3] for shape in shapes])
-        self.bodies.set_linewidth([shape[4] for shape in shapes])
-        self.springs.set_segments(springs)
-        for line, paths in self.marked:
-            line.set_data(*(np.array([path[frame] for path in paths]) @ self.across[:2].T).T)
-        for line, path in zip(self.paths, self.traced.values(), strict=True):
-            line.set_data(*((path[: FINE * frame + 1] - self.shift[frame]) @ self.across[:2].T).T)
+            ends = np.array([first[frame], second[frame]])
+            shape = _windings(ends, 0.035 * self.width, self.across, self.sketch.dimension) if link.spring else ends
+            links += [(x, 1.0 if link.spring else 2.2) for x in self._visible(shape, everything)]
+        self.bodies.set_verts([shown[0] for shown in fills], closed=False)
+        self.bodies.set_facecolor([shown[1] for shown in fills])
+        self.bodies.set_edgecolor([shown[2] for shown in fills])
+        self.bodies.set_linewidth([shown[3] for shown in fills])
+        for lines, pieces in ((self.edges, edges), (self.links, links)):
+            lines.set_segments([x for x, _ in pieces])
+            lines.set_linewidth([width for _, width in pieces])
+        for (line, paths), empty in zip(self.marked, self.behind, strict=True):
+            places = np.array([path[frame] for path in paths])
+            covered = self._hidden(places, everything, inside=False)
+            line.set_data(*(places[~covered] @ self.across[:2].T).T)
+            empty.set_data(*(places[covered] @ self.across[:2].T).T)
+        for line, trail in zip(self.paths, self.traced.values(), strict=True):
+            gone = trail[: FINE * frame + 1] - self.shift[frame]
+            covered = self._hidden(gone, everything, inside=False)  # the point itself may be inside of its body
+            line.set_data(*np.where(covered, np.nan, self.across[:2] @ gone.T))
         if frame == 0 or self.follows:
             planes = (_ground(p, self, self.shift[frame]) for p in self.sketch.planes)
             self.ground.set_segments([line for lines in planes for line in lines])
         self.caption.set_text(self.frames.captions[frame])
 
-    def _shapes(self, outline: Outline, fill: str, width: float) -> list[tuple[float, Array, str, str, float]]:
-        """Return what is drawn of an outline: depth, points of the picture, face, edge, width of lines."""
+    def _solid(self, number: int, solid: Solid, frame: int) -> Solid:
+        """Return the solid of a piece where it is in a frame."""
+        body = self.sketch.pieces[number].body
+        return solid.placed(
+            self.frames.rotations[frame, body], self.frames.positions[frame, body] - self.shift[frame], self.across
+        )
+
+    def _order(self, solids: dict[int, Solid]) -> list[int]:
+        """Return solids such that the ones that cover others come after them."""
+        left = dict(sorted(solids.items(), key=lambda item: float((item[1].rim @ self.across[2]).mean())))
+        covers = {(a, b) for a in left for b in left if a != b and left[a].covers(left[b], self.across[2])}
         found = []
-        # With its skin an outline stays together, whatever is behind or before.
-        center = float((outline.skin @ self.across[2]).mean()) if len(outline.skin) else None
-        if center is not None:
-            found.append((center, _hull(outline.skin @ self.across[:2].T), fill, "k", 1.1))
-        for stroke in outline.seen(self.across[2]):
-            seen = stroke @ self.across.T
-            depth = float(seen[:, 2].mean()) if center is None else center
-            found.append((depth, seen[:, :2], "none", "k", width))
+        while left:
+            free = (a for a in left if not any((a, b) in covers for b in left))
+            found.append(next(free, next(iter(left))))  # what cover each other in a ring have no order
+            del left[found[-1]]
         return found
+
+    def _hidden(self, points: Array, solids: list[Solid], inside: bool = True) -> npt.NDArray[np.bool_]:
+        """Return which of points, shape (k, 3), are behind solids, or `inside` of them."""
+        covered, deep = np.zeros(len(points), dtype=bool), TOUCHING * self.width
+        for solid in solids:
+            first, last = solid.through(points, self.across[2])
+            # Before it the ray runs free, or it runs through what is thick.
+            passes = (last > first) & ((first > deep) | (last - np.maximum(first, 0.0) > deep))
+            covered |= passes & (inside | (first > -deep))
+        return covered
+
+    def _visible(self, line: Array, solids: list[Solid]) -> list[Array]:
+        """Return the parts of a line, shape (k, 3), that no solid hides, as they are seen, each of shape (m, 2)."""
+        if not solids:
+            return [line @ self.across[:2].T]
+        steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+        counts = np.maximum(np.ceil(steps * FRAGMENTS / self.width), 1).astype(int)
+        parts = [a + (b - a) * np.arange(n)[:, None] / n for a, b, n in zip(line[:-1], line[1:], counts, strict=True)]
+        fine = np.concatenate([*parts, line[-1:]])
+        covered = self._hidden(0.5 * (fine[1:] + fine[:-1]), solids)
+        seen = fine @ self.across[:2].T
+        changes = np.flatnonzero(np.diff(covered)) + 1
+        bounds = [0, *changes.tolist(), len(covered)]
+        return [seen[a : b + 1] for a, b in itertools.pairwise(bounds) if not covered[a]]
 
     def images(self) -> Iterator[Image.Image]:
         """Yield the frames as RGB images."""
@@ -453,30 +524,26 @@ def _view(sketch: Sketch, view: tuple[float, float]) -> Array:
     return np.array([right, np.cross(towards, right), towards])
 
 
-def _hull(points: Array) -> Array:
-    """Return the convex hull of points in the plane, shape (k, 2), its first point again at the end."""
-    order = points[np.lexsort((points[:, 1], points[:, 0]))].tolist()
-    halves: list[list[float]] = []
-    for run in (order, order[::-1]):
-        half: list[list[float]] = []
-        for p in run:
-            while len(half) > 1 and (
-                (half[-1][0] - half[-2][0]) * (p[1] - half[-2][1]) <= (half[-1][1] - half[-2][1]) * (p[0] - half[-2][0])
-            ):
-                half.pop()
-            half.append(p)
-        halves += half[:-1]
-    return np.array([*halves, halves[0]] if halves else order)
-
-
-def _windings(ends: Array, width: float) -> Array:
-    """Return a zigzag between two points of the picture."""
+def _windings(ends: Array, width: float, view: Array, dimension: int) -> Array:
+    """Return a spring between two points in space, shape (k, 3): a zigzag in the plane, else a helix."""
     along = ends[1] - ends[0]
-    length = float(np.hypot(*along)) or 1e-300
-    across = width * np.array([-along[1], along[0]]) / length
-    parts = np.linspace(0.2, 0.8, 2 * WINDINGS + 1)
-    sides = np.array([0.0, *([1.0, -1.0] * WINDINGS)[:-1], 0.0])
-    inner = ends[0] + parts[:, None] * along + sides[:, None] * across
+    length = float(np.linalg.norm(along)) or 1e-300
+    across = np.cross(view[2], along)
+    if np.linalg.norm(across) < 1e-6 * length:  # seen along its axis
+        across = np.cross(view[0], along)
+    across *= width / (float(np.linalg.norm(across)) or 1e-300)
+    if dimension == 2:
+        parts = np.linspace(0.2, 0.8, 2 * WINDINGS + 1)
+        sides = np.array([0.0, *([1.0, -1.0] * WINDINGS)[:-1], 0.0])[:, None] * across
+    else:
+        turns = np.linspace(0.0, WINDINGS, 16 * WINDINGS + 1)
+        parts = 0.2 + 0.6 * turns / WINDINGS
+        angle, wide = (
+            2.0 * math.pi * turns[:, None],
+            np.minimum(2.0 * np.minimum(turns, WINDINGS - turns), 1.0)[:, None],
+        )
+        sides = wide * (np.sin(angle) * across + np.cos(angle) * np.cross(across, along) / length)
+    inner = ends[0] + parts[:, None] * along + sides
     return np.vstack([ends[0], inner, ends[1]])
 
 
@@ -645,9 +712,21 @@ def _write_gif(stream: BinaryIO, images: Iterator[Image.Image], fps: float) -> N
 def _write_mp4(stream: BinaryIO, images: Iterator[Image.Image], fps: float) -> None:
     """Give frames to ffmpeg, which writes to the place of the stream."""
     first = next(images)
-    source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{first.width}x{first.height}", "-r", f"{fps:g}", "-i", "-"]
+    source = [
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        "rgb24",
+        "-s",
+        f"{first.width}x{first.height}",
+        "-r",
+        f"{fps:.12g}",
+        "-i",
+        "-",
+    ]
     command = ["ffmpeg", "-y", "-loglevel", "error", *source, "-an", "-pix_fmt", "yuv420p", "-f", "mp4", stream.name]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+    # In a session of its own it does not get the Ctrl-C of the terminal, which ends it here.
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as process:
         assert process.stdin is not None
         assert process.stderr is not None
         try:

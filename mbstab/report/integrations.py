@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def integrations_text(result: Integrations, title: str) -> str:
     """Return the answer of ``mbstab compare --simulate`` as text."""
     lines = [title, ""] if title else []
-    heads = ["integrator", "tolerance\nof a step", "error at\nthe end", "time\n(ms)", "steps", "evalua-\ntions"]
+    heads = ["integrator", "tolerance\nof a step", "global\nerror", "time\n(ms)", "steps", "evalua-\ntions"]
     heads += ["energy", "constraints"]
     lines.append(table(heads, [_row(x) for x in result.runs], left=(0,)))
     failures = {
@@ -30,12 +30,12 @@ def integrations_text(result: Integrations, title: str) -> str:
         + (f", disturbed by {disturbed}" if disturbed else "")
     )
     lines += _filled(
-        f"error: of places, orientations and speeds, against {result.reference} with the smallest tolerance, which is "
-        f"known to {result.known:.0e}"
+        f"error: the largest of places, orientations and speeds at any time, as mbstab simulate counts it; against "
+        f"{result.reference}, whose error is estimated at {result.known:.0e}"
     )
     lines += _filled(
         "energy: largest imbalance, relative to what goes to and fro; constraints: largest residual after a step; "
-        "time: of one run with this tolerance, without control of the error at the end"
+        "time: of one run with this tolerance, without control of the global error"
     )
     if result.chosen is not None:
         x = result.chosen
@@ -61,10 +61,10 @@ def _filled(text: str) -> list[str]:
 def integrations_data(result: Integrations, model: str, title: str) -> dict[str, Any]:
     """Return the JSON object of ``mbstab compare --simulate``.
 
-    Keys: ``model``, ``title``, ``start`` and ``end`` (s), ``disturbance``, ``reference`` (an integrator), ``known`` (to
-    what the reference is), ``tolerance``, ``chosen`` (``method``, ``solver``, ``tol``) and ``runs``. Of each run:
-    ``method``, ``solver``, ``tol`` (of a step), ``error``, ``seconds``, ``evaluations``, ``steps``, ``rejected``,
-    ``energy`` and ``constraints`` (relative drift), ``failure``; null where there is no end.
+    Keys: ``model``, ``title``, ``start`` and ``end`` (s), ``disturbance``, ``reference`` (an integrator), ``known``
+    (the estimate of its global error), ``tolerance``, ``chosen`` (``method``, ``solver``, ``tol``) and ``runs``. Of
+    each run: ``method``, ``solver``, ``tol`` (of a step), ``error``, ``seconds``, ``evaluations``, ``steps``,
+    ``rejected``, ``energy`` and ``constraints`` (relative drift), ``failure``; null where there is no end.
     """
     chosen = result.chosen
     return {

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,12 @@ MOST = 12
 
 DASHES = ("-", (0, (5.0, 2.0)), (0, (1.2, 1.6)), (0, (7.0, 2.0, 1.5, 2.0)))
 """Styles of curves; with the three inks in turn they make `MOST` different ones."""
+
+BROAD: dict[str, Any] = {"color": "0.75", "linestyle": "-", "linewidth": 4.5}
+"""Style of a curve below others."""
+
+LITTLE = 0.5
+"""Kinetic energy that changes by less than this part of its largest value is counted from its least one, too."""
 
 FLAT = 1e-11
 """What varies by less than this part of its size is rounding, and is drawn as constant."""
@@ -84,11 +90,22 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Panel:
-    """Curves with the same unit over time; `title` if it is not that of `TITLES`."""
+    """Curves with the same unit over time.
+
+    Attributes
+    ----------
+    curves : tuple of Quantity
+    title : str
+        What is written at its axis, if it is not that of `TITLES`.
+    logarithmic : bool
+    beneath : str
+        Name of a curve that is drawn broad and pale below the others, with which it may coincide.
+    """
 
     curves: tuple[Quantity, ...]
     title: str = ""
     logarithmic: bool = False
+    beneath: str = ""
 
     @property
     def text(self) -> str:
@@ -207,20 +224,21 @@ GROUPS: dict[str, tuple[Panel, ...]] = {
                 WORDS["kinetic"],
                 # Its zero is arbitrary: from the least value on its change is seen beside the kinetic energy.
                 Quantity("potential", "J", lambda sim: _above(sim.potential), "potential energy above its least"),
-                Quantity("total", "J", lambda sim: sim.kinetic + _above(sim.potential), "sum of both"),
+                Quantity("sum", "J", lambda sim: sim.kinetic + _above(sim.potential), "sum of both"),
                 WORDS["work"],
             ),
             "energy",
+            beneath="sum",
         ),
         Panel((WORDS["drift"],), "energy drift"),
     ),
     "residuals": (
         Panel(
             (
-                Quantity("position", "", lambda sim: sim.residuals[:, 0], "positions (zeros left out)"),
+                Quantity("position", "", lambda sim: sim.residuals[:, 0], "positions"),
                 Quantity("velocity", "", lambda sim: sim.residuals[:, 1], "velocities"),
             ),
-            "largest relative residual",
+            "largest relative residual, if not 0",
             True,
         ),
     ),
@@ -319,7 +337,7 @@ def draw(picture: Picture, sim: Simulation, title: str) -> Figure:
 
 
 def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
-    shown = [Panel(_at_work(panel, sim), panel.title, panel.logarithmic) for panel in picture.panels]
+    shown = [replace(panel, curves=_at_work(panel, sim)) for panel in picture.panels]
     heights = [3.6] if len(shown) == 1 else [2.4] * 2 if len(shown) == 2 else [1.75] * len(shown)
     figure, axes = _frame(title, heights)
     handles: list[Artist] = []
@@ -328,13 +346,16 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
         values = [np.asarray(curve.values(sim), dtype=float) for curve in panel.curves]
         base = _common(np.concatenate(values)) if not panel.logarithmic else 0.0
         for curve, y in zip(panel.curves, values, strict=True):
-            style = _curve_style(number if len(values) > 1 else 0)
+            below = curve.name == panel.beneath
+            style = BROAD if below else _curve_style(number if len(values) > 1 else 0)
             if panel.logarithmic:
-                here.plot(*_decimated(sim.times[y > 0.0], y[y > 0.0]), **style | {"linewidth": 0.9}, zorder=3)
+                # A gap where it is zero; points tell what stands alone between gaps.
+                points = _decimated(sim.times, np.where(y > 0.0, y, np.nan))
+                here.plot(*points, **style | {"linewidth": 0.9}, marker=".", markersize=2.0, zorder=3)
             else:
-                here.plot(*_decimated(sim.times, y - base), **style, zorder=3)
+                here.plot(*_decimated(sim.times, y - base), **style, zorder=2.5 if below else 3)
             if len(values) > 1:
-                number += 1
+                number += not below
                 handles.append(Line2D([], [], **style, label=curve.label))
         text = panel.text
         if not panel.logarithmic:
@@ -357,9 +378,21 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
 
 
 def _at_work(panel: Panel, sim: Simulation) -> tuple[Quantity, ...]:
-    """Return the curves of a panel, without the work that is not done."""
+    """Return the curves of a panel, without the work that is not done; all energies at a scale at which they change."""
     idle = sim.conservative and len(panel.curves) > 1
-    return tuple(curve for curve in panel.curves if not (idle and curve is WORDS["work"]))
+    curves = (curve for curve in panel.curves if not (idle and curve is WORDS["work"]))
+    if panel.beneath != "sum" or not FLAT * np.max(sim.kinetic) < np.ptp(sim.kinetic) < LITTLE * np.max(sim.kinetic):
+        return tuple(curves)
+    least = float(np.min(sim.kinetic))
+    kinetic = Quantity("kinetic", "J", lambda sim: sim.kinetic - least, f"kinetic energy less {least:.6g} J")
+    return tuple(
+        kinetic
+        if curve is WORDS["kinetic"]
+        else replace(curve, values=lambda sim: sim.kinetic - least + _above(sim.potential))
+        if curve.name == "sum"
+        else curve
+        for curve in curves
+    )
 
 
 def _draw_phases(picture: Picture, sim: Simulation, title: str) -> Figure:

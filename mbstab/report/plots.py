@@ -357,7 +357,7 @@ def work_precision(result: Comparison, title: str) -> Figure:
 
 
 def integrator_precision(result: Integrations, title: str) -> Figure:
-    """Return error at the end against time, one line for each integrator, a point for each tolerance."""
+    """Return global error against time, one line for each integrator, a point for each tolerance."""
     looks = (("o", "-"), ("s", "-"), ("^", "--"), ("v", "--"), ("D", ":"), ("P", ":"))
     with _style():
         figure, (axes,) = _frame(title, heights=(4.4,))
@@ -373,17 +373,17 @@ def integrator_precision(result: Integrations, title: str) -> Figure:
                 axes.plot(*zip(*points, strict=True), **look)
                 handles.append(Line2D([], [], label=name, **look))
         if result.chosen is not None:
-            axes.plot(
-                1e3 * result.chosen.seconds, max(result.chosen.error, EXACT), "o", color="k", markersize=3, zorder=5
-            )
+            chosen: dict[str, Any] = {"color": "k", "linestyle": "", "marker": "o", "markersize": 3}
+            axes.plot(1e3 * result.chosen.seconds, max(result.chosen.error, EXACT), **chosen, zorder=5)
+            handles.append(Line2D([], [], **chosen, label="chosen"))
         if result.tolerance is not None:
             axes.axhline(result.tolerance, color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, zorder=1)
             handles.append(Line2D([], [], color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, label="tolerance"))
         if result.known > EXACT:
             axes.axhline(result.known, color="0.4", linewidth=1.0, linestyle=":", zorder=1)
-            handles.append(Line2D([], [], color="0.4", linewidth=1.0, linestyle=":", label="reference known to"))
+            handles.append(Line2D([], [], color="0.4", linewidth=1.0, linestyle=":", label="reference (estimate)"))
         axes.set_xlabel("time of a run (ms)")
-        axes.set_ylabel(f"error at t = {result.end:g} s")
+        axes.set_ylabel(f"global error until t = {result.end:g} s")
         _legend(figure, handles)
         return figure
 

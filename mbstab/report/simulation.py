@@ -133,13 +133,23 @@ def simulation_json(sim: Simulation, model: str, title: str, full: bool) -> str:
     return to_json(data)
 
 
+STILL = 1e-9
+"""A motion within this part of the sizes is none."""
+
+NOTHING = 1e-12
+"""What is smaller than this part of its size is shown as 0 in the summary; files have it as it is."""
+
+
 def simulation_text(sim: Simulation, title: str) -> str:
     """Return the summary of ``mbstab simulate``."""
+    import numpy as np
+
     lines = [title, ""] if title else []
     rows = []
     for i, (name, unit) in enumerate(zip(sim.names, _units(sim), strict=True)):
-        q, u = sim.q[:, i], sim.u[:, i]
-        values = [number(float(x), 8) for x in (q[0], q[-1], q.min(), q.max(), u[-1])]
+        q, u, size = sim.q[:, i], sim.u[:, i], float(sim.sizes[i])
+        rate = max(float(np.max(np.abs(u))), size / float(sim.times[-1] - sim.times[0] or 1.0))
+        values = [_shown(x, size) for x in (q[0], q[-1], q.min(), q.max())] + [_shown(u[-1], rate)]
         rows.append([name, unit, *values, f"{unit}/s"])
     heads = ["coordinate", "unit", "at first", "at last", "least", "largest", "last rate", ""]
     shown = rows if len(rows) <= 40 else rows[:40]
@@ -156,13 +166,21 @@ def simulation_text(sim: Simulation, title: str) -> str:
         f"work done     {steps}, {sim.evaluations} evaluations in {counted(sim.runs, 'run')}",
         f"error         {_error(sim)}",
         f"constraints   largest residual {sim.max_constraint_residual:.1e} of the sizes in the scene",
-        f"energy        {_energy(sim)}",
+        *wrap(f"energy        {_energy(sim)}", width=WIDTH, subsequent_indent=" " * 14),
     ]
     if sim.charts:
         lines.append(f"orientation   Euler angles replaced by others {counted(sim.charts, 'time')}")
+    if np.all(np.ptp(sim.q, axis=0) <= STILL * sim.sizes):
+        text = "nothing moves: the motion starts at rest, and all is in balance there"
+        lines += ["", *wrap(f"{text}; --perturb, such as mode:1=0.1, or initial: in the file disturb it", width=WIDTH)]
     if not sim.complete:
         lines += ["", *wrap(f"ended early, at t = {number(float(sim.times[-1]), 9)} s", width=WIDTH)]
     return "\n".join(lines) + "\n"
+
+
+def _shown(value: float, size: float) -> str:
+    """Return a number with eight digits; rounding of its size is 0."""
+    return number(0.0 if abs(value) <= NOTHING * size else float(value), 8)
 
 
 def _error(sim: Simulation) -> str:
@@ -173,4 +191,6 @@ def _error(sim: Simulation) -> str:
 
 def _energy(sim: Simulation) -> str:
     what = "kinetic + potential drift" if sim.conservative else "kinetic + potential - work drift"
-    return f"{what} by {sim.energy_drift:.1e} of {number(sim.energy_scale, 4)} J"
+    largest = " or change of potential energy" if sim.conservative else ", change of potential energy or work"
+    size = f"{number(sim.energy_scale, 4)} J, the largest kinetic energy{largest}"
+    return f"{what} by {sim.energy_drift:.1e} of {size}"

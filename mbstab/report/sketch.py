@@ -152,13 +152,18 @@ def _ellipsoid(a: float, b: float, c: float) -> Outline:
 
 
 def _torus(radius: float, tube: float) -> Outline:
-    around = [_circle(radius + tube), _circle(radius - tube), _circle(radius, tube), _circle(radius, -tube)]
-    ring = _circle(tube)
-    sections = []
-    for angle in np.linspace(0.0, 2.0 * math.pi, 16, endpoint=False):
-        across = radius + ring[:, 0]
-        sections.append(np.column_stack([across * math.cos(angle), across * math.sin(angle), ring[:, 1]]))
-    return Outline((*around, *sections))
+    # Each circle with its outward normals: around the hole, and around the tube.
+    angle = np.linspace(0.0, 2.0 * math.pi, ROUND)
+    around = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(ROUND)])
+    up = np.tile([0.0, 0.0, 1.0], (ROUND, 1))
+    normals = (math.cos(a) * around + math.sin(a) * up for a in np.linspace(0.0, 2.0 * math.pi, 8, endpoint=False))
+    circles = [(radius * around + tube * normal, normal) for normal in normals]
+    for turned in np.linspace(0.0, 2.0 * math.pi, 16, endpoint=False):
+        out = np.array([math.cos(turned), math.sin(turned), 0.0])
+        normal = np.outer(np.cos(angle), out) + np.outer(np.sin(angle), (0.0, 0.0, 1.0))
+        circles.append((radius * out + tube * normal, normal))
+    arcs = [(x[k : k + 5], n[k + 2 : k + 3]) for x, n in circles for k in range(0, ROUND - 1, 4)]
+    return Outline(tuple(x for x, _ in arcs), normals=tuple(n for _, n in arcs))
 
 
 OUTLINES: dict[str, Callable[..., Outline]] = {

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.verify import BLURRED
+from mbstab.errors import counted
 from mbstab.report import WIDTH
 from mbstab.report.tables import number, table
 
 if TYPE_CHECKING:
+    from mbstab.analysis.drift import Drift
     from mbstab.analysis.verify import Observation, Verification
 
 
@@ -20,6 +23,8 @@ def verification_text(found: Verification) -> str:
     if found.modes:
         lines.append(table(heads, [_row(x) for x in found.modes], left=(6,)))
         lines += _filled(_footer(found)) if any(x.observed == x.observed for x in found.modes) else []
+    if found.neutral is not None:
+        lines += _filled(_neutral(found.neutral))
     reasons = {x.reason: x.number for x in reversed(found.modes) if x.reason and x.reason not in found.reason}
     for reason, first in sorted(reasons.items(), key=lambda item: item[1]):
         lines += _filled(f"mode {first}: {reason}")
@@ -35,6 +40,23 @@ def _footer(found: Verification) -> str:
     return (
         f"confirmed: real and imaginary part each within {BLURRED:g} times what they are known to, and growth seen; "
         f"amplitude {amplitude} of the sizes in the scene"
+    )
+
+
+def _neutral(x: Drift) -> str:
+    """Return what is seen along the neutral directions."""
+    many = counted(x.count, "neutral direction")
+    if x.verdict == "cannot be judged":
+        return f"{many}: not judged: {x.reason}"
+    if x.verdict == "contradicted":
+        return f"{many}: contradicted: {x.reason}"
+    moving = x.count - x.staying
+    how = {-1: "with the turning frame", 1: "in proportion to time"}.get(x.power, f"with the power {x.power} of time")
+    ways = [f"{x.staying} {'stay' if x.staying > 1 else 'stays'}"] if x.staying else []
+    ways += [f"{moving} {'drift' if moving > 1 else 'drifts'} {how}"] if moving else []
+    return (
+        f"{many} tried: {', '.join(ways)}, as the linearized equations say, to {x.error:.0e} of the displacement in "
+        f"{number(x.span, 3)} s"
     )
 
 
@@ -60,14 +82,18 @@ def verification_data(found: Verification) -> dict[str, Any]:
     """Return the JSON object ``verification`` of ``mbstab eig --verify``.
 
     Keys: ``verdict`` (``confirmed``, ``contradicted``, ``cannot be judged``), ``reason``, ``evaluations``,
-    ``modes``. Of each mode: ``number``, ``kind``, ``predicted`` and ``observed`` (``real`` and ``imag`` in 1/s; null
-    where nothing was observed), ``error`` (relative), ``uncertainty`` (1/s), ``span`` (s), ``amplitude`` (of the
-    sizes in the scene), ``verdict``, ``reason``.
+    ``modes``, ``neutral`` (null without neutral eigenvalues). Of each mode: ``number``, ``kind``, ``predicted`` and
+    ``observed`` (``real`` and ``imag`` in 1/s; null where nothing was observed), ``error`` (relative),
+    ``uncertainty`` (1/s), ``span`` (s), ``amplitude`` (of the sizes in the scene), ``verdict``, ``reason``. Of the
+    neutral directions: ``count``, ``staying`` (along which displaced motions stay), ``power`` (of time, with which the
+    others drift; -1 if they turn with a frame), ``error`` (largest difference from the prediction, of the
+    displacement), ``span`` (s), ``verdict``, ``reason``.
     """
     return {
         "verdict": found.verdict,
         "reason": found.reason,
         "evaluations": found.evaluations,
+        "neutral": None if found.neutral is None else asdict(found.neutral),
         "modes": [
             {
                 "number": x.number,

@@ -1,0 +1,172 @@
+"""Neutral directions against the nonlinear motion: what is displaced along them stays, or drifts as predicted.
+
+They span the invariant subspace of the zero eigenvalues (and of the pairs that a turning frame makes of them), in
+which y(t) = exp(A t) y(0) is a power of time, or turns. Each of its directions is excited; what is seen is compared
+with this.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbstab.compiler.system import Array
+
+AGREES = 1e-4
+"""Part of the largest displacement by which a motion may differ from the prediction, and is confirmed."""
+
+REPEATED = 0.1
+"""Amplitude of a repeated motion, relative to the first, and the part by which the differences of both may differ."""
+
+APART = 0.05
+"""Distance of the neutral eigenvalues from their exact values, relative to that of the next one, at most."""
+
+STAYS = 1e-6
+"""What moves by less than this part of its displacement stays."""
+
+
+AMPLITUDES = "what is seen along them depends on the amplitude"
+
+
+@dataclass(frozen=True)
+class Drift:
+    """What the nonlinear motion does along the neutral directions.
+
+    Attributes
+    ----------
+    count, staying : int
+        Number of the directions, and of those along which a displaced motion stays where it is.
+    power : int
+        Of time, with which the others grow at most; 0 if all stay, -1 if they turn with a frame.
+    error : float
+        Largest difference from the prediction, relative to the largest displacement of the same motion; nan where
+        they were not tried.
+    span : float (s)
+        How long motions were followed.
+    verdict : str
+        ``confirmed``, ``contradicted`` or ``cannot be judged``.
+    reason : str
+        Why not confirmed, or empty.
+    """
+
+    count: int
+    staying: int
+    power: int
+    error: float
+    span: float
+    verdict: str
+    reason: str = ""
+
+
+def flow(matrix: Array, times: Array) -> list[Array]:
+    """Return exp(A t) at times, each of shape (n, n)."""
+    from scipy.linalg import expm
+
+    return [np.asarray(expm(matrix * t)) for t in times]
+
+
+def powers(matrix: Array, times: Array) -> list[Array]:
+    """Return the powers of a monodromy matrix, one more at every time."""
+    return [np.linalg.matrix_power(matrix, k) for k in range(len(times))]
+
+
+def untried(count: int, reason: str) -> Drift:
+    """Return what is known without a motion."""
+    return Drift(count, 0, 0, math.nan, math.nan, "cannot be judged", reason)
+
+
+def invariant_subspace(matrix: Array, exact: Sequence[complex]) -> Array | None:
+    """Return an orthonormal basis of the invariant subspace whose eigenvalues are, but for rounding, the given ones.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n, n)
+    exact : sequence of complex
+        With their multiplicity.
+
+    Returns
+    -------
+    ndarray, shape (n, len(exact)), or None if they cannot be told from the others.
+    """
+    from scipy.linalg import schur
+
+    goals = np.array(exact)
+    away = np.sort([float(np.min(np.abs(goals - s))) for s in np.linalg.eigvals(matrix)])
+    count = len(exact)
+    if count == len(matrix):
+        return np.eye(count)
+    if not away[count - 1] < APART * away[count]:
+        return None
+    limit = math.sqrt(APART) * away[count]
+    _, vectors, found = schur(matrix, sort=lambda real, imag: bool(np.min(np.abs(goals - real - 1j * imag)) <= limit))
+    return np.asarray(vectors[:, :count]) if found == count else None
+
+
+def observed(
+    matrix: Array,
+    exact: Sequence[complex],
+    span: float,
+    advance: Callable[[Array, Array], list[Array]],
+    seen: Callable[[Array, float, float], tuple[Array, Array] | str],
+) -> Drift:
+    """Return what motions do that are displaced along the neutral directions.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n, n)
+        Of the linearized equations, their components of equal size.
+    exact : sequence of complex
+        The neutral eigenvalues of `matrix`.
+    span : float
+        How long a motion is to be followed (s).
+    advance : callable
+        From a matrix and times since the start to what leads from y(0) to y(t) where it is that of the equations.
+    seen : callable
+        From y(0), span and amplitude, relative to the usual one, to times and y(t) relative to this amplitude, shape
+        (n_t, n); or why there is none.
+    """
+    count = len(exact)
+    basis = invariant_subspace(matrix, exact)
+    if basis is None:
+        return untried(count, "neutral eigenvalues are not told from slow ones")
+    inner = basis.T @ matrix @ basis
+    turning = len(set(exact)) > 1
+    growing = inner if turning else inner - np.real(exact[0]) * np.eye(count)
+    power = -1 if turning else _power(growing, span)
+    _, _, directions = np.linalg.svd(growing)
+    staying, worst = 0, 0.0
+    for start in directions:
+        y0 = basis @ start
+        differences: list[Array] = []
+        for amplitude in (1.0, REPEATED):
+            found = seen(y0, span, amplitude)
+            if isinstance(found, str):
+                return untried(count, found)
+            times, y = found
+            predicted = np.array([basis @ (step @ start) for step in advance(inner, times)])
+            size = float(np.max(np.linalg.norm(predicted, axis=1)))
+            differences.append((y - predicted) / size)
+            error = float(np.max(np.linalg.norm(differences[-1], axis=1)))
+            if error <= AGREES:
+                break
+        else:
+            moved = float(np.max(np.abs(differences[1] - differences[0])))
+            if moved > REPEATED * error:
+                return Drift(count, staying, power, error, span, "cannot be judged", AMPLITUDES)
+            reason = f"a motion displaced along a neutral direction is off by {error:.1e} of its displacement"
+            return Drift(count, staying, power, error, span, "contradicted", reason)
+        staying += bool(np.max(np.linalg.norm(predicted - predicted[0], axis=1)) <= STAYS * size)
+        worst = max(worst, error)
+    return Drift(count, staying, power, worst, span, "confirmed")
+
+
+def _power(growing: Array, span: float) -> int:
+    """Return the power of time of the largest growth, of a nilpotent matrix."""
+    power, step = 0, growing * span
+    while power < len(growing) and np.linalg.norm(step) > STAYS:
+        power += 1
+        step = step @ growing * span / (power + 1)
+    return power

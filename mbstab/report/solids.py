@@ -1,0 +1,95 @@
+"""What hides what in a picture along parallel lines: bodies as their convex hulls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbstab.compiler.system import Array
+
+FLAT = 1e-4
+"""Half of the thickness of what has none, as a part of its size."""
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A convex body in space.
+
+    Attributes
+    ----------
+    corners : ndarray, shape (k, 3)
+    faces : ndarray, shape (n, 4)
+        Outward normal n and offset b of each: inside is n·x <= b.
+    rim : ndarray, shape (m, 3)
+        Its outline as it is seen, closed; empty where no direction is looked from yet.
+    """
+
+    corners: Array
+    faces: Array
+    rim: Array
+
+    @classmethod
+    def of(cls, skin: Array) -> Solid:
+        """Return the convex hull of points, shape (k, 3); a flat one gets a thickness that is not seen."""
+        from scipy.spatial import ConvexHull
+
+        size = float(np.max(np.abs(skin)))
+        points = skin / size
+        _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+        if extents[2] <= 1e-6 * extents[0]:
+            points = np.concatenate([points - FLAT * axes[2], points + FLAT * axes[2]])
+        found = ConvexHull(points)
+        # Triangles of one face have one equation.
+        faces = np.unique(np.round(found.equations * [1.0, 1.0, 1.0, -1.0], 12), axis=0)
+        return cls(points[found.vertices] * size, faces * [1.0, 1.0, 1.0, size], np.zeros((0, 3)))
+
+    def placed(self, axes: Array, center: Array, across: Array) -> Solid:
+        """Return it in another frame, seen along the last row of `across`."""
+        corners, normals = self.corners @ axes.T + center, self.faces[:, :3] @ axes.T
+        seen = corners @ across[:2].T
+        number = {tuple(p): k for k, p in enumerate(seen.tolist())}
+        rim = corners[[number[tuple(p)] for p in hull(seen).tolist()]]
+        return Solid(corners, np.column_stack([normals, self.faces[:, 3] + normals @ center]), rim)
+
+    def through(self, points: Array, towards: Array) -> tuple[Array, Array]:
+        """Return between which distances from points lines in a direction are inside; the last is less if nowhere."""
+        slope, room = self.faces[:, :3] @ towards, self.faces[:, 3] - points @ self.faces[:, :3].T
+        along = np.abs(slope) < 1e-9
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = room / slope
+        first = np.max(np.where(slope < -1e-9, at, -np.inf), axis=1)
+        last = np.min(np.where(slope > 1e-9, at, np.inf), axis=1)
+        missed = np.any(along & (room < 0.0), axis=1)
+        return first, np.where(missed, -np.inf, last)
+
+    def covers(self, other: Solid, towards: Array) -> bool:
+        """Return whether it is before another one where both are seen."""
+        shared = []
+        for one, two in ((self, other), (other, self)):
+            a, b = one.rim[:-1], one.rim[1:]
+            rim = np.concatenate([a + (b - a) * part for part in (0.0, 0.25, 0.5, 0.75)])
+            first, last = two.through(rim, towards)
+            shared.append(rim[last > first])
+        points = np.concatenate([x - np.outer(x @ towards, towards) for x in shared])
+        if not len(points):
+            return False
+        # Both outlines are convex: the middle of points in both is in both.
+        middle = points.mean(axis=0, keepdims=True)
+        return bool(self.through(middle, towards)[1][0] > other.through(middle, towards)[1][0])
+
+
+def hull(points: Array) -> Array:
+    """Return the convex hull of points in the plane, shape (k, 2), its first point again at the end."""
+    order = points[np.lexsort((points[:, 1], points[:, 0]))].tolist()
+    halves: list[list[float]] = []
+    for run in (order, order[::-1]):
+        half: list[list[float]] = []
+        for p in run:
+            while len(half) > 1 and (
+                (half[-1][0] - half[-2][0]) * (p[1] - half[-2][1]) <= (half[-1][1] - half[-2][1]) * (p[0] - half[-2][0])
+            ):
+                half.pop()
+            half.append(p)
+        halves += half[:-1]
+    return np.array([*halves, halves[0]] if halves else order)

@@ -1,0 +1,41 @@
+"""Child processes that do not outlive the test that starts them."""
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+
+@contextmanager
+def child(command: list[str], **options: Any) -> Iterator[subprocess.Popen[str]]:
+    """Give a process that is killed at the end, however that comes about."""
+    process = subprocess.Popen(
+        command, text=True, **options,
+        # In the background of a script interrupts are ignored, and that is inherited.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        for stream in (process.stdin, process.stdout, process.stderr):
+            if stream is not None:
+                stream.close()
+
+
+def mbstab(*arguments: object) -> list[str]:
+    """Return the command line of the program."""
+    return [sys.executable, "-m", "mbstab", *map(str, arguments)]
+
+
+def until(condition: Callable[[], bool], process: subprocess.Popen[str], seconds: float = 30.0) -> None:
+    """Wait for a condition while a process runs."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert process.poll() is None, "the process ended early"
+        assert time.monotonic() < deadline, f"nothing happened within {seconds:g} s"
+        time.sleep(0.01)
