@@ -80,7 +80,7 @@ def squeezer(_, y):
     M[3, 4] = M[4, 3] = m4 * (near**2 + zt * near * s[3]) + i4
     M[5, 6] = M[6, 5] = m6 * (far**2 - u * far * s[5]) + i6
     arm = np.array([sd * c[2] + sc * s[2], sd * s[2] - sc * c[2]])
-    reach = arm + [-0.03635 - 0.014, 0.03273 - 0.072]
+    reach = arm + np.array([-0.03635 - 0.014, 0.03273 - 0.072])
     length = np.hypot(*reach)
     pull = -4530.0 * (length - 0.07785) / length * reach
     force = np.array(
@@ -220,8 +220,8 @@ def bricard(angle):
 
 
 def test_bricards_mechanism_falls_from_the_cube_as_one_coordinate_says():
-    # IFToMM benchmark A04, published as a curve of P3 over 10 s: at rest in the cube at first. The base rotations of the
-    # example are singular there.
+    # IFToMM benchmark A04, published as a curve of P3 over 10 s: at rest in the cube at first. The base rotations of
+    # the example are singular there.
     path = mbstab.load("bricard.yaml").model.document.name
     with open(path, encoding="utf-8") as stream:
         text = re.sub(r"    axes: .*\n", "", stream.read().partition("reference:")[0])
