@@ -17,6 +17,7 @@ from mbstab.analysis.constrained import BRANCH_HINT, LIMIT_HINT, SINGULAR, Const
 from mbstab.analysis.energy import NODES, WEIGHTS, Energy
 from mbstab.analysis.integrators import Method, Options, Stepper
 from mbstab.analysis.motion import Motion
+from mbstab.analysis.passage import NODES as NODES_OF_PASSAGE
 from mbstab.analysis.passage import Passage, passage, predicted
 from mbstab.analysis.reactions import reactions
 from mbstab.analysis.stiffness import Pace
@@ -217,6 +218,7 @@ class _Leg:
         while t < end:
             stepper = method.start(self.equations, t, q, u, limit, options)
             passed: Passage | None = None
+            again = False
             while True:
                 before, speeds = stepper.q, stepper.u
                 try:
@@ -229,7 +231,7 @@ class _Leg:
                     if passed is None:
                         # From nearer it is a shorter way.
                         limit = self._halfway(t, found, before, speeds)
-                        q, u = before, speeds
+                        q, u, again = before, speeds, True
                         break
                 if passed is None:
                     change = self.attitudes.needs_change(self.system, before, stepper.q)
@@ -247,7 +249,7 @@ class _Leg:
                 if change or (steeper := self._steeper(stepper, options)) > options.rate:
                     break
             run.rejected += stepper.rejected
-            if passed is None and t < stepper.t:  # the step is given up
+            if again:
                 options = replace(options, first=None)
                 continue
             limit = end
@@ -382,6 +384,8 @@ class _Leg:
 
     def _passage(self, t: float, singular: float, q: Array, u: Array, options: Options) -> Passage | None:
         """Return the step from a state to as far behind a singular configuration, if the motion is smooth there."""
+        if 2.0 * (singular - t) > 0.5 * NODES_OF_PASSAGE * options.longest:  # a given function might be passed over
+            return None
         allowed = PASSAGE_ERROR if options.step is not None else options.tol
         last = float(self.follower.times[-1])
         found = passage(self.equations, self.watch, t, singular, last, q, u, allowed)
