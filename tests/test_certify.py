@@ -127,6 +127,11 @@ def test_answers_in_double_precision_lie_inside(path):
         assert not result.proven
         assert "periodic" in result.statement
         return
+    if path.stem == "flyball_governor":
+        # One of its zeros, that of the spin, belongs to the family of steady motions and to no symmetry.
+        assert result.verdict == "not provable"
+        assert "a disc about 0 + 0i" in result.statement
+        return
     assert result.verdict == rough.verdict
     assert sum(e.count for e in result.eigenvalues) == rough.counts.found
     for e in rough.eigenvalues:

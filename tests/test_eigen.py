@@ -281,11 +281,19 @@ def test_the_undeflated_methods_lie_within_their_own_error_bounds(name, method):
     np.testing.assert_array_less(errors, bounds)
 
 
+# Small inertias beside stiff springs, dampers of 4e4 N s/m: some infinite eigenvalues come out finite, which is said.
+INVENTED = {("andrews_squeezer", "index3"), ("flyball_governor", "index3"), ("flyball_governor", "paper")}
+
+
 @pytest.mark.parametrize("method", ["index3", "paper"])
 @pytest.mark.parametrize("name", [*CONSTANT, *TURNING])
 def test_the_methods_agree_on_the_examples_within_their_error_bounds(name, method):
     if method == "index3" and mechanism(name).motion().redundant:
         pytest.skip("its pencil is singular: see the test of redundant rows")
+    if (name, method) in INVENTED:
+        assert answer(name, method).verdict == "undecided"
+        assert answer(name, method).counts.found > answer(name, method).counts.expected
+        return
     default, other = ([e for e in answer(name, m).eigenvalues if e.kind != "neutral"] for m in ("nullspace", method))
     assert len(default) == len(other)
     found, expected = (np.array([e.value for e in group]) for group in (default, other))
@@ -497,8 +505,10 @@ def test_what_turns_in_fixed_coordinates_is_undecided_if_frozen_and_says_by_how_
 @pytest.mark.parametrize("name", CONSTANT)
 def test_no_example_is_frozen_in_time(name):
     assert not answer(name).frozen
-    assert mechanism(name).linearize().variation == 0.0
-    if name not in IN_TURNING_FRAMES or mechanism(name).motion().at_rest:
+    variation = mechanism(name).linearize().variation
+    # Forces of springs of 8e5 N/m round where the steady motion is turned on.
+    assert variation == 0.0 or (name == "flyball_governor" and variation < 1e-15)
+    if name not in {*IN_TURNING_FRAMES, "flyball_governor"} or mechanism(name).motion().at_rest:
         # In its own coordinates it stands still: frozen and steady are the same.
         frozen = mechanism(name).eig(frozen=True)
         assert not frozen.frozen

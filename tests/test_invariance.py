@@ -112,7 +112,7 @@ def angles_of(rotation):
 
 def read(name):
     model = yaml.safe_load(MODELS[name])
-    for section in ("expect", "sweep", "title", "source"):
+    for section in ("expect", "sweep", "title", "source", "initial"):
         model.pop(section, None)
     model["reference"].setdefault("guess", {})
     for entry in model.get("forces", {}).values():
@@ -356,6 +356,8 @@ def mirrored(model):
                 entry[key] = reflect(written(entry[key], 2))
         if entry["type"] == "joint_spring":
             entry["rest"] = f"-({entry.get('rest', 0)})"
+        if entry["type"] == "torque":
+            entry["value"] = f"-({entry['value']})"
     for key in ("coordinates", "rates", "guess"):
         for state in model["reference"].get(key, {}).values():
             if "theta" in state:
@@ -465,6 +467,8 @@ UNITS = {
     "N*m": ("g*mm^2/ms^2", 1e3),
     "N*m*s": ("g*mm^2/ms", 1e6),
     "rad": ("deg", 180.0 / np.pi),
+    "deg": ("rad", np.pi / 180.0),
+    "kg/m^3": ("g/mm^3", 1e-6),
 }
 
 
@@ -560,6 +564,8 @@ def scales(length, mass, time):
         "N*m": mass * length**2 / time**2,
         "N*m*s": mass * length**2 / time,
         "rad": 1.0,
+        "deg": 1.0,
+        "kg/m^3": mass / length**3,
     }
 
 

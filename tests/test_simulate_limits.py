@@ -155,6 +155,14 @@ reference: {coordinates: {rod: {theta: 0}}, guess: {rod: {x: 0.3}}}
 """
 
 
+SPRING = """\
+mbstab: 1
+bodies: {p: {type: planar_point, mass: 1}}
+forces: {s: {type: spring, between: [p, ground], stiffness: 1e6, length: 1}}
+reference: {coordinates: {p: {x: 1.1, y: 0}}}
+"""
+
+
 @pytest.mark.parametrize("solver", ["DOP853", "RK45"])
 def test_steps_that_stability_limits_are_said(solver):
     model = mbstab.loads(DRAGGED.replace("DRAG", "2e3"))
@@ -177,14 +185,22 @@ def test_a_motion_that_would_never_end_is_refused(solver):
     assert re.search(r"\d\.\de\+\d\d more would be needed, where 1e\+07 is the limit\nhint: use --method radau", said)
 
 
+@pytest.mark.parametrize(("name", "to"), [("kapitza", 2.0), ("rattleback", 10.0), ("wheelset", 10.0)])
+def test_the_examples_with_the_most_steps_are_not_stiff(name, to):
+    sim = mbstab.load(f"{name}.yaml").simulate(to, perturb={"mode:1": 0.01}, once=True, tol=1e-10, points=2)
+    assert sim.steps > stiffness.FIRST
+    assert sim.warnings == ()
+
+
+def test_steps_that_are_too_short_for_any_method_are_refused(monkeypatch):
+    monkeypatch.setattr(stiffness, "NEVER", 100.0)
+    monkeypatch.setattr(stiffness, "SURE_AFTER", 500)
+    with pytest.raises(SimulationError, match=r"too short for the motion: \S+ more would be needed, where 1e\+02 is"):
+        mbstab.loads(SPRING).simulate(10.0, once=True, points=2)
+
+
 def test_a_fast_motion_that_is_seen_is_not_stiff():
     # It really swings at 1000 1/s.
-    model = """\
-mbstab: 1
-bodies: {p: {type: planar_point, mass: 1}}
-forces: {s: {type: spring, between: [p, ground], stiffness: 1e6, length: 1}}
-reference: {coordinates: {p: {x: 1.1, y: 0}}}
-"""
-    sim = mbstab.loads(model).simulate(1.0, once=True, points=2)
+    sim = mbstab.loads(SPRING).simulate(1.0, once=True, points=2)
     assert sim.steps > stiffness.FIRST
     assert sim.warnings == ()

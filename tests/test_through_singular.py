@@ -202,3 +202,22 @@ def test_the_command_goes_through_with_a_warning():
     assert "the motion passed singular configurations at t = 0.185283" in result.stderr
     (said,) = json.loads(result.stdout)["warnings"]
     assert "singular" in said
+
+
+def test_a_turn_in_a_singular_configuration_is_refused():
+    # The cranks are driven to lie flat at the turn: there is no crossing.
+    driven = json.loads(four_bar_loops(1, "pi/2"))
+    law = "pi/2*(1 - smooth_start(t))"
+    driven["drives"] = {"motor": {"type": "coordinate", "coordinate": "crank_0.theta", "position": law}}
+    with pytest.raises(SimulationError, match="singular configuration"):
+        mbstab.loads(json.dumps(driven)).simulate(2.0, tol=1e-6, through_singular=True)
+
+
+def test_a_passage_under_a_given_function_of_time():
+    driven = json.loads(four_bar_loops(1, "pi/2"))
+    law = "pi/2 - 2*sin(t)"
+    driven["drives"] = {"motor": {"type": "coordinate", "coordinate": "crank_0.theta", "position": law}}
+    sim = mbstab.loads(json.dumps(driven)).simulate(3.0, tol=1e-7, through_singular=True)
+    assert sim.q[:, 5] == pytest.approx(0.5 * math.pi - 2.0 * np.sin(sim.times), abs=1e-7)
+    assert sim.energy_drift <= 1e-6
+    assert re.search(r"at t = 0\.903339, 2\.23825 s", sim.warnings[0])

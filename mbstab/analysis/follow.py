@@ -18,6 +18,7 @@ from mbstab.analysis.energy import NODES, WEIGHTS, Energy
 from mbstab.analysis.integrators import Method, Options, Stepper, first_step
 from mbstab.analysis.marching import Marching
 from mbstab.analysis.motion import Motion
+from mbstab.analysis.passage import NODES as NODES_OF_PASSAGE
 from mbstab.analysis.passage import Passage, passage, predicted
 from mbstab.analysis.samples import Frame, Sample, Track
 from mbstab.analysis.stiffness import Pace
@@ -210,12 +211,14 @@ class _Leg:
                 t, q, u, before, options = self._march(t, q, u, limit, options, progress, pace)
                 if t >= end:
                     break
+                limit = limit if t < limit else end
                 if self.attitudes.needs_change(self.system, before, q):
                     q, u = self._change_chart(before, q, u, t)
                     continue
             stepper = method.start(self.equations, t, q, u, limit, options)
             passed: Passage | None = None
             started = run.steps
+            again = False
             while True:
                 before, speeds = stepper.q, stepper.u
                 try:
@@ -228,7 +231,7 @@ class _Leg:
                     if passed is None:
                         # From nearer it is a shorter way.
                         limit = self._halfway(t, found, before, speeds)
-                        q, u = before, speeds
+                        q, u, again = before, speeds, True
                         break
                 if passed is None:
                     change = self.attitudes.needs_change(self.system, before, stepper.q)
@@ -247,9 +250,8 @@ class _Leg:
                     break
                 if options.compiled and run.steps >= started + LOOKED:
                     break
-                    break
             run.rejected += stepper.rejected
-            if passed is None and t < stepper.t:  # the step is given up
+            if again:
                 options = replace(options, first=None)
                 continue
             limit = end
@@ -312,7 +314,7 @@ class _Leg:
                 break
             pace.look(run.steps, state, self.equations, options)
             reason = marching.go()
-        if reason == "look":
+        if reason != "chart":
             self.watch = self.equations.refresh(self.equations.evaluate(state.t, state.q, state.u))
         self.least, self.work = state.least, base + state.work
         self.done += covered
@@ -427,6 +429,8 @@ class _Leg:
 
     def _passage(self, t: float, singular: float, q: Array, u: Array, options: Options) -> Passage | None:
         """Return the step from a state to as far behind a singular configuration, if the motion is smooth there."""
+        if 2.0 * (singular - t) > 0.5 * NODES_OF_PASSAGE * options.longest:  # a given function might be passed over
+            return None
         allowed = PASSAGE_ERROR if options.step is not None else options.tol
         last = float(self.follower.times[-1])
         found = passage(self.equations, self.watch, t, singular, last, q, u, allowed)
