@@ -118,6 +118,8 @@ OTHERS = [
     {"step": 0.01},
     {"method": "radau", "step": 0.01},
     {"method": "alpha", "step": 0.01},
+    {"compiled": True},
+    {"compiled": True, "solver": "RK45", "tol": 1e-6},
 ]
 
 
@@ -134,9 +136,11 @@ def test_every_method_ends_at_a_limit(name, drive, options):
     assert len(caught.value.partial.times) > 10
 
 
+@pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("gap", [1e-2, 1e-6])
-def test_a_motion_that_turns_just_before_its_limit_goes_on(gap):
-    sim = mbstab.loads(LINKS.replace("LAW", f"position: 1 + {1 - gap!r}*sin(t)")).simulate(3.0, tol=1e-7)
+def test_a_motion_that_turns_just_before_its_limit_goes_on(gap, compiled):
+    model = mbstab.loads(LINKS.replace("LAW", f"position: 1 + {1 - gap!r}*sin(t)"))
+    sim = model.simulate(3.0, tol=1e-7, compiled=compiled)
     x = 0.5 * (1.0 + (1.0 - gap) * np.sin(sim.times))
     y, speed = np.sqrt(1.0 - x * x), 0.5 * (1.0 - gap) * np.cos(sim.times)
     assert np.max(np.abs(sim.q[:, 1] - y)) <= 1e-7
@@ -163,10 +167,11 @@ reference: {coordinates: {p: {x: 1.1, y: 0}}}
 """
 
 
+@pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("solver", ["DOP853", "RK45"])
-def test_steps_that_stability_limits_are_said(solver):
+def test_steps_that_stability_limits_are_said(solver, compiled):
     model = mbstab.loads(DRAGGED.replace("DRAG", "2e3"))
-    sim = model.simulate(0.3, tol=1e-5, once=True, solver=solver)
+    sim = model.simulate(0.3, tol=1e-5, once=True, solver=solver, compiled=compiled)
     (said,) = sim.warnings
     assert "are limited by stability, not by accuracy" in said
     # The inertia about the pivot is 0.12.

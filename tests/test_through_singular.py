@@ -85,6 +85,7 @@ def test_the_n_four_bar_mechanism_turns_through_its_singular_configurations(loop
         {"solver": "RK45", "tol": 1e-6},
         {"solver": "Radau", "tol": 1e-5},
         {"solver": "BDF", "tol": 1e-4},
+        {"compiled": True, "tol": 1e-8},
     ],
     ids=str,
 )
