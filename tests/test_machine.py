@@ -14,6 +14,7 @@ from mbstab.analysis.constrained import Constrained
 from mbstab.analysis.energy import Energy
 from mbstab.analysis.initial import start_of
 from mbstab.analysis.marching import Elimination, Marching
+from mbstab.analysis.stepping import Options
 from mbstab.compiler.trace import OPERATIONS, Trace
 from mbstab.errors import SimulationError, UsageError
 from mbstab.model.arithmetic import FLOAT
@@ -156,8 +157,6 @@ def test_accelerations_and_power_are_those_of_the_system_at_any_state(name):
 
 
 def _options():
-    from mbstab.analysis.integrators import Options
-
     return Options(1e-8, None, 1e-3, 1.0)
 
 

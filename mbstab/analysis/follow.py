@@ -15,12 +15,13 @@ import numpy as np
 from mbstab.analysis.attitude import Attitudes
 from mbstab.analysis.constrained import BRANCH_HINT, LIMIT_HINT, SINGULAR, Constrained, Form, Watch
 from mbstab.analysis.energy import NODES, WEIGHTS, Energy
-from mbstab.analysis.integrators import Method, Options, Stepper, first_step
 from mbstab.analysis.marching import Marching
 from mbstab.analysis.motion import Motion
 from mbstab.analysis.passage import NODES as NODES_OF_PASSAGE
 from mbstab.analysis.passage import Passage, passage, predicted
+from mbstab.analysis.projected import first_step
 from mbstab.analysis.samples import Frame, Sample, Track
+from mbstab.analysis.stepping import Method, Options, Stepper
 from mbstab.analysis.stiffness import Pace
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError

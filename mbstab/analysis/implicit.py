@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.constrained import Constrained
-from mbstab.analysis.integrators import HINT, Options
+from mbstab.analysis.stepping import HINT, Options
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
 

@@ -19,9 +19,10 @@ import numpy as np
 from mbstab.analysis.compare import CLOSE
 from mbstab.analysis.follow import Follower, Run, difference
 from mbstab.analysis.initial import Start, start_of
-from mbstab.analysis.integrators import METHODS, Method
+from mbstab.analysis.integrators import METHODS
 from mbstab.analysis.samples import Record, states
 from mbstab.analysis.simulate import _Work
+from mbstab.analysis.stepping import Method
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ModelFileError, NumericalError, SimulationError, UsageError
 

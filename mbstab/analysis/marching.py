@@ -1,6 +1,6 @@
 """Explicit integrators as machine code: a scene as the arrays of `mbstab.compiler.machine`, and many steps at once.
 
-The steps are those of `mbstab.analysis.integrators.Projected`: the same tableau, the same control of the step, the same
+The steps are those of `mbstab.analysis.projected.Projected`: the same tableau, the same control of the step, the same
 projection but that a change of positions leaves nonholonomic rows as they are. Where something is out of the
 ordinary, a march stops before it and the caller goes on step by step.
 """
@@ -17,7 +17,8 @@ import numpy as np
 from mbstab.analysis.attitude import CHANGE, PINNED, Attitudes
 from mbstab.analysis.constrained import Constrained
 from mbstab.analysis.energy import Energy
-from mbstab.analysis.integrators import RELATIVE, Options
+from mbstab.analysis.projected import RELATIVE
+from mbstab.analysis.stepping import Options
 from mbstab.compiler.fused import Fused
 from mbstab.compiler.system import Array, System
 from mbstab.compiler.trace import Traced

@@ -52,7 +52,7 @@ CLEAR = 1e-4
 
 
 class Passage:
-    """A step over a singular configuration, in the form of a `mbstab.analysis.integrators.Stepper` that took it.
+    """A step over a singular configuration, in the form of a `mbstab.analysis.stepping.Stepper` that took it.
 
     Attributes
     ----------

@@ -20,10 +20,11 @@ import numpy as np
 
 from mbstab.analysis.follow import Follower, Run, difference, fastest
 from mbstab.analysis.initial import Start, start_of
-from mbstab.analysis.integrators import METHODS, Method, Options
+from mbstab.analysis.integrators import METHODS
 from mbstab.analysis.marching import machine_code
 from mbstab.analysis.names import expressions_in, uneven_in_time
 from mbstab.analysis.samples import Record, Track
+from mbstab.analysis.stepping import Method, Options
 from mbstab.compiler.system import Array, System
 from mbstab.errors import SimulationError, UsageError
 

@@ -15,7 +15,8 @@ from typing import Protocol
 import numpy as np
 
 from mbstab.analysis.constrained import Constrained
-from mbstab.analysis.integrators import HINT, METHODS, Method, Options
+from mbstab.analysis.integrators import METHODS
+from mbstab.analysis.stepping import HINT, Method, Options
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
 

@@ -28,12 +28,13 @@ from mbstab.analysis.drift import Drift
 from mbstab.analysis.eigen import EigenResult, Eigenvalue, answer, show, time_scale
 from mbstab.analysis.floquet import monodromy
 from mbstab.analysis.follow import Follower, Run
-from mbstab.analysis.integrators import METHODS, Options
+from mbstab.analysis.integrators import METHODS
 from mbstab.analysis.linearize import Linearization, linearize, state_space
 from mbstab.analysis.motion import Finder, Motion
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.samples import states
+from mbstab.analysis.stepping import Options
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
 

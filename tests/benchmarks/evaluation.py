@@ -15,8 +15,8 @@ import mbstab
 from mbstab.analysis.attitude import Attitudes
 from mbstab.analysis.constrained import FUSED_AFTER, Constrained
 from mbstab.analysis.energy import Energy
-from mbstab.analysis.integrators import Options
 from mbstab.analysis.marching import Marching
+from mbstab.analysis.stepping import Options
 from mbstab.model.library import installed_models
 
 
