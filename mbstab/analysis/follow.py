@@ -29,8 +29,9 @@ from mbstab.errors import ConstraintError, MbstabError, NumericalError
 LEAST_PROGRESS = 0.002
 """The progress function is called when this part of the work is done."""
 
-LOOKED = 5
-"""Where compiled steps leave something to others, so many are taken one by one."""
+LOOKED, LONGEST_LOOK = 5, 320
+"""Where compiled steps leave something to others, so many are taken one by one; twice as many where they go no further,
+until so many."""
 
 NEAR = 0.1
 """A singular configuration is near where the least singular value is below this part of that at the start."""
@@ -197,7 +198,7 @@ class _Leg:
         self.frame: Frame | None = None
         self.work = 0.0
         self.parts = follower.parts
-        self.least = 0.0
+        self.least, self.looked = 0.0, LOOKED
         self.done, self.shown = 1, 0.0
         self.fall, self.tried, self.given_up = 0.0, math.inf, 0
 
@@ -249,7 +250,7 @@ class _Leg:
                 pace.look(run.steps, stepper, self.equations, options)
                 if change or (steeper := self._steeper(stepper, options)) > options.rate:
                     break
-                if options.compiled and run.steps >= started + LOOKED:
+                if options.compiled and run.steps >= started + self.looked:
                     break
             run.rejected += stepper.rejected
             if again:
@@ -318,6 +319,7 @@ class _Leg:
         if reason != "chart":
             self.watch = self.equations.refresh(self.equations.evaluate(state.t, state.q, state.u))
         self.least, self.work = state.least, base + state.work
+        self.looked = LOOKED if state.steps else min(2 * self.looked, LONGEST_LOOK)
         self.done += covered
         run.rejected += state.rejected
         run.peak, run.drift = max(run.peak, state.peak), max(run.drift, state.drift)
