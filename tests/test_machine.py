@@ -319,3 +319,17 @@ def test_compiled_steps_need_numba(monkeypatch):
     monkeypatch.setitem(sys.modules, "mbstab.compiler.machine", None)
     with pytest.raises(UsageError, match=r"mbstab\[fast\]"):
         mbstab.load("pendulum.yaml").simulate(1.0, compiled=True)
+
+
+def test_compiling_is_said_once_and_what_is_kept_is_not():
+    import numba
+
+    told = []
+    with machine.telling(lambda: told.append(1)):
+        mbstab.load("pendulum.yaml").simulate(0.1, compiled=True)
+        before = len(told)  # the machine may have been compiled before this test
+        numba.njit(lambda x: x + 1)(1)
+        numba.njit(lambda x: x + 2)(1)
+    assert (before, len(told)) in ((0, 1), (1, 1))
+    numba.njit(lambda x: x + 3)(1)
+    assert len(told) == 1

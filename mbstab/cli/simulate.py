@@ -169,7 +169,7 @@ def simulate(
         count = points or movie.points(mechanism.system(**parameters), start, to)
     stopped: SimulationError | None = None
     try:
-        with progress_bar("simulating") as progress:
+        with _compiling(compiled), progress_bar("simulating") as progress:
             result = mechanism.simulate(
                 to=to,
                 start=start,
@@ -206,6 +206,17 @@ SIMULATED = (
     "strict", "plots", "place", "format_", "output", "speed",
 )  # fmt: skip
 """Options of what a linear mode does without."""
+
+
+def _compiling(compiled: bool) -> contextlib.AbstractContextManager[object]:
+    """Return a context in which it is said that compiled steps are being compiled."""
+    if not compiled:
+        return contextlib.nullcontext()
+    from mbstab.analysis.marching import machine_code
+
+    said = "compiling the steps: half a minute, the first time only"
+    context: contextlib.AbstractContextManager[object] = machine_code().telling(lambda: note(said))
+    return context
 
 
 def _check_options(mode: bool, step: bool, plots: bool) -> None:

@@ -14,11 +14,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import NamedTuple, TypeVar
 
 import numba
 import numpy as np
 import numpy.typing as npt
+from numba.core import event
 
 from mbstab.compiler.trace import OPERATIONS
 
@@ -162,6 +164,28 @@ def compiled(function: F) -> F:
     """
     result: F = numba.njit(cache=True, error_model="numpy", nogil=True, _nrt=False)(function)
     return result
+
+
+class _Teller(event.Listener):  # type: ignore[misc]  # Numba has no types
+    """Tells once that something is being compiled, and not read from where it is kept."""
+
+    def __init__(self, tell: Callable[[], object]) -> None:
+        self._tell: Callable[[], object] | None = tell
+
+    def on_start(self, event: event.Event) -> None:
+        """Tell at the first time."""
+        if self._tell is not None:
+            self._tell()
+            self._tell = None
+
+    def on_end(self, event: event.Event) -> None:
+        """Do nothing."""
+
+
+def telling(tell: Callable[[], object]) -> AbstractContextManager[object]:
+    """Return a context in which a function is called when Numba begins to compile."""
+    context: AbstractContextManager[object] = event.install_listener("numba:compile", _Teller(tell))
+    return context
 
 
 @compiled
