@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq, linear_sum_assignment
 
 from mbstab.analysis.numerics import assigned, root
-from mbstab.analysis.spectrum import STRIDE, discriminant, follow, product, squares, symmetric, unstable_counts
+from mbstab.analysis.spectrum import STRIDE, discriminant, follow, product, signs, squares, symmetric, unstable_counts
 from mbstab.errors import NumericalError
 
 
@@ -75,6 +75,26 @@ def test_rounding_at_a_collision_on_the_axis_is_no_instability():
     assert unstable_counts(near[None]).tolist() == [2]
     nearer = spectrum(*quadruple(3e-12 + 1j))
     assert unstable_counts(nearer[None]).tolist() == [0]
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+def test_rounding_of_the_matrix_is_no_instability_however_small_its_eigenvalues(size):
+    # A rolling torus at its critical speed: λ² = 0 but for the rounding of a matrix of norm 14.
+    known = size * np.array([13.56, 9e-14])
+    for s in (1e-15 + 9.5e-8j, -1e-15 + 9.5e-8j, 9.5e-8 + 0j):
+        values = size * np.array([s, s.conjugate() if s.imag else -s])
+        assert symmetric(values, known)
+        assert unstable_counts(values, known) == 0
+        assert signs(values[None] * 1e-8, known[None]).tolist() == [[0.0, 0.0]]
+    assert unstable_counts(size * spectrum(1e-5, -1e-5), known) == 1
+    assert unstable_counts(size * spectrum(1e-12 + 1e-5j, 1e-12 - 1e-5j), known) == 2
+    assert not symmetric(size * spectrum(1e-12 + 1e-5j, 1e-12 - 1e-5j), known)
+
+
+def test_small_eigenvalues_of_a_known_matrix_are_symmetric_only_if_every_sum_is():
+    values = 1e-3 * spectrum(0.1 + 1j, 0.1 - 1j, -0.1 + 2j, -0.1 - 2j)
+    assert not symmetric(values, np.array([1.0, 1e-14]))
+    assert symmetric(1e-3 * spectrum(*quadruple(0.1 + 1j)), np.array([1.0, 1e-14]))
 
 
 @pytest.mark.parametrize("points", range(1, 40))

@@ -80,11 +80,14 @@ class Spectra:
         By the number of a point, why it has no eigenvalues, or none that say something about stability.
     neutral : int
         Number of neutral eigenvalues besides.
+    known : ndarray, shape (points, 2)
+        Norms of the matrices, and of disturbances of them that are rounding (1/s).
     """
 
     values: Complex
     problems: dict[int, str]
     neutral: int
+    known: Array
 
 
 @dataclass(frozen=True)
@@ -144,7 +147,7 @@ class Evaluator:
         work.guard()
         return work.gathered()
 
-    def near(self, values: Mapping[str, Array], count: int) -> Complex:
+    def near(self, values: Mapping[str, Array], count: int) -> Spectra:
         """Return `count` eigenvalues at points between others; nan where there are none.
 
         Close to a critical value one of them may be as small as those that are neutral: it is
@@ -153,7 +156,7 @@ class Evaluator:
         work = _Work(self, values, lambda done: None)
         work.lenient = True
         work.run()
-        return work.gathered(count).values
+        return work.gathered(count)
 
     def modes(self, values: Mapping[str, float]) -> tuple[Complex, Complex, Linearization]:
         """Return eigenvalues of one point, their shapes Δq as columns, and the linearized equations."""
@@ -180,7 +183,7 @@ class _Work:
         self.lenient = False
         self.path = evaluator.path
         self.problems: dict[int, str] = {}
-        self.found: list[tuple[npt.NDArray[np.intp], Complex, _Pattern]] = []
+        self.found: list[tuple[npt.NDArray[np.intp], Complex, Array, _Pattern]] = []
 
     def scene(self, index: npt.NDArray[np.intp] | int) -> Scene:
         """Return the scene at some points, or at one."""
@@ -207,8 +210,8 @@ class _Work:
             pending = pending[pending != i]
             if found is None:
                 continue
-            pattern, values = found
-            self.found.append((np.array([i]), values[None, :], pattern))
+            pattern, values, known = found
+            self.found.append((np.array([i]), values[None, :], known[None, :], pattern))
             if lonely < PATIENCE and len(pending):
                 done = self._fitting(pattern, pending)
                 pending = pending[~done]
@@ -236,7 +239,7 @@ class _Work:
 
     def guard(self) -> None:
         """Refuse points whose motion does not stand still in the frame of their pattern; a sample says which."""
-        good = np.sort(np.concatenate([index for index, _, _ in self.found])) if self.found else np.arange(0)
+        good = np.sort(np.concatenate([index for index, *_ in self.found])) if self.found else np.arange(0)
         sample = good[np.unique(np.linspace(0, len(good) - 1, GUARDED).round().astype(int))] if len(good) else good
         doubts = {int(i): self._doubt(int(i)) for i in sample}
         if any(doubts.values()):
@@ -256,18 +259,19 @@ class _Work:
     def gathered(self, count: int | None = None) -> Spectra:
         """Return what was found; `count` decides how many are neutral, or the points at which fewest are."""
         if not self.found:
-            return Spectra(np.full((self.points, count or 0), NO_EIGENVALUE), self.problems, 0)
+            nothing = np.full((self.points, count or 0), NO_EIGENVALUE)
+            return Spectra(nothing, self.problems, 0, np.zeros((self.points, 2)))
         counts: dict[tuple[int, int], int] = {}
-        for index, values, pattern in self.found:
+        for index, values, _, pattern in self.found:
             key = values.shape[1] + pattern.n_neutral, pattern.n_neutral
             counts[key] = counts.get(key, 0) + len(index)
         n_f = max(counts, key=lambda key: counts[key])[0]
         # More may be zero where a symmetry is added: there they are eigenvalues like others.
         neutral = min(zeros for n, zeros in counts if n == n_f) if count is None else max(n_f - count, 0)
-        least = [pattern for _, _, pattern in self.found if pattern.n_neutral == neutral]
+        least = [pattern for *_, pattern in self.found if pattern.n_neutral == neutral]
         hidden = count is None and all(pattern.unexplained for pattern in least)
-        result = np.full((self.points, n_f - neutral), NO_EIGENVALUE)
-        for index, values, pattern in self.found:
+        result, known = np.full((self.points, n_f - neutral), NO_EIGENVALUE), np.zeros((self.points, 2))
+        for index, values, known[index], pattern in self.found:
             other = pattern.n_neutral
             if hidden and other == neutral:
                 # Zeros everywhere that nothing explains may be slow eigenvalues that rounding hides.
@@ -282,12 +286,12 @@ class _Work:
             order = np.argsort(-np.abs(full), axis=1)[:, : n_f - neutral]
             result[index] = np.take_along_axis(full, order, axis=1)
         result[list(self.problems)] = NO_EIGENVALUE
-        return Spectra(result, self.problems, neutral)
+        return Spectra(result, self.problems, neutral, known)
 
     # --- one point --------------------------------------------------------------------------------------------------
 
-    def _pattern(self, i: int) -> tuple[_Pattern, Complex] | None:
-        """Return the pattern of a point and its eigenvalues, or None if it has a problem."""
+    def _pattern(self, i: int) -> tuple[_Pattern, Complex, Array] | None:
+        """Return the pattern of a point, its eigenvalues and to what they are known, or None if it has a problem."""
         try:
             with np.errstate(over="raise", divide="raise", invalid="raise", under="ignore"):
                 system = System(self.scene(i))
@@ -316,7 +320,9 @@ class _Work:
             directions = np.eye(3)[: system.scene.dimension]
             family = Family(system, turning.axis, np.zeros(3), directions, spinning_columns(system))
         pattern = _Pattern(linear, deflated.steps, len(deflated.pairs), family, motion.sizes, balance)
-        return pattern, np.linalg.eigvals(deflated.S).astype(complex)
+        size = float(np.linalg.norm(S))
+        limits = np.array([size, NEUTRAL_ROUNDING * rounding * size])
+        return pattern, np.linalg.eigvals(deflated.S).astype(complex), limits
 
     def motion(self, system: System, i: int) -> tuple[Motion, Balance | None]:
         """Return the motion at a point, and the equations it was found with if it was."""
@@ -344,11 +350,11 @@ class _Work:
                 block = _Block(pattern, System(scene), len(index), self.lenient)
                 if self.path is not None:
                     block.start = self.path.predicted({name: x[index] for name, x in self.values.items()})
-                good, values = block.values()
+                good, values, known = block.values()
             except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
                 return np.zeros(len(index), dtype=bool)
         if np.any(good):
-            self.found.append((index[good], values[good], pattern))
+            self.found.append((index[good], values[good], known[good], pattern))
         return good
 
 
@@ -365,8 +371,8 @@ class _Block:
         self.good: Flags = np.ones(points, dtype=bool)
         self.start: tuple[Array, Array] | None = None
 
-    def values(self) -> tuple[Flags, Complex]:
-        """Return which points fit the pattern, and the eigenvalues that are not neutral."""
+    def values(self) -> tuple[Flags, Complex, Array]:
+        """Return which points fit the pattern, the eigenvalues that are not neutral, and to what they are known."""
         pattern, system = self.pattern, self.system
         steady: Generator | None
         if self.start is not None:
@@ -575,7 +581,7 @@ class _Block:
 
     def _eigenvalues(
         self, A: Array, M_z: Array, matrices: tuple[Array, Array, Array], n_xi: int
-    ) -> tuple[Flags, Complex]:
+    ) -> tuple[Flags, Complex, Array]:
         pattern = self.pattern
         n = A.shape[-1]
         gamma = _time_scales(A, n_xi)
@@ -603,7 +609,8 @@ class _Block:
         if not pattern.steps and not self.lenient:
             # Without a staircase nothing has said yet that no eigenvalue is zero.
             self.good &= np.min(np.abs(values), axis=1, initial=math.inf) > 1e-7 * size
-        return self.good, values
+        known = np.stack(np.broadcast_arrays(size, limit), axis=-1)
+        return self.good, values, known
 
     def _deflated(self, S: Array, matrix: Array, zeros: int, limit: Array) -> Array:
         """Return S on what a null space of `matrix`, of the dimension of the pattern, leaves."""

@@ -83,6 +83,8 @@ class Block:
         Whether a real part may change its sign before the next point …
     turns : ndarray of bool, shape (points,)
         … or come close to zero and turn back at this one.
+    known : ndarray, shape (points, 2)
+        Norms of the matrices, and of disturbances of them that are rounding (1/s).
     """
 
     values: Complex
@@ -92,6 +94,7 @@ class Block:
     unstable: npt.NDArray[np.intp]
     passes: Flags
     turns: Flags
+    known: Array
 
 
 def compute(task: Task, progress: Progress = lambda done: None) -> Block:
@@ -100,16 +103,17 @@ def compute(task: Task, progress: Progress = lambda done: None) -> Block:
     found = evaluator.spectra(task.values, progress)
     links, clear = follow(found.values[:-1], found.values[1:])
     values = continuous(found.values, links, clear)
-    unstable = unstable_counts(values)
+    unstable = unstable_counts(values, found.known)
     unstable[list(found.problems)] = -1
-    return Block(values, clear, found.problems, found.neutral, unstable, *_watched(values))
+    watched = _watched(values, found.known)
+    return Block(values, clear, found.problems, found.neutral, unstable, *watched, found.known)
 
 
-def _watched(values: Complex) -> tuple[Flags, Flags]:
+def _watched(values: Complex, known: Array) -> tuple[Flags, Flags]:
     """Return where real parts may pass zero, and where they may touch it; ends count, as nothing is known beyond."""
     passes, turns = np.ones(len(values), dtype=bool), np.ones(len(values), dtype=bool)
     with np.errstate(invalid="ignore"):
-        sign = signs(values)
+        sign = signs(values, known)
         passes[:-1] = np.any(sign[1:] * sign[:-1] < 0.0, axis=1)
         turns[1:-1] = np.any(turning(values[:-2], values[1:-1], values[2:]) & (sign[1:-1] != 0.0), axis=1)
     return passes, turns
@@ -201,6 +205,7 @@ class Store:
             unstable=block.unstable,
             passes=block.passes,
             turns=block.turns,
+            known=block.known,
             neutral=block.neutral,
             problems=np.array(json.dumps(block.problems)),
         )
@@ -223,7 +228,7 @@ class Store:
             problems = {int(i): text for i, text in json.loads(str(data["problems"])).items()}
             return Block(
                 data["values"], data["clear"], problems, int(data["neutral"]), data["unstable"], data["passes"],
-                data["turns"],
+                data["turns"], data["known"],
             )  # fmt: skip
 
     def _name(self, number: int) -> Path:

@@ -160,7 +160,7 @@ def _boundaries(
         middle = 0.5 * (low + high)
         at = a + middle[:, None] * (b - a)
         found = evaluator.near({names[0]: at[:, 0], names[1]: at[:, 1]}, count)
-        same = unstable_counts(found) == first
+        same = unstable_counts(found.values, found.known) == first
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     points = a + (0.5 * (low + high))[:, None] * (b - a)
     return _joined(dict(zip(edges, points, strict=True)), *unstable.shape)

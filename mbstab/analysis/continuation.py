@@ -570,6 +570,8 @@ class _Curve:
             return
         q, c = (x + part * (y - x) for x, y in ((low.q, high.q), (low.c, high.c)))
         at = replace(low, q=q, c=c, p=low.p + part * (high.p - low.p), tangent=0.5 * (low.tangent + high.tangent))
+        if min(at.p - self.low, self.high - at.p) <= CLOSE**2 * self.width:
+            return  # whether it lies within the range is rounding
         run.crossings.append(at.p)
         for pair in ((before, at), (at, after)):
             for _ in range(HALVINGS):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.numerics import assigned
+from mbstab.compiler.system import Array
 
 Complex = npt.NDArray[np.complex128]
 Index = npt.NDArray[np.intp]
@@ -24,6 +26,9 @@ SYMMETRIC = 1e-8
 STABLE = 1e-10
 """Real parts below this part of the largest eigenvalue are rounding; of λ² in a symmetric spectrum."""
 
+NOTHING_KNOWN = np.zeros(2)
+"""Where the matrix of a spectrum is not known, its largest eigenvalue alone says what is rounding."""
+
 TWIN = 1e-9
 """Eigenvalues closer than this part of the largest are equal, if they are so at both ends of an interval."""
 
@@ -31,31 +36,48 @@ FOLLOWED = 20_000
 """Intervals that are compared together."""
 
 
-def symmetric(values: Complex) -> npt.NDArray[np.bool_]:
-    """Return whether spectra, shape (…, r), are symmetric to the imaginary axis: odd power sums vanish."""
+def symmetric(values: Complex, known: Array = NOTHING_KNOWN) -> npt.NDArray[np.bool_]:
+    """Return whether spectra, shape (…, r), are symmetric to the imaginary axis: odd power sums vanish.
+
+    Parameters
+    ----------
+    values : ndarray of complex, shape (…, r)
+    known : ndarray, shape (…, 2), optional
+        Norms of the matrices S, and of disturbances E of them that are rounding (1/s). A sum
+        tr Sᵖ is known to p |E| |S|ᵖ⁻¹ √r to first order, however small the eigenvalues are.
+    """
     r = values.shape[-1]
     values = np.where(np.isnan(values), 1.0, values)  # no spectrum is no symmetric one
-    size = np.max(np.abs(values), axis=-1, initial=1e-300)
-    scaled = values / size[..., None]
+    largest = np.max(np.abs(values), axis=-1, initial=1e-300)
+    size = np.maximum(largest, known[..., 0])
+    scaled, part, rounding = values / size[..., None], largest / size, known[..., 1] / size
     result = np.full(values.shape[:-1], r % 2 == 0)
     power = scaled
-    for _ in range((r + 1) // 2):
-        result &= np.abs(np.sum(power, axis=-1)) < SYMMETRIC * r
+    for p in range(1, r + 1, 2):
+        result &= np.abs(np.sum(power, axis=-1)) < SYMMETRIC * r * part**p + p * math.sqrt(r) * rounding
         power = power * scaled * scaled
     return result
 
 
-def unstable_counts(values: Complex) -> npt.NDArray[np.intp]:
-    """Return the number of unstable eigenvalues of spectra, shape (…, r); −1 where there are none."""
+def unstable_counts(values: Complex, known: Array = NOTHING_KNOWN) -> npt.NDArray[np.intp]:
+    """Return the number of unstable eigenvalues of spectra, shape (…, r); −1 where there are none.
+
+    Parameters
+    ----------
+    values : ndarray of complex, shape (…, r)
+    known : ndarray, shape (…, 2), optional
+        As for `symmetric`: λ² is an eigenvalue of S², which is known to 2 |S| |E|.
+    """
     missing = np.any(np.isnan(values), axis=-1)
     values = np.where(np.isnan(values), 1.0, values)
-    size = np.max(np.abs(values), axis=-1, initial=0.0)[..., None]
-    plain = values.real > STABLE * size
+    size = np.max(np.abs(values), axis=-1, initial=0.0)
+    plain = values.real > _rounding(size, known)[..., None]
     square = values * values
     # On the axis λ² is real and negative; where pairs have just met, real parts are roots of small numbers.
-    off = (np.abs(square.imag) > STABLE * size**2) | (square.real > STABLE * size**2)
+    least = np.maximum(STABLE * size**2, 2.0 * np.maximum(size, known[..., 0]) * known[..., 1])[..., None]
+    off = (np.abs(square.imag) > least) | (square.real > least)
     reversible = off & (values.real > 0.0)
-    counts: Index = np.where(symmetric(values), np.sum(reversible, axis=-1), np.sum(plain, axis=-1))
+    counts: Index = np.where(symmetric(values, known), np.sum(reversible, axis=-1), np.sum(plain, axis=-1))
     counts[missing] = -1
     return counts
 
@@ -157,10 +179,10 @@ def continuous(values: Complex, links: Index, clear: Flags) -> Complex:
     return np.take_along_axis(values, order[:m], axis=1)
 
 
-def signs(values: Complex) -> npt.NDArray[np.float64]:
+def signs(values: Complex, known: Array = NOTHING_KNOWN) -> npt.NDArray[np.float64]:
     """Return the signs of the real parts of spectra, shape (m, r); 0 where they are rounding."""
-    size = np.max(np.abs(values), axis=1, keepdims=True, initial=0.0)
-    return np.where(np.abs(values.real) > STABLE * size, np.sign(values.real), 0.0)
+    least = _rounding(np.max(np.abs(values), axis=1, initial=0.0), known)[:, None]
+    return np.where(np.abs(values.real) > least, np.sign(values.real), 0.0)
 
 
 def turning(before: Complex, now: Complex, after: Complex) -> Flags:
@@ -170,6 +192,12 @@ def turning(before: Complex, now: Complex, after: Complex) -> Flags:
     near = np.abs(now.real) < 2.0 * np.maximum(np.abs(rising), np.abs(falling))
     found: Flags = top & near
     return found
+
+
+def _rounding(size: Array, known: Array) -> Array:
+    """Return what real parts must exceed, for spectra of some sizes."""
+    least: Array = np.maximum(STABLE * size, known[..., 1])
+    return least
 
 
 def _untwin(link: Index, moved: npt.NDArray[np.float64], doubtful: Flags) -> None:

@@ -281,7 +281,7 @@ def merged(blocks: list[Block]) -> Block:
     neutral = min((x.neutral for x in answered if x.values.shape[1] + x.neutral == total), default=0)
     count = total - neutral
     values = np.full((sum(len(block.values) for block in blocks), count), NO_EIGENVALUE)
-    clear, unstable, passes, turns = [], [], [], []
+    clear, unstable, passes, turns, known = [], [], [], [], []
     problems: dict[int, str] = {}
     start = 0
     for block in blocks:
@@ -305,6 +305,7 @@ def merged(blocks: list[Block]) -> Block:
         unstable.append(block.unstable if fits else np.full(points, -1))
         passes.append(block.passes)
         turns.append(block.turns)
+        known.append(block.known)
         start += points
     return Block(
         values,
@@ -314,6 +315,7 @@ def merged(blocks: list[Block]) -> Block:
         np.concatenate(unstable),
         np.concatenate(passes),
         np.concatenate(turns),
+        np.concatenate(known),
     )
 
 
@@ -347,6 +349,8 @@ class _Tracker:
         Where two branches ``cross`` or ``collide``.
     between : list of (float, ndarray)
         Spectra at points in between, where they were needed.
+    roundings : dict
+        By points in between, to what their spectra are known.
     """
 
     def __init__(self, evaluator: Evaluator, parameter: str, x: Array, raw: Block) -> None:
@@ -355,6 +359,7 @@ class _Tracker:
         evaluator.learn({parameter: x})
         self.meetings: list[tuple[float, str]] = []
         self.between: list[tuple[float, Complex]] = []
+        self.roundings: dict[float, Array] = {}
         self.width = max(float(np.max(np.abs(x), initial=0.0)), 1e-300)
         path = evaluator.path
         self.crossings = (
@@ -367,9 +372,28 @@ class _Tracker:
 
     def at(self, points: Array) -> Complex:
         """Return the eigenvalues at further points, and keep them."""
-        found = self.evaluator.near({self.parameter: points}, self.values.shape[1])
+        found = self._spectra(points)
         self.between += [(float(p), v) for p, v in zip(points, found, strict=True) if not np.any(np.isnan(v))]
         return found
+
+    def _spectra(self, points: Array) -> Complex:
+        """Return the eigenvalues at further points."""
+        found = self.evaluator.near({self.parameter: points}, self.values.shape[1])
+        self.roundings |= zip(map(float, points), found.known, strict=True)
+        return found.values
+
+    def _known(self, points: Array) -> Array:
+        """Return to what the spectra at points, those of the sweep or others, are known."""
+        own = np.searchsorted(self.x, points)
+        rows = [
+            self.roundings[p] if p in self.roundings else self.raw.known[k]
+            for p, k in zip(map(float, points), own, strict=True)
+        ]
+        return np.array(rows)
+
+    def _counts(self, points: Array, spectra: Complex) -> npt.NDArray[np.intp]:
+        """Return the number of unstable eigenvalues of the spectra at some points."""
+        return unstable_counts(spectra, self._known(points))
 
     def branches(self) -> Complex:
         """Return the eigenvalues in columns that are continuous over the points."""
@@ -491,7 +515,7 @@ class _Tracker:
         """Return where stability changes between points that are close to each other."""
         found: list[Critical] = []
         doubtful: list[tuple[int, int]] = []
-        for a, b, kind, test in (*self._passing(spectra), *self._meeting(x, spectra)):
+        for a, b, kind, test in (*self._passing(x, spectra), *self._meeting(x, spectra)):
             critical = self._located(x[a], x[b], spectra[a], spectra[b], kind, test, branches)
             if critical is not None:
                 found.append(critical)
@@ -506,7 +530,7 @@ class _Tracker:
             more = _spaced(float(x[a]), float(x[b]))
             between = self.at(more[1:-1])
             if depth == DEPTH or np.any(np.isnan(between)):
-                counts = unstable_counts(spectra[[a, b]])
+                counts = self._counts(x[[a, b]], spectra[[a, b]])
                 sides = int(counts[0]), int(counts[1])
                 found.append(Critical(0.5 * (x[a] + x[b]), "unresolved", (), 0.0, sides))
                 continue
@@ -520,7 +544,9 @@ class _Tracker:
         changes = self.raw.unstable[1:] != self.raw.unstable[:-1]
         watched = np.flatnonzero(self.raw.passes[:-1] | ~self.raw.clear)
         with np.errstate(invalid="ignore"):
-            changes[watched] |= np.any(signs(branches[watched]) * signs(branches[watched + 1]) < 0.0, axis=1)
+            known = self.raw.known
+            before, after = (signs(branches[k], known[k]) for k in (watched, watched + 1))
+            changes[watched] |= np.any(before * after < 0.0, axis=1)
         changes[np.searchsorted(self.x, [p for p, _ in self.between]) - 1] = True
         changes &= good[:-1] & good[1:]
         ranges: list[tuple[int, int]] = []
@@ -573,7 +599,8 @@ class _Tracker:
                 found.append(-1)
                 continue
             at = value + sign * min(FAR * self.width, 0.5 * room)
-            count = int(unstable_counts(self.at(np.array([at])))[0])
+            here = np.array([at])
+            count = int(self._counts(here, self.at(here))[0])
             if count < 0:
                 known = np.flatnonzero((self.raw.unstable >= 0) & (sign * (self.x - value) > 0.0))
                 nearest = known[np.argsort(np.abs(self.x[known] - value))][:1]
@@ -593,28 +620,28 @@ class _Tracker:
             order.append(current)
         return np.take_along_axis(spectra, np.array(order), axis=1)
 
-    @staticmethod
-    def _passing(spectra: Complex) -> Iterator[Bracket]:
+    def _passing(self, x: Array, spectra: Complex) -> Iterator[Bracket]:
         """Yield brackets in which a branch passes the imaginary axis, and the function that is zero there."""
-        size = np.max(np.abs(spectra), axis=1)
-        sign = signs(spectra)
-        both = symmetric(spectra)
+        size, known = np.max(np.abs(spectra), axis=1), self._known(x)
+        sign, both = signs(spectra, known), symmetric(spectra, known)
         for i in range(spectra.shape[1]):
             sure = np.flatnonzero(sign[:, i])
             for a, b in pairwise(sure):
                 if sign[a, i] == sign[b, i] or (both[a] and both[b]):
                     continue
                 before, after = complex(spectra[a, i]), complex(spectra[b, i])
+                passing = _RealPart(0.5 * (before + after))
                 if before.imag == 0.0 and after.imag == 0.0:
                     # The product of all is smoother than the eigenvalue that passes, and may not change its sign.
                     single = product(spectra[a], float(size[a])) * product(spectra[b], float(size[b])) < 0.0
-                    yield int(a), int(b), "divergence", product if single else _real_part(before, after)
+                    yield int(a), int(b), "divergence", product if single else passing
                 elif before.imag >= 0.0 and after.imag >= 0.0:
-                    yield int(a), int(b), "flutter", _real_part(before, after)
+                    yield int(a), int(b), "flutter", passing
 
     def _meeting(self, x: Array, spectra: Complex) -> Iterator[Bracket]:
         """Yield brackets in which a spectrum that is symmetric to the axis loses or gains stability."""
-        counts, both = unstable_counts(spectra), symmetric(spectra)
+        known = self._known(x)
+        counts, both = unstable_counts(spectra, known), symmetric(spectra, known)
         changes = [int(k) for k in np.flatnonzero(counts[1:] != counts[:-1])]
         while changes:
             # Next to a meeting rounding decides on which side of the axis a point lies.
@@ -676,10 +703,10 @@ class _Tracker:
         """Return the stability change in a bracket; None if there is none."""
 
         def spectrum(p: float) -> Complex:
-            found: Complex = self.evaluator.near({self.parameter: np.array([p])}, self.values.shape[1])[0]
+            found: Complex = self._spectra(np.array([p]))[0]
             return found
 
-        counts = unstable_counts(np.array([before, after]))
+        counts = self._counts(np.array([a, b]), np.array([before, after]))
         sides = int(counts[0]), int(counts[1])
         value, size = 0.5 * (a + b), float(np.max(np.abs([before, after])))
         if test is not None:
@@ -695,15 +722,20 @@ class _Tracker:
                 if not abs(test(spectrum(value), size)) <= ZERO * max(abs(ends[0]), abs(ends[1])):
                     return None
                 step = BESIDE * min(value - a, b - value)
-                beside = unstable_counts(np.array([spectrum(value - step), spectrum(value + step)]))
+                sides_of = np.array([value - step, value + step])
+                beside = self._counts(sides_of, self._spectra(sides_of))
                 if step > NOISE * self.width and not np.array_equal(beside, counts):
                     return None
             else:  # the range begins or ends at the critical value
                 value = a if abs(ends[0]) < abs(ends[1]) else b
-                inside = unstable_counts(spectrum(value + SIDE * (a + b - 2.0 * value))[None])[0]
+                nearby = np.array([value + SIDE * (a + b - 2.0 * value)])
+                inside = self._counts(nearby, self._spectra(nearby))[0]
                 if inside != counts[int(value == a)]:
                     return None
-        found = self._described(value, kind, spectrum(value), sides, branches)
+        there = spectrum(value)
+        # Others may pass the axis at the same value.
+        which = test.number(there) if isinstance(test, _RealPart) else None
+        found = self._described(value, kind, there, sides, branches, which)
         if kind == "collision":
             stable = a if counts[0] < counts[1] else b
             found = replace(found, signatures=self._signatures(value, stable, found.frequency))
@@ -734,7 +766,13 @@ class _Tracker:
         return int(np.sign(energies[0])), int(np.sign(energies[1]))
 
     def _described(
-        self, value: float, kind: str, spectrum: Complex, unstable: tuple[int, int], branches: Complex
+        self,
+        value: float,
+        kind: str,
+        spectrum: Complex,
+        unstable: tuple[int, int],
+        branches: Complex,
+        which: int | None = None,
     ) -> Critical:
         """Return a critical value with the branches that are involved and their frequency."""
         if kind == "divergence":
@@ -744,7 +782,7 @@ class _Tracker:
             i, j = divmod(int(np.argmin(gaps)), len(spectrum))
             frequency, involved = float(abs(0.5 * (spectrum[i] + spectrum[j]).imag)), [i, j]
         else:
-            involved = [int(np.argmin(np.abs(spectrum.real)))]
+            involved = [int(np.argmin(np.abs(spectrum.real))) if which is None else which]
             frequency = float(abs(spectrum[involved[0]].imag))
         k = int(np.clip(np.searchsorted(self.x, value), 0, len(self.x) - 1))
         row = branches[k] if not np.any(np.isnan(branches[k])) else branches[max(k - 1, 0)]
@@ -778,14 +816,18 @@ def _no_zero(spectrum: Complex, size: float) -> float:
     return math.nan
 
 
-def _real_part(one: complex, other: complex) -> Test:
-    """Return the real part of the eigenvalue that lies between two as a function of a spectrum."""
-    middle = 0.5 * (one + other)
+@dataclass(frozen=True)
+class _RealPart:
+    """The real part of the eigenvalue nearest to a place, as a function of a spectrum."""
 
-    def test(spectrum: Complex, size: float) -> float:
-        return float(spectrum[int(np.argmin(np.abs(spectrum - middle)))].real) / size
+    place: complex
 
-    return test
+    def number(self, spectrum: Complex) -> int:
+        """Return which eigenvalue it is."""
+        return int(np.argmin(np.abs(spectrum - self.place)))
+
+    def __call__(self, spectrum: Complex, size: float) -> float:
+        return float(spectrum[self.number(spectrum)].real) / size
 
 
 def _reach(parts: list[tuple[_Piece, Index | None]], start: Complex, side: int) -> tuple[Complex, float]:
