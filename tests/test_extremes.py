@@ -12,7 +12,7 @@ from mpmath import mp
 from truth import ZERO, distance, exact_eigenvalues
 
 import mbstab
-from mbstab.analysis.eigen import eigenvalues
+from mbstab.analysis.eigen import _same, eigenvalues
 from mbstab.analysis.methods import METHODS
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.precise import precise_eigenvalues
@@ -675,6 +675,15 @@ def test_masses_and_springs_of_all_sizes_are_told_from_neutral_or_left_open(star
         exact, zeros = exact_eigenvalues(mechanism.model, 1e-80)
         assert not zeros
         assert_honest(mechanism.eig(), exact)
+
+
+def test_a_pair_that_is_refined_to_one_real_eigenvalue_is_one_eigenvalue():
+    # With some roundings Newton's method takes both of a slow pair of random_row(82) there.
+    x = np.array([3.0, 4.0]) * (1.0 + 1.0j)
+    one = (-1e-22 + 1e-41j, 3e-37, x)
+    assert _same(one, (one[0].conjugate(), one[1], x.conj()))
+    assert not _same(one, (one[0].conjugate(), one[1], np.array([4.0, -3.0j])))  # an eigenvalue that is double
+    assert not _same((-1e-22 + 1e-36j, 3e-37, x), (-1e-22 - 1e-36j, 3e-37, x.conj()))
 
 
 @pytest.mark.parametrize(("c", "neutral"), [("0", 2), ("1e-15", 1), ("1", 1)])

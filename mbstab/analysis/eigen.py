@@ -835,7 +835,9 @@ class _Judge:
                 if held < min(bound, found[i].error_bound):
                     better[i] = complex(values[i]), held, x[: self.n, i] / np.linalg.norm(x[: self.n, i])
                     continue
-            # Newton's method must not have gone to another eigenvalue.
+            # Newton's method must not have gone to another eigenvalue, nor both of a pair to one that is real.
+            if values[i].imag and _same((s, bound, vector), (s.conjugate(), bound, vector.conj())):
+                continue
             if bound < found[i].error_bound and abs(s - values[i]) <= found[i].error_bound:
                 better[i] = s, bound, vector[: self.n] / np.linalg.norm(vector[: self.n])
         lost = {i for i, one in better.items() for j, two in better.items() if i != j and _same(one, two)}
@@ -1123,7 +1125,10 @@ def _relative(error: float, s: complex) -> float:
 
 def _same(one: tuple[complex, float, Complex], two: tuple[complex, float, Complex]) -> bool:
     """Whether two refined eigenpairs are one: equal values are multiple only if their vectors are independent."""
-    return abs(one[0] - two[0]) <= one[1] + two[1] and bool(abs(np.vdot(one[2], two[2])) > 1.0 - 1e-6)
+    (s, known, x), (t, also, y) = one, two
+    return abs(s - t) <= known + also and bool(
+        abs(np.vdot(x, y)) > (1.0 - 1e-6) * np.linalg.norm(x) * np.linalg.norm(y)
+    )
 
 
 def with_saddles(found: list[Any]) -> list[Any]:
