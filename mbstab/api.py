@@ -286,6 +286,7 @@ class Mechanism:
         compiled: bool = False,
         progress: Callable[[float], object] = lambda done: None,
         through_singular: bool = False,
+        tell: Callable[[str], object] = lambda text: None,
         **parameters: Setting,
     ) -> Simulation:
         """Return the nonlinear motion: ``model.simulate(10.0, perturb={"rod.theta": 0.1})``.
@@ -298,7 +299,8 @@ class Mechanism:
             ``projection`` (with DOP853, RK45, Radau, BDF), ``alpha`` or ``radau``; see
             `mbstab.analysis.integrators`.
         tol : float
-            Global error, relative to the sizes in the scene; see `mbstab.analysis.simulate`.
+            Largest error of places (relative to the size of the scene), of entries of rotation matrices and of speeds
+            (relative to the largest of the motion) at any time of output.
         step : float, optional
             Fixed step (s), without control of the error.
         points : int
@@ -309,10 +311,14 @@ class Mechanism:
             Refuse initial values that the constraints do not allow, instead of moving them.
         once : bool
             Make one run in which `tol` is the error of a step.
+        compiled : bool
+            Take the steps of DOP853 or RK45 in machine code (extra ``fast``); compiled once, for half a minute.
         progress : callable
             Is called with the part of the work that is done, from 0 to 1.
         through_singular : bool
             Go on smoothly through configurations where the constraints lose rank, and say so in a warning.
+        tell : callable
+            Is called with a warning that should be known before the end.
 
         Raises
         ------
@@ -339,6 +345,7 @@ class Mechanism:
             compiled=compiled,
             progress=progress,
             through_singular=through_singular,
+            tell=tell,
         )
 
     @guarded

@@ -272,6 +272,32 @@ def test_a_singular_configuration_is_found_between_compiled_steps():
     assert told[0] == pytest.approx(told[1], abs=1e-7)
 
 
+LAWS = {
+    "torque": "forces: {m: {type: torque, body: a, vector: [0, 0, sin(t)]}}",
+    "start": "forces: {m: {type: torque, body: a, vector: [0, 0, smooth_start(t/0.7)]}}",
+    "joint": "drives: {m: {type: joint, joint: h, position: 0.3*sin(2*t)}}",
+    "rate": "drives: {m: {type: joint, joint: h, velocity: exp(-t) + t**2}}",
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_laws_of_time_move_bodies_in_space(law):
+    model = mbstab.loads(f"""
+mbstab: 1
+title: A body on a hinge
+gravity: [0, -9.81, 0]
+bodies: {{a: {{type: spatial, mass: 1, inertia: [0.1, 0.2, 0.3], center_of_mass: [0.2, 0, 0]}}}}
+joints: {{h: {{type: revolute, between: [a, ground], axis: z}}}}
+{LAWS[law]}
+reference: {{rates: {{a: {{psi: {"0" if "forces" in LAWS[law] else "0.6" if law == "joint" else "1"}}}}}}}
+""")
+    one, other = (model.simulate(2.0, tol=1e-9, points=21, compiled=x) for x in (False, True))
+    assert np.max(np.abs(one.q)) > 0.1
+    assert np.max(np.abs(one.q - other.q)) < 1e-8
+    assert np.max(np.abs(one.work - other.work)) < 1e-7
+    assert other.energy_drift < 1e-7
+
+
 def test_a_force_that_loses_its_value_ends_the_motion_with_the_same_words():
     text = """
 mbstab: 1

@@ -25,9 +25,9 @@ from mbstab.analysis.integrators import METHODS
 from mbstab.analysis.motion import Finder
 from mbstab.analysis.names import uneven_in_time
 from mbstab.analysis.rotation import euler_angles, rate_drift, rate_matrix
-from mbstab.analysis.simulate import TRUST
+from mbstab.analysis.simulate import TRUST, pulses
 from mbstab.cli import main
-from mbstab.errors import ModelFileError, SimulationError, UsageError
+from mbstab.errors import MbstabError, ModelFileError, SimulationError, UsageError
 from mbstab.model.expressions import parse
 from mbstab.model.library import installed_models
 
@@ -131,7 +131,7 @@ def test_errors_at_rest_are_those_of_the_scene():
 
 @pytest.mark.parametrize(
     ("to", "tol", "runs", "reason"),
-    [(10.0, 1e-13, 5, "rounding and the growth of disturbances"), (10.0, 1e-6, 2, "stopped after 2 runs")],
+    [(10.0, 1e-13, 5, "rounding and the growth of small errors"), (10.0, 1e-6, 2, "stopped after 2 runs")],
 )
 def test_why_a_tolerance_is_not_met_is_said(to, tol, runs, reason, monkeypatch):
     monkeypatch.setattr(simulating, "RUNS", runs)
@@ -508,7 +508,7 @@ def test_a_mode_of_the_linearized_equations_is_where_a_small_motion_stays(name, 
     [
         ({"rod.tetha": 0.1}, "there is no coordinate 'rod.tetha'\nhint: did you mean 'rod.theta'?"),
         ({"rate(rod.tetha)": 0.1}, "there is no coordinate 'rod.tetha'\nhint: did you mean 'rate(rod.theta)'?"),
-        ({"mode:2": 0.1}, "mode:2: there is 1 to choose from"),
+        ({"mode:2": 0.1}, "no mode 2: there is 1 to choose from"),
         ({"rod.theta": "LL"}, "unknown parameter 'LL'\nhint: did you mean 'L'?"),
         ({"rod.theta": "nan"}, "'nan' is no number"),
         ({"rod.theta": math.inf}, "not finite"),
@@ -700,12 +700,85 @@ forces: {f: {type: force, at: p, vector: [sqrt(1 - t), 0]}}
     assert caught.value.partial.times[-1] == pytest.approx(1.0, abs=0.02)
 
 
+def test_a_force_that_loses_its_value_is_named():
+    text = """mbstab: 1
+bodies: {p: {type: planar_point, mass: 1}}
+forces: {f: {type: expression, on: {p.x: sqrt(1 - p.x)}}}
+"""
+    with pytest.raises(SimulationError, match=r"forces\.f has no finite equations here \(math domain error\)"):
+        mbstab.loads(text).simulate(3.0)
+
+
+@pytest.mark.parametrize("options", [{"solver": "Radau"}, {"solver": "BDF"}, {"method": "radau"}, {"method": "alpha"}])
+def test_a_drag_that_has_a_kink_at_rest_starts_from_rest(options):
+    text = """mbstab: 1
+bodies: {p: {type: planar_point, mass: 1}}
+forces: {f: {type: expression, on: {p.x: 1 - rate(p.x)*abs(rate(p.x))}}}
+"""
+    sim = mbstab.loads(text).simulate(1.0, tol=1e-4, points=11, **options)
+    assert np.max(np.abs(sim.u[:, 0] - np.tanh(sim.times))) < TRUST * 1e-4
+    with pytest.raises(MbstabError, match="abs has no derivative at 0"):
+        mbstab.loads(text + "reference: {coordinates: {p: {x: 0, y: 0}}}\n").eig()
+
+
+@pytest.mark.parametrize("points", [5, 501])
+def test_a_pulse_that_steps_may_pass_over_is_said(points):
+    text = """mbstab: 1
+bodies: {p: {type: planar_point, mass: 1}}
+forces: {f: {type: force, at: p, vector: [exp(-((t - 3.137)/WIDTH)**2)/WIDTH, 0]}}
+"""
+    said = mbstab.loads(text.replace("WIDTH", "1e-4")).simulate(4.0, points=points).warnings[0]
+    assert re.match(r"forces\.f has a pulse of about 0\.000[12] s at t = 3\.13[67]\d* s, which steps of up to", said)
+    assert mbstab.loads(text.replace("WIDTH", "1e-4")).simulate(4.0, step=1e-4, points=5).warnings == ()
+    sim = mbstab.loads(text.replace("WIDTH", "0.3")).simulate(4.0, points=points)
+    assert sim.warnings == ()
+    assert sim.u[-1, 0] == pytest.approx(math.sqrt(math.pi), rel=1e-4)  # the last part lies behind 4 s
+
+
+@pytest.mark.parametrize("law", ["sin(1e4*t)", "smooth_start((t - 1)/1e-3)", "abs(sin(3*t + 1))", "cos(t)**2*t"])
+def test_other_functions_of_time_have_no_pulses(law):
+    text = f"""mbstab: 1
+bodies: {{p: {{type: planar_point, mass: 1}}}}
+forces: {{f: {{type: force, at: p, vector: ["{law}", 0]}}}}
+"""
+    system = mbstab.loads(text).system()
+    for longest in (0.04, 0.004):
+        assert pulses(system, 0.0, 4.0, longest) == []
+
+
+def test_what_limits_the_steps_is_told_before_the_end():
+    text = """mbstab: 1
+bodies: {p: {type: planar_point, mass: 1}}
+forces: {f: {type: expression, on: {p.x: -1e5*(rate(p.x) - cos(t))}}}
+"""
+    told, done = [], []
+    sim = mbstab.loads(text).simulate(
+        3.0, tol=1e-5, once=True, tell=lambda text: told.append((text, len(done))), progress=done.append
+    )
+    ((said, when),) = told
+    assert "limited by stability" in said
+    assert said in sim.warnings
+    assert when < 0.5 * len(done)
+
+
+def test_a_result_is_shown_in_a_line():
+    sim = PENDULUM.simulate(1.0, points=3)
+    assert re.fullmatch(
+        r"<Simulation of 3 coordinates at 3 times from 0 to 1 s by projection DOP853, error estimate \S+>", repr(sim)
+    )
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"to": 0.0}, "the end of the simulation, 0 s, must be later than its start, 0 s"),
         ({"to": 1.0, "start": 1.0}, "must be later than its start, 1 s"),
         ({"to": math.nan}, "must be later"),
+        ({"to": math.inf}, "and finite"),
+        ({"to": "soon"}, "the last time is a number of seconds, not 'soon'"),
+        ({"to": 1.0, "start": "now"}, "the first time is a number of seconds, not 'now'"),
+        ({"to": 1.0, "points": 2.5}, "a whole number, not 2.5"),
+        ({"to": 1.0, "step": 1e-12}, "steps of 1e-12 s make 1.0e+12 of them until 1 s, where 1e+09 is the limit"),
         ({"to": 1.0, "step": 0.0}, "the step must be a positive number of seconds, not 0"),
         ({"to": 1.0, "step": -1.0}, "the step must be a positive number"),
         ({"to": 1.0, "step": 2.0}, "the step of 2 s is longer than the simulation of 1 s"),
@@ -876,5 +949,7 @@ def test_ctrl_c_leaves_the_finished_part_on_disk(tmp_path):
 def test_a_full_disk_is_said_and_the_summary_still_shown():
     result = run("pendulum.yaml", "--to", "0.2", "--points", "3", "--format", "csv", "-o", "/dev/full")
     assert result.exit_code == 1
-    assert "/dev/full: cannot be written: No space left on device" in result.stderr
+    kept = re.search(r"/dev/full: cannot be written: No space left on device; .* is in (\S+)", result.stderr)[1]
+    assert len(Path(kept).read_text(encoding="utf-8").splitlines()) > 3
+    Path(kept).unlink()
     assert "energy" in result.stdout

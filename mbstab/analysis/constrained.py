@@ -36,6 +36,9 @@ FUSED_AFTER = 60
 WEAK_PIVOT = 1e-10
 """Where redundant rows are left out and a pivot falls below this part of the largest, all rows are combined instead."""
 
+BESIDE = 1e-6
+"""Part of the fastest speed, or of those as good as rest, by which speeds are moved off a kink."""
+
 SLOWEST = 1e-3
 """Speeds below this part of what the forces at the start can cause are as good as rest."""
 
@@ -250,9 +253,7 @@ class Constrained:
     def jacobian(self, t: float, q: Array, u: Array) -> tuple[Array, Array]:
         """Return ∂a/∂q and ∂a/∂u of the accelerations, each of shape (n_q, n_q)."""
         a, nu, _ = self.accelerations(t, q, u)
-        K, R, _ = self.form.linearize(q, u, a, nu, t)
-        _, A_q, A_u = self.form.linearize_rows(q, u, a, t)
-        self.evaluations += 1
+        K, R, _, A_q, A_u = self._slopes(t, q, u, a, nu)
         n = self.n
         right = -np.block([[K, R], [A_q, A_u]])
         right[:n] *= self.scale[:, None]
@@ -473,11 +474,22 @@ class Constrained:
         order = [i for i in np.argsort(-np.abs(left)) if abs(left[i]) > 0.1][:6]
         return ", ".join(dict.fromkeys(self.system.rows[i].owner for i in order))
 
+    def _slopes(self, t: float, q: Array, u: Array, a: Array, nu: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return K, R, V_q, A_q and A_u; at a kink in the speeds, such as that of |u| at rest, those beside it.
+
+        The derivatives only lead the iterations of implicit methods, whose results do not depend on them.
+        """
+        self.evaluations += 1
+        try:
+            K, R, _ = self.form.linearize(q, u, a, nu, t)
+        except NumericalError:
+            u = u + BESIDE * max(self.fastest(u), self.slowest) * self.sizes
+            K, R, _ = self.form.linearize(q, u, a, nu, t)
+        return K, R, *self.form.linearize_rows(q, u, a, t)
+
     def derivatives(self, t: float, q: Array, u: Array, a: Array, nu: Array) -> tuple[Array, Array, Array]:
         """Return K, R and V_q, the exact derivatives that the linearization uses."""
-        self.evaluations += 1
-        K, R, _ = self.form.linearize(q, u, a, nu, t)
-        return K, R, self.form.linearize_rows(q, u, a, t)[0]
+        return self._slopes(t, q, u, a, nu)[:3]
 
     @property
     def combinations(self) -> tuple[Array, Array]:

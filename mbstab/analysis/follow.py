@@ -120,6 +120,11 @@ class Follower:
         What evaluates the scene, where others use it as well.
     through : bool
         Go through singular configurations where the motion is smooth, instead of refusing them.
+
+    Attributes
+    ----------
+    tell : callable
+        Is called with what should be known before a run ends.
     """
 
     def __init__(
@@ -130,6 +135,8 @@ class Follower:
         self.energy = Energy.of(system, self.attitudes)
         self.form = form or Form(system)
         self.parts = self.working_parts(system)
+        self.note = ""
+        self.tell: Callable[[str], object] = lambda text: None
         self._marching: Marching | None = None
 
     def marching(self, equations: Constrained, solver: str) -> Marching:
@@ -147,7 +154,7 @@ class Follower:
         """Follow the motion; failures end the run and are kept in it."""
         run = Run(reached=float(self.times[0]))
         leg = _Leg(self, run)
-        pace = Pace(method, options, float(self.times[-1]))
+        pace = Pace(method, options, float(self.times[-1]), self.note, self.tell)
         run.peak = leg.equations.least_energy
         try:
             leg.sample(float(self.times[0]), self.motion.q, self.motion.u)
@@ -158,6 +165,7 @@ class Follower:
             run.failure = f"the motion leaves the range of double precision near t = {run.reached:.9g} s: {error}"
         except MbstabError as error:
             run.failure = str(error)
+        self.note = pace.note
         if pace.note and not run.failure:
             run.notes.append(pace.note)
         if run.passed:

@@ -212,7 +212,7 @@ def complex_mode(system: System, number: int) -> tuple[complex, Array, Array]:
     listed = [e for e in answer(system).eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
     if not 1 <= number <= len(listed):
         count = "is 1" if len(listed) == 1 else f"are {len(listed)}"
-        raise UsageError(f"--perturb mode:{number}: there {count} to choose from, as mbstab eig lists them")
+        raise UsageError(f"no mode {number}: there {count} to choose from, as mbstab eig lists them")
     mode = listed[number - 1]
     motion = reference_motion(system)
     if system.scene.period is not None:

@@ -47,10 +47,12 @@ class Projected:
         self._solver = make(self._slope, t, np.concatenate([q, u]), end, **settings)
 
     def _slope(self, t: float, y: Array) -> Array:
-        q, u = y[: self.n], y[self.n :]
+        q, u, trouble = y[: self.n], y[self.n :], self.equations.trouble
         try:
             a = self.equations.acceleration(t, q, u)
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
+            if not np.isfinite(y).all():  # the trouble is that of an earlier stage
+                self.equations.trouble = trouble
             # Too far out: the integrator takes a shorter step.
             return np.full(len(y), np.nan)
         return np.concatenate([u, a])

@@ -27,6 +27,7 @@ from mbstab.analysis.samples import Record, Track
 from mbstab.analysis.stepping import Method, Options
 from mbstab.compiler.system import Array, System
 from mbstab.errors import SimulationError, UsageError
+from mbstab.model.arithmetic import array_arithmetic
 
 TRUST = 3.0
 """The error of a result is below this factor times the tolerance, if no warning says that the tolerance is not met."""
@@ -36,6 +37,15 @@ RUNS, LEAST_RUNS = 5, 3
 
 REST = 1e-4
 """Speeds below this part of the natural rate are as good as none."""
+
+SEEN, PULSES = 8, 2**16
+"""Parts of the longest step, and at most so many of a simulation, in which given functions of time are looked at."""
+
+CLEAR_PULSE = 0.05
+"""Of a function's range, or of a number of parts: more counts."""
+
+MOST_STEPS = 1e9
+"""Of fixed size."""
 
 SMALLEST = 1e-13
 """Tolerance of a step below which rounding decides."""
@@ -62,7 +72,7 @@ LONGEST = 10.0
 """Duration of a simulation whose end is not given (s)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Simulation:
     """A motion over a span of time.
 
@@ -155,6 +165,14 @@ class Simulation:
     complete: bool
     failure: str
 
+    def __repr__(self) -> str:
+        """Return the size of it; the arrays are long."""
+        solver = f" {self.solver}" if self.solver else ""
+        return (
+            f"<Simulation of {len(self.names)} coordinates at {len(self.times)} times from {self.times[0]:g} to "
+            f"{self.times[-1]:g} s by {self.method}{solver}, error estimate {self.error_estimate:.2g}>"
+        )
+
     @property
     def end_state(self) -> dict[str, dict[str, float]]:
         """Coordinates and rates by name at the last time."""
@@ -199,6 +217,7 @@ def simulate(
     compiled: bool = False,
     progress: Callable[[float], object] = lambda done: None,
     through_singular: bool = False,
+    tell: Callable[[str], object] = lambda text: None,
 ) -> Simulation:
     """Return the motion that starts as the file and `perturb` say.
 
@@ -226,6 +245,8 @@ def simulate(
         Go on through configurations where the constraints lose rank, along the smooth continuation of the motion,
         and say so in a warning. The tolerance holds there as well. Where there is no such continuation, or it cannot
         be found to the tolerance, the motion ends as without this.
+    tell : callable
+        Is called with a warning that should be known before the end; it is one of those of the result as well.
 
     Raises
     ------
@@ -236,14 +257,22 @@ def simulate(
     """
     chosen, solver = _method(method, solver, step, compiled)
     _check(tol, step, points)
-    begin = start_of(system, perturb, start, strict)
+    begin = start_of(system, perturb, None if start is None else _number(start, "the first time"), strict)
     first = begin.motion.time
-    last = first + LONGEST if to is None else float(to)
+    last = first + LONGEST if to is None else _number(to, "the last time")
     if not (math.isfinite(last) and last > first):
-        raise UsageError(f"the end of the simulation, {last:g} s, must be later than its start, {first:g} s")
+        raise UsageError(
+            f"the end of the simulation, {last:g} s, must be later than its start, {first:g} s, and finite"
+        )
     if step is not None and step > last - first:
         raise UsageError(f"the step of {step:g} s is longer than the simulation of {last - first:g} s")
+    if step is not None and (last - first) / step > MOST_STEPS:
+        raise UsageError(
+            f"steps of {step:g} s make {(last - first) / step:.1e} of them until {last:g} s, where {MOST_STEPS:.0e} "
+            "is the limit"
+        )
     follower = Follower(begin.system, begin.motion, np.linspace(first, last, points), through=through_singular)
+    follower.tell = tell
     work = _Work(follower, chosen, solver, tol, step, compiled, progress)
     run = work.once(tol) if step is not None or once else work.refined()
     if not run.samples:
@@ -252,6 +281,13 @@ def simulate(
     if not run.complete:
         raise SimulationError(_reason(run, result, last), result)
     return result
+
+
+def _number(x: object, what: str) -> float:
+    try:
+        return float(x)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise UsageError(f"{what} is a number of seconds, not {x!r}") from None
 
 
 def _reason(run: Run, result: Simulation, last: float) -> str:
@@ -285,8 +321,8 @@ def _check(tol: float, step: float | None, points: int) -> None:
         raise UsageError(f"the tolerance must lie between 0 and 1, not at {tol:g}")
     if step is not None and not (math.isfinite(step) and step > 0.0):
         raise UsageError(f"the step must be a positive number of seconds, not {step:g}")
-    if points < 2:
-        raise UsageError(f"a simulation has two times of output at least, not {points}")
+    if points != int(points) or points < 2:
+        raise UsageError(f"a simulation has two times of output at least, a whole number, not {points}")
 
 
 def longest_step(follower: Follower) -> float:
@@ -297,6 +333,53 @@ def longest_step(follower: Follower) -> float:
     times = follower.times
     duration = float(times[-1] - times[0])
     return min(max(float(times[1] - times[0]), duration / LONGEST_STEPS[1]), duration / LONGEST_STEPS[0])
+
+
+def pulses(system: System, first: float, last: float, longest: float) -> list[str]:
+    """Return a warning for each given function of time with a pulse so short that steps may pass over it.
+
+    Parameters
+    ----------
+    first, last : float (s)
+    longest : float
+        Longest step (s).
+    """
+    if not longest < last - first:
+        return []
+    cells = math.ceil((last - first) * SEEN / longest)
+    each = max(SEEN, PULSES // cells)
+    times = np.linspace(first, last, cells * each + 1)
+    found: dict[str, str] = {}
+    for owner, law in system.given_functions():
+        with np.errstate(all="ignore"):
+            values = np.broadcast_to(replace(law, arithmetic=array_arithmetic()).at(times).value, times.shape)
+        size = float(np.ptp(values))
+        if not (math.isfinite(size) and size > 0.0):
+            continue
+        for shift in (0, each // 2):  # a pulse at the end of one cell lies inside another
+            place = _pulse(values[shift : shift + (cells - 1) * each + 1], each, size)
+            if place is not None:
+                time, width = times[shift + place[0]], place[1] * (times[1] - times[0])
+                found.setdefault(
+                    owner,
+                    f"{owner} has a pulse of about {width:.1g} s at t = {time:.6g} s, which steps of up to "
+                    f"{longest:.2g} s may pass over: give --step, more --points, or a time nearby with --from",
+                )
+    return list(found.values())
+
+
+def _pulse(values: Array, each: int, size: float) -> tuple[int, int] | None:
+    """Return where a function is farthest from what its values at the ends of cells tell, and how long; or None."""
+    ends, inside = values[::each], values[:-1].reshape(-1, each)
+    off = np.abs(inside - ends[:-1, None] - (ends[1:] - ends[:-1])[:, None] * np.arange(each) / each)
+    far = np.max(off, axis=1)
+    lively = far > CLEAR_PULSE * size
+    # What is still there at the end of a cell is seen there; and what is everywhere is seen everywhere.
+    hidden = lively & (np.abs(ends[1:] - ends[:-1]) < CLEAR_PULSE * far)
+    if not np.any(hidden) or np.count_nonzero(lively) > CLEAR_PULSE * len(far):
+        return None
+    k = int(np.argmax(np.where(hidden, far, 0.0)))
+    return k * each + int(np.argmax(off[k])), int(np.count_nonzero(2.0 * off[k] > far[k]))
 
 
 class _Work:
@@ -322,7 +405,9 @@ class _Work:
         self.natural = max(self.rate, falling)
         self.longest = longest_step(follower)
         self.estimate, self.fast, self.runs, self.evaluations = math.nan, math.nan, 0, 0
-        self.warnings: list[str] = []
+        self.warnings = pulses(
+            follower.system, float(follower.times[0]), float(follower.times[-1]), step or self.longest
+        )
         self.notes: list[str] = []
 
     def once(self, tol: float, progress: Callable[[float], object] | None = None) -> Run:
@@ -359,7 +444,8 @@ class _Work:
             run = self.once(following, self._share(shares[k - 1], shares[k]))
             if not run.complete:
                 return self._better(before, run)
-            last, self.estimate = self.estimate, self._estimated(run, following, earlier, fast)
+            # Earlier runs may have passed over something.
+            last, self.estimate = self.estimate, self._estimated(run, following, earlier[1 - LEAST_RUNS :], fast)
             improved = not self.estimate > IMPROVED * last
             if following <= SMALLEST or (self.estimate <= self.tol and k + 1 >= LEAST_RUNS):
                 break
@@ -373,10 +459,13 @@ class _Work:
             reason = (
                 f"stopped after {self.runs} runs"
                 if improved and following > SMALLEST
-                else "rounding and the growth of disturbances over this time allow no better"
+                else f"the tolerance of a step is at its least, {SMALLEST:g}, and what is left comes from rounding and "
+                "the growth of small errors over this time; shorter steps (--step) may do better"
+                if following <= SMALLEST
+                else "smaller tolerances of a step change the result by as much"
             )
             self.warnings.append(
-                f"the estimate of the global error, {self.estimate:.1e}, is above the tolerance {self.tol:.1e}: "
+                f"the estimate of the global error, {self.estimate:.2e}, is above the tolerance {self.tol:.2e}: "
                 + reason
             )
         self.progress(1.0)

@@ -9,6 +9,7 @@ stability, and not what is seen of the motion, limit the steps.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -82,18 +83,24 @@ class Pace:
     options : Options
     end : float
         Last time (s).
+    note : str
+        What an earlier run had to say, or empty.
+    tell : callable
+        Is called with a note when that is found.
 
     Attributes
     ----------
     note : str
-        What is to be said at the end, or empty.
+        What is to be said, or empty.
     """
 
-    def __init__(self, method: Method, options: Options, end: float) -> None:
+    def __init__(
+        self, method: Method, options: Options, end: float, note: str = "", tell: Callable[[str], object] = str
+    ) -> None:
         explicit = options.solver in BOUNDARIES and METHODS["projection"].get(options.solver) is method
         self.boundary = BOUNDARIES[options.solver] if explicit and options.step is None else None
         self.end = end
-        self.note = ""
+        self.note, self._tell = note, tell
         self._next, self._steps, self._time = FIRST, 0, -np.inf
 
     def look(self, steps: int, stepper: Reached, equations: Constrained, options: Options) -> None:
@@ -120,7 +127,9 @@ class Pace:
                 f"the steps of {found.mean:.1e} s at t = {stepper.t:.6g} s are limited by stability, not by accuracy: "
                 f"the fastest motion that is possible there, {found.rate:.1e} 1/s, is not seen"
             )
-            self.note = self.note or f"{text}; --method radau takes steps of {found.implicit:.1e} s there"
+            if not self.note:
+                self.note = f"{text}; --method radau takes steps of {found.implicit:.1e} s there"
+                self._tell(self.note)
             if steps >= SURE_AFTER and left > FOREVER:
                 raise NumericalError(
                     f"{text}; {left:.1e} more would be needed, where {FOREVER:.0e} is the limit\n"

@@ -192,8 +192,27 @@ def write(data: str | bytes, output: Path | None, model: str = "") -> None:
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
         raise UsageError(f"{output}: cannot be written: {error.strerror}") from None
     except OSError as error:
-        raise OutputError(f"{output}: cannot be written: {error.strerror}") from None
+        kept = _rescued(content, output)
+        where = f"; what was to be written is in {kept}" if kept else ""
+        raise OutputError(f"{output}: cannot be written: {error.strerror}{where}") from None
     note(f"wrote {output}")
+
+
+def _rescued(content: bytes, output: Path) -> str:
+    """Return a temporary file that takes what has no space elsewhere, or nothing if there is none for it either."""
+    import tempfile
+
+    try:
+        handle, name = tempfile.mkstemp(prefix=f"{output.stem}-", suffix=output.suffix)
+    except OSError:
+        return ""
+    try:
+        with open(handle, "wb") as stream:
+            stream.write(content)
+    except OSError:
+        os.unlink(name)
+        return ""
+    return name
 
 
 def check_output(output: Path | None) -> None:

@@ -168,6 +168,12 @@ def simulate(
             return
         count = points or movie.points(mechanism.system(**parameters), start, to)
     stopped: SimulationError | None = None
+    told: list[str] = []
+
+    def tell(text: str) -> None:
+        told.append(text)
+        warn([text])
+
     try:
         with _compiling(compiled), progress_bar("simulating") as progress:
             result = mechanism.simulate(
@@ -184,13 +190,14 @@ def simulate(
                 compiled=compiled,
                 progress=progress,
                 through_singular=through_singular,
+                tell=tell,
                 **parameters,
             )
     except SimulationError as error:
         if error.partial is None or not len(error.partial.times):
             raise
         stopped, result = error, error.partial
-    warn(result.warnings)
+    warn([text for text in result.warnings if text not in told])
     _write(result, format_, output, model.name, model.title)
     _draw(result, pictures, *picture_stem(place, output, Path(model.name)), model.title)
     if movie is not None and not (result.complete or result.failure):

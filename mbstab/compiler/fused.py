@@ -117,7 +117,7 @@ class Fused:
             bodies[number] = replace(bodies[number], base=tuple(base))
             self._bases += base
         scene = replace(system.scene, arithmetic=self._trace.arithmetic(), bodies=tuple(bodies))
-        self._traced = System(scene) if free else system.in_arithmetic(scene)
+        self._traced = (System(scene) if free else system).in_arithmetic(scene)
         sizes = {"q": system.n_q, "u": system.n_q, "a": system.n_q, "nu": system.n_c}
         self._inputs: dict[str, Any] = {
             name: [self._trace.input(f"{name}{i}") for i in range(size)] for name, size in sizes.items()

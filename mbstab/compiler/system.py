@@ -144,6 +144,11 @@ class System:
             part._plans = {}
             yield path, part
 
+    def given_functions(self) -> Iterator[tuple[str, Any]]:
+        """Yield the owner, such as ``drives.motor``, and the `Law` of each given function of time."""
+        for element in self._elements:
+            yield from ((element.path, law) for law in element.laws if isinstance(law, Law))
+
     def in_arithmetic(self, scene: Scene) -> System:
         """Return the same elements in the arithmetic of a scene that differs from this one in nothing else."""
         other = copy(self)
