@@ -8,6 +8,7 @@ import sys
 from fractions import Fraction
 from pathlib import Path
 
+import mechanisms
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -381,19 +382,7 @@ def test_a_critical_value_belongs_to_one_equilibrium():
 
 # --- rows that repeat others ----------------------------------------------------------------------------------------
 
-DOOR = """
-mbstab: 1
-parameters: {e: EXTRA}
-gravity: [-2, 0, -9]
-bodies:
-  d: {type: spatial, mass: 2, inertia: [0.1, 0.2, 0.3], points: {A: [0.5, 0, -1], B: [0.5, 0, 1], C: [0.5 + e, 0, 0]}}
-joints:
-  a: {type: spherical, between: [d.A, ground.A]}
-  b: {type: spherical, between: [d.B, ground.B]}
-  c: {type: spherical, between: [d.C, ground.C]}
-ground: {points: {A: [0, 0, -1], B: [0, 0, 1], C: [e, 0, 0]}}
-reference: {coordinates: {d: {x: -0.5, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}}
-"""
+DOOR = mechanisms.DOOR.replace("GRAVITY", "-2")
 
 
 def door(extra):

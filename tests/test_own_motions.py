@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from mechanisms import FREE_DISK
 from PIL import Image
 from scipy.integrate import solve_ivp
 
@@ -15,18 +16,14 @@ from mbstab.report.sketch import Sketch
 
 RADIUS, MASS, GRAVITY = 0.3, 2.0, 9.81
 
-DISK = """\
-mbstab: 1
-gravity: [0, 0, -9.81]
-bodies: {disk: {type: spatial, mass: 2, shape: {type: disk, radius: 0.3, thickness: 0.05}}}
-contacts: {rolling: {type: wheel, center: disk, axle: z, radius: 0.3}}
-reference:
-  coordinates: {disk: {x: 0, y: 0, z: 0.3, phi: pi/2, theta: 0, psi: 0}}
-  rates: {disk: {x: -1.5, y: 0, z: 0, phi: 0, theta: 0, psi: 5}}
+DISK = (
+    FREE_DISK
+    + """\
 initial:
   coordinates: {disk: {x: 0.1, y: -0.2, phi: pi/2 - LEAN, theta: 0.3, psi: 0.7}}
   rates: {disk: {phi: 0.4, theta: 0.9, psi: SPIN}}
 """
+)
 
 CRANE = """\
 mbstab: 1

@@ -10,6 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 from chains import hanging_chain
+from mechanisms import DOOR
 from mpmath import mp
 from truth import exact_eigenvalues
 
@@ -508,21 +509,6 @@ def test_the_precision_of_the_caller_is_left_alone():
     before = mp.prec
     answer.__wrapped__("pendulum", 33)
     assert mp.prec == before
-
-
-DOOR = """
-mbstab: 1
-gravity: [GRAVITY, 0, -9]
-parameters: {e: EXTRA}
-bodies:
-  d: {type: spatial, mass: 2, inertia: [0.1, 0.2, 0.3], points: {A: [0.5, 0, -1], B: [0.5, 0, 1], C: [0.5 + e, 0, 0]}}
-joints:
-  a: {type: spherical, between: [d.A, ground.A]}
-  b: {type: spherical, between: [d.B, ground.B]}
-  c: {type: spherical, between: [d.C, ground.C]}
-ground: {points: {A: [0, 0, -1], B: [0, 0, 1], C: [e, 0, 0]}}
-reference: {coordinates: {d: {x: -0.5, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}}
-"""
 
 
 @pytest.mark.parametrize("gravity", ["-2", "2"])

@@ -15,6 +15,7 @@ import pytest
 from children import child
 from children import mbstab as mbstab_command
 from click.testing import CliRunner
+from mechanisms import FREE_DISK
 from scipy.special import ellipj, ellipk
 
 import mbstab
@@ -36,16 +37,6 @@ RELEASED = {"rod.theta": math.pi / 4}
 OMEGA = math.sqrt(3.0 * 9.81 / 0.8)
 MODULUS = math.sin(math.pi / 8)
 PERIOD = 4.0 * ellipk(MODULUS**2) / OMEGA
-
-FREE_DISK = """\
-mbstab: 1
-gravity: [0, 0, -9.81]
-bodies: {disk: {type: spatial, mass: 2, shape: {type: disk, radius: 0.3, thickness: 0.05}}}
-contacts: {rolling: {type: wheel, center: disk, axle: z, radius: 0.3}}
-reference:
-  coordinates: {disk: {x: 0, y: 0, z: 0.3, phi: pi/2, theta: 0, psi: 0}}
-  rates: {disk: {x: -1.5, y: 0, z: 0, phi: 0, theta: 0, psi: 5}}
-"""
 
 SOURCE = Path(PENDULUM.model.document.name).read_text(encoding="utf-8")
 

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from mechanisms import SLIDER_CRANK
 
 import mbstab
 from mbstab.analysis import stiffness
@@ -29,21 +30,6 @@ drives:
   dy: {type: coordinate, coordinate: e.y, position: 0}
   dz: {type: coordinate, coordinate: e.z, position: 0}
 reference: {coordinates: {e: {x: 1, y: 0, z: 0}, p: {y: 0.1}}, rates: {p: {y: 1}}, guess: {p: {x: 0.5, z: -0.8}}}
-"""
-SLIDER_CRANK = """\
-mbstab: 1
-gravity: [0, -9.81]
-bodies:
-  crank: {type: planar, mass: 1, shape: {type: rod, length: 1}, points: {O: [-0.5, 0], A: [0.5, 0]}}
-  rod: {type: planar, mass: 1, shape: {type: rod, length: 0.8}, points: {A: [-0.4, 0], B: [0.4, 0]}}
-  slider: {type: planar, mass: 1, inertia: 1}
-joints:
-  O: {type: revolute, between: [crank.O, ground]}
-  A: {type: revolute, between: [rod.A, crank.A]}
-  B: {type: revolute, between: [rod.B, slider]}
-  guide: {type: prismatic, between: [ground, slider], axis: x}
-drives: {motor: {type: coordinate, coordinate: crank.theta, LAW}}
-reference: {coordinates: {crank: {theta: 0.2}}, guess: {rod: {x: 1.3, y: 0.1, theta: -0.2}, slider: {x: 1.75}}}
 """
 FOUR_BAR = """\
 mbstab: 1
@@ -78,7 +64,13 @@ reference: {coordinates: {a: {x: 1}, b: {z: 0}}, guess: {a: {z: 0.3}, b: {psi: 1
 LIMITS = {
     "links": (LINKS, "1 + t/2", 0.5, 2.0, "joint 'one', joint 'two', drive 'dx'"),
     "spatial links": (SPATIAL_LINKS, "1 + t/2", 0.5, 2.0, "joint 'one', joint 'two', drive 'dx'"),
-    "slider crank": (SLIDER_CRANK, "0.2 + 2*t", 2.0, (math.asin(0.8) - 0.2) / 2, "joint 'A', joint 'B', drive 'motor'"),
+    "slider crank": (
+        SLIDER_CRANK.replace("LENGTH", "0.8"),
+        "0.2 + 2*t",
+        2.0,
+        (math.asin(0.8) - 0.2) / 2,
+        "joint 'A', joint 'B', drive 'motor'",
+    ),
     "four-bar": (FOUR_BAR, "pi/3 + t", 1.0, math.acos(-0.25) - math.pi / 3, "joint 'A', joint 'B', drive 'motor'"),
     "spatial lever": (SPATIAL_LEVER, "1 + 0.4*t", 0.4, (0.5 + math.sqrt(0.91) - 1) / 0.4, "joint 'd', drive 'go'"),
 }

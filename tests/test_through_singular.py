@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from chains import four_bar_loops
 from click.testing import CliRunner
+from mechanisms import SLIDER_CRANK
 from scipy.special import ellipj, ellipk
 
 import mbstab
@@ -134,21 +135,7 @@ def test_output_at_the_singular_instant_is_finite():
 
 
 def test_a_driven_slider_crank_of_equal_lengths_goes_through():
-    text = """\
-mbstab: 1
-gravity: [0, -9.81]
-bodies:
-  crank: {type: planar, mass: 1, shape: {type: rod, length: 1}, points: {O: [-0.5, 0], A: [0.5, 0]}}
-  rod: {type: planar, mass: 1, shape: {type: rod, length: 1}, points: {A: [-0.5, 0], B: [0.5, 0]}}
-  slider: {type: planar, mass: 1, inertia: 1}
-joints:
-  O: {type: revolute, between: [crank.O, ground]}
-  A: {type: revolute, between: [rod.A, crank.A]}
-  B: {type: revolute, between: [rod.B, slider]}
-  guide: {type: prismatic, between: [ground, slider], axis: x}
-drives: {motor: {type: coordinate, coordinate: crank.theta, position: 0.2 + 2*t}}
-reference: {coordinates: {crank: {theta: 0.2}}, guess: {rod: {x: 1.3, y: 0.1, theta: -0.2}, slider: {x: 1.75}}}
-"""
+    text = SLIDER_CRANK.replace("LENGTH", "1").replace("LAW", "position: 0.2 + 2*t")
     sim = mbstab.loads(text).simulate(4.0, through_singular=True)
     assert sim.q[:, sim.names.index("slider.x")] == pytest.approx(2.0 * np.cos(0.2 + 2.0 * sim.times), abs=1e-10)
     assert sim.energy_drift <= 1e-8

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -99,6 +100,11 @@ class Run:
     interrupted: bool = False
     notes: list[str] = field(default_factory=list)
     passed: list[tuple[float, str]] = field(default_factory=list)
+
+    @cached_property
+    def track(self) -> Track:
+        """Where the bodies are at all samples of a run that has ended, which has one at least."""
+        return Track.of(self.samples)
 
     @property
     def complete(self) -> bool:
@@ -508,19 +514,19 @@ def difference(one: Run, other: Run, sizes: Array, fast: float | None = None) ->
     count = min(len(one.samples), len(other.samples))
     length = float(np.max(sizes))
     fast = fastest(other, length) if fast is None else fast
-    a, b = Track.of(one.samples[:count]), Track.of(other.samples[:count])
+    a, b = one.track, other.track
     worst = max(
-        _largest(a.positions - b.positions) / length,
-        _largest(a.rotations - b.rotations),
-        _largest(a.velocities - b.velocities) / (length * fast),
-        _largest(a.spins - b.spins) / fast,
+        _largest(a.positions[:count] - b.positions[:count]) / length,
+        _largest(a.rotations[:count] - b.rotations[:count]),
+        _largest(a.velocities[:count] - b.velocities[:count]) / (length * fast),
+        _largest(a.spins[:count] - b.spins[:count]) / fast,
     )
     return worst if math.isfinite(worst) else math.inf
 
 
 def fastest(run: Run, length: float) -> float:
     """Return the largest speed over the size of the scene, or the largest angular velocity (1/s)."""
-    track = Track.of(run.samples)
+    track = run.track
     return max(_largest(np.linalg.norm(track.velocities, axis=-1)) / length, _largest(track.spins)) or 1.0
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbstab.analysis.attitude import CHANGE, PINNED, Attitudes
-from mbstab.analysis.constrained import Constrained
+from mbstab.analysis.constrained import ACCEPTED, PROJECTED, PROJECTIONS, Constrained
 from mbstab.analysis.energy import Energy
 from mbstab.analysis.projected import RELATIVE
 from mbstab.analysis.stepping import Options
@@ -25,7 +25,7 @@ from mbstab.compiler.trace import Traced
 from mbstab.errors import UsageError
 
 if TYPE_CHECKING:
-    from mbstab.compiler.machine import Machine, Tableau
+    from mbstab.compiler.machine import Machine, March, Tableau
 
 STEPS = 250
 """After so many the caller hears of them."""
@@ -163,7 +163,6 @@ def machine_of(equations: Constrained, free: Sequence[int], attitudes: Attitudes
         update_start=_integers(np.cumsum([0, *map(len, updates)])),
         update_target=_integers(target for column in updates for target in column),
         b=np.zeros(size),
-        r=np.zeros(size),
         x=np.zeros(size),
         dx=np.zeros(size),
         place=_integers(place[:n]),
@@ -186,6 +185,9 @@ def machine_of(equations: Constrained, free: Sequence[int], attitudes: Attitudes
         driven=int(energy.driven),
         sizes=equations.sizes.astype(float),
         slowest=float(equations.slowest),
+        projections=PROJECTIONS,
+        projected=PROJECTED,
+        accepted=ACCEPTED,
         angle=_integers(part.start + 1 for _, part in attitudes.parts),
         least_cosine=_floats(PINNED if i in attitudes.pinned else CHANGE for i, _ in attitudes.parts),
         pinned=_integers(i in attitudes.pinned for i, _ in attitudes.parts),
@@ -240,11 +242,9 @@ class State:
         least: float,
         near: float,
     ) -> None:
-        from mbstab.compiler.machine import March
-
-        n = len(q)
-        self.n = n
-        self.march = March(
+        self._code, self.n = machine_code(), len(q)
+        n = self.n
+        self.march: March = self._code.March(
             y=np.concatenate([q, u]),
             before=np.concatenate([q, u]),
             k=np.zeros((stages, 2 * n)),
@@ -283,57 +283,57 @@ class State:
     @property
     def t(self) -> float:
         """The time reached (s)."""
-        return float(self.march.t[0])
+        return float(self.march.t[self._code.TIME])
 
     @property
     def following(self) -> float:
         """The step to try next (s)."""
-        return float(self.march.t[1])
+        return float(self.march.t[self._code.FOLLOWING])
 
     @property
     def taken(self) -> float:
         """The last step (s)."""
-        return float(self.march.t[2])
+        return float(self.march.t[self._code.TAKEN])
 
     @property
     def work(self) -> float:
         """What was done since the start of the march (J)."""
-        return float(self.march.t[3])
+        return float(self.march.t[self._code.WORK])
 
     @property
     def peak(self) -> float:
         """The largest kinetic energy after a step (J)."""
-        return float(self.march.t[4])
+        return float(self.march.t[self._code.PEAK])
 
     @property
     def drift(self) -> float:
         """The largest residual of a row after a step."""
-        return float(self.march.t[5])
+        return float(self.march.t[self._code.DRIFT])
 
     @property
     def least(self) -> float:
         """Square of the least singular value of the rows at the start, in the metric of M."""
-        return float(self.march.t[6])
+        return float(self.march.t[self._code.LEAST])
 
     @property
     def steps(self) -> int:
         """Steps taken."""
-        return int(self.march.counts[0])
+        return int(self.march.counts[self._code.STEPS])
 
     @property
     def rejected(self) -> int:
         """Steps taken back."""
-        return int(self.march.counts[1])
+        return int(self.march.counts[self._code.REJECTED])
 
     @property
     def evaluations(self) -> int:
         """How often the equations were formed."""
-        return int(self.march.counts[2])
+        return int(self.march.counts[self._code.EVALUATIONS])
 
     @property
     def done(self) -> int:
         """Times of output that are done."""
-        return int(self.march.counts[3])
+        return int(self.march.counts[self._code.COVERED])
 
 
 def machine_code() -> ModuleType:

@@ -428,9 +428,9 @@ class _Work:
         before = self.once(local, self._share(0.0, 0.15))
         if not before.complete:
             return before
-        started = self.rate
-        self.rate = max(fastest(before, float(np.max(sizes))), 1e-3 * self.rate)
-        fast = self.fast = max(fastest(before, float(np.max(sizes))), REST * self.natural)
+        started, speed = self.rate, fastest(before, float(np.max(sizes)))
+        self.rate = max(speed, 1e-3 * self.rate)
+        fast = self.fast = max(speed, REST * self.natural)
         following = max(local * REDUCTION, SMALLEST)
         if following >= local:
             following, local = SMALLEST, 10.0 * SMALLEST

@@ -34,15 +34,19 @@ DELTA = 1e-10
 REFINED, CONTRACTION, REFINEMENTS = 1e-13, 0.1, 8
 """A solution is finished when its last change is below this part of it; each is at most that part of the one before."""
 
-PROJECTIONS, PROJECTED, ACCEPTED = 12, 2e-14, 1e-12
-"""As in `mbstab.analysis.constrained`."""
-
 SAFETY, LEAST_FACTOR, LARGEST_FACTOR = 0.9, 0.2, 10.0
 """Of a step to the next one, as in SciPy's integrators."""
 
 _nodes, _weights = np.polynomial.legendre.leggauss(4)
 NODES, WEIGHTS = tuple((0.5 * (_nodes + 1.0)).tolist()), tuple((0.5 * _weights).tolist())
 """Gauss quadrature of the power over a step; its own weights, at stages of lower order, are ten times worse."""
+
+TIME, FOLLOWING, TAKEN, WORK, PEAK, DRIFT, LEAST = range(7)
+"""Places in `March.t`: the time, the next step, the last one (s), work, the largest kinetic energy (J), the largest
+residual, the square of the least singular value at the start."""
+
+STEPS, REJECTED, EVALUATIONS, COVERED = range(4)
+"""Places in `March.counts`; the last is of times of output that are done."""
 
 DONE, MORE, CHART, LOOK = range(4)
 """Why `march` returns: the end, so many steps, an angle near its singularity, something that it leaves to others."""
@@ -85,7 +89,6 @@ class Machine(NamedTuple):
     update_start: Integers  # first of the targets of each column
     update_target: Integers  # places in `lower`
     b: Floats
-    r: Floats
     x: Floats
     dx: Floats
     place: Integers  # of the coordinates
@@ -108,6 +111,9 @@ class Machine(NamedTuple):
     driven: int
     sizes: Floats
     slowest: float
+    projections: int  # and when they are finished, as in `mbstab.analysis.constrained`
+    projected: float
+    accepted: float
     angle: Integers  # coordinates near whose ±pi/2 the chart ends
     least_cosine: Floats
     pinned: Integers
@@ -141,8 +147,8 @@ class March(NamedTuple):
     before: Floats  # at the step before
     k: Floats  # slopes at all stages
     power: Floats  # at all stages
-    t: Floats  # t, the next step, the last step, work, largest kinetic energy, largest residual, singular value
-    counts: Integers  # steps, rejected, evaluations, times of output that are done
+    t: Floats
+    counts: Integers
     absolute: Floats  # tolerances
     relative: float
     longest: float
@@ -432,8 +438,8 @@ def correct(m: Machine, y: Floats, speeds: bool) -> bool:
 def settle(m: Machine, t: float, y: Floats, counts: Integers) -> float:
     """Move a state onto the constraints; return the residual that is left, and the registers at that state."""
     least = math.inf
-    for _ in range(PROJECTIONS):
-        counts[2] += 1
+    for _ in range(m.projections):
+        counts[EVALUATIONS] += 1
         if not evaluate(m, t, y, 1):
             return math.inf
         position, velocity = residual(m, y)
@@ -445,10 +451,10 @@ def settle(m: Machine, t: float, y: Floats, counts: Integers) -> float:
             return min(size, least)
         copy(m.best, y)
         least = size
-        if size <= PROJECTED:
+        if size <= m.projected:
             return size
-        if position > PROJECTED:
-            counts[2] += 1
+        if position > m.projected:
+            counts[EVALUATIONS] += 1
             if not (correct(m, y, False) and evaluate(m, t, y, 1)):
                 return math.inf
         if not correct(m, y, True):
@@ -502,8 +508,8 @@ def stages(m: Machine, tableau: Tableau, s: March, h: float, start: int, stop: i
                     y[c] += tableau.A[i, j] * s.k[j, c]
         for c in range(len(y)):
             y[c] = s.y[c] + h * y[c]
-        s.counts[2] += 1
-        if not slope(m, s.t[0] + tableau.C[i] * h, y, s.k[i]):
+        s.counts[EVALUATIONS] += 1
+        if not slope(m, s.t[TIME] + tableau.C[i] * h, y, s.k[i]):
             return False
         s.power[i] = power(m, y)
     return True
@@ -542,8 +548,8 @@ def attempt(m: Machine, tableau: Tableau, s: March, h: float, y: Floats) -> floa
                 y[c] += tableau.B[i] * s.k[i, c]
     for c in range(len(y)):
         y[c] = s.y[c] + h * y[c]
-    s.counts[2] += 1
-    if not slope(m, s.t[0] + h, y, s.k[last]):
+    s.counts[EVALUATIONS] += 1
+    if not slope(m, s.t[TIME] + h, y, s.k[last]):
         return math.nan
     s.power[last] = power(m, y)
     return error_of(tableau, s, h, y)
@@ -590,7 +596,7 @@ def kinetic(m: Machine) -> float:
 @compiled
 def begin(m: Machine, s: March) -> bool:
     """Start at the state of a march; False if nothing can be done there."""
-    if not (evaluate(m, s.t[0], s.y, 1) and slope(m, s.t[0], s.y, s.k[0])):
+    if not slope(m, s.t[TIME], s.y, s.k[0]):
         return False
     s.power[0] = power(m, s.y)
     if len(m.row_place) == 0:
@@ -598,9 +604,9 @@ def begin(m: Machine, s: March) -> bool:
     for _ in range(3):
         watch(m)
     _, value = watch(m)
-    if s.t[6] == 0.0:
-        s.t[6] = value
-    return not value <= s.near * s.t[6]
+    if s.t[LEAST] == 0.0:
+        s.t[LEAST] = value
+    return not value <= s.near * s.t[LEAST]
 
 
 @compiled
@@ -609,9 +615,9 @@ def march(m: Machine, tableau: Tableau, s: March, most: int) -> int:
     n, dense = len(m.place), tableau.stages + 1
     y, z, dy = s.trial, s.inside, s.rates
     for _ in range(most):
-        t = s.t[0]
+        t = s.t[TIME]
         least = 10.0 * (np.nextafter(t, np.inf) - t)
-        h = min(max(s.t[1], least), s.longest)
+        h = min(max(s.t[FOLLOWING], least), s.longest)
         rejected = False
         while True:
             if h < least:
@@ -624,11 +630,11 @@ def march(m: Machine, tableau: Tableau, s: March, most: int) -> int:
             ratio = SAFETY * error**tableau.exponent
             h *= ratio if ratio > LEAST_FACTOR else LEAST_FACTOR  # also where there is none
             rejected = True
-            s.counts[1] += 1
+            s.counts[REJECTED] += 1
         ratio = min(LARGEST_FACTOR, SAFETY * error**tableau.exponent) if error > 0.0 else LARGEST_FACTOR
         if rejected:
             ratio = min(1.0, ratio)
-        if not settle(m, following, y, s.counts) <= ACCEPTED:
+        if not settle(m, following, y, s.counts) <= m.accepted:
             return LOOK
         left_over = max(*residual(m, y))
         factor(m)
@@ -637,18 +643,18 @@ def march(m: Machine, tableau: Tableau, s: March, most: int) -> int:
         rate = power(m, y)
         if len(m.row_place) > 0:
             flipped, value = watch(m)
-            if flipped or value <= s.near * s.t[6]:
+            if flipped or value <= s.near * s.t[LEAST]:
                 return LOOK
-        s.t[4] = max(s.t[4], kinetic(m))
-        s.t[5] = max(s.t[5], left_over)
-        done, extended, work, missed = s.counts[3], False, 0.0, 0.0
+        s.t[PEAK] = max(s.t[PEAK], kinetic(m))
+        s.t[DRIFT] = max(s.t[DRIFT], left_over)
+        done, extended, work, missed = s.counts[COVERED], False, 0.0, 0.0
         if m.power_register >= 0:
             if not stages(m, tableau, s, h, dense, len(tableau.C), z):
                 return LOOK
             extended = True
             for i in range(len(NODES)):
                 interpolate(tableau, s, h, NODES[i], z)
-                s.counts[2] += 1
+                s.counts[EVALUATIONS] += 1
                 if not slope(m, t + h * NODES[i], z, s.other):
                     return LOOK
                 work += h * WEIGHTS[i] * power(m, z)
@@ -656,26 +662,26 @@ def march(m: Machine, tableau: Tableau, s: March, most: int) -> int:
         while done < len(s.times) and s.times[done] <= following:
             if s.times[done] == following:
                 copy(s.found[done, : 2 * n], y)
-                s.found[done, 2 * n] = s.t[3] + work
+                s.found[done, 2 * n] = s.t[WORK] + work
             else:
                 if not extended and not stages(m, tableau, s, h, dense, len(tableau.C), z):
                     return LOOK
                 extended = True
                 part = (s.times[done] - t) / h
-                s.found[done, 2 * n] = s.t[3] + interpolate(tableau, s, h, part, z) + part * missed
-                if not settle(m, s.times[done], z, s.counts) <= ACCEPTED:
+                s.found[done, 2 * n] = s.t[WORK] + interpolate(tableau, s, h, part, z) + part * missed
+                if not settle(m, s.times[done], z, s.counts) <= m.accepted:
                     return LOOK
                 copy(s.found[done, : 2 * n], z)
             done += 1
-        s.counts[3] = done
-        s.t[3] += work
-        s.counts[0] += 1
+        s.counts[COVERED] = done
+        s.t[WORK] += work
+        s.counts[STEPS] += 1
         copy(s.before, s.y)
         copy(s.y, y)
         for i in range(n):
             s.k[0, i], s.k[0, n + i] = y[n + i], dy[n + i]
         s.power[0] = rate
-        s.t[0], s.t[1], s.t[2] = following, h * ratio, h
+        s.t[TIME], s.t[FOLLOWING], s.t[TAKEN] = following, h * ratio, h
         if chart_ends(m, s.before, s.y):
             return CHART
         if following >= s.end:
