@@ -4,7 +4,7 @@
 >>> model = mbstab.load("pendulum.yaml")
 >>> result = model.eig()
 >>> result.verdict
-'marginally stable'
+'stable'
 >>> f"{result.eigenvalues[0].value.imag:.12f}"
 '6.065269985747'
 """
@@ -156,7 +156,17 @@ class Mechanism:
         NumericalError
             If the method needs independent constraint rows and they are not.
         """
-        return answer(self.system(**parameters), method, frozen, progress)
+        return answer(self.system(**parameters), method, frozen, progress, self._zeros(parameters))
+
+    def _zeros(self, parameters: Mapping[str, Setting]) -> Callable[[], int]:
+        """Return the function that counts the eigenvalues that are zero to many digits."""
+
+        def zeros() -> int:
+            from mbstab.analysis.precise import exact_zeros
+
+            return exact_zeros(self.model, parameters)
+
+        return zeros
 
     @guarded
     def eig_precise(

@@ -48,6 +48,7 @@ def assert_same(one, other):
     assert one.values.tobytes() == other.values.tobytes()
     assert one.branches.tobytes() == other.branches.tobytes()
     assert np.array_equal(one.unstable, other.unstable)
+    assert np.array_equal(one.words, other.words)
     assert (one.neutral, one.critical, one.meetings, one.problems) == (
         other.neutral, other.critical, other.meetings, other.problems
     )  # fmt: skip

@@ -51,8 +51,10 @@ def test_regions_of_the_disk(disk):
     assert disk.parameters == ("omega", "R")
     assert disk.problems == {}
     assert disk.unstable.shape == (13, 31)
-    expected = disk.x[None, :] < critical_spin(disk.y)[:, None]
-    assert np.array_equal(disk.unstable, expected.astype(int))
+    slow = disk.x[None, :] < critical_spin(disk.y)[:, None]
+    # Faster ones do not fall, but driving the last Cardan angle breaks the turn about the vertical: two open zeros.
+    assert np.array_equal(disk.unstable, np.where(slow, 1, -1))
+    assert np.array_equal(disk.verdicts, np.where(slow, "unstable", "undecided"))
 
 
 def test_the_boundary_of_the_disk_is_one_curve_with_all_its_points(disk):
@@ -177,12 +179,16 @@ def test_json_of_a_chart():
     result = run(*DISK, *RANGES, "--format", "json")
     data = json.loads(result.stdout)
     assert result.exit_code == 0
-    assert set(data) == {"model", "title", "parameters", "units", "values", "unstable", "boundaries", "problems"}
+    keys = {"model", "title", "parameters", "units", "values", "unstable", "verdicts", "boundaries", "problems"}
+    assert set(data) == keys
     assert data["parameters"] == ["omega", "R"]
     assert data["units"] == ["rad/s", "m"]
     assert [len(x) for x in data["values"]] == [11, 5]
     omega, R = map(np.array, data["values"])
-    assert np.array_equal(data["unstable"], omega[None, :] < critical_spin(R)[:, None])
+    slow = omega[None, :] < critical_spin(R)[:, None]
+    assert [[n == 1 for n in row] for row in data["unstable"]] == slow.tolist()
+    assert [[n is None for n in row] for row in data["unstable"]] == (~slow).tolist()
+    assert np.array_equal(data["verdicts"], np.where(slow, "unstable", "undecided"))
     for curve in data["boundaries"]:
         for omega_c, R_c in curve:
             assert abs(omega_c / critical_spin(R_c) - 1.0) < 1e-9
@@ -191,14 +197,17 @@ def test_json_of_a_chart():
 
 def test_csv_and_npz_of_a_chart(tmp_path):
     rows = list(csv.reader(io.StringIO(run(*DISK, *RANGES, "--format", "csv").stdout)))
-    assert rows[0] == ["omega", "R", "unstable"]
+    assert rows[0] == ["omega", "R", "unstable", "verdict"]
     assert len(rows) == 1 + 55
-    assert all(int(n) == (float(omega) < critical_spin(float(R))) for omega, R, n in rows[1:])
+    for omega, R, n, verdict in rows[1:]:
+        slow = float(omega) < critical_spin(float(R))
+        assert (n, verdict) == (("1", "unstable") if slow else ("", "undecided"))
     place = tmp_path / "disk.npz"
     assert run(*DISK, *RANGES, "--plot", "none", "--output", place).exit_code == 0
     with np.load(place) as data:
         assert data["parameters"].tolist() == ["omega", "R"]
-        assert data["unstable"].ravel().tolist() == [int(row[2]) for row in rows[1:]]
+        assert data["unstable"].ravel().tolist() == [int(row[2] or -1) for row in rows[1:]]
+        assert data["verdicts"].ravel().tolist() == [row[3] for row in rows[1:]]
         points = data["boundaries"][~np.isnan(data["boundaries"][:, 0])]
         assert np.max(np.abs(points[:, 0] / critical_spin(points[:, 1]) - 1.0)) < 1e-9
     assert [path.name for path in tmp_path.iterdir()] == ["disk.npz"]

@@ -200,10 +200,15 @@ def truth(case):
 def test_eigenvalues_agree_with_50_digits_and_lie_within_their_bounds(case, technique):
     parameters, tolerance = CASES[case]
     result = shipped(case.partition("-")[0]).eig(technique, **parameters)
-    exact, neutral = truth(case)
-    judged = [e for e in result.eigenvalues if e.kind != "neutral"]
-    assert len(judged) == len(exact)
-    assert result.counts.neutral == neutral
+    exact, zeros_of_truth = truth(case)
+    # Tilts of an axis are neutral and the pair ±iω in truth; zeros that no symmetry explains are no neutral ones.
+    others = [s for s in exact if all(abs(abs(s.imag) - rate) > 1e-9 * rate for rate in result.shifts)]
+    judged = sorted((e for e in result.eigenvalues if e.kind != "neutral"), key=lambda e: -abs(e.value))
+    judged, unexplained = judged[: len(others)], judged[len(others) :]
+    assert len(judged) == len(others)
+    assert all(abs(e.value) <= e.error_bound for e in unexplained)
+    assert result.counts.neutral + len(unexplained) == zeros_of_truth + len(exact) - len(others)
+    exact = others
     errors, exact = distance([e.value for e in judged], exact)
     np.testing.assert_array_less(errors, [e.error_bound for e in judged])
     np.testing.assert_array_less(errors / np.abs(exact), tolerance)
@@ -290,7 +295,7 @@ def test_coordinates_without_mass_are_none_of_their_concern(technique):
 def test_frozen_time_is_refused_where_coefficients_change(technique):
     with pytest.raises(UsageError, match=f"--method {technique} is for constant coefficients"):
         shipped("governor").eig(technique, frozen=True)
-    assert shipped("pendulum").eig(technique, frozen=True).verdict == "marginally stable"
+    assert shipped("pendulum").eig(technique, frozen=True).verdict == "undecided"
 
 
 # --- the table of methods -------------------------------------------------------------------------------------------

@@ -39,10 +39,23 @@ def answer(*arguments):
 
 def test_json_has_the_keys_scripts_rely_on():
     data = answer("pendulum.yaml")
-    assert data["verdict"] == "marginally stable"
+    assert data["verdict"] == "stable"
+    assert (data["modulo"], data["in_place"]) == ({"symmetries": [], "family": []}, True)
+    assert data["reason"] == data["reasons"][0]
+    assert data["reason"].startswith("the energy has a strict minimum")
+    assert data["evidence"] in ("structural", "enclosed", "numerical")
+    assert data["warnings"] == []
     assert [set(e) >= {"real", "imag", "kind"} for e in data["eigenvalues"]] == [True, True]
     assert data["counts"]["expected"] == data["counts"]["found"] == 2
     assert data["parameters"]["L"] == 0.2
+    assert not {"neutral_chains", "symmetries"} & set(data)
+
+
+def test_json_says_up_to_what_a_verdict_holds():
+    data = answer("chaplygin_sleigh.yaml")
+    assert (data["verdict"], data["in_place"]) == ("asymptotically stable up to symmetry", False)
+    assert set(data["modulo"]["symmetries"]) == {"sleigh.x", "sleigh.y", "rotation in the plane"}
+    assert data["modulo"]["family"] == ["speed"]
 
 
 def test_json_keeps_every_digit():
@@ -51,10 +64,10 @@ def test_json_keeps_every_digit():
 
 
 def test_csv_is_one_row_per_eigenvalue():
-    rows = list(csv.reader(io.StringIO(run("eig", "rolling_disk.yaml", "--format", "csv").stdout)))
+    rows = list(csv.reader(io.StringIO(run("eig", "rolling_torus.yaml", "--format", "csv").stdout)))
     assert rows[0][:3] == ["real (1/s)", "imag (1/s)", "kind"]
-    assert len(rows) == 1 + 6
-    assert sum(row[2] == "neutral" for row in rows) == 4
+    assert len(rows) == 1 + 8
+    assert sum(row[2] == "neutral" for row in rows) == 6
 
 
 def test_the_terminal_answer_fits_eighty_columns():
@@ -85,8 +98,14 @@ def test_a_file_here_wins_over_an_example(tmp_path, monkeypatch):
         (("eig", "trailer.yaml", "--set", "v=-1"), 0, ""),
         (("eig", "trailer.yaml", "--require", "stable"), 0, ""),
         (("eig", "trailer.yaml", "--set", "v=-1", "--require", "stable"), 3, "required: stable, found: unstable"),
-        (("eig", "pendulum.yaml", "--require", "stable"), 3, "required: stable, found: marginally stable"),
-        (("eig", "pendulum.yaml", "--require", "marginal"), 0, ""),
+        (("eig", "trailer.yaml", "--require", "asymptotic"), 0, ""),
+        (("eig", "pendulum.yaml", "--require", "stable"), 0, ""),
+        (("eig", "pendulum.yaml", "--require", "asymptotic"), 3, "required: asymptotic, found: stable: the energy has"),
+        (("eig", "whipple_bicycle.yaml", "--require", "asymptotic"), 0, ""),
+        (("eig", "rolling_torus.yaml", "--require", "stable"), 0, ""),
+        (("eig", "top.yaml", "--require", "stable"), 3, "required: stable, found: marginally stable: 4 eigen"),
+        (("eig", "top.yaml", "--require", "marginal"), 0, ""),
+        (("eig", "rolling_disk.yaml", "--require", "marginal"), 3, "required: marginal, found: undecided: "),
         (("eig", "nothing.yaml"), 2, "no such file"),
         (("eig", "pendulun.yaml"), 2, "did you mean 'pendulum'?"),
         (("eig", "pendulum.yaml", "--set", "LL=1"), 2, "has no parameter 'LL'\nhint: did you mean 'L'?"),
@@ -126,7 +145,7 @@ def test_a_wrong_file_shows_all_problems_with_their_places(tmp_path):
 def test_an_output_file_appears_whole_or_not_at_all(tmp_path):
     goal = tmp_path / "answer.json"
     assert run("eig", "pendulum.yaml", "--format", "json", "-o", str(goal)).exit_code == 0
-    assert json.loads(goal.read_text())["verdict"] == "marginally stable"
+    assert json.loads(goal.read_text())["verdict"] == "stable"
     assert os.listdir(tmp_path) == ["answer.json"]
     before = goal.read_text()
     assert run("eig", "pendulum.yaml", "--set", "m=-1", "-o", str(goal)).exit_code == 2
@@ -306,12 +325,18 @@ def test_output_without_colour_and_without_a_terminal_is_the_same():
 
 def test_the_command_line_offers_what_the_library_has():
     # Written twice so that --help imports no numerics.
-    from mbstab.cli import eig, linearize
-    from mbstab.model.schema import VERDICTS
+    from mbstab.cli import linearize
     from mbstab.report import export
 
     assert linearize.FORMS == export.FORMS
-    assert {verdict for verdicts in eig.REQUIRED.values() for verdict in verdicts} < set(VERDICTS)
+
+
+def test_what_is_required_is_an_order_of_verdicts():
+    from mbstab.model.words import REQUIRED, UNDECIDED, UNSTABLE, WORDS
+
+    asymptotic, stable, marginal = (set(REQUIRED[x]) for x in ("asymptotic", "stable", "marginal"))
+    assert asymptotic < stable < marginal
+    assert marginal == set(WORDS) - {UNSTABLE, UNDECIDED}
 
 
 def test_an_answer_never_overwrites_its_model(tmp_path):
@@ -496,7 +521,7 @@ def test_frozen_eigenvalues_are_labelled():
     data = answer("rotating_pendulum", "--frozen")
     assert (data["frozen_time"], data["frame"], data["verdict"]) == (True, "", "undecided")
     data = answer("rotating_pendulum")
-    assert (data["frozen_time"], data["verdict"]) == (False, "marginally stable")
+    assert (data["frozen_time"], data["verdict"]) == (False, "stable")
     assert data["frame"].startswith("rotation about z")
     assert run("eig", "rotating_pendulum", "--frozen", "--require", "marginal").exit_code == 3
     assert run("eig", "rotating_pendulum", "--require", "marginal").exit_code == 0

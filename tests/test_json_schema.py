@@ -88,7 +88,7 @@ GOOD = f"mbstab: 1\n{BODY}"
         GOOD + "reference: {period: [1]}",
         GOOD + "expect: [{frozen: 1}]",
         GOOD + "sweep: {a: {from: 1}}",
-        GOOD + "expect: [{verdict: stable}]",
+        GOOD + "expect: [{verdict: steady}]",
         GOOD + "expect: [{critical: {parameter: a, value: 1}}]",
     ],
 )

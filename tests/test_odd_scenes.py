@@ -26,8 +26,8 @@ reference:
 @pytest.mark.parametrize("a", [0.0, 0.1, 0.4, 0.5, 0.6435, math.pi / 4, 1.0, 2.0, 3.0])
 def test_an_unloaded_spring_is_judged_the_same_at_every_angle(a):
     result = mbstab.loads(RING).eig(a=a)
-    assert result.verdict == "marginally stable"
-    assert result.symmetries == ("rotation in the plane",)
+    assert result.verdict == "stable up to symmetry"
+    assert result.modulo.symmetries == ("rotation in the plane",)
     assert abs(result.values().imag).max() == pytest.approx(10.0, rel=1e-12)
 
 
@@ -47,7 +47,9 @@ reference:
 @pytest.mark.parametrize("a", [0.0, 0.1, 0.4, 0.8, math.pi / 2])
 def test_a_free_body_that_turns_is_judged_the_same_about_every_axis(a):
     result = mbstab.loads(FREE).eig(a=a)
-    assert result.verdict == "marginally stable"
+    # The energy is greatest at the given angular momentum: damping inside the body would tip it over.
+    assert result.verdict == "stable up to symmetry"
+    assert any("damping" in warning for warning in result.warnings)
     assert result.counts.neutral == 10
     # Euler's equations about the axis of the smallest inertia.
     nutation = 3.0 * math.sqrt((2.0 - 1.0) * (2.6 - 1.0) / (2.0 * 2.6))
@@ -86,7 +88,7 @@ def test_an_arm_that_is_stretched_by_its_turn_needs_no_spins():
     mass = outer - (outer + coupling) ** 2 / total
     result = mbstab.loads(ARM).eig()
     assert abs(result.values().imag).max() == pytest.approx(6.0 * math.sqrt(coupling / mass), rel=1e-11)
-    assert result.verdict == "marginally stable"
+    assert result.verdict == "stable up to symmetry"
 
 
 def test_an_ideal_spring_may_have_no_length():
@@ -102,7 +104,7 @@ reference:
     result = mbstab.loads(text).eig()
     assert [e.kind for e in result.eigenvalues] == ["center"] * 4
     assert abs(result.values().imag) == pytest.approx([10.0] * 4, rel=1e-14)
-    assert result.verdict == "marginally stable"
+    assert result.verdict == "stable"
 
 
 TOP = """

@@ -1,15 +1,20 @@
 """Stability of periodic motions by ``eig``: against Hill's equation integrated here, and closed forms."""
 
 import cmath
+import itertools
 import json
 import math
 
 import numpy as np
 import pytest
+import scipy.linalg
 from click.testing import CliRunner
 from scipy.integrate import solve_ivp
+from zoo import SYSTEMS
 
 import mbstab
+from mbstab.analysis.multipliers import enclosed, placed
+from mbstab.analysis.verdict import STRENGTH, UNDECIDED
 from mbstab.cli import main
 from mbstab.errors import ModelFileError, UsageError
 from mbstab.model.library import installed_models
@@ -177,9 +182,13 @@ def test_a_coordinate_on_which_nothing_depends_gives_two_multipliers_of_one():
     result, found = judged(model)
     assert result.counts.neutral == 4  # x, y and their rates
     assert [e.kind for e in result.eigenvalues].count("neutral") == 4
-    assert result.chains == (2, 2)
+    assert result.verdict == "unstable"
     np.testing.assert_allclose(found, multipliers(lambda t: 1.0 + 0.3 * math.cos(2.0 * t), math.pi), rtol=1e-10)
-    assert {"free.x", "free.y"} <= set(result.symmetries)
+    # Damped, what is excited decays: the verdict says up to what.
+    result = model.eig(d=0.3)
+    assert (result.verdict, result.in_place) == ("asymptotically stable up to symmetry", False)
+    assert set(result.modulo.symmetries) == {"free.x", "free.y"}
+    assert set(result.modulo.family) == {"speed along free.x", "speed along free.y"}
 
 
 def test_a_free_swing_has_the_multiplier_one_twice():
@@ -203,7 +212,9 @@ reference:
 """
     result = mbstab.loads(text).eig()
     assert [e.kind for e in result.eigenvalues] == ["neutral", "neutral"]
-    assert result.verdict == "marginally stable"
+    assert result.verdict == "stable up to symmetry"
+    assert (result.modulo.symmetries, result.modulo.family) == (("the motion itself",), ("energy",))
+    assert "goes on growing like t" in result.reasons[0]
     assert result.counts.neutral == 2
 
 
@@ -230,3 +241,163 @@ def test_frozen_numbers_of_a_periodic_motion_are_no_verdict():
     # At t = 0 the pivot is at its top: θ̈ = m L (g − A ν²)/I_O θ.
     expected = math.sqrt(3.0 * (0.02 * 200.0**2 - G) / 0.6)
     np.testing.assert_allclose(sorted(e.value.imag for e in result.eigenvalues), [-expected, expected], rtol=1e-12)
+
+
+# --- where multipliers are ------------------------------------------------------------------------------------------
+
+BLOCKS = [
+    [1.0, 2.0, -0.5],
+    [(1.0, 2), 0.3],
+    [(-1.0, 2), 1.0],
+    [(0.5, 3), (0.5, 1), -2.0],
+    [(1.0, 2), (1.0, 2)],
+    [1.0, 1.0 + 1e-9],
+    [0.0, 0.0, 3.0],
+]
+
+
+@pytest.mark.parametrize("blocks", BLOCKS, ids=str)
+@pytest.mark.parametrize("error", [1e-12, 1e-7])
+def test_discs_hold_as_many_multipliers_as_they_say_whatever_the_error(blocks, error):
+    blocks = [b if isinstance(b, tuple) else (b, 1) for b in blocks]
+    A = scipy.linalg.block_diag(*(value * np.eye(n) + np.eye(n, k=1) for value, n in blocks))
+    rng = np.random.default_rng(7)
+    T = rng.normal(size=A.shape)
+    A = T @ A @ np.linalg.inv(T)
+    _, discs = enclosed(A, error)
+    assert sum(len(d.members) for d in discs) == len(A)
+    for one, other in itertools.combinations(discs, 2):
+        assert abs(one.centre - other.centre) > one.radius + other.radius
+    for _ in range(50):
+        E = rng.normal(size=A.shape)
+        found = np.linalg.eigvals(A + error * E / np.linalg.norm(E, 2))
+        for d in discs:
+            assert np.sum(np.abs(found - d.centre) <= d.radius) == len(d.members)
+
+
+def test_turned_pairs_are_told_apart_and_equal_ones_are_not():
+    def turn(angle):
+        return np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+
+    for angles, counts in (((0.3, 0.5), [1, 1, 1, 1]), ((0.3, 0.3), [2, 2])):
+        _, discs = enclosed(scipy.linalg.block_diag(*map(turn, angles)), 1e-12)
+        assert sorted(len(d.members) for d in discs) == counts
+        sides = {d.side for d in placed(discs, 1.0, "a structure")}
+        assert sides == ({"axis"} if counts[0] == 1 else {"open"})
+        assert {d.side for d in placed(discs, 1.0, "")} == {"open"}
+
+
+@pytest.mark.parametrize("value", [1.0, -1.0])
+def test_one_and_minus_one_are_never_held_on_the_circle(value):
+    _, discs = enclosed(np.array([[value]]), 1e-12)
+    assert placed(discs, 1.0, "a structure")[0].side == "open"
+
+
+@pytest.mark.parametrize(
+    ("A", "error"), [(np.diag([0.1, 0.2]), math.inf), (np.diag([0.1, 0.2]), math.nan), (np.diag([0.1, math.nan]), 1e-9)]
+)
+def test_what_is_not_a_number_is_placed_nowhere(A, error):
+    _, discs = enclosed(A, error)
+    (disc,) = placed(discs, 1.0, "a structure")
+    assert (disc.side, disc.count) == ("open", 2)
+
+
+# --- the verdict ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("system", [s for s in SYSTEMS if "precise" not in s.commands], ids=lambda s: s.name)
+def test_systems_with_known_truth_are_judged_right(system):
+    try:
+        verdict = mbstab.loads(system.text).eig().verdict
+    except ModelFileError:
+        verdict = UNDECIDED
+    assert verdict in system.allowed
+    assert system.least in STRENGTH[verdict]
+
+
+PLANE = """\
+mbstab: 1
+bodies: {{p: {{type: planar_point, mass: 1}}}}
+forces: {{f: {{type: expression, on: {{p.x: "{x}", p.y: "{y}"}}}}}}
+reference: {{period: "{period}", time: "{time}", coordinates: {{p: {{x: 0, y: 0}}}}, rates: {{p: {{x: 0, y: 0}}}}}}
+"""
+SHAKEN = "-(0.5 + 0.1*cos(t))*p.x"
+SHAKEN_TOO = "-(0.5 + 0.1*cos(t))*p.y"
+
+
+def plane(x, y, period="2*pi", time="0"):
+    return mbstab.loads(PLANE.format(x=x, y=y, period=period, time=time)).eig()
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "verdict"),
+    [
+        # Defective and equal multipliers are judged as what they are.
+        ("2*rate(p.x) - p.x", "-p.y - rate(p.y)", "unstable"),
+        ("-2*rate(p.x) - p.x", "-p.y - rate(p.y)", "asymptotically stable"),
+        (f"{SHAKEN} - 0.1*rate(p.x)", f"{SHAKEN_TOO} - 0.1*rate(p.y)", "asymptotically stable"),
+        (SHAKEN, "-(0.6 + 0.1*cos(t))*p.y", "marginally stable"),
+        (SHAKEN, SHAKEN_TOO, "undecided"),
+        (f"{SHAKEN} + p.y", SHAKEN_TOO, "undecided"),
+        # Nothing holds multipliers on the circle that are there to rounding only.
+        (f"{SHAKEN} - 1e-13*rate(p.x)", "-p.y - rate(p.y)", "undecided"),
+        (f"{SHAKEN} + 1e-13*rate(p.x)", "-p.y - rate(p.y)", "undecided"),
+        (f"{SHAKEN} + 1e-9*rate(p.x)", "-p.y - rate(p.y)", "unstable"),
+        ("-p.x*(2 + cos(t)) + 0.3*p.y", "-p.y*(3 + cos(t))", "undecided"),
+        # A shift is a symmetry of all equations or of none: of the linearized ones alone does not count.
+        (f"{SHAKEN} - 0.1*rate(p.x)", "-rate(p.y)", "asymptotically stable up to symmetry"),
+        (f"{SHAKEN} - 0.1*rate(p.x)", "-rate(p.y) + cos(t)*p.x", "asymptotically stable up to symmetry"),
+        (f"{SHAKEN} - 0.1*rate(p.x)", "-rate(p.y) + p.y**3", "undecided"),
+    ],
+)
+def test_multipliers_are_placed_by_their_bounds_or_by_structure(x, y, verdict):
+    assert plane(x, y).verdict == verdict
+
+
+def test_a_symmetry_at_one_instant_is_none():
+    # At the start nothing pulls along y.
+    result = plane(f"{SHAKEN} - 0.1*rate(p.x)", "-0.1*(1 - cos(t))*p.y - 0.2*rate(p.y)")
+    assert result.counts.neutral == 0
+    assert result.verdict == "asymptotically stable"
+
+
+def test_rest_in_a_minimum_of_the_energy_is_stable_with_any_period():
+    # Both multipliers are 1: the period is that of the spring itself.
+    result = parametric("2*pi").eig(h=0)
+    assert (result.verdict, result.in_place) == ("stable", True)
+    assert "the energy has a strict minimum" in result.reasons[0]
+
+
+SWING = """\
+mbstab: 1
+bodies: {{p: {{type: planar_point, mass: 1}}}}
+joints: {{line: {{type: point_on_line, between: [ground, p], axis: x}}}}
+forces: {{f: {{type: expression, on: {{p.x: "{force}"}}}}}}
+reference: {{period: {period}, coordinates: {{p: {{x: 1, y: 0}}}}, rates: {{p: {{x: 0, y: 0}}}}}}
+"""
+
+
+def test_a_kink_that_the_motion_passes_leaves_it_undecided():
+    smooth = mbstab.loads(SWING.format(force="-p.x", period="2*pi")).eig()
+    # x'' = -x, and x'' = -2 x on one side: half a period of each.
+    kinked = SWING.format(force="-1.5*p.x + 0.5*abs(p.x)", period="pi*(1 + 1/sqrt(2))")
+    result = mbstab.loads(kinked).eig()
+    assert smooth.verdict == "stable up to symmetry"
+    assert result.verdict == "undecided"
+    assert "kink" in result.reasons[0]
+
+
+def test_a_motion_that_ends_elsewhere_needs_a_symmetry_there():
+    free = """\
+mbstab: 1
+bodies: {p: {type: planar_point, mass: 1}}
+joints: {line: {type: point_on_line, between: [ground, p], axis: x}}
+forces: {f: {type: expression, on: {p.x: "FORCE"}}}
+reference: {period: 2, coordinates: {p: {x: 0, y: 0}}, rates: {p: {x: 1, y: 0}}}
+"""
+    steady = mbstab.loads(free.replace("FORCE", "1 - rate(p.x)")).eig()
+    assert steady.verdict == "asymptotically stable up to symmetry"
+    # A force that is felt from x = 3 on.
+    later = mbstab.loads(free.replace("FORCE", "1 - rate(p.x) + (smooth_start((p.x - 3)/5))")).eig()
+    assert later.verdict == "undecided"
+    assert "after the period the motion is elsewhere (p.x by 2 m)" in later.reasons[0]

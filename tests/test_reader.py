@@ -13,6 +13,7 @@ from mbstab.mechanics.elements import ELEMENTS, KINDS
 from mbstab.model.reader import read_model, read_model_text
 from mbstab.model.schema import Model
 from mbstab.model.values import Scene, evaluate, evaluate_parameters, parse_overrides
+from mbstab.model.words import WORDS
 from mbstab.model.yamlfile import MAX_BYTES, MAX_NESTING, MAX_PROBLEMS
 
 SCENES = Path(__file__).parent / "scenes"
@@ -180,6 +181,16 @@ def test_what_a_file_says_beside_the_scene_is_kept() -> None:
     assert expectation.critical.above == "marginally stable"
     assert expectation.eigenvalues is not None
     assert [(x.real.text, x.imag.text) for x in expectation.eigenvalues] == [("-1", "sqrt(g)"), ("2", "0")]
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_every_verdict_may_be_expected(word: str) -> None:
+    critical = f"{{parameter: a, value: 1, below: {word}, above: unstable}}"
+    text = "mbstab: 1\nparameters: {a: 1}\nbodies: {b: {type: planar_point, mass: a}}\n"
+    text += f"expect: [{{verdict: {word}, critical: {critical}}}]"
+    (expectation,) = read_model_text(text).expect
+    assert expectation.critical is not None
+    assert (expectation.verdict, expectation.critical.below) == (word, word)
 
 
 def test_a_sweep_evaluates_all_its_points_at_once() -> None:
@@ -674,6 +685,14 @@ BAD: dict[str, tuple[str, str]] = {
     "expected verdict": (
         FLAT + "expect: [{verdict: »unstabel}]",
         "unknown choice 'unstabel'\n(.*\n)*.*mean 'unstable'",
+    ),
+    "expected verdict of a phrase": (
+        FLAT + "expect: [{verdict: »stable up to symetry}]",
+        "unknown choice 'stable up to symetry'\n(.*\n)*.*mean 'stable up to symmetry'",
+    ),
+    "expected verdict of --require": (
+        FLAT + "expect: [{verdict: »marginal}]",
+        "unknown choice 'marginal'\n(.*\n)*.*mean 'marginally stable'",
     ),
     "expected eigenvalue as number": (FLAT + "expect: [{eigenvalues: [»1]}]", "expected {real: …, imag: …}"),
     "expected eigenvalues as mapping": (FLAT + "expect: [{eigenvalues: »{real: 1}}]", "expected a list"),

@@ -4,10 +4,28 @@ import math
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.optimize import brentq, linear_sum_assignment
 
 from mbstab.analysis.numerics import assigned, root
-from mbstab.analysis.spectrum import STRIDE, discriminant, follow, product, signs, squares, symmetric, unstable_counts
+from mbstab.analysis.points_structure import inertia
+from mbstab.analysis.points_verdict import (
+    AXIS,
+    LEFT,
+    OPEN,
+    RIGHT,
+    WORD,
+    eigenvalues,
+    pinned,
+    placed,
+    placed_by_vectors,
+    settled,
+    signs,
+    unplaced,
+    unstable_counts,
+)
+from mbstab.analysis.spectrum import STRIDE, continuous, discriminant, follow, product, squares
+from mbstab.analysis.verdict import MARGINAL, STABLE, UNDECIDED, UNSTABLE
 from mbstab.errors import NumericalError
 
 
@@ -19,89 +37,142 @@ def quadruple(s):
     return [s, s.conjugate(), -s, -s.conjugate()]
 
 
-# --- symmetry -------------------------------------------------------------------------------------------------------
+# --- sides of the axis ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("size", [1e-12, 1.0, 1e12])
-@pytest.mark.parametrize("seed", range(5))
-def test_symmetric_spectra_are_recognized_in_any_order_and_size(size, seed):
+def matrix(values, turn=0.0, seed=0):
+    """Return a real matrix with given eigenvalues, in a basis that is orthonormal but for a part."""
+    blocks = []
+    for s in values:
+        if np.imag(s) > 0.0:
+            blocks.append(np.array([[np.real(s), np.imag(s)], [-np.imag(s), np.real(s)]]))
+        elif np.imag(s) == 0.0:
+            blocks.append(np.array([[np.real(s)]]))
+    A = block_diag(*blocks)
     rng = np.random.default_rng(seed)
-    values = [*quadruple(complex(*rng.normal(size=2))), 1j, -1j, 0.3, -0.3]
-    x = size * rng.permutation(np.array(values))
-    assert symmetric(x)
-    assert not symmetric(x + 1e-6 * size)
-    assert not symmetric(x[:-1])
-    assert symmetric(np.stack([x, x + 1e-6 * size, x])).tolist() == [True, False, True]
+    Q = np.linalg.qr(rng.normal(size=A.shape))[0] + turn * rng.normal(size=A.shape)
+    return Q @ A @ np.linalg.inv(Q)
 
 
-def test_power_sums_beyond_the_first_are_looked_at():
-    # The sum vanishes, that of the cubes does not.
-    assert not symmetric(spectrum(2.0, -1.0, -1.0, 0.0))
-    assert not symmetric(spectrum(1.0, 5.0, -2.0, -4.0))
-    assert not symmetric(spectrum(0.1 + 1j, 0.1 - 1j, -0.1 + 2j, -0.1 - 2j))
-
-
-def test_an_empty_spectrum():
-    assert unstable_counts(np.zeros((3, 0), dtype=complex)).tolist() == [0, 0, 0]
-
-
-# --- counts ---------------------------------------------------------------------------------------------------------
-
-
-def test_unstable_eigenvalues_are_counted():
-    cases = [
-        (spectrum(-1.0, -2.0, 1e-3, -3.0), 1),
-        (spectrum(0.1 + 1j, 0.1 - 1j, -0.1 + 2j, -0.1 - 2j), 2),
-        (spectrum(*quadruple(0.1 + 1j)), 2),
-        (spectrum(1j, -1j, 2j, -2j), 0),
-        (spectrum(1.0, -1.0, 2j, -2j), 1),
-        (spectrum(1.0, -1.0, 2.0, -2.0), 2),
-        (spectrum(-1.0, -2.0, 1e-13, -3.0), 0),
-        (spectrum(0.0, -1.0), 0),
-    ]
-    for values, count in cases:
-        for size in (1e-9, 1.0, 1e9):
-            assert unstable_counts(size * values[None])[0] == count
-
-
-def test_no_eigenvalues_no_count():
-    values = np.stack([spectrum(1.0, -1.0), spectrum(math.nan, 1.0), spectrum(math.nan, math.nan)])
-    assert unstable_counts(values).tolist() == [1, -1, -1]
-
-
-def test_rounding_at_a_collision_on_the_axis_is_no_instability():
-    # Two pairs that have just met: real parts are roots of rounding errors.
-    near = spectrum(*quadruple(1e-8 + 1j))
-    assert unstable_counts(near[None]).tolist() == [2]
-    nearer = spectrum(*quadruple(3e-12 + 1j))
-    assert unstable_counts(nearer[None]).tolist() == [0]
+def sides_of(values, error=1e-14, mirrored=False, **changes):
+    """Return the sides that bounds without and with vectors show, each in the order of decreasing real part."""
+    A = matrix(values, **changes)[None]
+    size = np.linalg.norm(A)
+    found = eigenvalues(A)
+    first = placed(A, found, np.array([error * size]), mirrored)
+    again, second = placed_by_vectors(A, np.array([error * size]), mirrored)
+    return [sides[0, np.argsort(-x[0].real, kind="stable")].tolist() for x, sides in ((found, first), (again, second))]
 
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
-def test_rounding_of_the_matrix_is_no_instability_however_small_its_eigenvalues(size):
-    # A rolling torus at its critical speed: λ² = 0 but for the rounding of a matrix of norm 14.
-    known = size * np.array([13.56, 9e-14])
-    for s in (1e-15 + 9.5e-8j, -1e-15 + 9.5e-8j, 9.5e-8 + 0j):
-        values = size * np.array([s, s.conjugate() if s.imag else -s])
-        assert symmetric(values, known)
-        assert unstable_counts(values, known) == 0
-        assert signs(values[None] * 1e-8, known[None]).tolist() == [[0.0, 0.0]]
-    assert unstable_counts(size * spectrum(1e-5, -1e-5), known) == 1
-    assert unstable_counts(size * spectrum(1e-12 + 1e-5j, 1e-12 - 1e-5j), known) == 2
-    assert not symmetric(size * spectrum(1e-12 + 1e-5j, 1e-12 - 1e-5j), known)
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_eigenvalues_are_placed_in_any_unit(size, turn):
+    cases = [
+        ([-1.0, -2.0, 1e-3, -3.0], [RIGHT, LEFT, LEFT, LEFT]),
+        ([0.1 + 1j, 0.1 - 1j, -0.1 + 2j, -0.1 - 2j], [RIGHT, RIGHT, LEFT, LEFT]),
+        ([5.0], [RIGHT]),
+        ([-1e-9 + 1j, -1e-9 - 1j], [LEFT, LEFT]),
+    ]
+    for values, expected in cases:
+        for found in sides_of(size * spectrum(*values), turn=turn):
+            assert found == expected
 
 
-def test_small_eigenvalues_of_a_known_matrix_are_symmetric_only_if_every_sum_is():
-    values = 1e-3 * spectrum(0.1 + 1j, 0.1 - 1j, -0.1 + 2j, -0.1 - 2j)
-    assert not symmetric(values, np.array([1.0, 1e-14]))
-    assert symmetric(1e-3 * spectrum(*quadruple(0.1 + 1j)), np.array([1.0, 1e-14]))
+def test_what_is_within_its_bound_is_not_placed():
+    for values in ([1e-15, -1.0, -2.0], [1e-15 + 1j, 1e-15 - 1j, -3.0], [0.0, -1.0]):
+        for found in sides_of(spectrum(*values)):
+            assert OPEN in found
+            assert RIGHT not in found
+    assert sides_of(spectrum(1e-12, -1.0, -2.0), error=1e-16)[0][0] == RIGHT
 
 
-@pytest.mark.parametrize("points", range(1, 40))
-def test_missing_rows_do_not_trap_where_invalid_operations_are_errors(points):
-    values = np.full((points, 4), math.nan + 0j)
-    with np.errstate(all="raise", under="ignore"):
-        assert unstable_counts(values).tolist() == [-1] * points
+def test_a_slow_eigenvalue_beside_a_fast_one_is_not_compared_with_it():
+    # 1e-3 beside 1e9: 1e-12 of the largest.
+    for found in sides_of(spectrum(1e-3, -1.0, -1e9), error=1e-17):
+        assert found[0] != LEFT
+    A = np.diag([1e-3, -1.0, -1e9])[None]
+    values = np.array([[1e-3, -1.0, -1e9]], dtype=complex)
+    assert placed(A, values, np.array([1e-8]), False)[0].tolist() == [RIGHT, LEFT, LEFT]
+
+
+def test_only_structure_and_isolation_hold_a_pair_on_the_axis():
+    axis = [1j, -1j, 2j, -2j]
+    for free, held in zip(sides_of(spectrum(*axis)), sides_of(spectrum(*axis), mirrored=True), strict=True):
+        assert set(free) == {OPEN}
+        assert set(held) == {AXIS}
+    # Two pairs that cannot be told apart may leave it.
+    near = spectrum(1j, -1j, 1j * (1 + 1e-14), -1j * (1 + 1e-14))
+    assert all(set(found) == {OPEN} for found in sides_of(near, mirrored=True))
+    assert all(set(found) == {OPEN} for found in sides_of(spectrum(1e-16, -1e-16), error=1.0, mirrored=True))
+    # Far from it nothing has to be held.
+    quadruple = spectrum(0.1 + 1j, 0.1 - 1j, -0.1 + 1j, -0.1 - 1j)
+    assert all(found == [RIGHT, RIGHT, LEFT, LEFT] for found in sides_of(quadruple, mirrored=True))
+
+
+def test_a_double_eigenvalue_with_two_vectors_is_placed_by_them_and_a_defective_one_is_left_open():
+    _, found = sides_of(spectrum(-1.0, -1.0, 2.0, 2.0), turn=0.2)
+    assert found == [RIGHT, RIGHT, LEFT, LEFT]
+    A = np.array([[[-1.0, 1.0], [0.0, -1.0]]])
+    assert set(placed(A, eigenvalues(A), np.array([1e-16]), False)[0].tolist()) == {OPEN}
+    assert set(placed_by_vectors(A, np.array([1e-16]), False)[1][0].tolist()) == {OPEN}
+
+
+def test_bounds_hold_against_random_disturbances():
+    rng = np.random.default_rng(7)
+    for seed in range(60):
+        values = rng.normal(size=3) * 10.0 ** rng.integers(-6, 1, 3)
+        A = matrix(spectrum(*values), turn=0.5, seed=seed)[None]
+        E = rng.normal(size=A.shape)
+        E *= 1e-9 * np.linalg.norm(A) / np.linalg.norm(E)
+        error = np.array([np.linalg.norm(E)])
+        there = np.sort(np.linalg.eigvals(A + E)[0].real)
+        for found, sides in ((eigenvalues(A), None), placed_by_vectors(A, error, False)):
+            sides = placed(A, found, error, False) if sides is None else sides
+            assert np.sum(sides == RIGHT) <= np.sum(there > 0.0)
+            assert np.sum(sides == LEFT) <= np.sum(there < 0.0)
+
+
+def test_slow_eigenvalues_beside_fast_ones_have_their_digits():
+    for slow in (1e-3, 1e-1):
+        A = np.array([[0.0, 1e8, 0.0], [-1e8, 0.0, 1e8], [0.0, slow / 1e8, slow]])[None]
+        exact = slow * (1.0 + 0.0)
+        found = eigenvalues(A)[0]
+        assert abs(found[np.argmin(np.abs(found))].real - exact) < 1e-6 * slow + 1e-12
+
+
+@pytest.mark.parametrize("grade", [1.0, 1e5, 1e12])
+def test_the_inertia_of_stiffness_is_counted_however_graded_it_is(grade):
+    rng = np.random.default_rng(3)
+    scale = np.array([1.0, grade, 1.0, grade**0.5])
+    for signs_ in ([1, 1, 1, 1], [1, -1, 1, -1], [-1, 1, 1, 1]):
+        L = np.tril(0.3 * rng.normal(size=(4, 4)), -1) + np.eye(4)
+        H = L @ np.diag(signs_) @ L.T * scale * scale[:, None]
+        known = 1e-15 * np.abs(H)
+        positive, negative, doubtful = inertia(H[None], known[None])[0]
+        assert (positive, negative, doubtful) == (signs_.count(1), signs_.count(-1), 0)
+    zero = np.diag([1.0, grade, 0.0])[None]
+    assert inertia(zero, 1e-15 * np.abs(zero) + 1e-16)[0].tolist() == [2, 0, 1]
+    assert inertia(np.zeros((2, 0, 0)), np.zeros((2, 0, 0))).tolist() == [[0, 0, 0]] * 2
+
+
+def test_unstable_eigenvalues_are_counted_where_the_verdict_is_not_open():
+    sides = np.array([[RIGHT, LEFT], [RIGHT, OPEN], [LEFT, OPEN], [AXIS, AXIS], [OPEN, OPEN]], dtype=np.int8)
+    words = np.array([WORD[x] for x in (UNSTABLE, UNSTABLE, UNDECIDED, MARGINAL, STABLE)], dtype=np.int8)
+    assert unstable_counts(sides, words).tolist() == [1, 1, -1, 0, 0]
+    assert settled(sides, words, 0).tolist() == [1, -1, -1, 0, 0]
+    assert settled(sides, words, 1).tolist() == [1, 1, 0, 0, 0]
+    assert unplaced(sides[1:3], words[1:3], {}) == 1
+    assert unplaced(sides, words, {}) == 0
+    assert signs(sides).tolist() == [[1, -1], [1, 0], [-1, 0], [0, 0], [0, 0]]
+
+
+def test_zeros_that_nothing_explains_are_shown_as_such():
+    values = np.array([spectrum(1e-7, -1e-7, 1j, -1j), spectrum(1e-3, -1e-3, 1j, -1j)])
+    sides = np.array([[OPEN, OPEN, AXIS, AXIS]] * 2, dtype=np.int8)
+    shown = pinned(values, sides, np.ones(2), 2)
+    assert shown[0].tolist() == [0, 0, 1j, -1j]
+    assert np.array_equal(shown[1], values[1])
+    assert np.array_equal(pinned(values, sides, np.ones(2), 0), values)
 
 
 # --- functions that vanish ------------------------------------------------------------------------------------------
@@ -118,6 +189,15 @@ def test_the_product_changes_its_sign_where_a_real_eigenvalue_passes_zero():
     on, off = product(spectrum(0.1j, -0.1j, 2j, -2j), 1.0), product(spectrum(0.1, -0.1, 2j, -2j), 1.0)
     assert math.isclose(on, 0.04)
     assert math.isclose(off, -0.04)
+
+
+def test_zeros_that_rounding_shows_do_not_change_the_product_of_the_others():
+    for noise in (0.0, 1e-8, 1e-8j):
+        for x in (1e-4, -1e-4):
+            pair = np.sqrt(complex(x))
+            values = spectrum(noise, -noise, pair, -pair, 2j, -2j)
+            assert math.isclose(product(values, 1.0, 2), -4.0 * x, rel_tol=1e-6)
+    assert product(spectrum(0.0, -2.0, 3.0), 1.0, 1) == -6.0
 
 
 def test_squares_are_each_there_once():
@@ -189,6 +269,16 @@ def test_spectra_that_are_missing_do_not_disturb_the_others():
     assert clear[0]
     assert link[0].tolist() == [2, 1, 0]
     assert all(sorted(row) == [0, 1, 2] for row in link)
+
+
+@pytest.mark.parametrize("m", [2, 3, 40, 101])
+def test_columns_that_are_followed_are_continuous(m):
+    rng = np.random.default_rng(m)
+    smooth = np.array([1.0, 3.0, 6.0, 10.0]) + 0.01 * np.arange(m)[:, None]
+    orders = np.array([rng.permutation(4) for _ in range(m)])
+    values = np.take_along_axis(smooth, orders, axis=1).astype(complex)
+    found = np.take_along_axis(values, continuous(*follow(values[:-1], values[1:])), axis=1)
+    assert np.all(np.abs(np.diff(found, axis=0)) < 0.011)
 
 
 @pytest.mark.parametrize("r", [0, 1])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from zoo import SYSTEMS
 
 import mbstab
 from mbstab.analysis import eigen
@@ -46,14 +47,20 @@ EXAMPLES = [
 @pytest.mark.parametrize(("name", "parameters"), EXAMPLES, ids=str)
 def test_rates_and_frequencies_of_the_examples_are_those_of_the_nonlinear_motion(name, parameters):
     found = mbstab.load(f"{name}.yaml").verify(**parameters)
-    assert found.verdict == "confirmed"
+    # A disk whose Cardan angle is driven has zeros that nothing explains.
+    assert found.verdict == ("confirmed" if found.result.verdict != "undecided" else "cannot be judged")
+    assert found.result.verdict != "undecided" or (name, parameters) == ("rolling_disk", {})
+    zeros = [mode for mode in found.modes if "it is zero" in mode.reason]
+    assert all(mode.kind == "undecided" for mode in zeros)
     for mode in found.modes:
+        if mode in zeros:
+            continue
         assert mode.verdict == "confirmed"
         assert mode.error <= 1e-5
         assert mode.uncertainty <= 1e-4 * abs(mode.predicted)
     if found.result.counts.neutral:
         assert found.neutral.verdict == "confirmed"
-        assert found.neutral.count == found.result.counts.neutral
+        assert found.neutral.count >= found.result.counts.neutral + len(zeros)
         assert found.neutral.error <= 1e-5
     else:
         assert found.neutral is None
@@ -77,7 +84,7 @@ def test_the_motion_decides_between_the_turning_frame_and_frozen_time(name, true
     assert mode.verdict == "confirmed"
     assert abs(mode.observed - true) <= 1e-6 * abs(true)
     found = model.verify(frozen=True)
-    (mode,) = found.modes
+    (mode,) = (mode for mode in found.modes if mode.predicted.imag)
     assert mode.predicted.imag == pytest.approx(frozen, abs=1e-3)
     assert abs(mode.observed - true) <= 1e-6 * abs(true)
     assert (mode.verdict, found.verdict) == ("contradicted", "contradicted")
@@ -135,7 +142,7 @@ forces: {f: {type: expression, on: {p.x: -p.x - 2*rate(p.x)}}}
 reference: {coordinates: {p: {x: 0, y: 0}}}
 """
     found = mbstab.loads(text).verify()
-    assert found.result.verdict in ("asymptotically stable", "undecided")
+    assert found.result.verdict == "asymptotically stable"
     assert found.verdict == "cannot be judged"
     assert all(mode.verdict == "cannot be judged" for mode in found.modes)
 
@@ -182,7 +189,11 @@ reference: {{coordinates: {{a: {{x: 0, y: 0}}}}}}
 )
 def test_a_small_linear_range_is_found_by_smaller_amplitudes(force):
     found = point(force)
-    assert found.verdict == "confirmed"
+    assert all(mode.verdict == "confirmed" for mode in found.modes)
+    # Nothing holds a pair on the axis that a cubic push by the rate makes grow.
+    pushed = "**3" in force
+    assert (found.result.verdict == "undecided") == pushed
+    assert found.verdict == ("cannot be judged" if pushed else "confirmed")
     assert min(mode.amplitude for mode in found.modes) < module.AMPLITUDE
     for mode in found.modes:
         assert mode.error <= 1e-5
@@ -212,6 +223,64 @@ def test_slow_growth_that_is_seen_is_confirmed():
     found = point("-4*a.x + 1e-5*rate(a.x)")
     assert found.verdict == "confirmed"
     assert "mode 1 grows with 4.9998" in found.reason
+
+
+CARRIED = """\
+mbstab: 1
+bodies: {{p: {{type: planar_point, mass: 1}}}}
+forces: {{f: {{type: expression, on: {{p.x: "1 - rate(p.x)", p.y: "{force}"}}}}}}
+reference: {{coordinates: {{p: {{x: 0, y: 0}}}}, rates: {{p: {{x: 1, y: 0}}}}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("force", "verdict"),
+    [
+        # Along y nothing is a symmetry but of the linearized equations: motions leave in the end.
+        ("-rate(p.y) + p.y**3", "cannot be judged"),
+        ("-rate(p.y) - p.y", "confirmed"),
+        ("-rate(p.y)", "confirmed"),
+    ],
+)
+def test_a_carried_point_is_confirmed_only_where_every_zero_is_explained(force, verdict):
+    found = mbstab.loads(CARRIED.format(force=force)).verify()
+    assert found.verdict == verdict
+    assert (found.result.verdict == "undecided") == (verdict == "cannot be judged")
+
+
+def zoo(name):
+    return mbstab.loads(next(s.text for s in SYSTEMS if s.name == name)).verify()
+
+
+def test_a_family_of_rests_without_any_stiffness_is_followed_at_its_own_pace():
+    found = zoo("Roberval balance, tilted")
+    assert (found.result.verdict, found.verdict) == ("stable up to symmetry", "confirmed")
+    assert (found.neutral.count, found.neutral.staying, found.neutral.power) == (2, 1, 1)
+
+
+def test_zeros_that_nothing_explains_contradict_nothing():
+    # They are 3e-5 1/s beside 1e6 1/s.
+    found = zoo("slow growth hidden by a coupling")
+    assert (found.result.verdict, found.verdict) == ("undecided", "cannot be judged")
+    assert "zeros that nothing explains" in found.neutral.reason
+
+
+@pytest.mark.parametrize("law", ["1 - 2*smooth_start((t - 50)/10)", "1 - tanh(t - 50)", "1 + 0.5*sin(2*pi*t/3)"])
+def test_what_depends_on_the_time_is_not_confirmed_by_motions_of_now(law):
+    found = point(f"-({law})*a.x - 0.2*rate(a.x)")
+    assert found.result.verdict == "undecided"
+    assert found.verdict != "confirmed"
+
+
+def test_periodic_motions_are_confirmed_in_the_new_words():
+    damped = mbstab.loads(
+        "\n".join(mbstab.load("kapitza.yaml").model.document.lines).replace(
+            "\nreference:\n",
+            "\nforces: {brake: {type: expression, on: {rod.theta: -0.01*rate(rod.theta)}}}\nreference:\n",
+        )
+    ).verify()
+    assert (damped.result.verdict, damped.verdict) == ("asymptotically stable", "confirmed")
+    assert damped.reason.startswith("all modes decay")
 
 
 # --- neutral directions ---------------------------------------------------------------------------------------------
@@ -257,7 +326,8 @@ def test_what_depends_on_the_amplitude_along_a_neutral_direction_is_not_judged()
 def test_an_undecided_zero_is_tried_as_a_neutral_direction():
     found = mbstab.load("wheelset_no_slip.yaml").verify(v=0)
     assert (found.result.verdict, found.verdict) == ("undecided", "cannot be judged")
-    assert "it is zero" in found.modes[0].reason
+    assert all("it is zero" in mode.reason for mode in found.modes)
+    assert found.result.counts.neutral + len(found.modes) == 4
     assert (found.neutral.verdict, found.neutral.count, found.neutral.staying) == ("confirmed", 4, 3)
 
 
@@ -299,7 +369,7 @@ def run(*arguments):
 def test_the_table_shows_prediction_and_observation():
     result = run("rotating_pendulum.yaml")
     assert result.exit_code == 0
-    assert "Verdict: marginally stable" in result.stdout
+    assert "Verdict: stable" in result.stdout
     assert "0 ± 7.61480" in result.stdout
     assert "Nonlinear motion: confirmed" in result.stdout
     assert "confirmed: real and imaginary part each within 3 times" in result.stdout

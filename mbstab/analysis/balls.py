@@ -39,12 +39,19 @@ Matrix = list[list[Ball]]
 SPARSE = 0.1
 """A pivot may be smaller than the largest by this factor if it fills in less."""
 
+WIDE = 1e-12
+"""Balls that are wider than this, relative to their middle, are intervals."""
+
 MARGIN = 15
 """Digits carried besides those that are asked for."""
 
 
 class NotProvable(MbstabError):
     """Something could not be enclosed or its sign not be proven with the digits in use; the message is the reason."""
+
+
+class Hopeless(NotProvable):
+    """Something is not provable with any number of digits."""
 
 
 def require_flint() -> None:
@@ -634,6 +641,37 @@ def determinant(A: Matrix) -> Ball:
     from flint import arb_mat
 
     return arb_mat([[real(x) for x in row] for row in A]).det()
+
+
+def at_part(x: Ball, part: Fraction) -> Ball:
+    """Return the fraction at some part of the way through a wide ball, and narrow balls as they are."""
+    if float(x.rad()) <= WIDE * abs(float(x.mid())):
+        return x
+    ends = []
+    for end in (x.lower(), x.upper()):
+        mantissa, exponent = (int(number) for number in end.mid().man_exp())
+        ends.append(Fraction(mantissa) * Fraction(2) ** exponent)
+    return ball(ends[0] + (ends[1] - ends[0]) * part)
+
+
+def half_digits() -> Ball:
+    """Return a number that is small by half of the digits in use."""
+    from flint import arb, ctx
+
+    return arb(2) ** (-(ctx.prec // 2))
+
+
+def positive(A: Matrix) -> bool:
+    """Whether a symmetric matrix is proven to be positive definite: all pivots of its elimination are."""
+    T = [row[:] for row in A]
+    for k, row in enumerate(T):
+        if not row[k] > 0:
+            return False
+        for i in range(k + 1, len(T)):
+            if not T[i][k].is_zero():
+                factor = T[i][k] / row[k]
+                T[i] = [x - factor * y for x, y in zip(T[i], row, strict=True)]
+    return True
 
 
 # --- polynomials ----------------------------------------------------------------------------------------------------

@@ -24,7 +24,9 @@ import numpy.typing as npt
 
 from mbstab.analysis.batch import Evaluator
 from mbstab.analysis.continuation import Path as Solutions
-from mbstab.analysis.spectrum import Complex, Flags, continuous, follow, signs, turning, unstable_counts
+from mbstab.analysis.points_verdict import OPEN, WORD, Sides, pinned, signs, unplaced, unstable_counts
+from mbstab.analysis.spectrum import NO_EIGENVALUE, Complex, Flags, continuous, follow, turning
+from mbstab.analysis.verdict import UNDECIDED
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError, OutputError, UsageError
 from mbstab.model.reader import read_model_text
@@ -56,6 +58,8 @@ class Task:
         Parameters that vary, arrays of shape (points,).
     solutions : Path or None
         Equilibria over the parameter, where the file asks to find them.
+    followed : bool
+        Whether eigenvalues are followed from point to point.
     """
 
     text: str
@@ -63,6 +67,7 @@ class Task:
     settings: dict[str, float]
     values: dict[str, Array]
     solutions: Solutions | None
+    followed: bool = True
 
 
 @dataclass(frozen=True)
@@ -78,49 +83,81 @@ class Block:
     problems : dict
         By the number of a point within the block.
     neutral : int
-    unstable : ndarray of int, shape (points,)
+    sides : ndarray of int8, shape (points, r)
+        On which side of the imaginary axis eigenvalues lie, as in `mbstab.analysis.points_verdict`.
+    words : ndarray of int8, shape (points,)
+        Numbers of the verdicts.
+    mirrored : ndarray of bool, shape (points,)
+        Whether the spectrum is symmetric to the imaginary axis by structure.
     passes : ndarray of bool, shape (points,)
         Whether a real part may change its sign before the next point …
     turns : ndarray of bool, shape (points,)
         … or come close to zero and turn back at this one.
-    known : ndarray, shape (points, 2)
-        Norms of the matrices, and of disturbances of them that are rounding (1/s).
     """
 
     values: Complex
     clear: Flags
     problems: dict[int, str]
     neutral: int
-    unstable: npt.NDArray[np.intp]
+    sides: Sides
+    words: npt.NDArray[np.int8]
+    mirrored: Flags
     passes: Flags
     turns: Flags
-    known: Array
+
+    @property
+    def unstable(self) -> npt.NDArray[np.intp]:
+        """Number of unstable eigenvalues of each point; −1 where the verdict is open."""
+        return unstable_counts(self.sides, self.words)
+
+
+ARRAYS = ("values", "clear", "sides", "words", "mirrored", "passes", "turns")
+"""The arrays of a block."""
 
 
 def compute(task: Task, progress: Progress = lambda done: None) -> Block:
     """Return the block of a task."""
     evaluator = Evaluator(read_model_text(task.text, task.name), task.settings, task.solutions)
     found = evaluator.spectra(task.values, progress)
-    links, clear = follow(found.values[:-1], found.values[1:])
-    values = continuous(found.values, links, clear)
-    unstable = unstable_counts(values, found.known)
-    unstable[list(found.problems)] = -1
-    watched = _watched(values, found.known)
-    return Block(values, clear, found.problems, found.neutral, unstable, *watched, found.known)
+    number = unplaced(found.sides, found.words, found.problems)
+    whole = pinned(found.values, found.sides, found.sizes, number)
+    if not task.followed:
+        unknown = np.zeros(len(whole), dtype=bool)
+        return Block(
+            whole,
+            unknown[1:],
+            found.problems,
+            found.neutral,
+            found.sides,
+            found.words,
+            found.mirrored,
+            unknown,
+            unknown,
+        )
+    links, clear = follow(whole[:-1], whole[1:])
+    order = continuous(links, clear)
+    values: Complex = np.take_along_axis(whole, order, axis=1)
+    sides: Sides = np.take_along_axis(found.sides, order, axis=1)
+    watched = _watched(values, sides)
+    return Block(values, clear, found.problems, found.neutral, sides, found.words, found.mirrored, *watched)
 
 
-def _watched(values: Complex, known: Array) -> tuple[Flags, Flags]:
+def _watched(values: Complex, sides: Sides) -> tuple[Flags, Flags]:
     """Return where real parts may pass zero, and where they may touch it; ends count, as nothing is known beyond."""
     passes, turns = np.ones(len(values), dtype=bool), np.ones(len(values), dtype=bool)
     with np.errstate(invalid="ignore"):
-        sign = signs(values, known)
-        passes[:-1] = np.any(sign[1:] * sign[:-1] < 0.0, axis=1)
-        turns[1:-1] = np.any(turning(values[:-2], values[1:-1], values[2:]) & (sign[1:-1] != 0.0), axis=1)
+        sign = signs(sides)
+        passes[:-1] = np.any(sign[1:] * sign[:-1] < 0, axis=1)
+        turns[1:-1] = np.any(turning(values[:-2], values[1:-1], values[2:]) & (sign[1:-1] != 0), axis=1)
     return passes, turns
 
 
 def tasks(
-    model: Model, settings: Mapping[str, float], values: Mapping[str, Array], solutions: Solutions | None = None
+    model: Model,
+    settings: Mapping[str, float],
+    values: Mapping[str, Array],
+    solutions: Solutions | None = None,
+    followed: bool = True,
 ) -> list[Task]:
     """Return the tasks of a sweep over points given by arrays of the same shape (points,)."""
     points = len(next(iter(values.values())))
@@ -132,6 +169,7 @@ def tasks(
             dict(settings),
             {name: x[start : start + POINTS] for name, x in values.items()},
             solutions and replace(solutions, beyond=()),
+            followed,
         )
         for start in range(0, points, POINTS)
     ]
@@ -198,17 +236,8 @@ class Store:
         from io import BytesIO
 
         out = BytesIO()
-        np.savez(
-            out,
-            values=block.values,
-            clear=block.clear,
-            unstable=block.unstable,
-            passes=block.passes,
-            turns=block.turns,
-            known=block.known,
-            neutral=block.neutral,
-            problems=np.array(json.dumps(block.problems)),
-        )
+        arrays: dict[str, Any] = {name: getattr(block, name) for name in ARRAYS}
+        np.savez(out, neutral=block.neutral, problems=np.array(json.dumps(block.problems)), **arrays)
         with _written(self.directory):
             self._write(self._name(number), out.getvalue())
 
@@ -226,10 +255,8 @@ class Store:
     def _read(name: Path) -> Block:
         with np.load(name) as data:
             problems = {int(i): text for i, text in json.loads(str(data["problems"])).items()}
-            return Block(
-                data["values"], data["clear"], problems, int(data["neutral"]), data["unstable"], data["passes"],
-                data["turns"], data["known"],
-            )  # fmt: skip
+            arrays = {name: data[name] for name in ARRAYS}
+            return Block(problems=problems, neutral=int(data["neutral"]), **arrays)
 
     def _name(self, number: int) -> Path:
         return self.directory / f"block-{number:06}.npz"
@@ -324,6 +351,54 @@ def run(
             store.remove()
         raise
     return [blocks[number] for number in range(len(all_tasks))]
+
+
+def merged(blocks: list[Block]) -> Block:
+    """Return consecutive blocks as one, with as many neutral eigenvalues as at most points."""
+    sizes: dict[tuple[int, int], int] = {}
+    for block in blocks:
+        if len(block.problems) < len(block.values):
+            key = block.values.shape[1] + block.neutral, block.neutral
+            sizes[key] = sizes.get(key, 0) + len(block.values)
+    total, neutral = max(sizes, key=lambda key: sizes[key]) if sizes else (0, 0)
+    fitted = [_fitted(block, total, neutral) for block in blocks]
+    clear: list[Flags] = []
+    problems: dict[int, str] = {}
+    start = 0
+    for n, block in enumerate(fitted):
+        if n:
+            link, is_clear = follow(fitted[n - 1].values[-1:], block.values[:1])
+            clear.append(is_clear)
+            if is_clear[0] and block.values.shape[1] > 1:
+                fitted[n] = replace(block, values=block.values[:, link[0]], sides=block.sides[:, link[0]])
+        clear.append(block.clear)
+        problems |= {start + i: text for i, text in block.problems.items()}
+        start += len(block.values)
+    arrays = {name: np.concatenate([getattr(block, name) for block in fitted]) for name in ARRAYS if name != "clear"}
+    return Block(clear=np.concatenate(clear), problems=problems, neutral=neutral, **arrays)
+
+
+def _fitted(block: Block, total: int, neutral: int) -> Block:
+    """Return a block with so many eigenvalues besides the neutral ones."""
+    points, here = len(block.values), block.values.shape[1] + block.neutral
+    count, own = total - neutral, block.values.shape[1]
+    if here != total or len(block.problems) == points:
+        text = f"{here} finite eigenvalues exist here, elsewhere {total}"
+        return replace(
+            block, values=np.full((points, count), NO_EIGENVALUE), sides=np.full((points, count), OPEN, dtype=np.int8),
+            words=np.full(points, WORD[UNDECIDED], dtype=np.int8), clear=np.zeros(points - 1, dtype=bool),
+            problems={i: block.problems.get(i, text) for i in range(points)}, neutral=neutral,
+        )  # fmt: skip
+    if own == count:
+        return block
+    # Zeros of a symmetry that is not there elsewhere, or what is zero elsewhere.
+    width = max(count - own, 0)
+    values = np.pad(block.values, ((0, 0), (0, width)))
+    sides = np.pad(block.sides, ((0, 0), (0, width)))
+    order = np.argsort(-np.abs(values), axis=1, kind="stable")[:, :count] if own > count else np.arange(count)[None]
+    order = np.broadcast_to(order, (points, count))
+    values, sides = np.take_along_axis(values, order, axis=1), np.take_along_axis(sides, order, axis=1)
+    return replace(block, values=values, sides=sides, clear=np.zeros(points - 1, dtype=bool), neutral=neutral)
 
 
 def _in_processes(

@@ -4,18 +4,23 @@ The kernels run on balls (`mbstab.analysis.balls`), the constraints are eliminat
 are proven to be different from zero, and what is left, ẏ = S y, contains the linearized equations
 for all values of the parameters in their balls. Then
 
-1.  shifts along which nothing depends on the coordinates (columns that are exact zeros), turns of
-    a scene whose elements all turn with it, and the motion itself are divided out: each is an
-    eigenvalue zero by symmetry;
+1.  directions of symmetries and families of motions are divided out, and S is restricted to given
+    values of conserved functions: their eigenvalues are zero, or ±iΩ of a turning frame. They are
+    those that double precision has found, verified as identities (`mbstab.analysis.identities`);
 2.  S is split along its exact zeros into blocks that do not feed back into each other (strongly
-    connected components). The roots of a block are those of its characteristic polynomial;
+    connected components). The roots of a block are those of its characteristic polynomial; zeros
+    that are left stay unexplained;
 3.  if the states of a block fall into two kinds such that each kind drives the other only, then
     S = [[0, A], [B, 0]] and the roots are ±√σ for the eigenvalues σ of A B, and zeros: the spectrum
     is symmetric, and a σ that is real, negative and simple is a pair that lies *on* the imaginary
-    axis. The same is so for systems of Lagrange with holonomic constraints and without damping
-    (M and K symmetric, R skew), whose polynomial is even;
+    axis. The same is so where the energy is conserved and there are no rows on speeds, and where
+    motions at rest are the same backwards in time: the polynomial is even;
 4.  roots are enclosed in discs (Smith 1970) where the parameters are numbers; where they are
-    intervals, Routh's array says on which side of the axis they are.
+    intervals, Routh's array says on which side of the axis they are;
+5.  where the energy never increases its second variation is tried for a strict minimum.
+
+What follows from all that is up to the one rule of `mbstab.analysis.verdict`
+(`mbstab.analysis.proven` collects the facts).
 
 Equilibria and steady motions are enclosed by the operator of Krawczyk (1969, Computing 4; Rump
 2010, Acta Numerica 19, section 13), which proves that there is one and only one near the
@@ -26,15 +31,27 @@ What is not proven is part of the statement: "proven …, provided that …".
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
 from mbstab.analysis import balls
-from mbstab.analysis.balls import Ball, NotProvable, ball, real, zero_inside
-from mbstab.analysis.factors import Enclosure, Proof, Spectrum, enclosed, zeros_of
-from mbstab.analysis.intervals import OPEN, Part, Walk
-from mbstab.errors import UsageError, counted
+from mbstab.analysis.balls import Ball, Hopeless, NotProvable, ball, real, zero_inside
+from mbstab.analysis.factors import GENERIC, Enclosure, Proof, Spectrum
+from mbstab.analysis.identities import Identities
+from mbstab.analysis.intervals import OPEN, Part, Walk, common, in_words
+from mbstab.analysis.proven import Case, best
+from mbstab.analysis.verdict import (
+    ASYMPTOTIC,
+    MARGINAL,
+    NONLINEAR,
+    UNDECIDED,
+    UNSTABLE,
+    WORDS,
+    Modulo,
+    Verdict,
+)
+from mbstab.errors import MbstabError, UsageError, counted
 from mbstab.model.schema import Model
 
 MORE_DIGITS = (1, 2, 4)
@@ -48,8 +65,7 @@ class Certificate:
     Attributes
     ----------
     verdict : str
-        ``asymptotically stable``, ``marginally stable`` (no eigenvalue to the right of the
-        imaginary axis, some on it), ``unstable`` or ``not provable``.
+        A word of `VERDICTS`, or ``not provable``.
     statement : str
         What is proven, in a sentence.
     eigenvalues : list of Enclosure
@@ -69,7 +85,11 @@ class Certificate:
     followed : str
         Over an interval, which equilibrium it is about if the file leaves it to the program.
     notes : tuple of str
-        What the linearized equations do not say.
+        What the verdict rests on besides eigenvalues, and what the linearized equations do not say.
+    judged : Verdict or None
+        The answer of the one rule; None: it was not reached, or the answer is about an interval.
+    modulo : Modulo
+        Symmetries and families of motions up to which the verdict holds.
     """
 
     verdict: str
@@ -83,6 +103,23 @@ class Certificate:
     conditions: tuple[str, ...] = ()
     followed: str = ""
     notes: tuple[str, ...] = ()
+    judged: Verdict | None = None
+    modulo: Modulo = field(default_factory=Modulo)
+
+    @property
+    def in_place(self) -> bool | None:
+        """Whether disturbed motions stay near the reference itself; None: not claimed."""
+        return self.judged.in_place if self.judged is not None else None
+
+    @property
+    def evidence(self) -> str:
+        """The weakest fact that the verdict rests on: ``structural``, ``enclosed`` or ``numerical``."""
+        return "numerical" if self.judged is None or self.conditions else self.judged.evidence
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What may destroy stability that is proven."""
+        return self.judged.warnings if self.judged is not None else ()
 
     @property
     def status(self) -> str:
@@ -100,9 +137,8 @@ class Certificate:
         return self.status == "proven"
 
 
-# --- verdicts -------------------------------------------------------------------------------------------------------
-
-VERDICTS = ("asymptotically stable", "marginally stable", "unstable")
+VERDICTS = tuple(word for word in WORDS if word != UNDECIDED)
+"""What may be proven."""
 
 
 def certify(
@@ -146,46 +182,43 @@ def certify(
             ends = {name: balls.interval(model, name, text) for name, text in texts.items()}
             if wide:
                 return _over(model, ends, wide[0], digits, progress)
-            result = _at(model, {name: low for name, (low, _) in ends.items()}, more * digits)
-        if result.decided:
+            result, hope = _at(model, {name: low for name, (low, _) in ends.items()}, more * digits)
+        if not hope:
             break
     assert result is not None
     return result
 
 
-def _refused(reason: str, digits: int) -> Certificate:
-    return Certificate("not provable", f"not provable with {digits} digits: {reason}", [], (), (reason,), digits)
+def _refused(error: NotProvable, digits: int) -> Certificate:
+    reason = str(error)
+    return Certificate(OPEN, f"not provable with {digits} digits: {reason}", [], (), (reason,), digits)
 
 
-def _at(model: Model, overrides: Mapping[str, Ball], digits: int) -> Certificate:
-    """Return what is proven at one point."""
+def _at(model: Model, overrides: Mapping[str, Ball], digits: int) -> tuple[Certificate, bool]:
+    """Return what is proven at one point, and whether more digits may prove more."""
     try:
         proof = Proof(model, overrides)
-        spectrum = proof.factors()
+        case = best(proof)
+        found = sorted(
+            case.enclosures,
+            key=lambda e: (e.kind in NEUTRAL, -float(e.real.mid()), abs(float(e.imag.mid())), -float(e.imag.mid())),
+        )
     except NotProvable as error:
-        return _refused(str(error), digits)
-    found = [zeros_of(spectrum)] if spectrum.zeros else []
-    for factor in spectrum.factors:
-        found += enclosed(factor)
-    found.sort(key=lambda e: (e.kind == "zero", -float(e.real.mid()), abs(float(e.imag.mid())), -float(e.imag.mid())))
-    verdict, reasons = _judged(found, proof)
-    if reasons:
-        statement = f"not provable with {digits} digits: {reasons[0]}"
-        return Certificate(verdict, statement, found, spectrum.assumed, tuple(reasons), digits)
-    statement = f"proven {verdict}{_provided(spectrum.conditions)}: {_counted(found)}"
-    on_axis = sum(e.count for e in found if e.kind == "imaginary")
-    notes = (
-        [f"{counted(on_axis, 'eigenvalue lies', 'eigenvalues lie')} on the imaginary axis, none to the right of it"]
-        if verdict == "marginally stable" and on_axis
-        else []
-    )
+        return _refused(error, digits), not isinstance(error, Hopeless)
+    judged, conditions = case.verdict, (*proof.conditions, *case.conditions)
+    assumed = (*proof.assumed, *case.conditions)
+    if judged.word == UNDECIDED:
+        named = list(dict.fromkeys(e.why for e in found if e.kind == "open" and e.why))
+        reasons = (*judged.reasons, *([f"nothing explains: {', '.join(named)}"] if named else []))
+        statement = f"not provable with {digits} digits: {'; '.join(reasons)}"
+        hope = any(e.wide for e in found if e.kind == "open")
+        return Certificate(OPEN, statement, found, assumed, reasons, digits, judged=judged), hope
+    statement = f"proven {in_words(judged.word, judged.modulo)}{_provided(conditions)}: {_counted(found)}"
+    notes = judged.reasons if judged.word not in (UNSTABLE, ASYMPTOTIC) else ()
     return Certificate(
-        verdict, statement, found, spectrum.assumed, (), digits, conditions=spectrum.conditions,
-        notes=tuple(f"{note}: {NONLINEAR}" for note in notes),
-    )  # fmt: skip
-
-
-NONLINEAR = "whether disturbances stay small in the long run is up to nonlinear terms"
+        judged.word, statement, found, assumed, (), digits, conditions=conditions, notes=notes, judged=judged,
+        modulo=judged.modulo,
+    ), False  # fmt: skip
 
 
 def _provided(conditions: Sequence[str]) -> str:
@@ -193,50 +226,27 @@ def _provided(conditions: Sequence[str]) -> str:
     return f", provided that {'; that '.join(conditions)}" if conditions else ""
 
 
-def _judged(found: list[Enclosure], proof: Proof) -> tuple[str, list[str]]:
-    """Return the verdict, and why there is none."""
-    if any(e.kind == "right" for e in found):
-        return "unstable", []
-    reasons = []
-    if not found:
-        reasons.append("constraints and drives leave no motion free whose stability could be judged")
-    for e in found:
-        if e.kind == "open" and float(e.imag.mid()) >= 0.0:
-            size = f"{counted(e.count, 'eigenvalue lies', 'eigenvalues lie')}"
-            reasons.append(
-                f"{size} in a disc about {_short(e.real)} + {_short(e.imag)}i that reaches over the imaginary axis "
-                f"(radius {e.radius:.0e}): neutral, double or critical"
-            )
-    zeros = sum(e.count for e in found if e.kind == "zero")
-    if zeros and zeros > 2 * len(proof.known()):
-        reasons.append(
-            f"{counted(zeros, 'eigenvalue is', 'eigenvalues are')} zero, more than symmetries explain: a critical "
-            "state or a continuum of equilibria, which the linearized equations cannot judge"
-        )
-    if reasons:
-        return "not provable", reasons
-    on_axis = any(e.kind in ("zero", "imaginary") for e in found)
-    return "marginally stable" if on_axis else "asymptotically stable", []
-
-
-def _short(x: Ball) -> str:
-    return f"{float(x.mid()):.6g}"
-
-
 def _counted(found: list[Enclosure]) -> str:
     """Return in words how many eigenvalues are where."""
-    counts = {
-        kind: sum(e.count for e in found if e.kind == kind) for kind in ("left", "right", "imaginary", "zero", "open")
-    }
-    words = {
-        "right": "to the right of the imaginary axis",
-        "left": "to the left of the imaginary axis",
-        "imaginary": "exactly on it" if counts["left"] or counts["right"] else "exactly on the imaginary axis",
-        "zero": "exactly zero",
-        "open": "not told from the axis",
-    }
+    counts = {kind: sum(e.count for e in found if e.kind == kind) for kind in KINDS}
+    beside = any(counts[kind] for kind in ("left", "right"))
+    words = {**KINDS, "imaginary": "exactly on it" if beside else "exactly on the imaginary axis"}
     parts = [f"{counted(counts[kind], 'eigenvalue')} {words[kind]}" for kind in words if counts[kind]]
     return ", ".join(parts)
+
+
+KINDS = {
+    "right": "to the right of the imaginary axis",
+    "left": "to the left of the imaginary axis",
+    "imaginary": "exactly on the imaginary axis",
+    "zero": "exactly zero by symmetry",
+    "carried": "on the axis by symmetry",
+    "open": "not told from the axis",
+}
+"""Kinds of eigenvalues in words."""
+
+NEUTRAL = ("zero", "carried")
+"""Kinds of those that symmetries and families of motions explain."""
 
 
 # --- intervals of a parameter ---------------------------------------------------------------------------------------
@@ -250,6 +260,7 @@ def _over(
     others = {key: value[0] for key, value in ends.items() if key != name}
     walk = Walk(model, others, name, (low, high), progress)
     verdicts = {part.verdict for part in walk.parts}
+    words = {part.words for part in walk.parts}
     factor = balls.exact_factor(model.parameters[name])
     unit = model.parameters[name].unit
     text = f"{name} in [{_decimal(ball(low) / factor)}, {_decimal(ball(high) / factor)}] {unit}".rstrip()
@@ -260,19 +271,20 @@ def _over(
         followed = f"the {what} that the file leads to at {name} = {start}, followed from there"
     assumed = tuple(walk.assumed)
     parts = tuple(walk.parts)
-    marginal = f"where the verdict is marginally stable, {NONLINEAR}"
-    notes = (marginal,) if "marginally stable" in verdicts else ()
-    if len(verdicts) == 1 and OPEN not in verdicts:
-        (verdict,) = verdicts
-        statement = f"proven {verdict} for every {text}{_provided(walk.conditions)}"
+    notes = (f"where the verdict is marginally stable, {NONLINEAR}",) if MARGINAL in verdicts else ()
+    if (agreed := common(parts)) is not None:
+        word, modulo = agreed
+        least = "at least " if len(words) > 1 else ""
+        statement = f"proven {least}{in_words(word, modulo)} for every {text}{_provided(walk.conditions)}"
         statement += f" ({followed})" if followed else ""
         return Certificate(
-            verdict, statement, [], assumed, (), digits, name, parts, tuple(walk.conditions), followed, notes
-        )
+            word, statement, [], assumed, (), digits, name, parts, tuple(walk.conditions), followed, notes,
+            modulo=modulo,
+        )  # fmt: skip
     why = []
-    if len(verdicts - {OPEN}) > 1:
+    if len(words - {OPEN}) > 1:
         why.append(f"the verdict is not the same for every {text}")
-    elif len(verdicts) > 1:
+    elif len(words) > 1:
         why.append(f"a part of {text} is open")
     for part in parts:
         if part.verdict == OPEN:
@@ -363,33 +375,57 @@ def certified_critical(
         If python-flint is missing or a parameter is unknown.
     """
     balls.require_flint()
-    bits = int(3.33 * digits) + 8
     with balls.digits(digits + 30):
         values = {
             key: balls.interval(model, key, text if isinstance(text, str) else repr(text))[0]
-            for key, text in {**(settings or {}), "": ""}.items()
-            if key
+            for key, text in (settings or {}).items()
         }
         ends = [
             _fraction(balls.interval(model, parameter, x if isinstance(x, str) else repr(x))[0], up)
             for x, up in ((low, False), (high, True))
         ]
+        return _Search(model, values, parameter, ends).found(digits)
 
-        near: Proof | None = None
 
-        def tests(x: Any) -> list[tuple[str, Ball]]:
-            nonlocal near
-            near = Proof(model, {**values, parameter: ball(x)}, near)
-            return _tests(near.factors())
+class _Search:
+    """The search for a value between two ends at which a test function is zero."""
 
-        first, last = (tests(x) for x in ends)
+    def __init__(self, model: Model, values: Mapping[str, Ball], parameter: str, ends: Sequence[Fraction]) -> None:
+        self.model, self.values, self.parameter, self.ends = model, values, parameter, ends
+        self.near: Proof | None = None
+        self.identities = _generic(model, values, parameter, ends)
+
+    def _proof(self, x: Any, near: Proof | None) -> Proof:
+        found = Proof(self.model, {**self.values, self.parameter: ball(x)}, near, self.identities)
+        self.identities = found.identities
+        return found
+
+    def _tests(self, x: Any) -> list[tuple[str, Ball]]:
+        self.near = self._proof(x, self.near)
+        return _tests(self.near)
+
+    def found(self, digits: int) -> Critical:
+        """Return the enclosure."""
+        first, last = (self._tests(x) for x in self.ends)
         if [name for name, _ in first] != [name for name, _ in last]:
-            raise NotProvable(f"the equations have not the same structure at both ends of {parameter}")
+            raise NotProvable(f"the equations have not the same structure at both ends of {self.parameter}")
         k = next((k for k, (x, y) in enumerate(zip(first, last, strict=True)) if _opposite(x[1], y[1])), None)
         if k is None:
-            raise NotProvable(f"no test function changes its sign between both ends of {parameter}")
-        a, b, f_a, f_b = *ends, first[k][1], last[k][1]
-        small = max(abs(a), abs(b)) / Fraction(2) ** bits
+            raise NotProvable(f"no test function changes its sign between both ends of {self.parameter}")
+        a, b = self._narrowed(k, first[k][1], last[k][1], digits)
+        # All of it about one motion: the signs are those of the solution that is alone in the enclosure.
+        whole = self._proof(balls.between(ball(a), ball(b)), self.near)
+        _tests(whole)
+        both = [self._proof(x, whole) for x in (a, b)]
+        signs = [_tests(proof)[k][1] for proof in both]
+        if not (all(whole.same_at(proof) for proof in both) and _opposite(*signs)):
+            raise NotProvable(f"the motion is not proven to be the same on both sides of {_decimal(ball(a), 12)}")
+        return Critical(a, b, first[k][0], digits)
+
+    def _narrowed(self, k: int, f_a: Ball, f_b: Ball, digits: int) -> tuple[Fraction, Fraction]:
+        """Return a narrow interval between whose ends a test function changes its sign (false position, Illinois)."""
+        a, b = self.ends
+        small = max(abs(a), abs(b)) / Fraction(2) ** (int(3.33 * digits) + 8)
         side = 0
         for _ in range(40 * digits):
             if b - a <= small:
@@ -399,36 +435,38 @@ def certified_critical(
             x = a + (b - a) * min(max(weight, Fraction(0)), Fraction(1))
             x = min(max(x, a + small / 3), b - small / 3)
             x = Fraction(round(x / small * 2**12), 2**12) * small
-            f_x = tests(x)[k][1]
+            f_x = self._tests(x)[k][1]
             if zero_inside(f_x):
                 x += small / 4
-                f_x = tests(x)[k][1]
+                f_x = self._tests(x)[k][1]
             if zero_inside(f_x):
                 raise NotProvable(f"the sign of the test function next to {_decimal(ball(x), 12)} is open")
             if _opposite(f_a, f_x):
                 b, f_b = x, f_x
-                f_a = f_a / 2 if side == 1 else f_a  # the Illinois rule
+                f_a = f_a / 2 if side == 1 else f_a
                 side = 1
             else:
                 a, f_a = x, f_x
                 f_b = f_b / 2 if side == -1 else f_b
                 side = -1
-        # All of it about one motion: the signs are those of the solution that is alone in the enclosure.
-        whole = Proof(model, {**values, parameter: balls.between(ball(a), ball(b))}, near)
-        _tests(whole.factors())
-        both = [Proof(model, {**values, parameter: ball(x)}, whole) for x in (a, b)]
-        signs = [_tests(proof.factors())[k][1] for proof in both]
-        if not (all(whole.same_at(proof) for proof in both) and _opposite(*signs)):
-            raise NotProvable(f"the motion is not proven to be the same on both sides of {_decimal(ball(a), 12)}")
-        return Critical(a, b, first[k][0], digits)
+        return a, b
 
 
 def _opposite(x: Ball, y: Ball) -> bool:
     return bool((x > 0 and y < 0) or (x < 0 and y > 0))
 
 
-def _tests(spectrum: Spectrum) -> list[tuple[str, Ball]]:
+def _generic(model: Model, values: Mapping[str, Ball], parameter: str, ends: Sequence[Fraction]) -> Identities | None:
+    """Return what is proven about the elements at a value between both ends; None: there is no motion."""
+    try:
+        return Proof(model, {**values, parameter: ball(ends[0] + (ends[1] - ends[0]) * GENERIC)}).identities
+    except MbstabError:
+        return None
+
+
+def _tests(proof: Proof) -> list[tuple[str, Ball]]:
     """Return functions of the coefficients that are zero where stability changes."""
+    spectrum: Spectrum = Case(proof, False).left[0]
     found = []
     for factor in spectrum.factors:
         p, n = factor.p, len(factor.p) - 1

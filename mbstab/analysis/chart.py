@@ -1,4 +1,4 @@
-"""Stability charts: the number of unstable eigenvalues over two parameters, and the curves where it changes.
+"""Stability charts: verdicts over two parameters, and the curves where the number of unstable eigenvalues changes.
 
 All points of a grid are computed together. On every edge between two neighbours that differ
 the change is located by bisection, all edges at once, and the points found are joined through
@@ -16,10 +16,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.batch import Evaluator
-from mbstab.analysis.blocks import Progress, Store, Task, key_of, run, tasks
+from mbstab.analysis.batch import Evaluator, Spectra
+from mbstab.analysis.blocks import Progress, Store, Task, key_of, merged, run, tasks
 from mbstab.analysis.continuation import Sheet, follow_all
-from mbstab.analysis.spectrum import unstable_counts
+from mbstab.analysis.points_verdict import WORD, settled
+from mbstab.analysis.points_verdict import unplaced as unplaced_of
+from mbstab.analysis.spectrum import discriminant, product
+from mbstab.analysis.verdict import UNDECIDED, WORDS
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.model.schema import Model
@@ -41,11 +44,13 @@ class Chart:
     x, y : ndarray
         Their values (SI), ascending.
     unstable : ndarray of int, shape (len(y), len(x))
-        Number of unstable eigenvalues; −1 where there is no answer.
+        Number of unstable eigenvalues; −1 where the verdict is open, or there is no answer.
     boundaries : list of ndarray, shape (k, 2)
         Curves on which it changes, or on which the equilibria that are followed end.
     problems : dict
         By the number of a point, row by row, why it has no answer.
+    words : ndarray of int8, shape (len(y), len(x))
+        Numbers of the verdicts among `mbstab.analysis.verdict.WORDS`; `verdicts` has them in words.
     """
 
     parameters: tuple[str, str]
@@ -54,6 +59,12 @@ class Chart:
     unstable: npt.NDArray[np.intp]
     boundaries: list[Array]
     problems: dict[int, str]
+    words: npt.NDArray[np.int8]
+
+    @property
+    def verdicts(self) -> list[list[str]]:
+        """The verdict at each point, row by row, one of `mbstab.analysis.verdict.WORDS`."""
+        return [[WORDS[word] for word in row] for row in self.words]
 
 
 def chart(
@@ -89,29 +100,34 @@ def chart(
             raise UsageError(f"the values of {name} must ascend in a chart")
     points = {one: np.tile(x, len(y)), other: np.repeat(y, len(x))}
     sheet = follow_all(model, (one, other), settings, x, y) if model.reference.find is not None else None
-    all_tasks = tasks(model, settings, points) if sheet is None else _rows(model, settings, sheet, one, x)
+    all_tasks = (
+        tasks(model, settings, points, followed=False) if sheet is None else _rows(model, settings, sheet, one, x)
+    )
     store = Store(directory, key_of(all_tasks), resume) if directory is not None else None
     blocks = run(all_tasks, store, jobs, cluster, progress)
-    unstable, problems = np.full(len(y) * len(x), -1), {}
-    place, start = np.arange(len(unstable)), 0
+    place, problems = np.arange(len(x) * len(y)), {}
     evaluator = Evaluator(model, settings, sheet)
     if sheet is not None:
         place = np.flatnonzero(np.repeat([path is not None for path in sheet.paths], len(x)))
-        problems = {int(i): sheet.missing(points, int(i)) for i in np.setdiff1d(np.arange(len(unstable)), place)}
-    for block in blocks:
-        part = place[start : start + len(block.unstable)]
-        unstable[part] = block.unstable
-        problems |= {int(part[i]): text for i, text in block.problems.items()}
-        start += len(part)
-    grid = unstable.reshape(len(y), len(x))
+        problems = {int(i): sheet.missing(points, int(i)) for i in np.setdiff1d(np.arange(len(x) * len(y)), place)}
+    shape = len(y), len(x)
+    unstable, growing = np.full(shape, -1), np.full(shape, -1)
+    words = np.full(shape, WORD[UNDECIDED], dtype=np.int8)
+    count = unplaced = 0
+    if blocks:
+        whole = merged(blocks)
+        count, unplaced = whole.values.shape[1], unplaced_of(whole.sides, whole.words, whole.problems)
+        unstable.flat[place], words.flat[place] = whole.unstable, whole.words
+        growing.flat[place] = settled(whole.sides, whole.words, unplaced)
+        problems |= {int(place[i]): text for i, text in whole.problems.items()}
+        growing.flat[list(problems)] = -1
     evaluator.learn(points)
-    count = max((block.values.shape[1] for block in blocks), default=0)
-    boundaries = _boundaries(evaluator, (one, other), x, y, grid, count)
+    boundaries = _boundaries(evaluator, (one, other), x, y, growing, count, unplaced)
     if sheet is not None:
         boundaries += _ends(sheet)
     if store is not None:
         store.remove()
-    return Chart((one, other), x, y, grid, boundaries, dict(sorted(problems.items())))
+    return Chart((one, other), x, y, unstable, boundaries, dict(sorted(problems.items())), words)
 
 
 def _rows(model: Model, settings: Mapping[str, float], sheet: Sheet, parameter: str, x: Array) -> list[Task]:
@@ -119,7 +135,7 @@ def _rows(model: Model, settings: Mapping[str, float], sheet: Sheet, parameter: 
     found = []
     for value, path in zip(sheet.values, sheet.paths, strict=True):
         if path is not None:
-            found += tasks(model, {**settings, sheet.parameter.name: float(value)}, {parameter: x}, path)
+            found += tasks(model, {**settings, sheet.parameter.name: float(value)}, {parameter: x}, path, False)
     return found
 
 
@@ -139,7 +155,13 @@ def _ends(sheet: Sheet) -> list[Array]:
 
 
 def _boundaries(
-    evaluator: Evaluator, names: tuple[str, str], x: Array, y: Array, unstable: npt.NDArray[np.intp], count: int
+    evaluator: Evaluator,
+    names: tuple[str, str],
+    x: Array,
+    y: Array,
+    unstable: npt.NDArray[np.intp],
+    count: int,
+    unplaced: int,
 ) -> list[Array]:
     """Return the curves on which the number of unstable eigenvalues changes."""
     edges: list[Edge] = []
@@ -156,14 +178,36 @@ def _boundaries(
     b = np.stack([x[columns + (axis == 0)], y[rows + (axis == 1)]], axis=1)
     first = unstable[rows, columns]
     low, high = np.zeros(len(edges)), np.ones(len(edges))
+    kind = _signatures(evaluator.near({names[0]: a[:, 0], names[1]: a[:, 1]}, count), unplaced)
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         at = a + middle[:, None] * (b - a)
         found = evaluator.near({names[0]: at[:, 0], names[1]: at[:, 1]}, count)
-        same = unstable_counts(found.values, found.known) == first
+        counts = settled(found.sides, found.words, unplaced)
+        # So close to the boundary that bounds do not tell, the functions that are zero on it do.
+        hidden = np.flatnonzero(counts < 0)
+        same = counts == first
+        same[hidden] = np.all(_signatures(found, unplaced, hidden) == kind[hidden], axis=1)
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     points = a + (0.5 * (low + high))[:, None] * (b - a)
     return _joined(dict(zip(edges, points, strict=True)), *unstable.shape)
+
+
+def _signatures(found: Spectra, unplaced: int, index: npt.NDArray[np.intp] | None = None) -> npt.NDArray[np.intp]:
+    """Return what changes at a boundary, two numbers for each of some points.
+
+    The number of eigenvalues that computed real parts show right of the axis; where the spectrum is symmetric to
+    it the signs of the product of the eigenvalues and of the discriminant of λ², apart from unexplained zeros.
+    """
+    index = np.arange(len(found.values)) if index is None else index
+    result = np.stack([np.sum(found.values[index].real > 0.0, axis=1), np.zeros(len(index), dtype=int)], axis=1)
+    for n, i in enumerate(index.tolist()):
+        values = found.values[i]
+        if found.mirrored[i] and not np.any(np.isnan(values)):
+            size = float(np.max(np.abs(values), initial=1e-300))
+            others = values[np.argsort(np.abs(values), kind="stable")[unplaced:]]
+            result[n] = np.sign(product(values, size, unplaced)), np.sign(discriminant(others, size))
+    return result
 
 
 def _joined(points: dict[Edge, Array], n_y: int, n_x: int) -> list[Array]:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.analysis.invariance import symmetries
 from mbstab.analysis.motion import Finder, Motion
 from mbstab.analysis.names import names_in
 from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.rotation import rate_matrix
-from mbstab.analysis.symmetry import symmetries
 from mbstab.compiler.system import Array, System
 
 

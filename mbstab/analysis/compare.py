@@ -21,14 +21,15 @@ from typing import Any
 import numpy as np
 from mpmath import mp
 
-from mbstab.analysis.eigen import deflate, eigenvalues, time_scale
+from mbstab.analysis.bounds import enclosures
+from mbstab.analysis.eigen import judged
+from mbstab.analysis.facts import Grounds, balanced, time_scale
 from mbstab.analysis.linearize import Linearization, linearize, state_space
 from mbstab.analysis.methods import METHODS, solver
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.precise import LEAST_DIGITS, PreciseResult, precise_eigenvalues, rounded_eigenvalues
 from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.subspaces import subspaces
-from mbstab.analysis.symmetry import Symmetry, symmetries
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError, UsageError
 from mbstab.model.schema import Model
@@ -198,8 +199,7 @@ def compare(
     total = 2.0 + len(METHODS) + 2.0 * len(further)
     truth = precise_eigenvalues(model, settings, digits, progress=lambda done: progress(2.0 * done / total))
     ruler = _Ruler(truth, linear)
-    known = symmetries(system, motion)
-    outcomes = _in_double(linear, known, ruler, lambda number: progress((2.0 + number) / total))
+    outcomes = _in_double(Grounds(linear), ruler, lambda number: progress((2.0 + number) / total))
     for number, n in enumerate(further, 1):
         outcomes.append(_with_digits(model, settings, n, ruler))
         progress((2.0 + len(METHODS) + 2.0 * number) / total)
@@ -267,7 +267,7 @@ class _Ruler:
             columns, _ = self._columns(rounded)
             for x, column in zip(rounded, columns, strict=True):
                 if 0 <= column < len(self.exact):
-                    self.rounded[column] = x
+                    self.rounded[column] = x if self.exact[column] else mp.zero  # a zero is compared with zero
         self.rounding = self._relative(self.rounded, self.exact)
 
     def _columns(self, found: Sequence[Any]) -> tuple[list[int], float]:
@@ -276,7 +276,8 @@ class _Ruler:
         size = max(len(found), len(true))
         cost = np.zeros((size, size))
         with mp.workdps(self.digits):
-            moduli = [abs(s) for s in self.exact] + [mp.mpf(self.rate)] * len(self.neutral)
+            moduli = [abs(s) or mp.mpf(self.rate) for s in true[: len(self.exact)]]
+            moduli += [mp.mpf(self.rate)] * len(self.neutral)
             for i, x in enumerate(found):
                 # All that are none cost the same, however far they are off.
                 cost[i, : len(true)] = [
@@ -289,11 +290,11 @@ class _Ruler:
         return columns, self.rate * max(off, default=0.0)
 
     def _relative(self, found: Sequence[Any], goals: Sequence[Any]) -> Array:
-        """Return |found − goal| relative to the truth; nan where one of them is not there."""
+        """Return |found − goal| relative to the truth, to a typical rate if that is 0; nan where one is not there."""
         with mp.workdps(self.digits):
             return np.array(
                 [
-                    math.nan if x is None or goal is None else float(abs(x - goal) / abs(s))
+                    math.nan if x is None or goal is None else float(abs(x - goal) / (abs(s) or self.rate))
                     for x, goal, s in zip(found, goals, self.exact, strict=True)
                 ]
             )
@@ -318,7 +319,7 @@ class _Ruler:
         for x, bound, column in zip(found, bounds, columns, strict=True):
             if 0 <= column < len(self.exact):
                 values[column] = x
-                claimed[column] = float(bound / abs(self.exact[column]))
+                claimed[column] = float(bound / (abs(self.exact[column]) or self.rate))
         errors = self._relative(values, self.exact)
         return Outcome(
             method, np.array([complex(math.nan, math.nan) if x is None else complex(x) for x in values]), errors,
@@ -336,9 +337,7 @@ class _Ruler:
 # --- costs ----------------------------------------------------------------------------------------------------------
 
 
-def _in_double(
-    linear: Linearization, known: list[Symmetry], ruler: _Ruler, progress: Callable[[int], object]
-) -> list[Outcome]:
+def _in_double(grounds: Grounds, ruler: _Ruler, progress: Callable[[int], object]) -> list[Outcome]:
     """Return what the methods in double precision give."""
     outcomes: dict[str, Outcome] = {}
     results = {}
@@ -346,11 +345,11 @@ def _in_double(
         try:
             # CPython 3.11 looks up line numbers in long kernels so slowly that tracing memory would
             # take thirty times as long; after a profiler it has them ready.
-            results[method] = cProfile.Profile().runcall(eigenvalues, linear, method, lambda: known)
+            results[method] = cProfile.Profile().runcall(judged, grounds, method)
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as error:
             outcomes[method] = ruler.failure(method, str(error))
         progress(number)
-    runs = {method: _alone(linear, method, known) for method in results}
+    runs = {method: _alone(grounds, method) for method in results}
     seconds = _medians(runs)
     for method, result in results.items():
         counts = result.counts
@@ -367,7 +366,7 @@ def _in_double(
     return [outcomes[method] for method in METHODS]
 
 
-def _alone(linear: Linearization, method: str, known: list[Symmetry]) -> Callable[[], object]:
+def _alone(grounds: Grounds, method: str) -> Callable[[], object]:
     """Return what a method does from the reference motion to eigenvalues and vectors, without what judges them.
 
     The five techniques ask the kernels for derivatives themselves, the others use those that are
@@ -375,9 +374,11 @@ def _alone(linear: Linearization, method: str, known: list[Symmetry]) -> Callabl
     """
     from mbstab.analysis.classic import Technique
 
+    linear, separated = grounds.linear, grounds.separated
     system, motion = linear.system, linear.motion
-    _, gamma, deflated, _, _ = deflate(linear, lambda: known)
-    expected = np.concatenate([np.linalg.eigvals(deflated.S), deflated.neutral_values()])
+    default = enclosures(linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L)
+    turning = separated.frequencies()
+    expected = np.concatenate([default.values, turning, np.zeros(separated.neutral.count - len(turning))])
     function = solver(method)
 
     def run() -> None:
@@ -385,12 +386,13 @@ def _alone(linear: Linearization, method: str, known: list[Symmetry]) -> Callabl
             system.dynamics(motion.q, motion.u, motion.time)
             system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
         if function is not None:
-            function(linear, gamma, expected)
+            function(linear, grounds.gamma, expected)
             return
         subspaces(linear.M, linear.J, linear.n_h, linear.rows, motion.sizes)
-        S = deflate(linear, lambda: known)[2].S
-        if len(S):
-            np.linalg.eig(S)
+        space = state_space(linear)
+        left = grounds.structure.separated(balanced(space, time_scale(space))).A
+        if len(left):
+            np.linalg.eig(left)
 
     return run
 

@@ -8,31 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from mbstab.analysis import balls
-from mbstab.analysis.balls import Ball, Matrix, NotProvable, ball, real, zero_inside
+from mbstab.analysis.balls import Ball, Hopeless, Matrix, NotProvable, ball, real, zero_inside
+from mbstab.analysis.constancy import time_doubt
 from mbstab.analysis.equilibrium import Problem
+from mbstab.analysis.facts import Grounds
 from mbstab.analysis.linearize import Linearization, linearize
 from mbstab.analysis.motion import Motion
 from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.rotation import cross_matrix
+from mbstab.analysis.steady import Generator
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
-
-RELATIVE = frozenset(
-    [
-        *("aligned", "coincident", "in_plane", "perpendicular", "distance", "screw", "spring", "ideal_spring"),
-        *("body_force", "body_torque", "angle_spring", "angle_effort", "angle_position", "angle_velocity"),
-        *("displacement_spring", "displacement_effort", "displacement_position", "displacement_velocity"),
-    ]
-)
-"""Elements that see only how bodies lie to each other: turning all of them together changes nothing."""
-
 
 # --- reference motion -----------------------------------------------------------------------------------------------
 
@@ -143,6 +137,8 @@ class Reference:
         Parameters in SI.
     near : Reference, optional
         Another one, from which this one is looked for instead of from the guess of the file.
+    steady : bool
+        Whether it is known that the motion of later is that of now by a symmetry.
 
     Attributes
     ----------
@@ -164,6 +160,8 @@ class Reference:
     ------
     NotProvable
         If the motion is not proven to exist, or redundant rows are proven not to repeat each other.
+    Hopeless
+        If the equations are not known to be constant from the time of the reference on.
     MbstabError
         As `mbstab.analysis.reference.reference_motion`.
     """
@@ -173,7 +171,10 @@ class Reference:
     r_n: int
     rates: Any = None
 
-    def __init__(self, model: Model, overrides: Mapping[str, Ball], near: Reference | None = None) -> None:
+    def __init__(
+        self, model: Model, overrides: Mapping[str, Ball], near: Reference | None = None, steady: bool = False
+    ) -> None:
+        self.model, self.overrides = model, overrides
         self.assumed: list[str] = []
         self.conditions: list[str] = []
         self.solutions: list[Solution] = []
@@ -182,18 +183,20 @@ class Reference:
         self.driven: set[int] = set()
         self.taken: dict[str, float] = near.taken if near is not None else {}
         self.near = near if near is not None and near.solutions else None
-        self.wide = any(float(x.rad()) > 1e-12 * abs(float(x.mid())) for x in overrides.values())
-        self._symmetries: list[Any] | None = None
+        self.wide = any(float(x.rad()) > balls.WIDE * abs(float(x.mid())) for x in overrides.values())
         nominal = {name: float(x.mid()) for name, x in overrides.items()}
         system = System(evaluate(model, nominal))
         if system.scene.period is not None:
-            raise NotProvable("the motion is periodic: multipliers are not enclosed")
+            raise Hopeless("the motion is periodic: multipliers are not enclosed")
         motion = self._rough_motion(system)
         linear = linearize(system, motion)
-        if not linear.constant:
-            raise NotProvable("the coefficients of the linearized equations change along the motion")
         self.rough = Rough(system, motion, linear)
+        self.grounds = Grounds(linear)
         self.system = balls.ball_system(model, overrides)
+        # Constancy is a matter of the expressions: looking at some times can only refute it.
+        doubt = time_doubt(self.system) or (self.grounds.time if not steady or not linear.constant else "")
+        if doubt:
+            raise Hopeless(doubt)
         self.time = ball(self.system.scene.time)
         self._choose_rows()
         self.state = self._reference()
@@ -262,8 +265,8 @@ class Reference:
         motion, n_h = self.rough.motion, self.system.n_h
         J = motion.dynamics.J * motion.spaces.scale * motion.spaces.row_scale[:, None]
         C, W = motion.spaces.C, motion.spaces.W
-        holonomic = _independent(J[:n_h], C.rank)
-        others = [n_h + i for i in _independent(J[n_h:] @ motion.spaces.N, W.rank)]
+        holonomic = independent_rows(J[:n_h], C.rank)
+        others = [n_h + i for i in independent_rows(J[n_h:] @ motion.spaces.N, W.rank)]
         if self.near is not None:  # multipliers of other rows would be other unknowns
             if (len(holonomic), len(others)) != (self.near.r_h, self.near.r_n):
                 raise NotProvable("the number of rows that repeat others changes")
@@ -298,17 +301,38 @@ class Reference:
                 spins[i] = unknown.pop(0)
             return Field(self.system, axis, point, rate, velocity, spins)
         if generator is not None and generator.turns:
-            # The file gives rates only: the turn whose field they are.
-            if not all(abs(x) in (0.0, 1.0) for x in generator.axis) or generator.velocity.any():
-                raise NotProvable(f"the axis of the motion ({generator}) is known in double precision only")
-            raise NotProvable(
-                f"the motion ({generator}) is steady in a turning frame; declare it with reference.steady"
-            )
+            return self._turning(q, generator)
         if generator is None:
             raise NotProvable("no frame is known in which the motion stands still")
         for i, name in enumerate(names):
             spins[i] = ball(scene.rates.get(name, 0))
         return Field(self.system, axis, zero, rate, velocity, spins)
+
+    def _turning(self, q: Sequence[Ball], generator: Generator) -> Field:
+        """Return the turn whose field the rates of the file are, by the rate that it changes most."""
+        names, scene, motion = self.system.names, self.system.scene, self.rough.motion
+        zero, known = [ball(0)] * 3, [*generator.axis.tolist(), *generator.point.tolist()]
+        if not all(x == round(x, 6) for x in known) or generator.velocity.any() or generator.spins.any():
+            raise NotProvable(
+                f"the motion ({generator}) is known in double precision only; declare it with reference.steady"
+            )
+        axis, point = ([ball(Fraction(str(x))) for x in part] for part in (known[:3], known[3:]))
+        unit = Field(self.system, axis, point, ball(1), zero, [ball(0)] * self.system.n_q)
+        Y = unit.at(q)[0]
+        given = [i for i, name in enumerate(names) if name in scene.rates and not zero_inside(Y[i])]
+        if not given:
+            raise NotProvable(
+                f"the motion ({generator}) is steady in a turning frame; declare it with reference.steady"
+            )
+        k = max(given, key=lambda i: abs(float(motion.u[i])) / motion.sizes[i])
+        rate = ball(scene.rates[names[k]]) / Y[k]
+        field = Field(self.system, axis, point, rate, zero, [ball(0)] * self.system.n_q)
+        u = field.at(q)[0]
+        self._vanish(
+            [u[i] - ball(scene.rates[name]) for i, name in enumerate(names) if name in scene.rates],
+            f"the reference satisfies the motion ({generator})",
+        )
+        return field
 
     def _spinning(self) -> list[int]:
         generator = self.rough.linear.generator
@@ -342,7 +366,7 @@ class Reference:
         if scene.steady is not None and free:
             return self._balanced(q, hold=True)
         field_ = self._generator(q)
-        if scene.steady is None:
+        if scene.steady is None and field_.rate.is_zero():
             field_ = self._with_rates(q, field_)
         u, slope, growth = field_.at(q)
         second = balls.plus(balls.times(slope, slope), growth)
@@ -373,8 +397,8 @@ class Reference:
         lengths = np.linalg.norm(self.rough.motion.dynamics.J[self.rows[: self.r_h]] * self.rough.motion.sizes, axis=1)
         J = J / lengths[:, None]
         rank = int(np.linalg.matrix_rank(J, tol=1e-9))
-        chosen = _independent(J, rank)
-        columns = [missing[k] for k in _independent(J[chosen].T, rank)]
+        chosen = independent_rows(J, rank)
+        columns = [missing[k] for k in independent_rows(J[chosen].T, rank)]
         if earlier := self._earlier():
             chosen = list(earlier.equations)
             columns = [i for i in missing if self.system.names[i] in earlier.unknowns]
@@ -415,8 +439,8 @@ class Reference:
         J = motion.dynamics.J[self.rows] * motion.sizes
         J = (J / np.linalg.norm(J, axis=1)[:, None])[:, missing]
         rank = int(np.linalg.matrix_rank(J, tol=1e-9))
-        chosen = _independent(J, rank)
-        columns = [missing[k] for k in _independent(J[chosen].T, rank)]
+        chosen = independent_rows(J, rank)
+        columns = [missing[k] for k in independent_rows(J[chosen].T, rank)]
         if earlier := self._earlier():
             chosen = list(earlier.equations)
             columns = [i for i in missing if f"rate of {names[i]}" in earlier.unknowns]
@@ -556,7 +580,7 @@ class Reference:
                 f"the {'steady motion' if moving else 'equilibrium'} is not isolated ({n - rank} directions are open): "
                 "its existence is not proven; give what symmetries leave open under reference.coordinates"
             )
-        chosen = list(earlier.equations) if (earlier := self._earlier()) else _independent(scaled, n)
+        chosen = list(earlier.equations) if (earlier := self._earlier()) else independent_rows(scaled, n)
         what = "the steady motion" if moving else "the equilibrium"
         found = self._solve(
             lambda x: [y for i, y in enumerate(residual(x)) if i in set(chosen)],
@@ -646,93 +670,9 @@ class Reference:
         left = [x for i, x in enumerate(E[: self.system.n_h]) if i not in self.closed]
         left += [x for i, x in enumerate(V) if i not in self.driven]
         self._vanish([*left, *slack], "the reference satisfies the constraints")
-        if not self._stands_still():
-            change = max(self.rough.linear.variation, 1e-16)
-            self.assumed.append(
-                f"the scene does not change along the motion ({self.rough.linear.generator}): its coefficients are the "
-                f"same later on to {change:.0e}, checked in double precision"
-            )
-            self.conditions.append(f"the scene does not change along the motion ({self.rough.linear.generator})")
-
-    def _stands_still(self) -> bool:
-        """Whether it is proven that the coefficients stay the same while all that moves goes on by up to 10 s.
-
-        A shift changes no inertia, and neither does a turn of a body about an axis of symmetry of its
-        mass. What the other entries do is enclosed over that time at once.
-        """
-        s = self.state
-        if not s.field.rate.is_zero():
-            return False
-        while_ = _arb(0, 10)
-        q = [x if v.is_zero() else real(x) + real(v) * while_ for x, v in zip(s.q, s.u, strict=True)]
-        nu = self._all_nu(s.nu)
-        for path, part in self.system.parts():
-            element = part._elements[0]
-            if not element.rows and path.startswith("bodies."):
-                if not self._symmetric_where_it_turns(path.partition(".")[2]):
-                    return False
-                continue
-            moved = q[:]
-            for i in self._carried_along(element):
-                moved[i] = s.q[i]
-            try:
-                once, always = (
-                    _coefficients(part, x, s, nu, t) for x, t in ((s.q, self.time), (moved, self.time + while_))
-                )
-            except MbstabError:  # no enclosure over such a time
-                return False
-            rounding = 1e-30 * max((abs(float(x.mid())) for x in once), default=0.0)
-            for x, y in zip(once, always, strict=True):
-                if float(y.rad()) > 1.01 * float(x.rad()) + rounding:
-                    return False
-        return True
-
-    def _carried_along(self, element: Any) -> list[int]:
-        """Return places of bodies that an element connects and that move alike: it sees only their difference."""
-        name = element.kernel.__name__.rpartition(".")[2] if hasattr(element.kernel, "__name__") else "user"
-        d, size = self.system.scene.dimension, 3 if self.system.scene.dimension == 2 else 6
-        if name.partition("_")[2] not in RELATIVE or name.startswith("coordinate_"):
-            return []
-        slots = [element.columns[k : k + d] for k in range(0, len(element.columns), size)]
-        if any(i >= self.system.n_q for slot in slots for i in slot):
-            return []
-        u = self.state.u
-        alike = all((u[i] - u[j]).is_zero() for slot in slots[1:] for i, j in zip(slots[0], slot, strict=True))
-        return [i for slot in slots for i in slot] if alike else []
-
-    def _symmetric_where_it_turns(self, name: str) -> bool:
-        """Whether a body turns about an axis of symmetry of its mass only, if it turns."""
-        scene, s = self.system.scene, self.state
-        for body, part in zip(scene.bodies, self.system.body_slices, strict=True):
-            if body.name != name or not body.orientation:
-                continue
-            angles = s.u[part.start + scene.dimension : part.stop]
-            if any(not x.is_zero() for x in angles[:-1]):
-                return False
-            if angles[-1].is_zero():
-                continue
-            inertia, center = ([ball(x) for x in values] for values in (body.inertia, body.center))
-            if not all(x.is_zero() for x in center[:2]):
-                return False
-            if scene.dimension == 3 and not all(x.is_zero() for x in (inertia[0] - inertia[1], *inertia[3:])):
-                return False
-        return True
 
 
-def _arb(middle: Any, radius: Any) -> Any:
-    from flint import arb
-
-    return arb(middle, radius)
-
-
-def _coefficients(part: System, q: list[Ball], s: State, nu: list[Ball], time: Ball) -> list[Ball]:
-    """Return all that a part of a scene adds to the equations and their linearization, in one list."""
-    state = part.dynamics(q, s.u, time)
-    found = [state.M, state.F0, state.V, state.J, state.B, *part.linearize(q, s.u, s.a, nu, time)]
-    return [ball(x) for block in found for x in np.ravel(block)]
-
-
-def _independent(A: Any, rank: int) -> list[int]:
+def independent_rows(A: Any, rank: int) -> list[int]:
     """Return the numbers of rows that are independent of each other, as many as asked for (pivoted Gram-Schmidt)."""
     rest = np.array(A, dtype=float)
     chosen: list[int] = []

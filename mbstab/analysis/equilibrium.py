@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.balance import Balance, State
+from mbstab.analysis.invariance import Symmetry, symmetries
 from mbstab.analysis.linearize import linearize
 from mbstab.analysis.motion import CHART_WARNING, NEWTON_STEPS, ROUNDING, TOLERANCE, Finder, Motion, force_change
 from mbstab.analysis.names import names_in
@@ -27,7 +28,6 @@ from mbstab.analysis.reference import declared_family
 from mbstab.analysis.rotation import orientation
 from mbstab.analysis.steady import Family, Generator, detected
 from mbstab.analysis.subspaces import rank_of
-from mbstab.analysis.symmetry import Symmetry, symmetries
 from mbstab.compiler.system import Array, System
 from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, NumericalError, UsageError, counted
 from mbstab.model.schema import is_length

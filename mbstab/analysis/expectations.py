@@ -62,7 +62,13 @@ def check_expectation(model: Model, expectation: Expectation) -> list[Outcome]:
 
 @guarded
 def _answer(model: Model, overrides: dict[str, float], frozen: bool = False) -> EigenResult:
-    return answer(System(evaluate(model, overrides)), frozen=frozen)
+    def zeros() -> int:
+        from mbstab.analysis.precise import exact_zeros
+
+        # As expressions, values count in SI.
+        return exact_zeros(model, {name: f"1*({value!r})" for name, value in overrides.items()})
+
+    return answer(System(evaluate(model, overrides)), frozen=frozen, zeros=zeros)
 
 
 @guarded
@@ -109,16 +115,22 @@ def _eigen_outcomes(model: Model, expectation: Expectation, overrides: dict[str,
 
 
 def _compare(result: EigenResult, expected: list[complex], expectation: Expectation, where: str) -> Outcome:
-    found = result.values()
+    judged = sorted((e for e in result.eigenvalues if e.kind != "neutral"), key=lambda e: abs(e.value))
     what = f"{len(expected)} eigenvalues to {expectation.tolerance:g}{where}"
-    if len(found) != len(expected):
-        listed = ", ".join(f"{s:.6g}" for s in found)
-        return Outcome(expectation.location, what, False, f"found {len(found)} that are not neutral: {listed}")
-    if not expected:
-        return Outcome(expectation.location, what, True, "none, as expected")
-    difference = matched(found, expected) / np.maximum(np.abs(expected), 1e-300)
+    if len(judged) != len(expected):
+        listed = ", ".join(f"{s:.6g}" for s in result.values())
+        return Outcome(expectation.location, what, False, f"found {len(judged)} that are not neutral: {listed}")
+    others = [s for s in expected if s]
+    # Zeros have no relative difference: they must be told from nothing but zero.
+    for e in judged[: len(expected) - len(others)]:
+        if not abs(e.value) <= e.error_bound:
+            return Outcome(expectation.location, what, False, f"{e.value:.6g} is not zero within {e.error_bound:.1e}")
+    if not others:
+        return Outcome(expectation.location, what, True, "zeros, as expected" if expected else "none, as expected")
+    found = [e.value for e in judged[len(expected) - len(others) :]]
+    difference = matched(found, others) / np.abs(others)
     worst = int(np.argmax(difference))
-    detail = f"largest relative difference {difference[worst]:.1e}, at {expected[worst]:.15g}"
+    detail = f"largest relative difference {difference[worst]:.1e}, at {others[worst]:.15g}"
     return Outcome(expectation.location, what, bool(difference[worst] <= expectation.tolerance), detail)
 
 

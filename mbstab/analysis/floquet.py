@@ -92,6 +92,10 @@ class Monodromy:
         q(T) − q(0): whole turns, or a shift on which nothing depends.
     drift : float
         How far the motion left the constraints, relative to the sizes in the scene.
+    mismatch : float
+        How different speeds and coefficients are after the period, relative to their largest values.
+    times, path : ndarray, shape (n_t,) and (n_t, 2, n_q)
+        The motion at the steps of the integration (s): coordinates and speeds.
     evaluations : int
         How often the equations of motion were formed.
     """
@@ -105,6 +109,9 @@ class Monodromy:
     to_components: Array
     advance: Array
     drift: float
+    mismatch: float
+    times: Array
+    path: Array
     evaluations: int
 
 
@@ -140,15 +147,15 @@ def monodromy(
     flow = _Flow(system, motion, period)
     ends, fastest, evaluations = [], 0.0, 0
     for number, accuracy in enumerate(zip(TOLERANCES, LONGEST_STEPS, strict=True)):
-        states, count = _integrate(flow, *accuracy, _part(progress, number, len(TOLERANCES)))
+        parts, states, count = _integrate(flow, *accuracy, _part(progress, number, len(TOLERANCES)))
         ends.append(states[-1])
         fastest = float(np.max(np.abs(states[:, 1, :, 0])))
         evaluations += count
     (rough, _), (Phi, rest) = (flow.components(end) for end in ends)
     end = ends[-1]
     size = max(1.0, _norm(Phi))
-    _check_periodic(flow, end, fastest, 10.0 * TOLERANCES[-1] * size)
-    scale = flow.scale
+    mismatch = _check_periodic(flow, end, fastest, 10.0 * TOLERANCES[-1] * size)
+    scale, units = flow.scale, np.stack([flow.sizes, flow.sizes / period])
     return Monodromy(
         Phi=Phi,
         error=_norm(Phi - rough) + rest + ROUNDING * size,
@@ -159,6 +166,9 @@ def monodromy(
         to_components=np.hstack([flow.dual[0] / scale, flow.dual[1] * period / scale]),
         advance=(end - flow.begin)[0, :, 0] * flow.sizes,
         drift=_drift(flow, end),
+        mismatch=mismatch,
+        times=motion.time + period * parts,
+        path=states[:, :, :, 0] * units,
         evaluations=evaluations,
     )
 
@@ -268,8 +278,10 @@ class _Instant:
         return x, self._inverse.T @ (force - self.M @ x)
 
 
-def _integrate(flow: _Flow, tolerance: float, longest: float, progress: Callable[[float], object]) -> tuple[Array, int]:
-    """Return the states at all steps through a period, and the number of evaluations."""
+def _integrate(
+    flow: _Flow, tolerance: float, longest: float, progress: Callable[[float], object]
+) -> tuple[Array, Array, int]:
+    """Return all steps through a period, as parts of it, the states there, and the number of evaluations."""
     from scipy.integrate import solve_ivp
 
     done, evaluations = 0.0, 0
@@ -309,7 +321,7 @@ def _integrate(flow: _Flow, tolerance: float, longest: float, progress: Callable
             "hint: look for a jump in a given function of time, or an expression at a kink"
         )
     progress(1.0)
-    return found.y.T.reshape(-1, *flow.begin.shape), evaluations
+    return found.t, found.y.T.reshape(-1, *flow.begin.shape), evaluations
 
 
 def _part(progress: Callable[[float], object] | None, number: int, count: int) -> Callable[[float], object]:
@@ -329,8 +341,8 @@ def _drift(flow: _Flow, x: Array) -> float:
 # --- does it repeat? ------------------------------------------------------------------------------------------------
 
 
-def _check_periodic(flow: _Flow, end: Array, fastest: float, rounding: float) -> None:
-    """Refuse a motion that is another one after the period.
+def _check_periodic(flow: _Flow, end: Array, fastest: float, rounding: float) -> float:
+    """Return how different a motion is after the period, and refuse it if that is more than rounding.
 
     Speeds, accelerations and the deflated coefficients are compared, not coordinates: these may have advanced by whole
     turns, or by a shift on which nothing depends.
@@ -354,6 +366,7 @@ def _check_periodic(flow: _Flow, end: Array, fastest: float, rounding: float) ->
         reason = f"{flow.system.names[i]} differs by {advance[i]:.6g} {'rad' if angular[i] else 'm'}"
         message = f"small motions have other coefficients after {period:.6g} s, by {worst:.2g} of their size: "
         raise _problem(flow, message + (reason if moved else "given functions of time do not have this period"))
+    return max(float(np.max(np.abs(speeds), initial=0.0)) / max(fastest, LEAST_MOTION), worst)
 
 
 def _change(flow: _Flow, now: _Instant, then: _Instant) -> float:

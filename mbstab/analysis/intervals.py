@@ -9,15 +9,18 @@ narrow enclosure at the end lies in the boxes on both sides. Where no part is re
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import NamedTuple
 
 from mbstab.analysis import balls
 from mbstab.analysis.balls import Ball, ball
-from mbstab.analysis.factors import Proof, enclosed
+from mbstab.analysis.factors import GENERIC, Proof
+from mbstab.analysis.identities import Identities
 from mbstab.analysis.numerics import FAILURES
+from mbstab.analysis.proven import Case, best
+from mbstab.analysis.verdict import ASYMPTOTIC_UP_TO, STABLE_UP_TO, STRENGTH, UNDECIDED, Modulo, phrases
 from mbstab.errors import MbstabError
 from mbstab.model.schema import Model
 
@@ -34,6 +37,9 @@ SECONDS = 60.0
 
 HOPELESS = 2.0**-5
 """A part narrower than this is not divided if nothing is proven at its ends and its middle either."""
+
+COARSE = 2.0**-8
+"""Down to this part of the whole a part is divided where its eigenvalues are not placed, although it is stable."""
 
 INSIDE = (Fraction(1, 2), Fraction(38197, 100000))
 """Where in a part that rests on something unproven it is tested besides its ends."""
@@ -55,6 +61,8 @@ class Part:
         Why there is none.
     at_low, at_high : dict
         Enclosures of the coordinates that are solved for at both ends; empty where they are given or open.
+    modulo : Modulo
+        Up to what the verdict holds.
     """
 
     low: Fraction
@@ -63,15 +71,26 @@ class Part:
     reason: str = ""
     at_low: Mapping[str, Ball] = field(default_factory=dict)
     at_high: Mapping[str, Ball] = field(default_factory=dict)
+    modulo: Modulo = field(default_factory=Modulo)
+
+    @property
+    def words(self) -> str:
+        """The verdict with what it holds up to."""
+        return in_words(self.verdict, self.modulo)
 
 
 class _Tried(NamedTuple):
-    """A box: the verdict, why there is none, whether the motion is continued to its far end, and that motion."""
+    """A box: the verdict, why there is none, whether the motion is continued to its far end, and that motion.
+
+    `coarse`: the verdict is as in `Case.coarse`.
+    """
 
     verdict: str
     reason: str
     continued: bool
     there: Proof | None
+    modulo: Modulo = Modulo()
+    coarse: bool = False
 
 
 class Walk:
@@ -103,10 +122,13 @@ class Walk:
         self.start: Fraction | None = None
         self.boxes, self.done, self.began = 0, Fraction(0), time.monotonic()
         self.points: dict[Fraction, Proof | str] = {}
+        self.identities: Identities | None = None
         self._run()
 
     def _run(self) -> None:
         first, proof, reasons = None, None, []
+        generic = self._point(self.low + self.width * GENERIC, None)
+        self.identities = generic.identities if isinstance(generic, Proof) else None
         for x in (self.low, self.high, (self.low + self.high) / 2):
             found = self._point(x, None)
             if isinstance(found, Proof):
@@ -137,7 +159,7 @@ class Walk:
             return self.points[x]
         found: Proof | str
         try:
-            found = Proof(self.model, {**self.others, self.name: ball(x)}, near)
+            found = Proof(self.model, {**self.others, self.name: ball(x)}, near, self.identities)
         except FAILURES as error:
             found = _said(error)
         if near is None:
@@ -147,7 +169,12 @@ class Walk:
     def _decided(self, x: Fraction, near: Proof | None) -> bool:
         """Whether a verdict is proven at one value."""
         proof = self._point(x, near)
-        return isinstance(proof, Proof) and verdict_of(proof)[0] != OPEN
+        if not isinstance(proof, Proof):
+            return False
+        try:
+            return best(proof).verdict.word != UNDECIDED
+        except FAILURES:
+            return False
 
     # --- parts ------------------------------------------------------------------------------------------------------
 
@@ -164,6 +191,9 @@ class Walk:
                 return
             tried = self._tried(a, b, here)
             width = abs(b - a)
+            if tried.coarse and width > self.width * Fraction(COARSE):
+                stack += [((a + b) / 2, b), (a, (a + b) / 2)]
+                continue
             if (not tried.continued or tried.verdict == OPEN) and width > least:
                 middle = (a + b) / 2
                 hopeless = (
@@ -186,14 +216,14 @@ class Walk:
             at = [x.solved() if x is not None else {} for x in (here, tried.there)]
             if a > b:
                 at.reverse()
-            self._add(Part(min(a, b), max(a, b), tried.verdict, tried.reason, *at))
+            self._add(Part(min(a, b), max(a, b), tried.verdict, tried.reason, at[0], at[1], tried.modulo))
             here = tried.there
 
     def _tried(self, a: Fraction, b: Fraction, here: Proof | None) -> _Tried:
         """Return what is proven between two values, from the motion at the first one."""
         box = balls.between(ball(min(a, b)), ball(max(a, b)))
         try:
-            proof = Proof(self.model, {**self.others, self.name: box}, here)
+            proof = Proof(self.model, {**self.others, self.name: box}, here, self.identities)
         except FAILURES as error:
             return _Tried(OPEN, _said(error), here is None, here)
         there: Proof | None = None
@@ -207,17 +237,23 @@ class Walk:
                 return _Tried(OPEN, "it is not proven to be continued there", False, here)
             there = found
         try:
-            verdict, reason = verdict_of(proof)
+            case = best(proof)
+            judged = case.verdict
         except FAILURES as error:
-            verdict, reason = OPEN, _said(error)
-        if verdict != OPEN:
+            return _Tried(OPEN, _said(error), True, there)
+        if judged.word != UNDECIDED:
             places = ([a, b] if here is None else []) + [a + (b - a) * x for x in INSIDE] * bool(proof.conditions)
             wrong = (self._point(x, None if here is None else proof) for x in places)
             if bad := next((x for x in wrong if isinstance(x, str)), ""):
                 return _Tried(OPEN, bad, True, there)
-            self.assumed += [x for x in proof.assumed if x not in self.assumed]
-            self.conditions += [x for x in proof.conditions if x not in self.conditions]
-        return _Tried(verdict, reason, True, there)
+            self._note(proof, case)
+            return _Tried(judged.word, "", True, there, judged.modulo, case.coarse)
+        return _Tried(OPEN, "; ".join(judged.reasons), True, there)
+
+    def _note(self, proof: Proof, case: Case) -> None:
+        """Note what the verdict of a part rests on besides the file."""
+        self.assumed += [x for x in (*proof.assumed, *case.conditions) if x not in self.assumed]
+        self.conditions += [x for x in (*proof.conditions, *case.conditions) if x not in self.conditions]
 
     def _leave(self, a: Fraction, b: Fraction, reason: str) -> None:
         """Leave what lies between two values open."""
@@ -228,7 +264,7 @@ class Walk:
         self.done += part.high - part.low
         self.progress(float(self.done / self.width))
         for k, other in enumerate(self.parts):
-            if other.verdict != part.verdict:
+            if other.words != part.words:
                 continue
             if other.high == part.low:
                 self.parts[k] = replace(other, high=part.high, at_high=part.at_high)
@@ -239,30 +275,21 @@ class Walk:
         self.parts = sorted([*self.parts, part], key=lambda x: x.low)
 
 
-def verdict_of(proof: Proof) -> tuple[str, str]:
-    """Return the verdict for all parameters in balls, and why there is none."""
-    spectrum = proof.factors()
-    verdict = "marginally stable" if spectrum.zeros else "asymptotically stable"
-    open_ = ""
-    for factor in spectrum.factors:
-        if factor.even:
-            inside = balls.all_negative_and_simple(factor.p)
-            right = None if inside is None else int(not inside)
-            verdict = "marginally stable"
-        else:
-            right = balls.right_roots(factor.p)
-        if right is None:
-            kinds = {e.kind for e in enclosed(factor)}
-            right = 1 if "right" in kinds else None if "open" in kinds else 0
-        if right:
-            return "unstable", ""
-        if right is None:
-            open_ = open_ or "an eigenvalue may be on the imaginary axis, or two may meet on it"
-    if spectrum.zeros and len(spectrum.zeros) > 2 * len(proof.known()):
-        open_ = open_ or "more eigenvalues are zero than symmetries explain"
-    if not spectrum.factors and not spectrum.zeros:
-        open_ = "constraints and drives leave no motion free whose stability could be judged"
-    return (OPEN, open_) if open_ else (verdict, "")
+def common(parts: Sequence[Part]) -> tuple[str, Modulo] | None:
+    """Return the strongest verdict that those of all parts imply, and up to what; None: there is none."""
+    if any(part.verdict == OPEN for part in parts):
+        return None
+    implied = frozenset[str].intersection(*(STRENGTH[part.verdict] for part in parts)) - {UNDECIDED}
+    modulos = {part.modulo for part in parts if part.modulo != Modulo()}
+    if not implied or len(modulos) > 1:
+        return None
+    return max(implied, key=lambda word: len(STRENGTH[word] & implied)), modulos.pop() if modulos else Modulo()
+
+
+def in_words(word: str, modulo: Modulo) -> str:
+    """Return a verdict with what it holds up to."""
+    names = (*modulo.symmetries, *modulo.family)
+    return f"{word} ({phrases(names)})" if word in (ASYMPTOTIC_UP_TO, STABLE_UP_TO) and names else word
 
 
 def _said(error: Exception) -> str:

@@ -191,7 +191,7 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
         candidates = motion.generators
     best: tuple[float, Generator | None, Matrices] | None = None
     for generator in candidates:
-        matrices = _matrices(system, motion, generator)
+        matrices = matrices_in(system, motion, generator)
         variation = _variation(system, motion, matrices, generator)
         if best is None or variation < best[0]:
             best = variation, generator, matrices
@@ -203,14 +203,14 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
         if motion.declared and not frozen:
             raise _asymmetric(system, motion, variation)
         # Nothing makes the coefficients constant: the plain equations are shown.
-        matrices = _matrices(system, motion, None)
+        matrices = matrices_in(system, motion, None)
         variation, generator = _variation(system, motion, matrices, None), None
     return Linearization(
         system, *matrices, system.n_h, tuple(system.names), tuple(system.rows), motion, variation, generator, frozen
     )
 
 
-def _matrices(system: System, motion: Motion, generator: Generator | None) -> Matrices:
+def matrices_in(system: System, motion: Motion, generator: Generator | None) -> Matrices:
     """Return the coefficients in the frame that follows a generator, or in the coordinates of the file."""
     K, R, D_q = system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
     M, J = motion.dynamics.M, motion.dynamics.J
@@ -257,7 +257,7 @@ def _beside(system: System, motion: Motion, generator: Generator | None, change:
     force = state.F0 + state.M @ a + state.J.T @ motion.nu
     inverse = np.linalg.pinv(motion.dynamics.J * spaces.scale * spaces.row_scale[:, None], rcond=RANK_TOLERANCE)
     nu = motion.nu - (inverse.T @ (force * spaces.scale)) * spaces.row_scale
-    return _matrices(system, replace(motion, q=q, nu=nu, dynamics=state), generator)
+    return matrices_in(system, replace(motion, q=q, nu=nu, dynamics=state), generator)
 
 
 def _variation(system: System, motion: Motion, matrices: Matrices, generator: Generator | None) -> float:
@@ -267,7 +267,7 @@ def _variation(system: System, motion: Motion, matrices: Matrices, generator: Ge
         if generator is not None and (generator.turns or motion.declared):
             later = _followed(system, motion, matrices, generator)
         else:
-            later = ((x, _matrices(system, x, None)) for x in _continuing(system, motion, matrices))
+            later = ((x, matrices_in(system, x, None)) for x in _continuing(system, motion, matrices))
         for state, then in later:
             worst = max(worst, _change(system, motion, matrices, then, state.time - motion.time))
     except MbstabError:
@@ -298,7 +298,7 @@ def _followed(
             worst = system.names[int(np.argmax(np.abs(excess)))]
             raise ConstraintError(f"the forces do not keep {worst} on the steady motion")
         later = replace(later, a=generator.acceleration(q))
-        M, R, K, J, D_q = _matrices(system, later, generator)
+        M, R, K, J, D_q = matrices_in(system, later, generator)
         yield later, Matrices(T.T @ M @ T, T.T @ R @ T, T.T @ K @ T, J @ T, D_q @ T)
 
 

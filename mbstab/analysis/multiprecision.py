@@ -11,7 +11,7 @@ The digits are those of ``mpmath.mp``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -207,17 +207,22 @@ class Deflation:
         What is left.
     steps : tuple of int
         How many zeros have a vector, a second one in their chain, …
-    pairs : int
-        Number of neutral pairs ±iω.
+    pairs : tuple of int
+        How many pairs ±iω were found for each of the frequencies.
     kept, dropped : mpf
         Smallest pivot kept and largest dropped in all decisions, relative to the matrix.
     """
 
     S: Matrix
     steps: tuple[int, ...]
-    pairs: int
+    pairs: tuple[int, ...]
     kept: Any
     dropped: Any
+
+    @property
+    def sizes(self) -> tuple[int, tuple[int, ...], tuple[int, ...]]:
+        """How many eigenvalues are left, and what was taken away."""
+        return len(self.S), self.steps, self.pairs
 
     @property
     def decided(self) -> bool:
@@ -225,9 +230,9 @@ class Deflation:
         return bool(self.dropped == 0 or self.kept > self.dropped * mp.mpf(10) ** (GAP * mp.dps))
 
 
-def deflated(S: Matrix, frequency: Any) -> Deflation:
-    """Return a matrix without its zero eigenvalues, and without pairs ±iω at a frequency that is not 0."""
-    size, steps, pairs = largest(S), [], 0
+def deflated(S: Matrix, frequencies: Sequence[Any] = ()) -> Deflation:
+    """Return a matrix without its zero eigenvalues, and without pairs ±iω at frequencies that are not 0."""
+    size, steps, pairs = largest(S), [], []
     kept, dropped = mp.inf, mp.zero
     while len(S):
         null = kernel(S, size)
@@ -236,16 +241,16 @@ def deflated(S: Matrix, frequency: Any) -> Deflation:
             break
         steps.append(len(null.free))
         S = _rest(S, null)
-    for _ in range(2 if frequency else 0):
-        if not len(S):
-            break
-        null = kernel(product(S, S) + frequency**2 * exact(np.eye(len(S))), size**2 + frequency**2)
-        if not null.free or len(null.free) % 2:
-            break
-        kept, dropped = min(kept, null.kept), max(dropped, null.dropped)
-        pairs += len(null.free) // 2
-        S = _rest(S, null)
-    return Deflation(S, tuple(steps), pairs, kept, dropped)
+    for frequency in frequencies:
+        pairs.append(0)
+        while len(S):
+            null = kernel(product(S, S) + frequency**2 * exact(np.eye(len(S))), size**2 + frequency**2)
+            if not null.free or len(null.free) % 2:
+                break
+            kept, dropped = min(kept, null.kept), max(dropped, null.dropped)
+            pairs[-1] += len(null.free) // 2
+            S = _rest(S, null)
+    return Deflation(S, tuple(steps), tuple(pairs), kept, dropped)
 
 
 def _rest(S: Matrix, null: Kernel) -> Matrix:

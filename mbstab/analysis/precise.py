@@ -12,7 +12,7 @@ keeps one digit in m only.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,15 +20,17 @@ import numpy as np
 from mpmath import mp
 
 from mbstab.analysis import multiprecision as more
-from mbstab.analysis.eigen import LONGEST_CHAIN, Counts, EigenResult, show, time_scale, with_saddles
+from mbstab.analysis.eigen import Counts, EigenResult, kind_in, with_saddles
+from mbstab.analysis.facts import Grounds, time_scale
 from mbstab.analysis.linearize import Linearization, state_space
 from mbstab.analysis.methods import DEFAULT
 from mbstab.analysis.multiprecision import Matrix, Stalled, exact, largest, product
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.precise_motion import Point, Start, another_rank, rank_misfit, reference_point
-from mbstab.analysis.subspaces import Subspaces, rank_of
+from mbstab.analysis.subspaces import Subspaces
+from mbstab.analysis.verdict import STRENGTH, UNDECIDED, Disc, Modulo, Verdict, judge, place, show
 from mbstab.compiler.system import System
-from mbstab.errors import NumericalError, UsageError
+from mbstab.errors import MbstabError, NumericalError, UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate, parse_overrides
@@ -81,22 +83,21 @@ class PreciseResult:
     Attributes
     ----------
     eigenvalues : list of PreciseEigenvalue
-        Sorted by decreasing real part, without the neutral ones.
+        Sorted by decreasing real part, without the neutral ones; zeros that nothing explains are among them.
     neutral : int
-        Number of neutral eigenvalues: zeros and pairs ±iω.
-    chains : tuple of int
-        Sizes of the steps of the neutral staircase.
+        Number of neutral eigenvalues: zeros and pairs ±iω that symmetries, families of motions or a minimum of the
+        energy explain.
     shifts : tuple of str
         ω of neutral pairs ±iω (rad/s).
-    verdict : str
-    reasons : tuple of str
+    judged : Verdict
+        As in `mbstab.analysis.eigen.EigenResult`.
     counts : Counts
     kept, dropped : str
         The smallest pivot that counted and the largest that counted as zero, relative to their matrix.
     digits, working_digits : int
         Digits that are right, and digits of the arithmetic.
     seconds : float
-    symmetries, warnings : tuple of str
+    warnings : tuple of str
     frame : str
         Where the equations stand still, in words; empty: in the coordinates of the file.
     frozen : bool
@@ -107,21 +108,48 @@ class PreciseResult:
 
     eigenvalues: list[PreciseEigenvalue]
     neutral: int
-    chains: tuple[int, ...]
     shifts: tuple[str, ...]
-    verdict: str
-    reasons: tuple[str, ...]
+    judged: Verdict
     counts: Counts
     kept: str
     dropped: str
     digits: int
     working_digits: int
     seconds: float
-    symmetries: tuple[str, ...]
     warnings: tuple[str, ...]
     frame: str
     frozen: bool
     plain: EigenResult
+
+    @property
+    def zeros(self) -> int:
+        """Number of neutral eigenvalues that are zero."""
+        return self.neutral - 2 * len(self.shifts)
+
+    @property
+    def verdict(self) -> str:
+        """The word of the verdict, one of `mbstab.analysis.verdict.WORDS`."""
+        return self.judged.word
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What the verdict rests on, in sentences."""
+        return self.judged.reasons
+
+    @property
+    def modulo(self) -> Modulo:
+        """Symmetries and families of motions up to which the verdict holds."""
+        return self.judged.modulo
+
+    @property
+    def in_place(self) -> bool | None:
+        """Whether disturbed motions stay near the reference itself; None: not claimed."""
+        return self.judged.in_place
+
+    @property
+    def evidence(self) -> str:
+        """The weakest fact that the verdict rests on: ``structural``, ``enclosed`` or ``numerical``."""
+        return self.judged.evidence
 
     @property
     def method(self) -> str:
@@ -134,7 +162,7 @@ class PreciseResult:
         return None
 
     def values(self) -> list[Any]:
-        """Return the eigenvalues that are not neutral, as mpmath numbers (1/s)."""
+        """Return the eigenvalues that are not neutral, as mpmath numbers (1/s); also zeros that nothing explains."""
         return [e.value for e in self.eigenvalues]
 
 
@@ -182,17 +210,14 @@ def precise_eigenvalues(
         with mp.workdps(work + 2 * GUARD):
             bounds = _bounds(rough, fine, work)
             lacking, chained = _lacking(fine, bounds, digits)
-            decided = fine.deflation.decided and len(rough.values) == len(fine.values)
+            decided = fine.deflation.decided and fine.deflation.sizes == rough.deflation.sizes
             if lacking <= 0 and decided:
                 progress(1.0)
                 return _result(start, fine, bounds, digits, began)
         if not decided:
             work += digits
-        elif chained:  # of a chain of length m one digit in m is left
-            reached = max(digits + SPARE - lacking, work / 8)
-            work = int(work * (digits + SPARE + GUARD / 2) / reached)
         else:
-            work += lacking + 3
+            work = _enough(work, digits, lacking, chained)
         progress(0.1 + 0.8 * (number + 1) / ROUNDS)
         if work > 20 * (digits + 2 * GUARD):
             break
@@ -202,17 +227,48 @@ def precise_eigenvalues(
     )
 
 
+def _enough(work: int, digits: int, lacking: int, chained: bool) -> int:
+    """Return how many working digits are tried next where some are lacking."""
+    if not chained:
+        return work + lacking + 3
+    # Of a chain of length m one digit in m is left.
+    reached = max(digits + SPARE - lacking, work / 8)
+    return int(work * (digits + SPARE + GUARD / 2) / reached)
+
+
+def exact_zeros(model: Model, settings: Mapping[str, Any] | None = None, digits: int = 50) -> int:
+    """Return how many eigenvalues of a model are zero to many digits; −1 if that cannot be known.
+
+    Those that symmetries and families of motions explain are among them, and pairs ±iω that turn with the motion.
+
+    Parameters
+    ----------
+    model, settings, digits
+        As in `precise_eigenvalues`.
+    """
+    settings = settings or {}
+    try:
+        start = Start(model, settings, False)
+        return _zeros(start, _spectrum(start, settings, digits + GUARD), digits)
+    except MbstabError:
+        return -1
+
+
 # --- one computation ------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class _Spectrum:
-    """Eigenvalues with some number of working digits."""
+    """Eigenvalues with some number of working digits.
+
+    `frequencies` are those of neutral pairs, of which double precision has `rough_frequencies`.
+    """
 
     work: int
     values: list[more.Value]
     deflation: more.Deflation
-    frequency: Any
+    frequencies: list[Any]
+    rough_frequencies: list[float]
     n_f: int
     size: Any
     excess: tuple[Any, str]
@@ -236,10 +292,15 @@ def _polished_spectrum(start: Start, settings: Mapping[str, Any], work: int) -> 
         system = System(evaluate(start.model, parse_overrides(start.model, settings, arithmetic), arithmetic))
         point = reference_point(start, system)
         S = _state_matrix(start, system, point)
-        frequency = abs(point.generator.rate) if point.generator is not None and start.carried() else mp.zero
-        deflation = more.deflated(S, frequency)
+        rough = sorted({s.imag for s in start.grounds.separated.frequencies() if s.imag > 0.0})
+        frequencies = [_nearest(point.rates, x) for x in rough]
+        deflation = more.deflated(S, frequencies)
         values = more.eigenvalues(deflation.S)
-        return _Spectrum(work, values, deflation, frequency, len(S), largest(S), point.excess)
+        return _Spectrum(work, values, deflation, frequencies, rough, len(S), largest(S), point.excess)
+
+
+def _nearest(rates: Sequence[Any], rough: float) -> Any:
+    return min(rates, key=lambda x: abs(x - rough))
 
 
 def _state_matrix(start: Start, system: System, point: Point) -> Matrix:
@@ -251,7 +312,7 @@ def _state_matrix(start: Start, system: System, point: Point) -> Matrix:
         Xi, Xi_2 = (exact(x) for x in point.generator.frame(point.q))
         K = K + product(R, Xi) + product(M, Xi_2)
         R, D_q = R + 2 * product(M, Xi), D_q + product(J[n_h:], Xi)
-    gamma = time_scale(state_space(start.linear))  # speeds are counted in units of it
+    gamma = start.grounds.gamma  # speeds are counted in units of it
     try:
         return _deflated(spaces, gamma, (M, R, K), J, D_q)
     except Stalled as stalled:
@@ -349,30 +410,124 @@ def _worst(fine: _Spectrum, bounds: list[Any]) -> str:
 
 
 def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began: float) -> PreciseResult:
-    found = _judged(fine, bounds, digits)
-    deflation, spaces = fine.deflation, start.motion.spaces
-    neutral = sum(deflation.steps) + 2 * deflation.pairs
+    grounds, deflation, spaces = start.grounds, fine.deflation, start.motion.spaces
+    zeros, pairs, discs, members = _placed(start, fine, bounds, digits)
+    number = len(fine.values) + sum(deflation.steps) + 2 * sum(deflation.pairs)
+    neutral = zeros + 2 * sum(pairs)
+    doubts: tuple[str, ...] = ()
+    if neutral < grounds.separated.neutral.count:
+        doubts = (
+            f"with these digits {neutral} eigenvalues are those of symmetries and families of motions, which have "
+            f"{grounds.separated.neutral.count}: the reference may be written with too few digits",
+        )
+    grounds.zeros = lambda: _zeros(start, fine, digits)
+    verdict = judge(grounds.facts(discs, number, doubts))
+    found = _listed(fine, bounds, digits, discs, members, verdict, grounds)
+    # Zeros along which a minimum of the energy has no slope are neutral, too.
+    neutral += sum(e.kind == "neutral" for e in found)
+    found = [e for e in found if e.kind != "neutral"]
     counts = Counts(
-        start.system.n_q, start.system.n_h, start.system.n_n, spaces.C.rank, spaces.W.rank, fine.n_f,
-        len(found) + neutral, neutral, 0, 0,
+        start.system.n_q, start.system.n_h, start.system.n_n, spaces.C.rank, spaces.W.rank, fine.n_f, number, neutral,
+        0, 0,
     )  # fmt: skip
-    verdict, reasons = _verdict(start, found, counts, deflation)
-    linear, plain = start.linear, start.plain
-    warnings = [*start.motion.warnings, *_differences(start, found, counts, verdict)]
+    warnings = [*start.motion.warnings, *verdict.warnings, *_differences(start, found, counts, verdict.word)]
     excess, where = fine.excess
     if excess > mp.mpf(10) ** (-digits - SPARE):
         warnings.append(
             f"the reference as it is written satisfies {where} to {mp.nstr(excess, 1)} only: later digits of the "
             "eigenvalues belong to these decimals"
         )
-    warnings += _undetermined(start)
+    if start.loose:
+        names = ", ".join(start.loose)
+        warnings.append(
+            f"nothing determines {names}: the reference is the one of double precision there, with its 16 digits"
+        )
+    linear = start.linear
     turns = linear.generator is not None and linear.generator.turns
+    shifts = tuple(_text(x, digits) for x, n in zip(fine.frequencies, pairs, strict=True) for _ in range(n))
     return PreciseResult(
-        found, neutral, deflation.steps, tuple(_text(fine.frequency, digits) for _ in range(deflation.pairs)), verdict,
-        tuple(reasons), counts, mp.nstr(deflation.kept, 2), mp.nstr(deflation.dropped, 2), digits, fine.work,
-        time.perf_counter() - began, tuple(s.name for s in start.known()) if neutral or turns else (),
-        tuple(warnings), str(linear.generator) if turns else "", not linear.constant, plain,
+        found, neutral, shifts, verdict, counts, mp.nstr(deflation.kept, 2), mp.nstr(deflation.dropped, 2), digits,
+        fine.work, time.perf_counter() - began, tuple(warnings), str(linear.generator) if turns else "",
+        not linear.constant or linear.frozen, start.plain,
     )  # fmt: skip
+
+
+def _zeros(start: Start, fine: _Spectrum, digits: int) -> int:
+    """Return how many eigenvalues are zero, or pairs that turn with the motion; −1 if that is not known."""
+    deflation = fine.deflation
+    known = deflation.decided and fine.excess[0] <= mp.mpf(10) ** (-digits - SPARE)
+    return sum(deflation.steps) + 2 * sum(deflation.pairs) if known else -1
+
+
+def _rounded_reference(start: Start, fine: _Spectrum, digits: int) -> bool:
+    """Whether the reference is known to fewer digits than those asked for."""
+    searched = start.balance is not None and bool(start.loose)
+    return searched or bool(fine.excess[0] > mp.mpf(10) ** (-digits - SPARE))
+
+
+def _placed(
+    start: Start, fine: _Spectrum, bounds: list[Any], digits: int
+) -> tuple[int, list[int], list[Disc], list[list[int]]]:
+    """Return neutral zeros and pairs, and the discs of all other eigenvalues with the values in each.
+
+    Of the zeros and of the pairs that turn with the motion those are neutral that symmetries and
+    families explain; the others are left to judge.
+    """
+    deflation, plain = fine.deflation, start.plain
+    frequencies = start.grounds.separated.frequencies()
+    turning = [sum(s.imag == x for s in frequencies) for x in fine.rough_frequencies]
+    zeros = min(sum(deflation.steps), start.grounds.separated.neutral.count - 2 * sum(turning))
+    pairs = [min(n, known) for n, known in zip(deflation.pairs, turning, strict=True)]
+    known_to = bounds
+    if _rounded_reference(start, fine, digits):
+        # How far the eigenvalues of the motion that is meant are away is known in double precision only.
+        others = [(e.value, e.error_bound) for e in plain.eigenvalues if e.kind != "neutral"]
+        known_to = [
+            bound + min((abs(e.value - s) + known for s, known in others), default=mp.inf)
+            for e, bound in zip(fine.values, bounds, strict=True)
+        ]
+    members, centres, radii = _clusters([e.value for e in fine.values], known_to)
+    counts = [len(x) for x in members]
+    size = fine.size * max(deflation.dropped, mp.mpf(10) ** -fine.work) ** (mp.one / max(len(deflation.steps), 1))
+    left = [(mp.mpc(0), sum(deflation.steps) - zeros)]
+    for x, n, known in zip(fine.frequencies, deflation.pairs, pairs, strict=True):
+        left += [(mp.mpc(0, sign * x), n - known) for sign in (1, -1)]
+    for centre, count in left:
+        if count:
+            centres.append(centre)
+            radii.append(size)
+            counts.append(count)
+            members.append([])
+    discs = place(centres, radii, counts, start.grounds.mirrored)
+    return zeros, pairs, list(discs), members
+
+
+def _clusters(values: list[Any], bounds: list[Any]) -> tuple[list[list[int]], list[Any], list[Any]]:
+    """Return which eigenvalues cannot be told apart, and disjoint discs that hold them: centres and radii."""
+    groups = [[i] for i in range(len(values))]
+
+    def disc(members: list[int]) -> tuple[Any, Any, Any]:
+        centre = mp.fsum(values[i] for i in members) / len(members)
+        spread = max(abs(values[i] - centre) for i in members)
+        bound = max(bounds[i] for i in members)
+        # What is not told from its mirror image is real.
+        centre = mp.mpc(centre.real, centre.imag if abs(centre.imag) > spread + bound else 0)
+        return centre, spread + bound, spread + SEPARATE * bound
+
+    while True:
+        discs = [disc(members) for members in groups]
+        met = next(
+            (
+                (i, j)
+                for i, (one, _, reach) in enumerate(discs)
+                for j, (other, _, further) in enumerate(discs[:i])
+                if not abs(one - other) > reach + further
+            ),
+            None,
+        )
+        if met is None:
+            return groups, [centre for centre, _, _ in discs], [radius for _, radius, _ in discs]
+        groups[met[1]] += groups.pop(met[0])
 
 
 def _text(x: Any, digits: int) -> str:
@@ -380,18 +535,25 @@ def _text(x: Any, digits: int) -> str:
     return str(mp.nstr(x, digits, strip_zeros=False, min_fixed=-6, max_fixed=digits))
 
 
-def _judged(fine: _Spectrum, bounds: list[Any], digits: int) -> list[PreciseEigenvalue]:
+def _listed(
+    fine: _Spectrum,
+    bounds: list[Any],
+    digits: int,
+    discs: list[Disc],
+    members: list[list[int]],
+    verdict: Verdict,
+    grounds: Grounds,
+) -> list[PreciseEigenvalue]:
     """Return the eigenvalues with their kinds, sorted."""
     found = []
-    for i, (e, bound) in enumerate(zip(fine.values, bounds, strict=True)):
-        near = any(j != i and abs(e.value - x.value) <= SEPARATE * bound for j, x in enumerate(fine.values))
-        real, imag = (x if abs(x) > bound else mp.zero for x in (e.value.real, e.value.imag))
-        if real:
-            kind = ("un" if real > 0 else "") + ("stable focus" if imag else "stable node")
-        else:
-            kind = "undecided" if not imag or (near and e.chained) else "center"
-        one, other = (_text(x, digits) if x else "0" for x in (real, imag))
-        found.append(PreciseEigenvalue(mp.mpc(real, imag), kind, bound, one, other, mp.nstr(bound, 2)))
+    for disc, inside in zip(discs, members, strict=True):
+        centre = mp.mpc(disc.centre)
+        values = [(fine.values[i].value, bounds[i]) for i in inside] or [(centre, mp.mpf(disc.radius))] * disc.count
+        for value, bound in values:
+            real, imag = (x if abs(x) > bound else mp.zero for x in (value.real, value.imag))
+            kind = kind_in(complex(0, 1) if imag else 0j, disc, verdict, grounds)
+            one, other = (_text(x, digits) if x else "0" for x in (real, imag))
+            found.append(PreciseEigenvalue(mp.mpc(real, imag), kind, bound, one, other, mp.nstr(bound, 2)))
     # Pairs stay together: their real parts differ by less than their bounds.
     found.sort(key=lambda e: (-_rounded(e.value.real, digits), abs(e.value.imag), -e.value.imag))
     return with_saddles(found)
@@ -401,67 +563,15 @@ def _rounded(x: Any, digits: int) -> Any:
     return mp.mpf(mp.nstr(x, digits - 2))
 
 
-def _verdict(
-    start: Start, found: list[PreciseEigenvalue], counts: Counts, deflation: more.Deflation
-) -> tuple[str, list[str]]:
-    """Return the verdict and what decides it, by the rules of `mbstab.analysis.eigen`."""
-    linear = start.linear
-    if not linear.constant:
-        return "undecided", [x for x in start.plain.reasons if x.startswith("frozen-time")]
-    growing = [e for e in found if e.kind in ("unstable node", "unstable focus", "saddle") and e.value.real > 0]
-    if growing:
-        worst = max(growing, key=lambda e: e.value.real)
-        plural, verb = ("s", "grow") if worst.value.imag else ("", "grows")
-        return "unstable", [
-            f"the eigenvalue{plural} {show(complex(worst.value))} 1/s {verb} (error bound {worst.bound})"
-        ]
-    doubts = []
-    zeros_ = sum(deflation.steps)
-    if len(deflation.steps) > LONGEST_CHAIN:
-        doubts.append(
-            f"zero eigenvalues form a chain of length {len(deflation.steps)}, longer than symmetries explain: a "
-            "critical state, which the linearized equations cannot judge"
-        )
-    elif zeros_ > 2 * len(start.known() if zeros_ else []):
-        known = len(start.known())
-        doubts.append(
-            f"{zeros_} eigenvalue{' is' if zeros_ == 1 else 's are'} zero, but {known} symmetr"
-            f"{'y explains' if known == 1 else 'ies explain'} {2 * known} at most: a critical state or a continuum of "
-            "equilibria, which the linearized equations cannot judge"
-        )
-    for e in found:
-        if e.kind == "undecided" and e.value.imag >= 0:
-            what = "is multiple, with fewer vectors than that," if e.value.imag else "lies"
-            doubts.append(
-                f"the eigenvalue {show(complex(e.value))} 1/s {what} on the imaginary axis to {e.bound} 1/s: a "
-                "critical state, which the linearized equations cannot judge"
-            )
-    if not counts.expected:
-        doubts.append("constraints and drives leave no motion free whose stability could be judged")
-    if doubts:
-        return "undecided", doubts
-    centers = sum(e.kind == "center" for e in found)
-    if centers:
-        bound = mp.nstr(max(e.error_bound for e in found), 1)
-        return "marginally stable", [
-            f"{centers} eigenvalues lie on the imaginary axis to {bound} 1/s, none to the right of it: whether "
-            "disturbances stay small in the long run is up to nonlinear terms"
-        ]
-    if counts.neutral:
-        what = f"{counts.neutral} eigenvalue{' is' if counts.neutral == 1 else 's are'} neutral"
-        return "marginally stable", [what + (", the others decay" if found else "")]
-    return "asymptotically stable", ["all eigenvalues lie to the left of the imaginary axis"]
-
-
 def _differences(start: Start, found: list[PreciseEigenvalue], counts: Counts, verdict: str) -> list[str]:
     """Return where double precision says something else."""
     plain = start.plain
     texts = []
-    if plain.counts.neutral != counts.neutral:
+    if plain.verdict != UNDECIDED and plain.counts.neutral != counts.neutral:
         texts.append(
             f"{counts.neutral} eigenvalues are neutral with these digits, {plain.counts.neutral} in double precision"
         )
-    if plain.verdict not in ("undecided", verdict):
+    if plain.verdict not in STRENGTH[verdict]:
         texts.append(f"the verdict in double precision is {plain.verdict!r}")
     judged = [e for e in plain.eigenvalues if e.kind != "neutral"]
     if len(judged) == len(found) and found:
@@ -474,23 +584,3 @@ def _differences(start: Start, found: list[PreciseEigenvalue], counts: Counts, v
             if e.value.imag >= 0.0
         ]
     return texts
-
-
-def _undetermined(start: Start) -> list[str]:
-    """Name coordinates that neither the file nor the constraints determine, unless nothing depends on them."""
-    motion, scene = start.motion, start.system.scene
-    missing = [i for i, name in enumerate(start.system.names) if name not in scene.coordinates]
-    if start.balance is not None or not missing:
-        return []
-    J = (motion.dynamics.J[: start.system.n_h] * motion.sizes)[:, missing]
-    lengths = np.linalg.norm(J, axis=1)
-    null = rank_of(J[lengths > 0.0] / lengths[lengths > 0.0, None]).null
-    if not null.shape[1]:
-        return []
-    shifts = np.array([s.direction / motion.sizes for s in start.known()]).reshape(-1, len(motion.q))[:, missing].T
-    basis, _ = np.linalg.qr(shifts)
-    free = np.linalg.norm(null - basis @ (basis.T @ null), axis=1) > 1e-6
-    if not np.any(free):
-        return []
-    names = ", ".join(start.system.names[i] for i, loose in zip(missing, free, strict=True) if loose)
-    return [f"nothing determines {names}: the reference is the one of double precision there, with its 16 digits"]

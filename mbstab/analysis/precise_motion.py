@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from mpmath import mp
 
 from mbstab.analysis.balance import Balance, State
-from mbstab.analysis.eigen import carried_shifts, eigenvalues
+from mbstab.analysis.eigen import judged
 from mbstab.analysis.equilibrium import Problem
+from mbstab.analysis.facts import Grounds
 from mbstab.analysis.linearize import Linearization, linearize
 from mbstab.analysis.motion import Motion
 from mbstab.analysis.multiprecision import (
@@ -31,14 +33,21 @@ from mbstab.analysis.multiprecision import (
     product,
     zeros,
 )
+from mbstab.analysis.neutral import orthonormal
 from mbstab.analysis.reference import declared_family, reference_motion
 from mbstab.analysis.rotation import rate_matrix
 from mbstab.analysis.steady import Family, Generator, centered
-from mbstab.analysis.symmetry import Symmetry, symmetries
+from mbstab.analysis.subspaces import rank_of
 from mbstab.compiler.system import Dynamics, System
 from mbstab.errors import ConstraintError, EquilibriumError, MbstabError, NumericalError, UsageError
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate, parse_overrides
+
+SHARPENED = 1e-11
+"""Digits are gained along directions in which the equations have a larger slope than this, relative to the largest."""
+
+LOOSE = 1e-6
+"""Coordinates that move by less than this in all directions in which they are not sharpened are determined."""
 
 # --- what double precision says -------------------------------------------------------------------------------------
 
@@ -59,6 +68,8 @@ class Start:
     system : System
     motion : Motion
     linear : Linearization
+    grounds : Grounds
+        What is known by structure, whatever the digits.
     plain : EigenResult
     balance, at : Balance and State, or None
         The equations of an equilibrium or a steady motion that was looked for, and their solution.
@@ -86,20 +97,29 @@ class Start:
         else:
             self.motion = reference_motion(system)
         self.linear: Linearization = linearize(system, self.motion, frozen)
-        self._known: list[Symmetry] | None = None
-        self.plain = eigenvalues(self.linear, find_symmetries=self.known)
+        self.grounds = Grounds(self.linear)
+        self.plain = judged(self.grounds)
 
-    def known(self) -> list[Symmetry]:
-        """Return the symmetries of the scene."""
-        if self._known is None:
-            self._known = symmetries(self.system, self.motion)
-        return self._known
+    @cached_property
+    def loose(self) -> tuple[str, ...]:
+        """Coordinates that neither the file nor the equations determine to all digits, unless nothing depends on them.
 
-    def carried(self) -> bool:
-        """Whether a turning frame carries shifts around, so that ±iω are neutral."""
-        generator = self.linear.generator
-        turns = generator is not None and generator.turns
-        return turns and bool(carried_shifts(generator, self.motion.q, self.known()))
+        A search for an equilibrium does not sharpen critical positions, at which the equations have no slope.
+        """
+        motion, names = self.motion, self.system.names
+        if self.balance is not None and self.at is not None:
+            open_ = self.balance.open.tolist()
+            _, s, right = np.linalg.svd(self.balance.jacobian(self.at))
+            null = right[int(np.sum(s > SHARPENED * np.max(s, initial=0.0))) :, : len(open_)].T
+        else:
+            open_ = [i for i, name in enumerate(names) if name not in self.system.scene.coordinates]
+            J = (motion.dynamics.J[: self.system.n_h] * motion.sizes)[:, open_]
+            lengths = np.linalg.norm(J, axis=1)
+            null = rank_of(J[lengths > 0.0] / lengths[lengths > 0.0, None]).null
+        shifts = [item.direction[open_] / motion.sizes[open_] for item in self.grounds.invariance.symmetries]
+        basis = orthonormal([x for x in shifts if np.any(x)], len(open_))
+        free = np.linalg.norm(null - basis @ (basis.T @ null), axis=1) > LOOSE
+        return tuple(names[i] for i, loose in zip(open_, free, strict=True) if loose)
 
 
 # --- the reference motion -------------------------------------------------------------------------------------------
@@ -117,6 +137,8 @@ class Point:
         Matrices of mpf and exact floats.
     generator : Generator or None
         Of the turning frame in which the equations are written.
+    rates : tuple of mpf
+        Rates of that frame and of the coordinates that spin in it, as in `mbstab.analysis.neutral.Separated`.
     excess : tuple
         The largest residual, relative to what balances, and what it is of.
     """
@@ -127,6 +149,7 @@ class Point:
     nu: Matrix
     state: Dynamics
     generator: Generator | None
+    rates: tuple[Any, ...]
     excess: tuple[Any, str]
 
 
@@ -158,7 +181,9 @@ def reference_point(start: Start, system: System) -> Point:
     if generator is not None and generator.turns and (steady is None or not steady.turns):
         steady = _detected(start, system, q, u)
     excess = _excess(system, motion, state, u, force)
-    return Point(q, u, a, nu, state, steady if generator is not None and generator.turns else None, excess)
+    turning = steady if generator is not None and generator.turns else None
+    rates = tuple(u) if turning is None else (turning.rate, *turning.spins)
+    return Point(q, u, a, nu, state, turning, tuple(abs(x) for x in rates), excess)
 
 
 def _family(system: System, family: Family) -> tuple[Family, dict[int, Any]]:
@@ -189,7 +214,7 @@ def _balanced(balance: Balance, at: State, system: System) -> tuple[Matrix, Gene
     for i in np.setdiff1d(np.arange(system.n_q), open_):
         fixed[i] = scene.coordinates[names[i]] + mp.zero
     rates = exact([scene.rates[names[i]] for i in balance.given])
-    inverse = np.linalg.pinv(balance.jacobian(at), rcond=1e-11)
+    inverse = np.linalg.pinv(balance.jacobian(at), rcond=SHARPENED)
 
     def unpacked(x: Matrix) -> tuple[Matrix, Generator]:
         q, c = fixed.copy(), exact(at.c)

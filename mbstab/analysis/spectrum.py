@@ -1,15 +1,11 @@
-"""Spectra: how many eigenvalues are unstable, what becomes of each, functions that vanish where it matters."""
+"""Spectra: what becomes of each eigenvalue between two points, and functions that vanish where it matters."""
 
 from __future__ import annotations
 
-import math
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-
-from mbstab.analysis.numerics import assigned
-from mbstab.compiler.system import Array
 
 Complex = npt.NDArray[np.complex128]
 Index = npt.NDArray[np.intp]
@@ -20,66 +16,11 @@ NO_EIGENVALUE = complex("nan+nanj")
 STRIDE = 0.35
 """Between neighbouring points an eigenvalue moves by less than this part of its distance to the others."""
 
-SYMMETRIC = 1e-8
-"""Odd power sums of a spectrum that is symmetric to the imaginary axis vanish to this."""
-
-STABLE = 1e-10
-"""Real parts below this part of the largest eigenvalue are rounding; of λ² in a symmetric spectrum."""
-
-NOTHING_KNOWN = np.zeros(2)
-"""Where the matrix of a spectrum is not known, its largest eigenvalue alone says what is rounding."""
-
 TWIN = 1e-9
 """Eigenvalues closer than this part of the largest are equal, if they are so at both ends of an interval."""
 
 FOLLOWED = 20_000
 """Intervals that are compared together."""
-
-
-def symmetric(values: Complex, known: Array = NOTHING_KNOWN) -> npt.NDArray[np.bool_]:
-    """Return whether spectra, shape (…, r), are symmetric to the imaginary axis: odd power sums vanish.
-
-    Parameters
-    ----------
-    values : ndarray of complex, shape (…, r)
-    known : ndarray, shape (…, 2), optional
-        Norms of the matrices S, and of disturbances E of them that are rounding (1/s). A sum
-        tr Sᵖ is known to p |E| |S|ᵖ⁻¹ √r to first order, however small the eigenvalues are.
-    """
-    r = values.shape[-1]
-    values = np.where(np.isnan(values), 1.0, values)  # no spectrum is no symmetric one
-    largest = np.max(np.abs(values), axis=-1, initial=1e-300)
-    size = np.maximum(largest, known[..., 0])
-    scaled, part, rounding = values / size[..., None], largest / size, known[..., 1] / size
-    result = np.full(values.shape[:-1], r % 2 == 0)
-    power = scaled
-    for p in range(1, r + 1, 2):
-        result &= np.abs(np.sum(power, axis=-1)) < SYMMETRIC * r * part**p + p * math.sqrt(r) * rounding
-        power = power * scaled * scaled
-    return result
-
-
-def unstable_counts(values: Complex, known: Array = NOTHING_KNOWN) -> npt.NDArray[np.intp]:
-    """Return the number of unstable eigenvalues of spectra, shape (…, r); −1 where there are none.
-
-    Parameters
-    ----------
-    values : ndarray of complex, shape (…, r)
-    known : ndarray, shape (…, 2), optional
-        As for `symmetric`: λ² is an eigenvalue of S², which is known to 2 |S| |E|.
-    """
-    missing = np.any(np.isnan(values), axis=-1)
-    values = np.where(np.isnan(values), 1.0, values)
-    size = np.max(np.abs(values), axis=-1, initial=0.0)
-    plain = values.real > _rounding(size, known)[..., None]
-    square = values * values
-    # On the axis λ² is real and negative; where pairs have just met, real parts are roots of small numbers.
-    least = np.maximum(STABLE * size**2, 2.0 * np.maximum(size, known[..., 0]) * known[..., 1])[..., None]
-    off = (np.abs(square.imag) > least) | (square.real > least)
-    reversible = off & (values.real > 0.0)
-    counts: Index = np.where(symmetric(values, known), np.sum(reversible, axis=-1), np.sum(plain, axis=-1))
-    counts[missing] = -1
-    return counts
 
 
 def squares(values: Complex) -> Complex:
@@ -94,9 +35,19 @@ def squares(values: Complex) -> Complex:
     return np.array(found, dtype=complex)
 
 
-def product(values: Complex, size: float) -> float:
-    """Return the product of the eigenvalues, in units of a size; real."""
-    return float(np.prod(values / size).real)
+def product(values: Complex, size: float, zeros: int = 0) -> float:
+    """Return the product of the eigenvalues, in units of a size; real.
+
+    Parameters
+    ----------
+    zeros : int
+        Number of zeros among them that do not count, however wrong rounding shows them: the sum of the
+        products of all the others, a coefficient of the characteristic polynomial.
+    """
+    scaled = values / size
+    if zeros:
+        return float(np.poly(scaled)[len(values) - zeros].real) * (-1.0) ** (len(values) - zeros)
+    return float(np.prod(scaled).real)
 
 
 def discriminant(values: Complex, size: float) -> float:
@@ -158,15 +109,20 @@ def _followed(before: Complex, after: Complex, twins: Flags | None) -> tuple[Ind
     return link, clear
 
 
-def continuous(values: Complex, links: Index, clear: Flags) -> Complex:
-    """Return spectra, shape (m, r), in columns along which each eigenvalue becomes what `follow` says.
+def continuous(links: Index, clear: Flags) -> Index:
+    """Return the order of each spectrum, shape (m, r), in which each eigenvalue becomes what `follow` says.
 
     Where that is in doubt columns stay what they are.
+
+    Parameters
+    ----------
+    links : ndarray of int, shape (m − 1, r)
+    clear : ndarray of bool, shape (m − 1,)
     """
-    m, r = values.shape
+    m, r = len(links) + 1, links.shape[1]
     identity = np.arange(r)
     if r < 2 or m < 2 or np.all(links == identity):
-        return values
+        return np.broadcast_to(identity, (m, r))
     # About √m parts of about √m points: all parts are followed at once, then put together.
     length = int(np.sqrt(m)) + 1
     order = np.broadcast_to(identity, (-(-m // length) * length, r)).copy()
@@ -176,13 +132,7 @@ def continuous(values: Complex, links: Index, clear: Flags) -> Complex:
         parts[:, i] = np.take_along_axis(parts[:, i], parts[:, i - 1], axis=1)
     for one, other in pairwise(parts):
         other[:] = other[:, one[-1]]
-    return np.take_along_axis(values, order[:m], axis=1)
-
-
-def signs(values: Complex, known: Array = NOTHING_KNOWN) -> npt.NDArray[np.float64]:
-    """Return the signs of the real parts of spectra, shape (m, r); 0 where they are rounding."""
-    least = _rounding(np.max(np.abs(values), axis=1, initial=0.0), known)[:, None]
-    return np.where(np.abs(values.real) > least, np.sign(values.real), 0.0)
+    return order[:m]
 
 
 def turning(before: Complex, now: Complex, after: Complex) -> Flags:
@@ -194,13 +144,11 @@ def turning(before: Complex, now: Complex, after: Complex) -> Flags:
     return found
 
 
-def _rounding(size: Array, known: Array) -> Array:
-    """Return what real parts must exceed, for spectra of some sizes."""
-    least: Array = np.maximum(STABLE * size, known[..., 1])
-    return least
-
-
 def _untwin(link: Index, moved: npt.NDArray[np.float64], doubtful: Flags) -> None:
-    """Give each of equal eigenvalues a successor of its own."""
-    for k in np.flatnonzero(doubtful):
-        link[k] = assigned(moved[k])
+    """Give each of equal eigenvalues a successor of its own; others have one that is nearest by far."""
+    rows = np.flatnonzero(doubtful)
+    left = moved[rows]
+    for i in range(left.shape[1]):
+        nearest = np.argmin(left[:, i], axis=1)
+        link[rows, i] = nearest
+        left[np.arange(len(rows)), :, nearest] = np.inf

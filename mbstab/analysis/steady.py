@@ -124,6 +124,7 @@ class Generator:
         """Return Φ_t(q) and DΦ_t(q) after a time (s)."""
         d = self.system.scene.dimension
         moved, T = q + time * self.spins, np.eye(len(q))
+        turning = self.field(q) - self.spins
         turn = rotation_matrix(self.axis, self.rate * time)
         point, velocity = self.point, self.velocity
         if self.turns:
@@ -140,7 +141,7 @@ class Generator:
             if d == 2:
                 moved[angles] += self.rate * self.axis[2] * time
                 continue
-            near = q[angles] + time * (self.field(q) - self.spins)[angles]
+            near = q[angles] + time * turning[angles]
             new = euler_angles(body, turn @ orientation(body, q[angles]), near)
             moved[angles] += new - q[angles]
             T[angles, angles] = np.linalg.solve(rate_matrix(body, new), turn @ rate_matrix(body, q[angles]))

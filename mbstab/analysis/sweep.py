@@ -1,52 +1,56 @@
-"""Sweeps of a parameter: eigenvalue branches, and the values at which stability changes.
+"""Sweeps of a parameter: eigenvalue branches, verdicts, and the values at which stability changes.
 
+Every point is judged by the rule of `mbstab.analysis.verdict`, as `mbstab eig` does
+(`mbstab.analysis.batch`); a point that cannot be placed is undecided and counts for no side.
 Branches are followed by continuity: between neighbouring points no eigenvalue may move by
 more than a part of its distance to the others; intervals in which one does are divided until
-that holds, or until two eigenvalues cross or collide. Stability changes are located by
-functions that are smooth there: the product of the eigenvalues where one passes zero, the
-real part of a simple pair where it passes the axis, and, where the spectrum is symmetric to
-the imaginary axis, the discriminant of λ², which passes zero where two pairs collide (real
-parts grow from there like a root; Seyranian and Mailybaev 2003, chapter 4).
+that holds, or until two eigenvalues cross or collide, within a budget of points. Stability changes
+are located by functions that are smooth there: the product of the eigenvalues where one passes
+zero, the real part of a simple pair where it passes the axis, and, where the spectrum is symmetric
+to the imaginary axis, the discriminant of λ², which passes zero where two pairs collide (real parts
+grow from there like a root; Seyranian and Mailybaev 2003, chapter 4). A value that is found counts
+if the verdicts on both sides of it confirm the change.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice, pairwise
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.batch import Evaluator
-from mbstab.analysis.blocks import Block, Progress, Store, key_of, run, tasks
+from mbstab.analysis.batch import Evaluator, Spectra
+from mbstab.analysis.blocks import Block, Progress, Store, key_of, merged, run, tasks
 from mbstab.analysis.continuation import AGAIN, BRANCHES, TURNS
 from mbstab.analysis.continuation import Path as Solutions
 from mbstab.analysis.continuation import follow as follow_path
 from mbstab.analysis.numerics import assigned, root
+from mbstab.analysis.points_verdict import HARDLY, Sides, pinned, settled, signs, unplaced
 from mbstab.analysis.spectrum import (
     NO_EIGENVALUE,
-    STABLE,
-    SYMMETRIC,
+    TWIN,
     Complex,
+    Flags,
     Index,
     discriminant,
     follow,
     has_twins,
     product,
-    signs,
-    symmetric,
     turning,
-    unstable_counts,
 )
+from mbstab.analysis.verdict import WORDS
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError, UsageError
 from mbstab.model.schema import Model
 
 RESOLUTION = 1e-12
 """Eigenvalues that are not told apart in an interval of this relative width cross or collide in it."""
+
+NARROW = 1e-6
+"""Where eigenvalues meet is known if the interval is narrower than this part of the parameter."""
 
 NOISE = 1e-7
 """So near to a meeting, relative to the parameter, rounding may show a pair on the wrong side."""
@@ -56,9 +60,6 @@ SPLIT = 8
 
 SIDE = 1e-3
 """So far from a collision, relative to the parameter, the modes that meet are told apart."""
-
-AT_END = 1e-8
-"""A test function is zero at a point if it is this small beside its value at the next one."""
 
 ZERO = 1e-6
 """A test function is zero where it is this small beside its values at the ends of the interval."""
@@ -74,6 +75,15 @@ FINER, DEPTH = 32, 6
 
 MARGIN = 2
 """So many points on either side are looked at with an interval in which stability may change."""
+
+BUDGET, ENTRIES = 100_000, 4_000_000
+"""So many points in between are looked at at most, and so many eigenvalues of them are kept."""
+
+CROWDED = 150
+"""An interval with more parts in which eigenvalues cannot be followed is not divided further: rounding moves them."""
+
+POTENTIAL = 1e-8
+"""Forces have a potential if K is symmetric and R antisymmetric to this."""
 
 FAR = 1e-6
 """Where eigenvalues meet, their directions are taken over this part of the parameter's value."""
@@ -97,12 +107,14 @@ class Critical:
     frequency : float (rad/s)
         Of the motion at the boundary; 0 for a divergence.
     unstable : tuple of int
-        Number of unstable eigenvalues below and above.
+        Number of unstable eigenvalues below and above; −1 where there are none to count.
     signatures : tuple of int or None
         Of a collision: the signs of the energies of the two modes that meet (Krein
         signatures); only modes of opposite sign can leave the axis.
     branching : bool
         Whether another path of equilibria crosses there.
+    verdicts : tuple of str
+        The verdicts next to it, below and above; empty where there is none.
     """
 
     value: float
@@ -112,6 +124,7 @@ class Critical:
     unstable: tuple[int, int]
     signatures: tuple[int, int] | None = None
     branching: bool = False
+    verdicts: tuple[str, str] = ("", "")
 
 
 @dataclass(frozen=True)
@@ -126,7 +139,7 @@ class Sweep:
     branches : ndarray of complex, shape (points, r)
         Eigenvalues that are not neutral (1/s), one column for each branch; nan where there are none.
     unstable : ndarray of int, shape (points,)
-        Number of unstable eigenvalues; −1 where there are none to count.
+        Number of unstable eigenvalues; −1 where the verdict is open, or there is no answer.
     neutral : int
         Number of neutral eigenvalues besides.
     critical : tuple of Critical
@@ -142,6 +155,10 @@ class Sweep:
     beyond : tuple of Sweep
         Along the paths to which the equilibria lead through folds: each from one fold to the next
         or to an end of the range, at those of the values that lie between.
+    words : ndarray of int8, shape (points,)
+        Numbers of the verdicts among `mbstab.analysis.verdict.WORDS`; `verdicts` has them in words.
+    warnings : tuple of str
+        Where the search for critical values ended early.
     """
 
     parameter: str
@@ -155,14 +172,25 @@ class Sweep:
     start: float | None = None
     moved: str = ""
     beyond: tuple[Sweep, ...] = ()
+    words: npt.NDArray[np.int8] = field(default_factory=lambda: np.zeros(0, dtype=np.int8))
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def verdicts(self) -> list[str]:
+        """The verdict at each value, one of `mbstab.analysis.verdict.WORDS`."""
+        return [WORDS[word] for word in self.words]
 
     @property
     def unanswered(self) -> list[int]:
         """Numbers of the points that have no eigenvalues on any path."""
-        elsewhere = {
-            float(x) for path in self.beyond for x, n in zip(path.values, path.unstable, strict=True) if n >= 0
-        }
-        return [int(i) for i in np.flatnonzero(self.unstable < 0) if float(self.values[i]) not in elsewhere]
+        answered = {float(x) for path in self.beyond for x in path.values[~path._lost()]}
+        return [int(i) for i in np.flatnonzero(self._lost()) if float(self.values[i]) not in answered]
+
+    def _lost(self) -> Flags:
+        """Return which values have no answer on this path."""
+        lost: Flags = np.any(np.isnan(self.branches), axis=1)
+        lost[list(self.problems)] = True
+        return lost
 
 
 def sweep(
@@ -246,7 +274,8 @@ def _answer(
     critical.sort(key=lambda c: c.value)
     return Sweep(
         parameter, x, branches, raw.unstable, raw.neutral, tuple(critical), tuple(sorted(set(tracker.meetings))),
-        raw.problems, None if path is None else path.start, "" if path is None else path.moved,
+        raw.problems, None if path is None else path.start, "" if path is None else path.moved, (), raw.words,
+        tracker.warnings,
     )  # fmt: skip
 
 
@@ -254,7 +283,10 @@ def _at(x: Array, result: Sweep) -> Sweep:
     """Return a sweep at some of its points."""
     kept = np.flatnonzero(np.isin(result.values, x))
     problems = {n: result.problems[int(i)] for n, i in enumerate(kept) if int(i) in result.problems}
-    return replace(result, values=x, branches=result.branches[kept], unstable=result.unstable[kept], problems=problems)
+    return replace(
+        result, values=x, branches=result.branches[kept], unstable=result.unstable[kept], words=result.words[kept],
+        problems=problems,
+    )  # fmt: skip
 
 
 def _ordered(result: Sweep, order: slice) -> Sweep:
@@ -266,56 +298,8 @@ def _ordered(result: Sweep, order: slice) -> Sweep:
         values=result.values[order],
         branches=result.branches[order],
         unstable=result.unstable[order],
+        words=result.words[order],
         problems=dict(sorted(problems.items())),
-    )
-
-
-def merged(blocks: list[Block]) -> Block:
-    """Return consecutive blocks as one, with as many neutral eigenvalues as where there are fewest."""
-    sizes: dict[int, int] = {}
-    answered = [block for block in blocks if np.any(block.unstable >= 0)]
-    for block in answered:
-        total = block.values.shape[1] + block.neutral
-        sizes[total] = sizes.get(total, 0) + len(block.values)
-    total = max(sizes, key=lambda key: sizes[key]) if sizes else 0
-    neutral = min((x.neutral for x in answered if x.values.shape[1] + x.neutral == total), default=0)
-    count = total - neutral
-    values = np.full((sum(len(block.values) for block in blocks), count), NO_EIGENVALUE)
-    clear, unstable, passes, turns, known = [], [], [], [], []
-    problems: dict[int, str] = {}
-    start = 0
-    for block in blocks:
-        points = len(block.values)
-        here = block.values.shape[1] + block.neutral
-        fits = here == total and bool(np.any(block.unstable >= 0))
-        problems |= {start + i: text for i, text in block.problems.items()}
-        if not fits:
-            text = f"{here} finite eigenvalues exist here, elsewhere {total}"
-            problems |= {start + i: problems.get(start + i, text) for i in range(points)}
-        if fits:
-            # Zeros of a symmetry that is not there elsewhere.
-            further = count - block.values.shape[1]
-            values[start : start + points] = np.pad(block.values, ((0, 0), (0, further)))
-        if start:
-            link, is_clear = follow(values[start - 1 : start], values[start : start + 1])
-            clear.append(is_clear)
-            if fits and is_clear[0] and count > 1 and np.any(link[0] != np.arange(count)):
-                values[start : start + points] = values[start : start + points, link[0]]
-        clear.append(block.clear if fits else np.zeros(points - 1, dtype=bool))
-        unstable.append(block.unstable if fits else np.full(points, -1))
-        passes.append(block.passes)
-        turns.append(block.turns)
-        known.append(block.known)
-        start += points
-    return Block(
-        values,
-        np.concatenate(clear),
-        problems,
-        neutral,
-        np.concatenate(unstable),
-        np.concatenate(passes),
-        np.concatenate(turns),
-        np.concatenate(known),
     )
 
 
@@ -340,6 +324,37 @@ class _Piece:
     after: Complex
 
 
+@dataclass(frozen=True)
+class _Looked:
+    """What was found at a point in between: eigenvalues, their sides, whether the spectrum is symmetric, a verdict."""
+
+    values: Complex
+    sides: Sides
+    mirrored: bool
+    word: int
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """Points that are close to each other, in continuous columns.
+
+    Attributes
+    ----------
+    x : ndarray, shape (m,)
+    values : ndarray of complex, shape (m, r)
+    sides : ndarray of int8, shape (m, r)
+    mirrored : ndarray of bool, shape (m,)
+    counts : ndarray of int, shape (m,)
+        Number of unstable eigenvalues; −1 where more are unplaced than elsewhere.
+    """
+
+    x: Array
+    values: Complex
+    sides: Sides
+    mirrored: Flags
+    counts: Index
+
+
 class _Tracker:
     """Follows eigenvalues between the points of a sweep.
 
@@ -347,10 +362,12 @@ class _Tracker:
     ----------
     meetings : list of (float, str)
         Where two branches ``cross`` or ``collide``.
-    between : list of (float, ndarray)
-        Spectra at points in between, where they were needed.
-    roundings : dict
-        By points in between, to what their spectra are known.
+    looked : dict
+        By points in between, what was found there …
+    between : list of float
+        … and those of them that count as points of the sweep.
+    unplaced : int
+        Number of eigenvalues that are nowhere placed: zeros that nothing explains.
     """
 
     def __init__(self, evaluator: Evaluator, parameter: str, x: Array, raw: Block) -> None:
@@ -358,8 +375,13 @@ class _Tracker:
         self.values = raw.values
         evaluator.learn({parameter: x})
         self.meetings: list[tuple[float, str]] = []
-        self.between: list[tuple[float, Complex]] = []
-        self.roundings: dict[float, Array] = {}
+        self.looked: dict[float, _Looked] = {}
+        self.between: list[float] = []
+        self.good = ~np.any(np.isnan(raw.values), axis=1)
+        self.unplaced = unplaced(raw.sides, raw.words, raw.problems)
+        self.counts = settled(raw.sides, raw.words, self.unplaced)
+        self.counts[~self.good] = -1
+        self.spent, self.size, self.exhausted = 0, 0.0, False
         self.width = max(float(np.max(np.abs(x), initial=0.0)), 1e-300)
         path = evaluator.path
         self.crossings = (
@@ -370,35 +392,50 @@ class _Tracker:
             ]
         )
 
-    def at(self, points: Array) -> Complex:
-        """Return the eigenvalues at further points, and keep them."""
-        found = self._spectra(points)
-        self.between += [(float(p), v) for p, v in zip(points, found, strict=True) if not np.any(np.isnan(v))]
-        return found
+    @property
+    def budget(self) -> int:
+        """Number of points in between that may be looked at."""
+        return min(BUDGET, ENTRIES // max(int(self.values.shape[1]), 1))
 
-    def _spectra(self, points: Array) -> Complex:
-        """Return the eigenvalues at further points."""
-        found = self.evaluator.near({self.parameter: points}, self.values.shape[1])
-        self.roundings |= zip(map(float, points), found.known, strict=True)
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Say where the search ended early."""
+        if not self.exhausted:
+            return ()
+        return (
+            f"the refinement between points ended after {self.spent} of them: branches may be mistaken for each other "
+            "and critical values may be missing; more points, a smaller range or --log help",
+        )
+
+    def at(self, points: Array) -> Complex:
+        """Return the eigenvalues at further points, and keep them; nan where there are none, or too many were asked."""
+        if self.spent + len(points) > self.budget:
+            self.exhausted = True
+            return np.full((len(points), self.values.shape[1]), NO_EIGENVALUE)
+        self.spent += len(points)
+        found = self._spectra(points)
+        self.between += [float(p) for p, v in zip(points, found.values, strict=True) if not np.any(np.isnan(v))]
         return found.values
 
-    def _known(self, points: Array) -> Array:
-        """Return to what the spectra at points, those of the sweep or others, are known."""
-        own = np.searchsorted(self.x, points)
-        rows = [
-            self.roundings[p] if p in self.roundings else self.raw.known[k]
-            for p, k in zip(map(float, points), own, strict=True)
-        ]
-        return np.array(rows)
+    def _spectra(self, points: Array, exact: bool = False) -> Spectra:
+        """Return the eigenvalues at further points."""
+        found = self.evaluator.near({self.parameter: points}, self.values.shape[1], exact)
+        self.size = max(self.size, float(np.max(found.sizes, initial=0.0)))
+        found = replace(found, values=pinned(found.values, found.sides, found.sizes, self.unplaced))
+        for n, p in enumerate(points.tolist()):
+            self.looked[p] = _Looked(found.values[n], found.sides[n], bool(found.mirrored[n]), int(found.words[n]))
+        return found
 
-    def _counts(self, points: Array, spectra: Complex) -> npt.NDArray[np.intp]:
-        """Return the number of unstable eigenvalues of the spectra at some points."""
-        return unstable_counts(spectra, self._known(points))
+    def _counted(self, points: Array) -> Index:
+        """Return the numbers of unstable eigenvalues at points between, each judged as `mbstab eig` does."""
+        found = self._spectra(points, exact=True)
+        counts = settled(found.sides, found.words, self.unplaced)
+        counts[np.any(np.isnan(found.values), axis=1)] = -1
+        return counts
 
     def branches(self) -> Complex:
         """Return the eigenvalues in columns that are continuous over the points."""
-        values = self.values
-        good = self.raw.unstable >= 0
+        values, good = self.values, self.good
         if values.shape[1] == 0 or not good.any():
             return values
         first, start = int(np.flatnonzero(good)[0]), 0
@@ -422,11 +459,16 @@ class _Tracker:
         equal = has_twins(self.values[intervals]) & has_twins(self.values[intervals + 1])
         multiple = dict(zip(intervals.tolist(), equal.tolist(), strict=True))
         while pieces:
+            pieces, left = self._affordable(pieces)
+            for piece in left:
+                done[piece.interval].append((piece, None))
+            if not pieces:
+                break
             cuts = np.array([piece.a + inner * (piece.b - piece.a) for piece in pieces])
             found = self.at(cuts.ravel()).reshape(*cuts.shape, -1)
             parts: list[_Piece] = []
             for piece, at, spectra in zip(pieces, cuts, found, strict=True):
-                if np.any(np.isnan(spectra)) or piece.b - piece.a <= RESOLUTION * self.width:
+                if np.any(np.isnan(spectra)) or piece.b - piece.a <= RESOLUTION * self.width or self._hidden(piece):
                     done[piece.interval].append((piece, None))
                     continue
                 ends = [piece.a, *(float(x) for x in at), piece.b]
@@ -447,6 +489,28 @@ class _Tracker:
                 else:
                     pieces.append(part)
         return {k: self._joined(sorted(parts, key=lambda item: item[0].a)) for k, parts in done.items()}
+
+    def _affordable(self, pieces: list[_Piece]) -> tuple[list[_Piece], list[_Piece]]:
+        """Return the pieces that may be divided further, and those that are too many: rounding crosses everywhere."""
+        room = (self.budget - self.spent) // (SPLIT - 1)
+        number: dict[int, int] = {}
+        for piece in pieces:
+            number[piece.interval] = number.get(piece.interval, 0) + 1
+        chosen = set()
+        for interval in sorted(number, key=lambda k: number[k]):
+            room -= number[interval]
+            if number[interval] > CROWDED or room < 0:
+                self.exhausted = True
+                break
+            chosen.add(interval)
+        return [x for x in pieces if x.interval in chosen], [x for x in pieces if x.interval not in chosen]
+
+    def _hidden(self, piece: _Piece) -> bool:
+        """Whether eigenvalues meet with zeros that nothing explains: how is hidden by rounding."""
+        if not self.unplaced:
+            return False
+        small = (np.sort(np.abs(x))[min(self.unplaced, len(x) - 1)] for x in (piece.before, piece.after))
+        return bool(max(small) <= 10.0 * HARDLY * self.size)
 
     def _joined(self, parts: list[tuple[_Piece, Index | None]]) -> Index:
         """Return what becomes of the eigenvalues through the parts of an interval."""
@@ -490,7 +554,11 @@ class _Tracker:
                 one, other = np.argsort(np.abs(beyond - 0.5 * (after[link[i]] + after[link[j]])))[:2]
                 g_after = (beyond[one] - beyond[other]) ** 2
             collides = (g_before * np.conj(g_after)).real < 0.0
-            if left or a == self.x[0]:  # else it is the end of the interval before, and said there
+            # Equal where the range begins or ends: what they do there is not seen.
+            size = TWIN**2 * float(np.max(np.abs(before))) ** 2
+            open_end = (a == self.x[0] and abs(g_before) <= size) or (b == self.x[-1] and abs(g_after) <= size)
+            found = b - a <= NARROW * self.width and not open_end
+            if found and (left or a == self.x[0]):  # else it is the end of the interval before, and said there
                 self.meetings.append((0.5 * (a + b), "collide" if collides else "cross"))
             if collides:
                 # Direction is lost: the one that was ahead stays ahead.
@@ -508,19 +576,20 @@ class _Tracker:
         self._look_between(branches)
         found: list[Critical] = []
         for first, last in self._suspects(branches):
-            found += self._changes(*self._closer(first, last), branches)
+            found += self._changes(self._closer(first, last), branches)
         return found
 
-    def _changes(self, x: Array, spectra: Complex, branches: Complex, depth: int = 0) -> list[Critical]:
+    def _changes(self, part: _Stretch, branches: Complex, depth: int = 0) -> list[Critical]:
         """Return where stability changes between points that are close to each other."""
         found: list[Critical] = []
         doubtful: list[tuple[int, int]] = []
-        for a, b, kind, test in (*self._passing(x, spectra), *self._meeting(x, spectra)):
-            critical = self._located(x[a], x[b], spectra[a], spectra[b], kind, test, branches)
+        x = part.x
+        for bracket in (*self._passing(part), *self._meeting(part)):
+            critical = self._located(part, bracket, branches)
             if critical is not None:
                 found.append(critical)
-            elif (a, b) not in doubtful:
-                doubtful.append((a, b))
+            elif bracket[:2] not in doubtful:
+                doubtful.append(bracket[:2])
         for a, b in doubtful:
             crossings = [value for value in self.crossings if x[a] < value < x[b]]
             if crossings:  # next to other equilibria those of the path are hard to tell
@@ -528,31 +597,34 @@ class _Tracker:
                 continue
             # Branches are mistaken for each other there: more points tell them apart.
             more = _spaced(float(x[a]), float(x[b]))
-            between = self.at(more[1:-1])
-            if depth == DEPTH or np.any(np.isnan(between)):
-                counts = self._counts(x[[a, b]], spectra[[a, b]])
-                sides = int(counts[0]), int(counts[1])
-                found.append(Critical(0.5 * (x[a] + x[b]), "unresolved", (), 0.0, sides))
+            between = self.at(more[1:-1]) if depth < DEPTH else np.full((1, 1), NO_EIGENVALUE)
+            if np.any(np.isnan(between)):
+                sides = int(part.counts[a]), int(part.counts[b])
+                if min(sides) >= 0 and sides[0] != sides[1]:
+                    found.append(Critical(0.5 * (x[a] + x[b]), "unresolved", (), 0.0, sides))
                 continue
-            closer = self._linked(np.concatenate([spectra[a : a + 1], between, spectra[b : b + 1]]))
-            found += self._changes(more, closer, branches, depth + 1)
+            closer = self._stretch(more, (part, a), (part, b))
+            found += self._changes(closer, branches, depth + 1)
         return found
 
     def _suspects(self, branches: Complex) -> list[tuple[int, int]]:
         """Return ranges of points, without gaps, in which stability may change."""
-        good = self.raw.unstable >= 0
-        changes = self.raw.unstable[1:] != self.raw.unstable[:-1]
+        good = self.good
+        changes = np.zeros(len(good) - 1, dtype=bool)
+        settled = np.flatnonzero(self.counts >= 0)
+        for k in np.flatnonzero(np.diff(self.counts[settled])).tolist():
+            changes[settled[k] : settled[k + 1]] = True
         watched = np.flatnonzero(self.raw.passes[:-1] | ~self.raw.clear)
-        with np.errstate(invalid="ignore"):
-            known = self.raw.known
-            before, after = (signs(branches[k], known[k]) for k in (watched, watched + 1))
-            changes[watched] |= np.any(before * after < 0.0, axis=1)
-        changes[np.searchsorted(self.x, [p for p, _ in self.between]) - 1] = True
+        rows = np.unique(np.concatenate([watched, watched + 1]))
+        sign = signs(self._sides(branches, rows))
+        before, after = (sign[np.searchsorted(rows, k)] for k in (watched, watched + 1))
+        changes[watched] |= np.any(before * after < 0, axis=1)
+        changes[np.searchsorted(self.x, self.between) - 1] = True
         changes &= good[:-1] & good[1:]
         ranges: list[tuple[int, int]] = []
-        for k in np.flatnonzero(changes):
+        for k in np.flatnonzero(changes).tolist():
             # A point or two more: a branch may lie on the axis at the end of an interval.
-            first, last = int(k), int(k) + 1
+            first, last = k, k + 1
             while first > 0 and good[first - 1] and first > k - MARGIN:
                 first -= 1
             while last < len(good) - 1 and good[last + 1] and last < k + 1 + MARGIN:
@@ -563,13 +635,43 @@ class _Tracker:
                 ranges.append((first, last))
         return ranges
 
-    def _closer(self, first: int, last: int) -> tuple[Array, Complex]:
-        """Return the points of a range, those in between included, and their spectra in continuous columns."""
-        inside = [(p, v) for p, v in self.between if self.x[first] < p < self.x[last]]
-        x = np.concatenate([self.x[first : last + 1], [p for p, _ in inside]])
-        spectra = np.concatenate([self.values[first : last + 1], *(v[None] for _, v in inside)])
-        x, order = np.unique(x, return_index=True)
-        return x, self._linked(spectra[order])
+    def _sides(self, branches: Complex, rows: Index) -> Sides:
+        """Return the sides of eigenvalues in the columns of branches at some points."""
+        # Columns of branches are those of the block in another order.
+        order = np.argmin(np.abs(self.values[rows][:, None, :] - branches[rows][:, :, None]), axis=2)
+        return np.take_along_axis(self.raw.sides[rows], order, axis=1)
+
+    def _closer(self, first: int, last: int) -> _Stretch:
+        """Return the points of a range, those in between included, in continuous columns."""
+        inside = [p for p in self.between if self.x[first] < p < self.x[last]]
+        x = np.unique(np.concatenate([self.x[first : last + 1], inside]))
+        return self._stretch(x)
+
+    def _stretch(self, x: Array, *ends: tuple[_Stretch, int]) -> _Stretch:
+        """Return points of the sweep, and such as were looked at, in continuous columns.
+
+        Parameters
+        ----------
+        ends : tuple of (_Stretch, int), optional
+            Where the first and the last of them are known already.
+        """
+        own = np.searchsorted(self.x, x)
+        values, sides = (
+            np.empty((len(x), self.values.shape[1]), dtype=complex),
+            np.empty((len(x), self.values.shape[1]), dtype=np.int8),
+        )
+        mirrored, words = np.empty(len(x), dtype=bool), np.empty(len(x), dtype=np.int8)
+        for n, (p, k) in enumerate(zip(x.tolist(), own.tolist(), strict=True)):
+            if k < len(self.x) and self.x[k] == p:
+                values[n], sides[n] = self.values[k], self.raw.sides[k]
+                mirrored[n], words[n] = self.raw.mirrored[k], self.raw.words[k]
+            else:
+                looked = self.looked[p]
+                values[n], sides[n], mirrored[n], words[n] = looked.values, looked.sides, looked.mirrored, looked.word
+        order = self._linked(values)
+        counts = settled(sides, words, self.unplaced)
+        values, sides = (np.take_along_axis(part, order, axis=1) for part in (values, sides))
+        return _Stretch(x, values, sides, mirrored, counts)
 
     def known(self, value: float, critical: list[Critical]) -> bool:
         """Whether a value is among critical ones."""
@@ -577,39 +679,42 @@ class _Tracker:
 
     def branch_point(self, value: float, branches: Complex) -> Critical:
         """Return a place at which another path of equilibria crosses."""
-        sides = self._sides(value)
+        sides, words = self._beside(value)
         beside = self.at(np.array([value + FAR * self.width]))[0]
         if sides[0] == sides[1] or min(sides) < 0 or np.any(np.isnan(beside)):
-            return Critical(value, "branch point", (), 0.0, sides, branching=True)
-        return replace(self._described(value, "divergence", beside, sides, branches), branching=True)
+            return Critical(value, "branch point", (), 0.0, sides, branching=True, verdicts=words)
+        return replace(self._described(value, "divergence", beside, sides, branches), branching=True, verdicts=words)
 
     def ended(self, value: float, reason: str) -> Critical:
         """Return the end of a path of equilibria as a critical value."""
         kind = {TURNS: "fold", BRANCHES: "branch point", AGAIN: "unresolved"}.get(reason, "loss of equilibrium")
-        return Critical(value, kind, (), 0.0, self._sides(value))
+        sides, words = self._beside(value)
+        return Critical(value, kind, (), 0.0, sides, verdicts=words)
 
-    def _sides(self, value: float) -> tuple[int, int]:
-        """Return the number of unstable eigenvalues below and above a place on the path; −1 where it does not lead."""
+    def _beside(self, value: float) -> tuple[tuple[int, int], tuple[str, str]]:
+        """Return the number of unstable eigenvalues and the verdict below and above a place on the path.
+
+        −1 and an empty text where it does not lead.
+        """
         path = self.evaluator.path
         assert isinstance(path, Solutions)
-        found = []
+        counts, words = [], []
         for end, sign in ((float(path.values[0]), -1.0), (float(path.values[-1]), 1.0)):
             room = sign * (end - value)
-            if room <= NOISE * self.width:
-                found.append(-1)
-                continue
-            at = value + sign * min(FAR * self.width, 0.5 * room)
-            here = np.array([at])
-            count = int(self._counts(here, self.at(here))[0])
-            if count < 0:
-                known = np.flatnonzero((self.raw.unstable >= 0) & (sign * (self.x - value) > 0.0))
-                nearest = known[np.argsort(np.abs(self.x[known] - value))][:1]
-                count = int(self.raw.unstable[nearest[0]]) if len(nearest) else -1
-            found.append(count)
-        return found[0], found[1]
+            count, word = -1, ""
+            if room > NOISE * self.width:
+                at = value + sign * min(FAR * self.width, 0.5 * room)
+                count, word = int(self._counted(np.array([at]))[0]), WORDS[self.looked[at].word]
+                known = np.flatnonzero((self.counts >= 0) & (sign * (self.x - value) > 0.0))
+                if count < 0 and len(known):
+                    nearest = known[np.argmin(np.abs(self.x[known] - value))]
+                    count, word = int(self.counts[nearest]), WORDS[self.raw.words[nearest]]
+            counts.append(count)
+            words.append(word)
+        return (counts[0], counts[1]), (words[0], words[1])
 
-    def _linked(self, spectra: Complex) -> Complex:
-        """Return spectra in columns that are continuous, where eigenvalues do not meet."""
+    def _linked(self, spectra: Complex) -> Index:
+        """Return the orders in which spectra are in continuous columns, where eigenvalues do not meet."""
         links, clear = follow(spectra[:-1], spectra[1:])
         current = np.arange(spectra.shape[1])
         order = [current]
@@ -618,55 +723,65 @@ class _Tracker:
                 link = assigned(np.abs(spectra[k][:, None] - spectra[k + 1][None, :]))
             current = link[current]
             order.append(current)
-        return np.take_along_axis(spectra, np.array(order), axis=1)
+        return np.array(order)
 
-    def _passing(self, x: Array, spectra: Complex) -> Iterator[Bracket]:
+    def _passing(self, part: _Stretch) -> Iterator[Bracket]:
         """Yield brackets in which a branch passes the imaginary axis, and the function that is zero there."""
-        size, known = np.max(np.abs(spectra), axis=1), self._known(x)
-        sign, both = signs(spectra, known), symmetric(spectra, known)
+        spectra, sign = part.values, signs(part.sides)
+        size = np.max(np.abs(spectra), axis=1)
         for i in range(spectra.shape[1]):
             sure = np.flatnonzero(sign[:, i])
             for a, b in pairwise(sure):
-                if sign[a, i] == sign[b, i] or (both[a] and both[b]):
+                if sign[a, i] == sign[b, i] or (part.mirrored[a] and part.mirrored[b]):
                     continue
                 before, after = complex(spectra[a, i]), complex(spectra[b, i])
                 passing = _RealPart(0.5 * (before + after))
                 if before.imag == 0.0 and after.imag == 0.0:
                     # The product of all is smoother than the eigenvalue that passes, and may not change its sign.
-                    single = product(spectra[a], float(size[a])) * product(spectra[b], float(size[b])) < 0.0
-                    yield int(a), int(b), "divergence", product if single else passing
+                    single = self._product(spectra[a], float(size[a])) * self._product(spectra[b], float(size[b])) < 0.0
+                    yield int(a), int(b), "divergence", self._product if single else passing
                 elif before.imag >= 0.0 and after.imag >= 0.0:
                     yield int(a), int(b), "flutter", passing
 
-    def _meeting(self, x: Array, spectra: Complex) -> Iterator[Bracket]:
+    def _meeting(self, part: _Stretch) -> Iterator[Bracket]:
         """Yield brackets in which a spectrum that is symmetric to the axis loses or gains stability."""
-        known = self._known(x)
-        counts, both = unstable_counts(spectra, known), symmetric(spectra, known)
-        changes = [int(k) for k in np.flatnonzero(counts[1:] != counts[:-1])]
-        while changes:
-            # Next to a meeting rounding decides on which side of the axis a point lies.
-            a = changes.pop(0)
-            b = a + 1
-            near = NOISE * max(abs(x[a]), abs(x[b]), x[-1] - x[0])
-            while changes and x[changes[0]] - x[b] < near:
-                b = changes.pop(0) + 1
-            while a > 0 and x[b] - x[a] < near:
-                a -= 1
-            while b < len(x) - 1 and x[b] - x[a] < 2.0 * near:
-                b += 1
-            if counts[a] == counts[b] or not (both[a] and both[b]):
+        x, counts = part.x, part.counts
+        settled = np.flatnonzero(counts >= 0)
+        tests = (("divergence", self._product), ("collision", self._discriminant))
+        for left, right in pairwise(settled.tolist()):
+            if counts[left] == counts[right]:
                 continue
-            if x[b] - x[a] > WIDE * max(abs(x[a]), abs(x[b])) and _far_apart(spectra[a], spectra[b]):
-                yield a, b, "collision", _no_zero
+            a, b = self._apart(part, settled, left, right)
+            if not (part.mirrored[a] and part.mirrored[b]):
                 continue
-            tests = (("divergence", product), ("collision", discriminant))
-            size = float(np.max(np.abs(spectra[[a, b]])))
-            passed = [
-                (kind, test)
-                for kind, test in tests
-                if _vanishes_between(test(spectra[a], size), test(spectra[b], size))
-            ]
-            yield (a, b, *(passed[0] if passed else ("unresolved", None)))
+            before, after = part.values[a], part.values[b]
+            if x[b] - x[a] > WIDE * max(abs(x[a]), abs(x[b])) and _far_apart(before, after):
+                yield a, b, "collision", None
+                continue
+            size = float(np.max(np.abs([before, after])))
+            passed = [(kind, test) for kind, test in tests if test(before, size) * test(after, size) < 0.0]
+            yield (a, b, *(passed[0] if passed else ("collision", None)))
+
+    def _apart(self, part: _Stretch, settled: Index, a: int, b: int) -> tuple[int, int]:
+        """Return settled points on both sides of a change that are not so close that rounding hides it."""
+        x, counts = part.x, part.counts
+        near = NOISE * max(abs(float(x[a])), abs(float(x[b])), float(x[-1] - x[0]))
+        i, j = int(np.searchsorted(settled, a)), int(np.searchsorted(settled, b))
+        while i > 0 and x[settled[j]] - x[settled[i]] < near and counts[settled[i - 1]] == counts[a]:
+            i -= 1
+        while (
+            j < len(settled) - 1 and x[settled[j]] - x[settled[i]] < 2.0 * near and counts[settled[j + 1]] == counts[b]
+        ):
+            j += 1
+        return int(settled[i]), int(settled[j])
+
+    def _product(self, spectrum: Complex, size: float) -> float:
+        """Return the product of the eigenvalues apart from zeros that nothing explains."""
+        return product(spectrum, size, self.unplaced)
+
+    def _discriminant(self, spectrum: Complex, size: float) -> float:
+        """Return the discriminant of λ² apart from zeros that nothing explains."""
+        return discriminant(spectrum[np.argsort(np.abs(spectrum), kind="stable")[self.unplaced :]], size)
 
     def _look_between(self, branches: Complex) -> None:
         """Look at real parts that come close to the axis and turn back between points: they may have crossed it."""
@@ -677,8 +792,7 @@ class _Tracker:
             turns = turning(branches[watched - 1], branches[watched], branches[watched + 1])
         if not turns.any():
             return
-        size = np.nanmax(np.abs(branches), initial=1e-300)
-        turns &= np.abs(now) > STABLE * size
+        turns &= signs(self._sides(branches, watched)) != 0
         for k in np.flatnonzero(np.any(turns, axis=1)):
             a, b = float(self.x[watched[k] - 1]), float(self.x[watched[k] + 1])
             for _ in range(6):
@@ -686,60 +800,63 @@ class _Tracker:
                 found = self.at(points)
                 if np.any(np.isnan(found)):
                     break
-                highest = np.max(np.where(np.abs(found.real) > STABLE * size, found.real, -np.inf), axis=1)
+                sides = np.array([self.looked[p].sides for p in points.tolist()])
+                highest = np.max(np.where(signs(sides) != 0, found.real, -np.inf), axis=1)
                 best = int(np.argmax(highest)) if now[k][np.argmin(np.abs(now[k]))] < 0 else int(np.argmin(highest))
                 a, b = (float(points[max(best - 1, 0)]), float(points[min(best + 1, len(points) - 1)]))
 
-    def _located(
-        self,
-        a: float,
-        b: float,
-        before: Complex,
-        after: Complex,
-        kind: str,
-        test: Test | None,
-        branches: Complex,
-    ) -> Critical | None:
-        """Return the stability change in a bracket; None if there is none."""
+    def _located(self, part: _Stretch, bracket: Bracket, branches: Complex) -> Critical | None:
+        """Return the stability change in a bracket; None if there is none that both sides confirm."""
+        i, j, kind, test = bracket
+        a, b, before, after = float(part.x[i]), float(part.x[j]), part.values[i], part.values[j]
+        if test is None:
+            return None
 
         def spectrum(p: float) -> Complex:
-            found: Complex = self._spectra(np.array([p]))[0]
+            found: Complex = self._spectra(np.array([p])).values[0]
             return found
 
-        counts = self._counts(np.array([a, b]), np.array([before, after]))
-        sides = int(counts[0]), int(counts[1])
-        value, size = 0.5 * (a + b), float(np.max(np.abs([before, after])))
-        if test is not None:
-            ends = test(before, size), test(after, size)
-            if math.isnan(ends[0]):
-                return None
-            if ends[0] * ends[1] < 0.0:
-                try:
-                    value = root(lambda p: test(spectrum(p), size), a, b)
-                except NumericalError:
-                    return None
-                # A test that jumps has no zero.
-                if not abs(test(spectrum(value), size)) <= ZERO * max(abs(ends[0]), abs(ends[1])):
-                    return None
-                step = BESIDE * min(value - a, b - value)
-                sides_of = np.array([value - step, value + step])
-                beside = self._counts(sides_of, self._spectra(sides_of))
-                if step > NOISE * self.width and not np.array_equal(beside, counts):
-                    return None
-            else:  # the range begins or ends at the critical value
-                value = a if abs(ends[0]) < abs(ends[1]) else b
-                nearby = np.array([value + SIDE * (a + b - 2.0 * value)])
-                inside = self._counts(nearby, self._spectra(nearby))[0]
-                if inside != counts[int(value == a)]:
-                    return None
+        size = float(np.max(np.abs([before, after])))
+        ends = test(before, size), test(after, size)
+        if not ends[0] * ends[1] < 0.0:
+            return None
+        try:
+            value = root(lambda p: test(spectrum(p), size), a, b)
+        except NumericalError:
+            return None
+        # A test that jumps has no zero.
+        if not abs(test(spectrum(value), size)) <= ZERO * max(abs(ends[0]), abs(ends[1])):
+            return None
+        counts, words = self._verified(part, i, j, value)
+        if min(counts) < 0 or counts[0] == counts[1]:
+            return None
         there = spectrum(value)
         # Others may pass the axis at the same value.
         which = test.number(there) if isinstance(test, _RealPart) else None
-        found = self._described(value, kind, there, sides, branches, which)
+        found = replace(self._described(value, kind, there, counts, branches, which), verdicts=words)
         if kind == "collision":
             stable = a if counts[0] < counts[1] else b
             found = replace(found, signatures=self._signatures(value, stable, found.frequency))
         return found
+
+    def _verified(self, part: _Stretch, i: int, j: int, value: float) -> tuple[tuple[int, int], tuple[str, str]]:
+        """Return the numbers of unstable eigenvalues and the verdicts on both sides of a value, (−1, −1) if in doubt.
+
+        Both sides are judged as `mbstab eig` does, and must agree with the ends of the bracket where these are known.
+        """
+        a, b = float(part.x[i]), float(part.x[j])
+        step = BESIDE * min(value - a, b - value)
+        for places in ((value - step, value + step), (a, b)):
+            if step <= NOISE * self.width and places[0] != a:
+                continue
+            found = self._counted(np.array(places))
+            ends = part.counts[[i, j]]
+            if np.any((found >= 0) & (ends >= 0) & (found != ends)):
+                break
+            if np.all(found >= 0):
+                below, above = (WORDS[self.looked[p].word] for p in places)
+                return (int(found[0]), int(found[1])), (below, above)
+        return (-1, -1), ("", "")
 
     def _signatures(self, value: float, stable: float, frequency: float) -> tuple[int, int] | None:
         """Return the signs of the energies ω² x̄ᵀM x + x̄ᵀK x of the modes that meet, where they are apart.
@@ -754,7 +871,7 @@ class _Tracker:
         spaces = linear.motion.spaces
         N = spaces.scale[:, None] * spaces.N
         K, R = N.T @ linear.K @ N, N.T @ linear.R @ N
-        if np.max(np.abs(K - K.T)) > SYMMETRIC * np.max(np.abs(K)) or np.max(np.abs(R + R.T)) > SYMMETRIC * (
+        if np.max(np.abs(K - K.T)) > POTENTIAL * np.max(np.abs(K)) or np.max(np.abs(R + R.T)) > POTENTIAL * (
             np.max(np.abs(R)) + 1e-300
         ):
             return None
@@ -790,12 +907,6 @@ class _Tracker:
         return Critical(value, kind, tuple(sorted(int(links[i]) for i in involved)), frequency, unstable)
 
 
-def _vanishes_between(one: float, other: float) -> bool:
-    """Whether a function with these values at two neighbouring points is zero between them, or at one of them."""
-    least, largest = sorted((abs(one), abs(other)))
-    return one * other < 0.0 or least < AT_END * largest
-
-
 def _spaced(a: float, b: float) -> Array:
     """Return points from a to b: evenly spaced, and ever closer towards an end that is zero beside the other."""
     parts = np.linspace(0.0, 1.0, FINER + 1)
@@ -809,11 +920,6 @@ def _far_apart(one: Complex, other: Complex) -> bool:
     """Whether spectra are so different in size that products of their eigenvalues cannot be compared."""
     sizes = sorted((float(np.max(np.abs(one))), float(np.max(np.abs(other)))))
     return sizes[1] > APART * sizes[0]
-
-
-def _no_zero(spectrum: Complex, size: float) -> float:
-    """Say that an interval is too wide for a test."""
-    return math.nan
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,8 @@ import numpy.typing as npt
 from mbstab.analysis import drift
 from mbstab.analysis.constrained import Constrained, Form
 from mbstab.analysis.drift import Drift
-from mbstab.analysis.eigen import EigenResult, Eigenvalue, answer, show, time_scale
+from mbstab.analysis.eigen import EigenResult, Eigenvalue, answer
+from mbstab.analysis.facts import time_scale
 from mbstab.analysis.floquet import monodromy
 from mbstab.analysis.follow import Follower, Run
 from mbstab.analysis.integrators import METHODS
@@ -35,6 +36,7 @@ from mbstab.analysis.numerics import assigned
 from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.samples import states
 from mbstab.analysis.stepping import Options
+from mbstab.analysis.verdict import ASYMPTOTIC, ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE, show
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
 
@@ -181,7 +183,11 @@ def verify(
     modes = [e for e in result.eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
     motion = reference_motion(system)
     frame = _frame(system, motion)
-    count = result.counts.neutral
+    # Zeros that nothing explains are not told from neutral ones: all of them are tried together. Those that are
+    # known to a bound are 0, the others by structure what they are.
+    zeros = [e for e in result.eigenvalues if e.kind == "neutral" or _zero(e)]
+    exact = [e.value if math.isnan(e.error_bound) else 0j for e in zeros]
+    count = len(exact)
     if isinstance(frame, str):
         observations = [_unjudged(k, e, frame) for k, e in enumerate(modes, 1)]
         return Verification(
@@ -193,12 +199,18 @@ def verify(
     for number, (mode, partner) in enumerate(zip(modes, partners, strict=True), 1):
         observations.append(excited.observed(number, mode, partner))
         progress(number / (len(modes) + bool(count)))
-    exact = [e.value for e in result.eigenvalues if e.kind == "neutral"]
-    # Zeros that nothing explains are called undecided, and are counted.
-    neutral = excited.neutral([*exact, *[0j] * (count - len(exact))]) if count else None
+    neutral = excited.neutral(exact) if exact else None
+    if neutral is not None and neutral.verdict == "contradicted" and any(map(_zero, zeros)):
+        reason = f"zeros that nothing explains are not told from slow motions: {neutral.reason}"
+        neutral = replace(neutral, verdict="cannot be judged", reason=reason)
     progress(1.0)
     verdict, reason = _overall(result, observations, neutral)
     return Verification(result, tuple(observations), verdict, reason, excited.evaluations, neutral)
+
+
+def _zero(mode: Eigenvalue) -> bool:
+    """Whether an eigenvalue is not told from zero."""
+    return mode.kind == "undecided" and abs(mode.value) <= mode.error_bound
 
 
 def _frame(system: System, motion: Motion) -> _Frame | str:
@@ -223,7 +235,9 @@ def _steady_frame(linear: Linearization, motion: Motion) -> _Frame:
     generator = linear.generator if linear.generator is not None and linear.generator.turns else None
     to_u = space.to_rates
     rows = 1.0 / np.concatenate([motion.sizes, motion.sizes * time_scale(space)])
-    inverse = np.linalg.pinv(np.vstack([space.to_coordinates, to_u]) * rows[:, None]) * rows
+    matrix = np.vstack([space.to_coordinates, to_u]) * rows[:, None]
+    lengths = np.linalg.norm(matrix, axis=0)
+    inverse = np.linalg.pinv(matrix / lengths) * rows / lengths[:, None]
 
     def components(t: float, dq: Array, du: Array) -> Array:
         if generator is not None:
@@ -289,7 +303,7 @@ class _Excited:
         if k < 0:
             return _unjudged(number, mode, "the motion has no mode that belongs to it")
         s, v, w = complex(self.values[k]), self.right[:, k], self.left[:, k]
-        if not s:
+        if not s or _zero(mode):
             return _unjudged(number, mode, "it is zero, and has neither growth nor frequency to be measured")
         overlap = complex(np.vdot(w, v))
         # Both have length 1 where components of y are of equal size.
@@ -459,7 +473,7 @@ def _judged(found: list[Observation]) -> Observation | None:
     off = last.observed - last.predicted
     known, worst = last.uncertainty, max(abs(off.real), abs(off.imag))
     if known <= AGREES * size and worst <= BLURRED * known:
-        if last.kind not in ("center", "neutral") and abs(last.predicted.real) <= BLURRED * known:
+        if last.kind not in ("center", "undecided") and abs(last.predicted.real) <= BLURRED * known:
             what = "growth" if last.predicted.real > 0.0 else "decay"
             first = "frequency confirmed; " if last.predicted.imag else ""
             reason = f"{first}{what} too small to be seen in {last.span:.3g} s (known to {known:.1e} 1/s)"
@@ -523,10 +537,10 @@ def _overall(result: EigenResult, modes: list[Observation], neutral: Drift | Non
         return "contradicted", f"mode{'s' if len(wrong) > 1 else ''} {names}: {wrong[0].reason}"
     if neutral is not None and neutral.verdict == "contradicted":
         return "contradicted", neutral.reason
-    if result.verdict == "undecided":
+    if result.verdict == UNDECIDED:
         return "cannot be judged", "the linearized equations decide nothing that could be verified"
     growing = [m for m in modes if m.verdict == "confirmed" and m.observed.real > BLURRED * m.uncertainty]
-    if result.verdict == "unstable" and growing:
+    if result.verdict == UNSTABLE and growing:
         worst = max(growing, key=lambda m: m.observed.real)
         return "confirmed", f"mode {worst.number} grows with {worst.observed.real:.6g} 1/s in the nonlinear motion"
     unknown = [m for m in modes if m.verdict != "confirmed"]
@@ -534,11 +548,11 @@ def _overall(result: EigenResult, modes: list[Observation], neutral: Drift | Non
         return "cannot be judged", f"mode {unknown[0].number}: {unknown[0].reason}"
     if not modes and neutral is None:
         return "cannot be judged", "there is no mode that could be excited"
-    if result.verdict == "unstable":
+    if result.verdict == UNSTABLE:
         return "cannot be judged", "no single mode grows in the nonlinear motion: what is unstable was not excited"
     if neutral is not None and neutral.verdict != "confirmed":
         return "cannot be judged", f"neutral directions: {neutral.reason}"
-    what = "all modes decay" if result.verdict == "asymptotically stable" else "no mode grows"
+    what = "all modes decay" if result.verdict in (ASYMPTOTIC, ASYMPTOTIC_UP_TO) else "no mode grows"
     if neutral is not None:
         what += " and neutral directions do what the linearized equations say"
     return "confirmed", f"{what} in the nonlinear motion, within the time it was followed"

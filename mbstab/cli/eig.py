@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,15 +21,12 @@ from mbstab.cli.common import (
     write,
 )
 from mbstab.errors import ExpectationError, NumericalError, UsageError
+from mbstab.model.words import REQUIRED
 
 if TYPE_CHECKING:
     from mbstab.api import Mechanism
 
 CERTIFIED_DIGITS = 50
-REQUIRED = {
-    "stable": ("asymptotically stable",),
-    "marginal": ("asymptotically stable", "marginally stable"),
-}
 
 
 @click.command()
@@ -63,7 +61,12 @@ REQUIRED = {
     help="Excite each mode of the nonlinear motion a little; set its growth rate and frequency beside the eigenvalue. "
     "Exit with 3 if it contradicts.",
 )
-@click.option("--require", type=click.Choice(tuple(REQUIRED)), help="Exit with 3 unless at least this stable.")
+@click.option(
+    "--require",
+    type=click.Choice(tuple(REQUIRED)),
+    help="Exit with 3 unless at least this stable, if only up to symmetry: position, heading, speed. "
+    "marginal: at least no disturbance grows in the linearized equations.",
+)
 @format_option("table", "json", "csv")
 @output_option
 def eig(
@@ -120,13 +123,13 @@ def eig(
 
         text = eigen_text(result, mechanism.model.title)
     write(text, output, mechanism.model.name)
-    _demand(require, result.verdict)
+    _demand(require, result.verdict, result.reasons)
 
 
-def _demand(require: str | None, verdict: str) -> None:
+def _demand(require: str | None, verdict: str, reasons: Sequence[str]) -> None:
     """Refuse a verdict that is less than required."""
     if require and verdict not in REQUIRED[require]:
-        raise ExpectationError(f"required: {require}, found: {verdict}")
+        raise ExpectationError(f"required: {require}, found: {verdict}: {'; '.join(reasons)}")
 
 
 def _precise(
@@ -156,7 +159,7 @@ def _precise(
 
         text = precise_text(result, mechanism.model.title)
     write(text, output, mechanism.model.name)
-    _demand(require, result.verdict)
+    _demand(require, result.verdict, result.reasons)
 
 
 def _verify(
@@ -186,7 +189,7 @@ def _verify(
     write(text, output, model.name)
     if found.verdict == "contradicted":
         raise ExpectationError(f"the nonlinear motion contradicts the eigenvalues: {found.reason}")
-    _demand(require, found.result.verdict)
+    _demand(require, found.result.verdict, found.result.reasons)
 
 
 def _certify(
@@ -211,4 +214,4 @@ def _certify(
     write(text, output, mechanism.model.name)
     if not result.decided:
         raise NumericalError(result.statement)
-    _demand(require, result.verdict)
+    _demand(require, result.verdict, [result.statement])

@@ -92,7 +92,7 @@ def sweep(
 ) -> None:
     """Follow the eigenvalues over a parameter and find the values at which stability changes.
 
-    With two parameters the number of unstable eigenvalues over both is drawn as a chart. The range is that of the
+    With two parameters the verdicts over both are drawn as a chart. The range is that of the
     file's sweep: block unless given. The terminal shows the critical values; all branches go to --output as CSV, JSON
     or npz, and pictures beside it.
 
@@ -151,6 +151,8 @@ def sweep(
             answer = mechanism.sweep(parameters[0], grids[parameters[0]], progress=progress, **run)
         _write(_sweep_answer(answer, *labels[0], model.name, model.title), format_, output, model.name)
         _draw(answer, drawn, *stem, _label(parameters[0], labels[0][0]), model.title)
+        for warning in dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings):
+            note(f"warning: {warning}")
         total, missing = len(answer.values), len(answer.unanswered)
     else:
         with progress_bar("sweeping") as progress, _kept(directory):
@@ -214,7 +216,8 @@ def _draw_chart(result: Chart, stem: Path, suffix: str, labels: list[tuple[str, 
     from mbstab.report import plots
 
     texts = [_label(name, unit) for name, (unit, _) in zip(result.parameters, labels, strict=True)]
-    figure = plots.chart(result.x, result.y, result.unstable, result.boundaries, (texts[0], texts[1]), title)
+    missing = plots.gap(bool(result.problems), int((result.unstable < 0).sum()) > len(result.problems))
+    figure = plots.chart(result.x, result.y, result.unstable, result.boundaries, (texts[0], texts[1]), title, missing)
     save_picture(figure, stem.with_name(f"{stem.name}-chart{suffix}"))
 
 

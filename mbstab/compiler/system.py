@@ -39,6 +39,7 @@ from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
 from mbstab.mechanics.catalogue import GROUND, ElementUse
 from mbstab.mechanics.elements import ELEMENTS
+from mbstab.mechanics.vectors import plain_zero
 from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
 from mbstab.model.expressions import Expression
 from mbstab.model.jets import Jet
@@ -96,6 +97,83 @@ class _Placed:
     laws: tuple[Any, ...]
     takes_acceleration: bool
     path: str
+
+
+@dataclass(frozen=True)
+class Acting:
+    """An element without rows, which makes forces or bears inertia, by itself.
+
+    Attributes
+    ----------
+    path : str
+        The entry it belongs to.
+    columns : tuple of int
+        Numbers of the coordinates it sees.
+    written : bool
+        Whether it is written as expressions in the file.
+    inertia : bool
+    stored : bool
+        Whether its force comes from a potential and a dissipation function.
+    damped : bool
+        Whether the dissipation function is there.
+    analytic : bool
+        Whether what it does somewhere tells what it does everywhere: no abs and the like of coordinates.
+    slots : frozenset of (int, int)
+        Which entries of ∂F/∂q are not identically zero, as numbers of coordinates.
+    """
+
+    path: str
+    columns: tuple[int, ...]
+    written: bool
+    inertia: bool
+    stored: bool
+    damped: bool
+    analytic: bool
+    slots: frozenset[tuple[int, int]]
+    placed: _Placed
+
+    def force(self, q: Any, u: Any, a: Any, time: Any, f: Arithmetic = FLOAT) -> list[Any]:
+        """Return its part of the residual F, with its inertia, on its own columns.
+
+        Parameters
+        ----------
+        q, u, a : sequences of numbers, length n_q
+        time : number (s)
+        f : Arithmetic
+            Of the numbers.
+        """
+        e, zero = self.placed, f.number("0")
+        n = len(q)
+        own = [[x[i] if i < n else zero for i in e.columns] for x in (q, u, a)]
+        signals = _signals(e.laws, time) if e.laws else ()
+        values = iter(e.kernel.dynamics(f, own[0], own[1], e.parameters, signals))
+        place = {column: k for k, column in enumerate(self.columns)}
+        total = [zero] * len(self.columns)
+        for key, entries in e.kernel.DYNAMICS.items():
+            for index in entries:
+                value = next(values)
+                row = place.get(e.columns[index[0]])
+                if row is not None:
+                    total[row] = total[row] + (value * own[2][index[1]] if key == "M" else value)
+        return total
+
+    def slopes(self, q: Any, u: Any, a: Any, time: Any, f: Arithmetic = FLOAT) -> tuple[list[list[Any]], ...]:
+        """Return the parts of ∂F/∂q and ∂F/∂u on its own columns, as rows."""
+        e, zero = self.placed, f.number("0")
+        n = len(q)
+        own = [[x[i] if i < n else zero for i in e.columns] for x in (q, u, a)]
+        signals = _signals(e.laws, time) if e.laws else ()
+        arguments = [own[0], own[1], e.parameters, signals, *([own[2]] if e.takes_acceleration else [])]
+        values = iter(e.kernel.linearize(f, *arguments))
+        place = {column: k for k, column in enumerate(self.columns)}
+        found: dict[str, list[list[Any]]] = {key: [[zero] * len(place) for _ in place] for key in "KR"}
+        for key, entries in e.kernel.LINEARIZE.items():
+            for i, j in entries:
+                value = next(values)
+                if e.columns[i] in place and e.columns[j] in place:
+                    row = found[key][place[e.columns[i]]]
+                    row[place[e.columns[j]]] = row[place[e.columns[j]]] + value
+        return found["K"], found["R"]
 
 
 class System:
@@ -190,6 +268,32 @@ class System:
                 part = copy(self)
                 part._elements, part._plans = [element], {}
                 yield part
+
+    def acting(self) -> list[Acting]:
+        """Return the elements without rows, each by itself."""
+        found = []
+        pieced = {
+            item.entry.path
+            for item in self.scene.items
+            if item.kind.name == "expression"
+            and any(expression.pieced() for expression in item.entry.values["on"].values())
+        }
+        for e in self._elements:
+            if e.rows:
+                continue
+            columns = tuple(dict.fromkeys(i for i in e.columns if i < self.n_q))
+            pairs = ((e.columns[i], e.columns[j]) for i, j in e.kernel.LINEARIZE.get("K", ()))
+            slots = {pair for pair in pairs if max(pair) < self.n_q}
+            written = e.kernel.__name__ == "user"
+            name = e.kernel.__name__.rpartition(".")[2]
+            stored = not written and ELEMENTS[name].stored
+            # Its damping is the last of its numbers.
+            damped = stored and ELEMENTS[name].parameters[-1][0] == "damping" and not plain_zero(e.parameters[-1])
+            analytic = not written or e.path not in pieced
+            found.append(
+                Acting(e.path, columns, written, e.takes_acceleration, stored, damped, analytic, frozenset(slots), e)
+            )
+        return found
 
     def fused(self) -> Fused:
         """Return the same equations as functions of this scene alone, for thousands of states.

@@ -53,6 +53,9 @@ class Element:
         Unit of each row; one unit stands for all rows.
     define : callable
         ``define(frames, parameters, signals)`` with symbolic frames; SymPy is imported inside.
+    stored : bool
+        Of a force: whether it is a potential and a dissipation function and nothing else; the
+        last parameter is then the damping, if it has any.
     """
 
     name: str
@@ -63,6 +66,7 @@ class Element:
     define: Callable[..., Any]
     signals: int = 0
     units: tuple[str, ...] = ()
+    stored: bool = False
 
 
 @dataclass(frozen=True)

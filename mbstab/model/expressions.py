@@ -23,6 +23,9 @@ MAX_CHAIN = 480
 MAX_EXPONENT = 100.0
 MAX_NUMBER = 1e300
 
+PIECED = ("abs", "smooth_start")
+"""Functions that are not analytic."""
+
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
     r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z_][A-Za-z0-9_]*)*)"
@@ -133,6 +136,15 @@ class Expression:
                 found[node.name] = min(node.position, found.get(node.name, node.position))
         return found
 
+    def pieced(self) -> bool:
+        """Whether it is put together from pieces: a function with a kink or a joint of a coordinate or its rate."""
+        return any(
+            isinstance(node, Call)
+            and node.function in PIECED
+            and any(isinstance(x, Rate) or (isinstance(x, Name) and "." in x.name) for x in _below(node))
+            for node in self.walk()
+        )
+
     def evaluate(self, names: Mapping[str, Any], arithmetic: Arithmetic, rates: Mapping[str, Any] | None = None) -> Any:
         """Return the value.
 
@@ -151,6 +163,13 @@ class Expression:
             If the expression has no value (division by zero, logarithm of a negative number, …).
         """
         return _evaluate(self.root, names, rates or {}, arithmetic)
+
+
+def _below(node: Node) -> Iterator[Node]:
+    """Yield the nodes of which a node is made."""
+    for part in _parts(node):
+        yield part
+        yield from _below(part)
 
 
 def _parts(node: Node) -> tuple[Node, ...]:

@@ -38,6 +38,7 @@ from mbstab.model.schema import (
     body_coordinates,
     parse_finite,
 )
+from mbstab.model.words import WORDS
 from mbstab.model.yamlfile import Document, Mapping, Scalar, Sequence, YamlNode, parse_yaml, read_text
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
@@ -932,7 +933,7 @@ class _Reader:
         return float(value)
 
     def _verdict(self, node: YamlNode | None, path: str) -> str | None:
-        return self._choice(node, path, schema.VERDICTS) if node is not None else None
+        return self._choice(node, path, WORDS) if node is not None else None
 
     def _expect(self, node: YamlNode | None) -> tuple[Expectation, ...]:
         if node is None or (isinstance(node, Scalar) and node.empty):

@@ -12,6 +12,7 @@ from mbstab.mechanics import bodies
 from mbstab.mechanics.catalogue import Field, Kind
 from mbstab.mechanics.elements import KINDS
 from mbstab.model.expressions import Expression, ExpressionError, parse
+from mbstab.model.words import WORDS
 from mbstab.model.yamlfile import Document
 
 VERSION = "1"
@@ -261,8 +262,6 @@ def unit_of(coordinate: str) -> str:
     return "m" if is_length(coordinate) else "rad"
 
 
-VERDICTS = ("asymptotically stable", "marginally stable", "unstable", "undecided")
-
 PARAMETER_FIELDS = {"value": "number or expression", "unit": "unit of the value", "description": "what it is"}
 REFERENCE_FIELDS = {
     "time": "time at which the motion is looked at, 0 if not given (s)",
@@ -290,12 +289,12 @@ SWEEP_FIELDS = {"from": "first value", "to": "last value", "points": "number of 
 EXPECT_FIELDS = {
     "at": "parameter values: {omega: 4}",
     "eigenvalues": "all that are not neutral: {real, imag}; an entry with imag stands for the conjugate pair",
-    "tolerance": "relative tolerance of the eigenvalues, and of the coordinates (1 m, 1 rad at least)",
-    "neutral": "number of neutral (zero) eigenvalues",
+    "tolerance": "relative, of eigenvalues (zeros: within their bounds) and of coordinates (of 1 m, 1 rad at least)",
+    "neutral": "number of neutral eigenvalues: zeros, and pairs of shifts that a turning frame carries around",
     "frozen": "true: eigenvalues of the equations frozen at the reference time, as mbstab eig --frozen",
     "coordinates": "coordinates of the reference motion, by body: {body: {x: …}}",
     "redundant": "number of redundant constraint rows",
-    "verdict": "one of " + ", ".join(VERDICTS),
+    "verdict": "one of " + ", ".join(WORDS),
     "critical": "{parameter, value, tolerance, below, above}: where the verdict changes, and from what to what",
     "source": "where the expected values come from",
 }
@@ -336,7 +335,7 @@ def json_schema() -> dict[str, Any]:
     text: dict[str, Any] = {"type": "string"}
     number: dict[str, Any] = {"type": ["number", "string"]}
     integer: dict[str, Any] = {"type": "integer"}
-    verdict: dict[str, Any] = {"enum": list(VERDICTS)}
+    verdict: dict[str, Any] = {"enum": list(WORDS)}
     numbers: dict[str, Any] = {"type": "array", "items": number}
     vector = {"anyOf": [text, {"const": 0}, numbers]}
     direction = {"anyOf": [text, numbers]}

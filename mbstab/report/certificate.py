@@ -6,6 +6,7 @@ from textwrap import wrap
 from typing import Any
 
 from mbstab.analysis.certify import Certificate
+from mbstab.analysis.verdict import Modulo
 from mbstab.report import WIDTH
 from mbstab.report.tables import table
 
@@ -19,7 +20,8 @@ WORDS = {
     "left": "left of the axis",
     "right": "right of the axis",
     "imaginary": "on the axis",
-    "zero": "zero",
+    "zero": "zero, by symmetry",
+    "carried": "on the axis, by symmetry",
     "open": "not told",
 }
 
@@ -44,10 +46,11 @@ def certificate_data(result: Certificate, model: str, title: str) -> dict[str, A
 
     Keys: ``model``, ``title``, ``verdict``, ``status`` (``proven``, ``conditional``: the verdict
     rests on ``conditions``, or ``not provable``), ``proven`` (whether the status is that),
-    ``conditions``, ``statement``, ``eigenvalues`` (``real`` and ``imag`` in 1/s, each with
+    ``conditions``, ``statement``, ``modulo``, ``in_place``, ``reason``, ``evidence``, ``warnings`` (as those of
+    ``mbstab eig``), ``eigenvalues`` (``real`` and ``imag`` in 1/s, each with
     ``midpoint`` and ``radius`` as decimal strings, ``count``, ``kind``, ``why``), ``assumed``,
     ``reasons``, ``notes``, ``digits``, ``parameter``, ``followed`` (which equilibrium an interval
-    is about) and ``parts`` of an interval (``low`` and ``high`` in SI as fractions, ``verdict``,
+    is about) and ``parts`` of an interval (``low`` and ``high`` in SI as fractions, ``verdict``, ``modulo``,
     ``reason``, ``at_low`` and ``at_high``: enclosures of the coordinates that were solved for).
     """
     return {
@@ -58,6 +61,11 @@ def certificate_data(result: Certificate, model: str, title: str) -> dict[str, A
         "proven": result.proven,
         "conditions": result.conditions,
         "statement": result.statement,
+        "modulo": _modulo(result.modulo),
+        "in_place": result.in_place,
+        "reason": "; ".join(result.judged.reasons if result.judged is not None else result.reasons),
+        "evidence": result.evidence,
+        "warnings": result.warnings,
         "eigenvalues": [
             {
                 "real": decimals(e.real, result.digits),
@@ -79,6 +87,7 @@ def certificate_data(result: Certificate, model: str, title: str) -> dict[str, A
                 "low": str(part.low),
                 "high": str(part.high),
                 "verdict": part.verdict,
+                "modulo": _modulo(part.modulo),
                 "reason": part.reason,
                 "at_low": {name: decimals(x, result.digits) for name, x in part.at_low.items()},
                 "at_high": {name: decimals(x, result.digits) for name, x in part.at_high.items()},
@@ -86,6 +95,10 @@ def certificate_data(result: Certificate, model: str, title: str) -> dict[str, A
             for part in result.parts
         ],
     }
+
+
+def _modulo(modulo: Modulo) -> dict[str, tuple[str, ...]]:
+    return {"symmetries": modulo.symmetries, "family": modulo.family}
 
 
 def certificate_text(result: Certificate, title: str) -> str:
@@ -107,12 +120,12 @@ def certificate_text(result: Certificate, title: str) -> str:
     for reason in result.reasons[1:]:
         lines += _wrapped(reason, "  ")
     zeros = [e for e in result.eigenvalues if e.kind == "zero"]
-    on_axis = list(dict.fromkeys(e.why for e in result.eigenvalues if e.kind == "imaginary"))
-    if zeros or on_axis:
+    on_axis = list(dict.fromkeys(e.why for e in result.eigenvalues if e.kind in ("imaginary", "carried")))
+    if zeros or on_axis or result.notes or result.warnings:
         lines.append("")
-    lines += [line for e in zeros for line in _wrapped(f"zero because of: {e.why}", "")]
+    lines += [line for e in zeros for line in _wrapped(f"zero because nothing depends on {e.why}", "")]
     lines += [line for why in on_axis for line in _wrapped(f"exactly on the axis because {why}", "")]
-    lines += [line for note in result.notes for line in _wrapped(note, "")]
+    lines += [line for note in (*result.notes, *result.warnings) for line in _wrapped(note, "")]
     lines += ["", "assumed: " + ("nothing but the model file" if not result.assumed else "")]
     lines[-1] = lines[-1].rstrip()
     for text in result.assumed:

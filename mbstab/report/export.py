@@ -10,17 +10,19 @@ from dataclasses import asdict
 from io import BytesIO, StringIO
 from typing import TYPE_CHECKING, Any
 
-from mbstab.analysis.chart import Chart
-from mbstab.analysis.check import CheckReport
-from mbstab.analysis.eigen import EigenResult
-from mbstab.analysis.equilibrium import Equilibrium
-from mbstab.analysis.linearize import Linearization, StateSpace
-from mbstab.analysis.sweep import Sweep
 from mbstab.model.schema import unit_of
+from mbstab.model.words import UNDECIDED
 
 if TYPE_CHECKING:
+    from mbstab.analysis.chart import Chart
+    from mbstab.analysis.check import CheckReport
     from mbstab.analysis.compare import Comparison, Outcome
+    from mbstab.analysis.eigen import EigenResult
+    from mbstab.analysis.equilibrium import Equilibrium
+    from mbstab.analysis.linearize import Linearization, StateSpace
     from mbstab.analysis.precise import PreciseResult
+    from mbstab.analysis.sweep import Sweep
+    from mbstab.analysis.verdict import Verdict
 
 Named = tuple[Any, list[str], list[str]]
 
@@ -58,11 +60,11 @@ def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str
     Keys: ``model``, ``title``, ``parameters`` (SI), ``method``, ``frame`` (the steady
     motion in whose frame the equations are written; empty: the coordinates of the file),
     ``frozen_time`` (true: no stability verdict), ``period`` (s, of a
-    periodic motion; its eigenvalues are Floquet exponents with a ``multiplier``), ``verdict``, ``reasons``,
+    periodic motion; its eigenvalues are Floquet exponents with a ``multiplier``), the keys of `verdict_data`,
     ``eigenvalues`` (``real`` and ``imag`` in 1/s, ``kind``, ``frequency`` in Hz,
     ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s, ``error_bound`` in 1/s,
     ``condition``, ``backward_error``, ``participation``), ``counts`` (`mbstab.analysis.eigen.Counts`),
-    ``neutral_chains``, ``symmetries``, ``warnings``.
+    ``warnings``.
     """
     return {
         "model": model,
@@ -72,8 +74,7 @@ def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str
         "frame": result.frame,
         "frozen_time": result.frozen,
         "period": result.period,
-        "verdict": result.verdict,
-        "reasons": result.reasons,
+        **verdict_data(result.judged),
         "eigenvalues": [
             {
                 "real": e.value.real,
@@ -92,9 +93,26 @@ def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str
             for e in result.eigenvalues
         ],
         "counts": {**asdict(result.counts), "degrees_of_freedom": result.counts.degrees_of_freedom},
-        "neutral_chains": result.chains,
-        "symmetries": result.symmetries,
         "warnings": result.warnings,
+    }
+
+
+def verdict_data(judged: Verdict) -> dict[str, Any]:
+    """Return a verdict as part of a JSON object.
+
+    Keys: ``verdict`` (the word), ``modulo`` (up to what it holds: ``symmetries`` that carry all motions into motions,
+    ``family``: what tells motions of the same kind from each other, such as the speed), ``in_place`` (whether disturbed
+    motions also stay near the reference itself; null: not claimed), ``reason`` (what it rests on, in one text),
+    ``reasons`` (the same, sentence by sentence), ``evidence`` (its weakest fact: ``structural``, ``enclosed`` or
+    ``numerical``).
+    """
+    return {
+        "verdict": judged.word,
+        "modulo": {"symmetries": judged.symmetries, "family": judged.family},
+        "in_place": judged.in_place,
+        "reason": "; ".join(judged.reasons),
+        "reasons": judged.reasons,
+        "evidence": judged.evidence,
     }
 
 
@@ -111,11 +129,11 @@ def precise_data(result: PreciseResult, model: str, title: str, parameters: dict
     """Return the JSON object of ``mbstab eig --precision``.
 
     Keys: ``model``, ``title``, ``parameters`` (SI, rounded to doubles), ``method``, ``frame``, ``frozen_time``,
-    ``digits`` (all of them right), ``working_digits``, ``seconds``, ``verdict``, ``reasons``, ``eigenvalues``
+    ``digits`` (all of them right), ``working_digits``, ``seconds``, the keys of `verdict_data`, ``eigenvalues``
     without the neutral ones (``real``, ``imag`` and ``error_bound`` in 1/s as decimal strings; ``kind``),
     ``neutral`` (``zeros`` and the frequencies ``shifts`` of pairs, rad/s as decimal strings), ``counts``,
-    ``neutral_chains``, ``symmetries``, ``smallest_pivot`` and ``largest_zero_pivot`` (the rank decisions about
-    neutral eigenvalues, as decimal strings), ``double_precision`` (``verdict`` there), ``warnings``.
+    ``smallest_pivot`` and ``largest_zero_pivot`` (the rank decisions about zero eigenvalues, as decimal strings),
+    ``double_precision`` (``verdict`` there), ``warnings``.
     """
     return {
         "model": model,
@@ -127,15 +145,12 @@ def precise_data(result: PreciseResult, model: str, title: str, parameters: dict
         "digits": result.digits,
         "working_digits": result.working_digits,
         "seconds": result.seconds,
-        "verdict": result.verdict,
-        "reasons": result.reasons,
+        **verdict_data(result.judged),
         "eigenvalues": [
             {"real": e.real, "imag": e.imag, "kind": e.kind, "error_bound": e.bound} for e in result.eigenvalues
         ],
-        "neutral": {"zeros": sum(result.chains), "shifts": result.shifts},
+        "neutral": {"zeros": result.zeros, "shifts": result.shifts},
         "counts": {**asdict(result.counts), "degrees_of_freedom": result.counts.degrees_of_freedom},
-        "neutral_chains": result.chains,
-        "symmetries": result.symmetries,
         "smallest_pivot": result.kept,
         "largest_zero_pivot": result.dropped,
         "double_precision": {"verdict": result.plain.verdict},
@@ -224,11 +239,12 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
 
     Keys: ``model``, ``title``, ``parameter``, ``unit``, ``values`` (in that unit), ``branches``
     (lists with an eigenvalue for each value: ``real`` and ``imag`` in 1/s, null where there is
-    none), ``unstable`` (their number for each value, null without an answer), ``neutral``,
-    ``critical`` (``value``, ``kind``, ``branch``: numbers counting from 0, ``frequency`` in
-    rad/s, ``krein_signatures`` of a collision, ``branching``, ``unstable_below``, ``unstable_above``),
+    none), ``unstable`` (their number for each value, null where the verdict is open), ``verdicts``
+    (one for each value), ``neutral``, ``critical`` (``value``, ``kind``, ``branch``: numbers counting from 0,
+    ``frequency`` in rad/s, ``krein_signatures`` of a collision, ``branching``, ``unstable_below``,
+    ``unstable_above``, ``verdict_below``, ``verdict_above``, null where there is none),
     ``meetings`` (``value``, ``kind``), ``problems`` (``point`` counting from 0, ``reason``),
-    ``start`` (where equilibria were followed from, null if they are given) and ``beyond``: for
+    ``warnings``, ``start`` (where equilibria were followed from, null if they are given) and ``beyond``: for
     each path to which folds lead an object with the same keys from ``values`` on.
     """
     head = {"model": model, "title": title, "parameter": result.parameter, "unit": unit}
@@ -240,6 +256,7 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
         "values": (result.values / factor).tolist(),
         "branches": [{"real": column.real, "imag": column.imag} for column in result.branches.T],
         "unstable": [int(n) if n >= 0 else None for n in result.unstable],
+        "verdicts": result.verdicts,
         "neutral": result.neutral,
         "critical": [
             {
@@ -251,19 +268,23 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
                 "branching": c.branching,
                 "unstable_below": c.unstable[0] if c.unstable[0] >= 0 else None,
                 "unstable_above": c.unstable[1] if c.unstable[1] >= 0 else None,
+                "verdict_below": c.verdicts[0] or None,
+                "verdict_above": c.verdicts[1] or None,
             }
             for c in result.critical
         ],
         "meetings": [{"value": value / factor, "kind": kind} for value, kind in result.meetings],
         "problems": [{"point": i, "reason": reason} for i, reason in result.problems.items()],
+        "warnings": list(result.warnings),
         "start": None if result.start is None else result.start / factor,
     }
 
 
 def sweep_csv(result: Sweep, factor: float) -> str:
-    """Return one line for each value: it, the number of unstable eigenvalues, the branches, the path and its status.
+    """Return one line for each value: it, the number of unstable eigenvalues, the verdict, the branches, the path.
 
-    Paths count from 1; those to which folds lead come after the first.
+    Paths count from 1; those to which folds lead come after the first. The last column says why there is no answer,
+    ``undecided`` where the verdict is open, and else ``ok``.
     """
     paths = (result, *result.beyond)
     count = max(path.branches.shape[1] for path in paths)
@@ -271,11 +292,12 @@ def sweep_csv(result: Sweep, factor: float) -> str:
     rows: list[list[Any]] = []
     for number, path in enumerate(paths, 1):
         missing = [float("nan")] * (2 * (count - path.branches.shape[1]))
-        for i, (x, n, row) in enumerate(zip(path.values / factor, path.unstable, path.branches, strict=True)):
+        columns = zip(path.values / factor, path.unstable, path.verdicts, path.branches, strict=True)
+        for i, (x, n, verdict, row) in enumerate(columns):
             numbers = [float(part) for s in row for part in (s.real, s.imag)]
-            status = path.problems.get(i, "ok").splitlines()[0]
-            rows.append([float(x), int(n) if n >= 0 else "", *numbers, *missing, number, status])
-    return to_csv([result.parameter, "unstable", *parts, "path", "status"], rows)
+            status = path.problems.get(i, UNDECIDED if verdict == UNDECIDED else "ok").splitlines()[0]
+            rows.append([float(x), int(n) if n >= 0 else "", verdict, *numbers, *missing, number, status])
+    return to_csv([result.parameter, "unstable", "verdict", *parts, "path", "status"], rows)
 
 
 def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
@@ -290,6 +312,7 @@ def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
         "values": np.concatenate([path.values for path in paths]) / factor,
         "branches": np.concatenate(wide),
         "unstable": np.concatenate([path.unstable for path in paths]),
+        "verdicts": np.array([word for path in paths for word in path.verdicts]),
         "path": np.repeat(np.arange(len(paths)) + 1, [len(path.values) for path in paths]),
         "critical": np.array([c.value / factor for path in paths for c in path.critical]),
         "critical_kind": np.array([c.kind for path in paths for c in path.critical]),
@@ -359,8 +382,8 @@ def chart_data(result: Chart, labels: Sequence[tuple[str, float]], model: str, t
     """Return the JSON object of a stability chart.
 
     Keys: ``model``, ``title``, ``parameters``, ``units``, ``values`` (two lists, in these units),
-    ``unstable`` (for each value of the second parameter a list over the first; null without an
-    answer), ``boundaries`` (lists of points), ``problems``.
+    ``unstable`` (for each value of the second parameter a list over the first; null where the verdict
+    is open), ``verdicts`` (in the same way), ``boundaries`` (lists of points), ``problems``.
     """
     return {
         "model": model,
@@ -369,6 +392,7 @@ def chart_data(result: Chart, labels: Sequence[tuple[str, float]], model: str, t
         "units": [unit for unit, _ in labels],
         "values": [(x / factor).tolist() for x, (_, factor) in zip((result.x, result.y), labels, strict=True)],
         "unstable": [[int(n) if n >= 0 else None for n in row] for row in result.unstable],
+        "verdicts": result.verdicts,
         "boundaries": [curve / [factor for _, factor in labels] for curve in result.boundaries],
         "problems": [{"point": i, "reason": reason} for i, reason in result.problems.items()],
     }
@@ -376,13 +400,14 @@ def chart_data(result: Chart, labels: Sequence[tuple[str, float]], model: str, t
 
 def chart_csv(result: Chart, labels: Sequence[tuple[str, float]]) -> str:
     """Return one line for each point of a chart."""
+    verdicts = result.verdicts
     x, y = (along / factor for along, (_, factor) in zip((result.x, result.y), labels, strict=True))
     rows = [
-        [float(a), float(b), int(result.unstable[i, j]) if result.unstable[i, j] >= 0 else ""]
+        [float(a), float(b), int(result.unstable[i, j]) if result.unstable[i, j] >= 0 else "", verdicts[i][j]]
         for i, b in enumerate(y)
         for j, a in enumerate(x)
     ]
-    return to_csv([*result.parameters, "unstable"], rows)
+    return to_csv([*result.parameters, "unstable", "verdict"], rows)
 
 
 def chart_arrays(result: Chart, labels: Sequence[tuple[str, float]]) -> dict[str, Any]:
@@ -396,6 +421,7 @@ def chart_arrays(result: Chart, labels: Sequence[tuple[str, float]]) -> dict[str
         "x": result.x / factors[0],
         "y": result.y / factors[1],
         "unstable": result.unstable,
+        "verdicts": np.array(result.verdicts),
         "boundaries": np.concatenate(curves) if curves else np.zeros((0, 2)),
     }
 

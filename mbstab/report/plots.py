@@ -12,7 +12,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from textwrap import wrap
@@ -31,7 +31,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, SymmetricalLogLocator
 
 from mbstab.analysis.methods import METHODS
-from mbstab.analysis.spectrum import STABLE, Complex
+from mbstab.analysis.spectrum import Complex
 from mbstab.analysis.sweep import Critical, Sweep
 from mbstab.compiler.system import Array
 from mbstab.model.units import parse_unit
@@ -56,6 +56,9 @@ UNSTABLE_SHADE = "0.9"
 CRITICAL_STYLE = (0, (7, 2, 1.5, 2))
 REGIONS = ("1.0", "0.82", "0.64", "0.46", "0.28")
 """Grey of a region by number of unstable eigenvalues; the last is for that number and more."""
+
+TINY = 1e-10
+"""Imaginary parts below this part of the largest eigenvalue are drawn as zero."""
 
 THIN, THICK = 1.5, 3.2
 """Width (points) of curves of stable and unstable eigenvalues."""
@@ -136,7 +139,7 @@ def stability_map(result: Sweep, label: Axis | str, title: str) -> Figure:
             for j in range(part.shape[1]):
                 _curve(axes, picture.x, part[:, j], picture.ink[j], picture.growing[:, j], dashed)
         # Once for all real eigenvalues: dashes of several on each other would be a solid line.
-        level = np.where(np.any(np.abs(picture.imag) <= STABLE * picture.size, axis=1), 0.0, np.nan)
+        level = np.where(np.any(np.abs(picture.imag) <= TINY * picture.size, axis=1), 0.0, np.nan)
         _curve(lower, picture.x, level, INK[0], np.zeros(len(level), dtype=bool), True)
         _real_scale(upper, "y", picture.all(lambda part: part.real), picture.size)
         heights = picture.all(_Picture.upper_half)
@@ -261,6 +264,7 @@ def chart(
     boundaries: Sequence[Array],
     labels: tuple[Axis | str, Axis | str],
     title: str,
+    missing: str = "no answer",
 ) -> Figure:
     """Return a stability chart of two parameters.
 
@@ -269,11 +273,13 @@ def chart(
     x, y : ndarray
         Values of the parameters (SI), ascending or descending.
     unstable : ndarray of int, shape (len(y), len(x))
-        Number of unstable eigenvalues; −1 where there is no answer.
+        Number of unstable eigenvalues; −1 where the verdict is open, or there is no answer.
     boundaries : sequence of ndarray, shape (k, 2)
         Points of curves (SI); a row of nan breaks a curve.
     labels : tuple of Axis or str
     title : str
+    missing : str
+        What the legend says of points without a number.
     """
     across, up = (Axis.read(label) for label in labels)
     with _style():
@@ -299,7 +305,7 @@ def chart(
             text = f"{count} or more unstable" if count == last else f"{count} unstable" if count else "stable"
             handles.append(Patch(facecolor=REGIONS[count], edgecolor="0.3", linewidth=0.6, label=text))
         if np.any(unstable < 0):
-            handles.append(_no_answer())
+            handles.append(_no_answer(missing))
         if len(boundaries):
             handles.append(Line2D([], [], color="k", linewidth=1.4, label="stability boundary"))
         _legend(figure, handles)
@@ -487,7 +493,7 @@ class _Picture:
         self.x, self.real, self.imag = x / label.factor, branches.real, branches.imag
         self.critical: list[list[Critical]] = []
         for c in sorted(result.critical, key=lambda c: c.value):
-            item = Critical(c.value / label.factor, c.kind, c.branches, c.frequency, c.unstable)
+            item = replace(c, value=c.value / label.factor)
             if self.critical and self.show(self.critical[-1][0].value) == self.show(item.value):
                 self.critical[-1].append(item)
             else:
@@ -497,6 +503,13 @@ class _Picture:
         self.size = max([self.size, *(other.size for other in self.others)])
         unanswered = np.zeros(len(result.values), dtype=bool)
         unanswered[result.unanswered] = True
+        # An undecided point on a critical value leaves nothing open beside it.
+        places = np.array([c.value for c in result.critical])
+        width = float(np.max(np.abs(result.values), initial=0.0))
+        at = np.any(np.abs(result.values[:, None] - places) <= 1e-9 * width, axis=1)
+        undecided = (result.unstable < 0) & ~np.any(np.isnan(result.branches), axis=1) & ~at
+        self.gap = gap(bool(unanswered.any()), bool(undecided.any()))
+        unanswered |= undecided
         self.unanswered = unanswered[::-1] if down else unanswered
         self.marked = sorted(
             [*self.critical, *(group for other in self.others for group in other.critical)],
@@ -515,7 +528,7 @@ class _Picture:
 
     def upper_half(self) -> Array:
         """Return the positive imaginary parts, and 0 next to them, where a frequency starts or ends; nan elsewhere."""
-        tiny = STABLE * self.size
+        tiny = TINY * self.size
         above, zero = self.imag > tiny, np.abs(self.imag) <= tiny
         beside = np.zeros_like(above)
         beside[1:] |= above[:-1]
@@ -617,7 +630,7 @@ class _Picture:
         if over and np.any(self.unstable > 0):
             handles.append(Patch(facecolor=UNSTABLE_SHADE, edgecolor="0.6", linewidth=0.6, label="unstable range"))
         if over and np.any(self.unanswered):
-            handles.append(_no_answer())
+            handles.append(_no_answer(self.gap))
         return handles
 
 
@@ -895,8 +908,13 @@ def _marker(marker: str, size: float, text: str) -> Line2D:
     return Line2D([], [], color="k", linestyle="", marker=marker, markersize=size, markerfacecolor="w", label=text)
 
 
-def _no_answer() -> Patch:
-    return Patch(facecolor="w", edgecolor="0.6", hatch="//////", linewidth=0.6, label="no answer")
+def gap(unanswered: bool, undecided: bool) -> str:
+    """Return what the legend says of hatched parts."""
+    return " or ".join(["undecided"] * undecided + ["no answer"] * (unanswered or not undecided))
+
+
+def _no_answer(text: str = "no answer") -> Patch:
+    return Patch(facecolor="w", edgecolor="0.6", hatch="//////", linewidth=0.6, label=text)
 
 
 def _beside(figure: Figure, axes: Axes) -> Any:

@@ -4,25 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from io import StringIO
 from itertools import pairwise
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from mbstab.analysis.chart import Chart
-from mbstab.analysis.check import CheckReport
-from mbstab.analysis.eigen import EigenResult, Eigenvalue, show
-from mbstab.analysis.equilibrium import Equilibrium
-from mbstab.analysis.linearize import Linearization, StateSpace
 from mbstab.analysis.methods import DEFAULT
-from mbstab.analysis.sweep import Critical, Sweep
+from mbstab.analysis.verdict import UNDECIDED, UNSTABLE, WORDS, Verdict, show
 from mbstab.errors import counted
 from mbstab.model.schema import unit_of
 from mbstab.report import WIDTH
 
 if TYPE_CHECKING:
+    from mbstab.analysis.chart import Chart
+    from mbstab.analysis.check import CheckReport
     from mbstab.analysis.compare import Comparison, Outcome
+    from mbstab.analysis.eigen import EigenResult, Eigenvalue
+    from mbstab.analysis.equilibrium import Equilibrium
+    from mbstab.analysis.linearize import Linearization, StateSpace
     from mbstab.analysis.precise import PreciseResult
+    from mbstab.analysis.sweep import Critical, Sweep
+    from mbstab.compiler.system import Array
+
+
+ZERO = 1e-3
+"""An eigenvalue that may be zero is printed as zero if that is known to this part of the largest one."""
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:
@@ -70,11 +77,16 @@ def eigen_text(result: EigenResult, title: str) -> str:
     if len(bodies) > 1:
         lines.append("Share of the kinetic energy of each mode:")
         lines.append(_participation(shown, bodies))
-    lines.append(f"Verdict: {result.verdict}")
-    for reason in result.reasons:
-        lines += wrap(reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ")
-    lines += ["", *_counts(result)]
+    lines += [*verdict_lines(result.judged), "", *_counts(result)]
     return "\n".join(lines) + "\n"
+
+
+def verdict_lines(judged: Verdict) -> list[str]:
+    """Return a verdict and what it rests on, in sentences."""
+    lines = [f"Verdict: {judged.word}"]
+    for reason in judged.reasons:
+        lines += wrap(reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ")
+    return lines
 
 
 def precise_text(result: PreciseResult, title: str) -> str:
@@ -92,13 +104,10 @@ def precise_text(result: PreciseResult, title: str) -> str:
         else:
             rows += [[e.real, "", ""], [f"± {e.imag}i", *last]]
     rows += [[f"± {shift}i", "-", "neutral"] for shift in result.shifts]
-    if zeros := sum(result.chains):
-        rows.append(["0", "-", f"neutral, {zeros}×"])
+    if result.zeros:
+        rows.append(["0", "-", f"neutral, {result.zeros}×"])
     lines.append(table(["eigenvalue\n(1/s)", "error\nbound", "type"], rows, left=(2,)) if rows else "no eigenvalues\n")
-    lines.append(f"Verdict: {result.verdict}")
-    for reason in result.reasons:
-        lines += wrap(reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ")
-    lines += ["", *_counts(result)]
+    lines += [*verdict_lines(result.judged), "", *_counts(result)]
     lines += wrap(
         f"{result.digits} digits, computed with {result.working_digits} in {result.seconds:.1f} s; smallest pivot that "
         f"counts {result.kept}, largest that counts as zero {result.dropped}, relative to the matrix",
@@ -109,24 +118,28 @@ def precise_text(result: PreciseResult, title: str) -> str:
 
 def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -> str:
     rows = []
+    largest = max((abs(e.value) for e, _ in shown), default=0.0)
     for e, multiplicity in shown:
         if e.kind == "neutral":
             value = f"0 ± {abs(e.value.imag):.10g}i" if _goes_round(result, e) else _neutral_value(result)
             rows.append([value, "-", "-", "-", "-", f"neutral, {multiplicity}×"])
-            continue
-        value = "0 ± " + f"{abs(e.value.imag):.10g}i" if e.kind == "center" else eigenvalue(e.value)
-        rows.append(
-            [
-                value,
-                number(e.frequency, 4),
-                number(0.0 if e.kind == "center" else e.damping_ratio, 4),
-                _time(e),
-                f"{e.error_bound:.0e}",
-                e.kind,
-            ]
-        )
+        elif e.kind == "undecided" and abs(e.value) <= e.error_bound < ZERO * largest:
+            # What is not told from zero has no digits worth printing.
+            both = ", 2×" if e.value.imag else ""
+            rows.append(["0", "-", "-", "-", f"{e.error_bound:.0e}", f"undecided{both}"])
+        else:
+            rows.append(_eigenvalue_row(e))
     heads = ["eigenvalue\n(1/s)", "freq.\n(Hz)", "damping\nratio", "doubles or\nhalves in s", "error\nbound", "type"]
     return table(heads, rows, left=(5,))
+
+
+def _eigenvalue_row(e: Eigenvalue) -> list[str]:
+    value = "0 ± " + f"{abs(e.value.imag):.10g}i" if e.kind == "center" else eigenvalue(e.value)
+    # On which side of the axis it lies may be open, and with that whether it grows.
+    side = e.kind != "undecided" or e.error_bound < abs(e.value.real)
+    damping = 0.0 if e.kind == "center" else e.damping_ratio if side else math.nan
+    time = _time(e) if side else "-"
+    return [value, number(e.frequency, 4), number(damping, 4), time, f"{e.error_bound:.0e}", e.kind]
 
 
 def _multipliers(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -> str:
@@ -211,7 +224,7 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
     if result.frame:
         lines += wrap(f"in the frame of the steady motion: {result.frame}", width=WIDTH, subsequent_indent="  ")
     if result.shifts:
-        lines.append("neutral pairs are shifts across the axis, which go round in that frame")
+        lines.append("neutral pairs are shifts and tilts that go round with the motion")
     if c.infinite or c.undefined:
         lines.append(f"besides, the method returned {c.infinite} infinite eigenvalues and {c.undefined} pairs 0/0")
     if c.undefined:
@@ -228,10 +241,8 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
             f"out {c.extra_error:.0e} 1/s away"
         )
         lines += wrap(text, width=WIDTH)
-    if result.symmetries and c.neutral:
-        lines += wrap(
-            "neutral eigenvalues belong to: " + ", ".join(result.symmetries), width=WIDTH, subsequent_indent="  "
-        )
+    if c.neutral and (names := (*result.modulo.symmetries, *result.modulo.family)):
+        lines += wrap("neutral eigenvalues belong to: " + ", ".join(names), width=WIDTH, subsequent_indent="  ")
     return lines
 
 
@@ -313,7 +324,8 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
 
 def _path(result: Sweep, label: str, factor: float) -> list[str]:
     """Return what happens along one path of a sweep."""
-    lines = ["stability does not change in this range", ""] if any(result.unstable >= 0) else []
+    alike = len({*result.words.tolist()}) == 1 and len(result.words) and result.words[0] != WORDS.index(UNDECIDED)
+    lines = ["stability does not change in this range", ""] if alike else []
     if result.critical:
         rows = [
             [
@@ -355,42 +367,67 @@ def _rounded(value: float, result: Sweep) -> float:
 
 
 def _ranges(result: Sweep, factor: float) -> list[str]:
-    """Return how many eigenvalues are unstable between the critical values, where there is an answer."""
+    """Return the verdicts between the critical values, one line for each range of the same word."""
     order = result.values.argsort()
-    x, counts = result.values[order] / factor, result.unstable[order]
-    begin = [] if result.start is None else [result.start / factor]
-    lowest, highest = min([*x, *begin]), max([*x, *begin])
+    x, words, counts = result.values[order], result.words[order], result.unstable[order]
+    missing = {len(x) - 1 - i if len(x) > 1 and order[0] else i for i in result.problems}
     critical = sorted(result.critical, key=lambda c: c.value)
-    edges = [
-        (lowest, -1, -1),
-        *((_rounded(c.value, result) / factor, *c.unstable) for c in critical),
-    ]
-    edges.append((highest, -1, -1))
-    lines, changes = [], {_rounded(c.value, result) / factor for c in critical}
-    for (a, _, above), (b, below, _) in pairwise(edges):
-        inside = (x >= a) & (x <= b)
-        runs: list[tuple[float, float, set[int]]] = []
-        whole = True
-        for value, n in zip(x[inside], counts[inside], strict=True):
-            if n < 0 and value not in changes:
-                whole = False
-            elif n >= 0 and a < value < b:
-                runs = runs if runs and whole else [*runs, (a if whole and not runs else value, value, set())]
-                runs[-1] = runs[-1][0], value, runs[-1][2] | {int(n)}
-                whole = True
-        known = {n for n in (above, below) if n >= 0}
-        if not runs and known and whole and b > a:
-            runs = [(a, b, known)]
-        elif runs and whole:
-            runs[-1] = runs[-1][0], b, runs[-1][2]
-        elif not runs and not known:
-            ends = {int(n) for n in counts[inside] if n >= 0}
-            runs = [(a, b, ends)] if ends and whole and b > a else []
-        for low, high, found in runs:
-            what = "stable" if found == {0} else f"unstable ({', '.join(map(str, sorted(found)))})"
-            place = f"{number(low, 6)} to {number(high, 6)}" if high > low else f"at {number(low, 6)}"
-            lines.append(f"  {place}: {what}")
+    width = max([abs(float(p)) for p in x] + [abs(c.value) for c in critical], default=0.0)
+    begin = [] if result.start is None else [result.start]
+    edges = [min([*x, *begin], default=0.0), *(c.value for c in critical), max([*x, *begin], default=0.0)]
+    # What lies on a critical value belongs to neither side.
+    at = {i for i, p in enumerate(x) if any(abs(p - c.value) <= 1e-9 * width for c in critical)}
+    runs: list[_Run] = []
+    for n, (a, b) in enumerate(pairwise(edges)):
+        inside = [i for i, p in enumerate(x) if a <= p <= b and i not in at and not (n and p == a)]
+        found = _runs(inside, a, b, x, words, counts, missing)
+        if not inside and b > a and critical:
+            near = [c.verdicts[k] for c, k in ((critical[n - 1], 1),) if n] + [
+                c.verdicts[0] for c in critical[n : n + 1]
+            ]
+            known = [word for word in near if word]
+            growing = critical[n].unstable[0] if n < len(critical) else critical[n - 1].unstable[1]
+            if known and all(word == known[0] for word in known):
+                found = [_Run(a, b, known[0], {growing})]
+        runs += found
+    lines = []
+    for run in runs:
+        ends = (edges[0], edges[-1])
+        low, high = ((x if x in ends else _rounded(x, result)) / factor for x in (run.low, run.high))
+        many = f" ({', '.join(map(str, sorted(run.counts)))})" if run.word == UNSTABLE else ""
+        place = f"{number(low, 6)} to {number(high, 6)}" if high > low else f"at {number(low, 6)}"
+        lines.append(f"  {place}: {run.word}{many}")
     return lines
+
+
+@dataclass
+class _Run:
+    """A range of the same verdict, with the numbers of unstable eigenvalues in it."""
+
+    low: float
+    high: float
+    word: str
+    counts: set[int]
+
+
+def _runs(inside: list[int], a: float, b: float, x: Array, words: Any, counts: Any, missing: set[int]) -> list[_Run]:
+    """Return the ranges of points between two critical values or ends, up to these where nothing is missing."""
+    runs: list[_Run] = []
+    whole = True
+    for i in inside:
+        value, word = float(x[i]), WORDS[int(words[i])]
+        if i in missing:
+            whole = False
+            continue
+        if runs and whole and runs[-1].word == word:
+            runs[-1].high = value
+            runs[-1].counts.add(int(counts[i]))
+        else:
+            runs.append(_Run(a if whole and not runs else value, value, word, {int(counts[i])}))
+        whole = True
+    if runs and whole:
+        runs[-1].high = b
+    return runs
 
 
 def chart_text(result: Chart, labels: Sequence[tuple[str, float]], title: str) -> str:
@@ -399,11 +436,19 @@ def chart_text(result: Chart, labels: Sequence[tuple[str, float]], title: str) -
     for name, (unit, factor), along in zip(result.parameters, labels, (result.x, result.y), strict=True):
         first, last = number(float(along[0]) / factor), number(float(along[-1]) / factor)
         lines.append(f"{name}{f' ({unit})' if unit else ''} from {first} to {last}, {len(along)} values")
-    counts = sorted({int(n) for n in result.unstable.flat})
+    import numpy as np
+
     rows = []
-    for n in counts:
-        share = float((result.unstable == n).mean())
-        rows.append(["no answer" if n < 0 else "stable" if n == 0 else f"unstable ({n})", f"{share:.1%}"])
+    unanswered = np.zeros(result.unstable.size, dtype=bool)
+    unanswered[list(result.problems)] = True
+    words, counts = result.words.ravel(), result.unstable.ravel()
+    for k, word in enumerate(WORDS):
+        here = (words == k) & ~unanswered
+        for n in sorted({int(n) for n in counts[here]}):
+            share = float(np.mean(here & (counts == n)))
+            rows.append([f"{word} ({n})" if word == UNSTABLE else word, f"{share:.1%}"])
+    if unanswered.any():
+        rows.append(["no answer", f"{float(unanswered.mean()):.1%}"])
     lines += ["", table(["region", "part of the points"], rows, left=(0,))]
     lines.append(f"{counted(len(result.boundaries), 'boundary curve')}")
     return "\n".join(lines) + "\n"

@@ -1,0 +1,638 @@
+"""Numbers that carry how much they can be wrong, and what rounding makes of the linearized equations.
+
+A number is a float with a bound of its distance to what exact arithmetic makes of the decimals of
+the file (running error analysis: Wilkinson 1986, SIGNUM Newsletter 21; Higham 2002, Accuracy and
+Stability of Numerical Algorithms, section 3.3). The kernels run on such numbers as on any other, so
+that a difference of large numbers inside of an element is seen, and what is zero by structure stays
+zero. What was solved for, the coordinates, speeds, accelerations and multipliers of the motion, is
+wrong by what is left of the equations that it solves, and by their own rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.balance import Balance
+from mbstab.analysis.linearize import Linearization, Matrices
+from mbstab.analysis.reference import declared_family
+from mbstab.analysis.steady import Generator
+from mbstab.analysis.subspaces import RANK_TOLERANCE
+from mbstab.compiler.system import Array, System
+from mbstab.model.arithmetic import CONSTANTS, Arithmetic
+from mbstab.model.expressions import ExpressionError
+from mbstab.model.schema import Model
+from mbstab.model.units import exact_factor
+from mbstab.model.values import evaluate
+
+EPS = float(np.finfo(float).eps)
+
+UNIT = 0.5 * EPS
+"""Rounding of one operation, relative to its result."""
+
+FUNCTION = 2.0 * EPS
+"""Rounding of sines and the like."""
+
+WEAK = 1e-3
+"""Equations with smaller singular values are nearly dependent: what they determine moves along one direction."""
+
+WEAKER = 1e-6
+"""The same for the equations of balance."""
+
+SUMMED = 2.0
+"""A sum of products is computed to so many roundings of its terms."""
+
+LEAST = 1e-9
+"""Rows and columns smaller than this part of the others are rounding."""
+
+STEP = 1e-6
+"""Step of differences of the frame by angles."""
+
+
+PLAIN = (float, int)
+"""Numbers that are exact."""
+
+
+class Rounded:
+    """A float `v` that differs from the true number by no more than `e`."""
+
+    __slots__ = ("e", "v")
+
+    def __init__(self, v: float, e: float = 0.0) -> None:
+        self.v, self.e = v, e
+
+    def __add__(self, other: Any) -> Rounded:
+        if other.__class__ is Rounded:
+            v = self.v + other.v
+            return Rounded(v, self.e + other.e + UNIT * abs(v))
+        if not isinstance(other, PLAIN):
+            return NotImplemented
+        v = self.v + other
+        return Rounded(v, self.e + UNIT * abs(v))
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Rounded:
+        if other.__class__ is Rounded:
+            v = self.v - other.v
+            return Rounded(v, self.e + other.e + UNIT * abs(v))
+        if not isinstance(other, PLAIN):
+            return NotImplemented
+        v = self.v - other
+        return Rounded(v, self.e + UNIT * abs(v))
+
+    def __rsub__(self, other: Any) -> Rounded:
+        if not isinstance(other, PLAIN):
+            return NotImplemented
+        v = other - self.v
+        return Rounded(v, self.e + UNIT * abs(v))
+
+    def __mul__(self, other: Any) -> Any:
+        if other.__class__ is Rounded:
+            a, b, d, e = self.v, other.v, self.e, other.e
+            v = a * b
+            return Rounded(v, abs(a) * e + (abs(b) + e) * d + UNIT * abs(v))
+        if not isinstance(other, PLAIN):
+            return NotImplemented
+        if not other:
+            return 0.0
+        v = self.v * other
+        return Rounded(v, self.e * abs(other) + UNIT * abs(v))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Rounded:
+        if other.__class__ is not Rounded and not isinstance(other, PLAIN):
+            return NotImplemented
+        return _quotient(self.v, self.e, *_parts(other))
+
+    def __rtruediv__(self, other: Any) -> Rounded:
+        return _quotient(*_parts(other), self.v, self.e)
+
+    def __pow__(self, exponent: Any) -> Rounded:
+        return _power(self, exponent)
+
+    def __neg__(self) -> Rounded:
+        return Rounded(-self.v, self.e)
+
+    def __pos__(self) -> Rounded:
+        return self
+
+    def __abs__(self) -> Rounded:
+        return Rounded(abs(self.v), self.e)
+
+    def __float__(self) -> float:
+        return float(self.v)
+
+    def __bool__(self) -> bool:
+        return bool(self.v)
+
+    def __eq__(self, other: object) -> bool:
+        return bool(self.v == _value(other))
+
+    def __hash__(self) -> int:
+        return hash(self.v)
+
+    def __lt__(self, other: Any) -> bool:
+        return bool(self.v < _value(other))
+
+    def __le__(self, other: Any) -> bool:
+        return bool(self.v <= _value(other))
+
+    def __gt__(self, other: Any) -> bool:
+        return bool(self.v > _value(other))
+
+    def __ge__(self, other: Any) -> bool:
+        return bool(self.v >= _value(other))
+
+    def __repr__(self) -> str:
+        return f"{self.v!r} ± {self.e:.1e}"
+
+
+def _value(x: Any) -> Any:
+    return x.v if x.__class__ is Rounded else x
+
+
+def _parts(x: Any) -> tuple[float, float]:
+    return (x.v, x.e) if x.__class__ is Rounded else (x, 0.0)
+
+
+def _quotient(a: float, d: float, b: float, e: float) -> Rounded:
+    v = a / b
+    left = abs(b) - e
+    return Rounded(v, (d + abs(v) * e) / left + UNIT * abs(v) if left > 0.0 else math.inf)
+
+
+def _power(x: Any, n: Any) -> Rounded:
+    (a, d), (p, e) = _parts(x), _parts(n)
+    v = math.pow(a, p)
+    error = FUNCTION * abs(v) if p not in (1.0, 0.0) else 0.0
+    if d and p:
+        # By the mean value theorem the slope counts where it is largest.
+        ends = [abs(y) ** (p - 1.0) for y in (abs(a) - d, abs(a) + d) if y > 0.0 or p >= 1.0]
+        error += abs(p) * d * max(ends) if len(ends) == 2 else math.inf
+    if e:
+        error += e * abs(v * math.log(abs(a))) * (1.0 + e) if a else math.inf
+    return Rounded(v, error)
+
+
+def _function(name: str, slope: Any) -> Any:
+    """Return a function of one number from that of floats and a bound of its slope near (x, error)."""
+    plain = getattr(math, name)
+
+    def function(x: Any) -> Any:
+        a, d = _parts(x)
+        v = plain(a)
+        if not a and not d:
+            return v
+        return Rounded(v, (slope(a, d, v) * d if d else 0.0) + FUNCTION * abs(v))
+
+    return function
+
+
+def _inverse_root(a: float, d: float) -> float:
+    left = 1.0 - (abs(a) + d) ** 2
+    return 1.0 / math.sqrt(left) if left > 0.0 else math.inf
+
+
+def _sqrt(x: Any) -> Rounded:
+    a, d = _parts(x)
+    v = math.sqrt(a)
+    if not d:
+        return Rounded(v, UNIT * v)
+    error = d / (v + math.sqrt(a - d)) if a > d else math.sqrt(a + d)
+    return Rounded(v, error + UNIT * v)
+
+
+def _atan2(y: Any, x: Any) -> Rounded:
+    (b, e), (a, d) = _parts(y), _parts(x)
+    v = math.atan2(b, a)
+    left = math.hypot(a, b) - math.hypot(d, e)
+    error = math.hypot(d, e) / left if left > 0.0 else (math.inf if d or e else 0.0)
+    return Rounded(v, error + FUNCTION * abs(v))
+
+
+def _sign(x: Any) -> float:
+    a, _ = _parts(x)
+    return float(a > 0.0) - float(a < 0.0)
+
+
+def _abs_slope(x: Any) -> float:
+    a, _ = _parts(x)
+    if a == 0.0:
+        raise ValueError("abs has no derivative at 0")
+    return math.copysign(1.0, a)
+
+
+def _smooth_start(x: Any) -> Any:
+    a, _ = _parts(x)
+    return 0.0 if a <= 0.0 else 1.0 if a >= 1.0 else x * x * (3.0 - 2.0 * x)
+
+
+def _number(text: str) -> Any:
+    v = float(text)
+    exact = (v.is_integer() and abs(v) < 1e15 and "e-" not in text) or Decimal(text) == Decimal(v)
+    return v if exact else Rounded(v, UNIT * abs(v))
+
+
+@cache
+def rounded_arithmetic() -> Arithmetic:
+    """Return the arithmetic of numbers that know how much they can be wrong."""
+    functions: dict[str, Any] = {
+        "sin": _function("sin", lambda a, d, v: min(1.0, math.sqrt(max(0.0, 1.0 - v * v)) + d)),
+        "cos": _function("cos", lambda a, d, v: min(1.0, math.sqrt(max(0.0, 1.0 - v * v)) + d)),
+        "tan": _function("tan", lambda a, d, v: 2.0 * (1.0 + v * v) if d * (1.0 + abs(v)) < 0.1 else math.inf),
+        "asin": _function("asin", lambda a, d, v: _inverse_root(a, d)),
+        "acos": _function("acos", lambda a, d, v: _inverse_root(a, d)),
+        "atan": _function("atan", lambda a, d, v: 1.0 / (1.0 + max(0.0, abs(a) - d) ** 2)),
+        "sinh": _function("sinh", lambda a, d, v: math.cosh(abs(a) + d)),
+        "cosh": _function("cosh", lambda a, d, v: math.sinh(abs(a) + d)),
+        "tanh": _function("tanh", lambda a, d, v: 1.0),
+        "exp": _function("exp", lambda a, d, v: v * math.exp(d)),
+        "log": _function("log", lambda a, d, v: 1.0 / (a - d) if a > d else math.inf),
+        "atan2": _atan2,
+        "sqrt": _sqrt,
+        "abs": abs,
+        "sign": _sign,
+        "abs_slope": _abs_slope,
+        "power": _power,
+        "smooth_start": _smooth_start,
+    }
+    constants = {name: Rounded(x, UNIT * x) for name, x in CONSTANTS.items()}
+    return Arithmetic("rounded", _number, constants, functions)
+
+
+# --- a scene --------------------------------------------------------------------------------------------------------
+
+
+def rounded_system(system: System) -> System:
+    """Return a scene on numbers that know how much they can be wrong."""
+    model, given = system.scene.model, system.scene.parameters
+    return System(evaluate(model, _parameters(model, given), rounded_arithmetic()))
+
+
+def _parameters(model: Model, given: dict[str, Any]) -> dict[str, Any]:
+    """Return the parameters: those of the file with the errors of their expressions, others as decimals."""
+    f, values = rounded_arithmetic(), dict[str, Any]()
+    for name, parameter in model.parameters.items():
+        v = float(given[name])
+        values[name] = Rounded(v, UNIT * abs(v))
+        try:
+            found = parameter.expression.evaluate(values, f)
+        except (ExpressionError, ArithmeticError):
+            continue
+        if parameter.factor != 1.0:
+            found = found * exact_factor(parameter.unit, f)
+        x, e = _parts(found)
+        if abs(x - v) <= e + 4.0 * UNIT * abs(v):
+            values[name] = Rounded(v, e + abs(x - v))
+    return values
+
+
+def _errors(x: Any) -> Array:
+    """Return the errors of an array."""
+    flat = np.asarray(x, dtype=object)
+    return np.array([y.e if y.__class__ is Rounded else 0.0 for y in flat.flat], dtype=float).reshape(flat.shape)
+
+
+def _with(values: Array, errors: Array) -> list[Any]:
+    """Return numbers with errors; exact ones stay floats."""
+    return [Rounded(v, e) if e else v for v, e in zip(values.tolist(), errors.tolist(), strict=True)]
+
+
+def _misfits(x: Any) -> Array:
+    """Return sizes and errors of residuals together."""
+    return np.array([abs(y.v) + y.e if y.__class__ is Rounded else abs(float(y)) for y in x], dtype=float)
+
+
+# --- what rounding makes of a linearization -------------------------------------------------------------------------
+
+
+class Direction(NamedTuple):
+    """A change of coordinates that rounding may make along one direction: far, because little holds it."""
+
+    change: Array
+    amount: float
+
+
+@dataclass(frozen=True)
+class Roundings:
+    """How much M, R, K, J and D_q may be wrong.
+
+    Attributes
+    ----------
+    errors : Matrices
+        Entry by entry, without what `directions` do.
+    directions : tuple of Direction
+        Changes of coordinates that change all entries together.
+    q : ndarray, shape (n_q,)
+        How much the coordinates may be wrong, without `directions`.
+    """
+
+    errors: Matrices
+    directions: tuple[Direction, ...]
+    q: Array
+
+
+def roundings(linear: Linearization) -> Roundings:
+    """Return how much the matrices of a linearization may differ from those of the decimals of the file."""
+    return _Roundings(linear).found()
+
+
+class _Roundings:
+    """What is known about the motion of a linearization, and how much each part of it may be wrong."""
+
+    def __init__(self, linear: Linearization) -> None:
+        self.linear, self.motion = linear, linear.motion
+        self.plain, self.system = linear.system, rounded_system(linear.system)
+        self.time = self.system.scene.time
+        if self.motion.time != float(self.time):
+            self.time = self.motion.time
+        self.directions: list[Direction] = []
+        self.rate_error = 0.0
+        self.missing: npt.NDArray[np.bool_] = np.array(
+            [name not in self.system.scene.coordinates for name in self.plain.names]
+        )
+
+    def found(self) -> Roundings:
+        """Return how much the matrices may be wrong."""
+        linear, motion, system = self.linear, self.motion, self.system
+        dq, du = self._state()
+        q, u = _with(motion.q, dq), _with(motion.u, du)
+        state = system.dynamics(q, u, self.time)
+        M, J = _errors(state.M), _errors(state.J)
+        da = self._accelerations(state, M, J, dq, du)
+        dnu = self._multipliers(state, M, J, da)
+        a, nu = _with(motion.a, da), _with(motion.nu, dnu)
+        K, R, D_q = (_errors(x) for x in system.linearize(q, u, a, nu, self.time))
+        generator = linear.generator
+        if generator is not None and generator.turns:
+            K, R, D_q = self._turned(generator, Matrices(M, R, K, J, D_q), dq)
+        return Roundings(Matrices(M, R, K, J, D_q), tuple(self.directions), dq)
+
+    def _turned(self, generator: Generator, errors: Matrices, dq: Array) -> tuple[Array, Array, Array]:
+        """Return how much K, R and D_q may be wrong in a turning frame."""
+        motion, n_h = self.motion, self.system.n_h
+        M, R, K, J, D_q = errors
+        plain_K, plain_R, _ = self.plain.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
+        Xi, Xi_2 = (np.abs(x) for x in generator.frame(motion.q))
+        first, second = self._frame(generator, dq)
+        mass, rows = np.abs(motion.dynamics.M), np.abs(motion.dynamics.J[n_h:])
+        plain_K, plain_R = np.abs(plain_K), np.abs(plain_R)
+        K = K + R @ Xi + plain_R @ first + M @ Xi_2 + mass @ second
+        K = K + EPS * (plain_K + 4.0 * (plain_R @ Xi + mass @ Xi_2))
+        R = R + 2.0 * (M @ Xi + mass @ first) + 4.0 * EPS * (mass @ Xi)
+        return K, R, D_q + J[n_h:] @ Xi + rows @ first + 4.0 * EPS * (rows @ Xi)
+
+    # --- the motion -------------------------------------------------------------------------------------------------
+
+    def _state(self) -> tuple[Array, Array]:
+        """Return how much q and u may be wrong."""
+        motion, scene = self.motion, self.system.scene
+        steady = motion.generators[0] if motion.generators else None
+        dq, du = self._given(scene.coordinates, motion.q), self._given(scene.rates, motion.u)
+        if self.plain.scene.model.reference.find is not None and steady is not None:
+            return self._balanced(steady, dq)
+        if self.missing.any() and self.plain.n_h:
+            still = [0.0] * self.plain.n_q
+            E = self.system.dynamics(_with(motion.q, dq), still, self.time).E
+            dq = self._coordinates(E, dq)
+        if motion.declared and steady is not None:
+            return dq, self._steady(steady, dq)
+        if not motion.at_rest and self.plain.n_c:
+            du = self._rates(dq, du)
+        return dq, du
+
+    def _given(self, values: dict[str, Any], found: Array) -> Array:
+        """Return the errors of given values, 0 for others; a motion elsewhere is where it is said to be."""
+        errors = np.zeros(len(found))
+        for i, name in enumerate(self.plain.names):
+            if name in values:
+                v, e = _parts(values[name])
+                errors[i] = e if abs(v - found[i]) <= e + 4.0 * UNIT * abs(v) else UNIT * abs(float(found[i]))
+        return errors
+
+    def _coordinates(self, E: Any, dq: Array) -> Array:
+        """Return how much the coordinates may be wrong: given ones, and those that the constraints determine."""
+        motion, n_h = self.motion, self.plain.n_h
+        columns, sizes = np.flatnonzero(self.missing), motion.sizes
+        lengths = _lengths(motion.dynamics.J[:n_h] * sizes)
+        G = (motion.dynamics.J[:n_h] * sizes)[:, columns] / lengths[:, None]
+        steps = self._solved(G, _misfits(E[:n_h]) / lengths, columns, sizes[columns])
+        result = dq.copy()
+        result[columns] = steps * sizes[columns] + UNIT * np.abs(motion.q[columns])
+        return result
+
+    def _solved(self, G: Array, misfit: Array, columns: Any, sizes: Array, weak: float = WEAK) -> Array:
+        """Return how much the solution of G x = 0 may be wrong; coordinates along weak directions are kept apart."""
+        left, s, right = np.linalg.svd(G, full_matrices=False)
+        largest = float(s[0]) if len(s) else 1.0
+        kept = s > RANK_TOLERANCE * largest
+        left, s, right = left[:, kept], s[kept], right[kept]
+        amounts = (np.abs(left.T) @ misfit) / s
+        far = s < weak * largest
+        for k in np.flatnonzero(far).tolist():
+            change = np.zeros(self.plain.n_q)
+            change[columns] = right[k, : len(columns)] * sizes
+            self.directions.append(Direction(change, float(amounts[k])))
+        inverse = (right[~far].T / s[~far]) @ left[:, ~far].T
+        result: Array = np.abs(inverse) @ misfit
+        return result
+
+    def _rates(self, dq: Array, du: Array) -> Array:
+        """Return how much speeds may be wrong: given ones, and those that the constraints determine."""
+        motion = self.motion
+        columns = np.array([i for i, name in enumerate(self.plain.names) if name not in self.plain.scene.rates])
+        if not len(columns):
+            return du
+        V = self.system.dynamics(_with(motion.q, dq), _with(motion.u, du), self.time).V
+        J = motion.dynamics.J * motion.sizes
+        lengths = _lengths(J)
+        inverse = np.linalg.pinv(J[:, columns] / lengths[:, None], rcond=RANK_TOLERANCE)
+        result = du.copy()
+        steps = np.abs(inverse) @ (_misfits(V) / lengths)
+        result[columns] = steps * motion.sizes[columns] + UNIT * np.abs(motion.u[columns])
+        return result
+
+    def _steady(self, steady: Generator, dq: Array) -> Array:
+        """Return how much the speeds of a declared steady motion may be wrong."""
+        motion, plain = self.motion, self.plain
+        family, known = declared_family(plain)
+        c, basis = _coefficients(family, steady), family.basis(motion.q)
+        given = self._given_rates()
+        dc = np.array([given.get(k, 0.0) for k in range(family.size)])
+        free = [k for k in range(family.size) if k not in known]
+        if free:
+            du = self._field(steady, basis, dq, dc)
+            V = self.system.dynamics(_with(motion.q, dq), _with(motion.u, du), self.time).V
+            rates = [i for i, name in enumerate(plain.names) if name in plain.scene.rates]
+            columns = np.vstack([motion.dynamics.J @ basis[:, free], basis[np.ix_(rates, free)]])
+            lengths = _lengths(np.vstack([motion.dynamics.J * motion.sizes, np.diag(motion.sizes)[rates]]))
+            misfit = np.concatenate([_misfits(V), self._off(rates) + du[rates]]) / lengths
+            dc[free] = np.abs(np.linalg.pinv(columns / lengths[:, None], rcond=1e-12)) @ misfit
+        self.rate_error = _relative(dc, c)
+        return self._field(steady, basis, dq, dc)
+
+    def _off(self, which: Any) -> Array:
+        """Return how far the speeds are from those that the file gives, and the errors of these."""
+        given = [_parts(self.system.scene.rates[self.plain.names[i]]) for i in which]
+        return np.array([abs(self.motion.u[i] - v) + e for i, (v, e) in zip(which, given, strict=True)])
+
+    def _given_rates(self) -> dict[int, float]:
+        """Return the errors of the rates of a steady motion that are given, by number."""
+        steady = self.system.scene.steady
+        if steady is None:
+            return {}
+        given = [steady.rate] if steady.axis is not None else []
+        given += [steady.speed] if steady.direction is not None else []
+        return {k: _parts(x)[1] for k, x in enumerate(given) if x is not None}
+
+    def _field(self, steady: Generator, basis: Array, dq: Array, dc: Array) -> Array:
+        """Return how much the speeds of a steady motion may be wrong."""
+        slope = np.abs(steady.frame(self.motion.q)[0])
+        result: Array = np.abs(basis) @ dc + slope @ dq + 4.0 * EPS * np.abs(self.motion.u)
+        return result
+
+    def _frame(self, generator: Generator, dq: Array) -> tuple[Array, Array]:
+        """Return how much Ξ and Ξ₂ may be wrong."""
+        q, d = self.motion.q, self.plain.scene.dimension
+        Xi, Xi_2 = generator.frame(q)
+        rate = self.rate_error + 8.0 * EPS
+        first, second = rate * np.abs(Xi), 2.0 * rate * np.abs(Xi_2) + rate * np.abs(Xi) @ np.abs(Xi)
+        if d == 2:
+            return first, second
+        for k in (3, 4):
+            parts = [part for part in self.plain.body_slices if part.stop - part.start == 6]
+            angles = [part.start + k for part in parts]
+            step = np.zeros(len(q))
+            step[angles] = STEP
+            there, back = (generator.frame(q + sign * step) for sign in (1.0, -1.0))
+            weights = np.zeros(len(q))
+            for part in parts:
+                weights[part] = (dq[part.start + k] + EPS * abs(q[part.start + k])) / (2.0 * STEP)
+            first = first + np.abs(there[0] - back[0]) * weights[:, None]
+            second = second + np.abs(there[1] - back[1]) * weights[:, None]
+        return first, second
+
+    # --- equilibria and steady motions that were looked for ---------------------------------------------------------
+
+    def _balanced(self, steady: Generator, dq: Array) -> tuple[Array, Array]:
+        """Return how much q and u of a solution of the equations of balance may be wrong."""
+        plain, motion = self.plain, self.motion
+        family, known = declared_family(plain)
+        if len(known) < family.size and not np.any(steady.spins[list(family.columns)]):
+            family = replace(family, columns=())
+        balance = Balance(plain, motion.sizes, family, known, ~self.missing)
+        c, basis = _coefficients(family, steady), family.basis(motion.q)
+        at = balance.state(motion.q, c)
+        given = self._given_rates()
+        dc = np.array([given.get(k, 0.0) for k in range(family.size)])
+        du = self._field(steady, basis, dq, dc) if family.size else 0.0 * dq
+        state = self.system.dynamics(_with(motion.q, dq), _with(motion.u, du), self.time)
+        M, J = _errors(state.M), _errors(state.J)
+        da = self._steady_accelerations(steady, dq, du)
+        force = self._force(state, M, J, da, at.nu)
+        lengths, n_h = balance._lengths(motion.dynamics.J), plain.n_h
+        misfit = [(np.abs(force[0]) + force[1]) * motion.sizes, _misfits(state.E[:n_h]) / lengths[:n_h]]
+        if family.size:
+            rates = (self._off(balance.given) + du[balance.given]) / motion.sizes[balance.given]
+            misfit += [_misfits(state.V) / lengths, rates]
+        G = balance.jacobian(at)
+        # Rows and columns to one size: what is solved for does not depend on units.
+        blocks = np.split(np.linalg.norm(G, axis=1), np.cumsum([len(x) for x in misfit])[:-1])
+        weights = np.concatenate([_inverse_sizes(part) for part in blocks])
+        columns = _inverse_sizes(np.linalg.norm(G * weights[:, None], axis=0))
+        sizes, count = motion.sizes[balance.open], len(balance.open)
+        residual = np.concatenate(misfit) * weights
+        steps = columns * self._solved(
+            G * weights[:, None] * columns, residual, balance.open, sizes * columns[:count], WEAKER
+        )
+        dq = dq.copy()
+        dq[balance.open] = steps[:count] * sizes + UNIT * np.abs(motion.q[balance.open])
+        if not family.size:
+            return dq, 0.0 * dq
+        dc[balance.free] = steps[count : balance.moving]
+        self.rate_error = _relative(dc, c)
+        return dq, self._field(steady, basis, dq, dc)
+
+    # --- accelerations and multipliers ------------------------------------------------------------------------------
+
+    def _inverse(self) -> Array:
+        spaces, motion = self.motion.spaces, self.motion
+        J = motion.dynamics.J * spaces.scale * spaces.row_scale[:, None]
+        return np.linalg.pinv(J, rcond=RANK_TOLERANCE) if len(J) else J.T
+
+    def _force(self, state: Any, M: Array, J: Array, da: Array, nu: Array) -> tuple[Array, Array]:
+        """Return the forces that do not balance, and how much they may be wrong."""
+        motion, plain = self.motion, self.motion.dynamics
+        value = plain.F0 + plain.M @ motion.a + plain.J.T @ nu
+        error = _errors(state.F0) + M @ np.abs(motion.a) + np.abs(plain.M) @ da + J.T @ np.abs(nu)
+        size = np.abs(plain.F0) + np.abs(plain.M) @ np.abs(motion.a) + np.abs(plain.J.T) @ np.abs(nu)
+        return value, error + SUMMED * EPS * size
+
+    def _steady_accelerations(self, steady: Generator, dq: Array, du: Array) -> Array:
+        motion = self.motion
+        if motion.at_rest or not np.any(motion.a):
+            return np.zeros_like(dq)
+        first, _ = self._frame(steady, dq)
+        slope = np.abs(steady.frame(motion.q)[0])
+        result: Array = slope @ du + first @ np.abs(motion.u) + 4.0 * EPS * np.abs(motion.a)
+        return result
+
+    def _accelerations(self, state: Any, M: Array, J: Array, dq: Array, du: Array) -> Array:
+        """Return how much the accelerations may be wrong."""
+        motion, spaces = self.motion, self.motion.spaces
+        steady = motion.generators[0] if motion.generators else None
+        if steady is not None and (motion.declared or motion.at_rest):
+            return self._steady_accelerations(steady, dq, du)
+        value, error = self._force(state, M, J, np.zeros_like(dq), motion.nu)
+        bias = _misfits(state.B + motion.dynamics.J @ motion.a) + J @ np.abs(motion.a)
+        off = np.abs(self._inverse()) @ (bias * spaces.row_scale)
+        mass = motion.dynamics.M * spaces.scale * spaces.scale[:, None]
+        allowed = spaces.N @ spaces.Z
+        if allowed.shape[1]:
+            move = allowed @ np.linalg.inv(allowed.T @ mass @ allowed) @ allowed.T
+            off = off + np.abs(move @ (value * spaces.scale))
+            off = off + np.abs(move) @ (error * spaces.scale + np.abs(mass) @ off)
+        result: Array = off * spaces.scale + UNIT * np.abs(motion.a)
+        return result
+
+    def _multipliers(self, state: Any, M: Array, J: Array, da: Array) -> Array:
+        """Return how much the multipliers may be wrong: by the rounding of all the forces that they balance."""
+        motion, spaces = self.motion, self.motion.spaces
+        if not len(motion.nu):
+            return np.zeros(0)
+        value, error = self._force(state, M, J, da, motion.nu)
+        inverse = self._inverse().T
+        left = np.abs(inverse @ (value * spaces.scale)) + np.abs(inverse) @ (error * spaces.scale)
+        result: Array = left * spaces.row_scale + UNIT * np.abs(motion.nu)
+        return result
+
+
+def _lengths(rows: Array) -> Array:
+    """Return the lengths of rows, 1 for those that are zero."""
+    lengths = np.linalg.norm(rows, axis=1)
+    return np.where(lengths > 0.0, lengths, 1.0)
+
+
+def _inverse_sizes(sizes: Array) -> Array:
+    """Return 1/size, and not more where sizes are rounding."""
+    return 1.0 / (np.maximum(sizes, LEAST * float(np.max(sizes, initial=0.0))) + 1e-300)
+
+
+def _coefficients(family: Any, steady: Generator) -> Array:
+    """Return the rates of a steady motion as coefficients of its family."""
+    c = [steady.rate] if family.axis is not None else []
+    return np.array([*c, *(family.directions @ steady.velocity), *steady.spins[list(family.columns)]], dtype=float)
+
+
+def _relative(error: Array, c: Array) -> float:
+    """Return the largest relative error of rates."""
+    size = np.abs(c)
+    return float(np.max(np.where(size > 0.0, error / np.where(size > 0.0, size, 1.0), 0.0), initial=0.0))

@@ -1,0 +1,21 @@
+"""The words of verdicts: what answers say, what ``expect:`` blocks may ask for, what ``--require`` accepts."""
+
+from __future__ import annotations
+
+ASYMPTOTIC = "asymptotically stable"
+ASYMPTOTIC_UP_TO = "asymptotically stable up to symmetry"
+STABLE = "stable"
+STABLE_UP_TO = "stable up to symmetry"
+MARGINAL = "marginally stable"
+UNSTABLE = "unstable"
+UNDECIDED = "undecided"
+
+WORDS = (ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, MARGINAL, UNSTABLE, UNDECIDED)
+"""All verdicts."""
+
+REQUIRED = {
+    "asymptotic": (ASYMPTOTIC, ASYMPTOTIC_UP_TO),
+    "stable": (ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO),
+    "marginal": (ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, MARGINAL),
+}
+"""Which verdicts ``--require`` accepts."""

@@ -1,0 +1,138 @@
+"""The one rule from facts to a verdict: what is not known is never taken for harmless, and facts only strengthen."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mbstab.analysis.verdict import (
+    ASYMPTOTIC,
+    ASYMPTOTIC_UP_TO,
+    MARGINAL,
+    STABLE,
+    STABLE_UP_TO,
+    STRENGTH,
+    UNDECIDED,
+    UNSTABLE,
+    WORDS,
+    Critical,
+    Disc,
+    Facts,
+    Minimum,
+    Neutral,
+    judge,
+    place,
+    side,
+)
+
+HELD = "the energy is conserved"
+SHIFT = Neutral(("translation along x",), ("speed along x",), 2, 1)
+
+
+def disc(real, imag=0.0, radius=1e-12, count=1, where=None):
+    return Disc(complex(real, imag), radius, count, where or side(real, radius), HELD if where == "axis" else "")
+
+
+def facts(*discs, neutral=None, **more):
+    neutral = neutral or Neutral()
+    n = sum(d.count for d in discs) + neutral.count
+    return Facts(more.pop("expected", n), more.pop("found", n), discs, neutral, **more)
+
+
+def test_each_rule_has_its_word():
+    left, right, pair = disc(-1), disc(1), [disc(0, s, where="axis") for s in (2, -2)]
+    minimum = Minimum("the energy", True, True)
+    assert judge(facts(left, right)).word == UNSTABLE
+    assert judge(facts(left)).word == ASYMPTOTIC
+    assert judge(facts(left, neutral=SHIFT)).word == ASYMPTOTIC_UP_TO
+    assert judge(facts(neutral=SHIFT)).word == STABLE_UP_TO
+    assert judge(facts(*pair)).word == MARGINAL
+    assert judge(facts(*pair, minimum=lambda: minimum)).word == STABLE
+    assert judge(facts(*pair, neutral=SHIFT, minimum=lambda: replace(minimum, in_place=False))).word == STABLE_UP_TO
+    assert judge(facts(*pair, neutral=SHIFT, reversible=lambda: "it is its own mirror image")).word == STABLE_UP_TO
+    assert judge(facts(left, disc(0))).word == UNDECIDED
+    assert judge(facts(left, disc(0), critical=lambda count, others: Critical(UNSTABLE, "as y²"))).word == UNSTABLE
+
+
+@pytest.mark.parametrize("radius", [math.inf, math.nan, 1.0])
+def test_an_eigenvalue_that_is_not_placed_forbids_every_claim_but_growth(radius):
+    open_ = disc(-0.5, radius=radius, where="open")
+    assert side(-0.5, radius) == side(0.5, radius) == "open"
+    assert judge(facts(disc(-1), open_)).word == UNDECIDED
+    assert judge(facts(disc(1), open_)).word == UNSTABLE
+
+
+@pytest.mark.parametrize(
+    "doubt", [{"time": "t"}, {"kink": "|x|"}, {"doubts": ("rank",)}, {"found": 4}, {"expected": 4}, {"rough": "x|x|"}]
+)
+def test_a_doubt_forbids_claims(doubt):
+    assert judge(facts(disc(-1), neutral=SHIFT, **doubt)).word == UNDECIDED
+
+
+def test_a_doubt_about_time_forbids_growth_as_well_and_one_about_a_count_does_not():
+    assert judge(facts(disc(1), time="the equations depend on time")).word == UNDECIDED
+    assert judge(facts(disc(1), expected=4)).word == UNSTABLE
+
+
+def test_nothing_left_to_move_is_no_stability():
+    assert judge(facts()).word == UNDECIDED
+
+
+def test_a_cluster_is_judged_as_a_whole():
+    assert judge(facts(disc(1, radius=1e-7, count=2))).word == UNSTABLE
+    assert judge(facts(disc(-1, radius=1e-7, count=2))).word == ASYMPTOTIC
+    assert judge(facts(disc(0, radius=1e-7, count=2))).word == UNDECIDED
+
+
+def test_the_axis_needs_a_structure_and_isolation():
+    pair = [1j, -1j]
+    assert {d.side for d in place(pair, [1e-9] * 2, [1, 1], "")} == {"open"}
+    assert {d.side for d in place(pair, [1e-9] * 2, [1, 1], HELD)} == {"axis"}
+    # Two within their bounds of each other's mirror image may be a pair off the axis.
+    near = [complex(1e-10, 1), complex(-1e-10, 1 + 1e-10)]
+    assert {d.side for d in place(near, [1e-9] * 2, [1, 1], HELD)} == {"open"}
+    assert {d.side for d in place([1j], [1e-9], [2], HELD)} == {"open"}
+    assert {d.side for d in place([0j], [1e-9], [1], HELD)} == {"open"}
+
+
+words = st.sampled_from(["left", "right", "axis", "open"])
+
+
+@st.composite
+def some_facts(draw):
+    discs = []
+    for where in draw(st.lists(words, max_size=4)):
+        real = {"left": -1.0, "right": 1.0}.get(where, 0.0)
+        imag = draw(st.sampled_from([0.0, 2.0])) if where != "axis" else 2.0
+        discs.append(disc(real, imag, 1e-9, draw(st.sampled_from([1, 2])), where))
+    neutral = draw(st.sampled_from([Neutral(), SHIFT]))
+    return facts(*discs, neutral=neutral)
+
+
+@settings(deadline=None)
+@given(some_facts(), st.integers(0, 3), st.booleans())
+def test_less_known_about_an_eigenvalue_never_makes_a_verdict_stronger_or_another(known, number, definite):
+    minimum = Minimum("the energy", definite, False)
+    known = replace(known, minimum=lambda: minimum)
+    before = judge(known).word
+    if not known.discs:
+        return
+    k = number % len(known.discs)
+    opened = tuple(replace(d, side="open") if i == k else d for i, d in enumerate(known.discs))
+    after = judge(replace(known, discs=opened)).word
+    # A minimum of the energy decides whatever eigenvalues say, unless one is shown to grow.
+    if not definite:
+        assert after in STRENGTH[before]
+
+
+@settings(deadline=None)
+@given(some_facts())
+def test_every_verdict_says_why(known):
+    found = judge(known)
+    assert found.word in WORDS
+    assert found.reasons
+    assert all(text and text[-1] not in "., " for text in found.reasons)
+    if found.word in (ASYMPTOTIC_UP_TO, STABLE_UP_TO):
+        assert found.modulo.symmetries == known.neutral.symmetries
