@@ -301,17 +301,20 @@ class _Judge:
 
     def _displacing(self, x: Motions, w: Weights, C: Complex) -> Array:
         """Return what is of second order where neither motions nor forces satisfy the constraints exactly."""
-        rows, lift = self.m.J[: self.n_h], np.abs(self.lift_C)
+        rows, lift, size = self.m.J[: self.n_h], np.abs(self.lift_C), np.abs(C)
+        result: Array = np.zeros((len(w.y), len(w.y)))
         if not len(rows):
-            return np.zeros((len(w.y), len(w.y)))
-        size = SUMMED * EPS * np.abs(rows)
-        there = lift @ (np.abs(rows @ x.pos) + size @ np.abs(x.pos))
-        here = (np.abs(w.y @ rows.T) + np.abs(w.y) @ size.T) @ lift.T
-        stiff = np.abs(self.m.K) @ there
-        for part in (self.m.R, self.m.M):
-            there = there @ np.abs(C)
-            stiff += np.abs(part) @ there
-        result: Array = here @ stiff
+            return result
+        rounding = SUMMED * EPS * np.abs(rows)
+        there = lift @ (np.abs(rows @ x.pos) + rounding @ np.abs(x.pos))
+        here = (np.abs(w.y @ rows.T) + np.abs(w.y) @ rounding.T) @ lift.T
+        for change in self.displaced:
+            turned = change.J[: self.n_h]
+            off = lift @ np.abs(turned @ x.pos)
+            there, here = there + off, here + np.abs(w.y @ turned.T) @ lift.T
+            result += np.abs(w.y) @ _polynomial(tuple(map(np.abs, (change.K, change.R, change.M))), off, size)
+            result += _polynomial(tuple(np.abs(part @ turned) for part in w.lam), off, size)
+        result += here @ _polynomial(tuple(map(np.abs, (self.m.K, self.m.R, self.m.M))), there, size)
         return result
 
     @cached_property
@@ -379,14 +382,25 @@ class _Judge:
         result += np.sum(np.abs(lam) * (m.J[: self.n_h] @ pos).T, axis=1)
         return result
 
-    def quadratic(self) -> tuple[Quadratic, npt.NDArray[np.intp]]:
+    def quadratic(self, change: Matrices | None = None) -> tuple[Quadratic, npt.NDArray[np.intp]]:
         """Return the equations before they are reduced, without redundant rows, and what is left of their rows."""
+        own = self.m if change is None else Matrices(*(x + dx for x, dx in zip(self.m, change, strict=True)))
         linear, n = self.linear, len(self.m.M)
         redundant = [id(item.row) for item in linear.motion.redundant]
         kept = np.array([*range(n), *(n + i for i, row in enumerate(linear.rows) if id(row) not in redundant)])
         terms = (part / (ROUNDINGS * EPS) for part in self.errors)
-        M, R, K, *sizes = (part[_at(kept, kept)] for m in (self.m, Matrices(*terms)) for part in composite(m))
+        M, R, K, *sizes = (part[_at(kept, kept)] for m in (own, Matrices(*terms)) for part in composite(m))
         return Quadratic.of(M, R, K, tuple(sizes)), kept
+
+    def moved(self, s: complex, right: Complex, left: Complex) -> float:
+        """Return how far an eigenvalue moves where little holds the coordinates, in all orders; inf: not known."""
+        total = 0.0
+        for change in self.displaced:
+            for sign in (1.0, -1.0):
+                problem, kept = self.quadratic(Matrices(*(sign * x for x in change)))
+                found = refined(problem, s, right[kept], left[kept])
+                total = max(total, abs(found[0] - s)) if found is not None else math.inf
+        return total * len(self.displaced)
 
     def whole(self, V: Complex, values: Complex, pos: Complex) -> Complex:
         """Return eigenvectors as coordinates, with the part along T."""
@@ -1040,6 +1054,7 @@ class _Found:
             if found is None:
                 continue
             value, bound, _ = found
+            bound += judge.moved(value, right, left)
             if self.mirror[g] == g:
                 value, bound = complex(value.real), bound + abs(value.imag)
             off, radius = abs(value - self.centres[g]), float(self.radii[g])

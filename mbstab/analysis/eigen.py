@@ -23,7 +23,7 @@ from mbstab.analysis.linearize import Linearization, linearize
 from mbstab.analysis.methods import DEFAULT, METHODS, Found, solver
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.reference import reference_motion
-from mbstab.analysis.verdict import STABLE, STABLE_UP_TO, UNDECIDED, UNSTABLE, Disc, Modulo, Verdict, judge, place, show
+from mbstab.analysis.verdict import STABLE, STABLE_UP_TO, Disc, Modulo, Verdict, judge, place, show
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
 
@@ -270,8 +270,7 @@ def kind_in(s: complex, disc: Disc, verdict: Verdict, grounds: Grounds) -> str:
     held = verdict.word in (STABLE, STABLE_UP_TO) and grounds.structure.work.conserved
     if (disc.side == "axis" or held) and s.imag:
         return "center"
-    decided = verdict.word not in (UNDECIDED, UNSTABLE)
-    return "neutral" if decided and disc.holds_zero else "undecided"
+    return "neutral" if verdict.at_zero and disc.holds_zero else "undecided"
 
 
 def _eigenvalue(grounds: Grounds, placed: Placed, i: int, kind: str) -> Eigenvalue:

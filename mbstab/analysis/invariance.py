@@ -73,6 +73,9 @@ OFF = 1e-6
 GRID = 24
 """Bits of the states at which elements are compared."""
 
+UNEVEN = 5661 / 4096
+"""Steps are this times a power of two."""
+
 MOST_DENOMINATOR = 1000
 """Ratios of the entries of a shift are fractions if their denominators are no larger."""
 
@@ -426,7 +429,7 @@ class Invariance:
     def _boosts(self, direction: Array) -> bool:
         """Whether all elements and rows are blind to a common speed along a direction."""
         step = self.rate * float(self.motion.sizes.max()) * ANGLE / float(np.max(np.abs(direction)))
-        faster = 2.0 ** math.floor(math.log2(step)) * direction
+        faster = _short(step) * direction
         for element in self.elements:
             if not any(direction[i] for i in element.columns):
                 continue
@@ -550,9 +553,8 @@ class Invariance:
         """Return a time in which a steady motion goes far enough to show (s)."""
         direction = np.abs(generator.field(self.motion.q))
         span = ANGLE / (float(np.max(direction / self.motion.sizes)) or self.rate)
-        # Steps of powers of two, where sums are exact.
         largest = float(np.max(direction)) or 1.0
-        return float(2.0 ** math.floor(math.log2(span * largest))) / largest
+        return _short(span * largest) / largest
 
     def _allowed(self, field: Field) -> bool:
         """Whether the constraints allow the disturbance of the reference to first order."""
@@ -601,11 +603,18 @@ class Invariance:
         if np.all(off <= allowed):
             return True
         # Where a force is a small difference, the rounding of coordinates and speeds counts.
-        K, R = (np.abs(np.array(x, dtype=float)) for x in self._slopes(element, here))
-        rounding: Array = np.zeros(len(F))
-        rounding[columns] = K @ sizes[columns] + R @ np.abs(here.u[columns])
+        rounding = self._rounding(element, here) + np.abs(T).T @ self._rounding(element, there)
         spread = float(np.max(rounding * sizes)) / sizes
         return bool(np.all(off <= allowed + CANCELLED * spread))
+
+    def _rounding(self, element: Acting, state: State) -> Array:
+        """Return what a change of coordinates and speeds by all their size makes of an element."""
+        columns = list(element.columns)
+        q, u = np.maximum(np.abs(state.q), self.motion.sizes)[columns], np.abs(state.u)[columns]
+        result: Array = np.zeros(len(state.q))
+        K, R = (np.abs(np.array(x, dtype=float)) for x in self._slopes(element, state))
+        result[columns] = K @ q + R @ u
+        return result
 
     def _slopes(self, element: Acting, state: State) -> Any:
         """Return ∂F/∂q and ∂F/∂u of an element at a state, on its columns."""
@@ -653,7 +662,9 @@ class Invariance:
         if not self.system.n_c or any(e.written for e in broken) or len(self.on_rows) < 2:
             return False
         system, time = self.system, self.motion.time
-        for state in self.on_rows[1:]:
+        # At rest too: dampers that are moved fast would hide weak springs.
+        moving = self.on_rows
+        for state in [*(State(x.q, 0.0 * x.u, 0.0 * x.a) for x in moving), *moving]:
             there, T = self._moved(field, state)
             J = system.dynamics(state.q, state.u, time).J * self.motion.sizes
             lengths = np.linalg.norm(J, axis=1) + 1e-300
@@ -733,7 +744,7 @@ class Invariance:
     def _shift(self, direction: Array) -> Shift:
         """Return the shift along a direction by a step that shows."""
         step = ANGLE * float(np.min(self.motion.sizes[direction != 0.0] / np.abs(direction[direction != 0.0])))
-        return Shift(direction, 2.0 ** math.floor(math.log2(step)))
+        return Shift(direction, _short(step))
 
     def _named_shifts(self, null: Array) -> Iterator[tuple[str, Array]]:
         """Yield shifts of everything along an axis, and of single coordinates, that lie in a space of shifts."""
@@ -869,6 +880,14 @@ def _general(element: Acting) -> Acting:
 def _exact(field: Field) -> bool:
     """Whether steps along a field are exact, so that expressions can be compared with many digits."""
     return isinstance(field, Shift) and bool(np.array_equal(field.direction, np.round(field.direction)))
+
+
+def _short(step: float) -> float:
+    """Return a step of about a size with few digits, so that sums are exact, but no number that a model would contain.
+
+    By a step of two lengths a spring is led through its end to where its force is the same.
+    """
+    return UNEVEN * 2.0 ** math.floor(math.log2(step))
 
 
 def _on_grid(x: Array, sizes: Array) -> Array:

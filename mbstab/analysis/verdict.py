@@ -238,6 +238,9 @@ class Verdict:
     evidence : str
         The weakest fact it rests on: ``structural``, ``enclosed`` or ``numerical``.
     warnings : tuple of str
+    at_zero : bool
+        Whether eigenvalues that are not told from zero are zero: a family of motions explains
+        them, or they are critical.
     """
 
     word: str
@@ -247,6 +250,7 @@ class Verdict:
     in_place: bool | None = None
     evidence: Evidence = "numerical"
     warnings: tuple[str, ...] = ()
+    at_zero: bool = False
 
     @property
     def modulo(self) -> Modulo:
@@ -338,7 +342,7 @@ def judge(facts: Facts) -> Verdict:
         return _critical(facts, critical)
     if all(d.holds_zero for d in rest) and (wider := facts.family(zeros)) is not None:
         left_over = tuple(d for d in facts.discs if d not in rest)
-        return judge(replace(facts, discs=left_over, neutral=wider, minimum=lambda: None))
+        return replace(judge(replace(facts, discs=left_over, neutral=wider, minimum=lambda: None)), at_zero=True)
     return Verdict(UNDECIDED, tuple(_unplaced(d, facts) for d in rest if d.centre.imag >= 0.0), warnings=facts.warnings)
 
 
@@ -409,7 +413,7 @@ def _critical(facts: Facts, critical: Critical) -> Verdict:
     up_to = critical.verdict in (ASYMPTOTIC_UP_TO, STABLE_UP_TO)
     return Verdict(
         critical.verdict, (reason,), neutral.symmetries if up_to else (), family if up_to else (),
-        True if critical.verdict in (ASYMPTOTIC, STABLE) else None, critical.evidence, facts.warnings,
+        True if critical.verdict in (ASYMPTOTIC, STABLE) else None, critical.evidence, facts.warnings, at_zero=True,
     )  # fmt: skip
 
 
