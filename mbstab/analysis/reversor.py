@@ -18,7 +18,7 @@ import numpy as np
 
 from mbstab.analysis.invariance import Invariance, State
 from mbstab.analysis.neutral import Separated, Structure, complement, drift_of, orthonormal
-from mbstab.analysis.rotation import euler_angles, orientation, rate_matrix
+from mbstab.analysis.rotation import euler_angles, lever, lever_acceleration, orientation, rate_matrix
 from mbstab.compiler.system import Array, System
 
 FIXED = 1e-9
@@ -33,7 +33,7 @@ NULL, GAP = 1e-9, 1e3
 
 @dataclass(frozen=True)
 class Mirror:
-    """The reflection of a scene in a plane, each body with the plane that is fixed in it at the reference."""
+    """The reflection of a scene in a plane, each body with the plane through its centre of mass that is fixed in it."""
 
     system: System
     normal: Array
@@ -48,23 +48,42 @@ class Mirror:
         d, image = self.system.scene.dimension, self._reflection()
         result, T = q.copy(), np.eye(len(q))
         for body, part in zip(self.system.scene.bodies, self.system.body_slices, strict=True):
-            place = slice(part.start, part.start + d)
-            result[place] = self.point[:d] + image[:d, :d] @ (q[place] - self.point[:d])
+            place, angles = slice(part.start, part.start + d), slice(part.start + d, part.stop)
             T[place, place] = image[:d, :d]
-            angles = slice(place.stop, part.stop)
-            if not body.orientation:
-                continue
-            if d == 2:
-                result[angles] = 2.0 * self.reference[angles] - q[angles]
-                T[angles, angles] = -1.0
-                continue
-            first = orientation(body, self.reference[angles])
-            own = first.T @ image @ first
-            result[angles] = euler_angles(body, image @ orientation(body, q[angles]) @ own, q[angles])
-            T[angles, angles] = np.linalg.solve(
-                rate_matrix(body, result[angles]), -image @ rate_matrix(body, q[angles])
-            )
+            before, after = np.zeros(3), np.zeros(3)
+            if body.orientation:
+                if d == 2:
+                    result[angles] = 2.0 * self.reference[angles] - q[angles]
+                    T[angles, angles] = -1.0
+                else:
+                    first = orientation(body, self.reference[angles])
+                    own = first.T @ image @ first
+                    result[angles] = euler_angles(body, image @ orientation(body, q[angles]) @ own, q[angles])
+                    T[angles, angles] = np.linalg.solve(
+                        rate_matrix(body, result[angles]), -image @ rate_matrix(body, q[angles])
+                    )
+                # The plane of a body goes through its centre of mass, not through its place.
+                (before, turn), (after, turned) = (lever(body, x[angles]) for x in (q, result))
+                T[place, angles] = image[:d, :d] @ turn[:d] - turned[:d] @ T[angles, angles]
+            result[place] = (self.point + image @ (_place(q[place]) + before - self.point) - after)[:d]
         return result, T
+
+    def accelerations(self, state: State, moved: Array, T: Array, turned: Array) -> Array:
+        """Return the accelerations of the image of a motion, of which those of the angles are known."""
+        d, image = self.system.scene.dimension, self._reflection()
+        result, u = turned.copy(), T @ state.u
+        for body, part in zip(self.system.scene.bodies, self.system.body_slices, strict=True):
+            if body.orientation and any(body.center):
+                place, angles = slice(part.start, part.start + d), slice(part.start + d, part.stop)
+                before = lever_acceleration(body, *(x[angles] for x in (state.q, state.u, state.a)))
+                after = lever_acceleration(body, *(x[angles] for x in (moved, u, turned)))
+                result[place] = image[:d, :d] @ (state.a[place] + before[:d]) - after[:d]
+        return result
+
+
+def _place(x: Array) -> Array:
+    """Return a point of the plane or of space as one of space."""
+    return np.concatenate([x, np.zeros(3 - len(x))])
 
 
 @dataclass(frozen=True)
@@ -151,10 +170,12 @@ def _mirrors(invariance: Invariance) -> Iterator[Mirror]:
     """Yield the planes worth trying: across the axes and across the velocity, through the middle of the bodies."""
     system, motion = invariance.system, invariance.motion
     d = system.scene.dimension
-    places = np.array([motion.q[part.start : part.start + d] for part in system.body_slices])
-    speeds = np.array([motion.u[part.start : part.start + d] for part in system.body_slices])
-    point, velocity = np.zeros(3), np.zeros(3)
-    point[:d], velocity[:d] = places.mean(axis=0), speeds.mean(axis=0)
+    places, speeds = [], []
+    for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
+        arm, turn = lever(body, motion.q[part.start + d : part.stop])
+        places.append(_place(motion.q[part.start : part.start + d]) + arm)
+        speeds.append(_place(motion.u[part.start : part.start + d]) + turn @ motion.u[part.start + d : part.stop])
+    point, velocity = np.mean(places, axis=0), np.mean(speeds, axis=0)
     normals = [velocity / np.linalg.norm(velocity)] if np.any(velocity) else []
     normals += [e for e in np.eye(3)[:d] if all(abs(abs(e @ n) - 1.0) > 1e-9 for n in normals)]
     for normal in normals:
@@ -164,7 +185,7 @@ def _mirrors(invariance: Invariance) -> Iterator[Mirror]:
 def _image(invariance: Invariance, mirror: Mirror, state: State) -> tuple[State, Array]:
     """Return the mirror image of a state with time backwards."""
     q, T = mirror.moved(state.q)
-    a = invariance.accelerations(state, q, T)
+    a = mirror.accelerations(state, q, T, invariance.accelerations(state, q, T))
     return State(q, -T @ state.u, a), T
 
 

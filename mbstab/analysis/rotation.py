@@ -14,6 +14,9 @@ from mbstab.compiler.system import Array
 from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic
 from mbstab.model.values import BodyValues, euler_matrix
 
+UP = np.array([0.0, 0.0, 1.0])
+"""Axis of turns in the plane."""
+
 
 def cross_matrix(axis: Array) -> Array:
     """Return the matrix of axis ×."""
@@ -122,3 +125,35 @@ def rate_drift(body: BodyValues, angles: Array, rates: Array) -> Array:
     )[..., 0, :]
     result: Array = drift @ base_rotation(body).T
     return result
+
+
+def lever(body: BodyValues, angles: Array) -> tuple[Array, Array]:
+    """Return the vector from the place of a body to its centre of mass, in three components, and its derivative.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (0,) of a point mass, (1,) of a planar body, (3,) of one in space
+
+    Returns
+    -------
+    arm : ndarray, shape (3,)
+    slope : ndarray, shape (3, number of angles)
+        By the angles.
+    """
+    center = np.zeros(3)
+    center[: len(body.center)] = [float(x) for x in body.center]
+    if len(angles) == 3:
+        arm = orientation(body, angles) @ center
+        return arm, -cross_matrix(arm) @ rate_matrix(body, angles)
+    if len(angles) == 1:
+        arm = rotation_matrix(UP, float(angles[0])) @ center
+        return arm, np.cross(UP, arm)[:, None]
+    return np.zeros(3), np.zeros((3, 0))
+
+
+def lever_acceleration(body: BodyValues, angles: Array, rates: Array, accelerations: Array) -> Array:
+    """Return the acceleration of the centre of mass of a body relative to its place, shape (3,)."""
+    arm, slope = lever(body, angles)
+    spin = rates[0] * UP if len(angles) == 1 else rate_matrix(body, angles) @ rates
+    result: Array = slope @ accelerations + np.cross(spin, np.cross(spin, arm))
+    return result + np.cross(rate_drift(body, angles, rates), arm) if len(angles) == 3 else result

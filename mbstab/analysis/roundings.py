@@ -39,11 +39,8 @@ UNIT = 0.5 * EPS
 FUNCTION = 2.0 * EPS
 """Rounding of sines and the like."""
 
-WEAK = 1e-3
-"""Equations with smaller singular values are nearly dependent: what they determine moves along one direction."""
-
-WEAKER = 1e-6
-"""The same for the equations of balance."""
+LOOSE, MOST = 1e-13, 8
+"""What is solved for moves along one direction where it may be wrong by more than this; so many are kept apart."""
 
 SUMMED = 2.0
 """A sum of products is computed to so many roundings of its terms."""
@@ -429,20 +426,31 @@ class _Roundings:
         result[columns] = steps * sizes[columns] + UNIT * np.abs(motion.q[columns])
         return result
 
-    def _solved(self, G: Array, misfit: Array, columns: Any, sizes: Array, weak: float = WEAK) -> Array:
-        """Return how much the solution of G x = 0 may be wrong; coordinates along weak directions are kept apart."""
-        left, s, right = np.linalg.svd(G, full_matrices=False)
-        largest = float(s[0]) if len(s) else 1.0
-        kept = s > RANK_TOLERANCE * largest
-        left, s, right = left[:, kept], s[kept], right[kept]
-        amounts = (np.abs(left.T) @ misfit) / s
-        far = s < weak * largest
-        for k in np.flatnonzero(far).tolist():
+    def _solved(self, G: Array, misfit: Array, columns: Any, sizes: Array) -> Array:
+        """Return how much the solution of G x = r may be wrong, |r| ≤ misfit; what moves far together is kept apart.
+
+        The error of one equation moves all unknowns in a fixed ratio: what cancels in a stiff force
+        must not be taken entry by entry.
+        """
+        # Rows and columns to one size, as far as they are not rounding: nothing depends on units then.
+        rows = _inverse_sizes(np.linalg.norm(G, axis=1))
+        scale = _inverse_sizes(np.linalg.norm(G * rows[:, None], axis=0))
+        inverse = np.linalg.pinv(G * rows[:, None] * scale, rcond=RANK_TOLERANCE)
+        moves = scale[:, None] * inverse * (rows * misfit)
+        result: Array = np.sum(np.abs(moves), axis=1)
+        n, relative = len(columns), sizes / self.motion.sizes[columns]
+        own = moves[:n] * relative[:, None]
+        left, _, _ = np.linalg.svd(own, full_matrices=False)
+        for together in left.T[:MOST]:
+            share = together @ own
+            amount = float(np.sum(np.abs(share)))
+            if not amount * float(np.max(np.abs(together), initial=0.0)) > LOOSE:
+                break
             change = np.zeros(self.plain.n_q)
-            change[columns] = right[k, : len(columns)] * sizes
-            self.directions.append(Direction(change, float(amounts[k])))
-        inverse = (right[~far].T / s[~far]) @ left[:, ~far].T
-        result: Array = np.abs(inverse) @ misfit
+            change[columns] = together * self.motion.sizes[columns]
+            self.directions.append(Direction(change, amount))
+            own = own - np.outer(together, share)
+        result[:n] = np.sum(np.abs(own), axis=1) / relative
         return result
 
     def _rates(self, dq: Array, du: Array) -> Array:
@@ -544,15 +552,8 @@ class _Roundings:
             rates = (self._off(balance.given) + du[balance.given]) / motion.sizes[balance.given]
             misfit += [_misfits(state.V) / lengths, rates]
         G = balance.jacobian(at)
-        # Rows and columns to one size: what is solved for does not depend on units.
-        blocks = np.split(np.linalg.norm(G, axis=1), np.cumsum([len(x) for x in misfit])[:-1])
-        weights = np.concatenate([_inverse_sizes(part) for part in blocks])
-        columns = _inverse_sizes(np.linalg.norm(G * weights[:, None], axis=0))
         sizes, count = motion.sizes[balance.open], len(balance.open)
-        residual = np.concatenate(misfit) * weights
-        steps = columns * self._solved(
-            G * weights[:, None] * columns, residual, balance.open, sizes * columns[:count], WEAKER
-        )
+        steps = self._solved(G, np.concatenate(misfit), balance.open, sizes)
         dq = dq.copy()
         dq[balance.open] = steps[:count] * sizes + UNIT * np.abs(motion.q[balance.open])
         if not family.size:
