@@ -257,26 +257,46 @@ def placed(A: Array, values: Complex, error: Array, mirrored: bool) -> Sides:
 
 
 def placed_by_vectors(A: Array, error: Array, mirrored: bool) -> tuple[Complex, Sides]:
-    """Return eigenvalues, and their sides by discs about Y A W, with vectors W and Y = W⁻¹."""
-    r = A.shape[-1]
+    """Return eigenvalues, and their sides by discs about Y A V, with a basis V of eigenvectors and Y = V⁻¹.
+
+    Vectors that belong to several eigenvalues near zero are nearly parallel: a basis of their span
+    takes their place.
+    """
     values, W = np.linalg.eig(A)
     values, sides = values.astype(complex), np.full(A.shape[:2], OPEN, dtype=np.int8)
-    Y = _inverse(W)
+    _place(A, values, W, error, mirrored, sides, np.arange(len(A)))
+    small = np.abs(values) <= HARDLY * np.linalg.norm(A, axis=(1, 2))[:, None]
+    number = np.sum(small, axis=1)
+    doubtful = np.any((sides == OPEN) & ~small, axis=1)
+    for k in np.unique(number[doubtful & (number > 1) & (number < A.shape[-1])]).tolist():
+        index = np.flatnonzero(doubtful & (number == k))
+        order = np.argsort(small[index], axis=1, kind="stable")
+        values[index] = np.take_along_axis(values[index], order, axis=1)
+        V = _beside_zeros(A[index], np.take_along_axis(W[index], order[:, None, :], axis=2), error[index], k)
+        _place(A, values, V, error, mirrored, sides, index)
+    return values, sides
+
+
+def _place(A: Array, values: Complex, V: Complex, error: Array, mirrored: bool, sides: Sides, index: Index) -> None:
+    """Place eigenvalues of some points by discs about Y A V; V belongs to these points, all else to all of them."""
+    r = A.shape[-1]
+    Y = _inverse(V)
     with np.errstate(all="ignore"):
         good = np.linalg.norm(Y, axis=(1, 2)) < PARALLEL
-    Y, W, A, error = Y[good], W[good], A[good], error[good]
-    if not len(A):
-        return values, sides
-    F = Y @ (A @ W)
+    Y, V, index = Y[good], V[good], index[good]
+    if not len(index):
+        return
+    A, error = A[index], error[index]
+    F = Y @ (A @ V)
     each = np.arange(r)
     centres = F[:, each, each].copy()
     F[:, each, each] = 0.0
-    lengths = np.linalg.norm(Y, axis=2), np.linalg.norm(W, axis=1)
+    lengths = np.linalg.norm(Y, axis=2), np.linalg.norm(V, axis=1)
     sums = np.sum(lengths[1], axis=1)
-    # Products of Y, A and W are computed to some roundings of their sizes, which ε contains.
+    # Products of Y, A and V are computed to some roundings of their sizes, which ε contains.
     radii = np.sum(np.abs(F), axis=2) + 2.0 * error[:, None] * lengths[0] * sums[:, None]
     # Conjugate pairs stay such.
-    real = values[good].imag == 0.0
+    real = values[index].imag == 0.0
     centres = np.where(real, centres.real, centres)
     gaps = np.abs(centres[:, :, None] - centres[:, None, :])
     gaps[:, each, each] = np.inf
@@ -286,10 +306,36 @@ def placed_by_vectors(A: Array, error: Array, mirrored: bool) -> tuple[Complex, 
     for _ in range(r):
         other = meet & (found[:, None, :] != found[:, :, None])
         found = np.where(np.any(other, axis=2) | ((found == AXIS) & np.any(meet, axis=2)), OPEN, found).astype(np.int8)
-    # Slow ones beside fast ones are corrected by it; others as exact as they are, and in pairs.
-    slow = np.min(np.abs(centres), axis=1, keepdims=True) < SLOW * np.max(np.abs(centres), axis=1, keepdims=True)
-    values[good], sides[good] = np.where(slow, centres, values[good]), found
-    return values, sides
+    # Slow ones beside fast ones are corrected by it; others are as exact as they are.
+    size = np.abs(values[index])
+    slow = size < SLOW * np.max(size, axis=1, keepdims=True)
+    values[index], sides[index] = np.where(slow, centres, values[index]), found
+
+
+def _beside_zeros(A: Array, W: Complex, error: Array, k: int) -> Complex:
+    """Return bases: eigenvectors, and beside them one of the span that belongs to the last k eigenvalues.
+
+    Eigenvectors that are not parallel part A into a block of their own and the block C of the k. In
+    coordinates in which C is triangular, each is counted in such a unit that the coupling within
+    the block and the rounding of A are of the same size.
+    """
+    m = A.shape[-1] - k
+    Q = np.linalg.qr(W[..., :m], mode="complete")[0]
+    whole = np.conj(np.swapaxes(Q, 1, 2)) @ A @ Q
+    own, coupling, C = whole[:, :m, :m], whole[:, :m, m:], whole[:, m:, m:]
+    # own X − X C = −coupling, column by column of X in one.
+    blocks = np.einsum("pij,kl->pkilj", own, np.eye(k)) - np.einsum("plk,ij->pkilj", C, np.eye(m))
+    right = -np.swapaxes(coupling, 1, 2).reshape(len(A), m * k, 1)
+    try:
+        X = np.linalg.solve(blocks.reshape(len(A), m * k, m * k), right)
+    except np.linalg.LinAlgError:
+        return W
+    X = np.swapaxes(X.reshape(len(A), k, m), 1, 2)
+    span = Q[..., :m] @ X + Q[..., m:]
+    span = span @ np.linalg.qr(np.linalg.eig(C)[1])[0]
+    size = np.linalg.norm(C, axis=(1, 2)) + 1e-300
+    units = np.minimum((error / size) ** (1.0 / k), 1.0)[:, None] ** np.arange(k)
+    return np.concatenate([W[..., :m], span * units[:, None, :]], axis=2)
 
 
 def _inverse(W: Complex) -> Complex:

@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mbstab.analysis.invariance import CARRIED, EXACT, ON_ROWS, Digits, Invariance, State, numbers
+from mbstab.analysis.invariance import CARRIED, EXACT, ON_ROWS, RESTING, Digits, Invariance, State, numbers
 from mbstab.analysis.steady import Generator
 from mbstab.compiler.system import Acting, Array
 
@@ -92,7 +92,8 @@ class Work:
             return self.invariance.seen
         for state in self.invariance.on_rows:
             X = field(state.q)
-            fast = max(float(np.max(np.abs(x / motion.sizes))) for x in (X, state.u)) or self.invariance.rate
+            fast = max(float(np.max(np.abs(x / motion.sizes))) for x in (X, state.u))
+            fast = max(fast, RESTING * self.invariance.rate)
             at = system.dynamics(state.q, X, motion.time)
             allowed = ON_ROWS * fast * (np.abs(at.J) @ motion.sizes)
             there = system.dynamics(state.q, X + 2.0 * (state.u - X), motion.time)
