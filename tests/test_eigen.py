@@ -181,7 +181,7 @@ def test_eigenvalues_are_those_of_the_closed_form(case):
     assert_matched(values[unexplained:], closed_form(**parameters), rtol=1e-13)
     # Two zeros that share one vector are known to the root of the rounding.
     zeros_ = sorted((e for e in result.eigenvalues if e.kind != "neutral"), key=lambda e: abs(e.value))[:unexplained]
-    assert all(abs(e.value) < e.error_bound < 1e-6 for e in zeros_)
+    assert all(abs(e.value) < e.error_bound < 1e-4 for e in zeros_)
     assert result.verdict == verdict
 
 

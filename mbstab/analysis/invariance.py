@@ -70,6 +70,9 @@ STEPS = 25
 OFF = 1e-6
 """So far off are the parameters of expressions with which structure is looked for."""
 
+SPEEDS = (0.3, -1.0, 3.0)
+"""Speeds along symmetries, in rates of the scene, at which what rests is tried."""
+
 GRID = 24
 """Bits of the states at which elements are compared."""
 
@@ -462,6 +465,91 @@ class Invariance:
                 found.append(Symmetry(name, field.field(q), field.slope(q) @ u, field))
         return found
 
+    @cached_property
+    def integrals(self) -> list[Symmetry]:
+        """Momenta that are conserved, also with a linear function of the coordinates added.
+
+        Where the forces along a shift are together the rate of such a function, as those of Coriolis
+        are, it need not be a symmetry. What is conserved must not change along symmetries: that is
+        the same everywhere if these are shifts.
+        """
+        known = self.momenta
+        written = any(element.written for element in self.elements)
+        if not written or not self.states or not all(isinstance(item.of, Shift) for item in self.symmetries):
+            return known
+        still, found = np.zeros(self.system.n_q), list(known)
+        basis = [item.direction for item in known]
+        for direction in _echelon(self._balanced_shifts().T):
+            field = self._shift(direction)
+            new = np.linalg.matrix_rank(np.array([*basis, direction]) / self.motion.sizes, tol=INDEPENDENT) > len(basis)
+            if new and self._total(field) and self._horizontal(field):
+                names = [name for name, x in zip(self.system.names, direction, strict=True) if x]
+                found.append(Symmetry(" with ".join(names), direction, still, field))
+                basis.append(direction)
+        return found
+
+    def _balanced_shifts(self) -> Array:
+        """Return along which constant shifts no force depends on coordinates or speeds of symmetries, as columns."""
+        system, sizes = self.system, self.motion.sizes
+        rows = [np.zeros((1, system.n_q))]
+        Y = np.array([item.direction for item in self.symmetries]).reshape(-1, system.n_q).T
+        for state in self.on_rows:
+            dynamics = system.dynamics(state.q, state.u, self.motion.time)
+            K, R, _ = system.linearize(state.q, state.u, state.a, np.zeros(system.n_c), self.motion.time)
+            parts = K.T * sizes, (R @ Y).T * sizes, dynamics.J * sizes
+            rows += [x / (np.linalg.norm(x, axis=1, keepdims=True) + 1e-300) for x in parts]
+        _, s, right = np.linalg.svd(np.vstack(rows))
+        result: Array = right[int(np.sum(s > SEEMS)) :].T * sizes[:, None]
+        return result
+
+    def _total(self, field: Shift) -> bool:
+        """Whether what all do along a shift is the rate of a linear function that no symmetry changes."""
+        found = [self._rates(element, field) for element in self.elements]
+        if any(rates is None for rates in found):
+            return False
+        limit = (
+            CARRIED if any(not e.written and rates for e, rates in zip(self.elements, found, strict=True)) else EXACT
+        )
+        from mpmath import mp
+
+        with mp.workdps(DIGITS):
+            for item in self.symmetries:
+                terms = [
+                    rate * float(item.direction[i])
+                    for element, rates in zip(self.elements, found, strict=True)
+                    for i, rate in zip(element.columns, rates or (), strict=False)
+                ]
+                if abs(sum(terms)) > limit * sum(abs(x) for x in terms):
+                    return False
+        return True
+
+    def _rates(self, element: Acting, field: Shift) -> list[Any] | None:
+        """Return c if what an element does along a shift is c·u, and nothing for its inertia; None if it is not."""
+        if not any(field.direction[i] for i in element.columns):
+            return []
+        if element.inertia:
+            images = [self._moved(field, state) for state in self.states]
+            return [] if self._unseen(element, field) or self._carried(element, images, exact=False) else None
+        if not element.analytic:
+            return None
+        found: list[tuple[Any, Any]] = []
+        for state in self.states:
+            with Digits(element, exact=_exact(field)) as f:
+                limit = EXACT if f.name == "mpmath" else CARRIED
+                weights = [f.number(repr(float(field.direction[i]))) for i in element.columns]
+                q, u, zero = numbers(state.q, f), numbers(state.u, f), numbers(0.0 * state.q, f)
+                K, R = element.slopes(q, u, zero, self.motion.time, f)
+                still = element.force(q, zero, zero, self.motion.time, f)
+                pushes = [_weighted(weights, still), *(_weighted(weights, column) for column in zip(*K, strict=True))]
+                if any(abs(total) > limit * size for total, size in pushes):
+                    return None
+                rates = [_weighted(weights, column) for column in zip(*R, strict=True)]
+                changes = zip(rates, found or rates, strict=True)
+                if any(abs(one[0] - other[0]) > limit * (one[1] + other[1]) for one, other in changes):
+                    return None
+                found = rates
+        return [rate for rate, _ in found]
+
     def _idle_combinations(self) -> list[Array]:
         """Return coefficients of the symmetries along which nothing seems to do work, as a basis."""
         fields = [item.of for item in self.symmetries]
@@ -480,6 +568,38 @@ class Invariance:
                 rows += [(Y @ force) / size] if size > 0.0 else []
         _, s, right = np.linalg.svd(np.array([*rows, np.zeros(len(fields))]))
         return _echelon(right[int(np.sum(s > SEEMS)) :])
+
+    def moves_on(self, field: Field) -> bool:
+        """Whether what rests at the reference may move along a group at any speed: no force then turns it aside."""
+        system, motion = self.system, self.motion
+        Y, slope = field.field(motion.q), field.slope(motion.q)
+        slow = self.rate * float(np.min(motion.sizes / np.maximum(np.abs(Y), 1e-300)))
+        sizes, spaces = motion.sizes, motion.spaces
+        allowed = spaces.scale[:, None] * (spaces.N @ spaces.Z)
+        still = [0.0] * system.n_q
+        if not all(element.analytic for element in self.elements):
+            return False
+        for speed in (UNEVEN * slow * x for x in SPEEDS):
+            u, a = speed * Y, speed**2 * (slope @ Y)
+            if not self.satisfies(motion.q, u):
+                return False
+            left, each, rounding = np.zeros((3, allowed.shape[1]))
+            for element in self.elements:
+                F: Array = np.zeros(system.n_q)
+                try:
+                    # What speed changes of each by itself: loads at rest hide no weak drag.
+                    F[list(element.columns)] = np.subtract(
+                        element.force(motion.q.tolist(), u.tolist(), a.tolist(), motion.time),
+                        element.force(motion.q.tolist(), still, still, motion.time),
+                    )
+                except (ArithmeticError, ValueError):
+                    return False
+                left += F @ allowed
+                each += np.abs(F @ allowed)
+                rounding += float(np.max(np.abs(F) * sizes)) * np.max(np.abs(allowed) / sizes[:, None], axis=0)
+            if np.any(np.abs(left) > ON_ROWS * each + CANCELLED * rounding):
+                return False
+        return True
 
     def conserves(self, field: Field) -> bool:
         """Whether the momentum along a symmetry is the same along every motion."""
@@ -681,7 +801,8 @@ class Invariance:
                 change = (after - F) @ allowed
                 total += change
                 size += np.abs(change)
-                rounding += (np.abs(F) + np.abs(after)) @ np.abs(allowed)
+                load = float(np.max((np.abs(F) + np.abs(after)) * self.motion.sizes))
+                rounding += load * np.max(np.abs(allowed) / self.motion.sizes[:, None], axis=0)
             if np.any(np.abs(total) > ON_ROWS * size + CANCELLED * rounding):
                 return False
         return True
@@ -880,6 +1001,12 @@ def _general(element: Acting) -> Acting:
 def _exact(field: Field) -> bool:
     """Whether steps along a field are exact, so that expressions can be compared with many digits."""
     return isinstance(field, Shift) and bool(np.array_equal(field.direction, np.round(field.direction)))
+
+
+def _weighted(weights: list[Any], column: Any) -> tuple[Any, Any]:
+    """Return a weighted sum and the sum of the sizes of its terms."""
+    terms = [w * x for w, x in zip(weights, column, strict=True)]
+    return sum(terms), sum(abs(x) for x in terms)
 
 
 def _short(step: float) -> float:

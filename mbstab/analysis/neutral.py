@@ -14,10 +14,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.invariance import Invariance, Symmetry
+from mbstab.analysis.invariance import Combination, Invariance, Symmetry
 from mbstab.analysis.linearize import Linearization, StateSpace
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.verdict import Neutral
@@ -59,6 +60,8 @@ class Separated:
         Ω of the frame in which the motion stands still, if it turns, and of the coordinates that spin in it.
     doubt : str
         A contradiction between the structure and the numbers; empty: there is none.
+    speeds : int
+        How many of the directions of T are speeds at which what rests may move on along symmetries.
     """
 
     S: Array
@@ -68,6 +71,7 @@ class Separated:
     neutral: Neutral
     rates: tuple[float, ...] = ()
     doubt: str = ""
+    speeds: int = 0
 
     @cached_property
     def A(self) -> Array:
@@ -149,10 +153,13 @@ class Structure:
         family = [f"speed along {_axis(item)}" for item in boosts]
         rest, named = self._rest(S, columns)
         T = orthonormal([*columns, *rest], n)
-        d = T.shape[1]
         family += named
         L, kept = self._conserved(T, S)
         family += kept
+        moving, slow = self._moving(T, L)
+        family += slow
+        T = orthonormal([*T.T, *moving], n) if moving else T
+        d = T.shape[1]
         B = complement(np.hstack([T, L.T]))
         # Where forces cancel in a critical state, S itself may be rounding.
         size = max(float(np.linalg.norm(S, 2)), self.invariance.rate)
@@ -166,10 +173,15 @@ class Structure:
                 f"the symmetries found ({', '.join(x.name for x in symmetries)}) do not fit the linearized equations "
                 f"({worst / size:.1e} of their norm): please report this model"
             )
-        found = Separated(S, T, L, B, Neutral(), rates, doubt)
+        found = Separated(S, T, L, B, Neutral(), rates, doubt, len(moving))
         names = tuple(item.name for item in symmetries)
         neutral = Neutral(
-            names, tuple(family), d + len(L), drift_of(found), "numerical" if d + len(L) else "structural"
+            names,
+            tuple(family),
+            d + len(L),
+            drift_of(found),
+            "numerical" if d + len(L) else "structural",
+            slow=tuple(slow),
         )
         return replace(found, neutral=neutral)
 
@@ -199,11 +211,43 @@ class Structure:
         further = len(found) - orthonormal(columns, len(S)).shape[1]
         return found, ["position at rest"] if further > 0 else []
 
+    def _moving(self, T: Array, L: Array) -> tuple[list[Array], list[str]]:
+        """Return speeds along symmetries at which what rests here may move on steadily, apart from T and L.
+
+        A wheel that stands may roll at any speed, although no momentum along it is conserved.
+        """
+        invariance, linear = self.invariance, self.linear
+        items = invariance.symmetries
+        if np.any(linear.motion.u) or not items or not self.work.rows_at_rest:
+            return [], []
+        spaces = linear.motion.spaces
+        directions = np.array([x.direction for x in items]).T
+        columns = self.gamma * np.array([self.column(np.zeros_like(x), x) for x in directions.T]).T
+        directions = directions / spaces.scale[:, None]
+        lengths = np.linalg.norm(directions, axis=0)
+        columns, directions = columns / lengths, directions / lengths
+        c = admissible(directions, spaces.N @ spaces.Z, L @ columns)
+        _, s, right = np.linalg.svd(columns @ c - T @ (T.T @ (columns @ c)))
+        c = c @ right[: int(np.sum(s > KEPT))].T
+        if not c.shape[1]:
+            return [], []
+        chosen = _sparse(c / lengths[:, None])
+        mixed = [*np.random.default_rng(7).uniform(-1.0, 1.0, (2 if c.shape[1] > 1 else 0, c.shape[1]))]
+        if not all(
+            invariance.moves_on(Combination(_parts(x, items)))
+            for x in (*chosen, *(np.array(chosen).T @ x for x in mixed))
+        ):
+            return [], []
+        names = [
+            f"speed of {items[int(np.argmax(np.abs(x)))].name}" if np.sum(x != 0.0) == 1 else "speed" for x in chosen
+        ]
+        return [columns @ x for x in c.T], names
+
     def _conserved(self, T: Array, S: Array) -> tuple[Array, list[str]]:
         """Return independent differentials that vanish on T, and what their values tell apart."""
         motion, n = self.linear.motion, len(S)
         candidates: list[tuple[str, Array]] = []
-        for item in self.invariance.momenta:
+        for item in self.invariance.integrals:
             if self._commutes(item):
                 candidates.append((f"speed of {item.name}", self.differential(item.direction, item.rate)))
         if np.any(motion.u) and self.work.conserved_at_rest:
@@ -239,6 +283,37 @@ class Structure:
         Motions of such a family need not be steady where other conserved functions have other values.
         """
         return any(not self.invariance.conserves(item.of) for item in self.invariance.boosts)
+
+
+def admissible(directions: Array, allowed: Array, known: Array) -> Array:
+    """Return which combinations of directions the rows allow as speeds and which are no change of known functions.
+
+    Parameters
+    ----------
+    directions : ndarray, shape (n_q, k)
+        Unit columns in scaled coordinates.
+    allowed : ndarray, shape (n_q, m)
+        Orthonormal speeds that the rows allow.
+    known : ndarray, shape (r, k)
+        Differentials of the functions along the directions.
+
+    Returns
+    -------
+    c : ndarray, shape (k, number), orthonormal columns
+    """
+    across = directions - allowed @ (allowed.T @ directions)
+    _, s, right = np.linalg.svd(np.vstack([across, known]))
+    result: Array = right[int(np.sum(s > KEPT)) :].T
+    return result
+
+
+def _sparse(c: Array) -> list[Array]:
+    """Return the columns without what is rounding."""
+    return [np.where(np.abs(x) > KEPT * np.max(np.abs(x)), x, 0.0) for x in c.T]
+
+
+def _parts(c: Array, items: list[Symmetry]) -> tuple[tuple[float, Any], ...]:
+    return tuple((float(x), item.of) for x, item in zip(c, items, strict=True) if x)
 
 
 def unseparated(S: Array) -> Separated:

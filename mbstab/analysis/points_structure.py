@@ -160,18 +160,19 @@ class Known:
         self.symmetries = tuple(structure.invariance.symmetries)
         self.boosts = tuple(structure.invariance.boosts)
         plain = structure.separated(grounds.S)
-        self.directions, self.kept = plain.T.shape[1], len(plain.L)
+        self.speeds = plain.speeds
+        self.directions, self.kept = plain.T.shape[1] - self.speeds, len(plain.L)
         self.d, self.k = separated.T.shape[1], len(separated.L)
         self.of_symmetries = structure.symmetric(len(grounds.S)).shape[1]
         self.moving = bool(np.any(grounds.motion.u))
         n_eta = len(grounds.S) - structure.space.n_xi
         self.rests = n_eta < structure.space.n_xi and "position at rest" in plain.neutral.family
-        self.momenta = tuple(x for x in structure.invariance.momenta if structure._commutes(x)) if self.kept else ()
+        self.momenta = tuple(x for x in structure.invariance.integrals if structure._commutes(x)) if self.kept else ()
         self.speed = bool(self.kept and self.moving and structure.work.conserved_at_rest)
         motion = grounds.motion
         parts = [(x.direction, x.rate) for x in self.momenta] + ([(motion.u, motion.a)] if self.speed else [])
         rows = [structure.differential(*part) for part in parts]
-        along = [row @ plain.T / (np.linalg.norm(row) or 1.0) for row in rows]
+        along = [row @ plain.T[:, : self.directions] / (np.linalg.norm(row) or 1.0) for row in rows]
         self.tied = int(np.linalg.matrix_rank(np.array(along), tol=KEPT)) if along and self.directions else 0
 
     @property
@@ -225,7 +226,9 @@ class Known:
         symmetries = self._columns(points, self.symmetries)
         T = self._directions(points, symmetries, good)
         L = self._functions(points, T, good)
-        if self.d > self.directions:
+        if self.speeds:
+            T = self._moving(points, T, L, good)
+        if self.d > self.directions + self.speeds:
             T, L = self._widened(points, symmetries, L, good)
         basis = _beside(T, _t(L))
         B = np.linalg.qr(basis, mode="complete")[0][..., basis.shape[-1] :]
@@ -264,6 +267,25 @@ class Known:
                 null = np.eye(n)[None]
             columns = _beside(columns, _under(null, np.zeros((1, n_eta, null.shape[-1]))))
         return _orthonormal(columns, self.directions, good)
+
+    def _moving(self, points: Points, T: Array, L: Array, good: Flags) -> Array:
+        """Return the directions with speeds at which what rests may move on, as `Structure._moving`."""
+        directions = _stacked([disturbance(item, points)[0] for item in self.symmetries]) / points.scale[:, :, None]
+        lengths = np.linalg.norm(directions, axis=1, keepdims=True)
+        allowed, directions = points.N @ points.Z, directions / lengths
+        eta = _t(points.Z) @ (_t(points.N) @ directions)
+        columns = _under(np.zeros((1, points.n_xi, eta.shape[-1])), eta)
+        across = directions - allowed @ (_t(allowed) @ directions)
+        _, s, right = np.linalg.svd(_under(across, L @ columns))
+        full = np.zeros((len(s), len(self.symmetries)))
+        full[:, : s.shape[-1]] = s
+        free = int(np.sum(full[0] <= KEPT))
+        good &= np.sum(full <= KEPT, axis=1) == free
+        found = columns @ _t(right[:, right.shape[1] - free :])
+        left = found - T @ (_t(T) @ found)
+        own, s, _ = np.linalg.svd(left, full_matrices=False)
+        good &= np.sum(s > KEPT, axis=1) == self.speeds
+        return _beside(T, own[..., : self.speeds])
 
     def _functions(self, points: Points, T: Array, good: Flags) -> Array:
         """Return orthonormal differentials of conserved functions that vanish on the directions."""

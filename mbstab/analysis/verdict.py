@@ -94,6 +94,8 @@ class Neutral:
         The weakest evidence among them.
     checked : str
         How far a family was followed that no symmetry explains; empty: there is none.
+    slow : tuple of str
+        Those of the family that are speeds of what rests: small ones where the energy keeps them small.
     """
 
     symmetries: tuple[str, ...] = ()
@@ -102,6 +104,7 @@ class Neutral:
     drift: int = 0
     evidence: Evidence = "structural"
     checked: str = ""
+    slow: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -320,10 +323,11 @@ def judge(facts: Facts) -> Verdict:
         return Verdict(UNDECIDED, (facts.rough,), warnings=facts.warnings)
     if decays:
         return _decaying(facts)
+    # The energy says more where it keeps speeds of what rests small.
+    if (left or neutral.slow) and (minimum := facts.minimum()) is not None and minimum.definite:
+        return _by_energy(facts, minimum)
     if not left:
         return _up_to(facts, STABLE_UP_TO, f"every motion nearby is of the same kind: {_differ(neutral)}")
-    if (minimum := facts.minimum()) is not None and minimum.definite:
-        return _by_energy(facts, minimum)
     on_axis = [d for d in facts.discs if d.side == "axis"]
     rest = [d for d in facts.discs if d.side == "open"]
     warnings = facts.warnings + facts.frequencies()
@@ -391,6 +395,8 @@ def _decaying(facts: Facts) -> Verdict:
 
 def _by_energy(facts: Facts, minimum: Minimum) -> Verdict:
     neutral = facts.neutral
+    neutral = replace(neutral, family=tuple(x for x in neutral.family if x not in neutral.slow))
+    facts = replace(facts, neutral=neutral)
     warnings = facts.warnings + (facts.frequencies() if minimum.maximum else ())
     extremum = "maximum" if minimum.maximum else "minimum"
     evidence = weakest(neutral.evidence, minimum.evidence)
