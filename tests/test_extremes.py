@@ -325,7 +325,7 @@ OPEN = {"rolling disk, -1e-06 beside critical"}
 ANSWERED = [case for case in CASES if case not in {*REFUSED, *UNDECIDED, *WARNED, *OPEN}]
 FAIR = 10.0
 """No error may exceed its bound by more than this factor …"""
-USEFUL = 1e6
+USEFUL = 1e5
 """… and no bound the error, or one rounding, by more than this one: joint forces that cancel are counted in full."""
 
 

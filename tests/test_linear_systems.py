@@ -99,6 +99,29 @@ def test_no_verdict_on_a_linear_system_is_wrong():
         assert cases.count(word) >= 0.9 * len(cases) > 10
 
 
+@pytest.mark.parametrize(
+    ("K", "D"),
+    [
+        # Shifts and speeds along them that no single coordinate shows.
+        ([[0, 0], [1, 2]], [[0, 0], [1, 2]]),
+        (
+            [[1, 0, 0, -1], [0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 0, 0]],
+            [[1, 0, 0, -1], [0, 1, 0, 1], [0, 0, 1, 1], [0] * 4],
+        ),
+        # Conserved functions that are no momenta of symmetries.
+        ([[1, 0], [0, 0]], [[1, -1], [2, 0]]),
+        ([[1, 1, 1], [0, 0, 0], [0, 0, 1]], [[1, 0, 0], [0, 0, 0], [0, 0, 1]]),
+        ([[0, 3, 0], [3, 4, 0], [0, 0, 0]], [[0, -3, 1], [3, 0, -2], [-1, 2, 0]]),
+        # Some speeds stay, others that conserve the same function grow.
+        (NONE, [[1, 1], [-1, -1]]),
+    ],
+)
+def test_what_takes_combinations_to_see_is_seen(K, D):
+    known, result = truth(K, D), mbstab.loads(text(K, D)).eig()
+    assert result.verdict == known.expected
+    checked(known, result.verdict, result.in_place, result.modulo.symmetries + result.modulo.family, (K, D))
+
+
 @pytest.mark.parametrize("command", ["precise", "certify", "index3", "sweep"])
 def test_no_command_is_wrong_about_a_linear_system(command):
     for system in drawn(2, 40):

@@ -156,7 +156,8 @@ class Structure:
         family += named
         L, kept = self._conserved(T, S)
         family += kept
-        moving, slow = self._moving(T, L)
+        # Where conserved functions have other values, what moves on need not be steady.
+        moving, slow = self._moving(T) if not len(L) else ([], [])
         family += slow
         T = orthonormal([*T.T, *moving], n) if moving else T
         d = T.shape[1]
@@ -211,8 +212,8 @@ class Structure:
         further = len(found) - orthonormal(columns, len(S)).shape[1]
         return found, ["position at rest"] if further > 0 else []
 
-    def _moving(self, T: Array, L: Array) -> tuple[list[Array], list[str]]:
-        """Return speeds along symmetries at which what rests here may move on steadily, apart from T and L.
+    def _moving(self, T: Array) -> tuple[list[Array], list[str]]:
+        """Return speeds along symmetries at which what rests here may move on steadily, apart from T.
 
         A wheel that stands may roll at any speed, although no momentum along it is conserved.
         """
@@ -226,7 +227,7 @@ class Structure:
         directions = directions / spaces.scale[:, None]
         lengths = np.linalg.norm(directions, axis=0)
         columns, directions = columns / lengths, directions / lengths
-        c = admissible(directions, spaces.N @ spaces.Z, L @ columns)
+        c = admissible(directions, spaces.N @ spaces.Z)
         _, s, right = np.linalg.svd(columns @ c - T @ (T.T @ (columns @ c)))
         c = c @ right[: int(np.sum(s > KEPT))].T
         if not c.shape[1]:
@@ -285,8 +286,8 @@ class Structure:
         return any(not self.invariance.conserves(item.of) for item in self.invariance.boosts)
 
 
-def admissible(directions: Array, allowed: Array, known: Array) -> Array:
-    """Return which combinations of directions the rows allow as speeds and which are no change of known functions.
+def admissible(directions: Array, allowed: Array) -> Array:
+    """Return which combinations of directions the rows allow as speeds.
 
     Parameters
     ----------
@@ -294,15 +295,13 @@ def admissible(directions: Array, allowed: Array, known: Array) -> Array:
         Unit columns in scaled coordinates.
     allowed : ndarray, shape (n_q, m)
         Orthonormal speeds that the rows allow.
-    known : ndarray, shape (r, k)
-        Differentials of the functions along the directions.
 
     Returns
     -------
     c : ndarray, shape (k, number), orthonormal columns
     """
     across = directions - allowed @ (allowed.T @ directions)
-    _, s, right = np.linalg.svd(np.vstack([across, known]))
+    _, s, right = np.linalg.svd(across)
     result: Array = right[int(np.sum(s > KEPT)) :].T
     return result
 

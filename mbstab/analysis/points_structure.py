@@ -227,7 +227,7 @@ class Known:
         T = self._directions(points, symmetries, good)
         L = self._functions(points, T, good)
         if self.speeds:
-            T = self._moving(points, T, L, good)
+            T = self._moving(points, T, good)
         if self.d > self.directions + self.speeds:
             T, L = self._widened(points, symmetries, L, good)
         basis = _beside(T, _t(L))
@@ -268,7 +268,7 @@ class Known:
             columns = _beside(columns, _under(null, np.zeros((1, n_eta, null.shape[-1]))))
         return _orthonormal(columns, self.directions, good)
 
-    def _moving(self, points: Points, T: Array, L: Array, good: Flags) -> Array:
+    def _moving(self, points: Points, T: Array, good: Flags) -> Array:
         """Return the directions with speeds at which what rests may move on, as `Structure._moving`."""
         directions = _stacked([disturbance(item, points)[0] for item in self.symmetries]) / points.scale[:, :, None]
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
@@ -276,7 +276,7 @@ class Known:
         eta = _t(points.Z) @ (_t(points.N) @ directions)
         columns = _under(np.zeros((1, points.n_xi, eta.shape[-1])), eta)
         across = directions - allowed @ (_t(allowed) @ directions)
-        _, s, right = np.linalg.svd(_under(across, L @ columns))
+        _, s, right = np.linalg.svd(across)
         full = np.zeros((len(s), len(self.symmetries)))
         full[:, : s.shape[-1]] = s
         free = int(np.sum(full[0] <= KEPT))
