@@ -244,7 +244,7 @@ class Mechanism:
         """
         from mbstab.analysis.verify import verify
 
-        return verify(self.system(**parameters), frozen, progress)
+        return verify(self.system(**parameters), frozen, progress, self._zeros(parameters))
 
     @guarded
     def sweep(

@@ -250,8 +250,8 @@ def text(K, D, parameter=False):
     names = NAMES[n - 1]
     laws = []
     for i, name in enumerate(names):
-        terms = [f"{-c:+d}*{x}" for c, x in zip(K[i], names, strict=True) if c]
-        terms += [f"{-c:+d}*rate({x})" for c, x in zip(D[i], names, strict=True) if c]
+        terms = [f"{-c:+}*{x}" for c, x in zip(K[i], names, strict=True) if c]
+        terms += [f"{-c:+}*rate({x})" for c, x in zip(D[i], names, strict=True) if c]
         if terms:
             law = "".join(terms)
             laws.append(f"{name}: {f'c*({law})' if parameter else law!r}")

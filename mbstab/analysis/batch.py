@@ -289,6 +289,9 @@ class _Work:
             columns = counts.tolist(), words, distance.tolist(), part.index[open_].tolist()
             for key, word, far, i in zip(*columns, strict=True):
                 kinds.setdefault((id(part.known), word, *key), []).append((-far, i))
+        # Where equilibria nearly meet they are found to the root of the rounding, which only the full answer counts.
+        for i in self._nearly_meeting():
+            self._exact(i)
         for (_, before, *_, number), members in kinds.items():
             failed = 0
             # Those farthest from the axis first.
@@ -296,6 +299,17 @@ class _Work:
                 failed = 0 if self._more(i, before, number) else failed + 1
                 if failed == TRIES:
                     break
+
+    def _nearly_meeting(self) -> list[int]:
+        """Return points of paths of equilibria with an eigenvalue that is placed although it is nearly zero."""
+        if self.path is None:
+            return []
+        found: list[int] = []
+        for part in self.found:
+            size = np.abs(part.found.values)
+            slow = np.any((size <= HARDLY * part.found.sizes[:, None]) & (part.found.sides != OPEN), axis=1)
+            found += part.index[slow].tolist() if len(part.index) > 1 else []
+        return found
 
     def _more(self, i: int, word: int, number: int) -> bool:
         """Judge a point as `mbstab eig` does; return whether that says more than a verdict with open eigenvalues."""

@@ -38,7 +38,7 @@ import numpy.typing as npt
 from mbstab.analysis.linearize import Linearization, Matrices, StateSpace, composite
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.refine import ROUNDINGS, Quadratic, refined
-from mbstab.analysis.roundings import Roundings, roundings
+from mbstab.analysis.roundings import Roundings, displaced, roundings
 from mbstab.compiler.system import Array
 
 Complex = npt.NDArray[np.complex128]
@@ -331,14 +331,7 @@ class _Judge:
     @cached_property
     def displaced(self) -> list[Matrices]:
         """Changes of the matrices by what rounding makes of the coordinates where little holds them."""
-        linear, found = self.linear, []
-        sizes = linear.motion.sizes
-        for change, amount in self._known.directions:
-            # Differences over a path on which the equations are as weak as here.
-            step = 1e-6 / (float(np.max(np.abs(change) / sizes)) or 1.0)
-            there, back = (self.scaled(linear.beside(sign * step * change)) for sign in (1.0, -1.0))
-            found.append(Matrices(*((a - b) * (amount / (2.0 * step)) for a, b in zip(there, back, strict=True))))
-        return found
+        return [self.scaled(changes) for changes in displaced(self.linear, self._known)]
 
     def weighted(self, W: Complex, rate: float) -> Complex:
         """Return vectors of A with speeds in units of a rate: of slow motions they are small."""
@@ -1107,7 +1100,9 @@ def _of_others(judge: _Judge, values: Complex, vectors: Complex) -> Placed:
     found = judge.found()
     own = found.placed()
     T = judge.T
-    zeros = np.linalg.eigvals(judge.inside @ T).astype(complex) if T.shape[1] else np.zeros(0, dtype=complex)
+    inner = judge.inside @ T
+    zeros = np.linalg.eigvals(inner).astype(complex) if T.shape[1] else np.zeros(0, dtype=complex)
+    rounding = SUMMED * EPS * float(np.linalg.norm(inner))
     known = np.concatenate([own.values, zeros, np.zeros(judge.outside.shape[1], dtype=complex)])
     count, size = len(values), max(len(values), len(known))
     distance = np.full((size, size), UNLIKE)
@@ -1121,10 +1116,12 @@ def _of_others(judge: _Judge, values: Complex, vectors: Complex) -> Placed:
             continue
         off = float(abs(values[i] - known[j]))
         if j >= len(own.values):
-            neutral.append(i)
-            bounds[i] = off
+            # One that is nearer to another eigenvalue was lost, and this one is not it.
+            if off <= float(np.min(np.abs(own.values - values[i]), initial=np.inf)):
+                neutral.append(i)
+                bounds[i] = off + rounding + EPS * abs(values[i])
         elif off <= own.bounds[j] + DIFFERENT * found.misfit(j, complex(values[i]), pairs, i):
-            bounds[i] = off + float(own.bounds[j])
+            bounds[i] = (off + float(own.bounds[j])) * (1.0 + 4.0 * EPS)
     discs = _covering([Disc(complex(values[i]), float(bounds[i]), (i,)) for i in range(count) if i not in neutral])
     condition = _relative(bounds / EPS, values)
     return Placed(values + 0.0, discs, bounds, condition, judge.backward(values, pairs), x, tuple(neutral))

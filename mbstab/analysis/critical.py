@@ -28,21 +28,26 @@ from mbstab.errors import MbstabError
 REACH = 0.2
 """How far the critical direction is followed, in sizes of the scene or rad."""
 
-LEVELS = 7
-"""So many times the distance is halved."""
+LEVELS, FEWEST = 24, 10
+"""So many times the distance is halved; where the motion cannot be followed so far, fewer of the distances will do."""
 
 STEPS = 12
 """Newton steps at each distance."""
 
 BALANCED = 1e-13
-"""Forces balance to this, relative to the forces that act."""
+"""Forces along each coordinate balance to this, relative to those that act along it."""
+
+RESOLVED = 30.0
+"""Forces count if they are so many times what counts as zero."""
 
 VANISHES, ROUNDED = 1e-9, 1e-14
 """The force along the critical direction is zero if it is this part of what each element does along it, or rounding of
 all that they do."""
 
-ORDERS = (2, 3, 4, 5)
+ORDERS = {"even": (2, 4), "odd": (3, 5)}
 """Powers of z that are told apart."""
+
+EPS = float(np.finfo(float).eps)
 
 INTEGER = 0.12
 """How far an observed power may be from a whole number."""
@@ -53,7 +58,7 @@ SIMPLE = 1e-6
 
 @dataclass(frozen=True)
 class _Path:
-    """The force that holds the motion at distances ± z = measure·(q − q₀), and what counts as zero for it."""
+    """The force that holds the motion at distances ± z = measure·(q − q₀), farthest first, and what is zero for it."""
 
     measure: Array
     z: Array
@@ -61,10 +66,11 @@ class _Path:
     behind: Array
     zero_ahead: Array
     zero_behind: Array
+    rounding: Array
 
     @property
     def vanishes(self) -> bool:
-        """Whether there is no force on the whole way."""
+        """Whether there is no force on the whole way; rounding that would hide one is no evidence."""
         return bool(np.all(np.abs(self.ahead) <= self.zero_ahead) and np.all(np.abs(self.behind) <= self.zero_behind))
 
 
@@ -85,7 +91,8 @@ def critical_zero(
     """
     energy = SecondVariation(structure, separated)
     by_energy = energy.applies and _definite_beside(energy, structure, separated)
-    if len(separated.L) or count > 2 or not (by_energy or (count == 1 and others_decay)):
+    # How what moves along symmetries goes on beside the reference is not asked.
+    if len(separated.L) or separated.speeds or count > 2 or not (by_energy or (count == 1 and others_decay)):
         return None
     direction = _direction(structure, separated)
     if direction is None:
@@ -98,7 +105,11 @@ def critical_zero(
         return None
     neutral = bool(separated.neutral.count)
     if path.vanishes:
-        return _family(structure, direction, path, others_decay and count == 1)
+        # Where others do not decay they may drive the motion along the family, out of where it is stable.
+        alone = separated.A.shape[0] == count
+        if not (alone or (others_decay and count == 1)):
+            return None
+        return _family(structure, direction, path, not alone) if exact() else None
     found = _power(path)
     if found is None or not exact():
         return None
@@ -175,23 +186,33 @@ def _followed(structure: Structure, shift: Array) -> _Path | None:
     unit = float(np.max(np.abs(along / motion.sizes)))
     along, measure = along / unit, (spaces.N @ shift) / spaces.scale * unit
     held = [x.direction / motion.sizes for x in structure.invariance.symmetries]
-    size = _acting(structure, along)
     distances: Array = np.array([REACH * 0.5**k for k in range(LEVELS)])
-    found: list[Array] = []
+    sides = []
     for sign in (1.0, -1.0):
-        forces, zeros = [], []
+        forces, zeros, roundings = [], [], []
         q, nu, r = motion.q, motion.nu, 0.0
         for z in sign * distances[::-1]:
             q = q + (z - float(measure @ (q - motion.q))) * along
-            held_at = _balanced(structure, q, nu, r, (measure, held, float(z)), size)
-            if held_at is None:
-                return None
-            tangent = (held_at[0] - q) / z + along
-            q, nu, r = held_at
+            try:
+                found = _balanced(structure, q, nu, r, (measure, held, float(z)))
+            except (MbstabError, ArithmeticError, ValueError):
+                found = None
+            if found is None:
+                break
+            before = q
+            q, nu, r, rounding = found
+            tangent = (q - before) / z + along
             forces.append(r)
             zeros.append(_zero(structure, q, tangent))
-        found += [np.array(forces[::-1]), np.array(zeros[::-1])]
-    return _Path(measure, distances, found[0], found[2], found[1], found[3])
+            roundings.append(float(rounding @ np.abs(tangent)))
+        sides.append((forces, zeros, roundings))
+    reached = min(len(forces) for forces, _, _ in sides)
+    if reached < FEWEST:
+        return None
+    (ahead, zero_ahead, near), (behind, zero_behind, far) = (
+        (np.array(part[:reached][::-1]) for part in side) for side in sides
+    )
+    return _Path(measure, distances[LEVELS - reached :], ahead, behind, zero_ahead, zero_behind, near + far)
 
 
 def _zero(structure: Structure, q: Array, tangent: Array) -> float:
@@ -206,28 +227,31 @@ def _zero(structure: Structure, q: Array, tangent: Array) -> float:
     return VANISHES * each + ROUNDED * size
 
 
-def _acting(structure: Structure, along: Array) -> float:
-    """Return the size of the forces that act at the reference and at the ends of the way, times a large change."""
-    motion, sizes = structure.linear.motion, structure.linear.motion.sizes
-    total = 0.0
-    for z in (0.0, REACH, -REACH):
-        for element in structure.invariance.elements:
-            force = element.force(motion.q + z * along, motion.u, motion.a, motion.time)
-            columns = list(element.columns)
-            total = max(total, float(np.max(np.abs(np.array(force, dtype=float)) * sizes[columns], initial=0.0)))
+def _acting(structure: Structure, q: Array, u: Array, a: Array) -> Array:
+    """Return the sizes of the forces that act along each coordinate, shape (n_q,)."""
+    total = np.zeros(len(q))
+    for element in structure.invariance.elements:
+        force = np.array(element.force(q, u, a, structure.linear.motion.time), dtype=float)
+        total[list(element.columns)] += np.abs(force)
     return total
 
 
 def _balanced(
-    structure: Structure, q: Array, nu: Array, r: float, given: tuple[Array, list[Array], float], size: float
-) -> tuple[Array, Array, float] | None:
-    """Return the motion that a force along the critical direction holds at a distance, by Newton's method."""
+    structure: Structure, q: Array, nu: Array, r: float, given: tuple[Array, list[Array], float]
+) -> tuple[Array, Array, float, Array] | None:
+    """Return the motion that a force along the critical direction holds at a distance, by Newton's method.
+
+    Returns
+    -------
+    q, nu, r
+    rounding : ndarray, shape (n_q,)
+        To what the forces balance along each coordinate.
+    """
     measure, held, z = given
     linear, reference = structure.linear, structure.linear.motion
     system, generator = linear.system, linear.generator
     n, c, n_h = system.n_q, system.n_c, system.n_h
     sizes = reference.sizes
-    row = measure * sizes
     before = np.inf
     for _ in range(STEPS):
         u = np.zeros(n) if not np.any(reference.u) else (generator.field(q) if generator is not None else reference.u)
@@ -235,29 +259,45 @@ def _balanced(
         state = system.dynamics(q, u, reference.time)
         at = _at(reference, q, u, a, nu, state)
         K = matrices_in(system, at, generator if generator is not None and generator.turns else None).K
-        push = measure * r
-        force = (state.F0 + state.M @ a + state.J.T @ nu - push) * sizes / size
+        # What acts far away, or on other bodies, says nothing about how well forces balance here.
+        acting = _acting(structure, q, u, a) + np.abs(state.J.T) @ np.abs(nu) + np.abs(measure * r)
+        rounding = BALANCED * acting + 4.0 * EPS * np.abs(K) @ (np.abs(q) + np.abs(reference.q))
+        force = state.F0 + state.M @ a + state.J.T @ nu - measure * r
         # Rows on speeds hold along steady motions; rows on positions are solved for.
         residual = np.concatenate(
             [force, state.E[:n_h], [x @ ((q - reference.q) / sizes) for x in held], [measure @ (q - reference.q) - z]]
         )
-        off = float(np.max(np.abs(residual)))
-        if off <= BALANCED or (off <= 1e3 * BALANCED and off > 0.5 * before):
-            return q, nu, r
+        allowed = np.concatenate(
+            [
+                rounding,
+                4.0 * EPS * np.abs(state.J[:n_h]) @ (np.abs(q) + sizes),
+                np.full(len(held), BALANCED),
+                [4.0 * EPS * float(np.abs(measure) @ (np.abs(q) + np.abs(reference.q)))],
+            ]
+        )
+        off = float(np.max(np.abs(residual) / np.maximum(allowed, 1e-300)))
+        if off <= 1.0 or (off <= 1e3 and off > 0.5 * before):
+            return q, nu, r, np.maximum(rounding, np.abs(force))
         before = off
         matrix = np.zeros((len(residual), n + c + 1))
-        matrix[:n, :n] = K * sizes * sizes[:, None] / size
-        matrix[:n, n : n + c] = state.J.T * sizes[:, None] / size
-        matrix[:n, -1] = -measure * sizes / size
+        matrix[:n, :n] = K * sizes
+        matrix[:n, n : n + c] = state.J.T
+        matrix[:n, -1] = -measure
         matrix[n : n + n_h, :n] = state.J[:n_h] * sizes
         for i, x in enumerate(held):
             matrix[n + n_h + i, :n] = x
-        matrix[-1, :n] = row
-        columns = np.linalg.norm(matrix, axis=0)
-        columns[columns == 0.0] = 1.0
-        step = -np.linalg.lstsq(matrix / columns, residual, rcond=1e-13)[0] / columns
+        matrix[-1, :n] = measure * sizes
+        rows = _lengths(matrix, 1)
+        matrix = matrix / rows[:, None]
+        columns = _lengths(matrix, 0)
+        step = -np.linalg.lstsq(matrix / columns, residual / rows, rcond=1e-13)[0] / columns
         q, nu, r = q + sizes * step[:n], nu + step[n : n + c], r + float(step[-1])
     return None
+
+
+def _lengths(matrix: Array, axis: int) -> Array:
+    lengths = np.linalg.norm(matrix, axis=axis)
+    return np.where(lengths > 0.0, lengths, 1.0)
 
 
 def _at(reference: Motion, q: Array, u: Array, a: Array, nu: Array, dynamics: Dynamics) -> Motion:
@@ -266,21 +306,30 @@ def _at(reference: Motion, q: Array, u: Array, a: Array, nu: Array, dynamics: Dy
 
 
 def _power(path: _Path) -> tuple[int, int] | None:
-    """Return the power of z and the sign of its coefficient; None if they are in doubt."""
-    for i in range(len(path.z) - 3, -1, -1):
-        parts = [side[i : i + 3] for side in (path.ahead, path.behind)]
-        zeros = [side[i : i + 3] for side in (path.zero_ahead, path.zero_behind)]
-        if any(np.any(np.abs(part) <= 30.0 * zero) for part, zero in zip(parts, zeros, strict=True)):
+    """Return the power of z and the sign of its coefficient; None if they are in doubt.
+
+    What is even in z and what is odd are told apart first: a small term of lower order is not
+    hidden by a large one of the next.
+    """
+    zero = path.zero_ahead + path.zero_behind + path.rounding
+    found = []
+    for parity, part in (("even", path.ahead + path.behind), ("odd", path.ahead - path.behind)):
+        resolved = np.abs(part) > RESOLVED * zero
+        if not resolved.any():
             continue
-        powers = [float(np.log2(abs(part[j] / part[j + 1]))) for part in parts for j in (0, 1)]
+        # The smallest distances at which three forces in a row count.
+        rows = [i for i in range(len(part) - 2) if resolved[i : i + 3].all()]
+        if not rows:
+            return None
+        last = rows[-1]
+        if resolved[last + 3 :].any():
+            return None
+        powers = [float(np.log2(abs(part[j] / part[j + 1]))) for j in (last, last + 1)]
         k = round(powers[1])
-        if k not in ORDERS or any(abs(x - k) > INTEGER for x in (powers[1], powers[3])):
+        if k not in ORDERS[parity] or abs(powers[1] - k) > INTEGER:
             return None
-        ahead, behind = int(np.sign(parts[0][-1])), int(np.sign(parts[1][-1]))
-        if (k % 2 == 1) != (ahead != behind):
-            return None
-        return k, ahead
-    return None
+        found.append((k, int(np.sign(part[last + 2]))))
+    return min(found, default=None)
 
 
 def _family(structure: Structure, shift: Array, path: _Path, decays: bool) -> Critical:
@@ -292,8 +341,8 @@ def _family(structure: Structure, shift: Array, path: _Path, decays: bool) -> Cr
     return Critical(
         ASYMPTOTIC_UP_TO if decays else STABLE_UP_TO,
         f"as far as checked: a family of motions of the same kind goes through this one, along {name} "
-        f"(followed by {REACH:g} of the size of the scene both ways; {off:.0e} N or N*m are left of the forces), and "
-        + ("all other disturbances decay" if decays else "the energy has a strict minimum across it"),
+        f"(followed by {path.z[0]:.2g} of the size of the scene both ways; {off:.0e} N or N*m are left of the forces), "
+        "and " + ("all other disturbances decay" if decays else "the energy has a strict minimum across it"),
         "numerical",
         f"position of {name}",
     )

@@ -43,7 +43,7 @@ CANCELLED = 1e-14
 DIGITS, EXACT = 40, 1e-32
 """Expressions are compared with so many digits, and are equal to this."""
 
-ON_ROWS = 1e-9
+ON_ROWS = 1e-12
 """Constraint rows hold to this, relative to the sizes in the scene."""
 
 SEEMS = 1e-7
@@ -70,7 +70,7 @@ STEPS = 25
 OFF = 1e-6
 """So far off are the parameters of expressions with which structure is looked for."""
 
-SPEEDS = (0.3, -1.0, 3.0)
+SPEEDS = (0.3, -1.0, 3.0, 1e-3, -1e-6)
 """Speeds along symmetries, in rates of the scene, at which what rests is tried."""
 
 GRID = 24

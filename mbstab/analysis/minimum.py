@@ -24,6 +24,7 @@ import numpy.typing as npt
 from mbstab.analysis.invariance import Shift, Turn
 from mbstab.analysis.linearize import Linearization, matrices_in
 from mbstab.analysis.neutral import KEPT, Separated, Structure
+from mbstab.analysis.roundings import displaced, roundings
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.verdict import Minimum
 from mbstab.compiler.system import Array
@@ -97,7 +98,15 @@ class SecondVariation:
         size = rates.T @ (N.T @ terms.M @ N) @ rates
         stiffness = N.T @ terms.K @ N
         size[:n, :n] += 0.5 * (stiffness + stiffness.T)
-        return ROUNDINGS * EPS * size
+        result: Array = ROUNDINGS * EPS * size
+        if self.linear.system.scene.model.reference.find is not None:
+            # What was solved for is known the worse the flatter the energy is.
+            known = roundings(self.linear)
+            result[:n, :n] += N.T @ known.errors.K @ N
+            basis = spaces.scale[:, None] * spaces.N
+            for changes in displaced(self.linear, known):
+                result[:n, :n] += np.abs(basis.T @ changes.K @ basis)
+        return result
 
     @cached_property
     def applies(self) -> bool:
@@ -136,8 +145,9 @@ class SecondVariation:
         if self.moving:
             rows = [structure.differential(x.direction, x.rate) for x in invariance.momenta]
         else:
-            T = self.separated.T
-            columns = [np.concatenate([x[: structure.space.n_xi], np.zeros(n - structure.space.n_xi)]) for x in T.T]
+            # Rests that no symmetry leads to are not left out: along them the energy holds nothing.
+            m = structure.space.n_xi
+            columns = [np.concatenate([x[:m], np.zeros(n - m)]) for x in columns]
         kernel = _null(rows, n)
         if not columns:
             return kernel

@@ -442,10 +442,9 @@ class Known:
         n = points.S.shape[-1]
         reference = self.grounds.second_variation
         if not self.moving:
-            T = self.separated(points).T.copy()
-            T[:, points.n_xi :] = 0.0
-            rank = n - reference.basis.shape[1]
-            return _complement(_orthonormal(T, rank, good))
+            columns = np.array(self._columns(points, self.symmetries))
+            columns[:, points.n_xi :] = 0.0
+            return _complement(_orthonormal(columns, n - reference.basis.shape[1], good))
         momenta = tuple(self.grounds.structure.invariance.momenta)
         kernel = np.eye(n)[None]
         if momenta:

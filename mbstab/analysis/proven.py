@@ -403,7 +403,7 @@ class Case:
             columns = [x for _, symmetry, x in self._directions if symmetry]
             rows = [self._momentum(x) for x in self.momenta]
         else:
-            columns = [[*x[:m], *([ball(0)] * (n - m))] for _, _, x in self._divided[1]]
+            columns = [[*x[:m], *([ball(0)] * (n - m))] for _, symmetry, x in self._divided[1] if symmetry]
             rows = []
         kernel, _ = null_combinations(rows, n)  # at least as large as the true one
         combinations = self._vanishing(rows, columns, True)

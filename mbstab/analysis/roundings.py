@@ -342,6 +342,17 @@ def roundings(linear: Linearization) -> Roundings:
     return _Roundings(linear).found()
 
 
+def displaced(linear: Linearization, known: Roundings) -> list[Matrices]:
+    """Return changes of M, R, K, J and D_q by what rounding makes of coordinates where little holds them."""
+    found, sizes = [], linear.motion.sizes
+    for change, amount in known.directions:
+        # Differences over a path on which the equations are as weak as here.
+        step = 1e-6 / (float(np.max(np.abs(change) / sizes)) or 1.0)
+        there, back = (linear.beside(sign * step * change) for sign in (1.0, -1.0))
+        found.append(Matrices(*((a - b) * (amount / (2.0 * step)) for a, b in zip(there, back, strict=True))))
+    return found
+
+
 class _Roundings:
     """What is known about the motion of a linearization, and how much each part of it may be wrong."""
 

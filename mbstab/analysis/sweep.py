@@ -590,6 +590,7 @@ class _Tracker:
                 found.append(critical)
             elif bracket[:2] not in doubtful:
                 doubtful.append(bracket[:2])
+        doubtful += self._unexplained(part, found, doubtful)
         for a, b in doubtful:
             crossings = [value for value in self.crossings if x[a] < value < x[b]]
             if crossings:  # next to other equilibria those of the path are hard to tell
@@ -599,13 +600,26 @@ class _Tracker:
             more = _spaced(float(x[a]), float(x[b]))
             between = self.at(more[1:-1]) if depth < DEPTH else np.full((1, 1), NO_EIGENVALUE)
             if np.any(np.isnan(between)):
-                sides = int(part.counts[a]), int(part.counts[b])
-                if min(sides) >= 0 and sides[0] != sides[1]:
-                    found.append(Critical(0.5 * (x[a] + x[b]), "unresolved", (), 0.0, sides))
-                continue
-            closer = self._stretch(more, (part, a), (part, b))
-            found += self._changes(closer, branches, depth + 1)
+                inside: list[Critical] = []
+            else:
+                inside = self._changes(self._stretch(more, (part, a), (part, b)), branches, depth + 1)
+            sides = int(part.counts[a]), int(part.counts[b])
+            if not inside and min(sides) >= 0 and sides[0] != sides[1]:
+                inside = [Critical(0.5 * (x[a] + x[b]), "unresolved", (), 0.0, sides)]
+            found += inside
         return found
+
+    def _unexplained(
+        self, part: _Stretch, found: list[Critical], doubtful: list[tuple[int, int]]
+    ) -> list[tuple[int, int]]:
+        """Return pairs of points between which the number of unstable eigenvalues changes, and nothing says where."""
+        x, missing = part.x, []
+        for a, b in pairwise(np.flatnonzero(part.counts >= 0).tolist()):
+            said = any(x[a] <= critical.value <= x[b] for critical in found)
+            asked = any(first < b and a < last for first, last in doubtful)
+            if part.counts[a] != part.counts[b] and not said and not asked:
+                missing.append((a, b))
+        return missing
 
     def _suspects(self, branches: Complex) -> list[tuple[int, int]]:
         """Return ranges of points, without gaps, in which stability may change."""
@@ -736,9 +750,11 @@ class _Tracker:
                     continue
                 before, after = complex(spectra[a, i]), complex(spectra[b, i])
                 passing = _RealPart(0.5 * (before + after))
-                if before.imag == 0.0 and after.imag == 0.0:
-                    # The product of all is smoother than the eigenvalue that passes, and may not change its sign.
-                    single = self._product(spectra[a], float(size[a])) * self._product(spectra[b], float(size[b])) < 0.0
+                # The product of all is smoother than the eigenvalue that passes, and may not change its sign.
+                single = self._product(spectra[a], float(size[a])) * self._product(spectra[b], float(size[b])) < 0.0
+                real = before.imag == 0.0 and after.imag == 0.0
+                if real or (single and 0.0 in (before.imag, after.imag)):
+                    # A pair may meet next to the axis, and one of the two pass it.
                     yield int(a), int(b), "divergence", self._product if single else passing
                 elif before.imag >= 0.0 and after.imag >= 0.0:
                     yield int(a), int(b), "flutter", passing
@@ -828,7 +844,8 @@ class _Tracker:
         if not abs(test(spectrum(value), size)) <= ZERO * max(abs(ends[0]), abs(ends[1])):
             return None
         counts, words = self._verified(part, i, j, value)
-        if min(counts) < 0 or counts[0] == counts[1]:
+        # A pair that passes changes the number by two.
+        if min(counts) < 0 or counts[0] == counts[1] or (kind == "flutter" and (counts[1] - counts[0]) % 2):
             return None
         there = spectrum(value)
         # Others may pass the axis at the same value.

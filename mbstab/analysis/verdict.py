@@ -417,9 +417,12 @@ def _critical(facts: Facts, critical: Critical) -> Verdict:
         reason += f", {_except(neutral)}"
     family = (*neutral.family, *([critical.family] if critical.family else []))
     up_to = critical.verdict in (ASYMPTOTIC_UP_TO, STABLE_UP_TO)
+    # Along a family of rests nothing drifts.
+    staying = critical.verdict == ASYMPTOTIC_UP_TO and bool(critical.family) and not neutral.drift
+    in_place = critical.verdict in (ASYMPTOTIC, STABLE) or staying
     return Verdict(
         critical.verdict, (reason,), neutral.symmetries if up_to else (), family if up_to else (),
-        True if critical.verdict in (ASYMPTOTIC, STABLE) else None, critical.evidence, facts.warnings, at_zero=True,
+        True if in_place else None, critical.evidence, facts.warnings, at_zero=True,
     )  # fmt: skip
 
 

@@ -162,7 +162,10 @@ class _Frame:
 
 
 def verify(
-    system: System, frozen: bool = False, progress: Callable[[float], object] = lambda done: None
+    system: System,
+    frozen: bool = False,
+    progress: Callable[[float], object] = lambda done: None,
+    zeros: Callable[[], int] | None = None,
 ) -> Verification:
     """Return what the nonlinear motion says about the eigenvalues.
 
@@ -173,20 +176,22 @@ def verify(
         Judge the eigenvalues of the equations frozen at the reference time.
     progress : callable
         Is called with the part of the work that is done, from 0 to 1.
+    zeros : callable, optional
+        As for `mbstab.analysis.eigen.eigenvalues`.
 
     Raises
     ------
     MbstabError
         As `mbstab.analysis.eigen.answer`.
     """
-    result = answer(system, frozen=frozen)
+    result = answer(system, frozen=frozen, zeros=zeros)
     modes = [e for e in result.eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
     motion = reference_motion(system)
     frame = _frame(system, motion)
     # Zeros that nothing explains are not told from neutral ones: all of them are tried together. Those that are
     # known to a bound are 0, the others by structure what they are.
-    zeros = [e for e in result.eigenvalues if e.kind == "neutral" or _zero(e)]
-    exact = [e.value if math.isnan(e.error_bound) else 0j for e in zeros]
+    still = [e for e in result.eigenvalues if e.kind == "neutral" or _zero(e)]
+    exact = [e.value if math.isnan(e.error_bound) else 0j for e in still]
     count = len(exact)
     if isinstance(frame, str):
         observations = [_unjudged(k, e, frame) for k, e in enumerate(modes, 1)]
@@ -200,7 +205,7 @@ def verify(
         observations.append(excited.observed(number, mode, partner))
         progress(number / (len(modes) + bool(count)))
     neutral = excited.neutral(exact) if exact else None
-    if neutral is not None and neutral.verdict == "contradicted" and any(map(_zero, zeros)):
+    if neutral is not None and neutral.verdict == "contradicted" and any(map(_zero, still)):
         reason = f"zeros that nothing explains are not told from slow motions: {neutral.reason}"
         neutral = replace(neutral, verdict="cannot be judged", reason=reason)
     progress(1.0)

@@ -95,6 +95,8 @@ class Work:
             fast = max(float(np.max(np.abs(x / motion.sizes))) for x in (X, state.u))
             fast = max(fast, RESTING * self.invariance.rate)
             at = system.dynamics(state.q, X, motion.time)
+            if not np.any(X) and np.any(at.V):
+                return False  # what rest does not satisfy is no rounding
             allowed = ON_ROWS * fast * (np.abs(at.J) @ motion.sizes)
             there = system.dynamics(state.q, X + 2.0 * (state.u - X), motion.time)
             if np.any(np.abs(at.V) > allowed) or np.any(np.abs(there.V) > 2.0 * allowed):
