@@ -245,7 +245,7 @@ reference: {{coordinates: {{p: {{x: 0, y: 0}}}}, rates: {{p: {{x: 1, y: 0}}}}}}
 def test_a_carried_point_is_confirmed_only_where_every_zero_is_explained(force, verdict):
     found = mbstab.loads(CARRIED.format(force=force)).verify()
     assert found.verdict == verdict
-    assert (found.result.verdict == "undecided") == (verdict == "cannot be judged")
+    assert (found.result.verdict in ("undecided", "unstable")) == (verdict == "cannot be judged")
 
 
 def zoo(name):

@@ -25,6 +25,7 @@ import numpy as np
 from mbstab.analysis.motion import Motion
 from mbstab.analysis.names import expressions_in
 from mbstab.analysis.rotation import euler_angles, orientation, rate_drift, rate_matrix, rotation_matrix
+from mbstab.analysis.roundings import Rounded, rounded_arithmetic
 from mbstab.analysis.steady import Generator, axis_text, through
 from mbstab.compiler.system import Acting, Array, System
 from mbstab.errors import MbstabError
@@ -39,6 +40,11 @@ CARRIED = 1e-11
 
 CANCELLED = 1e-14
 """… or than this part of all that the element does: what turned axes mix is rounded so."""
+
+EPS = float(np.finfo(float).eps)
+
+ROUNDINGS = 8.0
+"""So many roundings of their terms numbers that are computed here may be off."""
 
 DIGITS, EXACT = 40, 1e-32
 """Expressions are compared with so many digits, and are equal to this."""
@@ -304,6 +310,7 @@ class Invariance:
             found = []
             # The reference itself and its surroundings too: functions may be flat elsewhere.
             for part, moves, accelerates in (
+                (0.0, 0.0, 0.0),  # where strong terms vanish weak ones are seen
                 (1.0, 0.0, 0.0),
                 (1.0, 1.0, 0.0),
                 (1.0, 1.0, 1.0),
@@ -530,7 +537,7 @@ class Invariance:
         if element.inertia:
             images = [self._moved(field, state) for state in self.states]
             return [] if self._unseen(element, field) or self._carried(element, images, exact=False) else None
-        if not element.analytic:
+        if not element.analytic or (element.written and not _exact(field)):
             return None
         found: list[tuple[Any, Any]] = []
         for state in self.states:
@@ -571,33 +578,31 @@ class Invariance:
 
     def moves_on(self, field: Field) -> bool:
         """Whether what rests at the reference may move along a group at any speed: no force then turns it aside."""
-        system, motion = self.system, self.motion
+        motion = self.motion
         Y, slope = field.field(motion.q), field.slope(motion.q)
-        slow = self.rate * float(np.min(motion.sizes / np.maximum(np.abs(Y), 1e-300)))
-        sizes, spaces = motion.sizes, motion.spaces
+        slow = self.rate / float(np.max(np.abs(Y) / motion.sizes))
+        spaces = motion.spaces
         allowed = spaces.scale[:, None] * (spaces.N @ spaces.Z)
-        still = [0.0] * system.n_q
         if not all(element.analytic for element in self.elements):
             return False
         for speed in (UNEVEN * slow * x for x in SPEEDS):
             u, a = speed * Y, speed**2 * (slope @ Y)
             if not self.satisfies(motion.q, u):
                 return False
-            left, each, rounding = np.zeros((3, allowed.shape[1]))
+            left, rounding = np.zeros((2, allowed.shape[1]))
+            moving, resting = State(motion.q, u, a), State(motion.q, 0.0 * u, 0.0 * a)
+            turned = np.abs(slope) @ np.abs(Y) + motion.sizes * (self.rate / slow) ** 2
+            off = ROUNDINGS * EPS * np.abs(u), ROUNDINGS * EPS * speed**2 * turned
             for element in self.elements:
-                F: Array = np.zeros(system.n_q)
                 try:
                     # What speed changes of each by itself: loads at rest hide no weak drag.
-                    F[list(element.columns)] = np.subtract(
-                        element.force(motion.q.tolist(), u.tolist(), a.tolist(), motion.time),
-                        element.force(motion.q.tolist(), still, still, motion.time),
-                    )
+                    F, error = self.bounded(element, moving, State(0.0 * u, *off))
+                    still, known = self.bounded(element, resting)
                 except (ArithmeticError, ValueError):
                     return False
-                left += F @ allowed
-                each += np.abs(F @ allowed)
-                rounding += float(np.max(np.abs(F) * sizes)) * np.max(np.abs(allowed) / sizes[:, None], axis=0)
-            if np.any(np.abs(left) > ON_ROWS * each + CANCELLED * rounding):
+                left += (F - still) @ allowed
+                rounding += np.where(F - still, error + known, 0.0) @ np.abs(allowed)
+            if np.any(np.abs(left) > ROUNDINGS * rounding):
                 return False
         return True
 
@@ -612,6 +617,11 @@ class Invariance:
         for state in self.states:
             Y = field.field(state.q)
             if not any(Y[i] for i in element.columns):
+                continue
+            if element.written and not _exact(field):
+                F, error = self.bounded(element, state)
+                if abs(float(Y @ F)) > float(np.abs(Y) @ (error + ROUNDINGS * EPS * np.abs(F))):
+                    return False
                 continue
             with Digits(element, exact=_exact(field)) as f:
                 force = element.force(
@@ -710,6 +720,8 @@ class Invariance:
                 )
                 pairs = zip(first, second, signs.tolist(), strict=True)
                 return all(abs(x - sign * y) <= EXACT * (abs(x) + abs(y)) for x, y, sign in pairs)
+        if element.written:
+            return self._same_to_rounding(element, here, there, T)
         F: Array = np.zeros(len(here.q))
         moved: Array = np.zeros(len(here.q))
         F[columns] = element.force(here.q.tolist(), here.u.tolist(), here.a.tolist(), time)
@@ -726,6 +738,40 @@ class Invariance:
         rounding = self._rounding(element, here) + np.abs(T).T @ self._rounding(element, there)
         spread = float(np.max(rounding * sizes)) / sizes
         return bool(np.all(off <= allowed + CANCELLED * spread))
+
+    def _same_to_rounding(self, element: Acting, here: State, there: State, T: Array) -> bool:
+        """Whether Tᵀ F(there) = F(here) to rounding, which is followed through what is written."""
+        sizes, size = self.motion.sizes, np.abs(T)
+        F, error = self.bounded(element, here)
+        # What leads there is computed to some roundings of what it is computed from.
+        spread = State(
+            ROUNDINGS * EPS * (np.abs(there.q) + size @ (np.abs(here.q) + sizes)),
+            ROUNDINGS * EPS * (size @ np.abs(here.u)),
+            ROUNDINGS * EPS * (np.abs(there.a) + size @ np.abs(here.a)),
+        )
+        moved, moved_error = self.bounded(element, there, spread)
+        allowed = error + size.T @ (moved_error + ROUNDINGS * EPS * np.abs(moved))
+        return bool(np.all(np.abs(F - T.T @ moved) <= allowed))
+
+    def bounded(self, element: Acting, state: State, spread: State | None = None) -> tuple[Array, Array]:
+        """Return the force of an element at a state, and how far it may be off, shapes (n_q,) each.
+
+        Parameters
+        ----------
+        spread : State, optional
+            How far the state may be off.
+        """
+        n = len(state.q)
+        F, error = np.zeros(n), np.zeros(n)
+        exact = State(F, F, F) if spread is None else spread
+        q, u, a_ = (
+            [Rounded(v, e) if e else v for v, e in zip(x.tolist(), dx.tolist(), strict=True)]
+            for x, dx in ((state.q, exact.q), (state.u, exact.u), (state.a, exact.a))
+        )
+        force = element.force(q, u, a_, self.motion.time, rounded_arithmetic())
+        F[list(element.columns)] = [float(x) for x in force]
+        error[list(element.columns)] = [x.e if isinstance(x, Rounded) else 0.0 for x in force]
+        return F, error
 
     def _rounding(self, element: Acting, state: State) -> Array:
         """Return what a change of coordinates and speeds by all their size makes of an element."""

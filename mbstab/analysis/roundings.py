@@ -443,11 +443,7 @@ class _Roundings:
         The error of one equation moves all unknowns in a fixed ratio: what cancels in a stiff force
         must not be taken entry by entry.
         """
-        # Rows and columns to one size, as far as they are not rounding: nothing depends on units then.
-        rows = _inverse_sizes(np.linalg.norm(G, axis=1))
-        scale = _inverse_sizes(np.linalg.norm(G * rows[:, None], axis=0))
-        inverse = np.linalg.pinv(G * rows[:, None] * scale, rcond=RANK_TOLERANCE)
-        moves = scale[:, None] * inverse * (rows * misfit)
+        moves = np.linalg.pinv(G, rcond=RANK_TOLERANCE) * misfit
         result: Array = np.sum(np.abs(moves), axis=1)
         n, relative = len(columns), sizes / self.motion.sizes[columns]
         own = moves[:n] * relative[:, None]
@@ -563,8 +559,13 @@ class _Roundings:
             rates = (self._off(balance.given) + du[balance.given]) / motion.sizes[balance.given]
             misfit += [_misfits(state.V) / lengths, rates]
         G = balance.jacobian(at)
+        # Rows and columns to one size, as far as they are not rounding: what is solved for does not depend on units.
+        blocks = np.split(np.linalg.norm(G, axis=1), np.cumsum([len(x) for x in misfit])[:-1])
+        rows = np.concatenate([_inverse_sizes(part) for part in blocks])
+        columns = _inverse_sizes(np.linalg.norm(G * rows[:, None], axis=0))
         sizes, count = motion.sizes[balance.open], len(balance.open)
-        steps = self._solved(G, np.concatenate(misfit), balance.open, sizes)
+        residual = np.concatenate(misfit) * rows
+        steps = columns * self._solved(G * rows[:, None] * columns, residual, balance.open, sizes * columns[:count])
         dq = dq.copy()
         dq[balance.open] = steps[:count] * sizes + UNIT * np.abs(motion.q[balance.open])
         if not family.size:
