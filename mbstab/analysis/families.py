@@ -22,6 +22,9 @@ from mbstab.errors import MbstabError
 REACH = 0.1
 """How far families are followed: in sizes of the scene and rad, and of their rates."""
 
+PARTS = (1.0, 1e-2, 1e-4)
+"""Parts of this way at which they are looked for as well."""
+
 NULL, GAP = 1e-10, 1e3
 """Singular values of A apart from symmetries count as zero below this part of its norm, if the next is larger so."""
 
@@ -94,8 +97,11 @@ class _Search:
 
     def reaches(self, direction: Array) -> bool:
         """Whether there is a motion of the kind a finite way along a null direction."""
+        return all(self._reaches(direction, REACH * part) for part in PARTS)
+
+    def _reaches(self, direction: Array, reach: float) -> bool:
         y = self.null @ direction
-        y = y * (REACH / self._extent(y))
+        y = y * (reach / self._extent(y))
         for _ in range(STEPS):
             left = self._left(y)
             if self._vanishes(y, left):
@@ -122,7 +128,9 @@ class _Search:
         for element in self.structure.invariance.elements:
             columns = list(element.columns)
             force = np.array(element.force(state.q, state.u, still, self.motion.time), dtype=float)
-            each += abs(float(force @ direction[columns]))
+            # Loads that stay the same hide no weak push.
+            before = np.array(element.force(self.motion.q, self.motion.u, still, self.motion.time), dtype=float)
+            each += abs(float((force - before) @ direction[columns]))
             each_size += float(np.abs(force) @ np.abs(direction[columns]))
         each_size += float(np.abs(M @ self._accelerations(state.q, state.u)) @ np.abs(direction))
         return push <= FOUND * each + ROUNDED * each_size

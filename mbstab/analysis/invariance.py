@@ -76,6 +76,9 @@ STEPS = 25
 OFF = 1e-6
 """So far off are the parameters of expressions with which structure is looked for."""
 
+PARTS = (1.0, 2.0**-20)
+"""Parts of a step: functions may be flat but for a narrow range."""
+
 SPEEDS = (0.3, -1.0, 3.0, 1e-3, -1e-6)
 """Speeds along symmetries, in rates of the scene, at which what rests is tried."""
 
@@ -242,7 +245,7 @@ class Combination:
         return q, T
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Symmetry:
     """A one-parameter group that carries motions into motions.
 
@@ -445,8 +448,8 @@ class Invariance:
                 continue
             if not element.analytic:
                 return False
-            for state in self.states:
-                there = State(state.q, state.u + faster, state.a)
+            for state, part in ((state, part) for state in self.states for part in PARTS):
+                there = State(state.q, state.u + part * faster, state.a)
                 if not self.same(element, state, there, np.eye(len(direction)), exact=True):
                     return False
         faithful = all(self.satisfies(state.q, state.u + faster) for state in self.on_rows)
@@ -657,6 +660,11 @@ class Invariance:
                 return True
             images = [self._moved(field, state) for state in self.states]
             broken = [e for e in seen if not self._carried(e, images, exact=_exact(field))]
+            if isinstance(field, Shift) and any(e.written for e in seen):
+                near = replace(field, step=PARTS[1] * field.step)
+                close = [self._moved(near, state) for state in self.states]
+                if not all(self._carried(e, close, exact=_exact(field)) for e in seen if e.written):
+                    return False
             return not broken or self._together(broken, field)
         except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
             return False
@@ -1046,6 +1054,8 @@ def _general(element: Acting) -> Acting:
 
 def _exact(field: Field) -> bool:
     """Whether steps along a field are exact, so that expressions can be compared with many digits."""
+    if isinstance(field, Combination):
+        return all(isinstance(part, Shift) and c.is_integer() and _exact(part) for c, part in field.parts)
     return isinstance(field, Shift) and bool(np.array_equal(field.direction, np.round(field.direction)))
 
 

@@ -236,7 +236,7 @@ def _enough(work: int, digits: int, lacking: int, chained: bool) -> int:
     return int(work * (digits + SPARE + GUARD / 2) / reached)
 
 
-def exact_zeros(model: Model, settings: Mapping[str, Any] | None = None, digits: int = 50) -> int:
+def exact_zeros(model: Model, settings: Mapping[str, Any] | None = None, digits: int = 320) -> int:
     """Return how many eigenvalues of a model are zero to many digits; −1 if that cannot be known.
 
     Those that symmetries and families of motions explain are among them, and pairs ±iω that turn with the motion.
@@ -420,7 +420,7 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
             f"with these digits {neutral} eigenvalues are those of symmetries and families of motions, which have "
             f"{grounds.separated.neutral.count}: the reference may be written with too few digits",
         )
-    grounds.zeros = lambda: _zeros(start, fine, digits)
+    grounds.zeros = lambda: exact_zeros(start.model, start.settings)
     verdict = judge(grounds.facts(discs, number, doubts))
     found = _listed(fine, bounds, digits, discs, members, verdict, grounds)
     # Zeros along which a minimum of the energy has no slope are neutral, too.

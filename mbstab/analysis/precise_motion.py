@@ -82,7 +82,7 @@ class Start:
 
     def __init__(self, model: Model, settings: Mapping[str, Any], frozen: bool) -> None:
         plain = {name: x if isinstance(x, str) else float(x) for name, x in settings.items()}
-        self.model = model
+        self.model, self.settings = model, settings
         self.system = system = System(evaluate(model, parse_overrides(model, plain)))
         if system.scene.period is not None and not frozen:
             raise UsageError(

@@ -544,6 +544,9 @@ class _Roundings:
         if len(known) < family.size and not np.any(steady.spins[list(family.columns)]):
             family = replace(family, columns=())
         balance = Balance(plain, motion.sizes, family, known, ~self.missing)
+        # Forces and speeds in units of the scene.
+        balance.energy = float(np.max(np.abs(self.linear.K * motion.sizes * motion.sizes[:, None]), initial=0.0)) or 1.0
+        balance.speed = float(np.max(np.abs(motion.u) / motion.sizes, initial=0.0)) or 1.0
         c, basis = _coefficients(family, steady), family.basis(motion.q)
         at = balance.state(motion.q, c)
         given = self._given_rates()
@@ -554,14 +557,16 @@ class _Roundings:
         da = self._steady_accelerations(steady, dq, du)
         force = self._force(state, M, J, da, at.nu)
         lengths, n_h = balance._lengths(motion.dynamics.J), plain.n_h
-        misfit = [(np.abs(force[0]) + force[1]) * motion.sizes, _misfits(state.E[:n_h]) / lengths[:n_h]]
+        misfit = [
+            (np.abs(force[0]) + force[1]) * motion.sizes / balance.energy,
+            _misfits(state.E[:n_h]) / lengths[:n_h],
+        ]
         if family.size:
             rates = (self._off(balance.given) + du[balance.given]) / motion.sizes[balance.given]
-            misfit += [_misfits(state.V) / lengths, rates]
+            misfit += [_misfits(state.V) / (lengths * balance.speed), rates / balance.speed]
         G = balance.jacobian(at)
-        # Rows and columns to one size, as far as they are not rounding: what is solved for does not depend on units.
-        blocks = np.split(np.linalg.norm(G, axis=1), np.cumsum([len(x) for x in misfit])[:-1])
-        rows = np.concatenate([_inverse_sizes(part) for part in blocks])
+        # Rows and columns to one size, as far as they are not rounding.
+        rows = _inverse_sizes(np.linalg.norm(G, axis=1))
         columns = _inverse_sizes(np.linalg.norm(G * rows[:, None], axis=0))
         sizes, count = motion.sizes[balance.open], len(balance.open)
         residual = np.concatenate(misfit) * rows
@@ -570,7 +575,7 @@ class _Roundings:
         dq[balance.open] = steps[:count] * sizes + UNIT * np.abs(motion.q[balance.open])
         if not family.size:
             return dq, 0.0 * dq
-        dc[balance.free] = steps[count : balance.moving]
+        dc[balance.free] = steps[count : balance.moving] * balance.speed
         self.rate_error = _relative(dc, c)
         return dq, self._field(steady, basis, dq, dc)
 
@@ -635,8 +640,10 @@ def _lengths(rows: Array) -> Array:
 
 
 def _inverse_sizes(sizes: Array) -> Array:
-    """Return 1/size, and not more where sizes are rounding."""
-    return 1.0 / (np.maximum(sizes, LEAST * float(np.max(sizes, initial=0.0))) + 1e-300)
+    """Return 1/size, and 0 where sizes are rounding: such rows and columns determine nothing."""
+    counts = sizes > LEAST * float(np.max(sizes, initial=0.0))
+    result: Array = np.where(counts, 1.0 / np.where(counts, sizes, 1.0), 0.0)
+    return result
 
 
 def _coefficients(family: Any, steady: Generator) -> Array:
