@@ -1650,3 +1650,173 @@ reference:
     "a double multiplier 1: the shift in time, and the energy",
     commands=PERIODIC,
 )
+
+
+# --- found by trying to prove the rule wrong ------------------------------------------------------------------------
+
+UP = "gravity: [0, -9.81]\n"
+known(
+    59,
+    "valley of rests that no symmetry makes, with a rolling row",
+    scene("""
+bodies: {p: {type: point, mass: 1}}
+constraints: {row: {nonholonomic: rate(p.z) - p.y*rate(p.x)}}
+forces: {push: {type: expression, on: {p.x: -p.x*(1-p.z), p.y: -p.y*(1-p.z), p.z: (p.x**2+p.y**2)/2}}}
+reference: {coordinates: {p: {x: 0, y: 0, z: 0}}}
+"""),
+    UNSTABLE,
+    UNDECIDED,
+    "circles of radius e in x and y drive z by e²/2 on average, to where x and y are pushed away",
+    also=[MARGINAL],
+)
+known(
+    59,
+    "blade with springs that pull and push",
+    scene("""
+bodies: {b: {type: planar, mass: 1, inertia: 1}}
+contacts: {blade: {type: knife_edge, at: b, along: [1, 0]}}
+forces: {push: {type: expression, on: {b.x: -b.x, b.y: b.y, b.theta: -b.theta}}}
+reference: {coordinates: {b: {x: 0, y: 0, theta: 0}}}
+"""),
+    UNSTABLE,
+    UNDECIDED,
+    "x and the angle are in resonance: y'' = (A²/4) y on average",
+    also=[MARGINAL],
+)
+known(
+    60,
+    "valley that opens",
+    point("-x*y**2", "-x**2*y", at=(1, 0)),
+    UNSTABLE,
+    UNDECIDED,
+    "V = x²y²/2: swinging across drives the point along the valley, to x = 0, where nothing holds y",
+    also=[MARGINAL],
+)
+known(
+    61,
+    "critical damping of what a speed is carried by",
+    point("y*u", "-v - y**3"),
+    UNSTABLE,
+    UNDECIDED,
+    "y decays like t^(-1/2), so the speed along x grows like exp(sqrt(2t))",
+)
+known(
+    61,
+    "speed that a row beside it lets grow",
+    point("y*u", "0*y", more="constraints: {a: {nonholonomic: rate(p.y)}}\n"),
+    UNSTABLE,
+    UNDECIDED,
+    "y = c stays, and x'' = c x'",
+)
+BOW = "constraints: {{a: {{holonomic: p.y + 1e-10*p.x**{0}}}}}\n" + UP
+for drag, number in (("-u", 2), ("-u", 4)):
+    known(
+        62,
+        f"top of a hill that is flat to 1e-10, of order {number}",
+        point(drag, "0*y", more=BOW.format(number)),
+        UNSTABLE,
+        UNSTABLE,
+        "the rails differ by 1e-10 m only, and gravity tells",
+        least=UNSTABLE if number == 2 else UNDECIDED,
+    )
+known(
+    62,
+    "door whose axis leans by 1e-10",
+    scene("""
+gravity: [0, 0, -9.81]
+bodies: {door: {type: spatial, mass: 1, inertia: [1, 1, 1], points: {H: [-1, 0, 0]}}}
+joints: {hinge: {type: revolute, between: [door.H, ground], axis: [-1e-10, 0, 1]}}
+forces: {d: {type: joint_spring, joint: hinge, damping: 1}}
+reference: {coordinates: {door: {x: 1, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}}
+"""),
+    UNSTABLE,
+    UNSTABLE,
+    "the door stands where its centre of mass is highest",
+)
+known(
+    63,
+    "row that drives by 1e-10",
+    point("y**2/2", "-y*(1 - x)", more="constraints: {a: {nonholonomic: rate(p.x) - 1e-10*p.y**2}}\n"),
+    UNSTABLE,
+    UNDECIDED,
+    "x' = 1e-10 y² takes x past 1",
+    also=[MARGINAL],
+)
+for name, rows in (
+    ("rows that touch", "{a: {holonomic: p.y}, b: {holonomic: p.y - p.x**4}}"),
+    ("rows on speeds that touch", "{a: {nonholonomic: rate(p.y)}, b: {nonholonomic: rate(p.y) - p.x**2*rate(p.x)}}"),
+):
+    known(64, name, point("x", "0*y", more=f"constraints: {rows}\n"), STABLE, UNDECIDED, "nothing can move")
+known(
+    64,
+    "row that vanishes at the reference only",
+    point("x", "y", more="constraints: {a: {nonholonomic: p.x*rate(p.x) + p.y*rate(p.y)}}\n"),
+    STABLE,
+    UNDECIDED,
+    "the distance from the origin stays what it is",
+)
+known(
+    65,
+    "zero but for 1e-60",
+    point("-u + 1e-60*x - x**3"),
+    UNSTABLE,
+    UNSTABLE,
+    "50 digits do not tell 1e-60 from zero",
+    least=UNDECIDED,
+)
+known(
+    66,
+    "trough in a ring with a push of 1e-13 along it",
+    point("-(x**2 + y**2 - 1)*x - u", "-(x**2 + y**2 - 1)*y - v + 1e-13*y**3", at=(1, 0)),
+    UNSTABLE,
+    UNDECIDED,
+    "the angle creeps away like its cube",
+)
+for name, push in (
+    ("push in a narrow range under a load", "1e3*y**3*exp(-(y/1e-3)**2)"),
+    ("weak push under a load", "1e-8*tanh((y/1e-4)**3)"),
+):
+    known(
+        67,
+        name,
+        point("-u", f"9.81 - v + {push}", more=UP),
+        UNSTABLE,
+        UNSTABLE,
+        "y' = c y³ near 0",
+        least=UNDECIDED,
+    )
+known(
+    67,
+    "speed that no sample of order one sees change",
+    point("1e3*u**3*exp(-(u/1e-5)**2)"),
+    UNSTABLE,
+    UNDECIDED,
+    "no speed is steady",
+)
+known(
+    68,
+    "stiffness that is singular to 2e-12",
+    point("-x + 0.73245191834*y - u", "x - 0.732451918338*y - v"),
+    UNSTABLE,
+    UNSTABLE,
+    "det K = -2e-12",
+)
+known(
+    68,
+    "stiffness that is singular to 1e-6 beside a strong force",
+    scene("""
+bodies: {a: {type: planar_point, mass: 1}, b: {type: planar_point, mass: 1}}
+constraints: {c: {holonomic: b.y}}
+forces:
+  f:
+    type: expression
+    on:
+      a.x: -a.x + 0.73245191834*a.y - rate(a.x) + 1000000*(b.x + rate(b.x))
+      a.y: a.x - 0.732451*a.y - rate(a.y) + 1000000*(b.x + rate(b.x))
+      b.x: -b.x - rate(b.x)
+reference: {coordinates: {a: {x: 0, y: 0}, b: {x: 0, y: 0}}}
+"""),
+    UNSTABLE,
+    UNSTABLE,
+    "det K = -9e-7: the strong force hides no weak one",
+)

@@ -29,6 +29,15 @@ from mbstab.model.schema import is_length
 SLOWEST = 1e-6
 """A typical rate is not less than this part of that of the single forces."""
 
+TRIED, BESIDE = 3, 0.02
+"""So many states next to the reference, and so far from it in sizes of the scene, are asked for their rank."""
+
+AGREED = 1e-9
+"""Rows that repeat others agree with them to this, relative to the sizes in the scene."""
+
+INDEPENDENT = 1e-7
+"""Rows are independent there above this singular value, as unit vectors."""
+
 ADVICE = (
     "if it follows a symmetry, declare it with reference.steady; if it is periodic, give reference.period; "
     "or describe the motion so that it stands still"
@@ -140,7 +149,34 @@ class Grounds:
 
     def kink(self, order: int) -> str:
         """Return why the equations are not known to have so many derivatives at the reference; empty: they have."""
-        return kinks(self.system, self.motion.q, self.motion.u, self.motion.time, order)
+        return kinks(self.system, self.motion.q, self.motion.u, self.motion.time, order) or self._singular
+
+    @cached_property
+    def _singular(self) -> str:
+        """Why the rank of the constraints may be another one next to the reference; empty: it is the same.
+
+        Rows of full rank keep it. Others may repeat some of these, everywhere, or touch them at the
+        reference only; then the linearized equations are not those of the motions nearby.
+        """
+        spaces, system = self.motion.spaces, self.system
+        n_c = system.n_c - system.n_h
+        if (spaces.C.rank == system.n_h and spaces.W.rank == n_c) or not spaces.N.shape[1]:
+            return ""
+        sizes, rng = self.motion.sizes, np.random.default_rng(3)
+        for _ in range(TRIED):
+            step = spaces.scale * (spaces.N @ rng.uniform(-1.0, 1.0, spaces.N.shape[1]))
+            step *= BESIDE / float(np.max(np.abs(step) / sizes))
+            start = self.motion.q + step
+            state = self.invariance.onto_rows(start, self.motion.u, AGREED)
+            if state is None or float(np.max(np.abs(state.q - start) / sizes)) > 0.3 * BESIDE:
+                return "the constraints leave other positions next to the reference than to first order"
+            ranks = _ranks(system.dynamics(state.q, state.u, self.motion.time).J * sizes, system.n_h)
+            if ranks != (spaces.C.rank, spaces.W.rank):
+                return (
+                    f"the constraints have rank {spaces.C.rank + spaces.W.rank} at the reference and {sum(ranks)} next "
+                    "to it: the linearized equations are not those of the motions nearby"
+                )
+        return ""
 
     # --- structure of the spectrum ----------------------------------------------------------------------------------
 
@@ -232,6 +268,16 @@ def _standing(linear: Linearization) -> Generator:
     """Return the steady motion with the speeds of the reference, in a frame that does not turn."""
     zero = np.zeros(3)
     return Generator(linear.system, np.array([0.0, 0.0, 1.0]), zero, 0.0, zero, linear.motion.u)
+
+
+def _ranks(J: Array, n_h: int) -> tuple[int, int]:
+    """Return the rank of the holonomic rows, and of the others on what those allow."""
+    lengths = np.linalg.norm(J, axis=1)
+    J = J / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+    _, s, right = np.linalg.svd(J[:n_h])
+    rank = int(np.sum(s > INDEPENDENT))
+    left = J[n_h:] @ right[rank:].T
+    return rank, int(np.sum(np.linalg.svd(left, compute_uv=False) > INDEPENDENT)) if left.size else 0
 
 
 def time_scale(space: StateSpace) -> float:

@@ -52,6 +52,9 @@ DIGITS, EXACT = 40, 1e-32
 ON_ROWS = 1e-12
 """Constraint rows hold to this, relative to the sizes in the scene."""
 
+AGREED = 30.0
+"""Rows that repeat others agree elsewhere to so many times what they agree to at the reference."""
+
 SEEMS = 1e-7
 """Work along combinations of symmetries that is smaller than this is looked at more closely."""
 
@@ -364,7 +367,16 @@ class Invariance:
         q = motion.q + spread * sizes * rng.uniform(-1.0, 1.0, len(sizes))
         return self.onto_rows(q, motion.u + self.rate * spread * sizes * rng.uniform(-1.0, 1.0, len(sizes)))
 
-    def onto_rows(self, q: Array, u: Array) -> State | None:
+    @cached_property
+    def agreed(self) -> float:
+        """To what the rows hold, relative to the sizes in the scene: redundant ones, as well as they agree."""
+        motion, n_h = self.motion, self.system.n_h
+        if motion.spaces.C.rank == n_h:
+            return ON_ROWS
+        size = np.abs(motion.dynamics.J[:n_h]) @ motion.sizes + 1e-300
+        return max(ON_ROWS, AGREED * float(np.max(np.abs(motion.dynamics.E[:n_h]) / size)))
+
+    def onto_rows(self, q: Array, u: Array, within: float | None = None) -> State | None:
         """Return the state that satisfies the constraints nearest to a given one, or None if there is none."""
         system, time, sizes = self.system, self.motion.time, self.motion.sizes
         n_h = system.n_h
@@ -386,13 +398,13 @@ class Invariance:
                 u = u + sizes * np.linalg.lstsq(J / lengths[:, None], -state.V / lengths, rcond=1e-10)[0]
         except (MbstabError, ValueError, np.linalg.LinAlgError):
             return None
-        return State(q, u, 0.0 * u) if self.satisfies(q, u) else None
+        return State(q, u, 0.0 * u) if self.satisfies(q, u, within=within) else None
 
-    def satisfies(self, q: Array, u: Array, time: float | None = None) -> bool:
+    def satisfies(self, q: Array, u: Array, time: float | None = None, within: float | None = None) -> bool:
         """Whether a state satisfies the constraint rows."""
         system, motion = self.system, self.motion
         state = system.dynamics(q, u, motion.time if time is None else time)
-        allowed = ON_ROWS * np.abs(state.J) @ motion.sizes + 1e-300
+        allowed = (self.agreed if within is None else within) * np.abs(state.J) @ motion.sizes + 1e-300
         fastest = max(float(np.max(np.abs(u / motion.sizes))), RESTING * self.rate)
         n_h = system.n_h
         return bool(np.all(np.abs(state.E[:n_h]) <= allowed[:n_h]) and np.all(np.abs(state.V) <= allowed * fastest))

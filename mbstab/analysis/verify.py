@@ -26,7 +26,7 @@ from mbstab.analysis import drift
 from mbstab.analysis.constrained import Constrained, Form
 from mbstab.analysis.drift import Drift
 from mbstab.analysis.eigen import EigenResult, Eigenvalue, answer
-from mbstab.analysis.facts import time_scale
+from mbstab.analysis.facts import Grounds, time_scale
 from mbstab.analysis.floquet import monodromy
 from mbstab.analysis.follow import Follower, Run
 from mbstab.analysis.integrators import METHODS
@@ -232,7 +232,7 @@ def _frame(system: System, motion: Motion) -> _Frame | str:
         return (
             "the motion is neither steady nor declared as periodic: the coefficients of its linearized equations change"
         )
-    return _steady_frame(linear, motion)
+    return Grounds(linear).kink(1) or _steady_frame(linear, motion)
 
 
 def _steady_frame(linear: Linearization, motion: Motion) -> _Frame:

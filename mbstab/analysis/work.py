@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mbstab.analysis.invariance import CARRIED, EXACT, ON_ROWS, RESTING, Digits, Invariance, State, numbers
+from mbstab.analysis.invariance import CARRIED, EXACT, RESTING, Digits, Invariance, State, numbers
 from mbstab.analysis.steady import Generator
 from mbstab.compiler.system import Acting, Array
 
@@ -97,7 +97,7 @@ class Work:
             at = system.dynamics(state.q, X, motion.time)
             if not np.any(X) and np.any(at.V):
                 return False  # what rest does not satisfy is no rounding
-            allowed = ON_ROWS * fast * (np.abs(at.J) @ motion.sizes)
+            allowed = self.invariance.agreed * fast * (np.abs(at.J) @ motion.sizes)
             there = system.dynamics(state.q, X + 2.0 * (state.u - X), motion.time)
             if np.any(np.abs(at.V) > allowed) or np.any(np.abs(there.V) > 2.0 * allowed):
                 return False
