@@ -968,3 +968,56 @@ def test_a_range_of_twenty_magnitudes_ends(monkeypatch):
     assert sum(looked) < 1.2 * sweeps.BUDGET
     assert set(result.verdicts) == {"stable up to symmetry"}
     assert result.critical == ()
+
+
+# --- next to the axis -----------------------------------------------------------------------------------------------
+
+
+def oscillators(first, second):
+    """Return the text of two points on lines."""
+    return (
+        "mbstab: 1\nparameters: {p: 0}\n"
+        "bodies: {a: {type: planar_point, mass: 1}, b: {type: planar_point, mass: 1}}\n"
+        "constraints: {c: {holonomic: a.y}, d: {holonomic: b.y}}\n"
+        f"forces: {{f: {{type: expression, on: {{a.x: {first!r}, b.x: {second!r}}}}}}}\n"
+        "reference: {coordinates: {a: {x: 0, y: 0}, b: {x: 0, y: 0}}}\n"
+    )
+
+
+@pytest.mark.parametrize("damping", ["1e-3", "1e-4", "1e-6", "1e-8"])
+@pytest.mark.parametrize(("other", "growing"), [("-3*b.x - 0.2*rate(b.x)", 0), ("1000*b.x - 0.1*rate(b.x)", 1)])
+@pytest.mark.parametrize("values", [np.linspace(0.0, 3.0, 31), np.geomspace(1e-3, 1e5, 21)], ids=["even", "log"])
+def test_a_pair_that_meets_beside_the_axis_is_a_divergence(damping, other, growing, values):
+    # One real eigenvalue passes zero at 1.037, where stiffness vanishes, whatever the damping.
+    text = oscillators(f"-(1.037 - p)*a.x - {damping}*rate(a.x)", other)
+    (critical,) = mbstab.loads(text).sweep("p", values).critical
+    assert (critical.kind, critical.unstable) == ("divergence", (growing, growing + 1))
+    assert critical.value == pytest.approx(1.037, rel=1e-9)
+
+
+def test_a_start_where_two_equilibria_meet_is_undecided():
+    # V' = (1 + x)(2x² − p): at p = 2 two of them meet at x = −1, where the eigenvalue is 0.
+    text = """
+mbstab: 1
+parameters: {p: 2}
+bodies: {b: {type: planar_point, mass: 1}}
+constraints: {c: {holonomic: b.y}}
+forces: {f: {type: expression, on: {b.x: -(1 + b.x)*(2*b.x**2 - p) - 0.5*rate(b.x)}}}
+reference: {find: equilibrium, coordinates: {b: {y: 0}}, guess: {b: {x: 0.1}}}
+"""
+    result = mbstab.loads(text).sweep("p", np.linspace(2.0, -2.0, 9))
+    at = int(np.argmax(result.values))
+    assert result.verdicts[at] == "undecided"
+
+
+def test_what_is_singular_to_twelve_digits_is_no_symmetry_of_a_sweep():
+    text = oscillators("-a.x + 0.73245191834*b.x - rate(a.x)", "a.x - (0.732451918338 - p)*b.x - rate(b.x)")
+    model, values = mbstab.loads(text), np.linspace(-1e-11, 1e-11, 21)
+    result = model.sweep("p", values)
+    for p, verdict in zip(values.tolist(), result.verdicts, strict=True):
+        # det K = (0.732451918338 − p) − 0.73245191834, and at its zero the shift is a symmetry to rounding.
+        if abs(p + 2e-12) < 1e-18:
+            continue
+        assert verdict in ("undecided", "unstable" if p > -2e-12 else "asymptotically stable")
+    assert result.verdicts[0] == "asymptotically stable"
+    assert result.verdicts[-1] == "unstable"

@@ -53,7 +53,7 @@ ON_ROWS = 1e-12
 """Constraint rows hold to this, relative to the sizes in the scene."""
 
 AGREED = 30.0
-"""Rows that repeat others agree elsewhere to so many times what they agree to at the reference."""
+"""Rows that repeat others agree elsewhere to so many times what their directions agree to at the reference."""
 
 SEEMS = 1e-7
 """Work along combinations of symmetries that is smaller than this is looked at more closely."""
@@ -373,8 +373,9 @@ class Invariance:
         motion, n_h = self.motion, self.system.n_h
         if motion.spaces.C.rank == n_h:
             return ON_ROWS
-        size = np.abs(motion.dynamics.J[:n_h]) @ motion.sizes + 1e-300
-        return max(ON_ROWS, AGREED * float(np.max(np.abs(motion.dynamics.E[:n_h]) / size)))
+        J = motion.dynamics.J[:n_h] * motion.sizes
+        s = np.linalg.svd(J / (np.linalg.norm(J, axis=1) + 1e-300)[:, None], compute_uv=False)
+        return max(ON_ROWS, AGREED * float(np.max(s[motion.spaces.C.rank :], initial=0.0)))
 
     def onto_rows(self, q: Array, u: Array, within: float | None = None) -> State | None:
         """Return the state that satisfies the constraints nearest to a given one, or None if there is none."""
