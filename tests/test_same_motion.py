@@ -9,7 +9,7 @@ from linear_oracle import random_system, text, truth
 from zoo import SYSTEMS
 
 import mbstab
-from mbstab.analysis.verdict import ASYMPTOTIC_UP_TO, STRENGTH, UNDECIDED
+from mbstab.analysis.verdict import ASYMPTOTIC_UP_TO, STABLE_UP_TO, STRENGTH, UNDECIDED
 from mbstab.errors import MbstabError
 
 SECTIONS = ("bodies", "joints", "constraints", "contacts", "drives", "forces")
@@ -26,7 +26,8 @@ def verdict(document):
     except MbstabError:
         return UNDECIDED
     # Where nothing is left to judge, all of it decays as well.
-    return ASYMPTOTIC_UP_TO if "every motion nearby is of the same kind" in result.reasons[0] else result.verdict
+    nothing = result.verdict == STABLE_UP_TO and result.counts.neutral == result.counts.found
+    return ASYMPTOTIC_UP_TO if nothing else result.verdict
 
 
 def exchanged(document):

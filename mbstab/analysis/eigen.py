@@ -266,11 +266,13 @@ def kind_in(s: complex, disc: Disc, verdict: Verdict, grounds: Grounds) -> str:
     form = "focus" if s.imag else "node"
     if disc.side in ("left", "right"):
         return ("un" if disc.side == "right" else "") + f"stable {form}"
+    if verdict.at_zero and disc.holds_zero:
+        return "neutral"
     # Where a conserved energy has a minimum, all eigenvalues lie on the axis.
     held = verdict.word in (STABLE, STABLE_UP_TO) and grounds.structure.work.conserved
     if (disc.side == "axis" or held) and s.imag:
         return "center"
-    return "neutral" if verdict.at_zero and disc.holds_zero else "undecided"
+    return "undecided"
 
 
 def _eigenvalue(grounds: Grounds, placed: Placed, i: int, kind: str) -> Eigenvalue:

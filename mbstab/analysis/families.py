@@ -22,7 +22,7 @@ from mbstab.errors import MbstabError
 REACH = 0.1
 """How far families are followed: in sizes of the scene and rad, and of their rates."""
 
-PARTS = (1.0, 1e-2, 1e-4)
+PARTS = (1.0, 1e-2, 1e-4, 1e-6)
 """Parts of this way at which they are looked for as well."""
 
 NULL, GAP = 1e-10, 1e3

@@ -79,10 +79,10 @@ STEPS = 25
 OFF = 1e-6
 """So far off are the parameters of expressions with which structure is looked for."""
 
-PARTS = (1.0, 2.0**-20)
+PARTS = (1.0, 2.0**-20, 2.0**-40)
 """Parts of a step: functions may be flat but for a narrow range."""
 
-SPEEDS = (0.3, -1.0, 3.0, 1e-3, -1e-6)
+SPEEDS = (0.3, -1.0, 3.0, 1e-3, -1e-6, 1e-9, -1e-12)
 """Speeds along symmetries, in rates of the scene, at which what rests is tried."""
 
 GRID = 24
@@ -673,14 +673,20 @@ class Invariance:
                 return True
             images = [self._moved(field, state) for state in self.states]
             broken = [e for e in seen if not self._carried(e, images, exact=_exact(field))]
-            if isinstance(field, Shift) and any(e.written for e in seen):
-                near = replace(field, step=PARTS[1] * field.step)
-                close = [self._moved(near, state) for state in self.states]
-                if not all(self._carried(e, close, exact=_exact(field)) for e in seen if e.written):
-                    return False
-            return not broken or self._together(broken, field)
+            return self._near_too(seen, field) and (not broken or self._together(broken, field))
         except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
             return False
+
+    def _near_too(self, seen: list[Acting], field: Field) -> bool:
+        """Whether small steps of a shift carry what is written as well: it may be flat but for a narrow range."""
+        written = [e for e in seen if e.written]
+        if not written or not isinstance(field, Shift):
+            return True
+        for part in PARTS[1:]:
+            images = [self._moved(replace(field, step=part * field.step), state) for state in self.states]
+            if not all(self._carried(e, images, exact=_exact(field)) for e in written):
+                return False
+        return True
 
     def steady(self, generator: Generator) -> bool:
         """Whether going along a steady motion carries all motions into motions."""

@@ -457,7 +457,7 @@ class _Roundings:
             change[columns] = together * self.motion.sizes[columns]
             self.directions.append(Direction(change, amount))
             own = own - np.outer(together, share)
-        result[:n] = np.sum(np.abs(own), axis=1) / relative
+        result[:n] = np.sum(np.abs(own), axis=1) / np.where(relative > 0.0, relative, 1.0)
         return result
 
     def _rates(self, dq: Array, du: Array) -> Array:
