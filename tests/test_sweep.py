@@ -1021,3 +1021,23 @@ def test_what_is_singular_to_twelve_digits_is_no_symmetry_of_a_sweep():
         assert verdict in ("undecided", "unstable" if p > -2e-12 else "asymptotically stable")
     assert result.verdicts[0] == "asymptotically stable"
     assert result.verdicts[-1] == "unstable"
+
+
+@pytest.mark.parametrize("values", [[-60.0, 60.0], [-40.0, 40.0], [-90.0, -15.0, 60.0]])
+def test_what_happens_in_the_middle_of_a_coarse_sweep_is_seen(values):
+    # A rotor with damping inside (1) and outside (2), k = 100: stable for |W| < 10 (1 + 2/1).
+    text = """
+mbstab: 1
+parameters: {W: 5}
+bodies: {disk: {type: planar_point, mass: 1}}
+forces:
+  f:
+    type: expression
+    on:
+      disk.x: -100*disk.x - 3*rate(disk.x) - W*disk.y
+      disk.y: -100*disk.y - 3*rate(disk.y) + W*disk.x
+reference: {coordinates: {disk: {x: 0, y: 0}}}
+"""
+    result = mbstab.loads(text).sweep("W", np.array(values))
+    assert [c.unstable for c in result.critical] == [(2, 0), (0, 2)]
+    assert [c.value for c in result.critical] == pytest.approx([-30.0, 30.0], rel=1e-9)

@@ -277,7 +277,8 @@ def kind_in(s: complex, disc: Disc, verdict: Verdict, grounds: Grounds) -> str:
 
 def _eigenvalue(grounds: Grounds, placed: Placed, i: int, kind: str) -> Eigenvalue:
     s = complex(placed.values[i])
-    value = complex(s.real + 0.0, s.imag + 0.0)  # no −0
+    # What is held on the axis is shown there; it is no farther from the truth.
+    value = complex(0.0 if kind == "center" else s.real + 0.0, s.imag + 0.0)  # no −0
     bound = float(placed.bounds[i]) if np.isfinite(placed.bounds[i]) else math.inf
     shares = participation(grounds.linear, placed.vectors[:, i])
     return Eigenvalue(value, kind, bound, float(placed.condition[i]), float(placed.backward_error[i]), shares)

@@ -76,6 +76,12 @@ FINER, DEPTH = 32, 6
 MARGIN = 2
 """So many points on either side are looked at with an interval in which stability may change."""
 
+FEWEST = 24
+"""Sweeps with fewer points are looked at between them as well."""
+
+WIDELY = 100.0
+"""Ends of an interval whose ratio is larger are divided evenly by ratio."""
+
 BUDGET, ENTRIES = 100_000, 4_000_000
 """So many points in between are looked at at most, and so many eigenvalues of them are kept."""
 
@@ -573,6 +579,7 @@ class _Tracker:
         """Return where stability changes."""
         if len(self.x) < 2 or not self.values.shape[1]:
             return []
+        self._look_inside()
         self._look_between(branches)
         found: list[Critical] = []
         for first, last in self._suspects(branches):
@@ -798,6 +805,15 @@ class _Tracker:
     def _discriminant(self, spectrum: Complex, size: float) -> float:
         """Return the discriminant of λ² apart from zeros that nothing explains."""
         return discriminant(spectrum[np.argsort(np.abs(spectrum), kind="stable")[self.unplaced :]], size)
+
+    def _look_inside(self) -> None:
+        """Look between the points of a coarse sweep: at both ends all may be alike, and not in the middle."""
+        each = -(-FEWEST // (len(self.x) - 1)) if len(self.x) <= FEWEST else 0
+        for a, b in pairwise(self.x.tolist()) if each else ():
+            parts = np.linspace(a, b, each + 2)[1:-1]
+            if 0.0 < WIDELY * min(abs(a), abs(b)) < max(abs(a), abs(b)) and a * b > 0.0:
+                parts = np.sign(a) * np.geomspace(abs(a), abs(b), each + 2)[1:-1]
+            self.at(parts)
 
     def _look_between(self, branches: Complex) -> None:
         """Look at real parts that come close to the axis and turn back between points: they may have crossed it."""
