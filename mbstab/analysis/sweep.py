@@ -807,8 +807,12 @@ class _Tracker:
         return discriminant(spectrum[np.argsort(np.abs(spectrum), kind="stable")[self.unplaced :]], size)
 
     def _look_inside(self) -> None:
-        """Look between the points of a coarse sweep: at both ends all may be alike, and not in the middle."""
-        each = -(-FEWEST // (len(self.x) - 1)) if len(self.x) <= FEWEST else 0
+        """Look between the points of a coarse sweep: at both ends all may be alike, and not in the middle.
+
+        Paths of equilibria are followed by steps of their own.
+        """
+        coarse = len(self.x) <= FEWEST and self.evaluator.path is None
+        each = -(-FEWEST // (len(self.x) - 1)) if coarse else 0
         for a, b in pairwise(self.x.tolist()) if each else ():
             parts = np.linspace(a, b, each + 2)[1:-1]
             if 0.0 < WIDELY * min(abs(a), abs(b)) < max(abs(a), abs(b)) and a * b > 0.0:
