@@ -25,7 +25,11 @@ def placed(mechanism, structure=True):
 
 def exact(mechanism, digits=DIGITS):
     """Return all finite eigenvalues, zeros and pairs of symmetries among them."""
-    precise = precise_eigenvalues(mechanism.model, {}, digits)
+    return listed(precise_eigenvalues(mechanism.model, {}, digits))
+
+
+def listed(precise):
+    """Return the eigenvalues of a precise result, zeros and pairs of symmetries among them."""
     values = [mp.mpmathify(e.value) for e in precise.eigenvalues]
     values += [mp.mpc(0, sign * mp.mpf(x)) for x in precise.shifts for sign in (1, -1)]
     return values + [mp.mpf(0)] * (precise.neutral - 2 * len(precise.shifts))

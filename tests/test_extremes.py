@@ -8,6 +8,7 @@ import pytest
 import truth as truth_module
 import yaml
 from chains import hanging_chain, spring_chain
+from discs import listed
 from mpmath import mp
 from truth import ZERO, distance, exact_eigenvalues
 
@@ -721,10 +722,7 @@ def against_precise(text, settings):
     model = mbstab.loads(text)
     result = model.eig(**{name: float(x) for name, x in settings.items()})
     precise = precise_eigenvalues(model.model, settings, 30)
-    exact = [mp.mpmathify(e.value) for e in precise.eigenvalues]
-    exact += [mp.mpc(0, sign * mp.mpf(x)) for x in precise.shifts for sign in (1, -1)]
-    exact += [mp.mpf(0)] * (precise.neutral - 2 * len(precise.shifts))
-    errors, true = distance([e.value for e in result.eigenvalues], exact)
+    errors, true = distance([e.value for e in result.eigenvalues], listed(precise))
     # Neutral ones are exact zeros or pairs.
     largest = float(np.max(np.abs(true), initial=0.0))
     bounds = np.array([4.0 * EPS * largest if e.kind == "neutral" else e.error_bound for e in result.eigenvalues])

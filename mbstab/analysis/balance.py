@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.motion import TOLERANCE
+from mbstab.analysis.numerics import norms
 from mbstab.analysis.reference import declared_family
 from mbstab.analysis.steady import Family, Generator
 from mbstab.compiler.system import Array, System
@@ -173,8 +174,7 @@ class Balance:
         return State(q, full, all_nu, joined(parts, 1), steady, u, a, M, J)
 
     def _lengths(self, J: Array) -> Array:
-        lengths = np.linalg.norm(J * self.sizes, axis=-1)
-        return np.where(lengths > 0.0, lengths, 1.0)
+        return norms(J * self.sizes)
 
     @property
     def moving(self) -> int:

@@ -47,7 +47,6 @@ from mbstab.analysis.verdict import (
     NONLINEAR,
     UNDECIDED,
     UNSTABLE,
-    WORDS,
     Modulo,
     Verdict,
 )
@@ -65,7 +64,7 @@ class Certificate:
     Attributes
     ----------
     verdict : str
-        A word of `VERDICTS`, or ``not provable``.
+        A word of `WORDS` other than ``undecided``, or ``not provable``.
     statement : str
         What is proven, in a sentence.
     eigenvalues : list of Enclosure
@@ -135,10 +134,6 @@ class Certificate:
     def proven(self) -> bool:
         """Whether there is a verdict that rests on nothing but the model file."""
         return self.status == "proven"
-
-
-VERDICTS = tuple(word for word in WORDS if word != UNDECIDED)
-"""What may be proven."""
 
 
 def certify(

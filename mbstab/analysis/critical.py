@@ -21,6 +21,7 @@ from mbstab.analysis.linearize import matrices_in
 from mbstab.analysis.minimum import SecondVariation, sign_of
 from mbstab.analysis.motion import Motion
 from mbstab.analysis.neutral import Separated, Structure
+from mbstab.analysis.numerics import norms
 from mbstab.analysis.verdict import ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, UNSTABLE, Critical
 from mbstab.compiler.system import Array, Dynamics
 from mbstab.errors import MbstabError
@@ -289,17 +290,12 @@ def _balanced(
         for i, x in enumerate(held):
             matrix[n + n_h + i, :n] = x
         matrix[-1, :n] = measure * sizes
-        rows = _lengths(matrix, 1)
+        rows = norms(matrix)
         matrix = matrix / rows[:, None]
-        columns = _lengths(matrix, 0)
+        columns = norms(matrix, 0)
         step = -np.linalg.lstsq(matrix / columns, residual / rows, rcond=1e-13)[0] / columns
         q, nu, r = q + sizes * step[:n], nu + step[n : n + c], r + float(step[-1])
     return None
-
-
-def _lengths(matrix: Array, axis: int) -> Array:
-    lengths = np.linalg.norm(matrix, axis=axis)
-    return np.where(lengths > 0.0, lengths, 1.0)
 
 
 def _at(reference: Motion, q: Array, u: Array, a: Array, nu: Array, dynamics: Dynamics) -> Motion:

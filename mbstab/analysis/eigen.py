@@ -23,7 +23,7 @@ from mbstab.analysis.linearize import Linearization, linearize
 from mbstab.analysis.methods import DEFAULT, METHODS, Found, solver
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.reference import reference_motion
-from mbstab.analysis.verdict import STABLE, STABLE_UP_TO, Disc, Modulo, Verdict, judge, place, show
+from mbstab.analysis.verdict import STABLE, STABLE_UP_TO, Disc, Judged, Verdict, judge, place, show
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
 
@@ -124,7 +124,7 @@ class Counts:
 
 
 @dataclass(frozen=True)
-class EigenResult:
+class EigenResult(Judged):
     """Eigenvalues, verdict and what they rest on.
 
     Attributes
@@ -156,31 +156,6 @@ class EigenResult:
     frozen: bool = False
     shifts: tuple[float, ...] = ()
     period: float | None = None
-
-    @property
-    def verdict(self) -> str:
-        """The word of the verdict, one of `mbstab.analysis.verdict.WORDS`."""
-        return self.judged.word
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """What the verdict rests on, in sentences."""
-        return self.judged.reasons
-
-    @property
-    def modulo(self) -> Modulo:
-        """Symmetries and families of motions up to which the verdict holds."""
-        return self.judged.modulo
-
-    @property
-    def in_place(self) -> bool | None:
-        """Whether disturbed motions stay near the reference itself; None: not claimed."""
-        return self.judged.in_place
-
-    @property
-    def evidence(self) -> str:
-        """The weakest fact that the verdict rests on: ``structural``, ``enclosed`` or ``numerical``."""
-        return self.judged.evidence
 
     def values(self) -> Complex:
         """Return the eigenvalues that are not neutral, shape (n,)."""

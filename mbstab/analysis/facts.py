@@ -20,6 +20,7 @@ from mbstab.analysis.invariance import Invariance
 from mbstab.analysis.linearize import Linearization, StateSpace, state_space
 from mbstab.analysis.minimum import SecondVariation
 from mbstab.analysis.neutral import Separated, Structure, unseparated
+from mbstab.analysis.numerics import norms
 from mbstab.analysis.reversor import Reversor, reversor
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.verdict import Critical, Disc, Facts, Minimum, Neutral
@@ -86,9 +87,14 @@ class Grounds:
         return Structure(self.linear, self.space, self.gamma, self.invariance)
 
     @cached_property
+    def plain(self) -> Separated:
+        """The balanced matrix with what the symmetries and the conserved functions of the scene separate."""
+        return self.structure.separated(self.S)
+
+    @cached_property
     def separated(self) -> Separated:
-        """The balanced matrix with its neutral directions."""
-        found = self.structure.separated(self.S)
+        """The balanced matrix with its neutral directions, those of a reversor among them."""
+        found = self.plain
         if found.doubt and (self.linear.frozen or not self.linear.constant):
             return unseparated(self.S)  # the equations of an instant need not have the symmetries of the motion
         if self.reversor is None or found.doubt:
@@ -98,7 +104,7 @@ class Grounds:
     @cached_property
     def second_variation(self) -> SecondVariation:
         """The energy near the reference."""
-        return SecondVariation(self.structure, self.structure.separated(self.S))
+        return SecondVariation(self.structure, self.plain)
 
     # --- time and smoothness ----------------------------------------------------------------------------------------
 
@@ -272,8 +278,7 @@ def _standing(linear: Linearization) -> Generator:
 
 def _ranks(J: Array, n_h: int) -> tuple[int, int]:
     """Return the rank of the holonomic rows, and of the others on what those allow."""
-    lengths = np.linalg.norm(J, axis=1)
-    J = J / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+    J = J / norms(J)[:, None]
     _, s, right = np.linalg.svd(J[:n_h])
     rank = int(np.sum(s > INDEPENDENT))
     left = J[n_h:] @ right[rank:].T

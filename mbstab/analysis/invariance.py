@@ -736,6 +736,12 @@ class Invariance:
         pairs = zip(self.states, images, strict=True)
         return all(self.same(element, state, there, T, exact) for state, (there, T) in pairs)
 
+    def _force(self, element: Acting, state: State) -> Array:
+        """Return the force of one element on all coordinates, shape (n_q,)."""
+        F: Array = np.zeros(self.system.n_q)
+        F[list(element.columns)] = element.force(state.q.tolist(), state.u.tolist(), state.a.tolist(), self.motion.time)
+        return F
+
     def same(self, element: Acting, here: State, there: State, T: Array, exact: bool) -> bool:
         """Whether Tᵀ F(there) = F(here) for one element."""
         columns, time = list(element.columns), self.motion.time
@@ -749,10 +755,7 @@ class Invariance:
                 return all(abs(x - sign * y) <= EXACT * (abs(x) + abs(y)) for x, y, sign in pairs)
         if element.written:
             return self._same_to_rounding(element, here, there, T)
-        F: Array = np.zeros(len(here.q))
-        moved: Array = np.zeros(len(here.q))
-        F[columns] = element.force(here.q.tolist(), here.u.tolist(), here.a.tolist(), time)
-        moved[columns] = element.force(there.q.tolist(), there.u.tolist(), there.a.tolist(), time)
+        F, moved = (self._force(element, x) for x in (here, there))
         after: Array = T.T @ moved
         mixed: Array = np.abs(T).T @ np.abs(moved)
         sizes = self.motion.sizes
@@ -865,11 +868,7 @@ class Invariance:
             allowed = self.motion.sizes[:, None] * right[int(np.sum(s > 1e-8)) :].T
             total, size, rounding = np.zeros((3, allowed.shape[1]))
             for element in broken:
-                columns = list(element.columns)
-                F: Array = np.zeros(system.n_q)
-                moved: Array = np.zeros(system.n_q)
-                F[columns] = element.force(state.q.tolist(), state.u.tolist(), state.a.tolist(), time)
-                moved[columns] = element.force(there.q.tolist(), there.u.tolist(), there.a.tolist(), time)
+                F, moved = (self._force(element, x) for x in (state, there))
                 after: Array = T.T @ moved
                 change = (after - F) @ allowed
                 total += change

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.analysis.numerics import norms
 from mbstab.analysis.steady import Family, Generator
 from mbstab.analysis.subspaces import RANK_TOLERANCE, Redundancy, Subspaces, rank_of, redundancies, subspaces
 from mbstab.compiler.system import Array, Dynamics, System
@@ -190,8 +191,7 @@ class Finder:
         def state(x: Array) -> tuple[Array, Array]:
             found = self.system.dynamics(x, zero, self.scene.time)
             J = found.J[:n_h] * sizes
-            lengths = np.linalg.norm(J, axis=1)
-            lengths[lengths == 0.0] = 1.0
+            lengths = norms(J)
             return found.E[:n_h] / lengths, J / lengths[:, None]
 
         E, J = state(q)
@@ -297,8 +297,7 @@ class Finder:
             u = basis @ c
             state = system.dynamics(q, u, scene.time)
             columns = np.vstack([state.J @ basis[:, free], basis[np.ix_(given, free)]])
-            lengths = np.linalg.norm(np.vstack([state.J * self.sizes, np.diag(self.sizes)[given]]), axis=1)
-            weights = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
+            weights = 1.0 / norms(np.vstack([state.J * self.sizes, np.diag(self.sizes)[given]]))
             residual = np.concatenate([state.V, u[given] - rates]) * weights
             step = np.linalg.lstsq(columns * weights[:, None], -residual, rcond=1e-12)[0]
             c[free] += step

@@ -36,6 +36,12 @@ def guarded(function: Callable[P, T]) -> Callable[P, T]:
     return inner
 
 
+def norms(vectors: npt.NDArray[np.float64], axis: int = -1, keepdims: bool = False) -> npt.NDArray[np.float64]:
+    """Return the lengths of vectors along an axis, to be divided by: 1 for those that are zero."""
+    found = np.linalg.norm(vectors, axis=axis, keepdims=keepdims)
+    return np.where(found > 0.0, found, 1.0)
+
+
 def assigned(cost: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
     """Return for each row of a square matrix the column it is paired with, so that the sum is least.
 

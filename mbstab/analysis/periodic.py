@@ -31,6 +31,7 @@ from mbstab.analysis.linearize import linearize
 from mbstab.analysis.motion import Motion, motion_at
 from mbstab.analysis.multipliers import Complex, enclosed, placed
 from mbstab.analysis.neutral import FITS, KEPT, Separated, complement, drift_of, orthonormal
+from mbstab.analysis.numerics import norms
 from mbstab.analysis.verdict import UNDECIDED, UNSTABLE, Facts, Minimum, Neutral, Verdict, judge, show
 from mbstab.analysis.verdict import Disc as Exponent
 from mbstab.analysis.work import Work
@@ -300,8 +301,7 @@ class Cycle:
         flow, candidates = self.flow, self._conserved()
         n = len(T)
         rows = np.array([x.dq @ flow.to_coordinates + x.du @ flow.to_rates for x in candidates]).reshape(-1, n)
-        lengths = np.linalg.norm(rows, axis=1)
-        rows = rows / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+        rows = rows / norms(rows)[:, None]
         left = rows
         if len(rows) and T.shape[1]:
             _, s, right = np.linalg.svd((rows @ T).T)

@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from mbstab.analysis.balance import Balance
 from mbstab.analysis.linearize import Linearization, deflated_matrix
 from mbstab.analysis.motion import EQUILIBRIUM_TOLERANCE, NEWTON_STEPS, ROUNDING, TOLERANCE
-from mbstab.analysis.points_structure import Flags, Known, Points
+from mbstab.analysis.numerics import norms
+from mbstab.analysis.points_structure import Flags, Known, Points, transposed
 from mbstab.analysis.steady import Family, Generator
 from mbstab.analysis.subspaces import RANK_LEAST, RANK_TOLERANCE
 from mbstab.compiler.system import Array, Dynamics, System
@@ -57,11 +57,6 @@ class Pattern:
     balance: Balance | None
 
 
-def _t(x: Any) -> Array:
-    result: Array = np.swapaxes(x, -1, -2)
-    return result
-
-
 class Equations:
     """The equations of points of a pattern, evaluated together.
 
@@ -88,12 +83,7 @@ class Equations:
             How many times larger the terms are of which the matrices are sums; 1 if not given.
         """
         pattern, system = self.pattern, self.system
-        steady: Generator | None
-        if self.start is not None:
-            q, steady, u = self._balanced(*self.start)
-        else:
-            q = self._coordinates()
-            steady, u = self._speeds(q)
+        q, steady, u = self._motion()
         dynamics = system.dynamics(q, u)
         self._require_rows(dynamics, u)
         # A pattern at rest says nothing about motions, and the other way round.
@@ -103,7 +93,7 @@ class Equations:
         a = steady.acceleration(q) if steady is not None else np.zeros_like(q)
         K, R, D_q, balance, inverse = self._coefficients(q, u, a, steady, dynamics, J, scale, row_scale)
         T = N @ Z
-        self.good &= np.max(np.abs(_t(T) @ balance[0][..., None]), axis=(-1, -2), initial=0.0) <= balance[1]
+        self.good &= np.max(np.abs(transposed(T) @ balance[0][..., None]), axis=(-1, -2), initial=0.0) <= balance[1]
         W_inverse: Array = np.asarray(np.linalg.pinv(D_u @ N, rcond=RANK_TOLERANCE), dtype=float)
         P = -(W_inverse @ (D_q @ N))
         A, M_z = deflated_matrix(M, R, K, N, Z, P)
@@ -146,22 +136,18 @@ class Equations:
     def growth(self) -> Array:
         """Return how many times larger the terms are of which the matrices are sums, shape (points,)."""
         system = self.system
-        if self.start is not None:
-            q, steady, u = self._balanced(*self.start)
-        else:
-            q = self._coordinates()
-            steady, u = self._speeds(q)
+        q, steady, u = self._motion()
         dynamics = system.dynamics(q, u)
         _, J, scale, row_scale = self._scaled(dynamics)
         a = steady.acceleration(q) if steady is not None else np.zeros_like(q)
         inverse = np.linalg.pinv(J, rcond=RANK_TOLERANCE) if system.n_c else np.zeros((1, system.n_q, 0))
         forces = _times(dynamics.M, a) + dynamics.F0
-        nu = np.abs(_times(_t(inverse), forces * scale)) * row_scale
+        nu = np.abs(_times(transposed(inverse), forces * scale)) * row_scale
         loads = system.terms(q, u, a, nu)
-        balanced = loads["F"] + _times(loads["M"], np.abs(a)) + _times(_t(loads["J"]), nu)
+        balanced = loads["F"] + _times(loads["M"], np.abs(a)) + _times(transposed(loads["J"]), nu)
         balanced = balanced + loads["K"] @ self.pattern.sizes + _times(loads["R"], np.abs(u))
-        K, R, _ = system.linearize(q, u, a, _times(-_t(inverse), forces * scale) * row_scale)
-        larger = nu + _times(np.abs(_t(inverse)), balanced * scale) * row_scale
+        K, R, _ = system.linearize(q, u, a, _times(-transposed(inverse), forces * scale) * row_scale)
+        larger = nu + _times(np.abs(transposed(inverse)), balanced * scale) * row_scale
         terms = system.terms(q, u, a, larger)
         pairs = ((terms["K"], K), (terms["R"], R))
         both = scale[:, None, :] * scale[:, :, None]
@@ -170,6 +156,13 @@ class Equations:
         whole = sizes[0][1] + sizes[1][1] * gamma + _norm(dynamics.M * both) * gamma**2
         found: Array = np.broadcast_to((sizes[0][0] + sizes[1][0] * gamma) / np.maximum(whole, 1e-300), (self.points,))
         return np.maximum(np.nan_to_num(found, nan=1.0, posinf=1e6), 1.0)
+
+    def _motion(self) -> tuple[Array, Generator | None, Array]:
+        """Return the coordinates, the steady motion and the speeds."""
+        if self.start is not None:
+            return self._balanced(*self.start)
+        q = self._coordinates()
+        return q, *self._speeds(q)
 
     # --- the reference ----------------------------------------------------------------------------------------------
 
@@ -192,8 +185,7 @@ class Equations:
         for _ in range(NEWTON_STEPS):
             dynamics = self.system.dynamics(q, 0.0 * q)
             J = dynamics.J[:, :n_h, missing] * sizes
-            lengths = np.linalg.norm(dynamics.J[:, :n_h] * self.pattern.sizes, axis=-1)
-            lengths[lengths == 0.0] = 1.0
+            lengths = norms(dynamics.J[:, :n_h] * self.pattern.sizes)
             weighted = J / lengths[..., None], (dynamics.E[:, :n_h] / lengths)[..., None]
             step = -(np.linalg.pinv(weighted[0], rcond=1e-12) @ weighted[1])[..., 0]
             q = q.copy()
@@ -210,10 +202,12 @@ class Equations:
         at = balance.state(q, c)
         for _ in range(POLISHING):
             G = balance.jacobian(at)
-            square = _t(G) @ G
+            square = transposed(G) @ G
             size = np.trace(square, axis1=-2, axis2=-1)[:, None, None]
             # Directions that nothing depends on stay where they are.
-            step = -np.linalg.solve(square + RIDGE * size * np.eye(G.shape[-1]), _t(G) @ at.residual[..., None])[..., 0]
+            step = -np.linalg.solve(
+                square + RIDGE * size * np.eye(G.shape[-1]), transposed(G) @ at.residual[..., None]
+            )[..., 0]
             self.good &= np.max(np.abs(step[:, : balance.moving]), axis=1) < 0.2
             step[~self.good] = 0.0
             at = balance.state(*balance.moved(at, step))
@@ -250,8 +244,7 @@ class Equations:
         own = replace(family, system=system)
         basis = own.basis(q)
         zero = system.dynamics(q, 0.0 * q)
-        lengths = np.linalg.norm(zero.J * sizes, axis=-1)
-        lengths[lengths == 0.0] = 1.0
+        lengths = norms(zero.J * sizes)
         given = ~missing
         rows = np.concatenate([zero.J @ basis / lengths[..., None], (basis / sizes[:, None])[:, given]], axis=1)
         known = self._declared()
@@ -312,7 +305,7 @@ class Equations:
             self.good &= s[:, rank - 1] >= RANK_LEAST
         if rank < s.shape[-1]:
             self.good &= s[:, rank] <= RANK_TOLERANCE
-        return _t(right[:, rank:])
+        return transposed(right[:, rank:])
 
     # --- coefficients -----------------------------------------------------------------------------------------------
 
@@ -337,10 +330,10 @@ class Equations:
         inverse: Array = np.zeros((1, system.n_q, 0))
         if system.n_c:
             inverse = np.asarray(np.linalg.pinv(J, rcond=1e-11), dtype=float)
-            nu = -_times(_t(inverse), force)
-            balance = force + _times(_t(J), nu)
+            nu = -_times(transposed(inverse), force)
+            balance = force + _times(transposed(J), nu)
             largest = np.maximum(np.max(np.abs(force), axis=-1), 1e-300)
-            across = np.max(np.abs(_times(_t(J[:, n_h:]), nu[:, n_h:])), axis=-1) / largest
+            across = np.max(np.abs(_times(transposed(J[:, n_h:]), nu[:, n_h:])), axis=-1) / largest
         K, R, D_q = system.linearize(q, u, a, nu * row_scale)
         sizes, scene = self.pattern.sizes, system.scene
         gravity = math.sqrt(sum(float(np.max(np.abs(x))) ** 2 for x in scene.gravity))

@@ -20,6 +20,7 @@ from mbstab.analysis.facts import Grounds
 from mbstab.analysis.invariance import Combination, OwnTurn, Shift, Spin, Symmetry
 from mbstab.analysis.minimum import EPS, ROUNDINGS, TRIED, UNFORCED
 from mbstab.analysis.neutral import FULL_RANK, KEPT
+from mbstab.analysis.numerics import norms
 from mbstab.analysis.reversor import GAP, NULL
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.verdict import Neutral
@@ -159,7 +160,7 @@ class Known:
         self.mirrored, self.rough = grounds.mirrored, grounds.kink(2)
         self.symmetries = tuple(structure.invariance.symmetries)
         self.boosts = tuple(structure.invariance.boosts)
-        plain = structure.separated(grounds.S)
+        plain = grounds.plain
         self.speeds = plain.speeds
         self.directions, self.kept = plain.T.shape[1] - self.speeds, len(plain.L)
         self.d, self.k = separated.T.shape[1], len(separated.L)
@@ -230,12 +231,14 @@ class Known:
             T = self._moving(points, T, good)
         if self.d > self.directions + self.speeds:
             T, L = self._widened(points, symmetries, L, good)
-        basis = _beside(T, _t(L))
+        basis = _beside(T, transposed(L))
         B = np.linalg.qr(basis, mode="complete")[0][..., basis.shape[-1] :]
         ST, LS = S @ T, L @ S
-        left = np.linalg.norm(ST - T @ (_t(T) @ ST), axis=(1, 2)) + np.linalg.norm(LS - (LS @ T) @ _t(T), axis=(1, 2))
+        left = np.linalg.norm(ST - T @ (transposed(T) @ ST), axis=(1, 2)) + np.linalg.norm(
+            LS - (LS @ T) @ transposed(T), axis=(1, 2)
+        )
         good = good & (left <= np.maximum(FITS * points.size, 100.0 * points.error))
-        return Separation(_t(B) @ S @ B, T, B, good, points.error + left)
+        return Separation(transposed(B) @ S @ B, T, B, good, points.error + left)
 
     def _columns(self, points: Points, items: tuple[Symmetry, ...], boost: bool = False) -> Array:
         """Return disturbances in the coordinates of S as unit columns, shape (points, n, number)."""
@@ -248,8 +251,8 @@ class Known:
         direction, rate = (x / points.scale[:, :, None] for x in (direction, rate))
         if points.slope is not None:
             rate = rate - points.slope @ direction
-        xi = _t(points.N) @ direction
-        eta = _t(points.Z) @ (_t(points.N) @ rate - points.P @ xi)
+        xi = transposed(points.N) @ direction
+        eta = transposed(points.Z) @ (transposed(points.N) @ rate - points.P @ xi)
         return _unit(_under(xi, eta / points.gamma[:, None, None]))
 
     def _directions(self, points: Points, symmetries: Array, good: Flags) -> Array:
@@ -262,7 +265,7 @@ class Known:
             if n_eta:
                 _, s, right = np.linalg.svd(lower)
                 good &= s[:, -1] > FULL_RANK * np.linalg.norm(points.S[:, n:], axis=(1, 2))
-                null = _t(right[:, n_eta:])
+                null = transposed(right[:, n_eta:])
             else:
                 null = np.eye(n)[None]
             columns = _beside(columns, _under(null, np.zeros((1, n_eta, null.shape[-1]))))
@@ -273,16 +276,16 @@ class Known:
         directions = _stacked([disturbance(item, points)[0] for item in self.symmetries]) / points.scale[:, :, None]
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         allowed, directions = points.N @ points.Z, directions / lengths
-        eta = _t(points.Z) @ (_t(points.N) @ directions)
+        eta = transposed(points.Z) @ (transposed(points.N) @ directions)
         columns = _under(np.zeros((1, points.n_xi, eta.shape[-1])), eta)
-        across = directions - allowed @ (_t(allowed) @ directions)
+        across = directions - allowed @ (transposed(allowed) @ directions)
         _, s, right = np.linalg.svd(across)
         full = np.zeros((len(s), len(self.symmetries)))
         full[:, : s.shape[-1]] = s
         free = int(np.sum(full[0] <= KEPT))
         good &= np.sum(full <= KEPT, axis=1) == free
-        found = columns @ _t(right[:, right.shape[1] - free :])
-        left = found - T @ (_t(T) @ found)
+        found = columns @ transposed(right[:, right.shape[1] - free :])
+        left = found - T @ (transposed(T) @ found)
         own, s, _ = np.linalg.svd(left, full_matrices=False)
         good &= np.sum(s > KEPT, axis=1) == self.speeds
         return _beside(T, own[..., : self.speeds])
@@ -295,7 +298,7 @@ class Known:
         rows = self._conserved(points, self.momenta, good)
         if self.speed:
             rows = _under(rows, self._differentials(points, [(points.u, points.a)]))
-        rows = _t(_unit(_t(rows)))
+        rows = transposed(_unit(transposed(rows)))
         return self._vanishing(rows, T, self.kept, self.tied, good)
 
     def _conserved(self, points: Points, momenta: tuple[Symmetry, ...], good: Flags) -> Array:
@@ -311,7 +314,9 @@ class Known:
             known = [x for _, part in parts_of for x in self.symmetries if x.of is part]
             good &= len(known) == len(parts_of)
             fields += [x for x in known if x not in fields]
-        rows = _t(_unit(_t(self._differentials(points, [disturbance(item, points) for item in fields]))))
+        rows = transposed(
+            _unit(transposed(self._differentials(points, [disturbance(item, points) for item in fields])))
+        )
         count = len(momenta)
         left, s, _ = np.linalg.svd(rows @ points.S)
         full = np.zeros((len(s), len(fields)))
@@ -320,13 +325,13 @@ class Known:
         good &= full[:, -count] <= limit
         if count < len(fields):
             good &= full[:, -count - 1] > GAP * limit
-        return _t(left[..., len(fields) - count :]) @ rows
+        return transposed(left[..., len(fields) - count :]) @ rows
 
     def _differentials(self, points: Points, parts: list[tuple[Array, Array]]) -> Array:
         """Return differentials of momenta as rows, shape (points, number, n)."""
         direction, rate = (_stacked([part[k] for part in parts]) for k in (0, 1))
-        direction, rate = (_t(x / points.scale[:, :, None]) for x in (direction, rate))
-        carried = rate if points.slope is None else rate - direction @ _t(points.slope)
+        direction, rate = (transposed(x / points.scale[:, :, None]) for x in (direction, rate))
+        carried = rate if points.slope is None else rate - direction @ transposed(points.slope)
         speeds = direction @ points.M @ points.N
         positions = direction @ points.R @ points.N - carried @ points.M @ points.N + speeds @ points.P
         return _beside(positions, points.gamma[:, None, None] * (speeds @ points.Z))
@@ -334,24 +339,24 @@ class Known:
     def _vanishing(self, rows: Array, T: Array, count: int, rank: int, good: Flags) -> Array:
         """Return so many orthonormal combinations of rows that vanish on T, where rows T has a rank."""
         if T.shape[-1]:
-            _, s, right = np.linalg.svd(_t(rows @ T))
+            _, s, right = np.linalg.svd(transposed(rows @ T))
             if rank:
                 good &= s[:, rank - 1] > KEPT
             if rank < s.shape[-1]:
                 good &= s[:, rank] <= KEPT
             rows = right[:, rank:] @ rows
-        return _t(_orthonormal(_t(rows), count, good))
+        return transposed(_orthonormal(transposed(rows), count, good))
 
     def _widened(self, points: Points, symmetries: Array, L: Array, good: Flags) -> tuple[Array, Array]:
         """Return directions and functions with the family that a reversor shows, as `Reversor.widened`."""
         own = _orthonormal(symmetries, self.of_symmetries, good)
         Q = np.linalg.qr(own, mode="complete")[0][..., own.shape[-1] :]
         size = self.d - self.of_symmetries
-        _, s, right = np.linalg.svd(_t(Q) @ points.S @ Q)
+        _, s, right = np.linalg.svd(transposed(Q) @ points.S @ Q)
         good &= s[:, -size] <= NULL * s[:, 0]
         if size < s.shape[-1]:
             good &= (s[:, -size - 1] >= GAP * np.maximum(s[:, -size], 1e-300)) & (s[:, -size - 1] > NULL * s[:, 0])
-        T = _orthonormal(_beside(own, Q @ _t(right[:, -size:])), self.d, good)
+        T = _orthonormal(_beside(own, Q @ transposed(right[:, -size:])), self.d, good)
         return T, self._vanishing(L, T, self.k, self.kept - self.k, good) if L.shape[1] else L
 
     # --- the energy -------------------------------------------------------------------------------------------------
@@ -360,15 +365,15 @@ class Known:
         """Return the second variation of the energy in the coordinates of S, and how large rounding may be in it."""
         n = points.n_xi
         rates = _beside(points.P, points.gamma[:, None, None] * points.Z)
-        H = _t(rates) @ (_t(points.N) @ points.M @ points.N) @ rates
-        stiffness = _t(points.N) @ points.K @ points.N
+        H = transposed(rates) @ (transposed(points.N) @ points.M @ points.N) @ rates
+        stiffness = transposed(points.N) @ points.K @ points.N
         N, moved = np.abs(points.N), np.abs(rates)
-        size = _t(moved) @ (_t(N) @ np.abs(points.M) @ N) @ moved
-        known = _t(N) @ np.abs(points.K) @ N
+        size = transposed(moved) @ (transposed(N) @ np.abs(points.M) @ N) @ moved
+        known = transposed(N) @ np.abs(points.K) @ N
         shape = points.S.shape
         H, size = (np.broadcast_to(x, np.broadcast_shapes(x.shape, shape)).copy() for x in (H, size))
-        H[:, :n, :n] += 0.5 * (stiffness + _t(stiffness))
-        size[:, :n, :n] += 0.5 * (known + _t(known))
+        H[:, :n, :n] += 0.5 * (stiffness + transposed(stiffness))
+        size[:, :n, :n] += 0.5 * (known + transposed(known))
         return H, ROUNDINGS * EPS * points.spread[:, None, None] * size
 
     def inertia(self, points: Points) -> Array:
@@ -450,14 +455,14 @@ class Known:
         if momenta:
             good &= momenta == self.momenta or not any(isinstance(x.of, Combination) for x in momenta)
             rows = self._conserved(points, momenta, good)
-            kernel = _complement(_orthonormal(_t(rows), len(momenta), good))
+            kernel = _complement(_orthonormal(transposed(rows), len(momenta), good))
         if not self.symmetries:
             return kernel
         columns = self._columns(points, self.symmetries)
-        inside = _t(kernel) @ columns
+        inside = transposed(kernel) @ columns
         along = kernel.shape[-1] - reference.basis.shape[1]
         _, _, right = np.linalg.svd(columns - kernel @ inside)
-        return kernel @ _complement(_orthonormal(inside @ _t(right[:, right.shape[1] - along :]), along, good))
+        return kernel @ _complement(_orthonormal(inside @ transposed(right[:, right.shape[1] - along :]), along, good))
 
 
 def _seen_from(points: Points, step: Generator, rate: Array) -> Points:
@@ -484,7 +489,7 @@ def _frame(points: Points, generator: Generator) -> tuple[Array, Array]:
 def _restricted(energy: tuple[Array, Array], W: Array) -> Array:
     """Return the inertia of a form, with its rounding, on the span of columns."""
     size = np.abs(W)
-    return inertia(_t(W) @ energy[0] @ W, _t(size) @ energy[1] @ size)
+    return inertia(transposed(W) @ energy[0] @ W, transposed(size) @ energy[1] @ size)
 
 
 def inertia(H: Array, known: Array) -> Array:
@@ -505,7 +510,7 @@ def inertia(H: Array, known: Array) -> Array:
     diagonal = np.where(own > 10.0 * open_, own, np.max(np.maximum(own, open_), axis=1, keepdims=True))
     scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
     both = scale[:, :, None] * scale[:, None, :]
-    values = np.linalg.eigvalsh(0.5 * (H + _t(H)) * both)
+    values = np.linalg.eigvalsh(0.5 * (H + transposed(H)) * both)
     least = np.linalg.norm(known * both, axis=(1, 2))[:, None] + m * EPS * np.max(np.abs(values), axis=1)[:, None]
     positive, negative = np.sum(values > least, axis=1), np.sum(values < -least, axis=1)
     return np.stack([positive, negative, m - positive - negative], axis=1)
@@ -539,7 +544,8 @@ def disturbance(item: Symmetry, points: Points) -> tuple[Array, Array]:
 # --- matrices of many points ------------------------------------------------------------------------------------------
 
 
-def _t(x: Array) -> Array:
+def transposed(x: Any) -> Array:
+    """Return the transposes of a stack of matrices."""
     result: Array = np.swapaxes(x, -1, -2)
     return result
 
@@ -566,8 +572,7 @@ def _stacked(vectors: list[Array]) -> Array:
 
 
 def _unit(columns: Array) -> Array:
-    lengths = np.linalg.norm(columns, axis=-2, keepdims=True)
-    result: Array = columns / np.where(lengths > 0.0, lengths, 1.0)
+    result: Array = columns / norms(columns, -2, keepdims=True)
     return result
 
 

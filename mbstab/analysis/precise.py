@@ -28,7 +28,7 @@ from mbstab.analysis.multiprecision import Matrix, Stalled, exact, largest, prod
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.precise_motion import Point, Start, another_rank, rank_misfit, reference_point
 from mbstab.analysis.subspaces import Subspaces
-from mbstab.analysis.verdict import STRENGTH, UNDECIDED, Disc, Modulo, Verdict, judge, place, show
+from mbstab.analysis.verdict import STRENGTH, UNDECIDED, Disc, Judged, Verdict, judge, place, show
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError, NumericalError, UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic
@@ -77,7 +77,7 @@ class PreciseEigenvalue:
 
 
 @dataclass(frozen=True)
-class PreciseResult:
+class PreciseResult(Judged):
     """Eigenvalues with many digits.
 
     Attributes
@@ -125,31 +125,6 @@ class PreciseResult:
     def zeros(self) -> int:
         """Number of neutral eigenvalues that are zero."""
         return self.neutral - 2 * len(self.shifts)
-
-    @property
-    def verdict(self) -> str:
-        """The word of the verdict, one of `mbstab.analysis.verdict.WORDS`."""
-        return self.judged.word
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """What the verdict rests on, in sentences."""
-        return self.judged.reasons
-
-    @property
-    def modulo(self) -> Modulo:
-        """Symmetries and families of motions up to which the verdict holds."""
-        return self.judged.modulo
-
-    @property
-    def in_place(self) -> bool | None:
-        """Whether disturbed motions stay near the reference itself; None: not claimed."""
-        return self.judged.in_place
-
-    @property
-    def evidence(self) -> str:
-        """The weakest fact that the verdict rests on: ``structural``, ``enclosed`` or ``numerical``."""
-        return self.judged.evidence
 
     @property
     def method(self) -> str:

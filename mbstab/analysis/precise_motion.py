@@ -34,6 +34,7 @@ from mbstab.analysis.multiprecision import (
     zeros,
 )
 from mbstab.analysis.neutral import orthonormal
+from mbstab.analysis.numerics import norms
 from mbstab.analysis.reference import declared_family, reference_motion
 from mbstab.analysis.rotation import rate_matrix
 from mbstab.analysis.steady import Family, Generator, centered
@@ -207,8 +208,7 @@ def _balanced(balance: Balance, at: State, system: System) -> tuple[Matrix, Gene
     """Return coordinates and generator of an equilibrium or a steady motion: the equations of `Balance`, polished."""
     family, known = _family(system, balance.family)
     names, scene, sizes = system.names, system.scene, balance.sizes
-    lengths = np.linalg.norm(at.J * sizes, axis=-1)
-    lengths = np.where(lengths > 0.0, lengths, 1.0)
+    lengths = norms(at.J * sizes)
     open_, free, rows, n_h, moving = balance.open, balance.free, balance.rows, balance.n_h, balance.moving
     fixed = exact(at.q)
     for i in np.setdiff1d(np.arange(system.n_q), open_):
@@ -264,8 +264,7 @@ def _assembled(start: Start, system: System) -> Matrix:
     columns, sizes = np.flatnonzero(missing), motion.sizes
     still = zeros(system.n_q)
     J = start.system.dynamics(motion.q, np.zeros(system.n_q), motion.time).J[:n_h][:, columns] * sizes[columns]
-    lengths = np.linalg.norm(J, axis=1)
-    lengths = np.where(lengths > 0.0, lengths, 1.0)
+    lengths = norms(J)
     inverse = np.linalg.pinv(J / lengths[:, None], rcond=1e-11)
 
     def correction(x: Matrix) -> Matrix:
@@ -291,8 +290,7 @@ def _rates(start: Start, system: System, q: Matrix) -> Matrix:
     if not (len(columns) and system.n_c):
         return u
     J = motion.dynamics.J[:, columns] * sizes[columns]
-    lengths = np.linalg.norm(motion.dynamics.J * sizes, axis=1)
-    lengths = np.where(lengths > 0.0, lengths, 1.0)
+    lengths = norms(motion.dynamics.J * sizes)
     inverse = np.linalg.pinv(J / lengths[:, None], rcond=1e-11)
     fastest = float(np.max(np.abs(motion.u / sizes), initial=0.0))
 
@@ -335,8 +333,7 @@ def _declared(start: Start, system: System, q: Matrix) -> Generator:
     rates = exact([scene.rates[system.names[i]] for i in given])
     basis = rough.basis(motion.q)[:, free]
     sizes = motion.sizes
-    lengths = np.linalg.norm(np.vstack([motion.dynamics.J * sizes, np.diag(sizes)[given]]), axis=1)
-    weights = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
+    weights = 1.0 / norms(np.vstack([motion.dynamics.J * sizes, np.diag(sizes)[given]]))
     inverse = np.linalg.pinv(np.vstack([motion.dynamics.J @ basis, basis[given]]) * weights[:, None], rcond=1e-12)
 
     def correction(x: Matrix) -> Matrix:
@@ -463,8 +460,7 @@ def another_rank(motion: Motion, misfit: Any) -> ConstraintError:
 def _excess(system: System, motion: Motion, state: Dynamics, u: Matrix, force: Matrix) -> tuple[Any, str]:
     """Return the largest residual of the reference motion relative to what balances, and what it is of."""
     n_h, sizes = system.n_h, motion.sizes
-    lengths = np.linalg.norm(motion.dynamics.J * sizes, axis=1)
-    lengths = np.where(lengths > 0.0, lengths, 1.0)
+    lengths = norms(motion.dynamics.J * sizes)
     fastest = float(np.max(np.abs(motion.u / sizes), initial=0.0)) or 1.0
     candidates = [(mp.zero, "")]
     for i, row in enumerate(system.rows):

@@ -215,7 +215,7 @@ class Case:
         rows, names = self._functions
         kept = [name for name, row in zip(names, rows, strict=True) if quotient.restrict(row)]
         r = self.proof.reduced
-        known = self.grounds.structure.separated(self.grounds.S).neutral
+        known = self.grounds.plain.neutral
         symmetries = tuple(x for x, symmetry, _ in directions if symmetry)
         family = [x for x, symmetry, _ in directions if not symmetry]
         count = len(r.S) - len(quotient.alive)

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from mbstab.analysis.balance import Balance
 from mbstab.analysis.linearize import Linearization, Matrices
+from mbstab.analysis.numerics import norms
 from mbstab.analysis.reference import declared_family
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.subspaces import RANK_TOLERANCE
@@ -430,7 +431,7 @@ class _Roundings:
         """Return how much the coordinates may be wrong: given ones, and those that the constraints determine."""
         motion, n_h = self.motion, self.plain.n_h
         columns, sizes = np.flatnonzero(self.missing), motion.sizes
-        lengths = _lengths(motion.dynamics.J[:n_h] * sizes)
+        lengths = norms(motion.dynamics.J[:n_h] * sizes)
         G = (motion.dynamics.J[:n_h] * sizes)[:, columns] / lengths[:, None]
         steps = self._solved(G, _misfits(E[:n_h]) / lengths, columns, sizes[columns])
         result = dq.copy()
@@ -468,7 +469,7 @@ class _Roundings:
             return du
         V = self.system.dynamics(_with(motion.q, dq), _with(motion.u, du), self.time).V
         J = motion.dynamics.J * motion.sizes
-        lengths = _lengths(J)
+        lengths = norms(J)
         inverse = np.linalg.pinv(J[:, columns] / lengths[:, None], rcond=RANK_TOLERANCE)
         result = du.copy()
         steps = np.abs(inverse) @ (_misfits(V) / lengths)
@@ -488,7 +489,7 @@ class _Roundings:
             V = self.system.dynamics(_with(motion.q, dq), _with(motion.u, du), self.time).V
             rates = [i for i, name in enumerate(plain.names) if name in plain.scene.rates]
             columns = np.vstack([motion.dynamics.J @ basis[:, free], basis[np.ix_(rates, free)]])
-            lengths = _lengths(np.vstack([motion.dynamics.J * motion.sizes, np.diag(motion.sizes)[rates]]))
+            lengths = norms(np.vstack([motion.dynamics.J * motion.sizes, np.diag(motion.sizes)[rates]]))
             misfit = np.concatenate([_misfits(V), self._off(rates) + du[rates]]) / lengths
             dc[free] = np.abs(np.linalg.pinv(columns / lengths[:, None], rcond=1e-12)) @ misfit
         self.rate_error = _relative(dc, c)
@@ -631,12 +632,6 @@ class _Roundings:
         left = np.abs(inverse @ (value * spaces.scale)) + np.abs(inverse) @ (error * spaces.scale)
         result: Array = left * spaces.row_scale + UNIT * np.abs(motion.nu)
         return result
-
-
-def _lengths(rows: Array) -> Array:
-    """Return the lengths of rows, 1 for those that are zero."""
-    lengths = np.linalg.norm(rows, axis=1)
-    return np.where(lengths > 0.0, lengths, 1.0)
 
 
 def _inverse_sizes(sizes: Array) -> Array:

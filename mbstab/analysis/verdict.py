@@ -261,6 +261,37 @@ class Verdict:
         return Modulo(self.symmetries, self.family)
 
 
+class Judged:
+    """An answer with a verdict, `judged`."""
+
+    judged: Verdict
+
+    @property
+    def verdict(self) -> str:
+        """The word of the verdict, one of `mbstab.analysis.verdict.WORDS`."""
+        return self.judged.word
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What the verdict rests on, in sentences."""
+        return self.judged.reasons
+
+    @property
+    def modulo(self) -> Modulo:
+        """Symmetries and families of motions up to which the verdict holds."""
+        return self.judged.modulo
+
+    @property
+    def in_place(self) -> bool | None:
+        """Whether disturbed motions stay near the reference itself; None: not claimed."""
+        return self.judged.in_place
+
+    @property
+    def evidence(self) -> str:
+        """The weakest fact that the verdict rests on: ``structural``, ``enclosed`` or ``numerical``."""
+        return self.judged.evidence
+
+
 STRENGTH: dict[str, frozenset[str]] = {
     ASYMPTOTIC: frozenset(WORDS) - {UNSTABLE},
     ASYMPTOTIC_UP_TO: frozenset({ASYMPTOTIC_UP_TO, STABLE_UP_TO, MARGINAL, UNDECIDED}),
@@ -469,12 +500,6 @@ WHOLE = {"the motion itself": "the place along the motion", "speed of the motion
 
 MOST = 6
 """No more things are listed by name."""
-
-
-def phrase(name: str) -> str:
-    """Return what a symmetry or a family changes in natural words: ``the position along x``."""
-    one, _, rest = _parts(name)
-    return one + rest
 
 
 def _parts(name: str) -> tuple[str, str, str]:

@@ -32,7 +32,7 @@ from mbstab.analysis.follow import Follower, Run
 from mbstab.analysis.integrators import METHODS
 from mbstab.analysis.linearize import Linearization, linearize, state_space
 from mbstab.analysis.motion import Finder, Motion
-from mbstab.analysis.numerics import assigned
+from mbstab.analysis.numerics import assigned, norms
 from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.samples import states
 from mbstab.analysis.stepping import Options
@@ -278,8 +278,7 @@ class _Excited:
         from scipy.linalg import eig
 
         frame, motion = self.frame, self.motion
-        lengths = np.linalg.norm(np.vstack([frame.to_q, frame.to_u]) / np.tile(motion.sizes, 2)[:, None], axis=0)
-        self.weights = weights = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
+        self.weights = weights = 1.0 / norms(np.vstack([frame.to_q, frame.to_u]) / np.tile(motion.sizes, 2)[:, None], 0)
         values, left, right = eig(frame.matrix * weights / weights[:, None], left=True)
         self.multipliers = values
         rates = values if frame.period is None else np.log(values.astype(complex) + 0j) / frame.period

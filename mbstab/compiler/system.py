@@ -261,14 +261,6 @@ class System:
         out |= self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu, sizes=True)
         return out | {"D": out["D"][self.n_h :]}
 
-    def forces_alone(self) -> Iterator[System]:
-        """Yield for each element without rows, which makes forces or bears inertia, a system in which it alone acts."""
-        for element in self._elements:
-            if not element.rows:
-                part = copy(self)
-                part._elements, part._plans = [element], {}
-                yield part
-
     def acting(self) -> list[Acting]:
         """Return the elements without rows, each by itself."""
         found = []

@@ -16,6 +16,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from discs import listed
 from mpmath import mp
 from random_mechanisms import random_mechanism
 
@@ -62,9 +63,7 @@ def main(first, last):
         except mbstab.MbstabError:
             continue
         mechanisms += 1
-        exact = [mp.mpmathify(e.value) for e in precise.eigenvalues]
-        exact += [mp.mpc(0, sign * mp.mpf(x)) for x in precise.shifts for sign in (1, -1)]
-        exact += [mp.mpf(0)] * (precise.neutral - 2 * len(precise.shifts))
+        exact = listed(precise)
         for method in METHODS:
             try:
                 result = mechanism.eig(method)
