@@ -7,10 +7,35 @@ is wrong, 3 an expectation (``expect:``, ``--require`` or ``--verify``) did not 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+import re
+import unicodedata
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
+
+_UNSEEN = re.compile(r"[^\n\t -~]")
+
+
+def visible(text: str, lines: bool = True) -> str:
+    """Return text in which control characters, marks of direction and the like are escapes of their code.
+
+    Parameters
+    ----------
+    text : str
+    lines : bool
+        Whether line breaks and tabs stay.
+    """
+
+    def shown(match: re.Match[str]) -> str:
+        c = match.group()
+        if c.isprintable() or unicodedata.category(c) == "Zs":
+            return c
+        units = c.encode("utf-16-be", "surrogatepass").hex()
+        return "".join(f"\\u{units[k : k + 4]}" for k in range(0, len(units), 4))
+
+    text = _UNSEEN.sub(shown, text)
+    return text if lines else text.replace("\n", "\\n").replace("\t", "\\t")
 
 
 @dataclass(frozen=True, order=True)
@@ -22,7 +47,7 @@ class Location:
     column: int
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}:{self.column}"
+        return f"{visible(self.file, lines=False)}:{self.line}:{self.column}"
 
 
 @dataclass(frozen=True)
@@ -36,8 +61,8 @@ class Problem:
     source: str = ""
 
     def __str__(self) -> str:
-        head = f"{self.location}: {self.path}: {self.message}" if self.path else f"{self.location}: {self.message}"
-        lines = [head]
+        path, message = visible(self.path, lines=False), visible(self.message)
+        lines = [f"{self.location}: {path}: {message}" if path else f"{self.location}: {message}"]
         if self.source:
             text, at = _window(self.source, self.location.column - 1)
             number = str(self.location.line)
@@ -114,6 +139,18 @@ class EquilibriumError(MbstabError):
 
 class OutputError(MbstabError):
     """An answer could not be written."""
+
+
+class SeveralErrors(MbstabError):
+    """Several files could not be answered; the exit code is that of the worst of `errors`."""
+
+    WEIGHTS = (3, 1, 2)
+    """Exit codes by weight: an expectation that does not hold, a failed computation, a wrong file."""
+
+    def __init__(self, errors: Sequence[MbstabError]) -> None:
+        self.errors = tuple(errors)
+        self.exit_code = max((error.exit_code for error in errors), key=self.WEIGHTS.index)
+        super().__init__("\n\n".join(str(error) for error in errors))
 
 
 class ExpectationError(MbstabError):

@@ -47,7 +47,7 @@ def test_json_has_the_keys_scripts_rely_on():
     assert data["warnings"] == []
     assert [set(e) >= {"real", "imag", "kind"} for e in data["eigenvalues"]] == [True, True]
     assert data["counts"]["expected"] == data["counts"]["found"] == 2
-    assert data["parameters"]["L"] == 0.2
+    assert data["parameters"]["L"] == {"value": 0.2, "unit": "m", "si": 0.2}
     assert not {"neutral_chains", "symmetries"} & set(data)
 
 
@@ -115,9 +115,9 @@ def test_a_file_here_wins_over_an_example(tmp_path, monkeypatch):
         (("eig", "pendulum.yaml", "--set", "L=1e300**2"), 2, "no value here"),
         (("eig", "pendulum.yaml", "--set", "m=-1"), 2, "bodies.rod.mass: mass must be positive, got -1 kg"),
         (("eig", "pendulum.yaml", "--method", "qz"), 2, "Invalid value for '--method'"),
-        (("linearize", "pendulum.yaml", "--format", "npz"), 2, "needs --output"),
+        (("linearize", "pendulum.yaml", "--format", "npz"), 2, "is binary: name a file with --output"),
         (("linearize", "pendulum.yaml", "--format", "latex"), 2, "goes with --symbolic"),
-        (("linearize", "pendulum.yaml", "--symbolic", "--format", "csv"), 2, "goes with --format table or latex"),
+        (("linearize", "pendulum.yaml", "--symbolic", "--format", "csv"), 2, "goes with the formats table and latex"),
         (("linearize", "pendulum.yaml", "--symbolic", "--set", "L=1"), 2, "has no effect"),
         (("models", "show", "nothing"), 2, "no such file"),
         (("fly",), 2, "No such command 'fly'"),
@@ -339,16 +339,35 @@ def test_what_is_required_is_an_order_of_verdicts():
     assert marginal == set(WORDS) - {UNSTABLE, UNDECIDED}
 
 
-def test_an_answer_never_overwrites_its_model(tmp_path):
-    path = tmp_path / "mine.yaml"
-    path.write_text(run("models", "show", "pendulum").stdout)
-    before = path.read_text()
-    (tmp_path / "link.yaml").symlink_to(path)
-    for output in ("mine.yaml", "link.yaml"):
-        result = run("eig", str(path), "-o", str(tmp_path / output))
-        assert result.exit_code == 2
-        assert "would overwrite the model file" in result.stderr
-    assert path.read_text() == before
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("eig", "{m}", "--format", "json", "-o", "{m}"),
+        ("eig", "{m}", "--format", "json", "-o", "{link}"),
+        ("check", "{json}", "-o", "{json}"),
+        ("simulate", "{gif}", "--to", "0.1", "--animate", "{gif}"),
+        ("simulate", "{m}", "--to", "0.1", "--format", "csv", "-o", "{gif}", "--animate", "{gif}"),
+        ("simulate", "{picture}", "--to", "0.1", "--plot", "rod.theta", "--pictures", "{stem}"),
+        ("sweep", "{map}", "--param", "L", "--from", "1", "--to", "2", "--points", "3", "--pictures", "{stem}"),
+        ("compare", "{svg}", "--plot", "{svg}"),
+        ("compare", "{m}", "--format", "csv", "-o", "{svg}", "--plot", "{svg}"),
+        ("test", "{m}", "--format", "json", "-o", "{m}"),
+    ],
+    ids=" ".join,
+)
+def test_no_file_of_a_call_is_overwritten_by_another(arguments, tmp_path):
+    text = run("models", "show", "pendulum").stdout
+    names = {"m": "m.yaml", "json": "m.json", "gif": "m.gif", "svg": "m.svg", "map": "s-map.png"}
+    names |= {"picture": "s-rod.theta.png", "stem": "s"}
+    paths = {key: tmp_path / name for key, name in names.items()}
+    for key in set(names) - {"stem"}:
+        paths[key].write_text(text)
+    paths["link"] = tmp_path / "link.yaml"
+    paths["link"].symlink_to(paths["m"])
+    result = run(*(word.format(**paths) for word in arguments))
+    assert result.exit_code == 2
+    assert "would overwrite" in result.stderr or "name the same file" in result.stderr
+    assert all(paths[key].read_text() == text for key in set(names) - {"stem"})
 
 
 def test_an_answer_goes_through_a_link_and_into_a_pipe(tmp_path):

@@ -219,7 +219,7 @@ def test_pictures_lie_where_those_of_sweeps_do(tmp_path):
     assert (tmp_path / "b-phase-rod.theta.svg").read_bytes().startswith(b"<?xml")
     result = run(*common, "--plot", "energy", "--pictures", tmp_path / "b.jpg")
     assert result.exit_code == 2
-    assert "pictures are .png, .svg, .pdf" in result.stderr
+    assert "no picture ends with .jpg" in result.stderr
 
 
 def test_pictures_show_the_part_of_a_motion_that_ends_early(tmp_path):
@@ -607,8 +607,8 @@ def test_wrong_requests_are_refused_before_anything_is_computed(tmp_path, monkey
 
 STALLING = """\
 import contextlib, sys, time
-from mbstab.cli import common, main
-whole_file = common.whole_file
+from mbstab.cli import main, output
+whole_file = output.whole_file
 
 @contextlib.contextmanager
 def stalling(path):
@@ -618,7 +618,7 @@ def stalling(path):
         time.sleep(60)
         yield stream
 
-common.whole_file = stalling
+output.whole_file = stalling
 """
 QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 

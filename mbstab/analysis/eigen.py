@@ -52,6 +52,9 @@ class Eigenvalue:
     multiplier : complex or None
         Of a periodic motion: what a disturbance is multiplied by in a period; `value` is then
         the Floquet exponent.
+    vector : ndarray of complex, shape (n_q,), or None
+        What the mode moves (m, rad), in the order of `EigenResult.coordinates`; the coordinate that moves most,
+        lengths relative to the size of the scene, is 1. None for neutral eigenvalues and multipliers.
     """
 
     value: complex
@@ -61,6 +64,7 @@ class Eigenvalue:
     backward_error: float
     participation: dict[str, float] = field(default_factory=dict)
     multiplier: complex | None = None
+    vector: Complex | None = field(default=None, compare=False, repr=False)
 
     @property
     def frequency(self) -> float:
@@ -145,6 +149,8 @@ class EigenResult(Judged):
         Of a periodic motion, judged by its Floquet multipliers (s).
     frozen : bool
         Whether these are frozen-time eigenvalues, which say nothing about stability.
+    coordinates : tuple of str
+        Names of the entries of the vectors.
     """
 
     eigenvalues: list[Eigenvalue]
@@ -156,6 +162,7 @@ class EigenResult(Judged):
     frozen: bool = False
     shifts: tuple[float, ...] = ()
     period: float | None = None
+    coordinates: tuple[str, ...] = ()
 
     def values(self) -> Complex:
         """Return the eigenvalues that are not neutral, shape (n,)."""
@@ -232,7 +239,7 @@ def _result(
     shifts = tuple(s.imag for s in grounds.separated.frequencies() if s.imag > 0.0)
     return EigenResult(
         listed, verdict, counts, method, (*linear.motion.warnings, *_inexact(listed), *verdict.warnings), frame,
-        not linear.constant or linear.frozen, shifts,
+        not linear.constant or linear.frozen, shifts, coordinates=tuple(linear.names),
     )  # fmt: skip
 
 
@@ -255,8 +262,29 @@ def _eigenvalue(grounds: Grounds, placed: Placed, i: int, kind: str) -> Eigenval
     # What is held on the axis is shown there; it is no farther from the truth.
     value = complex(0.0 if kind == "center" else s.real + 0.0, s.imag + 0.0)  # no −0
     bound = float(placed.bounds[i]) if np.isfinite(placed.bounds[i]) else math.inf
-    shares = participation(grounds.linear, placed.vectors[:, i])
-    return Eigenvalue(value, kind, bound, float(placed.condition[i]), float(placed.backward_error[i]), shares)
+    x, linear = placed.vectors[:, i], grounds.linear
+    vector = mode_shape(linear.motion.spaces.scale * x, linear.motion.sizes)
+    condition, backward_error = float(placed.condition[i]), float(placed.backward_error[i])
+    return Eigenvalue(value, kind, bound, condition, backward_error, participation(linear, x), vector=vector)
+
+
+def mode_shape(dq: Complex, sizes: Array) -> Complex | None:
+    """Return a mode so scaled that the coordinate that moves most, relative to its size, is 1; None if nothing moves.
+
+    Parameters
+    ----------
+    dq : ndarray of complex, shape (n_q,)
+    sizes : ndarray, shape (n_q,)
+        Of the coordinates (m, rad).
+    """
+    moved = np.abs(dq) / sizes
+    most = float(np.max(moved, initial=0.0))
+    if not (most > 0.0 and math.isfinite(most)):
+        return None
+    # The first of those that move as much: rounding does not choose among them.
+    largest = int(np.flatnonzero(moved >= (1.0 - 1e-9) * most)[0])
+    shape: Complex = dq / dq[largest] + 0.0
+    return shape
 
 
 def participation(linear: Linearization, x: Complex) -> dict[str, float]:

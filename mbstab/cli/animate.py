@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from mbstab.cli.common import note, progress_bar
-from mbstab.errors import OutputError, UsageError
+from mbstab.cli.common import progress_bar
+from mbstab.cli.output import files, note, save
+from mbstab.errors import UsageError
 
 if TYPE_CHECKING:
     from mbstab.analysis.simulate import Simulation
@@ -114,6 +115,7 @@ class Animation:
                 raise UsageError(f"--{name} must be a positive number, not {number:g}")
         from mbstab.report import animation
 
+        files().claim(path, "--animate")
         fps = animation.FPS if fps is None else fps
         try:
             animation.check(path, fps)
@@ -174,14 +176,8 @@ class Animation:
         stage = Stage(Sketch.of(system), frames, title, self.view, self.traces, self.follow)
         if not self.follow and stage.spread > SMALL:
             note(f"hint: --follow {stage.sketch.bodies[0]} keeps the mechanism in view, which is small in the picture")
-        try:
-            with progress_bar("animating") as progress:
-                write(stage, self.path, progress)
-        except (FileNotFoundError, NotADirectoryError, PermissionError) as error:
-            raise UsageError(f"{self.path}: cannot be written: {error.strerror}") from None
-        except OSError as error:
-            raise OutputError(f"{self.path}: cannot be written: {error.strerror}") from None
-        note(f"wrote {self.path}")
+        with progress_bar("animating") as progress:
+            save(self.path, lambda path: write(stage, path, progress), "--animate")
 
 
 def _angles(view: str | None) -> tuple[float, float] | None:

@@ -2,40 +2,29 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import click
 
-from mbstab.cli.common import (
-    file_argument,
-    format_option,
-    load_model,
-    output_option,
-    parse_settings,
-    set_option,
-    warn,
-    write,
-)
+from mbstab.cli.common import file_argument, load_model, parse_settings, set_option
+from mbstab.cli.output import Output, output_options, warn
 
 
 @click.command()
 @file_argument
 @set_option
-@format_option("table", "json")
-@output_option
-def check(file: str, settings: tuple[str, ...], format_: str, output: Path | None) -> None:
+@output_options("table", "json")
+def check(file: str, settings: tuple[str, ...], output: Output) -> None:
     """Say what the scene consists of, its degrees of freedom, and what it does not need.
 
     Example: mbstab check four_bar.yaml
     """
     mechanism = load_model(file)
-    report = mechanism.check(**parse_settings(settings))
+    report, model = mechanism.check(**parse_settings(settings)), mechanism.model
     warn(report.warnings)
-    if format_ == "json":
-        from mbstab.report.export import check_data, to_json
+    from mbstab.report import export, tables
 
-        write(to_json(check_data(report, mechanism.model.name, mechanism.model.title)), output, mechanism.model.name)
-    else:
-        from mbstab.report.tables import check_text
-
-        write(check_text(report, mechanism.model.title), output, mechanism.model.name)
+    output.write(
+        {
+            "table": lambda: tables.check_text(report, model.title),
+            "json": lambda: export.to_json(export.check_data(report, model.name, model.title)),
+        }
+    )

@@ -9,17 +9,13 @@ import click
 
 from mbstab.cli.common import (
     file_argument,
-    format_option,
     load_model,
-    output_option,
     parse_settings,
     progress_bar,
     refuse_given,
-    save_picture,
     set_option,
-    warn,
-    write,
 )
+from mbstab.cli.output import Output, files, output_options, save_picture, warn
 from mbstab.errors import UsageError
 
 if TYPE_CHECKING:
@@ -50,8 +46,7 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Draw error against time, one point for each method, to a file (.png, .svg or .pdf).",
 )
-@format_option("table", "json", "csv")
-@output_option
+@output_options("table", "json", "csv")
 def compare(
     file: str,
     settings: tuple[str, ...],
@@ -61,8 +56,7 @@ def compare(
     to: float | None,
     disturbances: tuple[str, ...],
     picture: Path | None,
-    format_: str,
-    output: Path | None,
+    output: Output,
 ) -> None:
     """Compare all methods: error of each eigenvalue against many digits, claimed bounds, time, memory.
 
@@ -80,27 +74,24 @@ def compare(
     if picture is not None:
         _check_picture(picture)
     if simulate:
-        _integrators(mechanism, parse_settings(settings), to, disturbances, tolerance, picture, format_, output)
+        _integrators(mechanism, parse_settings(settings), to, disturbances, tolerance, picture, output)
         return
     with progress_bar("comparing") as progress:
         result = mechanism.compare(digits, tolerance, progress, **parse_settings(settings))
     warn(result.truth.warnings)
-    if format_ == "json":
-        from mbstab.report.export import compare_data, to_json
+    from mbstab.report import export, tables
 
-        write(to_json(compare_data(result, model.name, model.title)), output, model.name)
-    elif format_ == "csv":
-        from mbstab.report.export import compare_csv
-
-        write(compare_csv(result), output, model.name)
-    else:
-        from mbstab.report.tables import compare_text
-
-        write(compare_text(result, model.title), output, model.name)
+    output.write(
+        {
+            "table": lambda: tables.compare_text(result, model.title),
+            "json": lambda: export.to_json(export.compare_data(result, model.name, model.title)),
+            "csv": lambda: export.compare_csv(result),
+        }
+    )
     if picture is not None:
         from mbstab.report import plots
 
-        save_picture(plots.work_precision(result, model.title), picture)
+        save_picture(plots.work_precision(result, model.title), picture, "--plot")
 
 
 def _integrators(
@@ -110,27 +101,27 @@ def _integrators(
     disturbances: tuple[str, ...],
     tolerance: float | None,
     picture: Path | None,
-    format_: str,
-    output: Path | None,
+    output: Output,
 ) -> None:
     """Compare the integrators on the nonlinear motion."""
+    from mbstab.report.export import to_json
     from mbstab.report.integrations import integrations_csv, integrations_data, integrations_text
 
     model = mechanism.model
     perturb = parse_settings(disturbances, "--perturb")
     with progress_bar("comparing") as progress:
         result = mechanism.compare_integrators(to, perturb, tolerance, progress, **parameters)
-    if format_ == "json":
-        from mbstab.report.export import to_json
-
-        text = to_json(integrations_data(result, model.name, model.title))
-    else:
-        text = integrations_csv(result) if format_ == "csv" else integrations_text(result, model.title)
-    write(text, output, model.name)
+    output.write(
+        {
+            "table": lambda: integrations_text(result, model.title),
+            "json": lambda: to_json(integrations_data(result, model.name, model.title)),
+            "csv": lambda: integrations_csv(result),
+        }
+    )
     if picture is not None:
         from mbstab.report import plots
 
-        save_picture(plots.integrator_precision(result, model.title), picture)
+        save_picture(plots.integrator_precision(result, model.title), picture, "--plot")
 
 
 def _check_picture(path: Path) -> None:
@@ -139,5 +130,4 @@ def _check_picture(path: Path) -> None:
 
     if path.suffix[1:].lower() not in plots.FORMATS:
         raise UsageError(f"--plot {path}: pictures end with {', '.join('.' + name for name in plots.FORMATS)}")
-    if not path.resolve().parent.is_dir():
-        raise UsageError(f"{path}: cannot be written: there is no directory {path.parent}")
+    files().claim(path, "--plot")

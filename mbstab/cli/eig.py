@@ -2,35 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from mbstab.analysis.methods import DEFAULT, METHODS
-from mbstab.cli.common import (
-    file_argument,
-    format_option,
-    load_model,
-    output_option,
-    parse_settings,
-    progress_bar,
-    set_option,
-    warn,
-    write,
-)
-from mbstab.errors import ExpectationError, NumericalError, UsageError
+from mbstab.cli.common import files_argument, load_model, parse_settings, progress_bar, set_option
+from mbstab.cli.output import Answer, Output, output_options, warn
+from mbstab.errors import ExpectationError, MbstabError, NumericalError, SeveralErrors, UsageError, visible
 from mbstab.model.words import REQUIRED
 
 if TYPE_CHECKING:
     from mbstab.api import Mechanism
+    from mbstab.model.schema import Model
 
 CERTIFIED_DIGITS = 50
 
 
 @click.command()
-@file_argument
+@files_argument
 @set_option
 @click.option(
     "--method",
@@ -67,10 +59,9 @@ CERTIFIED_DIGITS = 50
     help="Exit with 3 unless at least this stable, if only up to symmetry: position, heading, speed. "
     "marginal: at least no disturbance grows in the linearized equations.",
 )
-@format_option("table", "json", "csv")
-@output_option
+@output_options("table", "json", "csv")
 def eig(
-    file: str,
+    names: tuple[str, ...],
     settings: tuple[str, ...],
     method: str,
     frozen: bool,
@@ -78,10 +69,11 @@ def eig(
     certify: bool,
     verify: bool,
     require: str | None,
-    format_: str,
-    output: Path | None,
+    output: Output,
 ) -> None:
     """Compute the eigenvalues of the linearized motion, with error bounds and a verdict.
+
+    Several FILES are answered one after the other; the exit code is that of the worst.
 
     Example: mbstab eig pendulum.yaml --set L=0.5
     """
@@ -89,129 +81,174 @@ def eig(
     if (precision is not None or certify) and method != DEFAULT:
         message = f"--precision and --certify compute by deflation, not with --method {method}"
         raise UsageError(f"{message}\nhint: leave out one of them")
-    if verify and (precision is not None or certify or method != DEFAULT or format_ == "csv"):
-        raise UsageError("--verify goes with none of --precision, --certify, --method and --format csv")
-    mechanism = load_model(file)
-    if certify:
-        if frozen or format_ == "csv":
-            raise UsageError("--certify goes with neither --frozen nor --format csv")
-        _certify(mechanism, parameters, precision or CERTIFIED_DIGITS, require, format_, output)
-        return
-    if wide := [name for name, text in parameters.items() if text.startswith("[")]:
+    if verify and (precision is not None or certify or method != DEFAULT or output.format == "csv"):
+        raise UsageError("--verify goes with none of --precision, --certify, --method and the format csv")
+    if certify and (frozen or output.format == "csv"):
+        raise UsageError("--certify goes with neither --frozen nor the format csv")
+    wide = [name for name, text in parameters.items() if text.startswith("[")]
+    if wide and not certify:
         raise UsageError(f"{wide[0]} is an interval\nhint: intervals need --certify")
-    if precision is not None:
-        _precise(mechanism, parameters, frozen, precision, require, format_, output)
-        return
-    if verify:
-        _verify(mechanism, parameters, frozen, require, format_, output)
-        return
+    if len(set(names)) < len(names):
+        raise UsageError("a file is named twice")
+
+    def reply(mechanism: Mechanism) -> _Reply:
+        if certify:
+            return _certified(mechanism, parameters, precision or CERTIFIED_DIGITS)
+        if precision is not None:
+            return _precise(mechanism, parameters, frozen, precision)
+        return _verified(mechanism, parameters, frozen) if verify else _plain(mechanism, parameters, method, frozen)
+
+    replies: list[_Reply] = []
+    failures: list[MbstabError] = []
+    for name in names:
+        try:
+            replies.append(reply(load_model(name)))
+            failures += _failure(replies[-1], require, name if len(names) > 1 else "")
+        except MbstabError as error:
+            if len(names) == 1:
+                raise
+            failures.append(error)
+    if replies:
+        output.write(_joined(replies, len(names) > 1))
+    if failures:
+        raise failures[0] if len(failures) == 1 else SeveralErrors(failures)
+
+
+@dataclass(frozen=True)
+class _Reply:
+    """The answer about one model.
+
+    Attributes
+    ----------
+    model : Model
+    verdict : str
+    reasons : sequence of str
+    table : callable
+        Returns the text.
+    data : callable
+        Returns the JSON object.
+    rows : callable
+        Returns the heads and the lines of a CSV file.
+    failure : MbstabError or None
+        What makes the command fail although there is an answer.
+    """
+
+    model: Model
+    verdict: str
+    reasons: Sequence[str]
+    table: Callable[[], str]
+    data: Callable[[], dict[str, Any]]
+    rows: Callable[[], tuple[list[str], list[list[Any]]]] = lambda: ([], [])
+    failure: MbstabError | None = None
+
+
+def _joined(replies: list[_Reply], several: bool) -> Answer:
+    """Return the answers about all models by format; only where there are several, each says of which model it is."""
+    from mbstab.report.export import to_csv, to_json
+
+    def table() -> str:
+        if not several:
+            return replies[0].table()
+        return "\n".join(f"{visible(x.model.name, lines=False)}\n\n{x.table()}" for x in replies)
+
+    def json() -> str:
+        return to_json([x.data() for x in replies] if several else replies[0].data())
+
+    def csv() -> str:
+        if not several:
+            return to_csv(*replies[0].rows())
+        found = [(x.model.name, *x.rows()) for x in replies]
+        heads = list(dict.fromkeys(head for _, own, _ in found for head in own))
+        lines = [
+            [name, *(dict(zip(own, row, strict=True)).get(head, "") for head in heads)]
+            for name, own, rows in found
+            for row in rows
+        ]
+        return to_csv(["model", *heads], lines)
+
+    return {"table": table, "json": json, "csv": csv}
+
+
+def _failure(reply: _Reply, require: str | None, name: str) -> list[MbstabError]:
+    """Return what makes the command fail: no answer, or a verdict that is less than required."""
+    about = f"{name}: " if name else ""
+    if reply.failure is not None:
+        return [type(reply.failure)(about + str(reply.failure))]
+    if require and reply.verdict not in REQUIRED[require]:
+        reasons = "; ".join(reply.reasons)
+        return [ExpectationError(f"{about}required: {require}, found: {reply.verdict}: {reasons}")]
+    return []
+
+
+def _plain(mechanism: Mechanism, parameters: dict[str, str], method: str, frozen: bool) -> _Reply:
+    """Answer in double precision."""
     with progress_bar("following the period") as progress:
         result = mechanism.eig(method, frozen, progress, **parameters)
     warn(result.warnings)
-    if format_ == "csv":
-        from mbstab.report.export import eigen_csv
+    model, values = mechanism.model, mechanism.parameters(**parameters)
+    from mbstab.report import export, tables
 
-        text = eigen_csv(result)
-    elif format_ == "json":
-        from mbstab.report.export import eigen_data, to_json
-
-        text = to_json(
-            eigen_data(result, mechanism.model.name, mechanism.model.title, mechanism.parameters(**parameters))
-        )
-    else:
-        from mbstab.report.tables import eigen_text
-
-        text = eigen_text(result, mechanism.model.title)
-    write(text, output, mechanism.model.name)
-    _demand(require, result.verdict, result.reasons)
+    return _Reply(
+        model,
+        result.verdict,
+        result.reasons,
+        lambda: tables.eigen_text(result, model.title),
+        lambda: export.eigen_data(result, model, values),
+        lambda: export.eigen_rows(result),
+    )
 
 
-def _demand(require: str | None, verdict: str, reasons: Sequence[str]) -> None:
-    """Refuse a verdict that is less than required."""
-    if require and verdict not in REQUIRED[require]:
-        raise ExpectationError(f"required: {require}, found: {verdict}: {'; '.join(reasons)}")
-
-
-def _precise(
-    mechanism: Mechanism,
-    parameters: dict[str, str],
-    frozen: bool,
-    digits: int,
-    require: str | None,
-    format_: str,
-    output: Path | None,
-) -> None:
+def _precise(mechanism: Mechanism, parameters: dict[str, str], frozen: bool, digits: int) -> _Reply:
     """Answer with many digits."""
     with progress_bar("more digits") as progress:
         result = mechanism.eig_precise(digits, frozen, progress, **parameters)
     warn(result.warnings)
-    if format_ == "csv":
-        from mbstab.report.export import precise_csv
+    model, values = mechanism.model, mechanism.parameters(**parameters)
+    from mbstab.report import export, tables
 
-        text = precise_csv(result)
-    elif format_ == "json":
-        from mbstab.report.export import precise_data, to_json
-
-        model = mechanism.model
-        text = to_json(precise_data(result, model.name, model.title, mechanism.parameters(**parameters)))
-    else:
-        from mbstab.report.tables import precise_text
-
-        text = precise_text(result, mechanism.model.title)
-    write(text, output, mechanism.model.name)
-    _demand(require, result.verdict, result.reasons)
+    return _Reply(
+        model,
+        result.verdict,
+        result.reasons,
+        lambda: tables.precise_text(result, model.title),
+        lambda: export.precise_data(result, model, values),
+        lambda: export.precise_rows(result),
+    )
 
 
-def _verify(
-    mechanism: Mechanism,
-    parameters: dict[str, str],
-    frozen: bool,
-    require: str | None,
-    format_: str,
-    output: Path | None,
-) -> None:
-    """Write the eigenvalues, and what the nonlinear motion says about them; the exit code is 3 if it contradicts."""
-    from mbstab.report.verification import verification_data, verification_text
-
+def _verified(mechanism: Mechanism, parameters: dict[str, str], frozen: bool) -> _Reply:
+    """Answer with the eigenvalues, and what the nonlinear motion says about them."""
     with progress_bar("exciting modes") as progress:
         found = mechanism.verify(frozen, progress, **parameters)
-    model = mechanism.model
     warn(found.result.warnings)
-    if format_ == "json":
-        from mbstab.report.export import eigen_data, to_json
+    model, values, result = mechanism.model, mechanism.parameters(**parameters), found.result
+    from mbstab.report import export, tables, verification
 
-        data = eigen_data(found.result, model.name, model.title, mechanism.parameters(**parameters))
-        text = to_json({**data, "verification": verification_data(found)})
-    else:
-        from mbstab.report.tables import eigen_text
-
-        text = f"{eigen_text(found.result, model.title)}\n{verification_text(found)}"
-    write(text, output, model.name)
+    failure = None
     if found.verdict == "contradicted":
-        raise ExpectationError(f"the nonlinear motion contradicts the eigenvalues: {found.reason}")
-    _demand(require, found.result.verdict, found.result.reasons)
+        failure = ExpectationError(f"the nonlinear motion contradicts the eigenvalues: {found.reason}")
+    return _Reply(
+        model,
+        result.verdict,
+        result.reasons,
+        lambda: f"{tables.eigen_text(result, model.title)}\n{verification.verification_text(found)}",
+        lambda: export.eigen_data(result, model, values) | {"verification": verification.verification_data(found)},
+        failure=failure,
+    )
 
 
-def _certify(
-    mechanism: Mechanism,
-    parameters: dict[str, str],
-    digits: int,
-    require: str | None,
-    format_: str,
-    output: Path | None,
-) -> None:
-    """Write enclosures and the verdict, proven or under conditions; without one the exit code is 1."""
-    from mbstab.report.certificate import certificate_data, certificate_text
-
+def _certified(mechanism: Mechanism, parameters: dict[str, str], digits: int) -> _Reply:
+    """Answer with enclosures and the verdict, proven or under conditions; without one the command fails."""
     with progress_bar("dividing the interval") as progress:
         result = mechanism.certify(digits, progress, **parameters)
-    if format_ == "json":
-        from mbstab.report.export import to_json
+    model = mechanism.model
+    from mbstab.report import certificate
 
-        text = to_json(certificate_data(result, mechanism.model.name, mechanism.model.title))
-    else:
-        text = certificate_text(result, mechanism.model.title)
-    write(text, output, mechanism.model.name)
-    if not result.decided:
-        raise NumericalError(result.statement)
-    _demand(require, result.verdict, [result.statement])
+    return _Reply(
+        model,
+        result.verdict,
+        [result.statement],
+        lambda: certificate.certificate_text(result, model.title),
+        lambda: certificate.certificate_data(result, model.name, model.title),
+        failure=None if result.decided else NumericalError(result.statement),
+    )

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import io
+import sys
+from collections.abc import Callable
 from typing import Any
 
 import click
 
 from mbstab.cli import check, compare, eig, equilibrium, linearize, models, schema, simulate, sweep, test
-from mbstab.cli.common import note, one_thread_by_default
-from mbstab.errors import MbstabError
+from mbstab.cli.common import one_thread_by_default
+from mbstab.cli.output import say, show, stdout_failure
+from mbstab.errors import MbstabError, OutputError
 
 
 class _Group(click.Group):
@@ -18,17 +22,53 @@ class _Group(click.Group):
         try:
             return super().invoke(ctx)
         except MbstabError as error:
-            note(str(error))
+            say(str(error))
             ctx.exit(error.exit_code)
         except BrokenPipeError:  # the reader of a pipe has seen enough
             ctx.exit(0)
+
+    def main(self, *arguments: Any, **options: Any) -> Any:
+        """Run the command and end the process with its exit code."""
+        options["standalone_mode"] = False
+        sys.exit(_exit_code(lambda: super(_Group, self).main(*arguments, **options)))
+
+
+def _exit_code(run: Callable[[], Any]) -> int:
+    """Return the exit code of a call; what is wrong with the command line or with the machine goes to stderr."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal without these letters still gets the answer
+            stream.reconfigure(errors="backslashreplace")
+    try:
+        try:
+            code = run()
+            if sys.stdout is not None:
+                sys.stdout.flush()
+            return code or 0
+        except OSError as error:  # of --help, and of what is left in the buffer
+            if error.filename is not None:
+                raise
+            raise stdout_failure(error) from None
+    except click.ClickException as error:
+        text = io.StringIO()
+        error.show(text)
+        say(text.getvalue().rstrip("\n"))
+        return error.exit_code
+    except click.Abort:
+        say("Aborted!")
+    except BrokenPipeError:
+        return 0
+    except OutputError as error:
+        say(str(error))
+    except MemoryError as error:
+        say(f"there is not enough memory{f': {error}' if str(error) else ''}\nhint: a smaller model, or fewer points")
+    return 1
 
 
 def _version(ctx: click.Context, _: click.Parameter, value: bool) -> None:
     if value and not ctx.resilient_parsing:
         from importlib.metadata import version
 
-        click.echo(f"mbstab {version('mbstab')}")
+        show(f"mbstab {version('mbstab')}\n")
         ctx.exit()
 
 
@@ -37,10 +77,10 @@ def _version(ctx: click.Context, _: click.Parameter, value: bool) -> None:
 def main() -> None:
     """Tell whether a motion of a constrained mechanical system is stable.
 
-    FILE is a model file (YAML); a name that is no file is looked up among the example models.
-    Answers go to the terminal or to --output, messages to stderr. Exit codes: 0 answered,
-    1 the computation failed, 2 the file or the command line is wrong, 3 an expectation did not hold
-    or --verify contradicts.
+    FILE is a model file (YAML), or - for stdin; a name that is no file is looked up among the example models.
+    Answers go to the terminal or to --output, whose suffix says the format; messages go to stderr. Exit codes:
+    0 answered, 1 the computation failed, 2 the file or the command line is wrong, 3 an expectation did not hold or
+    --verify contradicts.
     """
     one_thread_by_default()
 

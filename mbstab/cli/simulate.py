@@ -14,31 +14,30 @@ import click
 
 from mbstab.cli.animate import POINTS, Animation, animation_options
 from mbstab.cli.common import (
-    check_output,
-    check_pictures,
     file_argument,
     load_model,
-    note,
-    output_option,
     parse_settings,
-    picture_stem,
-    pictures_option,
     progress_bar,
     refuse_given,
-    save_picture,
     set_option,
-    show,
-    warn,
-    write,
 )
-from mbstab.errors import SimulationError, UsageError
+from mbstab.cli.output import (
+    Output,
+    check_pictures,
+    note,
+    output_options,
+    picture_stem,
+    pictures_option,
+    save_picture,
+    warn,
+)
+from mbstab.errors import SimulationError
 
 if TYPE_CHECKING:
     from mbstab.analysis.simulate import Simulation
     from mbstab.model.schema import Model
     from mbstab.report.motion_plots import Picture
 
-FORMATS = ("table", "json", "csv", "npz")
 METHODS = ("projection", "alpha", "radau")
 SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
 
@@ -115,10 +114,8 @@ def _terminable() -> Iterator[None]:
 )
 @pictures_option
 @animation_options
-@click.option(
-    "--format", "format_", type=click.Choice(FORMATS), help="Of the data; told by the suffix of --output, else table."
-)
-@output_option
+@click.option("--full", is_flag=True, help="Show all coordinates in the table, not only the first 40.")
+@output_options("table", "json", "csv", "npz")
 @_terminable()
 def simulate(
     file: str,
@@ -137,8 +134,8 @@ def simulate(
     strict: bool,
     plots: tuple[str, ...],
     place: Path | None,
-    format_: str | None,
-    output: Path | None,
+    full: bool,
+    output: Output,
     **animation: Any,
 ) -> None:
     """Follow the nonlinear motion that starts as the file says, with joint reactions, energies and residuals.
@@ -150,10 +147,6 @@ def simulate(
     Example: mbstab simulate pendulum.yaml --perturb rod.theta=pi/4 --to 20 -o pendulum.csv
     """
     _check_options(animation["mode"] is not None, step is not None, bool(plots))
-    format_ = format_ or _format_of(output)
-    check_output(output)
-    if format_ == "npz" and output is None:
-        raise UsageError("--format npz needs --output")
     movie = Animation.of(**animation)
     perturb = parse_settings(disturbances, "--perturb")
     parameters = parse_settings(settings)
@@ -198,8 +191,8 @@ def simulate(
             raise
         stopped, result = error, error.partial
     warn([text for text in result.warnings if text not in told])
-    _write(result, format_, output, model.name, model.title)
-    _draw(result, pictures, *picture_stem(place, output, Path(model.name)), model.title)
+    _write(result, output, model, full)
+    _draw(result, pictures, *picture_stem(place, output.path, Path(model.name)), model.title)
     if movie is not None and not (result.complete or result.failure):
         note("not animated, as the simulation was stopped")
     elif movie is not None:
@@ -210,7 +203,7 @@ def simulate(
 
 SIMULATED = (
     "to", "start", "method", "solver", "tol", "step", "compiled", "once", "points", "disturbances", "through_singular",
-    "strict", "plots", "place", "format_", "output", "speed",
+    "strict", "plots", "place", "format_", "output", "full", "speed",
 )  # fmt: skip
 """Options of what a linear mode does without."""
 
@@ -236,21 +229,19 @@ def _check_options(mode: bool, step: bool, plots: bool) -> None:
         refuse_given(("place",), "without --plot")
 
 
-def _write(result: Simulation, format_: str, output: Path | None, name: str, title: str) -> None:
+def _write(result: Simulation, output: Output, model: Model, full: bool) -> None:
     """Write the data, and the summary to the terminal where the data go to a file."""
     from mbstab.report import simulation
 
-    answer: dict[str, Any] = {
-        "table": lambda: simulation.simulation_text(result, title),
-        "json": lambda: simulation.simulation_json(result, name, title, output is not None),
-        "csv": lambda: simulation.simulation_csv(result),
-        "npz": lambda: simulation.simulation_npz(result),
-    }
-    try:
-        write(answer[format_](), output, name)
-    finally:
-        if output is not None and format_ != "table":
-            show(str(answer["table"]()))
+    output.write(
+        {
+            "table": lambda: simulation.simulation_text(result, model.title, full),
+            "json": lambda: simulation.simulation_json(result, model.name, model.title, output.path is not None),
+            "csv": lambda: simulation.simulation_csv(result),
+            "npz": lambda: simulation.simulation_npz(result),
+        },
+        summary=True,
+    )
 
 
 def _pictures(plots: tuple[str, ...], model: Model) -> list[Picture]:
@@ -277,13 +268,3 @@ def _draw(result: Simulation, pictures: list[Picture], stem: Path, suffix: str, 
 
     for picture in pictures:
         save_picture(draw(picture, result, title), stem.with_name(f"{stem.name}-{picture.name}{suffix}"))
-
-
-def _format_of(output: Path | None) -> str:
-    if output is None:
-        return "table"
-    suffix = output.suffix.lstrip(".")
-    if suffix and suffix not in FORMATS[1:]:
-        known = ", ".join(f".{x}" for x in FORMATS[1:])
-        raise UsageError(f"--output {output}: the suffix says no format\nhint: {known}, or --format")
-    return suffix or "csv"

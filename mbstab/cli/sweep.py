@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from mbstab.cli.common import (
+from mbstab.cli.common import file_argument, load_model, parse_settings, progress_bar, set_option
+from mbstab.cli.output import (
+    Answer,
+    Output,
     check_pictures,
-    file_argument,
-    load_model,
     note,
-    output_option,
-    parse_settings,
+    output_options,
     picture_stem,
     pictures_option,
-    progress_bar,
     save_picture,
-    set_option,
-    show,
-    write,
+    warn,
 )
 from mbstab.errors import NumericalError, UsageError
 
@@ -31,9 +28,6 @@ if TYPE_CHECKING:
     from mbstab.analysis.sweep import Sweep
     from mbstab.model.schema import Model
 
-Answer = dict[str, Callable[[], "str | bytes"]]
-
-FORMATS = ("table", "json", "csv", "npz")
 PICTURES = ("map", "locus", "campbell", "none")
 CHART_POINTS = 101
 
@@ -71,8 +65,7 @@ CHART_POINTS = 101
 @click.option("--resume", is_flag=True, help="Go on with a sweep to --output that was interrupted.")
 @click.option("--jobs", type=click.IntRange(1, 1024), default=1, show_default=True, help="Number of processes.")
 @click.option("--cluster", metavar="ADDRESS", default="", help="Compute on a Dask cluster, tcp://HOST:PORT.")
-@click.option("--format", "format_", type=click.Choice(FORMATS), help="Of the data; told by the suffix of --output.")
-@output_option
+@output_options("table", "json", "csv", "npz")
 def sweep(
     file: str,
     parameters: tuple[str, ...],
@@ -87,8 +80,7 @@ def sweep(
     resume: bool,
     jobs: int,
     cluster: str,
-    format_: str | None,
-    output: Path | None,
+    output: Output,
 ) -> None:
     """Follow the eigenvalues over a parameter and find the values at which stability changes.
 
@@ -107,9 +99,6 @@ def sweep(
             raise UsageError(f"{name} is given {len(given)} times for {len(parameters)} parameters: once for each")
     if len(parameters) == 2 and values is not None:
         raise UsageError("--values goes with one parameter")
-    format_ = format_ or _format_of(output)
-    if format_ == "npz" and output is None:
-        raise UsageError("--format npz needs --output")
     if "none" in pictures and (len(pictures) > 1 or place is not None):
         raise UsageError("--plot none goes with no other picture")
     check_pictures(place)
@@ -117,7 +106,7 @@ def sweep(
         raise UsageError(
             "--jobs is for processes of this machine, --cluster for those of others: leave out one of them"
         )
-    if resume and output is None:
+    if resume and output.path is None:
         raise UsageError("--resume goes with --output, beside which the finished parts are kept")
     mechanism = load_model(file)
     model = mechanism.model
@@ -133,7 +122,7 @@ def sweep(
         )
         for i, name in enumerate(parameters)
     }
-    directory = output.with_name(output.name + ".parts") if output is not None else None
+    directory = output.path.with_name(output.path.name + ".parts") if output.path is not None else None
     run: dict[str, Any] = {
         "directory": directory,
         "resume": resume,
@@ -142,22 +131,21 @@ def sweep(
         **parse_settings(settings),
     }
     labels = [(model.parameters[name].unit, model.parameters[name].factor) for name in parameters]
-    stem = picture_stem(place, output, Path(model.name), "-".join(parameters))
-    wanted = pictures or (("map", "locus") if format_ == "table" or output is not None else ())
+    stem = picture_stem(place, output.path, Path(model.name), "-".join(parameters))
+    wanted = pictures or (("map", "locus") if output.format == "table" or output.path is not None else ())
     drawn = () if "none" in wanted else wanted
     answer: Sweep | Chart
     if len(parameters) == 1:
         with progress_bar("sweeping") as progress, _kept(directory):
             answer = mechanism.sweep(parameters[0], grids[parameters[0]], progress=progress, **run)
-        _write(_sweep_answer(answer, *labels[0], model.name, model.title), format_, output, model.name)
+        output.write(_sweep_answer(answer, *labels[0], model.name, model.title), summary=True)
         _draw(answer, drawn, *stem, _label(parameters[0], labels[0][0]), model.title)
-        for warning in dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings):
-            note(f"warning: {warning}")
+        warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))
         total, missing = len(answer.values), len(answer.unanswered)
     else:
         with progress_bar("sweeping") as progress, _kept(directory):
             answer = mechanism.chart(grids, progress=progress, **run)
-        _write(_chart_answer(answer, labels, model.name, model.title), format_, output, model.name)
+        output.write(_chart_answer(answer, labels, model.name, model.title), summary=True)
         if drawn:
             _draw_chart(answer, *stem, labels, model.title)
         total, missing = answer.unstable.size, len(answer.problems)
@@ -205,13 +193,6 @@ def _chart_answer(result: Chart, labels: list[tuple[str, float]], name: str, tit
     }
 
 
-def _write(answer: Answer, format_: str, output: Path | None, name: str) -> None:
-    """Write the data, and the summary to the terminal where the data go to a file."""
-    write(answer[format_](), output, name)
-    if output is not None and format_ != "table":
-        show(str(answer["table"]()))
-
-
 def _draw_chart(result: Chart, stem: Path, suffix: str, labels: list[tuple[str, float]], title: str) -> None:
     from mbstab.report import plots
 
@@ -235,8 +216,3 @@ def _draw(result: Sweep, pictures: tuple[str, ...], stem: Path, suffix: str, lab
 
 def _label(parameter: str, unit: str) -> str:
     return f"{parameter} ({unit})" if unit else parameter
-
-
-def _format_of(output: Path | None) -> str:
-    suffix = "" if output is None else output.suffix.lstrip(".")
-    return suffix if suffix in FORMATS else "table" if output is None else "csv"

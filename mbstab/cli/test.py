@@ -4,40 +4,43 @@ from __future__ import annotations
 
 import click
 
-from mbstab.cli.common import load_model, note, show
-from mbstab.errors import ExpectationError, MbstabError, UsageError, counted
+from mbstab.cli.common import load_model, model_argument
+from mbstab.cli.output import Output, output_options, quiet, say
+from mbstab.errors import ExpectationError, MbstabError, SeveralErrors, UsageError, counted
 
 
 @click.command()
-@click.argument("files", metavar="FILES...", nargs=-1)
-@click.option("--quiet", "-q", is_flag=True, help="Print failures only.")
-def test(files: tuple[str, ...], quiet: bool) -> None:
+@model_argument("names", "FILES...", nargs=-1)
+@output_options("table", "json", "junit")
+def test(names: tuple[str, ...], output: Output) -> None:
     """Check the expect: blocks of model files; without FILES those of all example models.
 
-    Exit code 1 if a model cannot be answered, 2 if a file is wrong, 3 if an expectation does not hold.
+    With --quiet the table lists failures only. Exit code 1 if a model cannot be answered, 2 if a file is wrong, 3 if an
+    expectation does not hold.
     """
     from mbstab.model.library import installed_models
+    from mbstab.report import export, outcomes
 
-    names = files or tuple(str(path) for path in installed_models())
-    passed = failed = 0
-    worst: MbstabError | None = None
-    for name in names:
+    models: list[outcomes.Tested] = []
+    errors: list[MbstabError] = []
+    for name in names or tuple(str(path) for path in installed_models()):
         try:
-            outcomes = load_model(name).test()
+            found = load_model(name).test()
+            if not found:
+                raise UsageError(f"{name} has no expect: block\nhint: mbstab schema expect shows its keys")
+            models.append(outcomes.Tested(name, found))
         except MbstabError as error:
-            note(str(error))
-            show(f"FAIL {name}", "\n")
-            worst, failed = error, failed + 1
-            continue
-        if not outcomes:
-            raise UsageError(f"{name} has no expect: block")
-        for outcome in outcomes:
-            passed, failed = passed + outcome.passed, failed + (not outcome.passed)
-            if not outcome.passed or not quiet:
-                mark = "ok  " if outcome.passed else "FAIL"
-                show(f"{mark} {outcome.location}: {outcome.what}: {outcome.detail}", "\n")
-    show(f"{passed} passed, {failed} failed", "\n")
-    if worst is not None:
-        raise SystemExit(worst.exit_code)
-    if failed:
+            say(str(error))
+            models.append(outcomes.Tested(name, [], str(error)))
+            errors.append(error)
+    output.write(
+        {
+            "table": lambda: outcomes.tested_text(models, quiet()),
+            "json": lambda: export.to_json(outcomes.tested_data(models)),
+            "junit": lambda: outcomes.tested_junit(models),
+        }
+    )
+    if errors:
+        raise SystemExit(SeveralErrors(errors).exit_code)
+    if failed := sum(x.failed for x in models):
         raise ExpectationError(f"{counted(failed, 'expectation')} failed")

@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from mbstab.errors import UsageError, suggestion
+from mbstab.errors import UsageError, suggestion, visible
 
 SUFFIX = ".yaml"
+
+STDIN = "<stdin>"
+"""What messages call a model that is read from there."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,8 @@ def find_model(name: str) -> FoundModel:
         If it is neither.
     """
     path = Path(name)
+    if visible(name, lines=False) != name:
+        raise UsageError(f"{name!r}: the name contains characters that cannot be seen\nhint: rename the file")
     try:
         if path.exists():
             return FoundModel(path, False)

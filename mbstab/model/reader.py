@@ -211,7 +211,7 @@ class _Reader:
         if not isinstance(node, Scalar):
             self.complain(node, path, "expected text")
             return ""
-        return node.text.strip()
+        return " ".join(node.text.split())
 
     def _word(self, node: YamlNode, path: str, what: str) -> str | None:
         if not isinstance(node, Scalar) or node.empty:

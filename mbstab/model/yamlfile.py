@@ -13,7 +13,7 @@ import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 import yaml
 
@@ -116,11 +116,22 @@ def read_text(path: Path) -> bytes:
     """
     try:
         with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
+            return read_limited(stream, str(path))
     except OSError as error:
         raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def read_limited(stream: BinaryIO, name: str) -> bytes:
+    """Return what a stream holds; `name` is what messages call it.
+
+    Raises
+    ------
+    UsageError
+        If it is larger than `MAX_BYTES`.
+    """
+    data = stream.read(MAX_BYTES + 1)
     if len(data) > MAX_BYTES:
-        raise UsageError(f"{path}: a model file may have {MAX_BYTES:,} bytes at most; this one is larger")
+        raise UsageError(f"{name}: a model file may have {MAX_BYTES:,} bytes at most; this one is larger")
     return data
 
 
@@ -155,12 +166,17 @@ def parse_yaml(data: bytes | str, name: str) -> tuple[Document, Mapping]:
 def _refuse_invisible(document: Document) -> None:
     """Refuse control characters and whatever else has no shape of its own: a reader could not see it."""
     for line_number, line in enumerate(document.lines, 1):
-        if line.isprintable():
-            continue
-        for column, character in enumerate(line, 1):
-            if not (character.isprintable() or character == "\t" or unicodedata.category(character) == "Zs"):
-                message = f"the file contains the invisible character U+{ord(character):04X}"
-                document.fail(Location(document.name, line_number, column), "", message)
+        for column, character in _invisible(line):
+            message = f"the file contains the invisible character U+{ord(character):04X}"
+            document.fail(Location(document.name, line_number, column), "", message)
+
+
+def _invisible(text: str) -> Iterator[tuple[int, str]]:
+    """Yield the characters that cannot be seen, with their places from 1; blanks and line breaks can."""
+    if not text.isprintable():
+        for place, character in enumerate(text, 1):
+            if not (character.isprintable() or character in "\t\n" or unicodedata.category(character) == "Zs"):
+                yield place, character
 
 
 def _decode(data: bytes, name: str) -> str:
@@ -230,6 +246,8 @@ class _Composer:
         if isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent) and event.tag is not None:
             self.document.complain(location, "", f"tags ({event.tag}) are not allowed in a model file")
         if isinstance(event, yaml.ScalarEvent):
+            for _, character in _invisible(event.value):  # an escape in quotes
+                self.document.complain(location, "", f"the text holds the invisible character U+{ord(character):04X}")
             self._place(Scalar(event.value, location, event.style not in (None, "")))
         elif isinstance(event, yaml.SequenceStartEvent):
             self._open(Sequence([], location))

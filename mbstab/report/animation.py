@@ -626,8 +626,6 @@ def check(path: Path, fps: float) -> None:
     """
     if path.suffix.lower() not in FORMATS:
         raise UsageError(f"{path}: animations end with {' or '.join(FORMATS)}")
-    if not path.resolve().parent.is_dir():
-        raise UsageError(f"{path}: cannot be written: there is no directory {path.parent}")
     if path.suffix.lower() == ".gif" and fps > FASTEST_GIF:
         raise UsageError(f"{path}: a GIF has {FASTEST_GIF:g} frames in a second at most, not {fps:g}")
     if path.suffix.lower() == ".mp4" and shutil.which("ffmpeg") is None:

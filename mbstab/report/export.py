@@ -5,12 +5,12 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from io import BytesIO, StringIO
 from typing import TYPE_CHECKING, Any
 
-from mbstab.model.schema import unit_of
+from mbstab.model.schema import Model, unit_of
 from mbstab.model.words import UNDECIDED
 
 if TYPE_CHECKING:
@@ -54,22 +54,30 @@ def to_csv(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     return out.getvalue()
 
 
-def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str, float]) -> dict[str, Any]:
+def parameters_data(model: Model, values: Mapping[str, float]) -> dict[str, Any]:
+    """Return parameters as part of a JSON object: of each ``value`` in its ``unit``, and ``si``."""
+    units = model.parameters
+    return {name: {"value": x / units[name].factor, "unit": units[name].unit, "si": x} for name, x in values.items()}
+
+
+def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
     """Return the JSON object of ``mbstab eig``.
 
-    Keys: ``model``, ``title``, ``parameters`` (SI), ``method``, ``frame`` (the steady
+    Keys: ``model``, ``title``, ``parameters`` (see `parameters_data`), ``method``, ``frame`` (the steady
     motion in whose frame the equations are written; empty: the coordinates of the file),
     ``frozen_time`` (true: no stability verdict), ``period`` (s, of a
     periodic motion; its eigenvalues are Floquet exponents with a ``multiplier``), the keys of `verdict_data`,
     ``eigenvalues`` (``real`` and ``imag`` in 1/s, ``kind``, ``frequency`` in Hz,
     ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s, ``error_bound`` in 1/s,
-    ``condition``, ``backward_error``, ``participation``), ``counts`` (`mbstab.analysis.eigen.Counts`),
-    ``warnings``.
+    ``condition``, ``backward_error``, ``participation``, ``vector``), ``coordinates`` (their names and units, in the
+    order of the vectors), ``counts`` (`mbstab.analysis.eigen.Counts`), ``warnings``. A ``vector`` has ``magnitude``
+    (m or rad) and ``phase`` (rad) of each coordinate; the one that moves most, lengths relative to the size of the
+    scene, has magnitude 1 and phase 0. It is null where there is none: of neutral eigenvalues and multipliers.
     """
     return {
-        "model": model,
-        "title": title,
-        "parameters": parameters,
+        "model": model.name,
+        "title": model.title,
+        "parameters": parameters_data(model, values),
         "method": result.method,
         "frame": result.frame,
         "frozen_time": result.frozen,
@@ -89,12 +97,20 @@ def eigen_data(result: EigenResult, model: str, title: str, parameters: dict[str
                 "condition": e.condition,
                 "backward_error": e.backward_error,
                 "participation": e.participation,
+                "vector": None if e.vector is None else _polar(e.vector),
             }
             for e in result.eigenvalues
         ],
+        "coordinates": [{"name": name, "unit": unit_of(name)} for name in result.coordinates],
         "counts": {**asdict(result.counts), "degrees_of_freedom": result.counts.degrees_of_freedom},
         "warnings": result.warnings,
     }
+
+
+def _polar(vector: Any) -> dict[str, Any]:
+    import numpy as np
+
+    return {"magnitude": np.abs(vector), "phase": np.angle(vector)}
 
 
 def verdict_data(judged: Verdict) -> dict[str, Any]:
@@ -116,29 +132,36 @@ def verdict_data(judged: Verdict) -> dict[str, Any]:
     }
 
 
-def eigen_csv(result: EigenResult) -> str:
-    """Return the eigenvalues as CSV."""
+def eigen_rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
+    """Return heads and lines of a CSV file: one eigenvalue a line, with magnitude and phase of every coordinate."""
     heads = ["real (1/s)", "imag (1/s)", "kind", "frequency (Hz)", "damping ratio", "error bound (1/s)"]
-    rows = [
-        [e.value.real, e.value.imag, e.kind, e.frequency, e.damping_ratio, e.error_bound] for e in result.eigenvalues
-    ]
-    return to_csv(heads, rows)
+    for name in result.coordinates:
+        heads += [f"magnitude of {name} ({unit_of(name)})", f"phase of {name} (rad)"]
+    rows = []
+    for e in result.eigenvalues:
+        shape: list[Any] = [""] * (2 * len(result.coordinates))
+        if e.vector is not None:
+            polar = _polar(e.vector)
+            shape[::2], shape[1::2] = polar["magnitude"].tolist(), polar["phase"].tolist()
+        rows.append([e.value.real, e.value.imag, e.kind, e.frequency, e.damping_ratio, e.error_bound, *shape])
+    return heads, rows
 
 
-def precise_data(result: PreciseResult, model: str, title: str, parameters: dict[str, float]) -> dict[str, Any]:
+def precise_data(result: PreciseResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
     """Return the JSON object of ``mbstab eig --precision``.
 
-    Keys: ``model``, ``title``, ``parameters`` (SI, rounded to doubles), ``method``, ``frame``, ``frozen_time``,
-    ``digits`` (all of them right), ``working_digits``, ``seconds``, the keys of `verdict_data`, ``eigenvalues``
-    without the neutral ones (``real``, ``imag`` and ``error_bound`` in 1/s as decimal strings; ``kind``),
+    Keys: ``model``, ``title``, ``parameters`` (see `parameters_data`, rounded to doubles), ``method``, ``frame``,
+    ``frozen_time``, ``digits`` (all of them right), ``working_digits``, ``seconds``, the keys of `verdict_data`,
+    ``eigenvalues`` without the neutral ones (``real``, ``imag`` and ``error_bound`` in 1/s as decimal strings;
+    ``kind``),
     ``neutral`` (``zeros`` and the frequencies ``shifts`` of pairs, rad/s as decimal strings), ``counts``,
     ``smallest_pivot`` and ``largest_zero_pivot`` (the rank decisions about zero eigenvalues, as decimal strings),
     ``double_precision`` (``verdict`` there), ``warnings``.
     """
     return {
-        "model": model,
-        "title": title,
-        "parameters": parameters,
+        "model": model.name,
+        "title": model.title,
+        "parameters": parameters_data(model, values),
         "method": result.method,
         "frame": result.frame,
         "frozen_time": result.frozen,
@@ -158,10 +181,10 @@ def precise_data(result: PreciseResult, model: str, title: str, parameters: dict
     }
 
 
-def precise_csv(result: PreciseResult) -> str:
-    """Return the eigenvalues with many digits as CSV."""
+def precise_rows(result: PreciseResult) -> tuple[list[str], list[list[Any]]]:
+    """Return heads and lines of a CSV file of eigenvalues with many digits."""
     rows = [[e.real, e.imag, e.kind, e.bound] for e in result.eigenvalues]
-    return to_csv(["real (1/s)", "imag (1/s)", "kind", "error bound (1/s)"], rows)
+    return ["real (1/s)", "imag (1/s)", "kind", "error bound (1/s)"], rows
 
 
 def check_data(report: CheckReport, model: str, title: str) -> dict[str, Any]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from textwrap import wrap
 
+from mbstab.mechanics.bodies import SHAPES
 from mbstab.mechanics.catalogue import Field, Kind
+from mbstab.model.schema import ALONG, PART_FIELDS
 from mbstab.report import WIDTH
 
 SCENES = {(2,): "planar scenes", (3,): "spatial scenes", (2, 3): "all scenes"}
@@ -22,6 +24,22 @@ def kinds_text(kinds: Sequence[Kind]) -> str:
     return "\n".join(lines)
 
 
+def shapes_text() -> str:
+    """Return the shapes of bodies and of their parts, and which keys they have."""
+    lines: list[str] = []
+    for kind in SHAPES.values():
+        lines += wrap(f"{kind.name}: {kind.doc}", WIDTH, subsequent_indent="  ")
+        for field in kind.fields:
+            lines += wrap(_field(field), WIDTH, initial_indent="  ", subsequent_indent="      ")
+        if kind.axis is not None:
+            lines += wrap(f"along: {ALONG} [default {'xyz'[kind.axis]}]", WIDTH, initial_indent="  ")
+        lines.append("")
+    lines.append("entries of parts: have besides")
+    for key, doc in PART_FIELDS.items():
+        lines += wrap(f"{key}: {doc}", WIDTH, initial_indent="  ", subsequent_indent="      ")
+    return "\n".join(lines) + "\n"
+
+
 def keys_text(keys: Mapping[str, str]) -> str:
     """Return the keys of a section without types, and what they mean."""
     lines: list[str] = []
@@ -34,6 +52,8 @@ def _field(field: Field) -> str:
     notes = [f"unit {field.unit}" if field.unit not in ("", "1") else "", "required" if field.required else ""]
     if field.default is not None:
         notes.append(f"default {field.default}")
+    if field.shape in ("shape", "parts"):
+        notes.append("see mbstab schema shape")
     if field.choices:
         notes.append("one of " + ", ".join(field.choices))
     if field.dimensions != (2, 3):

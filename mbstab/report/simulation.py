@@ -140,7 +140,11 @@ NOTHING = 1e-12
 """What is smaller than this part of its size is shown as 0 in the summary; files have it as it is."""
 
 
-def simulation_text(sim: Simulation, title: str) -> str:
+MOST = 40
+"""So many coordinates are shown in the summary unless all are asked for."""
+
+
+def simulation_text(sim: Simulation, title: str, full: bool = False) -> str:
     """Return the summary of ``mbstab simulate``."""
     import numpy as np
 
@@ -152,10 +156,10 @@ def simulation_text(sim: Simulation, title: str) -> str:
         values = [_shown(x, size) for x in (q[0], q[-1], q.min(), q.max())] + [_shown(u[-1], rate)]
         rows.append([name, unit, *values, f"{unit}/s"])
     heads = ["coordinate", "unit", "at first", "at last", "least", "largest", "last rate", ""]
-    shown = rows if len(rows) <= 40 else rows[:40]
+    shown = rows if full else rows[:MOST]
     lines.append(table(heads, shown, left=(0, 1, 7)))
     if len(rows) > len(shown):
-        lines += [f"{len(rows) - len(shown)} more coordinates", ""]
+        lines += [f"{len(rows) - len(shown)} more coordinates; --full shows all", ""]
     what = f"{sim.method}{f' ({sim.solver})' if sim.solver else ''}"
     steps = counted(sim.steps, "step") + (f", {sim.rejected} taken back" if sim.rejected else "")
     control = f"fixed step {sim.step:g} s" if sim.step is not None else f"tolerance {sim.tol:g}"

@@ -28,12 +28,48 @@ if TYPE_CHECKING:
     from mbstab.compiler.system import Array
 
 
+GAP = 2
+"""Blanks between columns."""
+
+LARGE = 12
+"""Matrices with more rows or columns are shown only if all is asked for."""
+
 ZERO = 1e-3
 """An eigenvalue that may be zero is printed as zero if that is known to this part of the largest one."""
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:
-    """Return an aligned table; columns in `left` are flush left, the others flush right."""
+    """Return an aligned table; columns in `left` are flush left, the others flush right.
+
+    Columns that have no room in `WIDTH` follow below, with the first column again.
+    """
+    widths = [max(map(_width, column)) for column in zip(heads, *rows, strict=True)]
+    text = ""
+    for block in _blocks(widths):
+        cells = [[row[i] for i in block] for row in rows]
+        flush = [n for n, i in enumerate(block) if i in left]
+        text += ("\n" if text else "") + _aligned([heads[i] for i in block], cells, flush)
+    return text
+
+
+def _width(cell: str) -> int:
+    return max(map(len, cell.split("\n")))
+
+
+def _blocks(widths: Sequence[int]) -> list[list[int]]:
+    """Return the columns that are side by side, the first one in each block."""
+    blocks, used = [[0]], widths[0]
+    for i, width in enumerate(widths[1:], 1):
+        if used + GAP + width > WIDTH and len(blocks[-1]) > 1:
+            blocks.append([0])
+            used = widths[0]
+        blocks[-1].append(i)
+        used += GAP + width
+    return blocks
+
+
+def _aligned(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int]) -> str:
+    """Return a table with its columns side by side."""
     from rich import box
     from rich.console import Console
     from rich.measure import Measurement
@@ -665,11 +701,30 @@ def matrix_text(name: str, matrix: Any, rows: Sequence[str], columns: Sequence[s
     return text
 
 
-def linearize_text(linear: Linearization, space: StateSpace, form: str, title: str) -> str:
-    """Return the answer of ``mbstab linearize`` as text."""
+def linearize_text(linear: Linearization, space: StateSpace, form: str, title: str, full: bool = False) -> str:
+    """Return the answer of ``mbstab linearize`` as text; large matrices are shown if all is asked for."""
     from mbstab.report.export import forms
 
     lines = [title, ""] if title else []
-    for name, (matrix, rows, columns) in forms(linear, space)[form].items():
-        lines.append(matrix_text(name, matrix, rows, columns))
-    return "\n".join(lines)
+    lines += _linear_summary(linear, space)
+    matrices = forms(linear, space)[form]
+    hidden = {} if full else {name: m for name, m in matrices.items() if max(len(m[1]), len(m[2])) > LARGE}
+    lines += [matrix_text(name, *m) for name, m in matrices.items() if name not in hidden]
+    if hidden:
+        rows = [
+            [name, f"{len(m[1])} × {len(m[2])}", str(int((m[0] != 0.0).sum())), f"{abs(m[0]).max():.6g}"]
+            for name, m in hidden.items()
+        ]
+        lines.append(table(["matrix", "size", "not zero", "largest"], rows, left=(0,)))
+        lines += wrap(f"matrices with more than {LARGE} rows or columns: --full shows them", width=WIDTH)
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _linear_summary(linear: Linearization, space: StateSpace) -> list[str]:
+    """Return the sizes of the linearized equations, and in which frame they stand still."""
+    n_n = len(linear.J) - linear.n_h
+    rows = f"{counted(linear.n_h, 'holonomic row')}, {counted(n_n, 'nonholonomic row')}"
+    lines = [f"{counted(len(linear.M), 'coordinate')}, {rows}, {counted(len(space.A), 'state')} after deflation"]
+    if linear.generator is not None and linear.generator.turns:
+        lines += wrap(f"in the frame of the steady motion: {linear.generator}", width=WIDTH, subsequent_indent="  ")
+    return [*lines, ""]

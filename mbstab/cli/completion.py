@@ -1,0 +1,58 @@
+"""What the shell completes: model files, parameters, quantities to plot."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+from click.shell_completion import CompletionItem
+
+from mbstab.errors import MbstabError
+
+if TYPE_CHECKING:
+    from mbstab.model.schema import Model
+
+
+def model_files(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Return the example models that begin so, and leave files to the shell."""
+    from mbstab.model.library import installed_models
+
+    names = [path.name for path in installed_models() if path.name.startswith(incomplete)]
+    return [*(CompletionItem(name) for name in names), CompletionItem(incomplete, type="file")]
+
+
+def _model(context: click.Context) -> Model | None:
+    """Return the model that the command line names so far, or None."""
+    from mbstab.model.library import find_model
+    from mbstab.model.reader import read_model
+
+    given = context.params.get("file") or context.params.get("names") or ""
+    name = given if isinstance(given, str) else given[-1]
+    try:
+        return read_model(find_model(name).path) if name else None
+    except MbstabError:
+        return None
+
+
+def settings(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Return parameters as ``NAME=``."""
+    model = _model(context)
+    names = [] if model is None else model.parameters
+    return [CompletionItem(f"{name}=", nospace=True) for name in names if name.startswith(incomplete)]
+
+
+def parameters(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Return parameters with what they are."""
+    model = _model(context)
+    found = {} if model is None else model.parameters
+    return [CompletionItem(name, help=x.description) for name, x in found.items() if name.startswith(incomplete)]
+
+
+def quantities(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Return what a simulation can plot."""
+    from mbstab.report.motion_plots import GROUPS, WORDS
+
+    model = _model(context)
+    names = [] if model is None else model.coordinates()
+    known = [*names, *(f"rate({name})" for name in names), *WORDS, *GROUPS, *(f"phase:{name}" for name in names)]
+    return [CompletionItem(word) for word in known if word.startswith(incomplete)]

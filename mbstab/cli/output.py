@@ -1,0 +1,372 @@
+"""Where answers go: one layer for all commands.
+
+It tells the format by the suffix, keeps the files that a call reads and writes apart, writes each
+file whole or not at all, and lets nothing invisible reach the terminal.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from mbstab.errors import OutputError, UsageError, suggestion, visible
+from mbstab.report.files import whole_file
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+Answer = Mapping[str, Callable[[], "str | bytes"]]
+"""How an answer is written, by format."""
+
+SUFFIXES = {
+    "table": ".txt", "json": ".json", "csv": ".csv", "npz": ".npz", "mat": ".mat", "latex": ".tex", "junit": ".xml",
+}  # fmt: skip
+"""The suffix that asks for each format."""
+
+BINARY = ("npz", "mat")
+
+PICTURES = (".png", ".svg", ".pdf")
+"""Suffixes of pictures; the first is the default."""
+
+
+# --- the terminal ---------------------------------------------------------------------------------------------------
+
+QUIET = "mbstab.quiet"
+"""Key in the context: whether only the answer, warnings and errors are written."""
+
+
+def _be_quiet(context: click.Context, _: click.Parameter, value: bool) -> None:
+    context.meta[QUIET] = value
+
+
+quiet_option = click.option(
+    "--quiet",
+    "-q",
+    is_flag=True,
+    expose_value=False,
+    callback=_be_quiet,
+    help="Write only the answer, warnings and errors: no notes, no progress.",
+)
+
+
+def quiet() -> bool:
+    """Whether --quiet is given."""
+    context = click.get_current_context(silent=True)
+    return bool(context is not None and context.meta.get(QUIET))
+
+
+def say(text: str) -> None:
+    """Write a line to stderr."""
+    click.echo(visible(text), err=True)
+
+
+def note(text: str) -> None:
+    """Write a line to stderr that --quiet leaves out."""
+    if not quiet():
+        say(text)
+
+
+def warn(warnings: tuple[str, ...] | list[str]) -> None:
+    """Write warnings to stderr."""
+    for text in warnings:
+        say(f"warning: {text}")
+
+
+def show(text: str) -> None:
+    """Write text to stdout.
+
+    Raises
+    ------
+    OutputError
+        If stdout is closed or full.
+    """
+    if sys.stdout is None:
+        raise OutputError("the answer cannot be written: stdout is closed")
+    try:
+        click.echo(visible(text), nl=False)
+        sys.stdout.flush()
+    except OSError as error:
+        raise stdout_failure(error) from None
+
+
+def stdout_failure(error: OSError) -> Exception:
+    """Return a failure to write to stdout as an error a user can act on; a pipe that is closed stays what it is."""
+    # What is left in the buffer cannot be written either; do not try again at exit.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if isinstance(error, BrokenPipeError):
+        return error
+    return OutputError(f"the answer cannot be written to stdout: {error.strerror}")
+
+
+# --- files ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Files:
+    """The files of one call: those that are read, and those that are written with the options that ask for them."""
+
+    read: list[Path] = field(default_factory=list)
+    written: dict[Path, str] = field(default_factory=dict)
+
+    def opened(self, path: Path) -> None:
+        """Note a file that is read; it must not be written as well."""
+        self.read.append(path)
+        for goal, option in self.written.items():
+            self._apart(goal, option, path)
+
+    def claim(self, path: Path, option: str) -> None:
+        """Note a file that is to be written.
+
+        Raises
+        ------
+        UsageError
+            If it has no place, is a directory or a file of the same call, or its name cannot be seen.
+        """
+        if visible(str(path), lines=False) != str(path):
+            raise UsageError(f"{option} {str(path)!r}: the name contains characters that cannot be seen")
+        if not path.parent.is_dir():
+            raise UsageError(f"{path}: cannot be written: there is no directory {path.parent}")
+        if path.is_dir():
+            raise UsageError(f"{path}: cannot be written: it is a directory")
+        goal = path.resolve()
+        if goal.is_file() or not goal.exists():  # devices take as many answers as there are
+            other = self.written.get(goal, option)
+            if other != option:
+                raise UsageError(f"{path}: {other} and {option} name the same file")
+            for known in self.read:
+                self._apart(goal, option, known)
+        self.written[goal] = option
+
+    @staticmethod
+    def _apart(goal: Path, option: str, known: Path) -> None:
+        if goal.exists() and known.exists() and goal.samefile(known):
+            raise UsageError(f"{option} would overwrite {known}, which is read\nhint: name another file")
+
+
+def files() -> Files:
+    """Return the files of the call that is being answered."""
+    context = click.get_current_context(silent=True)
+    found: Files = context.meta.setdefault("mbstab.files", Files()) if context is not None else Files()
+    return found
+
+
+def save(path: Path, write: Callable[[Path], object], option: str, content: bytes | None = None) -> None:
+    """Write a file by a function that lets it appear whole or not at all, and say so.
+
+    Parameters
+    ----------
+    path : Path
+    write : callable
+        Writes the file, or raises `OSError`.
+    option : str
+        What asks for it.
+    content : bytes, optional
+        What is to be written, kept in a temporary file where the place has no room for it.
+
+    Raises
+    ------
+    UsageError, OutputError
+        If it cannot be written.
+    """
+    files().claim(path, option)
+    try:
+        write(path)
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+    except OSError as error:
+        kept = _rescued(content, path) if content is not None else ""
+        where = f"; what was to be written is in {kept}" if kept else ""
+        raise OutputError(f"{path}: cannot be written: {error.strerror}{where}") from None
+    note(f"wrote {path}")
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all; a device or a pipe is written to, not replaced."""
+    if path.exists() and not path.is_file():
+        path.write_bytes(content)
+        return
+    with whole_file(path) as stream:
+        stream.write(content)
+
+
+def _rescued(content: bytes, output: Path) -> str:
+    """Return a temporary file that takes what has no space elsewhere, or nothing if there is none for it either."""
+    import tempfile
+
+    try:
+        handle, name = tempfile.mkstemp(prefix=f"{output.stem}-", suffix=output.suffix)
+    except OSError:
+        return ""
+    try:
+        with open(handle, "wb") as stream:
+            stream.write(content)
+    except OSError:
+        os.unlink(name)
+        return ""
+    return name
+
+
+# --- answers --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where an answer goes, and how it is written.
+
+    Attributes
+    ----------
+    path : Path or None
+        None: stdout.
+    format : str
+        A key of `SUFFIXES`.
+    """
+
+    path: Path | None = None
+    format: str = "table"
+
+    @classmethod
+    def of(cls, path: Path | None, format_: str | None, formats: tuple[str, ...]) -> Output:
+        """Read the options; the suffix says the format unless it is given.
+
+        Raises
+        ------
+        UsageError
+            If the suffix says no format, a binary format has no file, or the file cannot be written.
+        """
+        format_ = format_ or _format_of(path, formats)
+        if path is None and format_ in BINARY:
+            raise UsageError(f"--format {format_} is binary: name a file with --output")
+        if path is not None:
+            files().claim(path, "--output")
+        return cls(path, format_)
+
+    def write(self, answer: Answer, summary: bool = False) -> None:
+        """Write an answer to stdout or to the file, which appears whole or not at all.
+
+        Parameters
+        ----------
+        answer : mapping
+        summary : bool
+            Whether the table is shown as well where the data go to a file.
+        """
+        data = answer[self.format]()
+        if self.path is None:
+            assert isinstance(data, str)
+            show(data)
+            return
+        content = data.encode("utf-8") if isinstance(data, str) else data
+        try:
+            save(self.path, lambda path: write_bytes(path, content), "--output", content)
+        finally:
+            if summary and self.format != "table":
+                show(str(answer["table"]()))
+
+
+def _format_of(path: Path | None, formats: tuple[str, ...]) -> str:
+    if path is None or (path.exists() and not path.is_file() and not path.is_dir()):
+        return formats[0]
+    known = {SUFFIXES[name]: name for name in formats}
+    suffix = path.suffix.lower()
+    if suffix in known:
+        return known[suffix]
+    what = f"the suffix {suffix} says no format of this command" if suffix else "no suffix says the format"
+    hint = f"{', '.join(known)}, or --format"
+    if suffix in PICTURES:
+        hint += "; pictures are asked for by --plot"
+    raise UsageError(f"--output {path}: {what}\nhint: {hint}")
+
+
+def output_options(*formats: str) -> Callable[[F], F]:
+    """Add --format, --output and --quiet to a command, which takes an `Output` as the keyword ``output``."""
+
+    def decorated(command: F) -> F:
+        @quiet_option
+        @click.option(
+            "--output",
+            "-o",
+            type=click.Path(path_type=Path),
+            help="Write to this file instead of the terminal; its suffix says the format: "
+            + ", ".join(SUFFIXES[name] for name in formats)
+            + ".",
+        )
+        @click.option(
+            "--format",
+            "format_",
+            type=click.Choice(formats),
+            help=f"Told by the suffix of --output, else {formats[0]}.",
+        )
+        @functools.wraps(command)
+        def run(*arguments: Any, format_: str | None, output: Path | None, **options: Any) -> Any:
+            return command(*arguments, output=Output.of(output, format_, formats), **options)
+
+        return run  # type: ignore[return-value]
+
+    return decorated
+
+
+# --- pictures -------------------------------------------------------------------------------------------------------
+
+pictures_option = click.option(
+    "--pictures",
+    "place",
+    type=click.Path(path_type=Path),
+    help="How the names of the pictures begin, with the suffix .png, .svg or .pdf; else beside the model or --output.",
+)
+
+
+def check_pictures(place: Path | None) -> None:
+    """Refuse a wrong suffix in --pictures before anything is computed.
+
+    Raises
+    ------
+    UsageError
+        If pictures cannot end like that.
+    """
+    if place is not None and place.suffix and place.suffix not in PICTURES:
+        hint = suggestion(place.suffix, PICTURES) or ", ".join(PICTURES)
+        raise UsageError(f"--pictures {place}: no picture ends with {place.suffix}\nhint: {hint}")
+
+
+def picture_stem(place: Path | None, output: Path | None, model: Path, name: str = "") -> tuple[Path, str]:
+    """Return how the names of the pictures begin, and their suffix.
+
+    Parameters
+    ----------
+    place, output : Path or None
+        What --pictures and --output say.
+    model : Path
+        The model file, beside which they are drawn otherwise; those of installed models and of stdin in the working
+        directory.
+    name : str
+        Follows the name of the model there.
+    """
+    from mbstab.model.library import STDIN, installed_models
+
+    if place is not None:
+        suffix = place.suffix if place.suffix in PICTURES else PICTURES[0]
+        return (place.with_suffix("") if place.suffix in PICTURES else place), suffix
+    if output is not None:
+        return output.with_suffix(""), PICTURES[0]
+    stem = "stdin" if str(model) == STDIN else model.stem
+    name = f"{stem}-{name}" if name else stem
+    own = str(model) != STDIN and model not in installed_models()
+    return (model.with_name(name) if own else Path(name)), PICTURES[0]
+
+
+def save_picture(figure: Any, path: Path, option: str = "a picture") -> None:
+    """Draw a picture to a file.
+
+    Raises
+    ------
+    UsageError, OutputError
+        If it cannot be written.
+    """
+    from mbstab.report import plots
+
+    save(path, lambda goal: plots.save(figure, goal), option)
