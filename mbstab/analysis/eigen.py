@@ -284,6 +284,7 @@ def mode_shape(dq: Complex, sizes: Array) -> Complex | None:
     # The first of those that move as much: rounding does not choose among them.
     largest = int(np.flatnonzero(moved >= (1.0 - 1e-9) * most)[0])
     shape: Complex = dq / dq[largest] + 0.0
+    shape[largest] = 1.0
     return shape
 
 

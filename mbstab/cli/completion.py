@@ -26,10 +26,11 @@ def _model(context: click.Context) -> Model | None:
     from mbstab.model.library import find_model
     from mbstab.model.reader import read_model
 
-    given = context.params.get("file") or context.params.get("names") or ""
-    name = given if isinstance(given, str) else given[-1]
+    # Half a command line leaves arguments unread.
+    given = [context.params.get("file"), *(context.params.get("names") or ()), *context.args]
+    names = [name for name in given if name]
     try:
-        return read_model(find_model(name).path) if name else None
+        return read_model(find_model(names[0]).path) if names else None
     except MbstabError:
         return None
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mbstab.cli import completion
 from mbstab.cli.animate import POINTS, Animation, animation_options
 from mbstab.cli.common import (
     file_argument,
@@ -109,6 +110,7 @@ def _terminable() -> Iterator[None]:
     "plots",
     metavar="WHAT",
     multiple=True,
+    shell_complete=completion.quantities,
     help="Draw over time: rod.theta, rate(rod.theta), acceleration(…), force(pivot), torque(pivot.z), kinetic, …, "
     "several separated by commas; energy; residuals; or phase:rod.theta. May be repeated, each a picture.",
 )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mbstab.cli import completion
 from mbstab.cli.common import file_argument, load_model, parse_settings, progress_bar, set_option
 from mbstab.cli.output import (
     Answer,
@@ -40,6 +41,7 @@ CHART_POINTS = 101
     metavar="NAME",
     multiple=True,
     required=True,
+    shell_complete=completion.parameters,
     help="Parameter to sweep; a second one makes a stability chart.",
 )
 @click.option(

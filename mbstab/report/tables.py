@@ -724,7 +724,8 @@ def _linear_summary(linear: Linearization, space: StateSpace) -> list[str]:
     """Return the sizes of the linearized equations, and in which frame they stand still."""
     n_n = len(linear.J) - linear.n_h
     rows = f"{counted(linear.n_h, 'holonomic row')}, {counted(n_n, 'nonholonomic row')}"
-    lines = [f"{counted(len(linear.M), 'coordinate')}, {rows}, {counted(len(space.A), 'state')} after deflation"]
+    text = f"{counted(len(linear.M), 'coordinate')}, {rows}, {counted(len(space.A), 'state')} after deflation"
+    lines = wrap(text, width=WIDTH)
     if linear.generator is not None and linear.generator.turns:
         lines += wrap(f"in the frame of the steady motion: {linear.generator}", width=WIDTH, subsequent_indent="  ")
     return [*lines, ""]

@@ -1,0 +1,326 @@
+"""Where answers go: formats, files that are kept apart, full disks, and what reaches the terminal."""
+
+import csv
+import io
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import unicodedata
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.io import loadmat
+
+import mbstab
+from mbstab.cli import main
+from mbstab.errors import visible
+from mbstab.model.library import models_folder
+
+PENDULUM = models_folder() / "pendulum.yaml"
+SWEEP = ("sweep", PENDULUM, "--param", "L", "--from", "0.1", "--to", "0.3", "--points", "4", "--plot", "none")
+COMMANDS = {
+    "eig": (("eig", PENDULUM), ("txt", "json", "csv")),
+    "eig of several": (("eig", PENDULUM, models_folder() / "top.yaml"), ("txt", "json", "csv")),
+    "eig --precision": (("eig", PENDULUM, "--precision", "20"), ("txt", "json", "csv")),
+    "eig --certify": (("eig", PENDULUM, "--certify"), ("txt", "json")),
+    "check": (("check", PENDULUM), ("txt", "json")),
+    "equilibrium": (("equilibrium", PENDULUM), ("txt", "json", "csv")),
+    "linearize": (("linearize", PENDULUM), ("txt", "json", "csv", "npz", "mat")),
+    "linearize --symbolic": (("linearize", PENDULUM, "--symbolic"), ("txt", "tex")),
+    "sweep": (SWEEP, ("txt", "json", "csv", "npz")),
+    "simulate": (("simulate", PENDULUM, "--to", "0.1", "--points", "3"), ("txt", "json", "csv", "npz")),
+    "test": (("test", PENDULUM), ("txt", "json", "xml")),
+    "models list": (("models", "list"), ("txt", "json", "csv")),
+    "schema": (("schema",), ("json",)),
+}
+WRITTEN = [(name, suffix) for name, (_, suffixes) in COMMANDS.items() for suffix in suffixes]
+
+
+def run(*arguments, **options):
+    return CliRunner().invoke(main, [str(x) for x in arguments], **options)
+
+
+def readable(path):
+    """Whether a file holds what its suffix says."""
+    data = path.read_bytes()
+    match path.suffix:
+        case ".json":
+            json.loads(data)
+        case ".csv":
+            rows = list(csv.reader(io.StringIO(data.decode())))
+            assert len(rows) > 1
+            assert len({len(row) for row in rows}) == 1
+        case ".npz":
+            with np.load(path) as arrays:
+                assert arrays.files
+        case ".mat":
+            assert loadmat(path)
+        case ".xml":
+            assert ElementTree.fromstring(data).tag == "testsuites"
+        case ".tex":
+            assert b"\\" in data
+        case _:
+            assert b"{" not in data[:1]
+    return True
+
+
+@pytest.mark.parametrize(("name", "suffix"), WRITTEN)
+def test_the_suffix_says_the_format(name, suffix, tmp_path):
+    path = tmp_path / f"answer.{suffix}"
+    result = run(*COMMANDS[name][0], "-o", path)
+    assert result.exit_code == 0, result.stderr
+    assert [x.name for x in tmp_path.iterdir()] == [path.name]
+    assert readable(path)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("output", ["answer.foo", "answer", "missing/answer.txt", "folder.txt", "a\x1b[31m.txt"])
+def test_an_output_that_cannot_be_is_refused_before_anything_is_computed(name, output, tmp_path):
+    (tmp_path / "folder.txt").mkdir()
+    result = run(*COMMANDS[name][0], "-o", tmp_path / output)
+    assert result.exit_code == 2
+    assert "hint:" in result.stderr or "cannot be written" in result.stderr or "cannot be seen" in result.stderr
+    assert [x.name for x in tmp_path.iterdir()] == ["folder.txt"]
+
+
+@pytest.mark.parametrize(("name", "suffix"), WRITTEN)
+def test_a_full_disk_leaves_a_whole_file_or_none(name, suffix, tmp_path):
+    path = tmp_path / f"answer.{suffix}"
+    path.write_text("before")
+    whole = tmp_path / f"whole.{suffix}"
+    assert run(*COMMANDS[name][0], "-o", whole).exit_code == 0
+    sizes = (1, whole.stat().st_size // 2)
+    spare = tmp_path / "spare"
+    spare.mkdir()
+    for size in sizes:
+
+        def limited(size=size):
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+        command = [sys.executable, "-m", "mbstab", *map(str, COMMANDS[name][0]), "-o", str(path)]
+        environment = {**os.environ, "TMPDIR": str(spare)}
+        result = subprocess.run(
+            command, capture_output=True, text=True, preexec_fn=limited, env=environment, timeout=60
+        )
+        assert result.returncode == 1, result.stderr
+        assert "cannot be written: File too large" in result.stderr
+        assert "Traceback" not in result.stderr
+        assert path.read_text() == "before"
+        # What a sweep has computed can be resumed.
+        shutil.rmtree(tmp_path / f"{path.name}.parts", ignore_errors=True)
+    assert sorted(x.name for x in tmp_path.iterdir()) == sorted([path.name, whole.name, "spare"])
+
+
+def test_a_copy_for_which_there_is_no_room_does_not_block_the_next(tmp_path):
+    def limited():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))
+
+    command = [sys.executable, "-m", "mbstab", "models", "copy", "pendulum"]
+    full = subprocess.run(command, capture_output=True, text=True, preexec_fn=limited, cwd=tmp_path, timeout=60)
+    assert full.returncode == 1
+    assert list(tmp_path.iterdir()) == []
+    assert subprocess.run(command, capture_output=True, cwd=tmp_path, timeout=60).returncode == 0
+    assert (tmp_path / "pendulum.yaml").read_bytes() == PENDULUM.read_bytes()
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
+@pytest.mark.parametrize("arguments", [("--help",), ("--version",), ("eig", "--help"), ("eig", PENDULUM), ("schema",)])
+def test_a_full_stdout_is_said(arguments):
+    command = [sys.executable, "-m", "mbstab", *map(str, arguments)]
+    with open("/dev/full", "w") as full:
+        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert result.returncode == 1
+    assert "cannot be written to stdout: No space left on device" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_a_terminal_without_the_letters_gets_the_answer(encoding):
+    environment = {**os.environ, "PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}
+    command = [sys.executable, "-m", "mbstab", "eig", str(PENDULUM)]
+    result = subprocess.run(command, capture_output=True, env=environment, timeout=60)
+    assert result.returncode == 0
+    assert b"Verdict: stable" in result.stdout
+
+
+# --- the terminal ---------------------------------------------------------------------------------------------------
+
+UNSEEN = [
+    "\x1b]0;x\x07", "\x1b[31m", "\x00", "\x7f", "\x9b2J", "\u202e", "\u200b", "\u2028", "\r", "\x08",
+    "\U000e0041",
+]  # fmt: skip
+
+
+def clean(text):
+    """Whether a text holds nothing that a terminal obeys or hides."""
+    return all(c.isprintable() or c in "\n\t" or unicodedata.category(c) == "Zs" for c in text)
+
+
+def said(*arguments, **options):
+    result = run(*arguments, **options)
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    assert clean(result.stdout)
+    assert clean(result.stderr)
+    return result
+
+
+@pytest.mark.parametrize("unseen", UNSEEN, ids=ascii)
+def test_nothing_invisible_in_a_file_reaches_the_terminal(unseen, tmp_path):
+    escape = '"' + "".join(f"\\U{ord(c):08x}" for c in "a" + unseen) + '"'
+    text = PENDULUM.read_text()
+    places = {
+        "title": text.replace("title: Physical pendulum", f"title: {escape}"),
+        "key": text + f"{escape}: 1\n",
+        "parameter": text.replace("  L:", f"  {escape}: 3\n  L:"),
+        "description": text.replace("description: half length", f"description: {escape}"),
+        "raw": text.replace("Physical", unseen),
+    }
+    for place, changed in places.items():
+        assert changed != text, place
+        (tmp_path / "m.yaml").write_bytes(changed.encode("utf-8"))
+        for command in ("check", "eig"):
+            assert said(command, tmp_path / "m.yaml").exit_code == (0 if place == "raw" and unseen == "\r" else 2)
+
+
+@pytest.mark.parametrize("unseen", UNSEEN[:2] + UNSEEN[5:], ids=ascii)
+def test_nothing_invisible_on_the_command_line_reaches_the_terminal(unseen, tmp_path):
+    name = tmp_path / f"a{unseen}.yaml"
+    shutil.copy(PENDULUM, name)
+    for arguments in (
+        ("eig", name), ("test", name), ("models", "show", name), ("models", "copy", "pendulum", tmp_path / unseen),
+        ("eig", PENDULUM, "--set", f"L{unseen}x=1"), ("eig", PENDULUM, "--set", f"L={unseen}"),
+        ("eig", PENDULUM, "--method", unseen), ("eig", PENDULUM, f"--{unseen}"), (f"e{unseen}",),
+        ("sweep", PENDULUM, "--param", f"L{unseen}"), ("simulate", PENDULUM, "--plot", unseen),
+        ("simulate", PENDULUM, "--perturb", f"{unseen}=1"), ("schema", unseen), ("eig", "-o", name, PENDULUM),
+        ("simulate", PENDULUM, "--trace", unseen, "--animate", tmp_path / "a.gif"),
+    ):  # fmt: skip
+        assert said(*arguments).exit_code == 2
+
+
+def test_a_title_with_line_breaks_is_one_line(tmp_path):
+    for title in ('"A pendulum\\nVerdict: unstable"', "|\n  A pendulum\n  Verdict: unstable\n"):
+        (tmp_path / "m.yaml").write_text(PENDULUM.read_text().replace("title: Physical pendulum", f"title: {title}"))
+        text = said("eig", tmp_path / "m.yaml").stdout
+        assert text.splitlines()[0] == "A pendulum Verdict: unstable"
+        assert [line for line in text.splitlines() if line.startswith("Verdict")] == ["Verdict: stable"]
+
+
+def test_escapes_of_unseen_characters_are_those_of_json():
+    generator = random.Random(1)
+    for _ in range(2000):
+        text = "".join(
+            chr(generator.choice([generator.randrange(0x300), generator.randrange(0xD800)])) for _ in range(9)
+        )
+        shown = visible(text + UNSEEN[-1], lines=False)
+        assert clean(shown)
+        assert "\n" not in shown
+        assert json.loads(visible(json.dumps(text, ensure_ascii=False))) == text
+
+
+# --- manners --------------------------------------------------------------------------------------------------------
+
+
+def test_a_model_comes_from_stdin(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = PENDULUM.read_text()
+    result = run("eig", "-", "--format", "json", input=text)
+    assert json.loads(result.stdout)["model"] == "<stdin>"
+    assert json.loads(result.stdout)["verdict"] == "stable"
+    wrong = run("check", "-", input=text.replace("mass: m", "mass: 0"))
+    assert wrong.exit_code == 2
+    assert wrong.stderr.startswith("<stdin>:")
+    drawn = run("sweep", "-", *SWEEP[2:-2], "--plot", "map", input=text)
+    assert drawn.exit_code == 0, drawn.stderr
+    assert [x.name for x in tmp_path.iterdir()] == ["stdin-L-map.png"]
+
+
+def test_several_files_are_answered_one_after_the_other(tmp_path):
+    (tmp_path / "wrong.yaml").write_text("mbstab: 2\n")
+    names = ("pendulum.yaml", tmp_path / "wrong.yaml", "top.yaml")
+    result = run("eig", *names, "--format", "json")
+    assert [x["verdict"] for x in json.loads(result.stdout)] == ["stable", "marginally stable"]
+    assert result.exit_code == 2
+    assert "wrong.yaml:1:9" in result.stderr
+    required = run("eig", "pendulum.yaml", "top.yaml", "--require", "stable")
+    assert required.exit_code == 3
+    assert "top.yaml: required: stable, found: marginally stable" in required.stderr
+    assert run("eig", "top.yaml", "top.yaml").exit_code == 2
+
+
+def test_quiet_leaves_only_the_answer(tmp_path):
+    loud, quiet = run("eig", "top.yaml"), run("eig", "top.yaml", "--quiet")
+    assert loud.stdout == quiet.stdout
+    assert "using the example model" in loud.stderr
+    assert quiet.stderr.splitlines() == [line for line in loud.stderr.splitlines() if line.startswith("warning: ")]
+    assert run("eig", "pendulum.yaml", "-q", "-o", tmp_path / "a.json").output == ""
+
+
+def test_too_little_memory_is_said(monkeypatch):
+    def greedy(*_, **__):
+        raise MemoryError("Unable to allocate 11.9 GiB")
+
+    monkeypatch.setattr("mbstab.api.Mechanism.check", greedy)
+    result = run("check", "pendulum.yaml")
+    assert result.exit_code == 1
+    assert "memory" in result.stderr
+    assert "11.9 GiB" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("eig pendu", "pendulum.yaml"),
+        ("test ro", "rolling_disk.yaml"),
+        ("eig pendulum.yaml --set ", "L="),
+        ("sweep top.yaml --param om", "omega"),
+        ("simulate pendulum.yaml --plot ", "rate(rod.theta)"),
+        ("simulate pendulum.yaml --plot en", "energy"),
+    ],
+)
+def test_the_shell_completes_models_parameters_and_quantities(words, found):
+    words = f"mbstab {words}"
+    environment = {"_MBSTAB_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+    command = [sys.executable, "-c", "from mbstab.cli import main; main(prog_name='mbstab')"]
+    result = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **environment}, timeout=60)
+    assert found in [line.partition(",")[2] for line in result.stdout.splitlines()]
+
+
+def test_the_package_shows_its_interface():
+    assert {"load", "loads", "Mechanism", "MbstabError", "__version__"} <= set(dir(mbstab))
+    assert all(not name.startswith("_") or name == "__version__" for name in dir(mbstab))
+
+
+def test_vectors_belong_to_their_eigenvalues():
+    mechanism = mbstab.load("double_pendulum.yaml")
+    result, linear = mechanism.eig(), mechanism.linearize()
+    data = json.loads(run("eig", "double_pendulum.yaml", "--format", "json").stdout)
+    assert [x["name"] for x in data["coordinates"]] == list(linear.names) == list(result.coordinates)
+    sizes = linear.motion.sizes
+    for e, written in zip(result.eigenvalues, data["eigenvalues"], strict=True):
+        vector = e.vector
+        polar = np.array(written["vector"]["magnitude"]) * np.exp(1j * np.array(written["vector"]["phase"]))
+        np.testing.assert_allclose(polar, vector, rtol=1e-14, atol=1e-14)
+        moved = linear.M @ vector * e.value**2 + linear.R @ vector * e.value + linear.K @ vector
+        # The rest is borne by the constraints.
+        bearing = np.linalg.lstsq(linear.J.T.astype(complex), -moved, rcond=None)[0]
+        np.testing.assert_allclose(linear.J.T @ bearing, -moved, atol=1e-11 * np.abs(linear.K).max())
+        np.testing.assert_allclose(linear.J @ vector, 0.0, atol=1e-12)
+        largest = np.argmax(np.abs(vector) / sizes)
+        assert vector[largest] == 1.0
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in models_folder().glob("*.yaml")))
+def test_tables_fit_80_columns(name):
+    for arguments in (("check",), ("eig",), ("equilibrium",), ("linearize",)):
+        result = run(*arguments, f"{name}.yaml")
+        too_long = [line for line in result.stdout.splitlines() if len(line) > 80]
+        assert not too_long, too_long[:3]
