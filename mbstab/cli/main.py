@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import sys
 from collections.abc import Callable
@@ -13,6 +14,9 @@ from mbstab.cli import check, compare, eig, equilibrium, linearize, models, sche
 from mbstab.cli.common import one_thread_by_default
 from mbstab.cli.output import say, show, stdout_failure
 from mbstab.errors import MbstabError, OutputError
+
+STREAM = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+"""How writing to a stream fails."""
 
 
 class _Group(click.Group):
@@ -45,7 +49,7 @@ def _exit_code(run: Callable[[], Any]) -> int:
                 sys.stdout.flush()
             return code or 0
         except OSError as error:  # of --help, and of what is left in the buffer
-            if error.filename is not None:
+            if error.filename is not None or error.errno not in STREAM:
                 raise
             raise stdout_failure(error) from None
     except click.ClickException as error:
