@@ -521,8 +521,20 @@ def ideal_spring(b, p, s, u, w):
     return -p["stiffness"][0] * sum(x * rate_of(lambda at, i=i: gap(at, p)[i], b, w) for i, x in enumerate(ends))
 
 
+def bearing(b, p, s, u, w):
+    """Return the power in a virtual motion, with the gap in the axes of the second body."""
+
+    def local(bodies):
+        return bodies[1].matrix().T @ gap(bodies, p)
+
+    (stiffness,), (damping,) = p["stiffness"], p["damping"]
+    speed, virtual = ([rate_of(lambda at, i=i: local(at)[i], b, v) for i in range(len(local(b)))] for v in (u, w))
+    return -sum((stiffness * x + damping * v) * d for x, v, d in zip(local(b), speed, virtual, strict=True))
+
+
 POWER = {
     "spring": spring(length),
+    "bearing": bearing,
     "ideal_spring": ideal_spring,
     "angle_spring": spring(angle),
     "displacement_spring": spring(travel),

@@ -2,12 +2,15 @@
 
 import math
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import mbstab
 import mbstab.errors
 from mbstab.cli import main
+from mbstab.errors import NumericalError
+from mbstab.mechanics.bodies import BODY_COORDINATES
 
 RING = """
 mbstab: 1
@@ -105,6 +108,73 @@ reference:
     assert [e.kind for e in result.eigenvalues] == ["center"] * 4
     assert abs(result.values().imag) == pytest.approx([10.0] * 4, rel=1e-14)
     assert result.verdict == "stable"
+
+
+BEARING = """
+mbstab: 1
+parameters:
+  c: {value: 2, unit: N*s/m}
+bodies:
+  b: {type: KIND, mass: 1INERTIA}
+forces:
+  s: {type: bearing, between: [b, ground], stiffness: 100, damping: c}
+reference:
+  coordinates: {b: {COORDINATES}}
+"""
+
+
+def bearing(kind):
+    inertia = {"planar": ", inertia: 2", "spatial": ", inertia: [2, 2, 2]"}.get(kind, "")
+    names = BODY_COORDINATES[kind]
+    coordinates = ", ".join(f"{name}: 0" for name in names)
+    return BEARING.replace("KIND", kind).replace("INERTIA", inertia).replace("COORDINATES", coordinates)
+
+
+@pytest.mark.parametrize("kind", BODY_COORDINATES)
+@pytest.mark.parametrize("damping", [0.0, 2.0])
+def test_a_bearing_whose_ends_coincide_acts_the_same_in_all_directions(kind, damping):
+    linear = mbstab.loads(bearing(kind)).linearize(c=damping)
+    d = 2 if kind.startswith("planar") else 3
+    assert np.array_equal(linear.K[:d, :d], 100.0 * np.eye(d))
+    assert np.array_equal(linear.R[:d, :d], damping * np.eye(d))
+    assert not linear.K[d:].any()
+    assert not linear.R[d:].any()
+
+
+def test_a_bearing_decays_and_its_energy_is_accounted_for():
+    model = mbstab.loads(bearing("planar_point"))
+    result = model.eig()
+    assert result.verdict == "asymptotically stable"
+    assert result.values() == pytest.approx([complex(-1.0, s * math.sqrt(99.0)) for s in (1, 1, -1, -1)], rel=1e-13)
+    assert model.certify().verdict == "asymptotically stable"
+    run = model.simulate(1.0, perturb={"b.x": 0.1, "rate(b.y)": 0.2}, tol=1e-9)
+    assert run.energy_drift < 1e-7
+
+
+def test_a_bearing_that_turns_with_its_housing_dissipates_nothing():
+    text = """
+mbstab: 1
+parameters:
+  w: {value: 3, unit: rad/s}
+bodies:
+  housing: {type: planar, mass: 4, inertia: 2}
+  shaft: {type: planar, mass: 1, inertia: 1}
+forces:
+  s: {type: bearing, between: [shaft, housing], stiffness: 100, damping: 5}
+reference:
+  coordinates: {housing: {theta: 0}, shaft: {theta: 0}}
+  rates: {housing: {theta: w}, shaft: {theta: w}}
+"""
+    system = mbstab.loads(text).system()
+    q, w = np.array([0.1, 0.2, 0.3, 0.6, -0.2, 0.1]), 3.0
+    u = np.array([-q[1] * w, q[0] * w, w, -q[4] * w, q[3] * w, w])
+    assert system.dynamics(q, u).F0 @ u == pytest.approx(system.dynamics(q, 0.0 * u).F0 @ u, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", BODY_COORDINATES)
+def test_a_damper_along_a_line_that_has_no_direction_is_refused_with_what_to_write_instead(kind):
+    with pytest.raises(NumericalError, match=r"forces\.s has no finite equations[^\0]*type: bearing"):
+        mbstab.loads(bearing(kind).replace("type: bearing", "type: spring")).eig()
 
 
 TOP = """

@@ -16,7 +16,7 @@ from mbstab.mechanics.catalogue import GROUND, Marker
 from mbstab.mechanics.drives import joint_motion
 from mbstab.model.values import ItemValues
 
-SPRINGS = ("spring", "joint_spring")
+SPRINGS = ("spring", "bearing", "joint_spring")
 """Types of forces with a potential; all others do work."""
 
 NODES, WEIGHTS = (x.tolist() for x in np.polynomial.legendre.leggauss(4))
@@ -89,9 +89,10 @@ class Energy:
 def _stored(system: System, q: Array, turns: Array, item: ItemValues) -> Any:
     """Return the energy of a spring (J), shape (…)."""
     stiffness = float(item.number("stiffness"))
-    if item.kind.name == "spring":
+    if item.kind.name in ("spring", "bearing"):
         ends = [_place(system, q, turns, marker) for marker in item.markers("between")]
-        return 0.5 * stiffness * (np.linalg.norm(ends[0] - ends[1], axis=-1) - float(item.number("length"))) ** 2
+        rest = float(item.number("length")) if item.kind.name == "spring" else 0.0
+        return 0.5 * stiffness * (np.linalg.norm(ends[0] - ends[1], axis=-1) - rest) ** 2
     joint, motion = joint_motion(item)
     first, second = joint.markers("between")
     rest = float(item.number("rest"))

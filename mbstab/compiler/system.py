@@ -98,6 +98,19 @@ class _Placed:
     takes_acceleration: bool
     path: str
 
+    @property
+    def hint(self) -> str:
+        """Return what to do where it has no finite equations."""
+        if self.kernel.__name__.endswith(("planar_spring", "spatial_spring")):
+            return (
+                "hint: its ends coincide, and the line between them has no direction; type: bearing (stiffness, "
+                "damping, no length) is a spring and damper that acts the same in all directions, also there"
+            )
+        return (
+            "hint: two points that coincide, a wheel lying flat, an expression outside its domain or at a kink has no "
+            "derivative"
+        )
+
 
 @dataclass(frozen=True)
 class Acting:
@@ -476,11 +489,7 @@ class System:
             try:
                 values.extend(getattr(element.kernel, function)(f, *arguments))
             except (ArithmeticError, ValueError) as error:
-                raise NumericalError(
-                    f"{element.path} has no finite equations here ({error})\n"
-                    "hint: a spring of zero length, a wheel lying flat, an expression outside its domain or at a kink "
-                    "has no derivative"
-                ) from None
+                raise NumericalError(f"{element.path} has no finite equations here ({error})\n{element.hint}") from None
         if sizes:
             values = [abs(x) for x in values]
         plan = self._plans.get(function)

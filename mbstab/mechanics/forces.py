@@ -33,6 +33,22 @@ def _ideal_spring(frames: Any, p: Any, s: Any) -> Load:
     return Load(p.stiffness[0] * gap.dot(gap) / 2)
 
 
+def _bearing(frames: Any, p: Any, s: Any) -> Load:
+    # The speed is that in the axes of the second body: turning with it dissipates nothing.
+    first, second = frames
+    gap = first.position(p.first) - second.position(p.second)
+    turn = second.angular_velocity()
+    carried = turn.cross(gap) if second.dimension == 3 else turn[0] * _quarter_turn(gap)
+    speed = first.velocity(p.first) - second.velocity(p.second) - carried
+    return Load(p.stiffness[0] * gap.dot(gap) / 2, p.damping[0] * speed.dot(speed) / 2)
+
+
+def _quarter_turn(v: Any) -> Any:
+    import sympy
+
+    return sympy.Matrix([-v[1], v[0]])
+
+
 def _angle(frames: Any, p: Any, offset: Any) -> Any:
     """Return joint angle minus offset; in space the smallest such angle, in the plane the coordinates themselves."""
     import sympy
@@ -99,6 +115,15 @@ ELEMENTS = (
     Element(
         "ideal_spring", "force", _BOTH, 2, (("first", 0), ("second", 0), ("stiffness", 1)), _ideal_spring, stored=True
     ),
+    Element(
+        "bearing",
+        "force",
+        _BOTH,
+        2,
+        (("first", 0), ("second", 0), ("stiffness", 1), ("damping", 1)),
+        _bearing,
+        stored=True,
+    ),
     Element("angle_spring", "force", ("planar",), 2, _SPRING, _angle_spring, stored=True),
     Element("angle_spring", "force", ("spatial",), 2, (*TURN, *_SPRING), _angle_spring, stored=True),
     Element("displacement_spring", "force", _BOTH, 2, (*TRAVEL, *_SPRING), _displacement_spring, stored=True),
@@ -125,6 +150,12 @@ def _spring_elements(item: Item) -> Iterable[ElementUse]:
         return
     numbers = (*ends, item.number("length"), item.number("damping"))
     yield ElementUse("spring", (first.body, second.body), numbers)
+
+
+def _bearing_element(item: Item) -> Iterable[ElementUse]:
+    first, second = item.markers("between")
+    numbers = (*first.point, *second.point, item.number("stiffness"), item.number("damping"))
+    yield ElementUse("bearing", (first.body, second.body), numbers)
 
 
 def _joint_spring(item: Item) -> Iterable[ElementUse]:
@@ -156,6 +187,7 @@ def _torque(item: Item) -> Iterable[ElementUse]:
 
 _STIFFNESS = Field("stiffness", "number", "stiffness", "N/m", default="0", sign="nonnegative")
 _DAMPING = Field("damping", "number", "viscous damping", "N*s/m", default="0", sign="nonnegative")
+_ENDS = Field("between", "markers", "its two ends, written body.point, body or ground", required=True)
 _JOINT = Field("joint", "joint", "name of the joint", required=True)
 _FRAME = Field(
     "frame",
@@ -170,15 +202,24 @@ KINDS: dict[tuple[str, int], Kind] = {
     for kind in (
         Kind(
             "spring",
-            "spring and damper between two points",
+            "spring and damper along the line between two points; damping needs a distance between them, "
+            "else use a bearing",
             (2, 3),
             (
-                Field("between", "markers", "its two ends, written body.point, body or ground", required=True),
+                _ENDS,
                 _STIFFNESS,
                 Field("length", "number", "length without force", "m", default="0", sign="nonnegative"),
                 _DAMPING,
             ),
             _spring_elements,
+        ),
+        Kind(
+            "bearing",
+            "spring and damper between two points that may coincide, the same in all directions: the force on the "
+            "first is -stiffness*gap - damping*(rate of the gap in the axes of the second body, which it turns with)",
+            (2, 3),
+            (_ENDS, _STIFFNESS, _DAMPING),
+            _bearing_element,
         ),
         Kind(
             "joint_spring",

@@ -277,8 +277,8 @@ class Sketch:
                 grounded = any(m.body == GROUND for m in markers)
                 for marker in markers if kind == "distance" else [_moving(markers)]:
                     pins.append(Pin(marker, PINS[kind], marker.body == GROUND if kind == "distance" else grounded))
-            if kind in ("distance", "spring"):
-                links.append(Link(markers[0], markers[1], kind == "spring"))
+            if kind in ("distance", "spring", "bearing"):
+                links.append(Link(markers[0], markers[1], kind != "distance"))
             if section == "contacts":
                 draw, where, direction = CONTACTS[kind]
                 body = item.marker(where).body
