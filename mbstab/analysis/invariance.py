@@ -404,6 +404,8 @@ class Invariance:
     def satisfies(self, q: Array, u: Array, time: float | None = None, within: float | None = None) -> bool:
         """Whether a state satisfies the constraint rows."""
         system, motion = self.system, self.motion
+        if not system.n_c:
+            return True
         state = system.dynamics(q, u, motion.time if time is None else time)
         allowed = (self.agreed if within is None else within) * np.abs(state.J) @ motion.sizes + 1e-300
         fastest = max(float(np.max(np.abs(u / motion.sizes))), RESTING * self.rate)
@@ -425,16 +427,18 @@ class Invariance:
     def symmetries(self) -> list[Symmetry]:
         """Independent symmetries that move the reference."""
         motion, found = self.motion, list[Symmetry]()
-        basis = np.zeros((0, 2 * len(motion.q)))
+        room = np.zeros((2 * len(motion.q) + 1, 2 * len(motion.q)))
         for name, field in self.fields:
             direction, rate = field.field(motion.q), field.slope(motion.q) @ motion.u
             vector = self.disturbance(direction, rate)
             length = float(np.linalg.norm(vector))
             if length < 1e-9:
                 continue
-            trial = np.vstack([basis, vector / length])
-            if np.linalg.svd(trial, compute_uv=False)[-1] > INDEPENDENT:
-                basis = trial
+            count = len(found)
+            room[count] = vector / length
+            # What has nothing in common with those before is independent of them: of many free bodies, most.
+            apart = not np.any(room[:count] @ room[count])
+            if apart or np.linalg.svd(room[: count + 1], compute_uv=False)[-1] > INDEPENDENT:
                 found.append(Symmetry(name, direction, rate, field))
         return found
 
@@ -756,8 +760,9 @@ class Invariance:
         if element.written:
             return self._same_to_rounding(element, here, there, T)
         F, moved = (self._force(element, x) for x in (here, there))
-        after: Array = T.T @ moved
-        mixed: Array = np.abs(T).T @ np.abs(moved)
+        rows = T[columns]  # the element has no force on others
+        after: Array = moved[columns] @ rows
+        mixed: Array = np.abs(moved[columns]) @ np.abs(rows)
         sizes = self.motion.sizes
         total = float(np.max((np.abs(F) + mixed) * sizes))
         allowed = CARRIED * np.maximum(np.abs(F), np.abs(after)) + CANCELLED * total / sizes
@@ -921,13 +926,15 @@ class Invariance:
         """Yield constant shifts that the equations do not see at the reference: named ones, then their combinations."""
         system, sizes = self.system, self.motion.sizes
         null = self._blind()
-        basis = np.zeros((0, system.n_q))
+        room, count = np.zeros((system.n_q + 1, system.n_q)), 0
         for name, direction in self._named_shifts(null):
             scaled = direction / sizes / np.linalg.norm(direction / sizes)
-            rest = scaled - basis.T @ (basis @ scaled)
+            rest = scaled - room[:count].T @ (room[:count] @ scaled)
             if np.linalg.norm(rest) > 1e-6:
-                basis = np.vstack([basis, rest / np.linalg.norm(rest)])
+                room[count] = rest / np.linalg.norm(rest)
+                count += 1
                 yield name, self._shift(direction)
+        basis = room[:count]
         left, s, _ = np.linalg.svd(null - basis.T @ (basis @ null), full_matrices=False)
         for direction in _echelon(left.T[: int(np.sum(s > 1e-6))] * sizes):
             size = np.abs(direction)
@@ -947,15 +954,16 @@ class Invariance:
             scaled = direction / sizes / np.linalg.norm(direction / sizes)
             return bool(np.linalg.norm(scaled - null @ (null.T @ scaled)) < 1e-7)
 
-        single = [bool(inside(e)) for e in np.eye(len(names))]
+        single = np.linalg.norm(np.eye(len(names)) - null @ null.T, axis=0) < 1e-7
         for axis in "xyz":
             along = np.array([name.endswith(f".{axis}") for name in names])
             # Where each may be shifted by itself, all of them together say less.
-            if np.sum(along) > 1 and not np.all(np.array(single)[along]) and inside(along.astype(float)):
+            if np.sum(along) > 1 and not np.all(single[along]) and inside(along.astype(float)):
                 yield f"translation along {axis}", along.astype(float)
-        for i, name in enumerate(names):
-            if single[i]:
-                yield name, np.eye(len(names))[i]
+        for i in np.flatnonzero(single):
+            direction = np.zeros(len(names))
+            direction[i] = 1.0
+            yield names[i], direction
 
     def _blind(self) -> Array:
         """Return what constant shifts neither the forces nor the rows see at some states, as orthonormal columns."""
@@ -1104,21 +1112,23 @@ def _echelon(rows: Array) -> list[Array]:
     Expressions are compared with many digits: a direction that is known to 16 is none for them.
     """
     A = rows.copy()
-    free = list(range(A.shape[1]))
+    free = np.ones(A.shape[1])
     for k in range(len(A)):
-        pivot = max(free, key=lambda j: float(np.max(np.abs(A[k:, j]))))
+        pivot = int(np.argmax(np.where(free, np.max(np.abs(A[k:]), axis=0), -1.0)))
         best = k + int(np.argmax(np.abs(A[k:, pivot])))
         A[[k, best]] = A[[best, k]]
         A[k] /= A[k, pivot]
-        for i in range(len(A)):
-            if i != k:
-                A[i] -= A[i, pivot] * A[k]
-        free.remove(pivot)
+        others = np.flatnonzero(A[:, pivot])
+        others = others[others != k]
+        A[others] -= A[others, pivot, None] * A[k]
+        free[pivot] = 0.0
     return [_whole(np.where(np.abs(row) > 1e-12, row, 0.0)) for row in A]
 
 
 def _whole(direction: Array) -> Array:
     """Return a multiple of a direction in whole numbers, if the ratios of its entries are small fractions."""
+    if np.array_equal(direction, np.round(direction)):
+        return direction
     parts = [Fraction(float(x)).limit_denominator(MOST_DENOMINATOR) for x in direction]
     if any(abs(float(part) - x) > 1e-12 for part, x in zip(parts, direction, strict=True)):
         return direction

@@ -109,6 +109,12 @@ class Structure:
         """What adds energy and what takes it."""
         return Work(self.invariance, self.linear.generator)
 
+    @cached_property
+    def _slope(self) -> Array:
+        """Ξ of the motion, of which there is one if it is steady."""
+        assert self.linear.generator is not None
+        return self.linear.generator.frame(self.linear.motion.q)[0]
+
     # --- into the coordinates of S ----------------------------------------------------------------------------------
 
     def column(self, direction: Array, rate: Array) -> Array:
@@ -117,7 +123,7 @@ class Structure:
         spaces, n = linear.motion.spaces, self.space.n_xi
         generator = linear.generator
         if generator is not None and generator.turns:
-            rate = rate - generator.frame(linear.motion.q)[0] @ direction
+            rate = rate - self._slope @ direction
         xi = spaces.N.T @ (direction / spaces.scale)
         eta = spaces.Z.T @ (spaces.N.T @ (rate / spaces.scale) - space.A[:n, :n] @ xi)
         return np.concatenate([xi, eta / self.gamma])
@@ -131,8 +137,7 @@ class Structure:
         linear, space = self.linear, self.space
         spaces, n = linear.motion.spaces, self.space.n_xi
         N = spaces.scale[:, None] * spaces.N
-        generator = linear.generator
-        carried = rate - generator.frame(linear.motion.q)[0] @ direction if generator is not None else rate
+        carried = rate if linear.generator is None else rate - self._slope @ direction
         speeds = direction @ linear.M @ N
         positions = direction @ linear.R @ N - carried @ linear.M @ N
         return np.concatenate([positions + speeds @ space.A[:n, :n], self.gamma * (speeds @ spaces.Z)])
