@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mbstab.analysis.budget import Cost, Task
 from mbstab.analysis.check import CheckReport, check_scene
 from mbstab.analysis.eigen import EigenResult, answer
 from mbstab.analysis.expectations import Outcome, check_expectations
@@ -58,9 +59,26 @@ class Mechanism:
     ----------
     model : Model
         What the file says.
+    force : bool
+        Go on where a scene is so large that memory or time is more than what is reasonable
+        (`mbstab.analysis.budget`).
     """
 
     model: Model
+    force: bool = False
+
+    def _affordable(self, task: Task, parameters: Mapping[str, Setting]) -> System:
+        """Return the equations of motion if a task about them is within the limits of memory and time."""
+        system = self.system(**parameters)
+        if not self.force:
+            Cost.of(task, system.n_q, system.n_c).require()
+        return system
+
+    def _afford(self, task: Task) -> None:
+        """Refuse a task beyond the limits of memory and time, at whatever values of the parameters."""
+        # What is small enough without constraints need not be assembled.
+        if not Cost.of(task, len(self.model.coordinates()), 0).affordable:
+            self._affordable(task, {})
 
     def system(self, **parameters: Setting) -> System:
         """Return the equations of motion at parameter values.
@@ -83,7 +101,7 @@ class Mechanism:
         ModelFileError
             If the reference does not satisfy constraints or equations of motion.
         """
-        return reference_motion(self.system(**parameters))
+        return reference_motion(self._affordable("motion", parameters))
 
     @guarded
     def equilibria(
@@ -107,7 +125,7 @@ class Mechanism:
         """
         from mbstab.analysis.equilibrium import find_equilibria
 
-        return find_equilibria(self.system(**parameters), starts, seed, track)
+        return find_equilibria(self._affordable("motion", parameters), starts, seed, track)
 
     @guarded
     def linearize(self, frozen: bool = False, **parameters: Setting) -> Linearization:
@@ -116,7 +134,7 @@ class Mechanism:
         They are written in the frame of a steady motion, or with `frozen` in the coordinates of
         the file as they are at the reference time.
         """
-        system = self.system(**parameters)
+        system = self._affordable("motion", parameters)
         return linearize(system, reference_motion(system), frozen)
 
     @guarded
@@ -156,7 +174,7 @@ class Mechanism:
         NumericalError
             If the method needs independent constraint rows and they are not.
         """
-        return answer(self.system(**parameters), method, frozen, progress, self._zeros(parameters))
+        return answer(self._affordable("modes", parameters), method, frozen, progress, self._zeros(parameters))
 
     def _zeros(self, parameters: Mapping[str, Setting]) -> Callable[[], int]:
         """Return the function that counts the eigenvalues that are zero to many digits."""
@@ -196,6 +214,7 @@ class Mechanism:
         NumericalError
             If the digits cannot be reached.
         """
+        self._afford("modes")
         from mbstab.analysis.precise import precise_eigenvalues
 
         return precise_eigenvalues(self.model, parameters, digits, frozen, progress)
@@ -220,6 +239,7 @@ class Mechanism:
         UsageError
             If python-flint is missing, or a parameter is unknown.
         """
+        self._afford("modes")
         from mbstab.analysis.certify import certify
 
         return certify(self.model, parameters, digits, progress)
@@ -244,7 +264,7 @@ class Mechanism:
         """
         from mbstab.analysis.verify import verify
 
-        return verify(self.system(**parameters), frozen, progress, self._zeros(parameters))
+        return verify(self._affordable("modes", parameters), frozen, progress, self._zeros(parameters))
 
     @guarded
     def sweep(
@@ -275,6 +295,7 @@ class Mechanism:
         UsageError
             If the parameter is unknown or the values are not in order.
         """
+        self._afford("modes")
         from mbstab.analysis.sweep import sweep
 
         settings = parse_overrides(self.model, parameters)
@@ -339,7 +360,7 @@ class Mechanism:
         """
         from mbstab.analysis.simulate import simulate
 
-        system = self.system(**parameters)
+        system = self._affordable("run", parameters)
         return simulate(
             system,
             to=to,
@@ -369,7 +390,7 @@ class Mechanism:
         """
         from mbstab.analysis.swing import swing
 
-        return swing(self.system(**parameters), number, points)
+        return swing(self._affordable("modes", parameters), number, points)
 
     @guarded
     def chart(
@@ -391,6 +412,7 @@ class Mechanism:
         progress, directory, resume, jobs, cluster
             As in `sweep`.
         """
+        self._afford("modes")
         from mbstab.analysis.chart import chart
 
         settings = parse_overrides(self.model, parameters)
@@ -420,6 +442,7 @@ class Mechanism:
         UsageError
             If the tolerance cannot be judged, or the motion is periodic.
         """
+        self._afford("modes")
         from mbstab.analysis.compare import compare
 
         return compare(self.model, parameters, digits, tolerance, progress)
@@ -457,12 +480,12 @@ class Mechanism:
         """
         from mbstab.analysis.integrations import compare_integrators
 
-        return compare_integrators(self.system(**parameters), to, perturb, tolerance, progress)
+        return compare_integrators(self._affordable("run", parameters), to, perturb, tolerance, progress)
 
     @guarded
     def check(self, **parameters: Setting) -> CheckReport:
         """Return what the scene consists of, what it does not need, and how well the reference fits."""
-        return check_scene(self.system(**parameters))
+        return check_scene(self._affordable("motion", parameters))
 
     def symbolic(self, track: Track = list) -> SymbolicBlocks:
         """Return the blocks of the composite matrices with symbols (Pappalardo et al. 2020, Eqs. (62)-(67)).
@@ -480,8 +503,10 @@ class Mechanism:
         return check_expectations(self.model)
 
 
-def load(path: str | Path) -> Mechanism:
+def load(path: str | Path, force: bool = False) -> Mechanism:
     """Load a model file; a name that is no file is looked up among the installed examples.
+
+    With `force` it answers however much memory and time that takes.
 
     Raises
     ------
@@ -490,9 +515,9 @@ def load(path: str | Path) -> Mechanism:
     UsageError
         If there is no such file or example.
     """
-    return Mechanism(read_model(find_model(str(path)).path))
+    return Mechanism(read_model(find_model(str(path)).path), force)
 
 
-def loads(text: str, name: str = "<text>") -> Mechanism:
-    """Load a model from text; `name` is what messages call it."""
-    return Mechanism(read_model_text(text, name))
+def loads(text: str | bytes, name: str = "<text>", force: bool = False) -> Mechanism:
+    """Load a model from text; `name` is what messages call it, `force` as in `load`."""
+    return Mechanism(read_model_text(text, name), force)

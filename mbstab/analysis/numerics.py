@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 def guarded(function: Callable[P, T]) -> Callable[P, T]:
-    """Return a function whose overflows, divisions by zero and failed factorizations are a `NumericalError`."""
+    """Return a function whose overflows, divisions by zero and other failures of arithmetic are a `NumericalError`."""
 
     @functools.wraps(function)
     def inner(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -31,6 +31,11 @@ def guarded(function: Callable[P, T]) -> Callable[P, T]:
             raise NumericalError(
                 f"the computation left the range of double precision ({error})\n"
                 "hint: look for numbers of extreme size in the file, or measure length, mass and time in other units"
+            ) from error
+        except MemoryError as error:
+            raise NumericalError(
+                f"there is not enough memory ({str(error) or 'no allocation was possible'})\n"
+                "hint: matrices of a scene with n coordinates take about 640 n^2 bytes; ask about a part of the scene"
             ) from error
 
     return inner

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import click
 
-from mbstab.cli.common import file_argument, load_model, parse_settings, set_option
+from mbstab.cli.common import file_argument, force_option, load_model, parse_settings, set_option
 from mbstab.cli.output import Output, output_options, warn
 
 
 @click.command()
 @file_argument
 @set_option
+@force_option
 @output_options("table", "json")
 def check(file: str, settings: tuple[str, ...], output: Output) -> None:
     """Say what the scene consists of, its degrees of freedom, and what it does not need.

@@ -38,6 +38,22 @@ set_option = click.option(
     help="Override a parameter; VALUE is a number in the parameter's unit or an expression. May be repeated.",
 )
 
+_FORCE = "mbstab.force"
+
+
+def _remember_force(context: click.Context, parameter: click.Parameter, value: bool) -> None:
+    context.meta[_FORCE] = value
+
+
+force_option = click.option(
+    "--force",
+    is_flag=True,
+    expose_value=False,
+    callback=_remember_force,
+    help="Go on with scenes so large that they take more than 1 GB of memory or 10 s.",
+)
+"""Is obeyed by `load_model`."""
+
 
 def load_model(file: str) -> Mechanism:
     """Load a model file, an installed example, of which stderr says which, or the model that stdin holds."""
@@ -46,13 +62,15 @@ def load_model(file: str) -> Mechanism:
     from mbstab.model.reader import read_model, read_model_text
     from mbstab.model.yamlfile import read_limited
 
+    context = click.get_current_context(silent=True)
+    force = context is not None and bool(context.meta.get(_FORCE))
     if file == "-":
-        return Mechanism(read_model_text(read_limited(sys.stdin.buffer, STDIN), STDIN))
+        return Mechanism(read_model_text(read_limited(sys.stdin.buffer, STDIN), STDIN), force)
     found = find_model(file)
     files().opened(found.path)
     if found.installed:
         note(f"using the example model {found.path}")
-    return Mechanism(read_model(found.path))
+    return Mechanism(read_model(found.path), force)
 
 
 def parse_settings(settings: tuple[str, ...], option: str = "--set") -> dict[str, str]:

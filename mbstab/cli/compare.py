@@ -9,6 +9,7 @@ import click
 
 from mbstab.cli.common import (
     file_argument,
+    force_option,
     load_model,
     parse_settings,
     progress_bar,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 @click.command()
 @file_argument
 @set_option
+@force_option
 @click.option(
     "--digits", type=click.IntRange(20, 1000), default=50, show_default=True, help="Digits of the truth compared with."
 )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mbstab.analysis.methods import DEFAULT, METHODS
-from mbstab.cli.common import files_argument, load_model, parse_settings, progress_bar, set_option
+from mbstab.cli.common import files_argument, force_option, load_model, parse_settings, progress_bar, set_option
 from mbstab.cli.output import Answer, Output, output_options, warn
 from mbstab.errors import ExpectationError, MbstabError, NumericalError, SeveralErrors, UsageError, visible
 from mbstab.model.words import REQUIRED
@@ -24,6 +24,7 @@ CERTIFIED_DIGITS = 50
 @click.command()
 @files_argument
 @set_option
+@force_option
 @click.option(
     "--method",
     type=click.Choice(tuple(METHODS)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from mbstab.cli.common import file_argument, load_model, parse_settings, set_option, tracked
+from mbstab.cli.common import file_argument, force_option, load_model, parse_settings, set_option, tracked
 from mbstab.cli.output import Output, output_options, warn
 from mbstab.errors import UsageError
 
@@ -14,6 +14,7 @@ FORMS = ("equations", "composite", "pencil", "state-space")
 @click.command()
 @file_argument
 @set_option
+@force_option
 @click.option(
     "--form",
     type=click.Choice(FORMS),

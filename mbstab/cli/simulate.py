@@ -16,6 +16,7 @@ from mbstab.cli import completion
 from mbstab.cli.animate import POINTS, Animation, animation_options
 from mbstab.cli.common import (
     file_argument,
+    force_option,
     load_model,
     parse_settings,
     progress_bar,
@@ -65,6 +66,7 @@ def _terminable() -> Iterator[None]:
 @click.option("--to", type=float, metavar="T", help="Last time (s); 10 s after the start if not given.")
 @click.option("--from", "start", type=float, metavar="T0", help="First time (s); that of the file if not given.")
 @set_option
+@force_option
 @click.option(
     "--method",
     type=click.Choice(METHODS),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mbstab.cli import completion
-from mbstab.cli.common import file_argument, load_model, parse_settings, progress_bar, set_option
+from mbstab.cli.common import file_argument, force_option, load_model, parse_settings, progress_bar, set_option
 from mbstab.cli.output import (
     Answer,
     Output,
@@ -56,6 +56,7 @@ CHART_POINTS = 101
 @click.option("--log", "logarithmic", is_flag=True, help="Space the values logarithmically.")
 @click.option("--values", metavar="LIST", help="The values themselves, separated by commas.")
 @set_option
+@force_option
 @click.option(
     "--plot",
     "pictures",

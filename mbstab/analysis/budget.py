@@ -1,0 +1,75 @@
+"""What a question about a large scene costs, before matrices are made: memory and time are estimated and limited."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from mbstab.errors import UsageError
+
+Task = Literal["motion", "modes", "run"]
+"""``motion``: the reference and the matrices there; ``modes``: also the eigenvalues and what they say; ``run``: a run
+of a simulation."""
+
+MOST_MEMORY = 1e9
+"""Estimates beyond this are refused (bytes)."""
+MOST_TIME = 10.0
+"""Estimates beyond this are refused (s)."""
+
+_NUMBERS: dict[Task, float] = {"motion": 45.0, "modes": 80.0, "run": 100.0}
+"""How many numbers are kept for each entry of a matrix of the size of the coordinates; measured."""
+_COORDINATES: dict[Task, float] = {"motion": 10e-9, "modes": 15e-9, "run": 50e-9}
+"""Time for each cube of the number of coordinates (s); measured."""
+_EIGENVALUES: dict[Task, float] = {"motion": 0.0, "modes": 9e-9, "run": 0.0}
+"""Time for each cube of the number of eigenvalues besides (s); measured."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """An estimate for a scene.
+
+    Attributes
+    ----------
+    n_q : int
+        Number of coordinates.
+    memory : float (bytes)
+    time : float (s)
+        On one core.
+    """
+
+    n_q: int
+    memory: float
+    time: float
+
+    @classmethod
+    def of(cls, task: Task, n_q: int, n_c: int) -> Cost:
+        """Return the cost of a task for coordinates and constraint rows, which are taken to be independent."""
+        time = _COORDINATES[task] * float(n_q) ** 3 + _EIGENVALUES[task] * (2.0 * max(0, n_q - n_c)) ** 3
+        return cls(n_q, 8.0 * _NUMBERS[task] * float(n_q) ** 2, time)
+
+    @property
+    def affordable(self) -> bool:
+        """Whether it is within the limits."""
+        return self.memory <= MOST_MEMORY and self.time <= MOST_TIME
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        units = (("h", 3600.0), ("min", 60.0), ("s", 1.0))
+        unit, size = next((pair for pair in units if self.time >= 2.0 * pair[1]), units[-1])
+        time = f"{max(1.0, self.time / size):.0f} {unit}"
+        return f"about {self.memory / 1e9:.1f} GB of memory and {time} of work"
+
+    def require(self) -> None:
+        """Refuse what costs too much.
+
+        Raises
+        ------
+        UsageError
+            With number of coordinates, estimate and limits.
+        """
+        if not self.affordable:
+            raise UsageError(
+                f"the scene has {self.n_q} coordinates: that takes {self}, more than {MOST_MEMORY / 1e9:.0f} GB or "
+                f"{MOST_TIME:.0f} s\nhint: --force (force=True in Python) goes on nevertheless; bodies that nothing "
+                "connects can be asked about one by one"
+            )
