@@ -7,6 +7,7 @@ is wrong, 3 an expectation (``expect:``, ``--require`` or ``--verify``) did not 
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
@@ -87,6 +88,16 @@ def suggestion(word: str, known: Iterable[str]) -> str:
 def counted(number: int, one: str, many: str = "") -> str:
     """Return ``1 row`` or ``2 rows``."""
     return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def amount(x: float) -> str:
+    """Return a size in a sentence: ``0``, two digits such as ``1.2e-05``, or that there is none."""
+    return "0" if x == 0.0 else f"{x:.1e}" if math.isfinite(x) else "no finite number"
+
+
+def percent(part: float) -> str:
+    """Return a part in per cent; what rounds to zero is not called zero."""
+    return f"{100.0 * part:.1f} %" if part >= 5e-4 else "less than 0.1 %"
 
 
 class MbstabError(Exception):

@@ -13,6 +13,7 @@ from mpmath import mp
 from truth import ZERO, distance, exact_eigenvalues
 
 import mbstab
+from mbstab.analysis.eigen import matched
 from mbstab.analysis.methods import METHODS
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.precise import precise_eigenvalues
@@ -770,3 +771,24 @@ def test_a_slow_motion_along_a_symmetry_is_not_counted_as_neutral(drag):
     assert result.counts.neutral == 3
     (slow,) = [e for e in result.eigenvalues if e.kind != "neutral" and not e.value.imag]
     assert abs(slow.value + drag) <= slow.error_bound <= 1e-10
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_stiff_and_soft_directions_beside_free_ones_are_answered(seed):
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 4))
+    masses = 10.0 ** rng.uniform(-8.0, 8.0, count)
+    rates = np.where(rng.random(2 * count) < 0.3, 0.0, 10.0 ** rng.uniform(-4.0, 4.0, 2 * count))
+    signs = rng.choice([-1.0, 1.0], 2 * count)
+    lines = ["mbstab: 1", "bodies:"]
+    lines += [f"  p{i}: {{type: planar_point, mass: {float(m)!r}}}" for i, m in enumerate(masses)]
+    slopes = {f"p{i // 2}.{'xy'[i % 2]}": signs[i] * rates[i] ** 2 * masses[i // 2] for i in range(2 * count)}
+    acting = ", ".join(f'{name}: "{float(k)!r}*{name}"' for name, k in slopes.items())
+    lines += ["forces:", f"  f: {{type: expression, on: {{{acting}}}}}", "reference:", "  coordinates:"]
+    lines += [f"    p{i}: {{x: 0, y: 0}}" for i in range(count)]
+    result = mbstab.loads("\n".join(lines)).eig()
+    expected = [s * r * (1.0 if sign > 0 else 1j) for r, sign in zip(rates, signs, strict=True) if r for s in (1, -1)]
+    assert result.counts.neutral == 2 * int(np.sum(rates == 0.0))
+    assert matched(result.values(), expected) == pytest.approx(0.0, abs=1e-11 * max(rates, default=1.0))
+    grows = any(r and sign > 0 for r, sign in zip(rates, signs, strict=True))
+    assert (result.verdict == "unstable") == grows

@@ -22,10 +22,12 @@ from mbstab.analysis.verdict import (
     Facts,
     Minimum,
     Neutral,
+    _unplaced,
     judge,
     place,
     side,
 )
+from mbstab.errors import amount, percent
 
 HELD = "the energy is conserved"
 SHIFT = Neutral(("translation along x",), ("speed along x",), 2, 1)
@@ -136,3 +138,23 @@ def test_every_verdict_says_why(known):
     assert all(text and text[-1] not in "., " for text in found.reasons)
     if found.word in (ASYMPTOTIC_UP_TO, STABLE_UP_TO):
         assert found.modulo.symmetries == known.neutral.symmetries
+
+
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("centre", [0j, 10j, -1e-9 + 10j])
+@pytest.mark.parametrize("radius", [0.0, 1e-8, math.inf])
+def test_why_a_verdict_is_open_is_said_without_numbers_that_are_none(count, centre, radius):
+    text = _unplaced(Disc(centre, radius, count, "open"), None)
+    for nonsense in ("0.0e", "inf", "nan", "within its error bound 0 "):
+        assert nonsense not in text
+    assert (f"{count} eigenvalues" in text) == (count > 1 and radius < math.inf)
+    assert "lie, which" not in text
+
+
+@pytest.mark.parametrize("x", [0.0, 1e-300, 1.0, math.inf, math.nan])
+def test_sizes_in_sentences(x):
+    assert "inf" not in amount(x) or "finite" in amount(x)
+    assert "0.0e" not in amount(x)
+    assert amount(1.24e-5) == "1.2e-05"
+    assert percent(0.0) == percent(1e-9) == "less than 0.1 %"
+    assert percent(0.25) == "25.0 %"

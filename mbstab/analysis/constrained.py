@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from mbstab.analysis.motion import Motion
 from mbstab.compiler.system import Array, Dynamics, System
-from mbstab.errors import ConstraintError, MbstabError, NumericalError
+from mbstab.errors import ConstraintError, MbstabError, NumericalError, amount
 
 if TYPE_CHECKING:
     from mbstab.compiler.fused import Fused, Program
@@ -341,8 +341,8 @@ class Constrained:
             u = u + self._least_change(state, state.V, self.n_c, None)
         if not least <= ACCEPTED:
             raise NumericalError(
-                f"the constraints cannot be satisfied at t = {t:.9g} s: a residual of {least:.1e} of the sizes in the "
-                f"scene is left, where {ACCEPTED:g} is allowed"
+                f"the constraints cannot be satisfied at t = {t:.9g} s: a residual of {amount(least)} of the sizes in "
+                f"the scene is left, where {ACCEPTED:g} is allowed"
             )
         assert best[2] is not None
         return best[0], best[1], best[2]
@@ -455,7 +455,7 @@ class Constrained:
         left = np.linalg.svd(state.J * self._rows)[0][:, self.rank - 1]
         return ConstraintError(
             f"the mechanism is at a singular configuration at t = {t:.9g} s: the least singular value of its "
-            f"constraints falls to {value:.1e} of that at the start, where {SINGULAR:g} is the threshold\n"
+            f"constraints falls to {amount(value)} of that at the start, where {SINGULAR:g} is the threshold\n"
             f"the rows that depend on each other there: {self.owners(left)}\n{hint}"
         )
 
@@ -464,8 +464,8 @@ class Constrained:
         assert self._least is not None
         return ConstraintError(
             f"the mechanism comes to a singular configuration just after t = {t:.9g} s: the least singular value of "
-            f"its constraints has fallen to {watch.value / self._least:.1e} of that at the start ({SINGULAR:g} counts "
-            f"as singular), and {reason}\n"
+            f"its constraints has fallen to {amount(watch.value / self._least)} of that at the start ({SINGULAR:g} "
+            f"counts as singular), and {reason}\n"
             f"the rows that depend on each other there: {self.owners(watch.left)}\n{LIMIT_HINT}"
         )
 

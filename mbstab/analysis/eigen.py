@@ -193,7 +193,7 @@ def eigenvalues(linear: Linearization, method: str = DEFAULT, zeros: Callable[[]
 
 def judged(grounds: Grounds, method: str = DEFAULT) -> EigenResult:
     """Return the eigenvalues for facts that are known already; see `eigenvalues`."""
-    if method not in METHODS:
+    if not isinstance(method, str) or method not in METHODS:
         raise UsageError(f"unknown method {method!r}\nhint: one of {', '.join(METHODS)}")
     linear, separated = grounds.linear, grounds.separated
     problem = linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L
@@ -349,9 +349,10 @@ def _inexact(found: list[Eigenvalue]) -> tuple[str, ...]:
         return ()
     worst = max(few, key=lambda e: e.error_bound / abs(e.value))
     others = f" (and {len(few) - 1} more, less so)" if len(few) > 1 else ""
+    magnified = f"{worst.condition:.1e} times" if math.isfinite(worst.condition) else "without bound"
     return (
         f"the eigenvalue {show(worst.value)} 1/s{others} is known to {worst.error_bound:.1e} 1/s only: "
-        f"the rounding of the data and of the equations is magnified {worst.condition:.1e} times; "
+        f"the rounding of the data and of the equations is magnified {magnified}; "
         "--precision gives more digits",
     )
 

@@ -30,7 +30,7 @@ from mbstab.analysis.steady import Family, Generator, detected
 from mbstab.analysis.subspaces import rank_of
 from mbstab.compiler.system import Array, System
 from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, NumericalError, UsageError, counted
-from mbstab.model.schema import is_length
+from mbstab.model.schema import is_length, unit_of
 
 Flags = npt.NDArray[np.bool_]
 
@@ -41,6 +41,8 @@ REACH = 0.5
 
 CONVERGED = 1e-9
 """Residuals below this, relative to what balances, are polished by undamped steps until they stop falling."""
+FADED = 1e-9
+"""Where a search stalls with less than this, relative to what balances, forces are small there, not balanced."""
 
 PATIENCE = 12
 """Newton's method goes on while it halves the residuals in so many steps."""
@@ -588,7 +590,12 @@ class Problem:
             lines.append(f"{moving} is not satisfied at rest: it drives the mechanism")
             hint = "look for a steady motion with find: steady, or choose a time at which the drive rests"
         else:
-            lines.append(f"it stalled with {abs(force[worst]):.4g} {unit} unbalanced on {self.system.names[worst]}")
+            name, left = self.system.names[worst], abs(float(force[worst]))
+            if abs(float(state.residual[worst])) > FADED:
+                lines.append(f"it stalled with {left:.4g} {unit} unbalanced on {name}")
+            else:
+                value = f"{state.q[worst]:.6g} {unit_of(name)}"
+                lines.append(f"it ran to {name} = {value}, where the forces fade out but need not balance")
             hint = "other starting values under reference.guess, or --starts 20"
             if self.held.any():
                 names = [name for name, held in zip(self.system.names, self.held, strict=True) if held]

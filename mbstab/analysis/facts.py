@@ -25,6 +25,7 @@ from mbstab.analysis.reversor import Reversor, reversor
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.verdict import Critical, Disc, Facts, Minimum, Neutral
 from mbstab.compiler.system import Array
+from mbstab.errors import percent
 from mbstab.model.schema import is_length
 
 SLOWEST = 1e-6
@@ -134,7 +135,7 @@ class Grounds:
     def _frozen(self) -> str:
         linear = self.linear
         change = linear.variation
-        size = f"by {change:.1%}" if math.isfinite(change) else "without bound"
+        size = f"by {percent(change)}" if math.isfinite(change) else "without bound"
         if linear.frozen:
             along = f", and change {size} along the motion" if not linear.constant else ""
             return f"frozen-time (asked for): not a stability verdict; the coefficients are those of an instant{along}"

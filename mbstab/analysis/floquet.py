@@ -36,7 +36,7 @@ import numpy as np
 from mbstab.analysis.motion import Motion
 from mbstab.analysis.numerics import guarded
 from mbstab.compiler.system import Array, System
-from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError
+from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError, amount
 from mbstab.model.schema import is_length, unit_of
 
 TOLERANCES = (1e-12, 1e-13)
@@ -263,7 +263,7 @@ class _Instant:
             self.singular = float(s[rank - 1])
             if self.singular < least:
                 raise ConstraintError(
-                    f"the constraints lose rank: a singular value falls to {self.singular:.1e}\n"
+                    f"the constraints lose rank: a singular value falls to {amount(self.singular)}\n"
                     "hint: the motion passes a singular configuration of the mechanism, from which it may go on in "
                     "different ways"
                 )

@@ -18,7 +18,7 @@ from mbstab.analysis.constrained import ACCEPTED, Constrained
 from mbstab.analysis.motion import Finder, Motion
 from mbstab.analysis.reference import reference_motion
 from mbstab.compiler.system import Array, System
-from mbstab.errors import MbstabError, ModelFileError, UsageError, suggestion
+from mbstab.errors import MbstabError, ModelFileError, UsageError, amount, suggestion
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.schema import parse_finite, unit_of
@@ -169,6 +169,8 @@ def _value(system: System, name: str, value: float | str) -> float:
     parameters = system.scene.parameters
     try:
         if not isinstance(value, str):
+            if isinstance(value, bool) or not hasattr(value, "__float__"):
+                raise ExpressionError("a disturbance is one number", 0, "a number, or a text with an expression")
             found = float(value)
         else:
             expression = parse_finite(value, parameters)
@@ -260,8 +262,8 @@ def _positions(finder: Finder, equations: Constrained, t: float, q0: Array, want
         q, left = equations.onto_positions(t, q)
     if not left <= ACCEPTED:
         text = (
-            f"no state near the initial values satisfies the constraints at t = {t:.9g} s: a residual of {left:.1e} of "
-            "the sizes in the scene is left"
+            f"no state near the initial values satisfies the constraints at t = {t:.9g} s: a residual of "
+            f"{amount(left)} of the sizes in the scene is left"
         )
         raise _refused(finder.system, wanted, text, "correct the values, or give those of other coordinates, too")
     return q, np.where(held, q - goal, none)
@@ -295,8 +297,8 @@ def _speeds(equations: Constrained, t: float, q: Array, wanted: _Wanted) -> tupl
     u, left, _ = equations.onto_velocities(t, q, goal)
     if not left <= ACCEPTED:
         text = (
-            f"no rates near the initial values satisfy the constraints at t = {t:.9g} s: a residual of {left:.1e} of "
-            "the rates in the scene is left"
+            f"no rates near the initial values satisfy the constraints at t = {t:.9g} s: a residual of {amount(left)} "
+            "of the rates in the scene is left"
         )
         raise _refused(equations.system, wanted, text, "correct the rates")
     return u, np.where(held, u - goal, none)

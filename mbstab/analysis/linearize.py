@@ -23,7 +23,7 @@ from mbstab.analysis.names import names_in
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.subspaces import RANK_TOLERANCE, Subspaces, rank_of
 from mbstab.compiler.system import Array, Row, System
-from mbstab.errors import ConstraintError, MbstabError, ModelFileError
+from mbstab.errors import ConstraintError, MbstabError, ModelFileError, percent
 from mbstab.model.schema import is_length
 
 GUARD_TOLERANCE = 1e-8
@@ -357,7 +357,7 @@ def _asymmetric(system: System, motion: Motion, variation: float) -> ModelFileEr
     """Return the error about a declared steady motion whose scene has not the symmetry."""
     generator, scene = motion.generators[0], system.scene
     names = breaking(system, motion, generator)
-    change = f"change by {variation:.1%} along it" if math.isfinite(variation) else "cannot be followed along it"
+    change = f"change by {percent(variation)} along it" if math.isfinite(variation) else "cannot be followed along it"
     broken = f"; the symmetry is broken by {', '.join(names)}" if names else ""
     message = (
         f"the scene has not the symmetry of the declared steady motion ({generator}): its equations {change}{broken}"

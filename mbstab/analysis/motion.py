@@ -21,7 +21,7 @@ from mbstab.analysis.numerics import norms
 from mbstab.analysis.steady import Family, Generator
 from mbstab.analysis.subspaces import RANK_TOLERANCE, Redundancy, Subspaces, rank_of, redundancies, subspaces
 from mbstab.compiler.system import Array, Dynamics, System
-from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem
+from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, amount
 from mbstab.model.schema import is_length
 from mbstab.model.units import parse_unit
 
@@ -173,12 +173,12 @@ class Finder:
                 "give the body another base rotation with axes: [phi, theta, psi], so that theta stays away from ±pi/2"
             )
             if distance < CHART_ERROR:
-                message = f"the Euler angles of {body.name!r} are singular here: |cos theta| = {distance:.1e}"
+                message = f"the Euler angles of {body.name!r} are singular here: |cos theta| = {amount(distance)}"
                 problems.append(self.document.problem(body.location, f"bodies.{body.name}", message, hint))
             elif distance < CHART_WARNING:
                 self.warnings.append(
                     f"the Euler angles of body {body.name!r} are close to singular: "
-                    f"|cos theta| = {distance:.1e}; {hint}"
+                    f"|cos theta| = {amount(distance)}; {hint}"
                 )
         self._fail(problems)
 
@@ -359,8 +359,8 @@ class Finder:
             misfit = max(spaces.C.largest_dropped, spaces.W.largest_dropped)
             if misfit > ROUNDING:
                 self.warnings.append(
-                    f"the redundant rows repeat the others to {misfit:.1e} only; smaller than {RANK_TOLERANCE:g}, this "
-                    "is taken for rounding in the file, not for a constraint"
+                    f"the redundant rows repeat the others to {amount(misfit)} only; smaller than {RANK_TOLERANCE:g}, "
+                    "this is taken for rounding in the file, not for a constraint"
                 )
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, self.sizes, state, spaces, redundant, tuple(self.solved),

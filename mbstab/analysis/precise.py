@@ -30,7 +30,7 @@ from mbstab.analysis.precise_motion import Point, Start, another_rank, rank_misf
 from mbstab.analysis.subspaces import Subspaces
 from mbstab.analysis.verdict import STRENGTH, UNDECIDED, Disc, Judged, Verdict, judge, place, show
 from mbstab.compiler.system import System
-from mbstab.errors import MbstabError, NumericalError, UsageError
+from mbstab.errors import MbstabError, NumericalError, UsageError, amount
 from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate, parse_overrides
@@ -255,7 +255,7 @@ def _spectrum(start: Start, settings: Mapping[str, Any], work: int) -> _Spectrum
         return _polished_spectrum(start, settings, work)
     except Stalled as stalled:
         raise NumericalError(
-            f"the motion is not sharpened to {work} digits: steps stop shrinking at {stalled.reached:.1e}\n"
+            f"the motion is not sharpened to {work} digits: steps stop shrinking at {amount(stalled.reached)}\n"
             "hint: fewer digits, or numbers of less extreme size in the file"
         ) from None
 
@@ -554,7 +554,7 @@ def _differences(start: Start, found: list[PreciseEigenvalue], counts: Counts, v
         columns = assigned(distance)
         off = [e for i, e in enumerate(judged) if distance[i, columns[i]] > 2.0 * e.error_bound]
         texts += [
-            f"double precision has {show(e.value)} 1/s, off by more than its error bound {e.error_bound:.1e}"
+            f"double precision has {show(e.value)} 1/s, off by more than its error bound {amount(e.error_bound)}"
             for e in off
             if e.value.imag >= 0.0
         ]

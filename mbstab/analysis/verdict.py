@@ -30,7 +30,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from mbstab.errors import counted
+from mbstab.errors import amount
 from mbstab.model.schema import is_length
 from mbstab.model.words import ASYMPTOTIC as ASYMPTOTIC
 from mbstab.model.words import ASYMPTOTIC_UP_TO as ASYMPTOTIC_UP_TO
@@ -406,10 +406,10 @@ def _doubts(facts: Facts) -> tuple[str, ...]:
 def _growth(worst: Disc, facts: Facts) -> str:
     value = show(worst.centre)
     if worst.count > 1:
-        return f"{worst.count} eigenvalues within {worst.radius:.1e} 1/s of {value} 1/s grow"
+        return f"{worst.count} eigenvalues within {amount(worst.radius)} 1/s of {value} 1/s grow"
     pair = bool(worst.centre.imag)
     what, verb = ("eigenvalues", "grow") if pair else ("eigenvalue", "grows")
-    return f"the {what} {value} 1/s {verb} (error bound {worst.radius:.1e})"
+    return f"the {what} {value} 1/s {verb} (error bound {amount(worst.radius)})"
 
 
 def _decaying(facts: Facts) -> Verdict:
@@ -541,18 +541,25 @@ def _unplaced(disc: Disc, facts: Facts) -> str:
     if not disc.radius < float("inf"):
         return f"nothing is known about how far the eigenvalue {show(disc.centre)} 1/s is off"
     many = disc.count > 1
+    if disc.holds_zero and not disc.radius:
+        what = f"{disc.count} eigenvalues are" if many else "an eigenvalue is"
+        return f"{what} exactly zero, and no symmetry or family of motions explains it: a critical state"
     if disc.holds_zero:
         what = f"{disc.count} eigenvalues lie" if many else "an eigenvalue lies"
         return (
             f"{what} within {disc.radius:.1e} 1/s of zero, and no symmetry or family of motions explains it: a "
             "critical state, or motions so slow that rounding hides on which side of the imaginary axis they are"
         )
-    what = counted(disc.count, "eigenvalue lies", "eigenvalues lie") if many else "the eigenvalue"
-    if many:
-        return f"{what} within {disc.radius:.1e} 1/s of {show(disc.centre)} 1/s, which reaches over the imaginary axis"
+    value = f"{show(disc.centre)} 1/s"
+    if many and disc.radius:
+        return (
+            f"{disc.count} eigenvalues lie within {disc.radius:.1e} 1/s of {value}, and this disc reaches over the "
+            "imaginary axis"
+        )
+    what = f"{disc.count} eigenvalues {value} lie" if many else f"the eigenvalue {value} lies"
+    where = f"within its error bound {disc.radius:.1e} of" if disc.radius else "exactly on"
     return (
-        f"{what} {show(disc.centre)} 1/s lies within its error bound {disc.radius:.1e} of the imaginary axis, and no "
-        "structure of the equations holds it there"
+        f"{what} {where} the imaginary axis, and no structure of the equations holds {'them' if many else 'it'} there"
     )
 
 
