@@ -11,10 +11,16 @@
 
 from __future__ import annotations
 
+import numbers
+import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from mbstab.analysis.budget import Cost, Task
 from mbstab.analysis.check import CheckReport, check_scene
@@ -26,11 +32,12 @@ from mbstab.analysis.numerics import guarded
 from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.symbolic import SymbolicBlocks, Track, symbolic_blocks
 from mbstab.compiler.system import Array, System
+from mbstab.errors import UsageError
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.library import find_model
 from mbstab.model.reader import read_model, read_model_text
 from mbstab.model.schema import Model
-from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides
+from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides, plain_setting
 
 if TYPE_CHECKING:
     from mbstab.analysis.certify import Certificate
@@ -44,7 +51,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.swing import Swing
     from mbstab.analysis.verify import Verification
 
-Setting = float | str
+Setting = float | str | Fraction | Decimal
 Starts = Callable[[list[int]], Iterator[int]]
 
 
@@ -52,8 +59,9 @@ Starts = Callable[[list[int]], Iterator[int]]
 class Mechanism:
     """A model file that can be asked questions.
 
-    Every method takes parameter values as keywords: ``model.eig(omega=5.6)``. A number
-    counts in the declared unit of the parameter, a text is an expression.
+    Every method takes parameter values as keywords: ``model.eig(omega=5.6)``. A number, also one
+    of NumPy, `fractions` or `decimal`, counts in the declared unit of the parameter; a text is an
+    expression in SI, or a number with or without a unit, such as ``"2 mm"``.
 
     Attributes
     ----------
@@ -66,6 +74,10 @@ class Mechanism:
 
     model: Model
     force: bool = False
+
+    def _settings(self, parameters: Mapping[str, object]) -> dict[str, float | str]:
+        """Return values of parameters as plain numbers and texts."""
+        return {name: plain_setting(self.model, name, value) for name, value in parameters.items()}
 
     def _affordable(self, task: Task, parameters: Mapping[str, Setting]) -> System:
         """Return the equations of motion if a task about them is within the limits of memory and time."""
@@ -90,7 +102,7 @@ class Mechanism:
         ModelFileError
             If a value is out of range.
         """
-        return System(evaluate(self.model, parse_overrides(self.model, parameters)))
+        return System(evaluate(self.model, parse_overrides(self.model, self._settings(parameters))))
 
     @guarded
     def motion(self, **parameters: Setting) -> Motion:
@@ -125,6 +137,7 @@ class Mechanism:
         """
         from mbstab.analysis.equilibrium import find_equilibria
 
+        starts, seed = _whole("starts", starts, 1), _whole("seed", seed)
         return find_equilibria(self._affordable("motion", parameters), starts, seed, track)
 
     @guarded
@@ -182,7 +195,7 @@ class Mechanism:
         def zeros() -> int:
             from mbstab.analysis.precise import exact_zeros
 
-            return exact_zeros(self.model, parameters)
+            return exact_zeros(self.model, self._settings(parameters))
 
         return zeros
 
@@ -214,10 +227,11 @@ class Mechanism:
         NumericalError
             If the digits cannot be reached.
         """
+        digits = _whole("digits", digits)
         self._afford("modes")
         from mbstab.analysis.precise import precise_eigenvalues
 
-        return precise_eigenvalues(self.model, parameters, digits, frozen, progress)
+        return precise_eigenvalues(self.model, self._settings(parameters), digits, frozen, progress)
 
     @guarded
     def certify(
@@ -239,10 +253,11 @@ class Mechanism:
         UsageError
             If python-flint is missing, or a parameter is unknown.
         """
+        digits = _whole("digits", digits)
         self._afford("modes")
         from mbstab.analysis.certify import certify
 
-        return certify(self.model, parameters, digits, progress)
+        return certify(self.model, self._settings(parameters), digits, progress)
 
     @guarded
     def verify(
@@ -295,10 +310,11 @@ class Mechanism:
         UsageError
             If the parameter is unknown or the values are not in order.
         """
+        values = _series(parameter, values)
         self._afford("modes")
         from mbstab.analysis.sweep import sweep
 
-        settings = parse_overrides(self.model, parameters)
+        settings = parse_overrides(self.model, self._settings(parameters))
         return sweep(self.model, parameter, values, settings, progress, directory, resume, jobs, cluster)
 
     @guarded
@@ -311,7 +327,7 @@ class Mechanism:
         tol: float = 1e-8,
         step: float | None = None,
         points: int = 501,
-        perturb: Mapping[str, Setting] | None = None,
+        perturb: Mapping[str, float | str] | None = None,
         strict: bool = False,
         once: bool = False,
         compiled: bool = False,
@@ -390,6 +406,7 @@ class Mechanism:
         """
         from mbstab.analysis.swing import swing
 
+        number, points = _whole("number", number), _whole("points", points, 1)
         return swing(self._affordable("modes", parameters), number, points)
 
     @guarded
@@ -412,10 +429,11 @@ class Mechanism:
         progress, directory, resume, jobs, cluster
             As in `sweep`.
         """
+        values = {name: _series(name, x) for name, x in values.items()}
         self._afford("modes")
         from mbstab.analysis.chart import chart
 
-        settings = parse_overrides(self.model, parameters)
+        settings = parse_overrides(self.model, self._settings(parameters))
         return chart(self.model, values, settings, progress, directory, resume, jobs, cluster)
 
     @guarded
@@ -442,16 +460,17 @@ class Mechanism:
         UsageError
             If the tolerance cannot be judged, or the motion is periodic.
         """
+        digits = _whole("digits", digits)
         self._afford("modes")
         from mbstab.analysis.compare import compare
 
-        return compare(self.model, parameters, digits, tolerance, progress)
+        return compare(self.model, self._settings(parameters), digits, tolerance, progress)
 
     @guarded
     def compare_integrators(
         self,
         to: float | None = None,
-        perturb: Mapping[str, Setting] | None = None,
+        perturb: Mapping[str, float | str] | None = None,
         tolerance: float | None = None,
         progress: Callable[[float], object] = lambda done: None,
         **parameters: Setting,
@@ -496,14 +515,34 @@ class Mechanism:
 
     def parameters(self, **parameters: Setting) -> dict[str, float]:
         """Return the value of every parameter in SI."""
-        return evaluate_parameters(self.model, parse_overrides(self.model, parameters), FLOAT)
+        return evaluate_parameters(self.model, parse_overrides(self.model, self._settings(parameters)), FLOAT)
 
     def test(self) -> list[Outcome]:
         """Return for each entry of ``expect:`` whether it holds."""
         return check_expectations(self.model)
 
 
-def load(path: str | Path, force: bool = False) -> Mechanism:
+def _whole(name: str, value: object, least: int = 0) -> int:
+    """Return an argument that is a whole number."""
+    if not isinstance(value, numbers.Integral) or isinstance(value, bool) or value < least:
+        raise UsageError(f"{name}={value!r}: give a whole number, {least} or more")
+    return int(value)
+
+
+def _series(name: object, values: object) -> Array:
+    """Return the values of a swept parameter as an array, shape (points,)."""
+    if not isinstance(name, str):
+        raise UsageError(f"{name!r} is no parameter\nhint: give its name as a text")
+    try:
+        found = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        found = np.zeros(())
+    if found.ndim != 1 or not np.all(np.isfinite(found)):
+        raise UsageError(f"{name}: a sweep takes a list of finite numbers\nhint: such as numpy.linspace(1, 2, 11)")
+    return found
+
+
+def load(path: str | os.PathLike[str], force: bool = False) -> Mechanism:
     """Load a model file; a name that is no file is looked up among the installed examples.
 
     With `force` it answers however much memory and time that takes.
@@ -515,9 +554,13 @@ def load(path: str | Path, force: bool = False) -> Mechanism:
     UsageError
         If there is no such file or example.
     """
-    return Mechanism(read_model(find_model(str(path)).path), force)
+    if not isinstance(path, (str, os.PathLike)) or not os.fspath(path):
+        raise UsageError(f"{path!r} is no file\nhint: give the path of a model file or the name of an example")
+    return Mechanism(read_model(find_model(os.fsdecode(path)).path), force)
 
 
 def loads(text: str | bytes, name: str = "<text>", force: bool = False) -> Mechanism:
     """Load a model from text; `name` is what messages call it, `force` as in `load`."""
+    if not isinstance(text, (str, bytes)):
+        raise UsageError(f"{text!r} is no text of a model\nhint: load(path) reads a file")
     return Mechanism(read_model_text(text, name), force)

@@ -3,6 +3,7 @@
 import json
 import math
 import random
+import re
 import sys
 from fractions import Fraction
 from pathlib import Path
@@ -810,3 +811,58 @@ def test_real_parts_of_a_stable_system_are_proven_negative():
         max(x.value.real for x in mbstab.load("wheelset.yaml").eig().eigenvalues),
         rel_tol=1e-9,
     )
+
+
+DAMPED = """
+mbstab: 1
+parameters:
+  c: {value: 1, unit: N*s/m}
+  d: {value: 3, unit: mm}
+  k: {value: 1000, unit: N/m^2}
+bodies:
+  b: {type: planar_point, mass: 1}
+forces:
+  s: {type: bearing, between: [b, ground], stiffness: 100, damping: c}
+  t: {type: bearing, between: [b, ground], stiffness: k*d}
+reference:
+  coordinates: {b: {x: 0, y: 0}}
+"""
+
+
+@pytest.mark.parametrize("end", ["1", "3", "0.3", "1e-3", "1/7"])
+def test_an_interval_that_begins_at_the_least_value_allowed_is_proven(end):
+    result = mbstab.loads(DAMPED).certify(c=f"[0, {end}]")
+    assert result.verdict == "stable"
+    assert result.parts[0].low == 0
+    assert {part.verdict for part in result.parts} == {"stable", "asymptotically stable"}
+
+
+@pytest.mark.parametrize("end", ["-1", "-1e-9", "-1e-30"])
+def test_an_interval_that_begins_below_is_refused_there(end):
+    result = mbstab.loads(DAMPED).certify(c=f"[{end}, 1]")
+    assert result.verdict == "not provable"
+    assert result.parts[0].verdict == "not provable"
+    refused = "damping must not be negative, got -" in result.parts[0].reason
+    assert (
+        refused or Fraction(end) > -1e-12
+    )  # so near to zero the verdict of the part is open before its ends are looked at
+
+
+@pytest.mark.parametrize(("low", "high"), [(0, 1), (0, Fraction(1, 7)), (Fraction(-3, 7), 0), (Fraction(1, 3), 2)])
+def test_a_ball_between_two_numbers_ends_at_zero_where_they_do(low, high):
+    found = balls.between(balls.ball(low), balls.ball(high))
+    assert found.contains(balls.real(balls.ball(low)))
+    assert found.contains(balls.real(balls.ball(high)))
+    assert (found >= 0) == (low >= 0)
+    assert (found <= 0) == (high <= 0)
+
+
+def test_intervals_are_told_in_the_unit_of_the_parameter(tmp_path):
+    path = tmp_path / "damped.yaml"
+    path.write_text(DAMPED)
+    text = CliRunner().invoke(main, ["eig", str(path), "--certify", "--set", "d=[2, 4]"]).output
+    assert re.search(r"d from +to\n +\(mm\) +\(mm\)", text)
+    assert re.search(r"^ +2 +4 +asymptotically stable", text, re.M)
+    refused = CliRunner().invoke(main, ["eig", str(path), "--certify", "--set", "c=[-1, 1]"])
+    assert refused.exit_code == 1
+    assert refused.output.lower().count("not provable with") == 1

@@ -336,7 +336,7 @@ BAD: dict[str, tuple[str, str]] = {
     "list as key": (ONE + "»[a, b]: 1", "a key must be a word"),
     "tab as indentation": (
         ONE + "parameters:\n»\ta: 1",
-        "not valid YAML: found character .*that cannot start any token",
+        "the line is indented with a tab\n(.*\n)*hint: .*YAML forbids tabs",
     ),
     "bracket not closed": (ONE + "gravity: [0, 1\n»", "not valid YAML: .*expected ',' or ']'"),
     "colon in a value": (ONE + "title: a»: b", "not valid YAML: mapping values are not allowed"),
@@ -962,7 +962,9 @@ def test_arrays_of_values_are_converted(swept: Model) -> None:
         ({"n": "2*t"}, "unknown parameter 't'"),
         ({"n": "rate(length)"}, r"rate\(...\) cannot be used here"),
         ({"n": "__import__('os')"}, "unexpected character|unknown function"),
-        ({"n": "200 mm"}, "unexpected 'mm'"),
+        ({"n": "200 mm"}, "n=200 mm: the parameter n has no unit in the file\nhint: give the number alone"),
+        ({"length": "2 kg"}, "length=2 kg: kg is no unit of length, which is declared in mm"),
+        ({"length": "2 e"}, "unknown unit 'e'"),
     ],
 )
 def test_an_override_that_is_no_value_is_refused(swept: Model, settings: dict[str, str], message: str) -> None:

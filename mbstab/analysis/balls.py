@@ -27,9 +27,9 @@ from mbstab.errors import MbstabError, UsageError
 from mbstab.model.arithmetic import MAX_DIGITS, Arithmetic
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.jets import Jet
-from mbstab.model.schema import Model, Parameter, parse_finite
+from mbstab.model.schema import Model, Parameter
 from mbstab.model.units import UNITS
-from mbstab.model.values import evaluate, parse_overrides
+from mbstab.model.values import evaluate, parse_overrides, parse_setting, unit_factor
 
 Ball = Any
 """``flint.arb`` or `Exact`; python-flint ships no types."""
@@ -220,8 +220,17 @@ def tidied(x: Any) -> Ball:
 
 
 def between(low: Ball, high: Ball) -> Ball:
-    """Return a ball that contains two others and all that lies between."""
-    return real(low).union(real(high))
+    """Return a ball that contains two others and all that lies between; it ends at zero where they do."""
+    from flint import arb
+
+    whole = real(low).union(real(high))
+    for end, other in ((low, high), (high, low)):
+        if _rational(end) == 0:
+            # Radii are rounded up: with such a radius as middle, the ball ends at zero exactly.
+            radius = whole.rad()
+            middle = arb(0, radius).rad()
+            return arb(middle if other > 0 else -middle, radius)
+    return whole
 
 
 @cache
@@ -443,7 +452,9 @@ def interval(model: Model, name: str, text: str, values: Mapping[str, Ball] | No
 def _end(model: Model, name: str, text: str, values: Mapping[str, Ball] | None) -> Ball:
     f, parameter = ball_arithmetic(), model.parameters[name]
     try:
-        expression = parse_finite(text, model.parameters)
+        expression, unit = parse_setting(model, name, text)
+        if unit:
+            return expression.evaluate({}, f) * unit_factor(unit, f)
         if expression.literal:
             return expression.evaluate({}, f) * exact_factor(parameter)
         parse_overrides(model, {name: text})  # complains about unknown names

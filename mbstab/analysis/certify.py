@@ -52,6 +52,7 @@ from mbstab.analysis.verdict import (
 )
 from mbstab.errors import MbstabError, UsageError, counted
 from mbstab.model.schema import Model
+from mbstab.model.values import plain_setting
 
 MORE_DIGITS = (1, 2, 4)
 """Where a verdict is open, it is tried again with so many times the digits."""
@@ -79,8 +80,12 @@ class Certificate:
         Decimal digits of the computation.
     parameter : str
         Which parameter is an interval; empty: none.
+    unit : str
+        Declared unit of that parameter.
+    factor : float
+        Turns it into SI.
     parts : tuple of Part
-        Of an interval, in ascending order.
+        Of an interval, in ascending order (SI).
     followed : str
         Over an interval, which equilibrium it is about if the file leaves it to the program.
     notes : tuple of str
@@ -104,6 +109,8 @@ class Certificate:
     notes: tuple[str, ...] = ()
     judged: Verdict | None = None
     modulo: Modulo = field(default_factory=Modulo)
+    unit: str = ""
+    factor: float = 1.0
 
     @property
     def in_place(self) -> bool | None:
@@ -138,7 +145,7 @@ class Certificate:
 
 def certify(
     model: Model,
-    settings: Mapping[str, str | float] | None = None,
+    settings: Mapping[str, Any] | None = None,
     digits: int = 50,
     progress: Callable[[float], object] = lambda done: None,
 ) -> Certificate:
@@ -165,7 +172,7 @@ def certify(
     balls.require_flint()
     if not 10 <= digits <= 10_000:
         raise UsageError(f"--precision {digits}: give a number from 10 to 10000")
-    texts = {name: value.strip() if isinstance(value, str) else repr(value) for name, value in (settings or {}).items()}
+    texts = {name: str(plain_setting(model, name, value)) for name, value in (settings or {}).items()}
     wide = [name for name, text in texts.items() if text.startswith("[")]
     if len(wide) > 1:
         raise UsageError(
@@ -204,7 +211,7 @@ def _at(model: Model, overrides: Mapping[str, Ball], digits: int) -> tuple[Certi
     assumed = (*proof.assumed, *case.conditions)
     if judged.word == UNDECIDED:
         named = list(dict.fromkeys(e.why for e in found if e.kind == "open" and e.why))
-        reasons = (*judged.reasons, *([f"nothing explains: {', '.join(named)}"] if named else []))
+        reasons = (*dict.fromkeys(judged.reasons), *([f"nothing explains: {', '.join(named)}"] if named else []))
         statement = f"not provable with {digits} digits: {'; '.join(reasons)}"
         hope = any(e.wide for e in found if e.kind == "open")
         return Certificate(OPEN, statement, found, assumed, reasons, digits, judged=judged), hope
@@ -274,7 +281,7 @@ def _over(
         statement += f" ({followed})" if followed else ""
         return Certificate(
             word, statement, [], assumed, (), digits, name, parts, tuple(walk.conditions), followed, notes,
-            modulo=modulo,
+            modulo=modulo, unit=unit, factor=float(factor),
         )  # fmt: skip
     why = []
     if len(words - {OPEN}) > 1:
@@ -283,14 +290,16 @@ def _over(
         why.append(f"a part of {text} is open")
     for part in parts:
         if part.verdict == OPEN:
-            shown = f"[{_decimal(ball(part.low) / factor, 12)}, {_decimal(ball(part.high) / factor, 12)}]"
-            why.append(f"open in {shown}, width {float(part.high - part.low):.1e} (SI): {part.reason}")
+            first, last = (_decimal(ball(x) / factor, 12) for x in (part.low, part.high))
+            width = _decimal(ball(part.high - part.low) / factor, 2)
+            why.append(f"open in [{first}, {last}]{' ' if unit else ''}{unit}, width {width}: {part.reason}")
     statement = f"not provable with {digits} digits: {why[0]}"
     if verdicts != {OPEN} and walk.conditions:
         statement += f"; the verdicts of the other parts hold{_provided(walk.conditions)[1:]}"
     return Certificate(
-        OPEN, statement, [], assumed, tuple(why), digits, name, parts, tuple(walk.conditions), followed, notes
-    )
+        OPEN, statement, [], assumed, tuple(why), digits, name, parts, tuple(walk.conditions), followed, notes,
+        unit=unit, factor=float(factor),
+    )  # fmt: skip
 
 
 def _fraction(x: Ball, up: bool) -> Fraction:
@@ -347,7 +356,7 @@ def certified_critical(
     low: str | float,
     high: str | float,
     digits: int = 30,
-    settings: Mapping[str, str | float] | None = None,
+    settings: Mapping[str, Any] | None = None,
 ) -> Critical:
     """Return an enclosure of a value at which a test function of stability is zero.
 
@@ -372,8 +381,8 @@ def certified_critical(
     balls.require_flint()
     with balls.digits(digits + 30):
         values = {
-            key: balls.interval(model, key, text if isinstance(text, str) else repr(text))[0]
-            for key, text in (settings or {}).items()
+            key: balls.interval(model, key, str(plain_setting(model, key, value)))[0]
+            for key, value in (settings or {}).items()
         }
         ends = [
             _fraction(balls.interval(model, parameter, x if isinstance(x, str) else repr(x))[0], up)

@@ -47,7 +47,7 @@ CLOSE = 1.1
 LOST = 0.5
 """An eigenvalue with a larger relative error than this is none: not one binary digit of it is right."""
 
-Settings = Mapping[str, float | str]
+Settings = Mapping[str, Any]
 
 
 @dataclass(frozen=True)

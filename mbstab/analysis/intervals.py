@@ -134,7 +134,7 @@ class Walk:
             if isinstance(found, Proof):
                 first, proof = x, found
                 break
-            reasons.append(f"at {self.name} = {float(x):.6g}: {found}")
+            reasons.append(f"at {self._told(x)}: {found}")
         searched = self.model.reference.find is not None
         if proof is None and searched:
             what = "steady motion" if self.model.reference.find == "steady" else "equilibrium"
@@ -150,6 +150,11 @@ class Walk:
             self._cover(first, self.high, proof)
         if first > self.low:
             self._cover(first, self.low, proof)
+
+    def _told(self, x: Fraction, places: int = 6) -> str:
+        """Return a value of the parameter in its unit."""
+        parameter = self.model.parameters[self.name]
+        return f"{self.name} = {float(x) / parameter.factor:.{places}g} {parameter.unit}".rstrip()
 
     # --- one value --------------------------------------------------------------------------------------------------
 
@@ -206,12 +211,8 @@ class Walk:
                     continue
             if not tried.continued:
                 assert self.start is not None
-                self._leave(
-                    a,
-                    last,
-                    f"the motion followed from {self.name} = {float(self.start):.6g} is lost near {self.name} = "
-                    f"{float(a):.9g} (SI): {tried.reason}",
-                )
+                lost = f"is lost near {self._told(a, 9)}: {tried.reason}"
+                self._leave(a, last, f"the motion followed from {self._told(self.start)} {lost}")
                 return
             at = [x.solved() if x is not None else {} for x in (here, tried.there)]
             if a > b:
@@ -248,7 +249,7 @@ class Walk:
                 return _Tried(OPEN, bad, True, there)
             self._note(proof, case)
             return _Tried(judged.word, "", True, there, judged.modulo, case.coarse)
-        return _Tried(OPEN, "; ".join(judged.reasons), True, there)
+        return _Tried(OPEN, "; ".join(dict.fromkeys(judged.reasons)), True, there)
 
     def _note(self, proof: Proof, case: Case) -> None:
         """Note what the verdict of a part rests on besides the file."""

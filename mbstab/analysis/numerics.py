@@ -28,9 +28,11 @@ def guarded(function: Callable[P, T]) -> Callable[P, T]:
             with np.errstate(over="raise", divide="raise", invalid="raise", under="ignore"):
                 return function(*args, **kwargs)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
+            found = [f"{name}={value}" for name, value in kwargs.items() if _is_extreme(value)]
+            where = f"at {' and '.join(found)}, or numbers" if found else "for numbers"
             raise NumericalError(
                 f"the computation left the range of double precision ({error})\n"
-                "hint: look for numbers of extreme size in the file, or measure length, mass and time in other units"
+                f"hint: look {where} of extreme size in the file, or measure length, mass and time in other units"
             ) from error
         except MemoryError as error:
             raise NumericalError(
@@ -39,6 +41,15 @@ def guarded(function: Callable[P, T]) -> Callable[P, T]:
             ) from error
 
     return inner
+
+
+def _is_extreme(value: object) -> bool:
+    """Whether an argument is a number whose powers leave the range of double precision."""
+    try:
+        size = abs(float(value))  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return False
+    return size > 1e60 or 0.0 < size < 1e-60
 
 
 def norms(vectors: npt.NDArray[np.float64], axis: int = -1, keepdims: bool = False) -> npt.NDArray[np.float64]:

@@ -82,9 +82,8 @@ class Start:
     """
 
     def __init__(self, model: Model, settings: Mapping[str, Any], frozen: bool) -> None:
-        plain = {name: x if isinstance(x, str) else float(x) for name, x in settings.items()}
         self.model, self.settings = model, settings
-        self.system = system = System(evaluate(model, parse_overrides(model, plain)))
+        self.system = system = System(evaluate(model, parse_overrides(model, settings)))
         if system.scene.period is not None and not frozen:
             raise UsageError(
                 f"{model.name} describes a periodic motion: its multipliers come in double precision only\n"

@@ -251,5 +251,5 @@ def _certified(mechanism: Mechanism, parameters: dict[str, str], digits: int) ->
         [result.statement],
         lambda: certificate.certificate_text(result, model.title),
         lambda: certificate.certificate_data(result, model.name, model.title),
-        failure=None if result.decided else NumericalError(result.statement),
+        failure=None if result.decided else NumericalError("no verdict is proven; the answer says why"),
     )

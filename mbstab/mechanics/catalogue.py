@@ -27,6 +27,9 @@ COORDINATES: dict[str, tuple[str, ...]] = {
 
 GROUND = -1
 
+Sign = Literal["any", "positive", "nonnegative", "nonzero"]
+"""Which values a number may have."""
+
 Role = Literal["inertia", "force", "holonomic", "nonholonomic"]
 
 
@@ -121,7 +124,7 @@ class Field:
     unit: str = "1"
     required: bool = False
     default: str | None = None
-    sign: Literal["any", "positive", "nonnegative", "nonzero"] = "any"
+    sign: Sign = "any"
     choices: tuple[str, ...] = ()
     dimensions: tuple[int, ...] = (2, 3)
 

@@ -10,11 +10,11 @@ import math
 import re
 from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from mbstab.errors import Location, suggestion
 from mbstab.mechanics import bodies as body_kinds
-from mbstab.mechanics.catalogue import Field, Kind
+from mbstab.mechanics.catalogue import Field, Kind, Sign
 from mbstab.mechanics.elements import KINDS
 from mbstab.model import schema, units
 from mbstab.model.arithmetic import CONSTANTS, FLOAT, FUNCTIONS
@@ -40,6 +40,8 @@ from mbstab.model.schema import (
 )
 from mbstab.model.words import WORDS
 from mbstab.model.yamlfile import Document, Mapping, Scalar, Sequence, YamlNode, parse_yaml, read_text
+
+Word = TypeVar("Word", bound=str)
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 AXES = {"x": 0, "y": 1, "z": 2}
@@ -320,7 +322,7 @@ class _Reader:
         section = self._optional(node, "parameters")
         if section is None:
             return
-        raw: dict[str, tuple[Scalar, str, float, str]] = {}
+        raw: dict[str, tuple[Scalar, str, float, str, Sign]] = {}
         for key, item in section.pairs():
             path = f"parameters.{key.text}"
             if self._check_name(key, path, "parameter", reserved=("t", "rate", *FUNCTIONS, *CONSTANTS)):
@@ -332,7 +334,7 @@ class _Reader:
         }
         order = self._parameter_order({name: value for name, (value, *_) in raw.items()})
         for name in order:
-            value, unit, factor, description = raw[name]
+            value, unit, factor, description, sign = raw[name]
             expression = self._expression(value, f"parameters.{name}")
             if unit:
                 self.units[name] = units.parse_unit(unit)[1]
@@ -343,21 +345,24 @@ class _Reader:
                 found = units.dimension_of(expression, self.units)
                 # A bare number may be meant in any unit.
                 self.units[name] = units.UNKNOWN if isinstance(found, str) else found
-            self.parameters[name] = Parameter(name, expression, value.location, unit, factor, description)
+            self.parameters[name] = Parameter(name, expression, value.location, unit, factor, description, sign)
         self.parameters = {name: self.parameters[name] for name in order}
 
-    def _parameter(self, node: YamlNode, path: str) -> tuple[Scalar, str, float, str]:
-        """Return the node of the value, unit, factor to SI and description of a parameter."""
+    def _parameter(self, node: YamlNode, path: str) -> tuple[Scalar, str, float, str, Sign]:
+        """Return the node of the value, unit, factor to SI, description and sign of a parameter."""
         unit, factor, description, value = "", 1.0, "", node
+        sign: Sign = "any"
         if isinstance(node, Mapping):
             self._known_keys(node, path, schema.PARAMETER_FIELDS)
             description = self._text(node.entries.get("description"), f"{path}.description")
             unit, factor = self._unit_of(node.entries.get("unit"), f"{path}.unit")
+            if "sign" in node.entries:
+                sign = self._choice(node.entries["sign"], f"{path}.sign", schema.SIGNS) or sign
             value = self._required(node, "value", path) or Scalar("1", node.location)
         if not isinstance(value, Scalar):
             self.complain(value, path, "expected a number or an expression")
             value = Scalar("1", value.location)
-        return value, unit, factor, description
+        return value, unit, factor, description, sign
 
     def _check_derived(self, value: Scalar, expression: Quantity, unit: str, factor: float) -> None:
         if factor != 1.0:
@@ -541,13 +546,12 @@ class _Reader:
             case _:
                 raise AssertionError(field.shape)
 
-    def _choice(self, node: YamlNode, path: str, choices: tuple[str, ...]) -> str | None:
+    def _choice(self, node: YamlNode, path: str, choices: tuple[Word, ...]) -> Word | None:
         word = self._word(node, path, "one of " + ", ".join(choices))
         if word is not None and word not in choices:
             hint = suggestion(word, choices) or "one of " + ", ".join(choices)
             self.complain(node, path, f"unknown choice {word!r}", hint)
-            return None
-        return word
+        return next((choice for choice in choices if choice == word), None)
 
     def _found(self, node: YamlNode, path: str, word: str, what: str, known: Collection[str]) -> bool:
         """Whether a name is known; one that is in the file but could not be read has its problem already."""
@@ -854,7 +858,12 @@ class _Reader:
             if key in entries and needed not in entries
         ]
         for key, needed in lonely:
-            self.complain(entries[key], f"{path}.{key}", f"{key} needs {needed}")
+            if needed == "axis":
+                example = "z" if self.dimension == 2 else "z, or -z or a vector such as [0, 0.6, 0.8]"
+                hint = f"add axis: {example}; a turn has an axis, in the plane always z"
+            else:
+                hint = "add direction: x, or -x or a vector; a translation has a direction"
+            self.complain(entries[key], f"{path}.{key}", f"{key} needs {needed}", hint)
         if not lonely and "axis" not in entries and "direction" not in entries:
             self.complain(mapping, path, "give an axis of the turn, a direction of the translation, or both")
         axis = None

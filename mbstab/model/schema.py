@@ -9,7 +9,7 @@ from typing import Any
 
 from mbstab.errors import Location
 from mbstab.mechanics import bodies
-from mbstab.mechanics.catalogue import Field, Kind
+from mbstab.mechanics.catalogue import Field, Kind, Sign
 from mbstab.mechanics.elements import KINDS
 from mbstab.model.expressions import Expression, ExpressionError, parse
 from mbstab.model.words import WORDS
@@ -21,7 +21,7 @@ SECTIONS: dict[str, str] = {
     "mbstab": "version of the file format; write 1",
     "title": "one line that names the system",
     "source": "where the model and its expected values come from",
-    "parameters": "named numbers: value, or {value, unit, description}; values may be expressions of other parameters",
+    "parameters": "named numbers: value, or {value, unit, sign, description}; values may be expressions of others",
     "gravity": "acceleration of gravity, a vector in ground axes (m/s^2); without it there is none",
     "ground": "named points and directions of the ground",
     "bodies": "the bodies, by name",
@@ -73,7 +73,7 @@ class Components:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A named number; `factor` turns its declared unit into SI."""
+    """A named number; `factor` turns its declared unit into SI, `sign` is which values it may have."""
 
     name: str
     expression: Quantity
@@ -81,6 +81,7 @@ class Parameter:
     unit: str = ""
     factor: float = 1.0
     description: str = ""
+    sign: Sign = "any"
 
 
 @dataclass(frozen=True)
@@ -262,7 +263,13 @@ def unit_of(coordinate: str) -> str:
     return "m" if is_length(coordinate) else "rad"
 
 
-PARAMETER_FIELDS = {"value": "number or expression", "unit": "unit of the value", "description": "what it is"}
+SIGNS: tuple[Sign, ...] = ("positive", "nonnegative", "nonzero")
+PARAMETER_FIELDS = {
+    "value": "number or expression",
+    "unit": "unit of the value",
+    "sign": "values it may have, also with --set and in a sweep, all if not given: one of " + ", ".join(SIGNS),
+    "description": "what it is",
+}
 REFERENCE_FIELDS = {
     "time": "time at which the motion is looked at, 0 if not given (s)",
     "coordinates": "values by body: {body: {x: …}}; missing ones are solved from the constraints",
@@ -408,7 +415,11 @@ def json_schema() -> dict[str, Any]:
         critical={**critical, "required": ["parameter", "value", "below", "above"]},
         source=text,
     )
-    parameter = {**_object(PARAMETER_FIELDS, value=number, unit=text, description=text), "required": ["value"]}
+    sign = {"enum": list(SIGNS)}
+    parameter = {
+        **_object(PARAMETER_FIELDS, value=number, unit=text, sign=sign, description=text),
+        "required": ["value"],
+    }
     sweep = {**_object(SWEEP_FIELDS, **{"from": number, "to": number, "points": integer}), "required": ["from", "to"]}
     constraint = _object(CONSTRAINT_FIELDS, holonomic=text, nonholonomic=text)
     properties: dict[str, Any] = {

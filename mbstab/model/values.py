@@ -7,16 +7,20 @@ from __future__ import annotations
 
 import contextlib
 import math
+import numbers
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from decimal import Decimal
+from fractions import Fraction
 from typing import Any
 
 from mbstab.errors import Location, UsageError, suggestion
 from mbstab.mechanics import vectors
 from mbstab.mechanics.bodies import combine, shape_moments
-from mbstab.mechanics.catalogue import GROUND, Field, Kind, Marker, Number, Triad, Vector
-from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
-from mbstab.model.expressions import ExpressionError
+from mbstab.mechanics.catalogue import GROUND, Field, Kind, Marker, Number, Sign, Triad, Vector
+from mbstab.model.arithmetic import CONSTANTS, FLOAT, Arithmetic, array_arithmetic
+from mbstab.model.expressions import MAX_NUMBER, Expression, ExpressionError, parse
 from mbstab.model.jets import Jet, jet_arithmetic
 from mbstab.model.schema import (
     Components,
@@ -31,7 +35,7 @@ from mbstab.model.schema import (
     body_coordinates,
     parse_finite,
 )
-from mbstab.model.units import exact_factor
+from mbstab.model.units import UNITS, exact_factor, parse_unit
 
 
 @dataclass(frozen=True)
@@ -146,19 +150,18 @@ class Scene:
         return self.model.coordinates()
 
 
-def parse_overrides(
-    model: Model, settings: Mapping[str, Number | str], arithmetic: Arithmetic = FLOAT
-) -> dict[str, Number]:
+def parse_overrides(model: Model, settings: Mapping[str, object], arithmetic: Arithmetic = FLOAT) -> dict[str, Number]:
     """Return parameter values in SI for settings such as ``{"omega": "2*pi"}``.
 
-    A plain number counts in the declared unit of the parameter; an expression may use the
-    other parameters' values in the file and counts in SI. In a number system other than floats
-    a text keeps all its digits, and a float stands for the decimals it is printed with.
+    A plain number counts in the declared unit of the parameter, one with a unit of its own such as
+    ``2 kg`` in that; an expression may use the other parameters' values in the file and counts in
+    SI. In a number system other than floats a text keeps all its digits, and a float stands for
+    the decimals it is printed with.
 
     Raises
     ------
     UsageError
-        If a parameter is unknown or the value is no finite number.
+        If a parameter is unknown or the value is no finite number in a unit that fits.
     """
     return {name: _override(model, name, setting, arithmetic) for name, setting in settings.items()}
 
@@ -177,18 +180,83 @@ def _factor(parameter: Parameter, arithmetic: Arithmetic) -> Number:
     return exact_factor(parameter.unit, arithmetic)
 
 
-def _override(model: Model, name: str, setting: Number | str, arithmetic: Arithmetic) -> Number:
+_WITH_UNIT = re.compile(r"(?P<value>[-+*/(). 0-9eE]*[0-9.)])\s*(?![eE][0-9])(?P<unit>[A-Za-z1].*)")
+
+
+def plain_setting(model: Model, name: str, setting: object) -> int | float | str:
+    """Return the value of a parameter as it is told, as a number or a text.
+
+    Raises
+    ------
+    UsageError
+        If the parameter is unknown, or what is given is neither one number nor a text.
+    """
     parameter = _parameter(model, name)
+    if getattr(setting, "shape", None) == ():
+        setting = setting.item()  # type: ignore[attr-defined]
+    match setting:
+        case str():
+            return setting.strip()
+        case bool():
+            pass
+        case numbers.Integral():
+            if abs(int(setting)) > MAX_NUMBER:
+                raise UsageError(f"{name}: the value is beyond {MAX_NUMBER:g}")
+            return int(setting)
+        case Fraction():
+            return f"{setting.numerator}/{setting.denominator} {parameter.unit}".rstrip()
+        case Decimal():
+            return str(setting)
+        case numbers.Real():
+            return float(setting)
+    hint = "a number, or a text with an expression; None and True are neither, several values are for a sweep"
+    raise UsageError(f"{name}={setting!r}: a parameter is one number\nhint: {hint}")
+
+
+def parse_setting(model: Model, name: str, text: str) -> tuple[Expression, str]:
+    """Return the value that a text such as ``2*pi`` or ``2 kg`` gives a parameter, and the unit it is written with.
+
+    Raises
+    ------
+    ExpressionError
+        If it is neither an expression nor a number with a unit that fits that of the parameter.
+    """
+    try:
+        return parse_finite(text, model.parameters), ""
+    except ExpressionError:
+        match = _WITH_UNIT.fullmatch(text.strip())
+        if match is None or match["unit"] in {*model.parameters, *CONSTANTS} - {*UNITS}:
+            raise
+        value, unit = parse(match["value"]), match["unit"].strip()
+    own = _parameter(model, name).unit
+    if not own:
+        hint = f"give the number alone, or declare it: {name}: {{value: …, unit: {unit}}}"
+        raise ExpressionError(f"the parameter {name} has no unit in the file", 0, hint)
+    found, expected = parse_unit(unit)[1], parse_unit(own)[1]
+    if found != expected:
+        raise ExpressionError(f"{unit} is no unit of {name}, which is declared in {own}", 0, f"give it in {own}")
+    return value, unit
+
+
+def unit_factor(unit: str, arithmetic: Arithmetic) -> Number:
+    """Return what turns a unit into SI, as exact as the number system can have it."""
+    return parse_unit(unit)[0] if arithmetic.name in ("float", "array") else exact_factor(unit, arithmetic)
+
+
+def _override(model: Model, name: str, given: object, arithmetic: Arithmetic) -> Number:
+    parameter = _parameter(model, name)
+    setting = given if getattr(given, "shape", ()) else plain_setting(model, name, given)
     factor = _factor(parameter, arithmetic)
     if isinstance(setting, str) and setting.strip().startswith("["):
         raise UsageError(f"{name}={setting}: this is an interval\nhint: intervals need mbstab eig --certify")
     try:
-        if arithmetic is not FLOAT and isinstance(setting, (int, float)):
-            _require_finite(setting)
-            setting = arithmetic.number(repr(setting if isinstance(setting, int) else float(setting)))
         if not isinstance(setting, str):
-            return _require_finite(setting * factor)
-        expression = parse_finite(setting, model.parameters)
+            _require_finite(setting)
+            number = setting if arithmetic is FLOAT else arithmetic.number(repr(setting))
+            return _require_finite(number * factor)
+        expression, unit = parse_setting(model, name, setting)
+        if unit:
+            return _require_finite(expression.evaluate({}, arithmetic) * unit_factor(unit, arithmetic))
         if expression.literal:
             return _require_finite(expression.evaluate({}, arithmetic) * factor)
         nominal = evaluate_parameters(model, {}, arithmetic)
@@ -209,7 +277,7 @@ def evaluate_parameters(model: Model, overrides: Mapping[str, Number], arithmeti
     Raises
     ------
     ModelFileError
-        With every parameter of the file that has no finite value.
+        With every parameter that has no finite value, or one that the file does not allow.
     UsageError
         If a parameter to be replaced is unknown.
     """
@@ -218,12 +286,17 @@ def evaluate_parameters(model: Model, overrides: Mapping[str, Number], arithmeti
     document = replace(model.document, problems=[])
     values: dict[str, Number] = {}
     for name, parameter in model.parameters.items():
-        if name in overrides:
-            values[name] = overrides[name]
-            continue
         try:
-            value = parameter.expression.evaluate(values, arithmetic)
-            values[name] = _require_finite(value * _factor(parameter, arithmetic))
+            if name in overrides:
+                value = overrides[name]
+            else:
+                value = parameter.expression.evaluate(values, arithmetic)
+                value = _require_finite(value * _factor(parameter, arithmetic))
+            if arithmetic.name != "symbol" and (broken := broken_sign(value, parameter.sign)):
+                rule, shown = broken
+                unit = f" {parameter.unit}" if parameter.unit not in ("", "1") else ""
+                raise ExpressionError(f"{name} must {rule}, got {shown / parameter.factor:g}{unit}")
+            values[name] = value
         except ExpressionError as error:
             document.complain(parameter.location, parameter.expression.path, error.message)
             values[name] = 1.0
@@ -271,6 +344,28 @@ def _finite(value: Number) -> bool:
 
         return bool(np.all(np.isfinite(value)))
     return not isinstance(value, float) or math.isfinite(value)
+
+
+def broken_sign(value: Number, sign: Sign) -> tuple[str, float] | None:
+    """Return the rule that a value breaks, such as ``be positive``, and the value; None: it has the sign."""
+    match sign:
+        case "positive":
+            good, rule = value > 0, "be positive"
+        case "nonnegative":
+            good, rule = value >= -_blur(value), "not be negative"
+        case "nonzero":
+            good, rule = value != 0, "not be zero"
+        case _:
+            return None
+    if _all(good):
+        return None
+    shown = value[~good].flat[0] if getattr(value, "shape", ()) else value
+    return rule, _nominal(shown.lower() if hasattr(shown, "lower") else shown)
+
+
+def _blur(value: Number) -> Number:
+    """Return what the rounded radius of a wide ball adds to it: the ends of an interval are judged as points."""
+    return value.rad() * 2.0**-20 if hasattr(value, "rad") else 0
 
 
 def _all(condition: Any) -> bool:
@@ -367,20 +462,12 @@ class _Evaluator:
         return value
 
     def _has_sign(self, value: Number, quantity: Quantity, field: Field) -> bool:
-        match field.sign:
-            case "positive":
-                good, rule = value > 0, "be positive"
-            case "nonnegative":
-                good, rule = value >= 0, "not be negative"
-            case "nonzero":
-                good, rule = value != 0, "not be zero"
-            case _:
-                return True
-        if _all(good):
+        broken = broken_sign(value, field.sign)
+        if broken is None:
             return True
+        rule, shown = broken
         unit = f" {field.unit}" if field.unit not in ("", "1") else ""
-        shown = value[~good].flat[0] if hasattr(value, "shape") else value
-        self.complain(quantity, f"{field.name.replace('_', ' ')} must {rule}, got {_nominal(shown):g}{unit}")
+        self.complain(quantity, f"{field.name.replace('_', ' ')} must {rule}, got {shown:g}{unit}")
         return False
 
     def vector(self, components: Components, length: bool = False) -> Vector:

@@ -222,6 +222,11 @@ class _Composer:
         except yaml.MarkedYAMLError as error:
             reason = error.problem or error.context or "the text is no YAML"
             place = self._at(error.problem_mark or error.context_mark)
+            line = self.document.lines[place.line - 1]
+            if "\t" in line[: len(line) - len(line.lstrip())]:
+                hint = "indent with blanks only: YAML forbids tabs there"
+                self.document.complain(place, "", "the line is indented with a tab", hint)
+                return self.root
             self.document.complain(place, "", f"not valid YAML: {reason}")
         except yaml.YAMLError as error:
             self.document.complain(self._at(None), "", f"not valid YAML: {error}")

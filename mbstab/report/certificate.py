@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from textwrap import wrap
 from typing import Any
 
@@ -112,9 +113,10 @@ def certificate_text(result: Certificate, title: str) -> str:
         heads = ["real part\n(1/s)", "imaginary part\n(1/s)", "radius\n(1/s)", "number", "where"]
         lines.append(table(heads, rows, left=(4,)))
     if result.parts:
-        rows = [[f"{float(p.low):.12g}", f"{float(p.high):.12g}", p.verdict] for p in result.parts]
+        rows = [[_in_unit(p.low, result), _in_unit(p.high, result), p.verdict] for p in result.parts]
         head = "under conditions" if result.conditions else "proven"
-        lines.append(table([f"{result.parameter} from\n(SI)", "to\n(SI)", head], rows, left=(2,)))
+        unit = f"\n({result.unit})" if result.unit else ""
+        lines.append(table([f"{result.parameter} from{unit}", f"to{unit}", head], rows, left=(2,)))
         lines += _where(result)
     lines += _wrapped(result.statement[0].upper() + result.statement[1:], "")
     for reason in result.reasons[1:]:
@@ -144,8 +146,14 @@ def _where(result: Certificate) -> list[str]:
     for x in ends:
         shown = [f"{name} = {float(value):.6g}" for name, value in list(places[x].items())[:COORDINATES]]
         more = f", … ({len(places[x])} in all, see --format json)" if len(places[x]) > COORDINATES else ""
-        lines += _wrapped(f"{result.parameter} = {float(x):.12g} (SI): {', '.join(shown)}{more}", "  ")
+        value = f"{result.parameter} = {_in_unit(x, result)} {result.unit}".rstrip()
+        lines += _wrapped(f"{value}: {', '.join(shown)}{more}", "  ")
     return [*lines, ""]
+
+
+def _in_unit(x: Fraction, result: Certificate) -> str:
+    """Return a value of the parameter of an interval in its unit."""
+    return f"{float(x) / result.factor:.12g}"
 
 
 def _wrapped(text: str, indent: str) -> list[str]:
