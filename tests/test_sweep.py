@@ -602,7 +602,7 @@ def test_all_paths_are_in_every_output(tmp_path):
     printed = run(*arguments, "--plot", "none")
     text = printed.stdout
     assert printed.exit_code == 0  # values without an equilibrium on the first path have one on the third
-    assert "6 points without an answer:\n  6× no solution beyond P = 4.29143257312 N on this path" in text
+    assert "6 points without an answer:\n  at 6 values from 5 to 10: no solution beyond P = 4.29143257312 N on" in text
     assert "path 2, beyond the turn at P = 4.29143, 9 points" in text
     assert "path 3, beyond the turn at P = -4.29143, 15 points" in text
     assert "-4.29143 to 4.29143: unstable (1)" in text

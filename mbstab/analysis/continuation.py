@@ -11,6 +11,7 @@ bordered by the tangent passes zero.
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -56,6 +57,9 @@ DEPENDENT = 1e-9
 BRANCHING = 1e-5
 """Where the path turns back another one leaves if the equations are dependent to this."""
 
+LEVEL = 1e-9
+"""The parameter turns back where it changes by less than this along the path: there it is known to the square."""
+
 HALVINGS = 20
 """Points of a path close in on a fold by a factor of 2 each: there coordinates vary like a root of the parameter."""
 
@@ -65,8 +69,19 @@ SAME = 1e-9
 FOLDS, POINTS = 10, 5000
 """A path is followed through so many folds, and so many points between two of them."""
 
+WORK = 4_000
+"""The equations of a curve are evaluated so many times at most."""
+
 ENDS, TURNS, BRANCHES = "it ends there", "it turns back", "it turns back where others branch off"
+AWAY = "positions grow beyond all bounds there"
 AGAIN = f"it turns back after {FOLDS} folds and is not followed further"
+LONG = "it is not followed further: the equations were evaluated too often; a smaller range may lead on"
+
+LARGE, POLES = 1e4, 5
+"""Where positions are this many times the size of the scene, so many points tell whether a pole is ahead …"""
+
+POLE, RESOLVED = 1e-6, 1e-13
+"""… and where, which must be known to this part of the range, and is to no smaller one."""
 
 KINK = 1e-6
 """A path with a kink is taken up again this part of the range beyond it, if the solution moves by little more."""
@@ -239,6 +254,7 @@ def follow(
     starts = [low if first_at is None else first_at]
     if near is None:
         starts += [low, high, *([nominal] if low <= nominal <= high else []), 0.5 * (low + high)]
+        starts = list(dict.fromkeys(starts))
     failure: MbstabError | None = None
     for start in starts:
         try:
@@ -355,6 +371,11 @@ class _Curve:
 
     Unknown are [q; c; p] without what is given, scaled by the size of the scene, its speed and
     the range.
+
+    Attributes
+    ----------
+    work : list of int
+        How many times the equations may still be evaluated; shared with the curves that branch off.
     """
 
     def __init__(
@@ -368,6 +389,7 @@ class _Curve:
     ) -> None:
         self.model, self.parameter, self.settings = model, parameter, settings
         self.width = (ends[1] - ends[0]) or 1.0
+        self.work = [WORK]
         self.problem = Problem(System(evaluate(model, {**settings, parameter: start})))
         self.low, self.high = (self._last_valid(start, end) for end in ends)
         _, search, at, _ = self.problem.solved(*((self.problem.start,) if near is None else near))
@@ -410,6 +432,7 @@ class _Curve:
 
     def _equations(self, q: Array, c: Array, p: float) -> tuple[Array, Array]:
         """Return the residuals that multipliers cannot balance, and their derivative by the scaled unknowns."""
+        self.work[0] -= 1
         step = DIFFERENCE * self.width
         around = np.array([p, min(p + step, self.high), max(p - step, self.low)])
         system = System(evaluate(self.model, {**self.settings, self.parameter: around}))
@@ -503,13 +526,21 @@ class _Curve:
             if branches:
                 self.branchings.append(fold)
 
+    @property
+    def spent(self) -> bool:
+        """Whether the curve has taken as much work as it may."""
+        return self.work[0] <= 0
+
     def _run(self, run: _Run) -> _Point | None:
         """Add points until the parameter turns back or leaves the range; return the fold if it turns."""
         length = FIRST
-        while len(run.points) < POINTS:
+        while True:
             at = run.points[-1]
             end = self.high if at.rise > 0.0 else self.low
             if at.p == end:
+                return None
+            if len(run.points) == POINTS or self.spent:
+                run.ends.append((at.p, LONG))
                 return None
             step = length * at.tangent
             hold, room = at.tangent, (end - at.p) / self.width
@@ -527,6 +558,10 @@ class _Curve:
                     if hold is not at.tangent:
                         point = replace(point, p=end)
                     run.points.append(point)
+                    pole = self._pole(run.points, end)
+                    if pole is not None:
+                        run.ends.append((pole, AWAY))
+                        return None
                     if error < 0.3 * TRUSTED:
                         length *= 1.6
                     continue
@@ -538,11 +573,29 @@ class _Curve:
                     return None
                 beyond = self._beyond_a_kink(at, end)
                 if beyond is None:
-                    break
+                    run.ends.append((at.p, LONG if self.spent else ENDS))
+                    return None
                 run.points.append(beyond)
                 length = FIRST
-        run.ends.append((run.points[-1].p, ENDS))
-        return None
+
+    def _pole(self, points: list[_Point], end: float) -> float | None:
+        """Return the value before an end of the range at which positions become infinite, in the digits that are known.
+
+        There the parameter is a smooth function of 1/size; two extrapolations to 0 show how exact they are.
+        """
+        last = points[-POLES:]
+        size = [float(np.max(np.abs(x.q / self.balance.sizes), initial=0.0)) for x in last]
+        if len(last) < POLES or size[-1] < LARGE or not np.all(np.diff(size) > 0.0):
+            return None
+        near = 1.0 / np.array(size)
+        values = np.array([x.p for x in last])
+        pole, other = (_at_zero(near[k:], values[k:]) for k in (0, 1))
+        error = abs(pole - other) + RESOLVED * self.width
+        ahead = np.copysign(1.0, end - values[-1])
+        if not error < POLE * self.width or ahead * (pole - values[-1]) <= 0.0 or ahead * (end - pole) < -error:
+            return None
+        factor = self.model.parameters[self.parameter].factor
+        return float(round(pole / factor, -math.ceil(math.log10(abs(2.0 * error / factor)))) * factor)
 
     def _beyond_a_kink(self, at: _Point, end: float) -> _Point | None:
         """Return the solution a little further where a path goes on in another direction."""
@@ -558,6 +611,8 @@ class _Curve:
         """Note where another path crosses between two points, and add points that close in on it."""
         low, high = before, after
         for _ in range(POINTS):
+            if self.spent:
+                return
             length = float(np.linalg.norm(self._open(self._between(low, high))))
             part = low.least / max(low.least + high.least, 1e-300)
             if length < CLOSE:
@@ -566,7 +621,8 @@ class _Curve:
             if found is None:
                 return
             low, high = (found, high) if found.sign == low.sign else (low, found)
-        if low.least > 10.0 * CLOSE * self.first.least:
+        # Where the equations are nearly dependent all along the path the sign is rounding.
+        if low.least > 10.0 * CLOSE * min(self.first.least, max(before.least, after.least)):
             return
         q, c = (x + part * (y - x) for x, y in ((low.q, high.q), (low.c, high.c)))
         at = replace(low, q=q, c=c, p=low.p + part * (high.p - low.p), tangent=0.5 * (low.tangent + high.tangent))
@@ -596,6 +652,8 @@ class _Curve:
 
     def switched(self, fold: _Point) -> list[Path]:
         """Return the other path through a point at which this one turns back."""
+        if self.spent:
+            return []
         _, A = self._equations(fold.q, fold.c, fold.p)
         null = np.linalg.svd(A)[2][self.rank - 1 :].T
         aside = null @ null[-1]
@@ -630,7 +688,8 @@ class _Curve:
                 if corrected is None:
                     return float("nan")
                 found[distance] = corrected[0]
-            return found[distance].rise
+            rise = found[distance].rise
+            return rise if abs(rise) > LEVEL else 0.0
 
         try:
             return found[root(rise, 0.0, length)]
@@ -680,6 +739,12 @@ class _Curve:
         n = len(self.balance.sizes)
         wanted = [*self.balance.open, *(n + k for k in self.balance.free), n + self.balance.family.size]
         return difference[np.array(wanted, dtype=np.intp)]
+
+
+def _at_zero(x: Array, y: Array) -> float:
+    """Return the value at zero of the polynomial through points."""
+    weights = [float(np.prod([other / (other - own) for other in np.delete(x, k)])) for k, own in enumerate(x)]
+    return float(np.dot(weights, y))
 
 
 def _nearest_turn(x: Array) -> Array:

@@ -18,7 +18,7 @@ from mbstab.analysis.linearize import Linearization, deflated_matrix
 from mbstab.analysis.motion import EQUILIBRIUM_TOLERANCE, NEWTON_STEPS, ROUNDING, TOLERANCE
 from mbstab.analysis.numerics import norms
 from mbstab.analysis.points_structure import Flags, Known, Points, transposed
-from mbstab.analysis.steady import Family, Generator
+from mbstab.analysis.steady import Family, Generator, spins_freely
 from mbstab.analysis.subspaces import RANK_LEAST, RANK_TOLERANCE
 from mbstab.compiler.system import Array, Dynamics, System
 
@@ -73,6 +73,8 @@ class Equations:
     def __init__(self, pattern: Pattern, system: System, points: int, start: tuple[Array, Array] | None = None) -> None:
         self.pattern, self.system, self.points, self.start = pattern, system, points, start
         self.good: Flags = np.ones(points, dtype=bool)
+        if pattern.family is not None:
+            self.good &= spins_freely(system, pattern.family.columns)
 
     def linearized(self, growth: Array | None = None) -> tuple[Flags, Points]:
         """Return which points fit the pattern, and their linearized equations.

@@ -12,10 +12,12 @@ that goes along, has constant coefficients: with Ξ = DX(q₀) and Ξ₂ = Ξ² 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from mbstab.analysis.rotation import (
     cross_matrix,
@@ -27,6 +29,8 @@ from mbstab.analysis.rotation import (
 )
 from mbstab.compiler.system import Array, System
 from mbstab.model.values import BodyValues
+
+Flags = npt.NDArray[np.bool_]
 
 FIT = 1e-9
 """Speeds follow a generator if they differ from it by less than this, relative to the largest."""
@@ -221,21 +225,36 @@ class Family:
 
 
 def spinning_columns(system: System) -> tuple[int, ...]:
-    """Return coordinates whose change turns a body about its own axis of symmetry."""
+    """Return coordinates whose change turns a body about its own axis of symmetry, at all points of a sweep."""
     found = []
     for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
-        if body.orientation and _symmetric(body, system.scene.dimension):
+        if body.orientation and np.all(_symmetric(body, system.scene.dimension)):
             found.append(part.stop - 1)
     return tuple(found)
 
 
-def _symmetric(body: BodyValues, dimension: int) -> bool:
-    """Whether the last angle turns a body about an axis of symmetry of its mass."""
-    size = max(abs(float(x)) for x in body.inertia) or 1.0
+def spins_freely(system: System, columns: Sequence[int]) -> Flags:
+    """Return at which points of a sweep all of some coordinates turn a body about its own axis of symmetry."""
+    good: Flags = np.ones(1, dtype=bool)
+    for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
+        if body.orientation and part.stop - 1 in columns:
+            good = good & _symmetric(body, system.scene.dimension)
+    return good
+
+
+def _symmetric(body: BodyValues, dimension: int) -> Flags:
+    """Whether the last angle turns a body about an axis of symmetry of its mass, at each point of a sweep."""
+    inertia, center = (
+        np.stack(np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in part)))
+        for part in (body.inertia, body.center)
+    )
+    centered: Flags = ~np.any(center[:2], axis=0)
     if dimension == 2:
-        return not any(float(x) for x in body.center)
-    xx, yy, _, xy, xz, yz = (float(x) / size for x in body.inertia)
-    return abs(xx - yy) + abs(xy) + abs(xz) + abs(yz) < 1e-12 and not any(float(x) for x in body.center[:2])
+        return centered
+    size = np.max(np.abs(inertia), axis=0)
+    xx, yy, _, xy, xz, yz = inertia / np.where(size > 0.0, size, 1.0)
+    round_: Flags = np.abs(xx - yy) + np.abs(xy) + np.abs(xz) + np.abs(yz) < 1e-12
+    return round_ & centered
 
 
 def detected(system: System, q: Array, u: Array, sizes: Array) -> list[Generator]:

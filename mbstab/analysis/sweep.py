@@ -24,11 +24,11 @@ import numpy.typing as npt
 
 from mbstab.analysis.batch import Evaluator, Spectra
 from mbstab.analysis.blocks import Block, Progress, Store, key_of, merged, run, tasks
-from mbstab.analysis.continuation import AGAIN, BRANCHES, TURNS
+from mbstab.analysis.continuation import AGAIN, BRANCHES, LONG, TURNS
 from mbstab.analysis.continuation import Path as Solutions
 from mbstab.analysis.continuation import follow as follow_path
 from mbstab.analysis.numerics import assigned, root
-from mbstab.analysis.points_verdict import HARDLY, Sides, pinned, settled, signs, unplaced
+from mbstab.analysis.points_verdict import HARDLY, OPEN, WORD, Sides, pinned, settled, signs, unplaced
 from mbstab.analysis.spectrum import (
     NO_EIGENVALUE,
     TWIN,
@@ -41,7 +41,7 @@ from mbstab.analysis.spectrum import (
     product,
     turning,
 )
-from mbstab.analysis.verdict import WORDS
+from mbstab.analysis.verdict import UNDECIDED, WORDS
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError, UsageError
 from mbstab.model.schema import Model
@@ -84,6 +84,12 @@ WIDELY = 100.0
 
 BUDGET, ENTRIES = 100_000, 4_000_000
 """So many points in between are looked at at most, and so many eigenvalues of them are kept."""
+
+CALLS, CAREFUL = 5_000, 8
+"""Points in between are looked at so many times at most; to judge one as `mbstab eig` does counts as so many."""
+
+OUTSIDE, ON_END = 1e-4, 1e-9
+"""So far beyond a range, relative to the parameter, is seen what happens at its end, and so near it happens there."""
 
 CROWDED = 150
 """An interval with more parts in which eigenvalues cannot be followed is not divided further: rounding moves them."""
@@ -387,7 +393,8 @@ class _Tracker:
         self.unplaced = unplaced(raw.sides, raw.words, raw.problems)
         self.counts = settled(raw.sides, raw.words, self.unplaced)
         self.counts[~self.good] = -1
-        self.spent, self.size, self.exhausted = 0, 0.0, False
+        self.spent, self.calls, self.size = 0, 0, 0.0
+        self.stopped: tuple[int, int] | None = None
         self.width = max(float(np.max(np.abs(x), initial=0.0)), 1e-300)
         path = evaluator.path
         self.crossings = (
@@ -406,31 +413,59 @@ class _Tracker:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Say where the search ended early."""
-        if not self.exhausted:
+        if self.stopped is None:
             return ()
         return (
-            f"the refinement between points ended after {self.spent} of them: branches may be mistaken for each other "
-            "and critical values may be missing; more points, a smaller range or --log help",
+            f"the refinement between points ended after {self.spent} of them{self._where()}: branches may be mistaken "
+            "for each other and critical values may be missing; more points, a smaller range or --log help",
         )
+
+    def _where(self) -> str:
+        """Say between which points the search ended."""
+        assert self.stopped is not None
+        parameter = self.evaluator.model.parameters[self.parameter]
+        unit = f" {parameter.unit}" if parameter.unit not in ("", "1") else ""
+        low, high = (float(self.x[np.clip(k, 0, len(self.x) - 1)]) / parameter.factor for k in self.stopped)
+        return f", between {self.parameter} = {low:.6g} and {high:.6g}{unit}"
+
+    def _stop(self, value: float) -> None:
+        """Note that the search ended at a value."""
+        k = int(np.searchsorted(self.x, value))
+        known = self.stopped or (k - 1, k)
+        self.stopped = min(known[0], k - 1), max(known[1], k)
 
     def at(self, points: Array) -> Complex:
         """Return the eigenvalues at further points, and keep them; nan where there are none, or too many were asked."""
-        if self.spent + len(points) > self.budget:
-            self.exhausted = True
-            return np.full((len(points), self.values.shape[1]), NO_EIGENVALUE)
-        self.spent += len(points)
         found = self._spectra(points)
         self.between += [float(p) for p, v in zip(points, found.values, strict=True) if not np.any(np.isnan(v))]
         return found.values
 
     def _spectra(self, points: Array, exact: bool = False) -> Spectra:
-        """Return the eigenvalues at further points."""
+        """Return the eigenvalues at further points; nan where there are none, or too many were asked for."""
+        self.calls += 1 + CAREFUL * len(points) * exact
+        if self.spent + len(points) > self.budget or self.calls > CALLS:
+            for p in points[[0, -1]].tolist():
+                self._stop(p)
+            return self._nothing(points)
+        self.spent += len(points)
         found = self.evaluator.near({self.parameter: points}, self.values.shape[1], exact)
         self.size = max(self.size, float(np.max(found.sizes, initial=0.0)))
         found = replace(found, values=pinned(found.values, found.sides, found.sizes, self.unplaced))
         for n, p in enumerate(points.tolist()):
             self.looked[p] = _Looked(found.values[n], found.sides[n], bool(found.mirrored[n]), int(found.words[n]))
         return found
+
+    def _nothing(self, points: Array) -> Spectra:
+        """Return that nothing is known of points."""
+        shape = len(points), self.values.shape[1]
+        empty = Spectra(
+            np.full(shape, NO_EIGENVALUE), np.full(shape, OPEN, dtype=np.int8),
+            np.full(len(points), WORD[UNDECIDED], dtype=np.int8), np.zeros(len(points), dtype=bool),
+            {}, 0, np.zeros(len(points)),
+        )  # fmt: skip
+        for n, p in enumerate(points.tolist()):
+            self.looked.setdefault(p, _Looked(empty.values[n], empty.sides[n], False, WORD[UNDECIDED]))
+        return empty
 
     def _counted(self, points: Array) -> Index:
         """Return the numbers of unstable eigenvalues at points between, each judged as `mbstab eig` does."""
@@ -506,7 +541,9 @@ class _Tracker:
         for interval in sorted(number, key=lambda k: number[k]):
             room -= number[interval]
             if number[interval] > CROWDED or room < 0:
-                self.exhausted = True
+                for piece in pieces:
+                    if number[piece.interval] >= number[interval]:
+                        self._stop(0.5 * (piece.a + piece.b))
                 break
             chosen.add(interval)
         return [x for x in pieces if x.interval in chosen], [x for x in pieces if x.interval not in chosen]
@@ -584,6 +621,27 @@ class _Tracker:
         found: list[Critical] = []
         for first, last in self._suspects(branches):
             found += self._changes(self._closer(first, last), branches)
+        return found + self._at_ends(branches)
+
+    def _at_ends(self, branches: Complex) -> list[Critical]:
+        """Return where stability changes exactly at an end of the range: what is beyond it tells."""
+        found: list[Critical] = []
+        for end, inner in ((0, 1), (-1, -2)):
+            if not self.good[end] or self.counts[end] >= 0 or not self.good[inner] or self.counts[inner] < 0:
+                continue
+            value = float(self.x[end])
+            step = min(OUTSIDE * self.width, abs(float(self.x[inner]) - value))
+            beyond = value + float(np.copysign(step, value - self.x[inner]))
+            inside = value - (beyond - value)
+            if np.any(np.isnan(self._spectra(np.array([inside, beyond])).values)):
+                continue
+            part = self._stretch(np.sort(np.array([inside, value, beyond])))
+            changes = self._changes(part, branches)
+            found += [
+                replace(c, value=value)
+                for c in changes
+                if c.kind != "unresolved" and abs(c.value - value) <= ON_END * self.width
+            ]
         return found
 
     def _changes(self, part: _Stretch, branches: Complex, depth: int = 0) -> list[Critical]:
@@ -708,7 +766,9 @@ class _Tracker:
 
     def ended(self, value: float, reason: str) -> Critical:
         """Return the end of a path of equilibria as a critical value."""
-        kind = {TURNS: "fold", BRANCHES: "branch point", AGAIN: "unresolved"}.get(reason, "loss of equilibrium")
+        kind = {TURNS: "fold", BRANCHES: "branch point", AGAIN: "unresolved", LONG: "unresolved"}.get(
+            reason, "loss of equilibrium"
+        )
         sides, words = self._beside(value)
         return Critical(value, kind, (), 0.0, sides, verdicts=words)
 

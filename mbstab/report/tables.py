@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import StringIO
@@ -33,6 +34,9 @@ GAP = 2
 
 LARGE = 12
 """Matrices with more rows or columns are shown only if all is asked for."""
+
+NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+"""A number in a message."""
 
 ZERO = 1e-3
 """An eigenvalue that may be zero is printed as zero if that is known to this part of the largest one."""
@@ -382,14 +386,38 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
         shown = [f"{what} at {number(_rounded(value, result) / factor, 6)}" for value, what in result.meetings]
         lines += ["", *wrap("branches " + ", ".join(shown[:12]) + (" …" if len(shown) > 12 else ""), width=WIDTH)]
     if result.problems:
-        reasons: dict[str, int] = {}
-        for text in result.problems.values():
-            head = text.splitlines()[0]
-            reasons[head] = reasons.get(head, 0) + 1
         lines += ["", f"{counted(len(result.problems), 'point')} without an answer:"]
-        for text, times in list(reasons.items())[:5]:
-            lines += wrap(f"{times}× {text}", width=WIDTH, initial_indent="  ", subsequent_indent="    ")
+        for text in _refused(result, factor):
+            lines += wrap(text, width=WIDTH, initial_indent="  ", subsequent_indent="    ")
     return lines
+
+
+def _refused(result: Sweep, factor: float) -> list[str]:
+    """Return the values without an answer, those with the same reason together; reasons differ by more than numbers."""
+    groups: dict[str, list[int]] = {}
+    for i, text in sorted(result.problems.items()):
+        groups.setdefault(NUMBER.sub("#", text.splitlines()[0]), []).append(i)
+    found = []
+    for points in groups.values():
+        texts = list(dict.fromkeys(result.problems[i].splitlines()[0] for i in points))
+        alike = " (alike at the others)" if len(texts) > 1 else ""
+        found.append(f"{_places(points, result, factor)}: {texts[0]}{alike}")
+    return found
+
+
+def _places(points: list[int], result: Sweep, factor: float) -> str:
+    """Return values of the parameter by the numbers of points, neighbours as a range."""
+    runs: list[list[int]] = []
+    for i in points:
+        if runs and i == runs[-1][-1] + 1:
+            runs[-1].append(i)
+        else:
+            runs.append([i])
+    shown = []
+    for run in runs:
+        first, last = (number(float(result.values[i]) / factor, 6) for i in (run[0], run[-1]))
+        shown.append(f"at {first}" if len(run) == 1 else f"at {len(run)} values from {first} to {last}")
+    return ", ".join(shown)
 
 
 def _signs(c: Critical) -> str:
@@ -430,7 +458,7 @@ def _ranges(result: Sweep, factor: float) -> list[str]:
     for run in runs:
         ends = (edges[0], edges[-1])
         low, high = ((x if x in ends else _rounded(x, result)) / factor for x in (run.low, run.high))
-        many = f" ({', '.join(map(str, sorted(run.counts)))})" if run.word == UNSTABLE else ""
+        many = f" ({', '.join(map(str, sorted(run.counts)))})" if run.word == UNSTABLE and any(run.counts) else ""
         place = f"{number(low, 6)} to {number(high, 6)}" if high > low else f"at {number(low, 6)}"
         lines.append(f"  {place}: {run.word}{many}")
     return lines
@@ -455,7 +483,9 @@ def _runs(inside: list[int], a: float, b: float, x: Array, words: Any, counts: A
         if i in missing:
             whole = False
             continue
-        if runs and whole and runs[-1].word == word:
+        # Unstable without an eigenvalue right of the axis: a multiple one on it, at this value alone.
+        same = bool(runs) and runs[-1].word == word and (0 in runs[-1].counts) == (counts[i] == 0)
+        if same and whole:
             runs[-1].high = value
             runs[-1].counts.add(int(counts[i]))
         else:
