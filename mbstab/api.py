@@ -291,6 +291,7 @@ class Mechanism:
         resume: bool = False,
         jobs: int = 1,
         cluster: str = "",
+        keep: bool = False,
         **parameters: Setting,
     ) -> Sweep:
         """Return eigenvalue branches over a parameter, and where stability changes.
@@ -302,7 +303,7 @@ class Mechanism:
             Of the parameter in SI, ascending or descending.
         progress : callable
             Is called with the part of the work that is done, from 0 to 1.
-        directory, resume, jobs, cluster
+        directory, resume, jobs, cluster, keep
             As in `mbstab.analysis.sweep.sweep`.
 
         Raises
@@ -315,7 +316,7 @@ class Mechanism:
         from mbstab.analysis.sweep import sweep
 
         settings = parse_overrides(self.model, self._settings(parameters))
-        return sweep(self.model, parameter, values, settings, progress, directory, resume, jobs, cluster)
+        return sweep(self.model, parameter, values, settings, progress, directory, resume, jobs, cluster, keep)
 
     @guarded
     def simulate(
@@ -418,6 +419,7 @@ class Mechanism:
         resume: bool = False,
         jobs: int = 1,
         cluster: str = "",
+        keep: bool = False,
         **parameters: Setting,
     ) -> Chart:
         """Return the number of unstable eigenvalues over two parameters, and the curves where it changes.
@@ -426,7 +428,7 @@ class Mechanism:
         ----------
         values : mapping
             Two parameters and their values in SI, ascending.
-        progress, directory, resume, jobs, cluster
+        progress, directory, resume, jobs, cluster, keep
             As in `sweep`.
         """
         values = {name: _series(name, x) for name, x in values.items()}
@@ -434,7 +436,7 @@ class Mechanism:
         from mbstab.analysis.chart import chart
 
         settings = parse_overrides(self.model, self._settings(parameters))
-        return chart(self.model, values, settings, progress, directory, resume, jobs, cluster)
+        return chart(self.model, values, settings, progress, directory, resume, jobs, cluster, keep)
 
     @guarded
     def compare(

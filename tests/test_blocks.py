@@ -4,6 +4,7 @@ import contextlib
 import errno
 import multiprocessing
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -367,3 +368,98 @@ def test_a_cluster_gives_the_same_bits_though_a_worker_dies(bicycle, whole):
         result = bicycle.sweep("v", X, kill, cluster=cluster.scheduler_address)
     assert killed
     assert_same(whole, result)
+
+
+# --- who else is there ----------------------------------------------------------------------------------------------
+
+
+def test_a_directory_in_use_is_refused_and_a_lock_that_is_left_is_not(bicycle, whole, tmp_path):
+    place = tmp_path / "v.parts"
+    refused = []
+
+    class Second(Interrupting):
+        def __call__(self, done):
+            for resume in (True, False):
+                with pytest.raises(UsageError, match=f"in use by another sweep .process {os.getpid()}"):
+                    bicycle.sweep("v", X, directory=place, resume=resume)
+                refused.append(resume)
+            super().__call__(done)
+
+    with pytest.raises(KeyboardInterrupt):
+        bicycle.sweep("v", X, Second(place, 2), directory=place)
+    assert refused
+    assert not (place / "lock").exists()
+    (place / "lock").write_text("1", encoding="utf-8")  # of a process that died
+    assert_same(whole, bicycle.sweep("v", X, directory=place, resume=True))
+    assert not place.exists()
+
+
+def test_blocks_of_another_version_are_refused(bicycle, whole, tmp_path, monkeypatch):
+    place = tmp_path / "v.parts"
+    with pytest.raises(KeyboardInterrupt):
+        bicycle.sweep("v", X, Interrupting(place, 2), directory=place)
+    with monkeypatch.context() as patch:
+        patch.setattr(blocks, "_program", lambda: "other sources")
+        with pytest.raises(UsageError, match="another version of the program"):
+            bicycle.sweep("v", X, directory=place, resume=True)
+    assert_same(whole, bicycle.sweep("v", X, directory=place, resume=True))
+
+
+def test_a_file_in_the_place_of_the_parts(bicycle, small, tmp_path):
+    (tmp_path / "v.parts").write_text("mine", encoding="utf-8")
+    for resume in (True, False):
+        with pytest.raises(UsageError, match="is a file"):
+            bicycle.sweep("v", X, directory=tmp_path / "v.parts", resume=resume)
+    assert (tmp_path / "v.parts").read_text(encoding="utf-8") == "mine"
+
+
+def test_blocks_are_kept_until_the_answer_is_written(tmp_path, monkeypatch):
+    out = tmp_path / "v.csv"
+    arguments = ["sweep", "whipple_bicycle.yaml", "--param", "v", "--points", "60", "--plot", "none"]
+    replace = os.replace
+
+    def full(source, goal):
+        if os.fspath(goal) == str(out):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        replace(source, goal)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", full)
+        result = CliRunner().invoke(main, [*arguments, "--output", str(out)])
+    assert result.exit_code != 0
+    assert "No space left" in result.stderr
+    assert "go on with --resume" in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["v.csv.parts"]
+    result = CliRunner().invoke(main, [*arguments, "--output", str(out), "--resume"])
+    assert result.exit_code == 0, result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["v.csv"]
+    result = CliRunner().invoke(main, [*arguments, "--output", str(out), "--resume"])
+    assert result.exit_code == 2
+    assert "nothing to resume" in result.stderr
+
+
+def test_commands_killed_at_random_moments_end_in_the_same_bytes(tmp_path):
+    rng = random.Random(12)
+    arguments = ("--points", "3001", "--output")
+    reference, out = tmp_path / "reference.csv", tmp_path / "v.csv"
+    subprocess.run(command(*arguments, str(reference)), capture_output=True, check=True)
+    parts = out.with_name("v.csv.parts")
+    killed = 0
+    for _ in range(12):
+        again = ["--resume"] if parts.is_dir() else []
+        with child(command(*arguments, str(out), *again), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
+            try:
+                _, text = process.communicate(timeout=rng.uniform(0.3, 2.0))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.communicate()
+                killed += 1
+            else:
+                assert process.returncode == 0, text
+                break
+    if not out.exists():
+        again = ["--resume"] if parts.is_dir() else []
+        subprocess.run(command(*arguments, str(out), *again), capture_output=True, check=True)
+    assert killed
+    assert out.read_bytes() == reference.read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["reference.csv", "v.csv"]

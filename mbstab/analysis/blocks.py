@@ -7,9 +7,12 @@ a sweep that was interrupted takes them up again.
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import hashlib
 import json
 import os
+import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
@@ -40,6 +43,9 @@ AHEAD = 2
 
 RETRIES = 3
 """A block whose worker died is computed again so many times."""
+
+LABEL, LOCK = "sweep.json", "lock"
+"""What says which sweep the blocks of a directory are, and who is at work in it."""
 
 Progress = Callable[[float], object]
 
@@ -189,29 +195,55 @@ class Store:
     Raises
     ------
     UsageError
-        If the directory holds another sweep, or blocks although nothing is to be resumed.
+        If the directory holds another sweep, or blocks although nothing is to be resumed, or is in use.
     """
 
     def __init__(self, directory: Path, key: str, resume: bool) -> None:
         self.directory = directory
-        label = directory / "sweep.json"
+        label = directory / LABEL
+        if directory.exists() and not directory.is_dir():
+            raise UsageError(
+                f"{directory} is a file: the parts of this sweep go to a directory of that name\n"
+                "hint: rename it, or name another file with --output"
+            )
         if directory.exists():
-            known = _read_label(label)
-            if known is None and any(directory.iterdir()):
+            own = (LABEL, LOCK)
+            if not label.exists() and any(x.name not in own and x.name[:6] != ".part." for x in directory.iterdir()):
                 raise UsageError(f"{directory} exists and is none of a sweep\nhint: name another file with --output")
+        elif resume:
+            raise UsageError(
+                f"there is nothing to resume: {directory} does not exist\n"
+                "hint: a sweep that is complete leaves none; leave out --resume to begin"
+            )
+        with _written(directory):
+            directory.mkdir(parents=True, exist_ok=True)
+            self._lock = _locked(directory / LOCK)
+        try:
+            known = _read_label(label)
             if known is not None and known != key:
                 raise UsageError(
-                    f"{directory} holds parts of another sweep\nhint: remove it, or name another file with --output"
+                    f"{directory} holds parts of another sweep, or of another version of the program\n"
+                    "hint: remove it, or name another file with --output"
                 )
             if not resume and known is not None:
                 raise UsageError(
                     f"{directory} holds parts of this sweep\nhint: go on with --resume, or remove the directory"
                 )
-        elif resume:
-            raise UsageError(f"there is nothing to resume: {directory} does not exist")
-        with _written(directory):
-            directory.mkdir(parents=True, exist_ok=True)
-            self._write(label, json.dumps({"key": key}).encode())
+            with _written(directory):
+                self._write(label, json.dumps({"key": key}).encode())
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Let others go on with what is there."""
+        if self._lock is not None:
+            name = self.directory / LOCK
+            with contextlib.suppress(OSError):
+                if name.stat().st_ino == os.fstat(self._lock).st_ino:
+                    name.unlink()
+            os.close(self._lock)
+            self._lock = None
 
     def _write(self, goal: Path, content: bytes) -> None:
         handle, temporary = tempfile.mkstemp(dir=self.directory, prefix=".part.")
@@ -263,10 +295,76 @@ class Store:
 
     def remove(self) -> None:
         """Remove the directory: the answer is written."""
-        for pattern in ("block-*.npz", ".part.*", "sweep.json"):
-            for path in self.directory.glob(pattern):
-                path.unlink()
-        self.directory.rmdir()
+        discard(self.directory)
+        self.close()
+
+
+@contextlib.contextmanager
+def stored(directory: Path | None, all_tasks: list[Task], resume: bool, keep: bool) -> Iterator[Store | None]:
+    """Keep blocks in a directory, if there is one, while a sweep is computed; afterwards only if they are to be kept.
+
+    Raises
+    ------
+    UsageError
+        As `Store`.
+    """
+    if directory is None:
+        yield None
+        return
+    store = Store(directory, key_of(all_tasks), resume)
+    try:
+        yield store
+        if not keep:
+            store.remove()
+    finally:
+        store.close()
+
+
+def discard(directory: Path) -> None:
+    """Remove the parts of a sweep whose answer is written."""
+    with _written(directory):
+        for pattern in ("block-*.npz", ".part.*", LABEL, LOCK):
+            for path in directory.glob(pattern):
+                path.unlink(missing_ok=True)
+        if directory.is_dir() and not any(directory.iterdir()):
+            directory.rmdir()
+
+
+def _locked(name: Path) -> int | None:
+    """Return the handle of a file that this process alone has locked; the lock ends with the process.
+
+    Raises
+    ------
+    UsageError
+        If another process has.
+    """
+    if sys.platform == "win32":
+        return None
+    import fcntl
+
+    while True:
+        handle = os.open(name, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            owner = os.read(handle, 20).decode(errors="replace").strip()
+            os.close(handle)
+            raise UsageError(
+                f"{name.parent} is in use by another sweep (process {owner or 'unknown'})\n"
+                "hint: wait until it ends, or name another file with --output"
+            ) from None
+        # The one that had it may have removed it in between.
+        with contextlib.suppress(FileNotFoundError):
+            if os.fstat(handle).st_ino == name.stat().st_ino:
+                break
+        os.close(handle)
+    try:
+        os.ftruncate(handle, 0)
+        os.write(handle, str(os.getpid()).encode())
+    except OSError:
+        os.close(handle)
+        raise
+    return handle
 
 
 class _written:
@@ -294,12 +392,22 @@ def _read_label(label: Path) -> str | None:
 
 
 def key_of(all_tasks: list[Task]) -> str:
-    """Return a text that is the same for the same sweep only."""
-    digest = hashlib.sha256()
+    """Return a text that is the same for the same sweep by the same program only."""
+    digest = hashlib.sha256(_program().encode())
     for task in all_tasks:
         digest.update(repr((task.text, sorted(task.settings.items()))).encode())
         for name, x in sorted(task.values.items()):
             digest.update(name.encode() + x.tobytes())
+    return digest.hexdigest()
+
+
+@functools.cache
+def _program() -> str:
+    """Return what tells this program from others: all of its sources."""
+    digest, home = hashlib.sha256(), Path(__file__).parents[1]
+    for path in sorted(home.rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            digest.update(str(path.relative_to(home)).encode() + path.read_bytes())
     return digest.hexdigest()
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.batch import Evaluator, Spectra
-from mbstab.analysis.blocks import Progress, Store, Task, key_of, merged, run, tasks
+from mbstab.analysis.blocks import Block, Progress, Task, merged, run, stored, tasks
 from mbstab.analysis.continuation import Sheet, follow_all
 from mbstab.analysis.points_verdict import WORD, settled
 from mbstab.analysis.points_verdict import unplaced as unplaced_of
@@ -76,6 +76,7 @@ def chart(
     resume: bool = False,
     jobs: int = 1,
     cluster: str = "",
+    keep: bool = False,
 ) -> Chart:
     """Return the stability chart of a model over two parameters.
 
@@ -83,7 +84,7 @@ def chart(
     ----------
     values : mapping
         Two parameters and their values (SI), ascending.
-    settings, progress, directory, resume, jobs, cluster
+    settings, progress, directory, resume, jobs, cluster, keep
         As in `mbstab.analysis.sweep.sweep`.
 
     Raises
@@ -103,8 +104,22 @@ def chart(
     all_tasks = (
         tasks(model, settings, points, followed=False) if sheet is None else _rows(model, settings, sheet, one, x)
     )
-    store = Store(directory, key_of(all_tasks), resume) if directory is not None else None
-    blocks = run(all_tasks, store, jobs, cluster, progress)
+    with stored(directory, all_tasks, resume, keep) as store:
+        blocks = run(all_tasks, store, jobs, cluster, progress)
+        return _charted(model, (one, other), (x, y), settings, sheet, blocks)
+
+
+def _charted(
+    model: Model,
+    names: tuple[str, str],
+    axes: tuple[Array, Array],
+    settings: Mapping[str, float],
+    sheet: Sheet | None,
+    blocks: list[Block],
+) -> Chart:
+    """Return the chart of the blocks of its points."""
+    (one, other), (x, y) = names, axes
+    points = {one: np.tile(x, len(y)), other: np.repeat(y, len(x))}
     place, problems = np.arange(len(x) * len(y)), {}
     evaluator = Evaluator(model, settings, sheet)
     if sheet is not None:
@@ -125,8 +140,6 @@ def chart(
     boundaries = _boundaries(evaluator, (one, other), x, y, growing, count, unplaced)
     if sheet is not None:
         boundaries += _ends(sheet)
-    if store is not None:
-        store.remove()
     return Chart((one, other), x, y, unstable, boundaries, dict(sorted(problems.items())), words)
 
 

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.batch import Evaluator, Spectra
-from mbstab.analysis.blocks import Block, Progress, Store, key_of, merged, run, tasks
+from mbstab.analysis.blocks import Block, Progress, merged, run, stored, tasks
 from mbstab.analysis.continuation import AGAIN, BRANCHES, LONG, TURNS
 from mbstab.analysis.continuation import Path as Solutions
 from mbstab.analysis.continuation import follow as follow_path
@@ -215,6 +215,7 @@ def sweep(
     resume: bool = False,
     jobs: int = 1,
     cluster: str = "",
+    keep: bool = False,
 ) -> Sweep:
     """Return the eigenvalue branches of a model over a parameter, and where stability changes.
 
@@ -229,11 +230,13 @@ def sweep(
     progress : callable, optional
         Is called with the part of the work that is done, from 0 to 1.
     directory : Path, optional
-        Where finished blocks of points are kept; removed in the end.
+        Where finished blocks of points are kept; removed in the end …
     resume : bool
         Whether to go on with the blocks that are there.
     jobs, cluster
         Number of processes, or the address of a Dask scheduler.
+    keep : bool
+        … unless they are needed until the answer is written (`mbstab.analysis.blocks.discard`).
 
     Raises
     ------
@@ -259,14 +262,12 @@ def sweep(
     closer = [x if path is None else np.union1d(x, path.next_to_ends()) for x, path in zip(grids, paths, strict=True)]
     groups = [tasks(model, settings, {parameter: x}, path) for x, path in zip(closer, paths, strict=True)]
     all_tasks = [task for group in groups for task in group]
-    store = Store(directory, key_of(all_tasks), resume) if directory is not None else None
-    blocks = iter(run(all_tasks, store, jobs, cluster, progress))
-    found = [
-        _at(x, _answer(model, parameter, settings, more, path, merged(list(islice(blocks, len(group))))))
-        for x, more, path, group in zip(grids, closer, paths, groups, strict=True)
-    ]
-    if store is not None:
-        store.remove()
+    with stored(directory, all_tasks, resume, keep) as store:
+        blocks = iter(run(all_tasks, store, jobs, cluster, progress))
+        found = [
+            _at(x, _answer(model, parameter, settings, more, path, merged(list(islice(blocks, len(group))))))
+            for x, more, path, group in zip(grids, closer, paths, groups, strict=True)
+        ]
     return replace(_ordered(found[0], order), beyond=tuple(_ordered(result, order) for result in found[1:]))
 
 

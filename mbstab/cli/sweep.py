@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +23,7 @@ from mbstab.cli.output import (
     save_picture,
     warn,
 )
-from mbstab.errors import NumericalError, UsageError
+from mbstab.errors import NumericalError, OutputError, UsageError
 
 if TYPE_CHECKING:
     from mbstab.analysis.chart import Chart
@@ -31,6 +32,17 @@ if TYPE_CHECKING:
 
 PICTURES = ("map", "locus", "campbell", "none")
 CHART_POINTS = 101
+
+
+def _listed(one: Any = click.STRING) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], tuple[Any, ...]]:
+    """Return what makes values of a type of an option that is repeated, or given a list with commas, or both."""
+
+    def callback(context: click.Context, option: click.Parameter, given: tuple[str, ...]) -> tuple[Any, ...]:
+        # Commas within parentheses belong to an expression.
+        parts = [part.strip() for text in given for part in re.split(r",(?![^(]*\))", text)]
+        return tuple(one.convert(part, option, context) for part in parts)
+
+    return callback
 
 
 @click.command()
@@ -49,10 +61,17 @@ CHART_POINTS = 101
     "start",
     metavar="VALUE",
     multiple=True,
-    help="First value, in the parameter's unit or an expression; with two parameters once for each.",
+    callback=_listed(),
+    help="First value, in the parameter's unit or an expression; with two parameters one for each: A,B or repeated.",
 )
-@click.option("--to", "stop", metavar="VALUE", multiple=True, help="Last value.")
-@click.option("--points", type=click.IntRange(2, 10_000_000), multiple=True, help="Number of values.")
+@click.option("--to", "stop", metavar="VALUE", multiple=True, callback=_listed(), help="Last value.")
+@click.option(
+    "--points",
+    multiple=True,
+    callback=_listed(click.IntRange(2, 10_000_000)),
+    metavar="NUMBER",
+    help="Number of values.",
+)
 @click.option("--log", "logarithmic", is_flag=True, help="Space the values logarithmically.")
 @click.option("--values", metavar="LIST", help="The values themselves, separated by commas.")
 @set_option
@@ -60,9 +79,10 @@ CHART_POINTS = 101
 @click.option(
     "--plot",
     "pictures",
-    type=click.Choice(PICTURES),
+    callback=_listed(click.Choice(PICTURES)),
+    metavar="[" + "|".join(PICTURES) + "]",
     multiple=True,
-    help="Pictures to draw; map and locus if not given, none for none.",
+    help="Pictures to draw, separated by commas or repeated; map and locus if not given, none for none.",
 )
 @pictures_option
 @click.option("--resume", is_flag=True, help="Go on with a sweep to --output that was interrupted.")
@@ -131,6 +151,7 @@ def sweep(
         "resume": resume,
         "jobs": jobs,
         "cluster": cluster,
+        "keep": True,
         **parse_settings(settings),
     }
     labels = [(model.parameters[name].unit, model.parameters[name].factor) for name in parameters]
@@ -139,18 +160,20 @@ def sweep(
     drawn = () if "none" in wanted else wanted
     answer: Sweep | Chart
     if len(parameters) == 1:
-        with progress_bar("sweeping") as progress, _kept(directory):
-            answer = mechanism.sweep(parameters[0], grids[parameters[0]], progress=progress, **run)
-        output.write(_sweep_answer(answer, *labels[0], model.name, model.title), summary=True)
-        _draw(answer, drawn, *stem, _label(parameters[0], labels[0][0]), model.title)
+        with _kept(directory):
+            with progress_bar("sweeping") as progress:
+                answer = mechanism.sweep(parameters[0], grids[parameters[0]], progress=progress, **run)
+            output.write(_sweep_answer(answer, *labels[0], model.name, model.title), summary=True)
+            _draw(answer, drawn, *stem, _label(parameters[0], labels[0][0]), model.title)
         warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))
         total, missing = len(answer.values), len(answer.unanswered)
     else:
-        with progress_bar("sweeping") as progress, _kept(directory):
-            answer = mechanism.chart(grids, progress=progress, **run)
-        output.write(_chart_answer(answer, labels, model.name, model.title), summary=True)
-        if drawn:
-            _draw_chart(answer, *stem, labels, model.title)
+        with _kept(directory):
+            with progress_bar("sweeping") as progress:
+                answer = mechanism.chart(grids, progress=progress, **run)
+            output.write(_chart_answer(answer, labels, model.name, model.title), summary=True)
+            if drawn:
+                _draw_chart(answer, *stem, labels, model.title)
         total, missing = answer.unstable.size, len(answer.problems)
     if missing:
         raise NumericalError(f"{missing} of {total} points have no answer; the others are computed")
@@ -158,13 +181,18 @@ def sweep(
 
 @contextlib.contextmanager
 def _kept(directory: Path | None) -> Iterator[None]:
-    """Say what an interrupted sweep leaves."""
+    """Remove finished parts when the answer is written, and say what is left where it is not."""
+    from mbstab.analysis.blocks import discard
+
     try:
         yield
-    except KeyboardInterrupt:
-        if directory is not None and directory.exists():
-            note(f"interrupted: finished blocks are kept in {directory}; go on with --resume")
+    except (KeyboardInterrupt, OutputError) as error:
+        if directory is not None and directory.is_dir():
+            what = "interrupted: " if isinstance(error, KeyboardInterrupt) else ""
+            note(f"{what}finished blocks are kept in {directory}; go on with --resume")
         raise
+    if directory is not None:
+        discard(directory)
 
 
 def _chart_points(model: Model, parameter: str) -> int:
