@@ -366,7 +366,8 @@ class Mechanism:
         through_singular : bool
             Go on smoothly through configurations where the constraints lose rank, and say so in a warning.
         tell : callable
-            Is called with a warning that should be known before the end.
+            Is called with what should be known before the end: warnings, and how long it takes and why, where that
+            is long.
 
         Raises
         ------

@@ -1,5 +1,6 @@
 """Motions that run into a limit end soon and say why; steps that are limited by stability are said to be."""
 
+import itertools
 import math
 import re
 
@@ -8,7 +9,7 @@ import pytest
 from mechanisms import SLIDER_CRANK
 
 import mbstab
-from mbstab.analysis import stiffness
+from mbstab.analysis import budget, stiffness
 from mbstab.errors import SimulationError
 
 # Each ends where two links lie on a line; the time is exact.
@@ -201,3 +202,61 @@ def test_a_fast_motion_that_is_seen_is_not_stiff():
     sim = mbstab.loads(SPRING).simulate(1.0, once=True, points=2)
     assert sim.steps > stiffness.FIRST
     assert sim.warnings == ()
+
+
+# --- long simulations -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "to", "options", "said"),
+    [
+        (SPRING, 3.0, {}, r"for errors of 1e-08 in a step; .* p\.x with \S+ m/s, .* a rate of 1\.0e\+03 1/s"),
+        (SPRING, 3.0, {"step": 1e-3, "method": "radau"}, r"steps of 1\.0e-03 s as given\nhint: a longer --step or an"),
+        (DRAGGED.replace("DRAG", "2e3"), 0.3, {"tol": 1e-5}, "limited by stability.*\nhint: --method radau .steps of"),
+        (
+            LINKS.replace("LAW", "position: 1 + 0.5*smooth_start(t/1.5)"),
+            1.0,
+            {"tol": 1e-3, "points": 501},
+            r"where \S+ s is the longest, .*\nhint: .*fewer --points",
+        ),
+    ],
+)
+def test_a_long_simulation_says_early_how_long_and_why(monkeypatch, text, to, options, said):
+    now = itertools.count(0.0, 1.0)
+    monkeypatch.setattr(budget, "clock", lambda: next(now))  # a second goes by at each look
+    told = []
+    sim = mbstab.loads(text).simulate(to, tell=told.append, **options)
+    first = next(x for x in told if "more at the present pace" in x)
+    assert re.search(said, first)
+    assert first not in sim.warnings
+
+
+def test_what_is_left_of_a_long_simulation(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(budget, "clock", lambda: now[0])
+    watch = budget.Budget(1.0, 11.0)
+    watch.start_run(2.0)
+    found = {}
+    for second in range(1, 40):
+        now[0] = 100.0 + second
+        found[second] = watch.left(1.0 + 0.1 * second)  # a run of 100 s, and two more
+    assert [k for k, left in found.items() if left is not None] == [5]
+    assert found[5] == pytest.approx(295.0)
+    now[0] = 260.0  # it has become four times as slow
+    assert watch.left(1.0 + 0.1 * 40) == pytest.approx(3 * 400.0 - 160.0)
+
+
+def test_a_short_simulation_says_nothing_about_its_time(monkeypatch):
+    now = itertools.count(0.0, 1e-3)
+    monkeypatch.setattr(budget, "clock", lambda: next(now))
+    told = []
+    mbstab.loads(SPRING).simulate(3.0, tell=told.append)
+    assert told == []
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.2, "0 s"), (89.0, "89 s"), (700.0, "12 min"), (1e4, "3 h"), (1e6, "12 days"), (1e300, "1.2e+295 days")],
+)
+def test_durations(seconds, text):
+    assert budget.duration(seconds) == text

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from mbstab.analysis.attitude import Attitudes
+from mbstab.analysis.watch import Budget
 from mbstab.analysis.constrained import BRANCH_HINT, LIMIT_HINT, SINGULAR, Constrained, Form, Watch
 from mbstab.analysis.energy import NODES, WEIGHTS, Energy
 from mbstab.analysis.marching import Marching
@@ -131,6 +132,8 @@ class Follower:
     ----------
     tell : callable
         Is called with what should be known before a run ends.
+    budget : Budget or None
+        The watch on the time of all runs.
     """
 
     def __init__(
@@ -143,6 +146,7 @@ class Follower:
         self.parts = self.working_parts(system)
         self.note = ""
         self.tell: Callable[[str], object] = lambda text: None
+        self.budget: Budget | None = None
         self._marching: Marching | None = None
 
     def marching(self, equations: Constrained, solver: str) -> Marching:
@@ -160,7 +164,7 @@ class Follower:
         """Follow the motion; failures end the run and are kept in it."""
         run = Run(reached=float(self.times[0]))
         leg = _Leg(self, run)
-        pace = Pace(method, options, float(self.times[-1]), self.note, self.tell)
+        pace = Pace(method, options, float(self.times[-1]), self.note, self.tell, self.budget)
         run.peak = leg.equations.least_energy
         try:
             leg.sample(float(self.times[0]), self.motion.q, self.motion.u)

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mbstab.analysis.watch import Budget
 from mbstab.analysis.follow import Follower, Run, difference, fastest
 from mbstab.analysis.initial import Start, start_of
 from mbstab.analysis.integrators import METHODS
@@ -246,7 +247,8 @@ def simulate(
         and say so in a warning. The tolerance holds there as well. Where there is no such continuation, or it cannot
         be found to the tolerance, the motion ends as without this.
     tell : callable
-        Is called with a warning that should be known before the end; it is one of those of the result as well.
+        Is called with what should be known before the end: warnings, which are among those of the result as well, and
+        how long it takes and why, where that is long.
 
     Raises
     ------
@@ -272,7 +274,7 @@ def simulate(
             "is the limit"
         )
     follower = Follower(begin.system, begin.motion, np.linspace(first, last, points), through=through_singular)
-    follower.tell = tell
+    follower.tell, follower.budget = tell, Budget(first, last)
     work = _Work(follower, chosen, solver, tol, step, compiled, progress)
     run = work.once(tol) if step is not None or once else work.refined()
     if not run.samples:
@@ -415,11 +417,20 @@ class _Work:
         # The longest step shrinks with the tolerance as the others do: otherwise runs would not differ where it binds.
         longest = self.longest * (tol / self.tol) ** (self.method.power / self.method.order)
         options = Options(tol, self.step, None, self.rate, longest, self.solver, self.compiled)
+        if self.follower.budget:
+            self.follower.budget.start_run(self._further(refining=progress is not None))
         run = self.follower.run(self.method, options, progress or self.progress)
         self.runs += 1
         self.notes = run.notes or self.notes
         self.evaluations += run.evaluations
         return run
+
+    def _further(self, refining: bool) -> float:
+        """Return how many runs as long as the next one follow it at least."""
+        if not refining:
+            return 0.0
+        longer = REDUCTION ** (-self.method.power / self.method.order)
+        return float(sum(longer**k for k in range(1, LEAST_RUNS - self.runs)))
 
     def refined(self) -> Run:
         """Follow the motion until the estimate of its global error is below the tolerance."""

@@ -1,0 +1,70 @@
+"""The time that a simulation takes: what is left of it is told early where it is long."""
+
+from __future__ import annotations
+
+import time
+
+clock = time.monotonic
+"""Tells the time (s)."""
+
+LONG = 60.0
+"""A simulation that takes longer in all is told of (s)."""
+
+FIRST = 5.0
+"""From this time on there is enough to judge by; then after twice as long, and so on (s)."""
+
+LEAST = 1.0
+"""A run tells about those to come from this time on (s)."""
+
+AGAIN = 2.0
+"""It is told again where the time grows by this factor over what was said."""
+
+
+class Budget:
+    """The watch on the time of a simulation.
+
+    Parameters
+    ----------
+    first, last : float
+        The times that each run goes through (s).
+
+    Attributes
+    ----------
+    more : float
+        How many runs as long as the present one are still to come, at least.
+    """
+
+    def __init__(self, first: float, last: float) -> None:
+        self._first, self._last, self.more = first, last, 0.0
+        self._begin = self._run = clock()
+        self._next, self._said = self._begin + FIRST, 0.0
+
+    def start_run(self, more: float) -> None:
+        """Say that a run begins, after which `more` as long as it are to come."""
+        self._run, self.more = clock(), more
+
+    def passed(self, t: float) -> float:
+        """Return how much of the time of a run lies before t (s)."""
+        return t - self._first
+
+    def left(self, t: float) -> float | None:
+        """Return what is left (s) at the pace of a run that has reached t, if that is to be told now."""
+        now = clock()
+        if now < max(self._next, self._run + LEAST) or t <= self._first:
+            return None
+        self._next = now + (now - self._begin)
+        spent = now - self._run
+        left = spent * (self._last - self._first) / (t - self._first) * (1.0 + self.more) - spent
+        whole = now - self._begin + left
+        if whole <= max(LONG, AGAIN * self._said):
+            return None
+        self._said = whole
+        return left
+
+
+def duration(seconds: float) -> str:
+    """Return a time such as ``40 s``, ``12 min`` or ``3 h``."""
+    for unit, size, most in (("s", 1.0, 90.0), ("min", 60.0, 90.0), ("h", 3600.0, 48.0), ("days", 86400.0, 1000.0)):
+        if seconds < most * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds / 86400.0:.1e} days"
