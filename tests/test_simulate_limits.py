@@ -9,7 +9,7 @@ import pytest
 from mechanisms import SLIDER_CRANK
 
 import mbstab
-from mbstab.analysis import budget, stiffness
+from mbstab.analysis import stiffness, watch
 from mbstab.errors import SimulationError
 
 # Each ends where two links lie on a line; the time is exact.
@@ -223,7 +223,7 @@ def test_a_fast_motion_that_is_seen_is_not_stiff():
 )
 def test_a_long_simulation_says_early_how_long_and_why(monkeypatch, text, to, options, said):
     now = itertools.count(0.0, 1.0)
-    monkeypatch.setattr(budget, "clock", lambda: next(now))  # a second goes by at each look
+    monkeypatch.setattr(watch, "clock", lambda: next(now))  # a second goes by at each look
     told = []
     sim = mbstab.loads(text).simulate(to, tell=told.append, **options)
     first = next(x for x in told if "more at the present pace" in x)
@@ -233,22 +233,22 @@ def test_a_long_simulation_says_early_how_long_and_why(monkeypatch, text, to, op
 
 def test_what_is_left_of_a_long_simulation(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(budget, "clock", lambda: now[0])
-    watch = budget.Budget(1.0, 11.0)
-    watch.start_run(2.0)
+    monkeypatch.setattr(watch, "clock", lambda: now[0])
+    budget = watch.Budget(1.0, 11.0)
+    budget.start_run(2.0)
     found = {}
     for second in range(1, 40):
         now[0] = 100.0 + second
-        found[second] = watch.left(1.0 + 0.1 * second)  # a run of 100 s, and two more
+        found[second] = budget.left(1.0 + 0.1 * second)  # a run of 100 s, and two more
     assert [k for k, left in found.items() if left is not None] == [5]
     assert found[5] == pytest.approx(295.0)
     now[0] = 260.0  # it has become four times as slow
-    assert watch.left(1.0 + 0.1 * 40) == pytest.approx(3 * 400.0 - 160.0)
+    assert budget.left(1.0 + 0.1 * 40) == pytest.approx(3 * 400.0 - 160.0)
 
 
 def test_a_short_simulation_says_nothing_about_its_time(monkeypatch):
     now = itertools.count(0.0, 1e-3)
-    monkeypatch.setattr(budget, "clock", lambda: next(now))
+    monkeypatch.setattr(watch, "clock", lambda: next(now))
     told = []
     mbstab.loads(SPRING).simulate(3.0, tell=told.append)
     assert told == []
@@ -259,4 +259,4 @@ def test_a_short_simulation_says_nothing_about_its_time(monkeypatch):
     [(0.2, "0 s"), (89.0, "89 s"), (700.0, "12 min"), (1e4, "3 h"), (1e6, "12 days"), (1e300, "1.2e+295 days")],
 )
 def test_durations(seconds, text):
-    assert budget.duration(seconds) == text
+    assert watch.duration(seconds) == text

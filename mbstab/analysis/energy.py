@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,9 +10,8 @@ import numpy as np
 
 from mbstab.analysis.attitude import Attitudes
 from mbstab.analysis.constrained import Form
+from mbstab.analysis.efforts import Placement
 from mbstab.compiler.system import Array, Dynamics, System
-from mbstab.mechanics.catalogue import GROUND, Marker
-from mbstab.mechanics.drives import joint_motion
 from mbstab.model.values import ItemValues
 
 SPRINGS = ("spring", "bearing", "joint_spring")
@@ -66,13 +64,13 @@ class Energy:
     def potential(self, system: System, q: Array) -> Array:
         """Return the potential energy of weight and springs (J), shape (…), at q (…, n_q) in the chart of `system`."""
         scene = system.scene
-        turns = self.attitudes.orientations(system, q)
+        at = Placement(self.attitudes, system, q, np.zeros_like(q))
         d, total = scene.dimension, np.zeros(q.shape[:-1])
         gravity = np.array(scene.gravity, dtype=float)
         for i, (body, part) in enumerate(zip(scene.bodies, system.body_slices, strict=True)):
-            place = q[..., part.start : part.start + d] + turns[..., i, :, :] @ np.array(body.center, dtype=float)
+            place = q[..., part.start : part.start + d] + at.turns[..., i, :, :] @ np.array(body.center, dtype=float)
             total -= float(body.mass) * (place @ gravity)
-        return np.asarray(total + sum(_stored(system, q, turns, spring) for spring in self.springs))
+        return np.asarray(total + sum(_stored(at, spring) for spring in self.springs))
 
     def power(self, parts: Mapping[str, Form], q: Array, u: Array, t: float, state: Dynamics, nu: Array) -> float:
         """Return the power of all that has no potential (W): forces, dampers, drives."""
@@ -86,41 +84,9 @@ class Energy:
         return total
 
 
-def _stored(system: System, q: Array, turns: Array, item: ItemValues) -> Any:
+def _stored(at: Placement, item: ItemValues) -> Any:
     """Return the energy of a spring (J), shape (…)."""
-    stiffness = float(item.number("stiffness"))
-    if item.kind.name in ("spring", "bearing"):
-        ends = [_place(system, q, turns, marker) for marker in item.markers("between")]
-        rest = float(item.number("length")) if item.kind.name == "spring" else 0.0
-        return 0.5 * stiffness * (np.linalg.norm(ends[0] - ends[1], axis=-1) - rest) ** 2
-    joint, motion = joint_motion(item)
-    first, second = joint.markers("between")
-    rest = float(item.number("rest"))
-    if motion == "angle" and system.scene.dimension == 2:
-        angle = _angle(system, q, first) - _angle(system, q, second) - rest
-        return 0.5 * stiffness * angle * angle
-    one, two = joint.triads("axis", "zero")
-    if motion == "angle":
-        zero = _turn(turns, first) @ np.array(one.v2)
-        cosine, sine = (np.sum(zero * (_turn(turns, second) @ np.array(v)), axis=-1) for v in (two.v2, two.v3))
-        c, s = math.cos(rest), math.sin(rest)
-        return 0.5 * stiffness * np.arctan2(sine * c - cosine * s, cosine * c + sine * s) ** 2
-    axis = _turn(turns, second) @ np.array(two.v1[: system.scene.dimension])
-    gap = _place(system, q, turns, first) - _place(system, q, turns, second)
-    return 0.5 * stiffness * (np.sum(axis * gap, axis=-1) - rest) ** 2
-
-
-def _turn(turns: Array, marker: Marker) -> Any:
-    return np.eye(turns.shape[-1]) if marker.body == GROUND else turns[..., marker.body, :, :]
-
-
-def _angle(system: System, q: Array, marker: Marker) -> Any:
-    return 0.0 if marker.body == GROUND else q[..., system.body_slices[marker.body].start + 2]
-
-
-def _place(system: System, q: Array, turns: Array, marker: Marker) -> Array:
-    point = np.array(marker.point, dtype=float)
-    if marker.body == GROUND:
-        return point
-    start = system.body_slices[marker.body].start
-    return np.asarray(q[..., start : start + system.scene.dimension] + turns[..., marker.body, :, :] @ point)
+    assert item.kind.effort
+    effort = item.kind.effort(item)
+    rest = float(effort.rest)
+    return 0.5 * float(effort.stiffness) * (at.motion(effort.motion, effort.of, rest) - rest) ** 2

@@ -17,7 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.analysis.attitude import Attitudes
 from mbstab.analysis.balance import Balance, State
+from mbstab.analysis.efforts import Acted, Placement, efforts
 from mbstab.analysis.invariance import Symmetry, symmetries
 from mbstab.analysis.linearize import linearize
 from mbstab.analysis.motion import CHART_WARNING, NEWTON_STEPS, ROUNDING, TOLERANCE, Finder, Motion, force_change
@@ -70,6 +72,8 @@ class Equilibrium:
         The motion it is; its text is ``rest`` at rest.
     reactions : list of Reaction
         What each joint, contact and drive transmits.
+    efforts : list of Acted
+        Of springs, dampers, actuators and drives.
     residual : float
         Largest remaining imbalance, relative to the forces that balance.
     unbalanced : tuple of float
@@ -88,6 +92,7 @@ class Equilibrium:
     motion: Motion
     steady: Generator
     reactions: list[Reaction]
+    efforts: list[Acted]
     residual: float
     unbalanced: tuple[float, float]
     iterations: int
@@ -441,8 +446,9 @@ class Problem:
             float(np.max(np.abs(force[kind]), initial=0.0)) for kind in (self.finder.is_length, ~self.finder.is_length)
         ]
         loads = reactions(self.system, motion.q, motion.dynamics.J, motion.nu)
+        placement = Placement(Attitudes.of(self.system), self.system, motion.q, motion.u)
         return Equilibrium(
-            motion, at.steady, loads, float(np.max(np.abs(at.residual))),
+            motion, at.steady, loads, efforts(placement, motion.nu, motion.time), float(np.max(np.abs(at.residual))),
             (unbalanced[0], unbalanced[1]), search.iterations, strategy, tuple(s.name for s in known),
             tuple(_open_directions(search, at, known)),
             not np.any(at.u) and any("t" in names_in(item.entry.values) for item in self.scene.items),

@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 
 from mbstab.analysis.attitude import Attitudes
-from mbstab.analysis.watch import Budget
 from mbstab.analysis.constrained import BRANCH_HINT, LIMIT_HINT, SINGULAR, Constrained, Form, Watch
 from mbstab.analysis.energy import NODES, WEIGHTS, Energy
 from mbstab.analysis.marching import Marching
@@ -25,6 +24,7 @@ from mbstab.analysis.projected import first_step
 from mbstab.analysis.samples import Frame, Sample, Track
 from mbstab.analysis.stepping import Method, Options, Stepper
 from mbstab.analysis.stiffness import Pace
+from mbstab.analysis.watch import Budget
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError
 

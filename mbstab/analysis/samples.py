@@ -10,6 +10,7 @@ import numpy as np
 
 from mbstab.analysis.attitude import Attitudes
 from mbstab.analysis.constrained import Constrained
+from mbstab.analysis.efforts import Placement, efforts
 from mbstab.analysis.energy import Energy
 from mbstab.analysis.reactions import reactions
 from mbstab.compiler.system import Array, System
@@ -98,6 +99,8 @@ class Record:
     nu : ndarray, shape (n_t, n_c)
     loads : dict of ndarray, shape (n_t,)
         Reactions (N, N·m) by owner, body acted on, and component such as ``force x``.
+    efforts : dict of ndarray, shape (n_t,)
+        Of springs, dampers, actuators and drives by owner and unit (N, N·m).
     kinetic, potential : ndarray, shape (n_t,) (J)
     residuals : ndarray, shape (n_t, 2)
         In position and velocity, as `Constrained.residuals` has them.
@@ -108,6 +111,7 @@ class Record:
     a: Array
     nu: Array
     loads: dict[tuple[str, str, str], Array]
+    efforts: dict[tuple[str, str], Array]
     kinetic: Array
     potential: Array
     residuals: Array
@@ -127,8 +131,11 @@ class Record:
         # A reaction that vanishes exactly in a part may be missing there.
         labels = dict.fromkeys(label for part in parts for label in part.loads)
         loads = {x: np.concatenate([part.loads.get(x, np.zeros(len(part.q))) for part in parts]) for x in labels}
-        names = [field.name for field in fields(cls) if field.name != "loads"]
-        return cls(loads=loads, **{x: np.concatenate([getattr(part, x) for part in parts]) for x in names})
+        driving = {x: np.concatenate([part.efforts[x] for part in parts]) for x in parts[0].efforts}
+        names = [field.name for field in fields(cls) if field.name not in ("loads", "efforts")]
+        return cls(
+            loads=loads, efforts=driving, **{x: np.concatenate([getattr(part, x) for part in parts]) for x in names}
+        )
 
     @classmethod
     def _part(cls, frame: Frame, samples: Sequence[Sample], before: Array) -> Record:
@@ -150,9 +157,12 @@ class Record:
             turning = "xyz" if r.torque.shape[-1] == 3 else "z"
             for what, letters, vector in (("force", "xyz", r.force), ("torque", turning, r.torque)):
                 loads |= {(r.owner, r.body, f"{what} {x}"): v for x, v in zip(letters, vector.T, strict=False)}
+        at, times = Placement(frame.attitudes, system, q, u), np.array([s.t for s in samples])
+        driving = {(acted.owner, acted.unit): acted.values for acted in efforts(at, nu, times)}
         shown = _continued(frame, q, before)
         potential = frame.energy.potential(system, q)
-        return cls(*frame.attitudes.in_file(system, q, u, a, shown), nu, loads, kinetic, potential, np.array(residuals))
+        q, u, a = frame.attitudes.in_file(system, q, u, a, shown)
+        return cls(q, u, a, nu, loads, driving, kinetic, potential, np.array(residuals))
 
 
 def states(samples: Sequence[Sample]) -> tuple[Array, Array]:

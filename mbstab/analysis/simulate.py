@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mbstab.analysis.watch import Budget
 from mbstab.analysis.follow import Follower, Run, difference, fastest
 from mbstab.analysis.initial import Start, start_of
 from mbstab.analysis.integrators import METHODS
@@ -26,6 +25,7 @@ from mbstab.analysis.marching import machine_code
 from mbstab.analysis.names import expressions_in, uneven_in_time
 from mbstab.analysis.samples import Record, Track
 from mbstab.analysis.stepping import Method, Options
+from mbstab.analysis.watch import Budget
 from mbstab.compiler.system import Array, System
 from mbstab.errors import SimulationError, UsageError
 from mbstab.model.arithmetic import array_arithmetic
@@ -99,6 +99,10 @@ class Simulation:
         Reactions as in `mbstab.analysis.reactions`: forces (N) and torques (N·m), ground axes.
     load_names : tuple of (str, str, str)
         Owner, body acted on, and component such as ``force x``.
+    efforts : ndarray, shape (n_t, n_e)
+        Of springs, dampers, actuators and drives along their motions (N, N·m), positive where they drive them on.
+    effort_names : tuple of (str, str)
+        Owner and unit.
     kinetic, potential : ndarray, shape (n_t,)
         Energies (J): of the motion; of weight and springs.
     work : ndarray, shape (n_t,)
@@ -145,6 +149,8 @@ class Simulation:
     spins: Array
     loads: Array
     load_names: tuple[tuple[str, str, str], ...]
+    efforts: Array
+    effort_names: tuple[tuple[str, str], ...]
     kinetic: Array
     potential: Array
     work: Array
@@ -507,7 +513,7 @@ def _result(begin: Start, follower: Follower, work: _Work, run: Run, method: str
     system, record = follower.system, Record.of(run.samples)
     samples = run.samples[: len(record.q)]
     run.interrupted = run.interrupted or len(samples) < len(run.samples)
-    track, labels = Track.of(samples), tuple(record.loads)
+    track, labels, driving = Track.of(samples), tuple(record.loads), tuple(record.efforts)
     return Simulation(
         names=tuple(system.names),
         bodies=tuple(body.name for body in system.scene.bodies),
@@ -523,6 +529,8 @@ def _result(begin: Start, follower: Follower, work: _Work, run: Run, method: str
         spins=track.spins,
         loads=np.array([record.loads[x] for x in labels]).reshape(len(labels), len(samples)).T,
         load_names=labels,
+        efforts=np.array([record.efforts[x] for x in driving]).reshape(len(driving), len(samples)).T,
+        effort_names=driving,
         kinetic=record.kinetic,
         potential=record.potential,
         work=np.array([s.work for s in samples]),

@@ -15,10 +15,10 @@ from typing import Protocol
 
 import numpy as np
 
-from mbstab.analysis.watch import Budget, duration
 from mbstab.analysis.constrained import Constrained
 from mbstab.analysis.integrators import METHODS
 from mbstab.analysis.stepping import HINT, Method, Options
+from mbstab.analysis.watch import Budget, duration
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
 from mbstab.model.schema import unit_of

@@ -113,8 +113,8 @@ def _terminable() -> Iterator[None]:
     metavar="WHAT",
     multiple=True,
     shell_complete=completion.quantities,
-    help="Draw over time: rod.theta, rate(rod.theta), acceleration(…), force(pivot), torque(pivot.z), kinetic, …, "
-    "several separated by commas; energy; residuals; or phase:rod.theta. May be repeated, each a picture.",
+    help="Draw over time: rod.theta, rate(rod.theta), acceleration(…), force(pivot), torque(pivot.z), effort(spring), "
+    "kinetic, …, several separated by commas; energy; residuals; or phase:rod.theta. May be repeated, each a picture.",
 )
 @pictures_option
 @animation_options
@@ -196,7 +196,7 @@ def simulate(
         stopped, result = error, error.partial
     warn([text for text in result.warnings if text not in told])
     _write(result, output, model, full)
-    _draw(result, pictures, *picture_stem(place, output.path, Path(model.name)), model.title)
+    _draw(result, pictures, *picture_stem(place, output.path, Path(model.name)), model)
     if movie is not None and not (result.complete or result.failure):
         note("not animated, as the simulation was stopped")
     elif movie is not None:
@@ -264,11 +264,13 @@ def _pictures(plots: tuple[str, ...], model: Model) -> list[Picture]:
     return list(found.values())
 
 
-def _draw(result: Simulation, pictures: list[Picture], stem: Path, suffix: str, title: str) -> None:
+def _draw(result: Simulation, pictures: list[Picture], stem: Path, suffix: str, model: Model) -> None:
     """Draw pictures to files whose names begin alike."""
     if not pictures:
         return
-    from mbstab.report.motion_plots import draw
+    from mbstab.report.motion_plots import draw, idle
 
     for picture in pictures:
-        save_picture(draw(picture, result, title), stem.with_name(f"{stem.name}-{picture.name}{suffix}"))
+        for text in idle(picture, result, model):
+            note(text)
+        save_picture(draw(picture, result, model.title), stem.with_name(f"{stem.name}-{picture.name}{suffix}"))

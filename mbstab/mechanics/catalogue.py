@@ -171,6 +171,34 @@ class ElementUse:
     labels: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Effort:
+    """The force or torque of an entry along one motion x, positive where it drives that on: −k (x − rest) − c ẋ + law.
+
+    Attributes
+    ----------
+    motion : str
+        ``distance`` of two points, ``angle`` or ``displacement`` of a joint, ``coordinate``, or ``point`` along a
+        direction.
+    of : Item
+        The joint, or else the entry itself.
+    stiffness, rest, damping : number
+        Of a spring; in space an angle counts within half a turn of the rest.
+    law : Law or None
+        The effort of an actuator as a function of time, or the motion that a drive gives by position.
+    driven : bool
+        Whether it is what a constraint row of the entry takes.
+    """
+
+    motion: Literal["distance", "angle", "displacement", "coordinate", "point"]
+    of: Item
+    stiffness: Number = 0.0
+    rest: Number = 0.0
+    damping: Number = 0.0
+    law: Any = None
+    driven: bool = False
+
+
 class Item(Protocol):
     """An entry of a model with its numbers, as `Kind.build` sees it."""
 
@@ -217,6 +245,8 @@ class Kind:
         For joints: the motions a drive or a spring can act on (``angle``, ``displacement``).
     one_of : tuple of tuple of str
         Groups of fields of which exactly one must be given.
+    effort : callable or None
+        From an `Item` to its effort, if it acts along one motion.
     """
 
     name: str
@@ -226,6 +256,7 @@ class Kind:
     build: Build
     motions: tuple[str, ...] = ()
     one_of: tuple[tuple[str, ...], ...] = ()
+    effort: Callable[[Item], Effort] | None = None
 
     def field(self, name: str) -> Field:
         """Return the field of that name."""

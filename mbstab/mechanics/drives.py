@@ -6,9 +6,9 @@ A given position is a holonomic row, a given rate a nonholonomic one.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, Literal
 
-from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind
+from mbstab.mechanics.catalogue import Effort, Element, ElementUse, Field, Item, Kind
 from mbstab.mechanics.joints import joint_angle_functions, joint_displacement, motion_parameters
 
 # --- elements -------------------------------------------------------------------------------------------------------
@@ -96,10 +96,11 @@ def _coordinate(item: Item) -> Iterable[ElementUse]:
     yield ElementUse(f"coordinate_{name}", (item.coordinate("coordinate"),), (), laws, (name,))
 
 
-def joint_motion(item: Item) -> tuple[Item, str]:
+def joint_motion(item: Item) -> tuple[Item, Literal["angle", "displacement"]]:
     """Return the joint an item acts on and the motion of it: ``angle`` or ``displacement``."""
     joint = item.joint("joint")
-    return joint, item.choice("motion") if item.given("motion") else joint.kind.motions[0]
+    motion = item.choice("motion") if item.given("motion") else joint.kind.motions[0]
+    return joint, "angle" if motion == "angle" else "displacement"
 
 
 def _joint(item: Item) -> Iterable[ElementUse]:
@@ -119,6 +120,19 @@ def _point(item: Item) -> Iterable[ElementUse]:
     yield ElementUse(f"point_{name}", (point.body,), parameters, laws, (name,))
 
 
+def _coordinate_effort(item: Item) -> Effort:
+    return Effort("coordinate", item, driven=True)
+
+
+def _joint_effort(item: Item) -> Effort:
+    joint, motion = joint_motion(item)
+    return Effort(motion, joint, law=item.law("position") if item.given("position") else None, driven=True)
+
+
+def _point_effort(item: Item) -> Effort:
+    return Effort("point", item, driven=True)
+
+
 _LAW = (POSITION, VELOCITY)
 _ONE = (("position", "velocity"),)
 
@@ -132,6 +146,7 @@ KINDS: dict[str, Kind] = {
             (Field("coordinate", "coordinate", "the coordinate, written body.psi", required=True), *_LAW),
             _coordinate,
             one_of=_ONE,
+            effort=_coordinate_effort,
         ),
         Kind(
             "joint",
@@ -140,6 +155,7 @@ KINDS: dict[str, Kind] = {
             (Field("joint", "joint", "name of the joint", required=True), MOTION, *_LAW),
             _joint,
             one_of=_ONE,
+            effort=_joint_effort,
         ),
         Kind(
             "point",
@@ -152,6 +168,7 @@ KINDS: dict[str, Kind] = {
             ),
             _point,
             one_of=_ONE,
+            effort=_point_effort,
         ),
     )
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind, Load
+from mbstab.mechanics.catalogue import Effort, Element, ElementUse, Field, Item, Kind, Load
 from mbstab.mechanics.drives import MOTION, TRAVEL, TURN, joint_motion
 from mbstab.mechanics.joints import joint_angle_functions, joint_displacement, motion_parameters
 from mbstab.mechanics.vectors import plain_zero
@@ -173,6 +173,25 @@ def _actuator(item: Item) -> Iterable[ElementUse]:
     )
 
 
+def _spring_effort(item: Item) -> Effort:
+    return Effort("distance", item, item.number("stiffness"), item.number("length"), item.number("damping"))
+
+
+def _bearing_effort(item: Item) -> Effort:
+    # What its damping does across the line of the ends is no part of it.
+    return Effort("distance", item, item.number("stiffness"), 0.0, item.number("damping"))
+
+
+def _joint_spring_effort(item: Item) -> Effort:
+    joint, motion = joint_motion(item)
+    return Effort(motion, joint, item.number("stiffness"), item.number("rest"), item.number("damping"))
+
+
+def _actuator_effort(item: Item) -> Effort:
+    joint, motion = joint_motion(item)
+    return Effort(motion, joint, law=item.law("effort"))
+
+
 def _force(item: Item) -> Iterable[ElementUse]:
     point = item.marker("at")
     yield ElementUse(f"{item.choice('frame')}_force", (point.body,), point.point, item.laws("vector"))
@@ -212,6 +231,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                 _DAMPING,
             ),
             _spring_elements,
+            effort=_spring_effort,
         ),
         Kind(
             "bearing",
@@ -220,6 +240,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             (2, 3),
             (_ENDS, _STIFFNESS, _DAMPING),
             _bearing_element,
+            effort=_bearing_effort,
         ),
         Kind(
             "joint_spring",
@@ -241,6 +262,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                 ),
             ),
             _joint_spring,
+            effort=_joint_spring_effort,
         ),
         Kind(
             "actuator",
@@ -252,6 +274,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                 Field("effort", "law", "force in N or torque in N*m; may depend on the time t", "", required=True),
             ),
             _actuator,
+            effort=_actuator_effort,
         ),
         Kind(
             "force",

@@ -206,11 +206,13 @@ def equilibrium_data(found: Sequence[Equilibrium], names: Sequence[str], model: 
     """Return the JSON object of ``mbstab equilibrium``.
 
     Keys: ``model``, ``title``, ``equilibria`` (``coordinates`` in m and rad and ``rates`` by
-    name, ``steady`` in words, ``reactions``, ``residual``, ``unbalanced_force`` in N,
+    name, ``steady`` in words, ``reactions``, ``efforts``, ``residual``, ``unbalanced_force`` in N,
     ``unbalanced_torque`` in N·m, ``iterations``, ``strategy``, ``isolated``, ``open``, ``time`` in s,
     ``depends_on_time``,
     ``symmetries``, ``redundant``, ``warnings``). A reaction has ``of``, ``on`` (a body),
-    ``point`` (m; null: the point of contact), ``force`` (N) and ``torque`` (N·m), in ground axes.
+    ``point`` (m; null: the point of contact), ``force`` (N) and ``torque`` (N·m), in ground axes. An effort, of a
+    spring, damper, actuator or drive, has ``of``, ``along`` (the motion), ``value`` (positive where it drives that
+    on) and ``unit``.
     """
     return {
         "model": model,
@@ -223,6 +225,9 @@ def equilibrium_data(found: Sequence[Equilibrium], names: Sequence[str], model: 
                 "reactions": [
                     {"of": r.owner, "on": r.body, "point": r.point, "force": r.force, "torque": r.torque}
                     for r in item.reactions
+                ],
+                "efforts": [
+                    {"of": e.owner, "along": e.along, "value": float(e.values), "unit": e.unit} for e in item.efforts
                 ],
                 "residual": item.residual,
                 "unbalanced_force": item.unbalanced[0],
@@ -243,7 +248,7 @@ def equilibrium_data(found: Sequence[Equilibrium], names: Sequence[str], model: 
 
 
 def equilibrium_csv(found: Sequence[Equilibrium], names: Sequence[str]) -> str:
-    """Return coordinates and reactions of all solutions as CSV, one number a line."""
+    """Return coordinates, reactions and efforts of all solutions as CSV, one number a line."""
     rows: list[list[Any]] = []
     for number, item in enumerate(found, 1):
         for name, q, u in zip(names, item.motion.q, item.motion.u, strict=True):
@@ -254,6 +259,7 @@ def equilibrium_csv(found: Sequence[Equilibrium], names: Sequence[str]) -> str:
             for what, letters, vector, unit in (("force", "xyz", r.force, "N"), ("torque", axes, r.torque, "N*m")):
                 for letter, x in zip(letters, vector, strict=False):
                     rows.append([number, f"{what} {letter}", f"{r.owner} on {r.body}", float(x), unit])
+        rows += [[number, "effort", e.owner, float(e.values), e.unit] for e in item.efforts]
     return to_csv(["solution", "quantity", "of", "value", "unit"], rows)
 
 

@@ -20,10 +20,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
+from mbstab.analysis.efforts import effort_unit
 from mbstab.analysis.simulate import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError, suggestion
-from mbstab.model.schema import Model, unit_of
+from mbstab.model.schema import Entry, Model, unit_of
 from mbstab.report.plots import EXACT, FONT, INK, THIN, _decimated, _frame, _legend, _marker, _minus, _style, _thinned
 
 MOST = 12
@@ -191,12 +192,50 @@ def _reaction(owner: str, component: str) -> Callable[[Simulation], Array]:
     return values
 
 
+def _of_effort(model: Model, name: str) -> list[Quantity]:
+    """Read the name of a spring, damper, actuator or drive as its effort."""
+    found = {f"{entry.section.removesuffix('s')} {entry.name!r}": entry for entry in _with_efforts(model)}
+    owners = [owner for owner, entry in found.items() if entry.name == name]
+    if not owners:
+        known = list(dict.fromkeys(entry.name for entry in found.values()))
+        hint = suggestion(name, known) or "those with efforts: " + (", ".join(known[:12]) or "none")
+        if along := [entry.name for entry in found.values() if str(entry.values.get("joint")) == name]:
+            hint = "along this joint act " + ", ".join(f"effort({x})" for x in along)
+        raise UsageError(
+            f"no spring, damper, actuator or drive is called {name!r}, in {f'effort({name})'!r}\nhint: {hint}"
+        )
+    if len(owners) > 1:
+        raise UsageError(f"effort({name}): there are several called {name!r}, in drives and forces")
+    unit = _effort_unit(model, found[owners[0]])
+    return [Quantity(f"effort({name})", unit, lambda sim: _effort(sim, owners[0]))]
+
+
+def _with_efforts(model: Model) -> list[Entry]:
+    """Return the springs, dampers, actuators and drives of a model."""
+    entries = (entry for section in ("drives", "forces") for entry in model.entries.get(section, {}).values())
+    return [entry for entry in entries if entry.kind.effort is not None]
+
+
+def _effort_unit(model: Model, entry: Entry) -> str:
+    """Return the unit of an effort: that of a torque along angles."""
+    values = entry.values
+    if "joint" in values:
+        motion = values.get("motion") or model.entries["joints"][str(values["joint"])].kind.motions[0]
+        return effort_unit(str(motion)).replace("*", "·")
+    return effort_unit("coordinate" if "coordinate" in values else "", str(values.get("coordinate"))).replace("*", "·")
+
+
+def _effort(sim: Simulation, owner: str) -> Array:
+    return np.asarray(sim.efforts[:, [x for x, _ in sim.effort_names].index(owner)])
+
+
 FUNCTIONS: dict[str, Callable[[Model, str], list[Quantity]]] = {
     "": _of_coordinate("{}", "q", ""),
     "rate": _of_coordinate("rate({})", "u", "/s"),
     "acceleration": _of_coordinate("acceleration({})", "a", "/s²"),
     "force": _of_reaction("force", "N"),
     "torque": _of_reaction("torque", "N·m"),
+    "effort": _of_effort,
 }
 """From the name before a parenthesis to what is read inside; without parentheses it is a coordinate."""
 
@@ -334,6 +373,24 @@ def draw(picture: Picture, sim: Simulation, title: str) -> Figure:
     """
     with _style():
         return _draw_phases(picture, sim, title) if picture.phases else _draw_panels(picture, sim, title)
+
+
+def idle(picture: Picture, sim: Simulation, model: Model) -> list[str]:
+    """Return a hint for each joint whose reaction in a picture is nothing because springs or drives do the work."""
+    found = []
+    largest = float(np.max(np.abs(sim.loads), initial=0.0))
+    for quantity in dict.fromkeys(x for panel in picture.panels for x in panel.curves):
+        call = _CALL.fullmatch(quantity.name)
+        if call is None or call[1] not in ("force", "torque"):
+            continue
+        joint = call[2].partition(".")[0]
+        acting = [entry.name for entry in _with_efforts(model) if str(entry.values.get("joint")) == joint]
+        if acting and np.max(np.abs(quantity.values(sim)), initial=0.0) <= FLAT * largest:
+            wanted = ", ".join(f"effort({name})" for name in acting)
+            found.append(
+                f"hint: {quantity.name} is 0: what acts along joint {joint!r} is not its reaction; plot {wanted}"
+            )
+    return found
 
 
 def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:

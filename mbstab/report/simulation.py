@@ -53,12 +53,17 @@ def _load_heads(sim: Simulation) -> list[str]:
     ]
 
 
+def _effort_heads(sim: Simulation) -> list[str]:
+    return [f"effort of {owner} ({unit})" for owner, unit in sim.effort_names]
+
+
 OUTPUTS = (
     Output("time", lambda sim: ["time (s)"], lambda sim: sim.times),
     Output("q", lambda sim: _named(sim, "{}"), lambda sim: sim.q),
     Output("u", lambda sim: _named(sim, "rate({})", "/s"), lambda sim: sim.u),
     Output("a", lambda sim: _named(sim, "acceleration({})", "/s^2"), lambda sim: sim.a),
     Output("reactions", _load_heads, lambda sim: sim.loads),
+    Output("efforts", _effort_heads, lambda sim: sim.efforts),
     Output("kinetic", lambda sim: ["kinetic energy (J)"], lambda sim: sim.kinetic),
     Output("potential", lambda sim: ["potential energy (J)"], lambda sim: sim.potential),
     Output("work", lambda sim: ["work (J)"], lambda sim: sim.work),

@@ -294,7 +294,7 @@ def equilibrium_text(found: Sequence[Equilibrium], names: Sequence[str], title: 
     for number, item in enumerate(found, 1):
         kind = "Equilibrium" if str(item.steady) == "rest" else f"Steady motion ({item.steady})"
         lines += wrap(kind + (f" {number} of {len(found)}" if len(found) > 1 else ""), width=WIDTH)
-        lines += [text for text in (_state_table(item, names), _reaction_table(item)) if text]
+        lines += [text for text in (_state_table(item, names), _reaction_table(item), _effort_table(item)) if text]
         lines += wrap(
             f"found by {item.strategy} in {counted(item.iterations, 'step')}; largest imbalance {item.residual:.1e} of "
             f"what balances ({item.unbalanced[0]:.1e} N, {item.unbalanced[1]:.1e} N*m)",
@@ -335,6 +335,11 @@ def _reaction_table(item: Equilibrium) -> str:
         rows.append([r.owner, r.body, force, torque])
     axes = ", ".join("xyz"[: len(item.reactions[0].force)])
     return table(["reaction of", "on", f"force {axes} (N)", "torque (N*m)"], rows, left=(0, 1))
+
+
+def _effort_table(item: Equilibrium) -> str:
+    rows = [[e.owner, e.along, number(float(e.values), 5), e.unit] for e in item.efforts]
+    return table(["effort of", "along", "value", ""], rows, left=(0, 1, 3)) if rows else ""
 
 
 def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:

@@ -1,0 +1,185 @@
+"""What springs, dampers, actuators and drives do along their motions: against the equations of motion and statics."""
+
+import csv
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import mbstab
+from mbstab.analysis.attitude import Attitudes
+from mbstab.analysis.efforts import Placement, efforts
+from mbstab.analysis.motion import Finder
+from mbstab.cli.main import main
+
+PLANAR = """\
+mbstab: 1
+gravity: [0, -10]
+bodies:
+  cart: {type: planar, mass: 2, inertia: 0.1, points: {a: [0.1, 0.2]}}
+  arm: {type: planar, mass: 1, inertia: 0.1, points: {a: [-0.5, 0.1], b: [0.5, 0]}}
+joints:
+  rail: {type: prismatic, between: [cart, ground], axis: x}
+  pivot: {type: revolute, between: [arm.a, cart.a]}
+forces:
+  hold: {type: joint_spring, joint: pivot, stiffness: 40, rest: 0.3, damping: 2}
+  stop: {type: joint_spring, joint: rail, stiffness: 30, rest: -0.2, damping: 1}
+  pull: {type: spring, between: [arm.b, {body: ground, point: [2, 1]}], stiffness: 5, length: 0.5, damping: 1.5}
+  string: {type: spring, between: [cart, arm.b], stiffness: 3}
+  push: {type: actuator, joint: rail, effort: 3 + t}
+  twist: {type: actuator, joint: pivot, effort: 2*cos(t)}
+reference: {coordinates: {cart: {x: 0.1}, arm: {theta: 0.4}}}
+"""
+
+SPATIAL = """\
+mbstab: 1
+gravity: [0, 0, -10]
+bodies:
+  base: {type: spatial, mass: 2, inertia: [0.1, 0.2, 0.25], points: {a: [0.1, 0.2, 0.3]}}
+  rod: {type: spatial, mass: 1, inertia: [0.1, 0.12, 0.2], points: {a: [-0.5, 0.1, 0.2], b: [0.5, 0, 0.1]}}
+joints:
+  sleeve: {type: cylindrical, between: [rod.a, base.a], axis: [[1, 0, 1], [0, 1, 2]]}
+  ball: {type: spherical, between: [base, ground]}
+forces:
+  turn: {type: joint_spring, joint: sleeve, motion: angle, stiffness: 40, rest: 0.3, damping: 2}
+  slide: {type: joint_spring, joint: sleeve, motion: displacement, stiffness: 30, rest: -0.2, damping: 1}
+  pull: {type: spring, between: [rod.b, {body: ground, point: [2, 1, 0]}], stiffness: 5, length: 0.5, damping: 1.5}
+  push: {type: actuator, joint: sleeve, motion: displacement, effort: 3 + t}
+  twist: {type: actuator, joint: sleeve, motion: angle, effort: 2*cos(t)}
+reference: {coordinates: {base: {phi: 0.2, theta: -0.3, psi: 0.4}}}
+"""
+
+
+@pytest.mark.parametrize("text", [PLANAR, SPATIAL], ids=["planar", "spatial"])
+def test_efforts_times_rates_are_the_power_in_the_equations_of_motion(text):
+    system = mbstab.loads(text).system()
+    rng = np.random.default_rng(7)
+    parts = dict(system.parts())
+    for _ in range(5):
+        q, u = rng.normal(size=(2, system.n_q))
+        q = Finder(system).assemble(q, np.ones(system.n_q, dtype=bool))
+        state = system.dynamics(q, u, 0.7)
+        assert np.max(np.abs(state.E)) < 1e-13
+        u -= np.linalg.pinv(state.J) @ state.V
+        at = Placement(Attitudes.of(system), system, q, u)
+        found = {acted.owner: acted for acted in efforts(at, np.zeros(system.n_c), 0.7)}
+        for item in system.scene.items:
+            if item.kind.effort is None:
+                continue
+            effort = item.kind.effort(item)
+            acted = found[f"force {item.name!r}"]
+            power = float(acted.values) * float(at.rate(effort.motion, effort.of))
+            assert power == pytest.approx(-float(parts[item.entry.path].dynamics(q, u, 0.7).F0 @ u), rel=1e-10)
+            # The rate is that of the motion.
+            h = 1e-6
+            moved = [
+                Placement(at.attitudes, system, q + s * h * u, u).motion(effort.motion, effort.of) for s in (1.0, -1.0)
+            ]
+            assert (moved[0] - moved[1]) / (2.0 * h) == pytest.approx(at.rate(effort.motion, effort.of), rel=1e-6)
+
+
+def test_several_states_at_once_are_as_each_alone():
+    system = mbstab.loads(SPATIAL).system()
+    q, u = np.random.default_rng(3).normal(size=(2, 4, system.n_q))
+    nu, times = np.zeros((4, system.n_c)), np.arange(4.0)
+    attitudes = Attitudes.of(system)
+    together = efforts(Placement(attitudes, system, q, u), nu, times)
+    for k in range(4):
+        alone = efforts(Placement(attitudes, system, q[k], u[k]), nu[k], times[k])
+        for one, other in zip(together, alone, strict=True):
+            assert one.values[k] == pytest.approx(other.values, rel=1e-13)
+
+
+@pytest.mark.parametrize("law", ["position: A", "velocity: 0"])
+@pytest.mark.parametrize("start", [0.3, 2.8])
+def test_a_drive_carries_the_weight(law, start):
+    # A rod of 2 kg turns about y, its center 0.7 m from the axis.
+    text = f"""\
+mbstab: 1
+gravity: [0, 0, -10]
+parameters: {{A: {{value: {start}}}}}
+bodies: {{rod: {{type: spatial, mass: 2, inertia: [0.1, 0.2, 0.2], points: {{O: [-0.7, 0, 0]}}}}}}
+joints: {{pivot: {{type: revolute, between: [rod.O, ground], axis: -y, zero: x}}}}
+drives: {{motor: {{type: joint, joint: pivot, {law}}}}}
+reference: {{coordinates: {{rod: {{phi: 0, theta: -A, psi: 0}}}}}}
+"""
+    sim = mbstab.loads(text).simulate(0.1, points=3, tol=1e-6)
+    assert sim.effort_names == (("drive 'motor'", "N*m"),)
+    np.testing.assert_allclose(sim.efforts[:, 0], 2.0 * 10.0 * 0.7 * math.cos(start), rtol=1e-6)
+
+
+HELD = """\
+mbstab: 1
+gravity: [0, -10]
+bodies: {arm: {type: planar, mass: 2, inertia: 0.1, points: {a: [-0.5, 0]}}}
+joints: {shoulder: {type: revolute, between: [arm.a, ground]}}
+forces: {hold: {type: joint_spring, joint: shoulder, stiffness: 100}}
+reference: {find: equilibrium, guess: {arm: {x: 0.5}}}
+"""
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, [str(x) for x in arguments])
+
+
+def test_every_output_tells_the_torque_of_a_spring_at_a_joint(tmp_path):
+    model = tmp_path / "held.yaml"
+    model.write_text(HELD)
+    angle = mbstab.load(model).equilibria()[0].motion.q[2]
+    torque = float(-100.0 * angle)
+    assert torque == pytest.approx(2.0 * 10.0 * 0.5 * math.cos(angle), rel=1e-10)
+    text = run("equilibrium", model).stdout
+    assert f"force 'hold'  angle of 'shoulder'  {torque:.5g}  N*m" in text
+    (effort,) = json.loads(run("equilibrium", model, "--format", "json").stdout)["equilibria"][0]["efforts"]
+    assert effort == {
+        "of": "force 'hold'", "along": "angle of 'shoulder'", "value": pytest.approx(torque), "unit": "N*m"
+    }  # fmt: skip
+    rows = list(csv.reader(io.StringIO(run("equilibrium", model, "--format", "csv").stdout)))
+    assert rows[-1][:3] == ["1", "effort", "force 'hold'"]
+    assert float(rows[-1][3]) == pytest.approx(torque)
+    for suffix in ("csv", "json", "npz"):
+        path = tmp_path / f"held.{suffix}"
+        assert run("simulate", model, "--to", "0.1", "--points", "3", "-o", path).exit_code == 0
+        head = "effort of force 'hold' (N*m)"
+        if suffix == "csv":
+            found = [float(row[head]) for row in csv.DictReader(io.StringIO(path.read_text()))]
+        elif suffix == "json":
+            data = json.loads(path.read_text())
+            found = [row[data["columns"].index(head)] for row in data["rows"]]
+        else:
+            archive = np.load(path)
+            assert archive["efforts_columns"].tolist() == [head]
+            found = archive["efforts"][:, 0]
+        assert found == pytest.approx([torque] * 3, rel=1e-6)
+
+
+def test_a_torque_that_a_spring_carries_is_hinted_at(tmp_path):
+    model = tmp_path / "held.yaml"
+    model.write_text(HELD)
+    result = run("simulate", model, "--to", "0.1", "--points", "3", "--plot", "torque(shoulder)")
+    assert "torque(shoulder.z) is 0: what acts along joint 'shoulder' is not its reaction; plot effort(hold)" in (
+        result.stderr
+    )
+    result = run("simulate", model, "--to", "0.1", "--points", "3", "--plot", "effort(hold)")
+    assert result.exit_code == 0
+    assert "hint" not in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("shoulder", "along this joint act effort(hold)"),
+        ("hodl", "did you mean 'hold'?"),
+        ("arm", "those with efforts: hold"),
+    ],
+)
+def test_unknown_efforts_are_named(tmp_path, name, said):
+    model = tmp_path / "held.yaml"
+    model.write_text(HELD)
+    result = run("simulate", model, "--plot", f"effort({name})")
+    assert result.exit_code == 2
+    assert f"no spring, damper, actuator or drive is called {name!r}" in result.stderr
+    assert said in result.stderr
