@@ -6,10 +6,12 @@ import re
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from mechanisms import SLIDER_CRANK
 
 import mbstab
 from mbstab.analysis import stiffness, watch
+from mbstab.cli.main import main
 from mbstab.errors import SimulationError
 
 # Each ends where two links lie on a line; the time is exact.
@@ -260,3 +262,31 @@ def test_a_short_simulation_says_nothing_about_its_time(monkeypatch):
 )
 def test_durations(seconds, text):
     assert watch.duration(seconds) == text
+
+
+# --- numbers at the ends of the range of double precision -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", ["1e-200", "1e-160", "0", "-1", "1e160", "1e200"])
+@pytest.mark.parametrize(
+    ("model", "name"),
+    [
+        ("chaplygin_sleigh", "v"),
+        ("free_rigid_body", "Omega"),
+        ("shimmy", "u"),
+        ("trailer", "v"),
+        ("wheelset_no_slip", "v"),
+        ("pendulum", "g"),
+        ("top", "g"),
+    ],
+)
+def test_extreme_parameters_give_an_answer_or_a_message(model, name, value):
+    result = CliRunner().invoke(
+        main, ["simulate", f"{model}.yaml", "--to", "0.05", "--points", "3", "--set", f"{name}={value}"]
+    )
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    assert "Traceback" not in result.output
+    if result.exit_code == 0:
+        assert re.search(r"drift by \d\.\de[+-]\d\d of", " ".join(result.stdout.split()))
+    else:
+        assert result.stderr.strip()

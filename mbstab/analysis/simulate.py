@@ -205,8 +205,8 @@ class Simulation:
 
     @property
     def energy_drift(self) -> float:
-        """The largest imbalance of energy, relative to `energy_scale`."""
-        return float(np.max(np.abs(self.imbalance))) / self.energy_scale
+        """The largest imbalance of energy, relative to `energy_scale`; 0 where energies are too small for numbers."""
+        return float(np.max(np.abs(self.imbalance))) / (self.energy_scale or 1.0)
 
 
 def simulate(

@@ -509,7 +509,7 @@ def _room(axes: Axes, which: str, values: Array, base: float = 0.0) -> int:
     (axes.set_xlim if which == "x" else axes.set_ylim)(low - margin, high + margin)
     if not size or 5e-3 < size < 1e5:
         return 0
-    power = 3 * math.floor(math.log10(size) / 3.0)
+    power = max(3 * math.floor(math.log10(size) / 3.0), -300)
     axis = axes.xaxis if which == "x" else axes.yaxis
     axis.set_major_formatter(FuncFormatter(lambda value, _: _minus(f"{round(value / 10.0**power, 6) + 0.0:g}")))
     return power
