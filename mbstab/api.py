@@ -354,7 +354,8 @@ class Mechanism:
         points : int
             Number of times of output.
         perturb : mapping, optional
-            What is added to the reference motion, by ``rod.theta``, ``rate(rod.theta)`` or ``mode:1``.
+            What is added to the reference motion, by ``rod.theta``, ``angle(pivot)`` or ``displacement(slider)`` of a
+            joint, ``rate(…)`` of these, or ``mode:1``; what else is free stays as it is.
         strict : bool
             Refuse initial values that the constraints do not allow, instead of moving them.
         once : bool

@@ -1,6 +1,7 @@
 """Where a simulation starts: the reference motion, what ``initial:`` gives, disturbances, and all of it consistent.
 
-Given values are held while the others are moved onto the constraints. Where that is impossible
+Given values are held while the others are moved onto the constraints, of these as few as possible
+(`mbstab.analysis.disturbance`). Where that is impossible
 everything is moved by the least change in the metric of the masses, and it is said by how much. Values
 that no state has, whatever the others are, and those far from every state that was found are errors.
 """
@@ -14,7 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.attitude import Attitudes
 from mbstab.analysis.constrained import ACCEPTED, Constrained
+from mbstab.analysis.disturbance import EXACT, Quantity, coordinates, reached, read_name, speeds, staying
+from mbstab.analysis.efforts import Placement
 from mbstab.analysis.motion import Finder, Motion
 from mbstab.analysis.reference import reference_motion
 from mbstab.compiler.system import Array, System
@@ -35,7 +39,6 @@ FAR = 0.5
 BESIDE = 0.1
 """Part of their sizes by which coordinates are moved aside, where a symmetric start leads nowhere."""
 
-_RATE = re.compile(r"rate\(\s*([^()\s]+)\s*\)")
 _MODE = re.compile(r"mode:\s*([0-9]{1,6})")
 
 
@@ -49,22 +52,30 @@ class Start:
     motion : Motion
         A state that satisfies the constraints, with accelerations and multipliers.
     warnings : tuple of str
+    notes : tuple of str
+        What the constraints have moved along, where that is not obvious.
     """
 
     system: System
     motion: Motion
     warnings: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass
 class _Wanted:
-    """A state and which of its values were asked for, in the file or with --perturb."""
+    """A state and which of its values were asked for, in the file or with --perturb.
+
+    What is added to motions of joints, and to their rates, stands in `joints` and `joint_rates`.
+    """
 
     q: Array
     u: Array
     held_q: Any
     held_u: Any
     perturbed: set[str] = field(default_factory=set)
+    joints: list[tuple[Quantity, float]] = field(default_factory=list)
+    joint_rates: list[tuple[Quantity, float]] = field(default_factory=list)
 
 
 def start_of(
@@ -75,8 +86,9 @@ def start_of(
     Parameters
     ----------
     perturb : mapping, optional
-        What is added to the reference motion: by coordinate such as ``rod.theta``, by rate such as
-        ``rate(rod.theta)``, or by mode such as ``mode:1``, numbers or expressions of the parameters (m, rad, s).
+        What is added to the reference motion: by coordinate such as ``rod.theta``, by motion of a joint such as
+        ``angle(pivot)`` or ``displacement(slider)``, by rate such as ``rate(rod.theta)`` or ``rate(angle(pivot))``, or
+        by mode such as ``mode:1``, numbers or expressions of the parameters (m, rad, s).
     time : float, optional
         The start (s); that of ``initial:``, else that of the reference, if not given.
     strict : bool
@@ -107,17 +119,18 @@ def start_of(
     finder = Finder(system)
     equations = Constrained(system, motion)
     warnings: list[str] = []
-    q, moved = _positions(finder, equations, begin, q0, wanted)
+    held = _Held(finder, equations, begin, q0, u0, wanted)
+    q, moved = held.positions()
     _check_positions(finder, equations, begin, (q, q0), wanted, moved)
     _report(system, finder, moved, "", strict, warnings)
-    u, moved = _speeds(equations, begin, q, wanted)
+    u, moved = held.speeds(q)
     _check_speeds(finder, equations, begin, q, u, wanted, moved)
     _report(system, finder, moved, "/s", strict, warnings)
     finder.check_chart(q, np.zeros(n, dtype=bool))
     found = finder.motion(q, u, begin)
     q, u, state = Constrained(system, found).project(begin, q, u)
     found = replace(finder.motion(q, u, begin), dynamics=state)
-    return Start(system, found, (*warnings, *dict.fromkeys(found.warnings)))
+    return Start(system, found, (*warnings, *dict.fromkeys(found.warnings)), tuple(held.notes))
 
 
 def _reference(system: System) -> tuple[Array, Array, Motion]:
@@ -149,20 +162,14 @@ def _disturb(system: System, motion: Motion, wanted: _Wanted, name: str, value: 
         wanted.q += size * dq
         wanted.u += size * du
         return
-    rate = _RATE.fullmatch(name)
-    coordinate = rate[1] if rate else name
-    if coordinate not in system.names:
-        known = [*system.names, *(f"rate({x})" for x in system.names)]
-        hint = suggestion(name, known) or "coordinates: " + ", ".join(system.names[:12])
-        raise UsageError(f"--perturb {name}: there is no coordinate {coordinate!r}\nhint: {hint}")
-    i = system.names.index(coordinate)
-    wanted.perturbed.add(f"rate({coordinate})" if rate else coordinate)
-    if rate:
-        wanted.u[i] += size
-        wanted.held_u[i] = True
-    else:
-        wanted.q[i] += size
-        wanted.held_q[i] = True
+    quantity, rate = read_name(system, motion.sizes, name)
+    if quantity.joint is not None:
+        (wanted.joint_rates if rate else wanted.joints).append((quantity, size))
+        return
+    wanted.perturbed.add(f"rate({quantity.name})" if rate else quantity.name)
+    x, held = (wanted.u, wanted.held_u) if rate else (wanted.q, wanted.held_q)
+    x[quantity.number] += size
+    held[quantity.number] = True
 
 
 def _value(system: System, name: str, value: float | str) -> float:
@@ -244,29 +251,125 @@ def complex_mode(system: System, number: int) -> tuple[complex, Array, Array]:
 # --- onto the constraints -------------------------------------------------------------------------------------------
 
 
-def _positions(finder: Finder, equations: Constrained, t: float, q0: Array, wanted: _Wanted) -> tuple[Array, Array]:
-    """Return coordinates that satisfy the constraints, and by how much given ones were moved."""
-    held, goal = wanted.held_q, wanted.q
-    none = np.zeros(len(q0))
-    if not equations.n_h:
-        return goal, none
-    q = goal
-    if np.any(held):
-        q, left = _held(finder, equations, t, q0, goal, held)
-        if left <= ACCEPTED:
+class _Held:
+    """The way to a state on the constraints with what was asked for, and with as much of the rest as can stay.
+
+    Attributes
+    ----------
+    notes : list of str
+        What the constraints have moved along, where that is not obvious.
+    """
+
+    def __init__(self, finder: Finder, equations: Constrained, t: float, q0: Array, u0: Array, wanted: _Wanted) -> None:
+        self.finder, self.equations, self.t, self.wanted = finder, equations, t, wanted
+        self.q0, self.u0 = q0, u0
+        self.system, self.attitudes = finder.system, Attitudes.of(finder.system)
+        self.own = coordinates(self.system, finder.sizes)
+        self.notes: list[str] = []
+
+    def positions(self) -> tuple[Array, Array]:
+        """Return coordinates that satisfy the constraints, and by how much given ones were moved."""
+        wanted, equations, t = self.wanted, self.equations, self.t
+        goal, none = wanted.q, np.zeros(len(self.q0))
+        named = [self.own[i] for i in np.flatnonzero(wanted.held_q)] + [x for x, _ in wanted.joints]
+        if not named:
+            return (goal, none) if not equations.n_h else self._nearest()
+        at = Placement(self.attitudes, self.system, self.q0, self.u0)
+        J = equations.evaluate(t, self.q0, np.zeros(len(goal))).J[: equations.n_h]
+        others = staying(at, J, named, self.finder.sizes)
+        if wanted.joints:
+            q = self._with_joints(at, others)
+            self._note(q, named, others)
             return q, none
-    # Others than the given ones start where they contradict these least.
-    q, left = equations.onto_positions(t, q)
-    if not left <= ACCEPTED:
-        q = finder.assemble(goal, np.ones(len(goal), dtype=bool))
+        if not equations.n_h:
+            return goal, none
+        for held in (wanted.held_q | np.isin(np.arange(len(goal)), [x.number for x in others]), wanted.held_q):
+            q, left = _held(self.finder, equations, t, self.q0, goal, held)
+            if left <= ACCEPTED:
+                self._note(q, named, others)
+                return q, none
+        return self._nearest()
+
+    def _nearest(self) -> tuple[Array, Array]:
+        """Return the nearest coordinates that satisfy the constraints, and by how much given ones were moved."""
+        # Others than the given ones start where they contradict these least.
+        equations, finder, t, wanted = self.equations, self.finder, self.t, self.wanted
+        goal, held = wanted.q, wanted.held_q
+        q = goal
+        if np.any(held):
+            q, _ = _held(finder, equations, t, self.q0, goal, held)
         q, left = equations.onto_positions(t, q)
-    if not left <= ACCEPTED:
-        text = (
-            f"no state near the initial values satisfies the constraints at t = {t:.9g} s: a residual of "
-            f"{amount(left)} of the sizes in the scene is left"
+        if not left <= ACCEPTED:
+            q = finder.assemble(goal, np.ones(len(goal), dtype=bool))
+            q, left = equations.onto_positions(t, q)
+        if not left <= ACCEPTED:
+            text = (
+                f"no state near the initial values satisfies the constraints at t = {t:.9g} s: a residual of "
+                f"{amount(left)} of the sizes in the scene is left"
+            )
+            raise _refused(finder.system, wanted, text, "correct the values, or give those of other coordinates, too")
+        return q, np.where(held, q - goal, 0.0)
+
+    def _with_joints(self, at: Placement, others: list[Quantity]) -> Array:
+        """Return coordinates on the constraints with given motions of joints."""
+        wanted = self.wanted
+        asked = [(self.own[i], float(wanted.q[i])) for i in np.flatnonzero(wanted.held_q)]
+        asked += [(x, x.value(at) + change) for x, change in wanted.joints]
+        # What a mode adds besides stays as well.
+        moved = Placement(self.attitudes, self.system, wanted.q, wanted.u)
+        left = np.inf
+        for goals in (asked + [(x, x.value(moved)) for x in others], asked):
+            q, left = reached(self.equations, self.attitudes, self.t, self.q0, goals)
+            if left <= EXACT:
+                return self.equations.onto_positions(self.t, q)[0]
+        names = ", ".join(x.name for x, _ in wanted.joints)
+        raise UsageError(
+            f"--perturb {names}: no state near has these values and satisfies the constraints: {amount(left)} of the "
+            "sizes in the scene is left\nhint: take a smaller change, or a motion that no drive and no loop determines"
         )
-        raise _refused(finder.system, wanted, text, "correct the values, or give those of other coordinates, too")
-    return q, np.where(held, q - goal, none)
+
+    def speeds(self, q: Array) -> tuple[Array, Array]:
+        """Return rates that satisfy the constraints, and by how much given ones were moved."""
+        wanted, equations, t = self.wanted, self.equations, self.t
+        goal, held, none = wanted.u, wanted.held_u, np.zeros(len(q))
+        named = [self.own[i] for i in np.flatnonzero(held)] + [x for x, _ in wanted.joint_rates]
+        if named or wanted.joints or np.any(wanted.held_q):
+            at = Placement(self.attitudes, self.system, q, goal)
+            before = Placement(self.attitudes, self.system, self.q0, self.u0)
+            others = staying(at, equations.evaluate(t, q, goal).J, named, self.finder.sizes)
+            asked = [(self.own[i], float(goal[i])) for i in np.flatnonzero(held)]
+            asked += [(x, float(x.gradient(before) @ self.u0) + change) for x, change in wanted.joint_rates]
+            for goals in (asked + [(x, float(x.gradient(before) @ goal)) for x in others], asked):
+                u, left = speeds(equations, self.attitudes, t, q, goal, goals)
+                if goals and left <= ACCEPTED:
+                    return u, none
+            if wanted.joint_rates:
+                names = ", ".join(f"rate({x.name})" for x, _ in wanted.joint_rates)
+                raise UsageError(f"--perturb {names}: the constraints allow no such rates here")
+        u, left, _ = equations.onto_velocities(t, q, goal)
+        if not left <= ACCEPTED:
+            text = (
+                f"no rates near the initial values satisfy the constraints at t = {t:.9g} s: a residual of {left:.1e} "
+                "of the rates in the scene is left"
+            )
+            raise _refused(equations.system, wanted, text, "correct the rates")
+        return u, np.where(held, u - goal, none)
+
+    def _note(self, q: Array, named: list[Quantity], others: list[Quantity]) -> None:
+        """Say what was moved along though there was a choice: what should stay, and angles that the rest determines."""
+        if not others:
+            return
+        joints = any(x.joint is not None for x in named)
+        watched = [x for x in others if x.joint is not None or not joints]
+        watched += [x for x in self.own if x.unit == "rad" and x not in others and x not in named and not joints]
+        zero = np.zeros(len(q))
+        there, here = (Placement(self.attitudes, self.system, x, zero) for x in (self.wanted.q, q))
+        changes = [(x, x.value(here, start) - start) for x in watched for start in [x.value(there)]]
+        moved = [f"{x.name} by {change:.6g} {x.unit}" for x, change in changes if abs(change) > LARGEST_CHANGE * x.size]
+        if moved:
+            names = ", ".join(x.name for x in named)
+            more = f" and {len(moved) - 6} more" if len(moved) > 6 else ""
+            self.notes.append(f"with {names} the constraints move {', '.join(moved[:6])}{more}")
 
 
 def _held(finder: Finder, equations: Constrained, t: float, q0: Array, goal: Array, held: Any) -> tuple[Array, float]:
@@ -284,24 +387,6 @@ def _held(finder: Finder, equations: Constrained, t: float, q0: Array, goal: Arr
         if left <= ACCEPTED:
             break
     return q, left
-
-
-def _speeds(equations: Constrained, t: float, q: Array, wanted: _Wanted) -> tuple[Array, Array]:
-    """Return rates that satisfy the constraints, and by how much given ones were moved."""
-    held, goal = wanted.held_u, wanted.u
-    none = np.zeros(len(goal))
-    if np.any(held):
-        u, left, _ = equations.onto_velocities(t, q, goal, held)
-        if left <= ACCEPTED:
-            return u, none
-    u, left, _ = equations.onto_velocities(t, q, goal)
-    if not left <= ACCEPTED:
-        text = (
-            f"no rates near the initial values satisfy the constraints at t = {t:.9g} s: a residual of {amount(left)} "
-            "of the rates in the scene is left"
-        )
-        raise _refused(equations.system, wanted, text, "correct the rates")
-    return u, np.where(held, u - goal, none)
 
 
 def _refused(system: System, wanted: _Wanted, text: str, hint: str) -> MbstabError:

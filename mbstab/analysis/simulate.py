@@ -266,6 +266,8 @@ def simulate(
     chosen, solver = _method(method, solver, step, compiled)
     _check(tol, step, points)
     begin = start_of(system, perturb, None if start is None else _number(start, "the first time"), strict)
+    for text in begin.notes:
+        tell(text)
     first = begin.motion.time
     last = first + LONGEST if to is None else _number(to, "the last time")
     if not (math.isfinite(last) and last > first):

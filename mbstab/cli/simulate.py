@@ -98,8 +98,9 @@ def _terminable() -> Iterator[None]:
     "disturbances",
     metavar="NAME=VALUE",
     multiple=True,
-    help="Add to the reference motion: rod.theta=0.01, rate(rod.theta)=0.1, or mode:1=0.01, a mode of mbstab eig. May "
-    "be repeated.",
+    help="Add to the reference motion: rod.theta=0.01, angle(pivot)=0.01 or displacement(…) of a joint, "
+    "rate(rod.theta)=0.1, rate(angle(pivot))=0.1, or mode:1=0.01, a mode of mbstab eig. What else is free stays as it "
+    "is. May be repeated.",
 )
 @click.option(
     "--through-singular",

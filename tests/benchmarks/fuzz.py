@@ -1,7 +1,7 @@
 """Mutated files and command lines: ``python tests/benchmarks/fuzz.py --files 100000 --lines 5000 [--seed 1]``.
 
 Every mutated file is read and asked one question, every mutated command line is run, each with 20 s of CPU time
-and 2 GB of memory. Printed are exceptions that are no errors of mbstab, hangs, and control characters in what is written.
+and 2 GB of memory. Printed are exceptions that are no errors of mbstab, hangs, and control characters that are written.
 """
 
 import argparse
