@@ -96,8 +96,8 @@ def amount(x: float) -> str:
 
 
 def percent(part: float) -> str:
-    """Return a part in per cent; what rounds to zero is not called zero."""
-    return f"{100.0 * part:.1f} %" if part >= 5e-4 else "less than 0.1 %"
+    """Return a part of 1 such as ``12.3%``, small ones with two digits that tell something: ``0.0023%``."""
+    return f"{part:.1%}" if not 0.0 < abs(part) < 0.001 else f"{100.0 * part:.2g}%"
 
 
 class MbstabError(Exception):

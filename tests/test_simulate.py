@@ -749,9 +749,8 @@ forces: {f: {type: expression, on: {p.x: -1e5*(rate(p.x) - cos(t))}}}
     sim = mbstab.loads(text).simulate(
         3.0, tol=1e-5, once=True, tell=lambda text: told.append((text, len(done))), progress=done.append
     )
-    ((said, when),) = told
+    ((said, when),) = [(text, when) for text, when in told if text in sim.warnings]
     assert "limited by stability" in said
-    assert said in sim.warnings
     assert when < 0.5 * len(done)
 
 

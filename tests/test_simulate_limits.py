@@ -290,3 +290,13 @@ def test_extreme_parameters_give_an_answer_or_a_message(model, name, value):
         assert re.search(r"drift by \d\.\de[+-]\d\d of", " ".join(result.stdout.split()))
     else:
         assert result.stderr.strip()
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_rest_is_found_to_the_tolerance_with_few_steps(compiled):
+    # Rounding leaves forces of 1e-16 of the weight there.
+    sim = mbstab.load("pendulum.yaml").simulate(30.0, compiled=compiled)
+    assert sim.warnings == ()
+    assert sim.error_estimate <= 1e-8
+    assert sim.steps < 500
+    assert np.max(np.abs(sim.u)) < 1e-11

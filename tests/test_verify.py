@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -410,3 +411,20 @@ def test_what_it_does_not_go_with_is_said(extra):
     result = run("pendulum.yaml", *extra)
     assert result.exit_code == 2
     assert "--verify goes with none of" in result.stderr
+
+
+@pytest.mark.parametrize("size", [3e-7, 1e-5, 1e-3, 1.0])
+def test_coefficients_that_hardly_change_say_by_how_much(size):
+    text = """\
+mbstab: 1
+gravity: [0, -10]
+bodies: {rod: {type: planar, mass: 1, inertia: 0.1, points: {O: [0, 0.5]}}}
+joints: {pivot: {type: revolute, between: [rod.O, ground]}}
+forces: {shake: {type: force, at: rod, vector: [0, SIZE*sin(t)]}}
+reference: {coordinates: {rod: {theta: 0}}}
+"""
+    result = mbstab.loads(text.replace("SIZE", str(size))).verify()
+    for said in (result.reason, result.result.reasons[0]):
+        change = re.search(r"change by (\S+)% along", said)
+        assert size / 100.0 < float(change[1]) / 100.0 < size
+        assert ("1e-06%" in said) == (float(change[1]) < 0.1)

@@ -17,7 +17,7 @@ from mbstab.analysis.constancy import affine_drives, kinks, time_doubt
 from mbstab.analysis.critical import critical_zero
 from mbstab.analysis.families import family
 from mbstab.analysis.invariance import Invariance
-from mbstab.analysis.linearize import Linearization, StateSpace, state_space
+from mbstab.analysis.linearize import GUARD_TOLERANCE, LITTLE, Linearization, StateSpace, state_space
 from mbstab.analysis.minimum import SecondVariation
 from mbstab.analysis.neutral import Separated, Structure, unseparated
 from mbstab.analysis.numerics import norms
@@ -136,12 +136,14 @@ class Grounds:
         linear = self.linear
         change = linear.variation
         size = f"by {percent(change)}" if math.isfinite(change) else "without bound"
+        # A change that seems to be none needs its limit beside it.
+        least = f" (below {percent(GUARD_TOLERANCE)} they would count as constant)" if change < LITTLE else ""
         if linear.frozen:
-            along = f", and change {size} along the motion" if not linear.constant else ""
+            along = f", and change {size} along the motion{least}" if not linear.constant else ""
             return f"frozen-time (asked for): not a stability verdict; the coefficients are those of an instant{along}"
         return (
             f"frozen-time: not a stability verdict; the coefficients of the linearized equations change {size} along "
-            f"the motion{self._accelerating()}; {ADVICE}"
+            f"the motion{least}{self._accelerating()}; {ADVICE}"
         )
 
     def _accelerating(self) -> str:

@@ -29,6 +29,9 @@ from mbstab.model.schema import is_length
 GUARD_TOLERANCE = 1e-8
 """Coefficients that change less than this along the motion, relative to their size, count as constant."""
 
+LITTLE = 1e-3
+"""A change below this is told with the least one that counts."""
+
 TURN = 0.3
 """The coefficients are compared after a turn by this angle (rad) and a travel by this part of the scene's size."""
 
@@ -357,7 +360,10 @@ def _asymmetric(system: System, motion: Motion, variation: float) -> ModelFileEr
     """Return the error about a declared steady motion whose scene has not the symmetry."""
     generator, scene = motion.generators[0], system.scene
     names = breaking(system, motion, generator)
-    change = f"change by {percent(variation)} along it" if math.isfinite(variation) else "cannot be followed along it"
+    least = f", where {percent(GUARD_TOLERANCE)} is allowed" if variation < LITTLE else ""
+    change = (
+        f"change by {percent(variation)} along it{least}" if math.isfinite(variation) else "cannot be followed along it"
+    )
     broken = f"; the symmetry is broken by {', '.join(names)}" if names else ""
     message = (
         f"the scene has not the symmetry of the declared steady motion ({generator}): its equations {change}{broken}"

@@ -448,11 +448,12 @@ class _Work:
         if not before.complete:
             return before
         started, speed = self.rate, fastest(before, float(np.max(sizes)))
-        self.rate = max(speed, 1e-3 * self.rate)
+        self.rate = max(speed, 1e-3 * self.rate, REST * self.natural)
         fast = self.fast = max(speed, REST * self.natural)
         following = max(local * REDUCTION, SMALLEST)
-        if following >= local:
-            following, local = SMALLEST, 10.0 * SMALLEST
+        # A first run that took too much for fast has larger errors of speeds than its tolerance says.
+        if following >= local or REDUCTION * started > self.rate:
+            following, local = (SMALLEST, 10.0 * SMALLEST) if following >= local else (following, local)
             before = self.once(local, self._share(0.15, 0.2))
             if not before.complete:
                 return before

@@ -30,7 +30,7 @@ from mbstab.analysis.facts import Grounds, time_scale
 from mbstab.analysis.floquet import monodromy
 from mbstab.analysis.follow import Follower, Run
 from mbstab.analysis.integrators import METHODS
-from mbstab.analysis.linearize import Linearization, linearize, state_space
+from mbstab.analysis.linearize import GUARD_TOLERANCE, LITTLE, Linearization, linearize, state_space
 from mbstab.analysis.motion import Finder, Motion
 from mbstab.analysis.numerics import assigned, norms
 from mbstab.analysis.reference import reference_motion
@@ -38,7 +38,7 @@ from mbstab.analysis.samples import states
 from mbstab.analysis.stepping import Options
 from mbstab.analysis.verdict import ASYMPTOTIC, ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE, show
 from mbstab.compiler.system import Array, System
-from mbstab.errors import MbstabError
+from mbstab.errors import MbstabError, percent
 
 Complex = npt.NDArray[np.complex128]
 
@@ -229,8 +229,11 @@ def _frame(system: System, motion: Motion) -> _Frame | str:
         )  # fmt: skip
     linear = linearize(system, motion)
     if not linear.constant:
+        size = f" by {percent(linear.variation)}" if math.isfinite(linear.variation) else " without bound"
+        least = f", where {percent(GUARD_TOLERANCE)} counts as constant" if linear.variation < LITTLE else ""
         return (
-            "the motion is neither steady nor declared as periodic: the coefficients of its linearized equations change"
+            "the motion is neither steady nor declared as periodic: the coefficients of its linearized equations "
+            f"change{size} along it{least}"
         )
     return Grounds(linear).kink(1) or _steady_frame(linear, motion)
 
