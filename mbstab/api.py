@@ -396,6 +396,7 @@ class Mechanism:
             progress=progress,
             through_singular=through_singular,
             tell=tell,
+            force=self.force,
         )
 
     @guarded

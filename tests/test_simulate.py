@@ -754,6 +754,19 @@ forces: {f: {type: expression, on: {p.x: -1e5*(rate(p.x) - cos(t))}}}
     assert when < 0.5 * len(done)
 
 
+def test_memory_is_refused_before_it_is_taken_unless_forced(monkeypatch):
+    monkeypatch.setattr(simulating, "MEMORY", 1e5)
+    with pytest.raises(
+        UsageError, match=r"1001 times of output take about .* numbers each\), where 0.0001 GB"
+    ) as caught:
+        PENDULUM.simulate(0.1, points=1001)
+    fitting = int(re.search(r"(\d+) --points fit, or allow it with --force", str(caught.value))[1])
+    assert len(PENDULUM.simulate(0.1, points=fitting).times) == fitting
+    with pytest.raises(UsageError):
+        PENDULUM.simulate(0.1, points=fitting + 1)
+    assert len(PENDULUM.simulate(0.1, points=1001, force=True).times) == 1001
+
+
 def test_a_result_is_shown_in_a_line():
     sim = PENDULUM.simulate(1.0, points=3)
     assert re.fullmatch(
@@ -768,6 +781,9 @@ def test_a_result_is_shown_in_a_line():
         ({"to": 1.0, "start": 1.0}, "must be later than its start, 1 s"),
         ({"to": math.nan}, "must be later"),
         ({"to": math.inf}, "and finite"),
+        ({"to": 1e300}, "times up to 1e+300 s are known to 1.5e+284 s only"),
+        ({"to": 1e16, "start": 0.99e16}, "known to 2.0e+00 s only in double precision"),
+        ({"to": 1.0, "points": 10_000_000}, "10000000 times of output take about"),
         ({"to": "soon"}, "the last time is a number of seconds, not 'soon'"),
         ({"to": 1.0, "start": "now"}, "the first time is a number of seconds, not 'now'"),
         ({"to": 1.0, "points": 2.5}, "a whole number, not 2.5"),

@@ -69,6 +69,15 @@ MARGIN = 0.3
 LONGEST_STEPS = (100.0, 1000.0)
 """With functions of time that may rest a step is at most the distance of two times of output, between these parts."""
 
+MEMORY = 1e9
+"""What the times of output may take, if not forced (bytes)."""
+
+SAMPLE = 40
+"""Numbers that would take as much memory as what surrounds a state that is kept."""
+
+RESOLVED = 1e-3
+"""Part of the natural time of a scene within which the time has to be known."""
+
 LONGEST = 10.0
 """Duration of a simulation whose end is not given (s)."""
 
@@ -225,6 +234,7 @@ def simulate(
     progress: Callable[[float], object] = lambda done: None,
     through_singular: bool = False,
     tell: Callable[[str], object] = lambda text: None,
+    force: bool = False,
 ) -> Simulation:
     """Return the motion that starts as the file and `perturb` say.
 
@@ -255,6 +265,8 @@ def simulate(
     tell : callable
         Is called with what should be known before the end: warnings, which are among those of the result as well, and
         how long it takes and why, where that is long.
+    force : bool
+        Take more memory than `MEMORY`.
 
     Raises
     ------
@@ -265,6 +277,8 @@ def simulate(
     """
     chosen, solver = _method(method, solver, step, compiled)
     _check(tol, step, points)
+    if not force:
+        _check_memory(system, points)
     begin = start_of(system, perturb, None if start is None else _number(start, "the first time"), strict)
     for text in begin.notes:
         tell(text)
@@ -284,6 +298,12 @@ def simulate(
     follower = Follower(begin.system, begin.motion, np.linspace(first, last, points), through=through_singular)
     follower.tell, follower.budget = tell, Budget(first, last)
     work = _Work(follower, chosen, solver, tol, step, compiled, progress)
+    lost = math.ulp(max(abs(first), abs(last)))
+    if lost * work.natural > RESOLVED:
+        raise UsageError(
+            f"times up to {last:g} s are known to {lost:.1e} s only in double precision, where the scene moves within "
+            f"{1.0 / work.natural:.1e} s\nhint: an earlier end, and a start nearer to 0 with --from"
+        )
     run = work.once(tol) if step is not None or once else work.refined()
     if not run.samples:
         raise SimulationError(run.failure or "stopped before anything was found", None)
@@ -333,6 +353,20 @@ def _check(tol: float, step: float | None, points: int) -> None:
         raise UsageError(f"the step must be a positive number of seconds, not {step:g}")
     if points != int(points) or points < 2:
         raise UsageError(f"a simulation has two times of output at least, a whole number, not {points}")
+
+
+def _check_memory(system: System, points: int) -> None:
+    """Refuse times of output that take more memory than there should be need for."""
+    d, bodies = system.scene.dimension, len(system.scene.bodies)
+    results = 3 * system.n_q + system.n_c + bodies * (2 * d + d * d + 3) + 6 * len(system.scene.items) + 6
+    columns = results + LEAST_RUNS * (2 * system.n_q + SAMPLE)
+    size = 8.0 * points * columns
+    if size > MEMORY:
+        raise UsageError(
+            f"{points} times of output take about {size / 1e9:.2g} GB of memory ({columns} numbers each), where "
+            f"{MEMORY / 1e9:g} GB is the limit\n"
+            f"hint: {math.floor(MEMORY / (8 * columns))} --points fit, or allow it with --force"
+        )
 
 
 def longest_step(follower: Follower) -> float:

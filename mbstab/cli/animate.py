@@ -141,7 +141,7 @@ class Animation:
         Raises
         ------
         UsageError
-            If there are too many frames.
+            If there are too many frames, or only one.
         """
         from mbstab.analysis.simulate import LONGEST
         from mbstab.report.animation import frame_count
@@ -151,7 +151,12 @@ class Animation:
         duration = LONGEST if to is None else to - first
         if not (math.isfinite(duration) and duration > 0.0):
             return POINTS  # the simulation says what is wrong
-        intervals = max(frame_count(duration, self.fps, self.speed) - 1, 1)
+        intervals = frame_count(duration, self.fps, self.speed) - 1
+        if not intervals:
+            raise UsageError(
+                f"--animate would show one frame only: {duration:g} s at --speed {self.speed:g} take "
+                f"{duration / self.speed:.3g} s, and a frame 1/{self.fps:g} s\nhint: a smaller --speed or a later --to"
+            )
         return intervals * math.ceil((POINTS - 1) / intervals) + 1
 
     def write_motion(self, system: System, sim: Simulation, title: str) -> None:

@@ -50,6 +50,9 @@ FPS = 25.0
 FASTEST_GIF = 50.0
 """Frames in a second of a GIF: viewers slow down faster ones."""
 
+SLOWEST = 0.01
+"""Frames in a second: a GIF cannot show one for longer than 10 min."""
+
 FINE = 5
 """Instants of the path of a point for each frame."""
 
@@ -114,13 +117,13 @@ def frame_count(duration: float, fps: float, speed: float) -> int:
     UsageError
         If there are too many.
     """
-    count = math.floor(duration * fps / speed + 1e-9) + 1
-    if count > MOST_FRAMES:
+    frames = duration / speed * fps + 1e-9
+    if not frames < MOST_FRAMES:
         raise UsageError(
-            f"an animation of {duration:g} s has {count} frames, more than {MOST_FRAMES}\n"
+            f"an animation of {duration:g} s has {frames:.6g} frames, more than {MOST_FRAMES}\n"
             "hint: shorten it with --to, or make it faster with --speed 10"
         )
-    return count
+    return math.floor(frames) + 1
 
 
 def motion_frames(sim: Simulation, fps: float = FPS, speed: float = 1.0) -> Frames:
@@ -622,10 +625,12 @@ def check(path: Path, fps: float) -> None:
     Raises
     ------
     UsageError
-        If the suffix is none of `FORMATS`, frames are too fast for a GIF, or ffmpeg is missing for an MP4.
+        If the suffix is none of `FORMATS`, frames are too slow, or too fast for a GIF, or ffmpeg is missing for an MP4.
     """
     if path.suffix.lower() not in FORMATS:
         raise UsageError(f"{path}: animations end with {' or '.join(FORMATS)}")
+    if fps < SLOWEST:
+        raise UsageError(f"{path}: an animation has {SLOWEST:g} frames in a second at least, not {fps:g}")
     if path.suffix.lower() == ".gif" and fps > FASTEST_GIF:
         raise UsageError(f"{path}: a GIF has {FASTEST_GIF:g} frames in a second at most, not {fps:g}")
     if path.suffix.lower() == ".mp4" and shutil.which("ffmpeg") is None:
