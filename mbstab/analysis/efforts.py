@@ -160,7 +160,7 @@ def _along(given: Mapping[str, Any], effort: Effort) -> tuple[str, str]:
         name = str(given["coordinate"])
         return name, effort_unit(effort.motion, name)
     if effort.motion == "point":
-        return f"{given['at']} along its direction", "N"
+        return f"place of {given['at'].body!r}", "N"
     if effort.motion == "distance":
         return "distance of its ends", "N"
     return f"{effort.motion} of {effort.of.name!r}", effort_unit(effort.motion)

@@ -324,8 +324,7 @@ def _state_table(item: Equilibrium, names: Sequence[str]) -> str:
 def _reaction_table(item: Equilibrium) -> str:
     if not item.reactions:
         return ""
-    largest = max(float(abs(x)) for r in item.reactions for x in (*r.force, *r.torque, 0.0))
-    rows = []
+    largest, rows = _largest_load(item), []
     for r in item.reactions:
         # What is rounding beside the largest load is zero to a reader.
         force, torque = (
@@ -337,8 +336,16 @@ def _reaction_table(item: Equilibrium) -> str:
     return table(["reaction of", "on", f"force {axes} (N)", "torque (N*m)"], rows, left=(0, 1))
 
 
+def _largest_load(item: Equilibrium) -> float:
+    """Return the largest component of a reaction or effort, N and N·m alike."""
+    reactions = (float(abs(x)) for r in item.reactions for x in (*r.force, *r.torque))
+    return max((*reactions, *(float(abs(e.values)) for e in item.efforts)), default=0.0)
+
+
 def _effort_table(item: Equilibrium) -> str:
-    rows = [[e.owner, e.along, number(float(e.values), 5), e.unit] for e in item.efforts]
+    least = 1e-12 * _largest_load(item)
+    values = (float(e.values) if abs(e.values) > least else 0.0 for e in item.efforts)
+    rows = [[e.owner, e.along, number(x, 5), e.unit] for e, x in zip(item.efforts, values, strict=True)]
     return table(["effort of", "along", "value", ""], rows, left=(0, 1, 3)) if rows else ""
 
 
