@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -764,7 +765,7 @@ def test_memory_is_refused_before_it_is_taken_unless_forced(monkeypatch):
     assert len(PENDULUM.simulate(0.1, points=fitting).times) == fitting
     with pytest.raises(UsageError):
         PENDULUM.simulate(0.1, points=fitting + 1)
-    assert len(PENDULUM.simulate(0.1, points=1001, force=True).times) == 1001
+    assert len(replace(PENDULUM, force=True).simulate(0.1, points=1001).times) == 1001
 
 
 def test_a_result_is_shown_in_a_line():
@@ -876,7 +877,7 @@ def test_the_reaction_of_a_hanging_rod_carries_its_weight():
         (("pendulum.yaml", "--step", "0"), 2, "the step must be a positive number"),
         (("pendulum.yaml", "--perturb", "rod.tetha=1"), 2, "did you mean 'rod.theta'?"),
         (("pendulum.yaml", "--perturb", "rod.theta"), 2, "--perturb rod.theta: write NAME=VALUE"),
-        (("pendulum.yaml", "--format", "npz"), 2, "needs --output"),
+        (("pendulum.yaml", "--format", "npz"), 2, "is binary: name a file with --output"),
         (("pendulum.yaml", "--perturb", "rod.theta=0.3", "--perturb", "rod.x=0.1", "--strict"), 2, "do not satisfy"),
         (("four_bar.yaml", "--to", "2", "--perturb", "rate(left.theta)=9"), 1, "singular configuration"),
     ],
@@ -889,7 +890,7 @@ def test_exit_codes_and_messages(arguments, code, message):
 
 
 @pytest.mark.parametrize(
-    ("name", "message"), [("none/a.csv", "there is no directory"), ("a.xls", "the suffix says no format")]
+    ("name", "message"), [("none/a.csv", "there is no directory"), ("a.xls", "the suffix .xls says no format")]
 )
 def test_what_cannot_be_written_is_found_before_the_simulation(tmp_path, name, message, monkeypatch):
     monkeypatch.setattr(mbstab.Mechanism, "simulate", None)
@@ -921,7 +922,7 @@ def test_a_motion_that_stays_at_rest_says_so_and_shows_no_rounding(tmp_path):
     shown = run(str(path), "--to", "0.5").stdout
     assert said in shown
     row = next(x for x in shown.splitlines() if x.startswith("rod.x")).split()
-    assert row == ["rod.x", "m", "0", "0", "0", "0", "0", "m/s"]
+    assert row == ["rod.x", "m", "0", "0", "0", "0", "0"]
     # What it says to do does it.
     assert said not in run("pendulum.yaml", "--to", "0.5", "--perturb", "mode:1=0.1").stdout
     assert said not in run("rolling_disk.yaml", "--to", "0.1").stdout

@@ -681,7 +681,7 @@ def run(*arguments):
         (("--param", "omga"), "did you mean 'omega'"),
         (("--param", "omega", "--log"), "--log needs positive ends"),
         (("--param", "omega", "--resume"), "--output"),
-        (("--param", "omega", "--format", "npz"), "needs --output"),
+        (("--param", "omega", "--format", "npz"), "is binary: name a file with --output"),
         (("--param", "omega", "--param", "omega"), "two different ones"),
         (("--param", "omega", "--set", "omega=3"), "swept and set"),
         (("--param", "omega", "--from", "1", "--from", "2"), "once for each"),

@@ -159,10 +159,10 @@ def simulation_text(sim: Simulation, title: str, full: bool = False) -> str:
         q, u, size = sim.q[:, i], sim.u[:, i], float(sim.sizes[i])
         rate = max(float(np.max(np.abs(u))), size / float(sim.times[-1] - sim.times[0] or 1.0))
         values = [_shown(x, size) for x in (q[0], q[-1], q.min(), q.max())] + [_shown(u[-1], rate)]
-        rows.append([name, unit, *values, f"{unit}/s"])
-    heads = ["coordinate", "unit", "at first", "at last", "least", "largest", "last rate", ""]
+        rows.append([name, unit, *values])
+    heads = ["coordinate", "unit", "at first", "at last", "least", "largest", "last rate\n(unit/s)"]
     shown = rows if full else rows[:MOST]
-    lines.append(table(heads, shown, left=(0, 1, 7)))
+    lines.append(table(heads, shown, left=(0, 1)))
     if len(rows) > len(shown):
         lines += [f"{len(rows) - len(shown)} more coordinates; --full shows all", ""]
     what = f"{sim.method}{f' ({sim.solver})' if sim.solver else ''}"
