@@ -126,20 +126,8 @@ def of_parameter(path, name):
     """Yield the answers about a parameter; `eig` and `sweep` at the ends are compared."""
     first, last = ends(read_model(path), name)
     single = [called("eig", path, "--set", f"{name}={x!r}", "--format", "json") for x in (first, last)]
-    swept = called(
-        "sweep",
-        path,
-        "--param",
-        name,
-        "--from",
-        repr(first),
-        "--to",
-        repr(last),
-        "--points",
-        POINTS,
-        "--format",
-        "json",
-    )
+    values = ("--from", repr(first), "--to", repr(last), "--points", POINTS)
+    swept = called("sweep", path, "--param", name, *values, "--format", "json")
     yield from single
     yield swept
     yield called("simulate", path, "--set", f"{name}={last!r}", "--to", "0.05")

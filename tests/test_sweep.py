@@ -14,6 +14,7 @@ from paths import avoided, bicycle_paths, chain_path, swaps
 from scipy.optimize import linear_sum_assignment
 
 import mbstab
+from mbstab.analysis import continuation
 from mbstab.analysis import sweep as sweeps
 from mbstab.analysis.sweep import sweep
 from mbstab.analysis.verdict import STRENGTH
@@ -1041,3 +1042,104 @@ reference: {coordinates: {disk: {x: 0, y: 0}}}
     result = mbstab.loads(text).sweep("W", np.array(values))
     assert [c.unstable for c in result.critical] == [(2, 0), (0, 2)]
     assert [c.value for c in result.critical] == pytest.approx([-30.0, 30.0], rel=1e-9)
+
+
+# --- ends of the range, poles, limits -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("first", "last", "ends"), [(0.1, 0.3, [0.3]), (0.7, 0.3, [0.3, 0.7]), (0.2, 0.7, [0.3, 0.7])])
+def test_a_critical_value_on_an_end_of_the_range_is_one(first, last, ends):
+    result = mbstab.load("shimmy.yaml").sweep("a", np.linspace(first, last, 6))
+    assert [c.kind for c in result.critical] == ["flutter"] * len(ends)
+    assert [c.value for c in result.critical] == pytest.approx(ends, abs=1e-13)
+    assert all(sorted(c.unstable) == [0, 2] for c in result.critical)
+    text = run("shimmy.yaml", "--param", "a", "--from", first, "--to", last, "--points", 6, "--plot", "none").stdout
+    assert "undecided" not in text
+    assert "unstable (2)" in text or min(first, last) >= 0.3
+
+
+def test_no_end_of_the_range_is_critical_where_nothing_changes_there():
+    result = mbstab.load("shimmy.yaml").sweep("a", np.linspace(0.3001, 0.6999, 6))
+    assert result.critical == ()
+
+
+ARM = """
+mbstab: 1
+parameters: {k: 100, L: 1, Omega: 5}
+bodies:
+  arm: {type: spatial, mass: 1, inertia: [1, 1, 1]}
+  bead: {type: point, mass: 1}
+joints:
+  bearing: {type: revolute, between: [arm, ground], axis: z}
+  plane: {type: point_on_plane, between: [arm, bead], axis: y}
+  level: {type: point_on_plane, between: [arm, bead], axis: z}
+forces: {spring: {type: spring, between: [bead, arm], stiffness: k, length: L}}
+drives: {spin: {type: joint, joint: bearing, position: Omega*t}}
+reference:
+  find: steady
+  steady: {axis: z, rate: Omega}
+  coordinates:
+    arm: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0}
+    bead: {y: 0, z: 0}
+  guess: {bead: {x: L}}
+"""
+
+
+@pytest.mark.parametrize(("parameter", "first", "last", "pole"), [("Omega", 5, 15, 10), ("k", 100, 10, 25)])
+def test_at_a_pole_of_the_equilibrium_nothing_else_is_said(parameter, first, last, pole):
+    # x = k·L/(k − Ω²)
+    result = mbstab.loads(ARM).sweep(parameter, np.linspace(first, last, 14))
+    assert [(c.kind, c.branching) for c in result.critical] == [("loss of equilibrium", False)]
+    assert result.critical[0].value == pytest.approx(pole, abs=1e-8)
+    assert result.beyond == ()
+    assert all((x > pole) == (last > pole) for x in result.values[list(result.problems)])
+    assert all("grow beyond all bounds" in text for text in result.problems.values())
+    answered = [i for i in range(14) if i not in result.problems]
+    assert all((x < pole) == (last > pole) for x in result.values[answered])
+
+
+def test_a_pole_beyond_the_range_is_no_loss_of_equilibrium():
+    # x = 1/k, infinite at zero, which is no value of the sweep
+    text = (
+        "mbstab: 1\nparameters: {k: 1}\nbodies:\n  a: {type: planar_point, mass: 1}\n"
+        "constraints:\n  rail: {holonomic: a.y}\nforces:\n  spring: {type: expression, on: {a.x: 1 - k*a.x}}\n"
+        "reference:\n  find: equilibrium\n  guess: {a: {x: 1, y: 0}}\n"
+    )
+    result = mbstab.loads(text).sweep("k", np.geomspace(1.0, 1e-5, 15))
+    assert result.critical == ()
+    assert not any("no solution beyond" in text for text in result.problems.values())
+
+
+def test_every_value_without_an_answer_is_listed_with_others_of_its_cause():
+    result = run("free_rigid_body.yaml", "--param", "I2", "--from", 1.2, "--to", 2.8, "--points", 9, "--plot", "none")
+    text = " ".join(result.stdout.split())
+    assert "4 points without an answer: at 4 values from 1.2 to 1.8:" in text
+    assert text.count("impossible inertia") == 1
+
+
+def test_a_search_that_is_too_long_ends_and_says_where(monkeypatch):
+    monkeypatch.setattr(sweeps, "CALLS", 40)
+    result = mbstab.load("whipple_bicycle.yaml").sweep("v", np.linspace(0.0, 10.0, 11))
+    assert len(result.values) == 11
+    assert "the refinement between points ended" in result.warnings[0]
+    assert "between v = " in result.warnings[0]
+
+
+def test_a_path_that_is_too_long_ends_without_a_verdict_on_its_end(monkeypatch):
+    monkeypatch.setattr(continuation, "WORK", 12)
+    result = mbstab.load("rotating_pendulum.yaml").sweep("Omega", np.linspace(5.0, 20.0, 9))
+    assert [c.kind for c in result.critical] == ["unresolved"]
+    assert any("not followed further" in text for text in result.problems.values())
+
+
+def test_options_are_lists_or_repeated(tmp_path):
+    ends = ("--from", "0,0.1", "--to", "8,0.6", "--points", "5,4")
+    again = ("--from", "0", "--from", "0.1", "--to", "8", "--to", "0.6", "--points", 5, "--points", 4)
+    names = ("rolling_disk.yaml", "--param", "omega", "--param", "R", "--plot", "none", "--format", "csv")
+    assert run(*names, *ends).stdout == run(*names, *again).stdout != ""
+    run("top.yaml", "--param", "omega", "--points", 5, "--plot", "map,locus", "--output", tmp_path / "t.csv")
+    assert sorted(x.name for x in tmp_path.iterdir()) == ["t-locus.png", "t-map.png", "t.csv"]
+    assert run("top.yaml", "--param", "omega", "--plot", "map,none").exit_code == 2
+    assert run("top.yaml", "--param", "omega", "--points", "5,x").exit_code == 2
+    single = ("top.yaml", "--param", "omega", "--from", "atan2(1, 2)", "--to", 5, "--points", 3, "--format", "csv")
+    assert run(*single).stdout.splitlines()[1].startswith("0.46")

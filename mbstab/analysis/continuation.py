@@ -69,7 +69,7 @@ SAME = 1e-9
 FOLDS, POINTS = 10, 5000
 """A path is followed through so many folds, and so many points between two of them."""
 
-WORK = 4_000
+WORK = 2_500
 """The equations of a curve are evaluated so many times at most."""
 
 ENDS, TURNS, BRANCHES = "it ends there", "it turns back", "it turns back where others branch off"
