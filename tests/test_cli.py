@@ -5,9 +5,11 @@ import io
 import json
 import math
 import os
+import re
 import shlex
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -544,3 +546,20 @@ def test_frozen_eigenvalues_are_labelled():
     assert data["frame"].startswith("rotation about z")
     assert run("eig", "rotating_pendulum", "--frozen", "--require", "marginal").exit_code == 3
     assert run("eig", "rotating_pendulum", "--require", "marginal").exit_code == 0
+
+
+def test_only_what_can_be_simplified_in_time_is(monkeypatch):
+    result = CliRunner().invoke(main, ["linearize", "pendulum.yaml", "--symbolic", "--format", "latex"])
+    assert "not simplified" not in result.stderr
+    monkeypatch.setattr("mbstab.analysis.symbolic.SIMPLIFY_LIMIT", 2)
+    result = CliRunner().invoke(main, ["linearize", "pendulum.yaml", "--symbolic", "--format", "latex"])
+    assert result.exit_code == 0
+    assert re.search(r"\d+ entries are not simplified", result.stderr)
+
+
+def test_large_symbolic_matrices_come_in_time():
+    started = time.process_time()
+    result = CliRunner().invoke(main, ["linearize", "whipple_bicycle.yaml", "--symbolic", "--format", "latex"])
+    assert result.exit_code == 0
+    assert "not simplified" in result.stderr
+    assert time.process_time() - started < 20.0

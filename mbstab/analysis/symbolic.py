@@ -16,8 +16,8 @@ from mbstab.model.values import evaluate
 
 Track = Callable[[list[Any]], Iterable[Any]]
 
-SIMPLIFY_LIMIT = 400
-"""Entries with more operations than this are printed as they come."""
+SIMPLIFY_LIMIT = 2000
+"""What all entries that are simplified may weigh together; see `_weight`. The others are printed as they come."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,14 @@ class SymbolicBlocks:
     ----------
     blocks : dict of str to Matrix
     coordinates, multipliers : list of Symbol
+    unsimplified : int
+        Number of entries beyond `SIMPLIFY_LIMIT`, which are as they come.
     """
 
     blocks: dict[str, Any]
     coordinates: list[Any]
     multipliers: list[Any]
+    unsimplified: int = 0
 
 
 def symbolic_blocks(model: Model, track: Track = list) -> SymbolicBlocks:
@@ -91,16 +94,27 @@ def symbolic_blocks(model: Model, track: Track = list) -> SymbolicBlocks:
         "K_22": zero(c, c),
     }
     places = [(block, i) for block in raw.values() for i, entry in enumerate(block) if entry != 0]
-    for block, i in track(places):
-        block[i] = _simple(block[i])
-    return SymbolicBlocks(raw, q, [*lam, *mu])
+    for block, i in places:
+        # Fixed coordinates enter as plain zeros and ones; they become exact here.
+        block[i] = block[i].xreplace({x: sympy.nsimplify(x, rational=True) for x in block[i].atoms(sympy.Float)})
+    simple: dict[Any, Any] = {}
+    total = 0
+    # Rows and their transposes have the same entries.
+    weights = {entry: _weight(entry) for entry in dict.fromkeys(block[i] for block, i in places)}
+    for entry in track(sorted(weights, key=lambda entry: weights[entry])):
+        total += weights[entry]
+        if total <= SIMPLIFY_LIMIT:
+            simple[entry] = sympy.factor_terms(sympy.trigsimp(sympy.expand(entry)))
+    unsimplified = sum(block[i] not in simple for block, i in places)
+    for block, i in places:
+        block[i] = simple.get(block[i], block[i])
+    return SymbolicBlocks(raw, q, [*lam, *mu], unsimplified)
 
 
-def _simple(expression: Any) -> Any:
+def _weight(entry: Any) -> int:
+    """Return what it costs to simplify an entry: its operations, five times as many for each further angle."""
     import sympy
 
-    # Fixed coordinates enter as plain zeros and ones; they become exact here.
-    exact = sympy.nsimplify(expression, rational=True)
-    if exact.count_ops() > SIMPLIFY_LIMIT:
-        return exact
-    return sympy.factor_terms(sympy.trigsimp(sympy.expand(exact)))
+    angles = {x.args[0] for x in entry.atoms(sympy.sin, sympy.cos)}
+    operations: int = entry.count_ops()
+    return operations * int(5 ** max(0, len(angles) - 1))

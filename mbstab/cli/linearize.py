@@ -5,8 +5,8 @@ from __future__ import annotations
 import click
 
 from mbstab.cli.common import file_argument, force_option, load_model, parse_settings, set_option, tracked
-from mbstab.cli.output import Output, output_options, warn
-from mbstab.errors import UsageError
+from mbstab.cli.output import Output, note, output_options, warn
+from mbstab.errors import UsageError, counted
 
 FORMS = ("equations", "composite", "pencil", "state-space")
 
@@ -72,6 +72,9 @@ def _symbolic(file: str, parameters: dict[str, str], frozen: bool, output: Outpu
 
     mechanism = load_model(file)
     blocks = mechanism.symbolic(lambda entries: tracked(entries, "simplifying"))
+    if blocks.unsimplified:
+        many = counted(blocks.unsimplified, "entry is", "entries are")
+        note(f"{many} not simplified, which would take too long: they have many operations or several angles")
     output.write(
         {"table": lambda: symbolic_text(blocks, mechanism.model.title), "latex": lambda: symbolic_latex(blocks)}
     )
