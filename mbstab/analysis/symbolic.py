@@ -16,7 +16,7 @@ from mbstab.model.values import evaluate
 
 Track = Callable[[list[Any]], Iterable[Any]]
 
-SIMPLIFY_LIMIT = 2000
+SIMPLIFY_LIMIT = 5000
 """What all entries that are simplified may weigh together; see `_weight`. The others are printed as they come."""
 
 
@@ -102,9 +102,12 @@ def symbolic_blocks(model: Model, track: Track = list) -> SymbolicBlocks:
     # Rows and their transposes have the same entries.
     weights = {entry: _weight(entry) for entry in dict.fromkeys(block[i] for block, i in places)}
     for entry in track(sorted(weights, key=lambda entry: weights[entry])):
-        total += weights[entry]
+        if total + weights[entry] > SIMPLIFY_LIMIT:
+            continue
+        expanded = sympy.expand(entry)  # which may be much longer
+        total += max(weights[entry], _weight(expanded))
         if total <= SIMPLIFY_LIMIT:
-            simple[entry] = sympy.factor_terms(sympy.trigsimp(sympy.expand(entry)))
+            simple[entry] = sympy.factor_terms(sympy.trigsimp(expanded))
     unsimplified = sum(block[i] not in simple for block, i in places)
     for block, i in places:
         block[i] = simple.get(block[i], block[i])
