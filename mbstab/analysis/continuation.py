@@ -69,8 +69,8 @@ SAME = 1e-9
 FOLDS, POINTS = 10, 5000
 """A path is followed through so many folds, and so many points between two of them."""
 
-WORK = 2_500
-"""The equations of a curve are evaluated so many times at most."""
+WORK, ENOUGH = 100_000, 2_500
+"""So many coordinates and rows of the equations of a curve are evaluated at most; all of them so many times anyway."""
 
 ENDS, TURNS, BRANCHES = "it ends there", "it turns back", "it turns back where others branch off"
 AWAY = "positions grow beyond all bounds there"
@@ -389,8 +389,9 @@ class _Curve:
     ) -> None:
         self.model, self.parameter, self.settings = model, parameter, settings
         self.width = (ends[1] - ends[0]) or 1.0
-        self.work = [WORK]
         self.problem = Problem(System(evaluate(model, {**settings, parameter: start})))
+        system = self.problem.system
+        self.work = [max(ENOUGH, WORK // (system.n_q + system.n_c))]
         self.low, self.high = (self._last_valid(start, end) for end in ends)
         _, search, at, _ = self.problem.solved(*((self.problem.start,) if near is None else near))
         self.balance = search.balance
