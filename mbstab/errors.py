@@ -79,10 +79,16 @@ def _window(source: str, at: int, width: int = 100) -> tuple[str, int]:
     return "".join(c if c.isprintable() else " " for c in source[start : start + width]), at - start
 
 
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return ``did you mean 'mass'?`` for the nearest of the known words (the first 1000), or an empty string."""
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return the nearest of the known words (of the first 1000), or an empty string."""
     near = difflib.get_close_matches(word, islice(known, 1000), n=1, cutoff=0.6)
-    return f"did you mean {near[0]!r}?" if near else ""
+    return near[0] if near else ""
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return ``did you mean 'mass'?`` for the nearest of the known words, or an empty string."""
+    near = nearest(word, known)
+    return f"did you mean {near!r}?" if near else ""
 
 
 def counted(number: int, one: str, many: str = "") -> str:

@@ -324,3 +324,18 @@ def test_tables_fit_80_columns(name):
         result = run(*arguments, f"{name}.yaml")
         too_long = [line for line in result.stdout.splitlines() if len(line) > 80]
         assert not too_long, too_long[:3]
+
+
+def test_a_name_near_that_of_a_file_or_an_example_is_suggested(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(PENDULUM, tmp_path / "rotor.yaml")
+    assert "did you mean 'rotor.yaml'?" in run("eig", "rotr.yaml").stderr
+    assert "did you mean 'rotor.yaml'?" in run("eig", "./rotr.yaml").stderr
+    assert "did you mean 'pendulum'?" in run("eig", "pendulun.yaml").stderr
+
+
+@pytest.mark.parametrize("name", [".", "/dev/zero", sys.executable])
+def test_what_is_no_text_is_not_shown(name):
+    result = said("models", "show", name)
+    assert result.exit_code == 2
+    assert "cannot be read" in result.stderr or "bytes at most" in result.stderr or "no UTF-8" in result.stderr

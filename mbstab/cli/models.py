@@ -40,7 +40,10 @@ def list_models(output: Output) -> None:
 @model_argument("name")
 def show_model(name: str) -> None:
     """Print a model file."""
-    show(_content(name)[1].decode("utf-8", "backslashreplace"))
+    from mbstab.model.yamlfile import decoded
+
+    source, content = _content(name)
+    show(decoded(content, str(source)))
 
 
 @models.command()

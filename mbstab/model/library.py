@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from mbstab.errors import UsageError, suggestion, visible
+from mbstab.errors import UsageError, nearest, visible
 
 SUFFIX = ".yaml"
 
@@ -33,6 +33,14 @@ def installed_models() -> list[Path]:
     return sorted(models_folder().glob(f"*{SUFFIX}"))
 
 
+def _beside(path: Path) -> list[Path]:
+    """Return the model files in the folder of a path."""
+    try:
+        return sorted(path.parent.glob(f"*{SUFFIX}"))
+    except OSError:
+        return []
+
+
 def find_model(name: str) -> FoundModel:
     """Return the file a name stands for: a file, or one of the examples (``pendulum.yaml`` or ``pendulum``).
 
@@ -53,6 +61,8 @@ def find_model(name: str) -> FoundModel:
         example = models_folder() / (name if name.endswith(SUFFIX) else name + SUFFIX)
         if example.is_file():
             return FoundModel(example, True)
-    known = [model.stem for model in installed_models()]
-    hint = suggestion(path.stem, known) or "mbstab models list shows the examples"
+    known = {model.stem: model.stem for model in installed_models()} if path.name == name else {}
+    known |= {beside.stem: beside.name for beside in _beside(path)}
+    near = nearest(path.stem, known)
+    hint = f"did you mean {known[near]!r}?" if near else "mbstab models list shows the examples"
     raise UsageError(f"{name}: no such file, and no example model has this name\nhint: {hint}")

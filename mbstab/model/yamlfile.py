@@ -150,7 +150,7 @@ def parse_yaml(data: bytes | str, name: str) -> tuple[Document, Mapping]:
     ModelFileError
         If the text is no YAML, or uses what model files refuse.
     """
-    text = _decode(data, name) if isinstance(data, bytes) else data.removeprefix("\ufeff")
+    text = decoded(data, name) if isinstance(data, bytes) else data.removeprefix("\ufeff")
     document = Document(name, _LINE_BREAK.split(text))
     _refuse_invisible(document)
     root = _Composer(document).run(text)
@@ -179,7 +179,14 @@ def _invisible(text: str) -> Iterator[tuple[int, str]]:
                 yield place, character
 
 
-def _decode(data: bytes, name: str) -> str:
+def decoded(data: bytes, name: str) -> str:
+    """Return UTF-8 text; `name` is what messages call the file.
+
+    Raises
+    ------
+    ModelFileError
+        If it is none.
+    """
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
