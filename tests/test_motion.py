@@ -1110,17 +1110,58 @@ def at_theta(theta):
     )
 
 
-@pytest.mark.parametrize("theta", ["pi/2", "-pi/2", "pi/2 + 9e-7"])
-def test_euler_angles_at_their_singularity_are_an_error(theta):
+SINGULAR = ["pi/2", "-pi/2", "pi/2 + 9e-7"]
+
+
+@pytest.mark.parametrize("theta", SINGULAR)
+def test_euler_angles_that_something_names_are_an_error_at_their_singularity(theta):
     message = (
         r"<text>:4:6: bodies\.b: the Euler angles of 'b' are singular here: \|cos theta\| = \S+(.|\n)*"
         "hint: give the body another base rotation"
     )
+    named = at_theta(theta) + "forces: {f: {type: expression, on: {b.phi: 0*b.theta}}}\n"
     with pytest.raises(ModelFileError, match=message):
-        mbstab.loads(at_theta(theta)).motion()
+        mbstab.loads(named).motion()
 
 
-@pytest.mark.parametrize("theta", ["pi/2 - 0.019", "-pi/2 + 2e-6"])
+@pytest.mark.parametrize("theta", SINGULAR)
+@pytest.mark.parametrize("rates", ["", "rates: {b: {phi: 0.3, theta: -0.2, psi: 0.5}}"])
+def test_singular_euler_angles_count_from_the_orientation_that_they_give(theta, rates):
+    (c1, s1), (c2, s2), (c3, s3) = ((np.cos(x), np.sin(x)) for x in (0.4, eval(theta, {"pi": np.pi}), -0.7))
+    A = np.array([[1, 0, 0], [0, c1, -s1], [0, s1, c1]]) @ [[c2, 0, s2], [0, 1, 0], [-s2, 0, c2]]
+    A = A @ [[c3, -s3, 0], [s3, c3, 0], [0, 0, 1]]
+    held = ([0.1, 0.2, 0.3], [0.3, -0.1, 0.2])
+    bearings = [
+        f"f{i}: {{type: bearing, between: [{{body: b, point: {x}}}, {{body: ground, point: {(A @ x).tolist()}}}], "
+        "stiffness: 40}"
+        for i, x in enumerate(held)
+    ]
+    text = (
+        "mbstab: 1\nbodies: {b: {type: spatial, mass: 2, inertia: [0.3, 0.4, 0.5]%s}}\n"
+        "joints: {pivot: {type: spherical, between: [b, ground]}}\n"
+        f"forces: {{{', '.join(bearings)}}}\n"
+        "reference: {coordinates: {b: {x: 0, y: 0, z: 0, phi: %s, theta: %s, psi: %s}}%s}\n"
+    )
+    given = mbstab.loads(text % ("", "0.4", theta, "-0.7", f", {rates}" if rates else ""))
+    one = given.linearize(frozen=True)
+    assert "count from the orientation that they give" in one.motion.warnings[0]
+    if rates:
+        # Angular velocity in ground axes: of the rates as they are given, and as they are now.
+        spin = np.array([[1, 0, s2], [0, c1, -s1 * c2], [0, s1, c1 * c2]]) @ [0.3, -0.2, 0.5]
+        base = np.array(given.system().scene.bodies[0].base, dtype=float).reshape(3, 3)
+        np.testing.assert_allclose(base @ one.motion.u[3:6], spin, atol=1e-14)
+        return
+    # The same by hand: the orientation as the base rotation.
+    written = mbstab.loads(text % (f", axes: [0.4, {theta}, -0.7]", "0", "0", "0", ""))
+    other = written.linearize(frozen=True)
+    np.testing.assert_allclose(one.M, other.M, atol=1e-14)
+    np.testing.assert_allclose(one.K, other.K, atol=1e-12)
+    digits = [[complex(e.value) for e in x.eig().eigenvalues] for x in (given, written)]
+    np.testing.assert_allclose(*digits, atol=1e-12)
+    assert given.eig_precise(20).verdict == given.eig().verdict == written.eig().verdict
+
+
+@pytest.mark.parametrize("theta", ["pi/2 - 0.019", "-pi/2 + 2e-4"])
 def test_euler_angles_near_their_singularity_are_a_warning(theta):
     (warning,) = mbstab.loads(at_theta(theta)).motion().warnings
     assert re.match(

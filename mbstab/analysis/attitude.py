@@ -21,6 +21,7 @@ import numpy as np
 from mbstab.analysis.rotation import euler_angles, orientation, rate_drift, rate_matrix
 from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError
+from mbstab.model.charts import named_by
 from mbstab.model.values import BodyValues
 
 CHANGE = 0.4
@@ -59,10 +60,9 @@ class Attitudes:
         )
         owner = {system.names[k]: i for i, part in parts for k in range(part.start, part.stop)}
         pinned: dict[int, str] = {}
-        for item in scene.items:
-            for name in _named(item.entry.values):
-                if name in owner:
-                    pinned.setdefault(owner[name], f"{item.entry.section.removesuffix('s')} {item.name!r}")
+        for name, what in named_by(item.entry for item in scene.items).items():
+            if name in owner:
+                pinned.setdefault(owner[name], what)
         return cls(system, parts, pinned)
 
     def needs_change(self, system: System, before: Array, q: Array) -> bool:
@@ -165,17 +165,6 @@ class Attitudes:
 def _times(matrix: Array, vector: Array) -> Array:
     """Return products of matrices (…, 3, 3) and vectors (…, 3)."""
     return np.asarray((matrix @ vector[..., None])[..., 0])
-
-
-def _named(value: object) -> set[str]:
-    """Return the coordinates that the expressions of an entry name, their rates, and those it acts on."""
-    if hasattr(value, "rates"):
-        return {*value.names(), *value.rates()}  # type: ignore[attr-defined]
-    if isinstance(value, dict):
-        return {str(key) for key in value}.union(*(_named(item) for item in value.values()))
-    if isinstance(value, tuple | list):
-        return set().union(*(_named(item) for item in value))
-    return {value} if isinstance(value, str) else set()
 
 
 def _base(A: Array, spin: Array) -> Array:

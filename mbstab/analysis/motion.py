@@ -115,7 +115,11 @@ class Finder:
         length = max([*self.scene.lengths, *given], default=0.0) or _longest_parameter(system) or 1.0
         self.sizes = np.where(self.is_length, length, 1.0)
         self.solved: list[str] = []
-        self.warnings: list[str] = []
+        self.warnings: list[str] = [
+            f"the Euler angles that are given for {name!r} are singular: phi, theta and psi count from the orientation "
+            "that they give, as if it were written as axes: [phi, theta, psi]"
+            for name in self.scene.turned
+        ]
 
     def _fail(self, problems: list[Problem]) -> None:
         if problems:

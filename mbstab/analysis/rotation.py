@@ -12,7 +12,8 @@ import numpy as np
 
 from mbstab.compiler.system import Array
 from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic
-from mbstab.model.values import BodyValues, euler_matrix
+from mbstab.model.charts import euler_matrix
+from mbstab.model.values import BodyValues
 
 UP = np.array([0.0, 0.0, 1.0])
 """Axis of turns in the plane."""

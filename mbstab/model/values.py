@@ -20,6 +20,7 @@ from mbstab.mechanics import vectors
 from mbstab.mechanics.bodies import combine, shape_moments
 from mbstab.mechanics.catalogue import GROUND, Field, Kind, Marker, Number, Sign, Triad, Vector
 from mbstab.model.arithmetic import CONSTANTS, FLOAT, Arithmetic, array_arithmetic
+from mbstab.model.charts import euler_matrix, regular
 from mbstab.model.expressions import MAX_NUMBER, Expression, ExpressionError, parse
 from mbstab.model.jets import Jet, jet_arithmetic
 from mbstab.model.schema import (
@@ -122,6 +123,8 @@ class Scene:
         Sizes that occur in the scene (m), for scaling tolerances.
     initial : InitialValues
         Where a simulation starts.
+    turned : tuple of str
+        Bodies whose given angles are singular, and are counted from their place instead (`mbstab.model.charts`).
     """
 
     model: Model
@@ -139,6 +142,7 @@ class Scene:
     points: int | None = None
     lengths: list[float] = field(default_factory=list)
     initial: InitialValues = field(default_factory=InitialValues)
+    turned: tuple[str, ...] = ()
 
     @property
     def dimension(self) -> int:
@@ -406,10 +410,10 @@ class _Evaluator:
         steady, period = self.steady(reference.steady), self.period(reference.period)
         initial = self.initial()
         self.document.raise_problems()
-        return Scene(
+        return regular(Scene(
             model, self.f, self.parameters, gravity, bodies, items, time, coordinates, rates, guess, steady,
             period, self.points(), self.lengths, initial,
-        )  # fmt: skip
+        ))  # fmt: skip
 
     def initial(self) -> InitialValues:
         given = self.model.initial
@@ -583,16 +587,6 @@ class _Evaluator:
 
 def _nominal(x: Number) -> float:
     return float(x.flat[0]) if hasattr(x, "flat") else float(x)
-
-
-def euler_matrix(angles: Vector, f: Any) -> Vector:
-    """Return Ax(φ) Ay(θ) Az(ψ), row by row; Eqs. (120)-(122) of Pappalardo, Lettieri, Guida (2020)."""
-    (c1, s1), (c2, s2), (c3, s3) = ((f.cos(x), f.sin(x)) for x in angles)
-    return (
-        c2 * c3, -c2 * s3, s2,
-        c1 * s3 + s1 * s2 * c3, c1 * c3 - s1 * s2 * s3, -s1 * c2,
-        s1 * s3 - c1 * s2 * c3, s1 * c3 + c1 * s2 * s3, c1 * c2,
-    )  # fmt: skip
 
 
 class ItemValues:
