@@ -902,8 +902,9 @@ def test_what_cannot_be_written_is_found_before_the_simulation(tmp_path, name, m
 def test_rates_have_their_unit():
     lines = run("pendulum.yaml", "--to", "0.1").stdout.splitlines()
     assert next(x for x in lines if x.startswith("coordinate")).split()[:2] == ["coordinate", "unit"]
-    row = next(x for x in lines if x.startswith("rod.theta")).split()
-    assert (row[1], row[-1]) == ("rad", "rad/s")
+    assert lines[next(i for i, x in enumerate(lines) if x.startswith("coordinate")) - 1].split() == ["last", "rate"]
+    assert next(x for x in lines if x.startswith("coordinate")).split()[-1] == "(unit/s)"
+    assert next(x for x in lines if x.startswith("rod.theta")).split()[1] == "rad"
 
 
 def test_the_energy_that_the_drift_is_a_part_of_is_named():

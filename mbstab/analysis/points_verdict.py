@@ -170,11 +170,15 @@ def unstable_counts(sides: Sides, words: npt.NDArray[np.int8]) -> Index:
 
 
 def unplaced(sides: Sides, words: npt.NDArray[np.int8], problems: Container[int]) -> int:
-    """Return the number of eigenvalues that are placed at none of many points: zeros that nothing explains."""
+    """Return the number of eigenvalues that are placed at none of many points: zeros that nothing explains.
+
+    Where a family of motions explains them at some points, and the motion is unstable at others, the
+    latter tell: there no family is looked for.
+    """
+    asked = np.array([i not in problems for i in range(len(words))], dtype=bool)
     if np.any((words != WORD[UNSTABLE]) & (words != WORD[UNDECIDED])):
-        return 0
-    answered = np.array([i not in problems for i in range(len(words))])
-    return int(np.min(np.sum(sides == OPEN, axis=1)[answered], initial=sides.shape[1])) if answered.any() else 0
+        asked &= words == WORD[UNSTABLE]
+    return int(np.min(np.sum(sides == OPEN, axis=1)[asked], initial=sides.shape[1])) if asked.any() else 0
 
 
 def settled(sides: Sides, words: npt.NDArray[np.int8], number: int) -> Index:

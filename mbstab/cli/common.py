@@ -6,6 +6,7 @@ import contextlib
 import os
 import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -65,6 +66,7 @@ def load_model(file: str) -> Mechanism:
     context = click.get_current_context(silent=True)
     force = context is not None and bool(context.meta.get(_FORCE))
     if file == "-":
+        files().opened(Path("/dev/stdin"))  # which may be a file
         return Mechanism(read_model_text(read_limited(sys.stdin.buffer, STDIN), STDIN), force)
     found = find_model(file)
     files().opened(found.path)

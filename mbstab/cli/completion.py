@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -14,11 +15,23 @@ if TYPE_CHECKING:
 
 
 def model_files(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Return the example models that begin so, and leave files to the shell."""
-    from mbstab.model.library import installed_models
+    """Return the example models, and the model files and folders, that begin so."""
+    from mbstab.model.library import SUFFIX, installed_models
 
     names = [path.name for path in installed_models() if path.name.startswith(incomplete)]
-    return [*(CompletionItem(name) for name in names), CompletionItem(incomplete, type="file")]
+    folder, _, begin = incomplete.rpartition("/")
+    try:
+        here = sorted(Path(f"{folder}/" if folder or incomplete.startswith("/") else ".").iterdir())
+    except OSError:
+        here = []
+    beside = [
+        (f"{folder}/" if "/" in incomplete else "") + path.name + ("/" if path.is_dir() else "")
+        for path in here
+        if path.name.startswith(begin) and (path.suffix == SUFFIX or path.is_dir()) and path.name[0] not in ".\n"
+    ]
+    # The shell itself completes files only where nothing else is offered.
+    found = [CompletionItem(name) for name in dict.fromkeys([*names, *beside])]
+    return found or [CompletionItem(incomplete, type="file")]
 
 
 def _model(context: click.Context) -> Model | None:
@@ -56,4 +69,9 @@ def quantities(context: click.Context, parameter: click.Parameter, incomplete: s
     model = _model(context)
     names = [] if model is None else model.coordinates()
     known = [*names, *(f"rate({name})" for name in names), *WORDS, *GROUPS, *(f"phase:{name}" for name in names)]
+    if model is not None:
+        joints, forces = model.entries.get("joints", {}), model.entries.get("forces", {})
+        drives = model.entries.get("drives", {})
+        known += [f"{what}({name})" for name in joints for what in ("force", "torque")]
+        known += [f"effort({name})" for name in (*forces, *drives)]
     return [CompletionItem(word) for word in known if word.startswith(incomplete)]

@@ -239,7 +239,10 @@ class Output:
         UsageError
             If the suffix says no format, a binary format has no file, or the file cannot be written.
         """
-        format_ = format_ or _format_of(path, formats)
+        format_ = _format_of(path, formats) if format_ is None else format_
+        suffix = "" if path is None else path.suffix.lower()
+        if suffix in SUFFIXES.values() and suffix != SUFFIXES[format_]:
+            raise UsageError(f"--output {path} and --format {format_} contradict each other\nhint: leave out --format")
         if path is None and format_ in BINARY:
             raise UsageError(f"--format {format_} is binary: name a file with --output")
         if path is not None:

@@ -10,7 +10,7 @@ from mbstab.errors import ExpectationError, MbstabError, SeveralErrors, UsageErr
 
 
 @click.command()
-@model_argument("names", "FILES...", nargs=-1)
+@model_argument("names", "[FILES]...", nargs=-1)
 @output_options("table", "json", "junit")
 def test(names: tuple[str, ...], output: Output) -> None:
     """Check the expect: blocks of model files; without FILES those of all example models.

@@ -11,7 +11,7 @@ import numbers
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from decimal import Decimal
+from decimal import Decimal, localcontext
 from fractions import Fraction
 from typing import Any
 
@@ -187,6 +187,10 @@ def _factor(parameter: Parameter, arithmetic: Arithmetic) -> Number:
 _WITH_UNIT = re.compile(r"(?P<value>[-+*/(). 0-9eE]*[0-9.)])\s*(?![eE][0-9])(?P<unit>[A-Za-z1].*)")
 
 
+MANY = 2000
+"""Digits of a setting that is given as a number with many digits."""
+
+
 def plain_setting(model: Model, name: str, setting: object) -> int | float | str:
     """Return the value of a parameter as it is told, as a number or a text.
 
@@ -211,6 +215,10 @@ def plain_setting(model: Model, name: str, setting: object) -> int | float | str
             return f"{setting.numerator}/{setting.denominator} {parameter.unit}".rstrip()
         case Decimal():
             return str(setting)
+        case _ if hasattr(setting, "man_exp"):  # of mpmath: a binary number with all its digits
+            mantissa, exponent = (int(part) for part in setting.man_exp)
+            with localcontext(prec=MANY):
+                return str(Decimal(mantissa) * Decimal(2) ** exponent)
         case numbers.Real():
             return float(setting)
     hint = "a number, or a text with an expression; None and True are neither, several values are for a sweep"

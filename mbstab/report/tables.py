@@ -754,7 +754,7 @@ def linearize_text(linear: Linearization, space: StateSpace, form: str, title: s
     lines += [matrix_text(name, *m) for name, m in matrices.items() if name not in hidden]
     if hidden:
         rows = [
-            [name, f"{len(m[1])} × {len(m[2])}", str(int((m[0] != 0.0).sum())), f"{abs(m[0]).max():.6g}"]
+            [name, f"{len(m[1])} × {len(m[2])}", str(int((m[0] != 0.0).sum())), f"{abs(m[0]).max(initial=0.0):.6g}"]
             for name, m in hidden.items()
         ]
         lines.append(table(["matrix", "size", "not zero", "largest"], rows, left=(0,)))
