@@ -174,6 +174,9 @@ class Known:
         parts = [(x.direction, x.rate) for x in self.momenta] + ([(motion.u, motion.a)] if self.speed else [])
         rows = [structure.differential(*part) for part in parts]
         along = [row @ plain.T[:, : self.directions] / (np.linalg.norm(row) or 1.0) for row in rows]
+        # A shift that a turning frame carries around is no zero.
+        block = separated.T.T @ grounds.S @ separated.T
+        self.chain = 0 if any(separated.frequencies()) else _chain(block, float(np.linalg.norm(grounds.S)))
         self.tied = int(np.linalg.matrix_rank(np.array(along), tol=KEPT)) if along and self.directions else 0
 
     @property
@@ -237,7 +240,15 @@ class Known:
         left = np.linalg.norm(ST - T @ (transposed(T) @ ST), axis=(1, 2)) + np.linalg.norm(
             LS - (LS @ T) @ transposed(T), axis=(1, 2)
         )
-        good = good & (left <= np.maximum(FITS * points.size, 100.0 * points.error))
+        allowed = np.maximum(FITS * points.size, 100.0 * points.error)
+        good = good & (left <= allowed)
+        if self.chain:
+            # Where directions span much, all fits in them: their eigenvalues must be the zeros they are taken for.
+            block, powers = transposed(T) @ ST, np.eye(T.shape[-1])[None]
+            for _ in range(self.chain):
+                powers = powers @ (block / np.maximum(points.size, 1e-300)[:, None, None])
+            rest = np.linalg.norm(powers, axis=(1, 2)) * points.size
+            good = good & (rest <= self.chain * allowed)
         return Separation(transposed(B) @ S @ B, T, B, good, points.error + left)
 
     def _columns(self, points: Points, items: tuple[Symmetry, ...], boost: bool = False) -> Array:
@@ -542,6 +553,16 @@ def disturbance(item: Symmetry, points: Points) -> tuple[Array, Array]:
 
 
 # --- matrices of many points ------------------------------------------------------------------------------------------
+
+
+def _chain(block: Array, size: float) -> int:
+    """Return which power of a matrix whose eigenvalues are all zero is zero itself; 0 where rounding hides it."""
+    power = np.eye(len(block))
+    for index in range(1, len(block) + 1):
+        power = power @ (block / (size or 1.0))
+        if np.linalg.norm(power) <= FITS:
+            return index
+    return 0
 
 
 def transposed(x: Any) -> Array:
