@@ -866,3 +866,36 @@ def test_intervals_are_told_in_the_unit_of_the_parameter(tmp_path):
     refused = CliRunner().invoke(main, ["eig", str(path), "--certify", "--set", "c=[-1, 1]"])
     assert refused.exit_code == 1
     assert refused.output.lower().count("not provable with") == 1
+
+
+PIECES = {
+    "a kink of abs": ("c*(abs(p)+p)*rate(b.x) - 4*b.x", "-1", "0.5"),
+    "abs within a stiffness": ("(abs(p)-p-1)*b.x - rate(b.x)", "-2", "1"),
+    "a joint of smooth_start": ("smooth_start(p/0.576)*b.x - 3*rate(b.x)", "-0.5", "0.5"),
+    "the end of smooth_start": ("(smooth_start(p)-0.5)*b.x - rate(b.x)", "0.2", "1.5"),
+    "the branch of atan2": ("atan2(0*p, 1-p)*b.x - rate(b.x)", "-1", "2"),
+    "a root of a square": ("(p - sqrt(p**2) + 1)*b.x - rate(b.x)", "-2", "1"),
+    "a removable pole": ("-(p/p)*b.x - rate(b.x)", "-2", "2"),
+    "a power of a square": ("(p - (p**2)**0.5 + 1)*b.x - rate(b.x)", "-2", "1"),
+}
+
+
+@pytest.mark.parametrize("name", PIECES)
+def test_what_is_proven_over_an_interval_holds_on_both_sides_of_a_kink(name):
+    force, low, high = PIECES[name]
+    model = mbstab.loads(
+        "mbstab: 1\nparameters: {p: 0.3, c: 1}\n"
+        "bodies: {b: {type: planar_point, mass: 1}}\n"
+        "joints: {l: {type: point_on_line, between: [ground, b], axis: x}}\n"
+        f'forces: {{f: {{type: expression, on: {{b.x: "{force}"}}}}}}\n'
+        "reference: {coordinates: {b: {x: 0, y: 0}}}\n"
+    )
+    certificate = model.certify(p=f"[{low},{high}]")
+    proven = [part for part in certificate.parts if part.verdict != "not provable"]
+    assert proven
+    for part in proven:
+        for k in range(5):
+            p = float(part.low) + (float(part.high) - float(part.low)) * k / 4
+            word = model.eig(p=p).verdict
+            assert part.verdict in STRENGTH[word] or word == "undecided", (p, part.verdict, word)
+    assert "a removable" not in name or certificate.verdict == "not provable"

@@ -36,6 +36,7 @@ from fractions import Fraction
 from typing import Any
 
 from mbstab.analysis import balls
+from mbstab.analysis.analytic import require_analytic
 from mbstab.analysis.balls import Ball, Hopeless, NotProvable, ball, real, zero_inside
 from mbstab.analysis.factors import GENERIC, Enclosure, Proof, Spectrum
 from mbstab.analysis.identities import Identities
@@ -463,6 +464,7 @@ def _opposite(x: Ball, y: Ball) -> bool:
 def _generic(model: Model, values: Mapping[str, Ball], parameter: str, ends: Sequence[Fraction]) -> Identities | None:
     """Return what is proven about the elements at a value between both ends; None: there is no motion."""
     try:
+        require_analytic(model, {**values, parameter: balls.between(ball(min(ends)), ball(max(ends)))})
         return Proof(model, {**values, parameter: ball(ends[0] + (ends[1] - ends[0]) * GENERIC)}).identities
     except MbstabError:
         return None

@@ -435,14 +435,18 @@ class _Curve:
         """Return the residuals that multipliers cannot balance, and their derivative by the scaled unknowns."""
         self.work[0] -= 1
         step = DIFFERENCE * self.width
-        around = np.array([p, min(p + step, self.high), max(p - step, self.low)])
+        # To both sides, or at an end of the range twice to one: of second order everywhere.
+        one, two = (step, -step) if self.low + step <= p <= self.high - step else (step, 2.0 * step)
+        sign = -1.0 if p > self.high - step else 1.0
+        around = p + sign * np.array([0.0, one, two])
         system = System(evaluate(self.model, {**self.settings, self.parameter: around}))
         balance = self.balance.over(system)
         at = balance.state(balance.completed(np.tile(q, (3, 1))), np.tile(c, (3, 1)))
         if not np.all(np.isfinite(at.residual)):
             raise NumericalError("the equations are not finite")
         G, moving = balance.jacobian(at)[0], balance.moving
-        by_p = (at.residual[1] - at.residual[2]) * self.width / (around[1] - around[2])
+        (one, two), changes = around[1:] - around[0], at.residual[1:] - at.residual[0]
+        by_p = (changes[0] * two / one - changes[1] * one / two) / (two - one) * self.width
         A = np.column_stack([G[:, :moving], by_p])
         forces = G[:, moving:]
         if not forces.size:

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mbstab.analysis import balls
+from mbstab.analysis.analytic import require_analytic
 from mbstab.analysis.balls import Ball, Matrix, ball, real, zero_inside
 from mbstab.analysis.enclosures import Field, Reference
 from mbstab.analysis.identities import Identities
@@ -164,6 +165,7 @@ class Proof(Reference):
             return self._identities
         if not self.wide:
             return Identities(self, self.grounds)
+        require_analytic(self.model, self.overrides)
         inside = {name: balls.at_part(x, GENERIC) for name, x in self.overrides.items()}
         return Proof(self.model, inside, self if self.solutions else None).identities
 

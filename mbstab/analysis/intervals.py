@@ -15,6 +15,7 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from mbstab.analysis import balls
+from mbstab.analysis.analytic import require_analytic
 from mbstab.analysis.balls import Ball, ball
 from mbstab.analysis.factors import GENERIC, Proof
 from mbstab.analysis.identities import Identities
@@ -123,6 +124,7 @@ class Walk:
         self.boxes, self.done, self.began = 0, Fraction(0), time.monotonic()
         self.points: dict[Fraction, Proof | str] = {}
         self.identities: Identities | None = None
+        self.analytic: list[tuple[Fraction, Fraction]] = []
         self._run()
 
     def _run(self) -> None:
@@ -164,12 +166,26 @@ class Walk:
             return self.points[x]
         found: Proof | str
         try:
-            found = Proof(self.model, {**self.others, self.name: ball(x)}, near, self.identities)
+            found = Proof(self.model, {**self.others, self.name: ball(x)}, near, self._identities(x, x))
         except FAILURES as error:
             found = _said(error)
         if near is None:
             self.points[x] = found
         return found
+
+    def _identities(self, a: Fraction, b: Fraction) -> Identities | None:
+        """Return what is proven at a generic value, if all goes on analytically from there to between two values."""
+        if self.identities is None:
+            return None
+        generic = self.low + self.width * GENERIC
+        ends = min(a, b, generic), max(a, b, generic)
+        if not any(low <= ends[0] and ends[1] <= high for low, high in self.analytic):
+            try:
+                require_analytic(self.model, {**self.others, self.name: balls.between(*map(ball, ends))})
+            except FAILURES:
+                return None
+            self.analytic.append(ends)
+        return self.identities
 
     def _decided(self, x: Fraction, near: Proof | None) -> bool:
         """Whether a verdict is proven at one value."""
@@ -224,7 +240,7 @@ class Walk:
         """Return what is proven between two values, from the motion at the first one."""
         box = balls.between(ball(min(a, b)), ball(max(a, b)))
         try:
-            proof = Proof(self.model, {**self.others, self.name: box}, here, self.identities)
+            proof = Proof(self.model, {**self.others, self.name: box}, here, self._identities(a, b))
         except FAILURES as error:
             return _Tried(OPEN, _said(error), here is None, here)
         there: Proof | None = None

@@ -210,10 +210,10 @@ class Equations:
             step = -np.linalg.solve(
                 square + RIDGE * size * np.eye(G.shape[-1]), transposed(G) @ at.residual[..., None]
             )[..., 0]
-            self.good &= np.max(np.abs(step[:, : balance.moving]), axis=1) < 0.2
+            self.good &= np.max(np.abs(step[:, : balance.moving]), axis=1, initial=0.0) < 0.2
             step[~self.good] = 0.0
             at = balance.state(*balance.moved(at, step))
-            if not np.max(np.abs(step[:, : balance.moving])) > POLISHED:
+            if not np.max(np.abs(step[:, : balance.moving]), initial=0.0) > POLISHED:
                 break
         self.good &= np.max(np.abs(at.residual), axis=1) <= TOLERANCE
         return at.q, (at.steady if self.pattern.family is not None else None), at.u
