@@ -254,3 +254,23 @@ def test_entries_that_cancel_inside_of_an_element_are_known_to_be_uncertain():
     assert error[1, 1] > 0.1 * EPS * 1e6  # the entry itself is rounding
     assert abs(linear.K[1, 1]) <= error[1, 1]
     assert error[0, 0] < 1e-8
+
+
+@pytest.mark.parametrize("exponent", [20, 50, 100, 200])
+def test_values_lie_in_their_discs_where_conjugates_change_places(exponent):
+    mechanism = mbstab.loads(
+        "mbstab: 1\nparameters: {J: 1}\ngravity: [0, -9.81]\nbodies:\n"
+        "  cart: {type: planar, mass: 2, inertia: 1}\n"
+        "  bob: {type: planar, mass: 0.5, inertia: J, points: {P: [0, 0.3]}}\n"
+        "joints:\n  rail: {type: prismatic, between: [cart, ground], axis: x}\n"
+        "  pin: {type: revolute, between: [bob.P, cart]}\n"
+        "forces:\n  spring: {type: joint_spring, joint: rail, stiffness: 50, damping: 0.4}\n"
+        "  hinge: {type: joint_spring, joint: pin, damping: 0.02}\n"
+        "reference: {coordinates: {cart: {x: 0}, bob: {theta: 0}}}\n"
+    )
+    result = mechanism.eig(J=10.0**-exponent)
+    assert result.verdict == "asymptotically stable"
+    for e in result.eigenvalues:
+        assert e.error_bound < 1e-12
+        (twin,) = (x for x in result.eigenvalues if x.value == e.value.conjugate())
+        assert (twin.kind, twin.error_bound) == (e.kind, pytest.approx(e.error_bound, rel=0.5))

@@ -1066,9 +1066,24 @@ class _Found:
 
     # --- the answer -------------------------------------------------------------------------------------------------
 
+    def _relabel(self) -> None:
+        """Give discs of single eigenvalues the values that lie in them: conjugates may have changed places."""
+        wrong = [
+            g
+            for g, members in enumerate(self.groups)
+            if len(members) == 1 and abs(self.s[members[0]] - self.centres[g]) > self.radii[g]
+        ]
+        pool = [self.groups[g][0] for g in wrong]
+        chosen = [min(pool, key=lambda i: abs(self.s[i] - self.centres[g])) for g in wrong]
+        inside = [abs(self.s[i] - self.centres[g]) <= self.radii[g] for g, i in zip(wrong, chosen, strict=True)]
+        if len(set(chosen)) == len(wrong) and all(inside):
+            for g, i in zip(wrong, chosen, strict=True):
+                self.groups[g] = [i]
+
     def placed(self) -> Placed:
         """Return values, discs and bounds."""
         self.refine()
+        self._relabel()
         values = self.s
         discs, bounds = [], np.full(len(values), np.inf)
         for g, members in enumerate(self.groups):

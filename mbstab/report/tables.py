@@ -45,8 +45,12 @@ ZERO = 1e-3
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:
     """Return an aligned table; columns in `left` are flush left, the others flush right.
 
-    Columns that have no room in `WIDTH` follow below, with the first column again.
+    Columns that have no room in `WIDTH` follow below, with the first column again; texts that have none are wrapped.
     """
+    first = max(map(_width, (heads[0], *(row[0] for row in rows))))
+    room = max(WIDTH - first - GAP, WIDTH // 2)
+    texts = [i for i in left if i]
+    rows = [["\n".join(wrap(x, room)) if i in texts else x for i, x in enumerate(row)] for row in rows]
     widths = [max(map(_width, column)) for column in zip(heads, *rows, strict=True)]
     text = ""
     for block in _blocks(widths):
