@@ -339,3 +339,38 @@ def test_what_is_no_text_is_not_shown(name):
     result = said("models", "show", name)
     assert result.exit_code == 2
     assert "cannot be read" in result.stderr or "bytes at most" in result.stderr or "not UTF-8" in result.stderr
+
+
+@pytest.mark.parametrize("place", ["missing/x.png", "a\x1b[31m.png", "folder"])
+@pytest.mark.parametrize("command", ["sweep", "simulate"])
+def test_pictures_that_cannot_be_drawn_are_refused_before_anything_is_computed(command, place, tmp_path, monkeypatch):
+    def computed(*_, **__):
+        raise AssertionError("computed")
+
+    monkeypatch.setattr(f"mbstab.api.Mechanism.{command}", computed)
+    for name in ("map", "locus", "rod.theta"):
+        (tmp_path / f"folder-{name}.png").mkdir()
+    arguments = {"sweep": ("--param", "L", "--from", "1", "--to", "2"), "simulate": ("--plot", "rod.theta")}[command]
+    result = run(command, PENDULUM, *arguments, "--pictures", tmp_path / place)
+    assert result.exit_code == 2
+    assert "cannot be written" in result.stderr or "cannot be seen" in result.stderr
+
+
+def test_a_dash_is_stdout(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run("eig", PENDULUM, "--format", "csv", "-o", "-")
+    assert result.stdout.startswith("real (1/s),")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_eigenvalues_that_left_the_range_are_no_answer(tmp_path):
+    text = run("models", "show", "double_pendulum").stdout
+    codes = set()
+    for value in ("1e-60", "1e-150", "1e150"):
+        path = tmp_path / "m.yaml"
+        path.write_text(text)
+        for name in ("m", "l", "g"):
+            result = run("eig", path, "--set", f"{name}={value}")
+            codes.add(result.exit_code)
+            assert "nan" not in result.stdout
+    assert codes <= {0, 1, 2}

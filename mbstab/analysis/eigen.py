@@ -25,7 +25,7 @@ from mbstab.analysis.numerics import assigned
 from mbstab.analysis.reference import reference_motion
 from mbstab.analysis.verdict import STABLE, STABLE_UP_TO, Disc, Judged, Verdict, judge, place, show
 from mbstab.compiler.system import Array, System
-from mbstab.errors import UsageError
+from mbstab.errors import NumericalError, UsageError
 
 Complex = npt.NDArray[np.complex128]
 
@@ -200,6 +200,11 @@ def judged(grounds: Grounds, method: str = DEFAULT) -> EigenResult:
     function = solver(method)
     if function is None:
         found, placed = None, enclosures(*problem)
+        if not np.all(np.isfinite(placed.values)):
+            raise NumericalError(
+                "the eigenvalues left the range of double precision\n"
+                "hint: look for numbers of extreme size in the file, or measure length, mass and time in other units"
+            )
         neutral = separated.frequencies()
         neutral += [0j] * (separated.neutral.count - len(neutral))
     else:

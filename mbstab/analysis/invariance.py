@@ -613,7 +613,10 @@ class Invariance:
             moving, resting = State(motion.q, u, a), State(motion.q, 0.0 * u, 0.0 * a)
             turned = np.abs(slope) @ np.abs(Y) + motion.sizes * (self.rate / slow) ** 2
             off = ROUNDINGS * EPS * np.abs(u), ROUNDINGS * EPS * speed**2 * turned
+            changed = (u != 0.0) | (a != 0.0) | np.any([x != 0.0 for x in off], axis=0)
             for element in self.elements:
+                if not any(changed[j] for j in (*element.columns, *(j for _, j in element.slots))):
+                    continue
                 try:
                     # What speed changes of each by itself: loads at rest hide no weak drag.
                     F, error = self.bounded(element, moving, State(0.0 * u, *off))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -239,6 +239,7 @@ class Output:
         UsageError
             If the suffix says no format, a binary format has no file, or the file cannot be written.
         """
+        path = None if path == Path("-") else path
         format_ = _format_of(path, formats) if format_ is None else format_
         suffix = "" if path is None else path.suffix.lower()
         if suffix in SUFFIXES.values() and suffix != SUFFIXES[format_]:
@@ -323,6 +324,9 @@ pictures_option = click.option(
 )
 
 
+PICTURE = "a picture"
+
+
 def check_pictures(place: Path | None) -> None:
     """Refuse a wrong suffix in --pictures before anything is computed.
 
@@ -362,7 +366,15 @@ def picture_stem(place: Path | None, output: Path | None, model: Path, name: str
     return (model.with_name(name) if own else Path(name)), PICTURES[0]
 
 
-def save_picture(figure: Any, path: Path, option: str = "a picture") -> None:
+def picture_paths(stem: Path, suffix: str, names: Iterable[str]) -> dict[str, Path]:
+    """Return where pictures are drawn, by name; what cannot be written is refused before anything is computed."""
+    paths = {name: stem.with_name(f"{stem.name}-{name}{suffix}") for name in names}
+    for path in paths.values():
+        files().claim(path, PICTURE)
+    return paths
+
+
+def save_picture(figure: Any, path: Path, option: str = PICTURE) -> None:
     """Draw a picture to a file.
 
     Raises

@@ -28,6 +28,7 @@ from mbstab.cli.output import (
     check_pictures,
     note,
     output_options,
+    picture_paths,
     picture_stem,
     pictures_option,
     save_picture,
@@ -159,6 +160,7 @@ def simulate(
     mechanism = load_model(file)
     model = mechanism.model
     pictures, count = _pictures(plots, model), points or POINTS
+    paths = picture_paths(*picture_stem(place, output.path, Path(model.name)), [picture.name for picture in pictures])
     if movie is not None:
         movie.check(mechanism.system(**parameters))
         if movie.mode is not None:
@@ -197,7 +199,7 @@ def simulate(
         stopped, result = error, error.partial
     warn([text for text in result.warnings if text not in told])
     _write(result, output, model, full)
-    _draw(result, pictures, *picture_stem(place, output.path, Path(model.name)), model)
+    _draw(result, pictures, paths, model)
     if movie is not None and not (result.complete or result.failure):
         note("not animated, as the simulation was stopped")
     elif movie is not None:
@@ -265,8 +267,8 @@ def _pictures(plots: tuple[str, ...], model: Model) -> list[Picture]:
     return list(found.values())
 
 
-def _draw(result: Simulation, pictures: list[Picture], stem: Path, suffix: str, model: Model) -> None:
-    """Draw pictures to files whose names begin alike."""
+def _draw(result: Simulation, pictures: list[Picture], paths: dict[str, Path], model: Model) -> None:
+    """Draw pictures to their files."""
     if not pictures:
         return
     from mbstab.report.motion_plots import draw, idle
@@ -274,4 +276,4 @@ def _draw(result: Simulation, pictures: list[Picture], stem: Path, suffix: str, 
     for picture in pictures:
         for text in idle(picture, result, model):
             note(text)
-        save_picture(draw(picture, result, model.title), stem.with_name(f"{stem.name}-{picture.name}{suffix}"))
+        save_picture(draw(picture, result, model.title), paths[picture.name])

@@ -18,6 +18,7 @@ from mbstab.cli.output import (
     check_pictures,
     note,
     output_options,
+    picture_paths,
     picture_stem,
     pictures_option,
     save_picture,
@@ -158,13 +159,14 @@ def sweep(
     stem = picture_stem(place, output.path, Path(model.name), "-".join(parameters))
     wanted = pictures or (("map", "locus") if output.format == "table" or output.path is not None else ())
     drawn = () if "none" in wanted else wanted
+    paths = picture_paths(*stem, drawn if len(parameters) == 1 else ("chart",) * bool(drawn))
     answer: Sweep | Chart
     if len(parameters) == 1:
         with _kept(directory):
             with progress_bar("sweeping") as progress:
                 answer = mechanism.sweep(parameters[0], grids[parameters[0]], progress=progress, **run)
             output.write(_sweep_answer(answer, *labels[0], model.name, model.title), summary=True)
-            _draw(answer, drawn, *stem, _label(parameters[0], labels[0][0]), model.title)
+            _draw(answer, paths, _label(parameters[0], labels[0][0]), model.title)
         warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))
         total, missing = len(answer.values), len(answer.unanswered)
     else:
@@ -173,7 +175,7 @@ def sweep(
                 answer = mechanism.chart(grids, progress=progress, **run)
             output.write(_chart_answer(answer, labels, model.name, model.title), summary=True)
             if drawn:
-                _draw_chart(answer, *stem, labels, model.title)
+                _draw_chart(answer, paths["chart"], labels, model.title)
         total, missing = answer.unstable.size, len(answer.problems)
     if missing:
         raise NumericalError(f"{missing} of {total} points have no answer; the others are computed")
@@ -187,7 +189,7 @@ def _kept(directory: Path | None) -> Iterator[None]:
     try:
         yield
     except (KeyboardInterrupt, OutputError) as error:
-        if directory is not None and directory.is_dir():
+        if directory is not None and any(directory.glob("block-*")):
             what = "interrupted: " if isinstance(error, KeyboardInterrupt) else ""
             note(f"{what}finished blocks are kept in {directory}; go on with --resume")
         raise
@@ -224,24 +226,23 @@ def _chart_answer(result: Chart, labels: list[tuple[str, float]], name: str, tit
     }
 
 
-def _draw_chart(result: Chart, stem: Path, suffix: str, labels: list[tuple[str, float]], title: str) -> None:
+def _draw_chart(result: Chart, path: Path, labels: list[tuple[str, float]], title: str) -> None:
     from mbstab.report import plots
 
     texts = [_label(name, unit) for name, (unit, _) in zip(result.parameters, labels, strict=True)]
     missing = plots.gap(bool(result.problems), int((result.unstable < 0).sum()) > len(result.problems))
     figure = plots.chart(result.x, result.y, result.unstable, result.boundaries, (texts[0], texts[1]), title, missing)
-    save_picture(figure, stem.with_name(f"{stem.name}-chart{suffix}"))
+    save_picture(figure, path)
 
 
-def _draw(result: Sweep, pictures: tuple[str, ...], stem: Path, suffix: str, label: str, title: str) -> None:
-    """Draw pictures of a sweep to files whose names begin alike."""
-    if not pictures:
+def _draw(result: Sweep, paths: dict[str, Path], label: str, title: str) -> None:
+    """Draw pictures of a sweep to their files."""
+    if not paths:
         return
     from mbstab.report import plots
 
     kinds = {"map": plots.stability_map, "locus": plots.root_locus, "campbell": plots.campbell}
-    for picture in pictures:
-        path = stem.with_name(f"{stem.name}-{picture}{suffix}")
+    for picture, path in paths.items():
         save_picture(kinds[picture](result, label, title), path)
 
 
