@@ -150,9 +150,9 @@ def test_every_output_tells_the_torque_of_a_spring_at_a_joint(tmp_path):
             data = json.loads(path.read_text())
             found = [row[data["columns"].index(head)] for row in data["rows"]]
         else:
-            archive = np.load(path)
-            assert archive["efforts_columns"].tolist() == [head]
-            found = archive["efforts"][:, 0]
+            with np.load(path) as archive:
+                assert archive["efforts_columns"].tolist() == [head]
+                found = archive["efforts"][:, 0]
         assert found == pytest.approx([torque] * 3, rel=1e-6)
 
 
