@@ -37,7 +37,7 @@ from mbstab.model.arithmetic import FLOAT
 from mbstab.model.library import find_model
 from mbstab.model.reader import read_model, read_model_text
 from mbstab.model.schema import Model
-from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides, plain_setting
+from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides
 
 if TYPE_CHECKING:
     from mbstab.analysis.certify import Certificate
@@ -75,10 +75,6 @@ class Mechanism:
     model: Model
     force: bool = False
 
-    def _settings(self, parameters: Mapping[str, object]) -> dict[str, float | str]:
-        """Return values of parameters as plain numbers and texts."""
-        return {name: plain_setting(self.model, name, value) for name, value in parameters.items()}
-
     def _affordable(self, task: Task, parameters: Mapping[str, Setting]) -> System:
         """Return the equations of motion if a task about them is within the limits of memory and time."""
         system = self.system(**parameters)
@@ -102,7 +98,7 @@ class Mechanism:
         ModelFileError
             If a value is out of range.
         """
-        return System(evaluate(self.model, parse_overrides(self.model, self._settings(parameters))))
+        return System(evaluate(self.model, parse_overrides(self.model, parameters)))
 
     @guarded
     def motion(self, **parameters: Setting) -> Motion:
@@ -195,7 +191,7 @@ class Mechanism:
         def zeros() -> int:
             from mbstab.analysis.precise import exact_zeros
 
-            return exact_zeros(self.model, self._settings(parameters))
+            return exact_zeros(self.model, parameters)
 
         return zeros
 
@@ -231,7 +227,7 @@ class Mechanism:
         self._afford("modes")
         from mbstab.analysis.precise import precise_eigenvalues
 
-        return precise_eigenvalues(self.model, self._settings(parameters), digits, frozen, progress)
+        return precise_eigenvalues(self.model, parameters, digits, frozen, progress)
 
     @guarded
     def certify(
@@ -257,7 +253,7 @@ class Mechanism:
         self._afford("modes")
         from mbstab.analysis.certify import certify
 
-        return certify(self.model, self._settings(parameters), digits, progress)
+        return certify(self.model, parameters, digits, progress)
 
     @guarded
     def verify(
@@ -315,7 +311,7 @@ class Mechanism:
         self._afford("modes")
         from mbstab.analysis.sweep import sweep
 
-        settings = parse_overrides(self.model, self._settings(parameters))
+        settings = parse_overrides(self.model, parameters)
         return sweep(self.model, parameter, values, settings, progress, directory, resume, jobs, cluster, keep)
 
     @guarded
@@ -438,7 +434,7 @@ class Mechanism:
         self._afford("modes")
         from mbstab.analysis.chart import chart
 
-        settings = parse_overrides(self.model, self._settings(parameters))
+        settings = parse_overrides(self.model, parameters)
         return chart(self.model, values, settings, progress, directory, resume, jobs, cluster, keep)
 
     @guarded
@@ -469,7 +465,7 @@ class Mechanism:
         self._afford("modes")
         from mbstab.analysis.compare import compare
 
-        return compare(self.model, self._settings(parameters), digits, tolerance, progress)
+        return compare(self.model, parameters, digits, tolerance, progress)
 
     @guarded
     def compare_integrators(
@@ -520,7 +516,7 @@ class Mechanism:
 
     def parameters(self, **parameters: Setting) -> dict[str, float]:
         """Return the value of every parameter in SI."""
-        return evaluate_parameters(self.model, parse_overrides(self.model, self._settings(parameters)), FLOAT)
+        return evaluate_parameters(self.model, parse_overrides(self.model, parameters), FLOAT)
 
     def test(self) -> list[Outcome]:
         """Return for each entry of ``expect:`` whether it holds."""

@@ -18,6 +18,11 @@ from typing import Any
 _UNSEEN = re.compile(r"[^\n\t -~]")
 
 
+def unseen(c: str) -> bool:
+    """Whether a character cannot be seen, and is no blank: a control character, a mark of direction and the like."""
+    return not (c.isprintable() or unicodedata.category(c) == "Zs")
+
+
 def visible(text: str, lines: bool = True) -> str:
     """Return text in which control characters, marks of direction and the like are escapes of their code.
 
@@ -30,7 +35,7 @@ def visible(text: str, lines: bool = True) -> str:
 
     def shown(match: re.Match[str]) -> str:
         c = match.group()
-        if c.isprintable() or unicodedata.category(c) == "Zs":
+        if not unseen(c):
             return c
         units = c.encode("utf-16-be", "surrogatepass").hex()
         return "".join(f"\\u{units[k : k + 4]}" for k in range(0, len(units), 4))

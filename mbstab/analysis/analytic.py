@@ -13,22 +13,13 @@ from typing import Any
 
 from mbstab.analysis.balls import Ball as BallType
 from mbstab.analysis.balls import NotProvable, at_part, ball, ball_arithmetic, parameters
-from mbstab.model.arithmetic import Arithmetic
-from mbstab.model.expressions import PIECED, Binary, Call, Expression, Name, Negative, Node, Number, Rate
+from mbstab.model.expressions import OPERATIONS, PIECED, Binary, Call, Expression, Name, Negative, Node, Number, Rate
 from mbstab.model.schema import Components, Entry, MarkerValue, Model, PartValue, ShapeValue
 
 Known = BallType | None
 """The enclosure of a value; None: it depends on the motion."""
 
 HALF = Fraction(1, 2)
-
-OPERATIONS: dict[str, Callable[[Any, Any, Arithmetic], Any]] = {
-    "+": lambda a, b, f: a + b,
-    "-": lambda a, b, f: a - b,
-    "*": lambda a, b, f: a * b,
-    "/": lambda a, b, f: a / b,
-    "**": lambda a, b, f: f.power(a, b),
-}
 
 DOMAINS: dict[str, Callable[..., bool]] = {
     "abs": lambda x: bool(x > 0 or x < 0),

@@ -106,20 +106,20 @@ def chart(
     )
     with stored(directory, all_tasks, resume, keep) as store:
         blocks = run(all_tasks, store, jobs, cluster, progress)
-        return _charted(model, (one, other), (x, y), settings, sheet, blocks)
+        return _charted(model, (one, other), (x, y), points, settings, sheet, blocks)
 
 
 def _charted(
     model: Model,
     names: tuple[str, str],
     axes: tuple[Array, Array],
+    points: Mapping[str, Array],
     settings: Mapping[str, float],
     sheet: Sheet | None,
     blocks: list[Block],
 ) -> Chart:
     """Return the chart of the blocks of its points."""
     (one, other), (x, y) = names, axes
-    points = {one: np.tile(x, len(y)), other: np.repeat(y, len(x))}
     place, problems = np.arange(len(x) * len(y)), {}
     evaluator = Evaluator(model, settings, sheet)
     if sheet is not None:

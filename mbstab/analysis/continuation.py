@@ -27,7 +27,7 @@ from mbstab.analysis.subspaces import rank_of
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError
 from mbstab.model.arithmetic import FLOAT
-from mbstab.model.schema import Model, Parameter
+from mbstab.model.schema import Model, Parameter, after_number
 from mbstab.model.values import evaluate, evaluate_parameters
 
 FIRST = 1.0 / 16.0
@@ -160,7 +160,7 @@ class Path:
         """Say why there is no solution at a point."""
         value = float(values[self.parameter.name][i])
         end, reason = min(self.ends, key=lambda item: abs(item[0] - value), default=(value, "it does not lead there"))
-        unit = f" {self.parameter.unit}" if self.parameter.unit not in ("", "1") else ""
+        unit = after_number(self.parameter.unit)
         at = f"{self.parameter.name} = {end / self.parameter.factor:.12g}{unit}"
         return f"no solution beyond {at} on this path: {reason}"
 

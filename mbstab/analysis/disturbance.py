@@ -16,6 +16,7 @@ import numpy as np
 from mbstab.analysis.attitude import Attitudes
 from mbstab.analysis.constrained import Constrained
 from mbstab.analysis.efforts import Placement
+from mbstab.analysis.numerics import norms
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError, suggestion
 from mbstab.model.schema import unit_of
@@ -135,7 +136,7 @@ def staying(at: Placement, J: Array, named: Sequence[Quantity], sizes: Array) ->
     rows = np.vstack([J, *(x.gradient(at)[None] for x in named)]) * sizes
     span = np.zeros((0, len(sizes)))
     if np.any(rows):
-        rows = rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]
+        rows = rows / norms(rows)[:, None]
         _, s, right = np.linalg.svd(rows, full_matrices=False)
         span = right[s > 1e-9 * s[0]]
     names, found = {x.name for x in named}, []
@@ -175,7 +176,7 @@ def reached(
         for _ in range(NEWTON_STEPS):
             at, state = Placement(attitudes, system, q, zero), equations.evaluate(t, q, zero)
             J, E = state.J[: equations.n_h] * sizes, state.E[: equations.n_h]
-            lengths = np.maximum(np.linalg.norm(J, axis=1), 1e-300)
+            lengths = norms(J)
             missing = [(x.value(at, goal) - goal) / x.size for (x, _), goal in zip(goals, wanted, strict=True)]
             residual = np.concatenate([E / lengths, missing])
             rows = [x.gradient(at) * sizes / x.size for x, _ in goals]
@@ -201,7 +202,7 @@ def speeds(
     for _ in range(NEWTON_STEPS):
         state = equations.evaluate(t, q, u)
         J = state.J * sizes
-        lengths = np.maximum(np.linalg.norm(J, axis=1), 1e-300)
+        lengths = norms(J)
         residual = np.concatenate([state.V / lengths, rows @ (u / sizes) - wanted])
         step = np.linalg.lstsq(np.vstack([J / lengths[:, None], rows]), -residual, rcond=1e-12)[0]
         fast = max(equations.fastest(u), float(np.max(np.abs(wanted), initial=0.0)), equations.slowest)

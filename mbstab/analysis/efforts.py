@@ -148,7 +148,7 @@ def efforts(at: Placement, nu: Array, times: Any) -> list[Acted]:
             continue
         effort = item.kind.effort(item)
         values = _of_row(at, item, effort, nu, times) if effort.driven else _of_law(at, effort, times)
-        owner = f"{item.entry.section.removesuffix('s')} {item.name!r}"
+        owner = item.entry.called
         shape = at.q.shape[:-1]
         found.append(Acted(owner, *_along(item.entry.values, effort), np.array(np.broadcast_to(values, shape))))
     return found

@@ -117,6 +117,7 @@ class Walk:
         self.model, self.others, self.name, self.progress = model, dict(others), name, progress
         self.low, self.high = ends
         self.width = self.high - self.low
+        self.generic = self.low + self.width * GENERIC
         self.parts: list[Part] = []
         self.assumed: list[str] = []
         self.conditions: list[str] = []
@@ -129,7 +130,7 @@ class Walk:
 
     def _run(self) -> None:
         first, proof, reasons = None, None, []
-        generic = self._point(self.low + self.width * GENERIC, None)
+        generic = self._point(self.generic, None)
         self.identities = generic.identities if isinstance(generic, Proof) else None
         for x in (self.low, self.high, (self.low + self.high) / 2):
             found = self._point(x, None)
@@ -177,8 +178,7 @@ class Walk:
         """Return what is proven at a generic value, if all goes on analytically from there to between two values."""
         if self.identities is None:
             return None
-        generic = self.low + self.width * GENERIC
-        ends = min(a, b, generic), max(a, b, generic)
+        ends = min(a, b, self.generic), max(a, b, self.generic)
         if not any(low <= ends[0] and ends[1] <= high for low, high in self.analytic):
             try:
                 require_analytic(self.model, {**self.others, self.name: balls.between(*map(ball, ends))})

@@ -244,9 +244,8 @@ class Known:
         good = good & (left <= allowed)
         if self.chain:
             # Where directions span much, all fits in them: their eigenvalues must be the zeros they are taken for.
-            block, powers = transposed(T) @ ST, np.eye(T.shape[-1])[None]
-            for _ in range(self.chain):
-                powers = powers @ (block / np.maximum(points.size, 1e-300)[:, None, None])
+            block = transposed(T) @ ST / np.maximum(points.size, 1e-300)[:, None, None]
+            powers = np.linalg.matrix_power(block, self.chain)
             rest = np.linalg.norm(powers, axis=(1, 2)) * points.size
             good = good & (rest <= self.chain * allowed)
         return Separation(transposed(B) @ S @ B, T, B, good, points.error + left)

@@ -62,7 +62,7 @@ def reactions(system: System, q: Array, J: Array, nu: Array) -> list[Reaction]:
 
 
 def _reactions(system: System, q: Array, item: ItemValues, load: Array) -> list[Reaction]:
-    owner = f"{item.entry.section.removesuffix('s')} {item.name!r}"
+    owner = item.entry.called
     markers = _markers(item)
     if not markers:
         # Rows of coordinates act at the reference points of the bodies they name.

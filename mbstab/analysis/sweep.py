@@ -44,7 +44,7 @@ from mbstab.analysis.spectrum import (
 from mbstab.analysis.verdict import UNDECIDED, WORDS
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError, UsageError
-from mbstab.model.schema import Model
+from mbstab.model.schema import Model, after_number
 
 RESOLUTION = 1e-12
 """Eigenvalues that are not told apart in an interval of this relative width cross or collide in it."""
@@ -425,7 +425,7 @@ class _Tracker:
         """Say between which points the search ended."""
         assert self.stopped is not None
         parameter = self.evaluator.model.parameters[self.parameter]
-        unit = f" {parameter.unit}" if parameter.unit not in ("", "1") else ""
+        unit = after_number(parameter.unit)
         low, high = (float(self.x[np.clip(k, 0, len(self.x) - 1)]) / parameter.factor for k in self.stopped)
         return f", between {self.parameter} = {low:.6g} and {high:.6g}{unit}"
 

@@ -13,7 +13,7 @@ import click
 from click.core import ParameterSource
 
 from mbstab.cli import completion
-from mbstab.cli.output import files, note, quiet
+from mbstab.cli.output import files, note, quiet, remembered, remembered_flag
 from mbstab.errors import UsageError
 
 if TYPE_CHECKING:
@@ -41,17 +41,8 @@ set_option = click.option(
 
 _FORCE = "mbstab.force"
 
-
-def _remember_force(context: click.Context, parameter: click.Parameter, value: bool) -> None:
-    context.meta[_FORCE] = value
-
-
-force_option = click.option(
-    "--force",
-    is_flag=True,
-    expose_value=False,
-    callback=_remember_force,
-    help="Go on with scenes so large that they take more than 1 GB of memory or 10 s.",
+force_option = remembered_flag(
+    _FORCE, "--force", help="Go on with scenes so large that they take more than 1 GB of memory or 10 s."
 )
 """Is obeyed by `load_model`."""
 
@@ -63,8 +54,7 @@ def load_model(file: str) -> Mechanism:
     from mbstab.model.reader import read_model, read_model_text
     from mbstab.model.yamlfile import read_limited
 
-    context = click.get_current_context(silent=True)
-    force = context is not None and bool(context.meta.get(_FORCE))
+    force = remembered(_FORCE)
     if file == "-":
         files().opened(Path("/dev/stdin"))  # which may be a file
         return Mechanism(read_model_text(read_limited(sys.stdin.buffer, STDIN), STDIN), force)

@@ -185,35 +185,38 @@ def _plain(mechanism: Mechanism, parameters: dict[str, str], method: str, frozen
     """Answer in double precision."""
     with progress_bar("following the period") as progress:
         result = mechanism.eig(method, frozen, progress, **parameters)
-    warn(result.warnings)
-    model, values = mechanism.model, mechanism.parameters(**parameters)
     from mbstab.report import export, tables
 
-    return _Reply(
-        model,
-        result.verdict,
-        result.reasons,
-        lambda: tables.eigen_text(result, model.title),
-        lambda: export.eigen_data(result, model, values),
-        lambda: export.eigen_rows(result),
-    )
+    return _told(mechanism, parameters, result, tables.eigen_text, export.eigen_data, export.eigen_rows)
 
 
 def _precise(mechanism: Mechanism, parameters: dict[str, str], frozen: bool, digits: int) -> _Reply:
     """Answer with many digits."""
     with progress_bar("more digits") as progress:
         result = mechanism.eig_precise(digits, frozen, progress, **parameters)
-    warn(result.warnings)
-    model, values = mechanism.model, mechanism.parameters(**parameters)
     from mbstab.report import export, tables
 
+    return _told(mechanism, parameters, result, tables.precise_text, export.precise_data, export.precise_rows)
+
+
+def _told(
+    mechanism: Mechanism,
+    parameters: dict[str, str],
+    result: Any,
+    text: Callable[[Any, str], str],
+    data: Callable[..., dict[str, Any]],
+    rows: Callable[[Any], tuple[list[str], list[list[Any]]]],
+) -> _Reply:
+    """Write warnings, and return an answer with how it is written."""
+    warn(result.warnings)
+    model, values = mechanism.model, mechanism.parameters(**parameters)
     return _Reply(
         model,
         result.verdict,
         result.reasons,
-        lambda: tables.precise_text(result, model.title),
-        lambda: export.precise_data(result, model, values),
-        lambda: export.precise_rows(result),
+        lambda: text(result, model.title),
+        lambda: data(result, model, values),
+        lambda: rows(result),
     )
 
 

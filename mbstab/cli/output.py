@@ -41,24 +41,29 @@ QUIET = "mbstab.quiet"
 """Key in the context: whether only the answer, warnings and errors are written."""
 
 
-def _be_quiet(context: click.Context, _: click.Parameter, value: bool) -> None:
-    context.meta[QUIET] = value
+def remembered_flag(key: str, *names: str, help: str) -> Callable[[F], F]:
+    """Return an option that the context knows under a key, and the command does not take."""
+
+    def remember(context: click.Context, _: click.Parameter, value: bool) -> None:
+        context.meta[key] = value
+
+    return click.option(*names, is_flag=True, expose_value=False, callback=remember, help=help)
 
 
-quiet_option = click.option(
-    "--quiet",
-    "-q",
-    is_flag=True,
-    expose_value=False,
-    callback=_be_quiet,
-    help="Write only the answer, warnings and errors: no notes, no progress.",
+def remembered(key: str) -> bool:
+    """Whether such an option is given."""
+    context = click.get_current_context(silent=True)
+    return bool(context is not None and context.meta.get(key))
+
+
+quiet_option = remembered_flag(
+    QUIET, "--quiet", "-q", help="Write only the answer, warnings and errors: no notes, no progress."
 )
 
 
 def quiet() -> bool:
     """Whether --quiet is given."""
-    context = click.get_current_context(silent=True)
-    return bool(context is not None and context.meta.get(QUIET))
+    return remembered(QUIET)
 
 
 def say(text: str) -> None:

@@ -32,7 +32,7 @@ def named_by(entries: Iterable[Entry]) -> dict[str, str]:
     found: dict[str, str] = {}
     for entry in entries:
         for name in _named(entry.values):
-            found.setdefault(name, f"{entry.section.removesuffix('s')} {entry.name!r}")
+            found.setdefault(name, entry.called)
     return found
 
 

@@ -200,13 +200,13 @@ def _evaluate(node: Node, names: Mapping[str, Any], rates: Mapping[str, Any], f:
             case Binary():
                 left = _evaluate(node.left, names, rates, f)
                 right = _evaluate(node.right, names, rates, f)
-                return _OPERATIONS[node.operator](left, right, f)
+                return OPERATIONS[node.operator](left, right, f)
     except (ArithmeticError, ValueError) as error:
         reason = str(error) or "division by zero"
         raise ExpressionError(f"the expression has no value here ({reason})", node.position) from None
 
 
-_OPERATIONS: dict[str, Callable[[Any, Any, Arithmetic], Any]] = {
+OPERATIONS: dict[str, Callable[[Any, Any, Arithmetic], Any]] = {
     "+": lambda a, b, f: a + b,
     "-": lambda a, b, f: a - b,
     "*": lambda a, b, f: a * b,

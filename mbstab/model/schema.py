@@ -126,6 +126,11 @@ class Entry:
         """Return where it stands, such as ``joints.pivot``."""
         return f"{self.section}.{self.name}"
 
+    @property
+    def called(self) -> str:
+        """Return what messages call it, such as ``joint 'pivot'``."""
+        return f"{self.section.removesuffix('s')} {self.name!r}"
+
 
 @dataclass(frozen=True)
 class Steady:
@@ -256,6 +261,11 @@ def body_coordinates(body: Entry) -> tuple[str, ...]:
 def is_length(coordinate: str) -> bool:
     """Whether a coordinate such as ``rod.x`` is a length; the others are angles."""
     return coordinate.rpartition(".")[2] in ("x", "y", "z")
+
+
+def after_number(unit: str) -> str:
+    """Return a unit as it follows a number: a blank and the unit, nothing for a plain number."""
+    return f" {unit}" if unit not in ("", "1") else ""
 
 
 def unit_of(coordinate: str) -> str:

@@ -33,6 +33,7 @@ from mbstab.model.schema import (
     Quantity,
     ShapeValue,
     Steady,
+    after_number,
     body_coordinates,
     parse_finite,
 )
@@ -257,7 +258,7 @@ def unit_factor(unit: str, arithmetic: Arithmetic) -> Number:
 
 def _override(model: Model, name: str, given: object, arithmetic: Arithmetic) -> Number:
     parameter = _parameter(model, name)
-    setting = given if getattr(given, "shape", ()) else plain_setting(model, name, given)
+    setting = plain_setting(model, name, given)
     factor = _factor(parameter, arithmetic)
     if isinstance(setting, str) and setting.strip().startswith("["):
         raise UsageError(f"{name}={setting}: this is an interval\nhint: intervals need mbstab eig --certify")
@@ -306,8 +307,8 @@ def evaluate_parameters(model: Model, overrides: Mapping[str, Number], arithmeti
                 value = _require_finite(value * _factor(parameter, arithmetic))
             if arithmetic.name != "symbol" and (broken := broken_sign(value, parameter.sign)):
                 rule, shown = broken
-                unit = f" {parameter.unit}" if parameter.unit not in ("", "1") else ""
-                raise ExpressionError(f"{name} must {rule}, got {shown / parameter.factor:g}{unit}")
+                got = f"{shown / parameter.factor:g}{after_number(parameter.unit)}"
+                raise ExpressionError(f"{name} must {rule}, got {got}")
             values[name] = value
         except ExpressionError as error:
             document.complain(parameter.location, parameter.expression.path, error.message)
@@ -478,8 +479,8 @@ class _Evaluator:
         if broken is None:
             return True
         rule, shown = broken
-        unit = f" {field.unit}" if field.unit not in ("", "1") else ""
-        self.complain(quantity, f"{field.name.replace('_', ' ')} must {rule}, got {shown:g}{unit}")
+        got = f"{shown:g}{after_number(field.unit)}"
+        self.complain(quantity, f"{field.name.replace('_', ' ')} must {rule}, got {got}")
         return False
 
     def vector(self, components: Components, length: bool = False) -> Vector:

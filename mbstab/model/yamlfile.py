@@ -9,7 +9,6 @@ second documents are refused, all at once, with their place.
 from __future__ import annotations
 
 import re
-import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import Any, BinaryIO, NoReturn
 
 import yaml
 
-from mbstab.errors import Location, ModelFileError, Problem, UsageError
+from mbstab.errors import Location, ModelFileError, Problem, UsageError, unseen
 
 MAX_BYTES = 1_000_000
 MAX_NESTING = 30
@@ -175,7 +174,7 @@ def _invisible(text: str) -> Iterator[tuple[int, str]]:
     """Yield the characters that cannot be seen, with their places from 1; blanks and line breaks can."""
     if not text.isprintable():
         for place, character in enumerate(text, 1):
-            if not (character.isprintable() or character in "\t\n" or unicodedata.category(character) == "Zs"):
+            if character not in "\t\n" and unseen(character):
                 yield place, character
 
 

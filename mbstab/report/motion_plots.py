@@ -194,7 +194,7 @@ def _reaction(owner: str, component: str) -> Callable[[Simulation], Array]:
 
 def _of_effort(model: Model, name: str) -> list[Quantity]:
     """Read the name of a spring, damper, actuator or drive as its effort."""
-    found = {f"{entry.section.removesuffix('s')} {entry.name!r}": entry for entry in _with_efforts(model)}
+    found = {entry.called: entry for entry in _with_efforts(model)}
     owners = [owner for owner, entry in found.items() if entry.name == name]
     if not owners:
         known = list(dict.fromkeys(entry.name for entry in found.values()))
