@@ -22,34 +22,36 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbstab.analysis.budget import Cost, Task
-from mbstab.analysis.check import CheckReport, check_scene
-from mbstab.analysis.eigen import EigenResult, answer
-from mbstab.analysis.expectations import Outcome, check_expectations
-from mbstab.analysis.linearize import Linearization, StateSpace, linearize, state_space
-from mbstab.analysis.motion import Motion
-from mbstab.analysis.numerics import guarded
-from mbstab.analysis.reference import reference_motion
-from mbstab.analysis.symbolic import SymbolicBlocks, Track, symbolic_blocks
+from mbstab.analysis.algebra.budget import Cost, Task
+from mbstab.analysis.algebra.failures import guarded
+from mbstab.analysis.compare.check import CheckReport, check_scene
+from mbstab.analysis.compare.expectations import Outcome, check_expectations
+from mbstab.analysis.linear.eigenvalues import answer
+from mbstab.analysis.linear.linearize import Linearization, StateSpace, linearize, state_space
+from mbstab.analysis.linear.results import EigenResult
+from mbstab.analysis.linear.symbolic import SymbolicBlocks, Track, symbolic_blocks
+from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.reference.requested import reference_motion
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.library import find_model
+from mbstab.model.parameters import evaluate_parameters, parse_overrides
 from mbstab.model.reader import read_model, read_model_text
 from mbstab.model.schema import Model
-from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides
+from mbstab.model.values import evaluate
 
 if TYPE_CHECKING:
-    from mbstab.analysis.certify import Certificate
-    from mbstab.analysis.chart import Chart
-    from mbstab.analysis.compare import Comparison
-    from mbstab.analysis.equilibrium import Equilibrium
-    from mbstab.analysis.integrations import Integrations
-    from mbstab.analysis.precise import PreciseResult
-    from mbstab.analysis.simulate import Simulation
-    from mbstab.analysis.sweep import Sweep
-    from mbstab.analysis.swing import Swing
-    from mbstab.analysis.verify import Verification
+    from mbstab.analysis.compare.integrators import Integrations
+    from mbstab.analysis.compare.methods import Comparison
+    from mbstab.analysis.compare.verify import Verification
+    from mbstab.analysis.linear.precise import PreciseResult
+    from mbstab.analysis.proof.certify import Certificate
+    from mbstab.analysis.reference.equilibrium import Equilibrium
+    from mbstab.analysis.simulate.mode_shape import Swing
+    from mbstab.analysis.simulate.simulate import Simulation
+    from mbstab.analysis.sweep.chart import Chart
+    from mbstab.analysis.sweep.sweep import Sweep
 
 Setting = float | str | Fraction | Decimal
 Starts = Callable[[list[int]], Iterator[int]]
@@ -69,7 +71,7 @@ class Mechanism:
         What the file says.
     force : bool
         Go on where a scene is so large that memory or time is more than what is reasonable
-        (`mbstab.analysis.budget`).
+        (`mbstab.analysis.algebra.budget`).
     """
 
     model: Model
@@ -131,7 +133,7 @@ class Mechanism:
         EquilibriumError
             If none is found.
         """
-        from mbstab.analysis.equilibrium import find_equilibria
+        from mbstab.analysis.reference.equilibrium import find_equilibria
 
         starts, seed = _whole("starts", starts, 1), _whole("seed", seed)
         return find_equilibria(self._affordable("motion", parameters), starts, seed, track)
@@ -164,7 +166,7 @@ class Mechanism:
         Parameters
         ----------
         method : str
-            A name of `mbstab.analysis.methods.METHODS`: ``nullspace`` deflates, the others are
+            A name of `mbstab.analysis.linear.methods.METHODS`: ``nullspace`` deflates, the others are
             there for comparison.
         frozen : bool
             Take the equations as they are at the reference time: of a motion that does not stand
@@ -189,7 +191,7 @@ class Mechanism:
         """Return the function that counts the eigenvalues that are zero to many digits."""
 
         def zeros() -> int:
-            from mbstab.analysis.precise import exact_zeros
+            from mbstab.analysis.linear.precise import exact_zeros
 
             return exact_zeros(self.model, parameters)
 
@@ -225,7 +227,7 @@ class Mechanism:
         """
         digits = _whole("digits", digits)
         self._afford("modes")
-        from mbstab.analysis.precise import precise_eigenvalues
+        from mbstab.analysis.linear.precise import precise_eigenvalues
 
         return precise_eigenvalues(self.model, parameters, digits, frozen, progress)
 
@@ -251,7 +253,7 @@ class Mechanism:
         """
         digits = _whole("digits", digits)
         self._afford("modes")
-        from mbstab.analysis.certify import certify
+        from mbstab.analysis.proof.certify import certify
 
         return certify(self.model, parameters, digits, progress)
 
@@ -273,7 +275,7 @@ class Mechanism:
         MbstabError
             As `eig`.
         """
-        from mbstab.analysis.verify import verify
+        from mbstab.analysis.compare.verify import verify
 
         return verify(self._affordable("modes", parameters), frozen, progress, self._zeros(parameters))
 
@@ -300,7 +302,7 @@ class Mechanism:
         progress : callable
             Is called with the part of the work that is done, from 0 to 1.
         directory, resume, jobs, cluster, keep
-            As in `mbstab.analysis.sweep.sweep`.
+            As in `mbstab.analysis.sweep.sweep.sweep`.
 
         Raises
         ------
@@ -309,7 +311,7 @@ class Mechanism:
         """
         values = _series(parameter, values)
         self._afford("modes")
-        from mbstab.analysis.sweep import sweep
+        from mbstab.analysis.sweep.sweep import sweep
 
         settings = parse_overrides(self.model, parameters)
         return sweep(self.model, parameter, values, settings, progress, directory, resume, jobs, cluster, keep)
@@ -341,7 +343,7 @@ class Mechanism:
             Last time (s), 10 s after the start if not given, and first one, that of the file if not given.
         method, solver : str
             ``projection`` (with DOP853, RK45, Radau, BDF), ``alpha`` or ``radau``; see
-            `mbstab.analysis.integrators`.
+            `mbstab.analysis.simulate.steppers.table`.
         tol : float
             Largest error of places (relative to the size of the scene), of entries of rotation matrices and of speeds
             (relative to the largest of the motion) at any time of output.
@@ -373,7 +375,7 @@ class Mechanism:
         SimulationError
             If the motion cannot be followed to the end; its `partial` holds the finished part.
         """
-        from mbstab.analysis.simulate import simulate
+        from mbstab.analysis.simulate.simulate import simulate
 
         system = self._affordable("run", parameters)
         return simulate(
@@ -404,7 +406,7 @@ class Mechanism:
         UsageError
             If there is no such mode, or it has no shape that swings.
         """
-        from mbstab.analysis.swing import swing
+        from mbstab.analysis.simulate.mode_shape import swing
 
         number, points = _whole("number", number), _whole("points", points, 1)
         return swing(self._affordable("modes", parameters), number, points)
@@ -432,7 +434,7 @@ class Mechanism:
         """
         values = {name: _series(name, x) for name, x in values.items()}
         self._afford("modes")
-        from mbstab.analysis.chart import chart
+        from mbstab.analysis.sweep.chart import chart
 
         settings = parse_overrides(self.model, parameters)
         return chart(self.model, values, settings, progress, directory, resume, jobs, cluster, keep)
@@ -463,7 +465,7 @@ class Mechanism:
         """
         digits = _whole("digits", digits)
         self._afford("modes")
-        from mbstab.analysis.compare import compare
+        from mbstab.analysis.compare.methods import compare
 
         return compare(self.model, parameters, digits, tolerance, progress)
 
@@ -498,7 +500,7 @@ class Mechanism:
         NumericalError
             If no integrator keeps the tolerance.
         """
-        from mbstab.analysis.integrations import compare_integrators
+        from mbstab.analysis.compare.integrators import compare_integrators
 
         return compare_integrators(self._affordable("run", parameters), to, perturb, tolerance, progress)
 

@@ -105,8 +105,8 @@ def _answer(args):
 def ends(model, name):
     """Return the first and last value in which a parameter is swept, in its unit."""
     from mbstab.model.arithmetic import FLOAT
+    from mbstab.model.parameters import evaluate_parameters
     from mbstab.model.ranges import sweep_values
-    from mbstab.model.values import evaluate_parameters
 
     factor = model.parameters[name].factor
     if name in model.sweep:
@@ -135,7 +135,7 @@ def of_parameter(path, name):
 
 def contradiction(single, swept):
     """Return what is contradictory between `eig` at both ends and a sweep; empty: nothing."""
-    from mbstab.analysis.verdict import STRENGTH
+    from mbstab.analysis.linear.verdict import STRENGTH
 
     if not swept.out:
         return ""

@@ -13,7 +13,7 @@ from chains import hanging_chain
 from scipy.optimize import linear_sum_assignment
 
 import mbstab
-from mbstab.analysis.batch import Evaluator
+from mbstab.analysis.sweep.batched_spectra import Evaluator
 
 NEARER = 3.0
 """Branches that avoid each other are by this factor nearer to each other there than at the ends of the path."""

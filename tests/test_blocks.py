@@ -15,7 +15,7 @@ from children import child, until
 from click.testing import CliRunner
 
 import mbstab
-from mbstab.analysis import blocks
+from mbstab.analysis.sweep import jobs as blocks
 from mbstab.cli import main
 from mbstab.errors import NumericalError, OutputError, UsageError
 
@@ -163,7 +163,7 @@ def test_problems_keep_their_points_through_blocks(small, tmp_path):
 
 COMMAND = """\
 import sys
-from mbstab.analysis import blocks
+from mbstab.analysis.sweep import jobs as blocks
 from mbstab.cli import main
 blocks.POINTS = 300
 main(sys.argv[1:])

@@ -10,10 +10,11 @@ from mpmath import mp
 from random_mechanisms import KINDS, random_mechanism
 
 import mbstab
-from mbstab.analysis.bounds import enclosures, enclosures_of
-from mbstab.analysis.facts import Grounds
-from mbstab.analysis.methods import METHODS, solver
-from mbstab.analysis.roundings import Rounded, rounded_arithmetic, roundings
+from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
+from mbstab.analysis.linear.bounds import enclosures, enclosures_of
+from mbstab.analysis.linear.facts import Grounds
+from mbstab.analysis.linear.methods import METHODS, solver
+from mbstab.analysis.linear.roundings import roundings
 from mbstab.errors import MbstabError
 
 EPS = float(np.finfo(float).eps)

@@ -18,12 +18,12 @@ from mpmath import mp
 from truth import exact_eigenvalues
 
 import mbstab
-from mbstab.analysis import balls
-from mbstab.analysis.balls import NotProvable, ball, digits, real
-from mbstab.analysis.certify import certified_critical
-from mbstab.analysis.enclosures import krawczyk
-from mbstab.analysis.intervals import WIDTH, Part, common
-from mbstab.analysis.verdict import REQUIRED, STRENGTH, UNDECIDED, WORDS, Modulo
+from mbstab.analysis.algebra import balls
+from mbstab.analysis.algebra.balls import NotProvable, ball, digits, real
+from mbstab.analysis.linear.verdict import REQUIRED, STRENGTH, UNDECIDED, WORDS, Modulo
+from mbstab.analysis.proof.certify import certified_critical
+from mbstab.analysis.proof.enclosures import krawczyk
+from mbstab.analysis.proof.intervals import WIDTH, Part, common
 from mbstab.cli import main
 from mbstab.errors import UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic
@@ -370,7 +370,7 @@ def test_no_equilibrium_is_one_row_with_one_reason():
 
 
 def test_a_limit_of_boxes_leaves_what_is_proven(monkeypatch):
-    monkeypatch.setattr("mbstab.analysis.intervals.BOXES", 5)
+    monkeypatch.setattr("mbstab.analysis.proof.intervals.BOXES", 5)
     result = point(HYSTERESIS, -1).certify(p="[-0.3, 0.38]")
     assert [part.verdict for part in result.parts] == ["asymptotically stable", "not provable"]
     assert "given up after 5 parts" in result.parts[1].reason
@@ -551,7 +551,7 @@ def test_machines_decay_up_to_their_symmetries(name):
 
 
 def test_what_is_not_verified_in_balls_is_a_condition(monkeypatch):
-    monkeypatch.setattr("mbstab.analysis.identities.Identities._symmetry", lambda *_: "open")
+    monkeypatch.setattr("mbstab.analysis.proof.identities.Identities._symmetry", lambda *_: "open")
     found = mbstab.load("chaplygin_sleigh.yaml").certify()
     assert found.status == "conditional"
     assert found.evidence == "numerical"
@@ -561,7 +561,7 @@ def test_what_is_not_verified_in_balls_is_a_condition(monkeypatch):
 
 
 def test_what_is_refuted_in_balls_is_no_condition(monkeypatch):
-    monkeypatch.setattr("mbstab.analysis.identities.Identities._symmetry", lambda *_: "refuted")
+    monkeypatch.setattr("mbstab.analysis.proof.identities.Identities._symmetry", lambda *_: "refuted")
     assert not mbstab.load("chaplygin_sleigh.yaml").certify().decided
 
 

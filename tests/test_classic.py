@@ -8,9 +8,9 @@ from mpmath import mp
 from truth import distance, exact_eigenvalues, solve, zeros
 
 import mbstab
-from mbstab.analysis import classic
-from mbstab.analysis.eigen import matched
-from mbstab.analysis.methods import DEFAULT, METHODS, solver
+from mbstab.analysis.algebra.matching import matched
+from mbstab.analysis.linear import acceleration_methods as classic
+from mbstab.analysis.linear.methods import DEFAULT, METHODS, solver
 from mbstab.compiler.system import System
 from mbstab.errors import NumericalError, UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic

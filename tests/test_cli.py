@@ -16,7 +16,7 @@ import pytest
 from children import child
 from click.testing import CliRunner
 
-from mbstab.analysis.methods import METHODS
+from mbstab.analysis.linear.methods import METHODS
 from mbstab.cli import main
 
 UNSTABLE = """\
@@ -551,7 +551,7 @@ def test_frozen_eigenvalues_are_labelled():
 def test_only_what_can_be_simplified_in_time_is(monkeypatch):
     result = CliRunner().invoke(main, ["linearize", "pendulum.yaml", "--symbolic", "--format", "latex"])
     assert "not simplified" not in result.stderr
-    monkeypatch.setattr("mbstab.analysis.symbolic.SIMPLIFY_LIMIT", 2)
+    monkeypatch.setattr("mbstab.analysis.linear.symbolic.SIMPLIFY_LIMIT", 2)
     result = CliRunner().invoke(main, ["linearize", "pendulum.yaml", "--symbolic", "--format", "latex"])
     assert result.exit_code == 0
     assert re.search(r"\d+ entries are not simplified", result.stderr)

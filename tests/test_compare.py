@@ -15,11 +15,12 @@ from mpmath import mp
 from truth import DIGITS, exact_eigenvalues
 
 import mbstab
-from mbstab.analysis import classic, compare
-from mbstab.analysis.classic import augmented
-from mbstab.analysis.compare import Outcome, cheapest
-from mbstab.analysis.eigen import matched
-from mbstab.analysis.methods import METHODS
+from mbstab.analysis.algebra.matching import matched
+from mbstab.analysis.compare import methods as compare
+from mbstab.analysis.compare.methods import Outcome, cheapest
+from mbstab.analysis.linear import acceleration_methods as classic
+from mbstab.analysis.linear.acceleration_methods import augmented
+from mbstab.analysis.linear.methods import METHODS
 from mbstab.cli import main
 from mbstab.errors import NumericalError, UsageError
 from mbstab.report import plots

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mbstab
-from mbstab.analysis.constancy import (
+from mbstab.analysis.linear.constancy import (
     Structure,
     _period,
     _shape,
@@ -21,7 +21,8 @@ from mbstab.analysis.constancy import (
 from mbstab.compiler.system import System
 from mbstab.model.arithmetic import array_arithmetic, mpmath_arithmetic
 from mbstab.model.expressions import parse
-from mbstab.model.values import evaluate, parse_overrides
+from mbstab.model.parameters import parse_overrides
+from mbstab.model.values import evaluate
 
 POINT = """
 mbstab: 1
@@ -196,7 +197,7 @@ def test_other_number_systems_agree(nu):
 
 def test_balls_and_intervals():
     flint = pytest.importorskip("flint")
-    from mbstab.analysis.balls import ball_arithmetic, digits
+    from mbstab.analysis.algebra.balls import ball_arithmetic, digits
 
     model = mbstab.load("models/kapitza.yaml").model
     with digits(30):

@@ -5,10 +5,10 @@ import pytest
 from click.testing import CliRunner
 
 import mbstab
-from mbstab.analysis.attitude import Attitudes
-from mbstab.analysis.disturbance import joint_motions
-from mbstab.analysis.efforts import Placement
-from mbstab.analysis.initial import start_of
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.reference.efforts import Placement
+from mbstab.analysis.simulate.disturbance import joint_motions
+from mbstab.analysis.simulate.start import start_of
 from mbstab.cli.main import main
 from mbstab.errors import UsageError
 

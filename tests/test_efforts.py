@@ -10,9 +10,9 @@ import pytest
 from click.testing import CliRunner
 
 import mbstab
-from mbstab.analysis.attitude import Attitudes
-from mbstab.analysis.efforts import Placement, efforts
-from mbstab.analysis.motion import Finder
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.reference.efforts import Placement, efforts
+from mbstab.analysis.reference.motion import Finder
 from mbstab.cli.main import main
 
 PLANAR = """\

@@ -11,8 +11,8 @@ from chains import hanging_chain, spring_chain
 from truth import distance, exact_eigenvalues
 
 import mbstab
-from mbstab.analysis.eigen import matched
-from mbstab.analysis.methods import METHODS
+from mbstab.analysis.algebra.matching import matched
+from mbstab.analysis.linear.methods import METHODS
 from mbstab.errors import UsageError
 from mbstab.model.library import installed_models
 

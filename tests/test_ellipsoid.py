@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 import mbstab
-from mbstab.analysis.eigen import matched
+from mbstab.analysis.algebra.matching import matched
 from mbstab.cli import main
 
 MASS, G = 1.7, 9.81

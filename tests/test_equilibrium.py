@@ -11,7 +11,7 @@ from mpmath import mp
 from scipy.optimize import brentq, root
 
 import mbstab
-from mbstab.analysis.equilibrium import found_motion
+from mbstab.analysis.reference.equilibrium import found_motion
 from mbstab.compiler.system import System
 from mbstab.errors import ConstraintError, EquilibriumError, MbstabError, ModelFileError
 from mbstab.model.library import installed_models

@@ -13,12 +13,11 @@ from mpmath import mp
 from truth import ZERO, distance, exact_eigenvalues
 
 import mbstab
-from mbstab.analysis.eigen import matched
-from mbstab.analysis.methods import METHODS
-from mbstab.analysis.numerics import assigned
-from mbstab.analysis.precise import precise_eigenvalues
-from mbstab.analysis.refine import DENSE, Quadratic, refined
-from mbstab.analysis.verdict import STRENGTH
+from mbstab.analysis.algebra.matching import assigned, matched
+from mbstab.analysis.algebra.refinement import DENSE, Quadratic, refined
+from mbstab.analysis.linear.methods import METHODS
+from mbstab.analysis.linear.precise import precise_eigenvalues
+from mbstab.analysis.linear.verdict import STRENGTH
 from mbstab.errors import MbstabError, ModelFileError
 from mbstab.model.library import installed_models
 

@@ -11,10 +11,10 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipe, ellipk
 
 import mbstab
-from mbstab.analysis import floquet
-from mbstab.analysis.eigen import matched
-from mbstab.analysis.floquet import monodromy
-from mbstab.analysis.linearize import linearize, state_space
+from mbstab.analysis.algebra.matching import matched
+from mbstab.analysis.linear import floquet
+from mbstab.analysis.linear.floquet import monodromy
+from mbstab.analysis.linear.linearize import linearize, state_space
 from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError
 from mbstab.model.library import installed_models
 

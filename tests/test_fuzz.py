@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 
 from mbstab.errors import MbstabError, ModelFileError
 from mbstab.model.reader import read_model_text
-from mbstab.model.values import Scene, evaluate
+from mbstab.model.scene import Scene
+from mbstab.model.values import evaluate
 
 ROOT = Path(__file__).parents[1]
 TEXTS = [p.read_text() for d in ("models", "tests/scenes") for p in sorted((ROOT / d).glob("*.yaml"))]

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from scipy.special import ellipj, ellipk
 
 import mbstab
-from mbstab.analysis import integrations
+from mbstab.analysis.compare import integrators as integrations
 from mbstab.cli import main
 from mbstab.errors import NumericalError, SimulationError, UsageError
 

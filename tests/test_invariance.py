@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 import mbstab
-from mbstab.analysis.eigen import matched
+from mbstab.analysis.algebra.matching import matched
 from mbstab.model.library import installed_models
 
 MODELS = {path.stem: path.read_text(encoding="utf-8") for path in installed_models()}

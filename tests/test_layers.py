@@ -12,18 +12,20 @@ import mbstab
 PACKAGE = Path(mbstab.__file__).parent
 # The types and symbols of mechanics come before the model: the file format is read from their tables.
 LAYERS = ["errors", "mechanics", "model", "compiler", "analysis", "report", "api", "cli"]
+# Inside of the analysis: every wing rests on those before it.
+WINGS = ["algebra", "reference", "linear", "sweep", "simulate", "proof", "compare"]
 ONLY_IN = {
     "yaml": {"model/yamlfile.py"},
     "click": {"cli"},
     "rich": {"report/tables.py"},
-    "sympy": {"mechanics", "compiler", "model/arithmetic.py", "analysis/symbolic.py", "report/symbolic.py"},
+    "sympy": {"mechanics", "compiler", "model/arithmetic.py", "analysis/linear/symbolic.py", "report/symbolic.py"},
     "matplotlib": {"report/plots.py", "report/motion_plots.py", "report/animation.py"},
     "PIL": {"report/animation.py"},
     "numba": {"compiler/machine.py"},
     "scipy": {"analysis", "report/export.py", "report/solids.py"},
-    "mpmath": {"model/arithmetic.py"}
-    | {f"analysis/{x}.py" for x in ("compare", "invariance", "multiprecision", "precise", "precise_motion")},
-    "flint": {"analysis/balls.py", "analysis/enclosures.py", "analysis/factors.py"},
+    "mpmath": {"model/arithmetic.py", "analysis/algebra/digits.py", "analysis/compare/methods.py"}
+    | {"analysis/reference/symmetries.py", "analysis/linear/precise.py", "analysis/linear/precise_motion.py"},
+    "flint": {"analysis/algebra/balls.py", "analysis/proof/enclosures.py", "analysis/proof/characteristic.py"},
 }
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.parent.name != "kernels")
 
@@ -60,6 +62,40 @@ def test_imports_point_one_way(path):
     assert above == []
 
 
+def module_of(path: Path) -> str:
+    return ".".join(["mbstab", *path.relative_to(PACKAGE).with_suffix("").parts]).removesuffix(".__init__")
+
+
+def test_wings_rest_on_those_before_them():
+    wrong = []
+    for path in (PACKAGE / "analysis").rglob("*.py"):
+        parts = path.relative_to(PACKAGE / "analysis").parts
+        if parts == ("__init__.py",):
+            continue
+        assert parts[0] in WINGS, f"{path} stands in no wing"
+        for name in imports(path):
+            other = name.split(".")
+            if other[:2] == ["mbstab", "analysis"] and len(other) > 2 and WINGS.index(other[2]) > WINGS.index(parts[0]):
+                wrong.append(f"{path.relative_to(PACKAGE)} imports {name}")
+    assert wrong == []
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    """Imports inside of functions and for types count."""
+    modules = {module_of(path) for path in FILES}
+    edges: dict[str, set[str]] = {}
+    for path in FILES:
+        found = set()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                names = {f"{node.module}.{alias.name}" for alias in node.names}
+                found |= names & modules or {node.module} & modules
+        edges[module_of(path)] = found
+    while free := {name for name, found in edges.items() if not found & edges.keys()}:
+        edges = {name: found for name, found in edges.items() if name not in free}
+    assert edges == {}
+
+
 @pytest.mark.parametrize("library", ONLY_IN)
 def test_a_library_is_imported_in_its_place_only(library):
     users = {
@@ -87,7 +123,7 @@ def loaded_by(arguments: list[str]) -> set[str]:
 
 
 def test_flint_is_imported_inside_functions_only():
-    for path in (PACKAGE / "analysis" / name for name in ("balls.py", "enclosures.py", "factors.py")):
+    for path in (PACKAGE / name for name in ONLY_IN["flint"]):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         outside = [name for node in tree.body for name in ([node.module] if isinstance(node, ast.ImportFrom) else [])]
         assert not any(name.startswith("flint") for name in outside)

@@ -10,7 +10,7 @@ import pytest
 from linear_oracle import AS, AS_UP_TO, OPEN, S_UP_TO, M, S, U, random_system, text, truth
 
 import mbstab
-from mbstab.analysis.verdict import WORDS
+from mbstab.analysis.linear.verdict import WORDS
 from mbstab.errors import MbstabError
 
 NONE = [[0, 0], [0, 0]]

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import mbstab
-from mbstab.analysis import marching
-from mbstab.analysis.attitude import Attitudes
-from mbstab.analysis.constrained import Constrained
-from mbstab.analysis.energy import Energy
-from mbstab.analysis.initial import start_of
-from mbstab.analysis.marching import Elimination, Marching
-from mbstab.analysis.stepping import Options
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.simulate.constrained import Constrained
+from mbstab.analysis.simulate.energy import Energy
+from mbstab.analysis.simulate.start import start_of
+from mbstab.analysis.simulate.steppers import compiled as marching
+from mbstab.analysis.simulate.steppers.compiled import Elimination, Marching
+from mbstab.analysis.simulate.steppers.interface import Options
 from mbstab.compiler.trace import OPERATIONS, Trace
 from mbstab.errors import SimulationError, UsageError
 from mbstab.model.arithmetic import FLOAT

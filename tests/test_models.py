@@ -3,7 +3,7 @@
 import pytest
 
 import mbstab
-from mbstab.analysis.expectations import check_expectation
+from mbstab.analysis.compare.expectations import check_expectation
 from mbstab.model.library import installed_models
 
 MODELS = {path.stem: path for path in installed_models()}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mbstab
-from mbstab.analysis.eigen import matched
+from mbstab.analysis.algebra.matching import matched
 from mbstab.errors import ConstraintError, MassError, ModelFileError
 from mbstab.model.library import find_model
 

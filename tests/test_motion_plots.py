@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from PIL import Image
 
 import mbstab
-from mbstab.analysis.swing import swing
+from mbstab.analysis.simulate.mode_shape import swing
 from mbstab.cli import main
 from mbstab.errors import OutputError, UsageError
 from mbstab.mechanics.bodies import SHAPES

@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 from zoo import SYSTEMS
 
 import mbstab
-from mbstab.analysis.multipliers import enclosed, placed
-from mbstab.analysis.verdict import STRENGTH, UNDECIDED
+from mbstab.analysis.linear.multipliers import enclosed, placed
+from mbstab.analysis.linear.verdict import STRENGTH, UNDECIDED
 from mbstab.cli import main
 from mbstab.errors import ModelFileError, UsageError
 from mbstab.model.library import installed_models

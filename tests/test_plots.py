@@ -8,7 +8,7 @@ import pytest
 from matplotlib.text import Text
 
 import mbstab
-from mbstab.analysis.sweep import Critical, Sweep, sweep
+from mbstab.analysis.sweep.sweep import Critical, Sweep, sweep
 from mbstab.report import plots
 
 PICTURES = {"map": plots.stability_map, "locus": plots.root_locus, "campbell": plots.campbell}

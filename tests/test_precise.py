@@ -15,8 +15,8 @@ from mpmath import mp
 from truth import exact_eigenvalues
 
 import mbstab
-from mbstab.analysis import multiprecision
-from mbstab.analysis.multiprecision import deflated, eigenvalues, exact, kernel
+from mbstab.analysis.algebra import digits as multiprecision
+from mbstab.analysis.algebra.digits import deflated, eigenvalues, exact, kernel
 from mbstab.cli import main
 from mbstab.errors import ConstraintError, UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic

@@ -10,9 +10,11 @@ import pytest
 
 from mbstab.errors import MbstabError, ModelFileError, Problem, UsageError
 from mbstab.mechanics.elements import ELEMENTS, KINDS
+from mbstab.model.parameters import evaluate_parameters, parse_overrides
 from mbstab.model.reader import read_model, read_model_text
+from mbstab.model.scene import Scene
 from mbstab.model.schema import Model
-from mbstab.model.values import Scene, evaluate, evaluate_parameters, parse_overrides
+from mbstab.model.values import evaluate
 from mbstab.model.words import WORDS
 from mbstab.model.yamlfile import MAX_BYTES, MAX_NESTING, MAX_PROBLEMS
 

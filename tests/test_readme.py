@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 import mbstab
-from mbstab.analysis.methods import METHODS
+from mbstab.analysis.linear.methods import METHODS
 from mbstab.cli import main
 from mbstab.model.library import installed_models
 

@@ -9,7 +9,7 @@ from linear_oracle import random_system, text, truth
 from zoo import SYSTEMS
 
 import mbstab
-from mbstab.analysis.verdict import ASYMPTOTIC_UP_TO, STABLE_UP_TO, STRENGTH, UNDECIDED
+from mbstab.analysis.linear.verdict import ASYMPTOTIC_UP_TO, STABLE_UP_TO, STRENGTH, UNDECIDED
 from mbstab.errors import MbstabError
 
 SECTIONS = ("bodies", "joints", "constraints", "contacts", "drives", "forces")

@@ -20,14 +20,14 @@ from mechanisms import FREE_DISK
 from scipy.special import ellipj, ellipk
 
 import mbstab
-from mbstab.analysis import constrained
-from mbstab.analysis import simulate as simulating
-from mbstab.analysis.initial import mode_shape, start_of
-from mbstab.analysis.integrators import METHODS
-from mbstab.analysis.motion import Finder
-from mbstab.analysis.names import uneven_in_time
-from mbstab.analysis.rotation import euler_angles, rate_drift, rate_matrix
-from mbstab.analysis.simulate import TRUST, pulses
+from mbstab.analysis.reference.dependencies import uneven_in_time
+from mbstab.analysis.reference.motion import Finder
+from mbstab.analysis.reference.rotation import euler_angles, rate_drift, rate_matrix
+from mbstab.analysis.simulate import constrained
+from mbstab.analysis.simulate import simulate as simulating
+from mbstab.analysis.simulate.simulate import TRUST, pulses
+from mbstab.analysis.simulate.start import mode_shape, start_of
+from mbstab.analysis.simulate.steppers.table import METHODS
 from mbstab.cli import main
 from mbstab.errors import MbstabError, ModelFileError, SimulationError, UsageError
 from mbstab.model.expressions import parse

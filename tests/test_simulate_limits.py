@@ -10,7 +10,8 @@ from click.testing import CliRunner
 from mechanisms import SLIDER_CRANK
 
 import mbstab
-from mbstab.analysis import stiffness, watch
+from mbstab.analysis.simulate import stiffness
+from mbstab.analysis.simulate import time_budget as watch
 from mbstab.cli.main import main
 from mbstab.errors import SimulationError
 

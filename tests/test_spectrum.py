@@ -7,9 +7,11 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.optimize import brentq, linear_sum_assignment
 
-from mbstab.analysis.numerics import assigned, root
-from mbstab.analysis.points_structure import inertia
-from mbstab.analysis.points_verdict import (
+from mbstab.analysis.algebra.matching import assigned
+from mbstab.analysis.algebra.roots import root
+from mbstab.analysis.linear.verdict import MARGINAL, STABLE, UNDECIDED, UNSTABLE
+from mbstab.analysis.sweep.batched_structure import inertia
+from mbstab.analysis.sweep.batched_verdict import (
     AXIS,
     LEFT,
     OPEN,
@@ -24,8 +26,7 @@ from mbstab.analysis.points_verdict import (
     unplaced,
     unstable_counts,
 )
-from mbstab.analysis.spectrum import STRIDE, continuous, discriminant, follow, product, squares
-from mbstab.analysis.verdict import MARGINAL, STABLE, UNDECIDED, UNSTABLE
+from mbstab.analysis.sweep.tracking import STRIDE, continuous, discriminant, follow, product, squares
 from mbstab.errors import NumericalError
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import mbstab
-from mbstab.analysis.motion import Finder
-from mbstab.analysis.steady import Generator, detected
+from mbstab.analysis.reference.motion import Finder
+from mbstab.analysis.reference.steady import Generator, detected
 from mbstab.errors import ModelFileError
 from mbstab.model.library import installed_models
 

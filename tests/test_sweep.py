@@ -14,10 +14,10 @@ from paths import avoided, bicycle_paths, chain_path, swaps
 from scipy.optimize import linear_sum_assignment
 
 import mbstab
-from mbstab.analysis import continuation
-from mbstab.analysis import sweep as sweeps
-from mbstab.analysis.sweep import sweep
-from mbstab.analysis.verdict import STRENGTH
+from mbstab.analysis.linear.verdict import STRENGTH
+from mbstab.analysis.reference import continuation
+from mbstab.analysis.sweep import sweep as sweeps
+from mbstab.analysis.sweep.sweep import sweep
 from mbstab.cli import main
 from mbstab.errors import UsageError
 from mbstab.model.ranges import sweep_values

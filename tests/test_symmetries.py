@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import mbstab
-from mbstab.analysis.facts import Grounds
-from mbstab.analysis.linearize import linearize
-from mbstab.analysis.reference import reference_motion
+from mbstab.analysis.linear.facts import Grounds
+from mbstab.analysis.linear.linearize import linearize
+from mbstab.analysis.reference.requested import reference_motion
 from mbstab.compiler.system import System
 from mbstab.model.reader import read_model_text
 from mbstab.model.values import evaluate

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mbstab.analysis.verdict import (
+from mbstab.analysis.linear.verdict import (
     ASYMPTOTIC,
     ASYMPTOTIC_UP_TO,
     MARGINAL,

@@ -11,8 +11,8 @@ from click.testing import CliRunner
 from zoo import SYSTEMS
 
 import mbstab
-from mbstab.analysis import eigen
-from mbstab.analysis import verify as module
+from mbstab.analysis.compare import verify as module
+from mbstab.analysis.linear import eigenvalues as eigen
 from mbstab.cli import main
 
 EXAMPLES = [

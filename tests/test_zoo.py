@@ -9,7 +9,7 @@ import pytest
 from zoo import SYSTEMS
 
 import mbstab
-from mbstab.analysis.verdict import (
+from mbstab.analysis.linear.verdict import (
     ASYMPTOTIC,
     ASYMPTOTIC_UP_TO,
     MARGINAL,

@@ -8,7 +8,7 @@ the program's solution in double precision is where Newton's method starts.
 A steady motion q(t) = Φ_t(q₀) and the frame that goes along come from turning the bodies by finite rotations and
 reading off their Euler angles: u = ∂Φ/∂t, a = ∂²Φ/∂t², and with Δq(t) = DΦ_t z the product rule gives the equations
 for z from ∂DΦ/∂t and ∂²DΦ/∂t². The derivatives at t = 0 are differences with many more digits; no formula of
-`mbstab.analysis.steady` is used.
+`mbstab.analysis.reference.steady` is used.
 """
 
 import mpmath
@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg
 from mpmath import mp
 
-import mbstab.analysis.reference
+import mbstab.analysis.reference.requested
 from mbstab.compiler.system import System
 from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.values import evaluate
@@ -129,7 +129,7 @@ def _reference(system, rough):
     find, steady = scene.model.reference.find, scene.steady
     if find is None and steady is None:
         return *_assembled(system), None
-    motion = mbstab.analysis.reference.reference_motion(rough)
+    motion = mbstab.analysis.reference.requested.reference_motion(rough)
     flow = _Flow(system, motion.generators[0])
     q = motion.q.astype(object) + mp.zero
     for i, name in enumerate(system.names):

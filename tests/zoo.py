@@ -12,7 +12,7 @@ from pathlib import Path
 
 import mechanisms
 
-from mbstab.analysis.verdict import (
+from mbstab.analysis.linear.verdict import (
     ASYMPTOTIC,
     ASYMPTOTIC_UP_TO,
     MARGINAL,

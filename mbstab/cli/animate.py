@@ -15,7 +15,7 @@ from mbstab.cli.output import files, note, save
 from mbstab.errors import UsageError
 
 if TYPE_CHECKING:
-    from mbstab.analysis.simulate import Simulation
+    from mbstab.analysis.simulate.simulate import Simulation
     from mbstab.api import Mechanism
     from mbstab.compiler.system import System
     from mbstab.report.animation import Frames
@@ -143,7 +143,7 @@ class Animation:
         UsageError
             If there are too many frames, or only one.
         """
-        from mbstab.analysis.simulate import LONGEST
+        from mbstab.analysis.simulate.simulate import LONGEST
         from mbstab.report.animation import frame_count
 
         scene = system.scene

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mbstab.analysis.methods import DEFAULT, METHODS
+from mbstab.analysis.linear.methods import DEFAULT, METHODS
 from mbstab.cli.common import files_argument, force_option, load_model, parse_settings, progress_bar, set_option
 from mbstab.cli.output import Answer, Output, output_options, warn
 from mbstab.errors import ExpectationError, MbstabError, NumericalError, SeveralErrors, UsageError, visible

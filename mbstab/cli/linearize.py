@@ -41,7 +41,7 @@ def linearize(
         return
     mechanism = load_model(file)
     model = mechanism.model
-    from mbstab.analysis.linearize import state_space
+    from mbstab.analysis.linear.linearize import state_space
     from mbstab.report import export, tables
 
     linear = mechanism.linearize(frozen, **parameters)

@@ -37,7 +37,7 @@ from mbstab.cli.output import (
 from mbstab.errors import SimulationError
 
 if TYPE_CHECKING:
-    from mbstab.analysis.simulate import Simulation
+    from mbstab.analysis.simulate.simulate import Simulation
     from mbstab.model.schema import Model
     from mbstab.report.motion_plots import Picture
 
@@ -219,7 +219,7 @@ def _compiling(compiled: bool) -> contextlib.AbstractContextManager[object]:
     """Return a context in which it is said that compiled steps are being compiled."""
     if not compiled:
         return contextlib.nullcontext()
-    from mbstab.analysis.marching import machine_code
+    from mbstab.analysis.simulate.steppers.compiled import machine_code
 
     said = "compiling the steps: half a minute, the first time only"
     context: contextlib.AbstractContextManager[object] = machine_code().telling(lambda: note(said))

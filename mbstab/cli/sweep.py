@@ -27,8 +27,8 @@ from mbstab.cli.output import (
 from mbstab.errors import NumericalError, OutputError, UsageError
 
 if TYPE_CHECKING:
-    from mbstab.analysis.chart import Chart
-    from mbstab.analysis.sweep import Sweep
+    from mbstab.analysis.sweep.chart import Chart
+    from mbstab.analysis.sweep.sweep import Sweep
     from mbstab.model.schema import Model
 
 PICTURES = ("map", "locus", "campbell", "none")
@@ -184,7 +184,7 @@ def sweep(
 @contextlib.contextmanager
 def _kept(directory: Path | None) -> Iterator[None]:
     """Remove finished parts when the answer is written, and say what is left where it is not."""
-    from mbstab.analysis.blocks import discard
+    from mbstab.analysis.sweep.jobs import discard
 
     try:
         yield

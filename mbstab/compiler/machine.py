@@ -111,7 +111,7 @@ class Machine(NamedTuple):
     driven: int
     sizes: Floats
     slowest: float
-    projections: int  # and when they are finished, as in `mbstab.analysis.constrained`
+    projections: int  # and when they are finished, as in `mbstab.analysis.simulate.constrained`
     projected: float
     accepted: float
     angle: Integers  # coordinates near whose ±pi/2 the chart ends

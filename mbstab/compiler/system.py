@@ -30,7 +30,7 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -43,11 +43,8 @@ from mbstab.mechanics.vectors import plain_zero
 from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
 from mbstab.model.expressions import Expression
 from mbstab.model.jets import Jet
+from mbstab.model.scene import Law, Scene
 from mbstab.model.schema import Entry, unit_of
-from mbstab.model.values import Law, Scene
-
-if TYPE_CHECKING:
-    from mbstab.compiler.fused import Fused
 
 Array = npt.NDArray[np.float64]
 
@@ -299,18 +296,6 @@ class System:
                 Acting(e.path, columns, written, e.takes_acceleration, stored, damped, analytic, frozenset(slots), e)
             )
         return found
-
-    def fused(self) -> Fused:
-        """Return the same equations as functions of this scene alone, for thousands of states.
-
-        Raises
-        ------
-        ValueError
-            If the parameters of the scene are not floats.
-        """
-        from mbstab.compiler.fused import Fused
-
-        return Fused(self)
 
     # --- what is in the scene ---------------------------------------------------------------------------------------
 

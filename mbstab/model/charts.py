@@ -18,8 +18,8 @@ import numpy as np
 from mbstab.mechanics.catalogue import Number, Vector
 
 if TYPE_CHECKING:
+    from mbstab.model.scene import BodyValues, Scene
     from mbstab.model.schema import Entry
-    from mbstab.model.values import BodyValues, Scene
 
 SINGULAR = 1e-4
 """Where |cos θ| is smaller, digits are lost with these angles."""

@@ -6,8 +6,8 @@ from typing import Any
 
 from mbstab.errors import UsageError
 from mbstab.model.arithmetic import FLOAT
+from mbstab.model.parameters import evaluate_parameters, parse_overrides
 from mbstab.model.schema import Model
-from mbstab.model.values import evaluate_parameters, parse_overrides
 
 POINTS = 401
 

@@ -30,8 +30,8 @@ from matplotlib.path import Path as Outlined
 from matplotlib.transforms import ScaledTranslation
 from PIL import GifImagePlugin, Image, ImageChops
 
-from mbstab.analysis.simulate import Simulation
-from mbstab.analysis.swing import Swing
+from mbstab.analysis.simulate.mode_shape import Swing
+from mbstab.analysis.simulate.simulate import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import OutputError, UsageError
 from mbstab.mechanics.catalogue import GROUND, Marker

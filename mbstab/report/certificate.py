@@ -6,8 +6,8 @@ from fractions import Fraction
 from textwrap import wrap
 from typing import Any
 
-from mbstab.analysis.certify import Certificate
-from mbstab.analysis.verdict import Modulo
+from mbstab.analysis.linear.verdict import Modulo
+from mbstab.analysis.proof.certify import Certificate
 from mbstab.report import WIDTH
 from mbstab.report.tables import table
 

@@ -14,15 +14,15 @@ from mbstab.model.schema import Model, unit_of
 from mbstab.model.words import UNDECIDED
 
 if TYPE_CHECKING:
-    from mbstab.analysis.chart import Chart
-    from mbstab.analysis.check import CheckReport
-    from mbstab.analysis.compare import Comparison, Outcome
-    from mbstab.analysis.eigen import EigenResult
-    from mbstab.analysis.equilibrium import Equilibrium
-    from mbstab.analysis.linearize import Linearization, StateSpace
-    from mbstab.analysis.precise import PreciseResult
-    from mbstab.analysis.sweep import Sweep
-    from mbstab.analysis.verdict import Verdict
+    from mbstab.analysis.compare.check import CheckReport
+    from mbstab.analysis.compare.methods import Comparison, Outcome
+    from mbstab.analysis.linear.linearize import Linearization, StateSpace
+    from mbstab.analysis.linear.precise import PreciseResult
+    from mbstab.analysis.linear.results import EigenResult
+    from mbstab.analysis.linear.verdict import Verdict
+    from mbstab.analysis.reference.equilibrium import Equilibrium
+    from mbstab.analysis.sweep.chart import Chart
+    from mbstab.analysis.sweep.sweep import Sweep
 
 Named = tuple[Any, list[str], list[str]]
 
@@ -64,15 +64,15 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
     """Return the JSON object of ``mbstab eig``.
 
     Keys: ``model``, ``title``, ``parameters`` (see `parameters_data`), ``method``, ``frame`` (the steady
-    motion in whose frame the equations are written; empty: the coordinates of the file),
-    ``frozen_time`` (true: no stability verdict), ``period`` (s, of a
-    periodic motion; its eigenvalues are Floquet exponents with a ``multiplier``), the keys of `verdict_data`,
-    ``eigenvalues`` (``real`` and ``imag`` in 1/s, ``kind``, ``frequency`` in Hz,
-    ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s, ``error_bound`` in 1/s,
-    ``condition``, ``backward_error``, ``participation``, ``vector``), ``coordinates`` (their names and units, in the
-    order of the vectors), ``counts`` (`mbstab.analysis.eigen.Counts`), ``warnings``. A ``vector`` has ``magnitude``
-    (m or rad) and ``phase`` (rad) of each coordinate; the one that moves most, lengths relative to the size of the
-    scene, has magnitude 1 and phase 0. It is null where there is none: of neutral eigenvalues and multipliers.
+    motion in whose frame the equations are written; empty: the coordinates of the file), ``frozen_time``
+    (true: no stability verdict), ``period`` (s, of a periodic motion; its eigenvalues are Floquet exponents
+    with a ``multiplier``), the keys of `verdict_data`, ``eigenvalues`` (``real`` and ``imag`` in 1/s,
+    ``kind``, ``frequency`` in Hz, ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s,
+    ``error_bound`` in 1/s, ``condition``, ``backward_error``, ``participation``, ``vector``), ``coordinates``
+    (their names and units, in the order of the vectors), ``counts``
+    (`mbstab.analysis.linear.results.Counts`), ``warnings``. A ``vector`` has ``magnitude`` (m or rad) and
+    ``phase`` (rad) of each coordinate; the one that moves most, lengths relative to the size of the scene,
+    has magnitude 1 and phase 0. It is null where there is none: of neutral eigenvalues and multipliers.
     """
     return {
         "model": model.name,

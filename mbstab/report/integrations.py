@@ -10,7 +10,7 @@ from mbstab.report import WIDTH
 from mbstab.report.tables import number, table
 
 if TYPE_CHECKING:
-    from mbstab.analysis.integrations import Integration, Integrations
+    from mbstab.analysis.compare.integrators import Integration, Integrations
 
 
 def integrations_text(result: Integrations, title: str) -> str:

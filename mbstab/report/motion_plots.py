@@ -20,8 +20,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from mbstab.analysis.efforts import effort_unit
-from mbstab.analysis.simulate import Simulation
+from mbstab.analysis.reference.efforts import effort_unit
+from mbstab.analysis.simulate.simulate import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError, suggestion
 from mbstab.model.schema import Entry, Model, unit_of

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 from mbstab.errors import visible
 
 if TYPE_CHECKING:
-    from mbstab.analysis.expectations import Outcome
+    from mbstab.analysis.compare.expectations import Outcome
 
 
 @dataclass(frozen=True)

@@ -30,16 +30,16 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, SymmetricalLogLocator
 
-from mbstab.analysis.methods import METHODS
-from mbstab.analysis.spectrum import Complex
-from mbstab.analysis.sweep import Critical, Sweep
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.linear.methods import METHODS
+from mbstab.analysis.sweep.sweep import Critical, Sweep
 from mbstab.compiler.system import Array
 from mbstab.model.units import parse_unit
 from mbstab.report.files import whole_file
 
 if TYPE_CHECKING:
-    from mbstab.analysis.compare import Comparison, Outcome
-    from mbstab.analysis.integrations import Integrations
+    from mbstab.analysis.compare.integrators import Integrations
+    from mbstab.analysis.compare.methods import Comparison, Outcome
 
 Mask = npt.NDArray[np.bool_]
 

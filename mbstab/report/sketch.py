@@ -19,8 +19,8 @@ from mbstab.errors import UsageError, suggestion
 from mbstab.mechanics.catalogue import GROUND, Marker
 from mbstab.mechanics.vectors import triad
 from mbstab.model.arithmetic import FLOAT
+from mbstab.model.scene import ItemValues
 from mbstab.model.schema import Components, Entry, ShapeValue
-from mbstab.model.values import ItemValues
 
 ROUND = 49
 """Points of a circle, the first and the last the same."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mbstab.analysis.symbolic import SymbolicBlocks
+from mbstab.analysis.linear.symbolic import SymbolicBlocks
 
 NAMES = {"M": "mass", "R": "damping", "K": "stiffness"}
 

@@ -11,21 +11,21 @@ from itertools import pairwise
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from mbstab.analysis.methods import DEFAULT
-from mbstab.analysis.verdict import UNDECIDED, UNSTABLE, WORDS, Verdict, show
+from mbstab.analysis.linear.methods import DEFAULT
+from mbstab.analysis.linear.verdict import UNDECIDED, UNSTABLE, WORDS, Verdict, show
 from mbstab.errors import counted
 from mbstab.model.schema import unit_of
 from mbstab.report import WIDTH
 
 if TYPE_CHECKING:
-    from mbstab.analysis.chart import Chart
-    from mbstab.analysis.check import CheckReport
-    from mbstab.analysis.compare import Comparison, Outcome
-    from mbstab.analysis.eigen import EigenResult, Eigenvalue
-    from mbstab.analysis.equilibrium import Equilibrium
-    from mbstab.analysis.linearize import Linearization, StateSpace
-    from mbstab.analysis.precise import PreciseResult
-    from mbstab.analysis.sweep import Critical, Sweep
+    from mbstab.analysis.compare.check import CheckReport
+    from mbstab.analysis.compare.methods import Comparison, Outcome
+    from mbstab.analysis.linear.linearize import Linearization, StateSpace
+    from mbstab.analysis.linear.precise import PreciseResult
+    from mbstab.analysis.linear.results import EigenResult, Eigenvalue
+    from mbstab.analysis.reference.equilibrium import Equilibrium
+    from mbstab.analysis.sweep.chart import Chart
+    from mbstab.analysis.sweep.sweep import Critical, Sweep
     from mbstab.compiler.system import Array
 
 

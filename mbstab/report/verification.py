@@ -6,14 +6,14 @@ from dataclasses import asdict
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from mbstab.analysis.verify import BLURRED
+from mbstab.analysis.compare.verify import BLURRED
 from mbstab.errors import counted
 from mbstab.report import WIDTH
 from mbstab.report.tables import number, table
 
 if TYPE_CHECKING:
-    from mbstab.analysis.drift import Drift
-    from mbstab.analysis.verify import Observation, Verification
+    from mbstab.analysis.compare.neutral_drift import Drift
+    from mbstab.analysis.compare.verify import Observation, Verification
 
 
 def verification_text(found: Verification) -> str:

@@ -12,11 +12,12 @@ from importlib.util import find_spec
 import numpy as np
 
 import mbstab
-from mbstab.analysis.attitude import Attitudes
-from mbstab.analysis.constrained import FUSED_AFTER, Constrained
-from mbstab.analysis.energy import Energy
-from mbstab.analysis.marching import Marching
-from mbstab.analysis.stepping import Options
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.simulate.constrained import FUSED_AFTER, Constrained
+from mbstab.analysis.simulate.energy import Energy
+from mbstab.analysis.simulate.steppers.compiled import Marching
+from mbstab.analysis.simulate.steppers.interface import Options
+from mbstab.compiler.fused import Fused
 from mbstab.model.library import installed_models
 
 
@@ -65,7 +66,7 @@ def row(path, machine):
     system, motion = mbstab.load(path).system(), mbstab.load(path).motion()
     q, u, a, nu, t = motion.q, motion.u, motion.a, motion.nu, motion.time
     start = time.perf_counter()
-    fused = system.fused()
+    fused = Fused(system)
     fused.equations(q, u)
     ready = time.perf_counter() - start
     equations = Constrained(system, motion)

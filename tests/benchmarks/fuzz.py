@@ -26,9 +26,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from test_fuzz import JUNK, LINES, NUMBERS, TEXTS, VALUES, WORDS
 
-import mbstab.analysis.eigen
-import mbstab.analysis.simulate
-import mbstab.analysis.sweep
+import mbstab.analysis.linear.eigenvalues
+import mbstab.analysis.simulate.simulate
+import mbstab.analysis.sweep.sweep
 import mbstab.api  # noqa: F401 (in the parent, that children need not)
 from mbstab.cli import main
 

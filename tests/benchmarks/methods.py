@@ -21,10 +21,10 @@ from mpmath import mp
 from random_mechanisms import random_mechanism
 
 import mbstab
-from mbstab.analysis.methods import DEFAULT, METHODS
-from mbstab.analysis.numerics import assigned
-from mbstab.analysis.precise import precise_eigenvalues
-from mbstab.analysis.verdict import STRENGTH, UNDECIDED
+from mbstab.analysis.algebra.matching import assigned
+from mbstab.analysis.linear.methods import DEFAULT, METHODS
+from mbstab.analysis.linear.precise import precise_eigenvalues
+from mbstab.analysis.linear.verdict import STRENGTH, UNDECIDED
 
 DIGITS = 30
 BROKEN = 3.0

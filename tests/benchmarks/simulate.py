@@ -24,7 +24,7 @@ import scipy.integrate
 import sympy as sp
 
 import mbstab
-from mbstab.analysis import marching
+from mbstab.analysis.simulate.steppers import compiled as marching
 from mbstab.compiler import fused
 
 GOAL, END = 1e-6, 10.0

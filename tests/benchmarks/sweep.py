@@ -8,8 +8,8 @@ import time
 import numpy as np
 
 import mbstab
-from mbstab.analysis.chart import chart
-from mbstab.analysis.sweep import sweep
+from mbstab.analysis.sweep.chart import chart
+from mbstab.analysis.sweep.sweep import sweep
 
 CASES = (("top", "omega", 100_001, 4, 4.0), ("whipple_bicycle", "v", 10_001, 10, 6.0))
 LONG = 1_000_000

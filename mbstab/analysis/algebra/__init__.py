@@ -1,0 +1,1 @@
+"""Numbers and linear algebra: ranks, many digits, proven balls, failures of arithmetic."""

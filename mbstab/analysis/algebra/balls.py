@@ -1,0 +1,892 @@
+"""Numbers with proven error bounds: real balls as an arithmetic of the kernels, linear algebra and polynomials on them.
+
+A ball is a midpoint with a radius; every operation returns a ball that contains all results
+(Johansson 2017, Arb: efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE
+Trans. Computers 66). Literals are exact decimals, multiples of π stay multiples of π under
+sine and cosine, and what is made of decimals without a root or an angle stays a fraction
+(`Exact`): what is zero by the structure of a scene is a zero without radius.
+
+Matrices are lists of rows of balls and fractions. Elimination divides by pivots chosen in double precision and
+never adds a multiple with factor zero, so that structural zeros survive it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from functools import cache, reduce
+from typing import Any
+
+from mbstab.compiler.system import System
+from mbstab.errors import MbstabError, UsageError
+from mbstab.model.arithmetic import MAX_DIGITS, Arithmetic
+from mbstab.model.expressions import ExpressionError
+from mbstab.model.jets import Jet
+from mbstab.model.parameters import parse_overrides, parse_setting, unit_factor
+from mbstab.model.schema import Model, Parameter
+from mbstab.model.units import UNITS
+from mbstab.model.values import evaluate
+
+Ball = Any
+"""``flint.arb`` or `Exact`; python-flint ships no types."""
+
+Matrix = list[list[Ball]]
+
+SPARSE = 0.1
+"""A pivot may be smaller than the largest by this factor if it fills in less."""
+
+WIDE = 1e-12
+"""Balls that are wider than this, relative to their middle, are intervals."""
+
+MARGIN = 15
+"""Digits carried besides those that are asked for."""
+
+
+class NotProvable(MbstabError):
+    """Something could not be enclosed or its sign not be proven with the digits in use; the message is the reason."""
+
+
+class Hopeless(NotProvable):
+    """Something is not provable with any number of digits."""
+
+
+def require_flint() -> None:
+    """Refuse to go on without python-flint.
+
+    Raises
+    ------
+    UsageError
+        If it is not installed.
+    """
+    try:
+        import flint  # noqa: F401
+    except ImportError:
+        message = "proofs need the library python-flint, which is not installed"
+        raise UsageError(f"{message}\nhint: pip install 'mbstab[certify]', or pip install python-flint") from None
+
+
+@contextlib.contextmanager
+def digits(number: int) -> Iterator[None]:
+    """Compute with so many decimal digits, and a few more, inside the context."""
+    from flint import ctx
+
+    before = ctx.prec
+    ctx.dps = number + MARGIN
+    try:
+        yield
+    finally:
+        ctx.prec = before
+
+
+class Exact:
+    """A fraction that behaves like a ball without radius; with a ball of another kind it makes a ball.
+
+    Attributes
+    ----------
+    v : ``flint.fmpq``
+    """
+
+    __slots__ = ("v",)
+
+    def __init__(self, v: Any) -> None:
+        self.v = v
+
+    def _with(self, other: Any, exact: Callable[[Any, Any], Any], balls: Callable[[Any, Any], Any]) -> Any:
+        if isinstance(other, Exact):
+            return Exact(exact(self.v, other.v))
+        if isinstance(other, (int, float)):
+            return Exact(exact(self.v, ball(other).v))
+        return balls(real(self), other) if hasattr(other, "rad") else NotImplemented
+
+    def __add__(self, other: Any) -> Any:
+        return self._with(other, lambda a, b: a + b, lambda a, b: a + b)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        return self._with(other, lambda a, b: a - b, lambda a, b: a - b)
+
+    def __rsub__(self, other: Any) -> Any:
+        return self._with(other, lambda a, b: b - a, lambda a, b: b - a)
+
+    def __mul__(self, other: Any) -> Any:
+        if isinstance(other, _turns_type()):
+            return other * self
+        if not self.v and hasattr(other, "rad") and other.is_finite():
+            return self
+        return self._with(other, lambda a, b: a * b, lambda a, b: a * b)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Any:
+        return self._with(other, lambda a, b: a / b, lambda a, b: a / b)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return self._with(other, lambda a, b: b / a, lambda a, b: b / a)
+
+    def __pow__(self, n: int) -> Any:
+        return Exact(self.v**n)
+
+    def __neg__(self) -> Any:
+        return Exact(-self.v)
+
+    def __abs__(self) -> Any:
+        return Exact(abs(self.v))
+
+    def __float__(self) -> float:
+        return float(real(self))
+
+    def __hash__(self) -> int:
+        return hash(self.v)
+
+    def __eq__(self, other: Any) -> Any:
+        return self.v == ball(other).v if _short(other) else real(self) == other
+
+    def __lt__(self, other: Any) -> Any:
+        return self.v < ball(other).v if _short(other) else real(self) < other
+
+    def __le__(self, other: Any) -> Any:
+        return self.v <= ball(other).v if _short(other) else real(self) <= other
+
+    def __gt__(self, other: Any) -> Any:
+        return self.v > ball(other).v if _short(other) else real(self) > other
+
+    def __ge__(self, other: Any) -> Any:
+        return self.v >= ball(other).v if _short(other) else real(self) >= other
+
+    def is_zero(self) -> bool:
+        """Whether it is zero."""
+        return not self.v
+
+    def is_finite(self) -> bool:
+        """Return True."""
+        return True
+
+    def mid(self) -> Any:
+        """Return a number next to it as a ball without radius."""
+        return real(self).mid()
+
+    def rad(self) -> Any:
+        """Return 0."""
+        return real(ball(0))
+
+    def contains(self, other: Any) -> bool:
+        """Whether it is another number."""
+        return bool(self == other)
+
+    def abs_upper(self) -> Any:
+        """Return a ball without radius that is not smaller in size."""
+        return real(self).abs_upper()
+
+    def union(self, other: Any) -> Any:
+        """Return a ball that contains both numbers and what lies between."""
+        return real(self).union(real(other))
+
+    def str(self, *arguments: Any, **settings: Any) -> Any:
+        """Return it as decimals."""
+        return real(self).str(*arguments, **settings)
+
+
+def _short(x: Any) -> bool:
+    """Whether a number is exact for `Exact`."""
+    return isinstance(x, (Exact, int)) or (isinstance(x, float) and math.isfinite(x))
+
+
+def ball(x: Any) -> Ball:
+    """Return a number as a fraction where it is one, and balls as they are."""
+    from flint import fmpq
+
+    if isinstance(x, Exact) or hasattr(x, "rad"):
+        return x
+    value = Fraction(x)
+    return Exact(fmpq(value.numerator, value.denominator))
+
+
+def real(x: Any) -> Any:
+    """Return a number as ``flint.arb``."""
+    from flint import arb
+
+    return arb(x.v) if isinstance(x, Exact) else x if isinstance(x, arb) else real(ball(x))
+
+
+def tidied(x: Any) -> Ball:
+    """Return a ball, as a fraction if it has no radius and is short."""
+    short = None if isinstance(x, (Exact, _turns_type())) else _rational(x)
+    return x if short is None else ball(short)
+
+
+def between(low: Ball, high: Ball) -> Ball:
+    """Return a ball that contains two others and all that lies between; it ends at zero where they do."""
+    from flint import arb
+
+    whole = real(low).union(real(high))
+    for end, other in ((low, high), (high, low)):
+        if _rational(end) == 0:
+            # Radii are rounded up: with such a radius as middle, the ball ends at zero exactly.
+            radius = whole.rad()
+            middle = arb(0, radius).rad()
+            return arb(middle if other > 0 else -middle, radius)
+    return whole
+
+
+@cache
+def _turns_type() -> Any:
+    """Return the type of exact multiples of π, balls that sine and cosine recognize."""
+    from flint import arb, fmpq
+
+    class Turns(arb):
+        """part·π with a fraction `part`."""
+
+        part: Fraction
+
+        def __new__(cls, part: Fraction) -> Any:
+            result = super().__new__(cls)
+            result.part = part
+            return result
+
+        def __init__(self, part: Fraction) -> None:
+            super().__init__(arb.pi() * fmpq(part.numerator, part.denominator))
+
+        def __mul__(self, other: Any) -> Any:
+            factor = _rational(other)
+            return arb(self) * real(other) if factor is None else Turns(self.part * factor)
+
+        __rmul__ = __mul__
+
+        def __truediv__(self, other: Any) -> Any:
+            if isinstance(other, Turns):
+                return arb(self) / arb(other) if other.part == 0 else ball(self.part / other.part)
+            divisor = _rational(other)
+            return arb(self) / real(other) if not divisor else Turns(self.part / divisor)
+
+        def __rtruediv__(self, other: Any) -> Any:
+            return real(other) / arb(self)
+
+        def __add__(self, other: Any) -> Any:
+            if isinstance(other, Turns):
+                return Turns(self.part + other.part)
+            return self if _rational(other) == 0 else arb(self) + real(other)
+
+        __radd__ = __add__
+
+        def __neg__(self) -> Any:
+            return Turns(-self.part)
+
+        def __sub__(self, other: Any) -> Any:
+            return self + -other
+
+        def __rsub__(self, other: Any) -> Any:
+            return other + -self
+
+    return Turns
+
+
+def _rational(x: Any) -> Fraction | None:
+    """Return a number as a fraction if it is exactly one that is short."""
+    if isinstance(x, _turns_type()):
+        return None
+    if isinstance(x, (int, float)):
+        return Fraction(x)
+    if isinstance(x, Exact):
+        return fraction(x)
+    if hasattr(x, "is_exact") and x.is_exact() and x.is_finite():
+        mantissa, exponent = (int(part) for part in x.man_exp())
+        if abs(exponent) < 64 and mantissa.bit_length() < 64:
+            return Fraction(mantissa) * Fraction(2) ** exponent
+    return None
+
+
+def fraction(x: Ball) -> Fraction | None:
+    """Return a number as a fraction if it is exactly one."""
+    return Fraction(int(x.v.p), int(x.v.q)) if isinstance(x, Exact) else None
+
+
+@cache
+def ball_arithmetic() -> Arithmetic:
+    """Return the arithmetic of real balls, at the precision in use.
+
+    A function raises ValueError where it has no finite enclosure: outside its domain, or where a
+    ball reaches over a kink.
+    """
+    from flint import arb, fmpq
+
+    Turns = _turns_type()
+
+    def finite(x: Any) -> Any:
+        if not x.is_finite():
+            raise ValueError("no finite enclosure")
+        return tidied(x)
+
+    def number(text: str) -> Any:
+        value = Fraction(text)
+        if value and len(text) > MAX_DIGITS:
+            raise OverflowError("too many digits")
+        return ball(value)
+
+    def plain(name: str) -> Callable[[Any], Any]:
+        return lambda x: finite(getattr(real(x), name)())
+
+    def sqrt(x: Any) -> Any:
+        x = tidied(ball(x))
+        if isinstance(x, Exact) and x.v >= 0:
+            roots = [math.isqrt(int(part)) for part in (x.v.p, x.v.q)]
+            if roots[0] ** 2 == int(x.v.p) and roots[1] ** 2 == int(x.v.q):
+                return ball(Fraction(roots[0], roots[1]))
+        return finite(real(x).sqrt())
+
+    def of_turns(name: str) -> Callable[[Any], Any]:
+        exact = getattr(arb, f"{name}_pi_fmpq")
+
+        def function(x: Any) -> Any:
+            if isinstance(x, Turns):
+                return finite(exact(fmpq(x.part.numerator, x.part.denominator)))
+            return finite(getattr(real(x), name)())
+
+        return function
+
+    sin, cos = of_turns("sin"), of_turns("cos")
+
+    def sign(x: Any) -> Any:
+        x = ball(x)
+        if x > 0:
+            return ball(1)
+        if x < 0:
+            return ball(-1)
+        if x.is_zero():
+            return ball(0)
+        raise ValueError("a sign is open")
+
+    def abs_slope(x: Any) -> Any:
+        if ball(x).is_zero():
+            raise ValueError("abs has no derivative at 0")
+        return sign(x)
+
+    def smooth_start(x: Any) -> Any:
+        x = ball(x)
+        if x <= 0:
+            return ball(0)
+        if x >= 1:
+            return ball(1)
+        if x >= 0 and x <= 1:
+            return x * x * (3 - 2 * x)
+        raise ValueError("smooth_start reaches over one of its ends")
+
+    def power(base: Any, exponent: Any) -> Any:
+        whole = _rational(exponent)
+        if whole is not None and whole.denominator == 1:
+            return finite(ball(base) ** int(whole))
+        return finite(real(base) ** real(exponent))
+
+    functions: dict[str, Callable[..., Any]] = {
+        name: plain(name) for name in ("asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log")
+    }
+    functions |= {
+        "sin": sin,
+        "cos": cos,
+        "sqrt": sqrt,
+        "tan": lambda x: finite(sin(x) / cos(x)),
+        "atan2": lambda y, x: finite(arb.atan2(real(y), real(x))),
+        "abs": lambda x: abs(ball(x)),
+        "sign": sign,
+        "abs_slope": abs_slope,
+        "power": power,
+        "smooth_start": smooth_start,
+    }
+    return Arithmetic("ball", number, _Constants(), functions)
+
+
+class _Constants(dict[str, Any]):
+    """π and one degree, with the digits in use when they are asked for."""
+
+    _PARTS = {"pi": Fraction(1), "deg": Fraction(1, 180)}  # noqa: RUF012
+
+    def __getitem__(self, name: str) -> Any:
+        return _turns_type()(self._PARTS[name])
+
+
+# --- parameters -----------------------------------------------------------------------------------------------------
+
+
+_UNIT = re.compile(r"([*/]?)\s*([A-Za-z]+|1)\s*(?:(?:\^|\*\*)\s*(-?[0-9]+))?\s*")
+
+
+def exact_factor(parameter: Parameter) -> Ball:
+    """Return the factor from the declared unit of a parameter to SI: a decimal, or one times a multiple of π."""
+    value, turns = Fraction(1), 0
+    for over, name, power in _UNIT.findall(parameter.unit.strip()):
+        exponent = int(power or 1) * (-1 if over == "/" else 1)
+        of_pi = {"deg": Fraction(1, 180), "rpm": Fraction(1, 30)}.get(name)
+        # Factors are written as short decimals: 0.001 means 1/1000.
+        value *= (Fraction(str(UNITS[name][0])) if of_pi is None else of_pi) ** exponent
+        turns += 0 if of_pi is None else exponent
+    if not turns:
+        return ball(value)
+    pi = _turns_type()(value if turns == 1 else Fraction(1))
+    return pi if turns == 1 else ball(value) * pi**turns
+
+
+def interval(model: Model, name: str, text: str, values: Mapping[str, Ball] | None = None) -> tuple[Ball, Ball]:
+    """Return both ends of a parameter in SI from a text such as ``5.6`` or ``[5.6, 10]``.
+
+    Raises
+    ------
+    UsageError
+        If the text is no number, no expression of parameters and no interval of such.
+    """
+    parts = [text]
+    if text.strip().startswith("["):
+        parts = text.strip().removeprefix("[").removesuffix("]").split(",")
+        if not text.strip().endswith("]") or len(parts) != 2:
+            raise UsageError(f"{name}={text}: an interval is written [first, last]")
+    parse_overrides(model, {part_name: 0.0 for part_name in (name,)})  # is there such a parameter?
+    ends = [_end(model, name, part.strip(), values) for part in parts]
+    if len(ends) == 2 and not ends[0] < ends[1]:
+        raise UsageError(f"{name}={text}: the first end of an interval must be below the last")
+    return ends[0], ends[-1]
+
+
+def _end(model: Model, name: str, text: str, values: Mapping[str, Ball] | None) -> Ball:
+    f, parameter = ball_arithmetic(), model.parameters[name]
+    try:
+        expression, unit = parse_setting(model, name, text)
+        if unit:
+            return expression.evaluate({}, f) * unit_factor(unit, f)
+        if expression.literal:
+            return expression.evaluate({}, f) * exact_factor(parameter)
+        parse_overrides(model, {name: text})  # complains about unknown names
+        return expression.evaluate(values or parameters(model, {}), f)
+    except ExpressionError as error:
+        raise UsageError(f"{name}={text}: {error.message}") from None
+
+
+def parameters(model: Model, overrides: Mapping[str, Ball]) -> dict[str, Ball]:
+    """Return the value of every parameter in SI as balls, with some of them replaced."""
+    f = ball_arithmetic()
+    values: dict[str, Ball] = {}
+    for name, parameter in model.parameters.items():
+        if name in overrides:
+            values[name] = overrides[name]
+        else:
+            values[name] = parameter.expression.evaluate(values, f) * exact_factor(parameter)
+        if not values[name].is_finite():
+            raise NotProvable(f"the parameter {name} has no finite enclosure")
+    return values
+
+
+def ball_system(model: Model, overrides: Mapping[str, Ball]) -> System:
+    """Return the equations of motion of a model in balls.
+
+    Raises
+    ------
+    ModelFileError
+        If a number is not proven to have the sign that its place asks for.
+    """
+    system = System(evaluate(model, parameters(model, overrides), ball_arithmetic()))
+    # Kernels must not meet floats: their quotients would be rounded.
+    system._elements = [
+        replace(
+            element,
+            parameters=tuple(ball(x) for x in element.parameters),
+            laws=tuple(_BallLaw(law) for law in element.laws),
+        )
+        for element in system._elements
+    ]
+    return system
+
+
+class _BallLaw:
+    """A given function of time whose value and derivatives are balls."""
+
+    def __init__(self, law: Any) -> None:
+        self.law = law
+
+    def at(self, time: Any) -> Jet:
+        jet = self.law.at(ball(time))
+        return Jet(ball(jet.value), ball(jet.rate), ball(jet.second))
+
+
+# --- vectors and matrices -------------------------------------------------------------------------------------------
+
+
+def matrix(rows: Any) -> Matrix:
+    """Return an array as rows of balls.
+
+    Raises
+    ------
+    NotProvable
+        If an entry has no finite enclosure.
+    """
+    found = [[ball(x) for x in row] for row in rows]
+    if not all(x.is_finite() for row in found for x in row):
+        raise NotProvable("the equations of motion have no finite enclosure")
+    return found
+
+
+def vector(entries: Any) -> list[Ball]:
+    """Return an array as balls; raises as `matrix`."""
+    return matrix([entries])[0]
+
+
+def zeros(rows: int, columns: int) -> Matrix:
+    """Return a matrix of exact zeros."""
+    return [[ball(0)] * columns for _ in range(rows)]
+
+
+def transposed(A: Matrix, columns: int | None = None) -> Matrix:
+    """Return Aᵀ; `columns` is the number of columns of A where it has no rows."""
+    return [list(column) for column in zip(*A, strict=True)] if A else [[] for _ in range(columns or 0)]
+
+
+def times(A: Matrix, B: Matrix) -> Matrix:
+    """Return A B."""
+    width = len(B[0]) if B else 0
+    sparse = [[(j, x) for j, x in enumerate(row) if not x.is_zero()] for row in B]
+    result = zeros(len(A), width)
+    for i, row in enumerate(A):
+        for k, x in enumerate(row):
+            if not x.is_zero():
+                for j, y in sparse[k]:
+                    result[i][j] = result[i][j] + x * y
+    return result
+
+
+def apply(A: Matrix, x: Sequence[Ball]) -> list[Ball]:
+    """Return A x."""
+    return [row[0] for row in times(A, [[value] for value in x])] if x else [ball(0)] * len(A)
+
+
+def plus(*matrices: Matrix) -> Matrix:
+    """Return the sum of matrices."""
+    return [
+        [sum(entries[1:], entries[0]) for entries in zip(*rows, strict=True)] for rows in zip(*matrices, strict=True)
+    ]
+
+
+class _Balls:
+    """Matrices of balls as `mbstab.analysis.algebra.deflation.Algebra`."""
+
+    def times(self, *factors: Matrix) -> Matrix:
+        return reduce(times, factors)
+
+    def plus(self, *terms: Matrix) -> Matrix:
+        return plus(*terms)
+
+    def transposed(self, A: Matrix) -> Matrix:
+        return transposed(A)
+
+    def solved(self, A: Matrix, B: Matrix) -> Matrix:
+        return solve(A, B)
+
+
+BALLS = _Balls()
+
+
+def zero_inside(x: Ball) -> bool:
+    """Whether a ball contains zero."""
+    return bool(x.contains(0))
+
+
+def eliminate(
+    A: Matrix, rank: int, columns: int, row_scale: Sequence[float] | None = None, scale: Sequence[float] | None = None
+) -> tuple[list[tuple[int, int]], Matrix]:
+    """Return pivots (row, column) and the matrix in which pivot columns are unit vectors (Gauss-Jordan).
+
+    Parameters
+    ----------
+    A : Matrix
+    rank : int
+        Number of pivots.
+    columns : int
+        Pivots are in the first so many columns; the others go along.
+    row_scale, scale : sequence of float
+        By which entries are compared.
+
+    Raises
+    ------
+    NotProvable
+        If there are not so many pivots that are proven to be different from zero.
+    """
+    T = [row[:] for row in A]
+    m = len(T)
+    r, c = row_scale or [1.0] * m, scale or [1.0] * columns
+    rows, free = set(range(m)), set(range(columns))
+    pivots: list[tuple[int, int]] = []
+    for _ in range(rank):
+        entries = [
+            (abs(float(T[i][j].mid())) * r[i] * c[j], i, j) for i in rows for j in free if not zero_inside(T[i][j])
+        ]
+        if not entries:
+            raise NotProvable(f"a rank of {rank} is not proven: no further pivot is enclosed away from zero")
+        largest = max(entries)[0]
+        in_row = {i: sum(not T[i][j].is_zero() for j in free) for i in rows}
+        in_column = {j: sum(not T[i][j].is_zero() for i in rows) for j in free}
+        _, _, i, j = min(
+            ((in_row[i] - 1) * (in_column[j] - 1), -size, i, j) for size, i, j in entries if size >= SPARSE * largest
+        )
+        rows.remove(i)
+        free.remove(j)
+        pivots.append((i, j))
+        pivot = T[i][j]
+        T[i] = [x if x.is_zero() else x / pivot for x in T[i]]
+        T[i][j] = ball(1)
+        filled = [(k, x) for k, x in enumerate(T[i]) if not x.is_zero()]
+        for other in range(m):
+            factor = T[other][j]
+            if other != i and not factor.is_zero():
+                row = T[other]
+                for k, x in filled:
+                    row[k] = row[k] - factor * x
+                row[j] = ball(0)
+    return pivots, T
+
+
+def null_space(pivots: Sequence[tuple[int, int]], T: Matrix, columns: int) -> tuple[list[int], Matrix]:
+    """Return the free columns of an eliminated matrix, and the basis of its null space that is a unit matrix there."""
+    bound = {j for _, j in pivots}
+    free = [j for j in range(columns) if j not in bound]
+    N = zeros(columns, len(free))
+    for k, j in enumerate(free):
+        N[j][k] = ball(1)
+        for i, column in pivots:
+            N[column][k] = -T[i][j]
+    return free, N
+
+
+def solve(A: Matrix, B: Matrix) -> Matrix:
+    """Return A⁻¹ B; proves that A is regular or raises `NotProvable`."""
+    n = len(A)
+    pivots, T = eliminate([a + b for a, b in zip(A, B, strict=True)], n, n)
+    result: Matrix = [[] for _ in range(n)]
+    for i, j in pivots:
+        result[j] = T[i][n:]
+    return result
+
+
+def determinant(A: Matrix) -> Ball:
+    """Return the determinant."""
+    from flint import arb_mat
+
+    return arb_mat([[real(x) for x in row] for row in A]).det()
+
+
+def at_part(x: Ball, part: Fraction) -> Ball:
+    """Return the fraction at some part of the way through a wide ball, and narrow balls as they are."""
+    if float(x.rad()) <= WIDE * abs(float(x.mid())):
+        return x
+    ends = []
+    for end in (x.lower(), x.upper()):
+        mantissa, exponent = (int(number) for number in end.mid().man_exp())
+        ends.append(Fraction(mantissa) * Fraction(2) ** exponent)
+    return ball(ends[0] + (ends[1] - ends[0]) * part)
+
+
+def half_digits() -> Ball:
+    """Return a number that is small by half of the digits in use."""
+    from flint import arb, ctx
+
+    return arb(2) ** (-(ctx.prec // 2))
+
+
+def positive(A: Matrix) -> bool:
+    """Whether a symmetric matrix is proven to be positive definite: all pivots of its elimination are."""
+    T = [row[:] for row in A]
+    for k, row in enumerate(T):
+        if not row[k] > 0:
+            return False
+        for i in range(k + 1, len(T)):
+            if not T[i][k].is_zero():
+                factor = T[i][k] / row[k]
+                T[i] = [x - factor * y for x, y in zip(T[i], row, strict=True)]
+    return True
+
+
+# --- polynomials ----------------------------------------------------------------------------------------------------
+
+
+SMALL = 6
+"""Up to this size determinants are sums of products: of wide balls these are narrower than what elimination leaves."""
+
+
+def characteristic(A: Matrix) -> list[Ball]:
+    """Return the coefficients of det(x − A), the constant first."""
+    from flint import arb_mat, fmpq_mat
+
+    n = len(A)
+    if all(isinstance(x, Exact) for row in A for x in row):
+        exact = fmpq_mat([[x.v for x in row] for row in A]).charpoly()
+        return [Exact(exact[i]) for i in range(n + 1)]
+    if n <= SMALL:
+        sums = [ball(0)] * (n + 1)
+        for size in range(n + 1):
+            for chosen in itertools.combinations(range(n), size):
+                sums[size] = sums[size] + _expanded([[A[i][j] for j in chosen] for i in chosen])
+        return [sums[n - i] * (-1) ** (n - i) for i in range(n + 1)]
+    p = arb_mat([[real(x) for x in row] for row in A]).charpoly()
+    return [p[i] for i in range(n + 1)]
+
+
+def _expanded(A: Matrix) -> Ball:
+    """Return a determinant as the sum of its products that are not zero."""
+    if not A:
+        return ball(1)
+    k = min(range(len(A)), key=lambda i: sum(not x.is_zero() for x in A[i]))
+    total = ball(0)
+    for j, x in enumerate(A[k]):
+        if not x.is_zero():
+            minor = [row[:j] + row[j + 1 :] for i, row in enumerate(A) if i != k]
+            total = total + (-1) ** (k + j) * x * _expanded(minor)
+    return total
+
+
+def product(p: Sequence[Ball], q: Sequence[Ball]) -> list[Ball]:
+    """Return the coefficients of a product of polynomials."""
+    result = [ball(0)] * (len(p) + len(q) - 1)
+    for i, x in enumerate(p):
+        for j, y in enumerate(q):
+            if not x.is_zero() and not y.is_zero():
+                result[i + j] = result[i + j] + x * y
+    return result
+
+
+def value(p: Sequence[Any], z: Any) -> Any:
+    """Return p(z) by Horner's rule."""
+    result = p[-1]
+    for coefficient in reversed(p[:-1]):
+        result = result * z + coefficient
+    return result
+
+
+def routh(p: Sequence[Ball]) -> list[Ball] | None:
+    """Return the first column of Routh's array, or None if an entry that is not the last cannot be told from zero.
+
+    p has as many roots to the right of the imaginary axis as this column changes its sign, and
+    none on it if no entry is zero (Gantmacher 1959, chapter XV).
+    """
+    n = len(p) - 1
+    row, following = list(p[n::-2]), list(p[n - 1 :: -2]) if n else []
+    column = [row[0]]
+    while following:
+        if zero_inside(following[0]):
+            return None
+        column.append(following[0])
+        factor = row[0] / following[0]
+        rest = [
+            row[k + 1] - factor * following[k + 1] if k + 1 < len(following) else row[k + 1]
+            for k in range(len(row) - 1)
+        ]
+        row, following = following, rest
+    return column
+
+
+def right_roots(p: Sequence[Ball]) -> int | None:
+    """Return how many roots of p are to the right of the imaginary axis, none being on it; None if that is open."""
+    column = routh(p)
+    if column is None or any(zero_inside(x) for x in column):
+        return None
+    return sum(bool(a > 0) != bool(b > 0) for a, b in itertools.pairwise(column))
+
+
+def all_negative_and_simple(p: Sequence[Ball]) -> bool | None:
+    """Whether all roots of p are real, negative and different; None if that is open.
+
+    By the theorem of Hermite and Biehler that is so if p(s²) + s p'(s²) has all roots to the left:
+    its even and odd parts then have real negative roots in turn. If it is proven not to be so,
+    the regular array also says that p has no multiple root and no root 0.
+    """
+    mixed: list[Ball] = []
+    for k, coefficient in enumerate(p):
+        mixed += [coefficient, (k + 1) * p[k + 1]] if k + 1 < len(p) else [coefficient]
+    count = right_roots(mixed)
+    return None if count is None else count == 0
+
+
+def resultant(p: Sequence[Ball], q: Sequence[Ball]) -> Ball:
+    """Return the determinant of Sylvester's matrix of two polynomials: zero where they have a common root."""
+    n, m = len(p) - 1, len(q) - 1
+    rows = [[ball(0)] * k + list(reversed(p)) + [ball(0)] * (m - 1 - k) for k in range(m)]
+    rows += [[ball(0)] * k + list(reversed(q)) + [ball(0)] * (n - 1 - k) for k in range(n)]
+    return determinant(rows)
+
+
+def root_discs(p: Sequence[Ball]) -> list[tuple[Any, Ball, int]]:
+    """Return discs (centre, radius, number) that contain all roots of p, each that many; p is monic.
+
+    The discs |z − z_k| ≤ n |p(z_k)/Π(z_k − z_j)| about approximations contain all roots, and a
+    group of discs apart from the others as many roots as discs (Smith 1970, J. ACM 17). A real
+    centre of a single disc means a real root.
+    """
+    from flint import acb, arb
+
+    n = len(p) - 1
+    p = [real(x) for x in p]
+    middle = [acb(x.mid()) for x in p]
+    points = _approximations(middle)
+    radii = []
+    for k, z in enumerate(points):
+        spread = acb(1)
+        for j, other in enumerate(points):
+            if j != k:
+                spread = spread * (z - other)
+        size = n * abs(value([acb(x) for x in p], z) / spread)
+        radii.append(size if size.is_finite() else arb("+inf"))
+    groups = _groups(points, radii)
+    found = []
+    for group in groups:
+        if len(group) == 1:
+            found.append((points[group[0]], radii[group[0]].abs_upper(), 1))
+            continue
+        centre = sum((points[k] for k in group), acb(0)) / len(group)
+        centre = acb(centre.real.mid(), centre.imag.mid())
+        reach = [(abs(points[k] - centre) + radii[k]).abs_upper() for k in group]
+        found.append((centre, max(reach, key=float), len(group)))
+    return found
+
+
+def _groups(points: list[Any], radii: list[Ball]) -> list[list[int]]:
+    """Return discs that are not proven to be apart from each other together."""
+    groups: list[list[int]] = []
+    for k in range(len(points)):
+        touching = [
+            group for group in groups if any(not abs(points[k] - points[j]) > radii[k] + radii[j] for j in group)
+        ]
+        groups = [group for group in groups if group not in touching]
+        groups.append(sorted([k, *(j for group in touching for j in group)]))
+    return groups
+
+
+def _approximations(p: list[Any]) -> list[Any]:
+    """Return approximate roots, all different, to the digits in use (Aberth's iteration)."""
+    import numpy as np
+    from flint import acb, ctx
+
+    n = len(p) - 1
+    with np.errstate(all="ignore"):
+        rough = np.roots([complex(x) for x in reversed(p)]) if n else np.zeros(0)
+    missing = n - len(rough)
+    rough = np.concatenate([rough, 1e-3 * np.exp(2j * np.pi * (np.arange(missing) + 0.3) / max(missing, 1))])
+    points = [acb(float(x.real), float(x.imag)) for x in rough]
+    slope = [k * x for k, x in enumerate(p)][1:]
+    tiny = 2.0 ** (-ctx.prec)
+    for _ in range(60):
+        largest = 0.0
+        for k, z in enumerate(points):
+            at, by = value(p, z), value(slope, z)
+            if at == 0 or not by.is_finite():
+                continue
+            near = sum((1 / (z - other) for j, other in enumerate(points) if j != k), acb(0))
+            step = at / (by - at * near)
+            if not step.is_finite():
+                z = z * (1 + acb(0, 1e-6)) + 1e-12
+            else:
+                z = z - step
+                largest = max(largest, float(abs(step).mid()) / max(float(abs(z).mid()), 1e-300))
+            points[k] = acb(z.real.mid(), z.imag.mid())
+        if largest < tiny * 1e6:
+            break
+    small = 2.0 ** (-0.7 * ctx.prec)
+    return [acb(z.real) if abs(float(z.imag)) <= small * abs(float(z.real)) else z for z in points]

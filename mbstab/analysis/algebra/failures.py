@@ -1,0 +1,50 @@
+"""Failures of arithmetic as errors a user can act on."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
+
+import numpy as np
+
+from mbstab.errors import MbstabError, NumericalError
+
+FAILURES = (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError)
+"""What a trial of equations may end in where they have no value."""
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def guarded(function: Callable[P, T]) -> Callable[P, T]:
+    """Return a function whose overflows, divisions by zero and other failures of arithmetic are a `NumericalError`."""
+
+    @functools.wraps(function)
+    def inner(*args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            with np.errstate(over="raise", divide="raise", invalid="raise", under="ignore"):
+                return function(*args, **kwargs)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            found = [f"{name}={value}" for name, value in kwargs.items() if _is_extreme(value)]
+            where = f"at {' and '.join(found)}, or numbers" if found else "for numbers"
+            raise NumericalError(
+                f"the computation left the range of double precision ({error})\n"
+                f"hint: look {where} of extreme size in the file, or measure length, mass and time in other units"
+            ) from error
+        except MemoryError as error:
+            raise NumericalError(
+                f"there is not enough memory ({str(error) or 'no allocation was possible'})\n"
+                "hint: matrices of a scene with n coordinates take about 640 n^2 bytes; ask about a part of the scene"
+            ) from error
+
+    return inner
+
+
+def _is_extreme(value: object) -> bool:
+    """Whether an argument is a number whose powers leave the range of double precision."""
+    try:
+        size = abs(float(value))  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return False
+    return size > 1e60 or 0.0 < size < 1e-60

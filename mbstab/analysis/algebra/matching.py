@@ -1,0 +1,62 @@
+"""Pairs of values from two lists, so that the distances are least."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.compiler.system import Array
+
+
+def assigned(cost: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
+    """Return for each row of a square matrix the column it is paired with, so that the sum is least.
+
+    Shortest augmenting paths (Jonker and Volgenant 1987, Computing 38). For the few eigenvalues of
+    a mechanism this is done long before SciPy's routine for the same would be imported.
+    """
+    n = len(cost)
+    u, v = np.zeros(n), np.zeros(n + 1)
+    row_of = np.full(n + 1, -1)  # the last column is where paths start
+    for row in range(n):
+        row_of[n], j = row, n
+        least, before = np.full(n, np.inf), np.full(n, n)
+        seen = np.zeros(n + 1, dtype=bool)
+        while row_of[j] >= 0:
+            seen[j] = True
+            i = int(row_of[j])
+            reduced = cost[i] - u[i] - v[:n]
+            better = ~seen[:n] & (reduced < least)
+            least[better], before[better] = reduced[better], j
+            following = int(np.argmin(np.where(seen[:n], np.inf, least)))
+            delta = float(least[following])
+            u[row_of[np.flatnonzero(seen)]] += delta
+            v[seen] -= delta
+            least[~seen[:n]] -= delta
+            j = following
+        while j != n:
+            row_of[j] = row_of[before[j]]
+            j = int(before[j])
+    columns = np.empty(n, dtype=np.intp)
+    columns[row_of[:n]] = np.arange(n)
+    return columns
+
+
+def matched(found: Any, expected: Any) -> Array:
+    """Return |found − expected| after the pairing that makes the sum smallest.
+
+    Parameters
+    ----------
+    found, expected : array_like of complex, the same number
+
+    Notes
+    -----
+    Sorting complex numbers pairs them wrongly when real parts differ by round-off.
+    """
+    found, expected = np.asarray(found, dtype=complex), np.asarray(expected, dtype=complex)
+    distance = np.abs(found[:, None] - expected[None, :])
+    result = np.empty(len(expected))
+    columns = assigned(distance)
+    result[columns] = distance[np.arange(len(found)), columns]
+    return result

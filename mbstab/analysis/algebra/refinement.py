@@ -1,0 +1,166 @@
+"""Eigenpairs made as exact as the entries of the matrices are, whatever their sizes.
+
+The eigenvalues of the deflated matrix bear the rounding of its largest entries. Newton's method
+on the composite problem Q(s) x = (s²M̄ + sR̄ + K̄) x = 0, its linear systems equilibrated,
+
+    [Q  Q'x; w* 0] [Δx; Δs] = −[Q x; 0],
+
+makes of each what the residual in double precision allows (iterative refinement: Skeel 1980,
+Math. Comp. 35): the error no longer depends on units, on masses in great ratios, or on how the
+equations were reduced, but on how much of the single entries cancels,
+
+    |Δs| ≤ |y|ᵀ (|s|² δM + |s| δR + δK) |x| / |y* Q'(s) x|.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.compiler.system import Array
+
+ROUNDINGS = 4.0
+"""An entry is known to so many roundings of the largest term beside it."""
+
+STEPS = 6
+"""Newton steps at most; most eigenpairs need two."""
+
+BALANCING = 4
+"""Rounds in which rows and columns of a linear system are scaled to equal size."""
+
+DENSE = 200
+"""From this size on matrices are stored as sparse ones."""
+
+EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """The composite problem without rows that others imply, and the size of what its entries are summed from.
+
+    Attributes
+    ----------
+    M, R, K : matrix, shape (n, n)
+        Arrays, or sparse ones of SciPy where they are large.
+    terms : tuple of matrix
+        Sizes of the terms of M, R and K.
+    """
+
+    M: Any
+    R: Any
+    K: Any
+    terms: tuple[Any, ...]
+
+    @classmethod
+    def of(cls, M: Array, R: Array, K: Array, terms: tuple[Array, ...]) -> Quadratic:
+        """Return a problem that is stored as suits its size."""
+        if len(M) < DENSE:
+            return cls(M, R, K, terms)
+        from scipy.sparse import csc_array
+
+        return cls(csc_array(M), csc_array(R), csc_array(K), tuple(csc_array(x) for x in terms))
+
+    def at(self, s: complex) -> Any:
+        """Return s²M + sR + K."""
+        return (s * s) * self.M + s * self.R + self.K
+
+    def slope(self, s: complex) -> Any:
+        """Return 2sM + R."""
+        return 2.0 * s * self.M + self.R
+
+    def spread(self, s: complex, x: Complex, y: Complex) -> float:
+        """Return what the rounding of the entries makes of y* Q(s) x."""
+        size, left, right = abs(s), np.abs(y), np.abs(x)
+        parts = [float(left @ (term @ right)) for term in self.terms]
+        return ROUNDINGS * EPS * (size * size * parts[0] + size * parts[1] + parts[2])
+
+
+def refined(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[complex, float, Complex] | None:
+    """Return eigenvalue, error bound and right vector from first approximations; None if they do not converge.
+
+    Parameters
+    ----------
+    problem : Quadratic
+    s : complex
+    x, y : ndarray, shape (n,)
+        Where they have no value for multipliers yet, 0 will do.
+    """
+    with np.errstate(all="ignore"):
+        bound, step = np.inf, np.inf
+        for _ in range(STEPS):
+            change = _step(problem, s, x, y)
+            if change is None:
+                return None
+            x, y, ds = change
+            slope = complex(y.conj() @ (problem.slope(s) @ x))
+            bound = problem.spread(s, x, y) / abs(slope)
+            s += ds
+            if not np.isfinite(abs(s)) or not np.isfinite(bound):
+                return None
+            if abs(ds) <= 0.1 * bound or abs(ds) <= EPS * abs(s):
+                return s, bound + EPS * abs(s), x
+            if abs(ds) > 2.0 * step:
+                return None
+            step = abs(ds)
+        return (s, bound + step, x) if step <= bound else None
+
+
+def _step(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[Complex, Complex, complex] | None:
+    """Return corrected vectors and the correction of the eigenvalue, or None."""
+    Q, D = problem.at(s), problem.slope(s)
+    # The same matrix, turned over, corrects the left vector.
+    right, left = (-np.append(residual, 0.0) for residual in (Q @ x, Q.conj().T @ y))
+    try:
+        first, second = (_solved if isinstance(Q, np.ndarray) else _solved_sparse)(Q, D @ x, y.conj() @ D, right, left)
+    except (np.linalg.LinAlgError, RuntimeError):
+        return None
+    if not (np.isfinite(first).all() and np.isfinite(second).all()):
+        return None
+    return x + first[:-1], y + second[:-1], complex(first[-1])
+
+
+def _solved(Q: Complex, column: Complex, row: Complex, right: Complex, left: Complex) -> tuple[Complex, Complex]:
+    """Return T⁻¹ right and T⁻* left with T = [Q, column; row, 0]."""
+    T = np.block([[Q, column[:, None]], [row, np.zeros((1, 1))]])
+    rows, columns = equilibration(T)
+    T = T * rows[:, None] * columns
+    return columns * np.linalg.solve(T, rows * right), rows * np.linalg.solve(T.conj().T, columns * left)
+
+
+def _solved_sparse(Q: Any, column: Complex, row: Complex, right: Complex, left: Complex) -> tuple[Complex, Complex]:
+    """Return the same for a sparse Q."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.linalg import splu
+
+    Q, n = Q.tocoo(), len(column)
+    i = np.concatenate([Q.coords[0], np.arange(n), np.full(n, n)])
+    j = np.concatenate([Q.coords[1], np.full(n, n), np.arange(n)])
+    entries = np.concatenate([Q.data, column, row])
+    size = np.abs(entries)
+    rows, columns = np.ones(n + 1), np.ones(n + 1)
+    for _ in range(BALANCING):
+        for places, factors in ((i, rows), (j, columns)):
+            largest = np.zeros(n + 1)
+            np.maximum.at(largest, places, size * rows[i] * columns[j])
+            factors *= _power(largest)
+    lu = splu(coo_array((entries * rows[i] * columns[j], (i, j))).tocsc())
+    return columns * lu.solve(rows * right), rows * lu.solve(columns * left, "H")
+
+
+def equilibration(T: Complex | Array) -> tuple[Array, Array]:
+    """Return factors of rows and columns, powers of 2, that make the largest entries of all of them about 1."""
+    size = np.abs(T)
+    rows, columns = np.ones(len(T)), np.ones(len(T))
+    for _ in range(BALANCING):
+        rows *= _power(np.max(size * rows[:, None] * columns, axis=1))
+        columns *= _power(np.max(size * rows[:, None] * columns, axis=0))
+    return rows, columns
+
+
+def _power(largest: Array) -> Array:
+    """Return the power of 2 next to 1/√x, and 1 for 0."""
+    result: Array = np.exp2(-np.round(0.5 * np.log2(np.where(largest > 0.0, largest, 1.0))))
+    return result

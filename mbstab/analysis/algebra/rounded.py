@@ -1,0 +1,235 @@
+"""Numbers that carry how much they can be wrong."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from mbstab.model.arithmetic import CONSTANTS, Arithmetic
+
+EPS = float(np.finfo(float).eps)
+
+
+UNIT = 0.5 * EPS
+"""Rounding of one operation, relative to its result."""
+
+
+FUNCTION = 2.0 * EPS
+"""Rounding of sines and the like."""
+
+
+PLAIN = (float, int)
+"""Numbers that are exact."""
+
+
+class Rounded:
+    """A float `v` that differs from the true number by no more than `e`."""
+
+    __slots__ = ("e", "v")
+
+    def __init__(self, v: float, e: float = 0.0) -> None:
+        self.v, self.e = v, e
+
+    def __add__(self, other: Any) -> Rounded:
+        if other.__class__ is Rounded:
+            v = self.v + other.v
+            return Rounded(v, self.e + other.e + UNIT * abs(v))
+        if not isinstance(other, PLAIN):
+            return NotImplemented
+        v = self.v + other
+        return Rounded(v, self.e + UNIT * abs(v))
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Rounded:
+        if other.__class__ is Rounded:
+            v = self.v - other.v
+            return Rounded(v, self.e + other.e + UNIT * abs(v))
+        if not isinstance(other, PLAIN):
+            return NotImplemented
+        v = self.v - other
+        return Rounded(v, self.e + UNIT * abs(v))
+
+    def __rsub__(self, other: Any) -> Rounded:
+        if not isinstance(other, PLAIN):
+            return NotImplemented
+        v = other - self.v
+        return Rounded(v, self.e + UNIT * abs(v))
+
+    def __mul__(self, other: Any) -> Any:
+        if other.__class__ is Rounded:
+            a, b, d, e = self.v, other.v, self.e, other.e
+            v = a * b
+            return Rounded(v, abs(a) * e + (abs(b) + e) * d + UNIT * abs(v))
+        if not isinstance(other, PLAIN):
+            return NotImplemented
+        if not other:
+            return 0.0
+        v = self.v * other
+        return Rounded(v, self.e * abs(other) + UNIT * abs(v))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Rounded:
+        if other.__class__ is not Rounded and not isinstance(other, PLAIN):
+            return NotImplemented
+        return _quotient(self.v, self.e, *_parts(other))
+
+    def __rtruediv__(self, other: Any) -> Rounded:
+        return _quotient(*_parts(other), self.v, self.e)
+
+    def __pow__(self, exponent: Any) -> Rounded:
+        return _power(self, exponent)
+
+    def __neg__(self) -> Rounded:
+        return Rounded(-self.v, self.e)
+
+    def __pos__(self) -> Rounded:
+        return self
+
+    def __abs__(self) -> Rounded:
+        return Rounded(abs(self.v), self.e)
+
+    def __float__(self) -> float:
+        return float(self.v)
+
+    def __bool__(self) -> bool:
+        return bool(self.v)
+
+    def __eq__(self, other: object) -> bool:
+        return bool(self.v == _value(other))
+
+    def __hash__(self) -> int:
+        return hash(self.v)
+
+    def __lt__(self, other: Any) -> bool:
+        return bool(self.v < _value(other))
+
+    def __le__(self, other: Any) -> bool:
+        return bool(self.v <= _value(other))
+
+    def __gt__(self, other: Any) -> bool:
+        return bool(self.v > _value(other))
+
+    def __ge__(self, other: Any) -> bool:
+        return bool(self.v >= _value(other))
+
+    def __repr__(self) -> str:
+        return f"{self.v!r} ± {self.e:.1e}"
+
+
+def _value(x: Any) -> Any:
+    return x.v if x.__class__ is Rounded else x
+
+
+def _parts(x: Any) -> tuple[float, float]:
+    return (x.v, x.e) if x.__class__ is Rounded else (x, 0.0)
+
+
+def _quotient(a: float, d: float, b: float, e: float) -> Rounded:
+    v = a / b
+    left = abs(b) - e
+    return Rounded(v, (d + abs(v) * e) / left + UNIT * abs(v) if left > 0.0 else math.inf)
+
+
+def _power(x: Any, n: Any) -> Rounded:
+    (a, d), (p, e) = _parts(x), _parts(n)
+    v = math.pow(a, p)
+    error = FUNCTION * abs(v) if p not in (1.0, 0.0) else 0.0
+    if d and p:
+        # By the mean value theorem the slope counts where it is largest.
+        ends = [abs(y) ** (p - 1.0) for y in (abs(a) - d, abs(a) + d) if y > 0.0 or p >= 1.0]
+        error += abs(p) * d * max(ends) if len(ends) == 2 else math.inf
+    if e:
+        error += e * abs(v * math.log(abs(a))) * (1.0 + e) if a else math.inf
+    return Rounded(v, error)
+
+
+def _function(name: str, slope: Any) -> Any:
+    """Return a function of one number from that of floats and a bound of its slope near (x, error)."""
+    plain = getattr(math, name)
+
+    def function(x: Any) -> Any:
+        a, d = _parts(x)
+        v = plain(a)
+        if not a and not d:
+            return v
+        return Rounded(v, (slope(a, d, v) * d if d else 0.0) + FUNCTION * abs(v))
+
+    return function
+
+
+def _inverse_root(a: float, d: float) -> float:
+    left = 1.0 - (abs(a) + d) ** 2
+    return 1.0 / math.sqrt(left) if left > 0.0 else math.inf
+
+
+def _sqrt(x: Any) -> Rounded:
+    a, d = _parts(x)
+    v = math.sqrt(a)
+    if not d:
+        return Rounded(v, UNIT * v)
+    error = d / (v + math.sqrt(a - d)) if a > d else math.sqrt(a + d)
+    return Rounded(v, error + UNIT * v)
+
+
+def _atan2(y: Any, x: Any) -> Rounded:
+    (b, e), (a, d) = _parts(y), _parts(x)
+    v = math.atan2(b, a)
+    left = math.hypot(a, b) - math.hypot(d, e)
+    error = math.hypot(d, e) / left if left > 0.0 else (math.inf if d or e else 0.0)
+    return Rounded(v, error + FUNCTION * abs(v))
+
+
+def _sign(x: Any) -> float:
+    a, _ = _parts(x)
+    return float(a > 0.0) - float(a < 0.0)
+
+
+def _abs_slope(x: Any) -> float:
+    a, _ = _parts(x)
+    if a == 0.0:
+        raise ValueError("abs has no derivative at 0")
+    return math.copysign(1.0, a)
+
+
+def _smooth_start(x: Any) -> Any:
+    a, _ = _parts(x)
+    return 0.0 if a <= 0.0 else 1.0 if a >= 1.0 else x * x * (3.0 - 2.0 * x)
+
+
+def _number(text: str) -> Any:
+    v = float(text)
+    exact = (v.is_integer() and abs(v) < 1e15 and "e-" not in text) or Decimal(text) == Decimal(v)
+    return v if exact else Rounded(v, UNIT * abs(v))
+
+
+@cache
+def rounded_arithmetic() -> Arithmetic:
+    """Return the arithmetic of numbers that know how much they can be wrong."""
+    functions: dict[str, Any] = {
+        "sin": _function("sin", lambda a, d, v: min(1.0, math.sqrt(max(0.0, 1.0 - v * v)) + d)),
+        "cos": _function("cos", lambda a, d, v: min(1.0, math.sqrt(max(0.0, 1.0 - v * v)) + d)),
+        "tan": _function("tan", lambda a, d, v: 2.0 * (1.0 + v * v) if d * (1.0 + abs(v)) < 0.1 else math.inf),
+        "asin": _function("asin", lambda a, d, v: _inverse_root(a, d)),
+        "acos": _function("acos", lambda a, d, v: _inverse_root(a, d)),
+        "atan": _function("atan", lambda a, d, v: 1.0 / (1.0 + max(0.0, abs(a) - d) ** 2)),
+        "sinh": _function("sinh", lambda a, d, v: math.cosh(abs(a) + d)),
+        "cosh": _function("cosh", lambda a, d, v: math.sinh(abs(a) + d)),
+        "tanh": _function("tanh", lambda a, d, v: 1.0),
+        "exp": _function("exp", lambda a, d, v: v * math.exp(d)),
+        "log": _function("log", lambda a, d, v: 1.0 / (a - d) if a > d else math.inf),
+        "atan2": _atan2,
+        "sqrt": _sqrt,
+        "abs": abs,
+        "sign": _sign,
+        "abs_slope": _abs_slope,
+        "power": _power,
+        "smooth_start": _smooth_start,
+    }
+    constants = {name: Rounded(x, UNIT * x) for name, x in CONSTANTS.items()}
+    return Arithmetic("rounded", _number, constants, functions)

@@ -1,0 +1,1 @@
+"""One answer beside another: methods, integrators, simulation, expectations."""

@@ -1,0 +1,176 @@
+"""What a scene consists of, what it does not need, and how well its reference fits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.reference.dependencies import names_in
+from mbstab.analysis.reference.motion import Finder, Motion
+from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.reference.rotation import rate_matrix
+from mbstab.analysis.reference.symmetries import symmetries
+from mbstab.compiler.system import Array, System
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """The scene in numbers and words.
+
+    Attributes
+    ----------
+    dimension : int
+        2 planar, 3 spatial.
+    bodies : list of (name, coordinates, mass in kg)
+    constraints : list of (name, type, holonomic rows, nonholonomic rows)
+    n_q, n_holonomic, n_nonholonomic, rank_holonomic, rank_nonholonomic, n_f : int
+        As in `mbstab.analysis.linear.results.Counts`.
+    gaps : tuple of float
+        Ratio of singular values across the two rank decisions.
+    redundant : list of str
+        Constraint rows that repeat others, by name.
+    symmetries : list of str
+        Ignorable coordinates and other symmetries.
+    unneeded : list of str
+        What the scene could drop, and what that saves.
+    position_residual, velocity_residual : float
+        Largest residuals of the reference, over the rows.
+    solved : list of str
+        Coordinates that the file left to the program.
+    at_rest : bool
+    warnings : list of str
+    """
+
+    dimension: int
+    bodies: list[tuple[str, tuple[str, ...], float]]
+    constraints: list[tuple[str, str, int, int]]
+    n_q: int
+    n_holonomic: int
+    n_nonholonomic: int
+    rank_holonomic: int
+    rank_nonholonomic: int
+    n_f: int
+    gaps: tuple[float, float]
+    redundant: list[str]
+    symmetries: list[str]
+    unneeded: list[str]
+    position_residual: float
+    velocity_residual: float
+    solved: list[str]
+    at_rest: bool
+    warnings: list[str]
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of independent speeds."""
+        return self.n_q - self.rank_holonomic - self.rank_nonholonomic
+
+
+def check_scene(system: System) -> CheckReport:
+    """Return the report on a scene at its reference motion.
+
+    Raises
+    ------
+    MbstabError
+        As `mbstab.analysis.reference.motion.reference_motion`.
+    """
+    scene, motion = system.scene, reference_motion(system)
+    spaces, state = motion.spaces, motion.dynamics
+    return CheckReport(
+        dimension=scene.dimension,
+        bodies=[(body.name, body.coordinates, float(body.mass)) for body in scene.bodies],
+        constraints=_constraints(system),
+        n_q=system.n_q,
+        n_holonomic=system.n_h,
+        n_nonholonomic=system.n_n,
+        rank_holonomic=spaces.C.rank,
+        rank_nonholonomic=spaces.W.rank,
+        n_f=spaces.n_f,
+        gaps=(spaces.C.gap, spaces.W.gap),
+        redundant=[str(item) for item in motion.redundant],
+        symmetries=[item.name for item in symmetries(system, motion)],
+        unneeded=_unneeded(system, motion),
+        position_residual=float(np.max(np.abs(state.E[: system.n_h]), initial=0.0)),
+        velocity_residual=float(np.max(np.abs(state.V), initial=0.0)),
+        solved=list(motion.solved),
+        at_rest=motion.at_rest,
+        warnings=list(motion.warnings),
+    )
+
+
+def _constraints(system: System) -> list[tuple[str, str, int, int]]:
+    model = system.scene.model
+    found = []
+    for section in model.order:
+        for entry in model.entries[section].values():
+            mine = [i for i, row in enumerate(system.rows) if (row.section, row.name) == (section, entry.name)]
+            if mine:
+                kind = f"{entry.kind.name} {section.removesuffix('s')}"
+                found.append((entry.name, kind, sum(i < system.n_h for i in mine), sum(i >= system.n_h for i in mine)))
+    return found
+
+
+def _unneeded(system: System, motion: Motion) -> list[str]:
+    scene, spaces = system.scene, motion.spaces
+    allowed = spaces.scale[:, None] * spaces.N
+    moving = _moving(system, motion)
+    found = [f"{item} (one row, one multiplier)" for item in motion.redundant]
+    for body, part in zip(scene.bodies, system.body_slices, strict=True):
+        if not moving[part].any() and not np.any(motion.u[part]):
+            found.append(
+                f"body {body.name!r} cannot move: as part of the ground it saves {len(body.coordinates)} coordinates"
+            )
+    if scene.dimension == 3 and motion.at_rest:
+        axis = _planar_axis(system, motion, allowed)
+        if axis:
+            count = sum(3 if len(body.coordinates) == 6 else 2 for body in scene.bodies)
+            found.append(
+                f"every small motion stays in the plane across {axis}: a planar scene has {count} coordinates "
+                f"instead of {system.n_q}"
+            )
+    model = scene.model
+    used = _used_parameters(system)
+    found += [f"parameter {name!r} is not used" for name in model.parameters if name not in used]
+    return found
+
+
+def _moving(system: System, motion: Motion) -> npt.NDArray[np.bool_]:
+    """Return which coordinates the constraints let move, here or a little way off: a turning point is no fixed one."""
+    spaces, finder = motion.spaces, Finder(system)
+    moving: npt.NDArray[np.bool_] = np.linalg.norm(spaces.N, axis=1) > 1e-9
+    rng = np.random.default_rng(4)
+    direction = spaces.scale * (spaces.N @ rng.uniform(-1.0, 1.0, spaces.N.shape[1]))
+    size = float(np.max(np.abs(direction / motion.sizes), initial=0.0))
+    if size > 0.0:
+        q = finder.assemble(motion.q + 0.1 / size * direction, np.ones(system.n_q, dtype=bool))
+        moving |= np.abs(q - motion.q) > 1e-6 * motion.sizes
+    return moving
+
+
+def _planar_axis(system: System, motion: Motion, allowed: Array) -> str:
+    """Return the axis across which all allowed small motions are planar, or an empty string."""
+    for k, axis in enumerate("xyz"):
+        fits = allowed.shape[1] > 0
+        for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
+            motions = allowed[part]
+            size = np.max(np.abs(motions), initial=1e-300)
+            fits &= bool(np.all(np.abs(motions[k]) < 1e-9 * size))
+            if body.orientation:
+                spin = rate_matrix(body, motion.q[part.start + 3 : part.start + 6]) @ motions[3:]
+                fits &= bool(np.all(np.abs(np.delete(spin, k, axis=0)) < 1e-9 * max(size, 1e-300)))
+        if fits:
+            return axis
+    return ""
+
+
+def _used_parameters(system: System) -> set[str]:
+    """Return the parameters that occur in the model, directly or through other parameters."""
+    model = system.scene.model
+    entries = [*model.bodies.values(), *(e for group in model.entries.values() for e in group.values())]
+    found = names_in([model.gravity, [entry.values for entry in entries], model.reference, model.initial, model.expect])
+    for parameter in reversed(list(model.parameters.values())):
+        if parameter.name in found:
+            found |= names_in(parameter.expression)
+    return found

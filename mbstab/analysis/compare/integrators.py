@@ -1,0 +1,258 @@
+"""Every integrator on one motion: what its tolerances cost, and what global error they leave.
+
+A run is one pass with a tolerance of a step, without the repetitions that control the global error in
+`mbstab.analysis.simulate.simulate`. Its error is the distance from a reference, in the measure of that
+module: the largest at any time of output. The reference is what that module makes of DOP853 (of Radau IIA
+where that takes too long) with the tolerance `EXACT`, and known to its estimate.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.compare.methods import CLOSE
+from mbstab.analysis.simulate.recording import Record, states
+from mbstab.analysis.simulate.run import Follower, Run, difference
+from mbstab.analysis.simulate.simulate import _Work
+from mbstab.analysis.simulate.start import Start, start_of
+from mbstab.analysis.simulate.steppers.interface import Method
+from mbstab.analysis.simulate.steppers.table import METHODS
+from mbstab.compiler.system import Array, System
+from mbstab.errors import ModelFileError, NumericalError, SimulationError, UsageError
+
+TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
+EXACT = 1e-11
+"""Global error asked of the reference; it may turn out larger."""
+
+LIMIT = 10.0
+"""Seconds after which a run is given up; the runs of a reference may take ten times as long together."""
+
+DURATION = 1.0
+"""Of the motion, if its end is not given (s)."""
+
+POINTS = 21
+DISTURBANCE: dict[str, float | str] = {"mode:1": 0.1}
+"""Where neither the file nor the caller says how the reference is disturbed."""
+
+
+@dataclass(frozen=True)
+class Integration:
+    """One integrator with one tolerance.
+
+    Attributes
+    ----------
+    method, solver : str
+        Keys of `mbstab.analysis.simulate.steppers.table.METHODS`.
+    tol : float
+        Of a step.
+    error : float
+        Largest difference from the reference at any time of output, as `error_estimate` of
+        `mbstab.analysis.simulate.simulate.Simulation`.
+    seconds : float
+    evaluations, steps, rejected : int
+    energy : float
+        Largest imbalance of energy, relative to what goes to and fro.
+    constraints : float
+        Largest residual of a constraint row after any step, relative to sizes and speeds in the scene.
+    failure : str
+        Why there is no end.
+    """
+
+    method: str
+    solver: str
+    tol: float
+    error: float = math.nan
+    seconds: float = math.nan
+    evaluations: int = 0
+    steps: int = 0
+    rejected: int = 0
+    energy: float = math.nan
+    constraints: float = math.nan
+    failure: str = ""
+
+    @property
+    def name(self) -> str:
+        """The name that the integrator has on the command line."""
+        return self.solver or self.method
+
+
+@dataclass(frozen=True)
+class Integrations:
+    """All integrators on one motion.
+
+    Attributes
+    ----------
+    runs : tuple of Integration
+    start, end : float (s)
+    disturbance : dict
+        What was added to the reference motion.
+    reference : str
+        The integrator of the reference.
+    known : float
+        To what the reference is known: the estimate of its global error.
+    final : ndarray, shape (n_q,)
+        Coordinates of the reference at the end (m, rad).
+    tolerance : float or None
+    chosen : Integration or None
+        The fastest with at most this error.
+    """
+
+    runs: tuple[Integration, ...]
+    start: float
+    end: float
+    disturbance: dict[str, float | str]
+    reference: str
+    known: float
+    final: Array
+    tolerance: float | None
+    chosen: Integration | None
+
+
+def compare_integrators(
+    system: System,
+    to: float | None = None,
+    perturb: Mapping[str, float | str] | None = None,
+    tolerance: float | None = None,
+    progress: Callable[[float], object] = lambda done: None,
+) -> Integrations:
+    """Return error, cost and drift of every integrator with several tolerances.
+
+    Parameters
+    ----------
+    system : System
+    to : float, optional
+        Last time (s); `DURATION` after the start if not given.
+    perturb : mapping, optional
+        As in `mbstab.analysis.simulate.start.start_of`; `DISTURBANCE` if nothing moves otherwise.
+    tolerance : float, optional
+        Largest error, for the choice of an integrator.
+    progress : callable
+        Is called with the part of the work that is done, from 0 to 1.
+
+    Raises
+    ------
+    UsageError
+        If an argument is out of range or a name is unknown.
+    SimulationError
+        If the motion cannot be followed to the end.
+    NumericalError
+        If no integrator keeps the tolerance.
+    """
+    if tolerance is not None and not 0.0 < tolerance < 1.0:
+        raise UsageError(f"--tol {tolerance:g}: an error above 0 and below 1")
+    begin, disturbance = _disturbed(system, dict(perturb or {}))
+    first = begin.motion.time
+    last = first + DURATION if to is None else float(to)
+    if not (math.isfinite(last) and last > first):
+        raise UsageError(f"the end of the simulation, {last:g} s, must be later than its start, {first:g} s")
+    follower = Follower(begin.system, begin.motion, np.linspace(first, last, POINTS))
+    race = _Race(follower)
+    solvers = [(name, key, solver) for name, group in METHODS.items() for key, solver in group.items()]
+    reference, known = race.reference()
+    total = len(solvers) * len(TOLERANCES)
+    runs: list[Integration] = []
+    for name, key, solver in solvers:
+        given_up = False
+        for tol in TOLERANCES:
+            if given_up:
+                runs.append(Integration(name, key, tol, failure="not tried: a larger tolerance took too long"))
+            else:
+                runs.append(race.measured(name, key, solver, tol, reference))
+                given_up = bool(runs[-1].failure)
+            progress(len(runs) / total)
+    chosen = None
+    if tolerance is not None:
+        chosen = _fastest_within(runs, tolerance)
+    final = states(reference.samples)[0][-1]
+    return Integrations(tuple(runs), first, last, disturbance, race.name, known, final, tolerance, chosen)
+
+
+def _disturbed(system: System, perturb: dict[str, float | str]) -> tuple[Start, dict[str, float | str]]:
+    """Return where the motion starts, and what was added to the reference: a mode, if nothing else is given."""
+    initial = system.scene.initial
+    if not perturb and not initial.coordinates and not initial.rates:
+        try:
+            return start_of(system, DISTURBANCE), dict(DISTURBANCE)
+        except (UsageError, ModelFileError):  # no mode, or a reference that moves on its own
+            pass
+    return start_of(system, perturb), perturb
+
+
+def _fastest_within(runs: list[Integration], tolerance: float) -> Integration:
+    good = [x for x in runs if x.error <= tolerance]
+    if not good:
+        best = min((x for x in runs if not math.isnan(x.error)), key=lambda x: x.error, default=None)
+        nearest = f": {best.name} comes closest with {best.error:.1e}" if best is not None else ""
+        raise NumericalError(f"no integrator keeps {tolerance:g}{nearest}")
+    least = CLOSE * min(x.seconds for x in good)
+    return next(x for x in good if x.seconds <= least)
+
+
+class _Race:
+    """Runs of the same motion."""
+
+    def __init__(self, follower: Follower) -> None:
+        self.follower = follower
+        self.name = ""
+        self.rate = self.fast = math.nan
+
+    def reference(self) -> tuple[Run, float]:
+        """Return the reference, and to what it is known."""
+        failure = ""
+        for name, method, solver in (
+            ("DOP853", METHODS["projection"]["DOP853"], "DOP853"),
+            ("radau", METHODS["radau"][""], ""),
+        ):
+            work = _Work(self.follower, method, solver, EXACT, None, False, _watch(10.0 * LIMIT))
+            run = work.refined()
+            if run.interrupted:
+                raise KeyboardInterrupt
+            if run.complete:
+                self.name, self.rate, self.fast = name, work.rate, work.fast
+                return run, work.estimate
+            failure = failure or run.failure
+        raise SimulationError(f"there is no reference to compare with: {failure}", None)
+
+    def run(self, method: Method, solver: str, tol: float, limit: float) -> tuple[Run, float]:
+        """Return a run and how long it took (s); one that takes longer than the limit fails."""
+        work = _Work(self.follower, method, solver, 1.0, None, False, _watch(limit))
+        work.rate = self.rate
+        began = time.perf_counter()
+        run = work.once(tol)
+        if run.interrupted:
+            raise KeyboardInterrupt
+        return run, time.perf_counter() - began
+
+    def measured(self, name: str, key: str, method: Method, tol: float, reference: Run) -> Integration:
+        """Return what a run costs and leaves."""
+        run, seconds = self.run(method, key, tol, LIMIT)
+        counts: dict[str, Any] = {"evaluations": run.evaluations, "steps": run.steps, "rejected": run.rejected}
+        if not run.complete:
+            return Integration(name, key, tol, seconds=seconds, failure=run.failure.partition("\n")[0], **counts)
+        error = difference(run, reference, self.follower.motion.sizes, self.fast)
+        return Integration(name, key, tol, error, seconds, energy=_imbalance(run), constraints=run.drift, **counts)
+
+
+def _watch(limit: float) -> Callable[[float], object]:
+    """Return a progress function that gives up after so many seconds."""
+    began = time.perf_counter()
+
+    def watch(done: float) -> None:
+        if time.perf_counter() - began > limit:
+            raise NumericalError(f"given up after {limit:g} s, when {done:.0%} was done")
+
+    return watch
+
+
+def _imbalance(run: Run) -> float:
+    """Return the largest imbalance of energy, relative to what goes to and fro."""
+    record, work = Record.of(run.samples), np.array([s.work for s in run.samples])
+    total = record.kinetic + record.potential - work
+    scale = max(run.peak, float(np.ptp(record.potential)), float(np.max(np.abs(work))))
+    return float(np.max(np.abs(total - total[0]))) / scale if scale > 0.0 else 0.0

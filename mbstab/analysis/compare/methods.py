@@ -1,0 +1,445 @@
+"""Every method on one model: what it costs, and what it keeps of eigenvalues known to many digits.
+
+The truth is the same model in multiprecision arithmetic, its parameters the exact decimals of
+the file, so an error is a distance from the truth and not from another method. Part of it no
+method in double precision can avoid: parameters and matrices are rounded before it starts.
+What the eigenvalues of the rounded matrices are, exactly, is computed as well; the distance
+from those is the method's own error.
+"""
+
+from __future__ import annotations
+
+import cProfile
+import math
+import statistics
+import time
+import tracemalloc
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from mpmath import mp
+
+from mbstab.analysis.algebra.matching import assigned
+from mbstab.analysis.algebra.subspaces import subspaces
+from mbstab.analysis.linear.bounds import enclosures
+from mbstab.analysis.linear.eigenvalues import judged
+from mbstab.analysis.linear.facts import Grounds, balanced, time_scale
+from mbstab.analysis.linear.linearize import Linearization, linearize, state_space
+from mbstab.analysis.linear.methods import METHODS, solver
+from mbstab.analysis.linear.precise import LEAST_DIGITS, PreciseResult, precise_eigenvalues, rounded_eigenvalues
+from mbstab.analysis.reference.requested import reference_motion
+from mbstab.compiler.system import Array, System
+from mbstab.errors import MbstabError, NumericalError, UsageError
+from mbstab.model.parameters import parse_overrides
+from mbstab.model.schema import Model
+from mbstab.model.values import evaluate
+
+REPEATS, ENOUGH = 15, 0.3
+"""A method is timed so many times, or until so many seconds have passed; the median counts."""
+
+FURTHER = (20, 30)
+"""Numbers of digits besides those of double precision that are measured as well."""
+
+CLOSE = 1.1
+"""Times that differ by less than this factor are equal: the method that comes first is taken."""
+
+LOST = 0.5
+"""An eigenvalue with a larger relative error than this is none: not one binary digit of it is right."""
+
+Settings = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a method returned, and at what price.
+
+    Attributes
+    ----------
+    method : str
+        A name of `METHODS`, or a number of digits in words.
+    values : ndarray of complex, shape (r,)
+        For each true eigenvalue what the method found (1/s); nan where it lost it.
+    errors : ndarray, shape (r,)
+        Distance from the truth relative to its modulus; nan where it is lost.
+    own_errors : ndarray, shape (r,)
+        The same distance from the exact eigenvalues of the matrices in double precision; nan also
+        where those are not known.
+    bounds : ndarray, shape (r,)
+        What the method claimed its error to be at most, relative as well.
+    lost, invented : int
+        Eigenvalues, neutral ones included, that are missing and that do not exist; infinite ones
+        and those of constraint drift do not count.
+    zeros, drift : float (1/s)
+        How far the worst of the neutral eigenvalues, and of those of constraint drift, came out
+        from where it belongs.
+    besides : str
+        What it returned besides, in words.
+    verdict : str
+    seconds : float
+        From the reference motion to eigenvalues and vectors; with more digits all of it.
+    memory : int
+        Bytes allocated at most.
+    failure : str
+        Why it has no answer.
+    """
+
+    method: str
+    values: Any
+    errors: Array
+    own_errors: Array
+    bounds: Array
+    lost: int = 0
+    invented: int = 0
+    zeros: float = 0.0
+    drift: float = 0.0
+    besides: str = ""
+    verdict: str = ""
+    seconds: float = math.nan
+    memory: int = 0
+    failure: str = ""
+
+    @property
+    def error(self) -> float:
+        """The largest error; infinite if an eigenvalue is lost or invented."""
+        if self.failure or self.lost or self.invented:
+            return math.inf
+        return float(np.max(self.errors, initial=0.0))
+
+    @property
+    def own_error(self) -> float:
+        """The largest of the method's own errors; nan if they are not known."""
+        return float(np.max(self.own_errors, initial=0.0))
+
+    @property
+    def bound(self) -> float:
+        """The largest error that was claimed, of the eigenvalues that were found."""
+        return math.inf if self.failure else float(np.max(self.bounds[~np.isnan(self.bounds)], initial=0.0))
+
+    @property
+    def exceeded(self) -> bool:
+        """Whether an error is larger than the bound that was claimed for it."""
+        return bool(np.any(self.errors > self.bounds))
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All methods on one model.
+
+    Attributes
+    ----------
+    truth : PreciseResult
+    rounding : ndarray, shape (r,)
+        How far the rounding of parameters and matrices to double precision alone moves each
+        eigenvalue, relative to its modulus; nan where that is not known.
+    outcomes : tuple of Outcome
+    seconds : float
+        For the reference motion and the linearized equations with their checks.
+    tolerance : float or None
+    chosen : Outcome or None
+        The fastest that keeps the tolerance.
+    """
+
+    truth: PreciseResult
+    rounding: Array
+    outcomes: tuple[Outcome, ...]
+    seconds: float
+    tolerance: float | None
+    chosen: Outcome | None
+
+    def faster(self) -> list[Outcome]:
+        """Return those that are faster than the chosen one and do not keep the tolerance."""
+        return [x for x in self.outcomes if self.chosen is not None and CLOSE * x.seconds < self.chosen.seconds]
+
+
+def compare(
+    model: Model,
+    settings: Settings | None = None,
+    digits: int = 50,
+    tolerance: float | None = None,
+    progress: Callable[[float], object] = lambda done: None,
+) -> Comparison:
+    """Return what each method keeps and costs.
+
+    Parameters
+    ----------
+    model : Model
+    settings : mapping, optional
+        Parameters as after ``--set``.
+    digits : int
+        Of the truth.
+    tolerance : float, optional
+        Largest error relative to the modulus of an eigenvalue, for the choice of a method.
+    progress : callable
+        Is called with the part of the work that is done, from 0 to 1.
+
+    Raises
+    ------
+    UsageError
+        If the tolerance is not positive or asks for more digits than the truth has, or the motion
+        is periodic.
+    NumericalError
+        If no method keeps the tolerance.
+    MbstabError
+        As `mbstab.analysis.linear.precise.precise_eigenvalues`.
+    """
+    settings = dict(settings or {})
+    _check(tolerance, digits)
+    began = time.perf_counter()
+    system = System(evaluate(model, parse_overrides(model, settings)))
+    if system.scene.period is not None:
+        raise UsageError(
+            f"{model.name} describes a periodic motion: its multipliers have one method, and no truth to compare with\n"
+            "hint: mbstab eig, whose error bounds come from two integrations"
+        )
+    motion = reference_motion(system)
+    linear = linearize(system, motion)
+    shared = time.perf_counter() - began
+    further = _further(digits, tolerance)
+    total = 2.0 + len(METHODS) + 2.0 * len(further)
+    truth = precise_eigenvalues(model, settings, digits, progress=lambda done: progress(2.0 * done / total))
+    ruler = _Ruler(truth, linear)
+    outcomes = _in_double(Grounds(linear), ruler, lambda number: progress((2.0 + number) / total))
+    for number, n in enumerate(further, 1):
+        outcomes.append(_with_digits(model, settings, n, ruler))
+        progress((2.0 + len(METHODS) + 2.0 * number) / total)
+    chosen = cheapest(outcomes, tolerance, truth.verdict) if tolerance is not None else None
+    return Comparison(truth, ruler.rounding, tuple(outcomes), shared, tolerance, chosen)
+
+
+def _check(tolerance: float | None, digits: int) -> None:
+    if tolerance is None:
+        return
+    if not 0.0 < tolerance < 1.0:
+        raise UsageError(f"--tol {tolerance:g}: a relative error above 0 and below 1")
+    if tolerance < 10.0 ** (2 - digits):
+        raise UsageError(
+            f"--tol {tolerance:g}: {digits} digits of the truth judge errors down to 1e-{digits - 2}\n"
+            f"hint: --digits {math.ceil(-math.log10(tolerance)) + 2}"
+        )
+
+
+def _further(digits: int, tolerance: float | None) -> list[int]:
+    """Return the numbers of digits to be measured: below those of the truth, and enough for the tolerance."""
+    found = [n for n in FURTHER if n < digits]
+    if tolerance is not None:
+        needed = max(math.ceil(-math.log10(tolerance)) + 1, LEAST_DIGITS)
+        found += [needed] if all(n < needed for n in found) else []
+    return found
+
+
+def cheapest(outcomes: Sequence[Outcome], tolerance: float, verdict: str) -> Outcome:
+    """Return the fastest outcome that keeps a tolerance and comes to the verdict of the truth.
+
+    Raises
+    ------
+    NumericalError
+        If none does.
+    """
+    good = [x for x in outcomes if x.error <= tolerance and x.verdict == verdict]
+    if good:
+        least = CLOSE * min(x.seconds for x in good)
+        return next(x for x in good if x.seconds <= least)
+    best = min(outcomes, key=lambda x: x.error)
+    nearest = f": {best.method} comes closest with {best.error:.1e}" if math.isfinite(best.error) else ""
+    raise NumericalError(
+        f"no method keeps {tolerance:g}{nearest}\n"
+        f"hint: mbstab eig --precision {max(LEAST_DIGITS, math.ceil(-math.log10(tolerance)) + 1)}"
+    )
+
+
+# --- errors ---------------------------------------------------------------------------------------------------------
+
+
+class _Ruler:
+    """The true eigenvalues, and those of the matrices in double precision."""
+
+    def __init__(self, truth: PreciseResult, linear: Linearization) -> None:
+        self.digits = truth.working_digits
+        self.exact = truth.values()
+        self.rate = time_scale(state_space(linear))
+        with mp.workdps(self.digits):
+            pairs = [mp.mpc(0, sign * mp.mpf(shift)) for shift in truth.shifts for sign in (1, -1)]
+            self.neutral = [mp.zero] * (truth.neutral - len(pairs)) + pairs
+        rounded = rounded_eigenvalues(linear, truth.digits)
+        self.rounded: list[Any] = [None] * len(self.exact)
+        if rounded is not None:
+            columns, _ = self._columns(rounded)
+            for x, column in zip(rounded, columns, strict=True):
+                if 0 <= column < len(self.exact):
+                    self.rounded[column] = x if self.exact[column] else mp.zero  # a zero is compared with zero
+        self.rounding = self._relative(self.rounded, self.exact)
+
+    def _columns(self, found: Sequence[Any]) -> tuple[list[int], float]:
+        """Return which true eigenvalue each one found is, −1 if none, and how far the worst neutral one is off."""
+        true = [*self.exact, *self.neutral]
+        size = max(len(found), len(true))
+        cost = np.zeros((size, size))
+        with mp.workdps(self.digits):
+            moduli = [abs(s) or mp.mpf(self.rate) for s in true[: len(self.exact)]]
+            moduli += [mp.mpf(self.rate)] * len(self.neutral)
+            for i, x in enumerate(found):
+                # All that are none cost the same, however far they are off.
+                cost[i, : len(true)] = [
+                    min(float(abs(x - s) / modulus), 2.0 * LOST) for s, modulus in zip(true, moduli, strict=True)
+                ]
+        columns = [
+            int(j) if j < len(true) and cost[i, j] <= LOST else -1 for i, j in enumerate(assigned(cost)[: len(found)])
+        ]
+        off = [cost[i, j] for i, j in enumerate(columns) if j >= len(self.exact)]
+        return columns, self.rate * max(off, default=0.0)
+
+    def _relative(self, found: Sequence[Any], goals: Sequence[Any]) -> Array:
+        """Return |found − goal| relative to the truth, to a typical rate if that is 0; nan where one is not there."""
+        with mp.workdps(self.digits):
+            return np.array(
+                [
+                    math.nan if x is None or goal is None else float(abs(x - goal) / (abs(s) or self.rate))
+                    for x, goal, s in zip(found, goals, self.exact, strict=True)
+                ]
+            )
+
+    def outcome(self, method: str, found: Sequence[Any], bounds: Sequence[Any], rounded: bool, **rest: Any) -> Outcome:
+        """Return what a method found, measured.
+
+        Parameters
+        ----------
+        method : str
+        found : sequence of complex or mpc
+            All finite eigenvalues (1/s) but those of drift.
+        bounds : sequence of float or mpf
+            Of their errors (1/s).
+        rounded : bool
+            Whether the method starts from the matrices in double precision.
+        """
+        found = [mp.mpmathify(x) for x in found]
+        columns, zeros = self._columns(found)
+        values: list[Any] = [None] * len(self.exact)
+        claimed = np.full(len(self.exact), math.nan)
+        for x, bound, column in zip(found, bounds, columns, strict=True):
+            if 0 <= column < len(self.exact):
+                values[column] = x
+                claimed[column] = float(bound / (abs(self.exact[column]) or self.rate))
+        errors = self._relative(values, self.exact)
+        return Outcome(
+            method, np.array([complex(math.nan, math.nan) if x is None else complex(x) for x in values]), errors,
+            self._relative(values, self.rounded) if rounded else errors, claimed,
+            len(self.exact) + len(self.neutral) - sum(j >= 0 for j in columns), sum(j < 0 for j in columns), zeros,
+            **rest,
+        )  # fmt: skip
+
+    def failure(self, method: str, text: str) -> Outcome:
+        """Return that a method has no answer."""
+        nothing = np.full(len(self.exact), math.nan)
+        return Outcome(method, nothing + 0j, nothing, nothing, nothing, failure=text)
+
+
+# --- costs ----------------------------------------------------------------------------------------------------------
+
+
+def _in_double(grounds: Grounds, ruler: _Ruler, progress: Callable[[int], object]) -> list[Outcome]:
+    """Return what the methods in double precision give."""
+    outcomes: dict[str, Outcome] = {}
+    results = {}
+    for number, method in enumerate(METHODS, 1):
+        try:
+            # CPython 3.11 looks up line numbers in long kernels so slowly that tracing memory would
+            # take thirty times as long; after a profiler it has them ready.
+            results[method] = cProfile.Profile().runcall(judged, grounds, method)
+        except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as error:
+            outcomes[method] = ruler.failure(method, str(error))
+        progress(number)
+    runs = {method: _alone(grounds, method) for method in results}
+    seconds = _medians(runs)
+    for method, result in results.items():
+        counts = result.counts
+        besides = [
+            f"{count} {what}"
+            for count, what in ((counts.infinite, "infinite"), (counts.undefined, "0/0"), (counts.extra, "of drift"))
+            if count
+        ]
+        outcomes[method] = ruler.outcome(
+            method, [e.value for e in result.eigenvalues], [e.error_bound for e in result.eigenvalues], True,
+            drift=counts.extra_error, besides=", ".join(besides), verdict=result.verdict, seconds=seconds[method],
+            memory=_peak(runs[method]),
+        )  # fmt: skip
+    return [outcomes[method] for method in METHODS]
+
+
+def _alone(grounds: Grounds, method: str) -> Callable[[], object]:
+    """Return what a method does from the reference motion to eigenvalues and vectors, without what judges them.
+
+    The five techniques ask the kernels for derivatives themselves, the others use those that are
+    there already: they are charged with what these have cost.
+    """
+    from mbstab.analysis.linear.acceleration_methods import Technique
+
+    linear, separated = grounds.linear, grounds.separated
+    system, motion = linear.system, linear.motion
+    default = enclosures(linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L)
+    turning = separated.frequencies()
+    expected = np.concatenate([default.values, turning, np.zeros(separated.neutral.count - len(turning))])
+    function = solver(method)
+
+    def run() -> None:
+        if not isinstance(function, Technique):
+            system.dynamics(motion.q, motion.u, motion.time)
+            system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
+        if function is not None:
+            function(linear, grounds.gamma, expected)
+            return
+        subspaces(linear.M, linear.J, linear.n_h, linear.rows, motion.sizes)
+        space = state_space(linear)
+        left = grounds.structure.separated(balanced(space, time_scale(space))).A
+        if len(left):
+            np.linalg.eig(left)
+
+    return run
+
+
+def _with_digits(model: Model, settings: Settings, digits: int, ruler: _Ruler) -> Outcome:
+    """Return what the same gives with more digits: the decimals it prints."""
+    method = f"{digits} digits"
+
+    def run() -> PreciseResult:
+        return precise_eigenvalues(model, settings, digits)
+
+    try:
+        result = run()
+    except MbstabError as error:
+        return ruler.failure(method, str(error))
+    with mp.workdps(ruler.digits):
+        found = [mp.mpc(e.real, e.imag) for e in result.eigenvalues]
+        found += [mp.mpc(0, sign * mp.mpf(shift)) for shift in result.shifts for sign in (1, -1)]
+        found += [mp.zero] * (result.counts.found - len(found))
+        half = mp.mpf(10) ** (1 - digits) / 2
+        bounds = [e.error_bound + half * abs(e.value) for e in result.eigenvalues]
+        bounds += [mp.nan] * (len(found) - len(bounds))
+    return ruler.outcome(
+        method, found, bounds, False, verdict=result.verdict, seconds=_medians({method: run})[method], memory=_peak(run)
+    )
+
+
+def _medians(runs: Mapping[str, Callable[[], object]]) -> dict[str, float]:
+    """Return the median times of runs (s), which take turns, each time in the opposite order."""
+    times: dict[str, list[float]] = {name: [] for name in runs}
+    names = list(runs)
+    for _ in range(REPEATS):
+        for name in names:
+            if sum(times[name]) < ENOUGH:
+                began = time.perf_counter()
+                runs[name]()
+                times[name].append(time.perf_counter() - began)
+        names.reverse()
+    return {name: statistics.median(found) for name, found in times.items()}
+
+
+def _peak(run: Callable[[], object]) -> int:
+    """Return how many bytes a run has allocated at most."""
+    tracemalloc.start()
+    try:
+        run()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()

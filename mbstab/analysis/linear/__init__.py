@@ -1,0 +1,1 @@
+"""The linearized equations: eigenvalues, how far each can be trusted, and the verdict."""

@@ -1,0 +1,238 @@
+"""Eigenvalues of the linearized equations, how far each can be trusted, and what they say.
+
+The default method deflates: the constraints first (`mbstab.analysis.linear.linearize`), then the
+directions of symmetries and families that are verified by structure (`mbstab.analysis.linear.neutral`), so
+that they do not spoil small physical eigenvalues. The others are enclosed in discs that hold for
+clusters and defective eigenvalues as well (`mbstab.analysis.linear.bounds`). What they say about stability
+is up to the one rule of `mbstab.analysis.linear.verdict`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.linear.bounds import Placed, enclosures, enclosures_of
+from mbstab.analysis.linear.facts import Grounds
+from mbstab.analysis.linear.linearize import Linearization, linearize
+from mbstab.analysis.linear.methods import DEFAULT, METHODS, Found, solver
+from mbstab.analysis.linear.results import Counts, EigenResult, Eigenvalue
+from mbstab.analysis.linear.verdict import STABLE, STABLE_UP_TO, Disc, Verdict, judge, place, show
+from mbstab.analysis.reference.requested import reference_motion
+from mbstab.compiler.system import Array, System
+from mbstab.errors import NumericalError, UsageError
+
+FEW = 1e-10
+"""Eigenvalues with larger relative error bounds are warned about."""
+
+
+def eigenvalues(linear: Linearization, method: str = DEFAULT, zeros: Callable[[], int] | None = None) -> EigenResult:
+    """Return the eigenvalues of the linearized equations with bounds and a verdict.
+
+    Parameters
+    ----------
+    linear : Linearization
+    method : str
+        A name of `mbstab.analysis.linear.methods.METHODS`.
+    zeros : callable, optional
+        Returns how many eigenvalues are zero to many digits (`mbstab.analysis.linear.precise.exact_zeros`);
+        called only where the verdict hangs on it.
+
+    Raises
+    ------
+    UsageError
+        If the method is unknown, or is not for this motion.
+    NumericalError
+        If the method needs independent constraint rows and they are not.
+    """
+    return judged(Grounds(linear, zeros), method)
+
+
+def judged(grounds: Grounds, method: str = DEFAULT) -> EigenResult:
+    """Return the eigenvalues for facts that are known already; see `eigenvalues`."""
+    if not isinstance(method, str) or method not in METHODS:
+        raise UsageError(f"unknown method {method!r}\nhint: one of {', '.join(METHODS)}")
+    linear, separated = grounds.linear, grounds.separated
+    problem = linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L
+    function = solver(method)
+    if function is None:
+        found, placed = None, enclosures(*problem)
+        if not np.all(np.isfinite(placed.values)):
+            raise NumericalError(
+                "the eigenvalues left the range of double precision\n"
+                "hint: look for numbers of extreme size in the file, or measure length, mass and time in other units"
+            )
+        neutral = separated.frequencies()
+        neutral += [0j] * (separated.neutral.count - len(neutral))
+    else:
+        default = enclosures(*problem)
+        known = [*separated.frequencies()]
+        known += [0j] * (separated.neutral.count - len(known))
+        found = function(linear, grounds.gamma, np.concatenate([default.values, known]))
+        placed = enclosures_of(*problem, found.values, found.vectors)
+        neutral = [complex(placed.values[i]) for i in placed.neutral]
+    return _result(grounds, placed, neutral, method, found)
+
+
+def _result(
+    grounds: Grounds, placed: Placed, neutral: Sequence[complex], method: str, found: Found | None
+) -> EigenResult:
+    """Return eigenvalues with their discs, and the verdict."""
+    linear = grounds.linear
+    spaces, centres = linear.motion.spaces, [d.centre for d in placed.discs]
+    number = len(placed.values)
+    discs = place(centres, [d.radius for d in placed.discs], [len(d.members) for d in placed.discs], grounds.mirrored)
+    verdict = judge(grounds.facts(discs, number + (len(neutral) if found is None else 0)))
+    listed: list[Eigenvalue] = []
+    for disc, members in zip(discs, (d.members for d in placed.discs), strict=True):
+        for i in members:
+            kind = kind_in(complex(placed.values[i]), disc, verdict, grounds)
+            listed.append(_eigenvalue(grounds, placed, i, kind))
+    listed = with_saddles(listed)
+    listed += [Eigenvalue(s, "neutral", math.nan, math.nan, math.nan) for s in neutral]
+    listed.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
+    besides = found or Found(np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
+    counts = Counts(
+        len(linear.M), linear.n_h, len(linear.J) - linear.n_h, spaces.C.rank, spaces.W.rank, linear.n_f, len(listed),
+        sum(e.kind == "neutral" for e in listed), besides.infinite, besides.undefined, besides.extra,
+        besides.extra_error,
+    )  # fmt: skip
+    frame = str(linear.generator) if linear.generator is not None and linear.generator.turns else ""
+    shifts = tuple(s.imag for s in grounds.separated.frequencies() if s.imag > 0.0)
+    return EigenResult(
+        listed, verdict, counts, method, (*linear.motion.warnings, *_inexact(listed), *verdict.warnings), frame,
+        not linear.constant or linear.frozen, shifts, coordinates=tuple(linear.names),
+    )  # fmt: skip
+
+
+def kind_in(s: complex, disc: Disc, verdict: Verdict, grounds: Grounds) -> str:
+    """Return the type of singular point of an eigenvalue in a disc."""
+    form = "focus" if s.imag else "node"
+    if disc.side in ("left", "right"):
+        return ("un" if disc.side == "right" else "") + f"stable {form}"
+    if verdict.at_zero and disc.holds_zero:
+        return "neutral"
+    # Where a conserved energy has a minimum, all eigenvalues lie on the axis.
+    held = verdict.word in (STABLE, STABLE_UP_TO) and grounds.structure.work.conserved
+    if (disc.side == "axis" or held) and s.imag:
+        return "center"
+    return "undecided"
+
+
+def _eigenvalue(grounds: Grounds, placed: Placed, i: int, kind: str) -> Eigenvalue:
+    s = complex(placed.values[i])
+    # What is held on the axis is shown there; it is no farther from the truth.
+    value = complex(0.0 if kind == "center" else s.real + 0.0, s.imag + 0.0)  # no −0
+    bound = float(placed.bounds[i]) if np.isfinite(placed.bounds[i]) else math.inf
+    x, linear = placed.vectors[:, i], grounds.linear
+    vector = mode_shape(linear.motion.spaces.scale * x, linear.motion.sizes)
+    condition, backward_error = float(placed.condition[i]), float(placed.backward_error[i])
+    return Eigenvalue(value, kind, bound, condition, backward_error, participation(linear, x), vector=vector)
+
+
+def mode_shape(dq: Complex, sizes: Array) -> Complex | None:
+    """Return a mode so scaled that the coordinate that moves most, relative to its size, is 1; None if nothing moves.
+
+    Parameters
+    ----------
+    dq : ndarray of complex, shape (n_q,)
+    sizes : ndarray, shape (n_q,)
+        Of the coordinates (m, rad).
+    """
+    moved = np.abs(dq) / sizes
+    most = float(np.max(moved, initial=0.0))
+    if not (most > 0.0 and math.isfinite(most)):
+        return None
+    # The first of those that move as much: rounding does not choose among them.
+    largest = int(np.flatnonzero(moved >= (1.0 - 1e-9) * most)[0])
+    shape: Complex = dq / dq[largest] + 0.0
+    shape[largest] = 1.0
+    return shape
+
+
+def participation(linear: Linearization, x: Complex) -> dict[str, float]:
+    """Return the share of each body in the kinetic energy of a mode, Δq in scaled coordinates."""
+    scale = linear.motion.spaces.scale
+    M = linear.M * scale * scale[:, None]
+    energy = np.real(x.conj() * (M @ x))
+    total = float(np.sum(energy))
+    shares: dict[str, float] = {}
+    for name, value in zip(linear.names, energy, strict=True):
+        body = name.partition(".")[0]
+        shares[body] = shares.get(body, 0.0) + (float(value) / total if total > 0.0 else 0.0)
+    return shares
+
+
+def answer(
+    system: System,
+    method: str = DEFAULT,
+    frozen: bool = False,
+    progress: Callable[[float], object] | None = None,
+    zeros: Callable[[], int] | None = None,
+) -> EigenResult:
+    """Return the eigenvalues of a scene at its reference motion, with bounds and a verdict.
+
+    Parameters
+    ----------
+    system : System
+    method : str
+    frozen : bool
+        Take the equations as they are at the reference time, in the coordinates of the file.
+    progress : callable, optional
+        Is called with the part of the work that is done, where that takes long: periodic motions.
+    zeros : callable, optional
+        As for `eigenvalues`.
+
+    Raises
+    ------
+    MbstabError
+        As `mbstab.analysis.reference.motion.reference_motion`.
+    """
+    motion = reference_motion(system)
+    period = system.scene.period
+    if period is not None and not frozen:
+        from mbstab.analysis.linear.periodic import periodic_answer
+
+        if method != DEFAULT:
+            message = f"--method {method} is for constant coefficients; a periodic motion has multipliers"
+            raise UsageError(f"{message}\nhint: leave out --method")
+        return periodic_answer(system, motion, float(period), progress)
+    return eigenvalues(linearize(system, motion, frozen), method, zeros)
+
+
+def _inexact(found: list[Eigenvalue]) -> tuple[str, ...]:
+    """Return a warning about eigenvalues of which few digits are known, or nothing."""
+    few = [
+        e
+        for e in found
+        if e.kind != "neutral" and e.value.imag >= 0.0 and FEW * abs(e.value) < e.error_bound < abs(e.value)
+    ]
+    if not few:
+        return ()
+    worst = max(few, key=lambda e: e.error_bound / abs(e.value))
+    others = f" (and {len(few) - 1} more, less so)" if len(few) > 1 else ""
+    magnified = f"{worst.condition:.1e} times" if math.isfinite(worst.condition) else "without bound"
+    return (
+        f"the eigenvalue {show(worst.value)} 1/s{others} is known to {worst.error_bound:.1e} 1/s only: "
+        f"the rounding of the data and of the equations is magnified {magnified}; "
+        "--precision gives more digits",
+    )
+
+
+def with_saddles(found: list[Any]) -> list[Any]:
+    """Pair real eigenvalues of opposite sign, with whatever digits: two such directions form a saddle."""
+    growing = [e for e in found if e.kind == "unstable node"]
+    decaying = [e for e in found if e.kind == "stable node"]
+    saddles: set[int] = set()
+    for e in growing:
+        partner = min(
+            (d for d in decaying if id(d) not in saddles), key=lambda d: abs(d.value.real + e.value.real), default=None
+        )
+        if partner is not None:
+            saddles |= {id(e), id(partner)}
+    return [replace(e, kind="saddle") if id(e) in saddles else e for e in found]

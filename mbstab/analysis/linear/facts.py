@@ -1,0 +1,308 @@
+"""The facts about a motion that do not depend on how its eigenvalues are computed.
+
+Time and smoothness come from the expressions of the file, neutral directions, energy and
+reversibility from the elements. All commands share them, so that their verdicts can differ in
+strength only, never in substance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.linear.constancy import affine_drives, kinks, time_doubt
+from mbstab.analysis.linear.critical import critical_zero
+from mbstab.analysis.linear.families import family
+from mbstab.analysis.linear.linearize import Linearization, StateSpace, state_space
+from mbstab.analysis.linear.minimum import SecondVariation
+from mbstab.analysis.linear.neutral import Separated, Structure, unseparated
+from mbstab.analysis.linear.reversor import Reversor, reversor
+from mbstab.analysis.linear.verdict import Critical, Disc, Facts, Minimum, Neutral
+from mbstab.analysis.reference.guard import GUARD_TOLERANCE, LITTLE
+from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.reference.symmetries import Invariance
+from mbstab.compiler.system import Array
+from mbstab.errors import percent
+from mbstab.model.schema import is_length
+
+SLOWEST = 1e-6
+"""A typical rate is not less than this part of that of the single forces."""
+
+TRIED, BESIDE = 3, 0.02
+"""So many states next to the reference, and so far from it in sizes of the scene, are asked for their rank."""
+
+AGREED = 1e-9
+"""Rows that repeat others agree with them to this, relative to the sizes in the scene."""
+
+INDEPENDENT = 1e-7
+"""Rows are independent there above this singular value, as unit vectors."""
+
+ADVICE = (
+    "if it follows a symmetry, declare it with reference.steady; if it is periodic, give reference.period; "
+    "or describe the motion so that it stands still"
+)
+
+
+class Grounds:
+    """What verdicts about a linearization rest on; each part is worked out when it is asked for.
+
+    Parameters
+    ----------
+    linear : Linearization
+    zeros : callable, optional
+        Returns how many eigenvalues are zero to many digits; without it no verdict rests on one
+        that is zero exactly.
+    """
+
+    def __init__(self, linear: Linearization, zeros: Callable[[], int] | None = None) -> None:
+        self.linear, self.zeros = linear, zeros
+        self.system, self.motion = linear.system, linear.motion
+
+    @cached_property
+    def space(self) -> StateSpace:
+        """The deflated system."""
+        return state_space(self.linear)
+
+    @cached_property
+    def gamma(self) -> float:
+        """A typical rate of the deflated system (1/s), in which speeds are counted."""
+        # In a critical state nothing may be left of it but rounding.
+        return max(time_scale(self.space), SLOWEST * self.invariance.rate)
+
+    @cached_property
+    def S(self) -> Array:
+        """The balanced matrix of the deflated system."""
+        return balanced(self.space, self.gamma)
+
+    @cached_property
+    def invariance(self) -> Invariance:
+        """The symmetries of the scene."""
+        return Invariance(self.system, self.motion)
+
+    @cached_property
+    def structure(self) -> Structure:
+        """The neutral directions and the work of the forces."""
+        return Structure(self.linear, self.space, self.gamma, self.invariance)
+
+    @cached_property
+    def plain(self) -> Separated:
+        """The balanced matrix with what the symmetries and the conserved functions of the scene separate."""
+        return self.structure.separated(self.S)
+
+    @cached_property
+    def separated(self) -> Separated:
+        """The balanced matrix with its neutral directions, those of a reversor among them."""
+        found = self.plain
+        if found.doubt and (self.linear.frozen or not self.linear.constant):
+            return unseparated(self.S)  # the equations of an instant need not have the symmetries of the motion
+        if self.reversor is None or found.doubt:
+            return found
+        return self.reversor.widened(self.structure, found, self.structure.symmetric(len(self.S)))
+
+    @cached_property
+    def second_variation(self) -> SecondVariation:
+        """The energy near the reference."""
+        return SecondVariation(self.structure, self.plain)
+
+    # --- time and smoothness ----------------------------------------------------------------------------------------
+
+    @cached_property
+    def time(self) -> str:
+        """Why the coefficients are not known to be constant; empty: they are."""
+        linear = self.linear
+        if linear.frozen or not linear.constant:
+            return self._frozen()
+        if doubt := time_doubt(self.system):
+            return doubt
+        if not np.any(self.motion.u) and not affine_drives(self.system):
+            return ""
+        generator = linear.generator or _standing(self.linear)
+        # The same motion may follow several symmetries; one that all elements have is enough.
+        others = [g for g in self.motion.generators if g is not generator]
+        if affine_drives(self.system):
+            broken = [self.invariance.keeps_time(g) for g in (generator, *others)]
+            return f"the motion is not known to be steady: {broken[0]} changes along it" if all(broken) else ""
+        if any(self.invariance.steady(g) for g in (generator, *others)):
+            return ""
+        return (
+            f"the motion is not known to be steady: that of now and that of later ({generator}) are not the same by a "
+            f"symmetry of the scene; {ADVICE}"
+        )
+
+    def _frozen(self) -> str:
+        linear = self.linear
+        change = linear.variation
+        size = f"by {percent(change)}" if math.isfinite(change) else "without bound"
+        # A change that seems to be none needs its limit beside it.
+        least = f" (below {percent(GUARD_TOLERANCE)} they would count as constant)" if change < LITTLE else ""
+        if linear.frozen:
+            along = f", and change {size} along the motion{least}" if not linear.constant else ""
+            return f"frozen-time (asked for): not a stability verdict; the coefficients are those of an instant{along}"
+        return (
+            f"frozen-time: not a stability verdict; the coefficients of the linearized equations change {size} along "
+            f"the motion{least}{self._accelerating()}; {ADVICE}"
+        )
+
+    def _accelerating(self) -> str:
+        """Name the coordinate that accelerates most: a reference out of balance is the usual reason for a change."""
+        motion = self.motion
+        size = np.abs(motion.a / motion.spaces.scale)
+        if not np.any(size > 0.0):
+            return ""
+        worst = int(np.argmax(size))
+        unit = "m/s^2" if is_length(self.linear.names[worst]) else "rad/s^2"
+        return f" ({self.linear.names[worst]} accelerates with {motion.a[worst]:.4g} {unit})"
+
+    def kink(self, order: int) -> str:
+        """Return why the equations are not known to have so many derivatives at the reference; empty: they have."""
+        return kinks(self.system, self.motion.q, self.motion.u, self.motion.time, order) or self._singular
+
+    @cached_property
+    def _singular(self) -> str:
+        """Why the rank of the constraints may be another one next to the reference; empty: it is the same.
+
+        Rows of full rank keep it. Others may repeat some of these, everywhere, or touch them at the
+        reference only; then the linearized equations are not those of the motions nearby.
+        """
+        spaces, system = self.motion.spaces, self.system
+        n_c = system.n_c - system.n_h
+        if (spaces.C.rank == system.n_h and spaces.W.rank == n_c) or not spaces.N.shape[1]:
+            return ""
+        sizes, rng = self.motion.sizes, np.random.default_rng(3)
+        for _ in range(TRIED):
+            step = spaces.scale * (spaces.N @ rng.uniform(-1.0, 1.0, spaces.N.shape[1]))
+            step *= BESIDE / float(np.max(np.abs(step) / sizes))
+            start = self.motion.q + step
+            state = self.invariance.onto_rows(start, self.motion.u, AGREED)
+            if state is None or float(np.max(np.abs(state.q - start) / sizes)) > 0.3 * BESIDE:
+                return "the constraints leave other positions next to the reference than to first order"
+            ranks = _ranks(system.dynamics(state.q, state.u, self.motion.time).J * sizes, system.n_h)
+            if ranks != (spaces.C.rank, spaces.W.rank):
+                return (
+                    f"the constraints have rank {spaces.C.rank + spaces.W.rank} at the reference and {sum(ranks)} next "
+                    "to it: the linearized equations are not those of the motions nearby"
+                )
+        return ""
+
+    # --- structure of the spectrum ----------------------------------------------------------------------------------
+
+    @cached_property
+    def mirrored(self) -> str:
+        """What makes the spectrum symmetric to the imaginary axis, in words; empty: nothing."""
+        work = self.structure.work
+        if work.conserved and (not len(self.linear.D_q) or self._regular_energy()):
+            return "the energy is conserved"
+        if not np.any(self.motion.u) and work.reversible:
+            return "the equations are the same backwards in time"
+        if self.reversor is not None:
+            return "the motion backwards in time is its mirror image"
+        return ""
+
+    def _regular_energy(self) -> bool:
+        """Whether the second variation of a conserved energy is a regular form on what is left to judge."""
+        energy, B = self.second_variation, self.separated.B
+        if not energy.applies or not B.shape[1]:
+            return False
+        h, known = B.T @ energy.H @ B, np.abs(B).T @ energy.known_to @ np.abs(B)
+        scale = 1.0 / np.sqrt(np.maximum(np.max(np.abs(h), axis=1), 1e-300))
+        least = float(np.linalg.svd(h * scale * scale[:, None], compute_uv=False)[-1])
+        return least > float(np.linalg.norm(known * scale * scale[:, None], 2))
+
+    @cached_property
+    def reversor(self) -> Reversor | None:
+        """A mirror image that with time backwards carries the motion into itself."""
+        work = self.structure.work
+        at_rest = not np.any(self.motion.u)
+        known = (at_rest and work.reversible) or (work.conserved and not len(self.linear.D_q))
+        if known or work.kinds["damping"]:
+            return None
+        return reversor(self.structure, self.structure.symmetric(len(self.S)))
+
+    def minimum(self) -> Minimum | None:
+        """Return what the energy says."""
+        return self.second_variation.minimum()
+
+    def reversible(self) -> str:
+        """Return why motions nearby repeat themselves, where a reversor has −1 as a simple eigenvalue."""
+        if self.reversor is None or not self.reversor.simple:
+            return ""
+        return "the motion backwards in time is its mirror image, and it has a single frequency"
+
+    def critical(self, count: int, others_decay: bool) -> Critical | None:
+        """Return what the first nonlinear coefficient says about a zero eigenvalue."""
+        separated = self.separated
+
+        def exact() -> bool:
+            return self.zeros is not None and self.zeros() == separated.neutral.count + count
+
+        return critical_zero(self.structure, separated, count, others_decay, exact)
+
+    def family(self, count: int) -> Neutral | None:
+        """Return the neutral directions with a family of motions that was followed."""
+        return family(self.structure, self.separated, count)
+
+    def facts(self, discs: Sequence[Disc], found: int, doubts: tuple[str, ...] = ()) -> Facts:
+        """Return the facts with the eigenvalues that are left to judge, wherever they were computed.
+
+        Parameters
+        ----------
+        discs : sequence of Disc
+        found : int
+            Number of eigenvalues, those of the neutral directions among them.
+        """
+        separated = self.separated
+        if separated.doubt:
+            doubts = (*doubts, separated.doubt)
+        return Facts(
+            expected=self.linear.n_f,
+            found=found,
+            discs=tuple(discs),
+            neutral=separated.neutral,
+            time=self.time,
+            kink=self.kink(1),
+            rough=self.kink(2),
+            doubts=doubts,
+            minimum=self.minimum,
+            reversible=self.reversible,
+            critical=self.critical,
+            family=self.family,
+            frequencies=self.second_variation.warnings,
+        )
+
+
+def _standing(linear: Linearization) -> Generator:
+    """Return the steady motion with the speeds of the reference, in a frame that does not turn."""
+    zero = np.zeros(3)
+    return Generator(linear.system, np.array([0.0, 0.0, 1.0]), zero, 0.0, zero, linear.motion.u)
+
+
+def _ranks(J: Array, n_h: int) -> tuple[int, int]:
+    """Return the rank of the holonomic rows, and of the others on what those allow."""
+    J = J / norms(J)[:, None]
+    _, s, right = np.linalg.svd(J[:n_h])
+    rank = int(np.sum(s > INDEPENDENT))
+    left = J[n_h:] @ right[rank:].T
+    return rank, int(np.sum(np.linalg.svd(left, compute_uv=False) > INDEPENDENT)) if left.size else 0
+
+
+def time_scale(space: StateSpace) -> float:
+    """Return a typical rate of the deflated system (1/s)."""
+    A, n = space.A, space.n_xi
+    size = [
+        math.sqrt(float(np.linalg.norm(A[n:, :n]))),
+        float(np.linalg.norm(A[n:, n:])),
+        float(np.linalg.norm(A[:n, :n])),
+    ]
+    return max(size, default=0.0) or 1.0
+
+
+def balanced(space: StateSpace, gamma: float) -> Array:
+    """Return S with speeds counted in units of γ: its blocks are of similar size."""
+    weights = np.ones(len(space.A))
+    weights[space.n_xi :] = gamma
+    result: Array = space.A * weights / weights[:, None]
+    return result

@@ -1,0 +1,189 @@
+"""Families of steady motions that nothing explains: followed a finite way to all sides.
+
+A motion is of the kind of the reference if its speeds and accelerations are those of a symmetry:
+(u, a) = Σ c_k (Y_k, DY_k u). Where A, apart from symmetries, has a null space that symmetries,
+conserved functions and reversors do not explain, such motions are looked for a finite way along
+each null direction and along combinations of them, by Gauss and Newton. If they are there, to
+rounding, the null space belongs to a family "as far as checked": that is no proof, and said.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mbstab.analysis.linear.neutral import Separated, Structure, complement, drift_of, orthonormal
+from mbstab.analysis.linear.verdict import Neutral
+from mbstab.analysis.reference.symmetries import State
+from mbstab.compiler.system import Array
+from mbstab.errors import MbstabError
+
+REACH = 0.1
+"""How far families are followed: in sizes of the scene and rad, and of their rates."""
+
+PARTS = (1.0, 1e-2, 1e-4, 1e-6)
+"""Parts of this way at which they are looked for as well."""
+
+NULL, GAP = 1e-10, 1e3
+"""Singular values of A apart from symmetries count as zero below this part of its norm, if the next is larger so."""
+
+STEPS = 12
+"""Steps of Gauss and Newton for each motion."""
+
+FOUND, ROUNDED = 1e-9, 1e-14
+"""A motion is of the kind if what is left to accelerate it is this part of what each element does along that, or
+rounding of all that they do."""
+
+STEP = 1e-6
+"""Part of a large change over which accelerations are differentiated."""
+
+MOST = 30
+"""Systems with more states are not followed."""
+
+
+def family(structure: Structure, found: Separated, count: int) -> Neutral | None:
+    """Return the neutral directions with a family that was followed, or None if it does not explain the zeros.
+
+    Parameters
+    ----------
+    found : Separated
+    count : int
+        Number of zero eigenvalues that are not explained.
+    """
+    n = len(found.S)
+    symmetries = structure.symmetric(n)
+    Q = complement(symmetries)
+    if n > MOST or not Q.shape[1]:
+        return None
+    _, s, right = np.linalg.svd(Q.T @ found.S @ Q)
+    size = int(np.sum(s <= NULL * max(float(s[0]), structure.invariance.rate)))
+    known = found.T.shape[1] + len(found.L) - symmetries.shape[1]
+    if size != known + count or (size < len(s) and s[-size - 1] < GAP * NULL * s[0]):
+        return None
+    null = Q @ right[-size:].T
+    try:
+        search = _Search(structure, symmetries, null)
+        if not all(search.reaches(direction) for direction in _directions(size)):
+            return None
+    except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
+        return None
+    T = orthonormal([*symmetries.T, *null.T], n)
+    wider = replace(found, T=T, L=np.zeros((0, n)), B=complement(T))
+    checked = f"motions of the same kind were found {REACH:g} of the size of the scene to all sides"
+    name = f"motions of the same kind nearby ({size - known} more direction{'s' if size - known > 1 else ''})"
+    return Neutral(
+        found.neutral.symmetries, (*found.neutral.family, name), T.shape[1], drift_of(wider), "numerical", checked
+    )
+
+
+def _directions(size: int) -> list[Array]:
+    """Return the directions of a null space that are followed, both ways each."""
+    rng = np.random.default_rng(3)
+    some = [*np.eye(size), *rng.uniform(-1.0, 1.0, (2 * size, size))]
+    return [sign * x / np.linalg.norm(x) for x in some for sign in (1.0, -1.0)]
+
+
+class _Search:
+    """Looks for motions of the kind of the reference."""
+
+    def __init__(self, structure: Structure, symmetries: Array, null: Array) -> None:
+        self.structure, self.symmetries, self.null = structure, symmetries, null
+        self.linear, self.space = structure.linear, structure.space
+        self.motion, self.system = self.linear.motion, self.linear.system
+        self.rate = structure.invariance.rate
+        self.held = np.hstack([symmetries, null])
+        self.free = complement(self.held)
+
+    def reaches(self, direction: Array) -> bool:
+        """Whether there is a motion of the kind a finite way along a null direction."""
+        return all(self._reaches(direction, REACH * part) for part in PARTS)
+
+    def _reaches(self, direction: Array, reach: float) -> bool:
+        y = self.null @ direction
+        y = y * (reach / self._extent(y))
+        for _ in range(STEPS):
+            left = self._left(y)
+            if self._vanishes(y, left):
+                return True
+            if not self.free.shape[1]:
+                return False
+            h = STEP
+            slopes = np.array([(self._left(y + h * x) - self._left(y - h * x)) / (2.0 * h) for x in self.free.T]).T
+            y = y - self.free @ np.linalg.lstsq(slopes, left, rcond=1e-10)[0]
+        return False
+
+    def _vanishes(self, y: Array, left: Array) -> bool:
+        """Whether what is left is rounding, relative to what each element does along it: weak ones count as well."""
+        sizes, n = self.motion.sizes, len(self.motion.q)
+        state = self._state(y)
+        fastest = max(float(np.max(np.abs(state.u) / sizes)), float(np.max(np.abs(self.motion.u) / sizes)))
+        if float(np.linalg.norm(left[:n])) * self.rate > FOUND * fastest:
+            return False
+        direction = left[n:] * sizes
+        M = self.system.dynamics(state.q, state.u, self.motion.time).M
+        push = float(direction @ M @ direction) * self.rate**2
+        still = np.zeros(n)
+        each = each_size = 0.0
+        for element in self.structure.invariance.elements:
+            columns = list(element.columns)
+            force = np.array(element.force(state.q, state.u, still, self.motion.time), dtype=float)
+            # Loads that stay the same hide no weak push.
+            before = np.array(element.force(self.motion.q, self.motion.u, still, self.motion.time), dtype=float)
+            each += abs(float((force - before) @ direction[columns]))
+            each_size += float(np.abs(force) @ np.abs(direction[columns]))
+        each_size += float(np.abs(M @ self._accelerations(state.q, state.u)) @ np.abs(direction))
+        return push <= FOUND * each + ROUNDED * each_size
+
+    def _extent(self, y: Array) -> float:
+        direction, rate = self._disturbance(y)
+        sizes = self.motion.sizes
+        return max(float(np.max(np.abs(direction / sizes))), float(np.max(np.abs(rate / sizes))) / self.rate)
+
+    def _disturbance(self, y: Array) -> tuple[Array, Array]:
+        """Return Δq and Δu of a disturbance in the coordinates of the balanced S."""
+        spaces, n = self.motion.spaces, self.space.n_xi
+        direction = spaces.scale * (spaces.N @ y[:n])
+        rate = spaces.scale * (spaces.N @ (self.space.A[:n, :n] @ y[:n] + self.structure.gamma * (spaces.Z @ y[n:])))
+        generator = self.linear.generator
+        if generator is not None and generator.turns:
+            rate = rate + generator.frame(self.motion.q)[0] @ direction
+        return direction, rate
+
+    def _state(self, y: Array) -> State:
+        """Return the state that satisfies the constraints next to a disturbance."""
+        direction, rate = self._disturbance(y)
+        state = self.structure.invariance.onto_rows(self.motion.q + direction, self.motion.u + rate)
+        if state is None:
+            raise ValueError("no state that satisfies the constraints")
+        return state
+
+    def _left(self, y: Array) -> Array:
+        """Return what is left of speeds and accelerations apart from symmetries, in units of large changes."""
+        state = self._state(y)
+        q, u = state.q, state.u
+        a = self._accelerations(q, u)
+        sizes, rate_ = self.motion.sizes, self.rate
+        moves = np.concatenate([u / sizes / rate_, a / sizes / rate_**2])
+        fields = [field for _, field in self.structure.invariance.fields]
+        columns = [
+            np.concatenate([Y / sizes, field.slope(q) @ u / sizes / rate_])
+            for field in fields
+            for Y in [field.field(q)]
+        ]
+        if not columns:
+            return moves
+        basis = orthonormal(columns, len(moves))
+        result: Array = moves - basis @ (basis.T @ moves)
+        return result
+
+    def _accelerations(self, q: Array, u: Array) -> Array:
+        state, spaces = self.system.dynamics(q, u, self.motion.time), self.motion.spaces
+        n, c = len(q), self.system.n_c
+        M = state.M * spaces.scale * spaces.scale[:, None]
+        J = state.J * spaces.scale * spaces.row_scale[:, None]
+        matrix = np.zeros((n + c, n + c))
+        matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = M, J.T, J
+        right = np.concatenate([-state.F0 * spaces.scale, -state.B * spaces.row_scale])
+        a: Array = spaces.scale * np.linalg.lstsq(matrix, right, rcond=1e-11)[0][:n]
+        return a

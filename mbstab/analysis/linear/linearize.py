@@ -1,0 +1,224 @@
+"""Linearization of the index-3 equations about a reference motion, and its exact deflation.
+
+    M Δa + R Δu + K Δq + Jᵀ Δν = 0,   C_q Δq = 0,   D_u Δu + D_q Δq = 0
+
+(Pappalardo, Lettieri, Guida 2020, Eqs. (57)-(67)). The deflated system ẏ = S y has exactly
+the finite eigenvalues: with N, Z, P of `mbstab.analysis.algebra.subspaces` and y = [ξ; η],
+
+    ξ̇ = P ξ + Z η,   M_z η̇ = −Zᵀ[(M_r P² + R_r P + K_r) ξ + (M_r P + R_r) Z η].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mbstab.analysis.algebra.deflation import in_frame
+from mbstab.analysis.algebra.subspaces import RANK_TOLERANCE
+from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
+from mbstab.analysis.reference.guard import GUARD_TOLERANCE, coefficients
+from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.reference.steady import Generator
+from mbstab.compiler.system import Array, Row, System
+from mbstab.model.schema import is_length
+
+
+def composite(matrices: Matrices) -> tuple[Array, Array, Array]:
+    """Return M̄, R̄, K̄ of Eqs. (62)-(67), for [Δq; Δν]."""
+    n, c = len(matrices.M), len(matrices.J)
+    n_h = c - len(matrices.D_q)
+    M, R, K = (np.zeros((n + c, n + c)) for _ in range(3))
+    M[:n, :n], R[:n, :n], K[:n, :n] = matrices.M, matrices.R, matrices.K
+    R[n + n_h :, :n] = matrices.J[n_h:]
+    K[:n, n:] = matrices.J.T
+    K[n : n + n_h, :n] = matrices.J[:n_h]
+    K[n + n_h :, :n] = matrices.D_q
+    return M, R, K
+
+
+@dataclass(frozen=True)
+class Linearization:
+    """Matrices of the linearized equations.
+
+    Attributes
+    ----------
+    system : System
+        Whose equations they are.
+    M, R, K : ndarray, shape (n_q, n_q)
+        ∂F/∂a, ∂F/∂u, ∂F/∂q; K contains the multiplier terms ∂(Jᵀν)/∂q.
+    J : ndarray, shape (n_c, n_q)
+        [C_q; D_u].
+    D_q : ndarray, shape (n_n, n_q)
+    n_h : int
+        Number of holonomic rows.
+    names : tuple of str
+        Coordinates in the order of q.
+    rows : tuple of Row
+    motion : Motion
+    variation : float
+        Relative change of the coefficients along the motion; 0 for a reference at rest.
+    generator : Generator or None
+        The symmetry in whose frame the equations are written; None: in the coordinates of the file.
+    frozen : bool
+        Whether frozen-time coefficients were asked for.
+    """
+
+    system: System
+    M: Array
+    R: Array
+    K: Array
+    J: Array
+    D_q: Array
+    n_h: int
+    names: tuple[str, ...]
+    rows: tuple[Row, ...]
+    motion: Motion
+    variation: float
+    generator: Generator | None = None
+    frozen: bool = False
+
+    @property
+    def constant(self) -> bool:
+        """Whether the coefficients stay what they are along the motion."""
+        return self.variation <= GUARD_TOLERANCE
+
+    @property
+    def n_f(self) -> int:
+        """Number of finite eigenvalues, 2(n_q − rank C_q) − rank(D_u N)."""
+        return self.motion.spaces.n_f
+
+    @cached_property
+    def terms(self) -> Matrices:
+        """Sizes of the terms of which M, R, K, J and D_q are sums."""
+        return _terms(self.system, self.motion, self.generator)
+
+    @cached_property
+    def entries(self) -> Matrices:
+        """Sizes of the terms entry by entry, at the multipliers there are: what is zero stays it."""
+        motion = self.motion
+        return _entries(self.system, motion, self.generator, np.abs(motion.nu))
+
+    def beside(self, change: Array) -> Matrices:
+        """Return M, R, K, J and D_q where the coordinates are a little different, and what balances there."""
+        return _beside(self.system, self.motion, self.generator, change)
+
+    def composite(self) -> tuple[Array, Array, Array]:
+        """Return M̄, R̄, K̄ of Eqs. (62)-(67), for [Δq; Δν]."""
+        return composite(Matrices(self.M, self.R, self.K, self.J, self.D_q))
+
+    def pencil(self) -> tuple[Array, Array]:
+        """Return A, E of the regular index-3 pencil A y = s E y with y = [Δq; Δν; Δu], size 2 n_q + n_c."""
+        n, c = len(self.M), len(self.J)
+        A, E = np.zeros((2 * n + c, 2 * n + c)), np.zeros((2 * n + c, 2 * n + c))
+        q, nu, u = slice(0, n), slice(n, n + c), slice(n + c, 2 * n + c)
+        E[:n, q] = np.eye(n)
+        A[:n, u] = np.eye(n)
+        E[n : 2 * n, u] = self.M
+        A[n : 2 * n, q], A[n : 2 * n, nu], A[n : 2 * n, u] = -self.K, -self.J.T, -self.R
+        A[2 * n : 2 * n + self.n_h, q] = self.J[: self.n_h]
+        A[2 * n + self.n_h :, q] = self.D_q
+        A[2 * n + self.n_h :, u] = self.J[self.n_h :]
+        return A, E
+
+    def paper_pencil(self) -> tuple[Array, Array]:
+        """Return V̄, Ū of Eq. (70); singular whenever there are constraints."""
+        M, R, K = self.composite()
+        zero = np.zeros_like(M)
+        return np.block([[-K, zero], [zero, M]]), np.block([[R, M], [M, zero]])
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    """The deflated system ẏ = A y with the maps back to coordinates.
+
+    Attributes
+    ----------
+    A : ndarray, shape (n_f, n_f)
+    to_coordinates, to_rates : ndarray, shape (n_q, n_f)
+        Δq = to_coordinates @ y, Δu = to_rates @ y.
+    n_xi : int
+        The first n_xi components of y are positions, the others speeds.
+    M_z : ndarray
+        Mass matrix of the speeds.
+    """
+
+    A: Array
+    to_coordinates: Array
+    to_rates: Array
+    n_xi: int
+    M_z: Array
+
+
+def linearize(system: System, motion: Motion, frozen: bool = False) -> Linearization:
+    """Return the linearized equations about a reference motion, and how constant they are along it.
+
+    The equations are written in the frame that goes along with the motion; of the symmetries
+    that the motion may follow, the first in whose frame the coefficients are constant is taken.
+
+    Parameters
+    ----------
+    frozen : bool
+        Take the coefficients in the coordinates of the file as they are at the reference time.
+
+    Raises
+    ------
+    ModelFileError
+        If the file declares a steady motion that the scene has no symmetry for; names what breaks it.
+    """
+    variation, generator, matrices = coefficients(system, motion, frozen)
+    return Linearization(
+        system, *matrices, system.n_h, tuple(system.names), tuple(system.rows), motion, variation, generator, frozen
+    )
+
+
+def _terms(system: System, motion: Motion, generator: Generator | None) -> Matrices:
+    """Return the sizes of the terms of which the coefficients are sums, the same for all directions of a body."""
+    state, spaces = motion.dynamics, motion.spaces
+    # Multipliers bear the rounding of all the forces that they balance, and of the coordinates these depend on.
+    loads = system.terms(motion.q, motion.u, motion.a, motion.nu, motion.time)
+    J = state.J * spaces.scale * spaces.row_scale[:, None]
+    inverse = np.abs(np.linalg.pinv(J, rcond=RANK_TOLERANCE)) if len(J) else J.T
+    balanced = loads["F"] + loads["M"] @ np.abs(motion.a) + loads["J"].T @ np.abs(motion.nu)
+    balanced = balanced + loads["K"] @ motion.sizes + loads["R"] @ np.abs(motion.u)
+    nu = np.abs(motion.nu) + (inverse.T @ (balanced * spaces.scale)) * spaces.row_scale
+    M, R, K, J, D_q = _entries(system, motion, generator, nu)
+    # Turned axes mix the directions of a body: none of them is known better than the others.
+    kinds = [(name.partition(".")[0], is_length(name)) for name in system.names]
+    first = [i for i, kind in enumerate(kinds) if i == 0 or kind != kinds[i - 1]]
+    counts = np.diff([*first, len(kinds)])
+    M, R, K, J, D_q = (np.repeat(np.maximum.reduceat(x, first, axis=1), counts, axis=1) for x in (M, R, K, J, D_q))
+    M, R, K = (np.repeat(np.maximum.reduceat(x, first, axis=0), counts, axis=0) for x in (M, R, K))
+    return Matrices(M, R, K, J, D_q)
+
+
+def _entries(system: System, motion: Motion, generator: Generator | None, nu: Array) -> Matrices:
+    """Return the sizes of the terms of which the coefficients are sums, for multipliers of given sizes."""
+    found = system.terms(motion.q, motion.u, motion.a, nu, motion.time)
+    M, R, K, J, D_q = (found[key] for key in "MRKJD")
+    if generator is not None and generator.turns:
+        Xi, Xi_2 = (np.abs(x) for x in generator.frame(motion.q))
+        R, K, D_q = in_frame(M, R, K, J[system.n_h :], D_q, Xi, Xi_2)
+    return Matrices(M, R, K, J, D_q)
+
+
+def _beside(system: System, motion: Motion, generator: Generator | None, change: Array) -> Matrices:
+    """Return the coefficients a little beside the motion, where other multipliers balance the forces."""
+    q, u, a, spaces = motion.q + change, motion.u, motion.a, motion.spaces
+    state = system.dynamics(q, u, motion.time)
+    force = state.F0 + state.M @ a + state.J.T @ motion.nu
+    inverse = np.linalg.pinv(motion.dynamics.J * spaces.scale * spaces.row_scale[:, None], rcond=RANK_TOLERANCE)
+    nu = motion.nu - (inverse.T @ (force * spaces.scale)) * spaces.row_scale
+    return matrices_in(system, replace(motion, q=q, nu=nu, dynamics=state), generator)
+
+
+def state_space(linear: Linearization) -> StateSpace:
+    """Return the deflated system; all its eigenvalues are finite, and they are all finite eigenvalues."""
+    spaces = linear.motion.spaces
+    scale, N, Z = spaces.scale, spaces.N, spaces.Z
+    n_xi = N.shape[1]
+    A, M_z = deflated(spaces, Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q))
+    to_coordinates = scale[:, None] * np.hstack([N, np.zeros((len(scale), Z.shape[1]))])
+    to_rates = scale[:, None] * (N @ A[:n_xi])
+    return StateSpace(A, to_coordinates, to_rates, n_xi, M_z)

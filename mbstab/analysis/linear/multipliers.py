@@ -1,0 +1,111 @@
+"""Discs that hold the multipliers of a periodic motion, single ones and clusters alike.
+
+The monodromy matrix A is known to an error ε in the spectral norm. A point z is no eigenvalue of
+any matrix so near if the least singular value of z − A is larger than ε; on a circle of such points
+the number of eigenvalues inside is that of A (pseudospectra: Trefethen and Embree 2005, section
+2). Equal multipliers, with as many vectors or fewer, come into one disc.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.linear import verdict
+from mbstab.analysis.linear.bounds import Disc
+from mbstab.compiler.system import Array
+
+CIRCLE = 64
+"""Points of a circle on which there are no eigenvalues …"""
+
+MARGIN = 2.0
+"""… with so many errors left between them."""
+
+PARTS = (0.5, 0.2, 0.05, 0.01)
+"""Circles around a group are tried at these parts of the distance to the next one."""
+
+
+def enclosed(A: Array, error: float) -> tuple[Complex, list[Disc]]:
+    """Return the eigenvalues of a matrix that is known to an error in the spectral norm, and disjoint discs of them."""
+    n = len(A)
+    if not n:
+        return np.zeros(0, dtype=complex), []
+    if not (np.isfinite(A).all() and math.isfinite(error)):
+        values = np.full(n, np.nan, dtype=complex)
+        return values, [Disc(complex(math.nan, math.nan), math.inf, tuple(range(n)))]
+    values = np.linalg.eigvals(A).astype(complex)
+    groups = [[i] for i in range(n)]
+    while True:
+        discs = [_disc(A, error, values, members) for members in groups]
+        met = _meeting(discs)
+        if met is None:
+            return values, discs
+        groups[met[0]] += groups[met[1]]
+        del groups[met[1]]
+
+
+def _meeting(discs: list[Disc]) -> tuple[int, int] | None:
+    """Return two discs that meet; one without a radius meets the nearest one."""
+    centres, radii = np.array([x.centre for x in discs]), np.array([x.radius for x in discs])
+    apart = np.abs(centres[:, None] - centres)
+    np.fill_diagonal(apart, np.inf)
+    open_ = ~np.isfinite(radii)
+    between = np.where(open_[:, None], apart, np.inf) if open_.any() else apart - radii[:, None] - radii
+    i, j = np.unravel_index(int(np.argmin(between)), between.shape)
+    met = len(discs) > 1 and (bool(open_.any()) or not between[i, j] > 0.0)
+    return (int(i), int(j)) if met else None
+
+
+def _disc(A: Array, error: float, values: Complex, members: list[int]) -> Disc:
+    """Return a disc that holds a group of eigenvalues, those and no others; the radius is inf if none is found."""
+    inside, outside = values[members], np.delete(values, members)
+    centre = complex(np.mean(inside))
+    if all(np.any(inside == s.conjugate()) for s in inside):
+        centre = complex(centre.real)
+    angles = np.exp(2j * np.pi * (np.arange(CIRCLE) + 0.5) / CIRCLE)
+    shifted = centre * np.eye(len(A)) - A
+
+    def clear(radius: float) -> bool:
+        points = shifted + radius * angles[:, None, None] * np.eye(len(A))
+        return bool(np.min(np.linalg.svd(points, compute_uv=False)[:, -1]) > MARGIN * error)
+
+    low = max(float(np.max(np.abs(inside - centre))), error, 1e-300)
+    far = float(np.min(np.abs(outside - centre), initial=np.inf))
+    tried = [part * far for part in PARTS] if len(outside) else [4.0 * (float(np.linalg.norm(shifted, 2)) + error)]
+    high = next((radius for radius in tried if radius > low and clear(radius)), math.inf)
+    while math.isfinite(high) and high > 1.2 * low:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if clear(middle) else (middle, high)
+    return Disc(centre, high, tuple(members))
+
+
+def placed(discs: Sequence[Disc], period: float, mirrored: str) -> list[verdict.Disc]:
+    """Return the discs of the exponents log(μ)/T with the side of the axis on which they lie.
+
+    Parameters
+    ----------
+    discs : sequence of Disc
+        Of the multipliers, disjoint.
+    period : float (s)
+    mirrored : str
+        In words, what makes 1/μ̄ a multiplier if μ is one; empty: nothing does. Then a disc that
+        holds a single multiplier lies on the unit circle if no other disc meets its mirror image;
+        1 and −1 themselves, where multipliers leave the circle, are not taken for held there.
+    """
+    found = []
+    for i, disc in enumerate(discs):
+        size = abs(disc.centre)
+        where, why = verdict.side(size - 1.0, disc.radius), ""
+        alone = len(disc.members) == 1 and min(abs(disc.centre - 1.0), abs(disc.centre + 1.0)) > disc.radius
+        if where == "open" and mirrored and alone and size > disc.radius:
+            image, radius = 1.0 / disc.centre.conjugate(), disc.radius / (size * (size - disc.radius))
+            if all(abs(image - x.centre) > radius + x.radius for j, x in enumerate(discs) if j != i):
+                where, why = "axis", mirrored
+        exponent = cmath.log(disc.centre or 1e-300) / period if size == size else disc.centre
+        spread = -math.log1p(-disc.radius / size) / period if size > disc.radius else math.inf
+        found.append(verdict.Disc(exponent, spread, len(disc.members), where, why))
+    return found

@@ -1,0 +1,384 @@
+"""Which disturbances lead to other motions of the same kind, and what is left to judge.
+
+In the deflated system ẏ = S y, with y = [ξ; η] of `mbstab.analysis.linear.linearize`, two things are known
+by structure: directions T, S T ⊂ T, of verified symmetries and of families of motions, and
+differentials L, L S = 0, of functions that are the same along every motion (momenta, energy).
+If what S does on the rest, A = Bᵀ S B with B an orthonormal basis of {y ⟂ T, L y = 0}, is regular,
+then each value of those functions has exactly one motion near the reference that is of its kind
+(implicit function theorem), and L adds as many directions to the family as it has rows.
+
+No eigenvalue is taken to be zero because it is small: what T and L do not explain stays in A.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.linear.linearize import Linearization, StateSpace
+from mbstab.analysis.linear.verdict import Neutral
+from mbstab.analysis.linear.work import Work
+from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.reference.symmetries import Combination, Invariance, Symmetry
+from mbstab.compiler.system import Array
+from mbstab.model.schema import is_length
+
+KEPT, GAP = 1e-8, 1e3
+"""Directions are independent above this singular value, and if the next one is smaller by this factor."""
+
+FITS = 1e-7
+"""A direction that S leads out of T by more than this, relative to its norm, is a fault of the program."""
+
+FULL_RANK = 1e-9
+"""Rest positions form a manifold if the least singular value of the forces on them is larger, relative to the norm."""
+
+TURNING = 1e-3
+"""Frequencies of neutral directions are those of the motion to this."""
+
+LONGEST = 4
+"""Jordan chains of neutral directions are no longer than this."""
+
+
+@dataclass(frozen=True)
+class Separated:
+    """The balanced matrix S with what is known of it by structure.
+
+    Attributes
+    ----------
+    S : ndarray, shape (n, n)
+    T : ndarray, shape (n, d)
+        Orthonormal directions of symmetries and families.
+    L : ndarray, shape (k, n)
+        Orthonormal differentials of conserved functions, L T = 0.
+    B : ndarray, shape (n, n − d − k)
+        Orthonormal basis of what is left.
+    neutral : Neutral
+    rates : tuple of float (1/s)
+        Ω of the frame in which the motion stands still, if it turns, and of the coordinates that spin in it.
+    doubt : str
+        A contradiction between the structure and the numbers; empty: there is none.
+    speeds : int
+        How many of the directions of T are speeds at which what rests may move on along symmetries.
+    """
+
+    S: Array
+    T: Array
+    L: Array
+    B: Array
+    neutral: Neutral
+    rates: tuple[float, ...] = ()
+    doubt: str = ""
+    speeds: int = 0
+
+    @cached_property
+    def A(self) -> Array:
+        """What is left to judge, Bᵀ S B."""
+        result: Array = self.B.T @ self.S @ self.B
+        return result
+
+    def frequencies(self) -> list[complex]:
+        """Return ±iΩ for each pair of neutral directions that the motion carries around; the others are zero."""
+        if not self.rates or not self.T.shape[1]:
+            return []
+        values = np.linalg.eigvals(self.T.T @ self.S @ self.T).imag
+        nearest = np.array(self.rates)[np.argmin(np.abs(values[:, None] - self.rates), axis=1)]
+        turning = sorted(nearest[np.abs(values - nearest) < TURNING * nearest].tolist(), reverse=True)
+        return [complex(0.0, sign * rate) for rate in turning for sign in (1.0, -1.0)]
+
+
+class Structure:
+    """What is known of a linearization by structure; each part is worked out when it is asked for.
+
+    Parameters
+    ----------
+    linear : Linearization
+    space : StateSpace
+    gamma : float (1/s)
+        The rate in which speeds are counted.
+    invariance : Invariance
+    """
+
+    def __init__(self, linear: Linearization, space: StateSpace, gamma: float, invariance: Invariance) -> None:
+        self.linear, self.space, self.gamma, self.invariance = linear, space, gamma, invariance
+
+    @cached_property
+    def work(self) -> Work:
+        """What adds energy and what takes it."""
+        return Work(self.invariance, self.linear.generator)
+
+    @cached_property
+    def _slope(self) -> Array:
+        """Ξ of the motion, of which there is one if it is steady."""
+        assert self.linear.generator is not None
+        return self.linear.generator.frame(self.linear.motion.q)[0]
+
+    # --- into the coordinates of S ----------------------------------------------------------------------------------
+
+    def column(self, direction: Array, rate: Array) -> Array:
+        """Return a disturbance (Δq, Δu) in the coordinates of the balanced S."""
+        linear, space = self.linear, self.space
+        spaces, n = linear.motion.spaces, self.space.n_xi
+        generator = linear.generator
+        if generator is not None and generator.turns:
+            rate = rate - self._slope @ direction
+        xi = spaces.N.T @ (direction / spaces.scale)
+        eta = spaces.Z.T @ (spaces.N.T @ (rate / spaces.scale) - space.A[:n, :n] @ xi)
+        return np.concatenate([xi, eta / self.gamma])
+
+    def differential(self, direction: Array, rate: Array) -> Array:
+        """Return the differential of the momentum along a symmetry Y, or of the energy along the motion itself.
+
+        Yᵀ times the linearized equations is the rate of it: (Yᵀ R − Y'ᵀ M) Δq + Yᵀ M Δu, with Y' the
+        rate at which the frame of the motion carries Y around.
+        """
+        linear, space = self.linear, self.space
+        spaces, n = linear.motion.spaces, self.space.n_xi
+        N = spaces.scale[:, None] * spaces.N
+        carried = rate if linear.generator is None else rate - self._slope @ direction
+        speeds = direction @ linear.M @ N
+        positions = direction @ linear.R @ N - carried @ linear.M @ N
+        return np.concatenate([positions + speeds @ space.A[:n, :n], self.gamma * (speeds @ spaces.Z)])
+
+    # --- directions -------------------------------------------------------------------------------------------------
+
+    def separated(self, S: Array) -> Separated:
+        """Return the balanced S with its neutral directions."""
+        n = len(S)
+        generator = self.linear.generator
+        rates = () if generator is None else _rates(generator)
+        if not n:
+            return unseparated(S)
+        symmetries = self.invariance.symmetries
+        boosts = self.invariance.boosts
+        columns = [self.column(item.direction, item.rate) for item in symmetries]
+        columns += [self.column(np.zeros_like(item.direction), item.direction) for item in boosts]
+        family = [f"speed along {_axis(item)}" for item in boosts]
+        rest, named = self._rest(S, columns)
+        T = orthonormal([*columns, *rest], n)
+        family += named
+        L, kept = self._conserved(T, S)
+        family += kept
+        # Where conserved functions have other values, what moves on need not be steady.
+        moving, slow = self._moving(T) if not len(L) else ([], [])
+        family += slow
+        T = orthonormal([*T.T, *moving], n) if moving else T
+        d = T.shape[1]
+        B = complement(np.hstack([T, L.T]))
+        # Where forces cancel in a critical state, S itself may be rounding.
+        size = max(float(np.linalg.norm(S, 2)), self.invariance.rate)
+        doubt = ""
+        worst = max(
+            float(np.linalg.norm(S @ T - T @ (T.T @ S @ T), 2)) if d else 0.0,
+            float(np.linalg.norm((L @ S) - (L @ S @ T) @ T.T, 2)) if len(L) else 0.0,
+        )
+        if worst > FITS * size:
+            doubt = (
+                f"the symmetries found ({', '.join(x.name for x in symmetries)}) do not fit the linearized equations "
+                f"({worst / size:.1e} of their norm): please report this model"
+            )
+        found = Separated(S, T, L, B, Neutral(), rates, doubt, len(moving))
+        names = tuple(item.name for item in symmetries)
+        neutral = Neutral(
+            names,
+            tuple(family),
+            d + len(L),
+            drift_of(found),
+            "numerical" if d + len(L) else "structural",
+            slow=tuple(slow),
+        )
+        return replace(found, neutral=neutral)
+
+    def symmetric(self, n: int) -> Array:
+        """Return orthonormal directions of the symmetries alone, shape (n, d)."""
+        return orthonormal([self.column(item.direction, item.rate) for item in self.invariance.symmetries], n)
+
+    def _rest(self, S: Array, columns: list[Array]) -> tuple[list[Array], list[str]]:
+        """Return the positions at rest beside this one, where rows on the speeds leave a manifold of them.
+
+        Where forces along all allowed motions have full rank as functions of the positions, rests
+        form a manifold of the dimension of the independent nonholonomic rows (Neimark, Fufaev 1972).
+        """
+        linear, n = self.linear, self.space.n_xi
+        n_eta = len(S) - n
+        if n_eta >= n or np.any(linear.motion.u) or not self.work.rows_at_rest:
+            return [], []
+        size = float(np.linalg.norm(S[n:], 2)) or 1.0
+        if n_eta:
+            _, s, right = np.linalg.svd(S[n:, :n])
+            if s[-1] <= FULL_RANK * size:
+                return [], []
+            null = right[n_eta:].T
+        else:
+            null = np.eye(n)
+        found = [np.concatenate([x, np.zeros(n_eta)]) for x in null.T]
+        further = len(found) - orthonormal(columns, len(S)).shape[1]
+        return found, ["position at rest"] if further > 0 else []
+
+    def _moving(self, T: Array) -> tuple[list[Array], list[str]]:
+        """Return speeds along symmetries at which what rests here may move on steadily, apart from T.
+
+        A wheel that stands may roll at any speed, although no momentum along it is conserved.
+        """
+        invariance, linear = self.invariance, self.linear
+        items = invariance.symmetries
+        if np.any(linear.motion.u) or not items or not self.work.rows_at_rest:
+            return [], []
+        spaces = linear.motion.spaces
+        directions = np.array([x.direction for x in items]).T
+        columns = self.gamma * np.array([self.column(np.zeros_like(x), x) for x in directions.T]).T
+        directions = directions / spaces.scale[:, None]
+        lengths = np.linalg.norm(directions, axis=0)
+        columns, directions = columns / lengths, directions / lengths
+        c = admissible(directions, spaces.N @ spaces.Z)
+        _, s, right = np.linalg.svd(columns @ c - T @ (T.T @ (columns @ c)))
+        c = c @ right[: int(np.sum(s > KEPT))].T
+        if not c.shape[1]:
+            return [], []
+        chosen = _sparse(c / lengths[:, None])
+        mixed = [*np.random.default_rng(7).uniform(-1.0, 1.0, (2 if c.shape[1] > 1 else 0, c.shape[1]))]
+        if not all(
+            invariance.moves_on(Combination(_parts(x, items)))
+            for x in (*chosen, *(np.array(chosen).T @ x for x in mixed))
+        ):
+            return [], []
+        names = [
+            f"speed of {items[int(np.argmax(np.abs(x)))].name}" if np.sum(x != 0.0) == 1 else "speed" for x in chosen
+        ]
+        return [columns @ x for x in c.T], names
+
+    def _conserved(self, T: Array, S: Array) -> tuple[Array, list[str]]:
+        """Return independent differentials that vanish on T, and what their values tell apart."""
+        motion, n = self.linear.motion, len(S)
+        candidates: list[tuple[str, Array]] = []
+        for item in self.invariance.integrals:
+            if self._commutes(item):
+                candidates.append((f"speed of {item.name}", self.differential(item.direction, item.rate)))
+        if np.any(motion.u) and self.work.conserved_at_rest:
+            candidates.append(("speed", self.differential(motion.u, motion.a)))
+        if not candidates or self._driven_boost():
+            return np.zeros((0, n)), []
+        rows = np.array([x / (np.linalg.norm(x) or 1.0) for _, x in candidates])
+        # Combinations that do not change along T.
+        if T.shape[1]:
+            _, s, right = np.linalg.svd((rows @ T).T)
+            rank = int(np.sum(s > KEPT))
+            rows = right[rank:] @ rows
+            # Of functions that are the same the difference is rounding.
+            rows = rows[np.linalg.norm(rows, axis=1) > KEPT]
+        basis = orthonormal(list(rows), n)
+        # Each is called after the one that it contains most of and that is not taken yet.
+        names: list[str] = []
+        for differential in basis.T:
+            shares = [(-abs(x @ differential) / (np.linalg.norm(x) or 1.0), name) for name, x in candidates]
+            names.append(min(x for x in shares if x[1] not in names)[1])
+        return basis.T, names
+
+    def _commutes(self, item: Symmetry) -> bool:
+        """Whether a symmetry stands still in the frame of the motion."""
+        y = self.column(item.direction, item.rate)
+        n = self.space.n_xi
+        moving = np.concatenate([self.space.A[:n, :n] @ y[:n], y[n:]])
+        return bool(np.linalg.norm(moving[n:]) <= 1e-9 * np.linalg.norm(y))
+
+    def _driven_boost(self) -> bool:
+        """Whether everything may be given another speed along a shift, although forces act along it.
+
+        Motions of such a family need not be steady where other conserved functions have other values.
+        """
+        return any(not self.invariance.conserves(item.of) for item in self.invariance.boosts)
+
+
+def admissible(directions: Array, allowed: Array) -> Array:
+    """Return which combinations of directions the rows allow as speeds.
+
+    Parameters
+    ----------
+    directions : ndarray, shape (n_q, k)
+        Unit columns in scaled coordinates.
+    allowed : ndarray, shape (n_q, m)
+        Orthonormal speeds that the rows allow.
+
+    Returns
+    -------
+    c : ndarray, shape (k, number), orthonormal columns
+    """
+    across = directions - allowed @ (allowed.T @ directions)
+    _, s, right = np.linalg.svd(across)
+    result: Array = right[int(np.sum(s > KEPT)) :].T
+    return result
+
+
+def _sparse(c: Array) -> list[Array]:
+    """Return the columns without what is rounding."""
+    return [np.where(np.abs(x) > KEPT * np.max(np.abs(x)), x, 0.0) for x in c.T]
+
+
+def _parts(c: Array, items: list[Symmetry]) -> tuple[tuple[float, Any], ...]:
+    return tuple((float(x), item.of) for x, item in zip(c, items, strict=True) if x)
+
+
+def unseparated(S: Array) -> Separated:
+    """Return a matrix of which nothing is known by structure."""
+    n = len(S)
+    return Separated(S, np.zeros((n, 0)), np.zeros((0, n)), np.eye(n), Neutral())
+
+
+def _rates(generator: Generator) -> tuple[float, ...]:
+    """Return the different rates at which a steady motion turns (rad/s), fastest first."""
+    spins = [x for name, x in zip(generator.system.names, generator.spins.tolist(), strict=True) if not is_length(name)]
+    return tuple(sorted({abs(x) for x in (float(generator.rate), *spins) if x}, reverse=True))
+
+
+def _axis(item: Symmetry) -> str:
+    return item.name.removeprefix("translation along ")
+
+
+def orthonormal(columns: list[Array], n: int) -> Array:
+    """Return an orthonormal basis of the span of columns of length n."""
+    if not columns:
+        return np.zeros((n, 0))
+    matrix = np.array([x / (np.linalg.norm(x) or 1.0) for x in columns]).T
+    left, s, _ = np.linalg.svd(matrix, full_matrices=False)
+    result: Array = left[:, s > KEPT]
+    return result
+
+
+def complement(columns: Array) -> Array:
+    """Return an orthonormal basis of what is orthogonal to independent columns."""
+    if not columns.shape[1]:
+        return np.eye(len(columns))
+    result: Array = np.linalg.svd(columns)[0][:, columns.shape[1] :]
+    return result
+
+
+def drift_of(found: Separated) -> int:
+    """Return how disturbances along neutral directions grow: 0, or the power of t."""
+    S, T, L, B = found.S, found.T, found.L, found.B
+    if not T.shape[1] + len(L):
+        return 0
+    V = L.T
+    if len(L) and B.shape[1]:
+        try:
+            V = L.T - B @ np.linalg.solve(B.T @ S @ B, B.T @ S @ L.T)
+        except np.linalg.LinAlgError:
+            return 1
+    d, k = T.shape[1], len(L)
+    step = np.zeros((d + k, d + k))
+    step[:d, :d], step[:d, d:] = T.T @ S @ T, T.T @ S @ V
+    size = float(np.linalg.norm(step, 2))
+    if size <= 1e-9 * float(np.linalg.norm(S, 2)):
+        return 0
+    values = np.linalg.eigvals(step)
+    turning = float(np.max(np.abs(values.imag), initial=0.0))
+    power = step / size
+    if turning > 1e-4 * size:
+        power = power @ (power @ power + (turning / size) ** 2 * np.eye(d + k))
+    product = np.eye(d + k)
+    for order in range(LONGEST):
+        product = product @ power
+        if np.linalg.norm(product, 2) <= 1e-7:
+            return order
+    return LONGEST

@@ -1,0 +1,337 @@
+"""Stability of a periodic motion by its Floquet multipliers.
+
+Disturbances grow by the multipliers μ in a period T, like exp(s t) with the exponents
+s = log(μ)/T. What symmetries and conserved functions explain is separated before, by the same
+structure as for constant coefficients (`mbstab.analysis.linear.neutral`), which here must hold at all times:
+directions of symmetries, which Φ carries into each other, among them the shift in time (u, a) where
+nothing depends on the time; and differentials of momenta and of the energy, which Φ does not
+change. The multipliers of the rest are judged by the one rule of `mbstab.analysis.linear.verdict`.
+
+Where all forces have potentials at every instant and rows act on positions only, Φ is symplectic:
+with μ also 1/μ̄ is a multiplier (Yakubovich and Starzhinskii 1975, chapter III).
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex, norms
+from mbstab.analysis.linear.bounds import Disc
+from mbstab.analysis.linear.constancy import affine_drives, kinks, period_doubt, time_uses
+from mbstab.analysis.linear.facts import Grounds
+from mbstab.analysis.linear.floquet import PERIODICITY, Monodromy, monodromy
+from mbstab.analysis.linear.linearize import linearize
+from mbstab.analysis.linear.multipliers import enclosed, placed
+from mbstab.analysis.linear.neutral import FITS, KEPT, Separated, complement, drift_of, orthonormal
+from mbstab.analysis.linear.results import Counts, EigenResult, Eigenvalue
+from mbstab.analysis.linear.verdict import UNDECIDED, UNSTABLE, Facts, Minimum, Neutral, Verdict, judge, show
+from mbstab.analysis.linear.verdict import Disc as Exponent
+from mbstab.analysis.linear.work import Work
+from mbstab.analysis.reference.motion import Motion, motion_at
+from mbstab.analysis.reference.symmetries import Invariance, State, Symmetry
+from mbstab.compiler.system import Array, System
+from mbstab.model.schema import is_length, unit_of
+
+INSTANTS = (0.0, 0.2360679775, 0.5278640450, 0.8196601125)
+"""Parts of the period at which structure must hold where something depends on the time."""
+
+AMPLIFIED = 10.0
+"""A motion that misses itself by some part has multipliers that are off by no more than so many times that part."""
+
+LATER = (1, 2, 5, 13, 100)
+"""Numbers of periods after which a motion that has moved on is looked at."""
+
+RESTS = 1e-9
+"""What moves by no more than this part of its size in a period is at rest, but for rounding."""
+
+TURNED = 1e-4
+"""Multipliers of symmetries that differ from 1 by more are those of a turn."""
+
+
+def periodic_answer(
+    system: System, motion: Motion, period: float, progress: Callable[[float], object] | None = None
+) -> EigenResult:
+    """Return the Floquet exponents (1/s) and multipliers of a periodic motion, with bounds and a verdict.
+
+    Parameters
+    ----------
+    period : float (s)
+    progress : callable, optional
+        Is called with the part of the work that is done, from 0 to 1.
+
+    Raises
+    ------
+    MbstabError
+        As `mbstab.analysis.linear.floquet.monodromy`.
+    """
+    flow = monodromy(system, motion, period, progress)
+    cycle = Cycle(system, motion, flow)
+    separated = cycle.separated
+    size = max(1.0, float(np.linalg.norm(flow.Phi, 2))) if len(flow.Phi) else 1.0
+    error = flow.error + AMPLIFIED * flow.mismatch * size
+    values, discs = enclosed(separated.B.T @ flow.Phi @ separated.B, error)
+    exponents = placed(discs, period, cycle.mirrored)
+    neutral = cycle.multipliers()
+    facts = Facts(
+        expected=motion.spaces.n_f,
+        found=len(values) + len(neutral),
+        discs=tuple(exponents),
+        neutral=separated.neutral,
+        time=cycle.time,
+        kink=cycle.kink(1),
+        rough=cycle.kink(2),
+        doubts=(separated.doubt,) if separated.doubt else (),
+        minimum=cycle.minimum,
+        multipliers=True,
+    )
+    judged = _worded(judge(facts), discs, exponents)
+    found = _listed(values, discs, exponents, error, period)
+    found += [Eigenvalue(cmath.log(x) / period, "neutral", math.nan, math.nan, math.nan, multiplier=x) for x in neutral]
+    spaces = motion.spaces
+    counts = Counts(
+        system.n_q, system.n_h, system.n_n, spaces.C.rank, spaces.W.rank, spaces.n_f, len(found), len(neutral), 0, 0
+    )  # fmt: skip
+    return EigenResult(found, judged, counts, "floquet", (*motion.warnings, *judged.warnings), period=period)
+
+
+def _listed(
+    values: Complex, discs: list[Disc], exponents: list[Exponent], error: float, period: float
+) -> list[Eigenvalue]:
+    """Return the multipliers with their exponents and bounds, those that grow fastest first."""
+    found = []
+    for disc, exponent in zip(discs, exponents, strict=True):
+        for i in disc.members:
+            mu = complex(values[i])
+            s = cmath.log(mu or 1e-300) / period if mu == mu else mu
+            off = disc.radius + abs(mu - disc.centre)
+            bound = -math.log1p(-off / abs(mu)) / period if abs(mu) > off else math.inf
+            form = "focus" if s.imag else "node"
+            kinds = {"left": f"stable {form}", "right": f"unstable {form}", "axis": "center"}
+            kind = kinds.get(exponent.side, "undecided")
+            found.append(Eigenvalue(s, kind, bound, off / error if error else math.nan, error, multiplier=mu))
+    return sorted(found, key=lambda e: (-round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
+
+
+def _worded(judged: Verdict, discs: list[Disc], exponents: list[Exponent]) -> Verdict:
+    """Return a verdict in the words for periodic motions."""
+    growing = [(e.centre.real, d, e) for d, e in zip(discs, exponents, strict=True) if e.side == "right"]
+    if judged.word == UNSTABLE and growing:
+        _, disc, exponent = max(growing, key=lambda x: x[0])
+        what = f"multiplier {show(disc.centre)}, exponent known to {exponent.radius:.1e} 1/s"
+        reason = f"disturbances grow by the factor {abs(disc.centre):.6g} in a period ({what})"
+        return replace(judged, reasons=(reason,))
+    if judged.word == UNDECIDED:
+        return replace(judged, reasons=tuple(x.replace("eigenvalue", "exponent") for x in judged.reasons))
+    return judged
+
+
+@dataclass(frozen=True)
+class _Conserved:
+    """A function that is the same along every motion: what its value tells apart, and its differential."""
+
+    name: str
+    dq: Array
+    du: Array
+
+
+class Cycle:
+    """What is known of a periodic motion by structure; each part is worked out when it is asked for.
+
+    Parameters
+    ----------
+    system : System
+    motion : Motion
+        At the start of the period.
+    flow : Monodromy
+    """
+
+    def __init__(self, system: System, motion: Motion, flow: Monodromy) -> None:
+        self.system, self.motion, self.flow = system, motion, flow
+        self.constant = not time_uses(system)
+        self.moving = bool(np.max(np.abs(flow.path[:, 1] * flow.period / motion.sizes)) > RESTS)
+
+    @cached_property
+    def invariances(self) -> list[Invariance]:
+        """The structure at the start, and at other instants where something depends on the time."""
+        found = [Invariance(self.system, self.motion)]
+        for part in INSTANTS[1:] if not self.constant else ():
+            i = int(np.argmin(np.abs(self.flow.times - self.motion.time - part * self.flow.period)))
+            q, u = self.flow.path[i]
+            found.append(Invariance(self.system, motion_at(self.system, q, u, float(self.flow.times[i]))))
+        return found
+
+    # --- time and smoothness ----------------------------------------------------------------------------------------
+
+    @cached_property
+    def time(self) -> str:
+        """Why the equations are not known to repeat after the period; empty: they do."""
+        elsewhere = self._elsewhere()
+        broken = [use.path for use in affine_drives(self.system)] if elsewhere else []
+        return period_doubt(self.system, self.flow.period, broken) or elsewhere
+
+    def _elsewhere(self) -> str:
+        """Say where the motion is after the period, unless that is the same by a symmetry."""
+        names, sizes = self.system.names, self.motion.sizes
+        lengths = np.array([is_length(name) for name in names])
+        turns = np.where(lengths, 0.0, 2.0 * math.pi * np.round(self.flow.advance / (2.0 * math.pi)))
+        off = self.flow.advance - turns
+        advance = turns + np.where(np.abs(off) > PERIODICITY * sizes, off, 0.0)
+        if not np.any(advance) or all(self._carried(invariance, advance) for invariance in self.invariances):
+            return ""
+        worst = int(np.argmax(np.abs(advance / sizes)))
+        there = f"{names[worst]} by {advance[worst]:.6g} {unit_of(names[worst])}"
+        return f"after the period the motion is elsewhere ({there}), and what acts there is not known to be the same"
+
+    def _carried(self, invariance: Invariance, advance: Array) -> bool:
+        """Whether all elements and rows do the same some periods later, moved on by a shift each time."""
+        one, now = np.eye(len(advance)), invariance.motion.time
+        if not invariance.states:
+            return False
+        for number in LATER:
+            for element in invariance.elements:
+                for state in invariance.states:
+                    there = State(state.q + number * advance, state.u, state.a)
+                    if not invariance.same(element, state, there, one, exact=False):
+                        return False
+            for state in invariance.on_rows:
+                if not invariance.satisfies(state.q + number * advance, state.u, now + number * self.flow.period):
+                    return False
+        return True
+
+    def kink(self, order: int) -> str:
+        """Return why the equations are not known to have so many continuous derivatives along the motion."""
+        q, u = np.moveaxis(self.flow.path, 1, 0)
+        return kinks(self.system, q, u, self.flow.times, order, along=True)
+
+    # --- structure of the multipliers -------------------------------------------------------------------------------
+
+    @cached_property
+    def potentials(self) -> bool:
+        """Whether all forces have potentials at every instant."""
+        works = [Work(invariance, None) for invariance in self.invariances]
+        return not any(found for work in works for kind, found in work.kinds.items() if kind != "potential")
+
+    @cached_property
+    def mirrored(self) -> str:
+        """What makes the multipliers symmetric to the unit circle, in words; empty: nothing."""
+        if self.system.n_n or not self.potentials:
+            return ""
+        return "the energy is conserved" if self.constant else "all forces have potentials at every instant"
+
+    @cached_property
+    def symmetries(self) -> list[Symmetry]:
+        """Symmetries at all times."""
+        first, *others = self.invariances
+        return [item for item in first.symmetries if all(x.carries(item.of) for x in others)]
+
+    @cached_property
+    def boosts(self) -> list[Symmetry]:
+        """Shifts among the symmetries that the speeds may be given as well, at all times."""
+        first, *others = self.invariances
+        kept = {id(item.of) for item in self.symmetries}
+        return [
+            item
+            for item in first.boosts
+            if id(item.of) in kept
+            and all(any(np.array_equal(item.direction, x.direction) for x in other.boosts) for other in others)
+        ]
+
+    def minimum(self) -> Minimum | None:
+        """Return what the energy says about a motion that is rest: every period will do."""
+        if not self.constant or self.moving:
+            return None
+        grounds = Grounds(linearize(self.system, self.motion))
+        return None if grounds.time or grounds.kink(2) else grounds.minimum()
+
+    def _conserved(self) -> list[_Conserved]:
+        """Return the functions that are the same along every motion, with their differentials at the start."""
+        system, motion = self.system, self.motion
+        if any(not x.conserves(item.of) for item in self.boosts for x in self.invariances):
+            return []
+        zero, rows = np.zeros(system.n_q), np.zeros(system.n_c)
+        # ∂(M w)/∂q for w = u, and the momenta M u.
+        bent = system.linearize(motion.q, zero, motion.u, rows, motion.time)[0]
+        bent = bent - system.linearize(motion.q, zero, zero, rows, motion.time)[0]
+        M = motion.dynamics.M
+        p = M @ motion.u
+        found = []
+        for item in self.symmetries:
+            if all(x.conserves(item.of) for x in self.invariances):
+                dq = item.direction @ bent + p @ item.of.slope(motion.q)
+                found.append(_Conserved(f"speed of {item.name}", dq, item.direction @ M))
+        if self.constant and self.moving and Work(self.invariances[0], None).conserved_at_rest:
+            forces = system.dynamics(motion.q, zero, motion.time).F0
+            found.append(_Conserved("energy", 0.5 * motion.u @ bent + forces, p))
+        return found
+
+    @cached_property
+    def separated(self) -> Separated:
+        """Φ − 1 with its neutral directions."""
+        flow, motion = self.flow, self.motion
+        n = len(flow.Phi)
+        columns = [flow.to_components @ np.concatenate([item.direction, item.rate]) for item in self.symmetries]
+        names = [item.name for item in self.symmetries]
+        zero = np.zeros(self.system.n_q)
+        columns += [flow.to_components @ np.concatenate([zero, item.direction]) for item in self.boosts]
+        family = [f"speed along {item.name.removeprefix('translation along ')}" for item in self.boosts]
+        T = orthonormal(columns, n)
+        if self.constant and self.moving and n:
+            # Later on the same motion.
+            wider = orthonormal([*columns, flow.to_components @ np.concatenate([motion.u, motion.a])], n)
+            names += ["the motion itself"] if wider.shape[1] > T.shape[1] else []
+            T = wider
+        L, kept = self._differentials(T)
+        change = flow.Phi - np.eye(n)
+        found = Separated(change, T, L, complement(np.hstack([T, L.T])), Neutral())
+        count = T.shape[1] + len(L)
+        # What is rounding drives nothing.
+        steady = np.where(np.abs(change) > AMPLIFIED * flow.error, change, 0.0)
+        drift = min(drift_of(replace(found, S=steady)), 2)
+        neutral = Neutral(tuple(names), (*family, *kept), count, drift, "numerical" if count else "structural")
+        return replace(found, neutral=neutral, doubt=self._misfit(found, names))
+
+    def _differentials(self, T: Array) -> tuple[Array, list[str]]:
+        """Return independent differentials that vanish on T, as orthonormal rows, and what their values tell apart."""
+        flow, candidates = self.flow, self._conserved()
+        n = len(T)
+        rows = np.array([x.dq @ flow.to_coordinates + x.du @ flow.to_rates for x in candidates]).reshape(-1, n)
+        rows = rows / norms(rows)[:, None]
+        left = rows
+        if len(rows) and T.shape[1]:
+            _, s, right = np.linalg.svd((rows @ T).T)
+            left = right[int(np.sum(s > KEPT)) :] @ rows
+        basis = orthonormal(list(left), n)
+        names: list[str] = []
+        for differential in basis.T:
+            shares = [(-abs(row @ differential), x.name) for row, x in zip(rows, candidates, strict=True)]
+            names.append(min(x for x in shares if x[1] not in names)[1])
+        return basis.T, names
+
+    def _misfit(self, found: Separated, names: list[str]) -> str:
+        """Say that the monodromy matrix contradicts the structure, if it does."""
+        S, T, L = found.S, found.T, found.L
+        d = T.shape[1]
+        worst = max(
+            float(np.linalg.norm(S @ T - T @ (T.T @ S @ T), 2)) if d else 0.0,
+            float(np.linalg.norm(L @ S - (L @ S @ T) @ T.T, 2)) if len(L) else 0.0,
+        )
+        size = max(1.0, float(np.linalg.norm(self.flow.Phi, 2))) if len(S) else 1.0
+        if worst <= (FITS + AMPLIFIED * self.flow.mismatch) * size + AMPLIFIED * self.flow.error:
+            return ""
+        return (
+            f"the symmetries found ({', '.join(names)}) do not fit the monodromy matrix ({worst / size:.1e} of its "
+            "norm): please report this model"
+        )
+
+    def multipliers(self) -> list[complex]:
+        """Return the multipliers of the neutral directions: 1, or on the unit circle where a turn is not whole."""
+        found = self.separated
+        values = np.linalg.eigvals(found.T.T @ found.S @ found.T) + 1.0 if found.T.shape[1] else np.zeros(0)
+        turned = [complex(x / abs(x)) if abs(x - 1.0) > TURNED else 1.0 + 0j for x in values.tolist()]
+        return turned + [1.0 + 0j] * (found.neutral.count - len(turned))

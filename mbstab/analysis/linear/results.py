@@ -1,0 +1,147 @@
+"""What an answer about eigenvalues consists of."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.linear.verdict import Judged, Verdict
+
+
+@dataclass(frozen=True)
+class Eigenvalue:
+    """One finite eigenvalue.
+
+    Attributes
+    ----------
+    value : complex (1/s)
+    kind : str
+        ``stable node``, ``unstable node``, ``saddle``, ``stable focus``, ``unstable focus``,
+        ``center``, ``neutral`` (zero), or ``undecided``.
+    error_bound : float (1/s)
+        Radius of the disc in which it lies; nan for neutral eigenvalues, which are exact by structure.
+    condition, backward_error : float
+        Relative condition number κ and backward error η.
+    participation : dict
+        Share of each body in the kinetic energy of the mode; sums to 1.
+    multiplier : complex or None
+        Of a periodic motion: what a disturbance is multiplied by in a period; `value` is then
+        the Floquet exponent.
+    vector : ndarray of complex, shape (n_q,), or None
+        What the mode moves (m, rad), in the order of `EigenResult.coordinates`; the coordinate that moves most,
+        lengths relative to the size of the scene, is 1. None for neutral eigenvalues and multipliers.
+    """
+
+    value: complex
+    kind: str
+    error_bound: float
+    condition: float
+    backward_error: float
+    participation: dict[str, float] = field(default_factory=dict)
+    multiplier: complex | None = None
+    vector: Complex | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def frequency(self) -> float:
+        """Frequency of oscillation |Im s|/2π (Hz)."""
+        return abs(self.value.imag) / (2.0 * math.pi)
+
+    @property
+    def damping_ratio(self) -> float:
+        """−Re s/|s|, nan for a neutral eigenvalue."""
+        return -self.value.real / abs(self.value) if self.kind != "neutral" and self.value else math.nan
+
+    @property
+    def time_to_double(self) -> float:
+        """Time in which a disturbance doubles (s); negative: the time in which it halves; inf if it does neither."""
+        if self.kind in ("center", "neutral") or self.value.real == 0.0:
+            return math.inf
+        return math.log(2.0) / self.value.real
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Sizes of the problem.
+
+    Attributes
+    ----------
+    n_q, n_holonomic, n_nonholonomic : int
+        Coordinates and constraint rows.
+    rank_holonomic, rank_nonholonomic : int
+        rank C_q and rank D_u N.
+    expected, found : int
+        Finite eigenvalues: 2(n_q − rank C_q) − rank(D_u N), and what the method returned.
+    neutral : int
+        How many of them are zero.
+    infinite, undefined : int
+        Infinite eigenvalues and 0/0 pairs that the method returned besides.
+    extra : int
+        Eigenvalues of constraint drift that the method returned besides: two for each independent
+        holonomic row, one for each nonholonomic one.
+    extra_error : float (1/s)
+        How far the worst of them came out from where it belongs: from 0, or from ±iω where a
+        turning frame carries the constraint around.
+    """
+
+    n_q: int
+    n_holonomic: int
+    n_nonholonomic: int
+    rank_holonomic: int
+    rank_nonholonomic: int
+    expected: int
+    found: int
+    neutral: int
+    infinite: int
+    undefined: int
+    extra: int = 0
+    extra_error: float = 0.0
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of independent speeds."""
+        return self.n_q - self.rank_holonomic - self.rank_nonholonomic
+
+
+@dataclass(frozen=True)
+class EigenResult(Judged):
+    """Eigenvalues, verdict and what they rest on.
+
+    Attributes
+    ----------
+    eigenvalues : list of Eigenvalue
+        Sorted by decreasing real part, neutral ones last.
+    judged : Verdict
+        The verdict, with what it rests on.
+    counts : Counts
+    method : str
+    warnings : tuple of str
+        Of the model and the numbers; those of the verdict are among them.
+    frame : str
+        Where the equations stand still, in words; empty: in the coordinates of the file.
+    shifts : tuple of float
+        ω of neutral pairs ±iω: shifts that a turning frame carries around.
+    period : float or None
+        Of a periodic motion, judged by its Floquet multipliers (s).
+    frozen : bool
+        Whether these are frozen-time eigenvalues, which say nothing about stability.
+    coordinates : tuple of str
+        Names of the entries of the vectors.
+    """
+
+    eigenvalues: list[Eigenvalue]
+    judged: Verdict
+    counts: Counts
+    method: str
+    warnings: tuple[str, ...]
+    frame: str = ""
+    frozen: bool = False
+    shifts: tuple[float, ...] = ()
+    period: float | None = None
+    coordinates: tuple[str, ...] = ()
+
+    def values(self) -> Complex:
+        """Return the eigenvalues that are not neutral, shape (n,)."""
+        return np.array([e.value for e in self.eigenvalues if e.kind != "neutral"], dtype=complex)

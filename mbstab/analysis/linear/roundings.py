@@ -1,0 +1,429 @@
+"""Numbers that carry how much they can be wrong, and what rounding makes of the linearized equations.
+
+A number is a float with a bound of its distance to what exact arithmetic makes of the decimals of
+the file (running error analysis: Wilkinson 1986, SIGNUM Newsletter 21; Higham 2002, Accuracy and
+Stability of Numerical Algorithms, section 3.3). The kernels run on such numbers as on any other, so
+that a difference of large numbers inside of an element is seen, and what is zero by structure stays
+zero. What was solved for, the coordinates, speeds, accelerations and multipliers of the motion, is
+wrong by what is left of the equations that it solves, and by their own rounding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.algebra.rounded import EPS, UNIT, Rounded, _parts, rounded_arithmetic
+from mbstab.analysis.algebra.subspaces import RANK_TOLERANCE
+from mbstab.analysis.linear.linearize import Linearization
+from mbstab.analysis.reference.coefficients import Matrices
+from mbstab.analysis.reference.equations import Balance
+from mbstab.analysis.reference.steady import Generator, declared_family
+from mbstab.compiler.system import Array, System
+from mbstab.model.expressions import ExpressionError
+from mbstab.model.schema import Model
+from mbstab.model.units import exact_factor
+from mbstab.model.values import evaluate
+
+LOOSE, MOST = 1e-13, 8
+"""What is solved for moves along one direction where it may be wrong by more than this; so many are kept apart."""
+
+SUMMED = 2.0
+"""A sum of products is computed to so many roundings of its terms."""
+
+LEAST = 1e-9
+"""Rows and columns smaller than this part of the others are rounding."""
+
+STEP = 1e-6
+"""Step of differences of the frame by angles."""
+
+
+# --- a scene --------------------------------------------------------------------------------------------------------
+
+
+def rounded_system(system: System) -> System:
+    """Return a scene on numbers that know how much they can be wrong."""
+    model, given = system.scene.model, system.scene.parameters
+    return System(evaluate(model, _parameters(model, given), rounded_arithmetic()))
+
+
+def _parameters(model: Model, given: dict[str, Any]) -> dict[str, Any]:
+    """Return the parameters: those of the file with the errors of their expressions, others as decimals."""
+    f, values = rounded_arithmetic(), dict[str, Any]()
+    for name, parameter in model.parameters.items():
+        v = float(given[name])
+        values[name] = Rounded(v, UNIT * abs(v))
+        try:
+            found = parameter.expression.evaluate(values, f)
+        except (ExpressionError, ArithmeticError):
+            continue
+        if parameter.factor != 1.0:
+            found = found * exact_factor(parameter.unit, f)
+        x, e = _parts(found)
+        if abs(x - v) <= e + 4.0 * UNIT * abs(v):
+            values[name] = Rounded(v, e + abs(x - v))
+    return values
+
+
+def _errors(x: Any) -> Array:
+    """Return the errors of an array."""
+    flat = np.asarray(x, dtype=object)
+    return np.array([y.e if y.__class__ is Rounded else 0.0 for y in flat.flat], dtype=float).reshape(flat.shape)
+
+
+def _with(values: Array, errors: Array) -> list[Any]:
+    """Return numbers with errors; exact ones stay floats."""
+    return [Rounded(v, e) if e else v for v, e in zip(values.tolist(), errors.tolist(), strict=True)]
+
+
+def _misfits(x: Any) -> Array:
+    """Return sizes and errors of residuals together."""
+    return np.array([abs(y.v) + y.e if y.__class__ is Rounded else abs(float(y)) for y in x], dtype=float)
+
+
+# --- what rounding makes of a linearization -------------------------------------------------------------------------
+
+
+class Direction(NamedTuple):
+    """A change of coordinates that rounding may make along one direction: far, because little holds it."""
+
+    change: Array
+    amount: float
+
+
+@dataclass(frozen=True)
+class Roundings:
+    """How much M, R, K, J and D_q may be wrong.
+
+    Attributes
+    ----------
+    errors : Matrices
+        Entry by entry, without what `directions` do.
+    directions : tuple of Direction
+        Changes of coordinates that change all entries together.
+    q : ndarray, shape (n_q,)
+        How much the coordinates may be wrong, without `directions`.
+    """
+
+    errors: Matrices
+    directions: tuple[Direction, ...]
+    q: Array
+
+
+def roundings(linear: Linearization) -> Roundings:
+    """Return how much the matrices of a linearization may differ from those of the decimals of the file."""
+    return _Roundings(linear).found()
+
+
+def displaced(linear: Linearization, known: Roundings) -> list[Matrices]:
+    """Return changes of M, R, K, J and D_q by what rounding makes of coordinates where little holds them."""
+    found, sizes = [], linear.motion.sizes
+    for change, amount in known.directions:
+        # Differences over a path on which the equations are as weak as here.
+        step = 1e-6 / (float(np.max(np.abs(change) / sizes)) or 1.0)
+        there, back = (linear.beside(sign * step * change) for sign in (1.0, -1.0))
+        found.append(Matrices(*((a - b) * (amount / (2.0 * step)) for a, b in zip(there, back, strict=True))))
+    return found
+
+
+class _Roundings:
+    """What is known about the motion of a linearization, and how much each part of it may be wrong."""
+
+    def __init__(self, linear: Linearization) -> None:
+        self.linear, self.motion = linear, linear.motion
+        self.plain, self.system = linear.system, rounded_system(linear.system)
+        self.time = self.system.scene.time
+        if self.motion.time != float(self.time):
+            self.time = self.motion.time
+        self.directions: list[Direction] = []
+        self.rate_error = 0.0
+        self.missing: npt.NDArray[np.bool_] = np.array(
+            [name not in self.system.scene.coordinates for name in self.plain.names]
+        )
+
+    def found(self) -> Roundings:
+        """Return how much the matrices may be wrong."""
+        linear, motion, system = self.linear, self.motion, self.system
+        dq, du = self._state()
+        q, u = _with(motion.q, dq), _with(motion.u, du)
+        state = system.dynamics(q, u, self.time)
+        M, J = _errors(state.M), _errors(state.J)
+        da = self._accelerations(state, M, J, dq, du)
+        dnu = self._multipliers(state, M, J, da)
+        a, nu = _with(motion.a, da), _with(motion.nu, dnu)
+        K, R, D_q = (_errors(x) for x in system.linearize(q, u, a, nu, self.time))
+        generator = linear.generator
+        if generator is not None and generator.turns:
+            K, R, D_q = self._turned(generator, Matrices(M, R, K, J, D_q), dq)
+        return Roundings(Matrices(M, R, K, J, D_q), tuple(self.directions), dq)
+
+    def _turned(self, generator: Generator, errors: Matrices, dq: Array) -> tuple[Array, Array, Array]:
+        """Return how much K, R and D_q may be wrong in a turning frame."""
+        motion, n_h = self.motion, self.system.n_h
+        M, R, K, J, D_q = errors
+        plain_K, plain_R, _ = self.plain.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
+        Xi, Xi_2 = (np.abs(x) for x in generator.frame(motion.q))
+        first, second = self._frame(generator, dq)
+        mass, rows = np.abs(motion.dynamics.M), np.abs(motion.dynamics.J[n_h:])
+        plain_K, plain_R = np.abs(plain_K), np.abs(plain_R)
+        K = K + R @ Xi + plain_R @ first + M @ Xi_2 + mass @ second
+        K = K + EPS * (plain_K + 4.0 * (plain_R @ Xi + mass @ Xi_2))
+        R = R + 2.0 * (M @ Xi + mass @ first) + 4.0 * EPS * (mass @ Xi)
+        return K, R, D_q + J[n_h:] @ Xi + rows @ first + 4.0 * EPS * (rows @ Xi)
+
+    # --- the motion -------------------------------------------------------------------------------------------------
+
+    def _state(self) -> tuple[Array, Array]:
+        """Return how much q and u may be wrong."""
+        motion, scene = self.motion, self.system.scene
+        steady = motion.generators[0] if motion.generators else None
+        dq, du = self._given(scene.coordinates, motion.q), self._given(scene.rates, motion.u)
+        if self.plain.scene.model.reference.find is not None and steady is not None:
+            return self._balanced(steady, dq)
+        if self.missing.any() and self.plain.n_h:
+            still = [0.0] * self.plain.n_q
+            E = self.system.dynamics(_with(motion.q, dq), still, self.time).E
+            dq = self._coordinates(E, dq)
+        if motion.declared and steady is not None:
+            return dq, self._steady(steady, dq)
+        if not motion.at_rest and self.plain.n_c:
+            du = self._rates(dq, du)
+        return dq, du
+
+    def _given(self, values: dict[str, Any], found: Array) -> Array:
+        """Return the errors of given values, 0 for others; a motion elsewhere is where it is said to be."""
+        errors = np.zeros(len(found))
+        for i, name in enumerate(self.plain.names):
+            if name in values:
+                v, e = _parts(values[name])
+                errors[i] = e if abs(v - found[i]) <= e + 4.0 * UNIT * abs(v) else UNIT * abs(float(found[i]))
+        return errors
+
+    def _coordinates(self, E: Any, dq: Array) -> Array:
+        """Return how much the coordinates may be wrong: given ones, and those that the constraints determine."""
+        motion, n_h = self.motion, self.plain.n_h
+        columns, sizes = np.flatnonzero(self.missing), motion.sizes
+        lengths = norms(motion.dynamics.J[:n_h] * sizes)
+        G = (motion.dynamics.J[:n_h] * sizes)[:, columns] / lengths[:, None]
+        steps = self._solved(G, _misfits(E[:n_h]) / lengths, columns, sizes[columns])
+        result = dq.copy()
+        result[columns] = steps * sizes[columns] + UNIT * np.abs(motion.q[columns])
+        return result
+
+    def _solved(self, G: Array, misfit: Array, columns: Any, sizes: Array) -> Array:
+        """Return how much the solution of G x = r may be wrong, |r| ≤ misfit; what moves far together is kept apart.
+
+        The error of one equation moves all unknowns in a fixed ratio: what cancels in a stiff force
+        must not be taken entry by entry.
+        """
+        moves = np.linalg.pinv(G, rcond=RANK_TOLERANCE) * misfit
+        result: Array = np.sum(np.abs(moves), axis=1)
+        n, relative = len(columns), sizes / self.motion.sizes[columns]
+        own = moves[:n] * relative[:, None]
+        left, _, _ = np.linalg.svd(own, full_matrices=False)
+        for together in left.T[:MOST]:
+            share = together @ own
+            amount = float(np.sum(np.abs(share)))
+            if not amount * float(np.max(np.abs(together), initial=0.0)) > LOOSE:
+                break
+            change = np.zeros(self.plain.n_q)
+            change[columns] = together * self.motion.sizes[columns]
+            self.directions.append(Direction(change, amount))
+            own = own - np.outer(together, share)
+        result[:n] = np.sum(np.abs(own), axis=1) / np.where(relative > 0.0, relative, 1.0)
+        return result
+
+    def _rates(self, dq: Array, du: Array) -> Array:
+        """Return how much speeds may be wrong: given ones, and those that the constraints determine."""
+        motion = self.motion
+        columns = np.array([i for i, name in enumerate(self.plain.names) if name not in self.plain.scene.rates])
+        if not len(columns):
+            return du
+        V = self.system.dynamics(_with(motion.q, dq), _with(motion.u, du), self.time).V
+        J = motion.dynamics.J * motion.sizes
+        lengths = norms(J)
+        inverse = np.linalg.pinv(J[:, columns] / lengths[:, None], rcond=RANK_TOLERANCE)
+        result = du.copy()
+        steps = np.abs(inverse) @ (_misfits(V) / lengths)
+        result[columns] = steps * motion.sizes[columns] + UNIT * np.abs(motion.u[columns])
+        return result
+
+    def _steady(self, steady: Generator, dq: Array) -> Array:
+        """Return how much the speeds of a declared steady motion may be wrong."""
+        motion, plain = self.motion, self.plain
+        family, known = declared_family(plain)
+        c, basis = _coefficients(family, steady), family.basis(motion.q)
+        given = self._given_rates()
+        dc = np.array([given.get(k, 0.0) for k in range(family.size)])
+        free = [k for k in range(family.size) if k not in known]
+        if free:
+            du = self._field(steady, basis, dq, dc)
+            V = self.system.dynamics(_with(motion.q, dq), _with(motion.u, du), self.time).V
+            rates = [i for i, name in enumerate(plain.names) if name in plain.scene.rates]
+            columns = np.vstack([motion.dynamics.J @ basis[:, free], basis[np.ix_(rates, free)]])
+            lengths = norms(np.vstack([motion.dynamics.J * motion.sizes, np.diag(motion.sizes)[rates]]))
+            misfit = np.concatenate([_misfits(V), self._off(rates) + du[rates]]) / lengths
+            dc[free] = np.abs(np.linalg.pinv(columns / lengths[:, None], rcond=1e-12)) @ misfit
+        self.rate_error = _relative(dc, c)
+        return self._field(steady, basis, dq, dc)
+
+    def _off(self, which: Any) -> Array:
+        """Return how far the speeds are from those that the file gives, and the errors of these."""
+        given = [_parts(self.system.scene.rates[self.plain.names[i]]) for i in which]
+        return np.array([abs(self.motion.u[i] - v) + e for i, (v, e) in zip(which, given, strict=True)])
+
+    def _given_rates(self) -> dict[int, float]:
+        """Return the errors of the rates of a steady motion that are given, by number."""
+        steady = self.system.scene.steady
+        if steady is None:
+            return {}
+        given = [steady.rate] if steady.axis is not None else []
+        given += [steady.speed] if steady.direction is not None else []
+        return {k: _parts(x)[1] for k, x in enumerate(given) if x is not None}
+
+    def _field(self, steady: Generator, basis: Array, dq: Array, dc: Array) -> Array:
+        """Return how much the speeds of a steady motion may be wrong."""
+        slope = np.abs(steady.frame(self.motion.q)[0])
+        result: Array = np.abs(basis) @ dc + slope @ dq + 4.0 * EPS * np.abs(self.motion.u)
+        return result
+
+    def _frame(self, generator: Generator, dq: Array) -> tuple[Array, Array]:
+        """Return how much Ξ and Ξ₂ may be wrong."""
+        q, d = self.motion.q, self.plain.scene.dimension
+        Xi, Xi_2 = generator.frame(q)
+        rate = self.rate_error + 8.0 * EPS
+        first, second = rate * np.abs(Xi), 2.0 * rate * np.abs(Xi_2) + rate * np.abs(Xi) @ np.abs(Xi)
+        if d == 2:
+            return first, second
+        for k in (3, 4):
+            parts = [part for part in self.plain.body_slices if part.stop - part.start == 6]
+            angles = [part.start + k for part in parts]
+            step = np.zeros(len(q))
+            step[angles] = STEP
+            there, back = (generator.frame(q + sign * step) for sign in (1.0, -1.0))
+            weights = np.zeros(len(q))
+            for part in parts:
+                weights[part] = (dq[part.start + k] + EPS * abs(q[part.start + k])) / (2.0 * STEP)
+            first = first + np.abs(there[0] - back[0]) * weights[:, None]
+            second = second + np.abs(there[1] - back[1]) * weights[:, None]
+        return first, second
+
+    # --- equilibria and steady motions that were looked for ---------------------------------------------------------
+
+    def _balanced(self, steady: Generator, dq: Array) -> tuple[Array, Array]:
+        """Return how much q and u of a solution of the equations of balance may be wrong."""
+        plain, motion = self.plain, self.motion
+        family, known = declared_family(plain)
+        if len(known) < family.size and not np.any(steady.spins[list(family.columns)]):
+            family = replace(family, columns=())
+        balance = Balance(plain, motion.sizes, family, known, ~self.missing)
+        # Forces and speeds in units of the scene.
+        balance.energy = float(np.max(np.abs(self.linear.K * motion.sizes * motion.sizes[:, None]), initial=0.0)) or 1.0
+        balance.speed = float(np.max(np.abs(motion.u) / motion.sizes, initial=0.0)) or 1.0
+        c, basis = _coefficients(family, steady), family.basis(motion.q)
+        at = balance.state(motion.q, c)
+        given = self._given_rates()
+        dc = np.array([given.get(k, 0.0) for k in range(family.size)])
+        du = self._field(steady, basis, dq, dc) if family.size else 0.0 * dq
+        state = self.system.dynamics(_with(motion.q, dq), _with(motion.u, du), self.time)
+        M, J = _errors(state.M), _errors(state.J)
+        da = self._steady_accelerations(steady, dq, du)
+        force = self._force(state, M, J, da, at.nu)
+        lengths, n_h = balance._lengths(motion.dynamics.J), plain.n_h
+        misfit = [
+            (np.abs(force[0]) + force[1]) * motion.sizes / balance.energy,
+            _misfits(state.E[:n_h]) / lengths[:n_h],
+        ]
+        if family.size:
+            rates = (self._off(balance.given) + du[balance.given]) / motion.sizes[balance.given]
+            misfit += [_misfits(state.V) / (lengths * balance.speed), rates / balance.speed]
+        G = balance.jacobian(at)
+        # Rows and columns to one size, as far as they are not rounding.
+        rows = _inverse_sizes(np.linalg.norm(G, axis=1))
+        columns = _inverse_sizes(np.linalg.norm(G * rows[:, None], axis=0))
+        sizes, count = motion.sizes[balance.open], len(balance.open)
+        residual = np.concatenate(misfit) * rows
+        steps = columns * self._solved(G * rows[:, None] * columns, residual, balance.open, sizes * columns[:count])
+        dq = dq.copy()
+        dq[balance.open] = steps[:count] * sizes + UNIT * np.abs(motion.q[balance.open])
+        if not family.size:
+            return dq, 0.0 * dq
+        dc[balance.free] = steps[count : balance.moving] * balance.speed
+        self.rate_error = _relative(dc, c)
+        return dq, self._field(steady, basis, dq, dc)
+
+    # --- accelerations and multipliers ------------------------------------------------------------------------------
+
+    def _inverse(self) -> Array:
+        spaces, motion = self.motion.spaces, self.motion
+        J = motion.dynamics.J * spaces.scale * spaces.row_scale[:, None]
+        return np.linalg.pinv(J, rcond=RANK_TOLERANCE) if len(J) else J.T
+
+    def _force(self, state: Any, M: Array, J: Array, da: Array, nu: Array) -> tuple[Array, Array]:
+        """Return the forces that do not balance, and how much they may be wrong."""
+        motion, plain = self.motion, self.motion.dynamics
+        value = plain.F0 + plain.M @ motion.a + plain.J.T @ nu
+        error = _errors(state.F0) + M @ np.abs(motion.a) + np.abs(plain.M) @ da + J.T @ np.abs(nu)
+        size = np.abs(plain.F0) + np.abs(plain.M) @ np.abs(motion.a) + np.abs(plain.J.T) @ np.abs(nu)
+        return value, error + SUMMED * EPS * size
+
+    def _steady_accelerations(self, steady: Generator, dq: Array, du: Array) -> Array:
+        motion = self.motion
+        if motion.at_rest or not np.any(motion.a):
+            return np.zeros_like(dq)
+        first, _ = self._frame(steady, dq)
+        slope = np.abs(steady.frame(motion.q)[0])
+        result: Array = slope @ du + first @ np.abs(motion.u) + 4.0 * EPS * np.abs(motion.a)
+        return result
+
+    def _accelerations(self, state: Any, M: Array, J: Array, dq: Array, du: Array) -> Array:
+        """Return how much the accelerations may be wrong."""
+        motion, spaces = self.motion, self.motion.spaces
+        steady = motion.generators[0] if motion.generators else None
+        if steady is not None and (motion.declared or motion.at_rest):
+            return self._steady_accelerations(steady, dq, du)
+        value, error = self._force(state, M, J, np.zeros_like(dq), motion.nu)
+        bias = _misfits(state.B + motion.dynamics.J @ motion.a) + J @ np.abs(motion.a)
+        off = np.abs(self._inverse()) @ (bias * spaces.row_scale)
+        mass = motion.dynamics.M * spaces.scale * spaces.scale[:, None]
+        allowed = spaces.N @ spaces.Z
+        if allowed.shape[1]:
+            move = allowed @ np.linalg.inv(allowed.T @ mass @ allowed) @ allowed.T
+            off = off + np.abs(move @ (value * spaces.scale))
+            off = off + np.abs(move) @ (error * spaces.scale + np.abs(mass) @ off)
+        result: Array = off * spaces.scale + UNIT * np.abs(motion.a)
+        return result
+
+    def _multipliers(self, state: Any, M: Array, J: Array, da: Array) -> Array:
+        """Return how much the multipliers may be wrong: by the rounding of all the forces that they balance."""
+        motion, spaces = self.motion, self.motion.spaces
+        if not len(motion.nu):
+            return np.zeros(0)
+        value, error = self._force(state, M, J, da, motion.nu)
+        inverse = self._inverse().T
+        left = np.abs(inverse @ (value * spaces.scale)) + np.abs(inverse) @ (error * spaces.scale)
+        result: Array = left * spaces.row_scale + UNIT * np.abs(motion.nu)
+        return result
+
+
+def _inverse_sizes(sizes: Array) -> Array:
+    """Return 1/size, and 0 where sizes are rounding: such rows and columns determine nothing."""
+    counts = sizes > LEAST * float(np.max(sizes, initial=0.0))
+    result: Array = np.where(counts, 1.0 / np.where(counts, sizes, 1.0), 0.0)
+    return result
+
+
+def _coefficients(family: Any, steady: Generator) -> Array:
+    """Return the rates of a steady motion as coefficients of its family."""
+    c = [steady.rate] if family.axis is not None else []
+    return np.array([*c, *(family.directions @ steady.velocity), *steady.spins[list(family.columns)]], dtype=float)
+
+
+def _relative(error: Array, c: Array) -> float:
+    """Return the largest relative error of rates."""
+    size = np.abs(c)
+    return float(np.max(np.where(size > 0.0, error / np.where(size > 0.0, size, 1.0), 0.0), initial=0.0))

@@ -1,0 +1,579 @@
+"""The verdict: what may be said about the stability of a motion, from facts about it.
+
+Every command collects facts, as strong as it can supply them, and `judge` turns them into a
+verdict; there is no second rule. With A the matrix of the disturbances, T the directions of
+symmetries and of families of steady motions that are verified, and A_⊥ what A does apart from T:
+
+1.  unstable: a disc that holds at least one eigenvalue lies right of the imaginary axis
+    (Lyapunov 1892);
+2.  asymptotically stable: all eigenvalues lie left of it (Lyapunov 1892);
+3.  asymptotically stable up to symmetry: those of A_⊥ do (Lyapunov and Malkin 1952; Fenichel
+    1971; Krupa 1990);
+4.  stable, perhaps up to symmetry: a function that never increases has a strict minimum, apart
+    from the symmetries and at the given momenta (Lagrange, Dirichlet, Routh; Simo, Lewis, Marsden
+    1991; Ortega, Ratiu 1999);
+5.  stable up to symmetry: the motion is reversible and A_⊥ has a single pair on the axis (Devaney
+    1976; Sevryuk 1986);
+6.  marginally stable: no eigenvalue of A_⊥ lies right of the axis, and each that does not lie left
+    of it is simple and held on it by a structure of the equations;
+7.  a single zero of A_⊥, the others left: the first nonlinear coefficient decides (Lyapunov 1892;
+    Carr 1981);
+8.  undecided: everything else.
+
+What is not known is never taken for harmless: an eigenvalue that is not placed, a count that
+differs, a kink or a dependence on time that is not understood leaves the answer undecided.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from mbstab.errors import amount
+from mbstab.model.schema import is_length
+from mbstab.model.words import ASYMPTOTIC as ASYMPTOTIC
+from mbstab.model.words import ASYMPTOTIC_UP_TO as ASYMPTOTIC_UP_TO
+from mbstab.model.words import MARGINAL as MARGINAL
+from mbstab.model.words import REQUIRED as REQUIRED
+from mbstab.model.words import STABLE as STABLE
+from mbstab.model.words import STABLE_UP_TO as STABLE_UP_TO
+from mbstab.model.words import UNDECIDED as UNDECIDED
+from mbstab.model.words import UNSTABLE as UNSTABLE
+from mbstab.model.words import WORDS as WORDS
+
+Side = Literal["left", "right", "axis", "open"]
+Evidence = Literal["structural", "enclosed", "numerical"]
+
+NONLINEAR = "whether disturbances stay small in the long run is up to nonlinear terms"
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A disc of the complex plane that holds `count` eigenvalues of A_⊥.
+
+    Attributes
+    ----------
+    centre : complex (1/s)
+    radius : float (1/s)
+        inf or nan where nothing is known.
+    count : int
+    side : str
+        ``left`` or ``right`` of the imaginary axis, held on the ``axis`` by a structure, or ``open``.
+    why : str
+        What holds it on the axis.
+    """
+
+    centre: complex
+    radius: float
+    count: int
+    side: Side
+    why: str = ""
+
+    @property
+    def holds_zero(self) -> bool:
+        """Whether zero is not excluded."""
+        return not abs(self.centre) > self.radius
+
+
+@dataclass(frozen=True)
+class Neutral:
+    """Directions along which the motion has neighbours that are motions of its kind.
+
+    Attributes
+    ----------
+    symmetries : tuple of str
+        What carries all motions into motions: ``position along x``, ``heading`` and the like.
+    family : tuple of str
+        What tells steady motions of a family from each other: ``speed``.
+    count : int
+        Number of eigenvalues that belong to them.
+    drift : int
+        0: disturbances along them stay what they are; 1: they grow like t (another speed leads elsewhere); 2: like t².
+    evidence : str
+        The weakest evidence among them.
+    checked : str
+        How far a family was followed that no symmetry explains; empty: there is none.
+    slow : tuple of str
+        Those of the family that are speeds of what rests: small ones where the energy keeps them small.
+    """
+
+    symmetries: tuple[str, ...] = ()
+    family: tuple[str, ...] = ()
+    count: int = 0
+    drift: int = 0
+    evidence: Evidence = "structural"
+    checked: str = ""
+    slow: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return all of them in words."""
+        return self.symmetries + self.family
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """A function that never increases along motions, and what it looks like at the reference.
+
+    Attributes
+    ----------
+    name : str
+        What it is: ``the energy``, ``the energy in the turning frame``.
+    definite : bool
+        Whether it has a strict minimum (or maximum), apart from symmetries and at the given momenta.
+    in_place : bool
+        Whether nothing is left out: no symmetry and no momentum.
+    maximum : bool
+        Whether it is a maximum, or a minimum only with a multiple of a momentum added: damping destroys that.
+    evidence : str
+    """
+
+    name: str
+    definite: bool
+    in_place: bool
+    maximum: bool = False
+    evidence: Evidence = "numerical"
+
+
+@dataclass(frozen=True)
+class Critical:
+    """What the first nonlinear coefficient says about a single zero eigenvalue.
+
+    Attributes
+    ----------
+    verdict : str
+        `UNSTABLE`, `ASYMPTOTIC` (`ASYMPTOTIC_UP_TO` beside neutral directions), or `STABLE` by the form of the energy.
+    reason : str
+    evidence : str
+    family : str
+        What tells apart the members of a family that was followed; empty: there is none.
+    """
+
+    verdict: str
+    reason: str
+    evidence: Evidence = "numerical"
+    family: str = ""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is known about a motion.
+
+    Attributes
+    ----------
+    expected, found : int
+        Number of finite eigenvalues that exist, and that were found (those of `neutral` among them).
+    discs : tuple of Disc
+        Where the eigenvalues of A_⊥ are.
+    neutral : Neutral
+    time : str
+        Why the coefficients are not known to be constant, or periodic with the stated period; empty: they are.
+    kink : str
+        Why the equations are not known to have a linear part at the reference; empty: they have.
+    rough : str
+        Why they are not known to be smooth; empty: they are. Then eigenvalues alone may decide.
+    doubts : tuple of str
+        What else must be settled before anything but instability is said.
+    minimum : callable
+        Returns a `Minimum`, or None; called only where eigenvalues do not decide.
+    reversible : callable
+        Returns in words why the motion is reversible with −1 as a simple eigenvalue of the
+        reversor (rule 5), or an empty text.
+    critical : callable
+        Takes the number of eigenvalues at zero and whether all others decay; returns a
+        `Critical`, or None. Called where zeros alone are left.
+    family : callable
+        Takes the number of eigenvalues at zero that nothing explains; returns the `Neutral` in which
+        a family that was followed explains them, or None.
+    warnings : tuple of str
+    frequencies : callable
+        Returns warnings about stability that nonlinear resonance or damping may destroy.
+    multipliers : bool
+        Whether the eigenvalues are Floquet exponents.
+    """
+
+    expected: int
+    found: int
+    discs: tuple[Disc, ...]
+    neutral: Neutral = Neutral()
+    time: str = ""
+    kink: str = ""
+    rough: str = ""
+    doubts: tuple[str, ...] = ()
+    minimum: Callable[[], Minimum | None] = lambda: None
+    reversible: Callable[[], str] = lambda: ""
+    critical: Callable[[int, bool], Critical | None] = lambda count, others: None
+    family: Callable[[int], Neutral | None] = lambda count: None
+    warnings: tuple[str, ...] = ()
+    frequencies: Callable[[], tuple[str, ...]] = tuple
+    multipliers: bool = False
+
+
+@dataclass(frozen=True)
+class Modulo:
+    """Up to what a verdict holds.
+
+    Attributes
+    ----------
+    symmetries, family : tuple of str
+        As in `Neutral`.
+    """
+
+    symmetries: tuple[str, ...] = ()
+    family: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What may be said about the stability of a motion.
+
+    Attributes
+    ----------
+    word : str
+        One of `WORDS`.
+    reasons : tuple of str
+        What it rests on, in sentences.
+    symmetries, family : tuple of str
+        Up to what it holds.
+    in_place : bool or None
+        Whether disturbed motions also stay near the reference itself, not only near its family; None: not claimed.
+    evidence : str
+        The weakest fact it rests on: ``structural``, ``enclosed`` or ``numerical``.
+    warnings : tuple of str
+    at_zero : bool
+        Whether eigenvalues that are not told from zero are zero: a family of motions explains
+        them, or they are critical.
+    """
+
+    word: str
+    reasons: tuple[str, ...]
+    symmetries: tuple[str, ...] = ()
+    family: tuple[str, ...] = ()
+    in_place: bool | None = None
+    evidence: Evidence = "numerical"
+    warnings: tuple[str, ...] = ()
+    at_zero: bool = False
+
+    @property
+    def modulo(self) -> Modulo:
+        """Up to what it holds."""
+        return Modulo(self.symmetries, self.family)
+
+
+class Judged:
+    """An answer with a verdict, `judged`."""
+
+    judged: Verdict
+
+    @property
+    def verdict(self) -> str:
+        """The word of the verdict, one of `mbstab.analysis.linear.verdict.WORDS`."""
+        return self.judged.word
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What the verdict rests on, in sentences."""
+        return self.judged.reasons
+
+    @property
+    def modulo(self) -> Modulo:
+        """Symmetries and families of motions up to which the verdict holds."""
+        return self.judged.modulo
+
+    @property
+    def in_place(self) -> bool | None:
+        """Whether disturbed motions stay near the reference itself; None: not claimed."""
+        return self.judged.in_place
+
+    @property
+    def evidence(self) -> str:
+        """The weakest fact that the verdict rests on: ``structural``, ``enclosed`` or ``numerical``."""
+        return self.judged.evidence
+
+
+STRENGTH: dict[str, frozenset[str]] = {
+    ASYMPTOTIC: frozenset(WORDS) - {UNSTABLE},
+    ASYMPTOTIC_UP_TO: frozenset({ASYMPTOTIC_UP_TO, STABLE_UP_TO, MARGINAL, UNDECIDED}),
+    STABLE: frozenset({STABLE, STABLE_UP_TO, MARGINAL, UNDECIDED}),
+    STABLE_UP_TO: frozenset({STABLE_UP_TO, MARGINAL, UNDECIDED}),
+    MARGINAL: frozenset({MARGINAL, UNDECIDED}),
+    UNSTABLE: frozenset({UNSTABLE, UNDECIDED}),
+    UNDECIDED: frozenset({UNDECIDED}),
+}
+"""What each verdict implies: the same, or a weaker claim."""
+
+
+def side(real: float, radius: float) -> Side:
+    """Return on which side of the imaginary axis a disc lies; what is not known lies on none."""
+    return "right" if real > radius else "left" if real < -radius else "open"
+
+
+def place(centres: Sequence[complex], radii: Sequence[float], counts: Sequence[int], mirrored: str) -> tuple[Disc, ...]:
+    """Return the discs with the side of the axis on which they lie.
+
+    Parameters
+    ----------
+    centres, radii, counts : sequences of the same length
+        Disjoint discs.
+    mirrored : str
+        In words, what makes the spectrum symmetric to the imaginary axis; empty: nothing does.
+        Then a disc is held on the axis if it holds one eigenvalue and no other disc meets its
+        mirror image: the image of the eigenvalue is one as well, so it can only be itself.
+    """
+    found = []
+    for i, (centre, radius, count) in enumerate(zip(centres, radii, counts, strict=True)):
+        where = side(centre.real, radius)
+        why = ""
+        if where == "open" and mirrored and count == 1 and abs(centre) > radius:
+            image = -centre.conjugate()
+            others = (
+                abs(image - c) > radius + r for j, (c, r) in enumerate(zip(centres, radii, strict=True)) if j != i
+            )
+            if all(others):
+                where, why = "axis", mirrored
+        found.append(Disc(complex(centre), float(radius), count, where, why))
+    return tuple(found)
+
+
+def judge(facts: Facts) -> Verdict:
+    """Return the strongest verdict that the facts allow."""
+    undecided = _obstacle(facts)
+    if undecided:
+        return Verdict(UNDECIDED, undecided, warnings=facts.warnings)
+    growing = [d for d in facts.discs if d.side == "right"]
+    if growing:
+        return Verdict(UNSTABLE, (_growth(max(growing, key=lambda d: d.centre.real), facts),), warnings=facts.warnings)
+    doubts = _doubts(facts)
+    if doubts:
+        return Verdict(UNDECIDED, doubts, warnings=facts.warnings)
+    neutral = facts.neutral
+    left = sum(d.count for d in facts.discs)
+    decays = left and all(d.side == "left" for d in facts.discs)
+    if facts.rough and not (decays and not neutral.count):
+        return Verdict(UNDECIDED, (facts.rough,), warnings=facts.warnings)
+    if decays:
+        return _decaying(facts)
+    # The energy says more where it keeps speeds of what rests small.
+    if (left or neutral.slow) and (minimum := facts.minimum()) is not None and minimum.definite:
+        return _by_energy(facts, minimum)
+    if not left:
+        return _up_to(facts, STABLE_UP_TO, f"every motion nearby is of the same kind: {_differ(neutral)}")
+    on_axis = [d for d in facts.discs if d.side == "axis"]
+    rest = [d for d in facts.discs if d.side == "open"]
+    warnings = facts.warnings + facts.frequencies()
+    if not rest:
+        if len(on_axis) == len(facts.discs) == 2 and neutral.count and (why := facts.reversible()):
+            return _up_to(facts, STABLE_UP_TO, f"{why}, so motions nearby repeat themselves, {_except(neutral)}")
+        number = sum(d.count for d in on_axis)
+        where = "of absolute value 1" if facts.multipliers else "on the imaginary axis"
+        kind = "multipliers are" if facts.multipliers else "eigenvalues lie"
+        reasons = [f"{number} {kind} {where}, held there because {on_axis[0].why}, and none beyond it: {NONLINEAR}"]
+        if neutral.checked:
+            reasons.append(f"as far as checked: {neutral.checked}")
+        return Verdict(MARGINAL, tuple(reasons), neutral.symmetries, neutral.family, None, neutral.evidence, warnings)
+    zeros = sum(d.count for d in rest)
+    if all(d.holds_zero for d in rest) and (critical := facts.critical(zeros, not on_axis)) is not None:
+        return _critical(facts, critical)
+    if all(d.holds_zero for d in rest) and (wider := facts.family(zeros)) is not None:
+        left_over = tuple(d for d in facts.discs if d not in rest)
+        return replace(judge(replace(facts, discs=left_over, neutral=wider, minimum=lambda: None)), at_zero=True)
+    return Verdict(UNDECIDED, tuple(_unplaced(d, facts) for d in rest if d.centre.imag >= 0.0), warnings=facts.warnings)
+
+
+def _obstacle(facts: Facts) -> tuple[str, ...]:
+    """Return what forbids any verdict, also that a motion is unstable."""
+    if facts.time:
+        return (facts.time,)
+    if facts.kink:
+        return (facts.kink,)
+    if not facts.expected:
+        return ("constraints and drives leave no motion free whose stability could be judged",)
+    return ()
+
+
+def _doubts(facts: Facts) -> tuple[str, ...]:
+    """Return what forbids every verdict but that a motion is unstable."""
+    doubts = facts.doubts
+    if facts.found != facts.expected:
+        doubts = (f"{facts.expected} finite eigenvalues exist, {facts.found} were found", *doubts)
+    judged = sum(d.count for d in facts.discs) + facts.neutral.count
+    if judged != facts.found:
+        doubts = (*doubts, f"{facts.found} eigenvalues were found, {judged} of them are judged")
+    return doubts
+
+
+def _growth(worst: Disc, facts: Facts) -> str:
+    value = show(worst.centre)
+    if worst.count > 1:
+        return f"{worst.count} eigenvalues within {amount(worst.radius)} 1/s of {value} 1/s grow"
+    pair = bool(worst.centre.imag)
+    what, verb = ("eigenvalues", "grow") if pair else ("eigenvalue", "grows")
+    return f"the {what} {value} 1/s {verb} (error bound {amount(worst.radius)})"
+
+
+def _decaying(facts: Facts) -> Verdict:
+    neutral = facts.neutral
+    if not neutral.count:
+        what = (
+            "all multipliers lie inside the unit circle"
+            if facts.multipliers
+            else ("all eigenvalues lie to the left of the imaginary axis")
+        )
+        return Verdict(ASYMPTOTIC, (f"all disturbances decay: {what}",), in_place=True, warnings=facts.warnings)
+    return _up_to(facts, ASYMPTOTIC_UP_TO, f"all disturbances decay, {_except(neutral)}")
+
+
+def _by_energy(facts: Facts, minimum: Minimum) -> Verdict:
+    neutral = facts.neutral
+    neutral = replace(neutral, family=tuple(x for x in neutral.family if x not in neutral.slow))
+    facts = replace(facts, neutral=neutral)
+    warnings = facts.warnings + (facts.frequencies() if minimum.maximum else ())
+    extremum = "maximum" if minimum.maximum else "minimum"
+    evidence = weakest(neutral.evidence, minimum.evidence)
+    if minimum.in_place and not neutral.count:
+        reason = f"{minimum.name} has a strict {extremum} here and cannot leave it: small disturbances stay small"
+        return Verdict(STABLE, (reason,), in_place=True, evidence=evidence, warnings=warnings)
+    reason = f"{minimum.name} has a strict {extremum} here: small disturbances stay small, {_except(neutral)}"
+    verdict = _up_to(facts, STABLE_UP_TO, reason)
+    return Verdict(
+        verdict.word, verdict.reasons, verdict.symmetries, verdict.family, verdict.in_place, evidence, warnings
+    )
+
+
+def _critical(facts: Facts, critical: Critical) -> Verdict:
+    neutral = facts.neutral
+    reason = critical.reason
+    if critical.verdict in (ASYMPTOTIC_UP_TO, STABLE_UP_TO) and neutral.names:
+        reason += f", {_except(neutral)}"
+    family = (*neutral.family, *([critical.family] if critical.family else []))
+    up_to = critical.verdict in (ASYMPTOTIC_UP_TO, STABLE_UP_TO)
+    # Along a family of rests nothing drifts.
+    staying = critical.verdict == ASYMPTOTIC_UP_TO and bool(critical.family) and not neutral.drift
+    in_place = critical.verdict in (ASYMPTOTIC, STABLE) or staying
+    return Verdict(
+        critical.verdict, (reason,), neutral.symmetries if up_to else (), family if up_to else (),
+        True if in_place else None, critical.evidence, facts.warnings, at_zero=True,
+    )  # fmt: skip
+
+
+def _up_to(facts: Facts, word: str, reason: str) -> Verdict:
+    """Return a verdict that holds up to the neutral directions."""
+    neutral = facts.neutral
+    power = {0: "", 1: "t"}.get(neutral.drift, f"t^{neutral.drift}")
+    reasons = [reason + (f"; what they change there goes on growing like {power}" if power else "")]
+    if neutral.checked:
+        reasons.append(f"as far as checked: {neutral.checked}")
+    in_place = neutral.drift == 0 if word == ASYMPTOTIC_UP_TO else None
+    return Verdict(word, tuple(reasons), neutral.symmetries, neutral.family, in_place, neutral.evidence, facts.warnings)
+
+
+def _differ(neutral: Neutral) -> str:
+    return f"it differs in {phrases(neutral.names)} only" if neutral.names else "nothing is left to judge"
+
+
+def _except(neutral: Neutral) -> str:
+    """Say what disturbances may change for good."""
+    if not neutral.names:
+        return "at the given momenta"
+    return f"except that {phrases(neutral.names)} may end up slightly different"
+
+
+HEADS: dict[str, tuple[str, str]] = {
+    "speed of translation along ": ("the speed along ", ""),
+    "speed of rotation about ": ("the rate of turn about ", ""),
+    "speed of rotation ": ("the rate of turn ", ""),
+    "speed of turn of ": ("the spin of ", ""),
+    "speed of joint shift of ": ("the rate of the joint shift of ", ""),
+    "speed along ": ("the speed along ", ""),
+    "speed of ": ("the speed of ", "the speeds of "),
+    "translation along ": ("the position along ", ""),
+    "rotation about ": ("the angle about ", ""),
+    "rotation ": ("the angle ", ""),
+    "turn of ": ("the turn of ", ""),
+    "joint shift of ": ("the joint shift of ", ""),
+}
+"""How names of symmetries and families begin, and what natural words begin with: for one, for several."""
+
+WHOLE = {"the motion itself": "the place along the motion", "speed of the motion itself": "the speed"}
+"""Names that are put in other words as a whole."""
+
+MOST = 6
+"""No more things are listed by name."""
+
+
+def _parts(name: str) -> tuple[str, str, str]:
+    """Return how the words for a name begin, alone and beside others of the kind, and how they go on.
+
+    The second is empty where words stand alone.
+    """
+    if name in WHOLE:
+        return WHOLE[name], "", ""
+    if name.startswith("speed along ") and "." in name:
+        name = f"speed of {name.removeprefix('speed along ')}"
+    for head, (one, many) in HEADS.items():
+        if name.startswith(head):
+            rest = name.removeprefix(head)
+            if head == "speed of " and not is_length(rest):
+                return "the rate of ", "the rates of ", rest
+            return one, many or (one if rest in ("x", "y", "z") else ""), rest
+    if "." in name and " " not in name:
+        return ("the position ", "the positions ", name) if is_length(name) else ("the angle ", "the angles ", name)
+    return ("" if name.startswith("the ") else "the ") + name, "", ""
+
+
+def phrases(names: Sequence[str]) -> str:
+    """Return names as a list in natural words; those of a kind are named together, and a long list ends with a number.
+
+    >>> phrases(("translation along x", "translation along y", "rear_wheel.psi", "speed"))
+    'the position along x and y, the angle rear_wheel.psi and the speed'
+    """
+    kinds: dict[str, tuple[str, list[str]]] = {}
+    for name in names[:MOST]:
+        one, many, rest = _parts(name)
+        kinds.setdefault(many or one + rest, (one, []))[1].append(rest)
+    found = [one + rests[0] if len(rests) == 1 else many + listed(rests) for many, (one, rests) in kinds.items()]
+    return listed([*found, f"{len(names) - MOST} more"] if len(names) > MOST else found)
+
+
+def _unplaced(disc: Disc, facts: Facts) -> str:
+    """Say why an eigenvalue leaves the verdict open."""
+    if not disc.radius < float("inf"):
+        return f"nothing is known about how far the eigenvalue {show(disc.centre)} 1/s is off"
+    many = disc.count > 1
+    if disc.holds_zero and not disc.radius:
+        what = f"{disc.count} eigenvalues are" if many else "an eigenvalue is"
+        return f"{what} exactly zero, and no symmetry or family of motions explains it: a critical state"
+    if disc.holds_zero:
+        what = f"{disc.count} eigenvalues lie" if many else "an eigenvalue lies"
+        return (
+            f"{what} within {disc.radius:.1e} 1/s of zero, and no symmetry or family of motions explains it: a "
+            "critical state, or motions so slow that rounding hides on which side of the imaginary axis they are"
+        )
+    value = f"{show(disc.centre)} 1/s"
+    if many and disc.radius:
+        return (
+            f"{disc.count} eigenvalues lie within {disc.radius:.1e} 1/s of {value}, and this disc reaches over the "
+            "imaginary axis"
+        )
+    what = f"{disc.count} eigenvalues {value} lie" if many else f"the eigenvalue {value} lies"
+    where = f"within its error bound {disc.radius:.1e} of" if disc.radius else "exactly on"
+    return (
+        f"{what} {where} the imaginary axis, and no structure of the equations holds {'them' if many else 'it'} there"
+    )
+
+
+def weakest(*evidence: Evidence) -> Evidence:
+    """Return the weakest of several kinds of evidence."""
+    order: tuple[Evidence, ...] = ("numerical", "enclosed", "structural")
+    return min(evidence, key=order.index)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as a list in words."""
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
+
+
+def show(s: complex) -> str:
+    """Return an eigenvalue with six significant digits; a pair as ±."""
+    return f"{s.real:.6g}" if s.imag == 0.0 else f"{s.real:.6g} ± {abs(s.imag):.6g}i"

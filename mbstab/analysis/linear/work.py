@@ -1,0 +1,223 @@
+"""What adds energy to a scene and what takes it, by structure.
+
+In the frame of a steady motion with the field X(q) the function E − p_X (the energy at rest, where
+X = 0; the integral of Jacobi in a turning frame) is
+
+* conserved, if every force has a potential or does no work, and the constraint rows are
+  homogeneous in the speeds relative to X: then reactions do no work on u − X;
+* not increasing, if besides there are dampers between points and joints, which depend on speeds
+  relative to X only.
+
+A built-in spring says itself that it has a potential and a dissipation function. Other forces are
+asked at states spread over the scene: a force has a potential if its ∂F/∂q is symmetric and it
+depends on no speed; it does no work if F·u = 0; it damps if ∂F/∂u is a constant matrix with a
+symmetric part that is not negative.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.reference.symmetries import CARRIED, EXACT, RESTING, Digits, Invariance, State, numbers
+from mbstab.compiler.system import Acting, Array
+
+Kind = Literal["potential", "powerless", "damping", "other"]
+
+
+class Work:
+    """The work of the elements of a scene in the frame of a steady motion.
+
+    Parameters
+    ----------
+    invariance : Invariance
+        Of the scene.
+    generator : Generator or None
+        The steady motion in whose frame the energy is meant; None: the ground.
+    """
+
+    def __init__(self, invariance: Invariance, generator: Generator | None) -> None:
+        self.invariance, self.generator = invariance, generator
+        self.system, self.motion = invariance.system, invariance.motion
+
+    def _field(self, q: Array) -> Array:
+        return np.zeros_like(q) if self.generator is None else self.generator.field(q)
+
+    # --- the energy -------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def kinds(self) -> dict[Kind, list[Acting]]:
+        """The forces of the scene by what they do to the energy in the ground."""
+        found: dict[Kind, list[Acting]] = {"potential": [], "powerless": [], "damping": [], "other": []}
+        for element in self.invariance.elements:
+            if not element.inertia:
+                found[self._kind(element)].append(element)
+        return found
+
+    @cached_property
+    def conserved_at_rest(self) -> bool:
+        """Whether the energy in the ground is the same along every motion."""
+        return not self.kinds["damping"] and not self.kinds["other"] and self.rows_at_rest
+
+    @cached_property
+    def conserved(self) -> bool:
+        """Whether the energy in the frame of the motion is the same along every motion."""
+        return self._relative() and not self.kinds["damping"]
+
+    @cached_property
+    def decreases(self) -> bool:
+        """Whether the energy in the frame of the motion never increases."""
+        return self._relative() and all(self._turns_along(element) for element in self.kinds["damping"])
+
+    @cached_property
+    def rows_at_rest(self) -> bool:
+        """Whether all constraint rows are homogeneous in the speeds: rest satisfies them everywhere."""
+        return self._homogeneous(np.zeros_like)
+
+    def _relative(self) -> bool:
+        """Whether forces without damping and rows do no work in the frame of the motion."""
+        return (
+            not self.kinds["other"]
+            and self._homogeneous(self._field)
+            and all(self._no_relative_work(element) for element in self.kinds["powerless"])
+        )
+
+    def _homogeneous(self, field: Any) -> bool:
+        """Whether the rows hold for u = X(q), and are linear in u − X."""
+        system, motion = self.system, self.motion
+        if not system.n_c or not self.invariance.seen:
+            return self.invariance.seen
+        for state in self.invariance.on_rows:
+            X = field(state.q)
+            fast = max(float(np.max(np.abs(x / motion.sizes))) for x in (X, state.u))
+            fast = max(fast, RESTING * self.invariance.rate)
+            at = system.dynamics(state.q, X, motion.time)
+            if not np.any(X) and np.any(at.V):
+                return False  # what rest does not satisfy is no rounding
+            allowed = self.invariance.agreed * fast * (np.abs(at.J) @ motion.sizes)
+            there = system.dynamics(state.q, X + 2.0 * (state.u - X), motion.time)
+            if np.any(np.abs(at.V) > allowed) or np.any(np.abs(there.V) > 2.0 * allowed):
+                return False
+        return True
+
+    # --- one force --------------------------------------------------------------------------------------------------
+
+    def _kind(self, element: Acting) -> Kind:
+        """Return what a force does to the energy."""
+        if element.stored:
+            return "damping" if element.damped else "potential"
+        if not element.analytic:
+            return "other"
+        try:
+            with Digits(element) as f:
+                return self._asked(element, f)
+        except (ArithmeticError, ValueError):
+            return "other"
+
+    def _asked(self, element: Acting, f: Any) -> Kind:
+        """Return what a force does to the energy, from its slopes at some states."""
+        limit = EXACT if f.name == "mpmath" else CARRIED
+        kind: Kind = "potential"
+        slopes = []
+        if not self.invariance.states:
+            return "other"
+        for state in self.invariance.states:
+            q, u = numbers(state.q, f), numbers(state.u, f)
+            zero = numbers(0.0 * state.q, f)
+            K, R = element.slopes(q, u, zero, self.motion.time, f)
+            still, _ = element.slopes(q, zero, zero, self.motion.time, f)
+            if not _symmetric(still, limit):
+                return "other"
+            if any(x for row in R for x in row):
+                kind = "powerless" if kind == "potential" else kind
+                slopes.append((R, K, still))
+                if kind == "powerless" and not self._powerless(element, q, u, zero, f, limit):
+                    kind = "damping"
+        if kind == "damping" and not _damps(slopes, limit):
+            return "other"
+        return kind
+
+    def _powerless(self, element: Acting, q: Any, u: Any, zero: Any, f: Any, limit: float) -> bool:
+        """Whether what a force adds in motion does no work."""
+        moving = element.force(q, u, zero, self.motion.time, f)
+        still = element.force(q, zero, zero, self.motion.time, f)
+        work = [(x - y) * u[i] for i, x, y in zip(element.columns, moving, still, strict=True)]
+        return bool(abs(sum(work)) <= limit * sum(abs(x) for x in work))
+
+    def _no_relative_work(self, element: Acting) -> bool:
+        """Whether a force that does no work does none in the frame of the motion either."""
+        if self.generator is None:
+            return True
+        zero = 0.0 * self.motion.q
+        for state in self.invariance.states:
+            X = self._field(state.q)
+            moving = element.force(state.q, state.u, zero, self.motion.time)
+            still = element.force(state.q, zero, zero, self.motion.time)
+            work = [(x - y) * X[i] for i, x, y in zip(element.columns, moving, still, strict=True)]
+            if abs(sum(work)) > CARRIED * sum(abs(x) for x in work):
+                return False
+        return True
+
+    def _turns_along(self, element: Acting) -> bool:
+        """Whether a damper sees speeds relative to the motion only."""
+        if self.generator is None:
+            return True
+        sizes, zero = self.motion.sizes[list(element.columns)], 0.0 * self.motion.q
+        change = size = 0.0
+        for state in self.invariance.states:
+            X = self._field(state.q)
+            one, other = (
+                np.array(element.force(state.q, u, zero, self.motion.time), dtype=float) * sizes
+                for u in (state.u, state.u + X)
+            )
+            change = max(change, float(np.max(np.abs(one - other))))
+            size = max(size, float(np.max(np.abs(one) + np.abs(other))))
+        return change <= CARRIED * size
+
+    # --- time backwards ---------------------------------------------------------------------------------------------
+
+    @cached_property
+    def reversible(self) -> bool:
+        """Whether motions backwards in time are motions: forces are even in the speeds, rows odd."""
+        return self._rows_odd() and all(self._even(e) for e in self.invariance.elements)
+
+    def _rows_odd(self) -> bool:
+        odd = all(self.invariance.satisfies(state.q, -state.u) for state in self.invariance.on_rows)
+        return odd and self.rows_at_rest
+
+    def _even(self, element: Acting) -> bool:
+        if element.inertia or element.stored:
+            return not element.damped
+        if not self.invariance.states or not element.analytic:
+            return False
+        identity = np.eye(len(self.motion.q))
+        return all(
+            self.invariance.same(element, state, State(state.q, -state.u, state.a), identity, exact=True)
+            for state in self.invariance.states
+        )
+
+
+def _symmetric(K: list[list[Any]], limit: float) -> bool:
+    """Whether a matrix is symmetric, each pair of entries relative to their own size."""
+    n = len(K)
+    total = max((abs(x) for row in K for x in row), default=0)
+    floor = 0 if limit < 1e-20 else 1e-14 * total
+    return all(
+        abs(K[i][j] - K[j][i]) <= limit * (abs(K[i][j]) + abs(K[j][i])) + floor for i in range(n) for j in range(i)
+    )
+
+
+def _damps(slopes: list[tuple[Any, Any, Any]], limit: float) -> bool:
+    """Whether ∂F/∂u is one matrix at all states, with a symmetric part that is not negative."""
+    first = slopes[0][0]
+    for R, K, still in slopes:
+        for one, other in ((R, first), (K, still)):
+            for row, same in zip(one, other, strict=True):
+                if any(abs(x - y) > limit * (abs(x) + abs(y)) for x, y in zip(row, same, strict=True)):
+                    return False
+    matrix = np.array([[float(x) for x in row] for row in first])
+    matrix = matrix + matrix.T
+    return bool(np.linalg.eigvalsh(matrix)[0] >= -1e-15 * float(np.max(np.abs(matrix))))

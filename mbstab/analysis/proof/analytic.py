@@ -1,0 +1,156 @@
+"""Whether everything in a model file is an analytic function of its parameters where they are intervals.
+
+What is proven about the elements at one value of a parameter holds for all values only if the
+expressions go on analytically between them: over a kink of ``abs``, a joint of ``smooth_start``, a pole or
+the end of a domain another function may begin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from fractions import Fraction
+from typing import Any
+
+from mbstab.analysis.algebra.balls import Ball as BallType
+from mbstab.analysis.algebra.balls import NotProvable, at_part, ball, ball_arithmetic, parameters
+from mbstab.model.expressions import OPERATIONS, PIECED, Binary, Call, Expression, Name, Negative, Node, Number, Rate
+from mbstab.model.schema import Components, Entry, MarkerValue, Model, PartValue, ShapeValue
+
+Known = BallType | None
+"""The enclosure of a value; None: it depends on the motion."""
+
+HALF = Fraction(1, 2)
+
+DOMAINS: dict[str, Callable[..., bool]] = {
+    "abs": lambda x: bool(x > 0 or x < 0),
+    "smooth_start": lambda x: bool(x < 0 or x > 1 or (x > 0 and x < 1)),
+    "atan2": lambda y, x: bool(x > 0 or y > 0 or y < 0),
+    "sqrt": lambda x: bool(x > 0),
+    "log": lambda x: bool(x > 0),
+    "asin": lambda x: bool(x > -1 and x < 1),
+    "acos": lambda x: bool(x > -1 and x < 1),
+    "tan": lambda x: bool(ball_arithmetic().cos(x) > 0 or ball_arithmetic().cos(x) < 0),
+}
+"""Where functions that are not analytic everywhere are one analytic function."""
+
+
+def require_analytic(model: Model, overrides: Mapping[str, BallType]) -> None:
+    """Refuse intervals of parameters over which an expression of a model is not one analytic function of them.
+
+    Raises
+    ------
+    NotProvable
+        With the expression.
+    """
+    wide = {name for name, x in overrides.items() if at_part(x, HALF) is not x}
+    if not wide:
+        return
+    values = parameters(model, overrides)
+    for name, parameter in model.parameters.items():
+        if name not in overrides and wide & set(parameter.expression.names()):
+            wide.add(name)
+    for expression in _expressions(model, overrides):
+        if wide & set(expression.names()):
+            _Reader(expression, values, wide).value(expression.root)
+
+
+def _expressions(model: Model, overrides: Mapping[str, BallType]) -> Iterator[Expression]:
+    """Yield what the file says of parameters, bodies, elements and the reference."""
+    yield from (x.expression for name, x in model.parameters.items() if name not in overrides)
+    yield from _within(model.gravity)
+    for entry in model.bodies.values():
+        yield from _within(entry)
+    for entries in model.entries.values():
+        yield from _within(entries)
+    reference = model.reference
+    for part in (reference.coordinates, reference.rates, reference.guess, reference.time, reference.period):
+        yield from _within(part)
+    if (steady := reference.steady) is not None:
+        yield from _within([steady.axis, steady.rate, steady.point, steady.direction, steady.speed])
+
+
+def _within(value: Any) -> Iterator[Expression]:
+    """Yield the expressions of which a value of a model file is made."""
+    match value:
+        case Expression():
+            yield value
+        case Entry() | Components():
+            yield from _within(value.values)
+        case MarkerValue():
+            yield from _within(value.point)
+        case ShapeValue():
+            yield from _within(value.lengths)
+        case PartValue():
+            yield from _within([value.mass, value.shape, value.place])
+        case Mapping():
+            for part in value.values():
+                yield from _within(part)
+        case list() | tuple():
+            for part in value:
+                yield from _within(part)
+
+
+class _Reader:
+    """Evaluates an expression over intervals of parameters, and refuses what is not analytic in them."""
+
+    def __init__(self, expression: Expression, values: Mapping[str, BallType], wide: set[str]) -> None:
+        self.expression, self.values, self.wide, self.f = expression, values, wide, ball_arithmetic()
+
+    def value(self, node: Node) -> Known:
+        """Return the enclosure of a node."""
+        match node:
+            case Name() if node.name in self.values:
+                return self.values[node.name]
+            case Name() if node.name in self.f.constants:
+                return ball(self.f.constants[node.name])
+            case Name() | Rate():
+                return None
+            case Negative():
+                inner = self.value(node.operand)
+                return None if inner is None else -inner
+            case Binary():
+                return self._operation(node)
+            case Call():
+                return self._function(node)
+            case Number():
+                return ball(self.f.number(node.text))
+
+    def _varies(self, node: Node) -> bool:
+        return bool(self.wide & set(Expression("", node).names()))
+
+    def _refuse(self, what: str) -> NotProvable:
+        return NotProvable(f"{self.expression.text!r} is not analytic there: {what}")
+
+    def _operation(self, node: Binary) -> Known:
+        left, right = self.value(node.left), self.value(node.right)
+        if node.operator == "/" and self._varies(node.right) and right is not None and not (right > 0 or right < 0):
+            raise self._refuse("a divisor may be zero")
+        if node.operator == "**" and (self._varies(node.left) or self._varies(node.right)) and left is not None:
+            whole = isinstance(node.right, Number) and node.right.text.isdigit()
+            if not whole and not left > 0:
+                raise self._refuse("the base of a power may be zero or negative")
+        if left is None or right is None:
+            return None
+        return self._evaluated(lambda: OPERATIONS[node.operator](left, right, self.f))
+
+    def _function(self, node: Call) -> Known:
+        found = [self.value(argument) for argument in node.arguments]
+        rule = DOMAINS.get(node.function)
+        if rule is not None and any(self._varies(argument) for argument in node.arguments):
+            if any(x is None for x in found):
+                if node.function in PIECED:
+                    raise self._refuse(f"{node.function} has pieces")
+            elif not rule(*found):
+                raise self._refuse(f"{node.function} has no single analytic piece")
+        if any(x is None for x in found):
+            return None
+        return self._evaluated(lambda: getattr(self.f, node.function)(*found))
+
+    def _evaluated(self, function: Callable[[], Any]) -> BallType:
+        try:
+            result = ball(function())
+        except (ArithmeticError, ValueError) as error:
+            raise self._refuse(str(error) or "it has no value") from None
+        if not result.is_finite():
+            raise self._refuse("it has no finite enclosure")
+        return result

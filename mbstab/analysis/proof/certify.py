@@ -1,0 +1,489 @@
+"""Eigenvalues with proven radii, and verdicts that are theorems.
+
+The kernels run on balls (`mbstab.analysis.algebra.balls`), the constraints are eliminated by pivots that
+are proven to be different from zero, and what is left, ẏ = S y, contains the linearized equations
+for all values of the parameters in their balls. Then
+
+1.  directions of symmetries and families of motions are divided out, and S is restricted to given
+    values of conserved functions: their eigenvalues are zero, or ±iΩ of a turning frame. They are
+    those that double precision has found, verified as identities (`mbstab.analysis.proof.identities`);
+2.  S is split along its exact zeros into blocks that do not feed back into each other (strongly
+    connected components). The roots of a block are those of its characteristic polynomial; zeros
+    that are left stay unexplained;
+3.  if the states of a block fall into two kinds such that each kind drives the other only, then
+    S = [[0, A], [B, 0]] and the roots are ±√σ for the eigenvalues σ of A B, and zeros: the spectrum
+    is symmetric, and a σ that is real, negative and simple is a pair that lies *on* the imaginary
+    axis. The same is so where the energy is conserved and there are no rows on speeds, and where
+    motions at rest are the same backwards in time: the polynomial is even;
+4.  roots are enclosed in discs (Smith 1970) where the parameters are numbers; where they are
+    intervals, Routh's array says on which side of the axis they are;
+5.  where the energy never increases its second variation is tried for a strict minimum.
+
+What follows from all that is up to the one rule of `mbstab.analysis.linear.verdict`
+(`mbstab.analysis.proof.proven_facts` collects the facts).
+
+Equilibria and steady motions are enclosed by the operator of Krawczyk (1969, Computing 4; Rump
+2010, Acta Numerica 19, section 13), which proves that there is one and only one near the
+program's solution. Over an interval one of them is followed (`mbstab.analysis.proof.intervals`).
+What is not proven is part of the statement: "proven …, provided that …".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+from mbstab.analysis.algebra import balls
+from mbstab.analysis.algebra.balls import Ball, Hopeless, NotProvable, ball, real, zero_inside
+from mbstab.analysis.linear.verdict import (
+    ASYMPTOTIC,
+    MARGINAL,
+    NONLINEAR,
+    UNDECIDED,
+    UNSTABLE,
+    Modulo,
+    Verdict,
+)
+from mbstab.analysis.proof.analytic import require_analytic
+from mbstab.analysis.proof.characteristic import GENERIC, Enclosure, Proof, Spectrum
+from mbstab.analysis.proof.identities import Identities
+from mbstab.analysis.proof.intervals import OPEN, Part, Walk, common, in_words
+from mbstab.analysis.proof.proven_facts import Case, best
+from mbstab.errors import MbstabError, UsageError, counted
+from mbstab.model.parameters import plain_setting
+from mbstab.model.schema import Model
+
+MORE_DIGITS = (1, 2, 4)
+"""Where a verdict is open, it is tried again with so many times the digits."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A proven verdict, or why there is none.
+
+    Attributes
+    ----------
+    verdict : str
+        A word of `WORDS` other than ``undecided``, or ``not provable``.
+    statement : str
+        What is proven, in a sentence.
+    eigenvalues : list of Enclosure
+        Empty over an interval.
+    conditions : tuple of str
+        What is not proven and must hold for the verdict to be true, as clauses of a sentence.
+    assumed : tuple of str
+        The same in full, and what was taken as found.
+    reasons : tuple of str
+        Why there is no verdict.
+    digits : int
+        Decimal digits of the computation.
+    parameter : str
+        Which parameter is an interval; empty: none.
+    unit : str
+        Declared unit of that parameter.
+    factor : float
+        Turns it into SI.
+    parts : tuple of Part
+        Of an interval, in ascending order (SI).
+    followed : str
+        Over an interval, which equilibrium it is about if the file leaves it to the program.
+    notes : tuple of str
+        What the verdict rests on besides eigenvalues, and what the linearized equations do not say.
+    judged : Verdict or None
+        The answer of the one rule; None: it was not reached, or the answer is about an interval.
+    modulo : Modulo
+        Symmetries and families of motions up to which the verdict holds.
+    """
+
+    verdict: str
+    statement: str
+    eigenvalues: list[Enclosure]
+    assumed: tuple[str, ...]
+    reasons: tuple[str, ...]
+    digits: int
+    parameter: str = ""
+    parts: tuple[Part, ...] = ()
+    conditions: tuple[str, ...] = ()
+    followed: str = ""
+    notes: tuple[str, ...] = ()
+    judged: Verdict | None = None
+    modulo: Modulo = field(default_factory=Modulo)
+    unit: str = ""
+    factor: float = 1.0
+
+    @property
+    def in_place(self) -> bool | None:
+        """Whether disturbed motions stay near the reference itself; None: not claimed."""
+        return self.judged.in_place if self.judged is not None else None
+
+    @property
+    def evidence(self) -> str:
+        """The weakest fact that the verdict rests on: ``structural``, ``enclosed`` or ``numerical``."""
+        return "numerical" if self.judged is None or self.conditions else self.judged.evidence
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What may destroy stability that is proven."""
+        return self.judged.warnings if self.judged is not None else ()
+
+    @property
+    def status(self) -> str:
+        """Return ``proven``, ``conditional`` (a verdict that rests on `conditions`) or ``not provable``."""
+        return "not provable" if self.verdict == "not provable" else "conditional" if self.conditions else "proven"
+
+    @property
+    def decided(self) -> bool:
+        """Whether there is a verdict, proven or under conditions."""
+        return self.status != "not provable"
+
+    @property
+    def proven(self) -> bool:
+        """Whether there is a verdict that rests on nothing but the model file."""
+        return self.status == "proven"
+
+
+def certify(
+    model: Model,
+    settings: Mapping[str, Any] | None = None,
+    digits: int = 50,
+    progress: Callable[[float], object] = lambda done: None,
+) -> Certificate:
+    """Return enclosures of all eigenvalues and a verdict that is proven, or why there is none.
+
+    Parameters
+    ----------
+    model : Model
+    settings : mapping
+        Values of parameters: numbers or texts as for ``--set``, one of them also an interval such
+        as ``[5.6, 10]``. Texts are exact decimals.
+    digits : int
+        Decimal digits; twice and four times as many where a verdict is open.
+    progress : callable
+        Is called with the part of an interval that is decided, from 0 to 1.
+
+    Raises
+    ------
+    UsageError
+        If python-flint is missing, a parameter is unknown, or more than one is an interval.
+    MbstabError
+        As `mbstab.analysis.reference.requested.reference_motion`.
+    """
+    balls.require_flint()
+    if not 10 <= digits <= 10_000:
+        raise UsageError(f"--precision {digits}: give a number from 10 to 10000")
+    texts = {name: str(plain_setting(model, name, value)) for name, value in (settings or {}).items()}
+    wide = [name for name, text in texts.items() if text.startswith("[")]
+    if len(wide) > 1:
+        raise UsageError(
+            f"{' and '.join(wide)} are intervals\nhint: one parameter may be an interval, the others numbers"
+        )
+    result = None
+    for more in MORE_DIGITS:
+        with balls.digits(more * digits):
+            ends = {name: balls.interval(model, name, text) for name, text in texts.items()}
+            if wide:
+                return _over(model, ends, wide[0], digits, progress)
+            result, hope = _at(model, {name: low for name, (low, _) in ends.items()}, more * digits)
+        if not hope:
+            break
+    assert result is not None
+    return result
+
+
+def _refused(error: NotProvable, digits: int) -> Certificate:
+    reason = str(error)
+    return Certificate(OPEN, f"not provable with {digits} digits: {reason}", [], (), (reason,), digits)
+
+
+def _at(model: Model, overrides: Mapping[str, Ball], digits: int) -> tuple[Certificate, bool]:
+    """Return what is proven at one point, and whether more digits may prove more."""
+    try:
+        proof = Proof(model, overrides)
+        case = best(proof)
+        found = sorted(
+            case.enclosures,
+            key=lambda e: (e.kind in NEUTRAL, -float(e.real.mid()), abs(float(e.imag.mid())), -float(e.imag.mid())),
+        )
+    except NotProvable as error:
+        return _refused(error, digits), not isinstance(error, Hopeless)
+    judged, conditions = case.verdict, (*proof.conditions, *case.conditions)
+    assumed = (*proof.assumed, *case.conditions)
+    if judged.word == UNDECIDED:
+        named = list(dict.fromkeys(e.why for e in found if e.kind == "open" and e.why))
+        reasons = (*dict.fromkeys(judged.reasons), *([f"nothing explains: {', '.join(named)}"] if named else []))
+        statement = f"not provable with {digits} digits: {'; '.join(reasons)}"
+        hope = any(e.wide for e in found if e.kind == "open")
+        return Certificate(OPEN, statement, found, assumed, reasons, digits, judged=judged), hope
+    statement = f"proven {in_words(judged.word, judged.modulo)}{_provided(conditions)}: {_counted(found)}"
+    notes = judged.reasons if judged.word not in (UNSTABLE, ASYMPTOTIC) else ()
+    return Certificate(
+        judged.word, statement, found, assumed, (), digits, conditions=conditions, notes=notes, judged=judged,
+        modulo=judged.modulo,
+    ), False  # fmt: skip
+
+
+def _provided(conditions: Sequence[str]) -> str:
+    """Return the conditions of a verdict as the end of a sentence."""
+    return f", provided that {'; that '.join(conditions)}" if conditions else ""
+
+
+def _counted(found: list[Enclosure]) -> str:
+    """Return in words how many eigenvalues are where."""
+    counts = {kind: sum(e.count for e in found if e.kind == kind) for kind in KINDS}
+    beside = any(counts[kind] for kind in ("left", "right"))
+    words = {**KINDS, "imaginary": "exactly on it" if beside else "exactly on the imaginary axis"}
+    parts = [f"{counted(counts[kind], 'eigenvalue')} {words[kind]}" for kind in words if counts[kind]]
+    return ", ".join(parts)
+
+
+KINDS = {
+    "right": "to the right of the imaginary axis",
+    "left": "to the left of the imaginary axis",
+    "imaginary": "exactly on the imaginary axis",
+    "zero": "exactly zero by symmetry",
+    "carried": "on the axis by symmetry",
+    "open": "not told from the axis",
+}
+"""Kinds of eigenvalues in words."""
+
+NEUTRAL = ("zero", "carried")
+"""Kinds of those that symmetries and families of motions explain."""
+
+
+# --- intervals of a parameter ---------------------------------------------------------------------------------------
+
+
+def _over(
+    model: Model, ends: Mapping[str, tuple[Ball, Ball]], name: str, digits: int, progress: Callable[[float], object]
+) -> Certificate:
+    """Return what is proven for all values of a parameter in an interval, by bisection."""
+    low, high = _fraction(ends[name][0], False), _fraction(ends[name][1], True)
+    others = {key: value[0] for key, value in ends.items() if key != name}
+    walk = Walk(model, others, name, (low, high), progress)
+    verdicts = {part.verdict for part in walk.parts}
+    words = {part.words for part in walk.parts}
+    factor = balls.exact_factor(model.parameters[name])
+    unit = model.parameters[name].unit
+    text = f"{name} in [{_decimal(ball(low) / factor)}, {_decimal(ball(high) / factor)}] {unit}".rstrip()
+    followed = ""
+    if walk.start is not None:
+        what = {None: "position", "equilibrium": "equilibrium"}.get(model.reference.find, "steady motion")
+        start = f"{_decimal(ball(walk.start) / factor)} {unit}".rstrip()
+        followed = f"the {what} that the file leads to at {name} = {start}, followed from there"
+    assumed = tuple(walk.assumed)
+    parts = tuple(walk.parts)
+    notes = (f"where the verdict is marginally stable, {NONLINEAR}",) if MARGINAL in verdicts else ()
+    if (agreed := common(parts)) is not None:
+        word, modulo = agreed
+        least = "at least " if len(words) > 1 else ""
+        statement = f"proven {least}{in_words(word, modulo)} for every {text}{_provided(walk.conditions)}"
+        statement += f" ({followed})" if followed else ""
+        return Certificate(
+            word, statement, [], assumed, (), digits, name, parts, tuple(walk.conditions), followed, notes,
+            modulo=modulo, unit=unit, factor=float(factor),
+        )  # fmt: skip
+    why = []
+    if len(words - {OPEN}) > 1:
+        why.append(f"the verdict is not the same for every {text}")
+    elif len(words) > 1:
+        why.append(f"a part of {text} is open")
+    for part in parts:
+        if part.verdict == OPEN:
+            first, last = (_decimal(ball(x) / factor, 12) for x in (part.low, part.high))
+            width = _decimal(ball(part.high - part.low) / factor, 2)
+            why.append(f"open in [{first}, {last}]{' ' if unit else ''}{unit}, width {width}: {part.reason}")
+    statement = f"not provable with {digits} digits: {why[0]}"
+    if verdicts != {OPEN} and walk.conditions:
+        statement += f"; the verdicts of the other parts hold{_provided(walk.conditions)[1:]}"
+    return Certificate(
+        OPEN, statement, [], assumed, tuple(why), digits, name, parts, tuple(walk.conditions), followed, notes,
+        unit=unit, factor=float(factor),
+    )  # fmt: skip
+
+
+def _fraction(x: Ball, up: bool) -> Fraction:
+    """Return a number as a fraction, rounded outwards if it is none."""
+    exact = balls.fraction(x)
+    if exact is not None:
+        return exact
+    bound = real(x).upper() if up else real(x).lower()
+    mantissa, exponent = (int(part) for part in bound.mid().man_exp())
+    slack = Fraction(1, 10**30)
+    return Fraction(mantissa) * Fraction(2) ** exponent + (slack if up else -slack)
+
+
+def _decimal(x: Ball, places: int = 6) -> str:
+    return f"{float(x):.{places}g}"
+
+
+# --- critical values ------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Critical:
+    """An interval of a parameter (SI) that contains a critical value for certain.
+
+    Attributes
+    ----------
+    low, high : Fraction
+    test : str
+        Which function changes its sign: ``divergence`` (the product of eigenvalues), ``flutter``
+        (the last but one Hurwitz determinant) or ``collision`` (the discriminant of the
+        polynomial in s²).
+    digits : int
+    """
+
+    low: Fraction
+    high: Fraction
+    test: str
+    digits: int
+
+    @property
+    def value(self) -> Any:
+        """Return the enclosure as ``flint.arb``."""
+        return balls.between(ball(self.low), ball(self.high))
+
+    def text(self) -> str:
+        """Return the digits of the critical value that are proven."""
+        with balls.digits(self.digits):
+            return str(self.value.str(self.digits + 2))
+
+
+def certified_critical(
+    model: Model,
+    parameter: str,
+    low: str | float,
+    high: str | float,
+    digits: int = 30,
+    settings: Mapping[str, Any] | None = None,
+) -> Critical:
+    """Return an enclosure of a value at which a test function of stability is zero.
+
+    Between the ends of the enclosure the function changes its sign and is continuous, as the
+    elimination is proven to go through for all values in it.
+
+    Parameters
+    ----------
+    parameter : str
+    low, high : str or float
+        In the unit of the parameter; the functions must have opposite signs there.
+    digits : int
+        Correct digits of the enclosure.
+
+    Raises
+    ------
+    NotProvable
+        If no function changes its sign.
+    UsageError
+        If python-flint is missing or a parameter is unknown.
+    """
+    balls.require_flint()
+    with balls.digits(digits + 30):
+        values = {
+            key: balls.interval(model, key, str(plain_setting(model, key, value)))[0]
+            for key, value in (settings or {}).items()
+        }
+        ends = [
+            _fraction(balls.interval(model, parameter, x if isinstance(x, str) else repr(x))[0], up)
+            for x, up in ((low, False), (high, True))
+        ]
+        return _Search(model, values, parameter, ends).found(digits)
+
+
+class _Search:
+    """The search for a value between two ends at which a test function is zero."""
+
+    def __init__(self, model: Model, values: Mapping[str, Ball], parameter: str, ends: Sequence[Fraction]) -> None:
+        self.model, self.values, self.parameter, self.ends = model, values, parameter, ends
+        self.near: Proof | None = None
+        self.identities = _generic(model, values, parameter, ends)
+
+    def _proof(self, x: Any, near: Proof | None) -> Proof:
+        found = Proof(self.model, {**self.values, self.parameter: ball(x)}, near, self.identities)
+        self.identities = found.identities
+        return found
+
+    def _tests(self, x: Any) -> list[tuple[str, Ball]]:
+        self.near = self._proof(x, self.near)
+        return _tests(self.near)
+
+    def found(self, digits: int) -> Critical:
+        """Return the enclosure."""
+        first, last = (self._tests(x) for x in self.ends)
+        if [name for name, _ in first] != [name for name, _ in last]:
+            raise NotProvable(f"the equations have not the same structure at both ends of {self.parameter}")
+        k = next((k for k, (x, y) in enumerate(zip(first, last, strict=True)) if _opposite(x[1], y[1])), None)
+        if k is None:
+            raise NotProvable(f"no test function changes its sign between both ends of {self.parameter}")
+        a, b = self._narrowed(k, first[k][1], last[k][1], digits)
+        # All of it about one motion: the signs are those of the solution that is alone in the enclosure.
+        whole = self._proof(balls.between(ball(a), ball(b)), self.near)
+        _tests(whole)
+        both = [self._proof(x, whole) for x in (a, b)]
+        signs = [_tests(proof)[k][1] for proof in both]
+        if not (all(whole.same_at(proof) for proof in both) and _opposite(*signs)):
+            raise NotProvable(f"the motion is not proven to be the same on both sides of {_decimal(ball(a), 12)}")
+        return Critical(a, b, first[k][0], digits)
+
+    def _narrowed(self, k: int, f_a: Ball, f_b: Ball, digits: int) -> tuple[Fraction, Fraction]:
+        """Return a narrow interval between whose ends a test function changes its sign (false position, Illinois)."""
+        a, b = self.ends
+        small = max(abs(a), abs(b)) / Fraction(2) ** (int(3.33 * digits) + 8)
+        side = 0
+        for _ in range(40 * digits):
+            if b - a <= small:
+                break
+            weight = _fraction(real(f_a / (f_a - f_b)).mid(), True)
+            # Next to the better end, but not nearer than what is asked for.
+            x = a + (b - a) * min(max(weight, Fraction(0)), Fraction(1))
+            x = min(max(x, a + small / 3), b - small / 3)
+            x = Fraction(round(x / small * 2**12), 2**12) * small
+            f_x = self._tests(x)[k][1]
+            if zero_inside(f_x):
+                x += small / 4
+                f_x = self._tests(x)[k][1]
+            if zero_inside(f_x):
+                raise NotProvable(f"the sign of the test function next to {_decimal(ball(x), 12)} is open")
+            if _opposite(f_a, f_x):
+                b, f_b = x, f_x
+                f_a = f_a / 2 if side == 1 else f_a
+                side = 1
+            else:
+                a, f_a = x, f_x
+                f_b = f_b / 2 if side == -1 else f_b
+                side = -1
+        return a, b
+
+
+def _opposite(x: Ball, y: Ball) -> bool:
+    return bool((x > 0 and y < 0) or (x < 0 and y > 0))
+
+
+def _generic(model: Model, values: Mapping[str, Ball], parameter: str, ends: Sequence[Fraction]) -> Identities | None:
+    """Return what is proven about the elements at a value between both ends; None: there is no motion."""
+    try:
+        require_analytic(model, {**values, parameter: balls.between(ball(min(ends)), ball(max(ends)))})
+        return Proof(model, {**values, parameter: ball(ends[0] + (ends[1] - ends[0]) * GENERIC)}).identities
+    except MbstabError:
+        return None
+
+
+def _tests(proof: Proof) -> list[tuple[str, Ball]]:
+    """Return functions of the coefficients that are zero where stability changes."""
+    spectrum: Spectrum = Case(proof, False).left[0]
+    found = []
+    for factor in spectrum.factors:
+        p, n = factor.p, len(factor.p) - 1
+        found.append(("divergence", p[0]))
+        if factor.even and n > 1:
+            slope = [k * x for k, x in enumerate(p)][1:]
+            found.append(("collision", balls.resultant(p, slope)))
+        elif not factor.even and n > 1:
+            hurwitz = [
+                [p[n - 1 - 2 * j + i] if 0 <= n - 1 - 2 * j + i <= n else ball(0) for j in range(n - 1)]
+                for i in range(n - 1)
+            ]
+            found.append(("flutter", balls.determinant(hurwitz)))
+    return found

@@ -1,0 +1,517 @@
+"""The linearized equations of a scene in balls, and the factors of their characteristic polynomial.
+
+The constraints are eliminated by pivots that are proven to be different from zero, and what is left, ẏ = S y,
+contains the linearized equations for all values of the parameters in their balls. S is divided by the directions of
+symmetries and families, restricted to given values of conserved functions, and split along its exact zeros, as
+`mbstab.analysis.proof.certify` says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from mbstab.analysis.algebra import balls
+from mbstab.analysis.algebra.balls import Ball, Matrix, ball, real, zero_inside
+from mbstab.analysis.algebra.deflation import in_frame, on_speeds, restricted
+from mbstab.analysis.proof.analytic import require_analytic
+from mbstab.analysis.proof.enclosures import Field, Reference
+from mbstab.analysis.proof.identities import Identities
+from mbstab.model.schema import Model
+
+GENERIC = Fraction(38197, 100000)
+"""Where in its interval a parameter is given a value to look for structure, which values of this kind do not hide."""
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """One eigenvalue, or several that are not told apart.
+
+    Attributes
+    ----------
+    real, imag : ball (1/s)
+        ``flint.arb``; an exact zero has no radius.
+    count : int
+        Number of eigenvalues inside.
+    kind : str
+        ``left``, ``right``, ``imaginary`` (on the axis), ``zero`` or ``carried`` (zero, or ±iΩ of a turning frame, by
+        symmetries and families of motions), or ``open``; all but the last proven.
+    why : str
+        What makes it lie on the axis, or what an eigenvalue zero belongs to that nothing explains.
+    """
+
+    real: Ball
+    imag: Ball
+    count: int
+    kind: str
+    why: str = ""
+
+    @property
+    def radius(self) -> float:
+        """Largest radius of both parts (1/s), rounded up."""
+        return float(np.nextafter(max(float(self.real.rad()), float(self.imag.rad())), np.inf)) if self.wide else 0.0
+
+    @property
+    def wide(self) -> bool:
+        """Whether there is a radius at all."""
+        return not (self.real.is_exact() and self.imag.is_exact())
+
+    def contains(self, s: complex, slack: float = 0.0) -> bool:
+        """Whether a number lies inside, or not further outside than `slack` (1/s)."""
+        from flint import arb
+
+        gap = arb(0, slack)
+        return bool((self.real + gap).contains(arb(s.real)) and (self.imag + gap).contains(arb(s.imag)))
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A factor of the characteristic polynomial, monic, the constant first; `even`: a polynomial in σ = s².
+
+    Attributes
+    ----------
+    states : frozenset of int
+        Which states it belongs to; factors of states that do not act on each other are apart.
+    """
+
+    p: list[Ball]
+    even: bool
+    why: str = ""
+    states: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """The characteristic polynomial of what is left to judge: exact zeros, by what nothing drives, and factors.
+
+    Attributes
+    ----------
+    reach : mapping
+        Which states each state acts on, directly or through others.
+    """
+
+    zeros: list[str]
+    factors: list[Factor]
+    reach: Mapping[int, frozenset[int]]
+
+    def apart(self, one: Factor, other: Factor) -> bool:
+        """Whether two factors belong to states that do not act on each other."""
+        return bool(one.states and other.states) and not any(
+            self.reach[i] & y for x, y in ((one.states, other.states), (other.states, one.states)) for i in x
+        )
+
+
+class Reduced(NamedTuple):
+    """The linearized equations in the frame of the motion, and what is left of them without the constraints.
+
+    Attributes
+    ----------
+    M, R : matrix, shape (n_q, n_q)
+    N : matrix, shape (n_q, m)
+        Basis of what holonomic rows allow: a unit matrix in the `free` coordinates.
+    M_N, K_N : matrix, shape (m, m)
+        Nᵀ M N and Nᵀ K N.
+    P : matrix, shape (m, m)
+    Z : matrix, shape (m, k)
+        ξ̇ = P ξ + Z η; a unit matrix in the `moving` ones among the free coordinates.
+    S : matrix, shape (m + k, m + k)
+        ẏ = S y for y = [ξ; η].
+    free, moving : list of int
+    """
+
+    M: Matrix
+    R: Matrix
+    N: Matrix
+    M_N: Matrix
+    K_N: Matrix
+    P: Matrix
+    Z: Matrix
+    S: Matrix
+    free: list[int]
+    moving: list[int]
+
+
+class Proof(Reference):
+    """The linearized equations about a reference motion in balls.
+
+    Parameters
+    ----------
+    model, overrides, near
+        As `mbstab.analysis.proof.enclosures.Reference`.
+    identities : Identities, optional
+        What is proven about the elements of the same model at other values of the parameters.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        overrides: Mapping[str, Ball],
+        near: Reference | None = None,
+        identities: Identities | None = None,
+    ) -> None:
+        self._identities = identities
+        proven = ("structural", "enclosed")
+        super().__init__(model, overrides, near, identities is not None and identities.steady() in proven)
+
+    @cached_property
+    def identities(self) -> Identities:
+        """What is proven about the elements; where a parameter is an interval, at a value inside."""
+        if self._identities is not None:
+            return self._identities
+        if not self.wide:
+            return Identities(self, self.grounds)
+        require_analytic(self.model, self.overrides)
+        inside = {name: balls.at_part(x, GENERIC) for name, x in self.overrides.items()}
+        return Proof(self.model, inside, self if self.solutions else None).identities
+
+    # --- elimination ------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def reduced(self) -> Reduced:
+        """The linearized equations without the constraints."""
+        s, n = self.state, self.system.n_q
+        K, R, D_q = (balls.matrix(x) for x in self.system.linearize(s.q, s.u, s.a, self._all_nu(s.nu), self.time))
+        M, _, _, _, J = self._dynamics(s.q, s.u)
+        C, D = J[: self.r_h], J[self.r_h :]
+        D_q = [D_q[i - self.system.n_h] for i in self.rows[self.r_h :]]
+        R, K, D_q = in_frame(M, R, K, D, D_q, s.slope, s.second, balls.BALLS)
+        scale = self.rough.motion.spaces.scale.tolist()
+        row_scale = [float(self.rough.motion.spaces.row_scale[i]) for i in self.rows]
+        pivots, T = balls.eliminate(C, self.r_h, n, row_scale[: self.r_h], scale)
+        free, N = balls.null_space(pivots, T, n)
+        m = len(free)
+        W, W_q = balls.times(D, N), balls.times(D_q, N)
+        pivots, T = balls.eliminate(
+            [a + b for a, b in zip(W, W_q, strict=True)], self.r_n, m, row_scale[self.r_h :], [scale[j] for j in free]
+        )
+        moving, Z = balls.null_space(pivots, T, m)
+        P = balls.zeros(m, m)
+        for i, j in pivots:
+            P[j] = [-x for x in T[i][m:]]
+        M_N, R_N, K_N = restricted(M, R, K, N, balls.BALLS) if m else ([], [], [])
+        S = _state_matrix(M_N, R_N, K_N, P, Z, len(moving))
+        return Reduced(M, R, N, M_N, K_N, P, Z, S, free, moving)
+
+    def column(self, direction: Sequence[Ball], rate: Sequence[Ball]) -> list[Ball]:
+        """Return a disturbance (Δq, Δu) that the rows allow in the coordinates of S."""
+        r = self.reduced
+        carried = balls.apply(self.state.slope, direction)
+        xi = [direction[i] for i in r.free]
+        return xi + [rate[r.free[k]] - carried[r.free[k]] for k in r.moving]
+
+    def differential(self, direction: Sequence[Ball], rate: Sequence[Ball]) -> list[Ball]:
+        """Return the differential of the momentum along a symmetry, as `neutral.Structure.differential`."""
+        r = self.reduced
+        turned = balls.apply(self.state.slope, direction)
+        carried = [x - y for x, y in zip(rate, turned, strict=True)]
+        (speeds,) = balls.times(balls.times([list(direction)], r.M), r.N)
+        (forces,) = balls.times(balls.times([list(direction)], r.R), r.N)
+        (frame,) = balls.times(balls.times([carried], r.M), r.N)
+        (through,) = balls.times([speeds], r.P)
+        (own,) = balls.times([speeds], r.Z) if r.moving else ([],)
+        return [x - y + z for x, y, z in zip(forces, frame, through, strict=True)] + own
+
+    def seen_from(self, step: Field, rate: Ball) -> Proof:
+        """Return the same in a frame that goes round faster by a turn that leaves the reference as it is."""
+        own = self.state.field
+        spins = [x + rate * y for x, y in zip(own.spins, step.spins, strict=True)]
+        field = Field(self.system, step.axis, step.point, own.rate + rate, own.velocity, spins)
+        _, slope, growth = field.at(self.state.q)
+        other = copy(self)
+        vars(other).pop("reduced", None)
+        other.state = self.state._replace(
+            slope=slope, second=balls.plus(balls.times(slope, slope), growth), field=field
+        )
+        return other
+
+    def dynamic_rows(self) -> Matrix:
+        """Return the rows on speeds that are no rates of rows on places."""
+        return self._dynamics(self.state.q, self.state.u)[4][self.r_h :]
+
+    def name_of(self, i: int) -> str:
+        """Return what a state stands for."""
+        free, moving = self.reduced.free, self.reduced.moving
+        j = free[i] if i < len(free) else free[moving[i - len(free)]]
+        return f"{'' if i < len(free) else 'the rate of '}{self.system.names[j]}"
+
+
+def _state_matrix(M: Matrix, R: Matrix, K: Matrix, P: Matrix, Z: Matrix, k: int) -> Matrix:
+    """Return S of ẏ = S y for matrices that holonomic rows have left."""
+    m = len(P)
+    S = balls.zeros(m + k, m + k)
+    for i in range(m):
+        S[i] = P[i] + Z[i]
+    if k:
+        M_z, K_z, R_z = on_speeds(M, R, K, Z, P, balls.BALLS)
+        solved = balls.solve(M_z, [a + b for a, b in zip(K_z, R_z, strict=True)])
+        for i in range(k):
+            S[m + i] = [-x for x in solved[i]]
+    return S
+
+
+class Quotient:
+    """What a matrix does apart from directions that it leads into each other, where functions keep their values.
+
+    Parameters
+    ----------
+    S : matrix
+
+    Attributes
+    ----------
+    kept : matrix
+    alive : list of int
+        Rows and columns of `kept` that are left.
+    """
+
+    def __init__(self, S: Matrix) -> None:
+        self.kept, self.alive = [row[:] for row in S], list(range(len(S)))
+        self._divided: list[tuple[int, dict[int, Ball]]] = []
+        self._restricted: list[tuple[int, dict[int, Ball]]] = []
+
+    def seen(self, vector: Sequence[Ball]) -> dict[int, Ball]:
+        """Return a vector apart from the directions so far."""
+        v = dict(enumerate(vector))
+        for pivot, other in self._divided:
+            part = v.pop(pivot, ball(0))
+            if not part.is_zero():
+                for i, x in other.items():
+                    if i != pivot:
+                        v[i] = v.get(i, ball(0)) - part / other[pivot] * x
+        return {i: x for i, x in v.items() if not x.is_zero()}
+
+    def divide(self, vector: Sequence[Ball]) -> bool:
+        """Divide by a direction; return whether it is proven to be independent of those before."""
+        v = self.seen(vector)
+        if all(zero_inside(x) for x in v.values()):
+            return False
+        pivot = max((i for i in v if not zero_inside(v[i])), key=lambda i: abs(float(v[i].mid())))
+        row = [(j, self.kept[pivot][j]) for j in self.alive if not self.kept[pivot][j].is_zero()]
+        for i, x in v.items():
+            if i != pivot:
+                ratio = x / v[pivot]
+                for j, y in row:
+                    self.kept[i][j] = self.kept[i][j] - ratio * y
+        self.alive.remove(pivot)
+        self._divided.append((pivot, v))
+        return True
+
+    def restrict(self, differential: Sequence[Ball]) -> bool:
+        """Restrict to a given value of a function that is constant along the directions; return as `divide`."""
+        row = {i: differential[i] for i in (*self.alive, *(j for j, _ in self._restricted))}
+        for pivot, other in self._restricted:
+            part = row.pop(pivot)
+            if not part.is_zero():
+                for i, x in other.items():
+                    if i != pivot:
+                        row[i] = row.get(i, ball(0)) - part / other[pivot] * x
+        row = {i: x for i, x in row.items() if not x.is_zero()}
+        sure = [i for i in row if not zero_inside(row[i])]
+        if not sure:
+            return False
+        filled = {j: sum(not self.kept[i][j].is_zero() for i in self.alive) for j in sure}
+        pivot = min(sure, key=lambda j: (filled[j], -abs(float(row[j].mid()))))
+        self.alive.remove(pivot)
+        for i in self.alive:
+            x = self.kept[i][pivot]
+            if not x.is_zero():
+                for j, y in row.items():
+                    if j != pivot:
+                        self.kept[i][j] = self.kept[i][j] - x * y / row[pivot]
+        self._restricted.append((pivot, row))
+        return True
+
+    def spectrum(self, names: Sequence[str], mirrored: str) -> Spectrum:
+        """Return the characteristic polynomial of what is left, split along exact zeros.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Of all states.
+        mirrored : str
+            What makes the spectrum symmetric to the imaginary axis, in words; empty: nothing does.
+        """
+        kept, zeros = self.kept, list[str]()
+        factors: list[Factor] = []
+        uneven: list[Factor] = []
+        reach = _reach(kept, self.alive)
+        for component in _components(reach, self.alive):
+            block, states = [[kept[i][j] for j in component] for i in component], frozenset(component)
+            if len(block) == 1 and block[0][0].is_zero():
+                zeros.append(names[component[0]])
+                continue
+            sides = _two_kinds(block)
+            if sides is None:
+                p = balls.characteristic(block)
+                exact = len(p) % 2 == 1 and all(x.is_zero() for x in p[1::2])
+                if exact:
+                    factors.append(Factor(p[::2], True, "the linearized equations have it there exactly", states))
+                else:
+                    uneven.append(Factor(p, False, "", states))
+                continue
+            small, large = sorted(sides, key=len)
+            A = [[block[i][j] for j in large] for i in small]
+            zeros += [names[component[large[k]]] for k in _null_places(A, len(large))]
+            B = [[block[i][j] for j in small] for i in large]
+            if len(block) <= balls.SMALL:
+                even = balls.characteristic(block)[len(large) - len(small) :: 2]
+            else:
+                even = balls.characteristic(balls.times(A, B))
+            factors.append(Factor(even, True, "the linearized equations are reversible", states))
+        factors += _merged(uneven, mirrored)
+        for k, factor in enumerate(factors):
+            p = factor.p
+            while len(p) > 1 and p[0].is_zero():
+                zeros += ["no constant in the characteristic polynomial"] * (2 if factor.even else 1)
+                p = p[1:]
+            factors[k] = replace(factor, p=p)
+        return Spectrum(zeros, [factor for factor in factors if len(factor.p) > 1], reach)
+
+
+def _null_places(A: Matrix, columns: int) -> list[int]:
+    """Return the columns that are largest in vectors that a matrix with fewer rows sends to zero."""
+    middle = np.array([[float(x.mid()) for x in row] for row in A]).reshape(len(A), columns)
+    null = np.linalg.svd(middle)[2][len(A) :]
+    return [int(np.argmax(np.abs(v))) for v in null]
+
+
+def _merged(uneven: list[Factor], mirrored: str) -> list[Factor]:
+    """Return factors that together have a symmetric spectrum as one even polynomial, and a zero if one is left over."""
+    if not mirrored or not uneven:
+        return uneven
+    whole = [ball(1)]
+    for factor in uneven:
+        whole = balls.product(whole, factor.p)
+    odd = len(whole) % 2 == 0
+    states = frozenset(i for factor in uneven for i in factor.states)
+    even = Factor(whole[1::2] if odd else whole[::2], True, mirrored, states)
+    return [even, Factor([ball(0), ball(1)], False, "", states)] if odd else [even]
+
+
+def null_combinations(A: Matrix, width: int) -> tuple[Matrix, float]:
+    """Return combinations of `width` columns of A that vanish as far as balls tell, as rows, and how far that is."""
+    T, pivots = [row[:] for row in A], list[tuple[int, int]]()
+    while True:
+        rows = [i for i in range(len(T)) if i not in {x for x, _ in pivots}]
+        free = [j for j in range(width) if j not in {y for _, y in pivots}]
+        sure = [(abs(float(T[i][j].mid())), i, j) for i in rows for j in free if not zero_inside(T[i][j])]
+        if not sure:
+            break
+        _, i, j = max(sure)
+        T[i] = [x / T[i][j] for x in T[i]]
+        for other in range(len(T)):
+            if other != i and not T[other][j].is_zero():
+                factor = T[other][j]
+                T[other] = [x - factor * y for x, y in zip(T[other], T[i], strict=True)]
+        pivots.append((i, j))
+    slack = max((float(T[i][j].rad()) for i in rows for j in free), default=0.0)
+    found = []
+    for j in free:
+        c = [ball(int(k == j)) for k in range(width)]
+        for i, column in pivots:
+            c[column] = -T[i][j]
+        found.append(c)
+    return found, slack
+
+
+def _reach(S: Matrix, alive: list[int]) -> dict[int, frozenset[int]]:
+    """Return which states each state depends on, directly or through others; itself as well."""
+    following = {i: [j for j in alive if j != i and not S[i][j].is_zero()] for i in alive}
+    reach: dict[int, frozenset[int]] = {}
+    for i in alive:
+        seen, stack = {i}, [i]
+        while stack:
+            for j in following[stack.pop()]:
+                if j not in seen:
+                    seen.add(j)
+                    stack.append(j)
+        reach[i] = frozenset(seen)
+    return reach
+
+
+def _components(reach: Mapping[int, frozenset[int]], alive: list[int]) -> list[list[int]]:
+    """Return the strongly connected components of the graph of entries that are not exact zeros."""
+    found: list[list[int]] = []
+    for i in alive:
+        if not any(i in component for component in found):
+            found.append([j for j in alive if j in reach[i] and i in reach[j]])
+    return found
+
+
+def _two_kinds(block: Matrix) -> tuple[list[int], list[int]] | None:
+    """Return two groups of states such that each drives only the other, or None."""
+    n = len(block)
+    color = [-1] * n
+    color[0] = 0
+    stack = [0]
+    while stack:
+        i = stack.pop()
+        for j in range(n):
+            if block[i][j].is_zero() and block[j][i].is_zero():
+                continue
+            if color[j] < 0:
+                color[j] = 1 - color[i]
+                stack.append(j)
+            elif color[j] == color[i]:
+                return None
+    return [i for i in range(n) if color[i] == 0], [i for i in range(n) if color[i] == 1]
+
+
+# --- roots ------------------------------------------------------------------------------------------------------------
+
+
+def zero_enclosure(kind: str, count: int, why: str) -> Enclosure:
+    """Return exact zeros with what they belong to."""
+    return Enclosure(real(ball(0)), real(ball(0)), count, kind, why)
+
+
+def carried_enclosures(rate: Ball, why: str) -> list[Enclosure]:
+    """Return the eigenvalues ±iω of neutral directions that the motion carries around."""
+    return [Enclosure(real(ball(0)), real(sign * rate), 1, "carried", why) for sign in (1, -1)]
+
+
+def touch(one: Enclosure, other: Enclosure) -> bool:
+    """Whether two eigenvalues are not told from each other."""
+    return zero_inside(one.real - other.real) and zero_inside(one.imag - other.imag)
+
+
+def enclosed(factor: Factor) -> list[Enclosure]:
+    """Return enclosures of the roots of a factor."""
+    from flint import acb, arb
+
+    zero = arb(0)
+    found = []
+    for centre, radius, count in balls.root_discs(factor.p):
+        x = centre.real + arb(0, radius)
+        y = centre.imag + arb(0, radius)
+        # The roots of a real polynomial come in pairs: one alone in a disc about a real centre is real.
+        if count == 1 and centre.imag == 0:
+            y = zero
+        if not factor.even:
+            kind = "left" if x < 0 else "right" if x > 0 else "open"
+            found.append(Enclosure(x, y, count, kind))
+        elif y.is_zero() and x < 0:
+            root = (-x).sqrt()
+            found += [Enclosure(zero, sign * root, 1, "imaginary", factor.why) for sign in (1, -1)]
+        elif y.is_zero() and x > 0:
+            root = x.sqrt()
+            found += [Enclosure(sign * root, zero, 1, "right" if sign > 0 else "left") for sign in (1, -1)]
+        elif not (x.is_finite() and y.is_finite()):
+            found.append(Enclosure(x, y, 2 * count, "open"))
+        elif zero_inside(x) and zero_inside(y):
+            size = (abs(x) + abs(y)).abs_upper().sqrt().abs_upper()
+            found.append(Enclosure(arb(0, size), arb(0, size), 2 * count, "open"))
+        else:
+            # Away from zero, and from the cut of the root, which is turned out of the way.
+            turned = x < 0 or not x > 0
+            s = acb(-x, -y).sqrt() * acb(0, 1) if turned else acb(x, y).sqrt()
+            for sign in (1, -1):
+                part = sign * s.real
+                kind = "right" if part > 0 else "left" if part < 0 else "open"
+                found.append(Enclosure(part, sign * s.imag, count, kind))
+    return found

@@ -1,0 +1,512 @@
+"""The facts about a motion in balls, for the one rule of `mbstab.analysis.linear.verdict`.
+
+Neutral directions, conserved functions and the work of the elements are those that double precision
+has found, as far as `mbstab.analysis.proof.identities` verifies them. Where it does not, a strict case
+leaves them out, so that the zeros that they explain stay unexplained; another case takes them for
+granted and says so: "provided that rotation about z is a symmetry".
+
+The second variation of the energy is that of `mbstab.analysis.linear.minimum`, H = żᵀM ż + zᵀK z, apart from
+symmetries and at the given momenta; it is positive definite if all pivots of its elimination are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from mbstab.analysis.algebra import balls
+from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, zero_inside
+from mbstab.analysis.linear.verdict import (
+    STABLE,
+    STABLE_UP_TO,
+    UNDECIDED,
+    Disc,
+    Evidence,
+    Facts,
+    Minimum,
+    Neutral,
+    Side,
+    Verdict,
+    judge,
+    phrases,
+    weakest,
+)
+from mbstab.analysis.proof.characteristic import (
+    Enclosure,
+    Factor,
+    Proof,
+    Quotient,
+    Spectrum,
+    carried_enclosures,
+    enclosed,
+    null_combinations,
+    touch,
+    zero_enclosure,
+)
+from mbstab.analysis.proof.enclosures import Field
+from mbstab.analysis.proof.identities import Finding, ground_turn, short, tiny
+from mbstab.analysis.reference.symmetries import Shift, Symmetry, Turn
+
+SIDES: dict[str, Side] = {"left": "left", "right": "right", "imaginary": "axis", "open": "open"}
+
+CHECKED = "(checked in double precision)"
+
+TRIED = 65
+"""Multiples of a momentum that are tried."""
+
+DOUBLE = "more than one eigenvalue may be there"
+
+
+class Case:
+    """What is proven about a motion, or follows from what double precision has found.
+
+    Parameters
+    ----------
+    proof : Proof
+    strict : bool
+        Whether to leave out what is not verified in balls.
+
+    Attributes
+    ----------
+    conditions : list of str
+        What was taken for granted.
+    left_out : bool
+        Whether something was left out that is not verified.
+    """
+
+    def __init__(self, proof: Proof, strict: bool) -> None:
+        self.proof, self.strict = proof, strict
+        self.identities, self.grounds = proof.identities, proof.identities.grounds
+        self.conditions: list[str] = []
+        self.left_out = False
+        self._evidence: list[Evidence] = ["structural"]
+
+    @cached_property
+    def generic(self) -> Case:
+        """The same where a parameter that is an interval has a value inside."""
+        point = self.identities.reference
+        assert isinstance(point, Proof)
+        return self if point is self.proof else Case(point, self.strict)
+
+    def _accepts(self, finding: Finding, text: str) -> bool:
+        """Whether something counts as a fact; without a proof it becomes a condition."""
+        if finding == "refuted" or (finding == "open" and self.strict):
+            self.left_out |= finding == "open"
+            return False
+        if finding == "open":
+            condition = f"{text} {CHECKED}"
+            if condition not in self.conditions:
+                self.conditions.append(condition)
+        self._evidence.append("numerical" if finding == "open" else finding)
+        return True
+
+    # --- neutral directions -------------------------------------------------------------------------------------------
+
+    @cached_property
+    def symmetries(self) -> list[Symmetry]:
+        """Symmetries that count."""
+        return [
+            x for x in self.grounds.invariance.symmetries
+            if self._accepts(self.identities.symmetry(x), f"{x.name} is a symmetry")
+        ]  # fmt: skip
+
+    @cached_property
+    def _directions(self) -> list[tuple[str, bool, list[Ball]]]:
+        """Neutral directions: name, whether it is a symmetry, and the direction in the coordinates of S."""
+        found = [
+            (x.name, True, self.proof.column(*self.identities.disturbance(x, self.proof))) for x in self.symmetries
+        ]
+        for item in self.grounds.invariance.boosts:
+            if item in self.symmetries and self._accepts(self.identities.boost(item), _of("speed", item)):
+                direction = [short(x) for x in item.direction.tolist()]
+                still = [ball(0)] * len(direction)
+                name = f"speed along {item.name.removeprefix('translation along ')}"
+                found.append((name, False, self.proof.column(still, direction)))
+        return found + [("position at rest", False, x) for x in self._rests()]
+
+    def _rests(self) -> Matrix:
+        """Return the directions of rests beside this one; see `mbstab.analysis.linear.neutral.Structure`."""
+        r = self.proof.reduced
+        m, k = len(r.free), len(r.moving)
+        if k >= m or self._moves or not self._accepts(self.identities.rows_at_rest(), "rest satisfies all constraints"):
+            return []
+        try:
+            pivots, T = balls.eliminate([row[:m] for row in r.S[m:]], k, m)
+        except NotProvable:
+            return []
+        _, N = balls.null_space(pivots, T, m)
+        return [[*column, *([ball(0)] * k)] for column in balls.transposed(N)]
+
+    @property
+    def _moves(self) -> bool:
+        return bool(np.any(self.grounds.motion.u))
+
+    @cached_property
+    def _divided(self) -> tuple[Quotient, list[tuple[str, bool, list[Ball]]]]:
+        """S divided by directions that it leads into each other, and these."""
+        S, chosen = self.proof.reduced.S, self._directions
+        while True:
+            quotient, kept = Quotient(S), []
+            for item in chosen:
+                if quotient.divide(item[2]):
+                    kept.append(item)
+            images = [quotient.seen(balls.apply(S, x)) for _, _, x in kept]
+            stay = [x for x, v in zip(kept, images, strict=True) if all(zero_inside(y) for y in v.values())]
+            if len(stay) == len(kept):
+                return quotient, kept
+            chosen = stay
+
+    @cached_property
+    def _functions(self) -> tuple[Matrix, list[str]]:
+        """Differentials of conserved functions that are constant along the neutral directions, and their names."""
+        candidates = [(f"speed of {x.name}", self._momentum(x)) for x in self.momenta if self._commutes(x)]
+        conserved = self.identities.conserved(False)
+        if self._moves and self.grounds.structure.work.conserved_at_rest and self._accepts(
+            conserved, "the energy is conserved"
+        ):  # fmt: skip
+            candidates.append(("speed", self.proof.differential(self.proof.state.u, self.proof.state.a)))
+        if any(not self.grounds.invariance.conserves(x.of) for x in self.grounds.invariance.boosts):
+            return [], []
+        test, rows = Quotient(balls.zeros(*[len(self.proof.reduced.S)] * 2)), list[tuple[str, list[Ball]]]()
+        for name, row in candidates:
+            if test.restrict(row):
+                rows.append((name, row))
+        T = [x for _, _, x in self._divided[1]]
+        combinations = self._vanishing([row for _, row in rows], T)
+        names = [next(rows[k][0] for k in reversed(range(len(rows))) if not c[k].is_zero()) for c in combinations]
+        return [_combined(c, [row for _, row in rows]) for c in combinations], names
+
+    def _vanishing(self, rows: Sequence[list[Ball]], columns: Sequence[list[Ball]], turned: bool = False) -> Matrix:
+        """Return combinations of rows that vanish along columns; `turned`: of columns that rows do not see."""
+        scaled = [[[x / _size(v) for x in v] for v in part] for part in (rows, columns)]
+        products = [[_dot(row, x) for row in scaled[0]] for x in scaled[1]]
+        products = balls.transposed(products, len(rows)) if turned else products
+        found, slack = null_combinations(products, len(columns) if turned else len(rows))
+        if not self.proof.wide and slack > float(balls.half_digits()):
+            raise NotProvable("which conserved functions change along symmetries is not told")
+        sizes = [_size(v) for v in (columns if turned else rows)]
+        return [[x / size for x, size in zip(c, sizes, strict=True)] for c in found]
+
+    @cached_property
+    def momenta(self) -> list[Symmetry]:
+        """Symmetries with a conserved momentum."""
+        return [
+            x for x in self.grounds.invariance.momenta
+            if x in self.symmetries and self._accepts(self.identities.momentum(x), _of("momentum", x))
+        ]  # fmt: skip
+
+    def _momentum(self, item: Symmetry) -> list[Ball]:
+        return self.proof.differential(*self.identities.disturbance(item, self.proof))
+
+    def _commutes(self, item: Symmetry) -> bool:
+        """Whether a symmetry stands still in the frame of the motion."""
+        direction, rate = self.identities.disturbance(item, self.proof)
+        carried = balls.apply(self.proof.state.slope, direction)
+        return all(zero_inside(x - y) for x, y in zip(rate, carried, strict=True))
+
+    @cached_property
+    def left(self) -> tuple[Spectrum, Neutral]:
+        """What is left to judge, and what is not."""
+        quotient, directions = self._divided
+        rows, names = self._functions
+        kept = [name for name, row in zip(names, rows, strict=True) if quotient.restrict(row)]
+        r = self.proof.reduced
+        known = self.grounds.plain.neutral
+        symmetries = tuple(x for x, symmetry, _ in directions if symmetry)
+        family = [x for x, symmetry, _ in directions if not symmetry]
+        count = len(r.S) - len(quotient.alive)
+        if self.generic is not self and self.generic.left[1].count != count:
+            raise NotProvable("neutral directions are not independent at all values")
+        neutral = Neutral(symmetries, tuple(dict.fromkeys([*family, *kept])), count, 1, weakest(*self._evidence))
+        if count == known.count and symmetries == known.symmetries:
+            neutral = replace(known, evidence=neutral.evidence)
+        spectrum = quotient.spectrum([self.proof.name_of(i) for i in range(len(r.S))], self._mirrored)
+        return spectrum, neutral
+
+    @cached_property
+    def _mirrored(self) -> str:
+        """What makes the spectrum symmetric to the imaginary axis, in words; empty: nothing."""
+        work = self.grounds.structure.work
+        if not self.proof.r_n and work.conserved:
+            if self._accepts(self.identities.conserved(True), "the energy is conserved"):
+                return "the energy is conserved"
+        elif not self._moves and work.reversible:
+            text = "the equations are the same backwards in time"
+            if self._accepts(self.identities.reversible(), text):
+                return text
+        return ""
+
+    # --- eigenvalues --------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def enclosures(self) -> list[Enclosure]:
+        """All eigenvalues."""
+        spectrum, neutral = self.left
+        found: list[Enclosure] = []
+        for k, factor in enumerate(spectrum.factors):
+            others = [x for i, x in enumerate(spectrum.factors) if i != k and x.even and not spectrum.apart(x, factor)]
+            theirs = [e for other in others for e in enclosed(other) if e.kind == "imaginary"]
+            for e in enclosed(factor):
+                if e.kind == "imaginary" and any(touch(e, other) for other in theirs):
+                    e = replace(e, kind="open", why=DOUBLE)
+                found.append(e)
+        found += [zero_enclosure("open", 1, name) for name in spectrum.zeros]
+        carried = self._carried
+        if neutral.count > 2 * len(carried):
+            found.append(zero_enclosure("zero", neutral.count - 2 * len(carried), phrases(neutral.names)))
+        why = "the motion carries neutral directions around"
+        for rate in carried:
+            found += carried_enclosures(rate, why)
+        return found
+
+    @cached_property
+    def _carried(self) -> list[Ball]:
+        """ω of the eigenvalues ±iω of neutral directions that the motion carries around."""
+        T = [x for _, _, x in self._divided[1]]
+        if not T or not self._moves:
+            return []
+        quotient = Quotient(balls.zeros(len(T[0]), len(T[0])))
+        for x in T:
+            quotient.divide(x)
+        places = [i for i in range(len(T[0])) if i not in quotient.alive]
+        images = [balls.apply(self.proof.reduced.S, x) for x in T]
+        own, moved = ([[x[i] for x in part] for i in places] for part in (T, images))
+        step = balls.solve(own, moved)
+        values = np.linalg.eigvals(np.array([[float(x.mid()) for x in row] for row in step]))
+        turning = values[values.imag > 1e-4 * float(np.max(np.abs(values), initial=0.0))].imag
+        if not len(turning):
+            return []
+        if np.ptp(turning) > 1e-6 * turning[0]:
+            raise NotProvable("neutral directions go round at different rates")
+        square = balls.times(step, step)
+        trace = sum((square[i][i] for i in range(len(square))), ball(0))
+        rate = balls.ball_arithmetic().sqrt(-trace / (2 * len(turning)))
+        return [rate] * len(turning)
+
+    def discs(self) -> list[Disc]:
+        """Return what is left to judge as discs; over an interval only their sides are worked out."""
+        if self.proof.wide:
+            return self._sides()
+        return [
+            Disc(complex(float(e.real.mid()), float(e.imag.mid())), e.radius, e.count, SIDES[e.kind], e.why)
+            for e in self.enclosures
+            if e.kind in SIDES
+        ]
+
+    def _sides(self) -> list[Disc]:
+        """Return discs that show on which side of the axis eigenvalues are, but not where."""
+        spectrum, _ = self.left
+        found = [Disc(0j, 0.0, 1, "open", name) for name in spectrum.zeros]
+        even = [factor for factor in spectrum.factors if factor.even]
+        for group in _joined(even, spectrum):
+            whole = [ball(1)]
+            for factor in group:
+                whole = balls.product(whole, factor.p)
+            count = 2 * (len(whole) - 1)
+            inside = balls.all_negative_and_simple(whole)
+            if inside:
+                found.append(Disc(1j, 0.0, count, "axis", group[0].why))
+            elif inside is not None:
+                # A root σ that is neither real and negative nor zero: one of ±√σ is right of the axis.
+                found += [Disc(1 + 0j, 0.0, 1, "right"), Disc(0j, math.inf, count - 1, "open")]
+            else:
+                found += [disc for factor in group for disc in _rough(factor, len(group) == 1)]
+        for factor in spectrum.factors:
+            if not factor.even:
+                count = len(factor.p) - 1
+                right = balls.right_roots(factor.p)
+                if right is None:
+                    found += _rough(factor, False)
+                else:
+                    found += [Disc(1 + 0j, 0.0, right, "right")] if right else []
+                    found += [Disc(-1 + 0j, 0.0, count - right, "left")] if count > right else []
+        return found
+
+    # --- energy -------------------------------------------------------------------------------------------------------
+
+    def minimum(self) -> Minimum | None:
+        """Return what the energy says, or None if it says nothing."""
+        work, grounds = self.grounds.structure.work, self.grounds
+        finding = self.identities.decreases(self.proof.system)
+        if not work.decreases or not grounds.second_variation.applies or not self._unforced():
+            return None
+        turning = grounds.linear.generator is not None and grounds.linear.generator.turns
+        name = "the energy in the frame of the motion" if turning or self._moves else "the energy"
+        sign = self._sign()
+        text = "the energy is conserved" if sign < 0 else "the energy never increases"
+        if sign and self._accepts(self.identities.conserved(True) if sign < 0 else finding, text):
+            nothing = not grounds.invariance.symmetries if self._moves else not self.left[1].count
+            return Minimum(name, True, nothing, sign < 0, weakest(*self._evidence, "enclosed"))
+        if self._moves and not sign and self._with_a_multiple():
+            several = f"{name} with a multiple of the angular momentum"
+            return Minimum(several, True, False, True, weakest(*self._evidence, "enclosed"))
+        return None
+
+    def _sign(self) -> int:
+        """Return 1 if the second variation is proven to be positive definite, −1 if negative, else 0."""
+        W = self._disturbances()
+        h = balls.times(balls.transposed(W), balls.times(self._second_variation(), W)) if W and W[0] else []
+        return next((s for s in (1, -1) if balls.positive([[s * x for x in row] for row in h])), 0)
+
+    def _with_a_multiple(self) -> bool:
+        """Whether the second variation is definite in another frame in which the reference stands still as well."""
+        if not self.grounds.structure.work.conserved or self.proof.r_n:
+            return False
+        fastest = 4.0 * float(np.max(np.abs(self.grounds.motion.u)))
+        for item, step in self._idle():
+            facts = [self.identities.symmetry(item), self.identities.momentum(item), self.identities.conserved(True)]
+            if any(x not in ("structural", "enclosed") for x in facts):
+                continue
+            for x in np.linspace(-fastest, fastest, TRIED).tolist():
+                if Case(self.proof.seen_from(step, short(x)), True)._sign() > 0:
+                    return True
+        return False
+
+    def _idle(self) -> Iterator[tuple[Symmetry, Field]]:
+        """Yield turns of the ground that leave the reference as it is, with the spins that undo them."""
+        still, own = np.zeros(self.proof.system.n_q), self.proof.state.field
+        spins = [x for x in self.momenta if isinstance(x.of, Shift) and np.sum(x.of.direction != 0.0) == 1]
+        for name, group in self.grounds.invariance.fields:
+            if not isinstance(group, Turn) or not group.generator.turns or name == "the motion itself":
+                continue
+            item = Symmetry(name, still, still, group)
+            Y = self.identities.disturbance(item, self.proof)[0]
+            free = {int(np.flatnonzero(x.direction)[0]) for x in spins}
+            if all(i in free or y.is_zero() for i, y in enumerate(Y)) and any(not y.is_zero() for y in Y):
+                turn = ground_turn(group.generator, self.proof)
+                pairs = zip([*own.axis, *own.point], [*turn.axis, *turn.point], strict=True)
+                if not own.rate.is_zero() and any(not (x - y).is_zero() for x, y in pairs):
+                    continue
+                zero, undone = [ball(0)] * 3, [-y for y in Y]
+                yield item, Field(self.proof.system, turn.axis, turn.point, ball(1), zero, undone)
+
+    def _second_variation(self) -> Matrix:
+        """Return H in the coordinates of S."""
+        r = self.proof.reduced
+        m = len(r.free)
+        rates = [r.P[i] + r.Z[i] for i in range(m)]
+        H = balls.times(balls.transposed(rates), balls.times(r.M_N, rates))
+        for i in range(m):
+            for j in range(m):
+                H[i][j] = H[i][j] + (r.K_N[i][j] + r.K_N[j][i]) / 2
+        return H
+
+    def _disturbances(self) -> Matrix:
+        """Return disturbances at the given momenta, apart from symmetries, as columns."""
+        r = self.proof.reduced
+        n, m = len(r.S), len(r.free)
+        if self._moves:
+            columns = [x for _, symmetry, x in self._directions if symmetry]
+            rows = [self._momentum(x) for x in self.momenta]
+        else:
+            columns = [[*x[:m], *([ball(0)] * (n - m))] for _, symmetry, x in self._divided[1] if symmetry]
+            rows = []
+        kernel, _ = null_combinations(rows, n)  # at least as large as the true one
+        combinations = self._vanishing(rows, columns, True)
+        free = [next(j for j in range(n) if c[j] == 1 and _alone(kernel, j)) for c in kernel]
+        quotient = Quotient(balls.zeros(len(kernel), len(kernel)))
+        for c in combinations:
+            vector = _combined(c, columns)
+            quotient.divide([vector[j] for j in free])
+        return balls.transposed([kernel[k] for k in quotient.alive]) if quotient.alive else []
+
+    def _unforced(self) -> bool:
+        """Whether rows on speeds push across nothing that holonomic rows allow."""
+        for case in (self, self.generic):
+            proof = case.proof
+            D, nu = proof.dynamic_rows(), proof.state.nu[proof.r_h :]
+            for column in balls.transposed(proof.reduced.N, 0):
+                terms = [_dot(row, column) * x for row, x in zip(D, nu, strict=True)]
+                total = sum(terms, ball(0))
+                exact = proof.wide or tiny(total, sum((abs(x) for x in proof.state.nu), ball(0)))
+                if not zero_inside(total) or not exact:
+                    return False
+        return True
+
+    # --- the verdict --------------------------------------------------------------------------------------------------
+
+    def facts(self) -> Facts:
+        """Return the facts."""
+        size, grounds = len(self.proof.reduced.S), self.proof.grounds
+        return Facts(
+            expected=size,
+            found=size,
+            discs=tuple(self.discs()),
+            neutral=self.left[1],
+            kink=grounds.kink(1),
+            rough=grounds.kink(2),
+            minimum=self.minimum,
+            frequencies=self.grounds.second_variation.warnings,
+        )
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """The verdict; where a fact is only taken for granted, `conditions` say so."""
+        return judge(self.facts())
+
+    @property
+    def coarse(self) -> bool:
+        """Whether the verdict is stable although eigenvalues are not placed: more may be true."""
+        return self.verdict.word in (STABLE, STABLE_UP_TO) and any(d.side == "open" for d in self.discs())
+
+
+def best(proof: Proof) -> Case:
+    """Return the case with the strongest verdict: proven if there is one, else under conditions."""
+    case = Case(proof, True)
+    if case.verdict.word == UNDECIDED and case.left_out:
+        other = Case(proof, False)
+        if other.verdict.word != UNDECIDED:
+            return other
+    return case
+
+
+def _of(what: str, item: Symmetry) -> str:
+    if what == "speed":
+        return f"a common speed along {item.name.removeprefix('translation along ')} changes nothing else"
+    return f"the momentum of {item.name} is conserved"
+
+
+def _dot(x: Sequence[Ball], y: Sequence[Ball]) -> Ball:
+    return sum((a * b for a, b in zip(x, y, strict=True) if not (a.is_zero() or b.is_zero())), ball(0))
+
+
+def _size(x: Sequence[Ball]) -> Ball:
+    """Return a number of the size of a vector."""
+    size = max((abs(float(y.mid())) for y in x), default=0.0)
+    return ball(2.0 ** round(np.log2(size))) if size else ball(1)
+
+
+def _combined(c: Sequence[Ball], rows: Sequence[Sequence[Ball]]) -> list[Ball]:
+    """Return a combination of rows."""
+    scaled = [[x * y for y in row] for x, row in zip(c, rows, strict=True) if not x.is_zero()]
+    return [sum(entries, ball(0)) for entries in zip(*scaled, strict=True)]
+
+
+def _alone(kernel: Matrix, j: int) -> bool:
+    """Whether only one row has an entry in a column."""
+    return sum(not c[j].is_zero() for c in kernel) == 1
+
+
+def _joined(even: list[Factor], spectrum: Spectrum) -> list[list[Factor]]:
+    """Return factors in groups that do not act on each other."""
+    groups: list[list[Factor]] = []
+    for factor in even:
+        near = [group for group in groups if any(not spectrum.apart(factor, other) for other in group)]
+        groups = [group for group in groups if group not in near]
+        groups.append([*(x for group in near for x in group), factor])
+    return groups
+
+
+def _rough(factor: Factor, isolated: bool) -> list[Disc]:
+    """Return the roots of a factor with wide coefficients as discs; what is on the axis may meet roots of others."""
+    return [
+        Disc(
+            complex(float(e.real.mid()), float(e.imag.mid())), e.radius, e.count,
+            "open" if e.kind == "imaginary" and not isolated else SIDES[e.kind], e.why,
+        )
+        for e in enclosed(factor)
+    ]  # fmt: skip

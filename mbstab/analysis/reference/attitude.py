@@ -1,0 +1,187 @@
+"""Bodies that tumble: Euler angles whose constant base rotation is chosen anew where they come near their singularity.
+
+The angles of a spatial body, A = B Ax(φ) Ay(θ) Az(ψ), lose a direction where cos θ = 0. Nothing
+in the equations of motion depends on the base rotation B, so near that another B′ with angles
+of the same A and rates of the same ω go on exactly. The first axis of B′ is that of the present
+turn, about which φ may go round for ever, unless it lies along the last body axis, about
+which ψ does. What the user sees are the angles of the file.
+
+Where an expression, a constraint or a drive names an angle of a body, its angles mean
+something: such a body keeps its chart, and a motion that needs another one is refused.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.reference.rotation import euler_angles, orientation, rate_drift, rate_matrix
+from mbstab.compiler.system import Array, System
+from mbstab.errors import NumericalError
+from mbstab.model.charts import named_by
+from mbstab.model.scene import BodyValues
+
+CHANGE = 0.4
+"""Another chart is taken where |cos θ| is below this."""
+
+PINNED = 1e-3
+"""A body that keeps its chart is refused where |cos θ| is below this."""
+
+
+@dataclass(frozen=True)
+class Attitudes:
+    """Which bodies of a scene turn in space, and which of them must keep their angles.
+
+    Attributes
+    ----------
+    file : System
+        The scene with the base rotations of the file.
+    parts : tuple of (int, slice)
+        Body number and its three angles, for every body with Euler angles.
+    pinned : dict
+        By body number, what names its angles, such as ``drive 'spin'``.
+    """
+
+    file: System
+    parts: tuple[tuple[int, slice], ...]
+    pinned: dict[int, str]
+
+    @classmethod
+    def of(cls, system: System) -> Attitudes:
+        """Find the bodies of a scene that turn in space."""
+        scene = system.scene
+        parts = tuple(
+            (i, slice(part.start + 3, part.stop))
+            for i, (body, part) in enumerate(zip(scene.bodies, system.body_slices, strict=True))
+            if scene.dimension == 3 and body.orientation
+        )
+        owner = {system.names[k]: i for i, part in parts for k in range(part.start, part.stop)}
+        pinned: dict[int, str] = {}
+        for name, what in named_by(item.entry for item in scene.items).items():
+            if name in owner:
+                pinned.setdefault(owner[name], what)
+        return cls(system, parts, pinned)
+
+    def needs_change(self, system: System, before: Array, q: Array) -> bool:
+        """Whether a body needs another chart.
+
+        Raises
+        ------
+        NumericalError
+            If one does that must keep its angles.
+        """
+        change = False
+        for i, part in self.parts:
+            cosine = math.cos(q[part.start + 1])
+            if i not in self.pinned:
+                change = change or abs(cosine) < CHANGE
+            elif abs(cosine) < PINNED or cosine * math.cos(before[part.start + 1]) < 0.0:
+                name = system.scene.bodies[i].name
+                raise NumericalError(
+                    f"theta of {name!r} comes to ±pi/2, where its Euler angles are singular (|cos theta| = "
+                    f"{abs(cosine):.1e} after a step), and {self.pinned[i]} names one of them, so that they cannot be "
+                    f"replaced by others\nhint: give {name!r} another base rotation with axes: [phi, theta, psi], or "
+                    "drive a joint instead of the coordinate"
+                )
+        return change
+
+    def changed(self, system: System, q: Array, u: Array) -> tuple[System, Array, Array]:
+        """Return the scene with other base rotations, and the same state in its angles."""
+        bodies, q, u = list(system.scene.bodies), q.copy(), u.copy()
+        for i, part in self.parts:
+            if i in self.pinned or abs(math.cos(q[part.start + 1])) >= CHANGE:
+                continue
+            body = bodies[i]
+            A, spin = orientation(body, q[part]), rate_matrix(body, q[part]) @ u[part]
+            bodies[i] = replace(body, base=tuple(_base(A, spin).ravel().tolist()))
+            q[part] = euler_angles(bodies[i], A, np.zeros(3))
+            u[part] = np.linalg.solve(rate_matrix(bodies[i], q[part]), spin)
+        return System(replace(system.scene, bodies=tuple(bodies))), q, u
+
+    def orientations(self, system: System, q: Array) -> Array:
+        """Return the orientation of every body, shape (…, n_b, d, d); the unit matrix for point masses.
+
+        Here and below q and u have the shape (…, n_q); axes in front are those of several states.
+        """
+        scene = system.scene
+        found = np.tile(np.eye(scene.dimension), (*q.shape[:-1], len(scene.bodies), 1, 1))
+        if scene.dimension == 3:
+            for i, part in self.parts:
+                found[..., i, :, :] = orientation(scene.bodies[i], q[..., part])
+        else:
+            for i, (body, own) in enumerate(zip(scene.bodies, system.body_slices, strict=True)):
+                if body.orientation:
+                    c, s = np.cos(q[..., own.start + 2]), np.sin(q[..., own.start + 2])
+                    found[..., i, 0, 0], found[..., i, 0, 1] = c, -s
+                    found[..., i, 1, 0], found[..., i, 1, 1] = s, c
+        return found
+
+    def spins(self, system: System, q: Array, u: Array) -> Array:
+        """Return the angular velocity of every body in ground axes, shape (…, n_b, 3) (rad/s); about z in the plane."""
+        scene = system.scene
+        found = np.zeros((*q.shape[:-1], len(scene.bodies), 3))
+        for i, part in self.parts:
+            found[..., i, :] = _times(rate_matrix(scene.bodies[i], q[..., part]), u[..., part])
+        if scene.dimension == 2:
+            for i, (body, own) in enumerate(zip(scene.bodies, system.body_slices, strict=True)):
+                if body.orientation:
+                    found[..., i, 2] = u[..., own.start + 2]
+        return found
+
+    def coordinates_in_file(self, system: System, q: Array, near: Array) -> Array:
+        """Return coordinates in the angles of the file, of all that describe them those nearest to `near` (n_q,)."""
+        if system is self.file:
+            return q
+        q = q.copy()
+        for i, part in self.parts:
+            body, own = system.scene.bodies[i], self.file.scene.bodies[i]
+            if body.base != own.base:
+                q[part] = _nearest(own, orientation(body, q[part]), near[part])
+        return q
+
+    def in_file(self, system: System, q: Array, u: Array, a: Array, shown: Array) -> tuple[Array, Array, Array]:
+        """Return a state in the angles of the file, in which its coordinates are `shown`; shapes (…, n_q)."""
+        if system is self.file:
+            return q, u, a
+        q, u, a = q.copy(), u.copy(), a.copy()
+        for i, part in ((i, (..., part)) for i, part in self.parts):
+            body, own = system.scene.bodies[i], self.file.scene.bodies[i]
+            if body.base == own.base:
+                continue
+            G = rate_matrix(body, q[part])
+            spin = _times(G, u[part])
+            turning = _times(G, a[part]) + rate_drift(body, q[part], u[part])
+            q[part] = shown[part]
+            # Exactly at the singularity rates do not exist; the least ones are as good as any.
+            back: Any = np.linalg.pinv(rate_matrix(own, q[part]), rcond=1e-14)
+            u[part] = _times(back, spin)
+            a[part] = _times(back, turning - rate_drift(own, q[part], u[part]))
+        return q, u, a
+
+
+def _times(matrix: Array, vector: Array) -> Array:
+    """Return products of matrices (…, 3, 3) and vectors (…, 3)."""
+    return np.asarray((matrix @ vector[..., None])[..., 0])
+
+
+def _base(A: Array, spin: Array) -> Array:
+    """Return the base rotation whose first axis is that of the turn, or across the last body axis."""
+    last = A[:, 2]
+    rate = float(np.linalg.norm(spin))
+    first = spin / rate if rate > 0.0 else A[:, 0]
+    if abs(first @ last) > 0.7:
+        first = A[:, 0]
+    second = np.cross(last, first)
+    second /= np.linalg.norm(second)
+    return np.stack([first, second, np.cross(first, second)], axis=1)
+
+
+def _nearest(body: BodyValues, A: Array, near: Array) -> Array:
+    """Return the angles of a rotation closest to given ones, on either side of θ = ±π/2."""
+    both = [euler_angles(body, A, near), euler_angles(body, A, np.array([near[0], math.pi - near[1], near[2]]))]
+    turn = 2.0 * math.pi
+    both = [x + turn * np.round((near - x) / turn) for x in both]
+    return min(both, key=lambda x: float(np.max(np.abs(x - near))))

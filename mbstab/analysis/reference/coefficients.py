@@ -1,0 +1,41 @@
+"""Coefficients of the linearized equations, in the frame that goes along with the motion."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from mbstab.analysis.algebra.deflation import deflated_matrix, in_frame
+from mbstab.analysis.algebra.subspaces import Subspaces, rank_of
+from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.reference.steady import Generator
+from mbstab.compiler.system import Array, System
+
+
+class Matrices(NamedTuple):
+    """Coefficients of the linearized equations."""
+
+    M: Array
+    R: Array
+    K: Array
+    J: Array
+    D_q: Array
+
+
+def matrices_in(system: System, motion: Motion, generator: Generator | None) -> Matrices:
+    """Return the coefficients in the frame that follows a generator, or in the coordinates of the file."""
+    K, R, D_q = system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
+    M, J = motion.dynamics.M, motion.dynamics.J
+    if generator is not None and generator.turns:
+        Xi, Xi_2 = generator.frame(motion.q)
+        R, K, D_q = in_frame(M, R, K, J[system.n_h :], D_q, Xi, Xi_2)
+    return Matrices(M, R, K, J, D_q)
+
+
+def deflated(spaces: Subspaces, matrices: Matrices) -> tuple[Array, Array]:
+    """Return the matrix of ẏ = A y in the bases N and Z, and the mass matrix of the speeds."""
+    n_h = len(matrices.J) - len(matrices.D_q)
+    D_u, D_q = (x * spaces.scale * spaces.row_scale[n_h:, None] for x in (matrices.J[n_h:], matrices.D_q))
+    P = -rank_of(D_u @ spaces.N).pseudo_inverse @ (D_q @ spaces.N)
+    weights = spaces.scale * spaces.scale[:, None]
+    M, R, K = (x * weights for x in (matrices.M, matrices.R, matrices.K))
+    return deflated_matrix(M, R, K, spaces.N, spaces.Z, P)

@@ -1,0 +1,761 @@
+"""Equilibria and steady motions over a parameter: followed along their path, through folds.
+
+A path is a curve in the space of coordinates, rates and the parameter. From one solution the
+next one is predicted along the tangent and corrected by Newton's method perpendicular to it
+(pseudo-arclength continuation; Keller 1977), so the parameter may turn back. Between two turns
+the parameter grows or falls all the time: such a part is a `Path`, and the others to which it
+leads are those `beyond` it. Where another path crosses, the determinant of the equations
+bordered by the tangent passes zero.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator, Mapping
+from copy import copy
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.algebra.failures import FAILURES
+from mbstab.analysis.algebra.roots import root
+from mbstab.analysis.algebra.subspaces import rank_of
+from mbstab.analysis.reference.equilibrium import Problem
+from mbstab.analysis.reference.motion import TOLERANCE
+from mbstab.compiler.system import Array, System
+from mbstab.errors import MbstabError, NumericalError
+from mbstab.model.arithmetic import FLOAT
+from mbstab.model.parameters import evaluate_parameters
+from mbstab.model.schema import Model, Parameter, after_number
+from mbstab.model.values import evaluate
+
+FIRST = 1.0 / 16.0
+"""First step, as a part of the range, of the size of the scene, or as an angle (rad)."""
+
+LEAST = 1e-12
+"""A solution is lost if no step of this length leads further."""
+
+TRUSTED = 0.02
+"""A prediction may be wrong by this part of the size of the scene, or by this angle (rad)."""
+
+STRAIGHT = 0.985
+"""Cosine of the angle by which the tangent may turn in a step."""
+
+CORRECTIONS, CORRECTED = 25, 1e-8
+"""Newton steps from a prediction, and the size of the last one: what it leaves is its square."""
+
+EXACT, SLOW = 1e-14, 1e-4
+"""Residuals that are rounding, and steps after which that counts."""
+
+DIFFERENCE = 1e-6
+"""Derivatives by the parameter are taken over this part of the range."""
+
+DEPENDENT = 1e-9
+"""Directions of the path, of symmetries: so little changes the equations along them, relative to the largest change."""
+
+BRANCHING = 1e-5
+"""Where the path turns back another one leaves if the equations are dependent to this."""
+
+LEVEL = 1e-9
+"""The parameter turns back where it changes by less than this along the path: there it is known to the square."""
+
+HALVINGS = 20
+"""Points of a path close in on a fold by a factor of 2 each: there coordinates vary like a root of the parameter."""
+
+SAME = 1e-9
+"""Solutions are the same if their parameters differ by less than this part of the range, and their positions do not."""
+
+FOLDS, POINTS = 10, 5000
+"""A path is followed through so many folds, and so many points between two of them."""
+
+WORK, ENOUGH = 100_000, 2_500
+"""So many coordinates and rows of the equations of a curve are evaluated at most; all of them so many times anyway."""
+
+ENDS, TURNS, BRANCHES = "it ends there", "it turns back", "it turns back where others branch off"
+AWAY = "positions grow beyond all bounds there"
+AGAIN = f"it turns back after {FOLDS} folds and is not followed further"
+LONG = "it is not followed further: the equations were evaluated too often; a smaller range may lead on"
+
+LARGE, POLES = 1e4, 5
+"""Where positions are this many times the size of the scene, so many points tell whether a pole is ahead …"""
+
+POLE, RESOLVED = 1e-6, 1e-13
+"""… and where, which must be known to this part of the range, and is to no smaller one."""
+
+KINK = 1e-6
+"""A path with a kink is taken up again this part of the range beyond it, if the solution moves by little more."""
+
+CLOSE = 1e-6
+"""Where another path crosses is known to the square of this."""
+
+NEXT = 1e-7
+"""Next to a turn, as a part of the path."""
+
+ASIDE = 1e-3
+"""So far from a branch point another path is taken up."""
+
+
+Values = Mapping[str, Array]
+"""Parameters that vary, arrays of shape (points,)."""
+
+
+@dataclass(frozen=True)
+class Path:
+    """Solutions over a parameter, one for each value.
+
+    Attributes
+    ----------
+    parameter : Parameter
+    values : ndarray, shape (k,)
+        Of the parameter (SI), ascending.
+    q : ndarray, shape (k, n_q)
+    c : ndarray, shape (k, size of the family)
+        Rates of the steady motion.
+    ends : tuple of (float, str)
+        Values at which it ends within the range, and why.
+    crossings : tuple of float
+        Values at which another path crosses.
+    start : float
+        The value from which it was followed: where the first solution was found, or a fold.
+    moved : str
+        Why it was not followed from the value that was asked for.
+    beyond : tuple of Path
+        Those to which it leads through folds: first from its upper end, then from its lower end.
+    """
+
+    parameter: Parameter
+    values: Array
+    q: Array
+    c: Array
+    ends: tuple[tuple[float, str], ...]
+    crossings: tuple[float, ...]
+    start: float
+    moved: str = ""
+    beyond: tuple[Path, ...] = ()
+
+    def covers(self, values: Values) -> Flags:
+        """Return which points lie on the path, shape (points,)."""
+        x = values[self.parameter.name]
+        lower, upper = float(self.values[0]), float(self.values[-1])
+        room = SAME * (upper - lower)
+        # A turn itself is left out: there an eigenvalue is zero.
+        low, high = room * self.ended(0), room * self.ended(-1)
+        inside: Flags = (x >= lower + low) & (x <= upper - high)
+        return inside
+
+    def ended(self, side: int) -> bool:
+        """Whether it ends within the range, below (0) or above (−1)."""
+        room = SAME * float(self.values[-1] - self.values[0])
+        return any(abs(value - float(self.values[side])) <= room for value, _ in self.ends)
+
+    def next_to_ends(self) -> Array:
+        """Return values within the path, next to where it ends within the range."""
+        lower, upper = float(self.values[0]), float(self.values[-1])
+        room = NEXT * (upper - lower)
+        return np.array([end + step for side, end, step in ((0, lower, room), (-1, upper, -room)) if self.ended(side)])
+
+    def missing(self, values: Values, i: int) -> str:
+        """Say why there is no solution at a point."""
+        value = float(values[self.parameter.name][i])
+        end, reason = min(self.ends, key=lambda item: abs(item[0] - value), default=(value, "it does not lead there"))
+        unit = after_number(self.parameter.unit)
+        at = f"{self.parameter.name} = {end / self.parameter.factor:.12g}{unit}"
+        return f"no solution beyond {at} on this path: {reason}"
+
+    def predicted(self, values: Values) -> tuple[Array, Array]:
+        """Return starting values at points, shapes (points, n_q) and (points, size)."""
+        x = values[self.parameter.name]
+        q, c = (
+            np.stack([np.interp(x, self.values, column) for column in part.T], axis=1)
+            if part.shape[1]
+            else np.zeros((len(x), 0))
+            for part in (self.q, self.c)
+        )
+        return q, c
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Solutions over two parameters: paths over the first one at values of the second one.
+
+    Attributes
+    ----------
+    parameter : Parameter
+        The second one.
+    values : ndarray, shape (k,)
+        Its values (SI), ascending.
+    paths : tuple of Path or None
+        None where no solution is known.
+    edge : Path
+        Over the second parameter, from which the paths start.
+    """
+
+    parameter: Parameter
+    values: Array
+    paths: tuple[Path | None, ...]
+    edge: Path
+
+    def _paths(self, values: Values) -> Iterator[tuple[Path | None, npt.NDArray[np.intp]]]:
+        """Yield paths with the numbers of the points on them; all points are at values of the second parameter."""
+        row = np.searchsorted(self.values, values[self.parameter.name])
+        for j in np.unique(row):
+            yield self.paths[j], np.flatnonzero(row == j)
+
+    def covers(self, values: Values) -> Flags:
+        """Return which points lie on a path that leads there, shape (points,)."""
+        result = np.zeros(len(values[self.parameter.name]), dtype=bool)
+        for path, on in self._paths(values):
+            result[on] = path is not None and path.covers(_chosen(values, on))
+        return result
+
+    def missing(self, values: Values, i: int) -> str:
+        """Say why there is no solution at a point."""
+        ((path, _),) = self._paths(_chosen(values, np.array([i])))
+        return (self.edge if path is None else path).missing(values, i)
+
+    def predicted(self, values: Values) -> tuple[Array, Array]:
+        """Return starting values at points that are covered."""
+        points = len(values[self.parameter.name])
+        q, c = np.zeros((points, self.edge.q.shape[1])), np.zeros((points, self.edge.c.shape[1]))
+        for path, on in self._paths(values):
+            if path is not None:
+                q[on], c[on] = path.predicted(_chosen(values, on))
+        return q, c
+
+
+def _chosen(values: Values, index: npt.NDArray[np.intp]) -> Values:
+    return {name: x[index] for name, x in values.items()}
+
+
+def follow(
+    model: Model,
+    parameter: str,
+    settings: Mapping[str, float],
+    low: float,
+    high: float,
+    first_at: float | None = None,
+    near: tuple[Array, Array] | None = None,
+    further: bool = True,
+) -> Path:
+    """Return the solutions over a range of a parameter, followed from one value both ways.
+
+    From `first_at`, or else the lowest value; where there is none, from the other end, the file's
+    own value, or the middle. The solution `near` coordinates and rates, if they are given, or the
+    one that the file's own guess leads to. Paths to which folds lead only if asked for.
+
+    Raises
+    ------
+    MbstabError
+        If there is no solution to start from.
+    """
+    nominal = float(evaluate_parameters(model, dict(settings), FLOAT)[parameter])
+    starts = [low if first_at is None else first_at]
+    if near is None:
+        starts += [low, high, *([nominal] if low <= nominal <= high else []), 0.5 * (low + high)]
+        starts = list(dict.fromkeys(starts))
+    failure: MbstabError | None = None
+    for start in starts:
+        try:
+            curve = _Curve(model, parameter, settings, (low, high), start, near)
+            break
+        except MbstabError as error:
+            failure = failure or error
+    else:
+        assert failure is not None
+        raise failure
+    up, down = (curve.traced(sign, further) for sign in (1.0, -1.0))
+    main = _joined(down[0], up[0])
+    beyond = [curve.path(run, run.ends[0][0]) for run in (*up[1:], *down[1:])]
+    for fold in curve.branchings:
+        beyond += curve.switched(fold)
+    moved = "" if failure is None else str(failure).splitlines()[0]
+    return replace(curve.path(main, start), moved=moved, beyond=tuple(beyond))
+
+
+def follow_all(model: Model, parameters: tuple[str, str], settings: Mapping[str, float], x: Array, y: Array) -> Sheet:
+    """Return the solutions over two parameters: over the first one from those over the second one.
+
+    These are at the least value of the first one, or where there are none, at the largest or in the middle.
+
+    Raises
+    ------
+    MbstabError
+        If there is no solution to start from.
+    """
+    one, other = parameters
+    edge, begin = _edge(model, parameters, settings, x, y)
+    paths: list[Path | None] = []
+    for value, covered in zip(y, edge.covers({other: y}), strict=True):
+        path = None
+        if covered:
+            q, c = edge.predicted({other: np.array([value])})
+            with contextlib.suppress(MbstabError):
+                at = {**settings, other: float(value)}
+                path = follow(model, one, at, float(x[0]), float(x[-1]), begin, (q[0], c[0]), further=False)
+        paths.append(path)
+    return Sheet(model.parameters[other], y, tuple(paths), edge)
+
+
+def _edge(
+    model: Model, parameters: tuple[str, str], settings: Mapping[str, float], x: Array, y: Array
+) -> tuple[Path, float]:
+    """Return the solutions over the second parameter, and at which value of the first one."""
+    one, other = parameters
+    failure: MbstabError | None = None
+    for value in (x[0], x[-1], x[len(x) // 2]):
+        try:
+            at = {**settings, one: float(value)}
+            return follow(model, other, at, float(y[0]), float(y[-1]), further=False), float(value)
+        except MbstabError as error:
+            failure = failure or error
+    assert failure is not None
+    raise failure
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A solution, and how the equations change around it.
+
+    Attributes
+    ----------
+    q, c : ndarray
+    p : float
+    tangent : ndarray
+        Of the path in scaled unknowns, of length 1.
+    left, right : ndarray
+        Bases of what the equations do not depend on, aligned from point to point.
+    sign : float
+        Of the determinant of the equations bordered by them.
+    least : float
+        Smallest singular value that counts.
+    """
+
+    q: Array
+    c: Array
+    p: float
+    tangent: Array
+    left: Array
+    right: Array
+    sign: float
+    least: float
+
+    @property
+    def rise(self) -> float:
+        """How the parameter changes along the path."""
+        return float(self.tangent[-1])
+
+
+@dataclass
+class _Run:
+    """Points of a path between two turns, where and why it ends within the range, and where others cross."""
+
+    points: list[_Point]
+    ends: list[tuple[float, str]] = field(default_factory=list)
+    crossings: list[float] = field(default_factory=list)
+
+
+def _joined(down: _Run, up: _Run) -> _Run:
+    """Return two runs from the same place, or from both sides of a place, as one."""
+    first = 1 if down.points[0].p == up.points[0].p else 0
+    return _Run(
+        [*down.points[: first - 1 if first else None : -1], *up.points],
+        [*down.ends, *up.ends],
+        [*down.crossings, *up.crossings],
+    )
+
+
+class _Curve:
+    """The curve of solutions through one of them.
+
+    Unknown are [q; c; p] without what is given, scaled by the size of the scene, its speed and
+    the range.
+
+    Attributes
+    ----------
+    work : list of int
+        How many times the equations may still be evaluated; shared with the curves that branch off.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        parameter: str,
+        settings: Mapping[str, float],
+        ends: tuple[float, float],
+        start: float,
+        near: tuple[Array, Array] | None,
+    ) -> None:
+        self.model, self.parameter, self.settings = model, parameter, settings
+        self.width = (ends[1] - ends[0]) or 1.0
+        self.problem = Problem(System(evaluate(model, {**settings, parameter: start})))
+        system = self.problem.system
+        self.work = [max(ENOUGH, WORK // (system.n_q + system.n_c))]
+        self.low, self.high = (self._last_valid(start, end) for end in ends)
+        _, search, at, _ = self.problem.solved(*((self.problem.start,) if near is None else near))
+        self.balance = search.balance
+        _, A = self._equations(at.q, at.c, start)
+        s = np.linalg.svd(A, compute_uv=False)
+        self.rank = int(np.sum(s > DEPENDENT * max(float(s[0]), 1e-300))) if len(s) else 0
+        # Least change with the parameter: symmetries have no part in it.
+        by_p = np.append(np.linalg.lstsq(A[:, :-1], -A[:, -1], rcond=DEPENDENT)[0], 1.0)
+        self.first = self._point(at.q, at.c, start, A, by_p, None)
+        self.folds: list[_Point] = []
+        self.branchings: list[_Point] = []
+
+    def _last_valid(self, start: float, end: float) -> float:
+        """Return the value nearest to an end of the range up to which the model is valid."""
+
+        def valid(value: float) -> bool:
+            try:
+                evaluate(self.model, {**self.settings, self.parameter: value})
+            except MbstabError:
+                return False
+            return True
+
+        if valid(end):
+            return end
+        good, bad = start, end
+        while good != 0.5 * (good + bad) != bad:
+            middle = 0.5 * (good + bad)
+            good, bad = (middle, bad) if valid(middle) else (good, middle)
+        return good
+
+    def path(self, run: _Run, start: float) -> Path:
+        """Return a run as a path."""
+        values, index = np.unique([point.p for point in run.points], return_index=True)
+        q, c = (np.array([getattr(run.points[i], name) for i in index]) for name in ("q", "c"))
+        crossings = tuple(sorted(run.crossings))
+        return Path(self.model.parameters[self.parameter], values, q, c, tuple(run.ends), crossings, start)
+
+    # --- equations --------------------------------------------------------------------------------------------------
+
+    def _equations(self, q: Array, c: Array, p: float) -> tuple[Array, Array]:
+        """Return the residuals that multipliers cannot balance, and their derivative by the scaled unknowns."""
+        self.work[0] -= 1
+        step = DIFFERENCE * self.width
+        # To both sides, or at an end of the range twice to one: of second order everywhere.
+        one, two = (step, -step) if self.low + step <= p <= self.high - step else (step, 2.0 * step)
+        sign = -1.0 if p > self.high - step else 1.0
+        around = p + sign * np.array([0.0, one, two])
+        system = System(evaluate(self.model, {**self.settings, self.parameter: around}))
+        balance = self.balance.over(system)
+        at = balance.state(balance.completed(np.tile(q, (3, 1))), np.tile(c, (3, 1)))
+        if not np.all(np.isfinite(at.residual)):
+            raise NumericalError("the equations are not finite")
+        G, moving = balance.jacobian(at)[0], balance.moving
+        (one, two), changes = around[1:] - around[0], at.residual[1:] - at.residual[0]
+        by_p = (changes[0] * two / one - changes[1] * one / two) / (two - one) * self.width
+        A = np.column_stack([G[:, :moving], by_p])
+        forces = G[:, moving:]
+        if not forces.size:
+            return at.residual[0], A
+        left = rank_of(forces.T / max(float(np.max(np.abs(forces))), 1e-300)).null.T
+        return left @ at.residual[0], left @ A
+
+    def _stepped(self, q: Array, c: Array, p: float, step: Array) -> tuple[Array, Array, float]:
+        q, c = self.balance.shifted(q, c, step[:-1])
+        return q, c, p + float(step[-1]) * self.width
+
+    def _point(self, q: Array, c: Array, p: float, A: Array, along: Array, before: _Point | None) -> _Point:
+        """Return a solution with the tangent nearest to a direction, aligned with a solution next to it."""
+        left, s, right = np.linalg.svd(A)
+        left, right = left[:, self.rank :], right[self.rank :].T
+        tangent = right @ (right.T @ along)
+        tangent /= float(np.linalg.norm(tangent))
+        if before is not None:
+            left, right = left @ _nearest_turn(left.T @ before.left), right @ _nearest_turn(right.T @ before.right)
+        bordered = np.block([[A, left], [right.T, np.zeros((right.shape[1], left.shape[1]))]])
+        sign = float(np.linalg.slogdet(bordered)[0])
+        return _Point(q, c, p, tangent, left, right, sign, float(s[self.rank - 1]) if self.rank else 0.0)
+
+    def _corrected(self, start: _Point, ahead: Array, hold: Array) -> tuple[_Point, float] | None:
+        """Return the solution near a step, perpendicular to `hold`, and how far the step missed it."""
+        q, c, p = self._stepped(start.q, start.c, start.p, ahead)
+        missed = np.zeros(len(ahead))
+        try:
+            with np.errstate(all="ignore"):
+                for _ in range(CORRECTIONS):
+                    residual, A = self._equations(q, c, p)
+                    step = np.linalg.lstsq(np.vstack([A, hold]), -np.append(residual, 0.0), rcond=1e-11)[0]
+                    q, c, p = self._stepped(q, c, p, step)
+                    missed += step
+                    if not np.max(np.abs(missed)) < 1.0:
+                        return None
+                    # Where another path crosses, steps become half as long at best.
+                    slow = np.max(np.abs(residual)) < EXACT and np.max(np.abs(step)) < SLOW
+                    if slow or np.max(np.abs(step)) < CORRECTED:
+                        residual, A = self._equations(q, c, p)
+                        if np.max(np.abs(residual)) > TOLERANCE:
+                            return None
+                        point = self._point(q, c, p, A, start.tangent, start)
+                        return point, float(np.max(np.abs(missed)))
+        except FAILURES:
+            pass
+        return None
+
+    # --- along the path ---------------------------------------------------------------------------------------------
+
+    def traced(self, sign: float, further: bool = True) -> list[_Run]:
+        """Return the path from the first solution on, cut where it turns, or up to where it turns first.
+
+        The parameter first grows or falls.
+        """
+        runs = self._runs(sign, further)
+        for run in runs:
+            for one, other in list(pairwise(run.points)):
+                if one.sign != other.sign:
+                    self._cross(run, one, other)
+        return runs
+
+    def _runs(self, sign: float, further: bool) -> list[_Run]:
+        at = replace(self.first, tangent=self.first.tangent * (sign if self.first.rise >= 0.0 else -sign))
+        runs = [_Run([at])]
+        while True:
+            fold = self._run(runs[-1])
+            if self._closes(runs):
+                return runs[:-1]
+            if fold is None:
+                return runs
+            if len(runs) > FOLDS:
+                runs[-1].ends.append((fold.p, AGAIN))
+                return runs
+            branches = fold.least < BRANCHING * self.first.least
+            runs[-1].ends.append((fold.p, BRANCHES if branches else TURNS))
+            self._close_in(runs, fold)
+            # On a closed curve it has been followed from the other side.
+            if not further or any(self._same(fold, other) for other in self.folds):
+                return runs[:-1]
+            self.folds.append(fold)
+            if branches:
+                self.branchings.append(fold)
+
+    @property
+    def spent(self) -> bool:
+        """Whether the curve has taken as much work as it may."""
+        return self.work[0] <= 0
+
+    def _run(self, run: _Run) -> _Point | None:
+        """Add points until the parameter turns back or leaves the range; return the fold if it turns."""
+        length = FIRST
+        while True:
+            at = run.points[-1]
+            end = self.high if at.rise > 0.0 else self.low
+            if at.p == end:
+                return None
+            if len(run.points) == POINTS or self.spent:
+                run.ends.append((at.p, LONG))
+                return None
+            step = length * at.tangent
+            hold, room = at.tangent, (end - at.p) / self.width
+            if abs(step[-1]) >= abs(room):
+                step = at.tangent * (room / at.rise)
+                hold = np.eye(len(step))[-1]
+            found = self._corrected(at, step, hold)
+            if found is not None and found[1] <= TRUSTED and found[0].tangent @ at.tangent > STRAIGHT:
+                point, error = found
+                if point.rise * at.rise <= 0.0:
+                    fold = self._fold(at, float(np.linalg.norm(step)))
+                    if fold is not None:
+                        return fold
+                elif self.low <= point.p <= self.high:
+                    if hold is not at.tangent:
+                        point = replace(point, p=end)
+                    run.points.append(point)
+                    pole = self._pole(run.points, end)
+                    if pole is not None:
+                        run.ends.append((pole, AWAY))
+                        return None
+                    if error < 0.3 * TRUSTED:
+                        length *= 1.6
+                    continue
+            length = 0.5 * min(length, float(np.linalg.norm(step)))
+            if length < LEAST:
+                if abs(end - at.p) < KINK * self.width:
+                    # The range ends where another path crosses: what is there is for others to say.
+                    run.points.append(replace(at, p=end))
+                    return None
+                beyond = self._beyond_a_kink(at, end)
+                if beyond is None:
+                    run.ends.append((at.p, LONG if self.spent else ENDS))
+                    return None
+                run.points.append(beyond)
+                length = FIRST
+
+    def _pole(self, points: list[_Point], end: float) -> float | None:
+        """Return the value before an end of the range at which positions become infinite, in the digits that are known.
+
+        There the parameter is a smooth function of 1/size; two extrapolations to 0 show how exact they are.
+        """
+        last = points[-POLES:]
+        size = [float(np.max(np.abs(x.q / self.balance.sizes), initial=0.0)) for x in last]
+        if len(last) < POLES or size[-1] < LARGE or not np.all(np.diff(size) > 0.0):
+            return None
+        near = 1.0 / np.array(size)
+        values = np.array([x.p for x in last])
+        pole, other = (_at_zero(near[k:], values[k:]) for k in (0, 1))
+        error = abs(pole - other) + RESOLVED * self.width
+        ahead = np.copysign(1.0, end - values[-1])
+        if not error < POLE * self.width or ahead * (pole - values[-1]) <= 0.0 or ahead * (end - pole) < -error:
+            return None
+        factor = self.model.parameters[self.parameter].factor
+        return float(round(pole / factor, -math.ceil(math.log10(abs(2.0 * error / factor)))) * factor)
+
+    def _beyond_a_kink(self, at: _Point, end: float) -> _Point | None:
+        """Return the solution a little further where a path goes on in another direction."""
+        step = KINK if abs(end - at.p) > KINK * self.width else abs(end - at.p) / self.width
+        axis = np.eye(len(at.tangent))[-1]
+        found = self._corrected(at, np.copysign(step, at.rise) * axis, axis)
+        if found is None or found[1] > 100.0 * KINK or found[0].rise == 0.0:
+            return None
+        turned = np.copysign(1.0, at.rise * found[0].rise)
+        return replace(found[0], tangent=turned * found[0].tangent)
+
+    def _cross(self, run: _Run, before: _Point, after: _Point) -> None:
+        """Note where another path crosses between two points, and add points that close in on it."""
+        low, high = before, after
+        for _ in range(POINTS):
+            if self.spent:
+                return
+            length = float(np.linalg.norm(self._open(self._between(low, high))))
+            part = low.least / max(low.least + high.least, 1e-300)
+            if length < CLOSE:
+                break
+            found = self._inside(low, high, min(max(part, 0.1), 0.9)) or self._inside(low, high, 0.5)
+            if found is None:
+                return
+            low, high = (found, high) if found.sign == low.sign else (low, found)
+        # Where the equations are nearly dependent all along the path the sign is rounding.
+        if low.least > 10.0 * CLOSE * min(self.first.least, max(before.least, after.least)):
+            return
+        q, c = (x + part * (y - x) for x, y in ((low.q, high.q), (low.c, high.c)))
+        at = replace(low, q=q, c=c, p=low.p + part * (high.p - low.p), tangent=0.5 * (low.tangent + high.tangent))
+        if min(at.p - self.low, self.high - at.p) <= CLOSE**2 * self.width:
+            return  # whether it lies within the range is rounding
+        run.crossings.append(at.p)
+        for pair in ((before, at), (at, after)):
+            for _ in range(HALVINGS):
+                half = self._inside(*pair, 0.5)
+                if half is None:
+                    break
+                run.points.append(half)
+                pair = (half, at) if pair[1] is at else (at, half)
+
+    def _inside(self, one: _Point, other: _Point, part: float) -> _Point | None:
+        """Return a solution between two: predicted by a cubic through both, and on their path by its direction."""
+        gap = self._open(self._between(one, other))
+        length = float(np.linalg.norm(gap))
+        if length == 0.0:
+            return None
+        ahead = part * part * (3.0 - 2.0 * part) * gap
+        ahead += length * part * (1.0 - part) * ((1.0 - part) * one.tangent - part * other.tangent)
+        found = self._corrected(one, ahead, gap / length)
+        if found is None or found[0].tangent @ gap < STRAIGHT * length:
+            return None
+        return found[0]
+
+    def switched(self, fold: _Point) -> list[Path]:
+        """Return the other path through a point at which this one turns back."""
+        if self.spent:
+            return []
+        _, A = self._equations(fold.q, fold.c, fold.p)
+        null = np.linalg.svd(A)[2][self.rank - 1 :].T
+        aside = null @ null[-1]
+        aside -= fold.tangent * (fold.tangent @ aside)
+        size = float(np.linalg.norm(aside))
+        if size < ASIDE:
+            return []
+        runs: list[list[_Run]] = []
+        for sign in (1.0, -1.0):
+            found = self._corrected(fold, sign * ASIDE * aside / size, aside / size)
+            if found is None or not self.low <= found[0].p <= self.high:
+                continue
+            other = copy(self)
+            point = found[0]
+            other.first = replace(point, tangent=point.tangent * np.copysign(1.0, point.tangent @ aside * sign))
+            other.branchings = []
+            runs.append(other.traced(1.0 if other.first.rise >= 0.0 else -1.0))
+        if not runs:
+            return []
+        main = _joined(runs[1][0], runs[0][0]) if len(runs) == 2 else runs[0][0]
+        main.crossings += [fold.p] if len(runs) == 2 else []
+        paths = [self.path(main, fold.p)]
+        return paths + [self.path(run, run.ends[0][0]) for part in runs for run in part[1:]]
+
+    def _fold(self, at: _Point, length: float) -> _Point | None:
+        """Return the point less than a length ahead at which the parameter turns back."""
+        found: dict[float, _Point] = {0.0: at}
+
+        def rise(distance: float) -> float:
+            if distance not in found:
+                corrected = self._corrected(at, distance * at.tangent, at.tangent)
+                if corrected is None:
+                    return float("nan")
+                found[distance] = corrected[0]
+            rise = found[distance].rise
+            return rise if abs(rise) > LEVEL else 0.0
+
+        try:
+            return found[root(rise, 0.0, length)]
+        except NumericalError:
+            return None
+
+    def _close_in(self, runs: list[_Run], fold: _Point) -> None:
+        """Add points next to a fold on both of its sides, and begin the run beyond it."""
+        before = runs[-1]
+        at = before.points[-1]
+        distance = float(np.linalg.norm(self._between(fold, at)))
+        sides = []
+        for side in (-1.0, 1.0):
+            near = [
+                self._corrected(fold, side * distance * 0.5**k * fold.tangent, fold.tangent)
+                for k in range(1, HALVINGS + 1)
+            ]
+            sides.append([found[0] for found in near if found is not None])
+        rising = at.rise > 0.0
+        before.points += [x for x in sides[0] if (x.rise > 0.0) == rising]
+        before.points.append(fold)
+        runs.append(_Run([fold, *(x for x in sides[1][::-1] if (x.rise > 0.0) != rising)], [before.ends[-1]]))
+
+    def _between(self, one: _Point, other: _Point) -> Array:
+        """Return the scaled difference of two solutions."""
+        q = (other.q - one.q) / self.balance.sizes
+        return np.concatenate([q, (other.c - one.c) / self.balance.speed, [(other.p - one.p) / self.width]])
+
+    def _same(self, one: _Point, other: _Point) -> bool:
+        return abs(one.p - other.p) < SAME * self.width and self.problem.alike(one.q, other.q)
+
+    def _closes(self, runs: list[_Run]) -> bool:
+        """Whether the last of several runs passes the first solution: the curve is closed."""
+        if len(runs) < 2 or (runs[-1].points[-1].rise > 0.0) != (runs[0].points[0].rise > 0.0):
+            return False
+        points = runs[-1].points
+        for one, other in pairwise(points):
+            weight = (self.first.p - one.p) / (other.p - one.p) if other.p != one.p else 0.0
+            if 0.0 <= weight <= 1.0:
+                ahead = weight * self._open(self._between(one, other))
+                found = self._corrected(one, ahead, np.eye(len(ahead))[-1])
+                return found is not None and self._same(found[0], self.first)
+        return False
+
+    def _open(self, difference: Array) -> Array:
+        """Return the part of a difference of solutions that is not given."""
+        n = len(self.balance.sizes)
+        wanted = [*self.balance.open, *(n + k for k in self.balance.free), n + self.balance.family.size]
+        return difference[np.array(wanted, dtype=np.intp)]
+
+
+def _at_zero(x: Array, y: Array) -> float:
+    """Return the value at zero of the polynomial through points."""
+    weights = [float(np.prod([other / (other - own) for other in np.delete(x, k)])) for k, own in enumerate(x)]
+    return float(np.dot(weights, y))
+
+
+def _nearest_turn(x: Array) -> Array:
+    """Return the orthogonal matrix nearest to a square one."""
+    left, _, right = np.linalg.svd(x)
+    result: Array = left @ right
+    return result

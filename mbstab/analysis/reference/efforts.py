@@ -1,0 +1,192 @@
+"""Motions of joints, and the forces and torques of springs, dampers, actuators and drives along them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.compiler.system import Array, System
+from mbstab.mechanics.catalogue import GROUND, Effort, Item, Marker
+from mbstab.model.arithmetic import array_arithmetic
+from mbstab.model.scene import ItemValues
+from mbstab.model.schema import unit_of
+
+
+@dataclass(frozen=True)
+class Acted:
+    """What an entry does along a motion.
+
+    Attributes
+    ----------
+    owner : str
+        Such as ``force 'spring'``.
+    along : str
+        The motion, such as ``angle of 'shoulder'``.
+    unit : str
+        ``N`` or ``N*m``.
+    values : ndarray, shape (…)
+        Positive where it drives the motion on: pushes the ends of a spring apart, turns or moves the first body of a
+        joint against the second.
+    """
+
+    owner: str
+    along: str
+    unit: str
+    values: Array
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where the points of a scene are, and how they move.
+
+    Attributes
+    ----------
+    q, u : ndarray, shape (…, n_q)
+        In the chart of `system`; axes in front are those of several states.
+    """
+
+    attitudes: Attitudes
+    system: System
+    q: Array
+    u: Array
+
+    @cached_property
+    def turns(self) -> Array:
+        """From body axes to ground axes, shape (…, n_b, d, d)."""
+        return self.attitudes.orientations(self.system, self.q)
+
+    @cached_property
+    def spins(self) -> Array:
+        """Angular velocities, shape (…, n_b, 3) (rad/s)."""
+        return self.attitudes.spins(self.system, self.q, self.u)
+
+    def motion(self, kind: str, item: Item, near: float = 0.0) -> Any:
+        """Return the ``distance``, ``angle`` or ``displacement`` of the points of an entry, shape (…) (m, rad).
+
+        In space angles are those within half a turn of `near` (rad).
+        """
+        first, second = item.markers("between")
+        if kind == "angle" and self.system.scene.dimension == 2:
+            return self._angle(first) - self._angle(second)
+        if kind == "angle":
+            one, two = item.triads("axis", "zero")
+            zero = self._direction(first, one.v2)
+            cosine, sine = (np.sum(zero * self._direction(second, v), axis=-1) for v in (two.v2, two.v3))
+            c, s = np.cos(near), np.sin(near)
+            return near + np.arctan2(sine * c - cosine * s, cosine * c + sine * s)
+        gap = self._place(first) - self._place(second)
+        if kind == "distance":
+            return np.linalg.norm(gap, axis=-1)
+        return np.sum(self._direction(second, item.triads("axis", "zero")[1].v1) * gap, axis=-1)
+
+    def rate(self, kind: str, item: Item) -> Any:
+        """Return the rate of such a motion, shape (…) (m/s, rad/s)."""
+        first, second = item.markers("between")
+        if kind == "angle":
+            spin = self._spin(first) - self._spin(second)
+            if self.system.scene.dimension == 2:
+                return spin[..., 2]
+            return np.sum(self._direction(second, item.triads("axis", "zero")[1].v1) * spin, axis=-1)
+        gap, speed = self._place(first) - self._place(second), self._velocity(first) - self._velocity(second)
+        if kind == "distance":
+            size = np.linalg.norm(gap, axis=-1)
+            along = gap / np.where(size > 0.0, size, 1.0)[..., None]
+            # Where the ends meet the distance grows as fast as they part.
+            return np.where(size > 0.0, np.sum(along * speed, axis=-1), np.linalg.norm(speed, axis=-1))
+        axis = self._direction(second, item.triads("axis", "zero")[1].v1)
+        return np.sum(axis * speed + _across(self._spin(second), axis) * gap, axis=-1)
+
+    def _angle(self, marker: Marker) -> Any:
+        return 0.0 if marker.body == GROUND else self.q[..., self.system.body_slices[marker.body].start + 2]
+
+    def _direction(self, marker: Marker, vector: Any) -> Array:
+        fixed = np.array(vector[: self.system.scene.dimension], dtype=float)
+        return fixed if marker.body == GROUND else np.asarray(self.turns[..., marker.body, :, :] @ fixed)
+
+    def _place(self, marker: Marker) -> Array:
+        point = self._direction(marker, marker.point)
+        return point if marker.body == GROUND else self._own(self.q, marker) + point
+
+    def _velocity(self, marker: Marker) -> Array:
+        if marker.body == GROUND:
+            return np.zeros(self.system.scene.dimension)
+        return self._own(self.u, marker) + _across(self._spin(marker), self._direction(marker, marker.point))
+
+    def _spin(self, marker: Marker) -> Array:
+        return np.zeros(3) if marker.body == GROUND else np.asarray(self.spins[..., marker.body, :])
+
+    def _own(self, x: Array, marker: Marker) -> Array:
+        start = self.system.body_slices[marker.body].start
+        return np.asarray(x[..., start : start + self.system.scene.dimension])
+
+
+def _across(spin: Array, arm: Array) -> Array:
+    """Return spin × arm, in as many components as the arm has."""
+    if arm.shape[-1] == 3:
+        return np.cross(spin, arm)
+    return np.asarray(spin[..., 2:] * np.stack([-arm[..., 1], arm[..., 0]], axis=-1))
+
+
+def efforts(at: Placement, nu: Array, times: Any) -> list[Acted]:
+    """Return the efforts of all springs, dampers, actuators and drives, in the order of the file.
+
+    Parameters
+    ----------
+    nu : ndarray, shape (…, n_c)
+        Multipliers.
+    times : number or ndarray, shape (…)
+        Of the states (s).
+    """
+    found = []
+    for item in at.system.scene.items:
+        if item.kind.effort is None:
+            continue
+        effort = item.kind.effort(item)
+        values = _of_row(at, item, effort, nu, times) if effort.driven else _of_law(at, effort, times)
+        owner = item.entry.called
+        shape = at.q.shape[:-1]
+        found.append(Acted(owner, *_along(item.entry.values, effort), np.array(np.broadcast_to(values, shape))))
+    return found
+
+
+def _along(given: Mapping[str, Any], effort: Effort) -> tuple[str, str]:
+    """Return a motion in words, and the unit of an effort along it."""
+    if effort.motion == "coordinate":
+        name = str(given["coordinate"])
+        return name, effort_unit(effort.motion, name)
+    if effort.motion == "point":
+        return f"place of {given['at'].body!r}", "N"
+    if effort.motion == "distance":
+        return "distance of its ends", "N"
+    return f"{effort.motion} of {effort.of.name!r}", effort_unit(effort.motion)
+
+
+def effort_unit(motion: str, coordinate: str = "") -> str:
+    """Return the unit of an effort: that of a torque along angles."""
+    turning = motion == "angle" or (motion == "coordinate" and unit_of(coordinate) == "rad")
+    return "N*m" if turning else "N"
+
+
+def _of_law(at: Placement, effort: Effort, times: Any) -> Any:
+    """Return the effort of a spring, a damper or an actuator."""
+    if effort.law is not None:
+        return replace(effort.law, arithmetic=array_arithmetic()).at(times).value
+    rest = float(effort.rest)
+    stretch = at.motion(effort.motion, effort.of, rest) - rest
+    return -float(effort.stiffness) * stretch - float(effort.damping) * at.rate(effort.motion, effort.of)
+
+
+def _of_row(at: Placement, item: ItemValues, effort: Effort, nu: Array, times: Any) -> Any:
+    """Return what the row of a drive takes."""
+    own = (item.entry.section, item.name)
+    row = next(i for i, row in enumerate(at.system.rows) if (row.section, row.name) == own)
+    if effort.motion != "angle" or effort.law is None or at.system.scene.dimension == 2:
+        return -nu[..., row]
+    # The row is the sine of what the angle lacks.
+    given = replace(effort.law, arithmetic=array_arithmetic()).at(times).value
+    return -nu[..., row] * np.cos(at.motion("angle", effort.of) - given)

@@ -1,0 +1,261 @@
+"""The equations of equilibria and steady motions, and their exact derivatives, at one point or all points of a sweep.
+
+Unknown are the coordinates q, the rates c of a generator X(q; c) that are not given, and the
+multipliers ν. With u = X and a = DX X,
+
+    M a + F0 + Jᵀν = 0,   C(q, t) = 0,   V(q, X, t) = 0,   X_i = given rates.
+
+The derivative of the first row by q is the stiffness matrix of the co-moving frame,
+K + R Ξ + M Ξ₂. Rows and unknowns are scaled by the size of the scene, its energy and its speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.algebra.arrays import Index, norms
+from mbstab.analysis.algebra.deflation import in_frame
+from mbstab.analysis.reference.motion import TOLERANCE
+from mbstab.analysis.reference.steady import Family, Generator, declared_family
+from mbstab.compiler.system import Array, System
+
+DEPENDENT = 1e-7
+"""A row repeats others if less than this part of it is independent of them."""
+
+
+@dataclass(frozen=True)
+class State:
+    """A trial: unknowns, residuals and what is needed for a step; axes in front are those of a sweep."""
+
+    q: Array
+    c: Array
+    nu: Array
+    residual: Array
+    steady: Generator
+    u: Array
+    a: Array
+    M: Array
+    J: Array
+
+    @property
+    def size(self) -> float:
+        """Norm of the residuals."""
+        return float(np.linalg.norm(self.residual))
+
+
+class Balance:
+    """The equations of a scene and a family of motions.
+
+    Attributes
+    ----------
+    sizes : ndarray, shape (n_q,)
+        What a large change of each coordinate is.
+    open : ndarray of int
+        Coordinates that may change.
+    free : list of int
+        Coefficients that are not given.
+    rows : ndarray of int
+        Constraint rows that are used: of those that repeat others one is enough.
+    energy, speed : float
+        By which residuals are judged.
+    ramp : float
+        Part of the given rates that is reached: 1 but for spin-up.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        sizes: Array,
+        family: Family,
+        known: Mapping[int, Any],
+        held: npt.NDArray[np.bool_],
+        rows: Index | None = None,
+    ) -> None:
+        self.system, self.sizes, self.family, self.known = system, sizes, family, dict(known)
+        self.open = np.flatnonzero(~held)
+        self.free = [k for k in range(family.size) if k not in self.known]
+        self.energy = self.speed = self.ramp = 1.0
+        rates = system.scene.rates if family.size else {}
+        self.given = np.array([i for i, name in enumerate(system.names) if name in rates], dtype=np.intp)
+        values = [np.asarray(rates[system.names[i]], dtype=float) for i in self.given]
+        self.rates = np.stack(np.broadcast_arrays(*values), axis=-1) if values else np.zeros(0)
+        self.use(np.arange(system.n_c) if rows is None else rows)
+
+    def over(self, system: System) -> Balance:
+        """Return the same equations with other values of parameters, such as arrays of them."""
+        family, known = declared_family(system)
+        held = np.ones(system.n_q, dtype=bool)
+        held[self.open] = False
+        result = Balance(system, self.sizes, replace(family, columns=self.family.columns), known, held, self.rows)
+        result.energy, result.speed = self.energy, self.speed
+        return result
+
+    def completed(self, q: Array) -> Array:
+        """Return coordinates with the given ones put in."""
+        q = q.copy()
+        for i in np.setdiff1d(np.arange(self.system.n_q), self.open):
+            q[..., i] = self.system.scene.coordinates.get(self.system.names[i], q[..., i])
+        return q
+
+    def use(self, rows: Index) -> None:
+        """Take these constraint rows."""
+        self.rows = rows
+        self.n_h = int(np.sum(rows < self.system.n_h))
+
+    def independent_rows(self, q: Array) -> Index:
+        """Return rows of which none repeats others at an assembled start: away from it they would contradict."""
+        system = self.system
+        state = system.dynamics(q, np.zeros(system.n_q))
+        J = state.J * self.sizes
+        lengths = self._lengths(state.J)
+        if np.max(np.abs(state.E[: system.n_h] / lengths[: system.n_h]), initial=0.0) > TOLERANCE:
+            return np.arange(system.n_c)
+        left, s, _ = np.linalg.svd(J / lengths[:, None])
+        dependences = left[:, int(np.sum(s > DEPENDENT)) :]
+        kept = np.ones(system.n_c, dtype=bool)
+        for _ in range(dependences.shape[1]):
+            # Without the row that weighs most in a dependence the others are as independent as can be.
+            weights = np.where(kept, np.linalg.norm(dependences, axis=1), 0.0)
+            row = int(np.argmax(weights))
+            kept[row] = False
+            direction = dependences[row] / weights[row]
+            dependences = dependences - np.outer(dependences @ direction, direction)
+        return np.flatnonzero(kept)
+
+    def coefficients(self, c: Array) -> Array:
+        """Return the coefficients with the given ones put in."""
+        full = c.copy()
+        for k, value in self.known.items():
+            full[..., k] = self.ramp * value
+        return full
+
+    def state(self, q: Array, c: Array) -> State:
+        """Return a trial state with the multipliers that balance it best.
+
+        Parameters
+        ----------
+        q : ndarray, shape (…, n_q)
+        c : ndarray, shape (…, size of the family)
+
+        Raises
+        ------
+        MbstabError, ArithmeticError, ValueError
+            If the equations of a single point have no value there.
+        """
+        system, n_h = self.system, self.n_h
+        full = self.coefficients(c)
+        steady = self.family.generator(full)
+        u, a = steady.field(q), steady.acceleration(q)
+        dynamics = system.dynamics(q, u)
+        M, J = dynamics.M, dynamics.J[..., self.rows, :]
+        E, V = dynamics.E[..., self.rows], dynamics.V[..., self.rows]
+        force = ((M @ a[..., None])[..., 0] + dynamics.F0) * self.sizes / self.energy
+        lengths = self._lengths(J)
+        if self.ramp < 1.0:
+            # Given rates of drives grow with the ramp.
+            V = V - (1.0 - self.ramp) * system.dynamics(q, 0.0 * u).V[..., self.rows]
+        rows = J * self.sizes / lengths[..., None]
+        nu = -multipliers(rows, force)
+        parts = [force + (np.swapaxes(rows, -1, -2) @ nu[..., None])[..., 0], E[..., :n_h] / lengths[..., :n_h]]
+        if self.family.size:
+            parts += [
+                V / (lengths * self.speed),
+                (u[..., self.given] - self.ramp * self.rates) / (self.sizes[self.given] * self.speed),
+            ]
+        all_nu = np.zeros((*nu.shape[:-1], system.n_c))
+        all_nu[..., self.rows] = nu * self.energy / lengths
+        return State(q, full, all_nu, joined(parts, 1), steady, u, a, M, J)
+
+    def _lengths(self, J: Array) -> Array:
+        return norms(J * self.sizes)
+
+    @property
+    def moving(self) -> int:
+        """Number of unknowns before the multipliers."""
+        return len(self.open) + len(self.free)
+
+    def jacobian(self, at: State) -> Array:
+        """Return the derivative of the residuals by [Δq; Δc; Δν], scaled."""
+        system, n_h = self.system, self.n_h
+        K, R, _ = system.linearize(at.q, at.u, at.a, at.nu)
+        M, J = at.M, at.J
+        lengths = self._lengths(J)
+        Xi, Xi_2 = at.steady.frame(at.q)
+        units = [self.family.units()[k] for k in self.free]
+        none = np.zeros((*at.q.shape, 0))
+        X = np.stack([unit.field(at.q) for unit in units], axis=-1) if units else none
+        # a = DX X is quadratic in the rates.
+        A = np.concatenate([Xi @ X, *[unit.frame(at.q)[0] @ at.u[..., None] for unit in units]], axis=-1)
+        A = A[..., : len(units)] + A[..., len(units) :]
+        weights, columns = (self.sizes / self.energy)[:, None], self.sizes[self.open]
+        c, n_c = len(units), J.shape[-2]
+        V_q = system.linearize_rows(at.q, at.u, at.a)[0][..., self.rows, :] if self.family.size else 0.0 * J
+        _, stiffness, turned = in_frame(M, R, K, J, V_q, Xi, Xi_2)
+        blocks = [
+            joined(
+                [
+                    stiffness[..., self.open] * columns * weights,
+                    (R @ X + M @ A) * self.speed * weights,
+                    np.swapaxes(J * (self.energy / lengths)[..., None], -1, -2) * weights,
+                ],
+                2,
+            ),
+            joined(
+                [
+                    J[..., :n_h, self.open] * columns / lengths[..., :n_h, None],
+                    np.zeros((n_h, c)),
+                    np.zeros((n_h, n_c)),
+                ],
+                2,
+            ),
+        ]
+        if self.family.size:
+            rows = (lengths * self.speed)[..., None]
+            blocks.append(
+                joined([turned[..., self.open] * columns / rows, J @ X * self.speed / rows, np.zeros((n_c, n_c))], 2)
+            )
+            rows = (self.sizes[self.given] * self.speed)[:, None]
+            follow = Xi[..., self.given[:, None], self.open] * columns / rows
+            count = len(self.given)
+            blocks.append(joined([follow, X[..., self.given, :] * self.speed / rows, np.zeros((count, n_c))], 2))
+        return joined(blocks, 2, axis=-2)
+
+    def moved(self, at: State, step: Array) -> tuple[Array, Array]:
+        """Return coordinates and coefficients after a scaled step."""
+        return self.shifted(at.q, at.c, step)
+
+    def shifted(self, q: Array, c: Array, step: Array) -> tuple[Array, Array]:
+        """Return coordinates and coefficients after a scaled step from others."""
+        q, c = q.copy(), c.copy()
+        q[..., self.open] += step[..., : len(self.open)] * self.sizes[self.open]
+        c[..., self.free] += step[..., len(self.open) : self.moving] * self.speed
+        return q, c
+
+
+def multipliers(rows: Array, force: Array) -> Array:
+    """Return x that makes rowsᵀ x closest to a force, shapes (…, n_c, n_q) and (…, n_q).
+
+    Over the points of a sweep by normal equations, corrected twice: rows of unit length that are
+    independent are well conditioned, and there this is several times faster.
+    """
+    if not rows.shape[-2]:
+        return np.zeros((*force.shape[:-1], 0))
+    if rows.ndim == 2:
+        return np.asarray(np.linalg.lstsq(rows.T, force, rcond=1e-12)[0], dtype=np.float64)
+    inverse = np.linalg.inv(rows @ np.swapaxes(rows, -1, -2))
+    x: Array = np.zeros((*np.broadcast_shapes(rows.shape[:-2], force.shape[:-1]), rows.shape[-2]))
+    for _ in range(3):
+        missing = force - (np.swapaxes(rows, -1, -2) @ x[..., None])[..., 0]
+        x = x + (inverse @ (rows @ missing[..., None]))[..., 0]
+    return x
+
+
+def joined(parts: list[Array], core: int, axis: int = -1) -> Array:
+    """Return arrays side by side; axes in front of the last `core` ones broadcast."""
+    front = np.broadcast_shapes(*(x.shape[: x.ndim - core] for x in parts))
+    return np.concatenate([np.broadcast_to(x, (*front, *x.shape[x.ndim - core :])) for x in parts], axis=axis)

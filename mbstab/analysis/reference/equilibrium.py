@@ -1,0 +1,764 @@
+"""Equilibria and steady motions: Newton's method on the constrained equations with exact derivatives.
+
+The equations are those of `mbstab.analysis.reference.equations`. Steps are of least length, so
+coordinates that nothing depends on stay where they are; they are bounded and damped as in the
+Levenberg-Marquardt method. Where that stalls, the motion is damped until it rests
+(pseudo-transient continuation; Kelley and Keyes 1998, SIAM J. Numer. Anal. 35), or spun up
+from rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.algebra.failures import FAILURES
+from mbstab.analysis.algebra.subspaces import rank_of
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.reference.coefficients import matrices_in
+from mbstab.analysis.reference.dependencies import names_in
+from mbstab.analysis.reference.efforts import Acted, Placement, efforts
+from mbstab.analysis.reference.equations import Balance, State
+from mbstab.analysis.reference.guard import coefficients
+from mbstab.analysis.reference.motion import (
+    CHART_WARNING,
+    NEWTON_STEPS,
+    ROUNDING,
+    TOLERANCE,
+    Finder,
+    Motion,
+    force_change,
+)
+from mbstab.analysis.reference.reactions import Reaction, reactions
+from mbstab.analysis.reference.rotation import orientation
+from mbstab.analysis.reference.steady import Family, Generator, declared_family, detected
+from mbstab.analysis.reference.symmetries import Symmetry, symmetries
+from mbstab.compiler.system import Array, System
+from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, NumericalError, UsageError, counted
+from mbstab.model.schema import is_length, unit_of
+
+STRATEGIES = ("Newton", "relaxation", "spin-up")
+
+REACH = 0.5
+"""No step is longer than this part of the size of the scene, or this angle (rad)."""
+
+CONVERGED = 1e-9
+"""Residuals below this, relative to what balances, are polished by undamped steps until they stop falling."""
+FADED = 1e-9
+"""Where a search stalls with less than this, relative to what balances, forces are small there, not balanced."""
+
+PATIENCE = 12
+"""Newton's method goes on while it halves the residuals in so many steps."""
+
+NEAR = 1e-3
+"""A relaxed motion is handed to Newton's method where residuals are below this; if that fails, at a tenth of them."""
+
+RELAXATION_STEPS = 200
+SPIN_UP_STEPS = 40
+SLIGHT = 1e-5
+"""Where no force acts, those are the scale that a move by this part of the size of the scene brings about."""
+
+SINGULAR = 1e-7
+"""A direction of the equations whose singular value is this small beside the largest leaves a solution not isolated."""
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """An equilibrium or a steady motion.
+
+    Attributes
+    ----------
+    motion : Motion
+    steady : Generator
+        The motion it is; its text is ``rest`` at rest.
+    reactions : list of Reaction
+        What each joint, contact and drive transmits.
+    efforts : list of Acted
+        Of springs, dampers, actuators and drives.
+    residual : float
+        Largest remaining imbalance, relative to the forces that balance.
+    unbalanced : tuple of float
+        Largest unbalanced force (N) and torque (N·m).
+    iterations : int
+    strategy : str
+        ``Newton``, ``relaxation`` or ``spin-up``: what led to the solution.
+    symmetries : tuple of str
+        Shifts that lead from this solution to others like it.
+    open : tuple of str
+        Directions besides in which the solution is not isolated, in words; empty: it is isolated.
+    timed : bool
+        Whether given functions of time act, so that it holds at this time only.
+    """
+
+    motion: Motion
+    steady: Generator
+    reactions: list[Reaction]
+    efforts: list[Acted]
+    residual: float
+    unbalanced: tuple[float, float]
+    iterations: int
+    strategy: str
+    symmetries: tuple[str, ...]
+    open: tuple[str, ...]
+    timed: bool
+
+    @property
+    def isolated(self) -> bool:
+        """Whether no other solution is near, apart from symmetries."""
+        return not self.open
+
+
+class _Stalled(Exception):
+    """A strategy came to rest without a solution, at this state."""
+
+    def __init__(self, state: State | None) -> None:
+        self.state = state
+
+
+class _Search:
+    """Newton's method from one start.
+
+    Attributes
+    ----------
+    iterations : int
+        Steps so far, to where residuals are small.
+    best : State or None
+        The state nearest to balance so far.
+    """
+
+    def __init__(self, balance: Balance, finder: Finder, start: Array) -> None:
+        self.balance, self.finder = balance, finder
+        self.system, self.sizes = balance.system, balance.sizes
+        balance.use(balance.independent_rows(start))
+        self.iterations = 0
+        self.best: State | None = None
+
+    def state(self, q: Array, c: Array) -> State:
+        """Return a trial state.
+
+        Raises
+        ------
+        MbstabError, ArithmeticError, ValueError
+            If the equations have no value there.
+        """
+        self.finder.check_chart(q, np.zeros(len(q), dtype=bool))
+        found = self.balance.state(q, c)
+        if not np.all(np.isfinite(found.residual)):
+            raise NumericalError("the equations are not finite")
+        return found
+
+    def tried(self, at: State, step: Array) -> State | None:
+        """Return the state after a scaled step, or None where the equations have no value."""
+        try:
+            return self.state(*self.balance.moved(at, step))
+        except FAILURES:
+            return None
+
+    # --- strategies -------------------------------------------------------------------------------------------------
+
+    def newton(self, at: State) -> State:
+        """Return the solution that damped steps lead to."""
+        damping = 0.0
+        if self.best is None:
+            self.best = at
+        sizes: list[float] = []
+        for _ in range(NEWTON_STEPS):
+            # How many steps polish a solution depends on the machine.
+            self.iterations += at.size > CONVERGED
+            sizes.append(at.size)
+            if len(sizes) > PATIENCE and at.size > CONVERGED and at.size > 0.5 * sizes[-1 - PATIENCE]:
+                break
+            G, moving = self.balance.jacobian(at), self.balance.moving
+            accepted = None
+            while accepted is None:
+                trial = self.tried(at, _bounded(_step(G, at.residual, moving, damping), moving))
+                if trial is not None and trial.size < at.size * (1.0 - 1e-6):
+                    accepted = trial
+                    damping = 0.0 if damping < 1e-6 else damping * 0.1
+                elif at.size < CONVERGED:
+                    return at
+                else:
+                    damping = max(4.0 * damping, 1e-4)
+                    if damping > 1e8:
+                        raise _Stalled(at)
+            at = accepted
+            if self.best is None or at.size < self.best.size:
+                self.best = at
+        if at.size < CONVERGED:
+            return at
+        raise _Stalled(at)
+
+    def relaxed(self, at: State) -> State:
+        """Return the solution at which a heavily damped motion comes to rest."""
+        open_, moving = self.balance.open, self.balance.moving
+        inertia = np.diag(at.M) * self.sizes**2 / self.balance.energy
+        inertia = np.maximum(inertia, 1e-6 * np.max(inertia))
+        G = self.balance.jacobian(at)
+        n = len(open_)
+        pace = float(np.max(inertia)) / max(float(np.max(np.abs(G[: self.system.n_q, :n]))), 1e-300)
+        near = NEAR
+        for _ in range(RELAXATION_STEPS):
+            self.iterations += 1
+            G = self.balance.jacobian(at)
+            G[open_, np.arange(n)] += inertia[open_] / pace
+            trial = self.tried(at, _bounded(_step(G, at.residual, moving, 0.0), moving))
+            if trial is None or trial.size > 10.0 * at.size:
+                pace *= 0.25
+                if pace < 1e-12:
+                    break
+                continue
+            pace = min(pace * min(3.0, at.size / max(trial.size, 1e-300) * 1.3), 1e12)
+            at = trial
+            if at.size < near:
+                try:
+                    return self.newton(at)
+                except _Stalled:
+                    near = 0.1 * at.size
+        raise _Stalled(at)
+
+    def spun_up(self, q: Array, c: Array) -> State:
+        """Return the solution reached from rest by raising the given rates."""
+        self.balance.ramp, reached, stride = 0.0, 0.0, 0.25
+        try:
+            at = self.started(q, c)
+            for _ in range(SPIN_UP_STEPS):
+                self.balance.ramp = min(1.0, reached + stride)
+                try:
+                    at = self.newton(self.state(at.q, at.c))
+                    reached, stride = self.balance.ramp, 1.5 * stride
+                except _Stalled:
+                    stride *= 0.4
+                if reached == 1.0:
+                    return at
+        finally:
+            self.balance.ramp = 1.0
+        raise _Stalled(self.best)
+
+    def started(self, q: Array, c: Array) -> State:
+        """Return the solution from a start by the first strategy that leads to one."""
+        at = self.state(q, c)
+        try:
+            return self.newton(at)
+        except _Stalled:
+            return self.relaxed(at)
+
+    def solve(self, q: Array, c: Array, allowed: tuple[str, ...]) -> tuple[State, str]:
+        """Return a solution and the strategy that led to it.
+
+        Raises
+        ------
+        _Stalled
+            If none does.
+        """
+        self._measure(q, c)
+        strategies: list[tuple[str, Callable[[], State]]] = [
+            ("Newton", lambda: self.newton(self.state(q, c))),
+            ("relaxation", lambda: self.relaxed(self.state(q, c))),
+        ]
+        if self.balance.known:
+            strategies.append(("spin-up", lambda: self.spun_up(q, c)))
+        for name, strategy in strategies:
+            if name not in allowed:
+                continue
+            try:
+                return strategy(), name
+            except _Stalled:
+                continue
+            except FAILURES:
+                continue
+        raise _Stalled(self.best)
+
+    def _measure(self, q: Array, c: Array) -> None:
+        """Set the scales of energy and speed by which residuals are judged."""
+        scene = self.system.scene
+        gravity = float(np.linalg.norm([float(x) for x in scene.gravity]))
+        lengths = self.sizes[self.finder.is_length]
+        energy = max(float(body.mass) for body in scene.bodies) * gravity * float(np.max(lengths, initial=0.0))
+        full = self.balance.coefficients(c)
+        u = self.balance.family.generator(full).field(q)
+        self.balance.speed = max(float(np.max(np.abs(u / self.sizes))), float(np.max(np.abs(full), initial=0.0))) or 1.0
+        a = self.balance.family.generator(full).acceleration(q)
+        # Forces, not their slopes: those may be anything next to a singular point.
+        energy = max(energy, float(np.max(self.system.loads(q, u, a) * self.sizes, initial=0.0)))
+        # At an equilibrium whose forces vanish one by one, a small move shows how large they are.
+        at = q, u, a, np.zeros(self.system.n_c)
+        energy = max(energy, SLIGHT * force_change(self.system, at, self.sizes, self.sizes))
+        self.balance.energy = energy or 1.0
+
+
+def _step(G: Array, residual: Array, moving: int, damping: float) -> Array:
+    """Return the step of least length; damped in coordinates and rates, not in multipliers."""
+    if damping:
+        extra: Array = np.zeros((moving, G.shape[1]))
+        extra[:, :moving] = math.sqrt(damping) * np.eye(moving)
+        G, residual = np.vstack([G, extra]), np.concatenate([residual, np.zeros(moving)])
+    return np.asarray(np.linalg.lstsq(G, -residual, rcond=1e-11)[0], dtype=np.float64)
+
+
+def _bounded(step: Array, moving: int) -> Array:
+    """Return a step, shortened where it would move a coordinate or rate further than `REACH`."""
+    longest = float(np.max(np.abs(step[:moving]), initial=0.0))
+    return step * (REACH / longest) if longest > REACH else step
+
+
+# --- from a scene to its equilibria ---------------------------------------------------------------------------------
+
+
+def found_motion(system: System) -> Motion:
+    """Return the equilibrium or steady motion that the reference of a file leads to, given coordinates held.
+
+    Raises
+    ------
+    EquilibriumError
+        If none is found; says where the search stalled, and what to try.
+    """
+    problem = Problem(system)
+    return problem.solved(problem.start)[0]
+
+
+def find_equilibria(
+    system: System, starts: int, seed: int = 1, track: Callable[[list[int]], Iterator[int]] = iter
+) -> list[Equilibrium]:
+    """Return the distinct equilibria or steady motions that several starts lead to, the file's own first.
+
+    Given coordinates are held if the file says ``find``; otherwise they are a start like the
+    guessed ones.
+
+    Parameters
+    ----------
+    starts : int
+        Number of starts: the reference of the file, and others at random around it.
+    seed : int
+        Of the random numbers; the same seed gives the same starts.
+    track : callable
+        Takes the list of starts and returns them one by one, for a progress bar.
+
+    Raises
+    ------
+    EquilibriumError
+        If no start leads to one.
+    """
+    problem = Problem(system)
+    rng = np.random.default_rng(seed)
+    distinct: list[Equilibrium] = []
+    failure: MbstabError | None = None
+    for number in track(list(range(starts))):
+        try:
+            found = problem.described(*problem.solved(problem.start if number == 0 else problem.elsewhere(rng)))
+        except MbstabError as error:
+            failure = failure or error
+            continue
+        if not any(problem.same(found, other) for other in distinct):
+            distinct.append(found)
+    if not distinct:
+        assert failure is not None
+        raise failure
+    return distinct
+
+
+class Problem:
+    """What is asked for, and the checks that a solution must pass."""
+
+    def __init__(self, system: System) -> None:
+        self.system, self.scene = system, system.scene
+        if self.scene.period is not None:
+            raise UsageError(
+                f"{self.scene.model.name} describes a periodic motion: there is no equilibrium to look for"
+            )
+        self.finder = Finder(system)
+        q, missing = self.finder.start()
+        self.held: Flags = ~missing if self.scene.model.reference.find is not None else np.zeros(len(q), dtype=bool)
+        self.start = q
+        if system.n_h and not self.held.all():
+            self.start = self.finder.assemble(q, ~self.held)
+        self.family, self.known = declared_family(system)
+        if self.scene.steady is None and self.scene.model.reference.find is None and any(self.scene.rates.values()):
+            self.family, self.known = self._moving()
+
+    def _moving(self) -> tuple[Family, dict[int, float]]:
+        """Return the generator that the rates of a file without ``find`` or ``steady`` describe, all of it given."""
+        u = np.array([self.scene.rates.get(name, 0.0) for name in self.system.names], dtype=float)
+        generator = detected(self.system, self.start, u, self.finder.sizes)[-1]
+        columns = tuple(int(i) for i in np.flatnonzero(generator.spins))
+        axis = generator.axis if generator.turns else None
+        directions = generator.velocity[None, :] if np.any(generator.velocity) else np.zeros((0, 3))
+        family = Family(self.system, axis, generator.point, directions, columns)
+        rates = [*([generator.rate] if generator.turns else []), *([1.0] * len(directions))]
+        return family, dict(enumerate([*rates, *generator.spins[list(columns)]]))
+
+    def solved(self, start: Array, c: Array | None = None) -> tuple[Motion, _Search, State, str]:
+        """Return the solution from a start, checked, and how it was found.
+
+        With rates `c` as well, the start is a prediction: given coordinates are put in, and only
+        Newton's method is tried.
+
+        Raises
+        ------
+        EquilibriumError
+            If there is none.
+        """
+        if c is not None:
+            start = np.where(self.held, self.finder.start()[0], start)
+            if self.family.columns and len(c) < self.family.size:
+                return self._without_spins()._solved(start, c, STRATEGIES[:1])
+        elif self.family.columns and self.scene.steady is not None:
+            # A motion without spins first: with them there may be more, some for an instant only.
+            try:
+                return self._without_spins()._solved(start, None, STRATEGIES[:1])
+            except MbstabError:
+                pass
+        return self._solved(start, c, STRATEGIES if c is None else STRATEGIES[:1])
+
+    def _without_spins(self) -> Problem:
+        plain = copy(self)
+        plain.family = replace(self.family, columns=())
+        return plain
+
+    def _solved(self, start: Array, c: Array | None, allowed: tuple[str, ...]) -> tuple[Motion, _Search, State, str]:
+        """Return the solution that some strategies lead to."""
+        balance = Balance(self.system, self.finder.sizes, self.family, self.known, self.held)
+        search = _Search(balance, self.finder, start)
+        c = self._rates(start) if c is None else c
+        try:
+            with np.errstate(all="ignore"):
+                at, strategy = search.solve(start, c, allowed)
+        except _Stalled as stalled:
+            raise self._failure(search, stalled.state) from None
+        at = _tidied(search, at)
+        finder = Finder(self.system)
+        finder.solved = [name for name, held in zip(self.system.names, self.held, strict=True) if not held]
+        if not (np.all(np.abs(at.residual) <= TOLERANCE) and self._closed(at) and self._weighed(search, at)):
+            raise self._failure(search, at)
+        self._require_rates(search, at)
+        try:
+            motion = finder.motion(at.q, at.u, steady=at.steady, declared=self.scene.steady is not None)
+        except ModelFileError:
+            raise self._failure(search, at) from None
+        if not at.steady.turns and np.any(at.u):
+            motion = replace(motion, generators=tuple(detected(self.system, at.q, at.u, self.finder.sizes)))
+        return motion, search, at, strategy
+
+    def described(self, motion: Motion, search: _Search, at: State, strategy: str) -> Equilibrium:
+        """Return a solution with what it means."""
+        coefficients(self.system, motion)  # names what breaks a declared symmetry
+        known = symmetries(self.system, motion)
+        force = at.residual[: self.system.n_q] * search.balance.energy / self.finder.sizes
+        unbalanced = [
+            float(np.max(np.abs(force[kind]), initial=0.0)) for kind in (self.finder.is_length, ~self.finder.is_length)
+        ]
+        loads = reactions(self.system, motion.q, motion.dynamics.J, motion.nu)
+        placement = Placement(Attitudes.of(self.system), self.system, motion.q, motion.u)
+        return Equilibrium(
+            motion, at.steady, loads, efforts(placement, motion.nu, motion.time), float(np.max(np.abs(at.residual))),
+            (unbalanced[0], unbalanced[1]), search.iterations, strategy, tuple(s.name for s in known),
+            tuple(_open_directions(search, at, known)),
+            not np.any(at.u) and any("t" in names_in(item.entry.values) for item in self.scene.items),
+        )  # fmt: skip
+
+    def _closed(self, at: State) -> bool:
+        """Whether a state satisfies all rows, those that repeat others included."""
+        dynamics = self.system.dynamics(at.q, at.u)
+        allowed = TOLERANCE * np.abs(dynamics.J) @ self.finder.sizes + 1e-300
+        fastest = float(np.max(np.abs(at.u / self.finder.sizes), initial=0.0))
+        n_h = self.system.n_h
+        good = np.all(np.abs(dynamics.E[:n_h]) <= allowed[:n_h])
+        return bool(good and np.all(np.abs(dynamics.V) <= allowed * max(fastest, 1e-300)))
+
+    def _weighed(self, search: _Search, at: State) -> bool:
+        """Whether what is left of the forces is small beside those that balance."""
+        energy, sizes = search.balance.energy, search.sizes
+        left = np.abs(at.residual[: self.system.n_q]) * energy
+        loads = self.system.loads(at.q, at.u, at.a) * sizes
+        # Where all loads vanish, forces are what the rounding of coordinates makes of them.
+        rounding = ROUNDING * force_change(self.system, (at.q, at.u, at.a, at.nu), sizes, sizes)
+        return bool(np.max(left) <= TOLERANCE * np.max(loads) + min(max(rounding, 1e-14 * energy), TOLERANCE * energy))
+
+    def _require_rates(self, search: _Search, at: State) -> None:
+        """Refuse a steady motion some of whose rates could be anything.
+
+        Raises
+        ------
+        ModelFileError
+            If there are such; names them.
+        """
+        balance = search.balance
+        if not balance.free:
+            return
+        null = _loose(balance, at)
+        known = np.linalg.svd(balance.family.basis(at.q)[:, balance.free] / search.sizes[:, None])
+        same = known[2][int(np.sum(known[1] > 1e-9 * max(float(known[1][0]), 1e-300))) :].T
+        n = len(balance.open)
+        # Combinations of rates that move nothing are no freedom of the motion.
+        rates = null[n:] - same @ (same.T @ null[n:])
+        still = np.linalg.norm(null[:n], axis=0) < 1e-6
+        names = [balance.family.names()[k] for k in balance.free]
+        loose = [name for name, row in zip(names, rates, strict=True) if np.any(np.abs(row[still]) > 1e-6)]
+        if loose:
+            message = f"nothing determines {', '.join(loose)} of the steady motion"
+            hint = "give it under reference; 0 for what does not turn"
+            place = self.scene.model.reference.location
+            raise ModelFileError([self.scene.model.document.problem(place, "reference", message, hint)])
+
+    def _rates(self, q: Array) -> Array:
+        """Return starting values of the rates: given ones, and for the others what fits the constraints best."""
+        c = np.array([self.known.get(k, 0.0) for k in range(self.family.size)])
+        free = [k for k in range(self.family.size) if k not in self.known]
+        if free:
+            basis = self.family.basis(q)
+            given = [i for i, name in enumerate(self.system.names) if name in self.scene.rates]
+            rates = np.array([self.scene.rates[self.system.names[i]] for i in given], dtype=float)
+            state = self.system.dynamics(q, basis @ c)
+            left = np.vstack([state.J @ basis[:, free], basis[np.ix_(given, free)]])
+            c[free] = np.linalg.lstsq(left, -np.concatenate([state.V, (basis @ c)[given] - rates]), rcond=1e-9)[0]
+            turns = self.family.axis is not None and 0 in free
+            if turns and not np.any(c):
+                # At no rate at all nothing says which way is up: the forces grow with its square.
+                gravity = float(np.linalg.norm([float(x) for x in self.scene.gravity]))
+                lengths = self.finder.sizes[self.finder.is_length]
+                c[0] = math.sqrt((gravity or 1.0) / (float(np.max(lengths, initial=0.0)) or 1.0))
+            c[free] *= self.boost
+        return c
+
+    boost = 1.0
+    """Factor on starting values of unknown rates, for starts elsewhere."""
+
+    def elsewhere(self, rng: np.random.Generator) -> Array:
+        """Return a random start that satisfies the constraints as well as it can."""
+        self.boost = float(np.exp(rng.uniform(-3.0, 1.5)))
+        far = np.where(self.finder.is_length, 2.0 * self.finder.sizes, math.pi)
+        change = rng.uniform(-1.0, 1.0, len(self.start)) * far
+        q = self.start + np.where(self.held, 0.0, change)
+        if self.system.n_h and not self.held.all():
+            try:
+                q = self.finder.assemble(q, ~self.held)
+            except FAILURES:
+                return self.start
+        return q
+
+    def alike(self, one: Array, other: Array) -> bool:
+        """Whether two positions are the same, apart from whole turns."""
+        difference = _pose(self.system, one) - _pose(self.system, other)
+        return bool(np.max(np.abs(difference)) < 1e-6 * max(1e-300, float(np.min(self.finder.sizes))))
+
+    def same(self, one: Equilibrium, other: Equilibrium) -> bool:
+        """Whether two solutions are the same, apart from whole turns and symmetries."""
+        if self.alike(one.motion.q, other.motion.q):
+            return True
+        if not one.symmetries or one.symmetries != other.symmetries:
+            return False
+        # What a symmetry leaves alone: the loads and the spectrum of the stiffness.
+        return _alike(_signature(self.system, one), _signature(self.system, other))
+
+    def _failure(self, search: _Search, state: State | None) -> EquilibriumError:
+        what = "steady motion" if self.family.size else "equilibrium"
+        place = self.scene.model.reference.location
+        if state is None:
+            return EquilibriumError(
+                f"{place}: reference: no {what} found: the equations have no value at the start\n"
+                "hint: give starting values under reference.guess that are nearer to an assembled position"
+            )
+        n, n_h = self.system.n_q, search.balance.n_h
+        force = state.residual[:n] * search.balance.energy / search.sizes
+        gap = state.residual[n : n + n_h]
+        steps = counted(search.iterations, "step")
+        tried = ", ".join(STRATEGIES if search.balance.known else STRATEGIES[:2])
+        lines = [f"{place}: reference: no {what} found in {steps} ({tried})"]
+        count = len(search.balance.rows) if self.family.size else 0
+        speeds = state.residual[n + n_h : n + n_h + count]
+        rates = state.residual[n + n_h + count :]
+        broken = len(gap) and float(np.max(np.abs(gap))) > 1e-6
+        largest = max((float(np.max(np.abs(x), initial=0.0)) for x in (speeds, rates)), default=0.0)
+        worst = int(np.argmax(np.abs(state.residual[:n])))
+        unit = "N" if is_length(self.system.names[worst]) else "N*m"
+        if broken:
+            row = self.system.rows[search.balance.rows[int(np.argmax(np.abs(gap)))]]
+            closes = np.max(
+                np.abs(self.system.dynamics(self.start, 0.0 * self.start).E[: self.system.n_h]), initial=0.0
+            )
+            given = [name for name, held in zip(self.system.names, self.held, strict=True) if held]
+            given += [f"rates.{self.system.names[i]}" for i in search.balance.given]
+            if closes < TOLERANCE * float(np.max(self.finder.sizes)) and given:
+                lines.append(f"the forces pull {row} open: what is given leaves no position in which they balance")
+                hint = f"leave one of the given out, or look for another value: {', '.join(given[:8])}"
+            else:
+                lines.append(f"it stalled where {row} is not satisfied: the mechanism does not close there")
+                hint = "correct the lengths, or give starting values under reference.guess"
+                if given:
+                    hint = "correct or leave out the coordinates that are given, or the lengths"
+        elif largest > max(1e-6, float(np.max(np.abs(state.residual[:n])))):
+            if len(rates) and float(np.max(np.abs(rates))) == largest:
+                name = self.system.names[search.balance.given[int(np.argmax(np.abs(rates)))]]
+                lines.append(f"the given rate of {name} does not belong to the motion ({state.steady})")
+            else:
+                row = self.system.rows[search.balance.rows[int(np.argmax(np.abs(speeds)))]]
+                lines.append(f"the motion ({state.steady}) does not satisfy {row}: it drives, blocks or slips")
+            hint = "correct reference.steady or the given rates: axis, point and rate must be those of the mechanism"
+        elif moving := self._moving_row(state):
+            lines.append(f"{moving} is not satisfied at rest: it drives the mechanism")
+            hint = "look for a steady motion with find: steady, or choose a time at which the drive rests"
+        else:
+            name, left = self.system.names[worst], abs(float(force[worst]))
+            if abs(float(state.residual[worst])) > FADED:
+                lines.append(f"it stalled with {left:.4g} {unit} unbalanced on {name}")
+            else:
+                value = f"{state.q[worst]:.6g} {unit_of(name)}"
+                lines.append(f"it ran to {name} = {value}, where the forces fade out but need not balance")
+            hint = "other starting values under reference.guess, or --starts 20"
+            if self.held.any():
+                names = [name for name, held in zip(self.system.names, self.held, strict=True) if held]
+                hint += f"; held are {', '.join(names[:6])}{' …' if len(names) > 6 else ''}: a guess leaves them free"
+        flat = [
+            body.name
+            for body, part in zip(self.scene.bodies, self.system.body_slices, strict=True)
+            if len(body.coordinates) == 6 and abs(math.cos(state.q[part.start + 4])) < CHART_WARNING
+        ]
+        if flat:
+            lines.append(f"the Euler angles of {', '.join(map(repr, flat))} are singular there")
+            hint = "give them another base rotation with axes: [phi, theta, psi], so that theta stays away from pi/2"
+        pulled = self._nothing_holds(state)
+        if pulled:
+            lines.append(f"nothing holds {pulled}: whatever the position, the force along it stays")
+            hint = "hold it with a joint, a spring or a contact; a body in free fall has no equilibrium"
+        return EquilibriumError("\n".join([*lines, f"hint: {hint}"]))
+
+    def _moving_row(self, state: State) -> str:
+        """Return a row that a state at rest does not satisfy, in words."""
+        if np.any(state.u):
+            return ""
+        V = np.abs(self.system.dynamics(state.q, state.u).V)
+        return str(self.system.rows[int(np.argmax(V))]) if np.max(V, initial=0.0) > 0.0 else ""
+
+    def _nothing_holds(self, state: State) -> str:
+        """Name a coordinate on which a force acts that no position changes and no constraint takes."""
+        K, _, _ = self.system.linearize(state.q, state.u, state.a, state.nu)
+        sizes = self.finder.sizes
+        load = state.residual[: self.system.n_q]
+        for i in np.argsort(-np.abs(load)):
+            if abs(load[i]) < 1e-6:
+                break
+            weights = np.abs(K * sizes * sizes[:, None])
+            if np.max(weights[:, i]) <= 1e-9 * np.max(weights) and not np.any(state.J[:, i]):
+                return self.system.names[int(i)]
+        return ""
+
+
+def _tidied(search: _Search, at: State) -> State:
+    """Return a solution whose zeros are zeros, where that costs nothing."""
+    q, c = at.q.copy(), at.c.copy()
+    q[np.abs(q / search.sizes) < 1e-15] = 0.0
+    c = _fewest_spins(search.balance, q, c)
+    c[np.abs(c) < 1e-13 * search.balance.speed] = 0.0
+    try:
+        cleaned = search.state(q, c)
+    except (MbstabError, ArithmeticError, ValueError):
+        return at
+    return cleaned if cleaned.size <= max(2.0 * at.size, 1e-14) else at
+
+
+def _fewest_spins(balance: Balance, q: Array, c: Array) -> Array:
+    """Return rates of the same motion in which spins that the turn explains are part of the turn."""
+    free, columns = balance.free, len(balance.family.columns)
+    if not free or not columns:
+        return c
+    _, s, right = np.linalg.svd(balance.family.basis(q)[:, free] / balance.sizes[:, None])
+    null = right[int(np.sum(s > 1e-9 * max(float(s[0]), 1e-300))) :].T
+    spins = [n for n, k in enumerate(free) if k >= balance.family.size - columns]
+    if null.shape[1] and spins:
+        moved = c.copy()
+        moved[free] -= null @ np.linalg.lstsq(null[spins], c[free][spins], rcond=1e-9)[0]
+        return moved
+    return c
+
+
+def _open_directions(search: _Search, at: State, known: list[Symmetry]) -> list[str]:
+    """Return directions in which a solution is not isolated although no symmetry explains them."""
+    balance = search.balance
+    if not balance.moving:
+        return []
+    null = _loose(balance, at)[: len(balance.open)]
+    if known:
+        shifts = (
+            np.array([s.direction for s in known])[:, search.balance.open].T / search.sizes[search.balance.open, None]
+        )
+        basis, _ = np.linalg.qr(shifts)
+        null = null - basis @ (basis.T @ null)
+    left, s, _ = np.linalg.svd(null, full_matrices=False)
+    names = [search.system.names[i] for i in search.balance.open]
+    found = []
+    for vector in left.T[: int(np.sum(s > 1e-6))]:
+        strong = np.argsort(-np.abs(vector))
+        parts = [names[i] for i in strong if abs(vector[i]) > 0.3 * np.max(np.abs(vector))]
+        kind = "a continuum" if _continues(search, at, vector) else "a critical position"
+        found.append(f"{kind} along {', '.join(parts[:4])}")
+    return found
+
+
+def _loose(balance: Balance, at: State) -> Array:
+    """Return the directions of [Δq; Δc], as columns, that leave everything in balance."""
+    _, s, right = np.linalg.svd(_reduced(balance, at))
+    rank = int(np.sum(s > SINGULAR * max(float(s[0]), 1e-300))) if len(s) else 0
+    null: Array = right[rank:].T
+    return null
+
+
+def _reduced(balance: Balance, at: State) -> Array:
+    """Return the derivative of what balances by [Δq; Δc], without the directions in which multipliers act."""
+    G, moving = balance.jacobian(at), balance.moving
+    forces = G[:, moving:]
+    if not forces.size:
+        return G[:, :moving]
+    size = max(float(np.max(np.abs(forces))), 1e-300)
+    result: Array = rank_of(forces.T / size).null.T @ G[:, :moving]
+    return result
+
+
+def _continues(search: _Search, at: State, vector: Array) -> bool:
+    """Whether there are solutions some way along a direction."""
+    distance = 0.02 / float(np.max(np.abs(vector)))
+    step = np.concatenate([distance * vector, np.zeros(len(search.balance.free))])
+    trial = search.tried(at, step)
+    for _ in range(20):
+        if trial is None:
+            return False
+        if trial.size < 1e-10:
+            moved = (trial.q - at.q)[search.balance.open] / search.sizes[search.balance.open]
+            return bool(abs(moved @ vector) > 0.5 * distance)
+        G, moving = search.balance.jacobian(trial), search.balance.moving
+        G = np.vstack([G, np.concatenate([vector, np.zeros(G.shape[1] - len(vector))])])
+        trial = search.tried(trial, _step(G, np.append(trial.residual, 0.0), moving, 0.0))
+    return False
+
+
+def _pose(system: System, q: Array) -> Array:
+    """Return places and orientations, which other angles may describe as well."""
+    d = system.scene.dimension
+    parts: list[Array] = []
+    for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
+        angles = q[part.start + d : part.stop]
+        parts.append(q[part.start : part.start + d])
+        if body.orientation:
+            turned = orientation(body, angles) if d == 3 else np.array([np.cos(angles[0]), np.sin(angles[0])])
+            parts.append(turned.ravel())
+    return np.concatenate(parts)
+
+
+def _signature(system: System, found: Equilibrium) -> Array:
+    """Return numbers that symmetries leave alone: sizes of reactions, and eigenvalues of the reduced stiffness."""
+    motion = found.motion
+    found_in = matrices_in(system, motion, found.steady)
+    spaces, scale = motion.spaces, motion.spaces.scale
+    full = found_in.K * scale * scale[:, None]
+    mass = spaces.N.T @ (found_in.M * scale * scale[:, None]) @ spaces.N
+    values = np.linalg.eigvals(np.linalg.solve(mass, spaces.N.T @ full @ spaces.N))
+    loads = [float(np.linalg.norm(r.force)) for r in found.reactions]
+    return np.concatenate([np.sort(values.real), np.sort(np.abs(values.imag)), loads])
+
+
+def _alike(one: Array, other: Array) -> bool:
+    size = max(float(np.max(np.abs(one), initial=0.0)), float(np.max(np.abs(other), initial=0.0)), 1e-300)
+    return len(one) == len(other) and bool(np.max(np.abs(one - other), initial=0.0) < 1e-6 * size)

@@ -1,0 +1,247 @@
+"""Whether the coefficients of the linearized equations stay what they are along the motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
+from mbstab.analysis.reference.dependencies import names_in
+from mbstab.analysis.reference.motion import ROUNDING, TOLERANCE, Motion, motion_at, unbalance
+from mbstab.analysis.reference.steady import Generator
+from mbstab.compiler.system import Array, System
+from mbstab.errors import ConstraintError, MbstabError, ModelFileError, percent
+from mbstab.model.schema import is_length
+
+GUARD_TOLERANCE = 1e-8
+"""Coefficients that change less than this along the motion, relative to their size, count as constant."""
+
+
+LITTLE = 1e-3
+"""A change below this is told with the least one that counts."""
+
+
+TURN = 0.3
+"""The coefficients are compared after a turn by this angle (rad) and a travel by this part of the scene's size."""
+
+
+def coefficients(system: System, motion: Motion, frozen: bool = False) -> tuple[float, Generator | None, Matrices]:
+    """Return the coefficients about a motion in the frame that goes along with it, and how constant they are there.
+
+    Parameters
+    ----------
+    frozen : bool
+        Take them in the coordinates of the file, as they are at the reference time.
+
+    Returns
+    -------
+    variation : float
+        Relative change along the motion.
+    generator : Generator or None
+        The symmetry in whose frame they are; None: the coordinates of the file.
+    matrices : Matrices
+
+    Raises
+    ------
+    ModelFileError
+        If the file declares a steady motion that the scene has no symmetry for; names what breaks it.
+    """
+    if frozen or not motion.generators:
+        candidates: tuple[Generator | None, ...] = (None,)
+    else:
+        candidates = motion.generators
+    best: tuple[float, Generator | None, Matrices] | None = None
+    for generator in candidates:
+        matrices = matrices_in(system, motion, generator)
+        variation = _variation(system, motion, matrices, generator)
+        if best is None or variation < best[0]:
+            best = variation, generator, matrices
+        if variation <= GUARD_TOLERANCE:
+            break
+    assert best is not None
+    variation, generator, matrices = best
+    if variation > GUARD_TOLERANCE:
+        if motion.declared and not frozen:
+            raise _asymmetric(system, motion, variation)
+        # Nothing makes the coefficients constant: the plain equations are shown.
+        matrices = matrices_in(system, motion, None)
+        variation, generator = _variation(system, motion, matrices, None), None
+    return variation, generator, matrices
+
+
+def _variation(system: System, motion: Motion, matrices: Matrices, generator: Generator | None) -> float:
+    """Return the largest relative change of the coefficients a little later on the motion."""
+    worst = 0.0
+    try:
+        if generator is not None and (generator.turns or motion.declared):
+            later = _followed(system, motion, matrices, generator)
+        else:
+            later = ((x, matrices_in(system, x, None)) for x in _continuing(system, motion, matrices))
+        for state, then in later:
+            worst = max(worst, _change(system, motion, matrices, then, state.time - motion.time))
+    except MbstabError:
+        return np.inf
+    return worst
+
+
+def _followed(
+    system: System, motion: Motion, matrices: Matrices, generator: Generator
+) -> Iterator[tuple[Motion, Matrices]]:
+    """Yield the steady motion later on, and the coefficients there in the directions of now."""
+    rate = abs(generator.rate)
+    speed = float(np.linalg.norm(generator.velocity)) / float(
+        np.max(motion.sizes[_lengths(system)], initial=0.0) or 1.0
+    )
+    spin = float(np.max(np.abs(generator.spins), initial=0.0))
+    fastest = max(rate, speed, spin)
+    times = [part * TURN / x for x in (rate, speed, spin) if x > ROUNDING * fastest for part in (1.0, 3.0)]
+    times += _law_times(system, motion, matrices)
+    for time in times:
+        q, T = generator.flow(motion.q, time)
+        u = generator.field(q)
+        if left := _left_rows(system, motion, q, u, time):
+            raise ConstraintError(f"the steady motion leaves {', '.join(left)}")
+        later = motion_at(system, q, u, motion.time + time)
+        excess = (later.dynamics.M @ (later.a - generator.acceleration(q))) * motion.spaces.scale
+        if np.max(np.abs(excess)) > unbalance(system, later):
+            worst = system.names[int(np.argmax(np.abs(excess)))]
+            raise ConstraintError(f"the forces do not keep {worst} on the steady motion")
+        later = replace(later, a=generator.acceleration(q))
+        M, R, K, J, D_q = matrices_in(system, later, generator)
+        yield later, Matrices(T.T @ M @ T, T.T @ R @ T, T.T @ K @ T, J @ T, D_q @ T)
+
+
+def _left_rows(system: System, motion: Motion, q: Array, u: Array, time: float) -> list[str]:
+    """Return the owners of constraint rows that a state does not satisfy."""
+    state = system.dynamics(q, u, motion.time + time)
+    allowed = TOLERANCE * np.abs(state.J) @ motion.sizes
+    fastest = float(np.max(np.abs(u / motion.sizes)))
+    bad = [i for i in range(system.n_h) if abs(state.E[i]) > allowed[i]]
+    bad += [i for i in range(system.n_c) if abs(state.V[i]) > allowed[i] * fastest]
+    return list(dict.fromkeys(system.rows[i].owner for i in bad))
+
+
+def _lengths(system: System) -> Any:
+    return np.array([is_length(name) for name in system.names])
+
+
+def _continuing(system: System, motion: Motion, matrices: Matrices) -> Iterator[Motion]:
+    yield from _moved(system, motion)
+    yield from _continued(system, motion, matrices)
+
+
+def _moved(system: System, motion: Motion) -> Iterator[Motion]:
+    """Yield the motion some way along its speeds: after a turn that shows, and after a shift that shows."""
+    u, a = motion.u, motion.a
+    if np.max(np.abs((motion.dynamics.M @ a) * motion.spaces.scale)) <= unbalance(system, motion):
+        a = 0.0 * a  # steady: rounding must not add up
+    lengths = _lengths(system)
+    for kind in (~lengths, lengths):
+        rate = float(np.max(np.abs(u / motion.sizes)[kind], initial=0.0))
+        if rate > 0.0:
+            time = TURN / rate
+            yield motion_at(system, motion.q + time * u + 0.5 * time * time * a, u + time * a, motion.time + time)
+
+
+def _law_times(system: System, motion: Motion, matrices: Matrices) -> list[float]:
+    """Return times at which given functions of time may have changed."""
+    if not any("t" in names_in(item.entry.values) for item in system.scene.items):
+        return []
+    scale = motion.spaces.scale
+    R, K = (float(np.max(np.abs(x * scale * scale[:, None]), initial=0.0)) for x in (matrices.R, matrices.K))
+    # Given functions can be fast or slow; what the scene would do by itself says what matters.
+    step = 3.0 / (max(R, math.sqrt(K)) or 1.0)
+    return [0.5 * step, step]
+
+
+def _continued(system: System, motion: Motion, matrices: Matrices) -> Iterator[Motion]:
+    """Yield where given functions of time carry the motion, by a step of the midpoint rule."""
+    last = motion
+    for time in _law_times(system, motion, matrices):
+        last = motion_at(system, motion.q + time * last.u, motion.u + time * last.a, motion.time + time)
+        yield last
+
+
+def _asymmetric(system: System, motion: Motion, variation: float) -> ModelFileError:
+    """Return the error about a declared steady motion whose scene has not the symmetry."""
+    generator, scene = motion.generators[0], system.scene
+    names = breaking(system, motion, generator)
+    least = f", where {percent(GUARD_TOLERANCE)} is allowed" if variation < LITTLE else ""
+    change = (
+        f"change by {percent(variation)} along it{least}" if math.isfinite(variation) else "cannot be followed along it"
+    )
+    broken = f"; the symmetry is broken by {', '.join(names)}" if names else ""
+    message = (
+        f"the scene has not the symmetry of the declared steady motion ({generator}): its equations {change}{broken}"
+    )
+    hint = "correct reference.steady, or give the period of the motion, or ask for frozen-time numbers with --frozen"
+    reference = scene.model.reference
+    place = reference.location if reference.steady is None else reference.steady.location
+    return ModelFileError([scene.model.document.problem(place, "reference.steady", message, hint)])
+
+
+def breaking(system: System, motion: Motion, generator: Generator) -> list[str]:
+    """Return the entries of a scene whose equations a symmetry does not carry into themselves."""
+    time = TURN / abs(generator.rate) if generator.turns else 1.0
+    rng = np.random.default_rng(7)
+    scale = motion.spaces.scale
+    found = []
+    for name, part in system.parts():
+        rows = [i for i, row in enumerate(system.rows) if f"{row.section}.{row.name}" == name]
+        worst, size = 0.0, 1e-300
+        # Rows of constraints may mix and stretch away from them, so they are compared on them only.
+        for spread in (0.0,) if rows else (0.0, 0.05, 0.05):
+            q = motion.q + spread * motion.sizes * rng.uniform(-1.0, 1.0, system.n_q)
+            u = motion.u + spread * np.max(np.abs(motion.u)) * rng.uniform(-1.0, 1.0, system.n_q)
+            moved, T = generator.flow(q, time)
+            before = part.dynamics(q, u, motion.time)
+            after = part.dynamics(moved, T @ u, motion.time + time)
+            if rows:
+                J, J_after = (x[rows] * motion.sizes for x in (before.J, after.J @ T))
+                lengths = np.linalg.norm(J, axis=1) + 1e-300
+                both = np.vstack([J, J_after]) / np.concatenate([lengths, lengths])[:, None]
+                rank = np.linalg.matrix_rank(both[: len(rows)], tol=TOLERANCE)
+                shift = np.abs(after.E[rows] / lengths)
+                worst = max(float(np.linalg.svd(both, compute_uv=False)[rank:].max(initial=0.0)), float(shift.max()))
+                size = 1.0
+            elif np.any(before.M):
+                still = np.zeros(system.n_q)
+                pull, pull_after = part.dynamics(q, still).F0, T.T @ part.dynamics(moved, still).F0
+                inertia = np.abs(T.T @ after.M @ T - before.M) * scale * scale[:, None]
+                worst = max(worst, float(inertia.max()), float(np.max(np.abs((pull - pull_after) * scale))))
+                size = max(size, 1.0, float(np.max(np.abs(pull * scale))))
+            else:
+                worst = max(worst, float(np.max(np.abs(T.T @ after.F0 - before.F0) * scale)))
+                size = max(size, float(np.max(np.abs(before.F0 * scale))))
+        if worst > 1e-6 * size:
+            found.append(name)
+    return found
+
+
+def _change(system: System, motion: Motion, now: Matrices, then: Matrices, time: float) -> float:
+    """Return the largest relative change of the deflated system, apart from rounding."""
+    spaces, scale = motion.spaces, motion.spaces.scale
+    J = then.J * scale * spaces.row_scale[:, None]
+    C, D = J[: system.n_h], J[system.n_h :]
+    # The same motions must be allowed.
+    turned = float(max(np.max(np.abs(x), initial=0.0) for x in (C @ spaces.N, D @ spaces.N @ spaces.Z)))
+    if turned > ROUNDING:
+        return turned
+    n = spaces.N.shape[1]
+    A, B = (deflated(spaces, matrices)[0] for matrices in (now, then))
+    # What rounding may be, beside the entries themselves: inertia over the time, and the forces that balance.
+    forces = float(np.max(np.abs(motion.dynamics.F0 * scale)) / np.min(motion.sizes / scale))
+    worst = 0.0
+    for block, natural in (
+        (np.s_[:n, :n], 1.0 / time),
+        (np.s_[n:, :n], 1.0 / time**2 + forces),
+        (np.s_[n:, n:], 1.0 / time),
+    ):
+        difference = float(np.max(np.abs(B[block] - A[block]), initial=0.0))
+        if difference > ROUNDING * natural:
+            worst = max(worst, difference / float(np.max(np.maximum(np.abs(A[block]), np.abs(B[block])))))
+    return worst

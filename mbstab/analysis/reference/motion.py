@@ -1,0 +1,506 @@
+"""A state of the reference motion: assembled from what the file gives, checked, with accelerations and multipliers.
+
+Missing coordinates are solved from C(q, t) = 0 and missing rates from the velocity rows;
+given ones are checked. Then
+
+    M a + Jᵀ ν = −F0,   J a = −B
+
+gives the accelerations and the multipliers. Which motion the file asks for is decided in
+`mbstab.analysis.reference.requested`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.algebra.subspaces import RANK_TOLERANCE, Redundancy, Subspaces, rank_of, redundancies, subspaces
+from mbstab.analysis.reference.steady import Family, Generator
+from mbstab.compiler.system import Array, Dynamics, System
+from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, amount
+from mbstab.model.schema import is_length
+from mbstab.model.units import parse_unit
+
+TOLERANCE = 1e-9
+"""A reference satisfies its constraints if the residuals are below this, relative to the sizes in the scene."""
+
+EQUILIBRIUM_TOLERANCE = 1e-8
+"""At rest, the unbalanced forces may be this large relative to the forces that balance."""
+
+ROUNDING = 100.0 * float(np.finfo(float).eps)
+"""Coordinates are known to this, relative to the sizes in the scene."""
+
+REFINEMENTS = 3
+"""Steps in which accelerations and multipliers are found; the first leaves small ones wrong beside large ones."""
+
+CURVATURE_TOLERANCE = 1e-7
+"""Rows that depend on each other do so nearby if their curvatures cancel to this."""
+
+CHART_ERROR = 1e-6
+CHART_WARNING = 0.02
+NEWTON_STEPS = 60
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The reference motion at an instant.
+
+    Attributes
+    ----------
+    q, u, a : ndarray, shape (n_q,)
+        Coordinates (m, rad), speeds, accelerations.
+    nu : ndarray, shape (n_c,)
+        Multipliers [λ; μ]; of least size where constraints are redundant.
+    time : float (s)
+    sizes : ndarray, shape (n_q,)
+        What a large change of each coordinate is: the size of the scene, or 1 rad.
+    dynamics : Dynamics
+        Matrices at this state.
+    spaces : Subspaces
+    redundant : list of Redundancy
+    solved : tuple of str
+        Coordinates that the file left to the program.
+    warnings : tuple of str
+    generators : tuple of Generator
+        Symmetries that the motion may follow, the simplest first.
+    declared : bool
+        Whether the file says that the motion is steady.
+    """
+
+    q: Array
+    u: Array
+    a: Array
+    nu: Array
+    time: float
+    sizes: Array
+    dynamics: Dynamics
+    spaces: Subspaces
+    redundant: list[Redundancy]
+    solved: tuple[str, ...]
+    warnings: tuple[str, ...]
+    generators: tuple[Generator, ...] = ()
+    declared: bool = False
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing moves at this instant."""
+        return not np.any(self.u)
+
+
+def motion_at(system: System, q: Array, u: Array, time: float) -> Motion:
+    """Return accelerations and multipliers of a state that satisfies the constraints."""
+    return Finder(system).motion(q, u, time)
+
+
+class Finder:
+    """Assembles states of a scene from what its file gives, and says what does not fit.
+
+    Attributes
+    ----------
+    sizes : ndarray, shape (n_q,)
+        What a large change of each coordinate is.
+    solved, warnings : list of str
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.scene = system.scene
+        self.document = system.scene.model.document
+        self.is_length: npt.NDArray[np.bool_] = np.array([is_length(name) for name in system.names])
+        given = [abs(v) for n, v in self.scene.coordinates.items() if is_length(n)]
+        length = max([*self.scene.lengths, *given], default=0.0) or _longest_parameter(system) or 1.0
+        self.sizes = np.where(self.is_length, length, 1.0)
+        self.solved: list[str] = []
+        self.warnings: list[str] = [
+            f"the Euler angles that are given for {name!r} are singular: phi, theta and psi count from the orientation "
+            "that they give, as if it were written as axes: [phi, theta, psi]"
+            for name in self.scene.turned
+        ]
+
+    def _fail(self, problems: list[Problem]) -> None:
+        if problems:
+            raise ModelFileError(problems)
+
+    def _problem(self, row: int, message: str, hint: str) -> Problem:
+        entry = self.system.rows[row]
+        return self.document.problem(entry.location, f"{entry.section}.{entry.name}", message, hint)
+
+    # --- position ---------------------------------------------------------------------------------------------------
+
+    def start(self) -> tuple[Array, npt.NDArray[np.bool_]]:
+        """Return given and guessed coordinates, and which of them are not given, shape (n_q,)."""
+        system, scene = self.system, self.scene
+        q = np.array([scene.coordinates.get(n, scene.guess.get(n, 0.0)) for n in system.names], dtype=float)
+        return q, np.array([n not in scene.coordinates for n in system.names])
+
+    def coordinates(self) -> Array:
+        """Return coordinates that satisfy the constraints, the given ones unchanged.
+
+        Raises
+        ------
+        ModelFileError
+            If they satisfy the constraints not, or are at a singular orientation.
+        """
+        system, scene = self.system, self.scene
+        q, missing = self.start()
+        self.check_chart(q, missing)
+        if missing.any() and system.n_h:
+            q = self.assemble(q, missing)
+            self.check_chart(q, np.zeros(len(q), dtype=bool))
+        self.solved += [n for n, lacks in zip(system.names, missing, strict=True) if lacks]
+        state = system.dynamics(q, np.zeros(system.n_q), scene.time)
+        allowed = TOLERANCE * np.abs(state.J) @ self.sizes
+        bad = [i for i in range(system.n_h) if not abs(state.E[i]) <= allowed[i] + 1e-300]
+        hint = "correct the values, or leave out those that the constraints determine"
+        if missing.any():
+            hint = "the missing coordinates could not be assembled; give starting values under reference.guess"
+        self._fail([self._residual(i, state.E[i], "", hint) for i in bad])
+        return q
+
+    def _residual(self, i: int, value: float, per: str, hint: str) -> Problem:
+        row = self.system.rows[i]
+        unit = "" if row.unit == "1" else f" {row.unit}{per}"
+        return self._problem(i, f"the reference does not satisfy {row}: the residual is {value:.6g}{unit}", hint)
+
+    def check_chart(self, q: Array, skip: npt.NDArray[np.bool_]) -> None:
+        """Euler angles lose a direction where cos θ = 0; say so before numbers degrade."""
+        problems = []
+        for body, part in zip(self.scene.bodies, self.system.body_slices, strict=True):
+            if len(body.coordinates) != 6 or skip[part.start + 4]:
+                continue
+            distance = abs(math.cos(q[part.start + 4]))
+            hint = (
+                "give the body another base rotation with axes: [phi, theta, psi], so that theta stays away from ±pi/2"
+            )
+            if distance < CHART_ERROR:
+                message = f"the Euler angles of {body.name!r} are singular here: |cos theta| = {amount(distance)}"
+                problems.append(self.document.problem(body.location, f"bodies.{body.name}", message, hint))
+            elif distance < CHART_WARNING:
+                self.warnings.append(
+                    f"the Euler angles of body {body.name!r} are close to singular: "
+                    f"|cos theta| = {amount(distance)}; {hint}"
+                )
+        self._fail(problems)
+
+    def assemble(self, q: Array, missing: npt.NDArray[np.bool_]) -> Array:
+        """Solve C = 0 for the missing coordinates: damped Gauss-Newton with least corrections."""
+        sizes, zero = self.sizes, np.zeros(self.system.n_q)
+        n_h = self.system.n_h
+        columns = np.flatnonzero(missing)
+
+        def state(x: Array) -> tuple[Array, Array]:
+            found = self.system.dynamics(x, zero, self.scene.time)
+            J = found.J[:n_h] * sizes
+            lengths = norms(J)
+            return found.E[:n_h] / lengths, J / lengths[:, None]
+
+        E, J = state(q)
+        for _ in range(NEWTON_STEPS):
+            step = np.zeros(len(q))
+            step[columns] = np.linalg.lstsq(J[:, columns], -E, rcond=1e-12)[0] * sizes[columns]
+            if not np.any(step):
+                break
+            fraction, before = 1.0, float(np.linalg.norm(E))
+            while True:
+                trial = q + fraction * step
+                E, J = state(trial)
+                if np.linalg.norm(E) <= before * (1.0 - 1e-4 * fraction) or fraction < 1e-4:
+                    break
+                fraction *= 0.5
+            improved = float(np.linalg.norm(E)) < before
+            if improved:
+                q = trial
+            if not improved or np.linalg.norm(fraction * step / sizes) < 1e-15:
+                break
+        return q
+
+    # --- velocity ---------------------------------------------------------------------------------------------------
+
+    def rates(self, q: Array) -> Array:
+        """Return rates that satisfy the constraints, the given ones unchanged.
+
+        Raises
+        ------
+        ModelFileError
+            If they satisfy the constraints not, or leave a choice that changes the motion.
+        """
+        system, scene = self.system, self.scene
+        u = np.array([scene.rates.get(n, 0.0) for n in system.names], dtype=float)
+        missing = np.array([n not in scene.rates for n in system.names])
+        columns = np.flatnonzero(missing)
+        sizes = self.sizes
+        state = system.dynamics(q, u, scene.time)
+        if len(columns) and system.n_c:
+            # The rows may be nonlinear in the rates; one step solves linear rows.
+            for _ in range(NEWTON_STEPS):
+                step = np.linalg.lstsq(state.J[:, columns] * sizes[columns], -state.V, rcond=1e-12)[0] * sizes[columns]
+                small = np.abs(step) <= 1e-15 * sizes[columns] * max(1.0, float(np.max(np.abs(u / sizes), initial=0.0)))
+                if np.all(small):
+                    break
+                u[columns] += step
+                state = system.dynamics(q, u, scene.time)
+        # Round-off of the solution is no motion.
+        fastest = float(np.max(np.abs(u / sizes), initial=0.0))
+        u[missing & (np.abs(u / sizes) < 1e-14 * fastest)] = 0.0
+        state = self._checked_rates(q, u)
+        self._check_determined(state.J[:, columns] * sizes[columns], columns, u / sizes)
+        self.solved += [f"rate of {system.names[i]}" for i in columns if u[i]]
+        return u
+
+    def _checked_rates(self, q: Array, u: Array) -> Dynamics:
+        """Return the matrices at a state whose rates satisfy the constraints; refuse others."""
+        system = self.system
+        fastest = float(np.max(np.abs(u / self.sizes), initial=0.0))
+        state = system.dynamics(q, u, self.scene.time)
+        allowed = TOLERANCE * np.abs(state.J) @ (self.sizes * fastest)
+        bad = [i for i in range(system.n_c) if not abs(state.V[i]) <= allowed[i] + 1e-300]
+        hint = "correct the rates, or leave out those that the constraints determine"
+        self._fail([self._residual(i, state.V[i], "/s" if i < system.n_h else "", hint) for i in bad])
+        return state
+
+    def _check_determined(self, J: Array, columns: npt.NDArray[np.intp], speeds: Array) -> None:
+        """Refuse rates that were left out although the constraints leave a choice that changes the motion."""
+        lengths = np.linalg.norm(J, axis=1)
+        free = np.linalg.norm(rank_of(J[lengths > 0.0] / lengths[lengths > 0.0, None]).null, axis=1) > TOLERANCE
+        moving = np.abs(speeds[columns]) > TOLERANCE * np.max(np.abs(speeds), initial=0.0)
+        if np.any(free & moving):
+            names = ", ".join(self.system.names[i] for i in columns[free])
+            message = f"the constraints do not determine the rates of {names}"
+            hint = "give one of them under reference.rates; 0 for what does not move"
+            self._fail([self._at_reference(message, hint)])
+
+    def _at_reference(self, message: str, hint: str) -> Problem:
+        return self.document.problem(self.scene.model.reference.location, "reference", message, hint)
+
+    def steady_rates(self, q: Array, family: Family, known: dict[int, float]) -> Generator:
+        """Return the generator of a family whose speeds satisfy the constraints and the given rates.
+
+        Parameters
+        ----------
+        q : ndarray, shape (n_q,)
+        family : Family
+        known : dict
+            Coefficients that are given, by number.
+
+        Raises
+        ------
+        ModelFileError
+            If there is none, or if a coefficient is undetermined.
+        """
+        system, scene = self.system, self.scene
+        c = np.array([known.get(k, 0.0) for k in range(family.size)])
+        free = [k for k in range(family.size) if k not in known]
+        basis = family.basis(q)
+        given = [i for i, name in enumerate(system.names) if name in scene.rates]
+        rates = np.array([scene.rates[system.names[i]] for i in given], dtype=float)
+        for _ in range(NEWTON_STEPS if free else 0):
+            u = basis @ c
+            state = system.dynamics(q, u, scene.time)
+            columns = np.vstack([state.J @ basis[:, free], basis[np.ix_(given, free)]])
+            weights = 1.0 / norms(np.vstack([state.J * self.sizes, np.diag(self.sizes)[given]]))
+            residual = np.concatenate([state.V, u[given] - rates]) * weights
+            step = np.linalg.lstsq(columns * weights[:, None], -residual, rcond=1e-12)[0]
+            c[free] += step
+            if np.max(np.abs(step)) <= 1e-15 * np.max(np.abs(c)):
+                break
+        if free:
+            rank = rank_of(columns * weights[:, None] / np.max(np.abs(columns * weights[:, None]), initial=1e-300))
+            open_ = [family.names()[free[k]] for k in np.flatnonzero(np.linalg.norm(rank.null, axis=1) > TOLERANCE)]
+            if open_:
+                message = f"the constraints do not determine {', '.join(open_)} of the steady motion"
+                self._fail([self._at_reference(message, "give it under reference; 0 for what does not turn")])
+        c[np.abs(c) < 1e-13 * np.max(np.abs(c), initial=0.0)] = 0.0
+        generator = family.generator(c)
+        u = generator.field(q)
+        fastest = float(np.max(np.abs(u / self.sizes), initial=0.0))
+        problems = []
+        for i, rate in zip(given, rates, strict=True):
+            if abs(u[i] - rate) > TOLERANCE * self.sizes[i] * max(fastest, abs(rate) / self.sizes[i]):
+                unit = "m/s" if self.is_length[i] else "rad/s"
+                message = f"the rate of {system.names[i]} is given as {rate:.6g} {unit}, "
+                message += f"the steady motion ({generator}) has {u[i]:.6g} {unit}"
+                problems.append(self._at_reference(message, "leave it out, or correct reference.steady"))
+        self._fail(problems)
+        self._checked_rates(q, u)
+        return generator
+
+    # --- accelerations and multipliers ------------------------------------------------------------------------------
+
+    def motion(
+        self, q: Array, u: Array, time: float | None = None, steady: Generator | None = None, declared: bool = False
+    ) -> Motion:
+        """Return the motion through a state that satisfies the constraints.
+
+        With `steady` its accelerations must be those of that steady motion (or zero at rest);
+        `declared` says whether the file asks for it.
+
+        Raises
+        ------
+        ModelFileError
+            If a steady motion or a state at rest does not stay what it is.
+        """
+        system = self.system
+        time = self.scene.time if time is None else time
+        state = system.dynamics(q, u, time)
+        spaces = subspaces(state.M, state.J, system.n_h, system.rows, self.sizes)
+        redundant = redundancies(state.J, spaces, system.n_h, system.rows)
+        scale, row_scale = spaces.scale, spaces.row_scale
+        J = state.J * scale * row_scale[:, None]
+        M = state.M * scale * scale[:, None]
+        allowed = spaces.N @ spaces.Z
+        self._check_mass(allowed.T @ M @ allowed, allowed)
+        inverse = np.linalg.pinv(J, rcond=1e-11) if len(J) else J.T
+        force, bias = -(state.F0 * scale), state.B * row_scale
+        self._check_compatible(bias - J @ (inverse @ bias), bias)
+        a, nu = _balance(M, J, inverse, allowed, force, bias)
+        if redundant:
+            self._check_constant_rank(q, u, time, spaces)
+            self.warnings += [f"redundant constraint: {item}" for item in redundant]
+            misfit = max(spaces.C.largest_dropped, spaces.W.largest_dropped)
+            if misfit > ROUNDING:
+                self.warnings.append(
+                    f"the redundant rows repeat the others to {amount(misfit)} only; smaller than {RANK_TOLERANCE:g}, "
+                    "this is taken for rounding in the file, not for a constraint"
+                )
+        motion = Motion(
+            q, u, a * scale, nu * row_scale, time, self.sizes, state, spaces, redundant, tuple(self.solved),
+            tuple(self.warnings),
+        )  # fmt: skip
+        if steady is not None:
+            expected = steady.acceleration(q)
+            self._check_steady(motion, allowed, expected, steady)
+            # The accelerations are known exactly; only the reactions are asked for.
+            a = expected / scale
+            _, nu = _balance(M, J, inverse, allowed[:, :0], force - M @ a, 0.0 * bias)
+            motion = replace(motion, a=expected, nu=nu * row_scale, generators=(steady,), declared=declared)
+        return motion
+
+    def _check_mass(self, M_z: Array, allowed: Array) -> None:
+        """Every motion that the constraints allow must carry mass."""
+        if not M_z.size:
+            return
+        values, vectors = np.linalg.eigh(M_z)
+        if values[0] > 1e-13 * values[-1]:
+            return
+        motion = np.abs(allowed @ vectors[:, 0])
+        involved = [self.system.names[i] for i in np.argsort(-motion) if motion[i] > 0.3 * motion.max()][:4]
+        body = involved[0].partition(".")[0]
+        location = next(b.location for b in self.scene.bodies if b.name == body)
+        message = f"a motion of {', '.join(involved)} carries no mass and nothing holds it"
+        hint = "give the body an inertia in this direction, add a joint or a drive, or make it a point"
+        raise MassError(str(self.document.problem(location, f"bodies.{body}", message, hint)))
+
+    def _check_compatible(self, residual: Array, bias: Array) -> None:
+        """Redundant rows must agree about the accelerations as well."""
+        if len(residual) and np.max(np.abs(residual)) > 1e-7 * max(float(np.max(np.abs(bias))), 1e-300):
+            worst = int(np.argmax(np.abs(residual)))
+            row = self.system.rows[worst]
+            raise ConstraintError(
+                f"{row.location}: {row} contradicts other constraints: no accelerations satisfy all of them "
+                f"(residual {residual[worst]:.3g} of {np.max(np.abs(bias)):.3g})"
+            )
+
+    def _check_steady(self, motion: Motion, allowed: Array, expected: Array, steady: Generator) -> None:
+        """Refuse a steady motion, or a state at rest, that does not stay what it is."""
+        scale, excess = motion.spaces.scale, motion.a - expected
+        if np.max(np.abs((motion.dynamics.M @ excess) * scale)) <= unbalance(self.system, motion):
+            return
+        worst = int(np.argmax(np.abs(excess / scale)))
+        name = self.system.names[worst]
+        unit, push = ("m/s^2", "N") if self.is_length[worst] else ("rad/s^2", "N*m")
+        acceleration = f"{excess[worst]:.6g} {unit}"
+        if np.linalg.norm(allowed[worst]) < ROUNDING:
+            what = "is at rest at this time only" if motion.at_rest else "is steady at this time only"
+            message = f"the reference {what}: a drive accelerates {name} with {acceleration}"
+            hint = "choose a time at which the drive is steady"
+        else:
+            force = motion.dynamics.F0 + motion.dynamics.M @ expected
+            load = -(allowed @ (allowed.T @ (force * scale)))[worst] / scale[worst]
+            where = "at rest but not in equilibrium" if motion.at_rest else f"no steady motion ({steady})"
+            message = (
+                f"the reference is {where}: {name} would accelerate with {acceleration} (unbalanced {load:.6g} {push})"
+            )
+            find = "equilibrium" if motion.at_rest else "steady"
+            hint = (
+                "give coordinates at which the forces balance, or the rates of the motion you mean; "
+                f"mbstab equilibrium or reference: {{find: {find}}} solves for coordinates under guess"
+            )
+        self._fail([self._at_reference(message, hint)])
+
+    def _check_constant_rank(self, q: Array, u: Array, time: float, spaces: Subspaces) -> None:
+        """Redundancy is harmless if it persists nearby: Nᵀ (Σ δ_i ∇²C_i) N = 0 for every dependence δ."""
+        n_h, zero = self.system.n_h, np.zeros(self.system.n_q)
+
+        def curvature(weights: Array) -> Array:
+            nu = np.zeros(self.system.n_c)
+            nu[:n_h] = weights * spaces.row_scale[:n_h]
+            with_rows, without = (self.system.linearize(q, u, zero, x, time)[0] for x in (nu, 0.0 * nu))
+            result: Array = (with_rows - without) * spaces.scale * spaces.scale[:, None]
+            return result
+
+        # Where rows are straight, what is left of their curvatures is rounding.
+        rounding = 1e-12 * max((float(np.max(np.abs(curvature(row)))) for row in np.eye(n_h)), default=0.0)
+        for combination in spaces.C.left_null.T:
+            total = float(np.max(np.abs(spaces.N.T @ curvature(combination) @ spaces.N), initial=0.0))
+            single = max(float(np.max(np.abs(curvature(row)))) for row in np.diag(combination))
+            if total > max(CURVATURE_TOLERANCE * single, rounding):
+                weights = np.abs(combination)
+                names = [str(self.system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
+                raise ConstraintError(
+                    "the mechanism is at a singular configuration: constraints that are independent nearby depend on "
+                    f"each other here (curvature {total / single:.3g})\nthe rows involved: {'; '.join(names)}\n"
+                    "hint: eigenvalues do not exist at such a point; move the reference away from it"
+                )
+
+
+def _longest_parameter(system: System) -> float:
+    """Return the largest parameter that is a length, for scenes that equations alone give a size; or 0."""
+    values, metre = system.scene.parameters, parse_unit("m")[1]
+    lengths = [n for n, p in system.scene.model.parameters.items() if p.unit and parse_unit(p.unit)[1] == metre]
+    return max((abs(float(values[n])) for n in lengths if not hasattr(values[n], "shape")), default=0.0)
+
+
+def unbalance(system: System, motion: Motion) -> float:
+    """Return how large forces in scaled coordinates may be that should vanish.
+
+    They may be a small part of the forces that balance. Where springs and inertia balance by
+    themselves, they may be what the rounding of coordinates and speeds makes of them.
+    """
+    scale, scene = motion.spaces.scale, system.scene
+    weights = [math.sqrt(float(body.mass)) * float(np.linalg.norm(scene.gravity)) for body in scene.bodies]
+    balancing = max(float(np.max(np.abs(motion.dynamics.F0 * scale))), *weights)
+    at = motion.q, motion.u, motion.a, motion.nu
+    return EQUILIBRIUM_TOLERANCE * balancing + ROUNDING * force_change(system, at, motion.sizes, scale, motion.time)
+
+
+def force_change(
+    system: System, at: tuple[Array, Array, Array, Array], sizes: Array, scale: Array, time: float = 0.0
+) -> float:
+    """Return how much scaled forces change over the size of the scene by their slope at q, u, a and ν.
+
+    Next to a singular point of a force its slope says nothing about that: 0.
+    """
+    q, u, a, nu = at
+    K, R, _ = system.linearize(q, u, a, nu, time)
+    beside, _, _ = system.linearize(q + ROUNDING * sizes, u, a, nu, time)
+    if float(np.max(np.abs(beside - K))) > 0.01 * float(np.max(np.abs(K))):
+        return 0.0
+    return float(np.max((np.abs(K) @ sizes + np.abs(R) @ np.abs(u)) * scale))
+
+
+def _balance(M: Array, J: Array, inverse: Array, allowed: Array, force: Array, bias: Array) -> tuple[Array, Array]:
+    """Return a and ν with M a + Jᵀ ν = force and J a = −bias, where `allowed` spans the a with J a = 0."""
+    M_z = allowed.T @ M @ allowed
+    a, nu = np.zeros(len(M)), np.zeros(len(J))
+    for _ in range(REFINEMENTS):
+        missing = force - M @ a - J.T @ nu
+        step = -inverse @ (bias + J @ a)
+        if M_z.size:
+            step += allowed @ np.linalg.solve(M_z, allowed.T @ (missing - M @ step))
+        a += step
+        nu += inverse.T @ (missing - M @ step)
+    return a, nu

@@ -1,0 +1,106 @@
+"""What joints, contacts and drives transmit: forces in N and torques in N·m at the joint, not multipliers.
+
+Rows with Jacobian J and multipliers ν act on the coordinates with −Jᵀν. On the three Euler
+angles of a body that is Gᵀτ, with the torque τ about its reference point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.reference.rotation import orientation, rate_matrix
+from mbstab.compiler.system import Array, System
+from mbstab.mechanics.catalogue import GROUND, Marker
+from mbstab.model.scene import ItemValues
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """What an entry does to a body.
+
+    Attributes
+    ----------
+    owner : str
+        Such as ``joint 'pivot'``.
+    body : str
+        The body acted on: the first of the joint that is not the ground.
+    point : ndarray, shape (…, 2) or (…, 3), or None
+        Where, in ground axes (m); None: at the point of contact.
+    force : ndarray, shape (…, 2) or (…, 3)
+        In ground axes (N).
+    torque : ndarray, shape (…, 1) or (…, 3)
+        About the point, in ground axes (N·m); empty where a point of contact or a point mass takes none.
+    """
+
+    owner: str
+    body: str
+    point: Array | None
+    force: Array
+    torque: Array
+
+
+def reactions(system: System, q: Array, J: Array, nu: Array) -> list[Reaction]:
+    """Return the reactions of every entry that has constraint rows, in the order of the file.
+
+    Parameters
+    ----------
+    q : ndarray, shape (…, n_q)
+        Axes in front are those of several states, here and in the result.
+    J : ndarray, shape (…, n_c, n_q)
+    nu : ndarray, shape (…, n_c)
+    """
+    found: list[Reaction] = []
+    for item in system.scene.items:
+        rows = [i for i, row in enumerate(system.rows) if (row.section, row.name) == (item.entry.section, item.name)]
+        if rows:
+            load = -(nu[..., None, rows] @ J[..., rows, :])[..., 0, :]
+            found += _reactions(system, q, item, load)
+    return found
+
+
+def _reactions(system: System, q: Array, item: ItemValues, load: Array) -> list[Reaction]:
+    owner = item.entry.called
+    markers = _markers(item)
+    if not markers:
+        # Rows of coordinates act at the reference points of the bodies they name.
+        origin = (0.0,) * system.scene.dimension
+        markers = [Marker(b, origin) for b, part in enumerate(system.body_slices) if np.any(load[..., part])][:1]
+    touching = item.entry.section == "contacts" and item.given("center")
+    return [_wrench(system, q, owner, marker, load, touching) for marker in markers if marker.body != GROUND][:1]
+
+
+def _markers(item: ItemValues) -> list[Marker]:
+    """Return the points of a body at which an entry acts."""
+    for field in item.kind.fields:
+        if not item.given(field.name):
+            continue
+        if field.shape == "markers":
+            return list(item.markers(field.name))
+        if field.shape == "marker":
+            return [item.marker(field.name)]
+        if field.shape == "joint":
+            return _markers(item.joint(field.name))
+    return []
+
+
+def _wrench(system: System, q: Array, owner: str, marker: Marker, load: Array, touching: bool) -> Reaction:
+    body, part, d = system.scene.bodies[marker.body], system.body_slices[marker.body], system.scene.dimension
+    place, angles = slice(part.start, part.start + d), slice(part.start + d, part.stop)
+    force = load[..., place]
+    arm: Any = np.zeros(d)
+    torque: Any = load[..., angles]
+    if body.orientation and d == 3:
+        arm = orientation(body, q[..., angles]) @ np.array(marker.point, dtype=float)
+        rates = rate_matrix(body, q[..., angles])
+        torque = np.linalg.solve(np.swapaxes(rates, -1, -2), torque[..., None])[..., 0] - np.cross(arm, force)
+    elif body.orientation:
+        turn = q[..., angles.start]
+        (c, s), (x, y) = (np.cos(turn), np.sin(turn)), (float(x) for x in marker.point)
+        arm = np.stack([c * x - s * y, s * x + c * y], axis=-1)
+        torque = torque - (arm[..., 0] * force[..., 1] - arm[..., 1] * force[..., 0])[..., None]
+    if touching:
+        return Reaction(owner, body.name, None, force, np.zeros(0))
+    return Reaction(owner, body.name, q[..., place] + arm, force, torque)

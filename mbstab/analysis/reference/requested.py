@@ -1,0 +1,46 @@
+"""The reference motion that a model file asks for: given, at rest, steady, or to be found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mbstab.analysis.reference.motion import Finder, Motion
+from mbstab.analysis.reference.steady import declared_family, detected
+from mbstab.compiler.system import System
+
+
+def reference_motion(system: System) -> Motion:
+    """Return the reference motion of a scene.
+
+    Raises
+    ------
+    ModelFileError
+        If the reference satisfies the constraints or the equations of motion not, names the
+        joint or the body and the residual.
+    ConstraintError
+        If the rank of the constraints cannot be decided.
+    MassError
+        If a motion that nothing holds has no mass.
+    EquilibriumError
+        If an equilibrium or a steady motion that is asked for is not found.
+    """
+    scene = system.scene
+    if scene.model.reference.find is not None:
+        from mbstab.analysis.reference.equilibrium import found_motion
+
+        return found_motion(system)
+    finder = Finder(system)
+    q = finder.coordinates()
+    if scene.steady is not None:
+        family, known = declared_family(system)
+        generator = finder.steady_rates(q, family, known)
+        return finder.motion(q, generator.field(q), steady=generator, declared=True)
+    u = finder.rates(q)
+    if scene.period is not None:
+        return finder.motion(q, u)
+    generators = detected(system, q, u, finder.sizes)
+    if not np.any(u):
+        return finder.motion(q, u, steady=generators[0])
+    return replace(finder.motion(q, u), generators=tuple(generators))

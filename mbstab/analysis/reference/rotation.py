@@ -1,0 +1,160 @@
+"""Orientation of bodies in numbers: rotations, Euler angles and their rates.
+
+With A = B Ax(φ) Ay(θ) Az(ψ) the angular velocity in ground axes is ω = G(φ, θ) [φ̇, θ̇, ψ̇]; ψ enters nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from mbstab.compiler.system import Array
+from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic
+from mbstab.model.charts import euler_matrix
+from mbstab.model.scene import BodyValues
+
+UP = np.array([0.0, 0.0, 1.0])
+"""Axis of turns in the plane."""
+
+
+def cross_matrix(axis: Array) -> Array:
+    """Return the matrix of axis ×."""
+    return np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+
+
+def rotation_matrix(axis: Array, angle: float) -> Array:
+    """Return the rotation about a unit axis by an angle (rad)."""
+    cross = cross_matrix(axis)
+    result: Array = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+    return result
+
+
+def base_rotation(body: BodyValues) -> Array:
+    """Return B, shape (3, 3)."""
+    # Numbers of another system keep their digits.
+    kind = float if all(isinstance(x, (int, float)) for x in body.base) else object
+    return np.array(body.base, dtype=kind).reshape(3, 3)
+
+
+def _functions(angles: Array) -> Any:
+    """Return cos, sin and tan for single angles, for the points of a sweep, or for numbers with more digits."""
+    if angles.dtype == object:
+        return mpmath_arithmetic()
+    return math if angles.ndim == 1 else np
+
+
+def _array(rows: list[list[Any]], angles: Array) -> Array:
+    """Return an array of rows of numbers, with axes in front where the numbers are those of several points."""
+    if angles.ndim == 1:
+        return np.array(rows)
+    return np.stack([np.stack([np.broadcast_to(x, angles.shape[:-1]) for x in row], -1) for row in rows], -2)
+
+
+def orientation(body: BodyValues, angles: Array) -> Array:
+    """Return A, shape (…, 3, 3), for angles of shape (…, 3)."""
+    f = FLOAT if angles.ndim == 1 else array_arithmetic()
+    entries = euler_matrix(tuple(angles[..., k][()] for k in range(3)), f)
+    result: Array = base_rotation(body) @ _array([list(entries[i : i + 3]) for i in (0, 3, 6)], angles)
+    return result
+
+
+def euler_angles(body: BodyValues, rotation: Array, near: Array) -> Array:
+    """Return the angles of a rotation, of all that describe it those closest to given ones."""
+    inner: Array = base_rotation(body).T @ rotation
+    theta = math.asin(max(-1.0, min(1.0, inner[0, 2])))
+    phi, psi = math.atan2(-inner[1, 2], inner[2, 2]), math.atan2(-inner[0, 1], inner[0, 0])
+    if math.cos(near[1]) < 0.0:
+        phi, theta, psi = phi + math.pi, math.pi - theta, psi + math.pi
+    angles = np.array([phi, theta, psi])
+    result: Array = angles + 2.0 * math.pi * np.round((near - angles) / (2.0 * math.pi))
+    return result
+
+
+def rate_matrix(body: BodyValues, angles: Array) -> Array:
+    """Return G, shape (…, 3, 3), the matrix from Euler rates to the angular velocity in ground axes."""
+    f = _functions(angles)
+    (c1, s1), (c2, s2) = ((f.cos(x), f.sin(x)) for x in (angles[..., 0][()], angles[..., 1][()]))
+    result: Array = base_rotation(body) @ _array([[1.0, 0.0, s2], [0.0, c1, -s1 * c2], [0.0, s1, c1 * c2]], angles)
+    return result
+
+
+def turning_rates(body: BodyValues, angles: Array, axis: Array) -> tuple[Array, Array, Array]:
+    """Return what a turn of the ground about an axis at 1 rad/s does to the angles of a body.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (…, 3)
+        Axes in front are those of a sweep.
+
+    Returns
+    -------
+    X : ndarray, shape (…, 3)
+        Euler rates, G⁻¹ axis.
+    slope : ndarray, shape (…, 3, 3)
+        ∂X/∂(angles).
+    growth : ndarray, shape (…, 3, 3)
+        Rate of the slope along X.
+    """
+    w1, w2, w3 = base_rotation(body).T @ axis
+    f = _functions(angles)
+    phi, theta = (float(angles[0]), float(angles[1])) if f is math else (angles[..., k][()] for k in (0, 1))
+    c1, s1, t2, sec = f.cos(phi), f.sin(phi), f.tan(theta), 1.0 / f.cos(theta)
+    x, y = c1 * w2 + s1 * w3, c1 * w3 - s1 * w2
+    p, s = w1 - t2 * y, sec * y
+    # Along X: ẋ = y φ̇, ẏ = −x φ̇, d(tan θ)/dt = θ̇/cos²θ, d(1/cos θ)/dt = θ̇ tan θ/cos θ.
+    x_t, y_t, t_t, sec_t = y * p, -x * p, sec * sec * x, sec * t2 * x
+    X, slope, growth = (np.zeros((*angles.shape[:-1], *shape), angles.dtype) for shape in ((3,), (3, 3), (3, 3)))
+    X[..., 0], X[..., 1], X[..., 2] = p, x, s
+    slope[..., 0, 0], slope[..., 0, 1], slope[..., 1, 0] = t2 * x, -sec * sec * y, y
+    slope[..., 2, 0], slope[..., 2, 1] = -sec * x, sec * t2 * y
+    growth[..., 0, 0], growth[..., 0, 1] = t_t * x + t2 * x_t, -2.0 * sec * sec_t * y - sec * sec * y_t
+    growth[..., 1, 0], growth[..., 2, 0] = y_t, -sec_t * x - sec * x_t
+    growth[..., 2, 1] = (sec_t * t2 + sec * t_t) * y + sec * t2 * y_t
+    return X, slope, growth
+
+
+def rate_drift(body: BodyValues, angles: Array, rates: Array) -> Array:
+    """Return Ġ times the Euler rates, shape (…, 3): the angular acceleration without that of the Euler rates."""
+    f = _functions(angles)
+    (c1, s1), (c2, s2) = ((f.cos(x), f.sin(x)) for x in (angles[..., 0][()], angles[..., 1][()]))
+    p, t, s = (rates[..., k][()] for k in range(3))
+    drift = _array(
+        [[t * s * c2, -p * t * s1 - p * s * c1 * c2 + t * s * s1 * s2, p * t * c1 - p * s * s1 * c2 - t * s * c1 * s2]],
+        angles,
+    )[..., 0, :]
+    result: Array = drift @ base_rotation(body).T
+    return result
+
+
+def lever(body: BodyValues, angles: Array) -> tuple[Array, Array]:
+    """Return the vector from the place of a body to its centre of mass, in three components, and its derivative.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (0,) of a point mass, (1,) of a planar body, (3,) of one in space
+
+    Returns
+    -------
+    arm : ndarray, shape (3,)
+    slope : ndarray, shape (3, number of angles)
+        By the angles.
+    """
+    center = np.zeros(3)
+    center[: len(body.center)] = [float(x) for x in body.center]
+    if len(angles) == 3:
+        arm = orientation(body, angles) @ center
+        return arm, -cross_matrix(arm) @ rate_matrix(body, angles)
+    if len(angles) == 1:
+        arm = rotation_matrix(UP, float(angles[0])) @ center
+        return arm, np.cross(UP, arm)[:, None]
+    return np.zeros(3), np.zeros((3, 0))
+
+
+def lever_acceleration(body: BodyValues, angles: Array, rates: Array, accelerations: Array) -> Array:
+    """Return the acceleration of the centre of mass of a body relative to its place, shape (3,)."""
+    arm, slope = lever(body, angles)
+    spin = rates[0] * UP if len(angles) == 1 else rate_matrix(body, angles) @ rates
+    result: Array = slope @ accelerations + np.cross(spin, np.cross(spin, arm))
+    return result + np.cross(rate_drift(body, angles, rates), arm) if len(angles) == 3 else result

@@ -1,0 +1,504 @@
+"""The constrained equations as a right-hand side: accelerations, projections, and a watch on the rank.
+
+At a state q, u and a time t the accelerations and multipliers solve
+
+    M a + Jᵀ ν = −F0,   J a = −B                                     (index 1)
+
+and a state next to the constraints is moved onto them by the least change in the metric of
+the mass matrix,
+
+    min Δqᵀ M Δq  with  C(q + Δq, t) = 0,   min Δuᵀ M Δu  with  V(q, u + Δu, t) = 0
+
+(Eich 1993, SIAM J. Numer. Anal. 30; Hairer and Wanner 1996, section VII.2). Where rows are
+redundant, they are replaced by as many orthonormal combinations of them as the rank at the
+start says. Everything is computed in coordinates scaled by the masses they carry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.reference.motion import Motion
+from mbstab.compiler.system import Array, Dynamics, System
+from mbstab.errors import ConstraintError, MbstabError, NumericalError, amount
+
+if TYPE_CHECKING:
+    from mbstab.compiler.fused import Fused, Program
+
+FUSED_AFTER = 60
+"""Evaluations after which straight-line functions of the scene, which have to be written first, are worth it."""
+
+WEAK_PIVOT = 1e-10
+"""Where redundant rows are left out and a pivot falls below this part of the largest, all rows are combined instead."""
+
+BESIDE = 1e-6
+"""Part of the fastest speed, or of those as good as rest, by which speeds are moved off a kink."""
+
+SLOWEST = 1e-3
+"""Speeds below this part of what the forces at the start can cause are as good as rest."""
+
+
+SINGULAR = 1e-5
+"""A mechanism is singular where the least singular value of its constraints falls to this part of that at the start."""
+
+UNDECIDED = 1e-10
+"""Multipliers of combinations of rows whose singular value is below this part of the largest are set to zero."""
+
+BRANCH_HINT = (
+    "hint: from there the motion may go on in different ways; --through-singular takes the smooth one, if there is "
+    "one; else keep away from it, or take out what locks it"
+)
+
+LIMIT_HINT = (
+    "hint: the mechanism may be driven to a limit beyond which it cannot go, such as a dead centre or links at full "
+    "reach, where speeds grow without bound; end before (--to), or change the drive or the lengths"
+)
+
+PROJECTIONS = 12
+"""Newton steps of a projection; near the constraints two are enough."""
+
+PROJECTED = 2e-14
+"""A projection is finished when the residuals, relative to the sizes in the scene, are below this …"""
+
+ACCEPTED = 1e-12
+"""… and has failed if they stay above this."""
+
+
+@dataclass(frozen=True)
+class Watch:
+    """The least singular value of the scaled constraints at an instant, with its vectors."""
+
+    left: Array
+    right: Array
+    value: float
+
+
+class Form:
+    """The equations of a scene: as the system gives them at first, as straight-line functions once that is worth it.
+
+    Functions have the arguments and results of those of `System` and raise what they raise.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self._count = 0
+
+    @cached_property
+    def fused(self) -> Fused:
+        """The straight-line functions."""
+        from mbstab.compiler.fused import Fused
+
+        return Fused(self.system)
+
+    @property
+    def quick(self) -> bool:
+        """Whether there are straight-line functions, or there should be."""
+        return self._count >= FUSED_AFTER
+
+    def dynamics(self, q: Array, u: Array, t: float) -> Dynamics:
+        """Return the matrices of the equations of motion."""
+        if self._count >= FUSED_AFTER:
+            return self.fused.dynamics(q, u, t)
+        self._count += 1
+        return self.system.dynamics(q, u, t)
+
+    def linearize(self, q: Array, u: Array, a: Array, nu: Array, t: float) -> tuple[Array, Array, Array]:
+        """Return K, R and D_q."""
+        source: System | Fused = self.fused if self.quick else self.system
+        self._count += 1
+        return source.linearize(q, u, a, nu, t)
+
+    def linearize_rows(self, q: Array, u: Array, a: Array, t: float) -> tuple[Array, Array, Array]:
+        """Return V_q, A_q and A_u."""
+        source: System | Fused = self.fused if self.quick else self.system
+        return source.linearize_rows(q, u, a, t)
+
+
+class Constrained:
+    """The equations of motion of a scene as a right-hand side.
+
+    Parameters
+    ----------
+    system : System
+    motion : Motion
+        The motion at the start: ranks and scales.
+    form : Form, optional
+        What evaluates the scene; several runs share one.
+
+    Attributes
+    ----------
+    system : System
+    sizes : ndarray, shape (n_q,)
+        What a large change of each coordinate is (m, rad).
+    kept : list of int
+        Rows but those that others imply.
+    evaluations : int
+        How often the equations of motion, or their derivatives, were formed.
+    slowest : float (1/s)
+        Speeds in sizes of the scene below this are as good as rest.
+    least_energy : float (J)
+        Kinetic energy of such speeds.
+    """
+
+    def __init__(self, system: System, motion: Motion, form: Form | None = None) -> None:
+        from scipy.linalg.lapack import dgesv
+
+        self._dgesv = dgesv
+        spaces = motion.spaces
+        self.system, self.sizes = system, motion.sizes
+        self.scale, self.row_scale = spaces.scale, spaces.row_scale
+        self.n, self.n_h, self.n_c = system.n_q, system.n_h, system.n_c
+        self.rank_h, self.rank = spaces.C.rank, spaces.C.rank + spaces.W.rank
+        self.evaluations = 0
+        self.form = form or Form(system)
+        without = {redundancy.row for redundancy in motion.redundant}
+        self.kept = [i for i, row in enumerate(system.rows) if row not in without]
+        factors = np.concatenate([self.scale, self.row_scale[self.kept]])
+        self._factors, self._products = factors, factors * factors[:, None]
+        self._program: Program | None = None
+        pulled = np.abs(motion.dynamics.F0 * self.scale * self.scale / motion.sizes)
+        natural = max(self.fastest(motion.u), float(np.sqrt(np.max(pulled, initial=0.0))))
+        self.slowest = SLOWEST * (natural or 1.0)
+        self.least_energy = 0.5 * float(np.diag(motion.dynamics.M) @ (motion.sizes * self.slowest) ** 2)
+        self.full = self.rank == self.n_c
+        self._weights = self.scale * self.scale[:, None]
+        self._rows = self.scale * self.row_scale[:, None]
+        self._holonomic, self._all = np.eye(self.n_h), np.eye(self.n_c)
+        self._matrix = np.zeros((self.n + self.rank, self.n + self.rank))
+        self._right = np.zeros(self.n + self.rank)
+        self._least: float | None = None
+        self._span = np.zeros((self.n_c, self.rank))
+        self.trouble: MbstabError | None = None
+        self.refresh(motion.dynamics)
+
+    @property
+    def independent(self) -> bool:
+        """Whether the rows kept are as many as the rank."""
+        return len(self.kept) == self.rank
+
+    # --- the one place where the scene is evaluated -----------------------------------------------------------------
+
+    def evaluate(self, t: float, q: Array, u: Array) -> Dynamics:
+        """Return the matrices of the equations of motion; every right-hand side comes from here.
+
+        Raises
+        ------
+        NumericalError
+            If a force or a given function of time has no value there.
+        """
+        self.evaluations += 1
+        try:
+            return self.form.dynamics(q, u, t)
+        except NumericalError as error:
+            self.trouble = error
+            raise
+        except MbstabError as error:
+            self.trouble = NumericalError(f"a given function of time has no value at t = {t:.9g} s: {error}")
+            raise self.trouble from None
+
+    # --- accelerations ----------------------------------------------------------------------------------------------
+
+    def accelerations(self, t: float, q: Array, u: Array) -> tuple[Array, Array, Dynamics]:
+        """Return a (n_q,), the multipliers ν (n_c,) and the matrices at a state."""
+        state = self.evaluate(t, q, u)
+        a, nu = self.solve(state, -state.F0, state.B)
+        return a, nu, state
+
+    def acceleration(self, t: float, q: Array, u: Array) -> Array:
+        """Return a (n_q,) alone at a state, from the straight-line functions where there are some."""
+        program = self._program or self._quick_program()
+        if program is not None:
+            try:
+                A, b = program(q.tolist(), u.tolist(), t)
+            except (ArithmeticError, ValueError):
+                return self.accelerations(t, q, u)[0]
+            self.evaluations += 1
+            # The matrix is symmetric: its transpose is what LAPACK calls in order, and may be overwritten.
+            pivots, _, found, failed = self._dgesv((A * self._products).T, b * self._factors, 1, 1)
+            if not failed and (self.full or _strong(pivots)):
+                return np.asarray(found[: self.n] * self.scale)
+        return self.accelerations(t, q, u)[0]
+
+    def _quick_program(self) -> Program | None:
+        """Return the function of the matrix and the right-hand side of the accelerations, once it is worth it."""
+        if self.form.quick and self.independent:
+            self._program = self.form.fused.augmented(self.kept)
+        return self._program
+
+    def solve(self, state: Dynamics, force: Array, bias: Array) -> tuple[Array, Array]:
+        """Return x (n_q,) and ν (n_c,) with M x + Jᵀ ν = force and J x = −bias."""
+        n, A, b = self.n, self._matrix, self._right
+        J = state.J * self._rows
+        bias = bias * self.row_scale
+        if not self.full:
+            J, bias = self._all.T @ J, self._all.T @ bias
+        A[:n, :n] = state.M * self._weights
+        A[:n, n:], A[n:, :n] = J.T, J
+        b[:n], b[n:] = force * self.scale, -bias
+        found = self._solved(A, b)
+        nu = found[n:] if self.full else self._all @ found[n:]
+        return found[:n] * self.scale, nu * self.row_scale
+
+    def _solved(self, A: Array, b: Array) -> Array:
+        """Return A⁻¹ b for a symmetric matrix; LAPACK at once, as for small ones the way there takes longer."""
+        *_, found, failed = self._dgesv(A, b)
+        if failed:
+            raise np.linalg.LinAlgError("singular matrix")
+        return np.asarray(found)
+
+    def jacobian(self, t: float, q: Array, u: Array) -> tuple[Array, Array]:
+        """Return ∂a/∂q and ∂a/∂u of the accelerations, each of shape (n_q, n_q)."""
+        a, nu, _ = self.accelerations(t, q, u)
+        K, R, _, A_q, A_u = self._slopes(t, q, u, a, nu)
+        n = self.n
+        right = -np.block([[K, R], [A_q, A_u]])
+        right[:n] *= self.scale[:, None]
+        lower = right[n:] * self.row_scale[:, None]
+        lower = lower if self.full else self._all.T @ lower
+        found = np.linalg.solve(self._matrix, np.vstack([right[:n], lower]))[:n] * self.scale[:, None]
+        return found[:, :n], found[:, n:]
+
+    # --- projections ------------------------------------------------------------------------------------------------
+
+    def residuals(self, state: Dynamics, fastest: float) -> tuple[float, float]:
+        """Return the largest residuals of rows in position and in velocity, relative to the sizes in the scene.
+
+        `fastest` is the largest speed of a coordinate in its sizes (1/s); where all are slow, residuals in velocity
+        count relative to `slowest`.
+        """
+        reach = np.abs(state.J) @ self.sizes + 1e-300
+        position = np.abs(state.E[: self.n_h]) / reach[: self.n_h]
+        velocity = np.abs(state.V) / (reach * max(fastest, self.slowest))
+        return float(np.max(position, initial=0.0)), float(np.max(velocity, initial=0.0))
+
+    def onto_positions(self, t: float, q: Array, held: Flags | None = None) -> tuple[Array, float]:
+        """Return the nearest coordinates that satisfy C(q, t) = 0, and the residual that is left.
+
+        Parameters
+        ----------
+        held : ndarray of bool, shape (n_q,), optional
+            Coordinates that are not to change.
+        """
+        zero = np.zeros(self.n)
+        best, least = q, np.inf
+        for _ in range(PROJECTIONS if self.n_h else 0):
+            state = self.evaluate(t, q, zero)
+            residual = self.residuals(state, 1.0)[0]
+            if residual >= 0.5 * least:  # rounding is reached, or it does not converge
+                if residual < least:
+                    best, least = q, residual
+                break
+            best, least = q, residual
+            if residual <= PROJECTED:
+                break
+            q = q + self._least_change(state, state.E[: self.n_h], self.n_h, held)
+        return best, least if self.n_h else 0.0
+
+    def onto_velocities(self, t: float, q: Array, u: Array, held: Flags | None = None) -> tuple[Array, float, Dynamics]:
+        """Return the nearest speeds that satisfy V(q, u, t) = 0, the residual that is left, and the matrices there."""
+        state = self.evaluate(t, q, u)
+        best, least, matrices = u, np.inf, state
+        for _ in range(PROJECTIONS if self.n_c else 0):
+            residual = self.residuals(state, self.fastest(u))[1]
+            if residual >= 0.5 * least:
+                if residual < least:
+                    best, least, matrices = u, residual, state
+                break
+            best, least, matrices = u, residual, state
+            if residual <= PROJECTED:
+                break
+            u = u + self._least_change(state, state.V, self.n_c, held)
+            state = self.evaluate(t, q, u)
+        return best, least if self.n_c else 0.0, matrices
+
+    def project(self, t: float, q: Array, u: Array) -> tuple[Array, Array, Dynamics]:
+        """Return coordinates and speeds that satisfy the constraints, and the matrices there.
+
+        Raises
+        ------
+        NumericalError
+            If the constraints cannot be satisfied near this state.
+        """
+        best: tuple[Array, Array, Dynamics | None] = (q, u, None)
+        least = np.inf
+        for _ in range(PROJECTIONS):
+            state = self.evaluate(t, q, u)
+            position, velocity = self.residuals(state, self.fastest(u))
+            size = max(position, velocity)
+            if size >= 0.5 * least:
+                best, least = min((best, least), ((q, u, state), size), key=lambda x: x[1])
+                break
+            best, least = (q, u, state), size
+            if size <= PROJECTED:
+                break
+            if position > PROJECTED:
+                q = q + self._least_change(state, state.E[: self.n_h], self.n_h, None)
+                state = self.evaluate(t, q, u)
+            u = u + self._least_change(state, state.V, self.n_c, None)
+        if not least <= ACCEPTED:
+            raise NumericalError(
+                f"the constraints cannot be satisfied at t = {t:.9g} s: a residual of {amount(least)} of the sizes in "
+                f"the scene is left, where {ACCEPTED:g} is allowed"
+            )
+        assert best[2] is not None
+        return best[0], best[1], best[2]
+
+    def nearer(self, t: float, q: Array, u: Array) -> tuple[Array, Array, Dynamics]:
+        """Return coordinates and speeds after one Newton step each towards the constraints, and the matrices there."""
+        state = self.evaluate(t, q, u)
+        if self.n_h:
+            q = q + self._least_change(state, state.E[: self.n_h], self.n_h, None)
+            state = self.evaluate(t, q, u)
+        u = u + self._least_change(state, state.V, self.n_c, None)
+        return q, u, self.evaluate(t, q, u)
+
+    def fastest(self, u: Array) -> float:
+        """Return the largest speed of a coordinate in its sizes (1/s)."""
+        return float(np.max(np.abs(u / self.sizes), initial=0.0))
+
+    def _least_change(self, state: Dynamics, residual: Array, rows: int, held: Flags | None) -> Array:
+        """Return the least Δ in the metric of M with J Δ = −residual for the first rows."""
+        P = self._holonomic if rows == self.n_h else self._all
+        J = P.T @ (state.J[:rows] * self._rows[:rows])
+        goal = -(P.T @ (residual * self.row_scale[:rows]))
+        M = state.M * self._weights
+        if held is not None:
+            free = np.flatnonzero(~held)
+            # What is not held may leave rows without a part; the least change of the others in the plain metric.
+            moved = np.zeros(self.n)
+            if len(free):
+                moved[free] = np.linalg.lstsq(J[:, free], goal, rcond=1e-12)[0]
+            return moved * self.scale
+        n, r = self.n, len(J)
+        A, b = np.zeros((n + r, n + r)), np.zeros(n + r)
+        A[:n, :n], A[:n, n:], A[n:, :n] = M, J.T, J
+        b[n:] = goal
+        change = self._solved(A, b)[:n]
+        return np.asarray(change * self.scale)
+
+    # --- rank -------------------------------------------------------------------------------------------------------
+
+    def refresh(self, state: Dynamics) -> Watch:
+        """Choose the combinations of redundant rows anew, and return the least singular value that should not vanish.
+
+        Raises
+        ------
+        ConstraintError
+            If the constraints have lost rank.
+        """
+        if not self.rank:
+            return Watch(np.zeros(0), np.zeros(self.n), np.inf)
+        J = state.J * self._rows
+        left, s, right = np.linalg.svd(J, full_matrices=False)
+        if not self.full:
+            self._holonomic, self._all = self._combinations(J)
+            self._span = left[:, : self.rank]
+        k = self.rank - 1
+        if self._least is None:
+            self._least = float(s[k])
+        return Watch(left[:, k], right[k], float(s[k]))
+
+    def _combinations(self, J: Array) -> tuple[Array, Array]:
+        """Return independent combinations of the holonomic rows, and of all rows without mixing the two kinds."""
+        own, _, rest = np.linalg.svd(J[: self.n_h])
+        own, null = own[:, : self.rank_h], rest[self.rank_h :].T
+        others = np.linalg.svd(J[self.n_h :] @ null)[0][:, : self.rank - self.rank_h]
+        both = np.zeros((self.n_c, self.rank))
+        both[: self.n_h, : self.rank_h], both[self.n_h :, self.rank_h :] = own, others
+        return own, both
+
+    def least(self, nu: Array) -> Array:
+        """Return the least multipliers (n_c,) with the same effect, where rows are redundant."""
+        if self.full or not self.rank:
+            return nu
+        return np.asarray(self._span @ (self._span.T @ (nu / self.row_scale)) * self.row_scale)
+
+    def multipliers(self, state: Dynamics, a: Array) -> Array:
+        """Return the least multipliers (n_c,) that balance given accelerations, also where rank is lost."""
+        J = (state.J * self._rows).T
+        force = -(state.F0 + state.M @ a) * self.scale
+        return np.asarray(np.linalg.lstsq(J, force, rcond=UNDECIDED)[0] * self.row_scale)
+
+    def flipped(self, before: Watch, state: Dynamics, after: Watch) -> bool:
+        """Whether the least singular value changed its sign, seen along its own vectors, or is as good as zero."""
+        if not self.rank:
+            return False
+        assert self._least is not None
+        if after.value <= SINGULAR * self._least:
+            return True
+        return self.signed(before, state) < 0.0
+
+    def signed(self, before: Watch, state: Dynamics) -> float:
+        """Return what the least singular value at an earlier state has become, seen along its own vectors."""
+        return float(before.left @ (state.J * self._rows) @ before.right)
+
+    def start_from(self, other: Constrained) -> None:
+        """Measure singular values against those at the start of another chart of the same motion."""
+        self._least = other._least
+
+    def smallness(self, state: Dynamics) -> float:
+        """Return the least singular value relative to that at the start."""
+        assert self._least is not None
+        s = np.linalg.svd(state.J * self._rows, compute_uv=False)
+        return float(s[self.rank - 1]) / self._least
+
+    def nears(self, watch: Watch, part: float) -> bool:
+        """Whether the least singular value has fallen below a part of that at the start."""
+        return bool(self.rank) and self._least is not None and watch.value < part * self._least
+
+    def singular(self, t: float, state: Dynamics, value: float, hint: str = BRANCH_HINT) -> ConstraintError:
+        """Return the error about a singular configuration: number, threshold, rows, time."""
+        left = np.linalg.svd(state.J * self._rows)[0][:, self.rank - 1]
+        return ConstraintError(
+            f"the mechanism is at a singular configuration at t = {t:.9g} s: the least singular value of its "
+            f"constraints falls to {amount(value)} of that at the start, where {SINGULAR:g} is the threshold\n"
+            f"the rows that depend on each other there: {self.owners(left)}\n{hint}"
+        )
+
+    def approached(self, t: float, watch: Watch, reason: str) -> ConstraintError:
+        """Return the error about a step that failed next to a singular configuration: as `singular`, and the reason."""
+        assert self._least is not None
+        return ConstraintError(
+            f"the mechanism comes to a singular configuration just after t = {t:.9g} s: the least singular value of "
+            f"its constraints has fallen to {amount(watch.value / self._least)} of that at the start ({SINGULAR:g} "
+            f"counts as singular), and {reason}\n"
+            f"the rows that depend on each other there: {self.owners(watch.left)}\n{LIMIT_HINT}"
+        )
+
+    def owners(self, left: Array) -> str:
+        """Return the names of the rows with the largest parts of a left singular vector."""
+        order = [i for i in np.argsort(-np.abs(left)) if abs(left[i]) > 0.1][:6]
+        return ", ".join(dict.fromkeys(self.system.rows[i].owner for i in order))
+
+    def _slopes(self, t: float, q: Array, u: Array, a: Array, nu: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return K, R, V_q, A_q and A_u; at a kink in the speeds, such as that of |u| at rest, those beside it.
+
+        The derivatives only lead the iterations of implicit methods, whose results do not depend on them.
+        """
+        self.evaluations += 1
+        try:
+            K, R, _ = self.form.linearize(q, u, a, nu, t)
+        except NumericalError:
+            u = u + BESIDE * max(self.fastest(u), self.slowest) * self.sizes
+            K, R, _ = self.form.linearize(q, u, a, nu, t)
+        return K, R, *self.form.linearize_rows(q, u, a, t)
+
+    def derivatives(self, t: float, q: Array, u: Array, a: Array, nu: Array) -> tuple[Array, Array, Array]:
+        """Return K, R and V_q, the exact derivatives that the linearization uses."""
+        return self._slopes(t, q, u, a, nu)[:3]
+
+    @property
+    def combinations(self) -> tuple[Array, Array]:
+        """Independent combinations of scaled holonomic rows (n_h, rank) and of all scaled rows (n_c, rank)."""
+        return self._holonomic, self._all
+
+
+def _strong(factors: Any) -> bool:
+    """Whether no pivot of a factored matrix is small."""
+    pivots = np.abs(factors.diagonal())
+    return bool(pivots.min() > WEAK_PIVOT * pivots.max())

@@ -1,0 +1,213 @@
+"""What can be disturbed, by coordinates or by motions of joints, and what stays as it is meanwhile.
+
+What is asked for leaves other motions free. Of these as many stay as they are as the constraints allow: motions
+of joints, where some were asked for, then angles of bodies, then places; of each kind those first that the
+constraints bind least, and of these in the order of the file. The constraints move the others.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.reference.efforts import Placement
+from mbstab.analysis.simulate.constrained import Constrained
+from mbstab.compiler.system import Array, System
+from mbstab.errors import UsageError, suggestion
+from mbstab.model.scene import ItemValues
+from mbstab.model.schema import unit_of
+
+APART = 0.05
+"""Sine of the angle to what others determine, above which a motion is independent of them."""
+
+NEARLY = 0.9
+"""What is bound by no more than this part less counts as bound alike."""
+
+INCREMENT = 0.2
+"""Given values are gone to in steps of this part of their sizes, the others follow."""
+
+NEWTON_STEPS = 30
+
+EXACT = 1e-9
+"""What is farther from its value, relative to its size, has not reached it."""
+
+_RATE = re.compile(r"rate\(\s*(.*?)\s*\)")
+_JOINT = re.compile(r"(angle|displacement)\(\s*([^()\s]+)\s*\)")
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A coordinate, or a motion of a joint.
+
+    Attributes
+    ----------
+    name : str
+        Such as ``rod.theta`` or ``angle(pivot)``.
+    unit : str
+    size : float
+        What a large change of it is.
+    number : int
+        Of the coordinate; -1: a motion of a joint.
+    kind : str
+        ``angle`` or ``displacement`` of a joint.
+    joint : ItemValues or None
+    """
+
+    name: str
+    unit: str
+    size: float
+    number: int = -1
+    kind: str = ""
+    joint: ItemValues | None = None
+
+    def value(self, at: Placement, near: float = 0.0) -> float:
+        """Return its value, in space of an angle the one within half a turn of `near`."""
+        return float(at.q[self.number] if self.joint is None else at.motion(self.kind, self.joint, near))
+
+    def gradient(self, at: Placement) -> Array:
+        """Return its derivative by the coordinates, shape (n_q,)."""
+        unit = np.eye(len(at.q))
+        if self.joint is None:
+            return np.asarray(unit[self.number])
+        each = Placement(at.attitudes, at.system, np.tile(at.q, (len(unit), 1)), unit)
+        return np.asarray(each.rate(self.kind, self.joint))
+
+
+def coordinates(system: System, sizes: Array) -> list[Quantity]:
+    """Return the coordinates of a scene, in the order of q."""
+    return [
+        Quantity(name, unit_of(name), float(size), i)
+        for i, (name, size) in enumerate(zip(system.names, sizes, strict=True))
+    ]
+
+
+def joint_motions(system: System, sizes: Array) -> list[Quantity]:
+    """Return the angles and displacements of all joints."""
+    length = max((float(x) for x, name in zip(sizes, system.names, strict=True) if unit_of(name) == "m"), default=1.0)
+    return [
+        Quantity(f"{kind}({item.name})", *(("rad", 1.0) if kind == "angle" else ("m", length)), kind=kind, joint=item)
+        for item in system.scene.items
+        if item.entry.section == "joints"
+        for kind in item.kind.motions
+    ]
+
+
+def read_name(system: System, sizes: Array, name: str) -> tuple[Quantity, bool]:
+    """Return what a name such as ``rod.theta`` or ``rate(angle(pivot))`` means, and whether its rate is meant.
+
+    Raises
+    ------
+    UsageError
+        If there is no such coordinate or joint.
+    """
+    rate = _RATE.fullmatch(name.strip())
+    inner = rate[1] if rate else name.strip()
+    moving = joint_motions(system, sizes)
+    known = {x.name: x for x in (*coordinates(system, sizes), *moving)}
+    joint = _JOINT.fullmatch(inner)
+    found = known.get(f"{joint[1]}({joint[2]})" if joint else inner)
+    if found is not None:
+        return found, rate is not None
+    whole = [*known, *(f"rate({x})" for x in known)]
+    of_joint = [x.name for x in moving if x.joint is not None and x.joint.name in (inner, joint and joint[2])]
+    hint = "motions of joints: " + ", ".join(of_joint) if of_joint else suggestion(name, whole)
+    hint = hint or "coordinates: " + ", ".join(system.names[:12])
+    what = f"joint motion {inner!r}" if joint else f"coordinate {inner!r}"
+    raise UsageError(f"--perturb {name}: there is no {what}\nhint: {hint}")
+
+
+def staying(at: Placement, J: Array, named: Sequence[Quantity], sizes: Array) -> list[Quantity]:
+    """Return what stays as it is beside what is named, as far as the constraints allow.
+
+    Parameters
+    ----------
+    J : ndarray, shape (n, n_q)
+        Of the constraints.
+    """
+    own = coordinates(at.system, sizes)
+    groups = [[x for x in own if x.unit == "rad"], [x for x in own if x.unit != "rad"]]
+    if any(x.joint is not None for x in named):
+        groups.insert(0, joint_motions(at.system, sizes))
+    rows = np.vstack([J, *(x.gradient(at)[None] for x in named)]) * sizes
+    span = np.zeros((0, len(sizes)))
+    if np.any(rows):
+        rows = rows / norms(rows)[:, None]
+        _, s, right = np.linalg.svd(rows, full_matrices=False)
+        span = right[s > 1e-9 * s[0]]
+    names, found = {x.name for x in named}, []
+    for group in groups:
+        rest = {x: x.gradient(at) * sizes for x in group if x.name not in names}
+        rest = {x: row / np.linalg.norm(row) for x, row in rest.items() if np.any(row)}
+        while rest:
+            rest = {x: row - span.T @ (span @ row) for x, row in rest.items()}
+            apart = {x: float(np.linalg.norm(row)) for x, row in rest.items()}
+            largest = max(apart.values())
+            if largest <= APART:
+                break
+            # The first of those that the constraints bind least.
+            x = next(x for x in rest if apart[x] >= NEARLY * largest)
+            span = np.vstack([span, rest.pop(x) / apart[x]])
+            found.append(x)
+    return found
+
+
+def reached(
+    equations: Constrained, attitudes: Attitudes, t: float, q: Array, goals: Sequence[tuple[Quantity, float]]
+) -> tuple[Array, float]:
+    """Return coordinates on the constraints at which quantities have given values, and what is left.
+
+    Parameters
+    ----------
+    q : ndarray, shape (n_q,)
+        From where they are followed.
+    """
+    system, sizes, zero = equations.system, equations.sizes, np.zeros(len(q))
+    first = [x.value(Placement(attitudes, system, q, zero)) for x, _ in goals]
+    far = max((abs(goal - start) / x.size for (x, goal), start in zip(goals, first, strict=True)), default=0.0)
+    count = int(np.clip(np.ceil(far / INCREMENT), 1, 200))
+    left = np.inf
+    for k in range(1, count + 1):
+        wanted = [start + k / count * (goal - start) for (_, goal), start in zip(goals, first, strict=True)]
+        for _ in range(NEWTON_STEPS):
+            at, state = Placement(attitudes, system, q, zero), equations.evaluate(t, q, zero)
+            J, E = state.J[: equations.n_h] * sizes, state.E[: equations.n_h]
+            lengths = norms(J)
+            missing = [(x.value(at, goal) - goal) / x.size for (x, _), goal in zip(goals, wanted, strict=True)]
+            residual = np.concatenate([E / lengths, missing])
+            rows = [x.gradient(at) * sizes / x.size for x, _ in goals]
+            step = np.linalg.lstsq(np.vstack([J / lengths[:, None], *rows]), -residual, rcond=1e-12)[0]
+            left = float(np.max(np.abs(residual), initial=0.0))
+            q = q + step * sizes
+            if np.linalg.norm(step) < 1e-14:
+                break
+        if left > EXACT:
+            return q, left
+    return q, max(left, equations.residuals(equations.evaluate(t, q, zero), 1.0)[0])
+
+
+def speeds(
+    equations: Constrained, attitudes: Attitudes, t: float, q: Array, u: Array, goals: Sequence[tuple[Quantity, float]]
+) -> tuple[Array, float]:
+    """Return speeds on the constraints at which quantities have given rates, and what is left of those (1/s)."""
+    system, sizes, fast = equations.system, equations.sizes, 1.0
+    at = Placement(attitudes, system, q, u)
+    rows = np.array([x.gradient(at) * sizes / x.size for x, _ in goals]).reshape(len(goals), len(q))
+    wanted = np.array([goal / x.size for x, goal in goals])
+    left = np.inf
+    for _ in range(NEWTON_STEPS):
+        state = equations.evaluate(t, q, u)
+        J = state.J * sizes
+        lengths = norms(J)
+        residual = np.concatenate([state.V / lengths, rows @ (u / sizes) - wanted])
+        step = np.linalg.lstsq(np.vstack([J / lengths[:, None], rows]), -residual, rcond=1e-12)[0]
+        fast = max(equations.fastest(u), float(np.max(np.abs(wanted), initial=0.0)), equations.slowest)
+        left = float(np.max(np.abs(residual), initial=0.0)) / fast
+        if np.linalg.norm(step) <= 1e-15 * fast:
+            break
+        u = u + step * sizes
+    return u, left

@@ -1,0 +1,78 @@
+"""A mode of the linearized equations as a motion to be looked at: to and fro about the reference.
+
+The shape of the mode with its phases, exaggerated, is moved onto the holonomic constraints at every instant. Growth
+and decay are not shown. Of a steady motion it is what is seen in the frame in which it stands still.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.simulate.constrained import ACCEPTED, Constrained
+from mbstab.analysis.simulate.start import complex_mode
+from mbstab.compiler.system import Array, System
+from mbstab.errors import UsageError
+
+AMPLITUDE = 0.25
+"""How far the coordinate that moves most swings, in sizes of the scene or rad."""
+
+
+@dataclass(frozen=True)
+class Swing:
+    """One period of a mode.
+
+    Attributes
+    ----------
+    value : complex
+        Its eigenvalue (1/s).
+    q : ndarray, shape (n_t, n_q)
+        Coordinates (m, rad).
+    positions, rotations : ndarray, shape (n_t, n_b, d) and (n_t, n_b, d, d)
+        Of the bodies, as in `mbstab.analysis.simulate.simulate.Simulation`.
+    """
+
+    value: complex
+    q: Array
+    positions: Array
+    rotations: Array
+
+
+def swing(system: System, number: int, points: int, amplitude: float = AMPLITUDE) -> Swing:
+    """Return a mode at evenly spaced instants of a period, the first one after its start.
+
+    Parameters
+    ----------
+    number : int
+        As ``mbstab eig`` lists the modes, from 1; a pair is one mode.
+    points : int
+        Number of instants.
+    amplitude : float
+        Of the coordinate that moves most, in sizes of the scene or rad.
+
+    Raises
+    ------
+    UsageError
+        If there is no such mode, it moves no coordinate, or belongs to a periodic motion.
+    """
+    if system.scene.period is not None:
+        raise UsageError("modes of periodic motions have no shape that swings: simulate with --perturb mode:… instead")
+    motion = reference_motion(system)
+    value, dq, _ = complex_mode(system, number)
+    largest = float(np.max(np.abs(dq / motion.sizes)))
+    if not largest:
+        raise UsageError(f"the mode {number} moves no coordinate")
+    equations, attitudes = Constrained(system, motion), Attitudes.of(system)
+    d, found = system.scene.dimension, []
+    for k in range(points):
+        phase = np.exp(2j * np.pi * k / points)
+        # A real mode swings through the reference: at the start, not where it is farthest.
+        goal = motion.q + amplitude / largest * np.real(dq * phase * (1.0 if value.imag else -1j))
+        q, left = equations.onto_positions(motion.time, goal) if equations.n_h else (goal, 0.0)
+        found.append(q if left <= ACCEPTED else goal)
+    positions = np.array([[q[p.start : p.start + d] for p in system.body_slices] for q in found])
+    rotations = attitudes.orientations(system, np.array(found))
+    return Swing(value, np.array(found), positions, rotations)

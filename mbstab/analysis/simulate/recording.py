@@ -1,0 +1,193 @@
+"""What a run has recorded, and what is made of it afterwards, for all times of output at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from itertools import groupby
+
+import numpy as np
+
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.reference.efforts import Placement, efforts
+from mbstab.analysis.reference.reactions import reactions
+from mbstab.analysis.simulate.constrained import Constrained
+from mbstab.analysis.simulate.energy import Energy
+from mbstab.compiler.system import Array, System
+
+TOGETHER = 500
+"""States whose matrices are held at a time."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What the samples between two changes of charts have in common.
+
+    Attributes
+    ----------
+    start : ndarray, shape (n_q,)
+        Coordinates at the start of the run, in the angles of the file.
+    """
+
+    equations: Constrained
+    attitudes: Attitudes
+    energy: Energy
+    start: Array
+
+    @property
+    def system(self) -> System:
+        """The scene in the angles of this frame."""
+        return self.equations.system
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The motion at a time of output (s): q and u on the constraints, in the angles of the frame; work (J).
+
+    The accelerations are given where the constraints do not determine them.
+    """
+
+    frame: Frame
+    t: float
+    q: Array
+    u: Array
+    work: float
+    a: Array | None = None
+
+
+@dataclass(frozen=True)
+class Track:
+    """Where the bodies are, and how they move.
+
+    Attributes
+    ----------
+    positions, velocities : ndarray, shape (n_t, n_b, d)
+        Of the reference points, in ground axes (m, m/s).
+    rotations : ndarray, shape (n_t, n_b, d, d)
+        From body axes to ground axes; the unit matrix for point masses.
+    spins : ndarray, shape (n_t, n_b, 3)
+        Angular velocities in ground axes (rad/s).
+    """
+
+    positions: Array
+    velocities: Array
+    rotations: Array
+    spins: Array
+
+    @classmethod
+    def of(cls, samples: Sequence[Sample]) -> Track:
+        """Return the track of one sample at least."""
+        parts = []
+        for frame, group in _groups(samples):
+            system, attitudes = frame.system, frame.attitudes
+            q, u = (np.array([getattr(s, name) for s in group]) for name in "qu")
+            d = system.scene.dimension
+            places, speeds = (
+                np.stack([x[:, part.start : part.start + d] for part in system.body_slices], axis=1) for x in (q, u)
+            )
+            parts.append((places, speeds, attitudes.orientations(system, q), attitudes.spins(system, q, u)))
+        return cls(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+@dataclass(frozen=True)
+class Record:
+    """Everything else, the angles being those of the file.
+
+    Attributes
+    ----------
+    q, u, a : ndarray, shape (n_t, n_q)
+    nu : ndarray, shape (n_t, n_c)
+    loads : dict of ndarray, shape (n_t,)
+        Reactions (N, N·m) by owner, body acted on, and component such as ``force x``.
+    efforts : dict of ndarray, shape (n_t,)
+        Of springs, dampers, actuators and drives by owner and unit (N, N·m).
+    kinetic, potential : ndarray, shape (n_t,) (J)
+    residuals : ndarray, shape (n_t, 2)
+        In position and velocity, as `Constrained.residuals` has them.
+    """
+
+    q: Array
+    u: Array
+    a: Array
+    nu: Array
+    loads: dict[tuple[str, str, str], Array]
+    efforts: dict[tuple[str, str], Array]
+    kinetic: Array
+    potential: Array
+    residuals: Array
+
+    @classmethod
+    def of(cls, samples: Sequence[Sample]) -> Record:
+        """Return the record of one sample at least; stopped by hand, that of the first ones."""
+        parts: list[Record] = []
+        begin = samples[0].frame.start
+        try:
+            for frame, group in _groups(samples):
+                parts.append(cls._part(frame, group, begin))
+                begin = parts[-1].q[-1]
+        except KeyboardInterrupt:
+            if not parts:
+                raise
+        # A reaction that vanishes exactly in a part may be missing there.
+        labels = dict.fromkeys(label for part in parts for label in part.loads)
+        loads = {x: np.concatenate([part.loads.get(x, np.zeros(len(part.q))) for part in parts]) for x in labels}
+        driving = {x: np.concatenate([part.efforts[x] for part in parts]) for x in parts[0].efforts}
+        names = [field.name for field in fields(cls) if field.name not in ("loads", "efforts")]
+        return cls(
+            loads=loads, efforts=driving, **{x: np.concatenate([getattr(part, x) for part in parts]) for x in names}
+        )
+
+    @classmethod
+    def _part(cls, frame: Frame, samples: Sequence[Sample], before: Array) -> Record:
+        equations, system = frame.equations, frame.system
+        q, u = (np.array([getattr(s, name) for s in samples]) for name in "qu")
+        a, nu, J, kinetic, residuals = np.empty_like(q), np.empty((len(q), system.n_c)), [], np.empty(len(q)), []
+        for i, sample in enumerate(samples):
+            if sample.a is None:
+                a[i], multipliers, state = equations.accelerations(sample.t, sample.q, sample.u)
+                nu[i] = equations.least(multipliers)
+            else:
+                state, a[i] = equations.evaluate(sample.t, sample.q, sample.u), sample.a
+                nu[i] = equations.multipliers(state, a[i])
+            J.append(state.J)
+            kinetic[i] = 0.5 * float(sample.u @ state.M @ sample.u)
+            residuals.append(equations.residuals(state, equations.fastest(sample.u)))
+        loads: dict[tuple[str, str, str], Array] = {}
+        for r in reactions(system, q, np.array(J), nu):
+            turning = "xyz" if r.torque.shape[-1] == 3 else "z"
+            for what, letters, vector in (("force", "xyz", r.force), ("torque", turning, r.torque)):
+                loads |= {(r.owner, r.body, f"{what} {x}"): v for x, v in zip(letters, vector.T, strict=False)}
+        at, times = Placement(frame.attitudes, system, q, u), np.array([s.t for s in samples])
+        driving = {(acted.owner, acted.unit): acted.values for acted in efforts(at, nu, times)}
+        shown = _continued(frame, q, before)
+        potential = frame.energy.potential(system, q)
+        q, u, a = frame.attitudes.in_file(system, q, u, a, shown)
+        return cls(q, u, a, nu, loads, driving, kinetic, potential, np.array(residuals))
+
+
+def states(samples: Sequence[Sample]) -> tuple[Array, Array]:
+    """Return q and u of one sample at least in the angles of the file, each of shape (n_t, n_q)."""
+    begin, found = samples[0].frame.start, []
+    for frame, group in _groups(samples):
+        q, u = (np.array([getattr(s, name) for s in group]) for name in "qu")
+        shown = _continued(frame, q, begin)
+        found.append(frame.attitudes.in_file(frame.system, q, u, np.zeros_like(u), shown)[:2])
+        begin = shown[-1]
+    q, u = (np.concatenate(part) for part in zip(*found, strict=True))
+    return q, u
+
+
+def _continued(frame: Frame, q: Array, before: Array) -> Array:
+    """Return coordinates in the angles of the file, each nearest to those before."""
+    shown = np.empty_like(q)
+    for i in range(len(q)):
+        before = shown[i] = frame.attitudes.coordinates_in_file(frame.system, q[i], before)
+    return shown
+
+
+def _groups(samples: Sequence[Sample]) -> Iterator[tuple[Frame, list[Sample]]]:
+    """Yield samples in their order, those of one frame together, not too many at a time."""
+    for _, group in groupby(samples, lambda s: id(s.frame)):
+        found = list(group)
+        for k in range(0, len(found), TOGETHER):
+            yield found[0].frame, found[k : k + TOGETHER]

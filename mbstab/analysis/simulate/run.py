@@ -1,0 +1,538 @@
+"""One run of a method over a span of time: output, charts, a watch on the rank, and work.
+
+A run gives samples at the times asked for. Wherever it ends early, by a failure or by hand, the
+samples so far are kept.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.simulate.constrained import BRANCH_HINT, LIMIT_HINT, SINGULAR, Constrained, Form, Watch
+from mbstab.analysis.simulate.energy import NODES, WEIGHTS, Energy
+from mbstab.analysis.simulate.recording import Frame, Sample, Track
+from mbstab.analysis.simulate.singular_passage import NODES as NODES_OF_PASSAGE
+from mbstab.analysis.simulate.singular_passage import Passage, passage, predicted
+from mbstab.analysis.simulate.steppers.compiled import Marching
+from mbstab.analysis.simulate.steppers.explicit import first_step
+from mbstab.analysis.simulate.steppers.interface import Method, Options, Stepper
+from mbstab.analysis.simulate.stiffness import Pace
+from mbstab.analysis.simulate.time_budget import Budget
+from mbstab.compiler.system import Array, Dynamics, System
+from mbstab.errors import ConstraintError, MbstabError, NumericalError
+
+LEAST_PROGRESS = 0.002
+"""The progress function is called when this part of the work is done."""
+
+LOOKED, LONGEST_LOOK = 5, 320
+"""Where compiled steps leave something to others, so many are taken one by one; twice as many where they go no further,
+until so many."""
+
+NEAR = 0.1
+"""A singular configuration is near where the least singular value is below this part of that at the start."""
+
+EXPLAINS = 0.3
+"""A step that fails where it is below this part fails for that reason."""
+
+SHORTENED = 0.999
+"""A fixed step that is taken back and shortened to less than this part has failed."""
+
+STEEPER = 2.0
+"""Near it speeds may be known to the tolerance times the present ones; these are taken anew when they grow by this."""
+
+GROWN = 100.0
+"""Speeds that have grown by more when a singular configuration is reached tell of a limit, not of a branch."""
+
+ROUNDINGS = 8.0
+"""Speeds cannot be known better than what they change by in this many roundings of the time."""
+
+PASSED_FROM = 0.5
+"""Passages are tried from where the least singular value has fallen to this part of that at the start."""
+
+HALVINGS = 12
+"""How often the way to a singular configuration is halved until its passage is accurate enough."""
+
+PASSAGE_ERROR = 1e-10
+"""Error of a passage where steps are fixed."""
+
+LISTED = 8
+"""Times of passages that are said one by one."""
+
+
+@dataclass
+class Run:
+    """What a run found.
+
+    Attributes
+    ----------
+    samples : list of Sample
+    steps, rejected, evaluations, charts : int
+        `charts` counts how often Euler angles were replaced by others.
+    reached : float (s)
+    peak : float (J)
+        The largest kinetic energy after any step; that of speeds as good as rest at least.
+    drift : float
+        The largest residual of a constraint row after any step, relative to sizes and speeds in the scene.
+    failure : str
+        Why it ended early, or empty.
+    interrupted : bool
+    notes : list of str
+        What the user should know about the result.
+    passed : list of (float, str)
+        Times at which singular configurations were passed (s), and the rows that depend on each other there.
+    """
+
+    samples: list[Sample] = field(default_factory=list)
+    steps: int = 0
+    rejected: int = 0
+    evaluations: int = 0
+    charts: int = 0
+    reached: float = 0.0
+    peak: float = 0.0
+    drift: float = 0.0
+    failure: str = ""
+    interrupted: bool = False
+    notes: list[str] = field(default_factory=list)
+    passed: list[tuple[float, str]] = field(default_factory=list)
+
+    @cached_property
+    def track(self) -> Track:
+        """Where the bodies are at all samples of a run that has ended, which has one at least."""
+        return Track.of(self.samples)
+
+    @property
+    def complete(self) -> bool:
+        """Whether it reached its end."""
+        return not self.failure and not self.interrupted
+
+
+class Follower:
+    """Follows the motion from a state, any number of times.
+
+    Parameters
+    ----------
+    system : System
+    motion : Motion
+        The motion at the start: its state, and ranks and scales that are kept.
+    times : ndarray, shape (n_t,)
+        Times of output (s), ascending; the first is the start.
+    form : Form, optional
+        What evaluates the scene, where others use it as well.
+    through : bool
+        Go through singular configurations where the motion is smooth, instead of refusing them.
+
+    Attributes
+    ----------
+    tell : callable
+        Is called with what should be known before a run ends.
+    budget : Budget or None
+        The watch on the time of all runs.
+    """
+
+    def __init__(
+        self, system: System, motion: Motion, times: Array, form: Form | None = None, through: bool = False
+    ) -> None:
+        self.system, self.motion, self.times, self.through = system, motion, times, through
+        self.attitudes = Attitudes.of(system)
+        self.energy = Energy.of(system, self.attitudes)
+        self.form = form or Form(system)
+        self.parts = self.working_parts(system)
+        self.note = ""
+        self.tell: Callable[[str], object] = lambda text: None
+        self.budget: Budget | None = None
+        self._marching: Marching | None = None
+
+    def marching(self, equations: Constrained, solver: str) -> Marching:
+        """Return compiled steps of the scene."""
+        if self._marching is None:
+            self._marching = Marching(equations, self.attitudes, self.energy, solver)
+        return self._marching
+
+    def working_parts(self, system: System) -> dict[str, Form]:
+        """Return the forces without a potential, each alone, in the coordinates of `system`."""
+        wanted = {*self.energy.working, *self.energy.damped}
+        return {path: Form(part) for path, part in system.parts() if path in wanted} if wanted else {}
+
+    def run(self, method: Method, options: Options, progress: Callable[[float], object]) -> Run:
+        """Follow the motion; failures end the run and are kept in it."""
+        run = Run(reached=float(self.times[0]))
+        leg = _Leg(self, run)
+        pace = Pace(method, options, float(self.times[-1]), self.note, self.tell, self.budget)
+        run.peak = leg.equations.least_energy
+        try:
+            leg.sample(float(self.times[0]), self.motion.q, self.motion.u)
+            leg.follow(method, options, progress, pace)
+        except KeyboardInterrupt:
+            run.interrupted = True
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            run.failure = f"the motion leaves the range of double precision near t = {run.reached:.9g} s: {error}"
+        except MbstabError as error:
+            run.failure = str(error)
+        self.note = pace.note
+        if pace.note and not run.failure:
+            run.notes.append(pace.note)
+        if run.passed:
+            run.notes.append(_passed(run.passed))
+        run.evaluations += leg.equations.evaluations
+        return run
+
+
+def _passed(found: list[tuple[float, str]]) -> str:
+    """Return what is said about singular configurations that were passed."""
+    times = ", ".join(f"{t:.6g}" for t, _ in found[:LISTED])
+    if len(found) > LISTED:
+        times += f", … ({len(found)} times)"
+    owners = ", ".join(dict.fromkeys(name for _, names in found for name in names.split(", ")))
+    return (
+        f"the motion passed singular configurations at t = {times} s, where these rows depend on each other: {owners}; "
+        "it was continued smoothly, but could have gone on in another way there, and reactions may grow without bound"
+    )
+
+
+class _Singular(Exception):
+    """A singular configuration on the way: its time (s), from where known or about, and the error that it is."""
+
+    def __init__(self, time: float, error: ConstraintError) -> None:
+        super().__init__(str(error))
+        self.time, self.error = time, error
+
+
+class _Leg:
+    """The state of a run: the present chart, the watch, the work so far."""
+
+    def __init__(self, follower: Follower, run: Run) -> None:
+        self.follower, self.run = follower, run
+        self.attitudes, self.energy = follower.attitudes, follower.energy
+        self.system, self.motion = follower.system, follower.motion
+        self.equations = Constrained(self.system, self.motion, follower.form)
+        self.watch: Watch = self.equations.refresh(self.motion.dynamics)
+        self.frame: Frame | None = None
+        self.work = 0.0
+        self.parts = follower.parts
+        self.least, self.looked = 0.0, LOOKED
+        self.done, self.shown = 1, 0.0
+        self.fall, self.tried, self.given_up = 0.0, math.inf, 0
+
+    def follow(self, method: Method, options: Options, progress: Callable[[float], object], pace: Pace) -> None:
+        run, end = self.run, float(self.follower.times[-1])
+        t, q, u = float(self.follower.times[0]), self.motion.q, self.motion.u
+        steeper, limit = options.rate, end
+        self.rate = options.rate
+        q, u = self._change_chart(q, q, u, t)
+        while t < end:
+            if options.compiled and self.equations.independent:
+                t, q, u, before, options = self._march(t, q, u, limit, options, progress, pace)
+                if t >= end:
+                    break
+                limit = limit if t < limit else end
+                if self.attitudes.needs_change(self.system, before, q):
+                    q, u = self._change_chart(before, q, u, t)
+                    continue
+            stepper = method.start(self.equations, t, q, u, limit, options)
+            passed: Passage | None = None
+            started = run.steps
+            again = False
+            while True:
+                before, speeds = stepper.q, stepper.u
+                try:
+                    self._advance(stepper, t, options)
+                    self._watch(stepper, t)
+                except _Singular as found:
+                    if not self.follower.through:
+                        raise found.error from None
+                    passed = self._passage(t, found.time, before, speeds, options)
+                    if passed is None:
+                        # From nearer it is a shorter way.
+                        limit = self._halfway(t, found, before, speeds)
+                        q, u, again = before, speeds, True
+                        break
+                if passed is None:
+                    change = self.attitudes.needs_change(self.system, before, stepper.q)
+                    self._finish(stepper, t, progress)
+                    t = stepper.t
+                    if t < limit and self.follower.through and self._falling():
+                        passed = self._passage(t, self._ahead(stepper), stepper.q, stepper.u, options)
+                if passed is not None:
+                    self._finish(passed, passed.start, progress)
+                    t = passed.t
+                    break
+                if t >= limit:
+                    break
+                pace.look(run.steps, stepper, self.equations, options)
+                if change or (steeper := self._steeper(stepper, options)) > options.rate:
+                    break
+                if options.compiled and run.steps >= started + self.looked:
+                    break
+            run.rejected += stepper.rejected
+            if again:
+                options = replace(options, first=None)
+                continue
+            limit = end
+            options = replace(options, first=stepper.taken or None, rate=max(steeper, options.rate))
+            if t < end:
+                # Implicit methods leave speeds a little off their constraints: the new start must satisfy them.
+                last = passed or stepper
+                q, u, _ = self.equations.project(t, last.q, last.u)
+                q, u = self._change_chart(before, q, u, t)
+        progress(1.0)
+
+    def _finish(self, stepper: Stepper, t: float, progress: Callable[[float], object]) -> None:
+        """Take what a step from a time gives: output, work, extremes."""
+        run, times = self.run, self.follower.times
+        run.steps += 1
+        run.peak = max(run.peak, 0.5 * float(stepper.u @ stepper.state.M @ stepper.u))
+        run.drift = max(run.drift, *self.equations.residuals(stepper.state, self.equations.fastest(stepper.u)))
+        inside = []
+        while self.done < len(times) and times[self.done] <= stepper.t:
+            inside.append(float(times[self.done]))
+            self.done += 1
+        self._cover(stepper, t, inside)
+        self._reached(stepper.t, progress)
+
+    def _reached(self, t: float, progress: Callable[[float], object]) -> None:
+        times = self.follower.times
+        self.run.reached = t
+        part = (t - times[0]) / (times[-1] - times[0])
+        if part > self.shown + LEAST_PROGRESS:
+            self.shown = float(part)
+            progress(self.shown)
+
+    def _march(
+        self,
+        t: float,
+        q: Array,
+        u: Array,
+        limit: float,
+        options: Options,
+        progress: Callable[[float], object],
+        pace: Pace,
+    ) -> tuple[float, Array, Array, Array, Options]:
+        """Take compiled steps as far as they go; return the state there, q before the last step, and the options."""
+        run, n = self.run, len(q)
+        marching, base, covered = self.follower.marching(self.equations, options.solver), self.work, 0
+        times, steps = self.follower.times[self.done :], run.steps
+        if options.first is None:
+            options = replace(options, first=first_step(self.equations, t, q, u, limit, options))
+        near = PASSED_FROM if self.follower.through else EXPLAINS
+        reason = marching.start(self.system, t, q, u, times, limit, options, self.least, near)
+        state = marching.state
+        while True:
+            for time, found in zip(times[covered : state.done], state.found[covered : state.done], strict=True):
+                self.work = base + float(found[2 * n])
+                self.sample(float(time), found[:n], found[n : 2 * n], settled=True)
+            covered = state.done
+            run.steps = steps + state.steps
+            self._reached(state.t, progress)
+            if reason != "more":
+                break
+            pace.look(run.steps, state, self.equations, options)
+            reason = marching.go()
+        if reason != "chart":
+            self.watch = self.equations.refresh(self.equations.evaluate(state.t, state.q, state.u))
+        self.least, self.work = state.least, base + state.work
+        self.looked = LOOKED if state.steps else min(2 * self.looked, LONGEST_LOOK)
+        self.done += covered
+        run.rejected += state.rejected
+        run.peak, run.drift = max(run.peak, state.peak), max(run.drift, state.drift)
+        self.equations.evaluations += state.evaluations
+        return state.t, state.q, state.u, state.before, replace(options, first=state.following)
+
+    # --- charts -----------------------------------------------------------------------------------------------------
+
+    def _change_chart(self, before: Array, q: Array, u: Array, t: float) -> tuple[Array, Array]:
+        if not self.attitudes.needs_change(self.system, before, q):
+            return q, u
+        self.system, q, u = self.attitudes.changed(self.system, q, u)
+        self.run.charts += 1
+        self.run.evaluations += self.equations.evaluations + 1
+        state = self.system.dynamics(q, u, t)
+        old = self.equations
+        self.equations = Constrained(self.system, replace(self.motion, dynamics=state))
+        self.equations.start_from(old)
+        self.watch = self.equations.refresh(state)
+        self.parts = self.follower.working_parts(self.system)
+        return q, u
+
+    # --- rank -------------------------------------------------------------------------------------------------------
+
+    def _watch(self, stepper: Stepper, t: float) -> None:
+        """Look for a singular configuration within the last step."""
+        equations = self.equations
+        if not equations.rank:
+            return
+        state = stepper.state
+        found = equations.refresh(state)
+        if equations.flipped(self.watch, state, found):
+            self._search(stepper, t)
+        self.fall = (self.watch.value - found.value) / stepper.taken
+        self.watch = found
+
+    def _steeper(self, stepper: Stepper, options: Options) -> float:
+        """Return what a fast change is from now on (1/s).
+
+        Where a mechanism reaches a limit, speeds grow as the inverse of the least singular value: the tolerance counts
+        relative to the largest, and what they change by while the time is rounded cannot be known.
+        """
+        equations, state = self.equations, stepper.state
+        if options.step is not None or not equations.nears(self.watch, NEAR):
+            return options.rate
+        growth, _ = equations.solve(state, -state.F0, state.B)
+        rounding = ROUNDINGS * math.ulp(stepper.t) * equations.fastest(growth) / options.tol
+        found = max(equations.fastest(stepper.u), rounding)
+        return found if found > STEEPER * options.rate else options.rate
+
+    def _advance(self, stepper: Stepper, t: float, options: Options) -> None:
+        """Take a step from a time; a failure next to a singular configuration is explained by it."""
+        try:
+            stepper.advance()
+            if options.step is not None and stepper.taken < SHORTENED * min(options.step, self.follower.times[-1] - t):
+                raise NumericalError(
+                    f"the step of {options.step:.3g} s fails at t = {t:.9g} s: its error is beyond all measure\n"
+                    "hint: take a shorter one with --step"
+                )
+        except NumericalError as error:
+            if not self.equations.nears(self.watch, EXPLAINS):
+                raise
+            near = self.equations.approached(t, self.watch, str(error).partition("\n")[0])
+            raise _Singular(t + self.watch.value / self.fall if self.fall > 0.0 else math.inf, near) from None
+
+    def _at(self, stepper: Stepper, t: float) -> Dynamics:
+        """Return the matrices at a time within the last step, with Euler angles that are not singular there."""
+        q, u = stepper.at(t) if t != stepper.t else (stepper.q, stepper.u)
+        if self.attitudes.needs_change(self.system, q, q):
+            system, q, u = self.attitudes.changed(self.system, q, u)
+            self.run.evaluations += 1
+            return system.dynamics(q, u, t)
+        return self.equations.evaluate(t, q, u)
+
+    def _search(self, stepper: Stepper, start: float) -> None:
+        """Find where in the last step the constraints are closest to losing rank; refuse if they do."""
+        from scipy.optimize import minimize_scalar
+
+        def smallness(t: float) -> float:
+            return self.equations.smallness(self._at(stepper, t))
+
+        grid = np.linspace(start, stepper.t, 9)
+        values = [smallness(float(t)) for t in grid]
+        k = int(np.argmin(values))
+        low, high = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, 8)])
+        found = minimize_scalar(smallness, bounds=(low, high), method="bounded", options={"xatol": 1e-9 * (high - low)})
+        t, least = min([(float(found.x), float(found.fun)), (float(grid[k]), values[k])], key=lambda x: x[1])
+        if least <= SINGULAR:
+            self.run.reached = start
+            grown = self.equations.fastest(stepper.u) > GROWN * self.rate
+            hint = LIMIT_HINT if grown else BRANCH_HINT
+            raise _Singular(t, self.equations.singular(t, self._at(stepper, t), least, hint))
+
+    # --- through singular configurations ----------------------------------------------------------------------------
+
+    def _falling(self) -> bool:
+        """Whether a singular configuration is near and comes nearer, and a passage should be tried."""
+        if not self.equations.nears(self.watch, PASSED_FROM):
+            self.tried = math.inf
+            return False
+        if not 0.0 < self.watch.value < 0.5 * self.tried or self.fall <= 0.0:
+            return False
+        self.tried = self.watch.value
+        return True
+
+    def _ahead(self, stepper: Stepper) -> float:
+        """Return about when the least singular value vanishes; nan if it does not."""
+        horizon = 3.0 * self.watch.value / self.fall
+        return predicted(self.equations, stepper.t, stepper.q, stepper.u, self.watch, horizon)
+
+    def _passage(self, t: float, singular: float, q: Array, u: Array, options: Options) -> Passage | None:
+        """Return the step from a state to as far behind a singular configuration, if the motion is smooth there."""
+        if 2.0 * (singular - t) > 0.5 * NODES_OF_PASSAGE * options.longest:  # a given function might be passed over
+            return None
+        allowed = PASSAGE_ERROR if options.step is not None else options.tol
+        last = float(self.follower.times[-1])
+        found = passage(self.equations, self.watch, t, singular, last, q, u, allowed)
+        if found is None or not found.locate(self.watch):
+            return None
+        self.watch = self.equations.refresh(found.state)
+        self.fall, self.tried, self.given_up = 0.0, math.inf, 0
+        self.run.passed.append((found.singular, found.owners))
+        return found
+
+    def _halfway(self, t: float, found: _Singular, q: Array, u: Array) -> float:
+        """Return the time on the way to a singular configuration from where the passage is tried next."""
+        self.given_up += 1
+        limit = 0.5 * (t + found.time)
+        if self.given_up > HALVINGS or not t < limit < self.follower.times[-1]:
+            raise found.error from None
+        self.watch = self.equations.refresh(self.equations.evaluate(t, q, u))
+        return limit
+
+    # --- output -----------------------------------------------------------------------------------------------------
+
+    def _cover(self, stepper: Stepper, t: float, inside: list[float]) -> None:
+        """Take the samples within the last step, and add up the work."""
+        passed = stepper if isinstance(stepper, Passage) else None
+        for time in inside:
+            self._add_work(stepper, t, time)
+            t = time
+            self.sample(time, *(stepper.at(time) if time != stepper.t else (stepper.q, stepper.u)), passed)
+        self._add_work(stepper, t, stepper.t)
+
+    def _add_work(self, stepper: Stepper, start: float, stop: float) -> None:
+        if self.energy.conservative or stop <= start:
+            return
+        if isinstance(stepper, Passage):
+            self.work += stepper.work(start, stop, self._power)
+            return
+        half = 0.5 * (stop - start)
+        for node, weight in zip(NODES, WEIGHTS, strict=True):
+            t = start + half * (1.0 + node)
+            q, u = stepper.at(t)
+            _, nu, state = self.equations.accelerations(t, q, u)
+            self.work += half * weight * self.energy.power(self.parts, q, u, t, state, nu)
+
+    def _power(self, t: float, q: Array, u: Array, a: Array) -> float:
+        state = self.equations.evaluate(t, q, u)
+        return self.energy.power(self.parts, q, u, t, state, self.equations.multipliers(state, a))
+
+    def sample(self, t: float, q: Array, u: Array, passed: Passage | None = None, settled: bool = False) -> None:
+        """Record the motion at a time, projected onto the constraints if need be; on a passage as that gives it."""
+        if not (passed or settled):
+            q, u, _ = self.equations.project(t, q, u)
+        if self.frame is None or self.frame.equations is not self.equations:
+            self.frame = Frame(self.equations, self.attitudes, self.energy, self.motion.q)
+        a = passed.acceleration(t) if passed else None
+        self.run.samples.append(Sample(self.frame, t, q, u, self.work, a))
+
+
+def difference(one: Run, other: Run, sizes: Array, fast: float | None = None) -> float:
+    """Return how much two runs differ: the largest difference of places, orientations and speeds at common times.
+
+    Lengths count in the size of the scene, orientations by the entries of rotation matrices, speeds and
+    angular velocities relative to the largest, or to `fast` (1/s).
+    """
+    count = min(len(one.samples), len(other.samples))
+    length = float(np.max(sizes))
+    fast = fastest(other, length) if fast is None else fast
+    a, b = one.track, other.track
+    worst = max(
+        _largest(a.positions[:count] - b.positions[:count]) / length,
+        _largest(a.rotations[:count] - b.rotations[:count]),
+        _largest(a.velocities[:count] - b.velocities[:count]) / (length * fast),
+        _largest(a.spins[:count] - b.spins[:count]) / fast,
+    )
+    return worst if math.isfinite(worst) else math.inf
+
+
+def fastest(run: Run, length: float) -> float:
+    """Return the largest speed over the size of the scene, or the largest angular velocity (1/s)."""
+    track = run.track
+    return max(_largest(np.linalg.norm(track.velocities, axis=-1)) / length, _largest(track.spins)) or 1.0
+
+
+def _largest(x: Array) -> float:
+    return float(np.max(np.abs(x), initial=0.0))

@@ -1,0 +1,243 @@
+"""A motion through a singular configuration, along its smooth continuation.
+
+Where constraints lose rank for an instant, accelerations and multipliers are the solution of a singular system, and
+a step that ends or has a stage there has no order. But the positions of a motion that goes straight on are smooth.
+So the singular configuration is stepped over at once, from a state before it to one behind it, where nothing
+is singular: accelerations are a polynomial of degree 19 in the time, and at the 20 nodes of Gauss, none of which is
+at the singular instant, they are those of the constrained equations at the positions and speeds that
+follow by integration, moved onto the constraints. These equations of collocation are solved by Picard's
+iteration (Hairer, Nørsett, Wanner 1993, section II.7), which converges as the interval is short
+compared with the motion. How fast the coefficients of the polynomial fall tells the error.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from mbstab.analysis.simulate.constrained import Constrained, Watch
+from mbstab.compiler.system import Array, Dynamics
+from mbstab.errors import MbstabError
+
+NODES = 20
+"""An even number: no node lies in the middle."""
+
+POINTS, WEIGHTS = legendre.leggauss(NODES)
+
+ITERATIONS = 60
+
+ROUNDED = 1e-13
+"""Corrections below this, in sizes of the scene, are rounding."""
+
+NOISE = 1e-10
+"""Corrections that do not become smaller are rounding below this at most."""
+
+TAIL = 0.1
+"""The last coefficients of the polynomial, and rounding, may be worth this part of the tolerance of a step."""
+
+SETTLED = 1e-6
+"""Corrections below this, in sizes of the scene, tell where the singular configuration is."""
+
+CENTERINGS, OFF_CENTER = 4, 0.02
+"""Intervals that are tried until their middle is off the singular configuration by less than this part of the half."""
+
+AHEAD = 8
+"""Times at which a state ahead is looked at."""
+
+CLEAR = 1e-4
+"""The least singular value at a node, relative to that at the start, is this at least."""
+
+
+class Passage:
+    """A step over a singular configuration, in the form of a `Stepper` that took it.
+
+    Attributes
+    ----------
+    start, t : float
+        First and last time (s).
+    q, u : ndarray, shape (n_q,)
+        The state at the end.
+    taken : float (s)
+    rejected : int
+    state : Dynamics
+        Matrices at the end.
+    singular : float
+        When the constraints lose rank (s); nan if they do not.
+    owners : str
+        The rows that depend on each other there.
+    """
+
+    rejected = 0
+
+    def __init__(self, equations: Constrained, start: float, end: float, coefficients: tuple[Array, Array, Array]):
+        self.equations = equations
+        self.start, self.t, self.taken = start, end, end - start
+        self._q, self._u, self._a = coefficients
+        self.singular, self.owners = math.nan, ""
+        self._power: Array | None = None
+        self.q, self.u, self.state = equations.project(end, *self.at(end))
+
+    def advance(self) -> None:
+        """Do nothing: the step is taken."""
+
+    def _x(self, t: float) -> float:
+        return 2.0 * (t - self.start) / self.taken - 1.0
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Return q and u at a time within the step."""
+        x = self._x(t)
+        return np.asarray(legendre.legval(x, self._q)), np.asarray(legendre.legval(x, self._u))
+
+    def acceleration(self, t: float) -> Array:
+        """Return the accelerations at a time within the step."""
+        return np.asarray(legendre.legval(self._x(t), self._a))
+
+    def work(self, start: float, stop: float, power: Any) -> float:
+        """Return the work between two times within the step (J); ``power(t, q, u, a)`` is asked at the nodes."""
+        if self._power is None:
+            times = (self.start + 0.5 * self.taken * (1.0 + POINTS)).tolist()
+            values = np.array([power(t, *self.at(t), self.acceleration(t)) for t in times])
+            self._power = _integral(_fitted(values), np.zeros(()), 0.5 * self.taken)
+        done = legendre.legval(np.array([self._x(start), self._x(stop)]), self._power)
+        return float(done[1] - done[0])
+
+    def locate(self, watch: Watch) -> bool:
+        """Find when the constraints lose rank; return whether the least singular value changes its sign.
+
+        Parameters
+        ----------
+        watch : Watch
+            The least singular value at the start.
+        """
+        from scipy.optimize import minimize_scalar
+
+        equations = self.equations
+        if not equations.signed(watch, self.state) < 0.0:
+            return False
+        found = minimize_scalar(
+            lambda t: equations.smallness(self._state(t)),
+            bounds=(self.start + 0.3 * self.taken, self.t - 0.3 * self.taken),
+            method="bounded",
+            options={"xatol": 1e-12 * self.taken},
+        )
+        self.singular = float(found.x)
+        self.owners = equations.owners(watch.left)
+        return bool(found.fun < 1e-2 * CLEAR)
+
+    def _state(self, t: float) -> Dynamics:
+        return self.equations.evaluate(t, *self.at(t))
+
+
+def predicted(equations: Constrained, t: float, q: Array, u: Array, watch: Watch, horizon: float) -> float:
+    """Return about when the least singular value will vanish, if the accelerations stay what they are; nan if not.
+
+    Parameters
+    ----------
+    t, q, u
+        The state now; `watch` is its least singular value.
+    horizon : float (s)
+        How far to look ahead.
+    """
+    from scipy.optimize import brentq
+
+    a = equations.accelerations(t, q, u)[0]
+
+    def value(later: float) -> float:
+        return equations.signed(watch, equations.evaluate(t + later, q + later * (u + 0.5 * later * a), u + later * a))
+
+    before = 0.0
+    for later in np.linspace(0.0, horizon, AHEAD + 1)[1:].tolist():
+        if value(later) < 0.0:
+            return t + float(brentq(value, before, later, xtol=1e-6 * horizon))
+        before = later
+    return math.nan
+
+
+def passage(
+    equations: Constrained, watch: Watch, start: float, singular: float, last: float, q: Array, u: Array, allowed: float
+) -> Passage | None:
+    """Return the step from a state to as far behind a singular configuration, or None if no such motion is found.
+
+    Parameters
+    ----------
+    watch : Watch
+        The least singular value at the state.
+    start, singular, last : float (s)
+        The time now, about that of the singular configuration, and the end of the simulation.
+    q, u : ndarray, shape (n_q,)
+        A state that satisfies the constraints, away from the singular configuration.
+    allowed : float
+        Error allowed, in sizes of the scene and what changes of them count in a second.
+    """
+    try:
+        for _ in range(CENTERINGS):
+            end = min(2.0 * singular - start, last)
+            if not start < singular < end:
+                return None
+            found = _collocated(equations, watch, start, end, q, u, allowed)
+            if not isinstance(found, float):
+                return found
+            singular = found
+    except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
+        pass
+    return None
+
+
+def _collocated(
+    equations: Constrained, watch: Watch, start: float, end: float, q: Array, u: Array, allowed: float
+) -> Passage | float | None:
+    """Return the step, or None if it does not converge, or the time of the singular configuration if a node is near."""
+    half, sizes = 0.5 * (end - start), equations.sizes
+    times = start + half * (1.0 + POINTS)
+    a = np.tile(equations.accelerations(start, q, u)[0], (NODES, 1))
+    at = np.full((2, *a.shape), np.inf)
+    before = math.inf
+    for _ in range(ITERATIONS):
+        speeds = _integral(_fitted(a), u, half)
+        places = _integral(speeds, q, half)
+        ways = zip(times.tolist(), legendre.legval(POINTS, places).T, legendre.legval(POINTS, speeds).T, strict=True)
+        states = [equations.nearer(*way) for way in ways]
+        last, at = at, np.array([[x[k] for x in states] for k in (0, 1)])
+        a = np.array([equations.solve(state, -state.F0, state.B)[0] for *_, state in states])
+        moved = np.max(np.abs(at - last) / sizes, axis=(1, 2))
+        change = float(max(moved[0], moved[1] * half))
+        if change < SETTLED <= before or change <= ROUNDED or change > 0.5 * before:
+            values = np.array([math.copysign(equations.smallness(x), equations.signed(watch, x)) for *_, x in states])
+            k = int(np.argmax(values < 0.0))
+            if k == 0 or np.any(values[k:] > 0.0):
+                return None
+            # Near its zero it is nearly linear.
+            zero = float(times[k - 1] + (times[k] - times[k - 1]) * values[k - 1] / (values[k - 1] - values[k]))
+            if abs(zero - start - half) > OFF_CENTER * half:
+                return zero
+            # Across the constraints speeds have the rounding of positions, twice divided by the singular value.
+            clear = float(np.min(np.abs(values)))
+            noise = min(ROUNDED / clear**2, NOISE)
+            if change <= ROUNDED or (clear >= CLEAR and change <= noise):
+                break
+        if before < math.inf and not change < 2.0 * before:
+            return None
+        before = change
+    else:
+        return None
+    speeds = _fitted(at[1])
+    tail = float(np.max(np.abs(speeds[-2:]) / sizes)) * half
+    if not tail <= max(TAIL * allowed, noise):
+        return None
+    return Passage(equations, start, end, (_integral(speeds, q, half), speeds, _fitted(a)))
+
+
+def _fitted(values: Array) -> Array:
+    """Return the coefficients, shape (NODES, …), of the polynomial with these values at the nodes."""
+    basis = legendre.legvander(POINTS, NODES - 1) * WEIGHTS[:, None] * (np.arange(NODES) + 0.5)
+    return np.asarray(np.tensordot(basis.T, values, 1))
+
+
+def _integral(slopes: Array, first: Array, half: float) -> Array:
+    """Return the coefficients of the integral that begins with `first`."""
+    found = half * legendre.legint(slopes, lbnd=-1)
+    found[0] += first
+    return np.asarray(found)

@@ -1,0 +1,469 @@
+"""Where a simulation starts: the reference motion, what ``initial:`` gives, disturbances, and all of it consistent.
+
+Given values are held while the others are moved onto the constraints, of these as few as possible
+(`mbstab.analysis.simulate.disturbance`). Where that is impossible
+everything is moved by the least change in the metric of the masses, and it is said by how much. Values
+that no state has, whatever the others are, and those far from every state that was found are errors.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.reference.efforts import Placement
+from mbstab.analysis.reference.motion import Finder, Motion
+from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.simulate.constrained import ACCEPTED, Constrained
+from mbstab.analysis.simulate.disturbance import EXACT, Quantity, coordinates, reached, read_name, speeds, staying
+from mbstab.compiler.system import Array, System
+from mbstab.errors import MbstabError, ModelFileError, UsageError, amount, suggestion
+from mbstab.model.arithmetic import FLOAT
+from mbstab.model.expressions import ExpressionError
+from mbstab.model.schema import parse_finite, unit_of
+
+INCREMENT = 0.2
+"""Given coordinates go from the reference to their values in steps of this part of their sizes, the others follow."""
+
+LARGEST_CHANGE = 1e-9
+"""What is moved by less, relative to its size, is not mentioned."""
+
+FAR = 0.5
+"""A value that is moved by more than this part of its size was not near a state that satisfies the constraints."""
+
+BESIDE = 0.1
+"""Part of their sizes by which coordinates are moved aside, where a symmetric start leads nowhere."""
+
+_MODE = re.compile(r"mode:\s*([0-9]{1,6})")
+
+
+@dataclass(frozen=True)
+class Start:
+    """The state at which a simulation starts.
+
+    Attributes
+    ----------
+    system : System
+    motion : Motion
+        A state that satisfies the constraints, with accelerations and multipliers.
+    warnings : tuple of str
+    notes : tuple of str
+        What the constraints have moved along, where that is not obvious.
+    """
+
+    system: System
+    motion: Motion
+    warnings: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass
+class _Wanted:
+    """A state and which of its values were asked for, in the file or with --perturb.
+
+    What is added to motions of joints, and to their rates, stands in `joints` and `joint_rates`.
+    """
+
+    q: Array
+    u: Array
+    held_q: Any
+    held_u: Any
+    perturbed: set[str] = field(default_factory=set)
+    joints: list[tuple[Quantity, float]] = field(default_factory=list)
+    joint_rates: list[tuple[Quantity, float]] = field(default_factory=list)
+
+
+def start_of(
+    system: System, perturb: Mapping[str, float | str] | None = None, time: float | None = None, strict: bool = False
+) -> Start:
+    """Return the state at which a simulation starts.
+
+    Parameters
+    ----------
+    perturb : mapping, optional
+        What is added to the reference motion: by coordinate such as ``rod.theta``, by motion of a joint such as
+        ``angle(pivot)`` or ``displacement(slider)``, by rate such as ``rate(rod.theta)`` or ``rate(angle(pivot))``, or
+        by mode such as ``mode:1``, numbers or expressions of the parameters (m, rad, s).
+    time : float, optional
+        The start (s); that of ``initial:``, else that of the reference, if not given.
+    strict : bool
+        Refuse given values that the constraints do not allow.
+
+    Raises
+    ------
+    UsageError, ModelFileError
+        If a name is unknown or a value is no number; if no state near the given values satisfies the constraints, or
+        no state at all has one of them; if they have to be moved, and `strict`; if the reference is none.
+    """
+    scene = system.scene
+    q0, u0, motion = _reference(system)
+    begin = scene.initial.time if time is None else time
+    begin = float(scene.time if begin is None else begin)
+    n = system.n_q
+    number = {name: i for i, name in enumerate(system.names)}
+    wanted = _Wanted(q0.copy(), u0.copy(), np.zeros(n, dtype=bool), np.zeros(n, dtype=bool))
+    for values, x, held in (
+        (scene.initial.coordinates, wanted.q, wanted.held_q),
+        (scene.initial.rates, wanted.u, wanted.held_u),
+    ):
+        for name, value in values.items():
+            x[number[name]], held[number[name]] = float(value), True
+    for name, value in (perturb or {}).items():
+        _disturb(system, motion, wanted, name, value)
+    system = System(replace(scene, time=begin))
+    finder = Finder(system)
+    equations = Constrained(system, motion)
+    warnings: list[str] = []
+    held = _Held(finder, equations, begin, q0, u0, wanted)
+    q, moved = held.positions()
+    _check_positions(finder, equations, begin, (q, q0), wanted, moved)
+    _report(system, finder, moved, "", strict, warnings)
+    u, moved = held.speeds(q)
+    _check_speeds(finder, equations, begin, q, u, wanted, moved)
+    _report(system, finder, moved, "/s", strict, warnings)
+    finder.check_chart(q, np.zeros(n, dtype=bool))
+    found = finder.motion(q, u, begin)
+    q, u, state = Constrained(system, found).project(begin, q, u)
+    found = replace(finder.motion(q, u, begin), dynamics=state)
+    return Start(system, found, (*warnings, *dict.fromkeys(found.warnings)), tuple(held.notes))
+
+
+def _reference(system: System) -> tuple[Array, Array, Motion]:
+    """Return the reference of the file, which may be out of balance, and the motion through it."""
+    reference = system.scene.model.reference
+    if reference.find is not None or reference.steady is not None:
+        motion = reference_motion(system)
+        return motion.q, motion.u, motion
+    finder = Finder(system)
+    try:
+        q = finder.coordinates()
+        u = finder.rates(q)
+    except ModelFileError:
+        if not system.scene.initial.coordinates:
+            raise
+        q, _ = finder.start()
+        u = np.array([system.scene.rates.get(name, 0.0) for name in system.names], dtype=float)
+    return q, u, finder.motion(q, u)
+
+
+# --- disturbances ---------------------------------------------------------------------------------------------------
+
+
+def _disturb(system: System, motion: Motion, wanted: _Wanted, name: str, value: float | str) -> None:
+    """Add a disturbance to a state."""
+    size = _value(system, name, value)
+    if mode := _MODE.fullmatch(name):
+        dq, du = mode_shape(system, motion, int(mode[1]))
+        wanted.q += size * dq
+        wanted.u += size * du
+        return
+    quantity, rate = read_name(system, motion.sizes, name)
+    if quantity.joint is not None:
+        (wanted.joint_rates if rate else wanted.joints).append((quantity, size))
+        return
+    wanted.perturbed.add(f"rate({quantity.name})" if rate else quantity.name)
+    x, held = (wanted.u, wanted.held_u) if rate else (wanted.q, wanted.held_q)
+    x[quantity.number] += size
+    held[quantity.number] = True
+
+
+def _value(system: System, name: str, value: float | str) -> float:
+    parameters = system.scene.parameters
+    try:
+        if not isinstance(value, str):
+            if isinstance(value, bool) or not hasattr(value, "__float__"):
+                raise ExpressionError("a disturbance is one number", 0, "a number, or a text with an expression")
+            found = float(value)
+        else:
+            expression = parse_finite(value, parameters)
+            for used in (*expression.names(), *expression.rates()):
+                if used not in parameters:
+                    raise ExpressionError(f"unknown parameter {used!r}", 0, suggestion(used, parameters))
+            found = float(expression.evaluate(parameters, FLOAT))
+    except ExpressionError as error:
+        hint = f"\nhint: {error.hint}" if error.hint else ""
+        raise UsageError(f"--perturb {name}={value}: {error.message}{hint}") from None
+    if not np.isfinite(found):
+        raise UsageError(f"--perturb {name}={value}: the value is not finite")
+    return found
+
+
+def mode_shape(system: System, motion: Motion, number: int) -> tuple[Array, Array]:
+    """Return Δq and Δu of a mode, the real part of its shape at an instant.
+
+    The coordinate that moves most, relative to the sizes in the scene, moves by 1 (m or rad) and has its largest
+    value at that instant.
+
+    Parameters
+    ----------
+    number : int
+        As ``mbstab eig`` lists the modes, from 1; a pair is one mode, neutral eigenvalues are none.
+
+    Raises
+    ------
+    UsageError
+        If there is no such mode.
+    """
+    _, dq, du = complex_mode(system, number)
+    return np.real(dq), np.real(du)
+
+
+def complex_mode(system: System, number: int) -> tuple[complex, Array, Array]:
+    """Return eigenvalue (1/s; the multiplier of a periodic motion), complex Δq and Δu of a mode, as in `mode_shape`."""
+    from mbstab.analysis.linear.eigenvalues import answer
+    from mbstab.analysis.linear.linearize import linearize, state_space
+
+    listed = [e for e in answer(system).eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
+    if not 1 <= number <= len(listed):
+        count = "is 1" if len(listed) == 1 else f"are {len(listed)}"
+        raise UsageError(f"no mode {number}: there {count} to choose from, as mbstab eig lists them")
+    mode = listed[number - 1]
+    motion = reference_motion(system)
+    if system.scene.period is not None:
+        from mbstab.analysis.linear.floquet import monodromy
+
+        around = monodromy(system, motion, float(system.scene.period))
+        matrix, value = around.Phi, mode.multiplier
+        to_q, to_u = around.to_coordinates, around.to_rates
+    else:
+        linear = linearize(system, motion)
+        space = state_space(linear)
+        matrix, value, to_q, to_u = space.A, mode.value, space.to_coordinates, space.to_rates
+        if linear.generator is not None and linear.generator.turns:
+            to_u = to_u + linear.generator.frame(motion.q)[0] @ to_q
+    values, vectors = np.linalg.eig(matrix)
+    y = vectors[:, int(np.argmin(np.abs(values - value)))]
+    dq, du = to_q @ y, to_u @ y
+    relative = np.abs(dq / motion.sizes)
+    moves, x = (relative, dq) if np.any(relative > 0.0) else (np.abs(du / motion.sizes), du)
+    largest = x[int(np.argmax(moves))]
+    value = complex(value or 0.0)
+    if mode.kind == "center" and system.scene.period is None:
+        value = complex(0.0, value.imag)
+    return value, dq / largest, du / largest
+
+
+# --- onto the constraints -------------------------------------------------------------------------------------------
+
+
+class _Held:
+    """The way to a state on the constraints with what was asked for, and with as much of the rest as can stay.
+
+    Attributes
+    ----------
+    notes : list of str
+        What the constraints have moved along, where that is not obvious.
+    """
+
+    def __init__(self, finder: Finder, equations: Constrained, t: float, q0: Array, u0: Array, wanted: _Wanted) -> None:
+        self.finder, self.equations, self.t, self.wanted = finder, equations, t, wanted
+        self.q0, self.u0 = q0, u0
+        self.system, self.attitudes = finder.system, Attitudes.of(finder.system)
+        self.own = coordinates(self.system, finder.sizes)
+        self.notes: list[str] = []
+
+    def positions(self) -> tuple[Array, Array]:
+        """Return coordinates that satisfy the constraints, and by how much given ones were moved."""
+        wanted, equations, t = self.wanted, self.equations, self.t
+        goal, none = wanted.q, np.zeros(len(self.q0))
+        named = [self.own[i] for i in np.flatnonzero(wanted.held_q)] + [x for x, _ in wanted.joints]
+        if not named:
+            return (goal, none) if not equations.n_h else self._nearest()
+        at = Placement(self.attitudes, self.system, self.q0, self.u0)
+        J = equations.evaluate(t, self.q0, np.zeros(len(goal))).J[: equations.n_h]
+        others = staying(at, J, named, self.finder.sizes)
+        if wanted.joints:
+            q = self._with_joints(at, others)
+            self._note(q, named, others)
+            return q, none
+        if not equations.n_h:
+            return goal, none
+        for held in (wanted.held_q | np.isin(np.arange(len(goal)), [x.number for x in others]), wanted.held_q):
+            q, left = _held(self.finder, equations, t, self.q0, goal, held)
+            if left <= ACCEPTED:
+                self._note(q, named, others)
+                return q, none
+        return self._nearest()
+
+    def _nearest(self) -> tuple[Array, Array]:
+        """Return the nearest coordinates that satisfy the constraints, and by how much given ones were moved."""
+        # Others than the given ones start where they contradict these least.
+        equations, finder, t, wanted = self.equations, self.finder, self.t, self.wanted
+        goal, held = wanted.q, wanted.held_q
+        q = goal
+        if np.any(held):
+            q, _ = _held(finder, equations, t, self.q0, goal, held)
+        q, left = equations.onto_positions(t, q)
+        if not left <= ACCEPTED:
+            q = finder.assemble(goal, np.ones(len(goal), dtype=bool))
+            q, left = equations.onto_positions(t, q)
+        if not left <= ACCEPTED:
+            text = (
+                f"no state near the initial values satisfies the constraints at t = {t:.9g} s: a residual of "
+                f"{amount(left)} of the sizes in the scene is left"
+            )
+            raise _refused(finder.system, wanted, text, "correct the values, or give those of other coordinates, too")
+        return q, np.where(held, q - goal, 0.0)
+
+    def _with_joints(self, at: Placement, others: list[Quantity]) -> Array:
+        """Return coordinates on the constraints with given motions of joints."""
+        wanted = self.wanted
+        asked = [(self.own[i], float(wanted.q[i])) for i in np.flatnonzero(wanted.held_q)]
+        asked += [(x, x.value(at) + change) for x, change in wanted.joints]
+        # What a mode adds besides stays as well.
+        moved = Placement(self.attitudes, self.system, wanted.q, wanted.u)
+        left = np.inf
+        for goals in (asked + [(x, x.value(moved)) for x in others], asked):
+            q, left = reached(self.equations, self.attitudes, self.t, self.q0, goals)
+            if left <= EXACT:
+                return self.equations.onto_positions(self.t, q)[0]
+        names = ", ".join(x.name for x, _ in wanted.joints)
+        raise UsageError(
+            f"--perturb {names}: no state near has these values and satisfies the constraints: {amount(left)} of the "
+            "sizes in the scene is left\nhint: take a smaller change, or a motion that no drive and no loop determines"
+        )
+
+    def speeds(self, q: Array) -> tuple[Array, Array]:
+        """Return rates that satisfy the constraints, and by how much given ones were moved."""
+        wanted, equations, t = self.wanted, self.equations, self.t
+        goal, held, none = wanted.u, wanted.held_u, np.zeros(len(q))
+        named = [self.own[i] for i in np.flatnonzero(held)] + [x for x, _ in wanted.joint_rates]
+        if named or wanted.joints or np.any(wanted.held_q):
+            at = Placement(self.attitudes, self.system, q, goal)
+            before = Placement(self.attitudes, self.system, self.q0, self.u0)
+            others = staying(at, equations.evaluate(t, q, goal).J, named, self.finder.sizes)
+            asked = [(self.own[i], float(goal[i])) for i in np.flatnonzero(held)]
+            asked += [(x, float(x.gradient(before) @ self.u0) + change) for x, change in wanted.joint_rates]
+            for goals in (asked + [(x, float(x.gradient(before) @ goal)) for x in others], asked):
+                u, left = speeds(equations, self.attitudes, t, q, goal, goals)
+                if goals and left <= ACCEPTED:
+                    return u, none
+            if wanted.joint_rates:
+                names = ", ".join(f"rate({x.name})" for x, _ in wanted.joint_rates)
+                raise UsageError(f"--perturb {names}: the constraints allow no such rates here")
+        u, left, _ = equations.onto_velocities(t, q, goal)
+        if not left <= ACCEPTED:
+            text = (
+                f"no rates near the initial values satisfy the constraints at t = {t:.9g} s: a residual of {left:.1e} "
+                "of the rates in the scene is left"
+            )
+            raise _refused(equations.system, wanted, text, "correct the rates")
+        return u, np.where(held, u - goal, none)
+
+    def _note(self, q: Array, named: list[Quantity], others: list[Quantity]) -> None:
+        """Say what was moved along though there was a choice: what should stay, and angles that the rest determines."""
+        if not others:
+            return
+        joints = any(x.joint is not None for x in named)
+        watched = [x for x in others if x.joint is not None or not joints]
+        watched += [x for x in self.own if x.unit == "rad" and x not in others and x not in named and not joints]
+        zero = np.zeros(len(q))
+        there, here = (Placement(self.attitudes, self.system, x, zero) for x in (self.wanted.q, q))
+        changes = [(x, x.value(here, start) - start) for x in watched for start in [x.value(there)]]
+        moved = [f"{x.name} by {change:.6g} {x.unit}" for x, change in changes if abs(change) > LARGEST_CHANGE * x.size]
+        if moved:
+            names = ", ".join(x.name for x in named)
+            more = f" and {len(moved) - 6} more" if len(moved) > 6 else ""
+            self.notes.append(f"with {names} the constraints move {', '.join(moved[:6])}{more}")
+
+
+def _held(finder: Finder, equations: Constrained, t: float, q0: Array, goal: Array, held: Any) -> tuple[Array, float]:
+    """Return coordinates of which those held have their goals, followed there from `q0`, and the residual left."""
+    change = goal - q0
+    count = int(np.clip(np.ceil(np.max(np.abs(change[held] / finder.sizes[held])) / INCREMENT), 1, 200))
+    aside = BESIDE * finder.sizes * np.sin(1.0 + np.arange(len(q0)))
+    q, left = goal, np.inf
+    for way in (0.0, 1.0, -1.0):
+        q = q0 + np.where(held, 0.0, change + way * aside)
+        for k in range(1, count + 1):
+            q = np.where(held, q0 + (k / count) * change, q)
+            q = finder.assemble(q, ~held)
+        q, left = equations.onto_positions(t, np.where(held, goal, q), held)
+        if left <= ACCEPTED:
+            break
+    return q, left
+
+
+def _refused(system: System, wanted: _Wanted, text: str, hint: str) -> MbstabError:
+    """Return the error of initial values as a whole."""
+    model = system.scene.model
+    if wanted.perturbed or not (model.initial.coordinates or model.initial.rates):
+        return UsageError(f"--perturb: {text}\nhint: {hint}")
+    return ModelFileError([model.document.problem(model.initial.location, "initial", text, hint)])
+
+
+def _check_positions(
+    finder: Finder, equations: Constrained, t: float, starts: tuple[Array, Array], wanted: _Wanted, moved: Array
+) -> None:
+    """Refuse values that no state has, whatever the others are, and those that had to be moved far.
+
+    `starts` are states from which a value is looked for, the first one that to which the values were moved.
+    """
+    system, sizes, found = finder.system, finder.sizes, []
+    for i in np.flatnonzero(np.abs(moved) > LARGEST_CHANGE * sizes):
+        alone = np.arange(len(moved)) == i
+        name, unit = system.names[i], unit_of(system.names[i])
+        near = f"{starts[0][i]:.6g} {unit}, {abs(moved[i]):.6g} {unit} away"
+        goals = (np.where(alone, wanted.q, start) for start in starts)
+        pairs = zip(starts, goals, strict=True)
+        if not any(_held(finder, equations, t, start, goal, alone)[1] <= ACCEPTED for start, goal in pairs):
+            text = f"no state of the mechanism was found with {name} = {wanted.q[i]:.6g} {unit}; one near it has {near}"
+            found.append((name, text))
+        elif abs(moved[i]) > FAR * sizes[i]:
+            found.append(
+                (name, f"no state near the initial values satisfies the constraints; one that does has {near}")
+            )
+    _refuse_values(system, wanted, found, "coordinates")
+
+
+def _check_speeds(
+    finder: Finder, equations: Constrained, t: float, q: Array, u: Array, wanted: _Wanted, moved: Array
+) -> None:
+    """Refuse rates that the constraints forbid, whatever the others are."""
+    system, found = finder.system, []
+    for i in np.flatnonzero(np.abs(moved) > LARGEST_CHANGE * finder.sizes):
+        alone = np.arange(len(moved)) == i
+        if equations.onto_velocities(t, q, np.where(alone, wanted.u, u), alone)[1] <= ACCEPTED:
+            continue
+        name, unit = system.names[i], f"{unit_of(system.names[i])}/s"
+        allowed = u[i] if abs(u[i]) > LARGEST_CHANGE * abs(wanted.u[i]) else 0.0
+        text = f"the constraints allow no rate({name}) = {wanted.u[i]:.6g} {unit} here, but {allowed:.6g} {unit}"
+        found.append((f"rate({name})", text))
+    _refuse_values(system, wanted, found, "rates")
+
+
+def _refuse_values(system: System, wanted: _Wanted, found: list[tuple[str, str]], which: str) -> None:
+    """Refuse values, each with what is wrong, where they were given."""
+    if not found:
+        return
+    hint = "correct the value, or leave it out and it is solved for"
+    for name, text in found:
+        if name in wanted.perturbed:
+            raise UsageError(f"--perturb {name}: {text}")
+    model = system.scene.model
+    given = getattr(model.initial, which)
+    values = ((given[name.removeprefix("rate(").rstrip(")")], text) for name, text in found)
+    raise ModelFileError([model.document.problem(value.location, value.path, text, hint) for value, text in values])
+
+
+def _report(system: System, finder: Finder, moved: Array, per: str, strict: bool, warnings: list[str]) -> None:
+    """Say by how much given values were moved onto the constraints, or refuse that."""
+    changed = [i for i in np.argsort(-np.abs(moved / finder.sizes)) if abs(moved[i]) > LARGEST_CHANGE * finder.sizes[i]]
+    if not changed:
+        return
+    texts = []
+    for i in changed[:6]:
+        name, unit = system.names[i], unit_of(system.names[i])
+        what = f"rate({name})" if per else name
+        texts.append(f"{what} by {moved[i]:.6g} {unit}{per}")
+    text = "the initial values do not satisfy the constraints; moved onto them: " + ", ".join(texts)
+    if strict:
+        location = system.scene.model.initial.location
+        hint = "correct the values, or leave out those that the constraints determine"
+        raise ModelFileError([system.scene.model.document.problem(location, "initial", text, hint)])
+    warnings.append(text)

@@ -1,0 +1,411 @@
+"""Explicit integrators as machine code: a scene as the arrays of `mbstab.compiler.machine`, and many steps at once.
+
+The steps are those of `Projected` (`mbstab.analysis.simulate.steppers.explicit`): the same tableau, the same
+control of the step, the same projection but that a change of positions leaves nonholonomic rows as they are.
+Where something is out of the ordinary, a march stops before it and the caller goes on step by step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbstab.analysis.reference.attitude import CHANGE, PINNED, Attitudes
+from mbstab.analysis.simulate.constrained import ACCEPTED, PROJECTED, PROJECTIONS, Constrained
+from mbstab.analysis.simulate.energy import Energy
+from mbstab.analysis.simulate.steppers.explicit import RELATIVE
+from mbstab.analysis.simulate.steppers.interface import Options
+from mbstab.compiler.fused import Fused
+from mbstab.compiler.system import Array, System
+from mbstab.compiler.trace import Traced
+from mbstab.errors import UsageError
+
+if TYPE_CHECKING:
+    from mbstab.compiler.machine import Machine, March, Tableau
+
+STEPS = 250
+"""After so many the caller hears of them."""
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """In what order the unknowns of a symmetric matrix are eliminated, and what that touches.
+
+    Attributes
+    ----------
+    place : list of int
+        Of each unknown.
+    columns : list of list of int
+        Places below the diagonal that are not zero in each column of L, ascending.
+    """
+
+    place: list[int]
+    columns: list[list[int]]
+
+    @classmethod
+    def of(cls, neighbours: list[set[int]], first: int) -> Elimination:
+        """Choose the unknown with the fewest neighbours each time; those from `first` on come after all their own.
+
+        Parameters
+        ----------
+        neighbours : list of set of int
+            Unknowns that stand in one equation with each.
+        first : int
+            Number of the first unknown whose diagonal entry is zero.
+        """
+        present = [set(x) for x in neighbours]
+        left, order = set(range(len(present))), []
+        columns: list[set[int]] = []
+        while left:
+            ready = (i for i in left if i < first or all(j >= first or j not in left for j in neighbours[i]))
+            k = min(ready, key=lambda i: (len(present[i]), i))
+            left.remove(k)
+            order.append(k)
+            columns.append(present[k])
+            for i in present[k]:
+                present[i] = (present[i] | present[k]) - {i, k}
+        place = [0] * len(order)
+        for position, unknown in enumerate(order):
+            place[unknown] = position
+        return cls(place, [sorted(place[i] for i in column) for column in columns])
+
+
+def _entries(matrix: Any) -> list[tuple[int, int, Any]]:
+    """Return row, column and value of what is not zero in a matrix of traced numbers."""
+    rows = np.asarray(matrix).tolist()
+    return [(i, j, x) for i, row in enumerate(rows) for j, x in enumerate(row) if isinstance(x, Traced) or x != 0.0]
+
+
+def _integers(values: Any) -> Any:
+    return np.array(list(values), dtype=np.int64)
+
+
+def _floats(values: Any) -> Array:
+    return np.array(list(values), dtype=np.float64)
+
+
+def machine_of(equations: Constrained, free: Sequence[int], attitudes: Attitudes, energy: Energy) -> Machine:
+    """Return a scene as arrays; the base rotations of some bodies are set later."""
+    from mbstab.compiler.machine import DELTA, Machine
+
+    fused = Fused(equations.system, free=free)
+    n, kept, traced = equations.n, equations.kept, fused.traced
+    rank, rows = len(kept), equations.n_c
+    mass, jacobian = _entries(traced.M), _entries(traced.J)
+    unknown = {row: n + k for k, row in enumerate(kept)}
+    matrix = [(i, j, x) for i, j, x in mass if i >= j]
+    matrix += [(unknown[i], j, x) for i, j, x in jacobian if i in unknown]
+    neighbours: list[set[int]] = [set() for _ in range(n + rank)]
+    for i, j, _ in matrix:
+        if i != j:
+            neighbours[i].add(j)
+            neighbours[j].add(i)
+    elimination = Elimination.of(neighbours, n)
+    place, columns = elimination.place, elimination.columns
+    start = np.cumsum([0, *map(len, columns)])
+    at = {(row, k): int(start[k]) + i for k, column in enumerate(columns) for i, row in enumerate(column)}
+    updates = [[at[j, i] for a, i in enumerate(column) for j in column[a + 1 :]] for column in columns]
+
+    working = not energy.conservative
+    power = [fused.traced_power(energy.working, energy.damped)] if working else []
+    right = [*traced.F0.tolist(), *traced.B[kept].tolist()]
+    residuals = [*traced.E.tolist(), *traced.V.tolist()]
+    groups = [
+        [*(x for *_, x in matrix), *right, *power],
+        [*(x for *_, x in mass), *(x for *_, x in jacobian), *residuals],
+    ]
+    code = fused.code(groups)
+    results = iter(code.results)
+
+    def registers(count: int) -> tuple[Any, Array]:
+        found = [next(results) for _ in range(count)]
+        return _integers(r for r, _ in found), _floats(-1.0 if minus else 1.0 for _, minus in found)
+
+    entry, entry_sign = registers(len(matrix))
+    right_register, right_sign = registers(n + rank)
+    (power_register,), (power_sign,) = registers(1) if working else ([-1], [0.0])
+    mass_register, mass_sign = registers(len(mass))
+    jacobian_register, jacobian_sign = registers(len(jacobian))
+    residual_register, residual_sign = registers(2 * rows)
+
+    factors = np.concatenate([equations.scale, equations.row_scale[kept]])
+    order = np.argsort(place)
+    shift = np.where(np.arange(n + rank) < n, DELTA, -DELTA)
+    places = [(place[i], place[j]) for i, j, _ in matrix]
+    base = code.inputs + len(code.constants)
+    w = np.zeros(base + len(code.operations))
+    w[code.inputs : base] = code.constants
+    size = n + rank
+    return Machine(
+        operations=_integers(code.operations),
+        first=_integers(x for x, _ in code.operands),
+        second=_integers(x for _, x in code.operands),
+        ends=_integers(code.ends),
+        w=w,
+        base=base,
+        entry_register=entry,
+        entry_factor=entry_sign * [factors[i] * factors[j] for i, j, _ in matrix],
+        entry_row=_integers(max(pair) for pair in places),
+        entry_column=_integers(min(pair) for pair in places),
+        entry_target=_integers(-1 if i == j else at[max(i, j), min(i, j)] for i, j in places),
+        entry_value=np.zeros(len(matrix)),
+        right_register=right_register[order],
+        right_factor=(-right_sign * factors)[order],
+        shift=shift[order],
+        column_start=_integers(start),
+        lower_row=_integers(row for column in columns for row in column),
+        lower=np.zeros(int(start[-1])),
+        diagonal=np.zeros(size),
+        update_start=_integers(np.cumsum([0, *map(len, updates)])),
+        update_target=_integers(target for column in updates for target in column),
+        b=np.zeros(size),
+        x=np.zeros(size),
+        dx=np.zeros(size),
+        place=_integers(place[:n]),
+        row_place=_integers(place[unknown[i]] if i in unknown else -1 for i in range(rows)),
+        scale=equations.scale.astype(float),
+        row_scale=equations.row_scale.astype(float),
+        holonomic=equations.n_h,
+        jacobian_row=_integers(i for i, _, _ in jacobian),
+        jacobian_column=_integers(j for _, j, _ in jacobian),
+        jacobian_register=jacobian_register,
+        jacobian_sign=jacobian_sign,
+        mass_row=_integers(i for i, _, _ in mass),
+        mass_column=_integers(j for _, j, _ in mass),
+        mass_register=mass_register,
+        mass_sign=mass_sign,
+        residual_register=residual_register,
+        residual_sign=residual_sign,
+        power_register=int(power_register),
+        power_sign=float(power_sign),
+        driven=int(energy.driven),
+        sizes=equations.sizes.astype(float),
+        slowest=float(equations.slowest),
+        projections=PROJECTIONS,
+        projected=PROJECTED,
+        accepted=ACCEPTED,
+        angle=_integers(part.start + 1 for _, part in attitudes.parts),
+        least_cosine=_floats(PINNED if i in attitudes.pinned else CHANGE for i, _ in attitudes.parts),
+        pinned=_integers(i in attitudes.pinned for i, _ in attitudes.parts),
+        left=np.where(shift[order] < 0.0, 1.0 / np.sqrt(max(rank, 1)), 0.0),
+        right=np.zeros(size),
+        reach=np.zeros(rows),
+        best=np.zeros(2 * n),
+    )
+
+
+def tableau_of(solver: str) -> Tableau:
+    """Return an explicit integrator of SciPy, DOP853 or RK45, as arrays."""
+    import scipy.integrate
+
+    from mbstab.compiler.machine import Tableau
+
+    method = getattr(scipy.integrate, solver)
+    s, more = method.n_stages, getattr(method, "C_EXTRA", np.zeros(0))
+    A = np.zeros((s + 1 + len(more),) * 2)
+    A[:s, : method.A.shape[1]] = method.A[:s]
+    A[s, :s] = method.B
+    C = np.concatenate([method.C[:s], [1.0], more])
+    B = np.zeros(len(C))
+    B[:s] = method.B
+    if not len(more):
+        return Tableau(A, B, C, method.E[None], np.ascontiguousarray(method.P.T), s, 0, -1.0 / 5.0)
+    A[s + 1 :] = method.A_EXTRA
+    first, last = np.eye(len(C))[[0, s]]
+    W = np.vstack([B, first - B, 2.0 * B - first - last, method.D])
+    return Tableau(A, B, C, np.stack([method.E5, method.E3]), W, s, 1, -1.0 / 8.0)
+
+
+class State:
+    """Where a march is; its arrays are changed by the machine.
+
+    Attributes
+    ----------
+    found : ndarray, shape (n_t, 2 n_q + 1)
+        q, u and the work at the times of output, as far as they are `done`.
+    """
+
+    def __init__(
+        self,
+        t: float,
+        q: Array,
+        u: Array,
+        times: Array,
+        end: float,
+        stages: int,
+        sizes: Array,
+        options: Options,
+        least: float,
+        near: float,
+    ) -> None:
+        self._code, self.n = machine_code(), len(q)
+        n = self.n
+        self.march: March = self._code.March(
+            y=np.concatenate([q, u]),
+            before=np.concatenate([q, u]),
+            k=np.zeros((stages, 2 * n)),
+            power=np.zeros(stages),
+            t=np.array([t, options.first, 0.0, 0.0, 0.0, 0.0, least]),
+            counts=np.zeros(4, dtype=np.int64),
+            absolute=options.tolerances(sizes),
+            relative=RELATIVE,
+            longest=options.step or options.longest,
+            end=end,
+            near=near * near,
+            times=np.ascontiguousarray(times, dtype=float),
+            found=np.zeros((len(times), 2 * n + 1)),
+            trial=np.zeros(2 * n),
+            inside=np.zeros(2 * n),
+            rates=np.zeros(2 * n),
+            other=np.zeros(2 * n),
+        )
+        self.found = self.march.found
+
+    @property
+    def q(self) -> Array:
+        """Coordinates, shape (n_q,)."""
+        return self.march.y[: self.n].copy()
+
+    @property
+    def u(self) -> Array:
+        """Speeds, shape (n_q,)."""
+        return self.march.y[self.n :].copy()
+
+    @property
+    def before(self) -> Array:
+        """Coordinates before the last step."""
+        return self.march.before[: self.n].copy()
+
+    @property
+    def t(self) -> float:
+        """The time reached (s)."""
+        return float(self.march.t[self._code.TIME])
+
+    @property
+    def following(self) -> float:
+        """The step to try next (s)."""
+        return float(self.march.t[self._code.FOLLOWING])
+
+    @property
+    def taken(self) -> float:
+        """The last step (s)."""
+        return float(self.march.t[self._code.TAKEN])
+
+    @property
+    def work(self) -> float:
+        """What was done since the start of the march (J)."""
+        return float(self.march.t[self._code.WORK])
+
+    @property
+    def peak(self) -> float:
+        """The largest kinetic energy after a step (J)."""
+        return float(self.march.t[self._code.PEAK])
+
+    @property
+    def drift(self) -> float:
+        """The largest residual of a row after a step."""
+        return float(self.march.t[self._code.DRIFT])
+
+    @property
+    def least(self) -> float:
+        """Square of the least singular value of the rows at the start, in the metric of M."""
+        return float(self.march.t[self._code.LEAST])
+
+    @property
+    def steps(self) -> int:
+        """Steps taken."""
+        return int(self.march.counts[self._code.STEPS])
+
+    @property
+    def rejected(self) -> int:
+        """Steps taken back."""
+        return int(self.march.counts[self._code.REJECTED])
+
+    @property
+    def evaluations(self) -> int:
+        """How often the equations were formed."""
+        return int(self.march.counts[self._code.EVALUATIONS])
+
+    @property
+    def done(self) -> int:
+        """Times of output that are done."""
+        return int(self.march.counts[self._code.COVERED])
+
+
+def machine_code() -> ModuleType:
+    """Return `mbstab.compiler.machine`.
+
+    Raises
+    ------
+    UsageError
+        If Numba is not installed.
+    """
+    try:
+        import mbstab.compiler.machine as machine
+    except ImportError:
+        raise UsageError("compiled steps need Numba\nhint: install it with pip install 'mbstab[fast]'") from None
+    return machine
+
+
+class Marching:
+    """An explicit integrator of one scene as machine code.
+
+    Parameters
+    ----------
+    equations : Constrained
+        The scene.
+    attitudes : Attitudes
+    energy : Energy
+    solver : str
+        DOP853 or RK45.
+    """
+
+    def __init__(self, equations: Constrained, attitudes: Attitudes, energy: Energy, solver: str) -> None:
+        self._code = machine_code()
+        self._free = [i for i, _ in attitudes.parts if i not in attitudes.pinned]
+        self.machine = machine_of(equations, self._free, attitudes, energy)
+        self.tableau = tableau_of(solver)
+
+    def start(
+        self,
+        system: System,
+        t: float,
+        q: Array,
+        u: Array,
+        times: Array,
+        end: float,
+        options: Options,
+        least: float,
+        near: float,
+    ) -> str:
+        """Start at a state; return ``more``, or ``look`` if nothing can be done there.
+
+        Parameters
+        ----------
+        system : System
+            The scene, with any base rotations.
+        t : float (s)
+        q, u : ndarray, shape (n_q,)
+        times : ndarray
+            Times of output that are left (s).
+        end : float (s)
+        options : Options
+            With a first step.
+        least : float
+            Square of the least singular value, in the metric of M, with which others are compared; 0: that here.
+        near : float
+            Part of that least singular value below which steps are left to others.
+        """
+        bases = [x for i in self._free for x in system.scene.bodies[i].base]
+        self.machine.w[2 * len(q) + 1 : 2 * len(q) + 1 + len(bases)] = bases
+        self.state = State(t, q, u, times, end, len(self.tableau.C), self.machine.sizes, options, least, near)
+        return "more" if self._code.begin(self.machine, self.state.march) else "look"
+
+    def go(self) -> str:
+        """Take up to `STEPS` steps; return ``done``, ``more``, ``chart`` or ``look``: why it stopped."""
+        reason = self._code.march(self.machine, self.tableau, self.state.march, STEPS)
+        return {self._code.DONE: "done", self._code.MORE: "more", self._code.CHART: "chart"}.get(reason, "look")

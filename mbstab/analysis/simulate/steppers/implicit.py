@@ -1,0 +1,364 @@
+"""Implicit methods for the differential-algebraic equations themselves, with exact derivatives.
+
+Generalized-α (Chung and Hulbert 1993) on the index-3 equations as in Arnold and Brüls (2007),
+Multibody Syst. Dyn. 18: with the spectral radius ρ at infinity
+
+    α_m = (2ρ − 1)/(ρ + 1),  α_f = ρ/(ρ + 1),  γ = 1/2 + α_f − α_m,  β = (γ + 1/2)²/4,
+    q₁ = q + h u + h²((1/2 − β) w + β w₁),   u₁ = u + h((1 − γ) w + γ w₁),
+    (1 − α_m) w₁ + α_m w = (1 − α_f) a₁ + α_f a,
+
+where a₁, ν₁ satisfy M a₁ + F0 + Jᵀν₁ = 0 and C(q₁, t₁) = 0, D(q₁, u₁, t₁) = 0. Order 2. As w belongs to the time
+t + (α_m − α_f) h, it starts there, and is moved when the step changes: otherwise the order is lost for a while.
+With steps that change, speeds are moved onto their constraints, and accelerations made consistent, after every step.
+
+Radau IIA with three stages (Hairer and Wanner 1996, section IV.8), order 5 and stiffly accurate,
+on the stabilized index-2 form of Gear, Gupta and Leimkuhler (1985),
+
+    q̇ = u + G η,   M u̇ = −F0 − Jᵀν,   C(q, t) = 0,   V(q, u, t) = 0,
+
+in which positions and speeds both satisfy their constraints and η vanishes. G spans the directions of C_qᵀ in the
+metric of the masses, at the start of each step.
+
+Both solve with Newton's method; the matrix is made of M, J and the derivatives K, R, V_q of the linearization.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.simulate.constrained import Constrained
+from mbstab.analysis.simulate.steppers.interface import HINT, Options
+from mbstab.compiler.system import Array
+from mbstab.errors import MbstabError, NumericalError
+
+RHO = 0.8
+"""Spectral radius at infinity of the generalized-α method: 1 keeps all frequencies, 0 takes the highest out at once."""
+
+NEWTON = (10, 40)
+"""Iterations of Newton's method at most, with steps that can be shortened and with fixed ones."""
+
+CONVERGED = 0.01
+"""Newton's method is finished when a correction is this part of the tolerance of a step …"""
+
+ROUNDED = 1e-14
+"""… or is rounding, in sizes of the scene."""
+
+STALLED = 1e-10
+"""A correction below this that does not become smaller is rounding, too."""
+
+COLLAPSED = 1e-14
+"""A step below this part of the motion, or of the time itself, has collapsed."""
+
+ROOT = math.sqrt(6.0)
+RADAU_C = np.array([(4.0 - ROOT) / 10.0, (4.0 + ROOT) / 10.0, 1.0])
+RADAU_A = np.array(
+    [
+        [(88.0 - 7.0 * ROOT) / 360.0, (296.0 - 169.0 * ROOT) / 1800.0, (-2.0 + 3.0 * ROOT) / 225.0],
+        [(296.0 + 169.0 * ROOT) / 1800.0, (88.0 + 7.0 * ROOT) / 360.0, (-2.0 - 3.0 * ROOT) / 225.0],
+        [(16.0 - ROOT) / 36.0, (16.0 + ROOT) / 36.0, 1.0 / 9.0],
+    ]
+)
+RADAU_E = np.array([-13.0 - 7.0 * ROOT, -13.0 + 7.0 * ROOT, -1.0]) / 3.0
+RADAU_GAMMA = 1.0 / (3.0 + 3.0 ** (2.0 / 3.0) - 3.0 ** (1.0 / 3.0))
+"""Inverse of the real eigenvalue of the inverse of the coefficients: the weight of the slope at the start of a step."""
+
+
+class _Implicit:
+    """What implicit methods share: step control, Newton's test, and quintic interpolation over a step."""
+
+    order_of_estimate = 0
+
+    def __init__(self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> None:
+        self.equations, self.end, self.options = equations, end, options
+        self.t, self.q, self.u = t, q, u
+        self.rejected, self.taken = 0, 0.0
+        self.begin = t
+        a, nu, self.state = equations.accelerations(t, q, u)
+        self.a, self.nu = a, nu
+        guess = 0.3 * max(options.tol, 1e-13) ** (1.0 / (self.order_of_estimate + 1)) / options.rate
+        self.h = options.step or options.first or min(guess, 0.1 * (end - t))
+        self._before: Any = None
+
+    def _attempt(self, h: float) -> tuple[Array, Array, float]:
+        """Return q and u at t + h and the error estimate in tolerances."""
+        raise NotImplementedError
+
+    def _accepted(self, h: float) -> None:
+        """Take over what belongs to the new state."""
+
+    def advance(self) -> None:
+        fixed = self.options.step is not None
+        power = 1.0 / (self.order_of_estimate + 1)
+        failures = 0
+        while True:
+            left = self.end - self.t
+            h = min(self.h, left, math.inf if fixed else self.options.longest)
+            if not fixed and h < left < 1.5 * h:
+                h = 0.5 * left
+            last = left - h <= 1e-9 * h
+            h = left if last else h
+            try:
+                q, u, error = self._attempt(h)
+                trouble = ""
+            except (MbstabError, ArithmeticError, np.linalg.LinAlgError, ValueError) as problem:
+                error, trouble = math.inf, str(problem)
+            if fixed and trouble:
+                raise NumericalError(
+                    f"the step of {h:.3g} s fails at t = {self.t:.9g} s: {trouble}\n"
+                    "hint: take a shorter one with --step"
+                )
+            if fixed or error <= 1.0:
+                break
+            self.rejected += 1
+            failures += 1
+            self.h = h * (0.25 if not math.isfinite(error) else max(0.2, 0.85 * error**-power))
+            if self.h < COLLAPSED * max(self.end - self.begin, abs(self.t)) or failures > 60:
+                raise NumericalError(
+                    f"the step size has collapsed at t = {self.t:.9g} s: {self.h:.1e} s"
+                    + (f"\n{trouble}" if trouble else f"\n{HINT}")
+                )
+        before = (self.t, self.q, self.u, self.a)
+        self.t, self.q, self.u = (self.end if last else self.t + h), q, u
+        self._accepted(h)
+        self.taken, self._before = h, before
+        if not fixed:
+            factor = min(4.0, 0.85 * max(error, 1e-10) ** -power)
+            if failures:
+                factor = min(factor, 1.0)
+            if not 1.0 <= factor <= 1.3 and not last:
+                self.h = h * factor
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Return the quintic polynomial through positions, speeds and accelerations at both ends, and its slope."""
+        t0, q0, u0, a0 = self._before
+        h = self.t - t0
+        x = (t - t0) / h
+        rest = self.q - q0 - h * u0 - 0.5 * h * h * a0
+        slope = h * (self.u - u0) - h * h * a0
+        bend = h * h * (self.a - a0)
+        c3 = 10.0 * rest - 4.0 * slope + 0.5 * bend
+        c4 = -15.0 * rest + 7.0 * slope - bend
+        c5 = 6.0 * rest - 3.0 * slope + 0.5 * bend
+        q = q0 + x * (h * u0 + x * (0.5 * h * h * a0 + x * (c3 + x * (c4 + x * c5))))
+        u = u0 + x * (h * a0 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)) / h)
+        return q, u
+
+    def _size(self, dq: Array, du: Array) -> float:
+        """Return the size of changes of positions and speeds, in sizes of the scene."""
+        sizes = self.equations.sizes
+        moved = np.max(np.abs(dq / sizes), initial=0.0)
+        return float(max(moved, np.max(np.abs(du / sizes), initial=0.0) / self.options.rate))
+
+    def _finished(self, size: float, before: float) -> bool:
+        """Whether Newton's method has converged with a correction of this size, after one of size `before`."""
+        goal = ROUNDED if self.options.step is not None else max(CONVERGED * self.options.tol, ROUNDED)
+        return size <= goal or (before < math.inf and size > 0.3 * before and size <= STALLED)
+
+
+class GeneralizedAlpha(_Implicit):
+    """Generalized-α on the index-3 equations, order 2."""
+
+    order_of_estimate = 2
+
+    def __init__(self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> None:
+        super().__init__(equations, t, q, u, end, options)
+        rho = RHO
+        self.m, self.f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+        self.gamma = 0.5 + self.f - self.m
+        self.beta = 0.25 * (self.gamma + 0.5) ** 2
+        self.ahead = self.m - self.f
+        s = 1e-4 / options.rate
+        (after, _, _), (before, _, _) = (
+            equations.accelerations(t + x, q + x * u + 0.5 * x * x * self.a, u + x * self.a) for x in (s, -s)
+        )
+        self._jerk = (after - before) / (2.0 * s)
+        self._drift = self.ahead * self._jerk  # (w − a)/h
+        self._past: tuple[float, Array] | None = None
+
+    def _attempt(self, h: float) -> tuple[Array, Array, float]:
+        equations, t = self.equations, self.t + h
+        n, n_h, scale, rows = equations.n, equations.n_h, equations.scale, equations.row_scale
+        P_h, P = equations.combinations
+        w = self.a + h * self._drift
+        c = (1.0 - self.f) / (1.0 - self.m)
+        known = (self.f * self.a - self.m * w) / (1.0 - self.m)
+        to_q, to_u = h * h * self.beta * c, h * self.gamma * c
+        q0 = self.q + h * self.u + h * h * ((0.5 - self.beta) * w + self.beta * known)
+        u0 = self.u + h * ((1.0 - self.gamma) * w + self.gamma * known)
+        a, nu = self.a + h * self._jerk, self.nu
+        lines: Any = None
+        before = math.inf
+        r_h = P_h.shape[1]
+        for _ in range(NEWTON[self.options.step is not None]):
+            q, u = q0 + to_q * a, u0 + to_u * a
+            state = equations.evaluate(t, q, u)
+            if lines is None:
+                K, R, V_q = equations.derivatives(t, q, u, a, nu)
+                J = P.T @ (state.J * scale * rows[:, None])
+                A = np.zeros((n + len(J), n + len(J)))
+                A[:n, :n] = (state.M + to_u * R + to_q * K) * scale * scale[:, None]
+                A[:n, n:], A[n:, :n] = J.T, J
+                A[n + r_h :, :n] += (to_q / to_u) * (P.T @ (V_q * scale * rows[:, None]))[r_h:]
+                lines = _factored(A)
+            balance = (state.M @ a + state.F0 + state.J.T @ nu) * scale
+            position = P_h.T @ (state.E[:n_h] * rows[:n_h]) / to_q
+            velocity = P[n_h:, r_h:].T @ (state.V[n_h:] * rows[n_h:]) / to_u
+            step = lines(-np.concatenate([balance, position, velocity]))
+            da = step[:n] * scale
+            a, nu = a + da, nu + (P @ step[n:]) * rows
+            size = self._size(to_q * da, to_u * da)
+            if self._finished(size, before):
+                break
+            if not size < 2.0 * before:
+                raise NumericalError("Newton's method does not converge")
+            before = size
+        else:
+            raise NumericalError("Newton's method does not converge")
+        q, u, w = q0 + to_q * a, u0 + to_u * a, known + c * a
+        if self.options.step is None:
+            # Steps that change would turn what speeds lack across the constraints into jumps of accelerations.
+            u, _, state = equations.onto_velocities(t, q, u)
+            exact, nu = equations.solve(state, -state.F0, state.B)
+            w, a = w + exact - a, exact
+        self._next = (a, nu, w)
+        return q, u, self._error(h, a)
+
+    def _error(self, h: float, a: Array) -> float:
+        if self.options.step is not None:
+            return 0.0
+        change = a - self.a
+        in_q = abs(self.beta + 0.5 * self.ahead - 1.0 / 6.0) * h * h * change
+        earlier = h * self._jerk if self._past is None else change * 0.0 + h / self._past[0] * self._past[1]
+        in_u = h / 12.0 * (change - earlier)
+        return self._size(in_q, in_u) / self.options.tol
+
+    def _accepted(self, h: float) -> None:
+        a, nu, w = self._next
+        self._past = (h, a - self.a)
+        self._jerk = (a - self.a) / h
+        self.a, self.nu = a, nu
+        self._drift = (w - a) / h
+        self.state = self.equations.evaluate(self.t, self.q, self.u)
+
+
+class RadauIIA(_Implicit):
+    """Radau IIA with three stages on the stabilized index-2 form, order 5."""
+
+    order_of_estimate = 3
+
+    def __init__(self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> None:
+        super().__init__(equations, t, q, u, end, options)
+        self._prepare()
+        self._stages: tuple[float, Array, Array] | None = None
+
+    def _prepare(self) -> None:
+        """Form the scaled derivatives at the start of a step."""
+        equations = self.equations
+        scale, rows = equations.scale, equations.row_scale[:, None]
+        P_h, P = equations.combinations
+        K, R, V_q = equations.derivatives(self.t, self.q, self.u, self.a, self.nu)
+        weights = scale * scale[:, None]
+        self._M, self._R, self._K = self.state.M * weights, R * weights, K * weights
+        J = self.state.J * scale * rows
+        self._C, self._J, self._V_q = P_h.T @ J[: equations.n_h], P.T @ J, P.T @ (V_q * scale * rows)
+        self._P_h, self._P = P_h, P
+
+    def _matrix(self, h: float) -> Any:
+        A, A2, one = RADAU_A, RADAU_A @ RADAU_A, np.eye(3)
+        C, J, V_q, G = self._C, self._J, self._V_q, self._C.T
+        r, r_h = len(J), len(C)
+        top = np.kron(one, self._M) + h * np.kron(A, self._R) + h * h * np.kron(A2, self._K)
+        return _factored(
+            np.block(
+                [
+                    [top, np.kron(one, J.T), h * h * np.kron(A, self._K @ G)],
+                    [np.kron(A2, C), np.zeros((3 * r_h, 3 * r)), np.kron(A, C @ G)],
+                    [np.kron(A, J) + h * np.kron(A2, V_q), np.zeros((3 * r, 3 * r)), h * np.kron(A, V_q @ G)],
+                ]
+            )
+        )
+
+    def _attempt(self, h: float) -> tuple[Array, Array, float]:
+        equations, t, n = self.equations, self.t, self.equations.n
+        scale, rows, n_h = equations.scale, equations.row_scale, equations.n_h
+        r, r_h = len(self._J), len(self._C)
+        G = self._C.T * scale[:, None]
+        lines = self._matrix(h)
+        a, nu = self._predicted(h)
+        eta = np.zeros((3, r_h))
+        before = math.inf
+        for _ in range(NEWTON[self.options.step is not None]):
+            speeds, positions = self._unfolded(h, a, h * eta @ G.T)
+            balance, place, speed = np.empty((3, n)), np.empty((3, r_h)), np.empty((3, r))
+            for i in range(3):
+                state = equations.evaluate(t + RADAU_C[i] * h, positions[i], speeds[i])
+                balance[i] = (state.M @ a[i] + state.F0 + state.J.T @ nu[i]) * scale
+                place[i] = self._P_h.T @ (state.E[:n_h] * rows[:n_h]) / (h * h)
+                speed[i] = self._P.T @ (state.V * rows) / h
+            step = lines(-np.concatenate([balance.ravel(), place.ravel(), speed.ravel()]))
+            da = step[: 3 * n].reshape(3, n) * scale
+            dnu = step[3 * n : 3 * (n + r)].reshape(3, r)
+            deta = step[3 * (n + r) :].reshape(3, r_h)
+            a, nu, eta = a + da, nu + (dnu @ self._P.T) * rows, eta + deta
+            du = h * RADAU_A @ da
+            dq = h * RADAU_A @ (du + h * deta @ G.T)
+            size = self._size(dq, du)
+            if self._finished(size, before):
+                break
+            if not size < 2.0 * before:
+                raise NumericalError("Newton's method does not converge")
+            before = size
+        else:
+            raise NumericalError("Newton's method does not converge")
+        speeds, positions = self._unfolded(h, a, h * eta @ G.T)
+        self._next = (h, a, nu)
+        return positions[2], speeds[2], self._error(h, positions, speeds)
+
+    def _unfolded(self, h: float, a: Array, corrections: Array) -> tuple[Array, Array]:
+        """Return speeds and positions of the stages, each of shape (3, n_q)."""
+        speeds = self.u + h * RADAU_A @ a
+        return speeds, self.q + h * RADAU_A @ (speeds + corrections)
+
+    def _predicted(self, h: float) -> tuple[Array, Array]:
+        """Return accelerations and multipliers of the stages, continued from the last step."""
+        if self._stages is None:
+            return np.tile(self.a, (3, 1)), np.tile(self.nu, (3, 1))
+        length, a, nu = self._stages
+        x = 1.0 + RADAU_C * h / length
+        weights = np.ones((3, 3))
+        for j in range(3):
+            for k in range(3):
+                if k != j:
+                    weights[:, j] *= (x - RADAU_C[k]) / (RADAU_C[j] - RADAU_C[k])
+        return weights @ a, weights @ nu
+
+    def _error(self, h: float, positions: Array, speeds: Array) -> float:
+        """Return the difference to an embedded formula of order 3, damped where stiff (section IV.8)."""
+        if self.options.step is not None:
+            return 0.0
+        g, scale, n = RADAU_GAMMA * h, self.equations.scale, self.equations.n
+        in_q = (g * self.u + RADAU_GAMMA * RADAU_E @ (positions - self.q)) / scale
+        in_u = (g * self.a + RADAU_GAMMA * RADAU_E @ (speeds - self.u)) / scale
+        J = self._J
+        A = np.zeros((n + len(J), n + len(J)))
+        A[:n, :n] = self._M + g * self._R + g * g * self._K
+        A[:n, n:], A[n:, :n] = J.T, J
+        du = np.linalg.solve(A, np.concatenate([self._M @ in_u - g * self._K @ in_q, np.zeros(len(J))]))[:n]
+        return self._size((in_q + g * du) * scale, du * scale) / self.options.tol
+
+    def _accepted(self, h: float) -> None:
+        length, a, nu = self._next
+        self._stages = (length, a, nu)
+        self.a, self.nu, self.state = self.equations.accelerations(self.t, self.q, self.u)
+        self._prepare()
+
+
+def _factored(matrix: Array) -> Any:
+    """Return a function that solves with a matrix."""
+    from scipy.linalg import lu_factor, lu_solve
+
+    factors = lu_factor(matrix, check_finite=True)
+    return lambda right: lu_solve(factors, right, check_finite=False)

@@ -1,0 +1,30 @@
+"""Methods that follow a motion, behind one interface, each with its order.
+
+A method is a `Method` in the table `METHODS`: a function that starts a `Stepper` at a state
+(`mbstab.analysis.simulate.steppers.interface`). The next method is one more entry. Every stepper takes one
+step at a time and gives dense output over it; `mbstab.analysis.simulate.run` does the rest: output, change of
+charts, watch on the rank, work.
+
+The method `projection` has the integrators of SciPy (`mbstab.analysis.simulate.steppers.explicit`): DOP853 of
+order 8, RK45 of order 5 (Dormand and Prince), Radau IIA of order 5 and the backward differentiation formulas
+of orders 1 to 5 with exact derivatives. The methods `alpha` and `radau` stand in
+`mbstab.analysis.simulate.steppers.implicit`.
+"""
+
+from __future__ import annotations
+
+from mbstab.analysis.simulate.steppers.explicit import explicit, implicit
+from mbstab.analysis.simulate.steppers.implicit import GeneralizedAlpha, RadauIIA
+from mbstab.analysis.simulate.steppers.interface import Method
+
+METHODS: dict[str, dict[str, Method]] = {
+    "projection": {
+        "DOP853": Method(explicit, 8, 1.0, compiled=True),
+        "RK45": Method(explicit, 5, 1.0, compiled=True),
+        "Radau": Method(implicit, 5, 1.25, fixed=False),
+        "BDF": Method(implicit, 5, 0.8, fixed=False),
+    },
+    "alpha": {"": Method(GeneralizedAlpha, 2, 2.0 / 3.0)},
+    "radau": {"": Method(RadauIIA, 5, 1.25)},
+}
+"""Methods by name, and the solvers of each; the first is the default."""

@@ -1,0 +1,228 @@
+"""Whether a run takes too many steps, and what limits them: those of explicit methods may be short for stability alone.
+
+An explicit method stays stable while h |λ| is below a number of its own, for every eigenvalue λ of the
+accelerations: about 6.1 for DOP853 and 3.3 for RK45 where λ is negative (the numbers of the test for stiffness in
+Hairer and Wanner 1996, section IV.2), less where it is complex. Where the steps of a method come near to that
+number, Radau IIA is asked from the same state, with the same tolerance: only if its steps become much longer does
+stability, and not what is seen of the motion, limit the steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from mbstab.analysis.simulate.constrained import Constrained
+from mbstab.analysis.simulate.steppers.interface import HINT, Method, Options
+from mbstab.analysis.simulate.steppers.table import METHODS
+from mbstab.analysis.simulate.time_budget import Budget, duration
+from mbstab.compiler.system import Array
+from mbstab.errors import MbstabError, NumericalError
+from mbstab.model.schema import unit_of
+
+BOUNDARIES = {"DOP853": 6.1, "RK45": 3.3}
+"""Largest h |λ| of explicit solvers."""
+
+CLOSE = 0.2
+"""Steps whose mean comes to this part of the boundary are suspected."""
+
+PROBES = 15
+"""Steps of the implicit method that are tried."""
+
+LONGER = 10.0
+"""Its steps cost more: they count as much longer from this factor on."""
+
+FIRST, LAST = 500, 8000
+"""Steps after which the test is made first; then after twice as many, and at last every so many."""
+
+SURE_AFTER = 4000
+"""Steps after which a pace that is slow all the time is taken for that of the rest …"""
+
+FOREVER, NEVER = 1e7, 1e9
+"""… and refused if the rest would take more steps than this: where other methods do better, and where none may."""
+
+HELD = 0.7
+"""Steps whose mean comes to this part of the longest one allowed are limited by that."""
+
+_WINDOW = 100
+
+
+@dataclass(frozen=True)
+class _Limit:
+    """What a test found: the fastest rate (1/s), the mean step and that of Radau IIA (s)."""
+
+    rate: float
+    mean: float
+    implicit: float
+
+
+class Reached(Protocol):
+    """Where a method is."""
+
+    @property
+    def t(self) -> float:
+        """The time (s)."""
+
+    @property
+    def q(self) -> Array:
+        """Coordinates, shape (n_q,)."""
+
+    @property
+    def u(self) -> Array:
+        """Speeds, shape (n_q,)."""
+
+    @property
+    def taken(self) -> float:
+        """The last step (s)."""
+
+
+class Pace:
+    """The watch on the steps of a run.
+
+    Parameters
+    ----------
+    method : Method
+    options : Options
+    end : float
+        Last time (s).
+    note : str
+        What an earlier run had to say, or empty.
+    tell : callable
+        Is called with a note when that is found.
+    budget : Budget, optional
+        The watch on the time; without it none is told.
+
+    Attributes
+    ----------
+    note : str
+        What is to be said, or empty.
+    """
+
+    def __init__(
+        self,
+        method: Method,
+        options: Options,
+        end: float,
+        note: str = "",
+        tell: Callable[[str], object] = str,
+        budget: Budget | None = None,
+    ) -> None:
+        explicit = options.solver in BOUNDARIES and METHODS["projection"].get(options.solver) is method
+        self.boundary = BOUNDARIES[options.solver] if explicit and options.step is None else None
+        self.end, self.budget = end, budget
+        self.note, self._tell, self._machine = note, tell, method.compiled and not options.compiled
+        self._next, self._steps, self._time = FIRST, 0, -np.inf
+
+    def look(self, steps: int, stepper: Reached, equations: Constrained, options: Options) -> None:
+        """Look at the pace after a step.
+
+        Raises
+        ------
+        NumericalError
+            If the rest would take for ever.
+        """
+        self._look_at_time(steps, stepper, equations, options)
+        if steps < self._next - _WINDOW:
+            return
+        if self._time == -np.inf:
+            self._steps, self._time = steps, stepper.t
+        if steps < self._next or steps == self._steps:
+            return
+        mean = (stepper.t - self._time) / (steps - self._steps)
+        self._next += min(self._next, LAST)
+        self._time = -np.inf
+        left = (self.end - stepper.t) / max(mean, 1e-300)
+        found = self._limit(mean, stepper, equations, options) if self.boundary else None
+        if found is not None:
+            text = (
+                f"the steps of {found.mean:.1e} s at t = {stepper.t:.6g} s are limited by stability, not by accuracy: "
+                f"the fastest motion that is possible there, {found.rate:.1e} 1/s, is not seen"
+            )
+            if not self.note:
+                self.note = f"{text}; --method radau takes steps of {found.implicit:.1e} s there"
+                self._tell(self.note)
+            if steps >= SURE_AFTER and left > FOREVER:
+                raise NumericalError(
+                    f"{text}; {left:.1e} more would be needed, where {FOREVER:.0e} is the limit\n"
+                    f"hint: use --method radau, which takes steps of {found.implicit:.1e} s there"
+                )
+        elif steps >= SURE_AFTER and left > NEVER:
+            raise NumericalError(
+                f"the steps of {mean:.1e} s at t = {stepper.t:.9g} s are too short for the motion: {left:.1e} more "
+                f"would be needed, where {NEVER:.0e} is the limit\n{HINT}"
+            )
+
+    def _look_at_time(self, steps: int, stepper: Reached, equations: Constrained, options: Options) -> None:
+        """Tell what is left of a long simulation, what limits its steps, and what to do."""
+        left = self.budget.left(stepper.t) if self.budget else None
+        if left is None or self.budget is None:
+            return
+        mean = self.budget.passed(stepper.t) / max(steps, 1)
+        reason, ways = self._reason(mean, stepper, equations, options)
+        if self.budget.more:
+            ways.append("--once (one run, its error unknown)")
+        ways.append("an earlier end (--to)")
+        self._tell(
+            f"this takes about {duration(left)} more at the present pace: steps of {mean:.1e} s {reason}\n"
+            f"hint: {', '.join(ways[:-1])} or {ways[-1]} makes it shorter"
+        )
+
+    def _reason(self, mean: float, stepper: Reached, equations: Constrained, options: Options) -> tuple[str, list[str]]:
+        """Return what limits the steps, and what makes them longer or faster."""
+        machine = ["--compiled (steps in machine code)"] if self._machine else []
+        if options.step is not None:
+            return "as given", [*machine, "a longer --step"]
+        if mean >= HELD * options.longest:
+            return (
+                f"where {options.longest:.1e} s is the longest, so that no given function of time is passed over",
+                [*machine, "fewer --points"],
+            )
+        found = self._limit(mean, stepper, equations, options) if self.boundary else None
+        if found is not None:
+            return (
+                "are limited by stability, not by accuracy: the fastest motion that is possible at "
+                f"t = {stepper.t:.6g} s, {found.rate:.1e} 1/s, is not seen",
+                [f"--method radau (steps of {found.implicit:.1e} s there)", *machine],
+            )
+        k = int(np.argmax(np.abs(stepper.u / equations.sizes)))
+        name = equations.system.names[k]
+        possible = self._fastest(stepper, equations)
+        text = f"for errors of {options.tol:.0e} in a step; at t = {stepper.t:.6g} s the fastest coordinate is {name}"
+        text += f" with {stepper.u[k]:.3g} {unit_of(name)}/s"
+        if possible is not None:
+            text += f", and the fastest motion that is possible has a rate of {possible:.1e} 1/s"
+        return text, [*machine, "a larger --tol"]
+
+    @staticmethod
+    def _fastest(stepper: Reached, equations: Constrained) -> float | None:
+        """Return the largest rate of small motions beside a state (1/s); None if it cannot be found."""
+        try:
+            by_q, by_u = equations.jacobian(stepper.t, stepper.q, stepper.u)
+            n = len(by_q)
+            whole = np.block([[np.zeros((n, n)), np.eye(n)], [by_q, by_u]])
+            return float(np.max(np.abs(np.linalg.eigvals(whole)), initial=0.0))
+        except (MbstabError, ArithmeticError, np.linalg.LinAlgError, ValueError):
+            return None
+
+    def _limit(self, mean: float, stepper: Reached, equations: Constrained, options: Options) -> _Limit | None:
+        """Return what limits the steps if that is stability."""
+        assert self.boundary
+        rate = self._fastest(stepper, equations)
+        if rate is None or mean * rate < CLOSE * self.boundary:
+            return None
+        try:
+            other = METHODS["radau"][""].start(
+                equations, stepper.t, stepper.q, stepper.u, self.end, replace(options, first=stepper.taken)
+            )
+            longest = 0.0
+            for _ in range(PROBES):
+                other.advance()
+                longest = max(longest, float(other.taken))
+                if other.t >= self.end:
+                    break
+        except (MbstabError, ArithmeticError, np.linalg.LinAlgError, ValueError):
+            return None
+        return _Limit(rate, mean, longest) if longest >= LONGER * mean else None

@@ -1,0 +1,1 @@
+"""Eigenvalues over one or two parameters."""

@@ -1,0 +1,369 @@
+"""The linearized equations at many points of a sweep at once, by broadcasting through kernels and linear algebra.
+
+One point is answered in full: its ranks, the frame of its motion and its symmetries are the
+pattern. Every other point must show the same pattern, which is checked. Arrays have a first axis
+for the points, of length 1 where all agree.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Flags, norms
+from mbstab.analysis.algebra.deflation import deflated_matrix, in_frame
+from mbstab.analysis.algebra.subspaces import RANK_LEAST, RANK_TOLERANCE
+from mbstab.analysis.linear.linearize import Linearization
+from mbstab.analysis.reference.equations import Balance
+from mbstab.analysis.reference.motion import EQUILIBRIUM_TOLERANCE, NEWTON_STEPS, ROUNDING, TOLERANCE
+from mbstab.analysis.reference.steady import Family, Generator, spins_freely
+from mbstab.analysis.sweep.batched_structure import Known, Points, transposed
+from mbstab.compiler.system import Array, Dynamics, System
+
+EPS = float(np.finfo(float).eps)
+
+POLISHING, POLISHED = 20, 1e-7
+"""Newton steps from a predicted equilibrium, and the size of the last one: what it leaves is its square."""
+
+RIDGE = 1e-14
+"""Normal equations are regularized by this part of their trace."""
+
+ROUNDED = 4.0
+"""Matrices are known to so many roundings of their norms."""
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """What one point, answered in full, says about its neighbours.
+
+    Attributes
+    ----------
+    linear : Linearization
+    known : Known
+        Its structure.
+    family : Family or None
+        Steady motions in turning frames.
+    sizes : ndarray, shape (n_q,)
+    balance : Balance or None
+        The equations with which the motion was found, where it was.
+    """
+
+    linear: Linearization
+    known: Known
+    family: Family | None
+    sizes: Array
+    balance: Balance | None
+
+
+class Equations:
+    """The equations of points of a pattern, evaluated together.
+
+    Parameters
+    ----------
+    pattern : Pattern
+    system : System
+        With parameters of shape (points,).
+    points : int
+    start : tuple of ndarray, optional
+        Predicted coordinates and rates, where equilibria are followed.
+    """
+
+    def __init__(self, pattern: Pattern, system: System, points: int, start: tuple[Array, Array] | None = None) -> None:
+        self.pattern, self.system, self.points, self.start = pattern, system, points, start
+        self.good: Flags = np.ones(points, dtype=bool)
+        if pattern.family is not None:
+            self.good &= spins_freely(system, pattern.family.columns)
+
+    def linearized(self, growth: Array | None = None) -> tuple[Flags, Points]:
+        """Return which points fit the pattern, and their linearized equations.
+
+        Parameters
+        ----------
+        growth : ndarray, shape (points,), optional
+            How many times larger the terms are of which the matrices are sums; 1 if not given.
+        """
+        pattern, system = self.pattern, self.system
+        q, steady, u = self._motion()
+        dynamics = system.dynamics(q, u)
+        self._require_rows(dynamics, u)
+        # A pattern at rest says nothing about motions, and the other way round.
+        self.good &= np.any(u, axis=1) != pattern.linear.motion.at_rest
+        M, J, scale, row_scale = self._scaled(dynamics)
+        N, Z, D_u = self._subspaces(J)
+        a = steady.acceleration(q) if steady is not None else np.zeros_like(q)
+        K, R, D_q, balance, inverse = self._coefficients(q, u, a, steady, dynamics, J, scale, row_scale)
+        T = N @ Z
+        self.good &= np.max(np.abs(transposed(T) @ balance[0][..., None]), axis=(-1, -2), initial=0.0) <= balance[1]
+        W_inverse: Array = np.asarray(np.linalg.pinv(D_u @ N, rcond=RANK_TOLERANCE), dtype=float)
+        P = -(W_inverse @ (D_q @ N))
+        A, M_z = deflated_matrix(M, R, K, N, Z, P)
+        gamma = _time_scales(A, N.shape[-1])
+        S = self._balanced_matrix(A, gamma, N.shape[-1])
+        spread = np.ones(1) if growth is None else growth
+        error = self._error((M, R, K, D_q), P, M_z, gamma, inverse, W_inverse, S) * spread
+        return self.good, Points(system, q, u, a, steady, scale, M, R, K, N, Z, P, S, gamma, error, balance[2], spread)
+
+    def _balanced_matrix(self, A: Array, gamma: Array, n_xi: int) -> Array:
+        """Return S, as `mbstab.analysis.linear.facts.balanced`, for each point."""
+        n = A.shape[-1]
+        weights = np.ones((len(A), n))
+        weights[:, n_xi:] = gamma[:, None]
+        S = np.broadcast_to(A * weights[:, None, :] / weights[:, :, None], (self.points, n, n))
+        finite = np.all(np.isfinite(S), axis=(1, 2))
+        self.good &= finite
+        return S if finite.all() else np.where(finite[:, None, None], S, 0.0)
+
+    def _error(
+        self,
+        matrices: tuple[Array, ...],
+        P: Array,
+        M_z: Array,
+        gamma: Array,
+        inverse: Array,
+        W_inverse: Array,
+        S: Array,
+    ) -> Array:
+        """Return the norm of what rounding may change of S: that of sums as large as the matrices, and of the bases."""
+        M, R, K, D_q = (_norm(x) for x in matrices)
+        lost = _norm(np.asarray(np.linalg.inv(M_z), dtype=float)) if M_z.size else np.zeros(1)
+        rate = _norm(P)
+        forces = K / gamma + R * (1.0 + rate / gamma) + M * rate * (1.0 + rate / gamma) + _norm(S)
+        rows = _norm(W_inverse) * (D_q + rate) if D_q.any() else np.zeros(1)
+        bases = 1.0 + _norm(inverse) / math.sqrt(max(inverse.shape[-1], 1))
+        result: Array = ROUNDED * EPS * bases * (lost * forces + rows + _norm(S))
+        return result
+
+    def growth(self) -> Array:
+        """Return how many times larger the terms are of which the matrices are sums, shape (points,)."""
+        system = self.system
+        q, steady, u = self._motion()
+        dynamics = system.dynamics(q, u)
+        _, J, scale, row_scale = self._scaled(dynamics)
+        a = steady.acceleration(q) if steady is not None else np.zeros_like(q)
+        inverse = np.linalg.pinv(J, rcond=RANK_TOLERANCE) if system.n_c else np.zeros((1, system.n_q, 0))
+        forces = _times(dynamics.M, a) + dynamics.F0
+        nu = np.abs(_times(transposed(inverse), forces * scale)) * row_scale
+        loads = system.terms(q, u, a, nu)
+        balanced = loads["F"] + _times(loads["M"], np.abs(a)) + _times(transposed(loads["J"]), nu)
+        balanced = balanced + loads["K"] @ self.pattern.sizes + _times(loads["R"], np.abs(u))
+        K, R, _ = system.linearize(q, u, a, _times(-transposed(inverse), forces * scale) * row_scale)
+        larger = nu + _times(np.abs(transposed(inverse)), balanced * scale) * row_scale
+        terms = system.terms(q, u, a, larger)
+        pairs = ((terms["K"], K), (terms["R"], R))
+        both = scale[:, None, :] * scale[:, :, None]
+        sizes = [(_norm(one * both), _norm(other * both)) for one, other in pairs]
+        gamma = np.sqrt(sizes[0][1]) + sizes[1][1]
+        whole = sizes[0][1] + sizes[1][1] * gamma + _norm(dynamics.M * both) * gamma**2
+        found: Array = np.broadcast_to((sizes[0][0] + sizes[1][0] * gamma) / np.maximum(whole, 1e-300), (self.points,))
+        return np.maximum(np.nan_to_num(found, nan=1.0, posinf=1e6), 1.0)
+
+    def _motion(self) -> tuple[Array, Generator | None, Array]:
+        """Return the coordinates, the steady motion and the speeds."""
+        if self.start is not None:
+            return self._balanced(*self.start)
+        q = self._coordinates()
+        return q, *self._speeds(q)
+
+    # --- the reference ----------------------------------------------------------------------------------------------
+
+    def _given(self, values: Mapping[str, object], default: Array) -> Array:
+        columns = [
+            np.broadcast_to(np.asarray(values.get(name, default[i]), dtype=float), (self.points,))
+            for i, name in enumerate(self.system.names)
+        ]
+        return np.stack(columns, axis=1)
+
+    def _coordinates(self) -> Array:
+        scene, motion = self.system.scene, self.pattern.linear.motion
+        q = self._given(scene.coordinates, motion.q)
+        missing = np.array([name not in scene.coordinates for name in self.system.names])
+        return self._assembled(q, missing) if missing.any() and self.system.n_h else q
+
+    def _assembled(self, q: Array, missing: Flags) -> Array:
+        """Solve C = 0 for the missing coordinates, from those of the pattern."""
+        sizes, n_h = self.pattern.sizes[missing], self.system.n_h
+        for _ in range(NEWTON_STEPS):
+            dynamics = self.system.dynamics(q, 0.0 * q)
+            J = dynamics.J[:, :n_h, missing] * sizes
+            lengths = norms(dynamics.J[:, :n_h] * self.pattern.sizes)
+            weighted = J / lengths[..., None], (dynamics.E[:, :n_h] / lengths)[..., None]
+            step = -(np.linalg.pinv(weighted[0], rcond=1e-12) @ weighted[1])[..., 0]
+            q = q.copy()
+            q[:, missing] += step * sizes
+            if not np.max(np.abs(step)) > 1e-15:
+                break
+        return q
+
+    def _balanced(self, q: Array, c: Array) -> tuple[Array, Generator | None, Array]:
+        """Return equilibria or steady motions near predicted ones, by Newton's method."""
+        assert self.pattern.balance is not None
+        balance = self.pattern.balance.over(self.system)
+        q = balance.completed(q)
+        at = balance.state(q, c)
+        for _ in range(POLISHING):
+            G = balance.jacobian(at)
+            square = transposed(G) @ G
+            size = np.trace(square, axis1=-2, axis2=-1)[:, None, None]
+            # Directions that nothing depends on stay where they are.
+            step = -np.linalg.solve(
+                square + RIDGE * size * np.eye(G.shape[-1]), transposed(G) @ at.residual[..., None]
+            )[..., 0]
+            self.good &= np.max(np.abs(step[:, : balance.moving]), axis=1, initial=0.0) < 0.2
+            step[~self.good] = 0.0
+            at = balance.state(*balance.moved(at, step))
+            if not np.max(np.abs(step[:, : balance.moving]), initial=0.0) > POLISHED:
+                break
+        self.good &= np.max(np.abs(at.residual), axis=1) <= TOLERANCE
+        return at.q, (at.steady if self.pattern.family is not None else None), at.u
+
+    def _speeds(self, q: Array) -> tuple[Generator | None, Array]:
+        """Return the generator of the motion in a turning frame, if there is one, and the speeds."""
+        system, scene = self.system, self.system.scene
+        u = self._given(scene.rates, np.zeros(system.n_q))
+        missing = np.array([name not in scene.rates for name in system.names])
+        family = self.pattern.family
+        if family is not None:
+            return self._turning(q, u, missing, family)
+        if missing.any() and system.n_c and not self._at_rest():
+            sizes = self.pattern.sizes
+            for _ in range(2):
+                dynamics = system.dynamics(q, u)
+                step = np.linalg.pinv(dynamics.J[..., missing] * sizes[missing], rcond=1e-12) @ dynamics.V[..., None]
+                u = u.copy()
+                u[:, missing] -= step[..., 0] * sizes[missing]
+            fast = np.max(np.abs(u / sizes), axis=1, keepdims=True)
+            u[(np.abs(u / sizes) < 1e-14 * fast) & missing] = 0.0
+        return None, u
+
+    def _at_rest(self) -> bool:
+        return self.pattern.linear.motion.at_rest and not any(np.any(x) for x in self.system.scene.rates.values())
+
+    def _turning(self, q: Array, u: Array, missing: Flags, family: Family) -> tuple[Generator, Array]:
+        """Return the generator whose speeds satisfy the rows and the given rates."""
+        system, sizes = self.system, self.pattern.sizes
+        own = replace(family, system=system)
+        basis = own.basis(q)
+        zero = system.dynamics(q, 0.0 * q)
+        lengths = norms(zero.J * sizes)
+        given = ~missing
+        rows = np.concatenate([zero.J @ basis / lengths[..., None], (basis / sizes[:, None])[:, given]], axis=1)
+        known = self._declared()
+        right = np.concatenate(
+            [np.broadcast_to(-zero.V / lengths, (self.points, system.n_c)), (u / sizes)[:, given]], axis=1
+        )
+        free = [k for k in range(own.size) if k not in known]
+        c = np.zeros((self.points, own.size))
+        for k, value in known.items():
+            c[:, k] = value
+        right = right - (rows @ c[..., None])[..., 0]
+        c[:, free] = (np.linalg.pinv(rows[..., free], rcond=1e-11) @ right[..., None])[..., 0]
+        generator = own.generator(c)
+        speeds = generator.field(q)
+        fast = np.max(np.abs(speeds / sizes), axis=1)
+        self.good &= np.max(np.abs((speeds - u) / sizes)[:, given], axis=1, initial=0.0) <= TOLERANCE * fast
+        return generator, speeds
+
+    def _declared(self) -> dict[int, Array | float]:
+        """Return the coefficients of a declared steady motion."""
+        steady = self.system.scene.steady
+        if steady is None or steady.rate is None:
+            return {}
+        known: dict[int, Array | float] = {0: steady.rate}
+        return known
+
+    def _require_rows(self, dynamics: Dynamics, u: Array) -> None:
+        sizes, n_h = self.pattern.sizes, self.system.n_h
+        allowed = TOLERANCE * np.abs(dynamics.J) @ sizes + 1e-300
+        fast = np.max(np.abs(u / sizes), axis=1, initial=0.0)[:, None]
+        self.good &= np.all(np.abs(dynamics.E[:, :n_h]) <= allowed[:, :n_h], axis=1)
+        self.good &= np.all(np.abs(dynamics.V) <= allowed * fast + 1e-300, axis=1)
+
+    # --- subspaces --------------------------------------------------------------------------------------------------
+
+    def _scaled(self, dynamics: Dynamics) -> tuple[Array, Array, Array, Array]:
+        diagonal = np.diagonal(dynamics.M, axis1=-2, axis2=-1)
+        known = self.pattern.linear.motion.spaces.scale
+        scale = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), known)
+        J = dynamics.J * scale[:, None, :]
+        lengths = np.linalg.norm(J, axis=-1)
+        row_scale = np.where(lengths > 0.0, 1.0 / np.where(lengths > 0.0, lengths, 1.0), 1.0)
+        return dynamics.M * scale[:, None, :] * scale[:, :, None], J * row_scale[..., None], scale, row_scale
+
+    def _subspaces(self, J: Array) -> tuple[Array, Array, Array]:
+        spaces, n_h = self.pattern.linear.motion.spaces, self.system.n_h
+        N = self._null(J[:, :n_h], spaces.C.rank)
+        D_u = J[:, n_h:]
+        return N, self._null(D_u @ N, spaces.W.rank), D_u
+
+    def _null(self, matrix: Array, rank: int) -> Array:
+        """Return the null space, checking the rank at every point."""
+        rows, columns = matrix.shape[-2:]
+        if rows == 0 or columns == 0:
+            return np.eye(columns)[None]
+        _, s, right = np.linalg.svd(matrix)
+        if rank:
+            self.good &= s[:, rank - 1] >= RANK_LEAST
+        if rank < s.shape[-1]:
+            self.good &= s[:, rank] <= RANK_TOLERANCE
+        return transposed(right[:, rank:])
+
+    # --- coefficients -----------------------------------------------------------------------------------------------
+
+    def _coefficients(
+        self,
+        q: Array,
+        u: Array,
+        a: Array,
+        steady: Generator | None,
+        dynamics: Dynamics,
+        J: Array,
+        scale: Array,
+        row_scale: Array,
+    ) -> tuple[Array, Array, Array, tuple[Array, Array, Array], Array]:
+        """Return K, R, D_q in scaled coordinates, how far the forces are from balance and may be, and J⁺.
+
+        The third of the forces is what pushes across rows on speeds, relative to all forces.
+        """
+        system, n_h = self.system, self.system.n_h
+        force = (_times(dynamics.M, a) + dynamics.F0) * scale
+        nu, balance, across = np.zeros((1, system.n_c)), force, np.zeros(1)
+        inverse: Array = np.zeros((1, system.n_q, 0))
+        if system.n_c:
+            inverse = np.asarray(np.linalg.pinv(J, rcond=1e-11), dtype=float)
+            nu = -_times(transposed(inverse), force)
+            balance = force + _times(transposed(J), nu)
+            largest = np.maximum(np.max(np.abs(force), axis=-1), 1e-300)
+            across = np.max(np.abs(_times(transposed(J[:, n_h:]), nu[:, n_h:])), axis=-1) / largest
+        K, R, D_q = system.linearize(q, u, a, nu * row_scale)
+        sizes, scene = self.pattern.sizes, system.scene
+        gravity = math.sqrt(sum(float(np.max(np.abs(x))) ** 2 for x in scene.gravity))
+        weights = max(math.sqrt(float(np.max(body.mass))) for body in scene.bodies) * gravity
+        changes = (np.abs(K) @ sizes + _times(np.abs(R), np.abs(u))) * scale
+        largest = np.maximum(np.max(np.abs(dynamics.F0 * scale), axis=-1), weights)
+        allowed = EQUILIBRIUM_TOLERANCE * largest + ROUNDING * np.max(changes, axis=-1)
+        if steady is not None:
+            Xi, Xi_2 = steady.frame(q)
+            R, K, D_q = in_frame(dynamics.M, R, K, dynamics.J[:, n_h:], D_q, Xi, Xi_2)
+        both = scale[:, None, :] * scale[:, :, None]
+        D_q = D_q * scale[:, None, :] * row_scale[:, n_h:, None]
+        return K * both, R * both, D_q, (balance, allowed, across), inverse
+
+
+def _times(matrix: Array, vector: Array) -> Array:
+    result: Array = (matrix @ vector[..., None])[..., 0]
+    return result
+
+
+def _time_scales(A: Array, n_xi: int) -> Array:
+    """Return a typical rate of each deflated system (1/s), as `mbstab.analysis.linear.facts.time_scale`."""
+    sizes = [np.sqrt(_norm(A[:, n_xi:, :n_xi])), _norm(A[:, n_xi:, n_xi:]), _norm(A[:, :n_xi, :n_xi])]
+    largest: Array = np.max(sizes, axis=0)
+    return np.where(largest > 0.0, largest, 1.0)
+
+
+def _norm(x: Array) -> Array:
+    result: Array = np.linalg.norm(x, axis=(-2, -1))
+    return result

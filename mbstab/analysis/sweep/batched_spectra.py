@@ -1,0 +1,514 @@
+"""Eigenvalues and verdicts at all points of a sweep at once.
+
+One point is answered in full (`mbstab.analysis.linear.facts`): its ranks, its symmetries and the frame of
+its motion are the pattern. Every other point must show the same pattern, which is checked with the
+same thresholds; points that do not are taken up again with a pattern of their own, in the end one
+by one. Points that bounds for many at once do not decide are judged by the code of `mbstab eig`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.algebra.arrays import Complex, Flags, Index
+from mbstab.analysis.linear.bounds import enclosures
+from mbstab.analysis.linear.facts import Grounds
+from mbstab.analysis.linear.linearize import Linearization, linearize, state_space
+from mbstab.analysis.linear.verdict import UNDECIDED, judge, place
+from mbstab.analysis.reference.continuation import Path, Sheet
+from mbstab.analysis.reference.equations import Balance
+from mbstab.analysis.reference.equilibrium import Problem
+from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.reference.steady import Family, spinning_columns
+from mbstab.analysis.sweep.batched_equations import Equations, Pattern
+from mbstab.analysis.sweep.batched_structure import Known
+from mbstab.analysis.sweep.batched_verdict import (
+    AXIS,
+    LEFT,
+    NAMES,
+    OPEN,
+    RIGHT,
+    WORD,
+    Judged,
+    Sides,
+    judged,
+    unstable_counts,
+)
+from mbstab.analysis.sweep.tracking import NO_EIGENVALUE
+from mbstab.compiler.system import Array, System
+from mbstab.errors import MbstabError, UsageError
+from mbstab.model.scene import Scene
+from mbstab.model.schema import Model
+from mbstab.model.values import evaluate
+
+BLOCK_ENTRIES = 600_000
+"""Entries of a matrix over all points evaluated together: enough to hide Python, few enough for the caches."""
+
+SAMPLED = 17
+"""At so many points of a block the terms of which matrices are sums are formed."""
+
+GUARDED = 9
+"""At so many points of a sweep, spread over it, the motion is checked to stand still in its frame …"""
+
+STRUCTURED = (0, 8)
+"""… and at these of them the structure is compared with that of their pattern."""
+
+HARDLY = 1e-6
+"""Eigenvalues below this part of the largest are left out where those of other points are neutral."""
+
+FROZEN = "frozen-time: the coefficients change along the motion"
+
+FEW = 8
+"""A pattern that fits no more points than this is a lonely one …"""
+
+PATIENCE = 4
+"""… and after so many of them in a row the other points are answered one by one."""
+
+TRIES = 2
+"""Points of a kind are left undecided when the code of `mbstab eig` decides none of so many in a row."""
+
+
+@dataclass(frozen=True)
+class Spectra:
+    """Eigenvalues over the points of a sweep, and what they say.
+
+    Attributes
+    ----------
+    values : ndarray of complex, shape (points, r)
+        Eigenvalues that are not neutral (1/s), in no order; nan where there are none.
+    sides : ndarray of int8, shape (points, r)
+        On which side of the imaginary axis they lie, as in `mbstab.analysis.sweep.batched_verdict`.
+    words : ndarray of int8, shape (points,)
+        Numbers of the verdicts among `mbstab.analysis.linear.verdict.WORDS`.
+    mirrored : ndarray of bool, shape (points,)
+        Whether the spectrum is symmetric to the imaginary axis by structure.
+    problems : dict
+        By the number of a point, why it has no eigenvalues, or none that say something about stability.
+    neutral : int
+        Number of neutral eigenvalues besides.
+    sizes : ndarray, shape (points,)
+        Norms of the matrices (1/s).
+    """
+
+    values: Complex
+    sides: Sides
+    words: npt.NDArray[np.int8]
+    mirrored: Flags
+    problems: dict[int, str]
+    neutral: int
+    sizes: Array
+
+    @property
+    def unstable(self) -> Index:
+        """Number of unstable eigenvalues of each point; −1 where the verdict is open."""
+        return unstable_counts(self.sides, self.words)
+
+
+class Evaluator:
+    """Computes spectra of a model at values of some of its parameters.
+
+    Parameters
+    ----------
+    model : Model
+    settings : mapping
+        Values of other parameters (SI).
+    path : Path or Sheet, optional
+        Equilibria over the parameters that vary, where a file asks to find them; without it
+        each point is looked for by itself.
+    """
+
+    def __init__(self, model: Model, settings: Mapping[str, float], path: Path | Sheet | None = None) -> None:
+        self.model, self.settings, self.path = model, dict(settings), path
+        self.patterns: list[Pattern] = []
+        self.growth = 1.0
+
+    def spectra(self, values: Mapping[str, Array], progress: Callable[[float], object] = lambda done: None) -> Spectra:
+        """Return the eigenvalues and verdicts at many points.
+
+        Parameters
+        ----------
+        values : mapping
+            Parameter values in SI, arrays of shape (points,).
+        progress : callable, optional
+            Is called with the part of the work that is done, from 0 to 1.
+        """
+        work = _Work(self, values, progress)
+        work.run()
+        work.guard()
+        work.decide()
+        return work.gathered()
+
+    def near(self, values: Mapping[str, Array], count: int, exact: bool = False) -> Spectra:
+        """Return `count` eigenvalues at points between others; nan where there are none.
+
+        Parameters
+        ----------
+        exact : bool
+            Whether points that bounds for many do not decide are judged one by one.
+        """
+        work = _Work(self, values, lambda done: None)
+        work.sampled = False
+        work.run()
+        if exact:
+            work.decide()
+        return work.gathered(count)
+
+    def modes(self, values: Mapping[str, float]) -> tuple[Complex, Complex, Linearization]:
+        """Return eigenvalues of one point, their shapes Δq as columns, and the linearized equations."""
+        work = _Work(self, {name: np.array([x]) for name, x in values.items()}, lambda done: None)
+        system = System(work.scene(0))
+        linear = linearize(system, work.motion(system, 0)[0])
+        space = state_space(linear)
+        found, vectors = np.linalg.eig(space.A)
+        return found.astype(complex), space.to_coordinates @ vectors, linear
+
+    def learn(self, values: Mapping[str, Array]) -> None:
+        """Take the patterns of some of many points."""
+        points = len(next(iter(values.values())))
+        some = np.unique(np.linspace(0, points - 1, 4 * FEW).round().astype(int))
+        _Work(self, {name: x[some] for name, x in values.items()}, lambda done: None).run(FEW)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Points that were answered together."""
+
+    index: Index
+    found: Judged
+    known: Known
+
+    @property
+    def total(self) -> int:
+        """Number of finite eigenvalues."""
+        return int(self.found.values.shape[1]) + self.known.neutral.count
+
+
+class _Work:
+    """The points of one call."""
+
+    def __init__(self, evaluator: Evaluator, values: Mapping[str, Array], progress: Callable[[float], object]) -> None:
+        self.evaluator, self.values, self.progress = evaluator, values, progress
+        self.points = len(next(iter(values.values())))
+        self.sampled = True
+        self.path = evaluator.path
+        self.problems: dict[int, str] = {}
+        self.found: list[_Part] = []
+
+    def scene(self, index: Index | int) -> Scene:
+        """Return the scene at some points, or at one."""
+        chosen = {
+            name: float(x[index]) if isinstance(index, int) else np.asarray(x[index]) for name, x in self.values.items()
+        }
+        return evaluate(self.evaluator.model, {**self.evaluator.settings, **chosen})
+
+    def run(self, left: int = 0) -> None:
+        """Compute all points but so many that are left where there is a pattern already."""
+        pending = np.arange(self.points)
+        if self.path is not None:
+            covered = self.path.covers(self.values)
+            self.problems |= {int(i): self._missing(int(i), self.path) for i in pending[~covered]}
+            pending = pending[covered]
+        for pattern in self.evaluator.patterns:
+            pending = pending[~self._fitting(pattern, pending)]
+        lonely, number = 0, 0
+        while len(pending) > (left if self.evaluator.patterns else 0):
+            # From place to place: special values often stand in the middle or at an end.
+            i = int(pending[int(len(pending) * ((0.37 + 0.618 * number) % 1.0))])
+            number += 1
+            own = self._pattern(i)
+            pending = pending[pending != i]
+            if own is not None and lonely < PATIENCE and len(pending):
+                done = self._fitting(own, pending)
+                pending = pending[~done]
+                lonely = 0 if np.sum(done) > FEW else lonely + 1
+                if np.sum(done) > FEW:
+                    self.evaluator.patterns.append(own)
+
+    def _missing(self, i: int, path: Path | Sheet) -> str:
+        """Say why there is no solution at a point: the scene itself may not exist there."""
+        try:
+            self.scene(i)
+        except MbstabError as error:
+            return str(error)
+        return path.missing(self.values, i)
+
+    def _fitting(self, pattern: Pattern, pending: Index) -> Flags:
+        """Compute points with a pattern; return which of them have it."""
+        done = np.zeros(len(pending), dtype=bool)
+        block = max(64, BLOCK_ENTRIES // pattern.linear.M.size)
+        growth = self._growth(pattern, pending)
+        for start in range(0, len(pending), block):
+            part = slice(start, start + block)
+            done[part] = self._block(pattern, pending[part], growth if len(growth) == 1 else growth[part])
+            self.progress(1.0 - (len(pending) - start) / self.points)
+        return done
+
+    # --- what is checked at some points, or decided one by one ------------------------------------------------------
+
+    def guard(self) -> None:
+        """Refuse points whose motion does not stand still in the frame of their pattern; a sample says which.
+
+        Where the structure of a sample is less than that of its pattern, the points of the pattern are answered
+        one by one.
+        """
+        good = np.sort(np.concatenate([part.index for part in self.found])) if self.found else np.arange(0)
+        sample = good[np.unique(np.linspace(0, len(good) - 1, GUARDED).round().astype(int))] if len(good) else good
+        compared = {int(sample[k]): self._grounds(int(sample[k])) for k in STRUCTURED if k < len(sample)}
+        doubts = {int(i): self._doubt(int(i)) for i in sample if int(i) not in compared}
+        if any(doubts.values()) or None in compared.values():
+            doubts |= {int(i): self._doubt(int(i)) for i in good if int(i) not in doubts and int(i) not in compared}
+            for i, doubt in doubts.items():
+                if doubt:
+                    self.problems.setdefault(i, doubt)
+        for i, grounds in compared.items():
+            part = next(part for part in self.found if i in part.index)
+            if grounds is None or len(part.index) == 1:
+                continue
+            known = Known(grounds)
+            if known.names != part.known.names:
+                for j in [i] if part.known.holds_for(known) else part.index.tolist():
+                    self._exact(int(j))
+
+    def _doubt(self, i: int) -> str:
+        """Say why the motion at a point does not stand still, or is none."""
+        try:
+            system = System(self.scene(i))
+            linear = linearize(system, self.motion(system, i)[0])
+            if not linear.constant:
+                return FROZEN
+            return Grounds(linear).kink(1)
+        except MbstabError as error:
+            return str(error)
+
+    def decide(self) -> None:
+        """Judge points with open eigenvalues one by one, kind by kind, as long as that says more about some of them."""
+        kinds: dict[tuple[int, ...], list[tuple[float, int]]] = {}
+        for part in self.found:
+            unplaced = np.any(part.found.sides == OPEN, axis=1)
+            open_ = np.flatnonzero(unplaced | (part.found.words == WORD[UNDECIDED]))
+            if len(part.index) < 2 or not len(open_):
+                continue
+            values, sides = part.found.values[open_], part.found.sides[open_]
+            counts = np.stack([np.sum(sides == x, axis=1) for x in (RIGHT, LEFT, AXIS, OPEN)], axis=1)
+            distance = np.min(np.where(sides == OPEN, np.abs(values.real), np.inf), axis=1, initial=np.inf)
+            words = part.found.words[open_].tolist()
+            columns = counts.tolist(), words, distance.tolist(), part.index[open_].tolist()
+            for key, word, far, i in zip(*columns, strict=True):
+                kinds.setdefault((id(part.known), word, *key), []).append((-far, i))
+        # Where equilibria nearly meet they are found to the root of the rounding, which only the full answer counts.
+        for i in self._nearly_meeting():
+            self._exact(i)
+        for (_, before, *_, number), members in kinds.items():
+            failed = 0
+            # Those farthest from the axis first.
+            for _, i in sorted(members):
+                failed = 0 if self._more(i, before, number) else failed + 1
+                if failed == TRIES:
+                    break
+
+    def _nearly_meeting(self) -> list[int]:
+        """Return points of paths of equilibria with an eigenvalue that is placed although it is nearly zero."""
+        if self.path is None:
+            return []
+        found: list[int] = []
+        for part in self.found:
+            size = np.abs(part.found.values)
+            slow = np.any((size <= HARDLY * part.found.sizes[:, None]) & (part.found.sides != OPEN), axis=1)
+            found += part.index[slow].tolist() if len(part.index) > 1 else []
+        return found
+
+    def _more(self, i: int, word: int, number: int) -> bool:
+        """Judge a point as `mbstab eig` does; return whether that says more than a verdict with open eigenvalues."""
+        try:
+            found = self._exact(i)
+        except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
+            return False
+        left = int(np.sum(self.found[-1].found.sides == OPEN))
+        return found != WORD[UNDECIDED] and (found != word or left < number)
+
+    def gathered(self, count: int | None = None) -> Spectra:
+        """Return what was found; `count` decides how many are neutral, or the points at which fewest are."""
+        mirrored, sizes = np.zeros(self.points, dtype=bool), np.zeros(self.points)
+        words = np.full(self.points, WORD[UNDECIDED], dtype=np.int8)
+        n_f, neutral = self._sizes(count)
+        values = np.full((self.points, n_f - neutral), NO_EIGENVALUE)
+        sides = np.full(values.shape, OPEN, dtype=np.int8)
+        for part in self.found:
+            index, other = part.index, part.known.neutral.count
+            if part.total != n_f:
+                text = f"{part.total} finite eigenvalues exist here, elsewhere {n_f}"
+                self.problems |= {int(i): text for i in index}
+                continue
+            if other == neutral:
+                values[index], sides[index] = part.found.values, part.found.sides
+            else:
+                # Further zeros, or eigenvalues that are zero elsewhere.
+                full = np.hstack([part.found.values, np.zeros((len(index), other), dtype=complex)])
+                places = np.hstack([part.found.sides, np.full((len(index), other), AXIS, dtype=np.int8)])
+                order = np.argsort(-np.abs(full), axis=1, kind="stable")[:, : n_f - neutral]
+                values[index] = np.take_along_axis(full, order, axis=1)
+                sides[index] = np.take_along_axis(places, order, axis=1)
+            words[index], mirrored[index] = part.found.words, bool(part.known.mirrored)
+            sizes[index] = part.found.sizes
+        lost = list(self.problems)
+        values[lost], sides[lost], words[lost] = NO_EIGENVALUE, OPEN, WORD[UNDECIDED]
+        return Spectra(values, sides, words, mirrored, self.problems, neutral, sizes)
+
+    def _sizes(self, count: int | None) -> tuple[int, int]:
+        """Return how many eigenvalues there are at most points, and how many of them are neutral."""
+        counts: dict[tuple[int, int], int] = {}
+        for part in self.found:
+            key = part.total, part.known.neutral.count
+            counts[key] = counts.get(key, 0) + len(part.index)
+        if not counts:
+            return count or 0, 0
+        n_f, neutral = max(counts, key=lambda key: counts[key])
+        if count is not None:
+            return n_f, max(n_f - count, 0)
+        # At single points symmetries may be missing: what is zero elsewhere is small there.
+        for part in self.found:
+            further = neutral - part.known.neutral.count
+            if part.total == n_f and further > 0:
+                size = np.sort(np.abs(part.found.values), axis=1)
+                if np.any(size[:, further - 1] > HARDLY * size[:, -1]):
+                    neutral = part.known.neutral.count
+        return n_f, neutral
+
+    # --- one point --------------------------------------------------------------------------------------------------
+
+    def _grounds(self, i: int) -> Grounds | None:
+        """Return the facts about a point, or None, and note why there are none."""
+        try:
+            with np.errstate(over="raise", divide="raise", invalid="raise", under="ignore"):
+                system = System(self.scene(i))
+                if system.scene.period is not None:
+                    raise UsageError("periodic motions are not swept: their multipliers take an integration each")
+                grounds = Grounds(linearize(system, self.motion(system, i)[0]))
+                if not grounds.linear.constant:
+                    self.problems[i] = FROZEN
+                    return None
+                doubt = grounds.time or grounds.kink(1) or grounds.separated.doubt
+                if doubt:
+                    self.problems[i] = doubt
+                    return None
+                return grounds
+        except UsageError:
+            raise
+        except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as error:
+            self.problems[i] = str(error)
+            return None
+
+    def _exact(self, i: int, grounds: Grounds | None = None) -> int:
+        """Judge a point as `mbstab eig` does; return the number of the verdict."""
+        grounds = grounds or self._grounds(i)
+        if grounds is None:
+            return WORD[UNDECIDED]
+        separated = grounds.separated
+        with np.errstate(all="ignore"):
+            placed = enclosures(grounds.linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L)
+        discs = place(
+            [d.centre for d in placed.discs], [d.radius for d in placed.discs],
+            [len(d.members) for d in placed.discs], grounds.mirrored,
+        )  # fmt: skip
+        verdict = judge(grounds.facts(discs, len(placed.values) + separated.neutral.count))
+        sides = np.full((1, len(placed.values)), OPEN, dtype=np.int8)
+        numbers = {name: number for number, name in NAMES.items()}
+        for disc, own in zip(discs, placed.discs, strict=True):
+            sides[0, list(own.members)] = numbers[disc.side]
+        word: int = WORD[verdict.word]
+        values = placed.values[None, :]
+        sizes = np.array([float(np.linalg.norm(grounds.S))])
+        found = Judged(values, sides, np.array([word], dtype=np.int8), sizes)
+        # What was found for it before does not count.
+        for n, part in enumerate(self.found):
+            if len(part.index) and i in part.index:
+                keep = part.index != i
+                self.found[n] = _Part(part.index[keep], part.found.at(keep), part.known)
+        self.found.append(_Part(np.array([i]), found, Known(grounds)))
+        return word
+
+    def _pattern(self, i: int) -> Pattern | None:
+        """Answer a point in full; return its pattern, or None if it has a problem."""
+        grounds = self._grounds(i)
+        if grounds is None:
+            return None
+        try:
+            self._exact(i, grounds)
+        except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as error:
+            self.problems[i] = str(error)
+            return None
+        linear, family = grounds.linear, None
+        if linear.generator is not None and linear.generator.turns:
+            directions = np.eye(3)[: linear.system.scene.dimension]
+            family = Family(
+                linear.system, linear.generator.axis, np.zeros(3), directions, spinning_columns(linear.system)
+            )
+        balance = self._balance(linear.system, i)
+        return Pattern(linear, self.found[-1].known, family, linear.motion.sizes, balance)
+
+    def _balance(self, system: System, i: int) -> Balance | None:
+        return None if self.path is None else self.motion(system, i)[1]
+
+    def motion(self, system: System, i: int) -> tuple[Motion, Balance | None]:
+        """Return the motion at a point, and the equations it was found with if it was."""
+        if self.path is None:
+            return reference_motion(system), None
+        q, c = self.path.predicted({name: x[i : i + 1] for name, x in self.values.items()})
+        motion, search, _, _ = Problem(system).solved(q[0], c[0])
+        return motion, search.balance
+
+    # --- many points ------------------------------------------------------------------------------------------------
+
+    def _block(self, pattern: Pattern, index: Index, growth: Array) -> Flags:
+        """Compute points of a pattern together; return which of them have it."""
+        if not len(index):
+            return np.zeros(0, dtype=bool)
+        try:
+            scene = self.scene(index)
+        except MbstabError:  # some of them are out of range
+            if len(index) == 1:
+                return np.zeros(1, dtype=bool)
+            half = len(index) // 2
+            parts = (slice(0, half), slice(half, None))
+            return np.concatenate(
+                [self._block(pattern, index[x], growth if len(growth) == 1 else growth[x]) for x in parts]
+            )
+        with np.errstate(all="ignore"):
+            try:
+                equations = Equations(pattern, System(scene), len(index), self._start(index))
+                good, points = equations.linearized(growth)
+                separation = pattern.known.separated(points)
+                good = good & separation.good
+                found = judged(pattern.known, points, separation)
+            except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
+                return np.zeros(len(index), dtype=bool)
+        if np.any(good):
+            self.found.append(_Part(index[good], found.at(good), pattern.known))
+        return good
+
+    def _start(self, index: Index) -> tuple[Array, Array] | None:
+        if self.path is None:
+            return None
+        return self.path.predicted({name: x[index] for name, x in self.values.items()})
+
+    def _growth(self, pattern: Pattern, index: Index) -> Array:
+        """Return how many times larger terms are than their sums, from some of the points."""
+        evaluator = self.evaluator
+        if not self.sampled or len(index) < FEW:
+            return np.full(1, evaluator.growth)
+        some = np.unique(np.linspace(0, len(index) - 1, SAMPLED).round().astype(int))
+        try:
+            growth = Equations(pattern, System(self.scene(index[some])), len(some), self._start(index[some])).growth()
+        except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
+            growth = np.full(len(some), evaluator.growth)
+        evaluator.growth = max(evaluator.growth, float(np.max(growth)))
+        # The larger of two neighbours: between them nothing is sampled.
+        right = np.clip(np.searchsorted(some, np.arange(len(index))), 1, max(len(some) - 1, 1))
+        if len(some) < 2:
+            return growth
+        return np.maximum(growth[right - 1], growth[right])

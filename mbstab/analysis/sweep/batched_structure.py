@@ -1,0 +1,613 @@
+"""Neutral directions and energy at many points of a sweep at once.
+
+What carries motions into motions, what is conserved and what the forces do to the energy is
+structure: one point answered in full (`mbstab.analysis.linear.facts`) says it for its neighbours. Where
+the directions lie, and what the second variation of the energy is, changes from point to point and
+is formed here for all of them, in the same coordinates as in `mbstab.analysis.linear.neutral`. Arrays have
+a first axis for the points, of length 1 where all agree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Flags, norms
+from mbstab.analysis.linear.facts import Grounds
+from mbstab.analysis.linear.minimum import EPS, ROUNDINGS, TRIED, UNFORCED
+from mbstab.analysis.linear.neutral import FULL_RANK, KEPT
+from mbstab.analysis.linear.reversor import GAP, NULL
+from mbstab.analysis.linear.verdict import Neutral
+from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.reference.symmetries import Combination, OwnTurn, Shift, Spin, Symmetry
+from mbstab.compiler.system import Array, System
+
+FITS = 1e-10
+"""S leads directions of symmetries out of their span by less than this part of its norm."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """The linearized equations at many points, in scaled coordinates.
+
+    Attributes
+    ----------
+    system : System
+    q, u, a : ndarray, shape (points, n_q)
+    steady : Generator or None
+        The turning frame in which the motions stand still.
+    scale : ndarray, shape (points, n_q)
+    M, R, K : ndarray, shape (points, n_q, n_q)
+    N, Z, P : ndarray
+        As in `mbstab.analysis.algebra.subspaces`.
+    S : ndarray, shape (points, n, n)
+        Balanced with …
+    gamma : ndarray, shape (points,)
+        … these rates (1/s).
+    error : ndarray, shape (points,)
+        Norm of what rounding may change of S (1/s).
+    across : ndarray, shape (points,)
+        Forces across rows on speeds, relative to all forces.
+    spread : ndarray, shape (points,)
+        How many times larger the terms are of which the matrices are sums.
+    """
+
+    system: System
+    q: Array
+    u: Array
+    a: Array
+    steady: Generator | None
+    scale: Array
+    M: Array
+    R: Array
+    K: Array
+    N: Array
+    Z: Array
+    P: Array
+    S: Array
+    gamma: Array
+    error: Array
+    across: Array
+    spread: Array
+
+    @property
+    def n_xi(self) -> int:
+        """Number of positions among the components of y."""
+        return int(self.N.shape[-1])
+
+    @cached_property
+    def size(self) -> Array:
+        """Norms of S (1/s)."""
+        result: Array = np.linalg.norm(self.S, axis=(-2, -1))
+        return result
+
+    @cached_property
+    def slope(self) -> Array | None:
+        """Ξ of the turning frame in scaled coordinates; None without one."""
+        if self.steady is None:
+            return None
+        result: Array = self.steady.frame(self.q)[0] * self.scale[:, None, :] / self.scale[:, :, None]
+        return result
+
+    def at(self, index: Any) -> Points:
+        """Return some of the points."""
+        steady = self.steady
+        if steady is not None:
+            parts = (_some(np.asarray(x), index, dims) for x, dims in
+                     ((steady.rate, 1), (steady.velocity, 2), (steady.spins, 2)))  # fmt: skip
+            rate, velocity, spins = parts
+            steady = Generator(steady.system, steady.axis, steady.point, rate, velocity, spins)  # type: ignore[arg-type]
+        arrays = (
+            _some(x, index, 0) for x in (
+                self.scale, self.M, self.R, self.K, self.N, self.Z, self.P, self.S, self.gamma, self.error,
+                self.across, self.spread,
+            )
+        )  # fmt: skip
+        return Points(self.system, self.q[index], self.u[index], self.a[index], steady, *arrays)
+
+
+def _some(x: Array, index: Any, dims: int) -> Array:
+    """Return the part of an array that belongs to some points; `dims` is the number of axes it has if it varies."""
+    if dims and x.ndim < dims:
+        return x
+    return x if len(x) == 1 else x[index]
+
+
+@dataclass(frozen=True)
+class Separation:
+    """S with what is known of it by structure, as `mbstab.analysis.linear.neutral.Separated`.
+
+    Attributes
+    ----------
+    A : ndarray, shape (points, r, r)
+        What is left to judge.
+    T : ndarray, shape (points, n, d)
+        Orthonormal directions of symmetries and families.
+    B : ndarray, shape (points, n, r)
+        Orthonormal basis of what is left.
+    good : ndarray of bool, shape (points,)
+        Where ranks are those of the pattern, and S keeps the directions.
+    error : ndarray, shape (points,)
+        Norm of what rounding may change of A (1/s).
+    """
+
+    A: Array
+    T: Array
+    B: Array
+    good: Flags
+    error: Array
+
+
+class Known:
+    """What a point answered in full says about the structure of its neighbours.
+
+    Parameters
+    ----------
+    grounds : Grounds
+        Of that point.
+    """
+
+    def __init__(self, grounds: Grounds) -> None:
+        structure, separated = grounds.structure, grounds.separated
+        self.grounds = grounds
+        self.neutral: Neutral = separated.neutral
+        self.mirrored, self.rough = grounds.mirrored, grounds.kink(2)
+        self.symmetries = tuple(structure.invariance.symmetries)
+        self.boosts = tuple(structure.invariance.boosts)
+        plain = grounds.plain
+        self.speeds = plain.speeds
+        self.directions, self.kept = plain.T.shape[1] - self.speeds, len(plain.L)
+        self.d, self.k = separated.T.shape[1], len(separated.L)
+        self.of_symmetries = structure.symmetric(len(grounds.S)).shape[1]
+        self.moving = bool(np.any(grounds.motion.u))
+        n_eta = len(grounds.S) - structure.space.n_xi
+        self.rests = n_eta < structure.space.n_xi and "position at rest" in plain.neutral.family
+        self.momenta = tuple(x for x in structure.invariance.integrals if structure._commutes(x)) if self.kept else ()
+        self.speed = bool(self.kept and self.moving and structure.work.conserved_at_rest)
+        motion = grounds.motion
+        parts = [(x.direction, x.rate) for x in self.momenta] + ([(motion.u, motion.a)] if self.speed else [])
+        rows = [structure.differential(*part) for part in parts]
+        along = [row @ plain.T[:, : self.directions] / (np.linalg.norm(row) or 1.0) for row in rows]
+        # A shift that a turning frame carries around is no zero.
+        block = separated.T.T @ grounds.S @ separated.T
+        self.chain = 0 if any(separated.frequencies()) else _chain(block, float(np.linalg.norm(grounds.S)))
+        self.tied = int(np.linalg.matrix_rank(np.array(along), tol=KEPT)) if along and self.directions else 0
+
+    @property
+    def names(self) -> tuple[object, ...]:
+        """What must be the same at points of one pattern."""
+        work = self.grounds.structure.work
+        return (
+            self.neutral.symmetries, self.neutral.family, self.mirrored, self.d, self.k,
+            tuple(x.name for x in self.boosts), work.conserved, work.decreases, bool(self.rough),
+        )  # fmt: skip
+
+    def holds_for(self, other: Known) -> bool:
+        """Whether another point has all of this structure, and perhaps more."""
+        own, theirs = self.grounds.structure.work, other.grounds.structure.work
+        names = [
+            {x.name for x in known.symmetries} | {f"boost {x.name}" for x in known.boosts} for known in (self, other)
+        ]
+        return (
+            names[0] <= names[1]
+            and (bool(self.rough) or not other.rough)
+            and (not self.mirrored or bool(other.mirrored))
+            and (not own.conserved or theirs.conserved)
+            and (not own.decreases or theirs.decreases)
+            and self.kept <= other.kept
+        )
+
+    @cached_property
+    def at_rest(self) -> bool:
+        """Whether the eigenvalues are those of a stiffness alone, apart from what varies with the points."""
+        linear, work = self.grounds.linear, self.grounds.structure.work
+        return not self.moving and work.conserved and not len(linear.D_q)
+
+    @cached_property
+    def minimum(self) -> bool:
+        """Whether the energy may decide."""
+        return self.grounds.second_variation.applies
+
+    @cached_property
+    def in_place(self) -> bool:
+        """Whether a minimum of the energy leaves nothing out: no symmetry and no momentum."""
+        return not self.symmetries if self.moving else not self.neutral.count
+
+    # --- directions -------------------------------------------------------------------------------------------------
+
+    def separated(self, points: Points) -> Separation:
+        """Return what is left to judge at many points."""
+        S, n = points.S, points.S.shape[-1]
+        good = np.ones(len(S), dtype=bool)
+        if not self.d + self.k:
+            return Separation(S, np.zeros((1, n, 0)), np.eye(n)[None], good, points.error)
+        symmetries = self._columns(points, self.symmetries)
+        T = self._directions(points, symmetries, good)
+        L = self._functions(points, T, good)
+        if self.speeds:
+            T = self._moving(points, T, good)
+        if self.d > self.directions + self.speeds:
+            T, L = self._widened(points, symmetries, L, good)
+        basis = _beside(T, transposed(L))
+        B = np.linalg.qr(basis, mode="complete")[0][..., basis.shape[-1] :]
+        ST, LS = S @ T, L @ S
+        left = np.linalg.norm(ST - T @ (transposed(T) @ ST), axis=(1, 2)) + np.linalg.norm(
+            LS - (LS @ T) @ transposed(T), axis=(1, 2)
+        )
+        allowed = np.maximum(FITS * points.size, 100.0 * points.error)
+        good = good & (left <= allowed)
+        if self.chain:
+            # Where directions span much, all fits in them: their eigenvalues must be the zeros they are taken for.
+            block = transposed(T) @ ST / np.maximum(points.size, 1e-300)[:, None, None]
+            powers = np.linalg.matrix_power(block, self.chain)
+            rest = np.linalg.norm(powers, axis=(1, 2)) * points.size
+            good = good & (rest <= self.chain * allowed)
+        return Separation(transposed(B) @ S @ B, T, B, good, points.error + left)
+
+    def _columns(self, points: Points, items: tuple[Symmetry, ...], boost: bool = False) -> Array:
+        """Return disturbances in the coordinates of S as unit columns, shape (points, n, number)."""
+        if not items:
+            return np.zeros((1, points.S.shape[-1], 0))
+        parts = [disturbance(item, points) for item in items]
+        direction, rate = (_stacked([part[k] for part in parts]) for k in (0, 1))
+        if boost:
+            direction, rate = 0.0 * direction, direction
+        direction, rate = (x / points.scale[:, :, None] for x in (direction, rate))
+        if points.slope is not None:
+            rate = rate - points.slope @ direction
+        xi = transposed(points.N) @ direction
+        eta = transposed(points.Z) @ (transposed(points.N) @ rate - points.P @ xi)
+        return _unit(_under(xi, eta / points.gamma[:, None, None]))
+
+    def _directions(self, points: Points, symmetries: Array, good: Flags) -> Array:
+        """Return orthonormal directions of symmetries, boosts and rests."""
+        columns = _beside(symmetries, self._columns(points, self.boosts, boost=True))
+        n = points.n_xi
+        if self.rests:
+            lower = points.S[:, n:, :n]
+            n_eta = lower.shape[-2]
+            if n_eta:
+                _, s, right = np.linalg.svd(lower)
+                good &= s[:, -1] > FULL_RANK * np.linalg.norm(points.S[:, n:], axis=(1, 2))
+                null = transposed(right[:, n_eta:])
+            else:
+                null = np.eye(n)[None]
+            columns = _beside(columns, _under(null, np.zeros((1, n_eta, null.shape[-1]))))
+        return _orthonormal(columns, self.directions, good)
+
+    def _moving(self, points: Points, T: Array, good: Flags) -> Array:
+        """Return the directions with speeds at which what rests may move on, as `Structure._moving`."""
+        directions = _stacked([disturbance(item, points)[0] for item in self.symmetries]) / points.scale[:, :, None]
+        lengths = np.linalg.norm(directions, axis=1, keepdims=True)
+        allowed, directions = points.N @ points.Z, directions / lengths
+        eta = transposed(points.Z) @ (transposed(points.N) @ directions)
+        columns = _under(np.zeros((1, points.n_xi, eta.shape[-1])), eta)
+        across = directions - allowed @ (transposed(allowed) @ directions)
+        _, s, right = np.linalg.svd(across)
+        full = np.zeros((len(s), len(self.symmetries)))
+        full[:, : s.shape[-1]] = s
+        free = int(np.sum(full[0] <= KEPT))
+        good &= np.sum(full <= KEPT, axis=1) == free
+        found = columns @ transposed(right[:, right.shape[1] - free :])
+        left = found - T @ (transposed(T) @ found)
+        own, s, _ = np.linalg.svd(left, full_matrices=False)
+        good &= np.sum(s > KEPT, axis=1) == self.speeds
+        return _beside(T, own[..., : self.speeds])
+
+    def _functions(self, points: Points, T: Array, good: Flags) -> Array:
+        """Return orthonormal differentials of conserved functions that vanish on the directions."""
+        n = points.S.shape[-1]
+        if not self.kept:
+            return np.zeros((1, 0, n))
+        rows = self._conserved(points, self.momenta, good)
+        if self.speed:
+            rows = _under(rows, self._differentials(points, [(points.u, points.a)]))
+        rows = transposed(_unit(transposed(rows)))
+        return self._vanishing(rows, T, self.kept, self.tied, good)
+
+    def _conserved(self, points: Points, momenta: tuple[Symmetry, ...], good: Flags) -> Array:
+        """Return the differentials of conserved momenta as rows, shape (points, number, n)."""
+        mixed = any(isinstance(item.of, Combination) for item in momenta)
+        if not momenta or not mixed:
+            parts = [disturbance(item, points) for item in momenta]
+            return self._differentials(points, parts) if parts else np.zeros((1, 0, points.S.shape[-1]))
+        # How symmetries are to be combined changes from point to point: so that the combinations are conserved there.
+        fields: list[Symmetry] = []
+        for item in momenta:
+            parts_of = item.of.parts if isinstance(item.of, Combination) else ((1.0, item.of),)
+            known = [x for _, part in parts_of for x in self.symmetries if x.of is part]
+            good &= len(known) == len(parts_of)
+            fields += [x for x in known if x not in fields]
+        rows = transposed(
+            _unit(transposed(self._differentials(points, [disturbance(item, points) for item in fields])))
+        )
+        count = len(momenta)
+        left, s, _ = np.linalg.svd(rows @ points.S)
+        full = np.zeros((len(s), len(fields)))
+        full[:, : s.shape[-1]] = s
+        limit = np.maximum(FITS * points.size, 100.0 * points.error)
+        good &= full[:, -count] <= limit
+        if count < len(fields):
+            good &= full[:, -count - 1] > GAP * limit
+        return transposed(left[..., len(fields) - count :]) @ rows
+
+    def _differentials(self, points: Points, parts: list[tuple[Array, Array]]) -> Array:
+        """Return differentials of momenta as rows, shape (points, number, n)."""
+        direction, rate = (_stacked([part[k] for part in parts]) for k in (0, 1))
+        direction, rate = (transposed(x / points.scale[:, :, None]) for x in (direction, rate))
+        carried = rate if points.slope is None else rate - direction @ transposed(points.slope)
+        speeds = direction @ points.M @ points.N
+        positions = direction @ points.R @ points.N - carried @ points.M @ points.N + speeds @ points.P
+        return _beside(positions, points.gamma[:, None, None] * (speeds @ points.Z))
+
+    def _vanishing(self, rows: Array, T: Array, count: int, rank: int, good: Flags) -> Array:
+        """Return so many orthonormal combinations of rows that vanish on T, where rows T has a rank."""
+        if T.shape[-1]:
+            _, s, right = np.linalg.svd(transposed(rows @ T))
+            if rank:
+                good &= s[:, rank - 1] > KEPT
+            if rank < s.shape[-1]:
+                good &= s[:, rank] <= KEPT
+            rows = right[:, rank:] @ rows
+        return transposed(_orthonormal(transposed(rows), count, good))
+
+    def _widened(self, points: Points, symmetries: Array, L: Array, good: Flags) -> tuple[Array, Array]:
+        """Return directions and functions with the family that a reversor shows, as `Reversor.widened`."""
+        own = _orthonormal(symmetries, self.of_symmetries, good)
+        Q = np.linalg.qr(own, mode="complete")[0][..., own.shape[-1] :]
+        size = self.d - self.of_symmetries
+        _, s, right = np.linalg.svd(transposed(Q) @ points.S @ Q)
+        good &= s[:, -size] <= NULL * s[:, 0]
+        if size < s.shape[-1]:
+            good &= (s[:, -size - 1] >= GAP * np.maximum(s[:, -size], 1e-300)) & (s[:, -size - 1] > NULL * s[:, 0])
+        T = _orthonormal(_beside(own, Q @ transposed(right[:, -size:])), self.d, good)
+        return T, self._vanishing(L, T, self.k, self.kept - self.k, good) if L.shape[1] else L
+
+    # --- the energy -------------------------------------------------------------------------------------------------
+
+    def energy(self, points: Points) -> tuple[Array, Array]:
+        """Return the second variation of the energy in the coordinates of S, and how large rounding may be in it."""
+        n = points.n_xi
+        rates = _beside(points.P, points.gamma[:, None, None] * points.Z)
+        H = transposed(rates) @ (transposed(points.N) @ points.M @ points.N) @ rates
+        stiffness = transposed(points.N) @ points.K @ points.N
+        N, moved = np.abs(points.N), np.abs(rates)
+        size = transposed(moved) @ (transposed(N) @ np.abs(points.M) @ N) @ moved
+        known = transposed(N) @ np.abs(points.K) @ N
+        shape = points.S.shape
+        H, size = (np.broadcast_to(x, np.broadcast_shapes(x.shape, shape)).copy() for x in (H, size))
+        H[:, :n, :n] += 0.5 * (stiffness + transposed(stiffness))
+        size[:, :n, :n] += 0.5 * (known + transposed(known))
+        return H, ROUNDINGS * EPS * points.spread[:, None, None] * size
+
+    def inertia(self, points: Points) -> Array:
+        """Return how many positive, negative and doubtful directions the second variation has, shape (points, 3).
+
+        Apart from the symmetries, at the given momenta; as `mbstab.analysis.linear.minimum`.
+        """
+        good = np.ones(len(points.S), dtype=bool)
+        found = _restricted(self.energy(points), W := self._basis(points, good))
+        if len(self.grounds.linear.D_q):
+            good &= points.across <= UNFORCED
+        found[~good] = 0, 0, W.shape[-1]
+        return found
+
+    def with_a_multiple(self, points: Points) -> Flags:
+        """Return where the energy has a minimum in another frame in which the motion stands still as well.
+
+        As in `mbstab.analysis.linear.minimum`: a multiple of the momentum of a turn that leaves the reference as it is.
+        """
+        found = np.zeros(len(points.S), dtype=bool)
+        angles = np.array([not name.endswith((".x", ".y", ".z")) for name in points.system.names])
+        reach = 4.0 * np.max(np.abs(points.u[:, angles]), axis=1, initial=0.0)
+        for step in self.idle:
+            ratios, last = np.linspace(-1.0, 1.0, TRIED).tolist(), 0.0
+            while ratios:
+                # Neighbours want much the same: what helped last comes first.
+                ratios.sort(key=lambda x: -abs(x - last))
+                ratio = ratios.pop()
+                left = np.flatnonzero(~found & (reach > 0.0))
+                if not len(left):
+                    break
+                other = _seen_from(points.at(left), step, ratio * reach[left])
+                counts = self.inertia(other)
+                positive = counts[:, 0] == counts.sum(axis=1)
+                found[left] = positive
+                last = ratio if positive.any() else last
+        return found
+
+    @cached_property
+    def idle(self) -> tuple[Generator, ...]:
+        """Turns that leave the motion as it is, about the axis of its frame."""
+        own = self.grounds.linear.generator
+        steps: list[Generator] = self.grounds.second_variation._idle_turns()
+        if own is not None and own.turns:
+            steps = [
+                x
+                for x in steps
+                if np.linalg.norm(own.axis - x.axis) <= 1e-9 and np.linalg.norm(own.point - x.point) <= 1e-9
+            ]
+        return tuple(steps)
+
+    def regular(self, points: Points, B: Array) -> Flags:
+        """Return where the symmetry of the spectrum that holds at the pattern is sure: a conserved form is regular."""
+        if not self.grounds.structure.work.conserved or not len(self.grounds.linear.D_q):
+            return np.ones(len(points.S), dtype=bool)
+        result: Flags = (_restricted(self.energy(points), B)[:, 2] == 0) & (points.across <= UNFORCED)
+        return result
+
+    def stiffness(self, points: Points, r: int) -> Array | None:
+        """Return the inertia of the stiffness at rest if the r eigenvalues are ±√ of those of it, as `inertia`."""
+        if not self.at_rest or np.any(points.R):
+            return None
+        found = self.inertia(points)
+        speeds = points.S.shape[-1] - points.n_xi
+        if not len(found) or 2 * (int(found[0].sum()) - speeds) != r:
+            return None
+        return found
+
+    def _basis(self, points: Points, good: Flags) -> Array:
+        """Return disturbances at the given momenta apart from symmetries, as orthonormal columns."""
+        n = points.S.shape[-1]
+        reference = self.grounds.second_variation
+        if not self.moving:
+            columns = np.array(self._columns(points, self.symmetries))
+            columns[:, points.n_xi :] = 0.0
+            return _complement(_orthonormal(columns, n - reference.basis.shape[1], good))
+        momenta = tuple(self.grounds.structure.invariance.momenta)
+        kernel = np.eye(n)[None]
+        if momenta:
+            good &= momenta == self.momenta or not any(isinstance(x.of, Combination) for x in momenta)
+            rows = self._conserved(points, momenta, good)
+            kernel = _complement(_orthonormal(transposed(rows), len(momenta), good))
+        if not self.symmetries:
+            return kernel
+        columns = self._columns(points, self.symmetries)
+        inside = transposed(kernel) @ columns
+        along = kernel.shape[-1] - reference.basis.shape[1]
+        _, _, right = np.linalg.svd(columns - kernel @ inside)
+        return kernel @ _complement(_orthonormal(inside @ transposed(right[:, right.shape[1] - along :]), along, good))
+
+
+def _seen_from(points: Points, step: Generator, rate: Array) -> Points:
+    """Return points in a frame that turns faster."""
+    R, K, turn = points.R, points.K, rate
+    if points.steady is not None:
+        first, second = _frame(points, points.steady)
+        R = R - 2.0 * points.M @ first
+        K = K - R @ first - points.M @ second
+        turn = rate + points.steady.rate
+    spins = step.spins * rate[:, None]
+    generator = Generator(step.system, step.axis, step.point, turn, np.zeros(3), spins)  # type: ignore[arg-type]
+    first, second = _frame(points, generator)
+    K = K + R @ first + points.M @ second
+    return replace(points, R=R + 2.0 * points.M @ first, K=K, steady=generator)
+
+
+def _frame(points: Points, generator: Generator) -> tuple[Array, Array]:
+    """Return Ξ and Ξ₂ in scaled coordinates."""
+    first, second = (x * points.scale[:, None, :] / points.scale[:, :, None] for x in generator.frame(points.q))
+    return first, second
+
+
+def _restricted(energy: tuple[Array, Array], W: Array) -> Array:
+    """Return the inertia of a form, with its rounding, on the span of columns."""
+    size = np.abs(W)
+    return inertia(transposed(W) @ energy[0] @ W, transposed(size) @ energy[1] @ size)
+
+
+def inertia(H: Array, known: Array) -> Array:
+    """Return numbers of positive, negative and doubtful directions of symmetric matrices, shape (points, 3).
+
+    Parameters
+    ----------
+    H : ndarray, shape (points, m, m)
+    known : ndarray, shape (points, m, m)
+        How large rounding may be in each entry.
+    """
+    m = H.shape[-1]
+    if not m:
+        return np.zeros((len(H), 3), dtype=int)
+    # Scaled by the diagonal: stiffness of many magnitudes does not hide what is soft (Demmel and Veselić 1992). What
+    # may be zero is left small, so that it hides nothing either.
+    own, open_ = np.abs(np.diagonal(H, axis1=1, axis2=2)), np.diagonal(known, axis1=1, axis2=2)
+    diagonal = np.where(own > 10.0 * open_, own, np.max(np.maximum(own, open_), axis=1, keepdims=True))
+    scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
+    both = scale[:, :, None] * scale[:, None, :]
+    values = np.linalg.eigvalsh(0.5 * (H + transposed(H)) * both)
+    least = np.linalg.norm(known * both, axis=(1, 2))[:, None] + m * EPS * np.max(np.abs(values), axis=1)[:, None]
+    positive, negative = np.sum(values > least, axis=1), np.sum(values < -least, axis=1)
+    return np.stack([positive, negative, m - positive - negative], axis=1)
+
+
+def disturbance(item: Symmetry, points: Points) -> tuple[Array, Array]:
+    """Return what a symmetry changes of coordinates and speeds, (Y, DY u), each of shape (points or 1, n_q)."""
+    q, u, field = points.q, points.u, item.of
+    if item.name == "the motion itself":
+        return u, points.a
+    if isinstance(field, Shift):
+        return field.direction[None], 0.0 * field.direction[None]
+    if isinstance(field, OwnTurn):
+        direction, rate = np.zeros_like(q), np.zeros_like(q)
+        cos, sin = np.cos(q[:, field.part.stop - 1]), np.sin(q[:, field.part.stop - 1])
+        center = points.system.scene.bodies[points.system.body_slices.index(field.part)].center
+        first, second = (np.asarray(x, dtype=float) for x in center[:2])
+        lever = np.stack([cos * first - sin * second, sin * first + cos * second], axis=1)
+        start, turn = field.part.start, u[:, field.part.stop - 1, None]
+        direction[:, start], direction[:, start + 1], direction[:, start + 2] = lever[:, 1], -lever[:, 0], 1.0
+        rate[:, start : start + 2] = lever * turn
+        return direction, rate
+    if isinstance(field, (Spin, Combination)):
+        pairs = [(field.field(x), field.slope(x) @ y) for x, y in zip(q, u, strict=True)]
+        return np.array([x for x, _ in pairs]), np.array([y for _, y in pairs])
+    generator: Any = getattr(field, "generator")  # noqa: B009 (a Turn)
+    direction, slope = generator.field(q), generator.frame(q)[0]
+    return direction, (slope @ u[..., None])[..., 0]
+
+
+# --- matrices of many points ------------------------------------------------------------------------------------------
+
+
+def _chain(block: Array, size: float) -> int:
+    """Return which power of a matrix whose eigenvalues are all zero is zero itself; 0 where rounding hides it."""
+    power = np.eye(len(block))
+    for index in range(1, len(block) + 1):
+        power = power @ (block / (size or 1.0))
+        if np.linalg.norm(power) <= FITS:
+            return index
+    return 0
+
+
+def transposed(x: Any) -> Array:
+    """Return the transposes of a stack of matrices."""
+    result: Array = np.swapaxes(x, -1, -2)
+    return result
+
+
+def _wide(*parts: Array) -> list[Array]:
+    points = max(len(x) for x in parts)
+    return [np.broadcast_to(x, (points, *x.shape[1:])) for x in parts]
+
+
+def _beside(*parts: Array) -> Array:
+    result: Array = np.concatenate(_wide(*parts), axis=-1)
+    return result
+
+
+def _under(*parts: Array) -> Array:
+    result: Array = np.concatenate(_wide(*parts), axis=-2)
+    return result
+
+
+def _stacked(vectors: list[Array]) -> Array:
+    """Return vectors (points, n) as columns (points, n, number)."""
+    result: Array = np.stack(_wide(*vectors), axis=-1)
+    return result
+
+
+def _unit(columns: Array) -> Array:
+    result: Array = columns / norms(columns, -2, keepdims=True)
+    return result
+
+
+def _orthonormal(columns: Array, rank: int, good: Flags) -> Array:
+    """Return orthonormal bases of spans of unit columns, and note where they have another rank."""
+    if not rank:
+        return columns[..., :0]
+    if columns.shape[-1] == rank:
+        Q, R = np.linalg.qr(columns)
+        good &= np.min(np.abs(np.diagonal(R, axis1=-2, axis2=-1)), axis=-1) > KEPT
+        return Q
+    left, s, _ = np.linalg.svd(columns, full_matrices=False)
+    good &= (s[..., rank - 1] > KEPT) & (s[..., rank] <= KEPT)
+    return left[..., :rank]
+
+
+def _complement(basis: Array) -> Array:
+    """Return orthonormal bases of what is orthogonal to orthonormal columns."""
+    if not basis.shape[-1]:
+        return np.eye(basis.shape[-2])[None]
+    return np.linalg.qr(basis, mode="complete")[0][..., basis.shape[-1] :]

@@ -1,0 +1,397 @@
+"""Verdicts at many points of a sweep at once: where eigenvalues lie, and what `judge` says about each class of points.
+
+Each eigenvalue has a bound of its own. What is left to judge, A, is known to a norm ε. A simple
+eigenvalue s of A, at a distance δ from the others, has a condition number of at most
+
+    κ = (1 + (|A|² − Σ|s|²)/((r − 1) δ²))^((r−1)/2)
+
+(Smith 1967, Numer. Math. 10; norms of Frobenius), so the eigenvalues alone place most of them
+within 2 κ ε. Where that does not tell on which side of the imaginary axis one lies, discs of
+Gershgorin about Y A W, with vectors W and Y = W⁻¹, do. Where there is a stiffness alone, the signs
+of its eigenvalues, scaled, count those that grow however stiff the scene is. What is then still
+open is for the code of `mbstab eig`, which judges a single point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.algebra.arrays import Complex, Index
+from mbstab.analysis.linear.verdict import UNDECIDED, UNSTABLE, WORDS, Disc, Facts, Minimum, Side, judge
+from mbstab.analysis.sweep.batched_structure import Known, Points, Separation
+from mbstab.compiler.system import Array
+
+Sides = npt.NDArray[np.int8]
+
+RIGHT, LEFT, AXIS, OPEN = 1, -1, 0, 2
+"""Sides of the imaginary axis: right and left of it, held on it by a structure, not placed."""
+
+MINIMUM, MAXIMUM, MULTIPLE = 1, -1, 2
+"""What the energy has: a minimum, a maximum, a minimum with a multiple of a momentum added."""
+
+NAMES: dict[int, Side] = {RIGHT: "right", LEFT: "left", AXIS: "axis", OPEN: "open"}
+
+SAFE = 10.0
+"""An eigenvalue is placed if it is so many times its bound away from the axis."""
+
+APART = 16.0
+"""First-order bounds hold if eigenvalues are apart by so many times the largest of them, and their number."""
+
+EPS = float(np.finfo(float).eps)
+
+PARALLEL = 1e12
+"""Vectors with an inverse of a larger norm say nothing."""
+
+SLOW = 1e-7
+"""Eigenvalues below this part of the largest have lost digits in A and come from its inverse."""
+
+HARDLY = 1e-5
+"""Zeros that nothing explains are below this part of the norm of the matrix."""
+
+WORD = {word: number for number, word in enumerate(WORDS)}
+"""Numbers of the words of verdicts."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Eigenvalues of many points and what they say.
+
+    Attributes
+    ----------
+    values : ndarray of complex, shape (points, r)
+    sides : ndarray of int8, shape (points, r)
+        `RIGHT`, `LEFT`, `AXIS` or `OPEN`.
+    words : ndarray of int8, shape (points,)
+        Numbers of the verdicts among `mbstab.analysis.linear.verdict.WORDS`.
+    sizes : ndarray, shape (points,)
+        Norms of the matrices (1/s).
+    """
+
+    values: Complex
+    sides: Sides
+    words: npt.NDArray[np.int8]
+    sizes: Array
+
+    def at(self, index: Any) -> Judged:
+        """Return some of the points."""
+        return Judged(self.values[index], self.sides[index], self.words[index], self.sizes[index])
+
+
+def judged(known: Known, points: Points, separation: Separation) -> Judged:
+    """Return eigenvalues, their sides and verdicts of points of a pattern."""
+    A, error = separation.A, separation.error
+    size, r = A.shape[0], A.shape[-1]
+    if not r:
+        empty = np.zeros((size, 0))
+        words_ = _words(known, np.zeros((size, 5), dtype=int))
+        return Judged(empty.astype(complex), empty.astype(np.int8), words_, points.size)
+    values = eigenvalues(A)
+    least = np.broadcast_to(error, (size,)) + r * EPS * np.linalg.norm(A, axis=(1, 2))
+    minima = np.zeros(size, dtype=int)
+    counts = known.stiffness(points, r)
+    if counts is not None:
+        sides, minima = _by_stiffness(values, counts)
+    else:
+        mirrored = bool(known.mirrored)
+        sides = placed(A, values, least, mirrored)
+        closer = np.flatnonzero(np.any(sides == OPEN, axis=1))
+        if len(closer):
+            values[closer], sides[closer] = placed_by_vectors(A[closer], least[closer], mirrored)
+        if mirrored:
+            sides[~known.regular(points, separation.B)[:, None] & (sides == AXIS)] = OPEN
+        if known.minimum:
+            asked = np.flatnonzero(~np.any(sides == RIGHT, axis=1) & ~np.all(sides == LEFT, axis=1))
+            if len(asked):
+                minima[asked] = _minima(known, points.at(asked) if len(asked) < size else points)
+                if known.grounds.structure.work.conserved:
+                    sides[minima != 0] = AXIS
+    return Judged(values, sides, words(known, sides, minima), points.size)
+
+
+def words(known: Known, sides: Sides, minima: Index) -> npt.NDArray[np.int8]:
+    """Return the verdicts of points: one call of `judge` for each class of them.
+
+    Parameters
+    ----------
+    minima : ndarray of int, shape (points,)
+        Where the energy has a `MINIMUM`, a `MAXIMUM`, or a minimum with a `MULTIPLE` of a momentum.
+    """
+    classes = np.stack([*(np.sum(sides == x, axis=1) for x in (RIGHT, LEFT, AXIS, OPEN)), minima], axis=1)
+    return _words(known, classes)
+
+
+def _words(known: Known, classes: Index) -> npt.NDArray[np.int8]:
+    bases = np.max(classes, axis=0) + 2
+    key = np.ravel_multi_index(tuple((classes + 1).T), tuple(bases + 1))
+    _, first, which = np.unique(key, return_index=True, return_inverse=True)
+    kinds = classes[first]
+    found = [WORD[judge(_facts(known, kind[:4].tolist(), int(kind[4]))).word] for kind in kinds]
+    return np.array(found, dtype=np.int8)[which.reshape(-1)]
+
+
+def _facts(known: Known, counts: list[int], minimum: int) -> Facts:
+    """Return the facts of a class of points, by the number of eigenvalues on each side."""
+    discs = [
+        Disc(0j, float("inf") if side == OPEN else 0.0, 1, NAMES[side], known.mirrored if side == AXIS else "")
+        for side, count in zip((RIGHT, LEFT, AXIS, OPEN), counts, strict=True)
+        for _ in range(count)
+    ]
+    total = len(discs) + known.neutral.count
+    energy: Callable[[], Minimum | None] = lambda: None  # noqa: E731
+    if minimum:
+        whole = known.in_place and minimum != MULTIPLE
+        energy = lambda: Minimum("the energy", True, whole, minimum != MINIMUM)  # noqa: E731
+    return Facts(
+        total,
+        total,
+        tuple(discs),
+        known.neutral,
+        rough=known.rough,
+        minimum=energy,
+        reversible=known.grounds.reversible,
+    )
+
+
+def signs(sides: Sides) -> Sides:
+    """Return 1 and −1 for eigenvalues right and left of the axis, 0 for all others."""
+    return np.where(sides == OPEN, np.int8(0), sides)
+
+
+def unstable_counts(sides: Sides, words: npt.NDArray[np.int8]) -> Index:
+    """Return the numbers of unstable eigenvalues of points, by the sides of all; −1 where the verdict is open."""
+    counts = np.where(words == WORD[UNSTABLE], np.sum(sides == RIGHT, axis=1), 0)
+    return np.where(words == WORD[UNDECIDED], -1, counts)
+
+
+def unplaced(sides: Sides, words: npt.NDArray[np.int8], problems: Container[int]) -> int:
+    """Return the number of eigenvalues that are placed at none of many points: zeros that nothing explains.
+
+    Where a family of motions explains them at some points, and the motion is unstable at others, the
+    latter tell: there no family is looked for.
+    """
+    asked = np.array([i not in problems for i in range(len(words))], dtype=bool)
+    if np.any((words != WORD[UNSTABLE]) & (words != WORD[UNDECIDED])):
+        asked &= words == WORD[UNSTABLE]
+    return int(np.min(np.sum(sides == OPEN, axis=1)[asked], initial=sides.shape[1])) if asked.any() else 0
+
+
+def settled(sides: Sides, words: npt.NDArray[np.int8], number: int) -> Index:
+    """Return the numbers of unstable eigenvalues; −1 where more than a number of them are not placed."""
+    decided = (words != WORD[UNDECIDED]) & (words != WORD[UNSTABLE])
+    found = decided | (np.sum(sides == OPEN, axis=1) <= number)
+    return np.where(found, np.sum(sides == RIGHT, axis=1), -1)
+
+
+def pinned(values: Complex, sides: Sides, sizes: Array, number: int) -> Complex:
+    """Return spectra, shape (points, r), with so many zeros that nothing explains as such: what they show is noise."""
+    if not number:
+        return values
+    size = np.abs(values)
+    rank = np.argsort(np.argsort(size, axis=1, kind="stable"), axis=1, kind="stable")
+    tiny = (sides == OPEN) & (rank < number) & (size <= HARDLY * sizes[:, None])
+    return np.where(tiny, 0.0, values)
+
+
+# --- eigenvalues ------------------------------------------------------------------------------------------------------
+
+
+def eigenvalues(A: Array) -> Complex:
+    """Return the eigenvalues of matrices, shape (points, r, r); slow ones beside fast ones from the inverse."""
+    values = np.linalg.eigvals(A).astype(complex)
+    size = np.abs(values)
+    stiff = np.flatnonzero(np.min(size, axis=1) < SLOW * np.max(size, axis=1))
+    if len(stiff):
+        try:
+            inverse = np.linalg.eigvals(np.linalg.inv(A[stiff])).astype(complex)
+        except np.linalg.LinAlgError:  # zero is an eigenvalue: no other is better known by the inverse
+            return values
+        values[stiff] = _parted(values[stiff], inverse)
+    return values
+
+
+def _parted(values: Complex, inverse: Complex) -> Complex:
+    """Return fast eigenvalues from those of matrices, slow ones from those of their inverses, shape (points, r)."""
+    each = np.arange(values.shape[1])
+    values = np.take_along_axis(values, np.argsort(-np.abs(values), axis=1, kind="stable"), axis=1)
+    inverse = np.take_along_axis(inverse, np.argsort(-np.abs(inverse), axis=1, kind="stable"), axis=1)
+    rates = np.abs(values)
+    with np.errstate(all="ignore"):
+        fast = 1 + np.argmax(rates[:, :-1] / np.maximum(rates[:, 1:], EPS * rates[:, :1]), axis=1)[:, None]
+        slow = 1.0 / np.take_along_axis(inverse, np.maximum(each - fast, 0), axis=1)
+    found = np.where(each < fast, values, slow)
+    # A pair must not be parted.
+    pairs = np.abs(np.sum(found.imag, axis=1)) <= 1e-9 * rates[:, 0]
+    pairs &= np.sum(found.imag > 0.0, axis=1) == np.sum(found.imag < 0.0, axis=1)
+    return np.where((pairs & np.isfinite(found).all(axis=1))[:, None], found, values)
+
+
+def placed(A: Array, values: Complex, error: Array, mirrored: bool) -> Sides:
+    """Return on which side of the axis eigenvalues lie, as far as their condition numbers are bounded without vectors.
+
+    Parameters
+    ----------
+    A : ndarray, shape (points, r, r)
+    values : ndarray of complex, shape (points, r)
+    error : ndarray, shape (points,)
+        Norm of what rounding may change of A (1/s).
+    mirrored : bool
+        Whether the spectrum is symmetric to the imaginary axis by structure.
+    """
+    r = A.shape[-1]
+    if r == 1:
+        return _sides(values, np.broadcast_to(error[:, None], values.shape), np.zeros((len(A), 1, 1)), mirrored)
+    gaps = np.abs(values[:, :, None] - values[:, None, :])
+    each = np.arange(r)
+    gaps[:, each, each] = np.inf
+    nearest = np.min(gaps, axis=2)
+    departure = np.maximum(np.sum(A * A, axis=(1, 2)) - np.sum(np.abs(values) ** 2, axis=1), 0.0)
+    with np.errstate(all="ignore"):
+        condition = (1.0 + departure[:, None] / ((r - 1) * nearest**2)) ** (0.5 * (r - 1))
+        radii = 2.0 * condition * error[:, None]
+    valid = APART * r * np.max(radii, axis=1) < np.min(nearest, axis=1)
+    sides = _sides(values, radii, gaps, mirrored)
+    sides[~valid] = OPEN
+    return sides
+
+
+def placed_by_vectors(A: Array, error: Array, mirrored: bool) -> tuple[Complex, Sides]:
+    """Return eigenvalues, and their sides by discs about Y A V, with a basis V of eigenvectors and Y = V⁻¹.
+
+    Vectors that belong to several eigenvalues near zero are nearly parallel: a basis of their span
+    takes their place.
+    """
+    values, W = np.linalg.eig(A)
+    values, sides = values.astype(complex), np.full(A.shape[:2], OPEN, dtype=np.int8)
+    _place(A, values, W, error, mirrored, sides, np.arange(len(A)))
+    small = np.abs(values) <= HARDLY * np.linalg.norm(A, axis=(1, 2))[:, None]
+    number = np.sum(small, axis=1)
+    doubtful = np.any((sides == OPEN) & ~small, axis=1)
+    for k in np.unique(number[doubtful & (number > 1) & (number < A.shape[-1])]).tolist():
+        index = np.flatnonzero(doubtful & (number == k))
+        order = np.argsort(small[index], axis=1, kind="stable")
+        values[index] = np.take_along_axis(values[index], order, axis=1)
+        V = _beside_zeros(A[index], np.take_along_axis(W[index], order[:, None, :], axis=2), error[index], k)
+        _place(A, values, V, error, mirrored, sides, index)
+    return values, sides
+
+
+def _place(A: Array, values: Complex, V: Complex, error: Array, mirrored: bool, sides: Sides, index: Index) -> None:
+    """Place eigenvalues of some points by discs about Y A V; V belongs to these points, all else to all of them."""
+    r = A.shape[-1]
+    Y = _inverse(V)
+    with np.errstate(all="ignore"):
+        good = np.linalg.norm(Y, axis=(1, 2)) < PARALLEL
+    Y, V, index = Y[good], V[good], index[good]
+    if not len(index):
+        return
+    A, error = A[index], error[index]
+    F = Y @ (A @ V)
+    each = np.arange(r)
+    centres = F[:, each, each].copy()
+    F[:, each, each] = 0.0
+    lengths = np.linalg.norm(Y, axis=2), np.linalg.norm(V, axis=1)
+    sums = np.sum(lengths[1], axis=1)
+    # Products of Y, A and V are computed to some roundings of their sizes, which ε contains.
+    radii = np.sum(np.abs(F), axis=2) + 2.0 * error[:, None] * lengths[0] * sums[:, None]
+    # Conjugate pairs stay such.
+    real = values[index].imag == 0.0
+    centres = np.where(real, centres.real, centres)
+    gaps = np.abs(centres[:, :, None] - centres[:, None, :])
+    gaps[:, each, each] = np.inf
+    found = _sides(centres, radii, gaps, mirrored)
+    # Where discs meet, what they hold together is placed only if they lie on the same side.
+    meet = gaps <= radii[:, :, None] + radii[:, None, :]
+    for _ in range(r):
+        other = meet & (found[:, None, :] != found[:, :, None])
+        found = np.where(np.any(other, axis=2) | ((found == AXIS) & np.any(meet, axis=2)), OPEN, found).astype(np.int8)
+    # Slow ones beside fast ones are corrected by it; others are as exact as they are.
+    size = np.abs(values[index])
+    slow = size < SLOW * np.max(size, axis=1, keepdims=True)
+    values[index], sides[index] = np.where(slow, centres, values[index]), found
+
+
+def _beside_zeros(A: Array, W: Complex, error: Array, k: int) -> Complex:
+    """Return bases: eigenvectors, and beside them one of the span that belongs to the last k eigenvalues.
+
+    Eigenvectors that are not parallel part A into a block of their own and the block C of the k. In
+    coordinates in which C is triangular, each is counted in such a unit that the coupling within
+    the block and the rounding of A are of the same size.
+    """
+    m = A.shape[-1] - k
+    Q = np.linalg.qr(W[..., :m], mode="complete")[0]
+    whole = np.conj(np.swapaxes(Q, 1, 2)) @ A @ Q
+    own, coupling, C = whole[:, :m, :m], whole[:, :m, m:], whole[:, m:, m:]
+    # own X − X C = −coupling, column by column of X in one.
+    blocks = np.einsum("pij,kl->pkilj", own, np.eye(k)) - np.einsum("plk,ij->pkilj", C, np.eye(m))
+    right = -np.swapaxes(coupling, 1, 2).reshape(len(A), m * k, 1)
+    try:
+        X = np.linalg.solve(blocks.reshape(len(A), m * k, m * k), right)
+    except np.linalg.LinAlgError:
+        return W
+    X = np.swapaxes(X.reshape(len(A), k, m), 1, 2)
+    span = Q[..., :m] @ X + Q[..., m:]
+    span = span @ np.linalg.qr(np.linalg.eig(C)[1])[0]
+    size = np.linalg.norm(C, axis=(1, 2)) + 1e-300
+    units = np.minimum((error / size) ** (1.0 / k), 1.0)[:, None] ** np.arange(k)
+    return np.concatenate([W[..., :m], span * units[:, None, :]], axis=2)
+
+
+def _inverse(W: Complex) -> Complex:
+    """Return inverses of matrices, inf where there is none."""
+    try:
+        return np.asarray(np.linalg.inv(W), dtype=complex)
+    except np.linalg.LinAlgError:
+        regular = np.linalg.svd(W, compute_uv=False)[:, -1] > EPS
+        found = np.full(W.shape, np.inf, dtype=complex)
+        found[regular] = np.linalg.inv(W[regular])
+        return found
+
+
+def _sides(values: Complex, radii: Array, gaps: Array, mirrored: bool) -> Sides:
+    """Return the sides of discs; held on the axis are those that meet the mirror image of no other one."""
+    wide = SAFE * radii
+    sides = np.where(values.real > wide, RIGHT, np.where(values.real < -wide, LEFT, OPEN)).astype(np.int8)
+    if mirrored and np.any(near := sides == OPEN):
+        images = np.abs(values[:, :, None] + values[:, None, :].conj())
+        r = values.shape[1]
+        each = np.arange(r)
+        images[:, each, each] = np.inf
+        alone = np.all(images > wide[:, :, None] + wide[:, None, :], axis=2) & (np.abs(values) > wide)
+        sides[near & alone] = AXIS
+    return sides
+
+
+# --- a stiffness alone ------------------------------------------------------------------------------------------------
+
+
+def _by_stiffness(values: Complex, counts: Array) -> tuple[Sides, Index]:
+    """Return sides by the number of negative eigenvalues of the stiffness, and where it is definite."""
+    size, r = values.shape
+    negative, doubtful = counts[:, 1], counts[:, 2]
+    order = np.argsort(np.argsort(-values.real, axis=1, kind="stable"), axis=1, kind="stable")
+    sides = np.full((size, r), AXIS, dtype=np.int8)
+    sides[order < negative[:, None]] = RIGHT
+    sides[order >= r - negative[:, None]] = LEFT
+    # Values that contradict the count are no digits of the eigenvalues.
+    wrong = np.any((sides == RIGHT) & (values.real <= np.abs(values.imag)), axis=1)
+    sides[(doubtful > 0) | wrong] = OPEN
+    return sides, np.where((negative == 0) & (doubtful == 0), MINIMUM, 0)
+
+
+def _minima(known: Known, points: Points) -> Index:
+    """Return where the energy has a minimum or a maximum, 0 elsewhere."""
+    counts = known.inertia(points)
+    m = counts.sum(axis=1)
+    definite = np.where(counts[:, 0] == m, MINIMUM, 0)
+    if known.grounds.structure.work.conserved:
+        definite = np.where((counts[:, 1] == m) & (m > 0), MAXIMUM, definite)
+        rest = np.flatnonzero(definite == 0)
+        if known.idle and len(rest):
+            definite[rest] = np.where(known.with_a_multiple(points.at(rest)), MULTIPLE, 0)
+    result: Index = definite
+    return result

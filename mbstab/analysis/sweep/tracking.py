@@ -1,0 +1,152 @@
+"""Spectra: what becomes of each eigenvalue between two points, and functions that vanish where it matters."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.algebra.arrays import Complex, Flags, Index
+
+NO_EIGENVALUE = complex("nan+nanj")
+
+STRIDE = 0.35
+"""Between neighbouring points an eigenvalue moves by less than this part of its distance to the others."""
+
+TWIN = 1e-9
+"""Eigenvalues closer than this part of the largest are equal, if they are so at both ends of an interval."""
+
+FOLLOWED = 20_000
+"""Intervals that are compared together."""
+
+
+def squares(values: Complex) -> Complex:
+    """Return λ² of a symmetric spectrum, each once."""
+    square = np.sort_complex(values * values)
+    left = list(square)
+    found = []
+    while left:
+        first = left.pop(0)
+        twin = min(range(len(left)), key=lambda k: abs(left[k] - first))
+        found.append(0.5 * (first + left.pop(twin)))
+    return np.array(found, dtype=complex)
+
+
+def product(values: Complex, size: float, zeros: int = 0) -> float:
+    """Return the product of the eigenvalues, in units of a size; real.
+
+    Parameters
+    ----------
+    zeros : int
+        Number of zeros among them that do not count, however wrong rounding shows them: the sum of the
+        products of all the others, a coefficient of the characteristic polynomial.
+    """
+    scaled = values / size
+    if zeros:
+        return float(np.poly(scaled)[len(values) - zeros].real) * (-1.0) ** (len(values) - zeros)
+    return float(np.prod(scaled).real)
+
+
+def discriminant(values: Complex, size: float) -> float:
+    """Return the discriminant of λ², in units of a size; real."""
+    mu = squares(values) / size**2
+    differences = [one - other for i, one in enumerate(mu) for other in mu[i + 1 :]]
+    return float(np.prod(np.array(differences) ** 2).real)
+
+
+def has_twins(values: Complex) -> Flags:
+    """Return which spectra, shape (m, r), have equal eigenvalues."""
+    size = np.max(np.abs(values), axis=1, initial=0.0)
+    found: Flags = np.min(_gaps(values), axis=(1, 2), initial=np.inf) < TWIN * size
+    return found
+
+
+def follow(before: Complex, after: Complex, twins: Flags | None = None) -> tuple[Index, Flags]:
+    """Return for spectra, shape (m, r), which eigenvalue each becomes, and whether that is beyond doubt.
+
+    Equal eigenvalues may be multiple ones in all intervals, or in those where `twins` says so.
+    """
+    m, r = before.shape
+    link, clear = np.zeros((m, r), dtype=np.intp), np.ones(m, dtype=bool)
+    if r < 2:
+        return link, clear
+    for start in range(0, m, FOLLOWED):
+        part = slice(start, start + FOLLOWED)
+        link[part], clear[part] = _followed(before[part], after[part], None if twins is None else twins[part])
+    return link, clear
+
+
+def _gaps(values: Complex) -> npt.NDArray[np.float64]:
+    """Return the distances within spectra, shape (m, r, r), of an eigenvalue from itself infinite."""
+    gap: npt.NDArray[np.float64] = np.abs(values[:, :, None] - values[:, None, :])
+    each = np.arange(values.shape[1])
+    gap[:, each, each] = np.inf
+    return gap
+
+
+def _followed(before: Complex, after: Complex, twins: Flags | None) -> tuple[Index, Flags]:
+    nothing = np.any(np.isnan(before), axis=1) | np.any(np.isnan(after), axis=1)
+    if nothing.any():
+        ranks = np.broadcast_to(np.arange(before.shape[1]) + 0j, before.shape)
+        before, after = (np.where(nothing[:, None], ranks, x) for x in (before, after))
+    moved = np.abs(before[:, :, None] - after[:, None, :])
+    link = np.argmin(moved, axis=2)
+    distance = np.take_along_axis(moved, link[:, :, None], axis=2)[:, :, 0]
+    unique = np.all(np.sort(link, axis=1) == np.arange(before.shape[1]), axis=1)
+    size = np.max(np.abs(before), axis=1)[:, None]
+    gaps = _gaps(before), _gaps(np.take_along_axis(after, link, axis=1))
+    # Eigenvalues that are the same on both sides are one multiple eigenvalue.
+    same = (gaps[0] < TWIN * size[:, :, None]) & (gaps[1] < TWIN * size[:, :, None])
+    if twins is not None:
+        same &= twins[:, None, None]
+    gap = np.min(np.where(same, np.inf, np.minimum(*gaps)), axis=2)
+    clear = np.all(distance <= STRIDE * gap, axis=1) & (unique | np.any(same, axis=(1, 2)))
+    if np.any(same & clear[:, None, None]):
+        _untwin(link, moved, clear & ~unique)
+    return link, clear
+
+
+def continuous(links: Index, clear: Flags) -> Index:
+    """Return the order of each spectrum, shape (m, r), in which each eigenvalue becomes what `follow` says.
+
+    Where that is in doubt columns stay what they are.
+
+    Parameters
+    ----------
+    links : ndarray of int, shape (m − 1, r)
+    clear : ndarray of bool, shape (m − 1,)
+    """
+    m, r = len(links) + 1, links.shape[1]
+    identity = np.arange(r)
+    if r < 2 or m < 2 or np.all(links == identity):
+        return np.broadcast_to(identity, (m, r))
+    # About √m parts of about √m points: all parts are followed at once, then put together.
+    length = int(np.sqrt(m)) + 1
+    order = np.broadcast_to(identity, (-(-m // length) * length, r)).copy()
+    order[1:m] = np.where(clear[:, None], links, identity)
+    parts = order.reshape(-1, length, r)
+    for i in range(1, length):
+        parts[:, i] = np.take_along_axis(parts[:, i], parts[:, i - 1], axis=1)
+    for one, other in pairwise(parts):
+        other[:] = other[:, one[-1]]
+    return order[:m]
+
+
+def turning(before: Complex, now: Complex, after: Complex) -> Flags:
+    """Return whether real parts come close to zero and turn back, for spectra in continuous columns, shape (m, r)."""
+    rising, falling = now.real - before.real, now.real - after.real
+    top = (rising * falling > 0.0) & (np.sign(now.real) == -np.sign(rising)) & (now.real != 0.0)
+    near = np.abs(now.real) < 2.0 * np.maximum(np.abs(rising), np.abs(falling))
+    found: Flags = top & near
+    return found
+
+
+def _untwin(link: Index, moved: npt.NDArray[np.float64], doubtful: Flags) -> None:
+    """Give each of equal eigenvalues a successor of its own; others have one that is nearest by far."""
+    rows = np.flatnonzero(doubtful)
+    left = moved[rows]
+    for i in range(left.shape[1]):
+        nearest = np.argmin(left[:, i], axis=1)
+        link[rows, i] = nearest
+        left[np.arange(len(rows)), :, nearest] = np.inf

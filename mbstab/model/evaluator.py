@@ -1,0 +1,82 @@
+"""Quantities of a model as numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from mbstab.mechanics import vectors
+from mbstab.mechanics.catalogue import Field, Number, Vector
+from mbstab.model.arithmetic import Arithmetic
+from mbstab.model.expressions import ExpressionError
+from mbstab.model.numbers import all_of, broken_sign, is_finite, nominal
+from mbstab.model.schema import (
+    Components,
+    Model,
+    Quantity,
+    after_number,
+)
+
+
+class Evaluator:
+    """Turns the quantities of a model into numbers; a problem is recorded, then a harmless number returned."""
+
+    def __init__(self, model: Model, parameters: dict[str, Number], arithmetic: Arithmetic) -> None:
+        self.model = model
+        self.document = replace(model.document, problems=[])
+        self.parameters = parameters
+        self.f = arithmetic
+        self.symbolic = arithmetic.name == "symbol"
+        self.lengths: list[float] = []
+        self.body_numbers = {name: i for i, name in enumerate(model.bodies)}
+        self.coordinate_numbers = {name: i for i, name in enumerate(model.coordinates())}
+
+    def complain(self, quantity: Quantity | Components, message: str, hint: str = "") -> None:
+        """Record a problem at the place of a quantity."""
+        self.document.complain(quantity.location, quantity.path, message, hint)
+
+    def number(self, quantity: Quantity, field: Field | None = None) -> Number:
+        """Return a number that is finite and has the sign that its field asks for."""
+        try:
+            value = quantity.evaluate(self.parameters, self.f)
+        except ExpressionError as error:
+            self.complain(quantity, error.message)
+            return 1.0
+        if self.symbolic:
+            return value
+        if not is_finite(value):
+            self.complain(quantity, f"the value of {quantity.text!r} is not finite")
+            return 1.0
+        if field is not None:
+            if not self._has_sign(value, quantity, field):
+                return 1.0
+            if field.unit == "m" and not hasattr(value, "shape"):
+                self.lengths.append(abs(value))
+        return value
+
+    def _has_sign(self, value: Number, quantity: Quantity, field: Field) -> bool:
+        broken = broken_sign(value, field.sign)
+        if broken is None:
+            return True
+        rule, shown = broken
+        got = f"{shown:g}{after_number(field.unit)}"
+        self.complain(quantity, f"{field.name.replace('_', ' ')} must {rule}, got {got}")
+        return False
+
+    def vector(self, components: Components, length: bool = False) -> Vector:
+        """Return the numbers of a vector; those that are lengths count for the size of the scene."""
+        values = tuple(self.number(x) for x in components.values)
+        if length and not self.symbolic:
+            self.lengths += [abs(x) for x in values if not hasattr(x, "shape")]
+        return values
+
+    def direction(self, components: Components) -> Vector:
+        """Return a vector whose length matters only in that it exists."""
+        values = self.vector(components)
+        if self.symbolic:
+            return values
+        square = vectors.dot(values, values)
+        if not all_of((square > 0) & (square < math.inf)):
+            self.complain(components, f"a direction must have a length, this one has {nominal(square) ** 0.5:g}")
+            return (1.0, 2.0, 3.0)[: len(values)]
+        return values

@@ -1,0 +1,63 @@
+"""What is asked of numbers of any number system: whether they are finite, and have the sign they must have."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from mbstab.mechanics.catalogue import Number, Sign
+from mbstab.model.expressions import ExpressionError
+
+
+def require_finite(value: Number) -> Number:
+    """Return a number.
+
+    Raises
+    ------
+    ExpressionError
+        If it is not finite.
+    """
+    if not is_finite(value):
+        raise ExpressionError("the value is not finite")
+    return value
+
+
+def is_finite(value: Number) -> bool:
+    """Whether a number, or each of an array, is finite; other numbers than floats are."""
+    if hasattr(value, "shape"):
+        import numpy as np
+
+        return bool(np.all(np.isfinite(value)))
+    return not isinstance(value, float) or math.isfinite(value)
+
+
+def broken_sign(value: Number, sign: Sign) -> tuple[str, float] | None:
+    """Return the rule that a value breaks, such as ``be positive``, and the value; None: it has the sign."""
+    match sign:
+        case "positive":
+            good, rule = value > 0, "be positive"
+        case "nonnegative":
+            good, rule = value >= -_blur(value), "not be negative"
+        case "nonzero":
+            good, rule = value != 0, "not be zero"
+        case _:
+            return None
+    if all_of(good):
+        return None
+    shown = value[~good].flat[0] if getattr(value, "shape", ()) else value
+    return rule, nominal(shown.lower() if hasattr(shown, "lower") else shown)
+
+
+def _blur(value: Number) -> Number:
+    """Return what the rounded radius of a wide ball adds to it: the ends of an interval are judged as points."""
+    return value.rad() * 2.0**-20 if hasattr(value, "rad") else 0
+
+
+def all_of(condition: Any) -> bool:
+    """Whether a condition holds, at all points if it is one of an array."""
+    return bool(condition.all()) if hasattr(condition, "all") else bool(condition)
+
+
+def nominal(x: Number) -> float:
+    """Return a number as a float, the first one of an array."""
+    return float(x.flat[0]) if hasattr(x, "flat") else float(x)

@@ -1,0 +1,185 @@
+"""Values of parameters: those of the file, and those given for one question."""
+
+from __future__ import annotations
+
+import numbers
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from decimal import Decimal, localcontext
+from fractions import Fraction
+
+from mbstab.errors import UsageError, suggestion
+from mbstab.mechanics.catalogue import Number
+from mbstab.model.arithmetic import CONSTANTS, FLOAT, Arithmetic
+from mbstab.model.expressions import MAX_NUMBER, Expression, ExpressionError, parse
+from mbstab.model.numbers import broken_sign, require_finite
+from mbstab.model.schema import (
+    Model,
+    Parameter,
+    after_number,
+    parse_finite,
+)
+from mbstab.model.units import UNITS, exact_factor, parse_unit
+
+
+def parse_overrides(model: Model, settings: Mapping[str, object], arithmetic: Arithmetic = FLOAT) -> dict[str, Number]:
+    """Return parameter values in SI for settings such as ``{"omega": "2*pi"}``.
+
+    A plain number counts in the declared unit of the parameter, one with a unit of its own such as
+    ``2 kg`` in that; an expression may use the other parameters' values in the file and counts in
+    SI. In a number system other than floats a text keeps all its digits, and a float stands for
+    the decimals it is printed with.
+
+    Raises
+    ------
+    UsageError
+        If a parameter is unknown or the value is no finite number in a unit that fits.
+    """
+    return {name: _override(model, name, setting, arithmetic) for name, setting in settings.items()}
+
+
+def _parameter(model: Model, name: str) -> Parameter:
+    if name not in model.parameters:
+        hint = suggestion(name, model.parameters) or "parameters: " + (", ".join(model.parameters) or "none")
+        raise UsageError(f"{model.name} has no parameter {name!r}\nhint: {hint}")
+    return model.parameters[name]
+
+
+def _factor(parameter: Parameter, arithmetic: Arithmetic) -> Number:
+    """Return what turns the unit of a parameter into SI, as exact as the number system can have it."""
+    if parameter.factor == 1.0 or arithmetic.name in ("float", "array"):
+        return parameter.factor
+    return exact_factor(parameter.unit, arithmetic)
+
+
+_WITH_UNIT = re.compile(r"(?P<value>[-+*/(). 0-9eE]*[0-9.)])\s*(?![eE][0-9])(?P<unit>[A-Za-z1].*)")
+
+
+MANY = 2000
+"""Digits of a setting that is given as a number with many digits."""
+
+
+def plain_setting(model: Model, name: str, setting: object) -> int | float | str:
+    """Return the value of a parameter as it is told, as a number or a text.
+
+    Raises
+    ------
+    UsageError
+        If the parameter is unknown, or what is given is neither one number nor a text.
+    """
+    parameter = _parameter(model, name)
+    if getattr(setting, "shape", None) == ():
+        setting = setting.item()  # type: ignore[attr-defined]
+    match setting:
+        case str():
+            return setting.strip()
+        case bool():
+            pass
+        case numbers.Integral():
+            if abs(int(setting)) > MAX_NUMBER:
+                raise UsageError(f"{name}: the value is beyond {MAX_NUMBER:g}")
+            return int(setting)
+        case Fraction():
+            return f"{setting.numerator}/{setting.denominator} {parameter.unit}".rstrip()
+        case Decimal():
+            return str(setting)
+        case _ if hasattr(setting, "man_exp"):  # of mpmath: a binary number with all its digits
+            mantissa, exponent = (int(part) for part in setting.man_exp)
+            with localcontext(prec=MANY):
+                return str(Decimal(mantissa) * Decimal(2) ** exponent)
+        case numbers.Real():
+            return float(setting)
+    hint = "a number, or a text with an expression; None and True are neither, several values are for a sweep"
+    raise UsageError(f"{name}={setting!r}: a parameter is one number\nhint: {hint}")
+
+
+def parse_setting(model: Model, name: str, text: str) -> tuple[Expression, str]:
+    """Return the value that a text such as ``2*pi`` or ``2 kg`` gives a parameter, and the unit it is written with.
+
+    Raises
+    ------
+    ExpressionError
+        If it is neither an expression nor a number with a unit that fits that of the parameter.
+    """
+    try:
+        return parse_finite(text, model.parameters), ""
+    except ExpressionError:
+        match = _WITH_UNIT.fullmatch(text.strip())
+        if match is None or match["unit"] in {*model.parameters, *CONSTANTS} - {*UNITS}:
+            raise
+        value, unit = parse(match["value"]), match["unit"].strip()
+    own = _parameter(model, name).unit
+    if not own:
+        hint = f"give the number alone, or declare it: {name}: {{value: …, unit: {unit}}}"
+        raise ExpressionError(f"the parameter {name} has no unit in the file", 0, hint)
+    found, expected = parse_unit(unit)[1], parse_unit(own)[1]
+    if found != expected:
+        raise ExpressionError(f"{unit} is no unit of {name}, which is declared in {own}", 0, f"give it in {own}")
+    return value, unit
+
+
+def unit_factor(unit: str, arithmetic: Arithmetic) -> Number:
+    """Return what turns a unit into SI, as exact as the number system can have it."""
+    return parse_unit(unit)[0] if arithmetic.name in ("float", "array") else exact_factor(unit, arithmetic)
+
+
+def _override(model: Model, name: str, given: object, arithmetic: Arithmetic) -> Number:
+    parameter = _parameter(model, name)
+    setting = plain_setting(model, name, given)
+    factor = _factor(parameter, arithmetic)
+    if isinstance(setting, str) and setting.strip().startswith("["):
+        raise UsageError(f"{name}={setting}: this is an interval\nhint: intervals need mbstab eig --certify")
+    try:
+        if not isinstance(setting, str):
+            require_finite(setting)
+            number = setting if arithmetic is FLOAT else arithmetic.number(repr(setting))
+            return require_finite(number * factor)
+        expression, unit = parse_setting(model, name, setting)
+        if unit:
+            return require_finite(expression.evaluate({}, arithmetic) * unit_factor(unit, arithmetic))
+        if expression.literal:
+            return require_finite(expression.evaluate({}, arithmetic) * factor)
+        nominal = evaluate_parameters(model, {}, arithmetic)
+        if expression.rates():
+            raise ExpressionError("rate(...) cannot be used here")
+        for used in expression.names():
+            if used not in nominal:
+                raise ExpressionError(f"unknown parameter {used!r}", 0, suggestion(used, nominal))
+        return require_finite(expression.evaluate(nominal, arithmetic))
+    except ExpressionError as error:
+        hint = f"\nhint: {error.hint}" if error.hint else ""
+        raise UsageError(f"{name}={setting}: {error.message}{hint}") from None
+
+
+def evaluate_parameters(model: Model, overrides: Mapping[str, Number], arithmetic: Arithmetic) -> dict[str, Number]:
+    """Return the value of every parameter in SI, with some of them replaced.
+
+    Raises
+    ------
+    ModelFileError
+        With every parameter that has no finite value, or one that the file does not allow.
+    UsageError
+        If a parameter to be replaced is unknown.
+    """
+    for name in overrides:
+        _parameter(model, name)
+    document = replace(model.document, problems=[])
+    values: dict[str, Number] = {}
+    for name, parameter in model.parameters.items():
+        try:
+            if name in overrides:
+                value = overrides[name]
+            else:
+                value = parameter.expression.evaluate(values, arithmetic)
+                value = require_finite(value * _factor(parameter, arithmetic))
+            if arithmetic.name != "symbol" and (broken := broken_sign(value, parameter.sign)):
+                rule, shown = broken
+                got = f"{shown / parameter.factor:g}{after_number(parameter.unit)}"
+                raise ExpressionError(f"{name} must {rule}, got {got}")
+            values[name] = value
+        except ExpressionError as error:
+            document.complain(parameter.location, parameter.expression.path, error.message)
+            values[name] = 1.0
+    document.raise_problems()
+    return values
