@@ -18,12 +18,12 @@ from mpmath import mp
 from truth import exact_eigenvalues
 
 import mbstab
-from mbstab.analysis.algebra import balls
+from mbstab.analysis.algebra import ball_polynomials, balls
 from mbstab.analysis.algebra.balls import NotProvable, ball, digits, real
 from mbstab.analysis.linear.verdict import REQUIRED, STRENGTH, UNDECIDED, WORDS, Modulo
 from mbstab.analysis.proof.certify import certified_critical
-from mbstab.analysis.proof.enclosures import krawczyk
 from mbstab.analysis.proof.intervals import WIDTH, Part, common
+from mbstab.analysis.proof.krawczyk import krawczyk
 from mbstab.cli import main
 from mbstab.errors import UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic
@@ -714,7 +714,7 @@ def polynomial(roots):
     with digits(40):
         p = [ball(1)]
         for root in roots:
-            p = balls.product(p, [ball(-root), ball(1)])
+            p = ball_polynomials.product(p, [ball(-root), ball(1)])
         return p
 
 
@@ -724,13 +724,13 @@ def test_roots_are_inside_their_discs_and_counted_on_both_sides():
         roots = [Fraction(rng.randint(-60, 60), 7) or Fraction(1) for _ in range(rng.randint(1, 7))]
         p = polynomial(roots)
         with digits(40):
-            discs = balls.root_discs(p)
+            discs = ball_polynomials.root_discs(p)
             assert sum(count for _, _, count in discs) == len(roots)
             for root in roots:
                 assert any(not abs(real(ball(root)) - centre) > radius for centre, radius, _ in discs)
-            right = balls.right_roots(p)
+            right = ball_polynomials.right_roots(p)
             assert right is None or right == sum(root > 0 for root in roots)
-            good = balls.all_negative_and_simple(p)
+            good = ball_polynomials.all_negative_and_simple(p)
             assert good is None or good == (all(root < 0 for root in roots) and len(set(roots)) == len(roots))
 
 
@@ -741,7 +741,7 @@ def test_characteristic_polynomials_of_all_sizes():
         expected = np.poly(A)[::-1]
         with digits(30):
             for wrapped in (lambda x: ball(int(x)), lambda x: arb(int(x), 1e-20)):
-                p = balls.characteristic([[wrapped(x) for x in row] for row in A])
+                p = ball_polynomials.characteristic([[wrapped(x) for x in row] for row in A])
                 assert np.allclose([float(x) for x in p], expected, atol=1e-6)
 
 

@@ -8,16 +8,16 @@ import pytest
 
 import mbstab
 from mbstab.analysis.linear.constancy import (
-    Structure,
     _period,
     _shape,
     affine_drives,
     common_period,
-    kinks,
     period_doubt,
     time_doubt,
     time_uses,
 )
+from mbstab.analysis.linear.exact_sums import Structure
+from mbstab.analysis.linear.smoothness import kinks
 from mbstab.compiler.system import System
 from mbstab.model.arithmetic import array_arithmetic, mpmath_arithmetic
 from mbstab.model.expressions import parse

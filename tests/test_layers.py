@@ -25,7 +25,8 @@ ONLY_IN = {
     "scipy": {"analysis", "report/export.py", "report/solids.py"},
     "mpmath": {"model/arithmetic.py", "analysis/algebra/digits.py", "analysis/compare/methods.py"}
     | {"analysis/reference/symmetries.py", "analysis/linear/precise.py", "analysis/linear/precise_motion.py"},
-    "flint": {"analysis/algebra/balls.py", "analysis/proof/enclosures.py", "analysis/proof/characteristic.py"},
+    "flint": {f"analysis/algebra/{x}.py" for x in ("balls", "ball_matrices", "ball_polynomials")}
+    | {"analysis/proof/krawczyk.py", "analysis/proof/characteristic.py"},
 }
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.parent.name != "kernels")
 

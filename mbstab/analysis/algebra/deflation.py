@@ -2,7 +2,7 @@
 
 Written once, over a small set of operations: `DENSE` for floats with any leading axes (the points
 of a sweep), `mbstab.analysis.algebra.digits.MANY_DIGITS` for many digits,
-`mbstab.analysis.algebra.balls.BALLS` for proofs.
+`mbstab.analysis.algebra.ball_matrices.BALLS` for proofs.
 """
 
 from __future__ import annotations

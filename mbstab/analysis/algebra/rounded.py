@@ -77,10 +77,10 @@ class Rounded:
     def __truediv__(self, other: Any) -> Rounded:
         if other.__class__ is not Rounded and not isinstance(other, PLAIN):
             return NotImplemented
-        return _quotient(self.v, self.e, *_parts(other))
+        return _quotient(self.v, self.e, *value_and_error(other))
 
     def __rtruediv__(self, other: Any) -> Rounded:
-        return _quotient(*_parts(other), self.v, self.e)
+        return _quotient(*value_and_error(other), self.v, self.e)
 
     def __pow__(self, exponent: Any) -> Rounded:
         return _power(self, exponent)
@@ -126,7 +126,8 @@ def _value(x: Any) -> Any:
     return x.v if x.__class__ is Rounded else x
 
 
-def _parts(x: Any) -> tuple[float, float]:
+def value_and_error(x: Any) -> tuple[float, float]:
+    """Return a number and its error bound; a plain number is exact."""
     return (x.v, x.e) if x.__class__ is Rounded else (x, 0.0)
 
 
@@ -137,7 +138,7 @@ def _quotient(a: float, d: float, b: float, e: float) -> Rounded:
 
 
 def _power(x: Any, n: Any) -> Rounded:
-    (a, d), (p, e) = _parts(x), _parts(n)
+    (a, d), (p, e) = value_and_error(x), value_and_error(n)
     v = math.pow(a, p)
     error = FUNCTION * abs(v) if p not in (1.0, 0.0) else 0.0
     if d and p:
@@ -154,7 +155,7 @@ def _function(name: str, slope: Any) -> Any:
     plain = getattr(math, name)
 
     def function(x: Any) -> Any:
-        a, d = _parts(x)
+        a, d = value_and_error(x)
         v = plain(a)
         if not a and not d:
             return v
@@ -169,7 +170,7 @@ def _inverse_root(a: float, d: float) -> float:
 
 
 def _sqrt(x: Any) -> Rounded:
-    a, d = _parts(x)
+    a, d = value_and_error(x)
     v = math.sqrt(a)
     if not d:
         return Rounded(v, UNIT * v)
@@ -178,7 +179,7 @@ def _sqrt(x: Any) -> Rounded:
 
 
 def _atan2(y: Any, x: Any) -> Rounded:
-    (b, e), (a, d) = _parts(y), _parts(x)
+    (b, e), (a, d) = value_and_error(y), value_and_error(x)
     v = math.atan2(b, a)
     left = math.hypot(a, b) - math.hypot(d, e)
     error = math.hypot(d, e) / left if left > 0.0 else (math.inf if d or e else 0.0)
@@ -186,19 +187,19 @@ def _atan2(y: Any, x: Any) -> Rounded:
 
 
 def _sign(x: Any) -> float:
-    a, _ = _parts(x)
+    a, _ = value_and_error(x)
     return float(a > 0.0) - float(a < 0.0)
 
 
 def _abs_slope(x: Any) -> float:
-    a, _ = _parts(x)
+    a, _ = value_and_error(x)
     if a == 0.0:
         raise ValueError("abs has no derivative at 0")
     return math.copysign(1.0, a)
 
 
 def _smooth_start(x: Any) -> Any:
-    a, _ = _parts(x)
+    a, _ = value_and_error(x)
     return 0.0 if a <= 0.0 else 1.0 if a >= 1.0 else x * x * (3.0 - 2.0 * x)
 
 

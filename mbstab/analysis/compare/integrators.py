@@ -19,7 +19,7 @@ import numpy as np
 from mbstab.analysis.compare.methods import CLOSE
 from mbstab.analysis.simulate.recording import Record, states
 from mbstab.analysis.simulate.run import Follower, Run, difference
-from mbstab.analysis.simulate.simulate import _Work
+from mbstab.analysis.simulate.simulate import Work
 from mbstab.analysis.simulate.start import Start, start_of
 from mbstab.analysis.simulate.steppers.interface import Method
 from mbstab.analysis.simulate.steppers.table import METHODS
@@ -209,7 +209,7 @@ class _Race:
             ("DOP853", METHODS["projection"]["DOP853"], "DOP853"),
             ("radau", METHODS["radau"][""], ""),
         ):
-            work = _Work(self.follower, method, solver, EXACT, None, False, _watch(10.0 * LIMIT))
+            work = Work(self.follower, method, solver, EXACT, None, False, _watch(10.0 * LIMIT))
             run = work.refined()
             if run.interrupted:
                 raise KeyboardInterrupt
@@ -221,7 +221,7 @@ class _Race:
 
     def run(self, method: Method, solver: str, tol: float, limit: float) -> tuple[Run, float]:
         """Return a run and how long it took (s); one that takes longer than the limit fails."""
-        work = _Work(self.follower, method, solver, 1.0, None, False, _watch(limit))
+        work = Work(self.follower, method, solver, 1.0, None, False, _watch(limit))
         work.rate = self.rate
         began = time.perf_counter()
         run = work.once(tol)

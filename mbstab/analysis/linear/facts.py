@@ -14,13 +14,14 @@ from functools import cached_property
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import norms
-from mbstab.analysis.linear.constancy import affine_drives, kinks, time_doubt
+from mbstab.analysis.linear.constancy import affine_drives, time_doubt
 from mbstab.analysis.linear.critical import critical_zero
 from mbstab.analysis.linear.families import family
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, state_space
 from mbstab.analysis.linear.minimum import SecondVariation
 from mbstab.analysis.linear.neutral import Separated, Structure, unseparated
 from mbstab.analysis.linear.reversor import Reversor, reversor
+from mbstab.analysis.linear.smoothness import kinks
 from mbstab.analysis.linear.verdict import Critical, Disc, Facts, Minimum, Neutral
 from mbstab.analysis.reference.guard import GUARD_TOLERANCE, LITTLE
 from mbstab.analysis.reference.steady import Generator

@@ -23,13 +23,14 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, norms
 from mbstab.analysis.linear.bounds import Disc
-from mbstab.analysis.linear.constancy import affine_drives, kinks, period_doubt, time_uses
+from mbstab.analysis.linear.constancy import affine_drives, period_doubt, time_uses
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.floquet import PERIODICITY, Monodromy, monodromy
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.linear.multipliers import enclosed, placed
 from mbstab.analysis.linear.neutral import FITS, KEPT, Separated, complement, drift_of, orthonormal
 from mbstab.analysis.linear.results import Counts, EigenResult, Eigenvalue
+from mbstab.analysis.linear.smoothness import kinks
 from mbstab.analysis.linear.verdict import UNDECIDED, UNSTABLE, Facts, Minimum, Neutral, Verdict, judge, show
 from mbstab.analysis.linear.verdict import Disc as Exponent
 from mbstab.analysis.linear.work import Work

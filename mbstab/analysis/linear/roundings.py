@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import norms
-from mbstab.analysis.algebra.rounded import EPS, UNIT, Rounded, _parts, rounded_arithmetic
+from mbstab.analysis.algebra.rounded import EPS, UNIT, Rounded, rounded_arithmetic, value_and_error
 from mbstab.analysis.algebra.subspaces import RANK_TOLERANCE
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.coefficients import Matrices
@@ -63,7 +63,7 @@ def _parameters(model: Model, given: dict[str, Any]) -> dict[str, Any]:
             continue
         if parameter.factor != 1.0:
             found = found * exact_factor(parameter.unit, f)
-        x, e = _parts(found)
+        x, e = value_and_error(found)
         if abs(x - v) <= e + 4.0 * UNIT * abs(v):
             values[name] = Rounded(v, e + abs(x - v))
     return values
@@ -199,7 +199,7 @@ class _Roundings:
         errors = np.zeros(len(found))
         for i, name in enumerate(self.plain.names):
             if name in values:
-                v, e = _parts(values[name])
+                v, e = value_and_error(values[name])
                 errors[i] = e if abs(v - found[i]) <= e + 4.0 * UNIT * abs(v) else UNIT * abs(float(found[i]))
         return errors
 
@@ -273,7 +273,7 @@ class _Roundings:
 
     def _off(self, which: Any) -> Array:
         """Return how far the speeds are from those that the file gives, and the errors of these."""
-        given = [_parts(self.system.scene.rates[self.plain.names[i]]) for i in which]
+        given = [value_and_error(self.system.scene.rates[self.plain.names[i]]) for i in which]
         return np.array([abs(self.motion.u[i] - v) + e for i, (v, e) in zip(which, given, strict=True)])
 
     def _given_rates(self) -> dict[int, float]:
@@ -283,7 +283,7 @@ class _Roundings:
             return {}
         given = [steady.rate] if steady.axis is not None else []
         given += [steady.speed] if steady.direction is not None else []
-        return {k: _parts(x)[1] for k, x in enumerate(given) if x is not None}
+        return {k: value_and_error(x)[1] for k, x in enumerate(given) if x is not None}
 
     def _field(self, steady: Generator, basis: Array, dq: Array, dc: Array) -> Array:
         """Return how much the speeds of a steady motion may be wrong."""

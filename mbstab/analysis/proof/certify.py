@@ -35,7 +35,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
-from mbstab.analysis.algebra import balls
+from mbstab.analysis.algebra import ball_matrices, ball_polynomials, balls
 from mbstab.analysis.algebra.balls import Ball, Hopeless, NotProvable, ball, real, zero_inside
 from mbstab.analysis.linear.verdict import (
     ASYMPTOTIC,
@@ -479,11 +479,11 @@ def _tests(proof: Proof) -> list[tuple[str, Ball]]:
         found.append(("divergence", p[0]))
         if factor.even and n > 1:
             slope = [k * x for k, x in enumerate(p)][1:]
-            found.append(("collision", balls.resultant(p, slope)))
+            found.append(("collision", ball_polynomials.resultant(p, slope)))
         elif not factor.even and n > 1:
             hurwitz = [
                 [p[n - 1 - 2 * j + i] if 0 <= n - 1 - 2 * j + i <= n else ball(0) for j in range(n - 1)]
                 for i in range(n - 1)
             ]
-            found.append(("flutter", balls.determinant(hurwitz)))
+            found.append(("flutter", ball_matrices.determinant(hurwitz)))
     return found

@@ -17,12 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mbstab.analysis.algebra import balls
+from mbstab.analysis.algebra import ball_matrices, ball_polynomials, balls
 from mbstab.analysis.algebra.balls import Ball, Matrix, ball, real, zero_inside
 from mbstab.analysis.algebra.deflation import in_frame, on_speeds, restricted
 from mbstab.analysis.proof.analytic import require_analytic
-from mbstab.analysis.proof.enclosures import Field, Reference
+from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.identities import Identities
+from mbstab.analysis.proof.motion import Field
 from mbstab.model.schema import Model
 
 GENERIC = Fraction(38197, 100000)
@@ -176,45 +177,47 @@ class Proof(Reference):
     def reduced(self) -> Reduced:
         """The linearized equations without the constraints."""
         s, n = self.state, self.system.n_q
-        K, R, D_q = (balls.matrix(x) for x in self.system.linearize(s.q, s.u, s.a, self._all_nu(s.nu), self.time))
-        M, _, _, _, J = self._dynamics(s.q, s.u)
+        K, R, D_q = (
+            ball_matrices.matrix(x) for x in self.system.linearize(s.q, s.u, s.a, self.all_multipliers(s.nu), self.time)
+        )
+        M, _, _, _, J = self.dynamics(s.q, s.u)
         C, D = J[: self.r_h], J[self.r_h :]
         D_q = [D_q[i - self.system.n_h] for i in self.rows[self.r_h :]]
-        R, K, D_q = in_frame(M, R, K, D, D_q, s.slope, s.second, balls.BALLS)
+        R, K, D_q = in_frame(M, R, K, D, D_q, s.slope, s.second, ball_matrices.BALLS)
         scale = self.rough.motion.spaces.scale.tolist()
         row_scale = [float(self.rough.motion.spaces.row_scale[i]) for i in self.rows]
-        pivots, T = balls.eliminate(C, self.r_h, n, row_scale[: self.r_h], scale)
-        free, N = balls.null_space(pivots, T, n)
+        pivots, T = ball_matrices.eliminate(C, self.r_h, n, row_scale[: self.r_h], scale)
+        free, N = ball_matrices.null_space(pivots, T, n)
         m = len(free)
-        W, W_q = balls.times(D, N), balls.times(D_q, N)
-        pivots, T = balls.eliminate(
+        W, W_q = ball_matrices.times(D, N), ball_matrices.times(D_q, N)
+        pivots, T = ball_matrices.eliminate(
             [a + b for a, b in zip(W, W_q, strict=True)], self.r_n, m, row_scale[self.r_h :], [scale[j] for j in free]
         )
-        moving, Z = balls.null_space(pivots, T, m)
-        P = balls.zeros(m, m)
+        moving, Z = ball_matrices.null_space(pivots, T, m)
+        P = ball_matrices.zeros(m, m)
         for i, j in pivots:
             P[j] = [-x for x in T[i][m:]]
-        M_N, R_N, K_N = restricted(M, R, K, N, balls.BALLS) if m else ([], [], [])
+        M_N, R_N, K_N = restricted(M, R, K, N, ball_matrices.BALLS) if m else ([], [], [])
         S = _state_matrix(M_N, R_N, K_N, P, Z, len(moving))
         return Reduced(M, R, N, M_N, K_N, P, Z, S, free, moving)
 
     def column(self, direction: Sequence[Ball], rate: Sequence[Ball]) -> list[Ball]:
         """Return a disturbance (Δq, Δu) that the rows allow in the coordinates of S."""
         r = self.reduced
-        carried = balls.apply(self.state.slope, direction)
+        carried = ball_matrices.apply(self.state.slope, direction)
         xi = [direction[i] for i in r.free]
         return xi + [rate[r.free[k]] - carried[r.free[k]] for k in r.moving]
 
     def differential(self, direction: Sequence[Ball], rate: Sequence[Ball]) -> list[Ball]:
         """Return the differential of the momentum along a symmetry, as `neutral.Structure.differential`."""
         r = self.reduced
-        turned = balls.apply(self.state.slope, direction)
+        turned = ball_matrices.apply(self.state.slope, direction)
         carried = [x - y for x, y in zip(rate, turned, strict=True)]
-        (speeds,) = balls.times(balls.times([list(direction)], r.M), r.N)
-        (forces,) = balls.times(balls.times([list(direction)], r.R), r.N)
-        (frame,) = balls.times(balls.times([carried], r.M), r.N)
-        (through,) = balls.times([speeds], r.P)
-        (own,) = balls.times([speeds], r.Z) if r.moving else ([],)
+        (speeds,) = ball_matrices.times(ball_matrices.times([list(direction)], r.M), r.N)
+        (forces,) = ball_matrices.times(ball_matrices.times([list(direction)], r.R), r.N)
+        (frame,) = ball_matrices.times(ball_matrices.times([carried], r.M), r.N)
+        (through,) = ball_matrices.times([speeds], r.P)
+        (own,) = ball_matrices.times([speeds], r.Z) if r.moving else ([],)
         return [x - y + z for x, y, z in zip(forces, frame, through, strict=True)] + own
 
     def seen_from(self, step: Field, rate: Ball) -> Proof:
@@ -226,13 +229,13 @@ class Proof(Reference):
         other = copy(self)
         vars(other).pop("reduced", None)
         other.state = self.state._replace(
-            slope=slope, second=balls.plus(balls.times(slope, slope), growth), field=field
+            slope=slope, second=ball_matrices.plus(ball_matrices.times(slope, slope), growth), field=field
         )
         return other
 
     def dynamic_rows(self) -> Matrix:
         """Return the rows on speeds that are no rates of rows on places."""
-        return self._dynamics(self.state.q, self.state.u)[4][self.r_h :]
+        return self.dynamics(self.state.q, self.state.u)[4][self.r_h :]
 
     def name_of(self, i: int) -> str:
         """Return what a state stands for."""
@@ -244,12 +247,12 @@ class Proof(Reference):
 def _state_matrix(M: Matrix, R: Matrix, K: Matrix, P: Matrix, Z: Matrix, k: int) -> Matrix:
     """Return S of ẏ = S y for matrices that holonomic rows have left."""
     m = len(P)
-    S = balls.zeros(m + k, m + k)
+    S = ball_matrices.zeros(m + k, m + k)
     for i in range(m):
         S[i] = P[i] + Z[i]
     if k:
-        M_z, K_z, R_z = on_speeds(M, R, K, Z, P, balls.BALLS)
-        solved = balls.solve(M_z, [a + b for a, b in zip(K_z, R_z, strict=True)])
+        M_z, K_z, R_z = on_speeds(M, R, K, Z, P, ball_matrices.BALLS)
+        solved = ball_matrices.solve(M_z, [a + b for a, b in zip(K_z, R_z, strict=True)])
         for i in range(k):
             S[m + i] = [-x for x in solved[i]]
     return S
@@ -347,7 +350,7 @@ class Quotient:
                 continue
             sides = _two_kinds(block)
             if sides is None:
-                p = balls.characteristic(block)
+                p = ball_polynomials.characteristic(block)
                 exact = len(p) % 2 == 1 and all(x.is_zero() for x in p[1::2])
                 if exact:
                     factors.append(Factor(p[::2], True, "the linearized equations have it there exactly", states))
@@ -359,9 +362,9 @@ class Quotient:
             zeros += [names[component[large[k]]] for k in _null_places(A, len(large))]
             B = [[block[i][j] for j in small] for i in large]
             if len(block) <= balls.SMALL:
-                even = balls.characteristic(block)[len(large) - len(small) :: 2]
+                even = ball_polynomials.characteristic(block)[len(large) - len(small) :: 2]
             else:
-                even = balls.characteristic(balls.times(A, B))
+                even = ball_polynomials.characteristic(ball_matrices.times(A, B))
             factors.append(Factor(even, True, "the linearized equations are reversible", states))
         factors += _merged(uneven, mirrored)
         for k, factor in enumerate(factors):
@@ -386,7 +389,7 @@ def _merged(uneven: list[Factor], mirrored: str) -> list[Factor]:
         return uneven
     whole = [ball(1)]
     for factor in uneven:
-        whole = balls.product(whole, factor.p)
+        whole = ball_polynomials.product(whole, factor.p)
     odd = len(whole) % 2 == 0
     states = frozenset(i for factor in uneven for i in factor.states)
     even = Factor(whole[1::2] if odd else whole[::2], True, mirrored, states)
@@ -486,7 +489,7 @@ def enclosed(factor: Factor) -> list[Enclosure]:
 
     zero = arb(0)
     found = []
-    for centre, radius, count in balls.root_discs(factor.p):
+    for centre, radius, count in ball_polynomials.root_discs(factor.p):
         x = centre.real + arb(0, radius)
         y = centre.imag + arb(0, radius)
         # The roots of a real polynomial come in pairs: one alone in a disc about a real centre is real.

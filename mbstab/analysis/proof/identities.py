@@ -21,10 +21,12 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from mbstab.analysis.algebra import balls
+from mbstab.analysis.algebra import ball_matrices, balls
 from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, zero_inside
 from mbstab.analysis.linear.facts import Grounds
-from mbstab.analysis.proof.enclosures import Field, Reference, independent_rows, krawczyk_boxes
+from mbstab.analysis.proof.enclosures import Reference
+from mbstab.analysis.proof.krawczyk import independent_rows, krawczyk_boxes
+from mbstab.analysis.proof.motion import Field
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Field as Group
 from mbstab.analysis.reference.symmetries import OwnTurn, Shift, Spin, Symmetry, Turn
@@ -135,11 +137,11 @@ class Identities:
             return moved
 
         def residual(x: Sequence[Ball]) -> list[Ball]:
-            E = balls.vector(self.system.dynamics(put(x), zero, self.time).E)
+            E = ball_matrices.vector(self.system.dynamics(put(x), zero, self.time).E)
             return [E[i] for i in rows[:r_h]]
 
         def jacobian(x: Sequence[Ball]) -> Matrix:
-            J = balls.matrix(self.system.dynamics(put(x), zero, self.time).J)
+            J = ball_matrices.matrix(self.system.dynamics(put(x), zero, self.time).J)
             return [[J[i][j] for j in columns] for i in rows[:r_h]]
 
         columns: list[int] = []
@@ -155,15 +157,15 @@ class Identities:
         """Return x next to a start with J x + rest = 0, the rest taken at (q, u)."""
         rows = self.reference.rows
         at = self.system.dynamics(q, u, self.time)
-        J, b = balls.matrix(at.J), balls.vector(rest(at))
+        J, b = ball_matrices.matrix(at.J), ball_matrices.vector(rest(at))
         J, b = [J[i] for i in rows], [b[i] for i in rows]
         middle = _middle(J).reshape(len(rows), len(q)) * self.invariance.motion.sizes
         columns = independent_rows(middle.T, len(rows))
         found = start[:]
         for i in columns:
             found[i] = ball(0)
-        slack = [[-x - y] for x, y in zip(balls.apply(J, found), b, strict=True)]
-        for i, (x,) in zip(columns, balls.solve([[row[j] for j in columns] for row in J], slack), strict=True):
+        slack = [[-x - y] for x, y in zip(ball_matrices.apply(J, found), b, strict=True)]
+        for i, (x,) in zip(columns, ball_matrices.solve([[row[j] for j in columns] for row in J], slack), strict=True):
             found[i] = x
         return found
 
@@ -190,7 +192,7 @@ class Identities:
 
     def _local(self, Y: Map, state: State) -> Local:
         n, slices = self.system.n_q, self.system.body_slices
-        slope = balls.zeros(n, n)
+        slope = ball_matrices.zeros(n, n)
         # What a field does to a body depends on the coordinates of that body only.
         for k in range(max(part.stop - part.start for part in slices)):
             columns = {part.start + k: part for part in slices if part.start + k < part.stop}
@@ -199,7 +201,7 @@ class Identities:
                 for i in range(part.start, part.stop):
                     slope[i][j] = ball(found[i].rate)
         moved = _along(Y, state.q, state.u)
-        growth = [x + ball(y.second) for x, y in zip(balls.apply(slope, state.a), moved, strict=True)]
+        growth = [x + ball(y.second) for x, y in zip(ball_matrices.apply(slope, state.a), moved, strict=True)]
         return Local([ball(x.value) for x in moved], slope, [ball(x.rate) for x in moved], growth)
 
     def disturbance(self, item: Symmetry, reference: Reference) -> tuple[list[Ball], list[Ball]]:
@@ -284,16 +286,18 @@ class Identities:
             changes = [self._change(element, at, state) for element in broken]
             total = [sum(entries, ball(0)) for entries in zip(*(x for x, _ in changes), strict=True)]
             size = sum((x for _, x in changes), ball(0))
-            if not _tiny(balls.apply(balls.transposed(self._allowed(state)), total), size):
+            if not _tiny(ball_matrices.apply(ball_matrices.transposed(self._allowed(state)), total), size):
                 return False
         return True
 
     def _allowed(self, state: State) -> Matrix:
         """Return directions that the rows allow, as columns."""
         rows, n = self.reference.rows, self.system.n_q
-        J = balls.matrix(self.system.dynamics(state.q, state.u, self.time).J)
-        pivots, T = balls.eliminate([J[i] for i in rows], len(rows), n, None, self.invariance.motion.sizes.tolist())
-        return balls.null_space(pivots, T, n)[1]
+        J = ball_matrices.matrix(self.system.dynamics(state.q, state.u, self.time).J)
+        pivots, T = ball_matrices.eliminate(
+            [J[i] for i in rows], len(rows), n, None, self.invariance.motion.sizes.tolist()
+        )
+        return ball_matrices.null_space(pivots, T, n)[1]
 
     def _rows_carried(self, name: str, group: Group) -> Finding:
         """Return whether states that satisfy the rows stay such states along a field."""
@@ -311,8 +315,8 @@ class Identities:
     def _rows_change(self, at: Local, state: State, Y: Sequence[Ball]) -> Finding:
         """Return whether holonomic rows are constant along Y, and nonholonomic ones along (Y, DY u)."""
         rows, r_h = self.reference.rows, self.reference.r_h
-        J = balls.matrix(self.system.dynamics(state.q, state.u, self.time).J)
-        V_q = balls.matrix(self.system.linearize_rows(state.q, state.u, state.a, self.time)[0])
+        J = ball_matrices.matrix(self.system.dynamics(state.q, state.u, self.time).J)
+        V_q = ball_matrices.matrix(self.system.linearize_rows(state.q, state.u, state.a, self.time)[0])
         found: list[Finding] = []
         for k, i in enumerate(rows):
             if k < r_h:
@@ -345,7 +349,7 @@ class Identities:
     def _satisfied(self, state: State, u: Sequence[Ball], rows: Sequence[int]) -> Finding:
         """Return whether speeds satisfy rows at a place."""
         dynamics = self.system.dynamics(state.q, u, self.time)
-        V, J = balls.vector(dynamics.V), balls.matrix(dynamics.J)
+        V, J = ball_matrices.vector(dynamics.V), ball_matrices.matrix(dynamics.J)
         size = _total(u) + _total(state.u)
         return _least([_is_zero(V[i], _total(J[i]) * size) for i in rows])
 
@@ -367,7 +371,7 @@ class Identities:
         for element in self.elements:
             for state in self.states:
                 _, R = element.slopes(state.q, state.u, state.a, self.time, self.f)
-                found += _blind(balls.matrix(R), [direction[j] for j in element.columns])
+                found += _blind(ball_matrices.matrix(R), [direction[j] for j in element.columns])
         return _least([*found, self._horizontal(item)])
 
     def momentum(self, item: Symmetry) -> Finding:
@@ -383,7 +387,9 @@ class Identities:
                 speeds = zero if element.inertia else state.u
                 force = element.force(state.q, speeds, zero, self.time, self.f)
                 Y = [at.Y[i] for i in element.columns]
-                found.append(_is_zero(_dot(balls.vector(force), Y), _total(balls.vector(force)) * _total(Y)))
+                found.append(
+                    _is_zero(_dot(ball_matrices.vector(force), Y), _total(ball_matrices.vector(force)) * _total(Y))
+                )
         return _least([*found, self._horizontal(item)])
 
     def _horizontal(self, item: Symmetry) -> Finding:
@@ -391,7 +397,7 @@ class Identities:
         found: list[Finding] = ["structural"]
         for state in self._needed_on_rows():
             Y = self.local(item.name, item.of, state).Y
-            J = balls.matrix(self.system.dynamics(state.q, state.u, self.time).J)
+            J = ball_matrices.matrix(self.system.dynamics(state.q, state.u, self.time).J)
             found += [_is_zero(_dot(J[i], Y), _total(J[i]) * _total(Y)) for i in self.reference.rows]
         return _least(found)
 
@@ -436,7 +442,7 @@ class Identities:
                     return False
                 continue
             R = element.slopes(self.states[0].q, zero, zero, self.time, self.f)[1]
-            if not _not_negative(balls.matrix(R)):
+            if not _not_negative(ball_matrices.matrix(R)):
                 return False
         return True
 
@@ -457,7 +463,7 @@ class Identities:
     def _potential(self, element: Acting, state: State) -> list[Finding]:
         """Return whether the slope of a force at rest is symmetric."""
         zero = [ball(0)] * self.system.n_q
-        K = balls.matrix(element.slopes(state.q, zero, zero, self.time, self.f)[0])
+        K = ball_matrices.matrix(element.slopes(state.q, zero, zero, self.time, self.f)[0])
         size = _total(x for row in K for x in row)
         return [_is_zero(K[i][j] - K[j][i], size) for i in range(len(K)) for j in range(i)]
 
@@ -470,7 +476,7 @@ class Identities:
             speeds.append(self.local("the motion itself", self._own(), state).Y)
         added = [ball(x) - ball(y) for x, y in zip(more, still, strict=True)]
         moved = [[u[i] for i in element.columns] for u in speeds]
-        size = _total(balls.vector(more)) + _total(balls.vector(still))
+        size = _total(ball_matrices.vector(more)) + _total(ball_matrices.vector(still))
         return [_is_zero(_dot(added, u), size * _total(u)) for u in moved]
 
     def _damps(self, element: Acting) -> Finding:
@@ -481,7 +487,7 @@ class Identities:
         for state in self.states:
             K, R = element.slopes(state.q, state.u, zero, self.time, self.f)
             X = self.local("the motion itself", self._own(), state).Y
-            found += _blind(balls.matrix(R), [X[j] for j in element.columns])
+            found += _blind(ball_matrices.matrix(R), [X[j] for j in element.columns])
             if element.stored:
                 continue
             still, _ = element.slopes(state.q, zero, zero, self.time, self.f)
@@ -586,7 +592,7 @@ def _axes(reference: Reference) -> Iterable[list[Ball]]:
     """Yield axes that the file knows."""
     yield from ([ball(int(i == k)) for i in range(3)] for k in range(3))
     scene = reference.system.scene
-    gravity = [*balls.vector(scene.gravity), ball(0)][:3]
+    gravity = [*ball_matrices.vector(scene.gravity), ball(0)][:3]
     if any(not x.is_zero() for x in gravity):
         size = balls.ball_arithmetic().sqrt(sum((x * x for x in gravity), ball(0)))
         yield [-x / size for x in gravity]
@@ -594,7 +600,9 @@ def _axes(reference: Reference) -> Iterable[list[Ball]]:
     for item in scene.items:
         if item.entry.section == "joints" and item.given("axis") and item.given("between"):
             sides = zip(item.markers("between"), item.triads("axis", "zero"), strict=True)
-            yield from ([*balls.vector(triad.v1), ball(0)][:3] for marker, triad in sides if marker.body == GROUND)
+            yield from (
+                [*ball_matrices.vector(triad.v1), ball(0)][:3] for marker, triad in sides if marker.body == GROUND
+            )
 
 
 def _points(reference: Reference, axis: list[Ball]) -> Iterable[list[Ball]]:
@@ -603,7 +611,7 @@ def _points(reference: Reference, axis: list[Ball]) -> Iterable[list[Ball]]:
     for item in reference.system.scene.items:
         if item.given("between"):
             markers = (x for x in item.markers("between") if x.body == GROUND)
-            found += [[*balls.vector(x.point), ball(0)][:3] for x in markers]
+            found += [[*ball_matrices.vector(x.point), ball(0)][:3] for x in markers]
     for point in found:
         along = sum((x * y for x, y in zip(axis, point, strict=True)), ball(0))
         yield [x - along * y for x, y in zip(point, axis, strict=True)]
@@ -661,7 +669,10 @@ def _total(entries: Iterable[Any]) -> Ball:
 
 def _not_negative(R: Matrix) -> bool:
     """Whether the symmetric part of a matrix is proven not to be negative; some pivots may be exact zeros."""
-    A = [[x + y for x, y in zip(row, column, strict=True)] for row, column in zip(R, balls.transposed(R), strict=True)]
+    A = [
+        [x + y for x, y in zip(row, column, strict=True)]
+        for row, column in zip(R, ball_matrices.transposed(R), strict=True)
+    ]
     for k in range(len(A)):
         pivot = A[k][k]
         if pivot.is_zero():

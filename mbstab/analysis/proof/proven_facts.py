@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mbstab.analysis.algebra import balls
+from mbstab.analysis.algebra import ball_matrices, ball_polynomials, balls
 from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, zero_inside
 from mbstab.analysis.linear.verdict import (
     STABLE,
@@ -47,8 +47,8 @@ from mbstab.analysis.proof.characteristic import (
     touch,
     zero_enclosure,
 )
-from mbstab.analysis.proof.enclosures import Field
 from mbstab.analysis.proof.identities import Finding, ground_turn, short, tiny
+from mbstab.analysis.proof.motion import Field
 from mbstab.analysis.reference.symmetries import Shift, Symmetry, Turn
 
 SIDES: dict[str, Side] = {"left": "left", "right": "right", "imaginary": "axis", "open": "open"}
@@ -135,11 +135,11 @@ class Case:
         if k >= m or self._moves or not self._accepts(self.identities.rows_at_rest(), "rest satisfies all constraints"):
             return []
         try:
-            pivots, T = balls.eliminate([row[:m] for row in r.S[m:]], k, m)
+            pivots, T = ball_matrices.eliminate([row[:m] for row in r.S[m:]], k, m)
         except NotProvable:
             return []
-        _, N = balls.null_space(pivots, T, m)
-        return [[*column, *([ball(0)] * k)] for column in balls.transposed(N)]
+        _, N = ball_matrices.null_space(pivots, T, m)
+        return [[*column, *([ball(0)] * k)] for column in ball_matrices.transposed(N)]
 
     @property
     def _moves(self) -> bool:
@@ -154,7 +154,7 @@ class Case:
             for item in chosen:
                 if quotient.divide(item[2]):
                     kept.append(item)
-            images = [quotient.seen(balls.apply(S, x)) for _, _, x in kept]
+            images = [quotient.seen(ball_matrices.apply(S, x)) for _, _, x in kept]
             stay = [x for x, v in zip(kept, images, strict=True) if all(zero_inside(y) for y in v.values())]
             if len(stay) == len(kept):
                 return quotient, kept
@@ -171,7 +171,7 @@ class Case:
             candidates.append(("speed", self.proof.differential(self.proof.state.u, self.proof.state.a)))
         if any(not self.grounds.invariance.conserves(x.of) for x in self.grounds.invariance.boosts):
             return [], []
-        test, rows = Quotient(balls.zeros(*[len(self.proof.reduced.S)] * 2)), list[tuple[str, list[Ball]]]()
+        test, rows = Quotient(ball_matrices.zeros(*[len(self.proof.reduced.S)] * 2)), list[tuple[str, list[Ball]]]()
         for name, row in candidates:
             if test.restrict(row):
                 rows.append((name, row))
@@ -184,7 +184,7 @@ class Case:
         """Return combinations of rows that vanish along columns; `turned`: of columns that rows do not see."""
         scaled = [[[x / _size(v) for x in v] for v in part] for part in (rows, columns)]
         products = [[_dot(row, x) for row in scaled[0]] for x in scaled[1]]
-        products = balls.transposed(products, len(rows)) if turned else products
+        products = ball_matrices.transposed(products, len(rows)) if turned else products
         found, slack = null_combinations(products, len(columns) if turned else len(rows))
         if not self.proof.wide and slack > float(balls.half_digits()):
             raise NotProvable("which conserved functions change along symmetries is not told")
@@ -205,7 +205,7 @@ class Case:
     def _commutes(self, item: Symmetry) -> bool:
         """Whether a symmetry stands still in the frame of the motion."""
         direction, rate = self.identities.disturbance(item, self.proof)
-        carried = balls.apply(self.proof.state.slope, direction)
+        carried = ball_matrices.apply(self.proof.state.slope, direction)
         return all(zero_inside(x - y) for x, y in zip(rate, carried, strict=True))
 
     @cached_property
@@ -269,20 +269,20 @@ class Case:
         T = [x for _, _, x in self._divided[1]]
         if not T or not self._moves:
             return []
-        quotient = Quotient(balls.zeros(len(T[0]), len(T[0])))
+        quotient = Quotient(ball_matrices.zeros(len(T[0]), len(T[0])))
         for x in T:
             quotient.divide(x)
         places = [i for i in range(len(T[0])) if i not in quotient.alive]
-        images = [balls.apply(self.proof.reduced.S, x) for x in T]
+        images = [ball_matrices.apply(self.proof.reduced.S, x) for x in T]
         own, moved = ([[x[i] for x in part] for i in places] for part in (T, images))
-        step = balls.solve(own, moved)
+        step = ball_matrices.solve(own, moved)
         values = np.linalg.eigvals(np.array([[float(x.mid()) for x in row] for row in step]))
         turning = values[values.imag > 1e-4 * float(np.max(np.abs(values), initial=0.0))].imag
         if not len(turning):
             return []
         if np.ptp(turning) > 1e-6 * turning[0]:
             raise NotProvable("neutral directions go round at different rates")
-        square = balls.times(step, step)
+        square = ball_matrices.times(step, step)
         trace = sum((square[i][i] for i in range(len(square))), ball(0))
         rate = balls.ball_arithmetic().sqrt(-trace / (2 * len(turning)))
         return [rate] * len(turning)
@@ -305,9 +305,9 @@ class Case:
         for group in _joined(even, spectrum):
             whole = [ball(1)]
             for factor in group:
-                whole = balls.product(whole, factor.p)
+                whole = ball_polynomials.product(whole, factor.p)
             count = 2 * (len(whole) - 1)
-            inside = balls.all_negative_and_simple(whole)
+            inside = ball_polynomials.all_negative_and_simple(whole)
             if inside:
                 found.append(Disc(1j, 0.0, count, "axis", group[0].why))
             elif inside is not None:
@@ -318,7 +318,7 @@ class Case:
         for factor in spectrum.factors:
             if not factor.even:
                 count = len(factor.p) - 1
-                right = balls.right_roots(factor.p)
+                right = ball_polynomials.right_roots(factor.p)
                 if right is None:
                     found += _rough(factor, False)
                 else:
@@ -349,8 +349,12 @@ class Case:
     def _sign(self) -> int:
         """Return 1 if the second variation is proven to be positive definite, −1 if negative, else 0."""
         W = self._disturbances()
-        h = balls.times(balls.transposed(W), balls.times(self._second_variation(), W)) if W and W[0] else []
-        return next((s for s in (1, -1) if balls.positive([[s * x for x in row] for row in h])), 0)
+        h = (
+            ball_matrices.times(ball_matrices.transposed(W), ball_matrices.times(self._second_variation(), W))
+            if W and W[0]
+            else []
+        )
+        return next((s for s in (1, -1) if ball_matrices.positive([[s * x for x in row] for row in h])), 0)
 
     def _with_a_multiple(self) -> bool:
         """Whether the second variation is definite in another frame in which the reference stands still as well."""
@@ -389,7 +393,7 @@ class Case:
         r = self.proof.reduced
         m = len(r.free)
         rates = [r.P[i] + r.Z[i] for i in range(m)]
-        H = balls.times(balls.transposed(rates), balls.times(r.M_N, rates))
+        H = ball_matrices.times(ball_matrices.transposed(rates), ball_matrices.times(r.M_N, rates))
         for i in range(m):
             for j in range(m):
                 H[i][j] = H[i][j] + (r.K_N[i][j] + r.K_N[j][i]) / 2
@@ -408,18 +412,18 @@ class Case:
         kernel, _ = null_combinations(rows, n)  # at least as large as the true one
         combinations = self._vanishing(rows, columns, True)
         free = [next(j for j in range(n) if c[j] == 1 and _alone(kernel, j)) for c in kernel]
-        quotient = Quotient(balls.zeros(len(kernel), len(kernel)))
+        quotient = Quotient(ball_matrices.zeros(len(kernel), len(kernel)))
         for c in combinations:
             vector = _combined(c, columns)
             quotient.divide([vector[j] for j in free])
-        return balls.transposed([kernel[k] for k in quotient.alive]) if quotient.alive else []
+        return ball_matrices.transposed([kernel[k] for k in quotient.alive]) if quotient.alive else []
 
     def _unforced(self) -> bool:
         """Whether rows on speeds push across nothing that holonomic rows allow."""
         for case in (self, self.generic):
             proof = case.proof
             D, nu = proof.dynamic_rows(), proof.state.nu[proof.r_h :]
-            for column in balls.transposed(proof.reduced.N, 0):
+            for column in ball_matrices.transposed(proof.reduced.N, 0):
                 terms = [_dot(row, column) * x for row, x in zip(D, nu, strict=True)]
                 total = sum(terms, ball(0))
                 exact = proof.wide or tiny(total, sum((abs(x) for x in proof.state.nu), ball(0)))

@@ -297,7 +297,7 @@ def simulate(
         )
     follower = Follower(begin.system, begin.motion, np.linspace(first, last, points), through=through_singular)
     follower.tell, follower.budget = tell, Budget(first, last)
-    work = _Work(follower, chosen, solver, tol, step, compiled, progress)
+    work = Work(follower, chosen, solver, tol, step, compiled, progress)
     lost = math.ulp(max(abs(first), abs(last)))
     if lost * work.natural > RESOLVED:
         raise UsageError(
@@ -426,7 +426,7 @@ def _pulse(values: Array, each: int, size: float) -> tuple[int, int] | None:
     return k * each + int(np.argmax(off[k])), int(np.count_nonzero(2.0 * off[k] > far[k]))
 
 
-class _Work:
+class Work:
     """Runs with smaller and smaller tolerances."""
 
     def __init__(
@@ -545,7 +545,7 @@ class _Work:
         return run
 
 
-def _result(begin: Start, follower: Follower, work: _Work, run: Run, method: str, solver: str) -> Simulation:
+def _result(begin: Start, follower: Follower, work: Work, run: Run, method: str, solver: str) -> Simulation:
     """Gather the samples of a run."""
     system, record = follower.system, Record.of(run.samples)
     samples = run.samples[: len(record.q)]

@@ -1,0 +1,170 @@
+"""Where expressions have no continuous derivatives with respect to the state."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.linear.constancy import SMOOTH, Place, call_at, cut, expressions
+from mbstab.analysis.linear.exact_sums import NEAR, ROUNDING, Atom, Monomial, Structure, Sum, atoms, function
+from mbstab.compiler.system import System
+from mbstab.model.expressions import Call, Expression, ExpressionError
+from mbstab.model.schema import is_length
+
+
+def kinks(system: System, q: Any, u: Any, time: Any, order: int = 2, along: bool = False) -> str:
+    """Return where an expression has not as many continuous derivatives with respect to the state as wanted.
+
+    Only expressions of the file are looked at: forces and constraints. A state within rounding
+    of a kink counts as being there.
+
+    Parameters
+    ----------
+    q, u : array_like, shape (…, n_q)
+        Coordinates (m, rad) and speeds of the reference.
+    time : float or array_like, shape (…) (s)
+    order : int
+        Number of derivatives that must be continuous.
+    along : bool
+        Whether the states are those of one motion, which passes also what lies between two of them.
+
+    Returns
+    -------
+    str
+        A sentence, or nothing.
+    """
+    state = set(system.names)
+    corners: _Corners | None = None
+    for path, role, expression, _ in expressions(system):
+        if role in ("position", "velocity") or not (state & expression.names().keys() or expression.rates()):
+            continue
+        corners = corners or _Corners(Structure(system.scene), system, q, u, time, along)
+        try:
+            place = corners.worst(corners.structure.exact(expression))
+        except ExpressionError as error:
+            return f"the equations are not smooth at the reference: {path} ({cut(expression.text)}): {error.message}"
+        if place is not None and place[0] < order:
+            text = corners.text(expression, place[1])
+            missing = {-1: "is not continuous", 0: "has no derivative"}.get(place[0], "has no second derivative")
+            return f"the equations have a kink at the reference: {path} ({text}) {missing} where {place[2]}"
+    return ""
+
+
+class _Corners:
+    """Looks for kinks of sums at a state."""
+
+    def __init__(self, structure: Structure, system: System, q: Any, u: Any, time: Any, along: bool = False) -> None:
+        self.structure, self.along = structure, along
+        q, u = np.asarray(q, dtype=float), np.asarray(u, dtype=float)
+        lengths = np.array([is_length(name) for name in system.names], dtype=bool)
+        known = max((abs(float(x)) for x in system.scene.lengths), default=0.0) or 1.0
+        sizes = np.where(lengths, max(known, float(np.max(np.abs(q[..., lengths]), initial=0.0))), 1.0)
+        speed = max(1.0, float(np.max(np.abs(u) / sizes, initial=0.0)))
+        self.names: dict[str, Any] = {"t": np.asarray(time, dtype=float)}
+        self._worst: dict[Sum, Place | None] = {}
+        self.steps: dict[str, Any] = {}
+        for i, name in enumerate(system.names):
+            self.names[name], self.names[f"rate({name})"] = q[..., i], u[..., i]
+            self.steps[name] = NEAR * max(float(np.max(np.abs(q[..., i]))), sizes[i])
+            self.steps[f"rate({name})"] = NEAR * speed * sizes[i]
+
+    def near(self, x: Sum) -> bool:
+        """Whether a sum is zero within rounding, or has no value."""
+        value, size = self.structure.value(x, self.names)
+        if self.along and np.any(value > 0.0) and np.any(value < 0.0):
+            return True
+        room = ROUNDING * size
+        for name in {atom.name for atom in atoms(x) if atom.kind == "state"}:
+            moved = [
+                abs(self.structure.value(x, {**self.names, name: self.names[name] + step})[0] - value)
+                for step in (-self.steps[name], self.steps[name])
+            ]
+            room = room + np.maximum(*moved)
+        return not bool(np.all(np.abs(value) > room))
+
+    def worst(self, x: Sum) -> Place | None:
+        """Return the place with the fewest continuous derivatives, or None if there is no kink."""
+        if x in self._worst:
+            return self._worst[x]
+        found: list[Place] = []
+        for monomial, _ in x.terms:
+            for atom, n in monomial:
+                if not atom.state:
+                    continue
+                derivatives, where = self._derivatives(atom, n, monomial)
+                if derivatives < SMOOTH:
+                    found.append((derivatives, atom, where))
+                inner = atom.arguments
+                if atom.kind == "power" and (size := _absolute(inner[0])) is not None:
+                    inner = size[0].arguments
+                found += [place for argument in inner if (place := self.worst(argument)) is not None]
+        self._worst[x] = min(found, key=lambda place: place[0]) if found else None
+        return self._worst[x]
+
+    def _derivatives(self, atom: Atom, n: int, monomial: Monomial) -> tuple[int, str]:
+        """Return how many derivatives of a product are continuous as far as one factor is concerned, and where not."""
+        x = atom.arguments[0] if atom.arguments else Sum.of(atom)
+        zero = "its argument is 0"
+        match atom.kind:
+            case "abs" if n % 2 or n < 0:
+                return (n - 1 + _zeros(x, monomial) if n > 0 else -1, zero) if self.near(x) else (SMOOTH, "")
+            case "smooth_start":
+                if self.near(x):
+                    return 2 * n - 1 + _zeros(x, monomial) if n > 0 else -1, zero
+                return (1, "its argument is 1") if self.near(x - 1) else (SMOOTH, "")
+            case "power":
+                return self._of_power(atom)
+            case "atan2":
+                other = atom.arguments[1]
+                ahead = np.all(np.asarray(self.structure.value(other, self.names)[0]) > 0.0)
+                behind = self.near(x) and (not ahead or self.near(other))
+                return (-1, "it jumps by a turn") if behind else (SMOOTH, "")
+            case "asin" | "acos":
+                return (-1, "its argument is 1 or -1") if self.near(x - 1) or self.near(x + 1) else (SMOOTH, "")
+            case "tan":
+                return (-1, "it is infinite") if self.near(function("cos", x)) else (SMOOTH, "")
+            case "sqrt" | "log":
+                return (0 if atom.kind == "sqrt" and n > 0 else -1, zero) if self.near(x) else (SMOOTH, "")
+            case "group" | "state" if n < 0:
+                return (-1, "it divides by 0") if self.near(x) else (SMOOTH, "")
+            case _:
+                return SMOOTH, ""
+
+    def _of_power(self, atom: Atom) -> tuple[int, str]:
+        base, exponent = atom.arguments
+        if not base.state or not self.near(base):
+            return SMOOTH, ""
+        size, n = _absolute(base), exponent.rational
+        smooth = math.ceil(size[1] * n) - 1 if size is not None and n is not None and n > 0 else -1
+        return smooth, "the base of a power is 0"
+
+    def text(self, expression: Expression, atom: Atom) -> str:
+        """Return a function in an expression as it is written, or the whole expression."""
+        for node in expression.walk():
+            if isinstance(node, Call) and node.function == atom.kind:
+                arguments = tuple(self.structure.exact(Expression("", x)) for x in node.arguments)
+                if arguments == atom.arguments:
+                    return cut(call_at(expression.text, node.position))
+        return cut(expression.text)
+
+
+def _absolute(x: Sum) -> tuple[Atom, int] | None:
+    """Return abs(…) and n of a multiple of abs(…)**n, else None."""
+    if len(x.terms) != 1:
+        return None
+    ((monomial, _),) = x.terms
+    pair = next(iter(monomial)) if len(monomial) == 1 else None
+    return pair if pair is not None and pair[0].kind == "abs" and pair[1] > 0 else None
+
+
+def _zeros(x: Sum, monomial: Monomial) -> int:
+    """Return how often a factor that is zero with x stands in a product beside a function of x."""
+    if len(x.terms) != 1:
+        return 0
+    ((inside, _),) = x.terms
+    if len(inside) != 1:
+        return 0
+    ((atom, n),) = inside
+    return max(dict(monomial).get(atom, 0), 0) if n == 1 else 0

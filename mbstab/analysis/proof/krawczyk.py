@@ -1,0 +1,95 @@
+"""Zeros of equations that are proven to exist: the operator of Krawczyk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra import ball_matrices, balls
+from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball
+from mbstab.errors import MbstabError
+
+
+def independent_rows(A: Any, rank: int) -> list[int]:
+    """Return the numbers of rows that are independent of each other, as many as asked for (pivoted Gram-Schmidt)."""
+    rest = np.array(A, dtype=float)
+    chosen: list[int] = []
+    for _ in range(rank):
+        sizes = np.linalg.norm(rest, axis=1)
+        sizes[chosen] = -1.0
+        k = int(np.argmax(sizes))
+        chosen.append(k)
+        unit = rest[k] / sizes[k]
+        for _ in range(2):
+            rest = rest - np.outer(rest @ unit, unit)
+    return sorted(chosen)
+
+
+def krawczyk(
+    residual: Callable[[Sequence[Ball]], list[Ball]],
+    jacobian: Callable[[Sequence[Ball]], Matrix],
+    start: Sequence[Ball],
+    what: str,
+) -> list[Ball]:
+    """Return balls that contain one and only one zero of as many equations as unknowns; see `krawczyk_boxes`."""
+    return krawczyk_boxes(residual, jacobian, start, what)[0]
+
+
+def krawczyk_boxes(
+    residual: Callable[[Sequence[Ball]], list[Ball]],
+    jacobian: Callable[[Sequence[Ball]], Matrix],
+    start: Sequence[Ball],
+    what: str,
+) -> tuple[list[Ball], list[Ball]]:
+    """Return balls that contain a zero of as many equations as unknowns, and wider ones that contain no other.
+
+    With an approximate inverse Y and x near the zero, x − Y f(x) + (1 − Y f'(X))(X − x) inside X
+    proves it (Krawczyk 1969).
+
+    Raises
+    ------
+    NotProvable
+        If that is not reached.
+    """
+    from flint import arb, ctx
+
+    if not start:
+        return [], []
+    x = [balls.real(value).mid() for value in start]
+    slope = np.array([[float(y.mid()) for y in row] for row in jacobian(x)])
+    rows = np.max(np.abs(slope), axis=1)
+    with np.errstate(all="ignore"):
+        try:
+            inverse = np.linalg.inv(slope / rows[:, None]) / rows
+        except np.linalg.LinAlgError:
+            inverse = np.full_like(slope, np.nan)
+    if not np.all(np.isfinite(inverse)):
+        raise NotProvable(f"{what} is not proven to exist: the equations are singular there")
+    Y = [[ball(float(y)) for y in row] for row in inverse]
+    size = [max(abs(float(y)), 1e-30) for y in x]
+    last = np.inf
+    for _ in range(60):
+        step = ball_matrices.apply(Y, residual(x))
+        x = [balls.real(y - z).mid() for y, z in zip(x, step, strict=True)]
+        change = max(float(abs(z).mid()) for z in step)
+        if change == 0.0 or change > 0.5 * last:
+            break
+        last = change
+    base = ball_matrices.apply(Y, residual(x))
+    tiny = arb(2) ** (-ctx.prec)
+    reach = [balls.real((2 * abs(z).abs_upper() + tiny * ball(s)).abs_upper()) for z, s in zip(base, size, strict=True)]
+    for _ in range(12):
+        offset = [arb(0, r) for r in reach]
+        X = [y + o for y, o in zip(x, offset, strict=True)]
+        try:
+            product = ball_matrices.times(Y, jacobian(X))
+        except (NotProvable, MbstabError):
+            break
+        rest = [[ball(int(i == j)) - y for j, y in enumerate(row)] for i, row in enumerate(product)]
+        moved = [-b + z for b, z in zip(base, ball_matrices.apply(rest, offset), strict=True)]
+        if all(arb(0, r).contains_interior(balls.real(z)) for z, r in zip(moved, reach, strict=True)):
+            return [y + z for y, z in zip(x, moved, strict=True)], X
+        reach = [2 * max(balls.real(abs(z)).abs_upper(), r, key=float) for z, r in zip(moved, reach, strict=True)]
+    raise NotProvable(f"{what} is not proven to exist: the operator of Krawczyk does not contract")
