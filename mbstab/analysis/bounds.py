@@ -38,7 +38,6 @@ import numpy.typing as npt
 from mbstab.analysis.linearize import Linearization, Matrices, StateSpace, composite
 from mbstab.analysis.numerics import assigned
 from mbstab.analysis.refine import ROUNDINGS, Quadratic, refined
-from mbstab.analysis.roundings import Roundings, displaced, roundings
 from mbstab.compiler.system import Array
 
 Complex = npt.NDArray[np.complex128]
@@ -318,20 +317,16 @@ class _Judge:
         return result
 
     @cached_property
-    def _known(self) -> Roundings:
-        return roundings(self.linear)
-
-    @cached_property
     def errors(self) -> Matrices:
         """Errors of M, R, K, J and D_q in scaled coordinates, and of summing products with them."""
         summed = (SUMMED + 0.5 * math.log2(len(self.m.M) + len(self.m.J))) * EPS
-        known = (np.nan_to_num(x, nan=np.inf) for x in self.scaled(self._known.errors))
+        known = (np.nan_to_num(x, nan=np.inf) for x in self.scaled(self.linear.roundings.errors))
         return Matrices(*(x + summed * np.abs(y) for x, y in zip(known, self.m, strict=True)))
 
     @cached_property
     def displaced(self) -> list[Matrices]:
         """Changes of the matrices by what rounding makes of the coordinates where little holds them."""
-        return [self.scaled(changes) for changes in displaced(self.linear, self._known)]
+        return [self.scaled(changes) for changes in self.linear.roundings.displaced]
 
     def weighted(self, W: Complex, rate: float) -> Complex:
         """Return vectors of A with speeds in units of a rate: of slow motions they are small."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from mbstab.analysis.watch import duration
 from mbstab.errors import UsageError
 
 Task = Literal["motion", "modes", "run"]
@@ -54,10 +55,7 @@ class Cost:
 
     def __str__(self) -> str:
         """Return it in words."""
-        units = (("h", 3600.0), ("min", 60.0), ("s", 1.0))
-        unit, size = next((pair for pair in units if self.time >= 2.0 * pair[1]), units[-1])
-        time = f"{max(1.0, self.time / size):.0f} {unit}"
-        return f"about {self.memory / 1e9:.1f} GB of memory and {time} of work"
+        return f"about {self.memory / 1e9:.1f} GB of memory and {duration(self.time)} of work"
 
     def require(self) -> None:
         """Refuse what costs too much.

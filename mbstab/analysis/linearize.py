@@ -14,7 +14,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from mbstab.analysis.subspaces import RANK_TOLERANCE, Subspaces, rank_of
 from mbstab.compiler.system import Array, Row, System
 from mbstab.errors import ConstraintError, MbstabError, ModelFileError, percent
 from mbstab.model.schema import is_length
+
+if TYPE_CHECKING:
+    from mbstab.analysis.roundings import Roundings
 
 GUARD_TOLERANCE = 1e-8
 """Coefficients that change less than this along the motion, relative to their size, count as constant."""
@@ -120,6 +123,13 @@ class Linearization:
         """Sizes of the terms entry by entry, at the multipliers there are: what is zero stays it."""
         motion = self.motion
         return _entries(self.system, motion, self.generator, np.abs(motion.nu))
+
+    @cached_property
+    def roundings(self) -> Roundings:
+        """How much M, R, K, J and D_q may differ from those of the decimals of the file."""
+        from mbstab.analysis.roundings import roundings
+
+        return roundings(self)
 
     def beside(self, change: Array) -> Matrices:
         """Return M, R, K, J and D_q where the coordinates are a little different, and what balances there."""

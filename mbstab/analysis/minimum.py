@@ -24,7 +24,6 @@ import numpy.typing as npt
 from mbstab.analysis.invariance import Shift, Turn
 from mbstab.analysis.linearize import Linearization, matrices_in
 from mbstab.analysis.neutral import KEPT, Separated, Structure
-from mbstab.analysis.roundings import displaced, roundings
 from mbstab.analysis.steady import Generator
 from mbstab.analysis.verdict import Minimum
 from mbstab.compiler.system import Array
@@ -101,10 +100,10 @@ class SecondVariation:
         result: Array = ROUNDINGS * EPS * size
         if self.linear.system.scene.model.reference.find is not None:
             # What was solved for is known the worse the flatter the energy is.
-            known = roundings(self.linear)
+            known = self.linear.roundings
             result[:n, :n] += N.T @ known.errors.K @ N
             basis = spaces.scale[:, None] * spaces.N
-            for changes in displaced(self.linear, known):
+            for changes in known.displaced:
                 result[:n, :n] += np.abs(basis.T @ changes.K @ basis)
         return result
 
