@@ -204,6 +204,14 @@ def test_symbolic_blocks_of_the_pendulum_are_equations_80_to_82():
     assert "⎣L⋅sin(θ)  -L⋅cos(θ)⎦" in text
 
 
+def test_wide_symbolic_blocks_are_continued_within_80_columns():
+    text = run("linearize", "slider_crank.yaml", "--symbolic").stdout
+    assert max(map(len, text.splitlines())) <= 80
+    assert "↪" in text
+    latex = run("linearize", "slider_crank.yaml", "--symbolic", "--format", "latex").stdout
+    assert "↪" not in latex
+
+
 def test_symbolic_blocks_of_the_wheeled_pendulum_are_equations_102_to_104():
     import sympy
 
