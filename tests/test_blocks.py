@@ -8,6 +8,7 @@ import random
 import signal
 import subprocess
 import sys
+import tempfile
 
 import numpy as np
 import pytest
@@ -82,6 +83,22 @@ def test_blocks_say_the_same_as_one_piece(bicycle, whole, monkeypatch):
     for a, b in zip(one.critical, whole.critical, strict=True):
         assert a.kind == b.kind
         assert abs(a.value - b.value) < 1e-11 * a.value
+
+
+def test_blocks_of_large_scenes_have_fewer_points():
+    # Some seconds of work each: no more is lost when a sweep is killed.
+    links = range(20)
+    text = "mbstab: 1\nparameters: {m: 1}\nbodies:\n" + "".join(
+        f"  b{i}: {{type: planar, mass: m, inertia: 1}}\n" for i in links
+    )
+    small, large = mbstab.load("top.yaml").model, mbstab.loads(text).model
+    x = np.linspace(1.0, 2.0, 9_000)
+    assert [len(task.values["omega"]) for task in blocks.tasks(small, {}, {"omega": x})] == [9_000]
+    parts = [task.values["m"] for task in blocks.tasks(large, {}, {"m": x})]
+    assert len(parts) == 3
+    assert np.array_equal(np.concatenate(parts), x)
+    assert blocks.block_size(6) == blocks.POINTS
+    assert blocks.block_size(10_000) == blocks.LEAST
 
 
 def test_two_processes_give_the_same_bits(bicycle, whole):
@@ -264,6 +281,45 @@ def test_a_full_disk_while_a_block_is_written(bicycle, small, tmp_path, monkeypa
     with pytest.raises(OutputError, match="No space left"):
         bicycle.sweep("v", X, directory=tmp_path / "v.parts")
     assert list((tmp_path / "v.parts").iterdir()) == []
+
+
+def test_a_disk_that_is_full_at_any_moment(small, tmp_path, monkeypatch):
+    out, reference = tmp_path / "v.csv", tmp_path / "reference.csv"
+    pictures, command = tmp_path / "v.svg", ["sweep", "pendulum.yaml", "--param", "L", "--points", "101"]
+    command += ["--plot", "map", "--pictures", str(pictures)]
+    assert CliRunner().invoke(main, [*command, "-o", str(reference)]).exit_code == 0
+    written = sorted(path.name for path in tmp_path.iterdir())
+    calls = [(tempfile, "mkstemp"), (os, "fsync"), (os, "replace"), (os, "write")]
+    whole = [getattr(module, name) for module, name in calls]
+    left = [0]
+
+    def failing(call):
+        def write(*arguments, **options):
+            left[0] -= 1
+            if left[0] == 0:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return call(*arguments, **options)
+
+        return write
+
+    for (module, name), call in zip(calls, whole, strict=True):
+        monkeypatch.setattr(module, name, failing(call))
+    for moment in range(1, 100):
+        left[0] = moment
+        result = CliRunner().invoke(main, [*command, "-o", str(out)])
+        full, left[0] = left[0] <= 0, 0
+        if not full:
+            break
+        assert result.exit_code == 1, result.output
+        assert isinstance(result.exception, SystemExit)
+        assert "No space left" in result.stderr
+        resume = ["--resume"] if (tmp_path / "v.csv.parts").exists() else []
+        again = CliRunner().invoke(main, [*command, "-o", str(out), *resume])
+        assert again.exit_code == 0, again.stderr
+        assert out.read_bytes() == reference.read_bytes()
+        out.unlink()
+        assert sorted(path.name for path in tmp_path.iterdir()) == written
+    assert 10 < moment < 99
 
 
 def test_a_place_that_is_a_file(bicycle, small, tmp_path):

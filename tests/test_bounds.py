@@ -11,10 +11,10 @@ from random_mechanisms import KINDS, random_mechanism
 
 import mbstab
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
+from mbstab.analysis.linear import roundings
 from mbstab.analysis.linear.bounds import enclosures, enclosures_of
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.methods import METHODS, solver
-from mbstab.analysis.linear.roundings import roundings
 from mbstab.errors import MbstabError
 
 EPS = float(np.finfo(float).eps)
@@ -251,10 +251,17 @@ def test_entries_that_cancel_inside_of_an_element_are_known_to_be_uncertain():
         "reference: {find: equilibrium, coordinates: {b: {y: 0}}, guess: {b: {x: 0.1}}}\n"
     )
     linear = mbstab.loads(text).linearize()
-    error = roundings(linear).errors.K
+    error = roundings.roundings(linear).errors.K
     assert error[1, 1] > 0.1 * EPS * 1e6  # the entry itself is rounding
     assert abs(linear.K[1, 1]) <= error[1, 1]
     assert error[0, 0] < 1e-8
+
+
+def test_roundings_are_worked_out_once(monkeypatch):
+    calls, found = [], roundings._Roundings.found
+    monkeypatch.setattr(roundings._Roundings, "found", lambda self: calls.append(self) or found(self))
+    mbstab.load("von_mises_truss.yaml").eig()  # bounds and the second variation of the energy need them
+    assert len(calls) == 1
 
 
 @pytest.mark.parametrize("exponent", [20, 50, 100, 200])

@@ -89,6 +89,5 @@ def test_lack_of_memory_is_said():
         enormous()
 
 
-@pytest.mark.parametrize(("seconds", "text"), [(0.0, "1 s"), (119.0, "119 s"), (120.0, "2 min"), (7300.0, "2 h")])
-def test_estimates_are_told_in_units_that_suit_them(seconds, text):
-    assert str(Cost(1, 3e9, seconds)) == f"about 3.0 GB of memory and {text} of work"
+def test_estimates_are_told_in_units_that_suit_them():
+    assert str(Cost(1, 3e9, 700.0)) == "about 3.0 GB of memory and 12 min of work"

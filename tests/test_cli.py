@@ -204,6 +204,14 @@ def test_symbolic_blocks_of_the_pendulum_are_equations_80_to_82():
     assert "⎣L⋅sin(θ)  -L⋅cos(θ)⎦" in text
 
 
+def test_wide_symbolic_blocks_are_continued_within_80_columns():
+    text = run("linearize", "slider_crank.yaml", "--symbolic").stdout
+    assert max(map(len, text.splitlines())) <= 80
+    assert "↪" in text
+    latex = run("linearize", "slider_crank.yaml", "--symbolic", "--format", "latex").stdout
+    assert "↪" not in latex
+
+
 def test_symbolic_blocks_of_the_wheeled_pendulum_are_equations_102_to_104():
     import sympy
 
@@ -386,14 +394,26 @@ def test_an_answer_goes_through_a_link_and_into_a_pipe(tmp_path):
     assert pipe.is_fifo()
 
 
-@pytest.mark.parametrize("words", [["eig", "pendulum"], ["models", "list"], ["test", "pendulum"]], ids=" ".join)
+@pytest.mark.parametrize("words", ["eig pendulum", "models list", "test pendulum", "--help", "eig -h"])
 def test_a_full_or_closed_stdout_is_said(words):
-    command = f"{shlex.quote(sys.executable)} -m mbstab {' '.join(words)}"
-    for redirection, message in ((">/dev/full", "cannot be written to stdout: No space"), (">&-", "stdout is closed")):
+    command = f"{shlex.quote(sys.executable)} -m mbstab {words}"
+    for redirection, message in ((">/dev/full", "to stdout: No space"), (">&-", "to stdout: it is closed")):
         failed = subprocess.run(f"{command} {redirection}", shell=True, capture_output=True, text=True)
         assert failed.returncode == 1
         assert message in failed.stderr
         assert "Traceback" not in failed.stderr
+
+
+def test_a_home_that_cannot_be_written_is_no_news(tmp_path):
+    command = [sys.executable, "-m", "mbstab", "sweep", "pendulum.yaml", "--param", "L", "--points", "5"]
+    environment = {name: text for name, text in os.environ.items() if name not in ("MPLCONFIGDIR", "XDG_CONFIG_HOME")}
+    nowhere = tmp_path / "file" / "home"
+    (tmp_path / "file").write_text("")
+    drawn = subprocess.run(
+        [*command, "--plot", "map", "--pictures", str(tmp_path / "L"), "-q"], capture_output=True, text=True,
+        env={**environment, "HOME": str(nowhere)},
+    )  # fmt: skip
+    assert (drawn.returncode, drawn.stderr) == (0, "")
 
 
 def test_a_reader_that_stops_early_is_no_error():

@@ -183,3 +183,56 @@ def test_unknown_efforts_are_named(tmp_path, name, said):
     assert result.exit_code == 2
     assert f"no spring, damper, actuator or drive is called {name!r}" in result.stderr
     assert said in result.stderr
+
+
+# --- motions of joints ----------------------------------------------------------------------------------------------
+
+SPINNING = """\
+mbstab: 1
+bodies:
+  rotor: {type: spatial, mass: 1, inertia: [1, 1, 2]}
+  nut: {type: spatial, mass: 1, inertia: [1, 1, 1]}
+joints:
+  shaft: {type: revolute, between: [rotor, ground], axis: [[0, 1, 1], [0, 1, 1]]}
+  sleeve: {type: cylindrical, between: [nut, ground], axis: [z, z]}
+initial: {rates: {nut: {z: 2}}}
+"""
+
+
+def test_angles_and_displacements_of_joints_go_on_over_many_turns(tmp_path):
+    path = tmp_path / "spin.csv"
+    (tmp_path / "spin.yaml").write_text(SPINNING)
+    arguments = ["--perturb", "rate(angle(shaft))=300", "--perturb", "angle(sleeve)=3", "--to", "1", "--points", "11"]
+    plots = ["--plot", "angle(shaft),displacement(sleeve)", "--plot", "phase:angle(shaft)"]
+    result = run("simulate", tmp_path / "spin.yaml", *arguments, *plots, "-o", path)
+    assert result.exit_code == 0, result.output
+    rows = list(csv.DictReader(io.StringIO(path.read_text())))
+    times = np.linspace(0.0, 1.0, 11)
+    for head, value in (
+        ("angle(shaft) (rad)", 300.0 * times),
+        ("rate(angle(shaft)) (rad/s)", 300.0),
+        ("angle(sleeve) (rad)", 3.0),
+        ("displacement(sleeve) (m)", 2.0 * times),
+        ("rate(displacement(sleeve)) (m/s)", 2.0),
+    ):
+        np.testing.assert_allclose([float(row[head]) for row in rows], value + 0.0 * times, rtol=1e-6, atol=1e-6)
+    assert sorted(x.name for x in tmp_path.glob("*.png")) == [
+        "spin-angle-shaft-displacement-sleeve.png", "spin-phase-angle-shaft.png"
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ("angle(shaf)", "did you mean 'angle(shaft)'?"),
+        ("rate(angle(shaf))", "did you mean 'angle(shaft)'?"),
+        ("displacement(shaft)", "hint: motions of joints: angle(shaft)"),
+        ("angel(shaft)", "did you mean 'angle'?"),
+        ("phase:energy", "there is no coordinate 'energy'"),
+    ],
+)
+def test_unknown_motions_of_joints_are_named(asked, said, tmp_path):
+    (tmp_path / "spin.yaml").write_text(SPINNING)
+    result = run("simulate", tmp_path / "spin.yaml", "--plot", asked)
+    assert result.exit_code == 2
+    assert said in result.stderr

@@ -5,6 +5,7 @@ import io
 import json
 import os
 import random
+import re
 import resource
 import shutil
 import signal
@@ -284,6 +285,7 @@ def test_too_little_memory_is_said(monkeypatch):
         ("sweep top.yaml --param om", "omega"),
         ("simulate pendulum.yaml --plot ", "rate(rod.theta)"),
         ("simulate pendulum.yaml --plot en", "energy"),
+        ("simulate pendulum.yaml --plot an", "angle(pivot)"),
     ],
 )
 def test_the_shell_completes_models_parameters_and_quantities(words, found):
@@ -374,3 +376,15 @@ def test_eigenvalues_that_left_the_range_are_no_answer(tmp_path):
             codes.add(result.exit_code)
             assert "nan" not in result.stdout
     assert codes <= {0, 1, 2}
+
+
+def test_long_lists_of_neutral_directions_are_shortened_but_in_json(tmp_path):
+    path = tmp_path / "many.yaml"
+    path.write_text("mbstab: 1\nbodies:\n" + "".join(f"  b{i}: {{type: point, mass: 1}}\n" for i in range(12)))
+    text = run("eig", path).stdout
+    (shown,) = re.findall(r"neutral eigenvalues belong to: (?s:.*)", text)
+    assert len(shown.splitlines()) <= 5
+    left = int(re.search(r"(\d+) more\n", shown)[1])
+    assert len(re.split(r",\s+", shown)) - 1 + left == 72
+    modulo = json.loads(run("eig", path, "--format", "json").stdout)["modulo"]
+    assert len(modulo["symmetries"]) + len(modulo["family"]) == 72

@@ -259,7 +259,7 @@ def test_a_short_simulation_says_nothing_about_its_time(monkeypatch):
 
 @pytest.mark.parametrize(
     ("seconds", "text"),
-    [(0.2, "0 s"), (89.0, "89 s"), (700.0, "12 min"), (1e4, "3 h"), (1e6, "12 days"), (1e300, "1.2e+295 days")],
+    [(0.2, "1 s"), (89.0, "89 s"), (700.0, "12 min"), (1e4, "3 h"), (1e6, "12 days"), (1e300, "1.2e+295 days")],
 )
 def test_durations(seconds, text):
     assert watch.duration(seconds) == text

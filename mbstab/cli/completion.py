@@ -64,6 +64,7 @@ def parameters(context: click.Context, parameter: click.Parameter, incomplete: s
 
 def quantities(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Return what a simulation can plot."""
+    from mbstab.analysis.reference.efforts import motion_name
     from mbstab.report.motion_plots import GROUPS, WORDS
 
     model = _model(context)
@@ -72,6 +73,8 @@ def quantities(context: click.Context, parameter: click.Parameter, incomplete: s
     if model is not None:
         joints, forces = model.entries.get("joints", {}), model.entries.get("forces", {})
         drives = model.entries.get("drives", {})
+        motions = [motion_name(motion, name) for name, joint in joints.items() for motion in joint.kind.motions]
+        known += [*motions, *(f"rate({name})" for name in motions)]
         known += [f"{what}({name})" for name in joints for what in ("force", "torque")]
         known += [f"effort({name})" for name in (*forces, *drives)]
     return [CompletionItem(word) for word in known if word.startswith(incomplete)]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import io
+import logging
+import os
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -39,6 +41,8 @@ class _Group(click.Group):
 
 def _exit_code(run: Callable[[], Any]) -> int:
     """Return the exit code of a call; what is wrong with the command line or with the machine goes to stderr."""
+    if sys.stdout is None:  # closed: what is written fails, and no file gets its number
+        sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w", encoding="utf-8")
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a terminal without these letters still gets the answer
             stream.reconfigure(errors="backslashreplace")
@@ -49,8 +53,7 @@ def _exit_code(run: Callable[[], Any]) -> int:
     try:
         try:
             code = run()
-            if sys.stdout is not None:
-                sys.stdout.flush()
+            sys.stdout.flush()
             return code or 0
         except OSError as error:  # of --help, and of what is left in the buffer
             if error.filename is not None or error.errno not in STREAM:
@@ -91,6 +94,8 @@ def main() -> None:
     --verify contradicts.
     """
     one_thread_by_default()
+    # It finds another place for its fonts where it may not write, and need not say so.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 
 for _command in (

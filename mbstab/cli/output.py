@@ -6,6 +6,7 @@ file whole or not at all, and lets nothing invisible reach the terminal.
 
 from __future__ import annotations
 
+import errno
 import functools
 import os
 import sys
@@ -91,8 +92,6 @@ def show(text: str) -> None:
     OutputError
         If stdout is closed or full.
     """
-    if sys.stdout is None:
-        raise OutputError("the answer cannot be written: stdout is closed")
     try:
         click.echo(visible(text), nl=False)
         sys.stdout.flush()
@@ -106,7 +105,8 @@ def stdout_failure(error: OSError) -> Exception:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if isinstance(error, BrokenPipeError):
         return error
-    return OutputError(f"the answer cannot be written to stdout: {error.strerror}")
+    reason = "it is closed" if error.errno == errno.EBADF else error.strerror
+    return OutputError(f"the answer cannot be written to stdout: {reason}")
 
 
 # --- files ----------------------------------------------------------------------------------------------------------

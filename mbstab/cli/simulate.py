@@ -115,8 +115,9 @@ def _terminable() -> Iterator[None]:
     metavar="WHAT",
     multiple=True,
     shell_complete=completion.quantities,
-    help="Draw over time: rod.theta, rate(rod.theta), acceleration(…), force(pivot), torque(pivot.z), effort(spring), "
-    "kinetic, …, several separated by commas; energy; residuals; or phase:rod.theta. May be repeated, each a picture.",
+    help="Draw over time: rod.theta, rate(rod.theta), acceleration(…), angle(pivot) or displacement(…) of a joint, "
+    "rate(angle(pivot)), force(pivot), torque(pivot.z), effort(spring), kinetic, …, several separated by commas; "
+    "energy; residuals; or phase:rod.theta. May be repeated, each a picture.",
 )
 @pictures_option
 @animation_options

@@ -100,8 +100,9 @@ class _Placed:
         """Return what to do where it has no finite equations."""
         if self.kernel.__name__.endswith(("planar_spring", "spatial_spring")):
             return (
-                "hint: its ends coincide, and the line between them has no direction; type: bearing (stiffness, "
-                "damping, no length) is a spring and damper that acts the same in all directions, also there"
+                "hint: its ends coincide, and the line between them has no direction, which length: and damping: need; "
+                "with length 0 write type: bearing and leave out length:, it acts the same in all directions with the "
+                "same stiffness: and damping:; else keep the ends apart in reference:"
             )
         return (
             "hint: two points that coincide, a wheel lying flat, an expression outside its domain or at a kink has no "
@@ -474,7 +475,10 @@ class System:
             try:
                 values.extend(getattr(element.kernel, function)(f, *arguments))
             except (ArithmeticError, ValueError) as error:
-                raise NumericalError(f"{element.path} has no finite equations here ({error})\n{element.hint}") from None
+                place = self._location(element.path)
+                raise NumericalError(
+                    f"{place}: {element.path} has no finite equations here ({error})\n{element.hint}"
+                ) from None
         if sizes:
             values = [abs(x) for x in values]
         plan = self._plans.get(function)
@@ -489,6 +493,12 @@ class System:
                 "hint: numbers of this size leave the range of double precision; use other units"
             )
         return out
+
+    def _location(self, path: str) -> Location:
+        """Return where an entry stands in the file."""
+        section, _, name = path.partition(".")
+        model = self.scene.model
+        return (model.bodies if section == "bodies" else model.entries[section])[name].location
 
     def _running(self, function: str) -> list[_Placed]:
         """Return the elements that have this function: all, or those with rows."""

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from mbstab.analysis.reference.efforts import effort_unit
+from mbstab.analysis.reference.efforts import MOTION_UNITS, effort_unit, motion_name
 from mbstab.analysis.simulate.simulate import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError, suggestion
@@ -142,7 +142,11 @@ class Picture:
 # --- what can be asked for ------------------------------------------------------------------------------------------
 
 
-def _of_coordinate(form: str, array: str, per: str) -> Callable[[Model, str], list[Quantity]]:
+Reader = Callable[[Model, str], list[Quantity]]
+"""Reads what stands inside the parentheses of a function."""
+
+
+def _of_coordinate(form: str, array: str, per: str) -> Reader:
     """Return what reads a name of a coordinate as a column of an array of the simulation."""
 
     def read(model: Model, name: str) -> list[Quantity]:
@@ -160,7 +164,7 @@ def _of_coordinate(form: str, array: str, per: str) -> Callable[[Model, str], li
     return read
 
 
-def _of_reaction(what: str, unit: str) -> Callable[[Model, str], list[Quantity]]:
+def _of_reaction(what: str, unit: str) -> Reader:
     """Return what reads the name of a joint, or with a component such as ``pivot.x``, as reactions."""
 
     def read(model: Model, name: str) -> list[Quantity]:
@@ -229,10 +233,39 @@ def _effort(sim: Simulation, owner: str) -> Array:
     return np.asarray(sim.efforts[:, [x for x, _ in sim.effort_names].index(owner)])
 
 
-FUNCTIONS: dict[str, Callable[[Model, str], list[Quantity]]] = {
+def _of_motion(motion: str, array: str = "motions", form: str = "{}", per: str = "") -> Reader:
+    """Return what reads the name of a joint as one of its motions, or as the rate of it."""
+
+    def read(model: Model, joint: str) -> list[Quantity]:
+        name = motion_name(motion, joint)
+        known = [motion_name(x, entry.name) for entry in model.entries["joints"].values() for x in entry.kind.motions]
+        if name not in known:
+            own = [x for x in known if x.endswith(f"({joint})")]
+            hint = f"motions of joints: {', '.join(own)}" if own else suggestion(name, known)
+            hint = hint or f"motions of joints: {', '.join(known[:12]) or 'none'}"
+            raise UsageError(f"there is no joint motion {name!r}\nhint: {hint}")
+        return [Quantity(form.format(name), MOTION_UNITS[motion] + per, lambda sim: _motion(sim, array, name))]
+
+    return read
+
+
+def _motion(sim: Simulation, array: str, name: str) -> Array:
+    return np.asarray(getattr(sim, array)[:, [x for x, _ in sim.motion_names].index(name)])
+
+
+def _rate(model: Model, name: str) -> list[Quantity]:
+    """Read a coordinate, or a motion of a joint, as its rate."""
+    call = _CALL.fullmatch(name)
+    if call is not None and call[1] in MOTION_UNITS:
+        return _of_motion(call[1], "motion_rates", "rate({})", "/s")(model, call[2])
+    return _of_coordinate("rate({})", "u", "/s")(model, name)
+
+
+FUNCTIONS: dict[str, Reader] = {
     "": _of_coordinate("{}", "q", ""),
-    "rate": _of_coordinate("rate({})", "u", "/s"),
+    "rate": _rate,
     "acceleration": _of_coordinate("acceleration({})", "a", "/s²"),
+    **{motion: _of_motion(motion) for motion in MOTION_UNITS},
     "force": _of_reaction("force", "N"),
     "torque": _of_reaction("torque", "N·m"),
     "effort": _of_effort,
@@ -284,7 +317,7 @@ GROUPS: dict[str, tuple[Panel, ...]] = {
 }
 """Panels that have a name together."""
 
-_CALL = re.compile(r"([A-Za-z_]+)\(\s*([^()\s]*)\s*\)")
+_CALL = re.compile(r"([A-Za-z_]+)\(\s*([^()\s]*|[A-Za-z_]+\([^()]*\))\s*\)")
 _PHASE = "phase:"
 
 
@@ -323,7 +356,8 @@ def _alternatives() -> str:
 
 
 def _phase(model: Model, word: str) -> tuple[Quantity, Quantity]:
-    return FUNCTIONS[""](model, word)[0], FUNCTIONS["rate"](model, word)[0]
+    (rate,) = FUNCTIONS["rate"](model, word)  # of what has one
+    return _quantities(model, word)[0], rate
 
 
 def _panels(model: Model, words: Sequence[str]) -> Iterator[Panel]:

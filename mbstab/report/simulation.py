@@ -57,6 +57,10 @@ def _effort_heads(sim: Simulation) -> list[str]:
     return [f"effort of {owner} ({unit})" for owner, unit in sim.effort_names]
 
 
+def _motion_heads(sim: Simulation, form: str, per: str = "") -> list[str]:
+    return [f"{form.format(name)} ({unit}{per})" for name, unit in sim.motion_names]
+
+
 OUTPUTS = (
     Output("time", lambda sim: ["time (s)"], lambda sim: sim.times),
     Output("q", lambda sim: _named(sim, "{}"), lambda sim: sim.q),
@@ -64,6 +68,8 @@ OUTPUTS = (
     Output("a", lambda sim: _named(sim, "acceleration({})", "/s^2"), lambda sim: sim.a),
     Output("reactions", _load_heads, lambda sim: sim.loads),
     Output("efforts", _effort_heads, lambda sim: sim.efforts),
+    Output("motions", lambda sim: _motion_heads(sim, "{}"), lambda sim: sim.motions),
+    Output("motion_rates", lambda sim: _motion_heads(sim, "rate({})", "/s"), lambda sim: sim.motion_rates),
     Output("kinetic", lambda sim: ["kinetic energy (J)"], lambda sim: sim.kinetic),
     Output("potential", lambda sim: ["potential energy (J)"], lambda sim: sim.potential),
     Output("work", lambda sim: ["work (J)"], lambda sim: sim.work),

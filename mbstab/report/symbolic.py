@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from mbstab.analysis.linear.symbolic import SymbolicBlocks
+from mbstab.report import WIDTH
 
 NAMES = {"M": "mass", "R": "damping", "K": "stiffness"}
 
 
 def symbolic_text(result: SymbolicBlocks, title: str) -> str:
-    """Return the blocks as text; blocks that are zero are written O."""
+    """Return the blocks as text, wide ones continued below (↪); blocks that are zero are written O."""
     import sympy
 
     lines = [title, ""] if title else []
@@ -18,7 +19,7 @@ def symbolic_text(result: SymbolicBlocks, title: str) -> str:
             lines.append(f"{name} = O  ({shape})")
             continue
         lines.append(f"{name} =")
-        lines.append(sympy.pretty(block, use_unicode=True, wrap_line=False))
+        lines.append(sympy.pretty(block, use_unicode=True, num_columns=WIDTH))
     return "\n".join(lines) + "\n"
 
 

@@ -286,7 +286,8 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
         )
         lines += wrap(text, width=WIDTH)
     if c.neutral and (names := (*result.modulo.symmetries, *result.modulo.family)):
-        lines += wrap("neutral eigenvalues belong to: " + ", ".join(names), width=WIDTH, subsequent_indent="  ")
+        shown = _fitting(names, 3 * WIDTH)
+        lines += wrap(f"neutral eigenvalues belong to: {shown}", width=WIDTH, subsequent_indent="  ")
     return lines
 
 

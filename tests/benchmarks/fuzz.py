@@ -1,7 +1,8 @@
 """Mutated files and command lines: ``python tests/benchmarks/fuzz.py --files 100000 --lines 5000 [--seed 1]``.
 
 Every mutated file is read and asked one question, every mutated command line is run, each with 20 s of CPU time
-and 2 GB of memory. Printed are exceptions that are no errors of mbstab, hangs, and control characters that are written.
+and 2 GB of memory. Printed are exceptions that are no errors of mbstab, hangs, control characters that are written, and
+what libraries such as LAPACK write past Python.
 """
 
 import argparse
@@ -113,8 +114,8 @@ def expired(number, frame):
     raise TimeoutError(f"more than {SECONDS} s")
 
 
-def asked(arguments):
-    """Return what is wrong with a call; empty: nothing."""
+def asked(arguments, past):
+    """Return what is wrong with a call; empty: nothing. `past` is the file of what is written past Python."""
     out, err = io.StringIO(), io.StringIO()
     signal.setitimer(signal.ITIMER_PROF, SECONDS)
     try:
@@ -130,10 +131,12 @@ def asked(arguments):
     for c in set(out.getvalue() + err.getvalue()):
         if not (c.isprintable() or c in "\n\t" or unicodedata.category(c) == "Zs"):
             return f"control character {c!r}"
-    return ""
+    written = os.pread(past, 200, 0)
+    os.ftruncate(past, 0)
+    return f"written past Python: {written.decode(errors='replace')}" if written else ""
 
 
-def batch(seed, files, folder):
+def batch(seed, files, folder, past):
     """Return what was asked and is wrong, of `BATCH` files or command lines."""
     rng, wrong = random.Random(seed), []
     path = Path(folder) / f"fuzz-{seed}.yaml"
@@ -144,7 +147,7 @@ def batch(seed, files, folder):
             arguments = rng.choice(QUESTIONS).replace("FILE", str(path)).split()
         else:
             arguments = mutated_line(rng)
-        if fault := asked(arguments):
+        if fault := asked(arguments, past):
             kept = Path(folder) / f"kept-{seed}-{number}.yaml"
             if files:
                 kept.write_bytes(path.read_bytes())
@@ -163,11 +166,14 @@ def child(seed, files, folder):
     os.close(read)
     os.chdir(folder)
     sys.stdin = io.TextIOWrapper(io.BytesIO())
+    past = os.open(f"past-{seed}", os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND)
+    for stream in (1, 2):
+        os.dup2(past, stream)
     warnings.simplefilter("ignore")
     signal.signal(signal.SIGPROF, expired)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY + 2**32, MEMORY + 2**32))
     with os.fdopen(write, "wb") as stream:
-        stream.write(pickle.dumps(batch(seed, files, folder)))
+        stream.write(pickle.dumps(batch(seed, files, folder, past)))
     os._exit(0)
 
 

@@ -54,10 +54,7 @@ class Cost:
 
     def __str__(self) -> str:
         """Return it in words."""
-        units = (("h", 3600.0), ("min", 60.0), ("s", 1.0))
-        unit, size = next((pair for pair in units if self.time >= 2.0 * pair[1]), units[-1])
-        time = f"{max(1.0, self.time / size):.0f} {unit}"
-        return f"about {self.memory / 1e9:.1f} GB of memory and {time} of work"
+        return f"about {self.memory / 1e9:.1f} GB of memory and {duration(self.time)} of work"
 
     def require(self) -> None:
         """Refuse what costs too much.
@@ -73,3 +70,12 @@ class Cost:
                 f"{MOST_TIME:.0f} s\nhint: --force (force=True in Python) goes on nevertheless; bodies that nothing "
                 "connects can be asked about one by one"
             )
+
+
+def duration(seconds: float) -> str:
+    """Return a time such as ``40 s``, ``12 min`` or ``3 h``, of a second at least."""
+    seconds = max(seconds, 1.0)
+    for unit, size, most in (("s", 1.0, 90.0), ("min", 60.0, 90.0), ("h", 3600.0, 48.0), ("days", 86400.0, 1000.0)):
+        if seconds < most * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds / 86400.0:.1e} days"

@@ -39,7 +39,7 @@ from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.refinement import ROUNDINGS, Quadratic, refined
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, composite
-from mbstab.analysis.linear.roundings import Roundings, displaced, roundings
+from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.compiler.system import Array
 
@@ -318,20 +318,16 @@ class _Judge:
         return result
 
     @cached_property
-    def _known(self) -> Roundings:
-        return roundings(self.linear)
-
-    @cached_property
     def errors(self) -> Matrices:
         """Errors of M, R, K, J and D_q in scaled coordinates, and of summing products with them."""
         summed = (SUMMED + 0.5 * math.log2(len(self.m.M) + len(self.m.J))) * EPS
-        known = (np.nan_to_num(x, nan=np.inf) for x in self.scaled(self._known.errors))
+        known = (np.nan_to_num(x, nan=np.inf) for x in self.scaled(roundings(self.linear).errors))
         return Matrices(*(x + summed * np.abs(y) for x, y in zip(known, self.m, strict=True)))
 
     @cached_property
     def displaced(self) -> list[Matrices]:
         """Changes of the matrices by what rounding makes of the coordinates where little holds them."""
-        return [self.scaled(changes) for changes in displaced(self.linear, self._known)]
+        return [self.scaled(changes) for changes in roundings(self.linear).displaced]
 
     def weighted(self, W: Complex, rate: float) -> Complex:
         """Return vectors of A with speeds in units of a rate: of slow motions they are small."""

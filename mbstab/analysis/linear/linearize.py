@@ -10,8 +10,9 @@ the finite eigenvalues: with N, Z, P of `mbstab.analysis.algebra.subspaces` and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -63,6 +64,9 @@ class Linearization:
         The symmetry in whose frame the equations are written; None: in the coordinates of the file.
     frozen : bool
         Whether frozen-time coefficients were asked for.
+    kept : dict
+        What several modules need of it and is worked out once, by name; the module that works it out reads and
+        writes it.
     """
 
     system: System
@@ -78,6 +82,7 @@ class Linearization:
     variation: float
     generator: Generator | None = None
     frozen: bool = False
+    kept: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     @property
     def constant(self) -> bool:

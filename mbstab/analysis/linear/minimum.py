@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.neutral import KEPT, Separated, Structure
-from mbstab.analysis.linear.roundings import displaced, roundings
+from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.linear.verdict import Minimum
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.steady import Generator
@@ -105,7 +105,7 @@ class SecondVariation:
             known = roundings(self.linear)
             result[:n, :n] += N.T @ known.errors.K @ N
             basis = spaces.scale[:, None] * spaces.N
-            for changes in displaced(self.linear, known):
+            for changes in known.displaced:
                 result[:n, :n] += np.abs(basis.T @ changes.K @ basis)
         return result
 

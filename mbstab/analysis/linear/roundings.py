@@ -102,32 +102,38 @@ class Roundings:
     Attributes
     ----------
     errors : Matrices
-        Entry by entry, without what `directions` do.
-    directions : tuple of Direction
-        Changes of coordinates that change all entries together.
+        Entry by entry, without `displaced`.
+    displaced : tuple of Matrices
+        Changes of all entries together, by what rounding makes of the coordinates where little holds them.
     q : ndarray, shape (n_q,)
-        How much the coordinates may be wrong, without `directions`.
+        How much the coordinates may be wrong, without what `displaced` comes from.
     """
 
     errors: Matrices
-    directions: tuple[Direction, ...]
+    displaced: tuple[Matrices, ...]
     q: Array
 
 
 def roundings(linear: Linearization) -> Roundings:
-    """Return how much the matrices of a linearization may differ from those of the decimals of the file."""
-    return _Roundings(linear).found()
+    """Return how much the matrices of a linearization may differ from those of the decimals of the file.
+
+    It is worked out once for each linearization.
+    """
+    if "roundings" not in linear.kept:
+        linear.kept["roundings"] = _Roundings(linear).found()
+    known: Roundings = linear.kept["roundings"]
+    return known
 
 
-def displaced(linear: Linearization, known: Roundings) -> list[Matrices]:
-    """Return changes of M, R, K, J and D_q by what rounding makes of coordinates where little holds them."""
+def _displaced(linear: Linearization, directions: list[Direction]) -> tuple[Matrices, ...]:
+    """Return changes of M, R, K, J and D_q by changes of the coordinates."""
     found, sizes = [], linear.motion.sizes
-    for change, amount in known.directions:
+    for change, amount in directions:
         # Differences over a path on which the equations are as weak as here.
         step = 1e-6 / (float(np.max(np.abs(change) / sizes)) or 1.0)
         there, back = (linear.beside(sign * step * change) for sign in (1.0, -1.0))
         found.append(Matrices(*((a - b) * (amount / (2.0 * step)) for a, b in zip(there, back, strict=True))))
-    return found
+    return tuple(found)
 
 
 class _Roundings:
@@ -159,7 +165,7 @@ class _Roundings:
         generator = linear.generator
         if generator is not None and generator.turns:
             K, R, D_q = self._turned(generator, Matrices(M, R, K, J, D_q), dq)
-        return Roundings(Matrices(M, R, K, J, D_q), tuple(self.directions), dq)
+        return Roundings(Matrices(M, R, K, J, D_q), _displaced(linear, self.directions), dq)
 
     def _turned(self, generator: Generator, errors: Matrices, dq: Array) -> tuple[Array, Array, Array]:
         """Return how much K, R and D_q may be wrong in a turning frame."""

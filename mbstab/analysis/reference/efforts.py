@@ -13,7 +13,7 @@ from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.compiler.system import Array, System
 from mbstab.mechanics.catalogue import GROUND, Effort, Item, Marker
 from mbstab.model.arithmetic import array_arithmetic
-from mbstab.model.scene import ItemValues
+from mbstab.model.scene import ItemValues, Scene
 from mbstab.model.schema import unit_of
 
 
@@ -130,6 +130,28 @@ def _across(spin: Array, arm: Array) -> Array:
     if arm.shape[-1] == 3:
         return np.cross(spin, arm)
     return np.asarray(spin[..., 2:] * np.stack([-arm[..., 1], arm[..., 0]], axis=-1))
+
+
+MOTION_UNITS = {"angle": "rad", "displacement": "m"}
+"""Of the motions of joints."""
+
+
+def moving_joints(scene: Scene) -> list[tuple[str, ItemValues]]:
+    """Return the joints with a motion, each once for every motion it has, in the order of the file."""
+    joints = (item for item in scene.items if item.entry.section == "joints")
+    return [(motion, item) for item in joints for motion in item.kind.motions]
+
+
+def motion_name(motion: str, joint: str) -> str:
+    """Return what a motion of a joint is called, such as ``angle(pivot)``."""
+    return f"{motion}({joint})"
+
+
+def unwound(angles: Array, rates: Array, times: Array) -> Array:
+    """Return angles at successive times, shape (n_t,), continued over half turns as their rates tell (rad)."""
+    steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(times)
+    turns = np.round((steps - np.diff(angles)) / (2.0 * np.pi))
+    return angles + 2.0 * np.pi * np.concatenate([[0.0], np.cumsum(turns)])
 
 
 def efforts(at: Placement, nu: Array, times: Any) -> list[Acted]:

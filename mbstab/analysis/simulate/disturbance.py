@@ -15,7 +15,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.reference.attitude import Attitudes
-from mbstab.analysis.reference.efforts import Placement
+from mbstab.analysis.reference.efforts import MOTION_UNITS, Placement, motion_name, moving_joints
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError, suggestion
@@ -90,10 +90,10 @@ def joint_motions(system: System, sizes: Array) -> list[Quantity]:
     """Return the angles and displacements of all joints."""
     length = max((float(x) for x, name in zip(sizes, system.names, strict=True) if unit_of(name) == "m"), default=1.0)
     return [
-        Quantity(f"{kind}({item.name})", *(("rad", 1.0) if kind == "angle" else ("m", length)), kind=kind, joint=item)
-        for item in system.scene.items
-        if item.entry.section == "joints"
-        for kind in item.kind.motions
+        Quantity(
+            motion_name(kind, item.name), MOTION_UNITS[kind], 1.0 if kind == "angle" else length, kind=kind, joint=item
+        )
+        for kind, item in moving_joints(system.scene)
     ]
 
 
@@ -110,7 +110,7 @@ def read_name(system: System, sizes: Array, name: str) -> tuple[Quantity, bool]:
     moving = joint_motions(system, sizes)
     known = {x.name: x for x in (*coordinates(system, sizes), *moving)}
     joint = _JOINT.fullmatch(inner)
-    found = known.get(f"{joint[1]}({joint[2]})" if joint else inner)
+    found = known.get(motion_name(joint[1], joint[2]) if joint else inner)
     if found is not None:
         return found, rate is not None
     whole = [*known, *(f"rate({x})" for x in known)]

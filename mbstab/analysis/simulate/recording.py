@@ -9,7 +9,7 @@ from itertools import groupby
 import numpy as np
 
 from mbstab.analysis.reference.attitude import Attitudes
-from mbstab.analysis.reference.efforts import Placement, efforts
+from mbstab.analysis.reference.efforts import Placement, efforts, moving_joints, unwound
 from mbstab.analysis.reference.reactions import reactions
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.energy import Energy
@@ -101,6 +101,8 @@ class Record:
         Reactions (N, N·m) by owner, body acted on, and component such as ``force x``.
     efforts : dict of ndarray, shape (n_t,)
         Of springs, dampers, actuators and drives by owner and unit (N, N·m).
+    motions, motion_rates : ndarray, shape (n_t, n_m)
+        Of joints, as `mbstab.analysis.efforts.moving_joints` lists them (m, rad).
     kinetic, potential : ndarray, shape (n_t,) (J)
     residuals : ndarray, shape (n_t, 2)
         In position and velocity, as `Constrained.residuals` has them.
@@ -112,6 +114,8 @@ class Record:
     nu: Array
     loads: dict[tuple[str, str, str], Array]
     efforts: dict[tuple[str, str], Array]
+    motions: Array
+    motion_rates: Array
     kinetic: Array
     potential: Array
     residuals: Array
@@ -133,9 +137,12 @@ class Record:
         loads = {x: np.concatenate([part.loads.get(x, np.zeros(len(part.q))) for part in parts]) for x in labels}
         driving = {x: np.concatenate([part.efforts[x] for part in parts]) for x in parts[0].efforts}
         names = [field.name for field in fields(cls) if field.name not in ("loads", "efforts")]
-        return cls(
-            loads=loads, efforts=driving, **{x: np.concatenate([getattr(part, x) for part in parts]) for x in names}
-        )
+        whole = {x: np.concatenate([getattr(part, x) for part in parts]) for x in names}
+        scene, times = samples[0].frame.system.scene, np.array([s.t for s in samples[: len(whole["q"])]])
+        for i, (motion, _) in enumerate(moving_joints(scene)):
+            if motion == "angle" and scene.dimension == 3:
+                whole["motions"][:, i] = unwound(whole["motions"][:, i], whole["motion_rates"][:, i], times)
+        return cls(loads=loads, efforts=driving, **whole)
 
     @classmethod
     def _part(cls, frame: Frame, samples: Sequence[Sample], before: Array) -> Record:
@@ -159,10 +166,13 @@ class Record:
                 loads |= {(r.owner, r.body, f"{what} {x}"): v for x, v in zip(letters, vector.T, strict=False)}
         at, times = Placement(frame.attitudes, system, q, u), np.array([s.t for s in samples])
         driving = {(acted.owner, acted.unit): acted.values for acted in efforts(at, nu, times)}
+        moving = moving_joints(system.scene)
+        motions = np.array([at.motion(*x) for x in moving]).reshape(len(moving), len(q)).T
+        motion_rates = np.array([at.rate(*x) for x in moving]).reshape(len(moving), len(q)).T
         shown = _continued(frame, q, before)
         potential = frame.energy.potential(system, q)
         q, u, a = frame.attitudes.in_file(system, q, u, a, shown)
-        return cls(q, u, a, nu, loads, driving, kinetic, potential, np.array(residuals))
+        return cls(q, u, a, nu, loads, driving, motions, motion_rates, kinetic, potential, np.array(residuals))
 
 
 def states(samples: Sequence[Sample]) -> tuple[Array, Array]:

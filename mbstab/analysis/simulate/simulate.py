@@ -18,7 +18,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mbstab.analysis.algebra import budget
 from mbstab.analysis.reference.dependencies import expressions_in, uneven_in_time
+from mbstab.analysis.reference.efforts import MOTION_UNITS, motion_name, moving_joints
 from mbstab.analysis.simulate.recording import Record, Track
 from mbstab.analysis.simulate.run import Follower, Run, difference, fastest
 from mbstab.analysis.simulate.start import Start, start_of
@@ -69,9 +71,6 @@ MARGIN = 0.3
 LONGEST_STEPS = (100.0, 1000.0)
 """With functions of time that may rest a step is at most the distance of two times of output, between these parts."""
 
-MEMORY = 1e9
-"""What the times of output may take, if not forced (bytes)."""
-
 SAMPLE = 40
 """Numbers that would take as much memory as what surrounds a state that is kept."""
 
@@ -112,6 +111,10 @@ class Simulation:
         Of springs, dampers, actuators and drives along their motions (N, N·m), positive where they drive them on.
     effort_names : tuple of (str, str)
         Owner and unit.
+    motions, motion_rates : ndarray, shape (n_t, n_m)
+        Angles and displacements of joints (rad, m), and their rates.
+    motion_names : tuple of (str, str)
+        Such as ``angle(pivot)``, and unit.
     kinetic, potential : ndarray, shape (n_t,)
         Energies (J): of the motion; of weight and springs.
     work : ndarray, shape (n_t,)
@@ -160,6 +163,9 @@ class Simulation:
     load_names: tuple[tuple[str, str, str], ...]
     efforts: Array
     effort_names: tuple[tuple[str, str], ...]
+    motions: Array
+    motion_rates: Array
+    motion_names: tuple[tuple[str, str], ...]
     kinetic: Array
     potential: Array
     work: Array
@@ -266,7 +272,7 @@ def simulate(
         Is called with what should be known before the end: warnings, which are among those of the result as well, and
         how long it takes and why, where that is long.
     force : bool
-        Take more memory than `MEMORY`.
+        Take more memory than `mbstab.analysis.budget.MOST_MEMORY`.
 
     Raises
     ------
@@ -358,14 +364,15 @@ def _check(tol: float, step: float | None, points: int) -> None:
 def _check_memory(system: System, points: int) -> None:
     """Refuse times of output that take more memory than there should be need for."""
     d, bodies = system.scene.dimension, len(system.scene.bodies)
-    results = 3 * system.n_q + system.n_c + bodies * (2 * d + d * d + 3) + 6 * len(system.scene.items) + 6
+    moving = len(moving_joints(system.scene))
+    results = 3 * system.n_q + system.n_c + bodies * (2 * d + d * d + 3) + 6 * len(system.scene.items) + 2 * moving + 6
     columns = results + LEAST_RUNS * (2 * system.n_q + SAMPLE)
     size = 8.0 * points * columns
-    if size > MEMORY:
+    if size > budget.MOST_MEMORY:
         raise UsageError(
             f"{points} times of output take about {size / 1e9:.2g} GB of memory ({columns} numbers each), where "
-            f"{MEMORY / 1e9:g} GB is the limit\n"
-            f"hint: {math.floor(MEMORY / (8 * columns))} --points fit, or allow it with --force"
+            f"{budget.MOST_MEMORY / 1e9:g} GB is the limit\n"
+            f"hint: {math.floor(budget.MOST_MEMORY / (8 * columns))} --points fit, or allow it with --force"
         )
 
 
@@ -551,6 +558,7 @@ def _result(begin: Start, follower: Follower, work: Work, run: Run, method: str,
     samples = run.samples[: len(record.q)]
     run.interrupted = run.interrupted or len(samples) < len(run.samples)
     track, labels, driving = Track.of(samples), tuple(record.loads), tuple(record.efforts)
+    moving = moving_joints(system.scene)
     return Simulation(
         names=tuple(system.names),
         bodies=tuple(body.name for body in system.scene.bodies),
@@ -568,6 +576,9 @@ def _result(begin: Start, follower: Follower, work: Work, run: Run, method: str,
         load_names=labels,
         efforts=np.array([record.efforts[x] for x in driving]).reshape(len(driving), len(samples)).T,
         effort_names=driving,
+        motions=record.motions,
+        motion_rates=record.motion_rates,
+        motion_names=tuple((motion_name(kind, item.name), MOTION_UNITS[kind]) for kind, item in moving),
         kinetic=record.kinetic,
         potential=record.potential,
         work=np.array([s.work for s in samples]),

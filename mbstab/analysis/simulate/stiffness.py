@@ -15,10 +15,11 @@ from typing import Protocol
 
 import numpy as np
 
+from mbstab.analysis.algebra.budget import duration
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.steppers.interface import HINT, Method, Options
 from mbstab.analysis.simulate.steppers.table import METHODS
-from mbstab.analysis.simulate.time_budget import Budget, duration
+from mbstab.analysis.simulate.time_budget import Budget
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
 from mbstab.model.schema import unit_of

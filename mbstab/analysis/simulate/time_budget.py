@@ -60,11 +60,3 @@ class Budget:
             return None
         self._said = whole
         return left
-
-
-def duration(seconds: float) -> str:
-    """Return a time such as ``40 s``, ``12 min`` or ``3 h``."""
-    for unit, size, most in (("s", 1.0, 90.0), ("min", 60.0, 90.0), ("h", 3600.0, 48.0), ("days", 86400.0, 1000.0)):
-        if seconds < most * size:
-            return f"{seconds / size:.0f} {unit}"
-    return f"{seconds / 86400.0:.1e} days"

@@ -36,8 +36,14 @@ from mbstab.errors import NumericalError, OutputError, UsageError
 from mbstab.model.reader import read_model_text
 from mbstab.model.schema import Model
 
-POINTS = 25_000
-"""Points of a block: some tenths of a second for a small scene."""
+POINTS, LEAST = 25_000, 1_000
+"""Points of a block at most and at least: fewer would take little longer than what a block costs by itself."""
+
+WORK = 5.0
+"""Estimated time of a block between these limits (s)."""
+
+POINT = 0.35e-6
+"""Time of a point for each square of the number of coordinates (s); measured for 15 to 240 of them."""
 
 AHEAD = 2
 """Blocks that each worker has: one that it computes, and one to go on with."""
@@ -159,6 +165,14 @@ def _watched(values: Complex, sides: Sides) -> tuple[Flags, Flags]:
     return passes, turns
 
 
+def block_size(n_q: int) -> int:
+    """Return how many points of a scene with so many coordinates are a block.
+
+    Work is estimated, not timed: the last bits of a result depend on its block, and are the same in every run.
+    """
+    return min(POINTS, max(LEAST, int(WORK / (POINT * max(n_q, 1) ** 2))))
+
+
 def tasks(
     model: Model,
     settings: Mapping[str, float],
@@ -167,18 +181,18 @@ def tasks(
     followed: bool = True,
 ) -> list[Task]:
     """Return the tasks of a sweep over points given by arrays of the same shape (points,)."""
-    points = len(next(iter(values.values())))
+    points, size = len(next(iter(values.values()))), block_size(len(model.coordinates()))
     text = "\n".join(model.document.lines)
     return [
         Task(
             text,
             model.name,
             dict(settings),
-            {name: x[start : start + POINTS] for name, x in values.items()},
+            {name: x[start : start + size] for name, x in values.items()},
             solutions and replace(solutions, beyond=()),
             followed,
         )
-        for start in range(0, points, POINTS)
+        for start in range(0, points, size)
     ]
 
 
