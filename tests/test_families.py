@@ -43,3 +43,39 @@ def test_so_does_one_with_other_sizes_of_masses_and_forces():
 @pytest.mark.parametrize("speed", [1.0, 8.0])
 def test_where_a_weak_push_changes_the_speed_nothing_is_claimed(e, speed):
     assert mbstab.loads(ROTOR).eig(e=e, Om=speed).verdict == UNDECIDED
+
+
+# --- what a zero carries along ---------------------------------------------------------------------------------------
+
+CASTER = """
+mbstab: 1
+bodies: {w: {type: planar, mass: 1, inertia: 0.2}}
+drives: {along: {type: coordinate, coordinate: w.x, position: t}}
+contacts: {wheel: {type: knife_edge, at: w, along: x}}
+forces: {caster: {type: expression, on: {w.theta: LAW - 2*rate(w.theta)}}}
+reference:
+  coordinates: {w: {x: 0, y: 0, theta: 0}}
+  rates: {w: {x: 1, y: 0, theta: 0}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("law", "in_place", "drift"),
+    [
+        ("0*w.theta", False, "goes on growing like t"),  # y' = tan(theta), theta stays
+        ("-w.theta**3", None, "may go on growing, more slowly than t"),  # theta like the root of 1/t
+        ("-w.theta", True, ""),
+    ],
+)
+def test_a_wheel_that_does_not_return_goes_on_across(law, in_place, drift):
+    result = mbstab.loads(CASTER.replace("LAW", law)).eig()
+    assert result.verdict == ASYMPTOTIC_UP_TO
+    assert bool(result.in_place) == bool(in_place)
+    assert drift in result.reasons[0]
+    assert ("growing" in result.reasons[0]) == bool(drift)
+
+
+def test_a_towed_wheel_below_its_pin_goes_on_across():
+    result = mbstab.load("shimmy.yaml").eig(l=0)
+    assert not result.in_place
+    assert "goes on growing like t" in result.reasons[0]

@@ -15,7 +15,7 @@ from mbstab.errors import Location, MbstabError
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.schema import Expectation, Model
-from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides
+from mbstab.model.values import evaluate, evaluate_parameters, parse_overrides, settings_in_si
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,7 @@ def _answer(model: Model, overrides: dict[str, float], frozen: bool = False) -> 
     def zeros() -> int:
         from mbstab.analysis.precise import exact_zeros
 
-        # As expressions, values count in SI.
-        return exact_zeros(model, {name: f"1*({value!r})" for name, value in overrides.items()})
+        return exact_zeros(model, settings_in_si(overrides))
 
     return answer(System(evaluate(model, overrides)), frozen=frozen, zeros=zeros)
 
