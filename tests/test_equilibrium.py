@@ -772,3 +772,81 @@ reference: {find: steady, steady: {axis: z, rate: 2}, guess: {p: {x: 0.3, z: -0.
 """
     found, _ = solutions(text, 100)
     assert sorted(round(state["p.z"], 12) for state in found) == [-1.0, 1.0]
+
+
+# --- far away, and nowhere -------------------------------------------------------------------------------------------
+
+HANGING = """
+mbstab: 1
+parameters: {m: 1, k: 1, L: 1}
+gravity: [0, 0, -9.81]
+ground: {points: {A: [L, 0, 0], B: [-L/2, L, 0], C: [-L/2, -L, 0]}}
+bodies: {b: {type: point, mass: m}}
+forces:
+  a: {type: spring, between: [b, ground.A], stiffness: k, length: L/2}
+  b: {type: spring, between: [b, ground.B], stiffness: k, length: L/2}
+  c: {type: spring, between: [b, ground.C], stiffness: 2*k, length: L/2}
+reference: {find: equilibrium, guess: {b: {x: 0, y: 0, z: -L/10}}}
+"""
+
+
+@pytest.mark.parametrize("length", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("sag", [1e-3, 10.0, 1e3, 1e6])
+def test_a_soft_spring_gives_way_as_far_as_the_weight_takes_it(length, sag):
+    # Far below, the springs together are one of 4 k.
+    settings = {"L": length, "m": 1.0, "k": G / (4.0 * sag * length)}
+    (found,) = mbstab.loads(HANGING).equilibria(**settings)
+    x, y, z = found.motion.q / length
+    anchors = np.array([[1.0, 0.0, 0.0], [-0.5, 1.0, 0.0], [-0.5, -1.0, 0.0]])
+    ways = anchors - np.array([x, y, z])
+    lengths = np.linalg.norm(ways, axis=1)
+    pull = np.array([1.0, 1.0, 2.0]) * (1.0 - 0.5 / lengths) @ ways / (4.0 * sag)
+    np.testing.assert_allclose(pull, [0.0, 0.0, 1.0], atol=1e-9)
+    assert sag < 100.0 or abs(z + sag) < 1.0
+
+
+CART = """
+mbstab: 1
+parameters: {k: 1}
+gravity: [0, -9.81]
+bodies: {cart: {type: planar_point, mass: 1}}
+constraints: {rail: {holonomic: cart.y}}
+forces: {push: {type: expression, on: {cart.x: LAW}}}
+reference: {find: equilibrium, guess: {cart: {x: 0.5, y: 0}}}
+"""
+
+
+@pytest.mark.parametrize("values", [np.linspace(1e-4, 1.0, 9), np.geomspace(1e-4, 1.0, 9), np.linspace(1.0, 1e-4, 9)])
+def test_a_cart_on_an_ever_softer_spring_is_followed(values):
+    # x = 1/k
+    result = mbstab.loads(CART.replace("LAW", "1 - k*cart.x - 0.5*rate(cart.x)")).sweep("k", values)
+    assert set(result.verdicts) == {"asymptotically stable"}
+    assert (result.critical, result.problems, result.moved) == ((), {}, "")
+
+
+@pytest.mark.parametrize("values", [np.linspace(1e-9, 1.0, 9), np.linspace(1.0, 1e-9, 9)])
+def test_where_a_cart_runs_off_no_fold_is_invented(values):
+    result = mbstab.loads(CART.replace("LAW", "1 - k*cart.x - 0.5*rate(cart.x)")).sweep("k", values)
+    assert "fold" not in [c.kind for c in result.critical]
+    assert all("turns back" not in text for text in result.problems.values())
+    assert set(result.verdicts[1:-1]) == {"asymptotically stable"}
+
+
+@pytest.mark.parametrize("law", ["exp(-cart.x)", "1/(1 + exp(cart.x))", "1/(1 + cart.x**2)"])
+def test_where_forces_fade_out_nothing_balances_however_large_the_weight(law):
+    message = failure(CART.replace("LAW", law))
+    assert re.search(r"ran off to cart\.x = \d+.* without a balance of forces: \S+ N unbalanced on cart\.x", message)
+
+
+def test_what_closes_but_does_not_balance_is_not_said_not_to_close():
+    message = failure("""
+mbstab: 1
+gravity: [0, -9.81]
+bodies: {arm: {type: planar, mass: 1, inertia: 0.1, points: {O: [-0.5, 0], E: [0.5, 0]}}}
+joints: {pivot: {type: revolute, between: [arm.O, ground]}}
+forces:
+  motor: {type: expression, on: {arm.theta: 20}}
+reference: {find: equilibrium, coordinates: {arm: {theta: 0.3}}}
+""")
+    assert "close" not in message
+    assert re.search(r"no balance of forces was found: at best, \S+ N(\*m)? unbalanced on arm\.", message)

@@ -39,6 +39,11 @@ def parse_overrides(model: Model, settings: Mapping[str, object], arithmetic: Ar
     return {name: _override(model, name, setting, arithmetic) for name, setting in settings.items()}
 
 
+def settings_in_si(values: Mapping[str, float]) -> dict[str, str]:
+    """Return values in SI as settings for `parse_overrides`: as expressions they do not count in declared units."""
+    return {name: f"1*({value!r})" for name, value in values.items()}
+
+
 def _parameter(model: Model, name: str) -> Parameter:
     if name not in model.parameters:
         hint = suggestion(name, model.parameters) or "parameters: " + (", ".join(model.parameters) or "none")

@@ -471,6 +471,8 @@ def _ranges(result: Sweep, factor: float) -> list[str]:
             if known and all(word == known[0] for word in known):
                 found = [_Run(a, b, known[0], {growing})]
         runs += found
+    runs += [_Run(float(x[i]), float(x[i]), WORDS[int(words[i])], {int(counts[i])}) for i in at - missing]
+    runs.sort(key=lambda run: run.low + run.high)
     lines = []
     for run in runs:
         ends = (edges[0], edges[-1])

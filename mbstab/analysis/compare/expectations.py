@@ -16,7 +16,7 @@ from mbstab.compiler.system import System
 from mbstab.errors import Location, MbstabError
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
-from mbstab.model.parameters import evaluate_parameters, parse_overrides
+from mbstab.model.parameters import evaluate_parameters, parse_overrides, settings_in_si
 from mbstab.model.schema import Expectation, Model
 from mbstab.model.values import evaluate
 
@@ -68,8 +68,7 @@ def _answer(model: Model, overrides: dict[str, float], frozen: bool = False) -> 
     def zeros() -> int:
         from mbstab.analysis.linear.precise import exact_zeros
 
-        # As expressions, values count in SI.
-        return exact_zeros(model, {name: f"1*({value!r})" for name, value in overrides.items()})
+        return exact_zeros(model, settings_in_si(overrides))
 
     return answer(System(evaluate(model, overrides)), frozen=frozen, zeros=zeros)
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.linear.minimum import SecondVariation, sign_of
-from mbstab.analysis.linear.neutral import Separated, Structure
+from mbstab.analysis.linear.neutral import Separated, Structure, complement, drift_of, orthonormal
 from mbstab.analysis.linear.verdict import ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, UNSTABLE, Critical
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.motion import Motion
@@ -110,7 +110,7 @@ def critical_zero(
         alone = separated.A.shape[0] == count
         if not (alone or (others_decay and count == 1)):
             return None
-        return _family(structure, direction, path, not alone) if exact() else None
+        return _family(structure, direction, path, not alone, _drift(separated, count)) if exact() else None
     found = _power(path)
     if found is None or not exact():
         return None
@@ -127,7 +127,8 @@ def critical_zero(
     if yielding is None:
         return None
     if k % 2 and sign * yielding > 0:
-        return Critical(ASYMPTOTIC_UP_TO if neutral else ASYMPTOTIC, f"{text} and brings the motion back")
+        word = ASYMPTOTIC_UP_TO if neutral else ASYMPTOTIC
+        return Critical(word, f"{text} and brings the motion back", drift=_drift(separated, count))
     return Critical(UNSTABLE, f"{text} and drives the motion away, at least to one side")
 
 
@@ -330,7 +331,15 @@ def _power(path: _Path) -> tuple[int, int] | None:
     return min(found, default=None)
 
 
-def _family(structure: Structure, shift: Array, path: _Path, decays: bool) -> Critical:
+def _drift(separated: Separated, count: int) -> int:
+    """Return how disturbances along neutral directions and those of the zeros that are left grow with time."""
+    values, vectors = np.linalg.eig(separated.A)
+    zeros = vectors[:, np.argsort(np.abs(values))[:count]]
+    T = orthonormal([*separated.T.T, *(separated.B @ zeros.real).T, *(separated.B @ zeros.imag).T], len(separated.S))
+    return drift_of(replace(separated, T=T, L=separated.L[:0], B=complement(T)))
+
+
+def _family(structure: Structure, shift: Array, path: _Path, decays: bool, drift: int) -> Critical:
     """Return what a family of motions says that was followed to both sides."""
     spaces, names = structure.linear.motion.spaces, structure.linear.names
     change = np.abs(spaces.scale * (spaces.N @ shift) / structure.linear.motion.sizes)
@@ -343,4 +352,5 @@ def _family(structure: Structure, shift: Array, path: _Path, decays: bool) -> Cr
         "and " + ("all other disturbances decay" if decays else "the energy has a strict minimum across it"),
         "numerical",
         f"position of {name}",
+        drift,
     )

@@ -33,7 +33,7 @@ STEPS = 12
 
 FOUND, ROUNDED = 1e-9, 1e-14
 """A motion is of the kind if what is left to accelerate it is this part of what each element does along that, or
-rounding of all that they do."""
+rounding of all that they do, or of the change that leads there."""
 
 STEP = 1e-6
 """Part of a large change over which accelerations are differentiated."""
@@ -132,7 +132,12 @@ class _Search:
             before = np.array(element.force(self.motion.q, self.motion.u, still, self.motion.time), dtype=float)
             each += abs(float((force - before) @ direction[columns]))
             each_size += float(np.abs(force) @ np.abs(direction[columns]))
-        each_size += float(np.abs(M @ self._accelerations(state.q, state.u)) @ np.abs(direction))
+        a, nu = self._balanced(state.q, state.u)
+        each_size += float(np.abs(M @ a) @ np.abs(direction))
+        # Where no force acts at all, what is left is what the rounding of the change brings about.
+        K, R, _ = self.system.linearize(state.q, state.u, a, nu, self.motion.time)
+        q, u = np.transpose([self._disturbance(x) for x in np.eye(len(y))], (1, 2, 0))
+        each_size += float(np.linalg.norm(y)) * float(np.sum(np.abs(direction @ (K @ q + R @ u))))
         return push <= FOUND * each + ROUNDED * each_size
 
     def _extent(self, y: Array) -> float:
@@ -162,7 +167,7 @@ class _Search:
         """Return what is left of speeds and accelerations apart from symmetries, in units of large changes."""
         state = self._state(y)
         q, u = state.q, state.u
-        a = self._accelerations(q, u)
+        a, _ = self._balanced(q, u)
         sizes, rate_ = self.motion.sizes, self.rate
         moves = np.concatenate([u / sizes / rate_, a / sizes / rate_**2])
         fields = [field for _, field in self.structure.invariance.fields]
@@ -177,7 +182,8 @@ class _Search:
         result: Array = moves - basis @ (basis.T @ moves)
         return result
 
-    def _accelerations(self, q: Array, u: Array) -> Array:
+    def _balanced(self, q: Array, u: Array) -> tuple[Array, Array]:
+        """Return the accelerations and the multipliers."""
         state, spaces = self.system.dynamics(q, u, self.motion.time), self.motion.spaces
         n, c = len(q), self.system.n_c
         M = state.M * spaces.scale * spaces.scale[:, None]
@@ -185,5 +191,5 @@ class _Search:
         matrix = np.zeros((n + c, n + c))
         matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = M, J.T, J
         right = np.concatenate([-state.F0 * spaces.scale, -state.B * spaces.row_scale])
-        a: Array = spaces.scale * np.linalg.lstsq(matrix, right, rcond=1e-11)[0][:n]
-        return a
+        found = np.linalg.lstsq(matrix, right, rcond=1e-11)[0]
+        return spaces.scale * found[:n], spaces.row_scale * found[n:]

@@ -148,12 +148,15 @@ class Critical:
     evidence : str
     family : str
         What tells apart the members of a family that was followed; empty: there is none.
+    drift : int
+        How disturbances along neutral directions and the critical one grow: 0, or the power of t.
     """
 
     verdict: str
     reason: str
     evidence: Evidence = "numerical"
     family: str = ""
+    drift: int = 0
 
 
 @dataclass(frozen=True)
@@ -444,12 +447,16 @@ def _by_energy(facts: Facts, minimum: Minimum) -> Verdict:
 def _critical(facts: Facts, critical: Critical) -> Verdict:
     neutral = facts.neutral
     reason = critical.reason
-    if critical.verdict in (ASYMPTOTIC_UP_TO, STABLE_UP_TO) and neutral.names:
-        reason += f", {_except(neutral)}"
     family = (*neutral.family, *([critical.family] if critical.family else []))
     up_to = critical.verdict in (ASYMPTOTIC_UP_TO, STABLE_UP_TO)
-    # Along a family of rests nothing drifts.
-    staying = critical.verdict == ASYMPTOTIC_UP_TO and bool(critical.family) and not neutral.drift
+    if up_to and neutral.names:
+        reason += f", {_except(neutral)}"
+    if up_to and critical.family:
+        reason += _growing(critical.drift)
+    elif up_to and critical.drift:
+        # What decays like a root of t may add up without end.
+        reason += f"; what they change there may go on growing, more slowly than {_power(critical.drift)}"
+    staying = critical.verdict == ASYMPTOTIC_UP_TO and bool(critical.family) and not critical.drift
     in_place = critical.verdict in (ASYMPTOTIC, STABLE) or staying
     return Verdict(
         critical.verdict, (reason,), neutral.symmetries if up_to else (), family if up_to else (),
@@ -460,12 +467,20 @@ def _critical(facts: Facts, critical: Critical) -> Verdict:
 def _up_to(facts: Facts, word: str, reason: str) -> Verdict:
     """Return a verdict that holds up to the neutral directions."""
     neutral = facts.neutral
-    power = {0: "", 1: "t"}.get(neutral.drift, f"t^{neutral.drift}")
-    reasons = [reason + (f"; what they change there goes on growing like {power}" if power else "")]
+    reasons = [reason + _growing(neutral.drift)]
     if neutral.checked:
         reasons.append(f"as far as checked: {neutral.checked}")
     in_place = neutral.drift == 0 if word == ASYMPTOTIC_UP_TO else None
     return Verdict(word, tuple(reasons), neutral.symmetries, neutral.family, in_place, neutral.evidence, facts.warnings)
+
+
+def _growing(drift: int) -> str:
+    """Say how what changes along neutral directions goes on."""
+    return f"; what they change there goes on growing like {_power(drift)}" if drift else ""
+
+
+def _power(drift: int) -> str:
+    return "t" if drift == 1 else f"t^{drift}"
 
 
 def _differ(neutral: Neutral) -> str:

@@ -80,6 +80,8 @@ AWAY = "positions grow beyond all bounds there"
 AGAIN = f"it turns back after {FOLDS} folds and is not followed further"
 LONG = "it is not followed further: the equations were evaluated too often; a smaller range may lead on"
 
+HIDDEN = "it is not followed further: positions grow so fast there that a turn cannot be told from rounding"
+
 LARGE, POLES = 1e4, 5
 """Where positions are this many times the size of the scene, so many points tell whether a pole is ahead …"""
 
@@ -465,7 +467,10 @@ class _Curve:
         left, s, right = np.linalg.svd(A)
         left, right = left[:, self.rank :], right[self.rank :].T
         tangent = right @ (right.T @ along)
-        tangent /= float(np.linalg.norm(tangent))
+        length = float(np.linalg.norm(tangent))
+        if not length:
+            raise NumericalError("the equations do not say in which direction the solution goes on")
+        tangent /= length
         if before is not None:
             left, right = left @ _nearest_turn(left.T @ before.left), right @ _nearest_turn(right.T @ before.right)
         bordered = np.block([[A, left], [right.T, np.zeros((right.shape[1], left.shape[1]))]])
@@ -558,6 +563,9 @@ class _Curve:
             if found is not None and found[1] <= TRUSTED and found[0].tangent @ at.tangent > STRAIGHT:
                 point, error = found
                 if point.rise * at.rise <= 0.0:
+                    if abs(at.rise) <= LEVEL:
+                        run.ends.append((at.p, HIDDEN))
+                        return None
                     fold = self._fold(at, float(np.linalg.norm(step)))
                     if fold is not None:
                         return fold

@@ -45,12 +45,19 @@ from mbstab.model.schema import is_length, unit_of
 STRATEGIES = ("Newton", "relaxation", "spin-up")
 
 REACH = 0.5
-"""No step is longer than this part of the size of the scene, or this angle (rad)."""
+"""No step is longer than this part of the size of the scene, or this angle (rad) …"""
+LINEAR, LONGER = 0.4, 10.0
+"""… but longer where those before came out as the derivatives say: to this part of the change at most, as far as the
+last one tells, and so many times longer than that one."""
 
 CONVERGED = 1e-9
 """Residuals below this, relative to what balances, are polished by undamped steps until they stop falling."""
-FADED = 1e-9
-"""Where a search stalls with less than this, relative to what balances, forces are small there, not balanced."""
+SETTLED = 0.01
+"""Where forces balance, the next step is no longer than this part of the size of the scene, or this angle (rad)."""
+AWAY = 10.0
+"""A search that ends more than so many sizes of the scene, or rad, from where it started ran off."""
+OPENED = 1e-6
+"""Constraints are not satisfied above this part of the size of the scene."""
 
 PATIENCE = 12
 """Newton's method goes on while it halves the residuals in so many steps."""
@@ -163,7 +170,7 @@ class _Search:
 
     def newton(self, at: State) -> State:
         """Return the solution that damped steps lead to."""
-        damping = 0.0
+        damping, reach, longest = 0.0, REACH, 0.0
         if self.best is None:
             self.best = at
         sizes: list[float] = []
@@ -176,11 +183,20 @@ class _Search:
             G, moving = self.balance.jacobian(at), self.balance.moving
             accepted = None
             while accepted is None:
-                trial = self.tried(at, _bounded(_step(G, at.residual, moving, damping), moving))
-                if trial is not None and trial.size < at.size * (1.0 - 1e-6):
+                step = _step(G, at.residual, moving, damping)
+                longest = float(np.max(np.abs(step[:moving]), initial=0.0))
+                bounded = _bounded(step, moving, reach)
+                trial = self.tried(at, bounded)
+                if trial is not None and trial.size < at.size * (1.0 - 1e-6 * reach / max(longest, reach)):
                     accepted = trial
+                    if bounded is not step:
+                        # Balance may be far away: as far as forces are linear the step may be long.
+                        change = G @ bounded
+                        off = float(np.linalg.norm(trial.residual - at.residual - change))
+                        trusted = LINEAR * float(np.linalg.norm(change))
+                        reach = max(REACH, reach * min(LONGER, trusted / max(off, 1e-300)))
                     damping = 0.0 if damping < 1e-6 else damping * 0.1
-                elif at.size < CONVERGED:
+                elif at.size < CONVERGED and longest <= SETTLED:
                     return at
                 else:
                     damping = max(4.0 * damping, 1e-4)
@@ -189,7 +205,7 @@ class _Search:
             at = accepted
             if self.best is None or at.size < self.best.size:
                 self.best = at
-        if at.size < CONVERGED:
+        if at.size < CONVERGED and longest <= SETTLED:
             return at
         raise _Stalled(at)
 
@@ -206,7 +222,7 @@ class _Search:
             self.iterations += 1
             G = self.balance.jacobian(at)
             G[open_, np.arange(n)] += inertia[open_] / pace
-            trial = self.tried(at, _bounded(_step(G, at.residual, moving, 0.0), moving))
+            trial = self.tried(at, _bounded(_step(G, at.residual, moving, 0.0), moving, REACH))
             if trial is None or trial.size > 10.0 * at.size:
                 pace *= 0.25
                 if pace < 1e-12:
@@ -300,10 +316,10 @@ def _step(G: Array, residual: Array, moving: int, damping: float) -> Array:
     return np.asarray(np.linalg.lstsq(G, -residual, rcond=1e-11)[0], dtype=np.float64)
 
 
-def _bounded(step: Array, moving: int) -> Array:
-    """Return a step, shortened where it would move a coordinate or rate further than `REACH`."""
+def _bounded(step: Array, moving: int, reach: float) -> Array:
+    """Return a step, shortened where it would move a coordinate or rate further than `reach`."""
     longest = float(np.max(np.abs(step[:moving]), initial=0.0))
-    return step * (REACH / longest) if longest > REACH else step
+    return step * (reach / longest) if longest > reach else step
 
 
 # --- from a scene to its equilibria ---------------------------------------------------------------------------------
@@ -470,13 +486,14 @@ class Problem:
         return bool(good and np.all(np.abs(dynamics.V) <= allowed * max(fastest, 1e-300)))
 
     def _weighed(self, search: _Search, at: State) -> bool:
-        """Whether what is left of the forces is small beside those that balance."""
+        """Whether what is left of the forces is small beside those that balance, along each coordinate by itself."""
         energy, sizes = search.balance.energy, search.sizes
         left = np.abs(at.residual[: self.system.n_q]) * energy
-        loads = self.system.loads(at.q, at.u, at.a) * sizes
+        transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])
+        loads = (self.system.loads(at.q, at.u, at.a) + transmitted) * sizes
         # Where all loads vanish, forces are what the rounding of coordinates makes of them.
         rounding = ROUNDING * force_change(self.system, (at.q, at.u, at.a, at.nu), sizes, sizes)
-        return bool(np.max(left) <= TOLERANCE * np.max(loads) + min(max(rounding, 1e-14 * energy), TOLERANCE * energy))
+        return bool(np.all(left <= TOLERANCE * loads + min(max(rounding, 1e-14 * energy), TOLERANCE * energy)))
 
     def _require_rates(self, search: _Search, at: State) -> None:
         """Refuse a steady motion some of whose rates could be anything.
@@ -562,6 +579,7 @@ class Problem:
                 f"{place}: reference: no {what} found: the equations have no value at the start\n"
                 "hint: give starting values under reference.guess that are nearer to an assembled position"
             )
+        state = self._closer(search, state)
         n, n_h = self.system.n_q, search.balance.n_h
         force = state.residual[:n] * search.balance.energy / search.sizes
         gap = state.residual[n : n + n_h]
@@ -571,25 +589,16 @@ class Problem:
         count = len(search.balance.rows) if self.family.size else 0
         speeds = state.residual[n + n_h : n + n_h + count]
         rates = state.residual[n + n_h + count :]
-        broken = len(gap) and float(np.max(np.abs(gap))) > 1e-6
+        broken = len(gap) and float(np.max(np.abs(gap))) > OPENED
         largest = max((float(np.max(np.abs(x), initial=0.0)) for x in (speeds, rates)), default=0.0)
         worst = int(np.argmax(np.abs(state.residual[:n])))
         unit = "N" if is_length(self.system.names[worst]) else "N*m"
         if broken:
             row = self.system.rows[search.balance.rows[int(np.argmax(np.abs(gap)))]]
-            closes = np.max(
-                np.abs(self.system.dynamics(self.start, 0.0 * self.start).E[: self.system.n_h]), initial=0.0
-            )
-            given = [name for name, held in zip(self.system.names, self.held, strict=True) if held]
-            given += [f"rates.{self.system.names[i]}" for i in search.balance.given]
-            if closes < TOLERANCE * float(np.max(self.finder.sizes)) and given:
-                lines.append(f"the forces pull {row} open: what is given leaves no position in which they balance")
-                hint = f"leave one of the given out, or look for another value: {', '.join(given[:8])}"
-            else:
-                lines.append(f"it stalled where {row} is not satisfied: the mechanism does not close there")
-                hint = "correct the lengths, or give starting values under reference.guess"
-                if given:
-                    hint = "correct or leave out the coordinates that are given, or the lengths"
+            lines.append(f"it stalled where {row} is not satisfied: the mechanism does not close there")
+            hint = "correct the lengths, or give starting values under reference.guess"
+            if self.held.any() or len(search.balance.given):
+                hint = "correct or leave out the coordinates that are given, or the lengths"
         elif largest > max(1e-6, float(np.max(np.abs(state.residual[:n])))):
             if len(rates) and float(np.max(np.abs(rates))) == largest:
                 name = self.system.names[search.balance.given[int(np.argmax(np.abs(rates)))]]
@@ -602,12 +611,14 @@ class Problem:
             lines.append(f"{moving} is not satisfied at rest: it drives the mechanism")
             hint = "look for a steady motion with find: steady, or choose a time at which the drive rests"
         else:
-            name, left = self.system.names[worst], abs(float(force[worst]))
-            if abs(float(state.residual[worst])) > FADED:
-                lines.append(f"it stalled with {left:.4g} {unit} unbalanced on {name}")
+            name, left = self.system.names[worst], f"{abs(float(force[worst])):.4g} {unit}"
+            ways = np.abs(state.q - self.start) / self.finder.sizes
+            far = int(np.argmax(ways))
+            if ways[far] > AWAY:
+                there = f"{self.system.names[far]} = {state.q[far]:.6g} {unit_of(self.system.names[far])}"
+                lines.append(f"the search ran off to {there} without a balance of forces: {left} unbalanced on {name}")
             else:
-                value = f"{state.q[worst]:.6g} {unit_of(name)}"
-                lines.append(f"it ran to {name} = {value}, where the forces fade out but need not balance")
+                lines.append(f"no balance of forces was found: at best, {left} unbalanced on {name}")
             hint = "other starting values under reference.guess, or --starts 20"
             if self.held.any():
                 names = [name for name, held in zip(self.system.names, self.held, strict=True) if held]
@@ -625,6 +636,19 @@ class Problem:
             lines.append(f"nothing holds {pulled}: whatever the position, the force along it stays")
             hint = "hold it with a joint, a spring or a contact; a body in free fall has no equilibrium"
         return EquilibriumError("\n".join([*lines, f"hint: {hint}"]))
+
+    def _closer(self, search: _Search, state: State) -> State:
+        """Return a state that satisfies the constraints on positions, if there is one near this one or the start."""
+        rows = slice(self.system.n_q, self.system.n_q + search.balance.n_h)
+        for start in (state.q, self.start):
+            if np.max(np.abs(state.residual[rows]), initial=0.0) <= OPENED:
+                break
+            try:
+                closed = search.state(start if self.held.all() else self.finder.assemble(start, ~self.held), state.c)
+            except FAILURES:
+                continue
+            state = closed if np.max(np.abs(closed.residual[rows])) <= OPENED else state
+        return state
 
     def _moving_row(self, state: State) -> str:
         """Return a row that a state at rest does not satisfy, in words."""

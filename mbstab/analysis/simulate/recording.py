@@ -102,7 +102,7 @@ class Record:
     efforts : dict of ndarray, shape (n_t,)
         Of springs, dampers, actuators and drives by owner and unit (N, N·m).
     motions, motion_rates : ndarray, shape (n_t, n_m)
-        Of joints, as `mbstab.analysis.efforts.moving_joints` lists them (m, rad).
+        Of joints, as `mbstab.analysis.reference.efforts.moving_joints` lists them (m, rad).
     kinetic, potential : ndarray, shape (n_t,) (J)
     residuals : ndarray, shape (n_t, 2)
         In position and velocity, as `Constrained.residuals` has them.

@@ -272,7 +272,7 @@ def simulate(
         Is called with what should be known before the end: warnings, which are among those of the result as well, and
         how long it takes and why, where that is long.
     force : bool
-        Take more memory than `mbstab.analysis.budget.MOST_MEMORY`.
+        Take more memory than `mbstab.analysis.algebra.budget.MOST_MEMORY`.
 
     Raises
     ------

@@ -21,7 +21,7 @@ from mbstab.analysis.linear.linearize import Linearization, linearize, state_spa
 from mbstab.analysis.linear.verdict import UNDECIDED, judge, place
 from mbstab.analysis.reference.continuation import Path, Sheet
 from mbstab.analysis.reference.equations import Balance
-from mbstab.analysis.reference.equilibrium import Problem
+from mbstab.analysis.reference.equilibrium import Problem, found_motion
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.steady import Family, spinning_columns
@@ -42,6 +42,7 @@ from mbstab.analysis.sweep.batched_verdict import (
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, UsageError
+from mbstab.model.parameters import settings_in_si
 from mbstab.model.scene import Scene
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
@@ -157,6 +158,31 @@ class Evaluator:
         if exact:
             work.decide()
         return work.gathered(count)
+
+    def at_zeros(self, values: Mapping[str, Array], spectra: Complex, sides: Sides) -> npt.NDArray[np.int8]:
+        """Return the verdicts of undecided points, as numbers, where eigenvalues that are exactly zero may decide.
+
+        That they are zero to many digits is asked at some of the points, or, where it does not hold at all of these,
+        from the least ones on as long as it does.
+
+        Parameters
+        ----------
+        values : mapping
+            Parameter values in SI, arrays of shape (points,).
+        spectra : ndarray of complex, shape (points, r)
+        sides : ndarray of int8, shape (points, r)
+        """
+        work = _Work(self, values, lambda done: None)
+        least = np.argsort(np.max(np.abs(spectra), axis=1, initial=0.0, where=sides == OPEN), kind="stable")
+        sample = np.unique(np.linspace(0, len(least) - 1, GUARDED).round().astype(int))
+        counts: set[int] = set()
+        words = {int(i): work.at_zero(int(i), counts) for i in least[sample]}
+        alike, failed = len(counts) == 1 and WORD[UNDECIDED] not in words.values(), 0
+        for i in least.tolist():
+            if i not in words and failed < TRIES:
+                words[i] = work.at_zero(i, counts, alike)
+                failed = 0 if alike or words[i] != WORD[UNDECIDED] else failed + 1
+        return np.array([words.get(i, WORD[UNDECIDED]) for i in range(len(least))], dtype=np.int8)
 
     def modes(self, values: Mapping[str, float]) -> tuple[Complex, Complex, Linearization]:
         """Return eigenvalues of one point, their shapes Δq as columns, and the linearized equations."""
@@ -402,6 +428,35 @@ class _Work:
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as error:
             self.problems[i] = str(error)
             return None
+
+    def at_zero(self, i: int, counts: set[int], known: bool = False) -> int:
+        """Judge a point whose open eigenvalues may be zero to many digits; return the number of the verdict.
+
+        How many are is added to `counts`, or taken from there where it is known.
+        """
+        grounds = self._grounds(i)
+        if grounds is None:
+            return WORD[UNDECIDED]
+        system, q = grounds.system, grounds.motion.q
+
+        def zeros() -> int:
+            from mbstab.analysis.linear.precise import exact_zeros
+
+            if known:
+                return next(iter(counts))
+            # Many digits are worked out for the equilibrium that the file's own guess leads to.
+            if self.path is not None and not Problem(system).alike(found_motion(system).q, q):
+                return -1
+            at = {name: float(x[i]) for name, x in self.values.items()}
+            found = exact_zeros(self.evaluator.model, settings_in_si({**self.evaluator.settings, **at}))
+            counts.add(found)
+            return found
+
+        grounds.zeros = zeros
+        try:
+            return self._exact(i, grounds)
+        except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
+            return WORD[UNDECIDED]
 
     def _exact(self, i: int, grounds: Grounds | None = None) -> int:
         """Judge a point as `mbstab eig` does; return the number of the verdict."""

@@ -26,11 +26,21 @@ from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.roots import root
 from mbstab.analysis.linear.verdict import UNDECIDED, WORDS
-from mbstab.analysis.reference.continuation import AGAIN, BRANCHES, LONG, TURNS
+from mbstab.analysis.reference.continuation import AGAIN, BRANCHES, HIDDEN, LONG, TURNS
 from mbstab.analysis.reference.continuation import Path as Solutions
 from mbstab.analysis.reference.continuation import follow as follow_path
 from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
-from mbstab.analysis.sweep.batched_verdict import HARDLY, OPEN, WORD, Sides, pinned, settled, signs, unplaced
+from mbstab.analysis.sweep.batched_verdict import (
+    HARDLY,
+    OPEN,
+    WORD,
+    Sides,
+    pinned,
+    settled,
+    signs,
+    unplaced,
+    unstable_counts,
+)
 from mbstab.analysis.sweep.jobs import Block, Progress, merged, run, stored, tasks
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, TWIN, discriminant, follow, has_twins, product, turning
 from mbstab.compiler.system import Array
@@ -266,9 +276,14 @@ def _answer(
     model: Model, parameter: str, settings: Mapping[str, float], x: Array, path: Solutions | None, raw: Block
 ) -> Sweep:
     """Return the branches and critical values along one path of solutions."""
-    tracker = _Tracker(Evaluator(model, settings, path), parameter, x, raw)
+    evaluator = Evaluator(model, settings, path)
+    tracker = _Tracker(evaluator, parameter, x, raw)
     branches = tracker.branches()
     critical = tracker.critical(branches)
+    # Zeros that nonlinear terms decide say nothing about where stability changes.
+    words, open_ = raw.words.copy(), _undecided(raw)
+    if len(open_):
+        words[open_] = evaluator.at_zeros({parameter: x[open_]}, raw.values[open_], raw.sides[open_])
     if path is not None:
         others = [value for value in tracker.crossings if not tracker.known(value, critical)]
         critical = [replace(c, branching=any(tracker.known(x, [c]) for x in tracker.crossings)) for c in critical]
@@ -277,10 +292,18 @@ def _answer(
         critical += [tracker.ended(value, reason) for value, reason in path.ends if value != path.start]
     critical.sort(key=lambda c: c.value)
     return Sweep(
-        parameter, x, branches, raw.unstable, raw.neutral, tuple(critical), tuple(sorted(set(tracker.meetings))),
-        raw.problems, None if path is None else path.start, "" if path is None else path.moved, (), raw.words,
+        parameter, x, branches, unstable_counts(raw.sides, words), raw.neutral, tuple(critical),
+        tuple(sorted(set(tracker.meetings))), raw.problems, None if path is None else path.start,
+        "" if path is None else path.moved, (), words,
         tracker.warnings,
     )  # fmt: skip
+
+
+def _undecided(raw: Block) -> Index:
+    """Return the numbers of points that open eigenvalues leave undecided."""
+    open_ = np.any(raw.sides == OPEN, axis=1) & (raw.words == WORD[UNDECIDED])
+    open_[list(raw.problems)] = False
+    return np.flatnonzero(open_)
 
 
 def _at(x: Array, result: Sweep) -> Sweep:
@@ -758,9 +781,8 @@ class _Tracker:
 
     def ended(self, value: float, reason: str) -> Critical:
         """Return the end of a path of equilibria as a critical value."""
-        kind = {TURNS: "fold", BRANCHES: "branch point", AGAIN: "unresolved", LONG: "unresolved"}.get(
-            reason, "loss of equilibrium"
-        )
+        kinds = {TURNS: "fold", BRANCHES: "branch point", **dict.fromkeys((AGAIN, LONG, HIDDEN), "unresolved")}
+        kind = kinds.get(reason, "loss of equilibrium")
         sides, words = self._beside(value)
         return Critical(value, kind, (), 0.0, sides, verdicts=words)
 

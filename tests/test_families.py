@@ -1,0 +1,81 @@
+"""Families of steady motions that nothing explains but that are there: a shaft that turns at any speed."""
+
+import numpy as np
+import pytest
+from mbstab.analysis.linear.verdict import ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE
+
+import mbstab
+
+ROTOR = """
+mbstab: 1
+parameters: {m: 1, I: 0.5, k: 100, ci: 0.4, ce: 0.2, Om: 8, e: 0}
+bodies:
+  shaft: {type: planar, mass: 1, inertia: I}
+  p: {type: planar_point, mass: m}
+joints:
+  pivot: {type: revolute, between: [shaft, ground]}
+forces:
+  inner: {type: bearing, between: [p, shaft], stiffness: k, damping: ci}
+  outer: {type: bearing, between: [p, ground], damping: ce}
+  push: {type: expression, on: {shaft.theta: e*(rate(shaft.theta) - Om)**3}}
+reference:
+  rates: {shaft: {theta: Om}}
+  coordinates:
+    shaft: {x: 0, y: 0, theta: 0}
+    p: {x: 0, y: 0}
+"""
+
+
+def test_a_shaft_turns_at_any_speed_and_every_command_says_so():
+    # Stable below the speed sqrt(k/m)*(1 + ce/ci) = 15, to the square of the damping.
+    rotor, speeds = mbstab.loads(ROTOR), np.linspace(0.5, 14.5, 15)
+    assert rotor.sweep("Om", speeds).verdicts == [ASYMPTOTIC_UP_TO] * 15
+    assert {rotor.eig(Om=float(x)).verdict for x in speeds[::3]} == {ASYMPTOTIC_UP_TO}
+    assert rotor.eig(Om=15.5).verdict == UNSTABLE
+
+
+def test_so_does_one_with_other_sizes_of_masses_and_forces():
+    settings = {"m": 0.0628, "I": 58.7, "k": 66.9, "ci": 0.00264, "ce": 0.328, "Om": 148.66}
+    assert mbstab.loads(ROTOR).eig(**settings).verdict == ASYMPTOTIC_UP_TO
+
+
+@pytest.mark.parametrize("e", [1e-3, 1e-9, -1e-9])
+@pytest.mark.parametrize("speed", [1.0, 8.0])
+def test_where_a_weak_push_changes_the_speed_nothing_is_claimed(e, speed):
+    assert mbstab.loads(ROTOR).eig(e=e, Om=speed).verdict == UNDECIDED
+
+
+# --- what a zero carries along ---------------------------------------------------------------------------------------
+
+CASTER = """
+mbstab: 1
+bodies: {w: {type: planar, mass: 1, inertia: 0.2}}
+drives: {along: {type: coordinate, coordinate: w.x, position: t}}
+contacts: {wheel: {type: knife_edge, at: w, along: x}}
+forces: {caster: {type: expression, on: {w.theta: LAW - 2*rate(w.theta)}}}
+reference:
+  coordinates: {w: {x: 0, y: 0, theta: 0}}
+  rates: {w: {x: 1, y: 0, theta: 0}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("law", "in_place", "drift"),
+    [
+        ("0*w.theta", False, "goes on growing like t"),  # y' = tan(theta), theta stays
+        ("-w.theta**3", None, "may go on growing, more slowly than t"),  # theta like the root of 1/t
+        ("-w.theta", True, ""),
+    ],
+)
+def test_a_wheel_that_does_not_return_goes_on_across(law, in_place, drift):
+    result = mbstab.loads(CASTER.replace("LAW", law)).eig()
+    assert result.verdict == ASYMPTOTIC_UP_TO
+    assert bool(result.in_place) == bool(in_place)
+    assert drift in result.reasons[0]
+    assert ("growing" in result.reasons[0]) == bool(drift)
+
+
+def test_a_towed_wheel_below_its_pin_goes_on_across():
+    result = mbstab.load("shimmy.yaml").eig(l=0)
+    assert not result.in_place
+    assert "goes on growing like t" in result.reasons[0]
