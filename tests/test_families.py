@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from mbstab.analysis.linear.verdict import ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE
 
 import mbstab
+from mbstab.analysis.linear.verdict import ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE
 
 ROTOR = """
 mbstab: 1

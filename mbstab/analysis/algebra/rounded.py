@@ -13,14 +13,11 @@ from mbstab.model.arithmetic import CONSTANTS, Arithmetic
 
 EPS = float(np.finfo(float).eps)
 
-
 UNIT = 0.5 * EPS
 """Rounding of one operation, relative to its result."""
 
-
 FUNCTION = 2.0 * EPS
 """Rounding of sines and the like."""
-
 
 PLAIN = (float, int)
 """Numbers that are exact."""

@@ -21,20 +21,18 @@ from mbstab.model.units import exact_factor
 TERMS = 100
 """Products with more terms are not multiplied out."""
 
-
 BITS = 4000
 """Powers with longer numerators stay powers."""
-
 
 ROUNDING = 1e-12
 """Values of constants are known to this, relative to the sum of the sizes of their terms."""
 
-
 NEAR = 1e-9
 """The state is at a kink if a change of this size, relative to the sizes in the scene, leads there."""
 
-
 ATOMS: WeakValueDictionary[tuple[str, str, tuple[Sum, ...]], Atom] = WeakValueDictionary()
+
+ONE: Monomial = frozenset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,9 +168,6 @@ class Sum:
         ((monomial, coefficient),) = self.terms
         turned, factor = _product(ONE, frozenset((atom, -n) for atom, n in monomial))
         return Sum(frozenset({(turned, factor / coefficient)}))
-
-
-ONE: Monomial = frozenset()
 
 
 ZERO = Sum()

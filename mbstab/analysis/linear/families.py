@@ -15,7 +15,7 @@ import numpy as np
 
 from mbstab.analysis.linear.neutral import Separated, Structure, complement, drift_of, orthonormal
 from mbstab.analysis.linear.verdict import Neutral
-from mbstab.analysis.reference.symmetries import State
+from mbstab.analysis.reference.element_comparison import State
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
 

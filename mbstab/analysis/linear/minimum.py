@@ -26,8 +26,8 @@ from mbstab.analysis.linear.neutral import KEPT, Separated, Structure
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.linear.verdict import Minimum
 from mbstab.analysis.reference.coefficients import matrices_in
+from mbstab.analysis.reference.fields import Shift, Turn
 from mbstab.analysis.reference.steady import Generator
-from mbstab.analysis.reference.symmetries import Shift, Turn
 from mbstab.compiler.system import Array
 
 EPS = float(np.finfo(float).eps)

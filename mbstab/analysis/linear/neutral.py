@@ -21,8 +21,9 @@ import numpy as np
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
 from mbstab.analysis.linear.verdict import Neutral
 from mbstab.analysis.linear.work import Work
+from mbstab.analysis.reference.fields import Combination, Symmetry
 from mbstab.analysis.reference.steady import Generator
-from mbstab.analysis.reference.symmetries import Combination, Invariance, Symmetry
+from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.compiler.system import Array
 from mbstab.model.schema import is_length
 

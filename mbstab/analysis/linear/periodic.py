@@ -34,8 +34,10 @@ from mbstab.analysis.linear.smoothness import kinks
 from mbstab.analysis.linear.verdict import UNDECIDED, UNSTABLE, Facts, Minimum, Neutral, Verdict, judge, show
 from mbstab.analysis.linear.verdict import Disc as Exponent
 from mbstab.analysis.linear.work import Work
+from mbstab.analysis.reference.element_comparison import State
+from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.reference.motion import Motion, motion_at
-from mbstab.analysis.reference.symmetries import Invariance, State, Symmetry
+from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.compiler.system import Array, System
 from mbstab.model.schema import is_length, unit_of
 

@@ -17,8 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mbstab.analysis.linear.neutral import Separated, Structure, complement, drift_of, orthonormal
+from mbstab.analysis.reference.element_comparison import State
 from mbstab.analysis.reference.rotation import euler_angles, lever, lever_acceleration, orientation, rate_matrix
-from mbstab.analysis.reference.symmetries import Invariance, State
+from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.compiler.system import Array, System
 
 FIXED = 1e-9

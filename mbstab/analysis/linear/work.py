@@ -21,8 +21,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mbstab.analysis.reference.element_comparison import CARRIED, EXACT, RESTING, Digits, State, numbers
 from mbstab.analysis.reference.steady import Generator
-from mbstab.analysis.reference.symmetries import CARRIED, EXACT, RESTING, Digits, Invariance, State, numbers
+from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.compiler.system import Acting, Array
 
 Kind = Literal["potential", "powerless", "damping", "other"]

@@ -47,9 +47,10 @@ from mbstab.analysis.proof.characteristic import (
     touch,
     zero_enclosure,
 )
-from mbstab.analysis.proof.identities import Finding, ground_turn, short, tiny
+from mbstab.analysis.proof.element_changes import Finding, tiny
+from mbstab.analysis.proof.fields import ground_turn, short
 from mbstab.analysis.proof.motion import Field
-from mbstab.analysis.reference.symmetries import Shift, Symmetry, Turn
+from mbstab.analysis.reference.fields import Shift, Symmetry, Turn
 
 SIDES: dict[str, Side] = {"left": "left", "right": "right", "imaginary": "axis", "open": "open"}
 

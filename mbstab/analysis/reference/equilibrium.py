@@ -24,6 +24,7 @@ from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.dependencies import names_in
 from mbstab.analysis.reference.efforts import Acted, Placement, efforts
 from mbstab.analysis.reference.equations import Balance, State
+from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.reference.guard import coefficients
 from mbstab.analysis.reference.motion import (
     CHART_WARNING,
@@ -37,7 +38,7 @@ from mbstab.analysis.reference.motion import (
 from mbstab.analysis.reference.reactions import Reaction, reactions
 from mbstab.analysis.reference.rotation import orientation
 from mbstab.analysis.reference.steady import Family, Generator, declared_family, detected
-from mbstab.analysis.reference.symmetries import Symmetry, symmetries
+from mbstab.analysis.reference.symmetries import symmetries
 from mbstab.compiler.system import Array, System
 from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, NumericalError, UsageError, counted
 from mbstab.model.schema import is_length, unit_of

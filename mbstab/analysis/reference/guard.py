@@ -20,10 +20,8 @@ from mbstab.model.schema import is_length
 GUARD_TOLERANCE = 1e-8
 """Coefficients that change less than this along the motion, relative to their size, count as constant."""
 
-
 LITTLE = 1e-3
 """A change below this is told with the least one that counts."""
-
 
 TURN = 0.3
 """The coefficients are compared after a turn by this angle (rad) and a travel by this part of the scene's size."""

@@ -21,8 +21,8 @@ from mbstab.analysis.linear.minimum import EPS, ROUNDINGS, TRIED, UNFORCED
 from mbstab.analysis.linear.neutral import FULL_RANK, KEPT
 from mbstab.analysis.linear.reversor import GAP, NULL
 from mbstab.analysis.linear.verdict import Neutral
+from mbstab.analysis.reference.fields import Combination, OwnTurn, Shift, Spin, Symmetry
 from mbstab.analysis.reference.steady import Generator
-from mbstab.analysis.reference.symmetries import Combination, OwnTurn, Shift, Spin, Symmetry
 from mbstab.compiler.system import Array, System
 
 FITS = 1e-10

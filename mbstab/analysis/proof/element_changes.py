@@ -1,0 +1,286 @@
+"""How the elements of a scene change along a field, in balls and at random rational states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from mbstab.analysis.algebra import ball_matrices, balls
+from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, zero_inside
+from mbstab.analysis.linear.facts import Grounds
+from mbstab.analysis.proof.enclosures import Reference
+from mbstab.analysis.proof.fields import Map, along_direction, ground_turn, own_turn, short, spin, turned
+from mbstab.analysis.proof.krawczyk import independent_rows, krawczyk_boxes
+from mbstab.analysis.reference.element_comparison import State as Rough
+from mbstab.analysis.reference.fields import Field as Group
+from mbstab.analysis.reference.fields import OwnTurn, Shift, Symmetry, Turn
+from mbstab.analysis.reference.steady import Generator
+from mbstab.compiler.system import Acting, Array
+from mbstab.errors import MbstabError
+from mbstab.model.jets import Jet
+
+Finding = Literal["structural", "enclosed", "open", "refuted"]
+"""``open``: not verified; ``refuted``: proven to be wrong."""
+
+CLOSE = 2.0**-10
+"""How far from the reference the close states are, relative to the others."""
+
+UNVERIFIED = (MbstabError, ArithmeticError, ValueError)
+"""What a state without an enclosure ends with."""
+
+
+@dataclass(frozen=True)
+class State:
+    """Coordinates, speeds and accelerations in balls."""
+
+    q: list[Ball]
+    u: list[Ball]
+    a: list[Ball]
+
+
+class Local(NamedTuple):
+    """A field at a state: Y, DY, DY u, and DY a + D²Y[u, u]."""
+
+    Y: list[Ball]
+    slope: Matrix
+    rate: list[Ball]
+    growth: list[Ball]
+
+
+class ElementChanges:
+    """How the elements of a scene change along a field, at random rational states."""
+
+    def __init__(self, reference: Reference, grounds: Grounds) -> None:
+        self.reference, self.grounds = reference, grounds
+        self.invariance, self.work = grounds.invariance, grounds.structure.work
+        self.system, self.time = reference.system, reference.time
+        self.elements = self.system.acting()
+        self.f = balls.ball_arithmetic()
+        self._found: dict[str, Finding] = {}
+        self._locals: dict[tuple[str, int], Local] = {}
+
+    @cached_property
+    def states(self) -> list[State]:
+        """States off the constraints: those of double precision as they are written, and one close to the reference."""
+        motion, rough = self.invariance.motion, self.invariance.states
+        if not rough:
+            return []
+        last = rough[-1]
+        close = Rough(motion.q + CLOSE * (last.q - motion.q), last.u, last.a)
+        return [State(_exact(x.q), _exact(x.u), _exact(x.a)) for x in (*rough, close)]
+
+    @cached_property
+    def on_rows(self) -> list[State]:
+        """Enclosures of states that satisfy the constraints."""
+        if not self.system.n_c:
+            return self.states
+        found, motion = [], self.invariance.motion
+        for rough in self.invariance.on_rows[1:]:
+            for part in (1.0, CLOSE):
+                q = motion.q + part * (rough.q - motion.q)
+                try:
+                    found.append(self._closed(Rough(q, rough.u, rough.a)))
+                except (*UNVERIFIED, np.linalg.LinAlgError):
+                    continue
+        return found
+
+    def _closed(self, rough: Rough) -> State:
+        """Return a state next to a rough one that is proven to satisfy the constraints."""
+        reference, sizes = self.reference, self.invariance.motion.sizes
+        rows, r_h, start = reference.rows, reference.r_h, _exact(rough.q)
+        zero = [ball(0)] * len(start)
+
+        def put(x: Sequence[Ball]) -> list[Ball]:
+            moved = start[:]
+            for i, value in zip(columns, x, strict=True):
+                moved[i] = value
+            return moved
+
+        def residual(x: Sequence[Ball]) -> list[Ball]:
+            E = ball_matrices.vector(self.system.dynamics(put(x), zero, self.time).E)
+            return [E[i] for i in rows[:r_h]]
+
+        def jacobian(x: Sequence[Ball]) -> Matrix:
+            J = ball_matrices.matrix(self.system.dynamics(put(x), zero, self.time).J)
+            return [[J[i][j] for j in columns] for i in rows[:r_h]]
+
+        columns: list[int] = []
+        J = _middle(self.system.dynamics(start, zero, self.time).J)[rows] * sizes
+        columns = independent_rows(J[:r_h].T, r_h)
+        q = put(krawczyk_boxes(residual, jacobian, [start[i] for i in columns], "a state on the constraints")[0])
+        u = self._fitted(q, zero, _exact(rough.u), lambda at: at.V)
+        rng = np.random.default_rng(17)
+        a = _exact(self.invariance.rate**2 * sizes * rng.uniform(-1.0, 1.0, len(start)))
+        return State(q, u, self._fitted(q, u, a, lambda at: at.B))
+
+    def _fitted(self, q: list[Ball], u: list[Ball], start: list[Ball], rest: Callable[[Any], Any]) -> list[Ball]:
+        """Return x next to a start with J x + rest = 0, the rest taken at (q, u)."""
+        rows = self.reference.rows
+        at = self.system.dynamics(q, u, self.time)
+        J, b = ball_matrices.matrix(at.J), ball_matrices.vector(rest(at))
+        J, b = [J[i] for i in rows], [b[i] for i in rows]
+        middle = _middle(J).reshape(len(rows), len(q)) * self.invariance.motion.sizes
+        columns = independent_rows(middle.T, len(rows))
+        found = start[:]
+        for i in columns:
+            found[i] = ball(0)
+        slack = [[-x - y] for x, y in zip(ball_matrices.apply(J, found), b, strict=True)]
+        for i, (x,) in zip(columns, ball_matrices.solve([[row[j] for j in columns] for row in J], slack), strict=True):
+            found[i] = x
+        return found
+
+    def field(self, name: str, group: Group, reference: Reference) -> Map:
+        """Return Y(q) for jets of balls, with the numbers of the file in place of floats."""
+        if isinstance(group, Shift):
+            constant = [Jet.of(short(x)) for x in group.direction.tolist()]
+            return lambda q: constant
+        if isinstance(group, Turn):
+            turn = reference.state.field if name == "the motion itself" else ground_turn(group.generator, reference)
+            return lambda q: turned(turn, q)
+        bodies = zip(reference.system.scene.bodies, reference.system.body_slices, strict=True)
+        body = next(b for b, part in bodies if part == group.part)  # type: ignore[attr-defined]
+        return own_turn(group, body) if isinstance(group, OwnTurn) else spin(group)  # type: ignore[arg-type]
+
+    def local(self, name: str, group: Group, state: State) -> Local:
+        """Return a field and its derivatives at one of the states."""
+        key = name, id(state)
+        if key not in self._locals:
+            self._locals[key] = self._local(self.field(name, group, self.reference), state)
+        return self._locals[key]
+
+    def _local(self, Y: Map, state: State) -> Local:
+        n, slices = self.system.n_q, self.system.body_slices
+        slope = ball_matrices.zeros(n, n)
+        # What a field does to a body depends on the coordinates of that body only.
+        for k in range(max(part.stop - part.start for part in slices)):
+            columns = {part.start + k: part for part in slices if part.start + k < part.stop}
+            found = along_direction(Y, state.q, [ball(int(j in columns)) for j in range(n)])
+            for j, part in columns.items():
+                for i in range(part.start, part.stop):
+                    slope[i][j] = ball(found[i].rate)
+        moved = along_direction(Y, state.q, state.u)
+        growth = [x + ball(y.second) for x, y in zip(ball_matrices.apply(slope, state.a), moved, strict=True)]
+        return Local([ball(x.value) for x in moved], slope, [ball(x.rate) for x in moved], growth)
+
+    def disturbance(self, item: Symmetry, reference: Reference) -> tuple[list[Ball], list[Ball]]:
+        """Return what a symmetry changes of the coordinates and the speeds of a reference."""
+        state = reference.state
+        found = along_direction(self.field(item.name, item.of, reference), state.q, state.u)
+        return [ball(x.value) for x in found], [ball(x.rate) for x in found]
+
+    def _change(self, element: Acting, at: Local, state: State) -> tuple[list[Ball], Ball]:
+        """Return how what an element does changes along a field, and the size of all that is summed."""
+        columns, n = element.columns, self.system.n_q
+        arguments = (state.q, state.u, state.a, self.time, self.f)
+        K, R = element.slopes(*arguments)
+        force = [ball(x) for x in element.force(*arguments)]
+        result = [ball(0)] * n
+        size = sum_of(force) + sum_of(x for row in K for x in row) * sum_of(at.Y)
+        size = size + sum_of(x for row in R for x in row) * sum_of(at.rate)
+        terms: list[tuple[int, Ball]] = []
+        for k, i in enumerate(columns):
+            for m, j in enumerate(columns):
+                terms += [(i, ball(K[k][m]) * at.Y[j]), (i, ball(R[k][m]) * at.rate[j])]
+            terms += [(j, at.slope[i][j] * force[k]) for j in range(n) if not at.slope[i][j].is_zero()]
+        if element.inertia and any(not x.is_zero() for x in at.growth):
+            faster = [x + y for x, y in zip(state.a, at.growth, strict=True)]
+            more = element.force(state.q, state.u, faster, self.time, self.f)
+            for i, x, y in zip(columns, more, force, strict=True):
+                terms += [(i, ball(x)), (i, -y)]
+        for i, x in terms:
+            result[i], size = result[i] + x, size + abs(x)
+        return result, size
+
+    def _sums(self, broken: list[Acting], name: str, group: Group) -> list[Ball]:
+        """Return how several elements change together, at all states."""
+        found: list[Ball] = []
+        for state in self.states:
+            at = self.local(name, group, state)
+            changes = [self._change(element, at, state)[0] for element in broken]
+            found += [sum(entries, ball(0)) for entries in zip(*changes, strict=True)]
+        return found
+
+    def _allowed(self, state: State) -> Matrix:
+        """Return directions that the rows allow, as columns."""
+        rows, n = self.reference.rows, self.system.n_q
+        J = ball_matrices.matrix(self.system.dynamics(state.q, state.u, self.time).J)
+        pivots, T = ball_matrices.eliminate(
+            [J[i] for i in rows], len(rows), n, None, self.invariance.motion.sizes.tolist()
+        )
+        return ball_matrices.null_space(pivots, T, n)[1]
+
+    def _needed_on_rows(self) -> list[State]:
+        if self.system.n_c and not self.on_rows:
+            raise NotProvable("no state on the constraints is enclosed")
+        return self.on_rows if self.system.n_c else []
+
+    def _rows_change(self, at: Local, state: State, Y: Sequence[Ball]) -> Finding:
+        """Return whether holonomic rows are constant along Y, and nonholonomic ones along (Y, DY u)."""
+        rows, r_h = self.reference.rows, self.reference.r_h
+        J = ball_matrices.matrix(self.system.dynamics(state.q, state.u, self.time).J)
+        V_q = ball_matrices.matrix(self.system.linearize_rows(state.q, state.u, state.a, self.time)[0])
+        found: list[Finding] = []
+        for k, i in enumerate(rows):
+            if k < r_h:
+                found.append(is_zero(dot(J[i], Y), sum_of(J[i]) * sum_of(Y)))
+                continue
+            size = sum_of(V_q[i]) * sum_of(at.Y) + sum_of(J[i]) * sum_of(at.rate)
+            found.append(is_zero(dot(V_q[i], at.Y) + dot(J[i], at.rate), size))
+        return least(found)
+
+    def _satisfied(self, state: State, u: Sequence[Ball], rows: Sequence[int]) -> Finding:
+        """Return whether speeds satisfy rows at a place."""
+        dynamics = self.system.dynamics(state.q, u, self.time)
+        V, J = ball_matrices.vector(dynamics.V), ball_matrices.matrix(dynamics.J)
+        size = sum_of(u) + sum_of(state.u)
+        return least([is_zero(V[i], sum_of(J[i]) * size) for i in rows])
+
+    def _own(self) -> Turn:
+        """Return the motion as a group; its numbers are those of the reference in balls."""
+        zero = np.zeros(3)
+        system = self.invariance.system
+        return Turn(Generator(system, np.array([0.0, 0.0, 1.0]), zero, 0.0, zero, np.zeros(system.n_q)), 0.0)
+
+
+def is_zero(x: Ball, size: Ball) -> Finding:
+    """Return whether a ball vanishes, beside something of a size."""
+    if x.is_zero():
+        return "structural"
+    if tiny(x, size):
+        return "enclosed"
+    return "open" if zero_inside(x) else "refuted"
+
+
+def dot(x: Sequence[Ball], y: Sequence[Ball]) -> Ball:
+    """Return the scalar product."""
+    return sum((a * b for a, b in zip(x, y, strict=True)), ball(0))
+
+
+def sum_of(entries: Iterable[Any]) -> Ball:
+    """Return the sum of sizes."""
+    return sum((abs(ball(x)) for x in entries), ball(0))
+
+
+def least(found: Sequence[Finding]) -> Finding:
+    """Return the weakest of findings."""
+    order: tuple[Finding, ...] = ("refuted", "open", "enclosed", "structural")
+    return min(found, key=order.index, default="structural")
+
+
+def _exact(x: Array) -> list[Ball]:
+    return [ball(value) for value in x.tolist()]
+
+
+def _middle(J: Any) -> Array:
+    return np.array([[float(x) for x in row] for row in J])
+
+
+def tiny(x: Ball, size: Ball) -> bool:
+    """Whether a ball contains zero and is smaller than a size by half of the digits in use."""
+    if x.is_zero():
+        return True
+    return zero_inside(x) and bool(x.abs_upper() <= balls.half_digits() * size.abs_upper())

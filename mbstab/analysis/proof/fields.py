@@ -1,0 +1,141 @@
+"""Groups that act on the coordinates, on numbers that carry derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from fractions import Fraction
+from typing import Any
+
+from mbstab.analysis.algebra import ball_matrices, balls
+from mbstab.analysis.algebra.balls import Ball, ball
+from mbstab.analysis.proof.enclosures import Reference
+from mbstab.analysis.proof.motion import Field
+from mbstab.analysis.reference.fields import OwnTurn, Spin
+from mbstab.analysis.reference.steady import Generator
+from mbstab.compiler.system import Array
+from mbstab.mechanics.catalogue import GROUND
+from mbstab.model.jets import Jet, jet_arithmetic
+
+SHORT = 10**6
+"""A float that is next to a fraction with no larger denominator stands for it …"""
+
+NEXT = 1e-15
+"""… if it differs by no more than this, relative to its size."""
+
+Map = Callable[[Sequence[Jet]], list[Jet]]
+"""A field, for jets of balls."""
+
+NEAR = 1e-9
+"""Points in double precision and in balls that are closer than this (m) are the same."""
+
+
+def along_direction(Y: Map, q: Sequence[Ball], v: Sequence[Ball]) -> list[Jet]:
+    """Return a field at q with its first two derivatives in a direction."""
+    return [Jet.of(x) for x in Y([Jet(x, y, ball(0)) for x, y in zip(q, v, strict=True)])]
+
+
+def own_turn(group: OwnTurn, body: Any) -> Map:
+    """Return a turn of a planar body about its centre of mass."""
+    f, angle = jet_arithmetic(balls.ball_arithmetic()), group.part.stop - 1
+    center = [Jet.of(ball(x)) for x in body.center[:2]]
+
+    def field(q: Sequence[Jet]) -> list[Jet]:
+        c, s = f.cos(q[angle]), f.sin(q[angle])
+        found = [Jet.of(ball(0))] * len(q)
+        found[group.part] = [s * center[0] + c * center[1], s * center[1] - c * center[0], Jet.of(ball(1))]
+        return found
+
+    return field
+
+
+def spin(group: Spin) -> Map:
+    """Return a turn of a body in space about an axis fixed in it."""
+    f, axis = jet_arithmetic(balls.ball_arithmetic()), [Jet.of(short(x)) for x in group.axis.tolist()]
+
+    def field(q: Sequence[Jet]) -> list[Jet]:
+        _, theta, psi = q[group.angles]
+        c3, s3 = f.cos(psi), f.sin(psi)
+        across = axis[0] * c3 - axis[1] * s3
+        found = [Jet.of(ball(0))] * len(q)
+        found[group.angles] = [
+            across / f.cos(theta), axis[0] * s3 + axis[1] * c3, axis[2] - across * f.tan(theta)
+        ]  # fmt: skip
+        return found
+
+    return field
+
+
+def turned(turn: Field, q: Sequence[Jet]) -> list[Jet]:
+    """Return what a turn, translation and spins do to coordinates that are jets."""
+    system, d = turn.system, turn.system.scene.dimension
+    f, found = jet_arithmetic(balls.ball_arithmetic()), [Jet.of(x) for x in turn.spins]
+    w = [Jet.of(turn.rate * x) for x in turn.axis]
+    for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
+        s = part.start
+        out = [q[s + k] - Jet.of(turn.point[k]) for k in range(d)] + [Jet.of(ball(0))] * (3 - d)
+        across = [w[1] * out[2] - w[2] * out[1], w[2] * out[0] - w[0] * out[2], w[0] * out[1] - w[1] * out[0]]
+        for k in range(d):
+            found[s + k] = found[s + k] + across[k] + Jet.of(turn.velocity[k])
+        if not body.orientation or turn.rate.is_zero():
+            continue
+        if d == 2:
+            found[s + 2] = found[s + 2] + w[2]
+            continue
+        base = [ball(x) for x in body.base]
+        w1, w2, w3 = (
+            Jet.of(sum((base[3 * i + k] * turn.rate * turn.axis[i] for i in range(3)), ball(0))) for k in range(3)
+        )
+        c1, s1 = f.cos(q[s + 3]), f.sin(q[s + 3])
+        x, y = c1 * w2 + s1 * w3, c1 * w3 - s1 * w2
+        for k, change in enumerate((w1 - f.tan(q[s + 4]) * y, x, y / f.cos(q[s + 4]))):
+            found[s + 3 + k] = found[s + 3 + k] + change
+    return found
+
+
+def ground_turn(generator: Generator, reference: Reference) -> Field:
+    """Return a turn of the ground at 1 rad/s, about an axis and a point of the file where it knows them."""
+    system, zero = reference.system, [ball(0)] * 3
+    axis = next((x for x in _axes(reference) if _same(x, generator.axis)), None)
+    axis = axis or [short(x) for x in generator.axis.tolist()]
+    point = next((x for x in _points(reference, axis) if _same(x, generator.point)), None)
+    point = point or [short(x) for x in generator.point.tolist()]
+    return Field(system, axis, point, ball(1), zero, [ball(0)] * system.n_q)
+
+
+def _axes(reference: Reference) -> Iterable[list[Ball]]:
+    """Yield axes that the file knows."""
+    yield from ([ball(int(i == k)) for i in range(3)] for k in range(3))
+    scene = reference.system.scene
+    gravity = [*ball_matrices.vector(scene.gravity), ball(0)][:3]
+    if any(not x.is_zero() for x in gravity):
+        size = balls.ball_arithmetic().sqrt(sum((x * x for x in gravity), ball(0)))
+        yield [-x / size for x in gravity]
+    yield reference.state.field.axis
+    for item in scene.items:
+        if item.entry.section == "joints" and item.given("axis") and item.given("between"):
+            sides = zip(item.markers("between"), item.triads("axis", "zero"), strict=True)
+            yield from (
+                [*ball_matrices.vector(triad.v1), ball(0)][:3] for marker, triad in sides if marker.body == GROUND
+            )
+
+
+def _points(reference: Reference, axis: list[Ball]) -> Iterable[list[Ball]]:
+    """Yield points that the file knows, moved along an axis to the plane across it through the origin."""
+    found = [[ball(0)] * 3, reference.state.field.point]
+    for item in reference.system.scene.items:
+        if item.given("between"):
+            markers = (x for x in item.markers("between") if x.body == GROUND)
+            found += [[*ball_matrices.vector(x.point), ball(0)][:3] for x in markers]
+    for point in found:
+        along = sum((x * y for x, y in zip(axis, point, strict=True)), ball(0))
+        yield [x - along * y for x, y in zip(point, axis, strict=True)]
+
+
+def short(x: float) -> Ball:
+    """Return the short fraction that a float is next to, or the float itself."""
+    fraction = Fraction(x).limit_denominator(SHORT)
+    return ball(fraction if abs(float(fraction) - x) <= NEXT * abs(x) else Fraction(x))
+
+
+def _same(x: Sequence[Ball], y: Array) -> bool:
+    return all(abs(float(a) - b) <= NEAR for a, b in zip(x, y.tolist(), strict=True))

@@ -1,0 +1,361 @@
+"""What the elements of a scene do at states spread over it, compared before and after a motion of a group."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
+from mbstab.analysis.reference.dependencies import expressions_in
+from mbstab.analysis.reference.fields import Combination, Field, OwnTurn, Shift
+from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.reference.rotation import rate_drift, rate_matrix
+from mbstab.compiler.system import Acting, Array, System
+from mbstab.errors import MbstabError
+from mbstab.model.arithmetic import FLOAT, mpmath_arithmetic
+
+CARRIED = 1e-11
+"""An element is carried into itself if each of its forces changes by no more than this part of its size …"""
+
+CANCELLED = 1e-14
+"""… or than this part of all that the element does: what turned axes mix is rounded so."""
+
+EPS = float(np.finfo(float).eps)
+
+ROUNDINGS = 8.0
+"""So many roundings of their terms numbers that are computed here may be off."""
+
+ON_ROWS = 1e-12
+"""Constraint rows hold to this, relative to the sizes in the scene."""
+
+AGREED = 30.0
+"""Rows that repeat others agree elsewhere to so many times what their directions agree to at the reference."""
+
+RESTING = 1e-6
+"""Slower speeds, relative to those of the scene, count as rest where rows on speeds are asked."""
+
+SPREADS = (0.5, 0.15, 0.04, 0.01)
+"""How far from the reference states are spread, in sizes of the scene and rad; less where equations have no value."""
+
+NEAR = 1e-3
+"""Surroundings of the reference, relative to the spread of the other states."""
+
+STEPS = 25
+"""Newton steps onto the constraints."""
+
+DIGITS, EXACT = 40, 1e-32
+"""Expressions are compared with so many digits, and are equal to this."""
+
+OFF = 1e-6
+"""So far off are the parameters of expressions with which structure is looked for."""
+
+GRID = 24
+"""Bits of the states at which elements are compared."""
+
+
+@dataclass(frozen=True)
+class State:
+    """Coordinates, speeds and accelerations at which elements are compared."""
+
+    q: Array
+    u: Array
+    a: Array
+
+
+class ElementComparison:
+    """What the elements of a scene do at states spread over it, and when that is the same."""
+
+    def __init__(self, system: System, motion: Motion) -> None:
+        self.system, self.motion = system, motion
+        self.elements = [_general(element) for element in system.acting()]
+        self._steady: dict[bytes, bool] = {}
+
+    @cached_property
+    def rate(self) -> float:
+        """A rate at which the scene moves by itself or is moved (1/s)."""
+        motion, scale = self.motion, self.motion.spaces.scale
+        K, R, _ = self.system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
+        K, R = (np.abs(x * scale * scale[:, None]) for x in (K, R))
+        sizes = float(np.max(np.abs(motion.u) / motion.sizes)), float(np.max(K)) ** 0.5, float(np.max(R))
+        return max(sizes) or 1.0
+
+    @cached_property
+    def states(self) -> list[State]:
+        """States off the constraints at which all elements have a value: at rest, in motion, accelerating."""
+        motion, sizes = self.motion, self.motion.sizes
+        for spread in SPREADS:
+            rng = np.random.default_rng(11)
+            found = []
+            # The reference itself and its surroundings too: functions may be flat elsewhere.
+            for part, moves, accelerates in (
+                (0.0, 0.0, 0.0),  # where strong terms vanish weak ones are seen
+                (1.0, 0.0, 0.0),
+                (1.0, 1.0, 0.0),
+                (1.0, 1.0, 1.0),
+                (0.0, 1.0, 0.0),
+                (NEAR, 1.0, 0.0),
+            ):
+                q, u, a = (spread * sizes * rng.uniform(-1.0, 1.0, len(sizes)) for _ in range(3))
+                q, u = _on_grid(motion.q + part * q, sizes), moves * (motion.u + self.rate * u)
+                u = _on_grid(u, self.rate * sizes)
+                found.append(State(q, u, accelerates * (motion.a + self.rate**2 * a)))
+            try:
+                for state in found:
+                    for element in self.elements:
+                        element.force(state.q, state.u, state.a, motion.time)
+                return found
+            except (ArithmeticError, ValueError):
+                continue
+        return []
+
+    @cached_property
+    def on_rows(self) -> list[State]:
+        """States that satisfy the constraints, spread around the reference; the reference itself comes first."""
+        motion = self.motion
+        found = [State(motion.q, motion.u, motion.a)]
+        if not self.system.n_c:
+            return found + self.states[1:]
+        rng = np.random.default_rng(5)
+        for _ in range(2):
+            for spread in SPREADS:
+                state = self._projected(rng, spread)
+                if state is not None:
+                    found.append(state)
+                    break
+        return found
+
+    @cached_property
+    def seen(self) -> bool:
+        """Whether there are states beside the reference at which constraint rows can be asked."""
+        if not self.system.n_c or not self.motion.spaces.N.shape[1]:
+            return True
+        rows = (item for item in self.system.scene.items if item.entry.section == "constraints")
+        pieced = any(expression.pieced() for item in rows for expression in expressions_in(item.entry.values))
+        return len(self.on_rows) > 1 and not pieced
+
+    def _projected(self, rng: np.random.Generator, spread: float) -> State | None:
+        """Return a state near a random one that satisfies the constraints, or None if there is none."""
+        motion, sizes = self.motion, self.motion.sizes
+        q = motion.q + spread * sizes * rng.uniform(-1.0, 1.0, len(sizes))
+        return self.onto_rows(q, motion.u + self.rate * spread * sizes * rng.uniform(-1.0, 1.0, len(sizes)))
+
+    @cached_property
+    def agreed(self) -> float:
+        """To what the rows hold, relative to the sizes in the scene: redundant ones, as well as they agree."""
+        motion, n_h = self.motion, self.system.n_h
+        if motion.spaces.C.rank == n_h:
+            return ON_ROWS
+        J = motion.dynamics.J[:n_h] * motion.sizes
+        s = np.linalg.svd(J / (np.linalg.norm(J, axis=1) + 1e-300)[:, None], compute_uv=False)
+        return max(ON_ROWS, AGREED * float(np.max(s[motion.spaces.C.rank :], initial=0.0)))
+
+    def onto_rows(self, q: Array, u: Array, within: float | None = None) -> State | None:
+        """Return the state that satisfies the constraints nearest to a given one, or None if there is none."""
+        system, time, sizes = self.system, self.motion.time, self.motion.sizes
+        n_h = system.n_h
+        try:
+            for _ in range(STEPS if n_h else 0):
+                state = system.dynamics(q, 0.0 * u, time)
+                J = state.J[:n_h] * sizes
+                lengths = np.linalg.norm(J, axis=1) + 1e-300
+                step = np.linalg.lstsq(J / lengths[:, None], -state.E[:n_h] / lengths, rcond=1e-10)[0]
+                if float(np.max(np.abs(step))) > 4.0:
+                    return None
+                q = q + sizes * step
+                if float(np.max(np.abs(step))) < 1e-13:
+                    break
+            for _ in range(2 if system.n_c else 0):
+                state = system.dynamics(q, u, time)
+                J = state.J * sizes
+                lengths = np.linalg.norm(J, axis=1) + 1e-300
+                u = u + sizes * np.linalg.lstsq(J / lengths[:, None], -state.V / lengths, rcond=1e-10)[0]
+        except (MbstabError, ValueError, np.linalg.LinAlgError):
+            return None
+        return State(q, u, 0.0 * u) if self.satisfies(q, u, within=within) else None
+
+    def satisfies(self, q: Array, u: Array, time: float | None = None, within: float | None = None) -> bool:
+        """Whether a state satisfies the constraint rows."""
+        system, motion = self.system, self.motion
+        if not system.n_c:
+            return True
+        state = system.dynamics(q, u, motion.time if time is None else time)
+        allowed = (self.agreed if within is None else within) * np.abs(state.J) @ motion.sizes + 1e-300
+        fastest = max(float(np.max(np.abs(u / motion.sizes))), RESTING * self.rate)
+        n_h = system.n_h
+        return bool(np.all(np.abs(state.E[:n_h]) <= allowed[:n_h]) and np.all(np.abs(state.V) <= allowed * fastest))
+
+    def _unseen(self, element: Acting, field: Field) -> bool:
+        """Whether an element contains none of the coordinates that a shift changes."""
+        if not isinstance(field, Shift):
+            return False
+        return not any(field.direction[j] for _, j in element.slots)
+
+    def _carried(self, element: Acting, images: list[tuple[State, Array]], exact: bool) -> bool:
+        """Whether an element does the same at all states, moved along."""
+        if not self.states or not element.analytic:
+            return False
+        pairs = zip(self.states, images, strict=True)
+        return all(self.same(element, state, there, T, exact) for state, (there, T) in pairs)
+
+    def _force(self, element: Acting, state: State) -> Array:
+        """Return the force of one element on all coordinates, shape (n_q,)."""
+        F: Array = np.zeros(self.system.n_q)
+        F[list(element.columns)] = element.force(state.q.tolist(), state.u.tolist(), state.a.tolist(), self.motion.time)
+        return F
+
+    def same(self, element: Acting, here: State, there: State, T: Array, exact: bool) -> bool:
+        """Whether Tᵀ F(there) = F(here) for one element."""
+        columns, time = list(element.columns), self.motion.time
+        signs = np.diag(T)[columns]
+        if exact and element.written and np.array_equal(T[np.ix_(columns, columns)], np.diag(np.sign(signs))):
+            with Digits(element, exact=True) as f:
+                first, second = (
+                    element.force(numbers(x.q, f), numbers(x.u, f), numbers(x.a, f), time, f) for x in (here, there)
+                )
+                pairs = zip(first, second, signs.tolist(), strict=True)
+                return all(abs(x - sign * y) <= EXACT * (abs(x) + abs(y)) for x, y, sign in pairs)
+        if element.written:
+            return self._same_to_rounding(element, here, there, T)
+        F, moved = (self._force(element, x) for x in (here, there))
+        rows = T[columns]  # the element has no force on others
+        after: Array = moved[columns] @ rows
+        mixed: Array = np.abs(moved[columns]) @ np.abs(rows)
+        sizes = self.motion.sizes
+        total = float(np.max((np.abs(F) + mixed) * sizes))
+        allowed = CARRIED * np.maximum(np.abs(F), np.abs(after)) + CANCELLED * total / sizes
+        off = np.abs(F - after)
+        if np.all(off <= allowed):
+            return True
+        # Where a force is a small difference, the rounding of coordinates and speeds counts.
+        rounding = self._rounding(element, here) + np.abs(T).T @ self._rounding(element, there)
+        spread = float(np.max(rounding * sizes)) / sizes
+        return bool(np.all(off <= allowed + CANCELLED * spread))
+
+    def _same_to_rounding(self, element: Acting, here: State, there: State, T: Array) -> bool:
+        """Whether Tᵀ F(there) = F(here) to rounding, which is followed through what is written."""
+        sizes, size = self.motion.sizes, np.abs(T)
+        F, error = self.bounded(element, here)
+        # What leads there is computed to some roundings of what it is computed from.
+        spread = State(
+            ROUNDINGS * EPS * (np.abs(there.q) + size @ (np.abs(here.q) + sizes)),
+            ROUNDINGS * EPS * (size @ np.abs(here.u)),
+            ROUNDINGS * EPS * (np.abs(there.a) + size @ np.abs(here.a)),
+        )
+        moved, moved_error = self.bounded(element, there, spread)
+        allowed = error + size.T @ (moved_error + ROUNDINGS * EPS * np.abs(moved))
+        return bool(np.all(np.abs(F - T.T @ moved) <= allowed))
+
+    def bounded(self, element: Acting, state: State, spread: State | None = None) -> tuple[Array, Array]:
+        """Return the force of an element at a state, and how far it may be off, shapes (n_q,) each.
+
+        Parameters
+        ----------
+        spread : State, optional
+            How far the state may be off.
+        """
+        n = len(state.q)
+        F, error = np.zeros(n), np.zeros(n)
+        exact = State(F, F, F) if spread is None else spread
+        q, u, a_ = (
+            [Rounded(v, e) if e else v for v, e in zip(x.tolist(), dx.tolist(), strict=True)]
+            for x, dx in ((state.q, exact.q), (state.u, exact.u), (state.a, exact.a))
+        )
+        force = element.force(q, u, a_, self.motion.time, rounded_arithmetic())
+        F[list(element.columns)] = [float(x) for x in force]
+        error[list(element.columns)] = [x.e if isinstance(x, Rounded) else 0.0 for x in force]
+        return F, error
+
+    def _rounding(self, element: Acting, state: State) -> Array:
+        """Return what a change of coordinates and speeds by all their size makes of an element."""
+        columns = list(element.columns)
+        q, u = np.maximum(np.abs(state.q), self.motion.sizes)[columns], np.abs(state.u)[columns]
+        result: Array = np.zeros(len(state.q))
+        K, R = (np.abs(np.array(x, dtype=float)) for x in self._slopes(element, state))
+        result[columns] = K @ q + R @ u
+        return result
+
+    def _slopes(self, element: Acting, state: State) -> Any:
+        """Return ∂F/∂q and ∂F/∂u of an element at a state, on its columns."""
+        return element.slopes(state.q.tolist(), state.u.tolist(), state.a.tolist(), self.motion.time)
+
+    def _moved(self, field: Field, state: State) -> tuple[State, Array]:
+        """Return where a group leads a state, with the speeds and accelerations of motions that are carried along."""
+        q, T = field.moved(state.q)
+        if isinstance(field, OwnTurn):
+            a = T @ state.a
+            angle, places = field.part.stop - 1, slice(field.part.start, field.part.stop - 1)
+            a[places] += (field._lever(q[angle]) - field._lever(state.q[angle])) * state.u[angle] ** 2
+            return State(q, T @ state.u, a), T
+        a = T @ state.a if isinstance(field, Shift) else self.accelerations(state, q, T)
+        return State(q, T @ state.u, a), T
+
+    def accelerations(self, state: State, moved: Array, T: Array) -> Array:
+        """Return the accelerations of a motion through a state, carried along by a map with the derivative T."""
+        a: Array = T @ state.a
+        for body, part in zip(self.system.scene.bodies, self.system.body_slices, strict=True):
+            if body.orientation and self.system.scene.dimension == 3:
+                # Euler angles change nonlinearly: the angular accelerations, G a + Ġ u, are what turns.
+                angles = slice(part.start + 3, part.stop)
+                G, G_before = rate_matrix(body, moved[angles]), rate_matrix(body, state.q[angles])
+                turn = G @ T[angles, angles] @ np.linalg.inv(G_before)
+                rates = T[angles, angles] @ state.u[angles]
+                drift = turn @ rate_drift(body, state.q[angles], state.u[angles]) - rate_drift(
+                    body, moved[angles], rates
+                )
+                a[angles] += np.linalg.solve(G, drift)
+        return a
+
+
+def _general(element: Acting) -> Acting:
+    """Return an element that is written in the file with parameters a little off, each by itself.
+
+    What holds only because two of them round to the same number is no structure.
+    """
+    if not element.written:
+        return element
+    rng = np.random.default_rng(len(element.placed.parameters))
+    parameters = tuple(x * (1.0 + OFF * rng.uniform(0.5, 1.0)) for x in element.placed.parameters)
+    return replace(element, placed=replace(element.placed, parameters=parameters))
+
+
+def _on_grid(x: Array, sizes: Array) -> Array:
+    """Return numbers with so few digits that sums of them are exact: expressions are compared with many digits."""
+    grid = 2.0 ** (np.floor(np.log2(sizes)) - GRID)
+    result: Array = np.round(x / grid) * grid
+    return result
+
+
+class Digits:
+    """The arithmetic in which an element is asked: many digits for expressions, floats for the others."""
+
+    def __init__(self, element: Acting, exact: bool = True) -> None:
+        self.exact = exact and element.written
+
+    def __enter__(self) -> Any:
+        if not self.exact:
+            return FLOAT
+        from mpmath import mp
+
+        self.before, mp.dps = mp.dps, DIGITS
+        return mpmath_arithmetic()
+
+    def __exit__(self, *_: object) -> None:
+        if self.exact:
+            from mpmath import mp
+
+            mp.dps = self.before
+
+
+def numbers(x: Array, f: Any) -> list[Any]:
+    """Return floats as exact numbers of an arithmetic."""
+    return [f.number(value) for value in x.tolist()]
+
+
+def steps_are_exact(field: Field) -> bool:
+    """Whether steps along a field are exact, so that expressions can be compared with many digits."""
+    if isinstance(field, Combination):
+        return all(isinstance(part, Shift) and c.is_integer() and steps_are_exact(part) for c, part in field.parts)
+    return isinstance(field, Shift) and bool(np.array_equal(field.direction, np.round(field.direction)))

@@ -1,0 +1,185 @@
+"""One-parameter groups that act on the coordinates: shifts, turns, spins, and their combinations."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from mbstab.analysis.reference.rotation import euler_angles, orientation, rate_matrix, rotation_matrix
+from mbstab.analysis.reference.steady import Generator
+from mbstab.compiler.system import Array
+
+ANGLE = 0.7
+"""Turns (rad), and shifts in sizes of the scene, by which elements are tried."""
+
+
+class Field(Protocol):
+    """A one-parameter group that acts on the coordinates."""
+
+    def field(self, q: Array) -> Array:
+        """Return Y(q)."""
+        ...
+
+    def slope(self, q: Array) -> Array:
+        """Return DY(q)."""
+        ...
+
+    def moved(self, q: Array) -> tuple[Array, Array]:
+        """Return where a large step along it leads, and the derivative of that by q."""
+        ...
+
+
+@dataclass(frozen=True)
+class Shift:
+    """The same change of the coordinates everywhere."""
+
+    direction: Array
+    step: float
+
+    def field(self, q: Array) -> Array:  # noqa: D102
+        return self.direction
+
+    def slope(self, q: Array) -> Array:  # noqa: D102
+        return np.zeros((len(q), len(q)))
+
+    def moved(self, q: Array) -> tuple[Array, Array]:  # noqa: D102
+        return q + self.step * self.direction, np.eye(len(q))
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A turn of the ground, a screw, or a steady motion: what a `Generator` generates."""
+
+    generator: Generator
+    time: float
+
+    def field(self, q: Array) -> Array:  # noqa: D102
+        return self.generator.field(q)
+
+    def slope(self, q: Array) -> Array:  # noqa: D102
+        return self.generator.frame(q)[0]
+
+    def moved(self, q: Array) -> tuple[Array, Array]:  # noqa: D102
+        return self.generator.flow(q, self.time)
+
+
+@dataclass(frozen=True)
+class OwnTurn:
+    """A turn of a planar body about its centre of mass, where that is not its place."""
+
+    part: slice
+    center: Array
+
+    def _lever(self, angle: float) -> Array:
+        c, s = math.cos(angle), math.sin(angle)
+        return np.array([[c, -s], [s, c]]) @ self.center
+
+    def field(self, q: Array) -> Array:  # noqa: D102
+        result, lever = np.zeros(len(q)), self._lever(q[self.part.stop - 1])
+        result[self.part] = lever[1], -lever[0], 1.0
+        return result
+
+    def slope(self, q: Array) -> Array:  # noqa: D102
+        result, angle = np.zeros((len(q), len(q))), self.part.stop - 1
+        result[self.part.start : angle, angle] = self._lever(q[angle])
+        return result
+
+    def moved(self, q: Array) -> tuple[Array, Array]:  # noqa: D102
+        angle, places = self.part.stop - 1, slice(self.part.start, self.part.stop - 1)
+        before, after = self._lever(q[angle]), self._lever(q[angle] + ANGLE)
+        new, T = q.copy(), np.eye(len(q))
+        new[places] += before - after
+        new[angle] += ANGLE
+        T[places, angle] = np.array([-before[1], before[0]]) - np.array([-after[1], after[0]])
+        return new, T
+
+
+@dataclass(frozen=True)
+class Spin:
+    """A turn of a body in space about an axis fixed in it, through its place."""
+
+    body: Any
+    part: slice
+    axis: Array
+
+    def _rates(self, angles: Array) -> tuple[Array, Array]:
+        """Return the Euler rates of a turn at 1 rad/s, and their derivative by the angles."""
+        (_, c2, c3), (_, s2, s3) = np.cos(angles), np.sin(angles)
+        across = self.axis[0] * c3 - self.axis[1] * s3
+        along = self.axis[0] * s3 + self.axis[1] * c3
+        t2 = s2 / c2
+        rates = np.array([across / c2, along, self.axis[2] - across * t2])
+        slope = np.array(
+            [
+                [0.0, across * t2 / c2, -along / c2],
+                [0.0, 0.0, across],
+                [0.0, -across / c2**2, along * t2],
+            ]
+        )
+        return rates, slope
+
+    @property
+    def angles(self) -> slice:
+        """Where the angles are among the coordinates."""
+        return slice(self.part.start + 3, self.part.stop)
+
+    def field(self, q: Array) -> Array:  # noqa: D102
+        result = np.zeros(len(q))
+        result[self.angles] = self._rates(q[self.angles])[0]
+        return result
+
+    def slope(self, q: Array) -> Array:  # noqa: D102
+        result = np.zeros((len(q), len(q)))
+        result[self.angles, self.angles] = self._rates(q[self.angles])[1]
+        return result
+
+    def moved(self, q: Array) -> tuple[Array, Array]:  # noqa: D102
+        old = q[self.angles]
+        new = euler_angles(self.body, orientation(self.body, old) @ rotation_matrix(self.axis, ANGLE), old)
+        result, T = q.copy(), np.eye(len(q))
+        result[self.angles] = new
+        T[self.angles, self.angles] = np.linalg.solve(rate_matrix(self.body, new), rate_matrix(self.body, old))
+        return result, T
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A combination of fields with constant coefficients, which need not be a group."""
+
+    parts: tuple[tuple[float, Field], ...]
+
+    def field(self, q: Array) -> Array:  # noqa: D102
+        return np.asarray(sum(c * part.field(q) for c, part in self.parts))
+
+    def slope(self, q: Array) -> Array:  # noqa: D102
+        return np.asarray(sum(c * part.slope(q) for c, part in self.parts))
+
+    def moved(self, q: Array) -> tuple[Array, Array]:
+        """Return where the steps of all parts lead, one after the other."""
+        T = np.eye(len(q))
+        for _, part in self.parts:
+            q, step = part.moved(q)
+            T = step @ T
+        return q, T
+
+
+@dataclass(frozen=True, eq=False)
+class Symmetry:
+    """A one-parameter group that carries motions into motions.
+
+    Attributes
+    ----------
+    name : str
+        Such as ``wheel.psi``, ``translation along x``, ``rotation about z``.
+    direction, rate : ndarray, shape (n_q,)
+        What it changes of the coordinates and of the speeds of the reference, Y and DY u.
+    of : Field
+    """
+
+    name: str
+    direction: Array
+    rate: Array
+    of: Field

@@ -1,0 +1,230 @@
+"""Groups that a scene may be invariant under: shifts and turns that its elements and axes suggest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.reference.element_comparison import (
+    ElementComparison,
+)
+from mbstab.analysis.reference.fields import ANGLE, Field, OwnTurn, Shift, Spin, Turn
+from mbstab.analysis.reference.steady import Generator, axis_text, through
+from mbstab.compiler.system import Array
+from mbstab.mechanics.catalogue import GROUND
+
+POINTS = 8
+"""So many points fixed in the ground are tried as centres of turns."""
+
+UNEVEN = 5661 / 4096
+"""Steps are this times a power of two."""
+
+MOST_DENOMINATOR = 1000
+"""Ratios of the entries of a shift are fractions if their denominators are no larger."""
+
+
+class SymmetryCandidates(ElementComparison):
+    """Groups that a scene may be invariant under."""
+
+    def _candidates(self) -> Iterator[tuple[str, Field]]:
+        """Yield the groups worth trying, the simplest first."""
+        yield from self._shifts()
+        system = self.system
+        for name, axis, point in self._axes():
+            yield name, Turn(Generator(system, axis, point, 1.0, np.zeros(3), np.zeros(system.n_q)), ANGLE)
+        for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
+            if not body.orientation:
+                continue
+            if system.scene.dimension == 2:
+                if any(body.center):
+                    center = np.array([float(x) for x in body.center[:2]])
+                    yield system.names[part.stop - 1], OwnTurn(part, center)
+                continue
+            for axis in _own_axes(body):
+                words = axis_text(axis)
+                yield f"turn of {body.name} about its axis {words}", Spin(body, part, axis)
+
+    def _shifts(self) -> Iterator[tuple[str, Field]]:
+        """Yield constant shifts that the equations do not see at the reference: named ones, then their combinations."""
+        system, sizes = self.system, self.motion.sizes
+        null = self._blind()
+        room, count = np.zeros((system.n_q + 1, system.n_q)), 0
+        for name, direction in self._named_shifts(null):
+            scaled = direction / sizes / np.linalg.norm(direction / sizes)
+            rest = scaled - room[:count].T @ (room[:count] @ scaled)
+            if np.linalg.norm(rest) > 1e-6:
+                room[count] = rest / np.linalg.norm(rest)
+                count += 1
+                yield name, self._shift(direction)
+        basis = room[:count]
+        left, s, _ = np.linalg.svd(null - basis.T @ (basis @ null), full_matrices=False)
+        for direction in echelon(left.T[: int(np.sum(s > 1e-6))] * sizes):
+            size = np.abs(direction)
+            strong = [n for n, x in zip(system.names, size, strict=True) if x > 0.3 * np.max(size)]
+            yield "joint shift of " + ", ".join(strong[:4]), self._shift(direction)
+
+    def _shift(self, direction: Array) -> Shift:
+        """Return the shift along a direction by a step that shows."""
+        step = ANGLE * float(np.min(self.motion.sizes[direction != 0.0] / np.abs(direction[direction != 0.0])))
+        return Shift(direction, short(step))
+
+    def _named_shifts(self, null: Array) -> Iterator[tuple[str, Array]]:
+        """Yield shifts of everything along an axis, and of single coordinates, that lie in a space of shifts."""
+        names, sizes = self.system.names, self.motion.sizes
+
+        def inside(direction: Array) -> bool:
+            scaled = direction / sizes / np.linalg.norm(direction / sizes)
+            return bool(np.linalg.norm(scaled - null @ (null.T @ scaled)) < 1e-7)
+
+        single = np.linalg.norm(np.eye(len(names)) - null @ null.T, axis=0) < 1e-7
+        for axis in "xyz":
+            along = np.array([name.endswith(f".{axis}") for name in names])
+            # Where each may be shifted by itself, all of them together say less.
+            if np.sum(along) > 1 and not np.all(single[along]) and inside(along.astype(float)):
+                yield f"translation along {axis}", along.astype(float)
+        for i in np.flatnonzero(single):
+            direction = np.zeros(len(names))
+            direction[i] = 1.0
+            yield names[i], direction
+
+    def _blind(self) -> Array:
+        """Return what constant shifts neither the forces nor the rows see at some states, as orthonormal columns."""
+        system, sizes = self.system, self.motion.sizes
+        blocks = []
+        for state in self.on_rows:
+            dynamics = system.dynamics(state.q, state.u, self.motion.time)
+            still = np.zeros(system.n_c)
+            K, _, D_q = system.linearize(state.q, state.u, state.a, still, self.motion.time)
+            rows = np.vstack([dynamics.J[: system.n_h], D_q]) * sizes
+            blocks.append(rows[np.linalg.norm(rows, axis=1) > 0.0])
+            # What acts along the rows only is balanced by reactions.
+            J = dynamics.J * sizes
+            J = J[np.linalg.norm(J, axis=1) > 0.0]
+            J = J / np.linalg.norm(J, axis=1)[:, None]
+            forces = (K * sizes) * sizes[:, None]
+            if len(J):
+                forces = forces - np.linalg.pinv(J, rcond=1e-10) @ (J @ forces)
+            lengths = np.linalg.norm(forces, axis=1)
+            total = float(np.max(np.abs(K * sizes * sizes[:, None]), initial=0.0))
+            blocks.append(forces[lengths > 1e-9 * total])
+        stacked = np.vstack(blocks) if blocks else np.zeros((0, system.n_q))
+        if not len(stacked):
+            return np.eye(system.n_q)
+        stacked = stacked / np.linalg.norm(stacked, axis=1)[:, None]
+        _, s, right = np.linalg.svd(stacked)
+        result: Array = right[int(np.sum(s > 1e-8 * max(1.0, s[0]))) :].T
+        return result
+
+    def _axes(self) -> Iterator[tuple[str, Array, Array]]:
+        """Yield the rotations worth trying: name, axis and a point of it."""
+        scene, origin = self.system.scene, np.zeros(3)
+        gravity = np.array([float(x) for x in scene.gravity])
+        up = None
+        if scene.dimension == 2:
+            if np.any(gravity):
+                return
+            axes = [("rotation in the plane", np.array([0.0, 0.0, 1.0]))]
+        elif np.any(gravity):
+            up = -gravity / np.linalg.norm(gravity)
+            k = int(np.argmax(np.abs(up)))
+            axes = [(f"rotation about {'xyz'[k]}" if abs(up[k]) > 1.0 - 1e-12 else "rotation about the vertical", up)]
+        else:
+            axes = [(f"rotation about {name}", np.eye(3)[i]) for i, name in enumerate("xyz")]
+            for axis in self._ground_axes():
+                if all(np.linalg.norm(np.cross(axis, other)) > 1e-9 for _, other in axes):
+                    axes.append((f"rotation about {axis_text(axis)}", axis))
+        own = [(g.axis, g.point) for g in self.motion.generators if g.turns]
+        for axis, _ in own:
+            if up is None and all(np.linalg.norm(np.cross(axis, other)) > 1e-9 for _, other in axes):
+                axes.append((f"rotation about {axis_text(axis)}", axis))
+        points = [origin, *(point for _, point in own), *self._ground_points()]
+        for name, axis in axes:
+            seen: list[Array] = []
+            for point in points:
+                across = point - axis * (axis @ point)
+                if all(np.linalg.norm(across - other) > 1e-12 * (1.0 + np.linalg.norm(other)) for other in seen):
+                    seen.append(across)
+                    yield name + through(across), axis, across
+
+    def _ground_points(self) -> list[Array]:
+        """Return points fixed in the ground at which something is attached."""
+        d, found = self.system.scene.dimension, list[Array]()
+        for item in self.system.scene.items:
+            if item.given("between"):
+                for marker in item.markers("between"):
+                    if marker.body == GROUND:
+                        point = np.zeros(3)
+                        point[:d] = [float(x) for x in marker.point]
+                        found.append(point)
+        return found[:POINTS]
+
+    def _ground_axes(self) -> list[Array]:
+        """Return the axes of joints with the ground."""
+        found = []
+        for item in self.system.scene.items:
+            if item.entry.section == "joints" and item.given("axis"):
+                sides = zip(item.markers("between"), item.triads("axis", "zero"), strict=True)
+                found += [np.array([float(x) for x in triad.v1]) for marker, triad in sides if marker.body == GROUND]
+        return found[:POINTS]
+
+
+def _own_axes(body: Any) -> list[Array]:
+    """Return axes through the place of a body about which turning it changes nothing of its inertia, apart from z."""
+    xx, yy, zz, xy, xz, yz = (float(x) for x in body.inertia)
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    moments, axes = np.linalg.eigh(tensor)
+    size = float(np.max(np.abs(moments))) or 1.0
+    center = np.array([float(x) for x in body.center])
+    if moments[2] - moments[0] < 1e-12 * size:
+        found = list(np.eye(3)) if not np.any(center) else [center / np.linalg.norm(center)]
+    elif moments[1] - moments[0] < 1e-12 * size:
+        found = [axes[:, 2]]
+    elif moments[2] - moments[1] < 1e-12 * size:
+        found = [axes[:, 0]]
+    else:
+        return []
+    found = [np.where(np.abs(x) > 1e-13, x, 0.0) for x in found]
+    # The last Euler angle turns a body about its z axis.
+    return [x for x in found if abs(abs(x[2]) - 1.0) > 1e-12 and not np.any(np.cross(x, center))]
+
+
+def short(step: float) -> float:
+    """Return a step of about a size with few digits, so that sums are exact, but no number that a model would contain.
+
+    By a step of two lengths a spring is led through its end to where its force is the same.
+    """
+    return UNEVEN * 2.0 ** math.floor(math.log2(step))
+
+
+def echelon(rows: Array) -> list[Array]:
+    """Return a basis of the span of rows with as many zeros as elimination makes, in whole numbers where it can be.
+
+    Expressions are compared with many digits: a direction that is known to 16 is none for them.
+    """
+    A = rows.copy()
+    free = np.ones(A.shape[1])
+    for k in range(len(A)):
+        pivot = int(np.argmax(np.where(free, np.max(np.abs(A[k:]), axis=0), -1.0)))
+        best = k + int(np.argmax(np.abs(A[k:, pivot])))
+        A[[k, best]] = A[[best, k]]
+        A[k] /= A[k, pivot]
+        others = np.flatnonzero(A[:, pivot])
+        others = others[others != k]
+        A[others] -= A[others, pivot, None] * A[k]
+        free[pivot] = 0.0
+    return [in_whole_numbers(np.where(np.abs(row) > 1e-12, row, 0.0)) for row in A]
+
+
+def in_whole_numbers(direction: Array) -> Array:
+    """Return a multiple of a direction in whole numbers, if the ratios of its entries are small fractions."""
+    if np.array_equal(direction, np.round(direction)):
+        return direction
+    parts = [Fraction(float(x)).limit_denominator(MOST_DENOMINATOR) for x in direction]
+    if any(abs(float(part) - x) > 1e-12 for part, x in zip(parts, direction, strict=True)):
+        return direction
+    common = math.lcm(*(part.denominator for part in parts))
+    return np.array([float(part * common) for part in parts])
