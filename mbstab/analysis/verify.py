@@ -426,7 +426,7 @@ class _Excited:
         try:
             equations = Constrained(system, motion, self.form)
             q, u, _ = equations.project(start, motion.q + dq, motion.u + du)
-            follower = Follower(system, self.finder.motion(q, u, start), times, self.form)
+            follower = Follower(system, self.finder.motion(q, u, start), times, self.form, work=False)
         except MbstabError as error:
             return f"the disturbed start: {error}"
         options = Options(1e3 * tol if stiff else tol, None, None, max(abs(s), self.speed, 1.0 / span), solver=solver)
