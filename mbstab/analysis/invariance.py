@@ -276,6 +276,18 @@ class State:
     a: Array
 
 
+Numbers = list[float | Rounded]
+
+
+def _rounded(state: State, spread: State | None = None) -> tuple[Numbers, Numbers, Numbers]:
+    """Return q, u and a of a state, with how far they may be off."""
+    if spread is None:
+        return state.q.tolist(), state.u.tolist(), state.a.tolist()
+    pairs = ((state.q, spread.q), (state.u, spread.u), (state.a, spread.a))
+    q, u, a = ([Rounded(v, e) if e else v for v, e in zip(x.tolist(), dx.tolist(), strict=True)] for x, dx in pairs)
+    return q, u, a
+
+
 def symmetries(system: System, motion: Motion) -> list[Symmetry]:
     """Return independent symmetries of the scene that move the reference motion."""
     return Invariance(system, motion).symmetries
@@ -609,22 +621,25 @@ class Invariance:
             u, a = speed * Y, speed**2 * (slope @ Y)
             if not self.satisfies(motion.q, u):
                 return False
-            left, rounding = np.zeros((2, allowed.shape[1]))
-            moving, resting = State(motion.q, u, a), State(motion.q, 0.0 * u, 0.0 * a)
             turned = np.abs(slope) @ np.abs(Y) + motion.sizes * (self.rate / slow) ** 2
             off = ROUNDINGS * EPS * np.abs(u), ROUNDINGS * EPS * speed**2 * turned
             changed = (u != 0.0) | (a != 0.0) | np.any([x != 0.0 for x in off], axis=0)
+            moving = _rounded(State(motion.q, u, a), State(0.0 * u, *off))
+            resting = _rounded(State(motion.q, 0.0 * u, 0.0 * a))
+            pushed, unsure = np.zeros((2, len(u)))
             for element in self.elements:
-                if not any(changed[j] for j in (*element.columns, *(j for _, j in element.slots))):
+                columns = list(element.columns)
+                if not any(changed[j] for j in (*columns, *(j for _, j in element.slots))):
                     continue
                 try:
                     # What speed changes of each by itself: loads at rest hide no weak drag.
-                    F, error = self.bounded(element, moving, State(0.0 * u, *off))
-                    still, known = self.bounded(element, resting)
+                    F, error = self._forced(element, moving)
+                    still, known = self._forced(element, resting)
                 except (ArithmeticError, ValueError):
                     return False
-                left += (F - still) @ allowed
-                rounding += np.where(F - still, error + known, 0.0) @ np.abs(allowed)
+                pushed[columns] += F - still
+                unsure[columns] += np.where(F - still, error + known, 0.0)
+            left, rounding = pushed @ allowed, unsure @ np.abs(allowed)
             if np.any(np.abs(left) > ROUNDINGS * rounding):
                 return False
         return True
@@ -799,17 +814,15 @@ class Invariance:
         spread : State, optional
             How far the state may be off.
         """
-        n = len(state.q)
-        F, error = np.zeros(n), np.zeros(n)
-        exact = State(F, F, F) if spread is None else spread
-        q, u, a_ = (
-            [Rounded(v, e) if e else v for v, e in zip(x.tolist(), dx.tolist(), strict=True)]
-            for x, dx in ((state.q, exact.q), (state.u, exact.u), (state.a, exact.a))
-        )
-        force = element.force(q, u, a_, self.motion.time, rounded_arithmetic())
-        F[list(element.columns)] = [float(x) for x in force]
-        error[list(element.columns)] = [x.e if isinstance(x, Rounded) else 0.0 for x in force]
+        F, error = np.zeros((2, len(state.q)))
+        columns = list(element.columns)
+        F[columns], error[columns] = self._forced(element, _rounded(state, spread))
         return F, error
+
+    def _forced(self, element: Acting, state: tuple[Numbers, Numbers, Numbers]) -> tuple[Array, Array]:
+        """Return the force of an element on its columns, and how far it may be off, at q, u and a with their errors."""
+        force = element.force(*state, self.motion.time, rounded_arithmetic())
+        return np.array([float(x) for x in force]), np.array([x.e if isinstance(x, Rounded) else 0.0 for x in force])
 
     def _rounding(self, element: Acting, state: State) -> Array:
         """Return what a change of coordinates and speeds by all their size makes of an element."""
