@@ -10,8 +10,6 @@ import json
 import os
 import pickle
 import resource
-import signal
-import time
 import traceback
 import warnings
 from dataclasses import dataclass
@@ -67,23 +65,22 @@ class Answer:
 
 
 def called(*args, limit=4 * SECONDS):
-    """Return what ``mbstab ARGS`` does in a process that begins as a copy of this one."""
+    """Return what ``mbstab ARGS`` does in a process that begins as a copy of this one, for so many seconds of work."""
     read, write = os.pipe()
     child = os.fork()
     if not child:
         os.close(read)
-        signal.alarm(limit)
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
         resource.setrlimit(resource.RLIMIT_AS, (8 * MEMORY, 8 * MEMORY))
         with os.fdopen(write, "wb") as stream:
             stream.write(pickle.dumps(_answer(args)))
         os._exit(0)
     os.close(write)
-    start = time.monotonic()
     with os.fdopen(read, "rb") as stream:
         data = stream.read()
     _, _, usage = os.wait4(child, 0)
     if not data:
-        return Answer(args, -1, "", "", "", time.monotonic() - start, usage.ru_maxrss * 1024)
+        return Answer(args, -1, "", "", "", usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024)
     return Answer(args, *pickle.loads(data), usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024)
 
 

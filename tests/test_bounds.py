@@ -11,7 +11,7 @@ from random_mechanisms import KINDS, random_mechanism
 
 import mbstab
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
-from mbstab.analysis.linear import roundings
+from mbstab.analysis.linear import bounds, roundings
 from mbstab.analysis.linear.bounds import enclosures, enclosures_of
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.methods import METHODS, solver
@@ -282,3 +282,17 @@ def test_values_lie_in_their_discs_where_conjugates_change_places(exponent):
         assert e.error_bound < 1e-12
         (twin,) = (x for x in result.eigenvalues if x.value == e.value.conjugate())
         assert (twin.kind, twin.error_bound) == (e.kind, pytest.approx(e.error_bound, rel=0.5))
+
+
+@pytest.mark.parametrize("powers", [0, 20])
+def test_spectral_radii_are_compared_as_their_eigenvalues_say(monkeypatch, powers):
+    monkeypatch.setattr(bounds, "POWERS", powers)
+    rng, agreed = np.random.default_rng(4), []
+    for k in range(300):
+        matrices = rng.uniform(size=(3, 4, 4)) * (rng.uniform(size=(3, 4, 4)) < (0.3, 0.5, 1.0)[k % 3])
+        radius = float(np.max(np.abs(np.linalg.eigvals(matrices))))
+        for part in (0.5, 0.999, 1.001, 2.0) if radius > 1e-3 else ():
+            with np.errstate(all="ignore"):
+                agreed.append(bounds._below(matrices, part * radius) == (part > 1.0))
+    assert len(agreed) > 800
+    assert all(agreed)

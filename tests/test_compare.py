@@ -356,6 +356,13 @@ def test_a_tolerance_that_is_none_is_refused(tolerance):
     assert result.stdout == ""
 
 
+def test_memory_is_traced_when_line_numbers_are_ready(monkeypatch):
+    prepared, own = [], compare._prepared
+    monkeypatch.setattr(compare, "_prepared", lambda run: prepared.append(run) or own(run))
+    outcomes = mbstab.load("pendulum.yaml").compare(50).outcomes
+    assert len(prepared) == len(outcomes) > len(METHODS)
+
+
 def test_a_tolerance_below_the_digits_says_how_many_it_needs():
     assert "hint: --digits 51" in run("pendulum.yaml", "--tol", "1e-49").stderr
     assert run("pendulum.yaml", "--tol", "1e-49", "--digits", "51").exit_code == 0

@@ -15,6 +15,7 @@ from mbstab.analysis.algebra.matching import matched
 from mbstab.analysis.linear import floquet
 from mbstab.analysis.linear.floquet import monodromy
 from mbstab.analysis.linear.linearize import linearize, state_space
+from mbstab.compiler.system import System
 from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError
 from mbstab.model.library import installed_models
 
@@ -436,3 +437,11 @@ def test_progress_goes_from_zero_to_one():
     assert len(seen) > 20
     assert 0.0 < seen[0] < 0.05
     assert seen[-1] == 1.0
+
+
+def test_a_period_is_followed_by_straight_line_functions(monkeypatch):
+    asked, own = [], System.linearize_rows
+    monkeypatch.setattr(System, "linearize_rows", lambda self, *at: asked.append(at) or own(self, *at))
+    found = of(mbstab.load("kapitza.yaml"), 2.0 * math.pi / 200.0)
+    assert found.evaluations > 500
+    assert len(asked) < 100

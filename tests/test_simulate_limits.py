@@ -10,6 +10,7 @@ from click.testing import CliRunner
 from mechanisms import SLIDER_CRANK
 
 import mbstab
+from mbstab.analysis.simulate import recording as samples
 from mbstab.analysis.simulate import stiffness
 from mbstab.analysis.simulate import time_budget as watch
 from mbstab.cli.main import main
@@ -301,3 +302,13 @@ def test_rest_is_found_to_the_tolerance_with_few_steps(compiled):
     assert sim.error_estimate <= 1e-8
     assert sim.steps < 500
     assert np.max(np.abs(sim.u)) < 1e-11
+
+
+def test_matrices_of_large_scenes_are_held_for_few_states(monkeypatch):
+    held = []
+    monkeypatch.setattr(samples, "reactions", lambda system, q, J, nu: held.append(J.shape) or [])
+    monkeypatch.setattr(samples, "NUMBERS", 3 * 20)
+    result = mbstab.load("double_pendulum.yaml").simulate(0.01, points=11)
+    assert len(result.times) == 11
+    assert sum(shape[0] for shape in held) == 11
+    assert max(math.prod(shape) for shape in held) <= 60

@@ -516,6 +516,14 @@ def test_a_fold_and_a_crossing_close_to_each_other():
     assert [abs(c.value - at) < 1e-12 for c, at in zip(result.critical, (-0.0225, 0.0), strict=True)] == [True] * 2
 
 
+def test_no_crossing_is_looked_for_where_nothing_crosses(monkeypatch):
+    looked = []
+    monkeypatch.setattr(continuation._Curve, "_cross", lambda self, run, *ends: looked.append(ends))
+    result = mbstab.load("flyball_governor.yaml").sweep("L", [0.9, 1.0])
+    assert result.problems == {}
+    assert looked == []
+
+
 def test_a_path_goes_on_beyond_a_kink():
     result = cubic("abs(mu) - p.x").sweep("mu", np.linspace(-2.0, 2.0, 41), x0=0)
     assert result.critical == ()

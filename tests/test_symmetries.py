@@ -1,11 +1,15 @@
 """Symmetries, conserved momenta and energies, reversors: found element by element, nonlinearly."""
 
+import itertools
+import json
+
 import numpy as np
 import pytest
 
 import mbstab
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import linearize
+from mbstab.analysis.reference import symmetries as invariance
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.compiler.system import System
 from mbstab.model.reader import read_model_text
@@ -129,3 +133,22 @@ def test_a_wheel_that_rolls_straight_ahead_is_its_own_image_backwards_in_time():
     found = Grounds(linearize(system, reference_motion(system)))
     assert (found.reversor.kept, found.reversor.reversed_) == (3, 1)
     assert len(found.separated.neutral.family) == 2
+
+
+def test_states_are_written_once_for_all_elements(monkeypatch):
+    count, written, own = 8, [], invariance._rounded
+    monkeypatch.setattr(invariance, "_rounded", lambda *states: written.append(states) or own(*states))
+    names = [f"b{i}" for i in range(count)]
+    scene = {
+        "mbstab": 1,
+        "bodies": {name: {"type": "planar", "mass": 1, "inertia": 1} for name in names},
+        "forces": {
+            f"s{name}": {"type": "bearing", "between": [name, other], "stiffness": 100, "damping": 1}
+            for name, other in itertools.pairwise([*names, "ground"])
+        },
+        "reference": {"coordinates": {name: {"x": 0, "y": 0, "theta": 0} for name in names}},
+    }
+    result = mbstab.loads(json.dumps(scene)).eig()
+    assert result.counts.neutral == 2 * count
+    # At rest and in motion, at each speed, along each of the turns and two combinations.
+    assert 0 < len(written) <= 2 * len(invariance.SPEEDS) * (count + 2)

@@ -13,6 +13,7 @@ from zoo import SYSTEMS
 import mbstab
 from mbstab.analysis.compare import verify as module
 from mbstab.analysis.linear import eigenvalues as eigen
+from mbstab.analysis.simulate.energy import Energy
 from mbstab.cli import main
 
 EXAMPLES = [
@@ -428,3 +429,11 @@ reference: {coordinates: {rod: {theta: 0}}}
         change = re.search(r"change by (\S+)% along", said)
         assert size / 100.0 < float(change[1]) / 100.0 < size
         assert ("1e-06%" in said) == (float(change[1]) < 0.1)
+
+
+def test_work_is_not_added_up_where_nobody_asks_for_it(monkeypatch):
+    def power(*arguments):
+        raise AssertionError
+
+    monkeypatch.setattr(Energy, "power", power)
+    assert mbstab.load("ziegler_column.yaml").verify(b_1=1, b_2=1).verdict == "confirmed"

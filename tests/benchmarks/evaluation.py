@@ -13,10 +13,11 @@ import numpy as np
 
 import mbstab
 from mbstab.analysis.reference.attitude import Attitudes
-from mbstab.analysis.simulate.constrained import FUSED_AFTER, Constrained
+from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.energy import Energy
 from mbstab.analysis.simulate.steppers.compiled import Marching
 from mbstab.analysis.simulate.steppers.interface import Options
+from mbstab.compiler.form import FUSED_AFTER
 from mbstab.compiler.fused import Fused
 from mbstab.model.library import installed_models
 

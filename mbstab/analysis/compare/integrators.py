@@ -30,8 +30,11 @@ TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
 EXACT = 1e-11
 """Global error asked of the reference; it may turn out larger."""
 
-LIMIT = 10.0
-"""Seconds after which a run is given up; the runs of a reference may take ten times as long together."""
+LIMIT = 4.0
+"""Seconds of work after which a run is given up; the runs of a reference may take ten times as long together."""
+
+ENOUGH, SLOW = 0.25, 1.5
+"""After the first part of the limit a run is given up as well whose pace makes it longer than the second one."""
 
 DURATION = 1.0
 """Of the motion, if its end is not given (s)."""
@@ -55,6 +58,7 @@ class Integration:
         Largest difference from the reference at any time of output, as `error_estimate` of
         `mbstab.analysis.simulate.simulate.Simulation`.
     seconds : float
+        Of work.
     evaluations, steps, rejected : int
     energy : float
         Largest imbalance of energy, relative to what goes to and fro.
@@ -221,13 +225,13 @@ class _Race:
 
     def run(self, method: Method, solver: str, tol: float, limit: float) -> tuple[Run, float]:
         """Return a run and how long it took (s); one that takes longer than the limit fails."""
-        work = Work(self.follower, method, solver, 1.0, None, False, _watch(limit))
+        work = Work(self.follower, method, solver, 1.0, None, False, _watch(limit, ENOUGH * limit))
         work.rate = self.rate
-        began = time.perf_counter()
+        began = time.process_time()
         run = work.once(tol)
         if run.interrupted:
             raise KeyboardInterrupt
-        return run, time.perf_counter() - began
+        return run, time.process_time() - began
 
     def measured(self, name: str, key: str, method: Method, tol: float, reference: Run) -> Integration:
         """Return what a run costs and leaves."""
@@ -239,13 +243,14 @@ class _Race:
         return Integration(name, key, tol, error, seconds, energy=_imbalance(run), constraints=run.drift, **counts)
 
 
-def _watch(limit: float) -> Callable[[float], object]:
-    """Return a progress function that gives up after so many seconds."""
-    began = time.perf_counter()
+def _watch(limit: float, enough: float = math.inf) -> Callable[[float], object]:
+    """Return a progress function that gives up after so many seconds of work, or after enough by its pace."""
+    began = time.process_time()
 
     def watch(done: float) -> None:
-        if time.perf_counter() - began > limit:
-            raise NumericalError(f"given up after {limit:g} s, when {done:.0%} was done")
+        spent = time.process_time() - began
+        if spent > limit or (spent > enough and spent > SLOW * limit * done):
+            raise NumericalError(f"given up after {spent:.2g} s, when {done:.0%} was done")
 
     return watch
 

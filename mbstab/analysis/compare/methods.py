@@ -16,7 +16,8 @@ import time
 import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 from mpmath import mp
@@ -35,6 +36,8 @@ from mbstab.errors import MbstabError, NumericalError, UsageError
 from mbstab.model.parameters import parse_overrides
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
+
+T = TypeVar("T")
 
 REPEATS, ENOUGH = 15, 0.3
 """A method is timed so many times, or until so many seconds have passed; the median counts."""
@@ -344,9 +347,7 @@ def _in_double(grounds: Grounds, ruler: _Ruler, progress: Callable[[int], object
     results = {}
     for number, method in enumerate(METHODS, 1):
         try:
-            # CPython 3.11 looks up line numbers in long kernels so slowly that tracing memory would
-            # take thirty times as long; after a profiler it has them ready.
-            results[method] = cProfile.Profile().runcall(judged, grounds, method)
+            results[method] = _prepared(partial(judged, grounds, method))
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as error:
             outcomes[method] = ruler.failure(method, str(error))
         progress(number)
@@ -406,7 +407,7 @@ def _with_digits(model: Model, settings: Settings, digits: int, ruler: _Ruler) -
         return precise_eigenvalues(model, settings, digits)
 
     try:
-        result = run()
+        result = _prepared(run)
     except MbstabError as error:
         return ruler.failure(method, str(error))
     with mp.workdps(ruler.digits):
@@ -433,6 +434,15 @@ def _medians(runs: Mapping[str, Callable[[], object]]) -> dict[str, float]:
                 times[name].append(time.perf_counter() - began)
         names.reverse()
     return {name: statistics.median(found) for name, found in times.items()}
+
+
+def _prepared(run: Callable[[], T]) -> T:
+    """Return what a run gives whose memory is traced later.
+
+    CPython 3.11 looks up line numbers in long kernels so slowly that tracing would take thirty times as long; after a
+    profiler it has them ready.
+    """
+    return cProfile.Profile().runcall(run)
 
 
 def _peak(run: Callable[[], object]) -> int:

@@ -34,11 +34,12 @@ from mbstab.analysis.linear.verdict import ASYMPTOTIC, ASYMPTOTIC_UP_TO, UNDECID
 from mbstab.analysis.reference.guard import GUARD_TOLERANCE, LITTLE
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.requested import reference_motion
-from mbstab.analysis.simulate.constrained import Constrained, Form
+from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.recording import states
 from mbstab.analysis.simulate.run import Follower, Run
 from mbstab.analysis.simulate.steppers.interface import Options
 from mbstab.analysis.simulate.steppers.table import METHODS
+from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, percent
 
@@ -426,7 +427,7 @@ class _Excited:
         try:
             equations = Constrained(system, motion, self.form)
             q, u, _ = equations.project(start, motion.q + dq, motion.u + du)
-            follower = Follower(system, self.finder.motion(q, u, start), times, self.form)
+            follower = Follower(system, self.finder.motion(q, u, start), times, self.form, work=False)
         except MbstabError as error:
             return f"the disturbed start: {error}"
         options = Options(1e3 * tol if stiff else tol, None, None, max(abs(s), self.speed, 1.0 / span), solver=solver)

@@ -72,6 +72,12 @@ CIRCLE = 48
 MARGIN = 0.8
 """… with this much left between them."""
 
+POWERS = 20
+"""Powers of a matrix by which its spectral radius is compared with a limit, before its eigenvalues are found."""
+
+DISTINCT = 1e-4
+"""Eigenvalues farther from those of T than this part of what S does there are none of them."""
+
 ROUNDS = 40
 """Rounds of joining eigenvalues that cannot be told apart."""
 
@@ -395,11 +401,19 @@ class _Judge:
         """Return eigenvectors as coordinates, with the part along T."""
         if not self.T.shape[1]:
             return pos
-        inner, c = self.inside @ self.T, self.inside @ V
+        from scipy.linalg import schur, solve_triangular
+
+        inner, c, one = self.inside @ self.T, self.inside @ V, np.eye(self.T.shape[1])
+        triangle, basis = schur(inner, output="complex")
+        turned, own = basis.conj().T @ c, np.diag(triangle)
+        clear = DISTINCT * float(np.max(np.abs(triangle)))
         result = pos.copy()
         for j, s in enumerate(values):
             if np.isfinite(s) and np.isfinite(c[:, j]).all():
-                part = np.linalg.lstsq(s * np.eye(len(inner)) - inner, c[:, j], rcond=1e-12)[0]
+                if np.min(np.abs(s - own)) > clear:
+                    part = basis @ solve_triangular(s * one - triangle, turned[:, j])
+                else:
+                    part = np.linalg.lstsq(s * one - inner, c[:, j], rcond=1e-12)[0]
                 result[:, j] += self.N @ (self.T[: self.n_xi] @ part)
         return result
 
@@ -561,6 +575,24 @@ def _near(E: Array, gap: Array) -> npt.NDArray[np.bool_]:
     return np.asarray((product >= limit**2) | (diagonal[:, None] + diagonal >= limit))
 
 
+def _below(matrices: Array, limit: float) -> bool:
+    """Whether the spectral radii of matrices without negative entries, shape (m, n, n), are below a limit.
+
+    With any x > 0 a radius lies between the least and the largest of (P x)_i / x_i (Collatz 1942).
+    """
+    x = np.ones((*matrices.shape[:2], 1))
+    for _ in range(POWERS):
+        y = matrices @ x
+        ratio = (y / x)[..., 0]
+        if np.any(np.min(ratio, axis=1) >= limit):
+            return False
+        if np.all(np.max(ratio, axis=1) < limit):
+            return True
+        # A little of x keeps y positive where the matrix has zeros.
+        x = y / np.max(y, axis=1, keepdims=True) + EPS * x
+    return bool(np.max(np.abs(np.linalg.eigvals(matrices))) < limit)
+
+
 def _united(groups: list[Group], pairs: list[tuple[int, int]], mirror: list[int]) -> list[Group]:
     """Return larger groups: pairs of groups are joined, and so are their mirror images."""
     parent = list(range(len(groups)))
@@ -598,7 +630,8 @@ class _Around:
                     inverse = np.abs(np.linalg.inv(centre * np.eye(len(part)) - block))
                 except np.linalg.LinAlgError:
                     inverse = np.full(block.shape, np.inf)
-                self.clusters.append((part, inverse))
+                radius = float(np.max(np.abs(np.linalg.eigvals(inverse)))) if np.isfinite(inverse).all() else np.inf
+                self.clusters.append((part, inverse, radius))
 
     @cached_property
     def culprit(self) -> int | None:
@@ -613,12 +646,11 @@ class _Around:
         if not np.all(distance > 0.0):
             return None
         matrix: Array = np.diag(1.0 / distance)
-        for part, inverse in self.clusters:
+        for part, inverse, largest in self.clusters:
             # (s − C)⁻¹ is a power series about the centre.
-            series = radius * inverse
-            if not np.isfinite(inverse).all() or not np.max(np.abs(np.linalg.eigvals(series))) < 0.5:
+            if not radius * largest < 0.5:
                 return None
-            matrix[_at(part, part)] = np.linalg.solve(np.eye(len(part)) - series, inverse)
+            matrix[_at(part, part)] = np.linalg.solve(np.eye(len(part)) - radius * inverse, inverse)
         x = 1.2 * (matrix @ self.way)
         for _ in range(6):
             y = matrix @ (self.way + self.among @ x)
@@ -962,9 +994,7 @@ class _Found:
             except np.linalg.LinAlgError:
                 return False
             product = resolvent @ (inner + size)
-            if not np.isfinite(product).all():
-                return False
-            return bool(np.max(np.abs(np.linalg.eigvals(product))) < MARGIN)
+            return bool(np.isfinite(product).all()) and _below(product, MARGIN)
 
         # Too near the block is in the way, too far the others are.
         middle = 1.2 * low

@@ -35,6 +35,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.failures import guarded
 from mbstab.analysis.reference.motion import Motion
+from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError, amount
 from mbstab.model.schema import is_length, unit_of
@@ -190,6 +191,7 @@ class _Flow:
     def __init__(self, system: System, motion: Motion, period: float) -> None:
         spaces = motion.spaces
         self.system, self.motion, self.period = system, motion, period
+        self.form = Form(system)
         self.scale, self.row_scale, self.sizes = spaces.scale, spaces.row_scale, motion.sizes
         self.rank = spaces.C.rank + spaces.W.rank
         N, NZ = spaces.N, spaces.N @ spaces.Z
@@ -239,16 +241,16 @@ class _Instant:
     """
 
     def __init__(self, flow: _Flow, q: Array, u: Array, part: float) -> None:
-        system, scale, period = flow.system, flow.scale, flow.period
+        form, scale, period = flow.form, flow.scale, flow.period
         time = flow.motion.time + part * period
         weights, rows = scale * scale[:, None], scale * flow.row_scale[:, None]
-        self.state = system.dynamics(q, u, time)
+        self.state = form.dynamics(q, u, time)
         self.J, self.M = self.state.J * rows, self.state.M * weights
         self._split(flow.rank, flow.least)
         a, nu = self.balance(-self.state.F0 * scale, self.state.B * flow.row_scale)
         self.a = a * scale
-        K, R, _ = system.linearize(q, u, self.a, nu * flow.row_scale, time)
-        V_q, A_q, A_u = system.linearize_rows(q, u, self.a, time)
+        K, R, _ = form.linearize(q, u, self.a, nu * flow.row_scale, time)
+        V_q, A_q, A_u = form.linearize_rows(q, u, self.a, time)
         self.R, self.K = R * weights * period, K * weights * period**2
         self.A_u, self.A_q = A_u * rows * period, A_q * rows * period**2
         self.follow = -self._inverse @ (V_q * rows * period)

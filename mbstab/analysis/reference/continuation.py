@@ -455,8 +455,9 @@ class _Curve:
         forces = G[:, moving:]
         if not forces.size:
             return at.residual[0], A
-        left = rank_of(forces.T / max(float(np.max(np.abs(forces))), 1e-300)).null.T
-        return left @ at.residual[0], left @ A
+        left = rank_of(forces.T / max(float(np.max(np.abs(forces))), 1e-300)).null
+        # In the rows as they are: a basis would be another one at every solution, and signs of determinants with it.
+        return left @ (left.T @ at.residual[0]), left @ (left.T @ A)
 
     def _stepped(self, q: Array, c: Array, p: float, step: Array) -> tuple[Array, Array, float]:
         q, c = self.balance.shifted(q, c, step[:-1])

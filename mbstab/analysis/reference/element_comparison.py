@@ -65,6 +65,18 @@ class State:
     a: Array
 
 
+Numbers = list[float | Rounded]
+
+
+def with_errors(state: State, spread: State | None = None) -> tuple[Numbers, Numbers, Numbers]:
+    """Return q, u and a of a state, with how far they may be off."""
+    if spread is None:
+        return state.q.tolist(), state.u.tolist(), state.a.tolist()
+    pairs = ((state.q, spread.q), (state.u, spread.u), (state.a, spread.a))
+    q, u, a = ([Rounded(v, e) if e else v for v, e in zip(x.tolist(), dx.tolist(), strict=True)] for x, dx in pairs)
+    return q, u, a
+
+
 class ElementComparison:
     """What the elements of a scene do at states spread over it, and when that is the same."""
 
@@ -256,17 +268,15 @@ class ElementComparison:
         spread : State, optional
             How far the state may be off.
         """
-        n = len(state.q)
-        F, error = np.zeros(n), np.zeros(n)
-        exact = State(F, F, F) if spread is None else spread
-        q, u, a_ = (
-            [Rounded(v, e) if e else v for v, e in zip(x.tolist(), dx.tolist(), strict=True)]
-            for x, dx in ((state.q, exact.q), (state.u, exact.u), (state.a, exact.a))
-        )
-        force = element.force(q, u, a_, self.motion.time, rounded_arithmetic())
-        F[list(element.columns)] = [float(x) for x in force]
-        error[list(element.columns)] = [x.e if isinstance(x, Rounded) else 0.0 for x in force]
+        F, error = np.zeros((2, len(state.q)))
+        columns = list(element.columns)
+        F[columns], error[columns] = self.forced(element, with_errors(state, spread))
         return F, error
+
+    def forced(self, element: Acting, state: tuple[Numbers, Numbers, Numbers]) -> tuple[Array, Array]:
+        """Return the force of an element on its columns, and how far it may be off, at q, u and a with their errors."""
+        force = element.force(*state, self.motion.time, rounded_arithmetic())
+        return np.array([float(x) for x in force]), np.array([x.e if isinstance(x, Rounded) else 0.0 for x in force])
 
     def _rounding(self, element: Acting, state: State) -> Array:
         """Return what a change of coordinates and speeds by all their size makes of an element."""

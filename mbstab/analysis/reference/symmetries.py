@@ -31,6 +31,7 @@ from mbstab.analysis.reference.element_comparison import (
     State,
     numbers,
     steps_are_exact,
+    with_errors,
 )
 from mbstab.analysis.reference.fields import ANGLE, Combination, Field, Shift, Symmetry, Turn
 from mbstab.analysis.reference.motion import Motion
@@ -271,22 +272,25 @@ class Invariance(SymmetryCandidates):
             u, a = speed * Y, speed**2 * (slope @ Y)
             if not self.satisfies(motion.q, u):
                 return False
-            left, rounding = np.zeros((2, allowed.shape[1]))
-            moving, resting = State(motion.q, u, a), State(motion.q, 0.0 * u, 0.0 * a)
             turned = np.abs(slope) @ np.abs(Y) + motion.sizes * (self.rate / slow) ** 2
             off = ROUNDINGS * EPS * np.abs(u), ROUNDINGS * EPS * speed**2 * turned
             changed = (u != 0.0) | (a != 0.0) | np.any([x != 0.0 for x in off], axis=0)
+            moving = with_errors(State(motion.q, u, a), State(0.0 * u, *off))
+            resting = with_errors(State(motion.q, 0.0 * u, 0.0 * a))
+            pushed, unsure = np.zeros((2, len(u)))
             for element in self.elements:
-                if not any(changed[j] for j in (*element.columns, *(j for _, j in element.slots))):
+                columns = list(element.columns)
+                if not any(changed[j] for j in (*columns, *(j for _, j in element.slots))):
                     continue
                 try:
                     # What speed changes of each by itself: loads at rest hide no weak drag.
-                    F, error = self.bounded(element, moving, State(0.0 * u, *off))
-                    still, known = self.bounded(element, resting)
+                    F, error = self.forced(element, moving)
+                    still, known = self.forced(element, resting)
                 except (ArithmeticError, ValueError):
                     return False
-                left += (F - still) @ allowed
-                rounding += np.where(F - still, error + known, 0.0) @ np.abs(allowed)
+                pushed[columns] += F - still
+                unsure[columns] += np.where(F - still, error + known, 0.0)
+            left, rounding = pushed @ allowed, unsure @ np.abs(allowed)
             if np.any(np.abs(left) > ROUNDINGS * rounding):
                 return False
         return True

@@ -10,15 +10,18 @@ import numpy as np
 
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import Placement
-from mbstab.analysis.simulate.constrained import Form
-from mbstab.compiler.system import Array, Dynamics, System
+from mbstab.compiler.form import Form
+from mbstab.compiler.system import Array, System
 from mbstab.model.scene import ItemValues
 
 SPRINGS = ("spring", "bearing", "joint_spring")
 """Types of forces with a potential; all others do work."""
 
-NODES, WEIGHTS = (x.tolist() for x in np.polynomial.legendre.leggauss(4))
-"""Gauss quadrature of the power over a part of a step: exact to order 8."""
+
+def quadrature(order: int) -> list[tuple[float, float]]:
+    """Return nodes in −1 … 1 and weights for the power over a part of a step of a method of some order (Gauss)."""
+    nodes, weights = np.polynomial.legendre.leggauss(max(2, (order + 1) // 2))
+    return list(zip(nodes.tolist(), weights.tolist(), strict=True))
 
 
 @dataclass(frozen=True)
@@ -72,10 +75,9 @@ class Energy:
             total -= float(body.mass) * (place @ gravity)
         return np.asarray(total + sum(_stored(at, spring) for spring in self.springs))
 
-    def power(self, parts: Mapping[str, Form], q: Array, u: Array, t: float, state: Dynamics, nu: Array) -> float:
-        """Return the power of all that has no potential (W): forces, dampers, drives."""
-        total = -float(nu @ (state.J @ u)) if self.driven else 0.0
-        zero = np.zeros(len(u))
+    def power(self, parts: Mapping[str, Form], q: Array, u: Array, t: float) -> float:
+        """Return the power of forces and dampers without a potential (W)."""
+        total, zero = 0.0, np.zeros(len(u))
         for path in self.working:
             total -= float(parts[path].dynamics(q, u, t).F0 @ u)
         for path in self.damped:

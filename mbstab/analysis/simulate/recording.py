@@ -15,8 +15,8 @@ from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.energy import Energy
 from mbstab.compiler.system import Array, System
 
-TOGETHER = 500
-"""States whose matrices are held at a time."""
+TOGETHER, NUMBERS = 500, 4_000_000
+"""States that are looked at together, and numbers in their constraint matrices, at most."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,8 @@ class Record:
     def _part(cls, frame: Frame, samples: Sequence[Sample], before: Array) -> Record:
         equations, system = frame.equations, frame.system
         q, u = (np.array([getattr(s, name) for s in samples]) for name in "qu")
-        a, nu, J, kinetic, residuals = np.empty_like(q), np.empty((len(q), system.n_c)), [], np.empty(len(q)), []
+        a, nu, J = np.empty_like(q), np.empty((len(q), system.n_c)), np.empty((len(q), system.n_c, system.n_q))
+        kinetic, residuals = np.empty(len(q)), []
         for i, sample in enumerate(samples):
             if sample.a is None:
                 a[i], multipliers, state = equations.accelerations(sample.t, sample.q, sample.u)
@@ -156,11 +157,11 @@ class Record:
             else:
                 state, a[i] = equations.evaluate(sample.t, sample.q, sample.u), sample.a
                 nu[i] = equations.multipliers(state, a[i])
-            J.append(state.J)
+            J[i] = state.J
             kinetic[i] = 0.5 * float(sample.u @ state.M @ sample.u)
             residuals.append(equations.residuals(state, equations.fastest(sample.u)))
         loads: dict[tuple[str, str, str], Array] = {}
-        for r in reactions(system, q, np.array(J), nu):
+        for r in reactions(system, q, J, nu):
             turning = "xyz" if r.torque.shape[-1] == 3 else "z"
             for what, letters, vector in (("force", "xyz", r.force), ("torque", turning, r.torque)):
                 loads |= {(r.owner, r.body, f"{what} {x}"): v for x, v in zip(letters, vector.T, strict=False)}
@@ -199,5 +200,7 @@ def _groups(samples: Sequence[Sample]) -> Iterator[tuple[Frame, list[Sample]]]:
     """Yield samples in their order, those of one frame together, not too many at a time."""
     for _, group in groupby(samples, lambda s: id(s.frame)):
         found = list(group)
-        for k in range(0, len(found), TOGETHER):
-            yield found[0].frame, found[k : k + TOGETHER]
+        system = found[0].frame.system
+        count = min(TOGETHER, 1 + NUMBERS // (1 + system.n_c * system.n_q))
+        for k in range(0, len(found), count):
+            yield found[0].frame, found[k : k + count]

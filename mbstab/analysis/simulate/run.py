@@ -15,8 +15,8 @@ import numpy as np
 
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.simulate.constrained import BRANCH_HINT, LIMIT_HINT, SINGULAR, Constrained, Form, Watch
-from mbstab.analysis.simulate.energy import NODES, WEIGHTS, Energy
+from mbstab.analysis.simulate.constrained import BRANCH_HINT, LIMIT_HINT, SINGULAR, Constrained, Watch
+from mbstab.analysis.simulate.energy import Energy, quadrature
 from mbstab.analysis.simulate.recording import Frame, Sample, Track
 from mbstab.analysis.simulate.singular_passage import NODES as NODES_OF_PASSAGE
 from mbstab.analysis.simulate.singular_passage import Passage, passage, predicted
@@ -25,6 +25,7 @@ from mbstab.analysis.simulate.steppers.explicit import first_step
 from mbstab.analysis.simulate.steppers.interface import Method, Options, Stepper
 from mbstab.analysis.simulate.stiffness import Pace
 from mbstab.analysis.simulate.time_budget import Budget
+from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError
 
@@ -127,6 +128,8 @@ class Follower:
         What evaluates the scene, where others use it as well.
     through : bool
         Go through singular configurations where the motion is smooth, instead of refusing them.
+    work : bool
+        Add up the work of what has no potential; without it that of all samples is 0.
 
     Attributes
     ----------
@@ -137,9 +140,15 @@ class Follower:
     """
 
     def __init__(
-        self, system: System, motion: Motion, times: Array, form: Form | None = None, through: bool = False
+        self,
+        system: System,
+        motion: Motion,
+        times: Array,
+        form: Form | None = None,
+        through: bool = False,
+        work: bool = True,
     ) -> None:
-        self.system, self.motion, self.times, self.through = system, motion, times, through
+        self.system, self.motion, self.times, self.through, self.work = system, motion, times, through, work
         self.attitudes = Attitudes.of(system)
         self.energy = Energy.of(system, self.attitudes)
         self.form = form or Form(system)
@@ -224,7 +233,7 @@ class _Leg:
         run, end = self.run, float(self.follower.times[-1])
         t, q, u = float(self.follower.times[0]), self.motion.q, self.motion.u
         steeper, limit = options.rate, end
-        self.rate = options.rate
+        self.rate, self.nodes = options.rate, quadrature(method.order)
         q, u = self._change_chart(q, q, u, t)
         while t < end:
             if options.compiled and self.equations.independent:
@@ -483,21 +492,27 @@ class _Leg:
         self._add_work(stepper, t, stepper.t)
 
     def _add_work(self, stepper: Stepper, start: float, stop: float) -> None:
-        if self.energy.conservative or stop <= start:
+        if not self.follower.work or self.energy.conservative or stop <= start:
             return
         if isinstance(stepper, Passage):
             self.work += stepper.work(start, stop, self._power)
             return
         half = 0.5 * (stop - start)
-        for node, weight in zip(NODES, WEIGHTS, strict=True):
+        for node, weight in self.nodes:
             t = start + half * (1.0 + node)
-            q, u = stepper.at(t)
-            _, nu, state = self.equations.accelerations(t, q, u)
-            self.work += half * weight * self.energy.power(self.parts, q, u, t, state, nu)
+            self.work += half * weight * self._power(t, *stepper.at(t))
 
-    def _power(self, t: float, q: Array, u: Array, a: Array) -> float:
-        state = self.equations.evaluate(t, q, u)
-        return self.energy.power(self.parts, q, u, t, state, self.equations.multipliers(state, a))
+    def _power(self, t: float, q: Array, u: Array, a: Array | None = None) -> float:
+        """Return the power of all that has no potential (W), at given accelerations if the constraints leave them."""
+        total, equations = self.energy.power(self.parts, q, u, t), self.equations
+        if not self.energy.driven:
+            return total
+        if a is None:
+            _, nu, state = equations.accelerations(t, q, u)
+        else:
+            state = equations.evaluate(t, q, u)
+            nu = equations.multipliers(state, a)
+        return total - float(nu @ (state.J @ u))
 
     def sample(self, t: float, q: Array, u: Array, passed: Passage | None = None, settled: bool = False) -> None:
         """Record the motion at a time, projected onto the constraints if need be; on a passage as that gives it."""

@@ -1,0 +1,55 @@
+"""The equations of a scene at many states: as `System` gives them at first, straight-line once that is worth it."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from mbstab.compiler.system import Array, Dynamics, System
+
+if TYPE_CHECKING:
+    from mbstab.compiler.fused import Fused
+
+FUSED_AFTER = 60
+"""Evaluations after which straight-line functions of the scene, which have to be written first, are worth it."""
+
+
+class Form:
+    """The equations of a scene: as the system gives them at first, as straight-line functions once that is worth it.
+
+    Functions have the arguments and results of those of `System` and raise what they raise.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self._count = 0
+
+    @cached_property
+    def fused(self) -> Fused:
+        """The straight-line functions."""
+        from mbstab.compiler.fused import Fused
+
+        return Fused(self.system)
+
+    @property
+    def quick(self) -> bool:
+        """Whether there are straight-line functions, or there should be."""
+        return self._count >= FUSED_AFTER
+
+    def dynamics(self, q: Array, u: Array, t: float) -> Dynamics:
+        """Return the matrices of the equations of motion."""
+        if self._count >= FUSED_AFTER:
+            return self.fused.dynamics(q, u, t)
+        self._count += 1
+        return self.system.dynamics(q, u, t)
+
+    def linearize(self, q: Array, u: Array, a: Array, nu: Array, t: float) -> tuple[Array, Array, Array]:
+        """Return K, R and D_q."""
+        source: System | Fused = self.fused if self.quick else self.system
+        self._count += 1
+        return source.linearize(q, u, a, nu, t)
+
+    def linearize_rows(self, q: Array, u: Array, a: Array, t: float) -> tuple[Array, Array, Array]:
+        """Return V_q, A_q and A_u."""
+        source: System | Fused = self.fused if self.quick else self.system
+        return source.linearize_rows(q, u, a, t)
