@@ -11,7 +11,7 @@ from random_mechanisms import KINDS, random_mechanism
 
 import mbstab
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
-from mbstab.analysis.linear import bounds, roundings
+from mbstab.analysis.linear import grouping, roundings
 from mbstab.analysis.linear.bounds import enclosures, enclosures_of
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.methods import METHODS, solver
@@ -286,13 +286,13 @@ def test_values_lie_in_their_discs_where_conjugates_change_places(exponent):
 
 @pytest.mark.parametrize("powers", [0, 20])
 def test_spectral_radii_are_compared_as_their_eigenvalues_say(monkeypatch, powers):
-    monkeypatch.setattr(bounds, "POWERS", powers)
+    monkeypatch.setattr(grouping, "POWERS", powers)
     rng, agreed = np.random.default_rng(4), []
     for k in range(300):
         matrices = rng.uniform(size=(3, 4, 4)) * (rng.uniform(size=(3, 4, 4)) < (0.3, 0.5, 1.0)[k % 3])
         radius = float(np.max(np.abs(np.linalg.eigvals(matrices))))
         for part in (0.5, 0.999, 1.001, 2.0) if radius > 1e-3 else ():
             with np.errstate(all="ignore"):
-                agreed.append(bounds._below(matrices, part * radius) == (part > 1.0))
+                agreed.append(grouping.below(matrices, part * radius) == (part > 1.0))
     assert len(agreed) > 800
     assert all(agreed)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,3 +16,8 @@ def norms(vectors: npt.NDArray[np.float64], axis: int = -1, keepdims: bool = Fal
     """Return the lengths of vectors along an axis, to be divided by: 1 for those that are zero."""
     found = np.linalg.norm(vectors, axis=axis, keepdims=keepdims)
     return np.where(found > 0.0, found, 1.0)
+
+
+def at_block(rows: Any, columns: Any) -> Any:
+    """Return the index of a block of a matrix."""
+    return np.ix_(rows, columns)

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.linear.bounds import Placed, enclosures, enclosures_of
+from mbstab.analysis.linear.bounds import enclosures, enclosures_of
+from mbstab.analysis.linear.discs import Placed
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.methods import DEFAULT, METHODS, Found, solver

@@ -16,7 +16,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.linear import verdict
-from mbstab.analysis.linear.bounds import Disc
+from mbstab.analysis.linear.discs import Disc
 from mbstab.compiler.system import Array
 
 CIRCLE = 64

@@ -22,8 +22,8 @@ from functools import cached_property
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, norms
-from mbstab.analysis.linear.bounds import Disc
 from mbstab.analysis.linear.constancy import affine_drives, period_doubt, time_uses
+from mbstab.analysis.linear.discs import Disc
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.floquet import PERIODICITY, Monodromy, monodromy
 from mbstab.analysis.linear.linearize import linearize

@@ -1,0 +1,260 @@
+"""How far approximate eigenvectors are from solving the linearized equations, and how much these leave open."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.algebra.arrays import Complex, at_block
+from mbstab.analysis.algebra.refinement import ROUNDINGS, Quadratic, refined
+from mbstab.analysis.linear.linearize import Linearization, StateSpace, composite
+from mbstab.analysis.linear.roundings import roundings
+from mbstab.analysis.reference.coefficients import Matrices
+from mbstab.compiler.system import Array
+
+EPS = float(np.finfo(float).eps)
+
+SUMMED = 2.0
+"""A sum of products is computed to so many roundings of its terms, and to one more for four times as many terms."""
+
+SLOWEST = 1e-10
+"""Rates are not told from zero below this part of the typical one."""
+
+DISTINCT = 1e-4
+"""Eigenvalues farther from those of T than this part of what S does there are none of them."""
+
+
+class BackwardErrors:
+    """How far approximate eigenvalues and vectors are from solving the linearized equations."""
+
+    def __init__(self, linear: Linearization, space: StateSpace, gamma: float, S: Array, T: Array, L: Array) -> None:
+        self.linear, self.space, self.gamma, self.S, self.T, self.L = linear, space, gamma, S, T, L
+        self.n_h, self.n_xi, n = linear.n_h, space.n_xi, len(S)
+        known = np.hstack([T, L.T])
+        self.B = np.linalg.qr(known, mode="complete")[0][:, known.shape[1] :] if known.shape[1] else np.eye(n)
+        self.A = self.B.T @ S @ self.B if known.shape[1] else S
+        self.inside, self.outside = T.T @ S, S @ L.T
+        spaces = linear.motion.spaces
+        scale, rows = spaces.scale, spaces.row_scale
+        self.P = space.A[: self.n_xi, : self.n_xi]
+        self.lift_C, self.lift_W = spaces.C.pseudo_inverse, spaces.W.pseudo_inverse
+        self.factors = Matrices(
+            scale * scale[:, None], scale * scale[:, None], scale * scale[:, None], rows[:, None] * scale,
+            rows[self.n_h :, None] * scale,
+        )  # fmt: skip
+        self.m = self.scaled(Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q))
+        # Where a light body is held, rounding of the bases beside zeros would be a great force.
+        C, D_u = self.m.J[: self.n_h], self.m.J[self.n_h :]
+        self.N = spaces.N - self.lift_C @ (C @ spaces.N)
+        self.Z = spaces.Z - self.lift_W @ ((D_u @ self.N) @ spaces.Z)
+
+    def scaled(self, matrices: Matrices) -> Matrices:
+        """Return M, R, K, J and D_q in scaled coordinates and rows."""
+        return Matrices(*(x * f for x, f in zip(matrices, self.factors, strict=True)))
+
+    def motions(self, V: Complex, C: Complex) -> tuple[Motions, Complex]:
+        """Return what columns V with S V = V C + T c are as motions, and V with the speeds that belong to these."""
+        n, N, m = self.n_xi, self.N, self.m
+        # Speeds from places, not both from V: their roundings must not differ.
+        pos, rate = N @ V[:n], V[:n] @ C
+        vel = pos @ C
+        acc = vel @ C
+        if self.T.shape[1]:
+            c = self.inside @ V
+            shift = self.T[:n] @ c
+            rate = rate + shift
+            vel = vel + N @ shift
+            acc = acc + N @ (self.T[:n] @ (c @ C + (self.inside @ self.T) @ c))
+        nu = self._multipliers(m.M @ acc + m.R @ vel + m.K @ pos)
+        V = np.vstack([V[:n], self.Z.T @ (rate - self.P @ V[:n]) / self.gamma])
+        return Motions(pos, vel, acc, nu), V
+
+    def _multipliers(self, force: Complex) -> Complex:
+        """Return ν with Jᵀ ν = −force as nearly as can be."""
+        mu = -self.lift_W.T @ (self.N.T @ force)
+        lam = -self.lift_C.T @ (force + self.m.J[self.n_h :].T @ mu)
+        return np.vstack([lam, mu])
+
+    def weights(self, Y: Complex) -> Weights:
+        """Return what rows Y are as forces, and the weights of the rows of the constraints as polynomials in s."""
+        n, N, Z, m = self.n_xi, self.N, self.Z, self.m
+        M_z = self.space.M_z
+        w = np.linalg.solve(M_z.T, Y[:, n:].T / self.gamma).T if M_z.size else Y[:, n:]
+        y = (w @ Z.T) @ N.T
+        mass = y @ m.M
+        inertia, damping = mass @ N, y @ m.R
+        mu = (Y[:, :n] - inertia @ self.P - damping @ N) @ self.lift_W, -inertia @ self.lift_W
+        D_u, D_q = m.J[self.n_h :], m.D_q
+        lam = y @ m.K + mu[0] @ D_q, damping + mu[0] @ D_u + mu[1] @ D_q, mass + mu[1] @ D_u
+        return Weights(y, tuple(-x @ self.lift_C for x in lam), mu)
+
+    def residual(self, x: Motions, w: Weights, C: Complex, m: Matrices | None = None) -> Complex:
+        """Return y (M ẍ + R ẋ + K x + Jᵀ ν) + λ C x + μ (D_u ẋ + D_q x)."""
+        m = self.m if m is None else m
+        forces = m.M @ x.acc + m.R @ x.vel + m.K @ x.pos + m.J.T @ x.nu
+        first, second = m.J[: self.n_h] @ x.pos, m.J[self.n_h :] @ x.vel + m.D_q @ x.pos
+        result: Complex = w.y @ forces + _polynomial(w.lam, first, C) + _polynomial(w.mu, second, C)
+        return result
+
+    def data(self, x: Motions, w: Weights, V: Complex, Y: Complex, C: Complex, blocks: Any) -> Array:
+        """Return how much the errors of the data, and of evaluating `residual`, leave open of it."""
+        m, y = self.errors, np.abs(w.y)
+        pos, vel, acc, nu = (np.abs(part) for part in x)
+        first, second = m.J[: self.n_h] @ pos, m.J[self.n_h :] @ vel + m.D_q @ pos
+        result: Array = y @ (m.M @ acc + m.R @ vel + m.K @ pos + m.J.T @ nu)
+        for weights, rows in ((w.lam, first), (w.mu, second)):
+            # What one block does to itself: its weights as they are, not the sizes of their terms.
+            own = np.zeros_like(weights[0])
+            for part in reversed(weights):
+                own = C @ own + part
+            each = _polynomial(tuple(map(np.abs, weights)), rows, np.abs(C)) if len(rows) else np.zeros_like(result)
+            result += np.where(blocks, np.abs(own) @ rows, each)
+        result += self._displacing(x, w, C)
+        # T and L are known to rounding.
+        if self.T.shape[1]:
+            result += SUMMED * EPS * np.outer(np.linalg.norm(Y, axis=1), np.linalg.norm(self.inside @ V, axis=0))
+        if self.outside.shape[1]:
+            result += SUMMED * EPS * np.outer(np.linalg.norm(Y @ self.outside, axis=1), np.linalg.norm(V, axis=0))
+        for change in self.displaced:
+            result += np.abs(self.residual(x, w, C, change))
+        return result
+
+    def _displacing(self, x: Motions, w: Weights, C: Complex) -> Array:
+        """Return what is of second order where neither motions nor forces satisfy the constraints exactly."""
+        rows, lift, size = self.m.J[: self.n_h], np.abs(self.lift_C), np.abs(C)
+        result: Array = np.zeros((len(w.y), len(w.y)))
+        if not len(rows):
+            return result
+        rounding = SUMMED * EPS * np.abs(rows)
+        there = lift @ (np.abs(rows @ x.pos) + rounding @ np.abs(x.pos))
+        here = (np.abs(w.y @ rows.T) + np.abs(w.y) @ rounding.T) @ lift.T
+        for change in self.displaced:
+            turned = change.J[: self.n_h]
+            off = lift @ np.abs(turned @ x.pos)
+            there, here = there + off, here + np.abs(w.y @ turned.T) @ lift.T
+            result += np.abs(w.y) @ _polynomial(tuple(map(np.abs, (change.K, change.R, change.M))), off, size)
+            result += _polynomial(tuple(np.abs(part @ turned) for part in w.lam), off, size)
+        result += here @ _polynomial(tuple(map(np.abs, (self.m.K, self.m.R, self.m.M))), there, size)
+        return result
+
+    @cached_property
+    def errors(self) -> Matrices:
+        """Errors of M, R, K, J and D_q in scaled coordinates, and of summing products with them."""
+        summed = (SUMMED + 0.5 * math.log2(len(self.m.M) + len(self.m.J))) * EPS
+        known = (np.nan_to_num(x, nan=np.inf) for x in self.scaled(roundings(self.linear).errors))
+        return Matrices(*(x + summed * np.abs(y) for x, y in zip(known, self.m, strict=True)))
+
+    @cached_property
+    def displaced(self) -> list[Matrices]:
+        """Changes of the matrices by what rounding makes of the coordinates where little holds them."""
+        return [self.scaled(changes) for changes in roundings(self.linear).displaced]
+
+    def weighted(self, W: Complex, rate: float) -> Complex:
+        """Return vectors of A with speeds in units of a rate: of slow motions they are small."""
+        weights = np.ones(len(self.S))
+        weights[self.n_xi :] = self.gamma / max(rate, SLOWEST * self.gamma)
+        result: Complex = (self.B @ W) * weights[:, None]
+        return result
+
+    def backward(self, values: Complex, x: Motions) -> Array:
+        """Return residuals of eigenpairs relative to the matrices."""
+        m, size = self.m, np.abs(values)
+        residual = np.linalg.norm(m.M @ x.acc + m.R @ x.vel + m.K @ x.pos + m.J.T @ x.nu, axis=0)
+        M, R, K, J = (float(np.linalg.norm(part)) for part in m[:4])
+        weight = (size**2 * M + size * R + K) * np.linalg.norm(x.pos, axis=0) + J * np.linalg.norm(x.nu, axis=0)
+        result: Array = residual / weight
+        return result
+
+    def pairs(self, values: Complex, x: Complex) -> Motions:
+        """Return eigenpairs of the whole problem as motions."""
+        m = self.m
+        vel, acc = x * values, x * values**2
+        return Motions(x, vel, acc, self._multipliers(m.M @ acc + m.R @ vel + m.K @ x))
+
+    def full(self, V: Complex, Y: Complex, s: Complex) -> tuple[Motions, Complex, Complex, Complex]:
+        """Return eigenvectors of S as motions, and their left vectors as forces and weights of the rows."""
+        x = self.pairs(s, self.whole(V, s, self.N @ V[: self.n_xi]))
+        w = self.weights(Y + ((Y @ self.outside) / s[:, None]) @ self.L)
+        lam, mu = (sum(part * s[:, None] ** k for k, part in enumerate(weights)) for weights in (w.lam, w.mu))
+        slope = np.sum(w.y * ((2.0 * s) * (self.m.M @ x.pos) + self.m.R @ x.pos).T, axis=1)
+        slope = slope + np.sum(mu * (self.m.J[self.n_h :] @ x.pos).T, axis=1)
+        return x, w.y / slope[:, None], lam / slope[:, None], mu / slope[:, None]
+
+    def spread(self, x: Motions, y: Complex, lam: Complex, mu: Complex, s: Complex) -> Array:
+        """Return how much the errors of the data alone leave open of eigenvalues, to first order."""
+        m, (pos, vel, acc, nu) = self.errors, (np.abs(part) for part in x)
+        forces = m.M @ acc + m.R @ vel + m.K @ pos + m.J.T @ nu
+        rows = m.J[self.n_h :] @ vel + m.D_q @ pos
+        result: Array = np.sum(np.abs(y) * forces.T, axis=1) + np.sum(np.abs(mu) * rows.T, axis=1)
+        result += np.sum(np.abs(lam) * (m.J[: self.n_h] @ pos).T, axis=1)
+        return result
+
+    def quadratic(self, change: Matrices | None = None) -> tuple[Quadratic, npt.NDArray[np.intp]]:
+        """Return the equations before they are reduced, without redundant rows, and what is left of their rows."""
+        own = self.m if change is None else Matrices(*(x + dx for x, dx in zip(self.m, change, strict=True)))
+        linear, n = self.linear, len(self.m.M)
+        redundant = [id(item.row) for item in linear.motion.redundant]
+        kept = np.array([*range(n), *(n + i for i, row in enumerate(linear.rows) if id(row) not in redundant)])
+        terms = (part / (ROUNDINGS * EPS) for part in self.errors)
+        M, R, K, *sizes = (part[at_block(kept, kept)] for m in (own, Matrices(*terms)) for part in composite(m))
+        return Quadratic.of(M, R, K, tuple(sizes)), kept
+
+    def moved(self, s: complex, right: Complex, left: Complex) -> float:
+        """Return how far an eigenvalue moves where little holds the coordinates, in all orders; inf: not known."""
+        total = 0.0
+        for change in self.displaced:
+            for sign in (1.0, -1.0):
+                problem, kept = self.quadratic(Matrices(*(sign * x for x in change)))
+                found = refined(problem, s, right[kept], left[kept])
+                total = max(total, abs(found[0] - s)) if found is not None else math.inf
+        return total * len(self.displaced)
+
+    def whole(self, V: Complex, values: Complex, pos: Complex) -> Complex:
+        """Return eigenvectors as coordinates, with the part along T."""
+        if not self.T.shape[1]:
+            return pos
+        from scipy.linalg import schur, solve_triangular
+
+        inner, c, one = self.inside @ self.T, self.inside @ V, np.eye(self.T.shape[1])
+        triangle, basis = schur(inner, output="complex")
+        turned, own = basis.conj().T @ c, np.diag(triangle)
+        clear = DISTINCT * float(np.max(np.abs(triangle)))
+        result = pos.copy()
+        for j, s in enumerate(values):
+            if np.isfinite(s) and np.isfinite(c[:, j]).all():
+                if np.min(np.abs(s - own)) > clear:
+                    part = basis @ solve_triangular(s * one - triangle, turned[:, j])
+                else:
+                    part = np.linalg.lstsq(s * one - inner, c[:, j], rcond=1e-12)[0]
+                result[:, j] += self.N @ (self.T[: self.n_xi] @ part)
+        return result
+
+
+class Motions(NamedTuple):
+    """Columns lifted to motions."""
+
+    pos: Complex
+    vel: Complex
+    acc: Complex
+    nu: Complex
+
+
+class Weights(NamedTuple):
+    """Rows lifted to forces and to weights of the rows of the constraints, polynomials in s."""
+
+    y: Complex
+    lam: tuple[Complex, ...]
+    mu: tuple[Complex, ...]
+
+
+def _polynomial(weights: tuple[Any, ...], rows: Any, C: Any) -> Any:
+    """Return Σ weights_k rows Cᵏ."""
+    result = weights[0] @ rows
+    for part in weights[1:]:
+        rows = rows @ C
+        result = result + part @ rows
+    return result

@@ -1,0 +1,59 @@
+"""Discs of the complex plane that hold eigenvalues."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.compiler.system import Array
+
+Group = list[int]
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A disc that holds exactly as many eigenvalues as it has members; the radius is inf where nothing is known."""
+
+    centre: complex
+    radius: float
+    members: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Eigenvalues of what is left to judge, and where they can be.
+
+    Attributes
+    ----------
+    values : ndarray of complex, shape (r,)
+        (1/s)
+    discs : list of Disc
+        Disjoint, but for those of radius inf.
+    bounds : ndarray, shape (r,)
+        How far each value can be off (1/s); inf: nothing is known.
+    condition : ndarray, shape (r,)
+        How much the rounding of the data is magnified: the bound relative to the eigenvalue, in roundings.
+    backward_error : ndarray, shape (r,)
+        Residual of the pair relative to the matrices.
+    vectors : ndarray of complex, shape (n_q, r)
+        Δq in scaled coordinates; for members of a cluster a basis of its subspace.
+    neutral : tuple of int
+        Which of the values belong to T and L; they have no disc. Empty for the default method.
+    """
+
+    values: Complex
+    discs: list[Disc]
+    bounds: Array
+    condition: Array
+    backward_error: Array
+    vectors: Complex
+    neutral: tuple[int, ...] = ()
+
+
+def relative(error: Array, values: Complex) -> Array:
+    """Return errors relative to the sizes of eigenvalues, inf at zero."""
+    size = np.abs(values)
+    result: Array = np.where(size > 0.0, error / np.where(size > 0.0, size, 1.0), np.inf)
+    return result
