@@ -194,7 +194,7 @@ def combine(parts: Iterable[tuple[Number, Vector, Vector]], dimension: int) -> t
 _MASS = Field("mass", "number", "mass", "kg", sign="positive")
 _GEOMETRY = (
     Field("points", "points", "named points in the body frame, used as body.point", "m"),
-    Field("directions", "points", "named directions in the body frame, used as axes of joints"),
+    Field("directions", "named directions", "named directions in the body frame, used as axes of joints"),
 )
 _DISTRIBUTION = (
     _MASS,

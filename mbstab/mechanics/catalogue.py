@@ -91,35 +91,20 @@ class Load:
     power: tuple[tuple[Any, Any], ...] = ()
 
 
-Shape = Literal[
-    "number",
-    "vector",
-    "tensor",
-    "markers",
-    "marker",
-    "directions",
-    "direction",
-    "coordinate",
-    "joint",
-    "body",
-    "choice",
-    "law",
-    "law vector",
-    "loads",
-    "constraint",
-    "shape",
-    "parts",
-    "points",
-    "angles",
-]
-
-
 @dataclass(frozen=True)
 class Field:
-    """One key of an entry in a model file."""
+    """One key of an entry in a model file.
+
+    Attributes
+    ----------
+    shape : str
+        What kind of field it is, one of those in `mbstab.model.fields`.
+    unit : str
+        SI unit; "" and "1" stand for everything without a declared unit.
+    """
 
     name: str
-    shape: Shape
+    shape: str
     doc: str
     unit: str = "1"
     required: bool = False
@@ -211,7 +196,6 @@ class Item(Protocol):
     def given(self, name: str) -> bool: ...  # noqa: D102
     def number(self, name: str) -> Number: ...  # noqa: D102
     def vector(self, name: str) -> Vector: ...  # noqa: D102
-    def unit_vector(self, name: str) -> Vector: ...  # noqa: D102
     def choice(self, name: str) -> str: ...  # noqa: D102
     def body(self, name: str) -> int: ...  # noqa: D102
     def marker(self, name: str) -> Marker: ...  # noqa: D102

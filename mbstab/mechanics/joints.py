@@ -110,7 +110,7 @@ AXIS = Field(
     required=True,
 )
 ZERO = Field(
-    "zero", "directions", "direction from which the joint angle counts, in the frame of each body", dimensions=(3,)
+    "zero", "zero directions", "direction from which the joint angle counts, in the frame of each body", dimensions=(3,)
 )
 
 

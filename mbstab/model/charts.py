@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbstab.mechanics.catalogue import Number, Vector
+from mbstab.model.fields.catalogue import given_fields
 
 if TYPE_CHECKING:
     from mbstab.model.scene import BodyValues, Scene
@@ -31,20 +32,9 @@ def named_by(entries: Iterable[Entry]) -> dict[str, str]:
     """Return the coordinates that entries name, and what names them, such as ``drive 'spin'``."""
     found: dict[str, str] = {}
     for entry in entries:
-        for name in _named(entry.values):
-            found.setdefault(name, entry.called)
+        for _, kind, value in given_fields(entry):
+            found.update((name, entry.called) for name in kind.coordinates(value) if name not in found)
     return found
-
-
-def _named(value: object) -> set[str]:
-    """Return the coordinates that the expressions of an entry name, their rates, and those it acts on."""
-    if hasattr(value, "rates"):
-        return {*value.names(), *value.rates()}  # type: ignore[attr-defined]
-    if isinstance(value, dict):
-        return {str(key) for key in value}.union(*(_named(item) for item in value.values()))
-    if isinstance(value, tuple | list):
-        return set().union(*(_named(item) for item in value))
-    return {value} if isinstance(value, str) else set()
 
 
 def regular(scene: Scene) -> Scene:
