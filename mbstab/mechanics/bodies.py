@@ -144,7 +144,7 @@ SHAPES: dict[str, ShapeKind] = {
             "solid sphere",
             (_length("radius", "radius"),),
             None,
-            lambda radius: (2.0 * radius * radius / 5.0,) * 3,  # 0.4 is no double
+            lambda radius: (2.0 * radius * radius / 5.0,) * 3,  # 0.4 is not a double
         ),
     )
 }

@@ -7,8 +7,8 @@ With axle a and plane normal n the contact point lies at
 The ellipsoid has its semi-axes D = diag(a, b, c) along the axes of its body. With the
 normal n in body components the contact point lies at −D² n/h from the centre, at the
 height h = |D n| below it. As n is a unit vector, h² = ρ² + n·(D² − ρ²) n for any ρ; with
-the shortest semi-axis nothing cancels, and a ball has a height that is constant to the
-last digit: a stiffness of round-off would make it unstable.
+the shortest semi-axis nothing cancels, and the height of a ball is constant to the
+last digit; otherwise round-off would act as a stiffness and could make the ball unstable.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind
-from mbstab.mechanics.vectors import _nominal, dot, triad, turned
+from mbstab.mechanics.vectors import dot, representative, triad, turned
 
 # --- elements -------------------------------------------------------------------------------------------------------
 
@@ -191,7 +191,7 @@ def _wheel_elements(item: Item) -> Iterable[ElementUse]:
 def _ellipsoid_elements(item: Item) -> Iterable[ElementUse]:
     center, normal = item.marker("center"), item.direction("normal")
     semi_axes = [item.number(name) for name in "abc"]
-    numbers = (*center.point, *semi_axes, min(semi_axes, key=_nominal), *normal)
+    numbers = (*center.point, *semi_axes, min(semi_axes, key=representative), *normal)
     level = dot(normal, item.vector("origin"))
     yield ElementUse("ellipsoid_height", (center.body,), (*numbers, level), labels=("height",))
     if item.choice("motion") == "rolling":

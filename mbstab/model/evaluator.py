@@ -35,7 +35,7 @@ class Law:
 
 
 class Evaluator:
-    """Turns the quantities of a model into numbers; a problem is recorded, then a harmless number returned."""
+    """Turns the quantities of a model into numbers; after a problem is recorded, it goes on with a harmless number."""
 
     def __init__(self, model: Model, parameters: dict[str, Number], arithmetic: Arithmetic) -> None:
         self.model = model
@@ -80,14 +80,14 @@ class Evaluator:
         return False
 
     def vector(self, components: Components, length: bool = False) -> Vector:
-        """Return the numbers of a vector; those that are lengths count for the size of the scene."""
+        """Return the numbers of a vector; if they are lengths, they count towards the size of the scene."""
         values = tuple(self.number(x) for x in components.values)
         if length and not self.symbolic:
             self.lengths += [abs(x) for x in values if not hasattr(x, "shape")]
         return values
 
     def direction(self, components: Components) -> Vector:
-        """Return a vector whose length matters only in that it exists."""
+        """Return a vector that must not be zero, and whose length does not matter otherwise."""
         values = self.vector(components)
         if self.symbolic:
             return values

@@ -81,7 +81,7 @@ class Names:
         return word
 
     def check_parameter(self, node: Scalar, path: str) -> None:
-        """Refuse a name that is not one of a parameter."""
+        """Refuse a name that no parameter has."""
         if node.text not in self.parameters:
             hint = suggestion(node.text, self.parameters)
             self.nodes.complain(node, path, f"there is no parameter {node.text!r}", hint)

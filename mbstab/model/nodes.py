@@ -36,7 +36,7 @@ class NodeReader:
     def check_name(self, key: Scalar, path: str, what: str, reserved: Iterable[str] = ()) -> bool:
         """Whether a key can be the name of something; refuse it if not."""
         if not NAME.match(key.text):
-            self.complain(key, path, f"{key.text!r} is no name for a {what}", "use letters, digits and _")
+            self.complain(key, path, f"{key.text!r} is not a valid name for a {what}", "use letters, digits and _")
             return False
         if key.text in reserved:
             self.complain(key, path, f"the name {key.text!r} is taken and cannot be a {what}")

@@ -16,7 +16,7 @@ AXES = {"x": 0, "y": 1, "z": 2}
 
 
 class QuantityReader:
-    """Reads what is written as expressions: one, or the several of a vector."""
+    """Reads single expressions and lists of them."""
 
     def __init__(self, names: Names) -> None:
         self.names = names
@@ -109,7 +109,7 @@ class QuantityReader:
         return Components(tuple(values), node.location, path)
 
     def vector(self, node: YamlNode, path: str, unit: str = "", time: bool = False) -> Components:
-        """Return a vector: a list, or the name of an axis such as -z, or 0."""
+        """Return a vector: a list, the name of an axis such as -z, or 0."""
         if isinstance(node, Scalar):
             named = self.axis(node, path)
             if named is not None:
@@ -167,7 +167,7 @@ class QuantityReader:
 
 
 def constant(text: str, location: Location, path: str) -> Quantity:
-    """Return a number that is not written in the file, as if it stood at a place there."""
+    """Return a number that the file leaves out, with the place where it would stand."""
     return Quantity(text, parse(text).root, location, path)
 
 

@@ -60,7 +60,7 @@ class SteadyValues:
 
 @dataclass(frozen=True)
 class InitialValues:
-    """Where a simulation starts, with its numbers: given values by coordinate name; None: the reference time (s)."""
+    """Where a simulation starts, with numbers: values by coordinate name; a time (s) of None: the reference's."""
 
     time: Number | None = None
     coordinates: dict[str, Number] = field(default_factory=dict)
@@ -85,13 +85,13 @@ class Scene:
     period : number or None
         Period of a periodic motion (s).
     points : int or None
-        Number of points of a sweep, if numbers may be arrays over them.
+        Number of points of a sweep, if the numbers are arrays over them.
     lengths : list of float
         Sizes that occur in the scene (m), for scaling tolerances.
     initial : InitialValues
         Where a simulation starts.
     turned : tuple of str
-        Bodies whose given angles are singular, and are counted from their place instead (`mbstab.model.charts`).
+        Bodies whose given angles are singular; theirs count from the given orientation instead (`mbstab.model.charts`).
     """
 
     model: Model

@@ -1,4 +1,4 @@
-"""What a model file says, after reading: expressions with their places, nothing evaluated yet."""
+"""What a model file says once it is read: expressions with their places, nothing evaluated yet."""
 
 from __future__ import annotations
 
@@ -49,15 +49,15 @@ _NOT_FINITE = re.compile(r"[-+]?\.?(nan|inf|infinity)", re.IGNORECASE)
 
 
 def parse_finite(text: str, parameters: Container[str]) -> Expression:
-    """Read an expression; what other programs write for values that are not finite is refused by name.
+    """Read an expression; words such as ``nan`` and ``inf`` are refused by name.
 
     Raises
     ------
     ExpressionError
-        If the text is no expression.
+        If the text is not an expression.
     """
     if _NOT_FINITE.fullmatch(text) and text not in parameters:
-        raise ExpressionError(f"{text!r} is no number", 0, "values must be finite")
+        raise ExpressionError(f"{text!r} is not a number", 0, "values must be finite")
     return parse(text)
 
 
@@ -72,7 +72,7 @@ class Components:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A named number; `factor` turns its declared unit into SI, `sign` is which values it may have."""
+    """A named number; `factor` turns its declared unit into SI, `sign` says which values it may have."""
 
     name: str
     expression: Quantity
@@ -268,7 +268,7 @@ def is_length(coordinate: str) -> bool:
 
 
 def after_number(unit: str) -> str:
-    """Return a unit as it follows a number: a blank and the unit, nothing for a plain number."""
+    """Return a unit as it is written after a number: a blank and the unit, or nothing for a plain number."""
     return f" {unit}" if unit not in ("", "1") else ""
 
 
@@ -281,7 +281,7 @@ SIGNS: tuple[Sign, ...] = ("positive", "nonnegative", "nonzero")
 PARAMETER_FIELDS = {
     "value": "number or expression",
     "unit": "unit of the value",
-    "sign": "values it may have, also with --set and in a sweep, all if not given: one of " + ", ".join(SIGNS),
+    "sign": "values it may have, also with --set and in a sweep; any if not given: one of " + ", ".join(SIGNS),
     "description": "what it is",
 }
 REFERENCE_FIELDS = {
@@ -310,8 +310,8 @@ SWEEP_FIELDS = {"from": "first value", "to": "last value", "points": "number of 
 EXPECT_FIELDS = {
     "at": "parameter values: {omega: 4}",
     "eigenvalues": "all that are not neutral: {real, imag}; an entry with imag stands for the conjugate pair",
-    "tolerance": "relative, of eigenvalues (zeros: within their bounds) and of coordinates (of 1 m, 1 rad at least)",
-    "neutral": "number of neutral eigenvalues: zeros, and pairs of shifts that a turning frame carries around",
+    "tolerance": "relative, for eigenvalues (zeros: within their bounds) and coordinates (against at least 1 m, 1 rad)",
+    "neutral": "number of neutral eigenvalues: zeros, and the imaginary pairs that shifts become in a turning frame",
     "frozen": "true: eigenvalues of the equations frozen at the reference time, as mbstab eig --frozen",
     "coordinates": "coordinates of the reference motion, by body: {body: {x: …}}",
     "redundant": "number of redundant constraint rows",

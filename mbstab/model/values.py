@@ -47,7 +47,7 @@ def evaluate(
 
 
 def _quiet(arithmetic: Arithmetic) -> contextlib.AbstractContextManager[Any]:
-    """Return a context without NumPy's warnings: what is not finite is found and said by the checks."""
+    """Return a context without NumPy's warnings; the checks report values that are not finite."""
     if arithmetic.name != "array":
         return contextlib.nullcontext()
     import numpy as np

@@ -84,7 +84,7 @@ class TensorField(FieldKind):
 
 
 def _read_shape(reading: Reading, node: Mapping, path: str, extra: Iterable[str] = ()) -> ShapeValue | None:
-    """Return the shape that a mapping describes; `extra` are keys it may have besides."""
+    """Return the shape that a mapping describes; `extra` are further keys that it may have."""
     nodes = reading.nodes
     known = "known shapes: " + ", ".join(SHAPES)
     type_node = nodes.required(node, "type", path, known)

@@ -121,7 +121,7 @@ class DirectionField(FieldKind):
     name = "direction"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Components | None:
-        """Return the direction; None as well if the point of the entry has a problem."""
+        """Return the direction; also None if the point of the entry has a problem."""
         return reading.quantities.direction(node, path, reading.bodies[0]) if reading.bodies else None
 
     def numbers(self, owner: Owner, field: Field, value: Components) -> Vector:
@@ -149,7 +149,7 @@ class DirectionsField(FieldKind):
     name = "directions"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> tuple[Components, Components] | None:
-        """Return both directions; None as well if the points of the entry have a problem."""
+        """Return both directions; also None if the points of the entry have a problem."""
         if len(reading.bodies) != 2:
             return None
         one, other = self._nodes(reading, node)

@@ -54,7 +54,7 @@ class AnglesField(VectorField):
     name = "angles"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Components | None:
-        """Return them, which are no vector and never those of an axis."""
+        """Return the angles; names of axes do not count here."""
         if not isinstance(node, Sequence) or len(node.items) != 3:
             reading.nodes.complain(node, path, "expected three angles (rad)", "for example [pi/2, 0, 0]")
             return None

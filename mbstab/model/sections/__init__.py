@@ -1,1 +1,1 @@
-"""The sections of a model file: one module for what is read alike, called by `mbstab.model.reader`."""
+"""The sections of a model file, each read by one of the modules here; `mbstab.model.reader` calls them."""

@@ -26,7 +26,7 @@ CONSTRAINT_KINDS = {
 }
 
 Found = dict[str, tuple[Kind, Mapping]]
-"""Entries by name whose type is known and whose fields are not read yet."""
+"""Entries by name whose types are known, but whose fields have not been read yet."""
 
 
 class EntryReader:
@@ -71,7 +71,7 @@ class EntryReader:
         section = nodes.mapping(root.entries["bodies"], "bodies")
         found = self._find("bodies", section, None, reserved=("ground",))
         if section is not None and not section.entries:
-            nodes.complain(section, "bodies", "a model has one body at least")
+            nodes.complain(section, "bodies", "a model needs at least one body")
         dimensions: dict[int, str] = {}
         for name, (kind, _) in found.items():
             dimensions.setdefault(kind.dimensions[0], name)
@@ -98,7 +98,7 @@ class EntryReader:
         return names.bodies
 
     def _check_distribution(self, entry: Entry, node: Mapping) -> None:
-        """Check that the mass and the inertia of a body are given, and once."""
+        """Check that the mass and the inertia of a body are given exactly once."""
         given = [key for key in ("inertia", "shape", "parts") if key in entry.places]
         if "parts" in given:
             for key in ("mass", "inertia", "shape", "center_of_mass"):
