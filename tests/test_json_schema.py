@@ -14,10 +14,11 @@ import yaml
 from mbstab.mechanics.bodies import SHAPES
 from mbstab.mechanics.elements import KINDS
 from mbstab.model import schema
+from mbstab.model.json_schema import json_schema
 
 ROOT = Path(__file__).parents[1]
 FILES = [path for folder in ("models", "tests/scenes") for path in sorted((ROOT / folder).glob("*.yaml"))]
-SCHEMA = schema.json_schema()
+SCHEMA = json_schema()
 
 
 def as_an_editor_reads(text: str) -> Any:

@@ -505,7 +505,7 @@ def test_a_mode_of_the_linearized_equations_is_where_a_small_motion_stays(name, 
         ({"rate(rod.tetha)": 0.1}, "there is no coordinate 'rod.tetha'\nhint: did you mean 'rate(rod.theta)'?"),
         ({"mode:2": 0.1}, "no mode 2: there is 1 to choose from"),
         ({"rod.theta": "LL"}, "unknown parameter 'LL'\nhint: did you mean 'L'?"),
-        ({"rod.theta": "nan"}, "'nan' is no number"),
+        ({"rod.theta": "nan"}, "'nan' is not a number"),
         ({"rod.theta": math.inf}, "not finite"),
     ],
 )

@@ -21,7 +21,7 @@ def schema(section: str | None, output: Output) -> None:
     Example: mbstab schema -o mbstab.schema.json
     """
     if section is None:
-        from mbstab.model.schema import json_schema
+        from mbstab.model.json_schema import json_schema
         from mbstab.report.export import to_json
 
         output.write(dict.fromkeys(("json", "table"), lambda: to_json(json_schema())))

@@ -41,9 +41,10 @@ from mbstab.mechanics.catalogue import GROUND, ElementUse
 from mbstab.mechanics.elements import ELEMENTS
 from mbstab.mechanics.vectors import plain_zero
 from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
+from mbstab.model.evaluator import Law
 from mbstab.model.expressions import Expression
 from mbstab.model.jets import Jet
-from mbstab.model.scene import Law, Scene
+from mbstab.model.scene import Scene
 from mbstab.model.schema import Entry, unit_of
 
 Array = npt.NDArray[np.float64]

@@ -144,7 +144,7 @@ SHAPES: dict[str, ShapeKind] = {
             "solid sphere",
             (_length("radius", "radius"),),
             None,
-            lambda radius: (2.0 * radius * radius / 5.0,) * 3,  # 0.4 is no double
+            lambda radius: (2.0 * radius * radius / 5.0,) * 3,  # 0.4 is not a double
         ),
     )
 }
@@ -194,7 +194,7 @@ def combine(parts: Iterable[tuple[Number, Vector, Vector]], dimension: int) -> t
 _MASS = Field("mass", "number", "mass", "kg", sign="positive")
 _GEOMETRY = (
     Field("points", "points", "named points in the body frame, used as body.point", "m"),
-    Field("directions", "points", "named directions in the body frame, used as axes of joints"),
+    Field("directions", "named directions", "named directions in the body frame, used as axes of joints"),
 )
 _DISTRIBUTION = (
     _MASS,

@@ -45,7 +45,7 @@ class Element:
         ``inertia``: `define` returns the Lagrangian T − V; ``force``: a `Load`;
         ``holonomic``: rows C(q, s); ``nonholonomic``: rows D(q, u, s).
     frames : tuple of str
-        For which kind of slot it exists, keys of `COORDINATES`.
+        The kinds of slots for which it exists, keys of `COORDINATES`.
     slots : int
         Number of bodies (or coordinates) it connects.
     parameters : tuple of (str, int)
@@ -57,8 +57,8 @@ class Element:
     define : callable
         ``define(frames, parameters, signals)`` with symbolic frames; SymPy is imported inside.
     stored : bool
-        Of a force: whether it is a potential and a dissipation function and nothing else; the
-        last parameter is then the damping, if it has any.
+        Of a force: whether it has only a potential and a dissipation function; its last parameter is
+        then the damping, if it has any.
     """
 
     name: str
@@ -74,7 +74,7 @@ class Element:
 
 @dataclass(frozen=True)
 class Load:
-    """What a force element does, as symbols: any of a potential, a dissipation function, and virtual power.
+    """What a force element does, as symbols: a potential, a dissipation function, virtual power, or several of them.
 
     Attributes
     ----------
@@ -91,35 +91,20 @@ class Load:
     power: tuple[tuple[Any, Any], ...] = ()
 
 
-Shape = Literal[
-    "number",
-    "vector",
-    "tensor",
-    "markers",
-    "marker",
-    "directions",
-    "direction",
-    "coordinate",
-    "joint",
-    "body",
-    "choice",
-    "law",
-    "law vector",
-    "loads",
-    "constraint",
-    "shape",
-    "parts",
-    "points",
-    "angles",
-]
-
-
 @dataclass(frozen=True)
 class Field:
-    """One key of an entry in a model file."""
+    """One key of an entry in a model file.
+
+    Attributes
+    ----------
+    shape : str
+        What kind of field it is, one of those in `mbstab.model.fields`.
+    unit : str
+        SI unit; "" and "1" stand for everything without a declared unit.
+    """
 
     name: str
-    shape: Shape
+    shape: str
     doc: str
     unit: str = "1"
     required: bool = False
@@ -173,7 +158,7 @@ class ElementUse:
 
 @dataclass(frozen=True)
 class Effort:
-    """The force or torque of an entry along one motion x, positive where it drives that on: −k (x − rest) − c ẋ + law.
+    """The force or torque of an entry along one motion x, positive in the direction of x: −k (x − rest) − c ẋ + law.
 
     Attributes
     ----------
@@ -183,11 +168,11 @@ class Effort:
     of : Item
         The joint, or else the entry itself.
     stiffness, rest, damping : number
-        Of a spring; in space an angle counts within half a turn of the rest.
+        Of a spring; in space the angle is the one within half a turn of the rest.
     law : Law or None
         The effort of an actuator as a function of time, or the motion that a drive gives by position.
     driven : bool
-        Whether it is what a constraint row of the entry takes.
+        Whether it is the reaction of the entry's constraint row.
     """
 
     motion: Literal["distance", "angle", "displacement", "coordinate", "point"]
@@ -209,9 +194,9 @@ class Item(Protocol):
     """The functions of the number system in use: ``sqrt``, ``atan2``, …"""
 
     def given(self, name: str) -> bool: ...  # noqa: D102
+    def value(self, name: str) -> Any: ...  # noqa: D102
     def number(self, name: str) -> Number: ...  # noqa: D102
     def vector(self, name: str) -> Vector: ...  # noqa: D102
-    def unit_vector(self, name: str) -> Vector: ...  # noqa: D102
     def choice(self, name: str) -> str: ...  # noqa: D102
     def body(self, name: str) -> int: ...  # noqa: D102
     def marker(self, name: str) -> Marker: ...  # noqa: D102
@@ -234,7 +219,7 @@ class Kind:
     Attributes
     ----------
     name, doc : str
-        What stands behind ``type:`` and what it is.
+        The word after ``type:``, and what it stands for.
     dimensions : tuple of int
         In which scenes it exists: 2 planar, 3 spatial.
     fields : tuple of Field

@@ -7,8 +7,8 @@ With axle a and plane normal n the contact point lies at
 The ellipsoid has its semi-axes D = diag(a, b, c) along the axes of its body. With the
 normal n in body components the contact point lies at −D² n/h from the centre, at the
 height h = |D n| below it. As n is a unit vector, h² = ρ² + n·(D² − ρ²) n for any ρ; with
-the shortest semi-axis nothing cancels, and a ball has a height that is constant to the
-last digit: a stiffness of round-off would make it unstable.
+the shortest semi-axis nothing cancels, and the height of a ball is constant to the
+last digit; otherwise round-off would act as a stiffness and could make the ball unstable.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind
-from mbstab.mechanics.vectors import _nominal, dot, triad, turned
+from mbstab.mechanics.vectors import dot, representative, triad, turned
 
 # --- elements -------------------------------------------------------------------------------------------------------
 
@@ -171,7 +171,7 @@ _ROWS = {
 
 def _disk(item: Item) -> Iterable[ElementUse]:
     center, radius = item.marker("center"), item.number("radius")
-    normal = item.unit_vector("normal")
+    normal = item.direction("normal")
     level = radius + dot(normal, item.vector("origin"))
     yield ElementUse("disk_height", (center.body,), (*center.point, *normal, level), labels=("height",))
     if item.choice("motion") == "rolling":
@@ -179,7 +179,7 @@ def _disk(item: Item) -> Iterable[ElementUse]:
 
 
 def _wheel_elements(item: Item) -> Iterable[ElementUse]:
-    center, normal = item.marker("center"), item.unit_vector("normal")
+    center, normal = item.marker("center"), item.direction("normal")
     numbers = (*center.point, *item.direction("axle"), item.number("radius"), item.number("tube"), *normal)
     level = dot(normal, item.vector("origin"))
     yield ElementUse("wheel_height", (center.body,), (*numbers, level), labels=("height",))
@@ -189,9 +189,9 @@ def _wheel_elements(item: Item) -> Iterable[ElementUse]:
 
 
 def _ellipsoid_elements(item: Item) -> Iterable[ElementUse]:
-    center, normal = item.marker("center"), item.unit_vector("normal")
+    center, normal = item.marker("center"), item.direction("normal")
     semi_axes = [item.number(name) for name in "abc"]
-    numbers = (*center.point, *semi_axes, min(semi_axes, key=_nominal), *normal)
+    numbers = (*center.point, *semi_axes, min(semi_axes, key=representative), *normal)
     level = dot(normal, item.vector("origin"))
     yield ElementUse("ellipsoid_height", (center.body,), (*numbers, level), labels=("height",))
     if item.choice("motion") == "rolling":
@@ -202,7 +202,7 @@ def _ellipsoid_elements(item: Item) -> Iterable[ElementUse]:
 
 def _knife_edge_elements(item: Item) -> Iterable[ElementUse]:
     point, along = item.marker("at"), item.direction("along")
-    heading = (turned(along),) if item.dimension == 2 else (along, item.unit_vector("normal"))
+    heading = (turned(along),) if item.dimension == 2 else (along, item.direction("normal"))
     numbers = tuple(x for vector in (point.point, *heading) for x in vector)
     yield ElementUse("knife_edge", (point.body,), numbers, labels=("sideways",))
 
@@ -228,7 +228,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             (
                 _CENTER,
                 _RADIUS,
-                Field("normal", "vector", "normal of the line, towards the disk", default="y"),
+                Field("normal", "ground direction", "normal of the line, towards the disk", default="y"),
                 _ORIGIN,
                 _MOTION,
             ),
@@ -257,7 +257,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                     default="0",
                     sign="nonnegative",
                 ),
-                Field("normal", "vector", "normal of the plane, towards the wheel", default="z"),
+                Field("normal", "ground direction", "normal of the plane, towards the wheel", default="z"),
                 _ORIGIN,
                 Field(
                     "motion",
@@ -280,7 +280,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                     Field(name, "number", f"semi-axis along {axis} of the body", "m", required=True, sign="positive")
                     for name, axis in zip("abc", "xyz", strict=True)
                 ),
-                Field("normal", "vector", "normal of the plane, towards the ellipsoid", default="z"),
+                Field("normal", "ground direction", "normal of the plane, towards the ellipsoid", default="z"),
                 _ORIGIN,
                 _MOTION,
             ),
@@ -293,7 +293,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             (
                 Field("at", "marker", "the point: body or body.point", required=True),
                 Field("along", "direction", "direction of the blade in the frame of the body", required=True),
-                Field("normal", "vector", "normal of the plane of motion", default="z", dimensions=(3,)),
+                Field("normal", "ground direction", "normal of the plane of motion", default="z", dimensions=(3,)),
             ),
             _knife_edge_elements,
         ),

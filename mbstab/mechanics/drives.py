@@ -83,7 +83,7 @@ ELEMENTS = (
 
 POSITION = Field("position", "law", "given position as a function of the time t (holonomic)")
 VELOCITY = Field("velocity", "law", "given rate as a function of the time t (nonholonomic)")
-MOTION = Field("motion", "choice", "which motion of the joint, if it has both", choices=("angle", "displacement"))
+MOTION = Field("motion", "motion", "which motion of the joint, if it has both", choices=("angle", "displacement"))
 
 
 def _law(item: Item) -> tuple[str, tuple[Any, ...]]:
@@ -116,7 +116,7 @@ def _joint(item: Item) -> Iterable[ElementUse]:
 def _point(item: Item) -> Iterable[ElementUse]:
     name, laws = _law(item)
     point = item.marker("at")
-    parameters = (*point.point, *item.unit_vector("direction"))
+    parameters = (*point.point, *item.direction("direction"))
     yield ElementUse(f"point_{name}", (point.body,), parameters, laws, (name,))
 
 
@@ -163,7 +163,7 @@ KINDS: dict[str, Kind] = {
             (2, 3),
             (
                 Field("at", "marker", "the point: body or body.point", required=True),
-                Field("direction", "vector", "the direction, in ground axes", required=True),
+                Field("direction", "ground direction", "the direction, in ground axes", required=True),
                 *_LAW,
             ),
             _point,

@@ -50,7 +50,7 @@ def _quarter_turn(v: Any) -> Any:
 
 
 def _angle(frames: Any, p: Any, offset: Any) -> Any:
-    """Return joint angle minus offset; in space the smallest such angle, in the plane the coordinates themselves."""
+    """Return joint angle minus offset: in space within half a turn, in the plane the difference of the coordinates."""
     import sympy
 
     first, second = frames
@@ -178,7 +178,7 @@ def _spring_effort(item: Item) -> Effort:
 
 
 def _bearing_effort(item: Item) -> Effort:
-    # What its damping does across the line of the ends is no part of it.
+    # The damping force across the line between the ends does not count here.
     return Effort("distance", item, item.number("stiffness"), 0.0, item.number("damping"))
 
 
@@ -236,7 +236,7 @@ KINDS: dict[tuple[str, int], Kind] = {
         Kind(
             "bearing",
             "spring and damper between two points that may coincide, the same in all directions: the force on the "
-            "first is -stiffness*gap - damping*(rate of the gap in the axes of the second body, which it turns with)",
+            "first is -stiffness*gap - damping*(rate of the gap in the axes of the second body)",
             (2, 3),
             (_ENDS, _STIFFNESS, _DAMPING),
             _bearing_element,

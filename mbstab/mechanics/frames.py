@@ -1,4 +1,4 @@
-"""Symbolic kinematics of a body: what element definitions are written in.
+"""Symbolic kinematics of a body, in terms of which elements are defined.
 
 Orientation in space is Euler X-Y-Z after a constant base rotation, A = B Ax(φ) Ay(θ) Az(ψ),
 Eqs. (120)-(122) of Pappalardo, Lettieri, Guida (2020) with B = 1.

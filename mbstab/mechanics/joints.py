@@ -54,13 +54,13 @@ def _screw(frames: Any, p: Any, s: Any) -> Any:
 
 
 def joint_angle_functions(first: Any, second: Any, p: Any) -> tuple[Any, Any]:
-    """Return cosine and sine of the turn of the first body against the second about the joint axis."""
+    """Return cosine and sine of the turn of the first body relative to the second about the joint axis."""
     zero = first.direction(p.first_v2)
     return zero.dot(second.direction(p.second_v2)), zero.dot(second.direction(p.second_v3))
 
 
 def joint_displacement(first: Any, second: Any, p: Any) -> Any:
-    """Return the travel of the first body against the second along the second's axis."""
+    """Return the travel of the first body relative to the second along the axis of the second."""
     return second.direction(p.second_v1).dot(first.position(p.first) - second.position(p.second))
 
 
@@ -100,7 +100,7 @@ _AT = "a point of each body, written body.point, body or ground"
 BETWEEN = Field(
     "between",
     "markers",
-    f"the two points joined: {_AT}; angles and travel count the first against the second",
+    f"the two points joined: {_AT}; angles and travel are those of the first relative to the second",
     required=True,
 )
 AXIS = Field(
@@ -110,7 +110,7 @@ AXIS = Field(
     required=True,
 )
 ZERO = Field(
-    "zero", "directions", "direction from which the joint angle counts, in the frame of each body", dimensions=(3,)
+    "zero", "zero directions", "direction from which the joint angle counts, in the frame of each body", dimensions=(3,)
 )
 
 
@@ -144,7 +144,7 @@ def _build(*primitives: Primitive) -> Any:
 
 
 def _angle_between(item: Item) -> Any:
-    """Return what the angle of the first body lacks against the second when their axes are parallel."""
+    """Return the angle of the second body minus that of the first when their axes are parallel."""
     if not item.given("axis"):
         return 0.0
     (a, b), (c, d) = (t.v1 for t in item.triads("axis", "zero"))

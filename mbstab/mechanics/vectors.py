@@ -51,7 +51,7 @@ def triad(axis: Vector, zero: Vector | None, sqrt: Callable[[Number], Number]) -
     if len(v1) == 2:
         return Triad(v1, turned(v1), ())
     if zero is None:
-        sizes = [abs(_nominal(x)) for x in v1]
+        sizes = [abs(representative(x)) for x in v1]
         follower = (sizes.index(max(sizes)) + 1) % 3
         zero = tuple(1.0 if i == follower else 0.0 for i in range(3))
     along = dot(zero, v1)
@@ -60,11 +60,11 @@ def triad(axis: Vector, zero: Vector | None, sqrt: Callable[[Number], Number]) -
 
 
 def plain_zero(x: Number) -> bool:
-    """Whether a number is zero and stays it: neither a symbol nor the points of a sweep."""
+    """Whether a number is always zero: neither a symbol nor an array over a sweep."""
     return not (hasattr(x, "shape") or hasattr(x, "free_symbols")) and bool(x == 0)
 
 
-def _nominal(x: Number) -> float:
+def representative(x: Number) -> float:
     """Return one representative of a number: the first point of a sweep, the value of a constant."""
     if hasattr(x, "flat"):
         return float(x.flat[0])

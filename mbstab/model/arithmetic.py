@@ -50,7 +50,7 @@ class Arithmetic:
     constants : dict
         Values of `CONSTANTS` in this number system.
     functions : dict
-        One callable for each of `FUNCTIONS`, for ``power``, ``sign`` (−1, 0 or 1)
+        One callable for each of `FUNCTIONS`, and for ``power``, ``sign`` (−1, 0 or 1)
         and ``abs_slope``, the derivative of ``abs``, which does not exist at 0.
     """
 

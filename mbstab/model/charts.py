@@ -1,4 +1,4 @@
-"""Bodies whose given Euler angles are singular: the same orientation, counted from another base rotation.
+"""Bodies with given Euler angles at their singularity: the same orientation, counted from another base rotation.
 
 The angles of a spatial body, A = B Ax(φ) Ay(θ) Az(ψ), lose a direction where cos θ = 0. Nothing in
 the equations of motion depends on the base rotation B: with B′ = A and angles of zero the body
@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbstab.mechanics.catalogue import Number, Vector
+from mbstab.model.fields.catalogue import given_fields
 
 if TYPE_CHECKING:
     from mbstab.model.scene import BodyValues, Scene
     from mbstab.model.schema import Entry
 
 SINGULAR = 1e-4
-"""Where |cos θ| is smaller, digits are lost with these angles."""
+"""Below this |cos θ|, these angles lose digits."""
 
 ANGLES = ("phi", "theta", "psi")
 
@@ -31,24 +32,13 @@ def named_by(entries: Iterable[Entry]) -> dict[str, str]:
     """Return the coordinates that entries name, and what names them, such as ``drive 'spin'``."""
     found: dict[str, str] = {}
     for entry in entries:
-        for name in _named(entry.values):
-            found.setdefault(name, entry.called)
+        for _, kind, value in given_fields(entry):
+            found.update((name, entry.called) for name in kind.coordinates(value) if name not in found)
     return found
 
 
-def _named(value: object) -> set[str]:
-    """Return the coordinates that the expressions of an entry name, their rates, and those it acts on."""
-    if hasattr(value, "rates"):
-        return {*value.names(), *value.rates()}  # type: ignore[attr-defined]
-    if isinstance(value, dict):
-        return {str(key) for key in value}.union(*(_named(item) for item in value.values()))
-    if isinstance(value, tuple | list):
-        return set().union(*(_named(item) for item in value))
-    return {value} if isinstance(value, str) else set()
-
-
 def regular(scene: Scene) -> Scene:
-    """Return a scene in which no body with given angles is at their singularity, where that can be."""
+    """Return a scene in which no body has singular given angles, as far as that is possible."""
     if scene.dimension == 2 or scene.arithmetic.name == "symbol":
         return scene
     named = named_by(item.entry for item in scene.items)
@@ -60,7 +50,7 @@ def regular(scene: Scene) -> Scene:
             continue
         given = [name in rates for name in names]
         if any(given) and not all(given):
-            continue  # what is solved for has no meaning here
+            continue  # a rate that is solved for would change its meaning
         angles = tuple(coordinates[name] for name in names)
         if all(given):
             speeds = _turning(angles, tuple(rates[name] for name in names), scene.arithmetic)
@@ -79,7 +69,7 @@ def _singular(theta: Number) -> bool:
 
 
 def _based(body: BodyValues, angles: Vector, f: Any) -> BodyValues:
-    """Return a body whose angles count from where these take it."""
+    """Return a body whose angles count from the orientation that the given ones describe."""
     return replace(body, base=_product(body.base, euler_matrix(angles, f)))
 
 
@@ -88,7 +78,7 @@ def _product(one: Vector, other: Vector) -> Vector:
 
 
 def _turning(angles: Vector, rates: Vector, f: Any) -> Vector:
-    """Return the angular velocity in body axes of Euler rates, which are the rates of angles of zero."""
+    """Return the angular velocity in body axes for Euler rates; at angles of zero it equals the Euler rates."""
     (c1, s1), (c2, s2) = ((f.cos(x), f.sin(x)) for x in angles[:2])
     columns: tuple[Mapping[int, Any], ...] = ({0: 1.0}, {1: c1, 2: s1}, {0: s2, 1: -s1 * c2, 2: c1 * c2})
     spin = [sum(column.get(i, 0.0) * rate for column, rate in zip(columns, rates, strict=True)) for i in range(3)]

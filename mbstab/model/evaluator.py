@@ -1,15 +1,17 @@
-"""Quantities of a model as numbers."""
+"""Quantities of a model as numbers, and as functions of time."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import Field, Number, Vector
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.expressions import ExpressionError
-from mbstab.model.numbers import all_of, broken_sign, is_finite, nominal
+from mbstab.model.jets import Jet, jet_arithmetic
+from mbstab.model.numbers import all_of, broken_sign, is_finite, nominal, require_finite
 from mbstab.model.schema import (
     Components,
     Model,
@@ -18,8 +20,22 @@ from mbstab.model.schema import (
 )
 
 
+@dataclass(frozen=True)
+class Law:
+    """A given function of time."""
+
+    expression: Quantity
+    names: Mapping[str, Number]
+    arithmetic: Arithmetic
+
+    def at(self, time: Number) -> Jet:
+        """Return value, first and second derivative at a time (s)."""
+        names = {**self.names, "t": Jet(time, 1, 0)}
+        return Jet.of(self.expression.evaluate(names, jet_arithmetic(self.arithmetic)))
+
+
 class Evaluator:
-    """Turns the quantities of a model into numbers; a problem is recorded, then a harmless number returned."""
+    """Turns the quantities of a model into numbers; after a problem is recorded, it goes on with a harmless number."""
 
     def __init__(self, model: Model, parameters: dict[str, Number], arithmetic: Arithmetic) -> None:
         self.model = model
@@ -64,14 +80,14 @@ class Evaluator:
         return False
 
     def vector(self, components: Components, length: bool = False) -> Vector:
-        """Return the numbers of a vector; those that are lengths count for the size of the scene."""
+        """Return the numbers of a vector; if they are lengths, they count towards the size of the scene."""
         values = tuple(self.number(x) for x in components.values)
         if length and not self.symbolic:
             self.lengths += [abs(x) for x in values if not hasattr(x, "shape")]
         return values
 
     def direction(self, components: Components) -> Vector:
-        """Return a vector whose length matters only in that it exists."""
+        """Return a vector that must not be zero, and whose length does not matter otherwise."""
         values = self.vector(components)
         if self.symbolic:
             return values
@@ -80,3 +96,18 @@ class Evaluator:
             self.complain(components, f"a direction must have a length, this one has {nominal(square) ** 0.5:g}")
             return (1.0, 2.0, 3.0)[: len(values)]
         return values
+
+    def law(self, quantity: Quantity) -> Law:
+        """Return a function of time."""
+        return Law(quantity, self.parameters, self.f)
+
+    def check_law(self, law: Law, time: Number) -> None:
+        """Record a problem if a function of time or one of its derivatives is not finite at a time (s)."""
+        if self.symbolic:
+            return
+        try:
+            jet = law.at(time)
+            for value in (jet.value, jet.rate, jet.second):
+                require_finite(value)
+        except ExpressionError as error:
+            self.complain(law.expression, error.message)

@@ -3,8 +3,8 @@
 Grammar: numbers, names (with a dot for coordinates, ``rod.theta``), ``+ - * / **``,
 parentheses, the functions and constants of `mbstab.model.arithmetic`, and
 ``rate(rod.theta)`` for the time derivative of a coordinate. Nothing else: no
-attribute access, no calls of anything that is not on the list. Limits on length,
-depth and exponent keep a hostile text from costing time.
+attribute access, no calls of anything else. Limits on length,
+depth and exponent keep a hostile text from taking much time.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _TOKEN = re.compile(
 
 
 class ExpressionError(MbstabError):
-    """A text is no expression, or has no value; `position` counts characters from 0."""
+    """A text that is not an expression, or has no value; `position` counts characters from 0."""
 
     exit_code = 2
 
@@ -71,7 +71,7 @@ class Rate:
 
 @dataclass(frozen=True)
 class Call:
-    """A function of the list applied to its arguments."""
+    """One of the listed functions applied to its arguments."""
 
     function: str
     arguments: tuple[Node, ...]
@@ -137,7 +137,7 @@ class Expression:
         return found
 
     def pieced(self) -> bool:
-        """Whether it is put together from pieces: a function with a kink or a joint of a coordinate or its rate."""
+        """Whether it is piecewise in the motion: a function with a kink or a joint, of a coordinate or its rate."""
         return any(
             isinstance(node, Call)
             and node.function in PIECED
@@ -166,7 +166,7 @@ class Expression:
 
 
 def _below(node: Node) -> Iterator[Node]:
-    """Yield the nodes of which a node is made."""
+    """Yield the nodes that a node contains."""
     for part in _parts(node):
         yield part
         yield from _below(part)
@@ -224,7 +224,7 @@ def parse(text: str) -> Expression:
         With the position of the first character that does not fit the grammar.
     """
     if len(text) > MAX_LENGTH:
-        raise ExpressionError(f"an expression may have {MAX_LENGTH} characters, this one has {len(text)}")
+        raise ExpressionError(f"an expression may have at most {MAX_LENGTH} characters, this one has {len(text)}")
     return Expression(text, _Parser(text).parse())
 
 
@@ -271,7 +271,7 @@ class _Parser:
         while stack:
             node, above = stack.pop()
             if above > MAX_CHAIN:
-                raise ExpressionError(f"an expression may chain {MAX_CHAIN} operators", node.position)
+                raise ExpressionError(f"an expression may chain at most {MAX_CHAIN} operators", node.position)
             stack.extend((part, above + 1) for part in _parts(node))
 
     def _accept(self, *operators: str) -> tuple[str, int] | None:
@@ -290,7 +290,7 @@ class _Parser:
     def _deeper(self, at: int) -> None:
         self.depth += 1
         if self.depth > MAX_DEPTH:
-            raise ExpressionError(f"an expression may be nested {MAX_DEPTH} deep", at)
+            raise ExpressionError(f"an expression may be nested at most {MAX_DEPTH} deep", at)
 
     def _sum(self) -> Node:
         node = self._product()
@@ -323,7 +323,7 @@ class _Parser:
         self.depth -= 1
         literal = Expression("", exponent)
         if literal.literal and abs(float(_magnitude(exponent))) > MAX_EXPONENT:
-            raise ExpressionError(f"an exponent may be {MAX_EXPONENT:g} at most", exponent.position)
+            raise ExpressionError(f"an exponent may be at most {MAX_EXPONENT:g}", exponent.position)
         return Binary("**", base, exponent, found[1])
 
     def _atom(self) -> Node:
@@ -333,7 +333,7 @@ class _Parser:
             # Exact number systems would spell out every digit of 1e-999999999.
             exponent = token.lower().partition("e")[2].lstrip("+-0")
             if len(exponent) > 3 or float(token) > MAX_NUMBER:
-                raise ExpressionError(f"a number may be {MAX_NUMBER:g} at most, with three digits in its exponent", at)
+                raise ExpressionError(f"a number may be at most {MAX_NUMBER:g}, with three digits in its exponent", at)
             return Number(token, at)
         if kind == "operator" and token == "(":
             self._deeper(at)

@@ -55,8 +55,8 @@ def find_model(name: str) -> FoundModel:
     try:
         if path.exists():
             return FoundModel(path, False)
-    except (OSError, ValueError):  # a name that the system refuses
-        raise UsageError(f"{name!r} is no file name") from None
+    except (OSError, ValueError):  # the system refuses the name
+        raise UsageError(f"{name!r} is not a file name") from None
     if path.name == name:
         example = models_folder() / (name if name.endswith(SUFFIX) else name + SUFFIX)
         if example.is_file():

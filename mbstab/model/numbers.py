@@ -1,4 +1,4 @@
-"""What is asked of numbers of any number system: whether they are finite, and have the sign they must have."""
+"""Checks of numbers in any number system: whether they are finite and have the required sign."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def require_finite(value: Number) -> Number:
 
 
 def is_finite(value: Number) -> bool:
-    """Whether a number, or each of an array, is finite; other numbers than floats are."""
+    """Whether a number, or each of an array, is finite; numbers other than floats always are."""
     if hasattr(value, "shape"):
         import numpy as np
 
@@ -32,7 +32,7 @@ def is_finite(value: Number) -> bool:
 
 
 def broken_sign(value: Number, sign: Sign) -> tuple[str, float] | None:
-    """Return the rule that a value breaks, such as ``be positive``, and the value; None: it has the sign."""
+    """Return the rule that a value breaks, such as ``be positive``, and the value; None if it has the sign."""
     match sign:
         case "positive":
             good, rule = value > 0, "be positive"
@@ -49,7 +49,7 @@ def broken_sign(value: Number, sign: Sign) -> tuple[str, float] | None:
 
 
 def _blur(value: Number) -> Number:
-    """Return what the rounded radius of a wide ball adds to it: the ends of an interval are judged as points."""
+    """Return how much the rounded radius of a wide ball adds to it, so that the ends of an interval count as points."""
     return value.rad() * 2.0**-20 if hasattr(value, "rad") else 0
 
 

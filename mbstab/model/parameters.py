@@ -26,15 +26,15 @@ from mbstab.model.units import UNITS, exact_factor, parse_unit
 def parse_overrides(model: Model, settings: Mapping[str, object], arithmetic: Arithmetic = FLOAT) -> dict[str, Number]:
     """Return parameter values in SI for settings such as ``{"omega": "2*pi"}``.
 
-    A plain number counts in the declared unit of the parameter, one with a unit of its own such as
-    ``2 kg`` in that; an expression may use the other parameters' values in the file and counts in
+    A plain number is in the declared unit of the parameter, and one with a unit of its own, such as
+    ``2 kg``, in that unit. An expression may use the other parameters' values in the file and is in
     SI. In a number system other than floats a text keeps all its digits, and a float stands for
-    the decimals it is printed with.
+    the decimals with which it is printed.
 
     Raises
     ------
     UsageError
-        If a parameter is unknown or the value is no finite number in a unit that fits.
+        If a parameter is unknown or the value is not a finite number in a unit that fits.
     """
     return {name: _override(model, name, setting, arithmetic) for name, setting in settings.items()}
 
@@ -52,7 +52,7 @@ def _parameter(model: Model, name: str) -> Parameter:
 
 
 def _factor(parameter: Parameter, arithmetic: Arithmetic) -> Number:
-    """Return what turns the unit of a parameter into SI, as exact as the number system can have it."""
+    """Return the factor from the unit of a parameter to SI, as exactly as the number system can represent it."""
     if parameter.factor == 1.0 or arithmetic.name in ("float", "array"):
         return parameter.factor
     return exact_factor(parameter.unit, arithmetic)
@@ -62,16 +62,16 @@ _WITH_UNIT = re.compile(r"(?P<value>[-+*/(). 0-9eE]*[0-9.)])\s*(?![eE][0-9])(?P<
 
 
 MANY = 2000
-"""Digits of a setting that is given as a number with many digits."""
+"""Digits that are kept of a setting given as a multiprecision number."""
 
 
 def plain_setting(model: Model, name: str, setting: object) -> int | float | str:
-    """Return the value of a parameter as it is told, as a number or a text.
+    """Return a setting as a number or a text, as it was given.
 
     Raises
     ------
     UsageError
-        If the parameter is unknown, or what is given is neither one number nor a text.
+        If the parameter is unknown, or the setting is neither a single number nor a text.
     """
     parameter = _parameter(model, name)
     if getattr(setting, "shape", None) == ():
@@ -95,7 +95,7 @@ def plain_setting(model: Model, name: str, setting: object) -> int | float | str
                 return str(Decimal(mantissa) * Decimal(2) ** exponent)
         case numbers.Real():
             return float(setting)
-    hint = "a number, or a text with an expression; None and True are neither, several values are for a sweep"
+    hint = "give a number or a text with an expression, not None or True; several values are for a sweep"
     raise UsageError(f"{name}={setting!r}: a parameter is one number\nhint: {hint}")
 
 
@@ -120,12 +120,12 @@ def parse_setting(model: Model, name: str, text: str) -> tuple[Expression, str]:
         raise ExpressionError(f"the parameter {name} has no unit in the file", 0, hint)
     found, expected = parse_unit(unit)[1], parse_unit(own)[1]
     if found != expected:
-        raise ExpressionError(f"{unit} is no unit of {name}, which is declared in {own}", 0, f"give it in {own}")
+        raise ExpressionError(f"{unit} is not a unit of {name}, which is declared in {own}", 0, f"give it in {own}")
     return value, unit
 
 
 def unit_factor(unit: str, arithmetic: Arithmetic) -> Number:
-    """Return what turns a unit into SI, as exact as the number system can have it."""
+    """Return the factor from a unit to SI, as exactly as the number system can represent it."""
     return parse_unit(unit)[0] if arithmetic.name in ("float", "array") else exact_factor(unit, arithmetic)
 
 
@@ -163,7 +163,7 @@ def evaluate_parameters(model: Model, overrides: Mapping[str, Number], arithmeti
     Raises
     ------
     ModelFileError
-        With every parameter that has no finite value, or one that the file does not allow.
+        With every parameter whose value is not finite or not allowed by the file.
     UsageError
         If a parameter to be replaced is unknown.
     """

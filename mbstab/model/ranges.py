@@ -7,7 +7,7 @@ from typing import Any
 from mbstab.errors import UsageError
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import evaluate_parameters, parse_overrides
-from mbstab.model.schema import Model
+from mbstab.model.schema import Model, SweepRange
 
 POINTS = 401
 
@@ -31,7 +31,7 @@ def sweep_values(
     points : int, optional
         Number of values.
     logarithmic : bool
-        Whether their ratios are equal instead of their differences.
+        Whether successive values have equal ratios instead of equal differences.
     values : str, optional
         The values themselves, separated by commas.
 
@@ -45,13 +45,35 @@ def sweep_values(
     parse_overrides(model, {parameter: 0.0})  # is there such a parameter?
     if values is not None:
         if start is not None or stop is not None or points is not None or logarithmic:
-            raise UsageError("--values says all: leave out --from, --to, --points and --log")
-        found = np.array([_value(model, parameter, text) for text in values.split(",")])
-        steps = np.diff(found)
-        if len(found) < 2 or not (np.all(steps > 0.0) or np.all(steps < 0.0)):
-            raise UsageError(f"--values {values}: give at least two values in ascending or descending order")
-        return found
+            raise UsageError("--values gives the whole range: leave out --from, --to, --points and --log")
+        return _listed(model, parameter, values)
     default = model.sweep.get(parameter)
+    first, last = _ends(model, parameter, start, stop, default)
+    if first == last:
+        raise UsageError(f"the range of {parameter} is empty: both ends are {first:g}")
+    count = points if points is not None else default.points if default is not None else POINTS
+    if logarithmic:
+        if first <= 0.0 or last <= 0.0:
+            raise UsageError(f"--log needs positive ends, not {first:g} and {last:g}")
+        return np.geomspace(first, last, count)
+    return np.linspace(first, last, count)
+
+
+def _listed(model: Model, parameter: str, values: str) -> Any:
+    """Return values that are separated by commas."""
+    import numpy as np
+
+    found = np.array([_value(model, parameter, text) for text in values.split(",")])
+    steps = np.diff(found)
+    if len(found) < 2 or not (np.all(steps > 0.0) or np.all(steps < 0.0)):
+        raise UsageError(f"--values {values}: give at least two values in ascending or descending order")
+    return found
+
+
+def _ends(
+    model: Model, parameter: str, start: str | float | None, stop: str | float | None, default: SweepRange | None
+) -> list[float]:
+    """Return the first and the last value: those given, or else those of the file."""
     ends = []
     written_ends = (None, None) if default is None else (default.start, default.stop)
     for name, given, written in zip(("--from", "--to"), (start, stop), written_ends, strict=True):
@@ -66,15 +88,7 @@ def sweep_values(
                 f"{name} is missing: {model.name} has no sweep: block for {parameter}\n"
                 f"hint: --from … --to …, or sweep: {{{parameter}: {{from: …, to: …}}}} in the file"
             )
-    first, last = ends
-    if first == last:
-        raise UsageError(f"the range of {parameter} is empty: both ends are {first:g}")
-    count = points if points is not None else default.points if default is not None else POINTS
-    if logarithmic:
-        if first <= 0.0 or last <= 0.0:
-            raise UsageError(f"--log needs positive ends, not {first:g} and {last:g}")
-        return np.geomspace(first, last, count)
-    return np.linspace(first, last, count)
+    return ends
 
 
 def _value(model: Model, parameter: str, given: str | float) -> float:

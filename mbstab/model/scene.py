@@ -8,18 +8,15 @@ from typing import Any
 
 from mbstab.errors import Location
 from mbstab.mechanics import vectors
-from mbstab.mechanics.catalogue import GROUND, Kind, Marker, Number, Triad, Vector
+from mbstab.mechanics.catalogue import Kind, Marker, Number, Triad, Vector
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.evaluator import Evaluator
-from mbstab.model.expressions import ExpressionError
-from mbstab.model.jets import Jet, jet_arithmetic
-from mbstab.model.numbers import all_of, require_finite
+from mbstab.model.fields.catalogue import given_fields, kind_of
+from mbstab.model.numbers import all_of
 from mbstab.model.schema import (
     Components,
     Entry,
-    MarkerValue,
     Model,
-    Quantity,
 )
 
 
@@ -51,20 +48,6 @@ class BodyValues:
 
 
 @dataclass(frozen=True)
-class Law:
-    """A given function of time."""
-
-    expression: Quantity
-    names: Mapping[str, Number]
-    arithmetic: Arithmetic
-
-    def at(self, time: Number) -> Jet:
-        """Return value, first and second derivative at a time (s)."""
-        names = {**self.names, "t": Jet(time, 1, 0)}
-        return Jet.of(self.expression.evaluate(names, jet_arithmetic(self.arithmetic)))
-
-
-@dataclass(frozen=True)
 class SteadyValues:
     """A steady motion with its numbers: unit vectors, rates in rad/s and m/s; None for what is not given."""
 
@@ -77,7 +60,7 @@ class SteadyValues:
 
 @dataclass(frozen=True)
 class InitialValues:
-    """Where a simulation starts, with its numbers: given values by coordinate name; None: the reference time (s)."""
+    """Where a simulation starts, with numbers: values by coordinate name; a time (s) of None: the reference's."""
 
     time: Number | None = None
     coordinates: dict[str, Number] = field(default_factory=dict)
@@ -102,13 +85,13 @@ class Scene:
     period : number or None
         Period of a periodic motion (s).
     points : int or None
-        Number of points of a sweep, if numbers may be arrays over them.
+        Number of points of a sweep, if the numbers are arrays over them.
     lengths : list of float
         Sizes that occur in the scene (m), for scaling tolerances.
     initial : InitialValues
         Where a simulation starts.
     turned : tuple of str
-        Bodies whose given angles are singular, and are counted from their place instead (`mbstab.model.charts`).
+        Bodies whose given angles are singular; theirs count from the given orientation instead (`mbstab.model.charts`).
     """
 
     model: Model
@@ -141,134 +124,65 @@ class Scene:
 class ItemValues:
     """An entry with its numbers; the `Item` that `Kind.build` sees."""
 
-    def __init__(self, entry: Entry, evaluator: Evaluator, joints: dict[str, ItemValues]) -> None:
+    def __init__(self, entry: Entry, evaluator: Evaluator, joints: Mapping[str, ItemValues]) -> None:
         self.entry = entry
         self.name = entry.name
         self.kind: Kind = entry.kind
         self.functions = evaluator.f
         self.dimension = evaluator.model.dimension
-        self._evaluator = evaluator
+        self.evaluator = evaluator
         self._joints = joints
-        self._cache: dict[str, Any] = {}
+        self._numbers: dict[str, Any] = {}
 
     def check(self, time: Number) -> None:
-        """Evaluate every field once, so that all problems are found together; functions of time at `time`."""
-        for field_ in self.kind.fields:
-            if not self.given(field_.name):
-                continue
-            match field_.shape:
-                case "number":
-                    self.number(field_.name)
-                case "vector" if field_.unit == "m":
-                    self.vector(field_.name)
-                case "vector" | "direction":
-                    self.unit_vector(field_.name)
-                case "directions":
-                    self.triads("axis", "zero")
-                case "marker":
-                    self.marker(field_.name)
-                case "markers":
-                    self.markers(field_.name)
-                case "law" | "law vector":
-                    for law in self.laws(field_.name):
-                        self._check_law(law, time)
-
-    def _check_law(self, law: Law, time: Number) -> None:
-        if self._evaluator.symbolic:
-            return
-        try:
-            jet = law.at(time)
-            for value in (jet.value, jet.rate, jet.second):
-                require_finite(value)
-        except ExpressionError as error:
-            self._evaluator.complain(law.expression, error.message)
+        """Evaluate every field once, so that all problems are found together; functions of time at `time` (s)."""
+        for field_, kind, _ in given_fields(self.entry):
+            kind.check(self, field_, self.value(field_.name), time)
 
     def given(self, name: str) -> bool:
         """Whether the field has a value, its own or a default."""
         return name in self.entry.values
 
-    def number(self, name: str) -> Number:
-        """Return a number of the entry."""
-        if name not in self._cache:
-            self._cache[name] = self._evaluator.number(self.entry.values[name], self.kind.field(name))
-        return self._cache[name]
+    def value(self, name: str) -> Any:
+        """Return a field with its numbers, as its kind makes them (`mbstab.model.fields`)."""
+        if name not in self._numbers:
+            field_ = self.kind.field(name)
+            self._numbers[name] = kind_of(field_).numbers(self, field_, self.entry.values[name])
+        return self._numbers[name]
 
-    def vector(self, name: str) -> Vector:
-        """Return a vector in ground axes, as written."""
-        if name not in self._cache:
-            self._cache[name] = self._evaluator.vector(self.entry.values[name], self.kind.field(name).unit == "m")
-        return self._cache[name]  # type: ignore[no-any-return]
+    # The names under which the mechanics ask for it say what kind of field they expect.
+    number = vector = direction = choice = body = marker = markers = coordinate = joint = law = laws = value
 
-    def unit_vector(self, name: str) -> Vector:
-        """Return a vector in ground axes with length 1."""
-        if name not in self._cache:
-            direction = self._evaluator.direction(self.entry.values[name])
-            self._cache[name] = vectors.unit(direction, self._evaluator.f.sqrt)
-        return self._cache[name]  # type: ignore[no-any-return]
-
-    def direction(self, name: str) -> Vector:
-        """Return a unit vector in the frame of the entry's body."""
-        return self.unit_vector(name)
-
-    def choice(self, name: str) -> str:
-        """Return a word."""
-        return str(self.entry.values[name])
-
-    def body(self, name: str) -> int:
-        """Return the number of a body."""
-        return self._evaluator.body_numbers[self.entry.values[name]]
-
-    def _marker(self, value: MarkerValue) -> Marker:
-        body = GROUND if value.body is None else self._evaluator.body_numbers[value.body]
-        return Marker(body, self._evaluator.vector(value.point, length=True))
-
-    def marker(self, name: str) -> Marker:
-        """Return a point of a body."""
-        if name not in self._cache:
-            self._cache[name] = self._marker(self.entry.values[name])
-        return self._cache[name]  # type: ignore[no-any-return]
-
-    def markers(self, name: str) -> tuple[Marker, Marker]:
-        """Return two points."""
-        if name not in self._cache:
-            first, second = self.entry.values[name]
-            self._cache[name] = self._marker(first), self._marker(second)
-        return self._cache[name]  # type: ignore[no-any-return]
+    def joint_named(self, name: str) -> ItemValues:
+        """Return the joint of that name."""
+        return self._joints[name]
 
     def triads(self, axis: str, zero: str) -> tuple[Triad, Triad]:
         """Return the triads of the two markers of a joint."""
         key = f"triads {axis}"
-        if key not in self._cache:
-            axes = self.entry.values[axis]
-            zeros = self.entry.values.get(zero, (None, None))
-            self._cache[key] = tuple(self._triad(*pair) for pair in zip(axes, zeros, strict=True))
-        return self._cache[key]  # type: ignore[no-any-return]
+        if key not in self._numbers:
+            zeros = self.value(zero) if self.given(zero) else (None, None)
+            written = self.entry.values.get(zero, (None, None))
+            pairs = zip(self.value(axis), zeros, written, strict=True)
+            self._numbers[key] = tuple(self._triad(*pair) for pair in pairs)
+        return self._numbers[key]  # type: ignore[no-any-return]
 
-    def _triad(self, axis: Components, zero: Components | None) -> Triad:
-        evaluator = self._evaluator
-        direction = evaluator.direction(axis)
-        reference = None if zero is None else evaluator.direction(zero)
-        if zero is not None and reference is not None and not evaluator.symbolic:
-            across = vectors.cross(*(vectors.unit(v, evaluator.f.sqrt) for v in (direction, reference)))
+    def _triad(self, axis: Vector, zero: Vector | None, written: Components | None) -> Triad:
+        evaluator = self.evaluator
+        if zero is not None and written is not None and not evaluator.symbolic:
+            across = vectors.cross(*(vectors.unit(v, evaluator.f.sqrt) for v in (axis, zero)))
             if not all_of(vectors.dot(across, across) > 1e-16):
-                evaluator.complain(zero, "zero must not be along the axis")
-                reference = None
-        return vectors.triad(direction, reference, evaluator.f.sqrt)
+                evaluator.complain(written, "zero must not be along the axis")
+                zero = None
+        return vectors.triad(axis, zero, evaluator.f.sqrt)
 
-    def coordinate(self, name: str) -> int:
-        """Return the number of a coordinate."""
-        return self._evaluator.coordinate_numbers[self.entry.values[name]]
+    def points(self) -> list[Marker]:
+        """Return the points of bodies at which the entry itself acts."""
+        return [
+            marker for field_, kind, _ in given_fields(self.entry) for marker in kind.markers(self.value(field_.name))
+        ]
 
-    def joint(self, name: str) -> ItemValues:
-        """Return the joint that the entry names."""
-        return self._joints[self.entry.values[name]]
-
-    def laws(self, name: str) -> tuple[Law, ...]:
-        """Return functions of time."""
-        value = self.entry.values[name]
-        quantities = value.values if isinstance(value, Components) else (value,)
-        return tuple(Law(x, self._evaluator.parameters, self._evaluator.f) for x in quantities)
-
-    def law(self, name: str) -> Law:
-        """Return a function of time."""
-        return self.laws(name)[0]
+    def points_acted_on(self) -> list[Marker]:
+        """Return the points of bodies at which the entry acts, by itself or through the joint that it names."""
+        named = (name for _, kind, value in given_fields(self.entry) for name in kind.joints(value))
+        return self.points() or next((self._joints[name].points_acted_on() for name in named), [])

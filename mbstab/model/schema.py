@@ -1,16 +1,15 @@
-"""What a model file says, after reading: expressions with their places, nothing evaluated yet."""
+"""What a model file says once it is read: expressions with their places, nothing evaluated yet."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterable
+from collections.abc import Container
 from dataclasses import dataclass
 from typing import Any
 
 from mbstab.errors import Location
 from mbstab.mechanics import bodies
-from mbstab.mechanics.catalogue import Field, Kind, Sign
-from mbstab.mechanics.elements import KINDS
+from mbstab.mechanics.catalogue import Kind, Sign
 from mbstab.model.expressions import Expression, ExpressionError, parse
 from mbstab.model.words import WORDS
 from mbstab.model.yamlfile import Document
@@ -50,15 +49,15 @@ _NOT_FINITE = re.compile(r"[-+]?\.?(nan|inf|infinity)", re.IGNORECASE)
 
 
 def parse_finite(text: str, parameters: Container[str]) -> Expression:
-    """Read an expression; what other programs write for values that are not finite is refused by name.
+    """Read an expression; words such as ``nan`` and ``inf`` are refused by name.
 
     Raises
     ------
     ExpressionError
-        If the text is no expression.
+        If the text is not an expression.
     """
     if _NOT_FINITE.fullmatch(text) and text not in parameters:
-        raise ExpressionError(f"{text!r} is no number", 0, "values must be finite")
+        raise ExpressionError(f"{text!r} is not a number", 0, "values must be finite")
     return parse(text)
 
 
@@ -73,7 +72,7 @@ class Components:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A named number; `factor` turns its declared unit into SI, `sign` is which values it may have."""
+    """A named number; `factor` turns its declared unit into SI, `sign` says which values it may have."""
 
     name: str
     expression: Quantity
@@ -129,7 +128,7 @@ class Entry:
     @property
     def called(self) -> str:
         """Return what messages call it, such as ``joint 'pivot'``."""
-        return f"{self.section.removesuffix('s')} {self.name!r}"
+        return f"{entry_word(self.section)} {self.name!r}"
 
 
 @dataclass(frozen=True)
@@ -253,6 +252,11 @@ class Model:
         return [f"{name}.{c}" for name, body in self.bodies.items() for c in body_coordinates(body)]
 
 
+def entry_word(section: str) -> str:
+    """Return what messages call an entry of a section, such as ``joint``."""
+    return "body" if section == "bodies" else section.removesuffix("s")
+
+
 def body_coordinates(body: Entry) -> tuple[str, ...]:
     """Return the names of the coordinates of a body."""
     return bodies.BODY_COORDINATES[body.kind.name]
@@ -264,7 +268,7 @@ def is_length(coordinate: str) -> bool:
 
 
 def after_number(unit: str) -> str:
-    """Return a unit as it follows a number: a blank and the unit, nothing for a plain number."""
+    """Return a unit as it is written after a number: a blank and the unit, or nothing for a plain number."""
     return f" {unit}" if unit not in ("", "1") else ""
 
 
@@ -277,7 +281,7 @@ SIGNS: tuple[Sign, ...] = ("positive", "nonnegative", "nonzero")
 PARAMETER_FIELDS = {
     "value": "number or expression",
     "unit": "unit of the value",
-    "sign": "values it may have, also with --set and in a sweep, all if not given: one of " + ", ".join(SIGNS),
+    "sign": "values it may have, also with --set and in a sweep; any if not given: one of " + ", ".join(SIGNS),
     "description": "what it is",
 }
 REFERENCE_FIELDS = {
@@ -306,8 +310,8 @@ SWEEP_FIELDS = {"from": "first value", "to": "last value", "points": "number of 
 EXPECT_FIELDS = {
     "at": "parameter values: {omega: 4}",
     "eigenvalues": "all that are not neutral: {real, imag}; an entry with imag stands for the conjugate pair",
-    "tolerance": "relative, of eigenvalues (zeros: within their bounds) and of coordinates (of 1 m, 1 rad at least)",
-    "neutral": "number of neutral eigenvalues: zeros, and pairs of shifts that a turning frame carries around",
+    "tolerance": "relative, for eigenvalues (zeros: within their bounds) and coordinates (against at least 1 m, 1 rad)",
+    "neutral": "number of neutral eigenvalues: zeros, and the imaginary pairs that shifts become in a turning frame",
     "frozen": "true: eigenvalues of the equations frozen at the reference time, as mbstab eig --frozen",
     "coordinates": "coordinates of the reference motion, by body: {body: {x: …}}",
     "redundant": "number of redundant constraint rows",
@@ -345,127 +349,3 @@ SECTION_FIELDS: dict[str, dict[str, str]] = {
     "expect.critical": CRITICAL_FIELDS,
 }
 """Keys of the sections that have no types, with what they mean."""
-
-
-def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema of model files, for editors."""
-    text: dict[str, Any] = {"type": "string"}
-    number: dict[str, Any] = {"type": ["number", "string"]}
-    integer: dict[str, Any] = {"type": "integer"}
-    verdict: dict[str, Any] = {"enum": list(WORDS)}
-    numbers: dict[str, Any] = {"type": "array", "items": number}
-    vector = {"anyOf": [text, {"const": 0}, numbers]}
-    direction = {"anyOf": [text, numbers]}
-    by_name: dict[str, Any] = {"type": "object", "additionalProperties": number}
-    state = {"type": "object", "additionalProperties": by_name}
-    marker = {"anyOf": [text, {**_object(MARKER_FIELDS, body=text, point=vector), "required": ["body"]}]}
-    shapes: dict[str, Any] = {
-        "number": number,
-        "law": number,
-        "vector": vector,
-        "law vector": vector,
-        "angles": numbers,
-        "direction": direction,
-        "directions": {"anyOf": [text, {"type": "array", "items": {"anyOf": [number, numbers]}}]},
-        "tensor": {"anyOf": [number, {"type": "array", "items": {"anyOf": [number, numbers]}}, by_name]},
-        "marker": marker,
-        "markers": {"type": "array", "items": marker, "minItems": 2, "maxItems": 2},
-        "points": {"type": "object", "additionalProperties": vector},
-        "loads": by_name,
-        "choice": text,
-        "body": text,
-        "joint": text,
-        "coordinate": text,
-    }
-
-    def property_of(field: Field) -> dict[str, Any]:
-        unit = f" ({field.unit})" if field.unit not in ("", "1") else ""
-        choices = {"enum": list(field.choices)} if field.choices else {}
-        return {**shapes[field.shape], **choices, "description": field.doc + unit}
-
-    def typed(name: str, doc: str, fields: Iterable[Field], more: dict[str, Any]) -> dict[str, Any]:
-        fields = list(fields)
-        return {
-            "type": "object",
-            "description": doc,
-            "properties": {
-                "type": {"const": name, "description": doc},
-                **{f.name: property_of(f) for f in fields},
-                **more,
-            },
-            "required": ["type", *[f.name for f in fields if f.required]],
-            "additionalProperties": False,
-        }
-
-    def shape_of(kind: bodies.ShapeKind, more: dict[str, Any]) -> dict[str, Any]:
-        along = {"along": {"enum": ["x", "y", "z"], "description": ALONG}} if kind.axis is not None else {}
-        return typed(kind.name, kind.doc, kind.fields, {**along, **more})
-
-    part = _object(PART_FIELDS, mass=number, at=vector)["properties"]
-    shapes["shape"] = {"anyOf": [shape_of(kind, {}) for kind in bodies.SHAPES.values()]}
-    parts = {"anyOf": [shape_of(kind, part) for kind in bodies.SHAPES.values()], "required": ["mass"]}
-    shapes["parts"] = {"type": "array", "items": parts, "minItems": 1}
-
-    def section(name: str) -> dict[str, Any]:
-        kinds = {id(kind): kind for kind in KINDS[name].values()}.values()
-        entries = [typed(kind.name, kind.doc, kind.fields, {}) for kind in kinds]
-        return {"type": "object", "additionalProperties": {"anyOf": entries}}
-
-    critical = _object(CRITICAL_FIELDS, parameter=text, value=number, tolerance=number, below=verdict, above=verdict)
-    expectation = _object(
-        EXPECT_FIELDS,
-        at=by_name,
-        eigenvalues={"type": "array", "items": _object(EIGENVALUE_FIELDS, real=number, imag=number)},
-        tolerance=number,
-        neutral=integer,
-        frozen={"type": "boolean"},
-        coordinates=state,
-        redundant=integer,
-        verdict=verdict,
-        critical={**critical, "required": ["parameter", "value", "below", "above"]},
-        source=text,
-    )
-    sign = {"enum": list(SIGNS)}
-    parameter = {
-        **_object(PARAMETER_FIELDS, value=number, unit=text, sign=sign, description=text),
-        "required": ["value"],
-    }
-    sweep = {**_object(SWEEP_FIELDS, **{"from": number, "to": number, "points": integer}), "required": ["from", "to"]}
-    constraint = _object(CONSTRAINT_FIELDS, holonomic=text, nonholonomic=text)
-    properties: dict[str, Any] = {
-        "mbstab": {"const": int(VERSION)},
-        "title": text,
-        "source": text,
-        "parameters": {"type": "object", "additionalProperties": {"anyOf": [number, parameter]}},
-        "gravity": vector,
-        "ground": _object(GEOMETRY_FIELDS, points=shapes["points"], directions=shapes["points"]),
-        **{name: section(name) for name in KINDS},
-        "constraints": {"type": "object", "additionalProperties": constraint},
-        "reference": _object(
-            REFERENCE_FIELDS,
-            time=number,
-            coordinates=state,
-            rates=state,
-            guess=state,
-            find={"enum": list(FINDS)},
-            steady=_object(STEADY_FIELDS, axis=direction, rate=number, point=vector, direction=direction, speed=number),
-            period=number,
-        ),
-        "initial": _object(INITIAL_FIELDS, time=number, coordinates=state, rates=state),
-        "sweep": {"type": "object", "additionalProperties": sweep},
-        "expect": {"type": "array", "items": expectation},
-    }
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "mbstab model",
-        "type": "object",
-        "properties": {key: {**node, "description": SECTIONS[key]} for key, node in properties.items()},
-        "required": ["mbstab", "bodies"],
-        "additionalProperties": False,
-    }
-
-
-def _object(fields: dict[str, str], **schemas: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of a mapping with these keys and no others."""
-    properties = {key: {**schemas[key], "description": doc} for key, doc in fields.items()}
-    return {"type": "object", "properties": properties, "additionalProperties": False}

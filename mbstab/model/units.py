@@ -1,7 +1,7 @@
 """Units of parameters, and a check that expressions fit the unit of the place they stand in.
 
 A dimension is the triple of exponents of kilogram, metre and second; radians and plain
-numbers have none. What carries no declared unit is never complained about.
+numbers have none. Quantities without a declared unit always fit.
 """
 
 from __future__ import annotations
@@ -58,13 +58,13 @@ def parse_unit(text: str) -> tuple[float, Dimension]:
     Raises
     ------
     ExpressionError
-        If the text is no product of known units.
+        If the text is not a product of known units.
     """
     factor, dimension, at, sign = 1.0, NONE, 0, 1
     while True:
         match = _FACTOR.match(text, at)
         if match is None:
-            raise ExpressionError(f"{text!r} is no unit", at, "write products of units, such as kg*m^2 or N*s/m")
+            raise ExpressionError(f"{text!r} is not a unit", at, "write products of units, such as kg*m^2 or N*s/m")
         name = match.group("name")
         if name not in UNITS:
             alike = [unit for unit in UNITS if unit.lower() == name.lower()]  # Kg is kg, not g
@@ -83,7 +83,7 @@ def parse_unit(text: str) -> tuple[float, Dimension]:
         if at == len(text):
             return factor, dimension
         if text[at] not in "*/":
-            raise ExpressionError(f"{text!r} is no unit", at, "write products of units, such as kg*m^2 or N*s/m")
+            raise ExpressionError(f"{text!r} is not a unit", at, "write products of units, such as kg*m^2 or N*s/m")
         sign = -1 if text[at] == "/" else 1
         at += 1
 
@@ -91,7 +91,7 @@ def parse_unit(text: str) -> tuple[float, Dimension]:
 def exact_factor(text: str, arithmetic: Arithmetic) -> Any:
     """Return the factor to SI of a unit that `parse_unit` accepts, in a number system: a millimetre is 1/1000.
 
-    The float of `UNITS` is the nearest double only; its shortest decimals are the factor itself.
+    The float in `UNITS` is only the nearest double; its shortest decimals are the exact factor.
     """
     above, below = arithmetic.number("1"), arithmetic.number("1")
     for sign, part in re.findall(r"([*/]?)((?:\*\*|[^*/])+)", text):

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from mbstab.mechanics import vectors
-from mbstab.mechanics.bodies import combine, shape_moments
-from mbstab.mechanics.catalogue import Field, Number, Vector
+from mbstab.mechanics.bodies import combine
+from mbstab.mechanics.catalogue import Number, Vector
 from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
 from mbstab.model.charts import euler_matrix, regular
 from mbstab.model.evaluator import Evaluator
@@ -19,12 +19,9 @@ from mbstab.model.numbers import all_of, is_finite, nominal
 from mbstab.model.parameters import evaluate_parameters
 from mbstab.model.scene import BodyValues, InitialValues, ItemValues, Scene, SteadyValues
 from mbstab.model.schema import (
-    Components,
     Entry,
     Model,
-    PartValue,
     Quantity,
-    ShapeValue,
     Steady,
     body_coordinates,
 )
@@ -50,7 +47,7 @@ def evaluate(
 
 
 def _quiet(arithmetic: Arithmetic) -> contextlib.AbstractContextManager[Any]:
-    """Return a context without NumPy's warnings: what is not finite is found and said by the checks."""
+    """Return a context without NumPy's warnings; the checks report values that are not finite."""
     if arithmetic.name != "array":
         return contextlib.nullcontext()
     import numpy as np
@@ -64,15 +61,15 @@ class _Assembly(Evaluator):
     def scene(self) -> Scene:
         model, reference = self.model, self.model.reference
         gravity = self.vector(model.gravity)
-        bodies = tuple(self.body(entry) for entry in model.bodies.values())
-        items: list[ItemValues] = []
-        joints: dict[str, ItemValues] = {}
-        for section in model.order:
-            for entry in model.entries[section].values():
-                items.append(ItemValues(entry, self, joints))
-                if section == "joints":
-                    joints[entry.name] = items[-1]
         time = self.number(reference.time)
+        bodies = tuple(self.body(entry, time) for entry in model.bodies.values())
+        joints: dict[str, ItemValues] = {}
+        joints.update((name, ItemValues(entry, self, joints)) for name, entry in model.entries["joints"].items())
+        items = [
+            joints[entry.name] if section == "joints" else ItemValues(entry, self, joints)
+            for section in model.order
+            for entry in model.entries[section].values()
+        ]
         for item in items:
             item.check(time)
         coordinates, rates, guess = (
@@ -118,67 +115,39 @@ class _Assembly(Evaluator):
 
     # --- bodies -----------------------------------------------------------------------------------------------------
 
-    def body(self, entry: Entry) -> BodyValues:
+    def body(self, entry: Entry, time: Number) -> BodyValues:
         dimension = self.model.dimension
         coordinates = body_coordinates(entry)
-        orientation = len(coordinates) > dimension
         base: Vector = tuple(float(i == j) for i in range(3) for j in range(3)) if dimension == 3 else ()
-        size = 1 if dimension == 2 else 6
-        if not orientation:
-            mass = self.number(entry.values["mass"], entry.kind.field("mass"))
+        item = ItemValues(entry, self, {})
+        item.check(time)
+        if len(coordinates) == dimension:
+            inertia, center = (0.0,) * (1 if dimension == 2 else 6), (0.0,) * dimension
             return BodyValues(
-                entry.name, entry.location, False, mass, (0.0,) * size, (0.0,) * dimension, base, coordinates
+                entry.name, entry.location, False, item.number("mass"), inertia, center, base, coordinates
             )
-        for point in entry.values.get("points", {}).values():
-            self.vector(point, length=True)
-        for direction in entry.values.get("directions", {}).values():
-            self.direction(direction)
-        mass, center, inertia = self._distribution(entry)
-        if "axes" in entry.values:
-            base = euler_matrix(self.vector(entry.values["axes"]), self.f)
+        mass, center, inertia = self._distribution(item)
+        if item.given("axes"):
+            base = euler_matrix(item.value("axes"), self.f)
         return BodyValues(entry.name, entry.location, True, mass, inertia, center, base, coordinates)
 
-    def _distribution(self, entry: Entry) -> tuple[Number, Vector, Vector]:
-        dimension, values = self.model.dimension, entry.values
-        mass_field = entry.kind.field("mass")
-        if "parts" in values:
-            mass, center, inertia = combine((self._part(part, mass_field) for part in values["parts"]), dimension)
+    def _distribution(self, item: ItemValues) -> tuple[Number, Vector, Vector]:
+        """Return mass (kg), centre of mass (m) and inertia about it (kg·m²) of a body."""
+        dimension, entry = self.model.dimension, item.entry
+        if item.given("parts"):
+            mass, center, inertia = combine(item.value("parts"), dimension)
             self._check_inertia(entry, "parts", (mass, *center, *inertia), inertia)
             return mass, center, inertia
-        mass = self.number(values["mass"], mass_field)
-        center = (0.0,) * dimension
-        if "center_of_mass" in values:
-            center = self.vector(values["center_of_mass"], length=True)
-        if "shape" in values:
-            moments = self._moments(values["shape"], mass)
+        mass = item.number("mass")
+        center = item.vector("center_of_mass") if item.given("center_of_mass") else (0.0,) * dimension
+        if item.given("shape"):
+            moments = item.value("shape")(mass)
             inertia = moments[2:] if dimension == 2 else (*moments, 0.0, 0.0, 0.0)
             self._check_inertia(entry, "shape", inertia, inertia)
             return mass, center, inertia
-        inertia = self._tensor(values["inertia"])
+        inertia = item.value("inertia")
         self._check_inertia(entry, "inertia", inertia, inertia)
         return mass, center, inertia
-
-    def _part(self, part: PartValue, mass_field: Field) -> tuple[Number, Vector, Vector]:
-        mass = self.number(part.mass, mass_field)
-        return mass, self.vector(part.place, length=True), self._moments(part.shape, mass)
-
-    def _moments(self, shape: ShapeValue, mass: Number) -> Vector:
-        lengths = tuple(self.number(shape.lengths[f.name], f) for f in shape.kind.fields)
-        return shape_moments(shape.kind, lengths, mass, shape.along)
-
-    def _tensor(self, components: Components) -> Vector:
-        """Return the inertia as one number in the plane, as xx, yy, zz, xy, xz, yz in space."""
-        m = self.vector(components)
-        if len(m) != 9:
-            return m
-        if not self.symbolic:
-            largest = sum(abs(x) for x in m)
-            for upper, lower in ((1, 3), (2, 6), (5, 7)):
-                if not all_of(abs(m[upper] - m[lower]) <= 1e-12 * largest):
-                    one, other = components.values[upper], components.values[lower]
-                    message = f"the inertia is not symmetric: {one.text!r} and {other.text!r} must be the same"
-                    self.complain(other, message)
-        return m[0], m[4], m[8], m[1], m[2], m[5]
 
     def _check_inertia(self, entry: Entry, name: str, numbers: Vector, inertia: Vector) -> None:
         """Refuse principal moments that are negative, or one that exceeds the sum of the other two."""

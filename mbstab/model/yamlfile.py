@@ -77,7 +77,7 @@ class Document:
         return Problem(location, path, message, hint, source)
 
     def complain(self, location: Location, path: str, message: str, hint: str = "") -> None:
-        """Record a problem at a place, once; give up when there are `MAX_PROBLEMS`."""
+        """Record a problem at a place, once; give up after `MAX_PROBLEMS`."""
         problem = self.problem(location, path, message, hint)
         if problem in self.problems:
             return
@@ -87,12 +87,12 @@ class Document:
             raise ModelFileError([*self.problems, Problem(end, "", f"stopped after {MAX_PROBLEMS} problems")])
 
     def fail(self, location: Location, path: str, message: str, hint: str = "") -> NoReturn:
-        """Record a problem after which nothing else can be judged, and raise all of them."""
+        """Record a problem that makes it impossible to go on, and raise all problems."""
         self.complain(location, path, message, hint)
         raise ModelFileError(self.problems)
 
     def locate(self, node: Scalar, position: int) -> Location:
-        """Return the place of a character of a scalar; its start if it is not written literally in one line."""
+        """Return the place of a character of a scalar; its start if the text is not written literally on one line."""
         place = node.location
         column = place.column + (1 if node.quoted else 0)
         if not self.lines[place.line - 1].startswith(node.text, column - 1):
@@ -130,7 +130,7 @@ def read_limited(stream: BinaryIO, name: str) -> bytes:
     """
     data = stream.read(MAX_BYTES + 1)
     if len(data) > MAX_BYTES:
-        raise UsageError(f"{name}: a model file may have {MAX_BYTES:,} bytes at most; this one is larger")
+        raise UsageError(f"{name}: a model file may have at most {MAX_BYTES:,} bytes; this one is larger")
     return data
 
 
@@ -147,7 +147,7 @@ def parse_yaml(data: bytes | str, name: str) -> tuple[Document, Mapping]:
     Raises
     ------
     ModelFileError
-        If the text is no YAML, or uses what model files refuse.
+        If the text is not YAML, or uses parts of YAML that model files do not allow.
     """
     text = decoded(data, name) if isinstance(data, bytes) else data.removeprefix("\ufeff")
     document = Document(name, _LINE_BREAK.split(text))
@@ -163,7 +163,7 @@ def parse_yaml(data: bytes | str, name: str) -> tuple[Document, Mapping]:
 
 
 def _refuse_invisible(document: Document) -> None:
-    """Refuse control characters and whatever else has no shape of its own: a reader could not see it."""
+    """Refuse control characters and other characters that a reader could not see."""
     for line_number, line in enumerate(document.lines, 1):
         for column, character in _invisible(line):
             message = f"the file contains the invisible character U+{ord(character):04X}"
@@ -171,7 +171,7 @@ def _refuse_invisible(document: Document) -> None:
 
 
 def _invisible(text: str) -> Iterator[tuple[int, str]]:
-    """Yield the characters that cannot be seen, with their places from 1; blanks and line breaks can."""
+    """Yield the characters that cannot be seen, with their places from 1; blanks and line breaks do not count."""
     if not text.isprintable():
         for place, character in enumerate(text, 1):
             if character not in "\t\n" and unseen(character):
@@ -184,7 +184,7 @@ def decoded(data: bytes, name: str) -> str:
     Raises
     ------
     ModelFileError
-        If it is none.
+        If the bytes are not UTF-8.
     """
     try:
         return data.decode("utf-8-sig")
@@ -206,7 +206,7 @@ class _Composer:
         self.stack: list[tuple[Sequence | Mapping, Scalar | None]] = []
 
     def run(self, text: str) -> YamlNode | None:
-        """Return the node at the top, None if there is none; problems go to the document."""
+        """Return the root node, or None if there is none; problems go to the document."""
         loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
         documents = 0
         try:
@@ -220,13 +220,13 @@ class _Composer:
                 elif isinstance(event, yaml.NodeEvent):
                     self._node(event)
                     if len(self.stack) > MAX_NESTING:
-                        message = f"a model file may be nested {MAX_NESTING} deep"
+                        message = f"a model file may be nested at most {MAX_NESTING} deep"
                         self.document.complain(self._at(event.start_mark), "", message)
                         break
                 elif isinstance(event, yaml.CollectionEndEvent):
                     self.stack.pop()
         except yaml.MarkedYAMLError as error:
-            reason = error.problem or error.context or "the text is no YAML"
+            reason = error.problem or error.context or "the text is not YAML"
             place = self._at(error.problem_mark or error.context_mark)
             line = self.document.lines[place.line - 1]
             if "\t" in line[: len(line) - len(line.lstrip())]:
@@ -284,7 +284,7 @@ class _Composer:
                 self.document.complain(node.location, "", "merge keys (<<) are not allowed in a model file")
             elif node.text in parent.entries:
                 first = parent.keys[node.text].location.line
-                message = f"the key {node.text!r} is repeated; it stands first in line {first}"
+                message = f"the key {node.text!r} is repeated; it first stands in line {first}"
                 self.document.complain(node.location, "", message)
             self.stack[-1] = (parent, node)
         else:

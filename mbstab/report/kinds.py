@@ -7,6 +7,7 @@ from textwrap import wrap
 
 from mbstab.mechanics.bodies import SHAPES
 from mbstab.mechanics.catalogue import Field, Kind
+from mbstab.model.fields.catalogue import kind_of
 from mbstab.model.schema import ALONG, PART_FIELDS
 from mbstab.report import WIDTH
 
@@ -52,8 +53,8 @@ def _field(field: Field) -> str:
     notes = [f"unit {field.unit}" if field.unit not in ("", "1") else "", "required" if field.required else ""]
     if field.default is not None:
         notes.append(f"default {field.default}")
-    if field.shape in ("shape", "parts"):
-        notes.append("see mbstab schema shape")
+    if explained := kind_of(field).explained:
+        notes.append(f"see mbstab schema {explained}")
     if field.choices:
         notes.append("one of " + ", ".join(field.choices))
     if field.dimensions != (2, 3):

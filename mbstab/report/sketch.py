@@ -268,7 +268,7 @@ class Sketch:
         shaped: set[int] = set()
         size = _size(system)
         for item in scene.items:
-            markers = _markers(item)
+            markers = item.points()
             for marker in markers:
                 if marker.body != GROUND:
                     held[marker.body].append(_spatial(marker.point))
@@ -288,7 +288,7 @@ class Sketch:
                     outline = Outline(tuple(middle + CROSS * size * (x - middle) for x in outline.strokes))
                 else:
                     shaped.add(body)
-                    planes.append(Plane(_spatial(item.unit_vector("normal")), _spatial(item.vector("origin"))))
+                    planes.append(Plane(_spatial(item.direction("normal")), _spatial(item.vector("origin"))))
                 pieces.append(Piece(body, outline, BLADE if direction else THIN))
         masses, centers = [], []
         for b, (body_values, entry) in enumerate(zip(scene.bodies, scene.model.bodies.values(), strict=True)):
@@ -351,17 +351,6 @@ def _points(system: System) -> dict[str, Marker]:
 def _size(system: System) -> float:
     """Return the largest length of the scene (m), 1 m without any."""
     return max(system.scene.lengths, default=0.0) or 1.0
-
-
-def _markers(item: ItemValues) -> list[Marker]:
-    """Return the points of an entry."""
-    found: list[Marker] = []
-    for entry in item.kind.fields:
-        if item.given(entry.name) and entry.shape == "markers":
-            found += item.markers(entry.name)
-        elif item.given(entry.name) and entry.shape == "marker":
-            found.append(item.marker(entry.name))
-    return found
 
 
 def _moving(markers: list[Marker]) -> Marker:

@@ -41,10 +41,12 @@ from mbstab.analysis.linear.exact_sums import (
     ratio,
     same_number,
 )
+from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.compiler.system import System
 from mbstab.errors import counted
 from mbstab.mechanics.drives import joint_motion
 from mbstab.model.expressions import Call, Expression, ExpressionError, Name
+from mbstab.model.fields.catalogue import given_fields
 from mbstab.model.scene import ItemValues
 from mbstab.model.schema import is_length
 
@@ -211,16 +213,14 @@ def expressions(system: System) -> Iterator[tuple[str, Role, Expression, bool]]:
             constraint: Role = "holonomic" if item.kind.name == "holonomic" else "nonholonomic"
             yield entry.path, constraint, entry.values[constraint], False
             continue
-        for known in item.kind.fields:
-            if known.shape not in ("law", "law vector", "loads") or known.name not in entry.values:
+        for known, kind, value in given_fields(entry):
+            if not kind.moving:
                 continue
-            value = entry.values[known.name]
             role: Role = "force"
             if entry.section == "drives":
                 role = "position" if known.name == "position" else "velocity"
-            values = value.values() if isinstance(value, dict) else getattr(value, "values", (value,))
             angular = role == "position" and _is_angle(item)
-            yield from ((entry.path, role, x, angular) for x in values)
+            yield from ((entry.path, role, x, angular) for x in expressions_in(value))
 
 
 def _is_angle(drive: ItemValues) -> bool:

@@ -13,8 +13,9 @@ from typing import Any
 
 from mbstab.analysis.algebra.balls import Ball as BallType
 from mbstab.analysis.algebra.balls import NotProvable, at_part, ball, ball_arithmetic, parameters
+from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.model.expressions import OPERATIONS, PIECED, Binary, Call, Expression, Name, Negative, Node, Number, Rate
-from mbstab.model.schema import Components, Entry, MarkerValue, Model, PartValue, ShapeValue
+from mbstab.model.schema import Model
 
 Known = BallType | None
 """The enclosure of a value; None: it depends on the motion."""
@@ -57,37 +58,10 @@ def require_analytic(model: Model, overrides: Mapping[str, BallType]) -> None:
 def _expressions(model: Model, overrides: Mapping[str, BallType]) -> Iterator[Expression]:
     """Yield what the file says of parameters, bodies, elements and the reference."""
     yield from (x.expression for name, x in model.parameters.items() if name not in overrides)
-    yield from _within(model.gravity)
-    for entry in model.bodies.values():
-        yield from _within(entry)
-    for entries in model.entries.values():
-        yield from _within(entries)
+    entries = [*model.bodies.values(), *(entry for group in model.entries.values() for entry in group.values())]
     reference = model.reference
-    for part in (reference.coordinates, reference.rates, reference.guess, reference.time, reference.period):
-        yield from _within(part)
-    if (steady := reference.steady) is not None:
-        yield from _within([steady.axis, steady.rate, steady.point, steady.direction, steady.speed])
-
-
-def _within(value: Any) -> Iterator[Expression]:
-    """Yield the expressions of which a value of a model file is made."""
-    match value:
-        case Expression():
-            yield value
-        case Entry() | Components():
-            yield from _within(value.values)
-        case MarkerValue():
-            yield from _within(value.point)
-        case ShapeValue():
-            yield from _within(value.lengths)
-        case PartValue():
-            yield from _within([value.mass, value.shape, value.place])
-        case Mapping():
-            for part in value.values():
-                yield from _within(part)
-        case list() | tuple():
-            for part in value:
-                yield from _within(part)
+    asked = [reference.coordinates, reference.rates, reference.guess, reference.time, reference.period]
+    yield from expressions_in([model.gravity, [entry.values for entry in entries], asked, reference.steady])
 
 
 class _Reader:

@@ -63,27 +63,13 @@ def reactions(system: System, q: Array, J: Array, nu: Array) -> list[Reaction]:
 
 def _reactions(system: System, q: Array, item: ItemValues, load: Array) -> list[Reaction]:
     owner = item.entry.called
-    markers = _markers(item)
+    markers = item.points_acted_on()
     if not markers:
         # Rows of coordinates act at the reference points of the bodies they name.
         origin = (0.0,) * system.scene.dimension
         markers = [Marker(b, origin) for b, part in enumerate(system.body_slices) if np.any(load[..., part])][:1]
     touching = item.entry.section == "contacts" and item.given("center")
     return [_wrench(system, q, owner, marker, load, touching) for marker in markers if marker.body != GROUND][:1]
-
-
-def _markers(item: ItemValues) -> list[Marker]:
-    """Return the points of a body at which an entry acts."""
-    for field in item.kind.fields:
-        if not item.given(field.name):
-            continue
-        if field.shape == "markers":
-            return list(item.markers(field.name))
-        if field.shape == "marker":
-            return [item.marker(field.name)]
-        if field.shape == "joint":
-            return _markers(item.joint(field.name))
-    return []
 
 
 def _wrench(system: System, q: Array, owner: str, marker: Marker, load: Array, touching: bool) -> Reaction:

@@ -1,0 +1,137 @@
+"""What every kind of field has to say: how it is read, checked, turned into numbers and described."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar, Protocol
+
+from mbstab.mechanics.catalogue import Field, Kind, Marker, Number
+from mbstab.model.evaluator import Evaluator
+from mbstab.model.quantities import QuantityReader
+from mbstab.model.schema import Entry
+from mbstab.model.yamlfile import Mapping as MappingNode
+from mbstab.model.yamlfile import YamlNode
+
+
+class Reading:
+    """One entry while it is read.
+
+    Attributes
+    ----------
+    node : Mapping
+        The whole entry.
+    path : str
+        Where it stands, such as ``joints.pivot``.
+    values : dict
+        What the fields that were read before say.
+    bodies : list of str or None
+        The bodies of the points that the entry has named so far (None: the ground).
+    joint : Kind or None
+        The type of the joint that the entry has named.
+    """
+
+    def __init__(self, quantities: QuantityReader, node: MappingNode, path: str) -> None:
+        self.quantities = quantities
+        self.nodes, self.names = quantities.nodes, quantities.names
+        self.node = node
+        self.path = path
+        self.values: dict[str, Any] = {}
+        self.bodies: list[str | None] = []
+        self.joint: Kind | None = None
+
+    def read(self, kind: FieldKind, field: Field, node: YamlNode) -> None:
+        """Read a field; one with a problem has no value."""
+        value = kind.read(self, field, node, f"{self.path}.{field.name}")
+        if value is not None:
+            self.values[field.name] = value
+
+
+class Owner(Protocol):
+    """An entry whose fields become numbers."""
+
+    entry: Entry
+    evaluator: Evaluator
+
+    def value(self, name: str) -> Any: ...  # noqa: D102
+    def joint_named(self, name: str) -> Any: ...  # noqa: D102
+    def triads(self, axis: str, zero: str) -> Any: ...  # noqa: D102
+
+
+class FieldKind:
+    """One kind of field.
+
+    Attributes
+    ----------
+    name : str
+        What `Field.shape` calls it.
+    moving : bool
+        Whether its expressions may contain the time, coordinates or rates.
+    explained : str
+        What to ask ``mbstab schema`` for its keys, if it has any.
+    """
+
+    name: ClassVar[str]
+    moving: ClassVar[bool] = False
+    explained: ClassVar[str] = ""
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Any:
+        """Return the value as it stands in the file; None after a problem."""
+        raise NotImplementedError
+
+    def finish(self, reading: Reading, field: Field) -> None:
+        """Check what must hold between the fields of an entry, after all have been read; the field may be missing."""
+
+    def numbers(self, owner: Owner, field: Field, value: Any) -> Any:
+        """Return the value with numbers: what `Item` hands to the mechanics."""
+        return value
+
+    def check(self, owner: Owner, field: Field, numbers: Any, time: Number) -> None:
+        """Record what is wrong with the numbers; functions of time are looked at at `time` (s)."""
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the JSON Schema of the field."""
+        raise NotImplementedError
+
+    def coordinates(self, value: Any) -> Iterable[str]:
+        """Return the names that a value uses, among them all the coordinates it acts on or depends on."""
+        return ()
+
+    def joints(self, value: Any) -> Iterable[str]:
+        """Return the names of the joints that a value names."""
+        return ()
+
+    def markers(self, numbers: Any) -> Iterable[Marker]:
+        """Return the points of bodies at which an entry with these numbers acts."""
+        return ()
+
+
+TEXT: Mapping[str, Any] = {"type": "string"}
+NUMBER: Mapping[str, Any] = {"type": ["number", "string"]}
+NUMBERS: Mapping[str, Any] = {"type": "array", "items": NUMBER}
+VECTOR: Mapping[str, Any] = {"anyOf": [TEXT, {"const": 0}, NUMBERS]}
+DIRECTION: Mapping[str, Any] = {"anyOf": [TEXT, NUMBERS]}
+BY_NAME: Mapping[str, Any] = {"type": "object", "additionalProperties": NUMBER}
+"""Parts of the JSON Schema that several kinds of fields and sections share."""
+
+
+def object_schema(fields: Mapping[str, str], **schemas: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the JSON Schema of a mapping with these keys and no others; `fields` says what they mean."""
+    properties = {key: {**schemas[key], "description": doc} for key, doc in fields.items()}
+    return {"type": "object", "properties": properties, "additionalProperties": False}
+
+
+def described(kind: FieldKind, field: Field) -> dict[str, Any]:
+    """Return the JSON Schema of a field, with what it means and its unit."""
+    unit = f" ({field.unit})" if field.unit not in ("", "1") else ""
+    return {**kind.schema(field), "description": field.doc + unit}
+
+
+def typed_schema(name: str, doc: str, properties: Mapping[str, Any], required: Iterable[str]) -> dict[str, Any]:
+    """Return the JSON Schema of a mapping whose ``type`` is `name`."""
+    return {
+        "type": "object",
+        "description": doc,
+        "properties": {"type": {"const": name, "description": doc}, **properties},
+        "required": ["type", *required],
+        "additionalProperties": False,
+    }

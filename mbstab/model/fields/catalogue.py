@@ -1,0 +1,28 @@
+"""All kinds of fields, in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from mbstab.mechanics.catalogue import Field
+from mbstab.model.fields import masses, names, places, values
+from mbstab.model.fields.base import FieldKind
+from mbstab.model.schema import Entry
+
+FIELD_KINDS: dict[str, FieldKind] = {
+    kind.name: kind for module in (values, names, places, masses) for kind in module.KINDS
+}
+"""Every kind under the name that `Field.shape` gives it."""
+
+
+def kind_of(field: Field) -> FieldKind:
+    """Return the kind of a field."""
+    return FIELD_KINDS[field.shape]
+
+
+def given_fields(entry: Entry) -> Iterator[tuple[Field, FieldKind, Any]]:
+    """Yield the fields of an entry that have a value, its own or a default, with their kinds and values."""
+    for field in entry.kind.fields:
+        if field.name in entry.values:
+            yield field, kind_of(field), entry.values[field.name]

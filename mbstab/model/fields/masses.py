@@ -1,0 +1,186 @@
+"""Fields that say how the mass of a body is distributed: inertias, shapes, parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from mbstab.errors import suggestion
+from mbstab.mechanics.bodies import SHAPES, ShapeKind, shape_moments
+from mbstab.mechanics.catalogue import Field, Number, Vector
+from mbstab.model.evaluator import Evaluator
+from mbstab.model.fields.base import (
+    BY_NAME,
+    NUMBER,
+    NUMBERS,
+    VECTOR,
+    FieldKind,
+    Owner,
+    Reading,
+    described,
+    object_schema,
+    typed_schema,
+)
+from mbstab.model.fields.values import NumberField
+from mbstab.model.numbers import all_of
+from mbstab.model.quantities import AXES, constant
+from mbstab.model.schema import ALONG, PART_FIELDS, Components, PartValue, ShapeValue
+from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
+
+TENSOR_KEYS = ("xx", "yy", "zz", "xy", "xz", "yz")
+
+Moments = Callable[[Number], Vector]
+"""From a mass (kg) to the principal moments about the centre (kg·m²)."""
+
+
+class TensorField(FieldKind):
+    """An inertia: a number in the plane; in space xx, yy, zz, xy, xz, yz, or a matrix row by row."""
+
+    name = "tensor"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Components | None:
+        """Return its components: one, six or nine."""
+        quantities, unit = reading.quantities, field.unit
+        if reading.names.dimension == 2:
+            return Components((quantities.expression(node, path, unit),), node.location, path)
+        zero = constant("0", node.location, path)
+        if isinstance(node, Mapping):
+            reading.nodes.known_keys(node, path, TENSOR_KEYS)
+            for key in TENSOR_KEYS[:3]:
+                reading.nodes.required(node, key, path)
+            given = node.entries
+            found = (quantities.expression(given[k], f"{path}.{k}", unit) if k in given else zero for k in TENSOR_KEYS)
+            return Components(tuple(found), node.location, path)
+        if isinstance(node, Sequence) and len(node.items) == 3:
+            rows = [item for item in node.items if isinstance(item, Sequence)]
+            if not rows:
+                moments = quantities.components(node.items, node, path, unit)
+                return Components((*moments.values, zero, zero, zero), node.location, path)
+            if len(rows) == 3 and all(len(row.items) == 3 for row in rows):
+                lines = [quantities.components(row.items, row, f"{path}[{i}]", unit) for i, row in enumerate(rows)]
+                return Components(tuple(x for line in lines for x in line.values), node.location, path)
+        keys = ", ".join(TENSOR_KEYS)
+        reading.nodes.complain(node, path, f"expected three principal moments, a 3×3 matrix, or keys {keys} (kg*m^2)")
+        return None
+
+    def numbers(self, owner: Owner, field: Field, value: Components) -> Vector:
+        """Return one number in the plane, xx, yy, zz, xy, xz, yz in space (kg·m²); a matrix must be symmetric."""
+        evaluator = owner.evaluator
+        m = evaluator.vector(value)
+        if len(m) != 9:
+            return m
+        if not evaluator.symbolic:
+            largest = sum(abs(x) for x in m)
+            for upper, lower in ((1, 3), (2, 6), (5, 7)):
+                if not all_of(abs(m[upper] - m[lower]) <= 1e-12 * largest):
+                    one, other = value.values[upper], value.values[lower]
+                    message = f"the inertia is not symmetric: {one.text!r} and {other.text!r} must be the same"
+                    evaluator.complain(other, message)
+        return m[0], m[4], m[8], m[1], m[2], m[5]
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of a number, a list, a matrix or components by name."""
+        return {"anyOf": [NUMBER, {"type": "array", "items": {"anyOf": [NUMBER, NUMBERS]}}, BY_NAME]}
+
+
+def _read_shape(reading: Reading, node: Mapping, path: str, extra: Iterable[str] = ()) -> ShapeValue | None:
+    """Return the shape that a mapping describes; `extra` are further keys that it may have."""
+    nodes = reading.nodes
+    known = "known shapes: " + ", ".join(SHAPES)
+    type_node = nodes.required(node, "type", path, known)
+    word = nodes.word(type_node, f"{path}.type", "a shape") if type_node is not None else None
+    if type_node is None or word is None:
+        return None
+    kind = SHAPES.get(word)
+    if kind is None:
+        nodes.complain(type_node, f"{path}.type", f"unknown shape {word!r}", suggestion(word, SHAPES) or known)
+        return None
+    axis = ("along",) if kind.axis is not None else ()
+    nodes.known_keys(node, path, ("type", *(f.name for f in kind.fields), *axis, *extra))
+    lengths = {}
+    for field in kind.fields:
+        item: YamlNode = Scalar(field.default or "1", node.location)
+        if field.required or field.name in node.entries:
+            item = nodes.required(node, field.name, path, field.doc) or item
+        lengths[field.name] = reading.quantities.expression(item, f"{path}.{field.name}", field.unit)
+    along = None
+    if axis and "along" in node.entries:
+        letter = nodes.choice(node.entries["along"], f"{path}.along", tuple(AXES))
+        along = AXES[letter] if letter else None
+    return ShapeValue(kind, lengths, along)
+
+
+def _moments(evaluator: Evaluator, shape: ShapeValue) -> Moments:
+    lengths = tuple(evaluator.number(shape.lengths[f.name], f) for f in shape.kind.fields)
+    return lambda mass: shape_moments(shape.kind, lengths, mass, shape.along)
+
+
+def _shape_schema(kind: ShapeKind, more: dict[str, Any]) -> dict[str, Any]:
+    along = {"along": {"enum": list(AXES), "description": ALONG}} if kind.axis is not None else {}
+    lengths = {field.name: described(NumberField(), field) for field in kind.fields}
+    required = [field.name for field in kind.fields if field.required]
+    return typed_schema(kind.name, kind.doc, {**lengths, **along, **more}, required)
+
+
+class ShapeField(FieldKind):
+    """A homogeneous shape about the centre of mass."""
+
+    name = "shape"
+    explained = "shape"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> ShapeValue | None:
+        """Return the shape with its lengths."""
+        mapping = reading.nodes.mapping(node, path, hint="for example {type: rod, length: 1}")
+        return _read_shape(reading, mapping, path) if mapping else None
+
+    def numbers(self, owner: Owner, field: Field, value: ShapeValue) -> Moments:
+        """Return the moments of the shape for any mass."""
+        return _moments(owner.evaluator, value)
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of any shape."""
+        return {"anyOf": [_shape_schema(kind, {}) for kind in SHAPES.values()]}
+
+
+class PartsField(FieldKind):
+    """Several shapes with their own masses and places."""
+
+    name = "parts"
+    explained = "shape"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> tuple[PartValue, ...] | None:
+        """Return the parts."""
+        if not isinstance(node, Sequence) or not node.items:
+            reading.nodes.complain(node, path, "expected a list of shapes with masses")
+            return None
+        parts = [self._part(reading, item, f"{path}[{i}]") for i, item in enumerate(node.items)]
+        return tuple(part for part in parts if part is not None)
+
+    def _part(self, reading: Reading, node: YamlNode, path: str) -> PartValue | None:
+        mapping = reading.nodes.mapping(node, path)
+        if mapping is None:
+            return None
+        shape = _read_shape(reading, mapping, path, PART_FIELDS)
+        mass_node = reading.nodes.required(mapping, "mass", path)
+        mass = reading.quantities.expression(mass_node, f"{path}.mass", "kg") if mass_node is not None else None
+        at = mapping.entries.get("at", Scalar("0", mapping.location))
+        place = reading.quantities.vector(at, f"{path}.at", "m")
+        return PartValue(mass, shape, place) if shape is not None and mass is not None else None
+
+    def numbers(self, owner: Owner, field: Field, value: tuple[PartValue, ...]) -> list[tuple[Number, Vector, Vector]]:
+        """Return mass (kg), place (m) and principal moments (kg·m²) of each part."""
+        evaluator, mass_field = owner.evaluator, owner.entry.kind.field("mass")
+        found = []
+        for part in value:
+            mass = evaluator.number(part.mass, mass_field)
+            found.append((mass, evaluator.vector(part.place, length=True), _moments(evaluator, part.shape)(mass)))
+        return found
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of a list of shapes with masses and places."""
+        more = object_schema(PART_FIELDS, mass=NUMBER, at=VECTOR)["properties"]
+        parts = {"anyOf": [_shape_schema(kind, more) for kind in SHAPES.values()], "required": ["mass"]}
+        return {"type": "array", "items": parts, "minItems": 1}
+
+
+KINDS = (TensorField(), ShapeField(), PartsField())

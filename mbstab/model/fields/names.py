@@ -1,0 +1,139 @@
+"""Fields that name a body, a joint and its motion, or coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from mbstab.mechanics.catalogue import Field
+from mbstab.model.fields.base import BY_NAME, TEXT, FieldKind, Owner, Reading
+from mbstab.model.fields.values import ChoiceField
+from mbstab.model.schema import Quantity, body_coordinates
+from mbstab.model.yamlfile import YamlNode
+
+
+class BodyField(FieldKind):
+    """The name of a body that has an orientation."""
+
+    name = "body"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> str | None:
+        """Return the name."""
+        word = reading.nodes.word(node, path, "the name of a body")
+        if word is None or not reading.names.has_body(node, path, word):
+            return None
+        if len(body_coordinates(reading.names.bodies[word])) == reading.names.dimension:
+            message = f"the body {word!r} is a point: it has no orientation that a torque could turn"
+            reading.nodes.complain(node, path, message)
+            return None
+        return word
+
+    def numbers(self, owner: Owner, field: Field, value: str) -> int:
+        """Return the number of the body."""
+        return owner.evaluator.body_numbers[value]
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of a name."""
+        return {**TEXT}
+
+
+class JointField(FieldKind):
+    """The name of a joint that has an angle or a travel, wherever it stands in the file."""
+
+    name = "joint"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> str | None:
+        """Return the name."""
+        word = reading.nodes.word(node, path, "the name of a joint")
+        kind = reading.names.joint(node, path, word) if word is not None else None
+        if kind is None:
+            return None
+        if not kind.motions:
+            reading.nodes.complain(node, path, f"a {kind.name} joint has no single angle or travel")
+            return None
+        reading.joint = kind
+        return word
+
+    def numbers(self, owner: Owner, field: Field, value: str) -> Any:
+        """Return the joint, an `Item`."""
+        return owner.joint_named(value)
+
+    def joints(self, value: str) -> Iterable[str]:
+        """Return the name."""
+        return (value,)
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of a name."""
+        return {**TEXT}
+
+
+class MotionField(ChoiceField):
+    """Which motion of the joint that the entry names: needed if the joint has several."""
+
+    name = "motion"
+
+    def finish(self, reading: Reading, field: Field) -> None:
+        """Refuse a motion that the joint does not have."""
+        joint, given = reading.joint, field.name in reading.values
+        if joint is None:
+            return
+        if not given and len(joint.motions) > 1:
+            hint = f"add {field.name}: " + f" or {field.name}: ".join(joint.motions)
+            message = f"a {joint.name} joint has two motions, say which one is meant"
+            reading.nodes.complain(reading.node, reading.path, message, hint)
+        elif given and reading.values[field.name] not in joint.motions:
+            message = f"a {joint.name} joint has no {reading.values[field.name]}, only {joint.motions[0]}"
+            reading.nodes.complain(reading.node.entries[field.name], f"{reading.path}.{field.name}", message)
+
+
+class CoordinateField(FieldKind):
+    """The name of a coordinate such as ``rod.theta``."""
+
+    name = "coordinate"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> str | None:
+        """Return the name."""
+        return reading.names.coordinate(node, path)
+
+    def numbers(self, owner: Owner, field: Field, value: str) -> int:
+        """Return the number of the coordinate."""
+        return owner.evaluator.coordinate_numbers[value]
+
+    def coordinates(self, value: str) -> Iterable[str]:
+        """Return the name."""
+        return (value,)
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of a name."""
+        return {**TEXT}
+
+
+class LoadsField(FieldKind):
+    """Generalized forces by coordinate, as expressions of coordinates, rates and time."""
+
+    name = "loads"
+    moving = True
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> dict[str, Quantity] | None:
+        """Return the expressions by coordinate."""
+        hint = "for example {rod.theta: -c*rate(rod.theta)}"
+        mapping = reading.nodes.mapping(node, path, "coordinates with generalized forces", hint)
+        if mapping is None:
+            return None
+        loads = {}
+        for key, item in mapping.pairs():
+            expression = reading.quantities.expression(item, f"{path}.{key.text}", time=True, state=True)
+            if reading.names.coordinate(key, path) is not None:
+                loads[key.text] = expression
+        return loads
+
+    def coordinates(self, value: dict[str, Quantity]) -> Iterable[str]:
+        """Return the coordinates acted on, and the names in the expressions and of their rates."""
+        return {*value, *(name for x in value.values() for name in (*x.names(), *x.rates()))}
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of expressions by name."""
+        return {**BY_NAME}
+
+
+KINDS = (BodyField(), JointField(), MotionField(), CoordinateField(), LoadsField())

@@ -1,0 +1,116 @@
+"""The JSON Schema of model files, for editors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mbstab.mechanics.catalogue import Kind
+from mbstab.mechanics.elements import KINDS
+from mbstab.model.fields.base import BY_NAME, DIRECTION, NUMBER, TEXT, VECTOR, described, object_schema, typed_schema
+from mbstab.model.fields.catalogue import kind_of
+from mbstab.model.schema import (
+    CONSTRAINT_FIELDS,
+    CRITICAL_FIELDS,
+    EIGENVALUE_FIELDS,
+    EXPECT_FIELDS,
+    FINDS,
+    GEOMETRY_FIELDS,
+    INITIAL_FIELDS,
+    PARAMETER_FIELDS,
+    REFERENCE_FIELDS,
+    SECTIONS,
+    SIGNS,
+    STEADY_FIELDS,
+    SWEEP_FIELDS,
+    VERSION,
+)
+from mbstab.model.words import WORDS
+
+INTEGER = {"type": "integer"}
+STATE = {"type": "object", "additionalProperties": BY_NAME}
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema of model files."""
+    properties: dict[str, Any] = {
+        "mbstab": {"const": int(VERSION)},
+        "title": TEXT,
+        "source": TEXT,
+        "parameters": {"type": "object", "additionalProperties": {"anyOf": [NUMBER, _parameter()]}},
+        "gravity": VECTOR,
+        "ground": object_schema(GEOMETRY_FIELDS, points=_by_name(VECTOR), directions=_by_name(DIRECTION)),
+        **{name: _by_name({"anyOf": _kinds(name)}) for name in KINDS},
+        "constraints": _by_name(object_schema(CONSTRAINT_FIELDS, holonomic=TEXT, nonholonomic=TEXT)),
+        "reference": _reference(),
+        "initial": object_schema(INITIAL_FIELDS, time=NUMBER, coordinates=STATE, rates=STATE),
+        "sweep": _by_name(_sweep()),
+        "expect": {"type": "array", "items": _expectation()},
+    }
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "mbstab model",
+        "type": "object",
+        "properties": {key: {**node, "description": SECTIONS[key]} for key, node in properties.items()},
+        "required": ["mbstab", "bodies"],
+        "additionalProperties": False,
+    }
+
+
+def _by_name(node: Any) -> dict[str, Any]:
+    return {"type": "object", "additionalProperties": node}
+
+
+def _kinds(section: str) -> list[dict[str, Any]]:
+    """Return the schema of every type of a section."""
+    return [_kind(kind) for kind in {id(kind): kind for kind in KINDS[section].values()}.values()]
+
+
+def _kind(kind: Kind) -> dict[str, Any]:
+    properties = {field.name: described(kind_of(field), field) for field in kind.fields}
+    return typed_schema(kind.name, kind.doc, properties, [field.name for field in kind.fields if field.required])
+
+
+def _parameter() -> dict[str, Any]:
+    sign = {"enum": list(SIGNS)}
+    found = object_schema(PARAMETER_FIELDS, value=NUMBER, unit=TEXT, sign=sign, description=TEXT)
+    return {**found, "required": ["value"]}
+
+
+def _reference() -> dict[str, Any]:
+    return object_schema(
+        REFERENCE_FIELDS,
+        time=NUMBER,
+        coordinates=STATE,
+        rates=STATE,
+        guess=STATE,
+        find={"enum": list(FINDS)},
+        steady=object_schema(
+            STEADY_FIELDS, axis=DIRECTION, rate=NUMBER, point=VECTOR, direction=DIRECTION, speed=NUMBER
+        ),
+        period=NUMBER,
+    )
+
+
+def _sweep() -> dict[str, Any]:
+    found = object_schema(SWEEP_FIELDS, **{"from": NUMBER, "to": NUMBER, "points": INTEGER})
+    return {**found, "required": ["from", "to"]}
+
+
+def _expectation() -> dict[str, Any]:
+    verdict = {"enum": list(WORDS)}
+    critical = object_schema(
+        CRITICAL_FIELDS, parameter=TEXT, value=NUMBER, tolerance=NUMBER, below=verdict, above=verdict
+    )
+    return object_schema(
+        EXPECT_FIELDS,
+        at=BY_NAME,
+        eigenvalues={"type": "array", "items": object_schema(EIGENVALUE_FIELDS, real=NUMBER, imag=NUMBER)},
+        tolerance=NUMBER,
+        neutral=INTEGER,
+        frozen={"type": "boolean"},
+        coordinates=STATE,
+        redundant=INTEGER,
+        verdict=verdict,
+        critical={**critical, "required": ["parameter", "value", "below", "above"]},
+        source=TEXT,
+    )

@@ -1,0 +1,126 @@
+"""What a model file names: parameters, bodies and their coordinates, joints; how one part of it finds another."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+
+from mbstab.errors import suggestion
+from mbstab.mechanics.catalogue import Kind
+from mbstab.model import units
+from mbstab.model.nodes import NodeReader
+from mbstab.model.schema import Components, Entry, Parameter
+from mbstab.model.yamlfile import Scalar, YamlNode
+
+
+class Names:
+    """The names of one file, each filled in before anything looks it up.
+
+    Attributes
+    ----------
+    dimension : int
+        2 for a planar scene, 3 for a spatial one.
+    parameters, units : dict
+        Parameters by name, and what is known of their units.
+    bodies : dict of Entry
+        The bodies that were read.
+    joints : dict of Kind
+        The types of the joints. They are known before any joint is read, so entries may name
+        joints that stand further down.
+    written : dict of collections of str
+        By section, every name in the file; an entry with a problem is written, but not known.
+    coordinates : dict
+        Names of all coordinates, such as ``rod.theta``, in the order of q.
+    geometry : dict of pairs of dict
+        Named points and named directions by body; None stands for the ground.
+    """
+
+    def __init__(self, nodes: NodeReader) -> None:
+        self.nodes = nodes
+        self.dimension = 3
+        self.parameters: dict[str, Parameter] = {}
+        self.units: dict[str, units.Known] = {}
+        self.bodies: dict[str, Entry] = {}
+        self.joints: dict[str, Kind] = {}
+        self.written: dict[str, Collection[str]] = {}
+        self.coordinates: dict[str, None] = {}
+        self.geometry: dict[str | None, tuple[dict[str, Components], dict[str, Components]]] = {}
+
+    def unread(self, coordinate: str) -> bool:
+        """Whether a coordinate belongs to a body that is in the file but could not be read."""
+        body = coordinate.partition(".")[0]
+        return body in self.written["bodies"] and body not in self.bodies
+
+    def _known(self, node: YamlNode, path: str, word: str, section: str, known: Collection[str]) -> bool:
+        """Whether a name is known; one that is written but could not be read has its problem already."""
+        if word not in known and word not in self.written[section]:
+            what = {"bodies": "body", "joints": "joint"}[section]
+            self.nodes.complain(node, path, f"there is no {what} {word!r}", suggestion(word, known))
+        return word in known
+
+    def has_body(self, node: YamlNode, path: str, word: str) -> bool:
+        """Whether there is a body of that name; refuse it if not."""
+        return self._known(node, path, word, "bodies", self.bodies)
+
+    def has_body_or_ground(self, node: YamlNode, path: str, word: str) -> bool:
+        """Whether a name is that of a body, or ``ground``; refuse it if not."""
+        return self._known(node, path, word, "bodies", [*self.bodies, "ground"])
+
+    def joint(self, node: YamlNode, path: str, word: str) -> Kind | None:
+        """Return the type of the joint of that name."""
+        return self.joints[word] if self._known(node, path, word, "joints", self.joints) else None
+
+    def coordinate(self, node: YamlNode, path: str) -> str | None:
+        """Return the name of a coordinate."""
+        word = self.nodes.word(node, path, "a coordinate such as body.x")
+        if word is None or self.unread(word):
+            return None
+        if word not in self.coordinates:
+            hint = suggestion(word, self.coordinates) or "coordinates: " + ", ".join(list(self.coordinates)[:12])
+            self.nodes.complain(node, path, f"there is no coordinate {word!r}", hint)
+            return None
+        return word
+
+    def check_parameter(self, node: Scalar, path: str) -> None:
+        """Refuse a name that no parameter has."""
+        if node.text not in self.parameters:
+            hint = suggestion(node.text, self.parameters)
+            self.nodes.complain(node, path, f"there is no parameter {node.text!r}", hint)
+
+
+def owner_of_point(body: str | None) -> str:
+    """Return what messages call a body, or the ground."""
+    return "the ground" if body is None else f"the body {body!r}"
+
+
+def in_order(needs: Mapping[str, Iterable[str]]) -> tuple[list[str], list[list[str]]]:
+    """Return names so that each comes after those it needs, and the circles that had to be cut.
+
+    Parameters
+    ----------
+    needs : mapping
+        From each name to those it needs, all of them keys.
+
+    Returns
+    -------
+    order : list of str
+    circles : list of list of str
+        Each begins and ends with the same name.
+    """
+    done: dict[str, None] = {}
+    circles = []
+    for start in needs:
+        if start in done:
+            continue
+        path = {start: iter(needs[start])}
+        while path:
+            name = next(reversed(path))
+            following = next((other for other in path[name] if other not in done), None)
+            if following is None:
+                del path[name]
+                done[name] = None
+            elif following in path:
+                names = list(path)
+                circles.append([*names[names.index(following) :], following])
+            else:
+                path[following] = iter(needs[following])
+    return list(done), circles

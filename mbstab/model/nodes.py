@@ -1,0 +1,97 @@
+"""Simple nodes of a model file: keys, names, words, texts and whole numbers; problems are recorded at their place."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import TypeVar
+
+from mbstab.errors import Location, suggestion
+from mbstab.model.yamlfile import Document, Mapping, Scalar, YamlNode
+
+Word = TypeVar("Word", bound=str)
+
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+
+
+class NodeReader:
+    """Reads simple nodes of one document; after a problem, reading goes on with something harmless."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+
+    def complain(self, node: YamlNode | Location, path: str, message: str, hint: str = "") -> None:
+        """Record a problem at a node or a place."""
+        location = node if isinstance(node, Location) else node.location
+        self.document.complain(location, path, message, hint)
+
+    def known_keys(self, node: Mapping, path: str, known: Iterable[str]) -> None:
+        """Refuse every key that is not among the known ones."""
+        known = list(known)
+        for key, scalar in node.keys.items():
+            if key not in known:
+                hint = suggestion(key, known) or "known keys: " + ", ".join(known)
+                self.complain(scalar, path, f"unknown key {key!r}", hint)
+
+    def check_name(self, key: Scalar, path: str, what: str, reserved: Iterable[str] = ()) -> bool:
+        """Whether a key can be the name of something; refuse it if not."""
+        if not NAME.match(key.text):
+            self.complain(key, path, f"{key.text!r} is not a valid name for a {what}", "use letters, digits and _")
+            return False
+        if key.text in reserved:
+            self.complain(key, path, f"the name {key.text!r} is taken and cannot be a {what}")
+            return False
+        return True
+
+    def mapping(self, node: YamlNode, path: str, expected: str = "keys with values", hint: str = "") -> Mapping | None:
+        """Return a mapping; `expected` is what messages call it."""
+        if not isinstance(node, Mapping):
+            self.complain(node, path, f"expected {expected}", hint)
+            return None
+        return node
+
+    def optional(self, node: YamlNode | None, path: str) -> Mapping | None:
+        """Return a mapping that may be missing, or empty because all of it is commented out."""
+        if node is None or (isinstance(node, Scalar) and node.empty):
+            return None
+        return self.mapping(node, path)
+
+    def required(self, node: Mapping, key: str, path: str, hint: str = "") -> YamlNode | None:
+        """Return the value of a key that must be there."""
+        if key not in node.entries:
+            self.complain(node, path, f"the key {key!r} is missing", hint)
+            return None
+        return node.entries[key]
+
+    def text(self, node: YamlNode | None, path: str) -> str:
+        """Return text on one line; it is empty if there is none."""
+        if node is None:
+            return ""
+        if not isinstance(node, Scalar):
+            self.complain(node, path, "expected text")
+            return ""
+        return " ".join(node.text.split())
+
+    def word(self, node: YamlNode, path: str, what: str) -> str | None:
+        """Return a scalar as it is written; `what` is what messages expect."""
+        if not isinstance(node, Scalar) or node.empty:
+            self.complain(node, path, f"expected {what}")
+            return None
+        return node.text
+
+    def choice(self, node: YamlNode, path: str, choices: tuple[Word, ...]) -> Word | None:
+        """Return one of several words."""
+        word = self.word(node, path, "one of " + ", ".join(choices))
+        if word is not None and word not in choices:
+            hint = suggestion(word, choices) or "one of " + ", ".join(choices)
+            self.complain(node, path, f"unknown choice {word!r}", hint)
+        return next((choice for choice in choices if choice == word), None)
+
+    def integer(self, node: YamlNode | None, path: str, low: int, high: int, default: int) -> int:
+        """Return a whole number between two limits."""
+        if node is None:
+            return default
+        if isinstance(node, Scalar) and re.fullmatch(r"[+-]?[0-9]{1,9}", node.text) and low <= int(node.text) <= high:
+            return int(node.text)
+        self.complain(node, path, f"expected a whole number between {low} and {high}")
+        return default

@@ -1,0 +1,175 @@
+"""Expressions of a model file: numbers, vectors and directions, with their names and units checked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from mbstab.errors import Location, suggestion
+from mbstab.model import units
+from mbstab.model.arithmetic import CONSTANTS, FUNCTIONS
+from mbstab.model.expressions import Expression, ExpressionError, parse
+from mbstab.model.names import Names, owner_of_point
+from mbstab.model.schema import Components, Quantity, parse_finite
+from mbstab.model.yamlfile import Scalar, Sequence, YamlNode
+
+AXES = {"x": 0, "y": 1, "z": 2}
+
+
+class QuantityReader:
+    """Reads single expressions and lists of them."""
+
+    def __init__(self, names: Names) -> None:
+        self.names = names
+        self.nodes = names.nodes
+
+    # --- one expression ---------------------------------------------------------------------------------------------
+
+    def quantity(
+        self, node: YamlNode, path: str, unit: str = "", time: bool = False, state: bool = False
+    ) -> Quantity | None:
+        """Return an expression, None if there is a problem.
+
+        Parameters
+        ----------
+        unit : str
+            What it must be in; "" and "1" stand for everything without a declared unit.
+        time : bool
+            Whether it may contain the time t.
+        state : bool
+            Whether it may contain coordinates and rates.
+        """
+        if not isinstance(node, Scalar) or node.empty:
+            self.nodes.complain(node, path, "expected a number or an expression" + _in_brackets(unit))
+            return None
+        try:
+            expression = parse_finite(node.text, self.names.parameters)
+            self._check_names(expression, time, state)
+            self.check_unit(expression, unit)
+        except ExpressionError as error:
+            self.complain(node, path, error)
+            return None
+        return Quantity(expression.text, expression.root, node.location, path)
+
+    def expression(
+        self, node: YamlNode, path: str, unit: str = "", time: bool = False, state: bool = False
+    ) -> Quantity:
+        """Return an expression as `quantity` does, but 1 if there is a problem."""
+        return self.quantity(node, path, unit, time, state) or constant("1", node.location, path)
+
+    def complain(self, node: Scalar, path: str, error: ExpressionError) -> None:
+        """Record what is wrong with an expression, at the character where it is."""
+        self.nodes.complain(self.nodes.document.locate(node, error.position), path, error.message, error.hint)
+
+    def _check_names(self, expression: Expression, time: bool, state: bool) -> None:
+        parameters = self.names.parameters
+        for name, at in expression.names().items():
+            if name in parameters or (name == "t" and time):
+                continue
+            if name == "t":
+                raise ExpressionError("the time t cannot be used here", at)
+            if "." in name:
+                self._check_coordinate(name, at, state)
+                continue
+            known = [*parameters, *FUNCTIONS, *CONSTANTS, *(("t",) if time else ())]
+            raise ExpressionError(f"unknown parameter {name!r}", at, suggestion(name, known))
+        for name, at in expression.rates().items():
+            if not state:
+                raise ExpressionError("rate(...) cannot be used here", at)
+            self._check_coordinate(name, at, state)
+
+    def _check_coordinate(self, name: str, at: int, allowed: bool) -> None:
+        if not allowed:
+            raise ExpressionError(f"coordinates such as {name!r} cannot be used here", at)
+        coordinates = self.names.coordinates
+        if name not in coordinates and not self.names.unread(name):
+            raise ExpressionError(f"unknown coordinate {name!r}", at, suggestion(name, coordinates))
+
+    def check_unit(self, expression: Expression, unit: str) -> None:
+        """Refuse an expression that is known to have another unit.
+
+        Raises
+        ------
+        ExpressionError
+        """
+        found = units.dimension_of(expression, self.names.units)
+        if unit in ("", "1") or isinstance(found, str):
+            return
+        expected = units.parse_unit(unit)[1]
+        if found != expected:
+            message = f"{expression.text!r} has the unit {units.show(found)}, expected {unit}"
+            raise ExpressionError(message, 0, "check the units declared under parameters")
+
+    # --- vectors ----------------------------------------------------------------------------------------------------
+
+    def components(
+        self, items: Iterable[YamlNode], node: YamlNode, path: str, unit: str = "", time: bool = False
+    ) -> Components:
+        """Return the expressions of a list; `node` is the whole."""
+        values = (self.expression(item, f"{path}[{i}]", unit, time) for i, item in enumerate(items))
+        return Components(tuple(values), node.location, path)
+
+    def vector(self, node: YamlNode, path: str, unit: str = "", time: bool = False) -> Components:
+        """Return a vector: a list, the name of an axis such as -z, or 0."""
+        if isinstance(node, Scalar):
+            named = self.axis(node, path)
+            if named is not None:
+                return named
+            if node.text.strip() == "0":
+                return self.zero(node, path)
+        dimension = self.names.dimension
+        if not isinstance(node, Sequence):
+            self.nodes.complain(node, path, f"expected a list of {dimension} numbers{_in_brackets(unit)}")
+            return self.zero(node, path)
+        if len(node.items) != dimension:
+            message = f"expected {dimension} numbers{_in_brackets(unit)}, got {len(node.items)}"
+            self.nodes.complain(node, path, message)
+            return self.zero(node, path)
+        return self.components(node.items, node, path, unit, time)
+
+    def zero(self, node: YamlNode, path: str) -> Components:
+        """Return the zero vector."""
+        zero = constant("0", node.location, path)
+        return Components((zero,) * self.names.dimension, node.location, path)
+
+    def axis(self, node: Scalar, path: str) -> Components | None:
+        """Return the unit vector that a word such as -z stands for, None if it is none."""
+        text = node.text
+        sign, letter = ("-1", text[1:]) if text.startswith("-") else ("1", text)
+        if letter not in list(AXES)[: self.names.dimension]:
+            return None
+        numbers = (sign if i == AXES[letter] else "0" for i in range(self.names.dimension))
+        return Components(tuple(constant(x, node.location, path) for x in numbers), node.location, path)
+
+    def direction(self, node: YamlNode, path: str, body: str | None) -> Components | None:
+        """Return a direction in the frame of a body (None: the ground): an axis, a named direction or a list."""
+        if not isinstance(node, Scalar) or node.text.strip() == "0":
+            return self.vector(node, path)
+        named = self.axis(node, path)
+        if named is not None:
+            return named
+        word = self.nodes.word(node, path, "a direction such as x or -y, or a list of numbers")
+        directions = self.names.geometry[body][1]
+        if word is not None and word not in directions:
+            known = [*list(AXES)[: self.names.dimension], *directions]
+            hint = suggestion(word, known) or "known directions: " + ", ".join(known)
+            self.nodes.complain(node, path, f"{owner_of_point(body)} has no direction {word!r}", hint)
+        return directions.get(word) if word is not None else None
+
+    def named_vectors(self, node: YamlNode | None, path: str, what: str, unit: str = "") -> dict[str, Components]:
+        """Return vectors by name, of a body or of the ground; `what` is what messages call one of them."""
+        mapping = self.nodes.optional(node, path)
+        found = {}
+        for key, item in mapping.pairs() if mapping else ():
+            here = f"{path}.{key.text}"
+            self.nodes.check_name(key, here, what, reserved=AXES)
+            found[key.text] = self.vector(item, here, unit)
+        return found
+
+
+def constant(text: str, location: Location, path: str) -> Quantity:
+    """Return a number that the file leaves out, with the place where it would stand."""
+    return Quantity(text, parse(text).root, location, path)
+
+
+def _in_brackets(unit: str) -> str:
+    return f" ({unit})" if unit not in ("", "1") else ""

@@ -1,0 +1,215 @@
+"""Sections of entries by name: bodies, joints, contacts, drives, forces and constraints, and the points of the ground.
+
+What an entry may contain comes from `mbstab.mechanics.elements.KINDS`, how a field is read from
+`mbstab.model.fields`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping as MappingType
+
+from mbstab.errors import suggestion
+from mbstab.mechanics.catalogue import Field, Kind
+from mbstab.mechanics.elements import KINDS
+from mbstab.model.fields.base import Reading
+from mbstab.model.fields.catalogue import given_fields, kind_of
+from mbstab.model.names import in_order
+from mbstab.model.quantities import QuantityReader
+from mbstab.model.schema import CONSTRAINT_FIELDS, GEOMETRY_FIELDS, Entry, body_coordinates, entry_word
+from mbstab.model.yamlfile import Mapping, Scalar, YamlNode
+
+NAMING = tuple(section for section in KINDS if section != "bodies")
+"""Sections whose entries have types and may name bodies and joints."""
+
+CONSTRAINT_KINDS = {
+    role: Kind(role, doc, (2, 3), (Field(role, role, doc),), lambda item: ()) for role, doc in CONSTRAINT_FIELDS.items()
+}
+
+Found = dict[str, tuple[Kind, Mapping]]
+"""Entries by name whose types are known, but whose fields have not been read yet."""
+
+
+class EntryReader:
+    """Reads all sections that hold entries by name."""
+
+    def __init__(self, quantities: QuantityReader) -> None:
+        self.quantities = quantities
+        self.nodes, self.names = quantities.nodes, quantities.names
+
+    def read(self, sections: MappingType[str, YamlNode]) -> dict[str, dict[str, Entry]]:
+        """Return the entries of all sections but the bodies, which must have been read; an entry may name any other."""
+        found = {
+            section: self._find(section, self.nodes.optional(sections.get(section), section), self.names.dimension)
+            for section in NAMING
+        }
+        self.names.joints = {name: kind for name, (kind, _) in found["joints"].items()}
+        entries = {
+            section: {name: self._entry(section, name, *item) for name, item in found[section].items()}
+            for section in NAMING
+        }
+        self._refuse_circles(entries["joints"])
+        return {**entries, "constraints": self._constraints(sections.get("constraints"))}
+
+    # --- the ground and the bodies ----------------------------------------------------------------------------------
+
+    def read_ground(self, node: YamlNode | None) -> None:
+        """Read the named points and directions of the ground."""
+        ground = self.nodes.optional(node, "ground")
+        if ground is not None:
+            self.nodes.known_keys(ground, "ground", GEOMETRY_FIELDS)
+        entries = ground.entries if ground else {}
+        self.names.geometry[None] = (
+            self.quantities.named_vectors(entries.get("points"), "ground.points", "point", "m"),
+            self.quantities.named_vectors(entries.get("directions"), "ground.directions", "direction"),
+        )
+
+    def find_bodies(self, root: Mapping) -> Found:
+        """Find the types of the bodies, and from them whether vectors have two components or three."""
+        nodes = self.nodes
+        if "bodies" not in root.entries:
+            nodes.document.fail(root.location, "", "the key 'bodies' is missing")
+        section = nodes.mapping(root.entries["bodies"], "bodies")
+        found = self._find("bodies", section, None, reserved=("ground",))
+        if section is not None and not section.entries:
+            nodes.complain(section, "bodies", "a model needs at least one body")
+        dimensions: dict[int, str] = {}
+        for name, (kind, _) in found.items():
+            dimensions.setdefault(kind.dimensions[0], name)
+        if len(dimensions) > 1:
+            flat, deep = dimensions[2], dimensions[3]
+            message = f"planar and spatial bodies cannot be mixed: {flat!r} is planar, {deep!r} spatial"
+            hint = "a planar body is a spatial one with a planar joint to the ground"
+            nodes.complain(root.entries["bodies"], "bodies", message, hint)
+        if len(dimensions) != 1:
+            nodes.document.raise_problems()
+        self.names.dimension = min(dimensions)
+        return found
+
+    def read_bodies(self, found: Found) -> dict[str, Entry]:
+        """Return the bodies; their names, coordinates, points and directions are then known."""
+        names = self.names
+        for name, (kind, node) in found.items():
+            entry = self._entry("bodies", name, kind, node)
+            names.bodies[name] = entry
+            self._check_distribution(entry, node)
+            names.geometry[name] = (entry.values.get("points", {}), entry.values.get("directions", {}))
+        coordinates = (f"{name}.{c}" for name, body in names.bodies.items() for c in body_coordinates(body))
+        names.coordinates = dict.fromkeys(coordinates)
+        return names.bodies
+
+    def _check_distribution(self, entry: Entry, node: Mapping) -> None:
+        """Check that the mass and the inertia of a body are given exactly once."""
+        given = [key for key in ("inertia", "shape", "parts") if key in entry.places]
+        if "parts" in given:
+            for key in ("mass", "inertia", "shape", "center_of_mass"):
+                if key in entry.places:
+                    message = f"{key!r} and 'parts' cannot both be given"
+                    self.nodes.complain(entry.places[key], entry.path, message, "each part has its own mass")
+            return
+        self.nodes.required(node, "mass", entry.path)
+        if not given and any(field.name == "inertia" for field in entry.kind.fields):
+            hint = "give inertia, shape or parts; a body without orientation is a point"
+            self.nodes.complain(node, entry.path, "the body has no inertia", hint)
+        elif len(given) > 1:
+            message = f"{given[0]!r} and {given[1]!r} cannot both be given"
+            self.nodes.complain(entry.places[given[1]], entry.path, message)
+
+    # --- entries with a type ----------------------------------------------------------------------------------------
+
+    def _find(
+        self, section: str, mapping: Mapping | None, dimension: int | None, reserved: tuple[str, ...] = ()
+    ) -> Found:
+        """Find the entries of a section and their types; a `dimension` of None stands for both."""
+        self.names.written[section] = mapping.entries if mapping else ()
+        found: Found = {}
+        for key, item in mapping.pairs() if mapping else ():
+            path = f"{section}.{key.text}"
+            self.nodes.check_name(key, path, entry_word(section), reserved)
+            entry = self.nodes.mapping(item, path)
+            kind = self._type(entry, section, path, dimension) if entry else None
+            if entry is not None and kind is not None:
+                found[key.text] = kind, entry
+        return found
+
+    def _type(self, node: Mapping, section: str, path: str, dimension: int | None) -> Kind | None:
+        kinds = KINDS[section]
+        here = sorted({name for name, d in kinds if dimension in (None, d)})
+        type_node = node.entries.get("type")
+        if type_node is None:
+            self.nodes.complain(node, path, "the key 'type' is missing", "known types: " + ", ".join(here))
+            return None
+        name = self.nodes.word(type_node, f"{path}.type", "a type")
+        if name is None:
+            return None
+        found = [kind for (kind_name, d), kind in kinds.items() if kind_name == name and dimension in (None, d)]
+        if found:
+            return found[0]
+        other = any(kind_name == name for kind_name, _ in kinds)
+        scene = "planar" if dimension == 2 else "spatial"
+        message = f"the type {name!r} does not exist in a {scene} scene" if other else f"unknown type {name!r}"
+        hint = suggestion(name, here) or "known types: " + ", ".join(here)
+        self.nodes.complain(type_node, f"{path}.type", message, hint)
+        return None
+
+    def _entry(self, section: str, name: str, kind: Kind, node: Mapping) -> Entry:
+        path = f"{section}.{name}"
+        fields = [field for field in kind.fields if self.names.dimension in field.dimensions]
+        self.nodes.known_keys(node, path, ["type", *[field.name for field in fields]])
+        reading = Reading(self.quantities, node, path)
+        for field in fields:
+            item = node.entries.get(field.name)
+            if item is None and field.required:
+                self.nodes.complain(node, path, f"the key {field.name!r} is missing", field.doc)
+            if item is None and field.default is not None:
+                item = Scalar(field.default, node.location)
+            if item is not None:
+                reading.read(kind_of(field), field, item)
+        for group in kind.one_of:
+            given = [key for key in group if key in reading.values]
+            if len(given) != 1:
+                said = "none" if not given else "both"
+                self.nodes.complain(node, path, f"give one of {' and '.join(map(repr, group))}, {said} given")
+        for field in fields:
+            kind_of(field).finish(reading, field)
+        places = {field.name: node.entries[field.name].location for field in fields if field.name in node.entries}
+        return Entry(section, name, kind, reading.values, node.location, places)
+
+    def _refuse_circles(self, joints: dict[str, Entry]) -> None:
+        """Refuse joints that name each other in a circle."""
+        named = {
+            name: {other: field.name for field, kind, value in given_fields(joint) for other in kind.joints(value)}
+            for name, joint in joints.items()
+        }
+        for circle in in_order(named)[1]:
+            # The last link that closes the circle is where it can be cut.
+            joint, key = joints[circle[-2]], named[circle[-2]][circle[-1]]
+            message = "joints depend on each other in a circle: " + " → ".join(circle)
+            self.nodes.complain(joint.places[key], f"{joint.path}.{key}", message, "let one of them name another joint")
+
+    # --- constraints ------------------------------------------------------------------------------------------------
+
+    def _constraints(self, node: YamlNode | None) -> dict[str, Entry]:
+        section = self.nodes.optional(node, "constraints")
+        read = (
+            self._constraint(key, item, f"constraints.{key.text}") for key, item in (section.pairs() if section else ())
+        )
+        return {entry.name: entry for entry in read if entry is not None}
+
+    def _constraint(self, key: Scalar, node: YamlNode, path: str) -> Entry | None:
+        self.nodes.check_name(key, path, "constraint")
+        mapping = self.nodes.mapping(node, path, "{holonomic: expression} or {nonholonomic: expression}")
+        if mapping is None:
+            return None
+        self.nodes.known_keys(mapping, path, CONSTRAINT_KINDS)
+        given = [role for role in CONSTRAINT_KINDS if role in mapping.entries]
+        if len(given) != 1:
+            self.nodes.complain(mapping, path, "give one of 'holonomic' and 'nonholonomic'")
+            return None
+        kind, item = CONSTRAINT_KINDS[given[0]], mapping.entries[given[0]]
+        reading = Reading(self.quantities, mapping, path)
+        (field,) = kind.fields
+        reading.read(kind_of(field), field, item)
+        if not reading.values:
+            return None
+        places = {field.name: item.location}
+        return Entry("constraints", key.text, kind, reading.values, mapping.location, places)

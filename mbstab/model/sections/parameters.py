@@ -1,0 +1,118 @@
+"""The section ``parameters``: named numbers with units and signs, in an order in which they can be evaluated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mbstab.mechanics.catalogue import Sign
+from mbstab.model import units
+from mbstab.model.arithmetic import CONSTANTS, FUNCTIONS
+from mbstab.model.expressions import ExpressionError, parse
+from mbstab.model.names import in_order
+from mbstab.model.quantities import QuantityReader, constant
+from mbstab.model.schema import PARAMETER_FIELDS, SIGNS, Parameter, Quantity
+from mbstab.model.yamlfile import Mapping, Scalar, YamlNode
+
+RESERVED = ("t", "rate", *FUNCTIONS, *CONSTANTS)
+"""Names that expressions use for something else."""
+
+
+@dataclass(frozen=True)
+class _Written:
+    """A parameter whose value has not been read yet."""
+
+    value: Scalar
+    unit: str = ""
+    factor: float = 1.0
+    description: str = ""
+    sign: Sign = "any"
+
+
+class ParameterReader:
+    """Reads the parameters and fills in their names."""
+
+    def __init__(self, quantities: QuantityReader) -> None:
+        self.quantities = quantities
+        self.nodes, self.names = quantities.nodes, quantities.names
+
+    def read(self, node: YamlNode | None) -> None:
+        """Read the section; the parameters are then known to every expression."""
+        section = self.nodes.optional(node, "parameters")
+        written: dict[str, _Written] = {}
+        for key, item in section.pairs() if section else ():
+            path = f"parameters.{key.text}"
+            if self.nodes.check_name(key, path, "parameter", reserved=RESERVED):
+                written[key.text] = self._written(item, path)
+        # The names first: a value may use any of them.
+        self.names.parameters = {
+            name: Parameter(name, constant("1", item.value.location, f"parameters.{name}"), item.value.location)
+            for name, item in written.items()
+        }
+        read = {name: self._parameter(name, written[name]) for name in self._order(written)}
+        self.names.parameters = read
+
+    def _written(self, node: YamlNode, path: str) -> _Written:
+        unit, factor, description, value = "", 1.0, "", node
+        sign: Sign = "any"
+        if isinstance(node, Mapping):
+            self.nodes.known_keys(node, path, PARAMETER_FIELDS)
+            description = self.nodes.text(node.entries.get("description"), f"{path}.description")
+            unit, factor = self._unit(node.entries.get("unit"), f"{path}.unit")
+            if "sign" in node.entries:
+                sign = self.nodes.choice(node.entries["sign"], f"{path}.sign", SIGNS) or sign
+            value = self.nodes.required(node, "value", path) or Scalar("1", node.location)
+        if not isinstance(value, Scalar):
+            self.nodes.complain(value, path, "expected a number or an expression")
+            value = Scalar("1", value.location)
+        return _Written(value, unit, factor, description, sign)
+
+    def _unit(self, node: YamlNode | None, path: str) -> tuple[str, float]:
+        if node is None:
+            return "", 1.0
+        if not isinstance(node, Scalar) or node.empty:
+            self.nodes.complain(node, path, "expected a unit such as kg*m^2")
+            return "", 1.0
+        try:
+            return node.text, units.parse_unit(node.text)[0]
+        except ExpressionError as error:
+            self.quantities.complain(node, path, error)
+            return "", 1.0
+
+    def _order(self, written: dict[str, _Written]) -> list[str]:
+        """Return the parameters so that each comes after those it needs; circles are refused."""
+        needs: dict[str, list[str]] = {}
+        for name, item in written.items():
+            try:
+                needs[name] = [other for other in parse(item.value.text).names() if other in written]
+            except ExpressionError:  # refused when the value is read
+                needs[name] = []
+        order, circles = in_order(needs)
+        for circle in circles:
+            message = "parameters depend on each other in a circle: " + " → ".join(circle)
+            self.nodes.complain(written[circle[0]].value, f"parameters.{circle[0]}", message)
+        return order
+
+    def _parameter(self, name: str, written: _Written) -> Parameter:
+        value, unit, factor = written.value, written.unit, written.factor
+        expression = self.quantities.expression(value, f"parameters.{name}")
+        if unit:
+            self.names.units[name] = units.parse_unit(unit)[1]
+            if not expression.literal:
+                self._check_derived(value, expression, unit, factor)
+                factor = 1.0
+        else:
+            found = units.dimension_of(expression, self.names.units)
+            # A bare number may be meant in any unit.
+            self.names.units[name] = units.UNKNOWN if isinstance(found, str) else found
+        return Parameter(name, expression, value.location, unit, factor, written.description, written.sign)
+
+    def _check_derived(self, value: Scalar, expression: Quantity, unit: str, factor: float) -> None:
+        """Check the declared unit of a parameter that is computed from others."""
+        if factor != 1.0:
+            hint = "expressions are computed in kg, m, s and rad; declare the unit in these"
+            self.nodes.complain(value, expression.path, f"an expression cannot have the unit {unit}", hint)
+            return
+        try:
+            self.quantities.check_unit(expression, unit)
+        except ExpressionError as error:
+            self.quantities.complain(value, expression.path, error)
