@@ -24,8 +24,10 @@ from mbstab.errors import OutputError, UsageError
 from mbstab.mechanics.bodies import SHAPES
 from mbstab.mechanics.contacts import KINDS as CONTACT_KINDS
 from mbstab.mechanics.joints import KINDS as JOINT_KINDS
-from mbstab.report import animation, motion_plots, plots, sketch, solids
+from mbstab.report import animation, sketch, solids
 from mbstab.report.animation import Stage, motion_frames, swing_frames
+from mbstab.report.pictures import motion_plots
+from mbstab.report.pictures.drawing import save
 from mbstab.report.sketch import Sketch
 
 PENDULUM = mbstab.load("pendulum.yaml")
@@ -679,7 +681,7 @@ def test_ffmpeg_ends_with_the_animation(tmp_path, number):
 
 def test_the_users_matplotlibrc_changes_nothing(pendulum, tmp_path):
     before = drawn("energy", pendulum)
-    plots.save(before, tmp_path / "a.png")
+    save(before, tmp_path / "a.png")
     with matplotlib.rc_context({"lines.linewidth": 9, "font.size": 30}):
-        plots.save(drawn("energy", pendulum), tmp_path / "b.png")
+        save(drawn("energy", pendulum), tmp_path / "b.png")
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()

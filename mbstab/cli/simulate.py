@@ -39,7 +39,7 @@ from mbstab.errors import SimulationError
 if TYPE_CHECKING:
     from mbstab.analysis.simulate.simulate import Simulation
     from mbstab.model.schema import Model
-    from mbstab.report.motion_plots import Picture
+    from mbstab.report.pictures.motion_plots import Picture
 
 METHODS = ("projection", "alpha", "radau")
 SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
@@ -255,7 +255,7 @@ def _pictures(plots: tuple[str, ...], model: Model) -> list[Picture]:
     """Read what is to be drawn, before anything is computed."""
     if not plots:
         return []
-    from mbstab.report.motion_plots import read_picture
+    from mbstab.report.pictures.motion_plots import read_picture
 
     found: dict[str, Picture] = {}
     for text in dict.fromkeys(plots):
@@ -271,7 +271,7 @@ def _draw(result: Simulation, pictures: list[Picture], paths: dict[str, Path], m
     """Draw pictures to their files."""
     if not pictures:
         return
-    from mbstab.report.motion_plots import draw, idle
+    from mbstab.report.pictures.motion_plots import draw, idle
 
     for picture in pictures:
         for text in idle(picture, result, model):

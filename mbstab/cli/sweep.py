@@ -227,11 +227,12 @@ def _chart_answer(result: Chart, labels: list[tuple[str, float]], name: str, tit
 
 
 def _draw_chart(result: Chart, path: Path, labels: list[tuple[str, float]], title: str) -> None:
-    from mbstab.report import plots
+    from mbstab.report.pictures.stability_chart import chart
+    from mbstab.report.pictures.sweep_curves import unanswered_text
 
     texts = [_label(name, unit) for name, (unit, _) in zip(result.parameters, labels, strict=True)]
-    missing = plots.gap(bool(result.problems), int((result.unstable < 0).sum()) > len(result.problems))
-    figure = plots.chart(result.x, result.y, result.unstable, result.boundaries, (texts[0], texts[1]), title, missing)
+    missing = unanswered_text(bool(result.problems), int((result.unstable < 0).sum()) > len(result.problems))
+    figure = chart(result.x, result.y, result.unstable, result.boundaries, (texts[0], texts[1]), title, missing)
     save_picture(figure, path)
 
 
@@ -239,9 +240,11 @@ def _draw(result: Sweep, paths: dict[str, Path], label: str, title: str) -> None
     """Draw pictures of a sweep to their files."""
     if not paths:
         return
-    from mbstab.report import plots
+    from mbstab.report.pictures.campbell import campbell
+    from mbstab.report.pictures.root_locus import root_locus
+    from mbstab.report.pictures.stability_map import stability_map
 
-    kinds = {"map": plots.stability_map, "locus": plots.root_locus, "campbell": plots.campbell}
+    kinds = {"map": stability_map, "locus": root_locus, "campbell": campbell}
     for picture, path in paths.items():
         save_picture(kinds[picture](result, label, title), path)
 

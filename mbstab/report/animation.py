@@ -36,8 +36,10 @@ from mbstab.compiler.system import Array
 from mbstab.errors import OutputError, UsageError
 from mbstab.mechanics.catalogue import GROUND, Marker
 from mbstab.report.files import whole_file
-from mbstab.report.motion_plots import DASHES
-from mbstab.report.plots import FONT, INK, WIDTH, _legend, _minus, _style
+from mbstab.report.pictures.curves import INK
+from mbstab.report.pictures.drawing import FONT, WIDTH, draw_legend, house_style
+from mbstab.report.pictures.motion_plots import DASHES
+from mbstab.report.pictures.scales import with_minus_sign
 from mbstab.report.sketch import Outline, Plane, Sketch
 from mbstab.report.solids import Solid, hull
 
@@ -141,7 +143,7 @@ def motion_frames(sim: Simulation, fps: float = FPS, speed: float = 1.0) -> Fram
     fine = np.minimum(first + np.arange(FINE * (count - 1) + 1) * (speed / fps / FINE), last)
     times, trail = fine[::FINE], _interpolated(sim, fine)
     digits = max(0, math.ceil(-math.log10(speed / fps) - 1e-9))
-    captions = [_minus(f"t = {t:.{digits}f} s") for t in times]
+    captions = [with_minus_sign(f"t = {t:.{digits}f} s") for t in times]
     if speed != 1.0:
         how = f"{speed:g}× as fast" if speed > 1.0 else f"{1.0 / speed:g}× slower"
         captions = [f"{text}, {how}" for text in captions]
@@ -192,7 +194,7 @@ def swing_frames(swing: Swing, number: int, fps: float = FPS) -> Frames:
     """Return one period of a mode, whose repetition swings on."""
     value = swing.value
     imaginary = f" ± {abs(value.imag):.4g}i" if value.imag else ""
-    text = _minus(f"mode {number}: {value.real:.4g}{imaginary} 1/s")
+    text = with_minus_sign(f"mode {number}: {value.real:.4g}{imaginary} 1/s")
     said = "growth and decay not shown" if value.real else "exaggerated"
     place, turn = _padded(swing.positions, swing.rotations)
     trail = np.repeat(place, FINE, axis=0), np.repeat(turn, FINE, axis=0)
@@ -248,7 +250,7 @@ class Stage:
         # Planar bodies lie in one plane: none is behind another.
         skins = [k for k, piece in enumerate(sketch.pieces) if sketch.dimension == 3 and len(piece.outline.skin)]
         self.solids = {k: Solid.of(sketch.pieces[k].outline.skin) for k in skins}
-        with _style():
+        with house_style():
             self._build(title)
 
     # --- geometry ---------------------------------------------------------------------------------------------------
@@ -352,7 +354,7 @@ class Stage:
         self._moving_artists()
         if self.traced:
             handles = [Line2D([], [], **_path_style(k), label=f"path of {name}") for k, name in enumerate(self.traced)]
-            _legend(self.figure, handles)
+            draw_legend(self.figure, handles)
 
     def _moving_artists(self) -> None:
         axes = self.axes
@@ -496,7 +498,7 @@ class Stage:
 
     def images(self) -> Iterator[Image.Image]:
         """Yield the frames as RGB images."""
-        with _style():
+        with house_style():
             self.canvas.draw()
             background = self.canvas.copy_from_bbox(self.figure.bbox)
             for frame in range(len(self.frames.captions)):

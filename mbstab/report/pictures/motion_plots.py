@@ -25,7 +25,9 @@ from mbstab.analysis.simulate.simulate import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError, suggestion
 from mbstab.model.schema import Entry, Model, unit_of
-from mbstab.report.plots import EXACT, FONT, INK, THIN, _decimated, _frame, _legend, _marker, _minus, _style, _thinned
+from mbstab.report.pictures.curves import INK, THIN, decimated, thinned
+from mbstab.report.pictures.drawing import EXACT, FONT, draw_legend, house_style, legend_marker, titled_figure
+from mbstab.report.pictures.scales import with_minus_sign
 
 MOST = 12
 """Curves of a picture: more could not be told apart."""
@@ -371,7 +373,7 @@ def draw(picture: Picture, sim: Simulation, title: str) -> Figure:
     UsageError
         If a reaction is asked for that is not transmitted.
     """
-    with _style():
+    with house_style():
         return _draw_phases(picture, sim, title) if picture.phases else _draw_panels(picture, sim, title)
 
 
@@ -396,7 +398,7 @@ def idle(picture: Picture, sim: Simulation, model: Model) -> list[str]:
 def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
     shown = [replace(panel, curves=_at_work(panel, sim)) for panel in picture.panels]
     heights = [3.6] if len(shown) == 1 else [2.4] * 2 if len(shown) == 2 else [1.75] * len(shown)
-    figure, axes = _frame(title, heights)
+    figure, axes = titled_figure(title, heights)
     handles: list[Artist] = []
     number = 0
     for panel, here in zip(shown, axes, strict=True):
@@ -407,10 +409,10 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
             style = BROAD if below else _curve_style(number if len(values) > 1 else 0)
             if panel.logarithmic:
                 # A gap where it is zero; points tell what stands alone between gaps.
-                points = _decimated(sim.times, np.where(y > 0.0, y, np.nan))
+                points = decimated(sim.times, np.where(y > 0.0, y, np.nan))
                 here.plot(*points, **style | {"linewidth": 0.9}, marker=".", markersize=2.0, zorder=3)
             else:
-                here.plot(*_decimated(sim.times, y - base), **style, zorder=2.5 if below else 3)
+                here.plot(*decimated(sim.times, y - base), **style, zorder=2.5 if below else 3)
             if len(values) > 1:
                 number += not below
                 handles.append(Line2D([], [], **style, label=curve.label))
@@ -422,7 +424,7 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
             here.set_ylim(bottom=max(here.get_ylim()[0], EXACT))
         else:
             here.text(0.5, 0.5, "all are exactly zero", transform=here.transAxes, ha="center")
-        text = text if not base else f"{text}, less {_minus(f'{base:.12g}')}"
+        text = text if not base else f"{text}, less {with_minus_sign(f'{base:.12g}')}"
         here.set_ylabel(text, fontsize=min(FONT + 0.5, heights[0] * 72.0 / (0.5 * len(text))))
         here.set_xlim(float(sim.times[0]), max(float(sim.times[-1]), np.nextafter(float(sim.times[0]), np.inf)))
         here.tick_params(labelbottom=here is axes[-1])
@@ -430,7 +432,7 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
         here.set_axisbelow(True)
         here.yaxis.set_label_coords(-0.1, 0.5)
     axes[-1].set_xlabel("time (s)" + ("" if sim.complete else f", ended early at {sim.times[-1]:.6g} s"))
-    _legend(figure, handles)
+    draw_legend(figure, handles)
     return figure
 
 
@@ -453,19 +455,19 @@ def _at_work(panel: Panel, sim: Simulation) -> tuple[Quantity, ...]:
 
 
 def _draw_phases(picture: Picture, sim: Simulation, title: str) -> Figure:
-    figure, (axes,) = _frame(title, heights=(4.6,))
+    figure, (axes,) = titled_figure(title, heights=(4.6,))
     handles: list[Artist] = []
     alone = len(picture.phases) == 1
     pairs = [(x.values(sim), y.values(sim)) for x, y in picture.phases]
     for number, ((x, _), (across, up)) in enumerate(zip(picture.phases, pairs, strict=True)):
         style = _curve_style(number)
-        axes.plot(*_thinned(across, up), **style, zorder=3)
+        axes.plot(*thinned(across, up), **style, zorder=3)
         axes.plot(across[:1], up[:1], "o", color=style["color"], markersize=7, markerfacecolor="w", zorder=4)
         axes.plot(across[-1:], up[-1:], "s", color=style["color"], markersize=5, zorder=4)
         if not alone:
             handles.append(Line2D([], [], **style, label=x.name))
-    handles.append(_marker("o", 7.0, f"start, t = {_minus(f'{sim.times[0]:.6g}')} s"))
-    end = f"end, t = {_minus(f'{sim.times[-1]:.6g}')} s" + ("" if sim.complete else " (early)")
+    handles.append(legend_marker("o", 7.0, f"start, t = {with_minus_sign(f'{sim.times[0]:.6g}')} s"))
+    end = f"end, t = {with_minus_sign(f'{sim.times[-1]:.6g}')} s" + ("" if sim.complete else " (early)")
     handles.append(Line2D([], [], color="k", linestyle="", marker="s", markersize=5, label=end))
     for which, column in (("x", 0), ("y", 1)):
         values = np.concatenate([pair[column] for pair in pairs])
@@ -474,12 +476,12 @@ def _draw_phases(picture: Picture, sim: Simulation, title: str) -> Figure:
             shifted = np.asarray(line.get_xdata() if which == "x" else line.get_ydata()) - base
             (line.set_xdata if which == "x" else line.set_ydata)(shifted)
         text = Panel(tuple(pair[column] for pair in picture.phases)).said(_room(axes, which, values - base, base))
-        text = text if not base else f"{text}, less {_minus(f'{base:.12g}')}"
+        text = text if not base else f"{text}, less {with_minus_sign(f'{base:.12g}')}"
         (axes.set_xlabel if which == "x" else axes.set_ylabel)(text)
     axes.yaxis.set_label_coords(-0.1, 0.5)
     axes.grid(color="0.88", linewidth=0.6)
     axes.set_axisbelow(True)
-    _legend(figure, handles)
+    draw_legend(figure, handles)
     return figure
 
 
@@ -511,5 +513,7 @@ def _room(axes: Axes, which: str, values: Array, base: float = 0.0) -> int:
         return 0
     power = max(3 * math.floor(math.log10(size) / 3.0), -300)
     axis = axes.xaxis if which == "x" else axes.yaxis
-    axis.set_major_formatter(FuncFormatter(lambda value, _: _minus(f"{round(value / 10.0**power, 6) + 0.0:g}")))
+    axis.set_major_formatter(
+        FuncFormatter(lambda value, _: with_minus_sign(f"{round(value / 10.0**power, 6) + 0.0:g}"))
+    )
     return power
