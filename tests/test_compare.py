@@ -297,7 +297,7 @@ def test_the_table_fits_eighty_columns_and_says_what_is_missing(model):
 
 
 def test_many_eigenvalues_take_several_tables(heavy_chain):
-    from mbstab.report.tables import compare_text
+    from mbstab.report.comparison import compare_text
 
     text = compare_text(heavy_chain, "")
     assert max(map(len, text.splitlines())) <= 80

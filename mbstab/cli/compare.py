@@ -81,11 +81,11 @@ def compare(
     with progress_bar("comparing") as progress:
         result = mechanism.compare(digits, tolerance, progress, **parse_settings(settings))
     warn(result.truth.warnings)
-    from mbstab.report import export, tables
+    from mbstab.report import comparison, export
 
     output.write(
         {
-            "table": lambda: tables.compare_text(result, model.title),
+            "table": lambda: comparison.compare_text(result, model.title),
             "json": lambda: export.to_json(export.compare_data(result, model.name, model.title)),
             "csv": lambda: export.compare_csv(result),
         }

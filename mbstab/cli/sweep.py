@@ -204,10 +204,10 @@ def _chart_points(model: Model, parameter: str) -> int:
 
 def _sweep_answer(result: Sweep, unit: str, factor: float, name: str, title: str) -> Answer:
     """Return how a sweep is written, by format."""
-    from mbstab.report import export, tables
+    from mbstab.report import export, sweeps
 
     return {
-        "table": lambda: tables.sweep_text(result, unit, factor, title),
+        "table": lambda: sweeps.sweep_text(result, unit, factor, title),
         "json": lambda: export.to_json(export.sweep_data(result, unit, factor, name, title)),
         "csv": lambda: export.sweep_csv(result, factor),
         "npz": lambda: export.npz_bytes(export.sweep_arrays(result, factor)),
@@ -216,10 +216,10 @@ def _sweep_answer(result: Sweep, unit: str, factor: float, name: str, title: str
 
 def _chart_answer(result: Chart, labels: list[tuple[str, float]], name: str, title: str) -> Answer:
     """Return how a chart is written, by format."""
-    from mbstab.report import export, tables
+    from mbstab.report import export, sweeps
 
     return {
-        "table": lambda: tables.chart_text(result, labels, title),
+        "table": lambda: sweeps.chart_text(result, labels, title),
         "json": lambda: export.to_json(export.chart_data(result, labels, name, title)),
         "csv": lambda: export.chart_csv(result, labels),
         "npz": lambda: export.npz_bytes(export.chart_arrays(result, labels)),

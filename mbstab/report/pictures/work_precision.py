@@ -13,11 +13,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mbstab.analysis.linear.methods import METHODS
-from mbstab.report.pictures.point_labels import PointLabels
-
-if TYPE_CHECKING:
-    from mbstab.analysis.compare.integrators import Integrations
-    from mbstab.analysis.compare.methods import Comparison, Outcome
 from mbstab.report.pictures.drawing import (
     CRITICAL_STYLE,
     EXACT,
@@ -27,6 +22,11 @@ from mbstab.report.pictures.drawing import (
     legend_marker,
     titled_figure,
 )
+from mbstab.report.pictures.point_labels import PointLabels
+
+if TYPE_CHECKING:
+    from mbstab.analysis.compare.integrators import Integrations
+    from mbstab.analysis.compare.methods import Comparison, Outcome
 
 
 def work_precision(result: Comparison, title: str) -> Figure:
