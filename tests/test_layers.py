@@ -19,10 +19,10 @@ ONLY_IN = {
     "click": {"cli"},
     "rich": {"report/tables.py"},
     "sympy": {"mechanics", "compiler", "model/arithmetic.py", "analysis/linear/symbolic.py", "report/symbolic.py"},
-    "matplotlib": {"report/pictures", "report/animation.py"},
-    "PIL": {"report/animation.py"},
+    "matplotlib": {"report/pictures", "report/animation"},
+    "PIL": {"report/animation"},
     "numba": {"compiler/machine.py"},
-    "scipy": {"analysis", "report/export.py", "report/solids.py"},
+    "scipy": {"analysis", "report/export.py", "report/animation/solids.py"},
     "mpmath": {"model/arithmetic.py", "analysis/algebra/digits.py", "analysis/compare/methods.py"}
     | {"analysis/reference/symmetries.py", "analysis/linear/precise.py", "analysis/linear/precise_motion.py"},
     "flint": {"analysis/algebra/balls.py", "analysis/proof/enclosures.py", "analysis/proof/characteristic.py"},

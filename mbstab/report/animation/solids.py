@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from mbstab.compiler.system import Array
 
@@ -77,6 +79,31 @@ class Solid:
         # Both outlines are convex: the middle of points in both is in both.
         middle = points.mean(axis=0, keepdims=True)
         return bool(self.through(middle, towards)[1][0] > other.through(middle, towards)[1][0])
+
+
+def in_order(solids: dict[int, Solid], towards: Array) -> list[int]:
+    """Return the keys of solids in an order in which those that cover others come after them."""
+    left = dict(sorted(solids.items(), key=lambda item: float((item[1].rim @ towards).mean())))
+    covers = {(a, b) for a in left for b in left if a != b and left[a].covers(left[b], towards)}
+    found = []
+    while left:
+        free = (a for a in left if not any((a, b) in covers for b in left))
+        found.append(next(free, next(iter(left))))  # those that cover each other in a ring have no order
+        del left[found[-1]]
+    return found
+
+
+def hidden(
+    points: Array, solids: Sequence[Solid], towards: Array, deep: float, inside: bool = True
+) -> npt.NDArray[np.bool_]:
+    """Return which of points, shape (k, 3), are deeper than `deep` (m) behind solids, or `inside` of them."""
+    covered = np.zeros(len(points), dtype=bool)
+    for solid in solids:
+        first, last = solid.through(points, towards)
+        # Before the solid the ray runs free, or it runs through what is thick.
+        passes = (last > first) & ((first > deep) | (last - np.maximum(first, 0.0) > deep))
+        covered |= passes & (inside | (first > -deep))
+    return covered
 
 
 def hull(points: Array) -> Array:
