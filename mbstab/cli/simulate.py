@@ -38,6 +38,7 @@ from mbstab.errors import SimulationError
 
 if TYPE_CHECKING:
     from mbstab.analysis.simulate.simulate import Simulation
+    from mbstab.api import Mechanism
     from mbstab.model.schema import Model
     from mbstab.report.pictures.motion_plots import Picture
 
@@ -125,24 +126,14 @@ def _terminable() -> Iterator[None]:
 @_terminable()
 def simulate(
     file: str,
-    to: float | None,
-    start: float | None,
     settings: tuple[str, ...],
-    method: str,
-    solver: str | None,
-    tol: float,
-    step: float | None,
-    once: bool,
-    compiled: bool,
     points: int | None,
     disturbances: tuple[str, ...],
-    through_singular: bool,
-    strict: bool,
     plots: tuple[str, ...],
     place: Path | None,
     full: bool,
     output: Output,
-    **animation: Any,
+    **options: Any,
 ) -> None:
     """Follow the nonlinear motion that starts as the file says, with joint reactions, energies and residuals.
 
@@ -152,9 +143,10 @@ def simulate(
 
     Example: mbstab simulate pendulum.yaml --perturb rod.theta=pi/4 --to 20 -o pendulum.csv
     """
-    _check_options(animation["mode"] is not None, step is not None, bool(plots))
-    movie = Animation.of(**animation)
-    perturb = parse_settings(disturbances, "--perturb")
+    run = {name: options.pop(name) for name in RUN}
+    _check_options(options["mode"] is not None, run["step"] is not None, bool(plots))
+    movie = Animation.of(**options)
+    run["perturb"] = parse_settings(disturbances, "--perturb")
     parameters = parse_settings(settings)
     check_pictures(place)
     mechanism = load_model(file)
@@ -166,38 +158,8 @@ def simulate(
         if movie.mode is not None:
             movie.write_mode(mechanism, **parameters)
             return
-        count = points or movie.points(mechanism.system(**parameters), start, to)
-    stopped: SimulationError | None = None
-    told: list[str] = []
-
-    def tell(text: str) -> None:
-        told.append(text)
-        warn([text])
-
-    try:
-        with _compiling(compiled), progress_bar("simulating") as progress:
-            result = mechanism.simulate(
-                to=to,
-                start=start,
-                method=method,
-                solver=solver or "",
-                tol=tol,
-                step=step,
-                points=count,
-                perturb=perturb,
-                strict=strict,
-                once=once,
-                compiled=compiled,
-                progress=progress,
-                through_singular=through_singular,
-                tell=tell,
-                **parameters,
-            )
-    except SimulationError as error:
-        if error.partial is None or not len(error.partial.times):
-            raise
-        stopped, result = error, error.partial
-    warn([text for text in result.warnings if text not in told])
+        count = points or movie.points(mechanism.system(**parameters), run["start"], run["to"])
+    result, stopped = _run(mechanism, {**run, "points": count, "solver": run["solver"] or ""}, parameters)
     _write(result, output, model, full)
     _draw(result, pictures, paths, model)
     if movie is not None and not (result.complete or result.failure):
@@ -206,6 +168,32 @@ def simulate(
         movie.write_motion(mechanism.system(**parameters), result, model.title)
     if stopped is not None:
         raise stopped
+
+
+RUN = ("to", "start", "method", "solver", "tol", "step", "once", "compiled", "through_singular", "strict")
+"""Options of a run, as `Mechanism.simulate` names them."""
+
+
+def _run(
+    mechanism: Mechanism, options: dict[str, Any], parameters: dict[str, Any]
+) -> tuple[Simulation, SimulationError | None]:
+    """Return what is computed, and why it ended early if it did."""
+    told: list[str] = []
+
+    def tell(text: str) -> None:
+        told.append(text)
+        warn([text])
+
+    stopped: SimulationError | None = None
+    try:
+        with _compiling(options["compiled"]), progress_bar("simulating") as progress:
+            result = mechanism.simulate(progress=progress, tell=tell, **options, **parameters)
+    except SimulationError as error:
+        if error.partial is None or not len(error.partial.times):
+            raise
+        stopped, result = error, error.partial
+    warn([text for text in result.warnings if text not in told])
+    return result, stopped
 
 
 SIMULATED = (
