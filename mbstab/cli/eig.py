@@ -144,7 +144,7 @@ class _Reply:
 
 
 def _joined(replies: list[_Reply], several: bool) -> Answer:
-    """Return the answers about all models by format; only where there are several, each says of which model it is."""
+    """Return the answers about all models by format; if there are several, each names its model."""
     from mbstab.report.export import to_csv, to_json
 
     def table() -> str:

@@ -204,7 +204,7 @@ SIMULATED = (
 
 
 def _compiling(compiled: bool) -> contextlib.AbstractContextManager[object]:
-    """Return a context in which it is said that compiled steps are being compiled."""
+    """Return a context that tells the user when steps are being compiled."""
     if not compiled:
         return contextlib.nullcontext()
     from mbstab.analysis.simulate.steppers.compiled import machine_code

@@ -147,7 +147,7 @@ def _differs(x: Outcome, result: Comparison) -> bool:
 
 
 def _size(x: float, digits: int = 0) -> str:
-    """Return the size of an error; nothing is said about one below the digits of the truth."""
+    """Return the size of an error; below the digits of the reference result only a bound is given."""
     if math.isnan(x):
         return "-"
     return f"<1e-{digits}" if digits and (x == 0.0 or x < 10.0**-digits) else f"{x:.0e}"

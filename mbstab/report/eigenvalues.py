@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.linear.results import EigenResult, Eigenvalue
 
 ZERO = 1e-3
-"""An eigenvalue that may be zero is printed as zero if that is known to this part of the largest one."""
+"""An eigenvalue that may be zero is printed as 0 if its error bound is below this part of the largest one."""
 
 
 def eigen_text(result: EigenResult, title: str) -> str:
@@ -78,7 +78,7 @@ def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
             value = f"0 ± {abs(e.value.imag):.10g}i" if _goes_round(result, e) else _neutral_value(result)
             rows.append([value, "-", "-", "-", "-", f"neutral, {multiplicity}×"])
         elif e.kind == "undecided" and abs(e.value) <= e.error_bound < ZERO * largest:
-            # What is not told from zero has no digits worth printing.
+            # An eigenvalue that cannot be told from zero has no correct digits.
             both = ", 2×" if e.value.imag else ""
             rows.append(["0", "-", "-", "-", f"{e.error_bound:.0e}", f"undecided{both}"])
         else:
@@ -89,7 +89,7 @@ def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
 
 def _eigenvalue_row(e: Eigenvalue) -> list[str]:
     value = "0 ± " + f"{abs(e.value.imag):.10g}i" if e.kind == "center" else eigenvalue(e.value)
-    # On which side of the axis it lies may be open, and with that whether it grows.
+    # If it is open on which side of the axis it lies, it is open whether it grows.
     side = e.kind != "undecided" or e.error_bound < abs(e.value.real)
     damping = 0.0 if e.kind == "center" else e.damping_ratio if side else math.nan
     time = _time(e) if side else "-"
@@ -156,7 +156,7 @@ def _participation(shown: Sequence[tuple[Eigenvalue, int]], bodies: Sequence[str
 
 
 def _fitting(words: Sequence[str], width: int) -> str:
-    """Return as many words as fit, and how many more there are."""
+    """Return as many words as fit, and the number of the others."""
     for count in range(len(words), 0, -1):
         text = ", ".join(words[:count]) + (f", {len(words) - count} more" if count < len(words) else "")
         if len(text) <= width or count == 1:

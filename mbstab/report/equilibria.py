@@ -55,7 +55,7 @@ def _reaction_table(item: Equilibrium) -> str:
         return ""
     largest, rows = _largest_load(item), []
     for r in item.reactions:
-        # What is rounding beside the largest load is zero to a reader.
+        # A component that is rounding error compared with the largest load is shown as zero.
         force, torque = (
             ", ".join(number(x if abs(x) > 1e-12 * largest else 0.0, 5) for x in v) if len(v) else "-"
             for v in (r.force, r.torque)

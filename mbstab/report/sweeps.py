@@ -79,7 +79,7 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
 
 
 def _refused(result: Sweep, factor: float) -> list[str]:
-    """Return the values without an answer, those with the same reason together; reasons differ by more than numbers."""
+    """Return the values without an answer, grouped by reason; reasons that differ in numbers only are the same."""
     groups: dict[str, list[int]] = {}
     for i, text in sorted(result.problems.items()):
         groups.setdefault(NUMBER.sub("#", text.splitlines()[0]), []).append(i)
@@ -92,7 +92,7 @@ def _refused(result: Sweep, factor: float) -> list[str]:
 
 
 def _places(points: list[int], result: Sweep, factor: float) -> str:
-    """Return values of the parameter by the numbers of points, neighbours as a range."""
+    """Return the parameter values of points, neighbours as a range."""
     runs: list[list[int]] = []
     for i in points:
         if runs and i == runs[-1][-1] + 1:
@@ -111,7 +111,7 @@ def _signs(c: Critical) -> str:
 
 
 def _rounded(value: float, result: Sweep) -> float:
-    """Return a value of the parameter, 0 if it is rounding beside the others."""
+    """Return a value of the parameter, 0 if it is rounding error compared with the others."""
     places = [*result.values[:1], *result.values[-1:], *(c.value for c in result.critical), result.start or 0.0]
     return value if abs(value) > 1e-11 * max(abs(x) for x in places) else 0.0
 
@@ -136,7 +136,7 @@ def _verdict_runs(result: Sweep, first: float, last: float) -> list[_Run]:
     missing = {len(x) - 1 - i if len(x) > 1 and order[0] else i for i in result.problems}
     critical = sorted(result.critical, key=lambda c: c.value)
     width = max([abs(float(p)) for p in x] + [abs(c.value) for c in critical], default=0.0)
-    # What lies on a critical value belongs to neither side.
+    # A point on a critical value belongs to neither side.
     at = {i for i, p in enumerate(x) if any(abs(p - c.value) <= 1e-9 * width for c in critical)}
     runs: list[_Run] = []
     for n, (a, b) in enumerate(pairwise([first, *(c.value for c in critical), last])):
@@ -166,7 +166,7 @@ class _Run:
 
 
 def _runs(inside: list[int], a: float, b: float, x: Array, words: Any, counts: Any, missing: set[int]) -> list[_Run]:
-    """Return the ranges of points between two critical values or ends, up to these where nothing is missing."""
+    """Return the ranges of points between two critical values or ends; they reach these unless answers are missing."""
     runs: list[_Run] = []
     whole = True
     for i in inside:
@@ -174,7 +174,7 @@ def _runs(inside: list[int], a: float, b: float, x: Array, words: Any, counts: A
         if i in missing:
             whole = False
             continue
-        # Unstable without an eigenvalue right of the axis: a multiple one on it, at this value alone.
+        # Unstable without an eigenvalue to the right of the axis: a multiple one on it, at this value only.
         same = bool(runs) and runs[-1].word == word and (0 in runs[-1].counts) == (counts[i] == 0)
         if same and whole:
             runs[-1].high = value

@@ -1,4 +1,4 @@
-"""Results as text: plain tables of the width their numbers need, never cut."""
+"""Plain tables as wide as their numbers need, and numbers as text."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _aligned(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence
         grid.add_column(Text(head), justify="left" if i in left else "right", vertical="bottom")
     for row in rows:
         grid.add_row(*[Text(cell) for cell in row])
-    # Measured on a very wide console: a number that does not fit is never cut.
+    # Measured on a very wide console, so that no number is cut.
     wide = Console(width=10_000)
     width = Measurement.get(wide, wide.options, grid).maximum
     out = StringIO()
@@ -77,6 +77,6 @@ def eigenvalue(s: complex) -> str:
     """Return an eigenvalue with ten significant digits; a pair as ±."""
     if s.imag == 0.0:
         return f"{s.real:.10g}"
-    # A real part that is round-off of the imaginary one is not shown with ten digits.
+    # A real part that is round-off compared with the imaginary part is not shown with ten digits.
     real = f"{s.real:.10g}" if abs(s.real) > 1e-10 * abs(s) or not s.real else f"{s.real:.1e}"
     return f"{real} ± {abs(s.imag):.10g}i"

@@ -1,4 +1,4 @@
-"""What stands still in a moving picture: the ground, a scale, and the axes of the ground."""
+"""The fixed parts of a moving picture: the ground, a scale bar, and the ground axes."""
 
 from __future__ import annotations
 
@@ -83,6 +83,6 @@ def draw_ground_axes(axes: Axes, low: Array, high: Array, across: Array) -> None
         way = across[:2] @ direction
         x, y = (start + size * way).tolist()
         axes.annotate("", (x, y), (float(start[0]), float(start[1])), arrowprops=arrow)
-        # An axis that points to the one who looks has no arrow beside which its name could stand.
+        # An axis that points to the viewer has no arrow: its name stands beside the origin.
         x, y = (start + 1.25 * size * way + (0.0 if np.hypot(*way) > 0.3 else 0.25 * size)).tolist()
         axes.text(x, y, name, ha="center", va="center")

@@ -14,19 +14,16 @@ from mbstab.errors import UsageError
 from mbstab.report.pictures.scales import with_minus_sign
 
 FPS = 25.0
-"""Frames in a second, if not given."""
-
+"""Frames per second, if not given."""
 
 FINE = 5
-"""Instants of the path of a point for each frame."""
-
+"""Points on the path of a traced point for each frame."""
 
 MOST_FRAMES = 20_000
-"""More are taken for a mistake."""
-
+"""Largest number of frames; more are taken for a mistake."""
 
 SWING = 2.0
-"""How long a period of a mode takes in a picture, whatever it is (s)."""
+"""Duration of one period of a mode in an animation, whatever the period is (s)."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +33,9 @@ class Frames:
     Attributes
     ----------
     fps : float
-        Frames in a second.
+        Frames per second.
     captions : list of str
-        What stands in the corner.
+        Text in the corner of each frame.
     positions, rotations : ndarray, shape (n, n_b, 3) and (n, n_b, 3, 3)
         Reference points (m), and from body axes to ground axes.
     trail : (ndarray, ndarray)
@@ -75,7 +72,7 @@ def motion_frames(sim: Simulation, fps: float = FPS, speed: float = 1.0) -> Fram
     Parameters
     ----------
     fps : float
-        Frames in a second.
+        Frames per second.
     speed : float
         Seconds of the motion in a second.
     """

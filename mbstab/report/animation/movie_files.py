@@ -23,13 +23,11 @@ from mbstab.report.pictures.curves import INK
 FORMATS = (".gif", ".mp4")
 """What `write` writes, by suffix."""
 
-
 FASTEST_GIF = 50.0
-"""Frames in a second of a GIF: viewers slow down faster ones."""
-
+"""Most frames per second of a GIF: viewers slow down faster ones."""
 
 SLOWEST = 0.01
-"""Frames in a second: a GIF cannot show one for longer than 10 min."""
+"""Fewest frames per second: a GIF cannot show one frame for longer than 10 min."""
 
 
 def check(path: Path, fps: float) -> None:

@@ -33,7 +33,7 @@ class Outline:
     skin : ndarray, shape (k, 3)
         Points whose convex hull is filled; empty for what has no inside.
     normals : tuple of ndarray, shape (k, 3)
-        For each stroke the outward normals of the faces it belongs to: it is seen if one of them shows.
+        For each stroke the outward normals of the faces it belongs to: it is seen if one of them faces the viewer.
     width : float
         Width of the lines (points).
     """
@@ -53,7 +53,7 @@ class Outline:
         )
 
     def seen(self, towards: Array) -> list[Array]:
-        """Return the strokes on the side of a direction, all of them if nothing hides."""
+        """Return the strokes on the side that faces a direction; all of them if the outline has no normals."""
         if not self.normals:
             return list(self.strokes)
         return [x for x, n in zip(self.strokes, self.normals, strict=True) if np.any(n @ towards > 0.0)]
@@ -77,7 +77,7 @@ def _cylinder(radius: float, length: float) -> Outline:
     heights = (-0.5 * length, 0.5 * length) if length else (0.0,)
     ends = [_circle(radius, height) for height in heights]
     marks = [line((0.0, 0.0, height), end[0]) for height, end in zip(heights, ends, strict=True)]
-    # That it turns is seen by a radius. A thin disk shows both faces at once.
+    # A radius shows that it turns. A thin disk shows both faces at once.
     faces = [line((0.0, 0.0, -1.0)), line((0.0, 0.0, 1.0))] if length else [line((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))]
     return Outline((*ends, *marks), np.concatenate(ends), (*faces, *faces))
 
@@ -147,7 +147,7 @@ def windings(ends: Array, width: float, view: Array, dimension: int) -> Array:
     width : float
         Half of its width (m).
     view : ndarray, shape (3, 3)
-        Directions to the right, upwards, and towards the one who looks.
+        Directions to the right, upwards, and towards the viewer.
     dimension : int
 
     Returns

@@ -145,7 +145,7 @@ class Sketch:
                 self.planes.append(plane)
 
     def _add_body(self, system: System, b: int, entry: Entry, places: list[Array], shaped: bool, size: float) -> None:
-        """Add a body: its shapes, and lines to the places where something holds it; axes if there is neither.
+        """Add a body: its shapes, and lines to the points where something acts on it; its axes if there is neither.
 
         Parameters
         ----------
@@ -156,7 +156,7 @@ class Sketch:
         places : list of ndarray
             Points of the body that joints, contacts and forces name (m).
         shaped : bool
-            Whether a contact has drawn it already.
+            Whether a contact has already drawn it.
         size : float
             Size of the scene (m).
         """
@@ -168,7 +168,7 @@ class Sketch:
         self.pieces.extend(Piece(b, Outline((x,), width=THICK)) for x in skeleton)
         if own or shaped:
             return
-        # That a body turns about a line is seen by its axes only.
+        # Only its axes show that a body turns about a line.
         if len(_distinct(places)) > 1 or (skeleton and self.dimension == 2):
             self.centers.append(Marker(b, tuple(system.scene.bodies[b].center)))
         else:

@@ -1,4 +1,4 @@
-"""What hides what in a picture along parallel lines: bodies as their convex hulls."""
+"""Hidden surfaces in a parallel projection: which bodies, as convex hulls, hide what is behind them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from mbstab.compiler.system import Array
 
 FLAT = 1e-4
-"""Half of the thickness of what has none, as a part of its size."""
+"""Half of the thickness that a flat body is given, as a part of its size."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Solid:
     faces : ndarray, shape (n, 4)
         Outward normal n and offset b of each: inside is n·x <= b.
     rim : ndarray, shape (m, 3)
-        Its outline as it is seen, closed; empty where no direction is looked from yet.
+        Its outline as it is seen, closed; empty before `placed` has fixed the view.
     """
 
     corners: Array
@@ -33,7 +33,7 @@ class Solid:
 
     @classmethod
     def of(cls, skin: Array) -> Solid:
-        """Return the convex hull of points, shape (k, 3); a flat one gets a thickness that is not seen."""
+        """Return the convex hull of points, shape (k, 3); a flat one is given a thickness too small to be seen."""
         from scipy.spatial import ConvexHull
 
         size = float(np.max(np.abs(skin)))
@@ -42,12 +42,12 @@ class Solid:
         if extents[2] <= 1e-6 * extents[0]:
             points = np.concatenate([points - FLAT * axes[2], points + FLAT * axes[2]])
         found = ConvexHull(points)
-        # Triangles of one face have one equation.
+        # All triangles of a face have the same equation.
         faces = np.unique(np.round(found.equations * [1.0, 1.0, 1.0, -1.0], 12), axis=0)
         return cls(points[found.vertices] * size, faces * [1.0, 1.0, 1.0, size], np.zeros((0, 3)))
 
     def placed(self, axes: Array, center: Array, across: Array) -> Solid:
-        """Return it in another frame, seen along the last row of `across`."""
+        """Return it in another frame, with its outline as seen along the last row of `across`."""
         corners, normals = self.corners @ axes.T + center, self.faces[:, :3] @ axes.T
         seen = corners @ across[:2].T
         number = {tuple(p): k for k, p in enumerate(seen.tolist())}
@@ -55,7 +55,7 @@ class Solid:
         return Solid(corners, np.column_stack([normals, self.faces[:, 3] + normals @ center]), rim)
 
     def through(self, points: Array, towards: Array) -> tuple[Array, Array]:
-        """Return between which distances from points lines in a direction are inside; the last is less if nowhere."""
+        """Return the distances from points at which rays enter and leave; a ray that misses leaves before it enters."""
         slope, room = self.faces[:, :3] @ towards, self.faces[:, 3] - points @ self.faces[:, :3].T
         along = np.abs(slope) < 1e-9
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -66,7 +66,7 @@ class Solid:
         return first, np.where(missed, -np.inf, last)
 
     def covers(self, other: Solid, towards: Array) -> bool:
-        """Return whether it is before another one where both are seen."""
+        """Return whether it is in front of another one where both are seen."""
         shared = []
         for one, two in ((self, other), (other, self)):
             a, b = one.rim[:-1], one.rim[1:]

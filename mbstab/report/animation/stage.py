@@ -37,10 +37,10 @@ TALLEST, FLATTEST = 6.4, 2.2
 """Height of the picture without its margins (inches)."""
 
 FRAGMENTS = 40
-"""Lines in space are hidden in pieces not longer than this part of the mechanism."""
+"""Pieces into which a line as long as the mechanism is cut to find its hidden parts."""
 
 TOUCHING = 2e-3
-"""What lies deeper behind a body than this part of the mechanism is hidden by it."""
+"""A point is hidden if it lies behind a body by more than this part of the size of the mechanism."""
 
 SUPPORT = Outlined([(0.0, 0.0), (-0.6, -1.0), (0.6, -1.0), (0.0, 0.0)])
 """Marker of a joint to the ground."""

@@ -1,6 +1,6 @@
-"""What is seen of a motion: the direction one looks from, places of bodies and points, and the limits of the picture.
+"""The view of a motion: its direction, the positions of bodies and points in it, and the limits of the picture.
 
-The view is along parallel lines, so that lengths across it are true. Limits are fixed over the motion.
+It is a parallel projection: lengths across it are true. The limits stay fixed during the motion.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class View:
     Attributes
     ----------
     across : ndarray, shape (3, 3)
-        Directions to the right, upwards, and towards the one who looks, as rows.
+        Directions to the right, upwards, and towards the viewer, as rows.
     traced : dict
         Paths of points by name, with `FINE` places for a frame.
     shift : ndarray, shape (n, 3)
@@ -164,7 +164,7 @@ class View:
 
 
 def _directions(sketch: Sketch, view: tuple[float, float]) -> Array:
-    """Return the directions to the right, upwards, and towards the one who looks, as rows."""
+    """Return the directions to the right, upwards, and towards the viewer, as rows."""
     if sketch.dimension == 2:
         return np.eye(3)
     elevation, azimuth = np.radians(view)

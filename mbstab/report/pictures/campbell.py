@@ -68,7 +68,7 @@ def campbell(result: Sweep, label: Axis | str, title: str, excitations: Sequence
 
 
 def _crossings(x: Array, frequency: Array, line: Array) -> list[tuple[float, float]]:
-    """Return where branches cross an excitation line, each place once; not where both are zero."""
+    """Return where branches cross an excitation line, each crossing once; not where both are zero."""
     found: list[tuple[float, float]] = []
     top = float(np.nanmax(frequency)) if frequency.size and not np.all(np.isnan(frequency)) else 0.0
     span = float(np.ptp(x)) if len(x) else 0.0

@@ -13,7 +13,7 @@ from mbstab.compiler.system import Array
 Mask = npt.NDArray[np.bool_]
 
 INK = ("#000000", "#b03a2e", "#4f94d4")
-"""Colours of branches, in turn; apart in grey as well (0, 0.35, 0.54)."""
+"""Colours of branches, in turn; they differ in grey as well (0, 0.35, 0.54)."""
 
 BEYOND_INK = "0.62"
 """Grey of the paths beyond the turns of the first one."""
@@ -22,11 +22,11 @@ THIN, THICK = 1.5, 3.2
 """Width (points) of curves of stable and unstable eigenvalues."""
 
 BINS = 1500
-"""Columns a curve is drawn in: more than a page can show."""
+"""Columns of the grid to which a curve is thinned: more than a page can show."""
 
 
 def draw_branch(axes: Axes, x: Array, y: Array, ink: str, thick: Mask, dashed: bool = False) -> None:
-    """Draw a branch; nan breaks it, its unstable parts are thick."""
+    """Draw a branch: nan breaks it, and its unstable parts are thick."""
     fewer = thinned if np.any(np.diff(x[~np.isnan(x)]) < 0.0) else decimated
     inner = thick.copy()
     inner[1:] &= thick[:-1]
@@ -35,7 +35,7 @@ def draw_branch(axes: Axes, x: Array, y: Array, ink: str, thick: Mask, dashed: b
         shown = np.where(hidden, np.nan, y)
         if not np.isfinite(shown).any():
             continue
-        # Dashes of the same length whatever the width, which they are multiples of.
+        # Matplotlib counts dashes in line widths; these are equally long in points.
         dashes: Any = (0, (5.8 / width, 2.4 / width)) if dashed else "-"
         axes.plot(
             *fewer(x, shown), color=ink, linewidth=width, linestyle=dashes, zorder=3,
@@ -53,7 +53,7 @@ def draw_branch(axes: Axes, x: Array, y: Array, ink: str, thick: Mask, dashed: b
 def decimated(x: Array, y: Array) -> tuple[Array, Array]:
     """Return the points of a curve over ascending x that a picture can show.
 
-    Of every column the first and the last point stay, the highest and the lowest, and a nan.
+    Of every column the first, last, highest and lowest points are kept, and a nan.
     """
     n = len(x)
     if n <= 5 * BINS:
@@ -77,7 +77,7 @@ def decimated(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def thinned(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return the points of a curve in the plane without those that a picture cannot tell from the one before."""
+    """Return the points of a curve in the plane, without those that a picture cannot tell from their neighbours."""
     if len(x) <= 5 * BINS:
         return x, y
     finite = np.isfinite(x) & np.isfinite(y)
@@ -90,10 +90,10 @@ def thinned(x: Array, y: Array) -> tuple[Array, Array]:
     z = cells[0] + 1j * cells[1]
     grid = np.where(finite, np.floor(cells[0]) * 2.0 * BINS + np.floor(cells[1]), -1.0)
     moved = np.diff(grid) != 0.0
-    # The last point in a cell stays too: at a turn or before a gap it is the end.
+    # The last point in a cell is kept too: at a turn or before a gap it is the end.
     kept = np.flatnonzero(np.concatenate([[True], moved]) | np.concatenate([moved, [True]]))
     for _ in range(8):
-        # Every other point goes if it lies on the way from the one before to the one after.
+        # Of every second point, those on the line from the point before to the point after are dropped.
         before, middle, after = z[kept[:-2:2]], z[kept[1:-1:2]], z[kept[2::2]]
         way = after - before
         part = (middle - before) * np.conj(way)

@@ -1,7 +1,7 @@
 """What all pictures share: style, title, legend, and how they are written to a file.
 
-Everything reads in grey too: what a curve means is in its line style and width, regions
-differ in lightness, points in their marker. Results are in SI, pictures in declared units.
+Pictures can be read in grey too: curves differ in line style and width, regions in lightness, points in
+their marker. Results are in SI units, pictures in declared units.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ from mbstab.report.files import whole_file
 FORMATS = ("png", "svg", "pdf")
 """What `save` writes, by suffix."""
 
-
 UNSTABLE_SHADE = "0.9"
 """Grey of unstable ranges."""
 
@@ -35,10 +34,8 @@ CRITICAL_STYLE = (0, (7, 2, 1.5, 2))
 FONT = 9.0
 """Size of text (points)."""
 
-
 EXACT = 1e-17
 """Errors below this are chance in double precision, and are drawn here."""
-
 
 WIDTH, LEFT, RIGHT = 7.2, 0.85, 0.25
 """Width of a picture and of its margins (inches)."""
@@ -136,5 +133,5 @@ def no_answer_patch(text: str = "no answer") -> Patch:
 
 
 def text_width(text: str, size: float) -> float:
-    """Return about how wide a text is, in points."""
+    """Return the approximate width of a text (points)."""
     return 0.6 * size * len(text)

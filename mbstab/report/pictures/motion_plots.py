@@ -30,7 +30,7 @@ from mbstab.report.pictures.drawing import EXACT, FONT, draw_legend, house_style
 from mbstab.report.pictures.scales import with_minus_sign
 
 MOST = 12
-"""Curves of a picture: more could not be told apart."""
+"""Most curves of a picture: more could not be told apart."""
 
 DASHES = ("-", (0, (5.0, 2.0)), (0, (1.2, 1.6)), (0, (7.0, 2.0, 1.5, 2.0)))
 """Styles of curves; with the three inks in turn they make `MOST` different ones."""
@@ -39,13 +39,13 @@ BROAD: dict[str, Any] = {"color": "0.75", "linestyle": "-", "linewidth": 4.5}
 """Style of a curve below others."""
 
 LITTLE = 0.5
-"""Kinetic energy that changes by less than this part of its largest value is counted from its least one, too."""
+"""Kinetic energy that changes by less than this part of its largest value is drawn from its least value on."""
 
 FLAT = 1e-11
-"""What varies by less than this part of its size is rounding, and is drawn as constant."""
+"""Values that vary by less than this part of their size vary by rounding errors, and are drawn as constant."""
 
 NARROW = 1e-3
-"""Along an axis that spans less than this part of its values, the part they share is written once."""
+"""If values vary by less than this part of their size, what they share is written once, at the axis."""
 
 TITLES = {
     "m": "length",
@@ -58,8 +58,7 @@ TITLES = {
     "N·m": "torque",
     "J": "energy",
 }
-"""What panels with several curves are called, by unit."""
-
+"""Titles of panels with several curves, by unit."""
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -87,7 +86,7 @@ class Quantity:
 
     @property
     def label(self) -> str:
-        """What it is called in a legend."""
+        """Its name in a legend."""
         return self.said or self.name
 
 
@@ -112,11 +111,11 @@ class Panel:
 
     @property
     def text(self) -> str:
-        """What is written at its axis."""
+        """Text at its axis."""
         return self.said(0)
 
     def said(self, power: int) -> str:
-        """Return what is written at its axis, whose numbers count in a power of ten of the unit."""
+        """Return the text at its axis, where numbers are in a power of ten of the unit."""
         unit = self.curves[0].unit
         name = self.curves[0].label if len(self.curves) == 1 else TITLES.get(unit, "value")
         scale = f"10{str(power).translate(_RAISED)} " if power else ""
@@ -263,7 +262,7 @@ GROUPS: dict[str, tuple[Panel, ...]] = {
         Panel(
             (
                 WORDS["kinetic"],
-                # Its zero is arbitrary: from the least value on its change is seen beside the kinetic energy.
+                # Its zero is arbitrary: measured from its least value it is comparable to the kinetic energy.
                 Quantity("potential", "J", lambda sim: _above(sim.potential), "potential energy above its least"),
                 Quantity("sum", "J", lambda sim: sim.kinetic + _above(sim.potential), "sum of both"),
                 WORDS["work"],
@@ -378,7 +377,7 @@ def draw(picture: Picture, sim: Simulation, title: str) -> Figure:
 
 
 def idle(picture: Picture, sim: Simulation, model: Model) -> list[str]:
-    """Return a hint for each joint whose reaction in a picture is nothing because springs or drives do the work."""
+    """Return a hint for each joint whose plotted reaction is zero because springs or drives act along it."""
     found = []
     largest = float(np.max(np.abs(sim.loads), initial=0.0))
     for quantity in dict.fromkeys(x for panel in picture.panels for x in panel.curves):
@@ -408,7 +407,7 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
             below = curve.name == panel.beneath
             style = BROAD if below else _curve_style(number if len(values) > 1 else 0)
             if panel.logarithmic:
-                # A gap where it is zero; points tell what stands alone between gaps.
+                # A gap where it is zero; markers show single values between gaps.
                 points = decimated(sim.times, np.where(y > 0.0, y, np.nan))
                 here.plot(*points, **style | {"linewidth": 0.9}, marker=".", markersize=2.0, zorder=3)
             else:
@@ -437,7 +436,7 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
 
 
 def _at_work(panel: Panel, sim: Simulation) -> tuple[Quantity, ...]:
-    """Return the curves of a panel, without the work that is not done; all energies at a scale at which they change."""
+    """Return the curves of a panel, without work if none is done, and energies on a scale that shows their change."""
     idle = sim.conservative and len(panel.curves) > 1
     curves = (curve for curve in panel.curves if not (idle and curve is WORDS["work"]))
     if panel.beneath != "sum" or not FLAT * np.max(sim.kinetic) < np.ptp(sim.kinetic) < LITTLE * np.max(sim.kinetic):
@@ -490,7 +489,7 @@ def _curve_style(number: int) -> dict[str, Any]:
 
 
 def _common(values: Array) -> float:
-    """Return the part that values share if they differ little: their mean, as short as it can be; else 0."""
+    """Return what values share if they differ little: their mean with as few digits as possible; else 0."""
     low, high = _range(values)
     size = max(abs(low), abs(high))
     if not FLAT * size < high - low < NARROW * size:
@@ -504,7 +503,7 @@ def _range(values: Array) -> tuple[float, float]:
 
 
 def _room(axes: Axes, which: str, values: Array, base: float = 0.0) -> int:
-    """Set the range of an axis, rounding not blown up to fill it; return the power of ten its numbers count in."""
+    """Set the range of an axis without enlarging rounding errors to fill it; return the power of ten of its numbers."""
     low, high = _range(values)
     size = max(abs(low), abs(high))
     margin = 0.06 * (high - low) if high - low > FLAT * max(size, abs(base)) else 0.1 * size or 1.0

@@ -31,7 +31,7 @@ from mbstab.report.pictures.scales import parameter_range
 from mbstab.report.pictures.sweep_curves import SweepCurves
 
 ROWS = 5
-"""Rows of labels of critical values above a picture; what does not fit goes without."""
+"""Rows of labels of critical values above a picture; values that do not fit have no label."""
 
 Placed = tuple[list[Critical], str, float, int]
 """Critical values that share a label, the label, its place as a part of the width, and its row."""

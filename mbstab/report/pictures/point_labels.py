@@ -16,12 +16,12 @@ Box = tuple[float, float, float, float]
 """Left, lower, right and upper edge (points)."""
 
 LABELS = 60
-"""Points that are labelled at most."""
+"""Largest number of points that are labelled."""
 
 
 @dataclass
 class PointLabels:
-    """Labels of points, placed where they hide neither each other nor curves; the limits of the axes are set before.
+    """Labels of points, placed where they hide neither each other nor curves. Set the limits of the axes first.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class PointLabels:
     wanted: list[tuple[float, float, str, bool]] = field(default_factory=list)
 
     def add(self, x: float, y: float, text: str, marked: bool = True) -> None:
-        """Ask for a label at a point; a point that is marked keeps some distance."""
+        """Request a label at a point; it stays farther from a point that is marked."""
         self.wanted.append((x, y, text, marked))
 
     def draw(self) -> None:

@@ -15,7 +15,7 @@ from mbstab.model.units import parse_unit
 from mbstab.report.pictures.drawing import FONT
 
 SQUEEZED = 40.0
-"""If real parts reach that many times farther than those next to the imaginary axis, their axis is logarithmic."""
+"""The axis of real parts is logarithmic if the largest is this many times that of the rightmost eigenvalue."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def parameter_range(x: Array) -> tuple[float, float]:
 
 
 def axis_range(values: Array, size: float) -> tuple[float, float]:
-    """Return the range of an axis; rounding is not blown up to fill it."""
+    """Return the range of an axis; rounding errors are not enlarged to fill it."""
     finite = values[np.isfinite(values)]
     lo, hi = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
     if hi - lo < 1e-6 * size:
@@ -77,12 +77,12 @@ def upward_range(values: Array, size: float) -> tuple[float, float]:
 
 
 def set_real_scale(axes: Axes, which: str, real: Array, largest: float) -> None:
-    """Set the axis of the real parts: logarithmic far from zero if the ones that matter would be squeezed."""
+    """Set the axis of the real parts: logarithmic far from zero if those near zero would be squeezed."""
     known = real[~np.isnan(real).any(axis=1)] if real.shape[1] else real[:0]
     size = float(np.max(np.abs(known), initial=0.0))
     near = float(np.max(np.abs(np.max(known, axis=1)), initial=0.0)) if known.size else 0.0
     lo, hi = axis_range(real, largest)
-    if which == "x":  # both sides are to be seen
+    if which == "x":  # both sides of zero are shown
         lo, hi = min(lo, -0.08 * (hi - lo)), max(hi, 0.08 * (hi - lo))
     scale, limit = (axes.set_yscale, axes.set_ylim) if which == "y" else (axes.set_xscale, axes.set_xlim)
     if 0.0 < SQUEEZED * near < size and near > 1e-8 * largest:
@@ -100,10 +100,10 @@ def set_real_scale(axes: Axes, which: str, real: Array, largest: float) -> None:
 
 
 def number_text(value: float, span: float, digits: int) -> str:
-    """Return a number; what is rounding compared with the range is 0."""
+    """Return a number as text; one that is rounding error compared with the range is 0."""
     return "0" if abs(value) < 1e-9 * span else with_minus_sign(f"{value:.{digits}g}")
 
 
 def with_minus_sign(number: str) -> str:
-    """Return a number with the sign that the numbers along the axes have."""
+    """Return a number with the minus sign that matplotlib writes along axes."""
     return number.replace("-", "\N{MINUS SIGN}")

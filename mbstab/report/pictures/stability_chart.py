@@ -21,7 +21,7 @@ from mbstab.report.pictures.drawing import draw_legend, house_style, no_answer_p
 from mbstab.report.pictures.scales import Axis, parameter_range
 
 REGIONS = ("1.0", "0.82", "0.64", "0.46", "0.28")
-"""Grey of a region by number of unstable eigenvalues; the last is for that number and more."""
+"""Grey of a region by its number of unstable eigenvalues; the last is for 4 or more."""
 
 
 def chart(
@@ -60,7 +60,7 @@ def chart(
         _hatch(axes, _edges(x), _edges(y), unstable < 0)
         for curve in boundaries:
             points = np.asarray(curve, dtype=float).reshape(-1, 2) / (across.factor, up.factor)
-            # Light beside dark: the curve is seen on every grey.
+            # Dark on a lighter, wider line: the curve is seen on every grey.
             for width, colour in ((2.8, "w"), (1.4, "k")):
                 axes.plot(*thinned(points[:, 0], points[:, 1]), color=colour, linewidth=width, zorder=2)
         axes.set_xlabel(across.text)

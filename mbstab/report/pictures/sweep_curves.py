@@ -110,7 +110,7 @@ class SweepCurves:
         return np.where(above | (zero & beside), self.imag, np.nan)
 
     def ranges(self) -> Iterator[tuple[float, float, int]]:
-        """Yield ranges of the parameter that are unstable (1) or have no answer (−1), as long as they are."""
+        """Yield ranges of the parameter that are unstable (1) or have no answer (−1), each as long as possible."""
         if len(self.points) < 2:
             return
         # Values that another path answers are not shaded.
@@ -167,8 +167,8 @@ def _growing(branches: Complex, unstable: npt.NDArray[np.intp]) -> Mask:
 
 
 def _refined(x: Array, branches: Complex, growing: Mask, result: Sweep) -> tuple[Array, Complex, Mask]:
-    """Return branches with more points where eigenvalues pass the axis or collide: there they move like a root."""
-    # How many pairs may collide at a place; a divergence may be the collision of a pair at zero.
+    """Return branches with more points where eigenvalues cross the axis or collide, where they move like a root."""
+    # How many pairs may collide at a value; a divergence may be the collision of a pair at zero.
     places = [(c.value, {"divergence": 1, "collision": 2}.get(c.kind, 0)) for c in result.critical]
     places += [(at, 1) for at, how in result.meetings if how == "collide"]
     by_interval: dict[int, dict[float, int]] = {}
@@ -176,7 +176,7 @@ def _refined(x: Array, branches: Complex, growing: Mask, result: Sweep) -> tuple
         k = int(np.searchsorted(x, at)) - 1
         if 0 <= k < len(x) - 1 and x[k] < at < x[k + 1] and not np.any(np.isnan(branches[k : k + 2])):
             near = by_interval.setdefault(k, {})
-            # Stability changes and meetings are located by themselves: the same place twice.
+            # Stability changes and meetings are located separately: the same value may be there twice.
             twin = next((other for other in near if abs(other - at) < 1e-9 * (x[k + 1] - x[k])), at)
             near[twin] = max(near.get(twin, 0), number)
     new_x, new_branches, new_growing, where = [], [], [], []
@@ -215,7 +215,7 @@ def _between(before: Complex, after: Complex, part: float) -> Complex:
 
 
 def _meeting_pairs(x: Array, branches: Complex, k: int, at: float, number: int) -> list[tuple[int, int]]:
-    """Return the pairs of branches that collide between two points: the square of their difference passes zero."""
+    """Return the pairs of branches that collide between two points: the square of their difference crosses zero."""
     part = (at - x[k]) / (x[k + 1] - x[k])
     found = []
     r = branches.shape[1]

@@ -71,7 +71,7 @@ def work_precision(result: Comparison, title: str) -> Figure:
         axes.set_xlabel("time (ms); of digits from the file, of the others from the reference motion")
         axes.set_ylabel("largest relative error of an eigenvalue")
         lines = [f"{n}  {x.method}{_missing(x)}" for n, x in enumerate(result.outcomes, 1)]
-        # Methods in double precision are fast and inexact, digits are neither: this corner is free.
+        # No method is both fast and exact: the lower left corner is free.
         axes.text(
             0.02, 0.03, "\n".join(lines), transform=axes.transAxes, ha="left", va="bottom", fontsize=FONT, zorder=6
         )
@@ -119,7 +119,7 @@ def _missing(x: Outcome) -> str:
 
 
 def _decades(axes: Axes, points: Sequence[tuple[float, float]], entries: int) -> None:
-    """Set logarithmic limits with room for labels beside the points, and for a list in the lower left corner."""
+    """Set logarithmic limits that leave room for labels beside the points and for a list in the lower left corner."""
     if not points:
         return
     times = [time for time, _ in points]
