@@ -23,7 +23,8 @@ from mbstab.analysis.linear.acceleration_methods import augmented
 from mbstab.analysis.linear.methods import METHODS
 from mbstab.cli import main
 from mbstab.errors import NumericalError, UsageError
-from mbstab.report import plots
+from mbstab.report.pictures.drawing import save
+from mbstab.report.pictures.work_precision import work_precision
 
 TECHNIQUES = ["augmented", "embedding", "amalgamated", "projection", "udwadia-kalaba"]
 
@@ -296,7 +297,7 @@ def test_the_table_fits_eighty_columns_and_says_what_is_missing(model):
 
 
 def test_many_eigenvalues_take_several_tables(heavy_chain):
-    from mbstab.report.tables import compare_text
+    from mbstab.report.comparison import compare_text
 
     text = compare_text(heavy_chain, "")
     assert max(map(len, text.splitlines())) <= 80
@@ -321,7 +322,7 @@ def test_the_picture_has_one_point_for_each_method(tmp_path):
     # What QZ loses in a singular pencil is up to the rounding of the processor.
     outcomes = [replace(x, lost=2) if x.method == "index3" else x for x in result.outcomes]
     result = replace(result, outcomes=tuple(outcomes))
-    figure = plots.work_precision(result, "Bricard")
+    figure = work_precision(result, "Bricard")
     (axes,) = figure.axes
     shown = [n for n, x in enumerate(result.outcomes, 1) if math.isfinite(x.error)]
     texts = [text.get_text() for text in axes.texts]
@@ -335,13 +336,13 @@ def test_the_picture_has_one_point_for_each_method(tmp_path):
     assert all(low < line.get_ydata()[0] < high for line in points)
     assert low < 1e-10 < high
     assert axes.get_xlabel().startswith("time (ms)")
-    plots.save(figure, tmp_path / "a.png")
+    save(figure, tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 10_000
 
 
 def test_an_error_of_nothing_is_drawn_at_the_bottom():
     result = compared("trailer", digits=50)
-    (axes,) = plots.work_precision(result, "").figure.axes
+    (axes,) = work_precision(result, "").figure.axes
     assert min(line.get_ydata()[0] for line in axes.get_lines() if line.get_marker() == "v") >= 1e-31
 
 

@@ -22,11 +22,16 @@ from mbstab.analysis.simulate.mode_shape import swing
 from mbstab.cli import main
 from mbstab.errors import OutputError, UsageError
 from mbstab.mechanics.bodies import SHAPES
+from mbstab.mechanics.catalogue import Form
 from mbstab.mechanics.contacts import KINDS as CONTACT_KINDS
 from mbstab.mechanics.joints import KINDS as JOINT_KINDS
-from mbstab.report import animation, motion_plots, plots, sketch, solids
-from mbstab.report.animation import Stage, motion_frames, swing_frames
-from mbstab.report.sketch import Sketch
+from mbstab.report.animation import movie_files, outlines
+from mbstab.report.animation.frames import FINE, Frames, motion_frames, swing_frames
+from mbstab.report.animation.sketch import Sketch
+from mbstab.report.animation.solids import Solid, hidden
+from mbstab.report.animation.stage import TOUCHING, Stage
+from mbstab.report.pictures import motion_plots
+from mbstab.report.pictures.drawing import save
 
 PENDULUM = mbstab.load("pendulum.yaml")
 DISK = mbstab.load("rolling_disk.yaml")
@@ -248,9 +253,11 @@ def test_nothing_is_cut_off_or_covered(pendulum, text):
 
 
 def test_every_shape_contact_and_joint_can_be_drawn():
-    assert set(SHAPES) <= set(sketch.OUTLINES)
-    assert {name for name, _ in CONTACT_KINDS} == set(sketch.CONTACTS)
-    assert {name for name, _ in JOINT_KINDS} == set(sketch.PINS)
+    for shape in SHAPES.values():
+        assert outlines.outline_of(shape.form(*(0.5 for _ in shape.fields))).strokes
+    assert all(kind.look for kind in CONTACT_KINDS.values())
+    # Bodies that are fixed to each other look like one.
+    assert {name for (name, _), kind in JOINT_KINDS.items() if kind.look is None} == {"fixed"}
 
 
 def test_shapes_have_the_sizes_and_axes_of_the_file():
@@ -280,7 +287,7 @@ def test_drawn_shapes_are_where_positions_and_rotations_say(disk):
     frames = motion_frames(disk, fps=50.0)
     stage = Stage(Sketch.of(DISK.system()), frames)
     for k in (0, 20, 50):
-        circle, radius = stage.outline(0, k).strokes
+        circle, radius = stage.view.outline(0, k).strokes
         center, A = disk.positions[k, 0], disk.rotations[k, 0]
         np.testing.assert_allclose(circle[:-1].mean(axis=0), center, atol=1e-9)
         np.testing.assert_allclose(np.linalg.norm(circle - center, axis=1), 0.3, rtol=1e-9)
@@ -291,7 +298,7 @@ def test_drawn_shapes_are_where_positions_and_rotations_say(disk):
     stage.show(20)
     hull = stage.bodies.get_paths()[0].vertices[:-1]
     middle = 0.5 * (hull.max(axis=0) + hull.min(axis=0))
-    np.testing.assert_allclose(middle, stage.across[:2] @ disk.positions[20, 0], atol=2e-3)
+    np.testing.assert_allclose(middle, stage.view.across[:2] @ disk.positions[20, 0], atol=2e-3)
 
 
 HIDING = """\
@@ -311,9 +318,9 @@ def placed(angle, fly):
     positions[:, 1] = [1.5, -0.5, 0.0]
     positions[:, 2] = fly
     rotations[:, 1] = [[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]]
-    trail = np.repeat(positions, animation.FINE, axis=0), np.repeat(rotations, animation.FINE, axis=0)
+    trail = np.repeat(positions, FINE, axis=0), np.repeat(rotations, FINE, axis=0)
     return Stage(
-        Sketch.of(mbstab.loads(HIDING).system()), animation.Frames(25.0, [""] * n, positions, rotations, trail),
+        Sketch.of(mbstab.loads(HIDING).system()), Frames(25.0, [""] * n, positions, rotations, trail),
         view=(0.0, -90.0), traces=["fly"],
     )  # fmt: skip
 
@@ -325,7 +332,7 @@ def placed(angle, fly):
 )
 def test_what_is_nearer_covers_what_is_behind_it(angle, last):
     stage = placed(angle, np.zeros((1, 3)))
-    np.testing.assert_allclose(stage.across[2], [0.0, -1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(stage.view.across[2], [0.0, -1.0, 0.0], atol=1e-12)
     stage.show(0)
     radii = [np.ptp(path.vertices[:, 1]) for path in stage.bodies.get_paths()]
     assert radii == pytest.approx([0.1, 1.0] if last == "ball" else [1.0, 0.1], abs=0.01)
@@ -355,31 +362,32 @@ def test_a_thin_plate_hides_what_is_behind_it():
         HIDING.replace("bodies:\n  ball: {type: spatial, mass: 1, shape: {type: sphere, radius: 0.5}}\n", plate)
     )
     towards = np.array([0.0, -1.0, 0.0])
-    solid = solids.Solid.of(Sketch.of(model.system()).pieces[0].outline.skin)
+    solid = Solid.of(Sketch.of(model.system()).pieces[0].outline.skin)
     x = np.linspace(-0.9, 0.9, 7)
-    for y, hidden in ((0.5, True), (0.0, False), (-0.5, False)):
+    for y, behind in ((0.5, True), (0.0, False), (-0.5, False)):
         stage = placed(0.0, np.zeros((1, 3)))
-        np.testing.assert_allclose(stage.across[2], towards, atol=1e-12)
+        np.testing.assert_allclose(stage.view.across[2], towards, atol=1e-12)
         points = np.stack([x, np.full(7, y), np.zeros(7)], axis=1)
-        assert stage._hidden(points, [solid]).tolist() == [hidden and abs(p) < 0.5 for p in x]
+        covered = hidden(points, [solid], towards, TOUCHING * stage.view.width)
+        assert covered.tolist() == [behind and abs(p) < 0.5 for p in x]
 
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
 def test_solids_of_any_size_and_flat_ones_are_where_their_corners_are(size):
     cube = size * np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-    solid = solids.Solid.of(cube)
+    solid = Solid.of(cube)
     assert len(solid.faces) == 6
     first, last = solid.through(size * np.array([[0.5, 0.2, -3.0], [1.5, 0.0, -3.0]]), np.array([0.0, 0.0, 1.0]))
     np.testing.assert_allclose([first[0], last[0]], [2.0 * size, 4.0 * size])
     assert last[1] < first[1]
-    plate = solids.Solid.of(cube[np.abs(cube[:, 0] - size) < 0.1 * size])
+    plate = Solid.of(cube[np.abs(cube[:, 0] - size) < 0.1 * size])
     first, last = plate.through(np.zeros((1, 3)), np.array([1.0, 0.0, 0.0]))
     assert 0.5 * (first + last) == pytest.approx(size)
     assert 0.0 < last - first < 1e-3 * size
 
 
 def test_a_torus_shows_its_near_side_only():
-    torus = sketch.OUTLINES["torus"](0.3, 0.1)
+    torus = outlines.outline_of(Form("torus", (0.3, 0.1)))
     for towards in np.eye(3):
         seen = np.concatenate(torus.seen(towards))
         place = seen - 0.3 * seen * [1, 1, 0] / np.hypot(seen[:, 0], seen[:, 1])[:, None]
@@ -391,11 +399,11 @@ def test_a_torus_shows_its_near_side_only():
 def test_a_spring_in_space_winds_about_its_axis():
     ends = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     across = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-    points = animation._windings(ends, 0.1, across, 3)
+    points = outlines.windings(ends, 0.1, across, 3)
     radius = np.hypot(points[:, 0], points[:, 1])
     assert radius.max() == pytest.approx(0.1)
     turned = np.unwrap(np.arctan2(points[radius > 0.01, 1], points[radius > 0.01, 0]))
-    assert abs(turned[-1] - turned[0]) == pytest.approx(2.0 * math.pi * animation.WINDINGS, rel=0.1)
+    assert abs(turned[-1] - turned[0]) == pytest.approx(2.0 * math.pi * outlines.WINDINGS, rel=0.1)
     assert points[[0, -1]].tolist() == ends.tolist()
 
 
@@ -407,8 +415,8 @@ def test_a_planar_scene_is_seen_along_z_with_pins_and_paths(pendulum):
     np.testing.assert_allclose(verts, [[0.0, 0.0], pendulum.positions[k, 0]], atol=1e-9)
     np.testing.assert_allclose(np.array(stage.paths[0].get_data()).T[-1], pendulum.positions[k, 0], atol=1e-9)
     path = np.array(stage.paths[1].get_data())
-    assert path.shape == (2, 10 * animation.FINE + 1)
-    np.testing.assert_allclose(path[:, :: animation.FINE], 0.0, atol=1e-9)
+    assert path.shape == (2, 10 * FINE + 1)
+    np.testing.assert_allclose(path[:, ::FINE], 0.0, atol=1e-9)
     np.testing.assert_allclose(path, 0.0, atol=1e-4)
     assert stage.caption.get_text() == "t = 0.40 s"
     assert stage.axes.get_xlabel() == "x (m)"
@@ -418,18 +426,18 @@ def test_a_planar_scene_is_seen_along_z_with_pins_and_paths(pendulum):
 
 def test_limits_hold_the_whole_motion(disk):
     stage = Stage(Sketch.of(DISK.system()), motion_frames(disk))
-    for k in range(len(stage.frames.captions)):
-        seen = stage.outline(0, k).strokes[0] @ stage.across[:2].T
-        assert np.all(seen > stage.low)
-        assert np.all(seen < stage.high)
+    for k in range(len(stage.view.frames.captions)):
+        seen = stage.view.outline(0, k).strokes[0] @ stage.view.across[:2].T
+        assert np.all(seen > stage.view.low)
+        assert np.all(seen < stage.view.high)
 
 
 def test_what_is_followed_stays_in_place_and_the_ground_moves(disk):
     stage = Stage(Sketch.of(DISK.system()), motion_frames(disk), follow="disk")
     stage.show(0)
-    at, ground = stage.outline(0, 0).strokes[1][0], stage.ground.get_segments()
+    at, ground = stage.view.outline(0, 0).strokes[1][0], stage.ground.get_segments()
     stage.show(25)
-    np.testing.assert_allclose(stage.outline(0, 25).strokes[1][0][:2], at[:2], atol=1e-12)
+    np.testing.assert_allclose(stage.view.outline(0, 25).strokes[1][0][:2], at[:2], atol=1e-12)
     assert not np.allclose(ground[0], stage.ground.get_segments()[0])
 
 
@@ -501,7 +509,7 @@ def test_a_gif_takes_as_long_as_the_motion(tmp_path, options, frames, seconds):
 
 def test_a_frame_of_a_file_is_the_frame_that_was_drawn(tmp_path, pendulum):
     stage = Stage(Sketch.of(PENDULUM.system()), motion_frames(pendulum), "Title", traces=["rod"])
-    animation.write(stage, tmp_path / "a.gif")
+    movie_files.write(stage, tmp_path / "a.gif")
     with Image.open(tmp_path / "a.gif") as stored:
         for k, image in enumerate(stage.images()):
             if k in (0, 7, 25):
@@ -531,14 +539,14 @@ def test_mp4_files_get_all_frames_from_ffmpeg(tmp_path, monkeypatch, pendulum):
     code = f"open(sys.argv[-1], 'w').write({size} + ' ' + {count})"
     monkeypatch.setenv("PATH", fake_ffmpeg(tmp_path, code))
     stage = Stage(Sketch.of(PENDULUM.system()), motion_frames(pendulum))
-    animation.write(stage, tmp_path / "a.mp4")
+    movie_files.write(stage, tmp_path / "a.mp4")
     size, count = (tmp_path / "a.mp4").read_text().split()
     width, height = map(int, size.split("x"))
     assert int(count) == 26 * width * height * 3
     assert width % 2 == height % 2 == 0
     fake_ffmpeg(tmp_path, "sys.exit('Unknown encoder')")
     with pytest.raises(OutputError, match="ffmpeg could not write the animation: Unknown encoder"):
-        animation.write(stage, tmp_path / "b.mp4")
+        movie_files.write(stage, tmp_path / "b.mp4")
     assert {p.name for p in tmp_path.iterdir()} == {"a.mp4", "ffmpeg"}
 
 
@@ -679,7 +687,7 @@ def test_ffmpeg_ends_with_the_animation(tmp_path, number):
 
 def test_the_users_matplotlibrc_changes_nothing(pendulum, tmp_path):
     before = drawn("energy", pendulum)
-    plots.save(before, tmp_path / "a.png")
+    save(before, tmp_path / "a.png")
     with matplotlib.rc_context({"lines.linewidth": 9, "font.size": 30}):
-        plots.save(drawn("energy", pendulum), tmp_path / "b.png")
+        save(drawn("energy", pendulum), tmp_path / "b.png")
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()

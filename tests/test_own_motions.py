@@ -11,8 +11,9 @@ from scipy.integrate import solve_ivp
 
 import mbstab
 from mbstab.cli import main
-from mbstab.report.animation import Stage, motion_frames
-from mbstab.report.sketch import Sketch
+from mbstab.report.animation.frames import motion_frames
+from mbstab.report.animation.sketch import Sketch
+from mbstab.report.animation.stage import Stage
 
 RADIUS, MASS, GRAVITY = 0.3, 2.0, 9.81
 
@@ -183,7 +184,7 @@ def test_the_ground_moves_back_by_as_much_as_the_followed_body_goes():
     model = mbstab.load("rolling_disk.yaml")
     sim = model.simulate(1.0, points=51, perturb={"disk.phi": 0.2}, tol=1e-5)
     stage = Stage(Sketch.of(model.system()), motion_frames(sim, 25.0), follow="disk", view=(90.0, -90.0))
-    np.testing.assert_allclose(np.abs(stage.across[:2]), [[1, 0, 0], [0, 1, 0]], atol=1e-12)
+    np.testing.assert_allclose(np.abs(stage.view.across[:2]), [[1, 0, 0], [0, 1, 0]], atol=1e-12)
     offsets = {}
     for k in (0, 7, 25):
         stage.show(k)
@@ -192,7 +193,7 @@ def test_the_ground_moves_back_by_as_much_as_the_followed_body_goes():
             across = lines[np.ptp(lines[:, :, i], axis=1) < 1e-9][:, 0, i]
             moved = sim.positions[2 * k, 0, i] - sim.positions[0, 0, i]
             # The lines of a grid that is fixed to the ground are at whole multiples of its step.
-            rest = (across + moved * stage.across[i, i]) / np.diff(np.sort(across))[0]
+            rest = (across + moved * stage.view.across[i, i]) / np.diff(np.sort(across))[0]
             offset = offsets.setdefault(i, rest[0])
             np.testing.assert_allclose(rest - offset, np.round(rest - offset), atol=1e-6)
     assert np.ptp(sim.positions[:, 0, :2], axis=0).max() > 1.0

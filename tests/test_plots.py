@@ -9,9 +9,16 @@ from matplotlib.text import Text
 
 import mbstab
 from mbstab.analysis.sweep.sweep import Critical, Sweep, sweep
-from mbstab.report import plots
+from mbstab.report.pictures.campbell import campbell
+from mbstab.report.pictures.curves import INK, THICK, THIN
+from mbstab.report.pictures.drawing import save
+from mbstab.report.pictures.root_locus import root_locus
+from mbstab.report.pictures.scales import Axis
+from mbstab.report.pictures.stability_chart import REGIONS, chart
+from mbstab.report.pictures.stability_map import stability_map
+from mbstab.report.pictures.sweep_curves import SweepCurves
 
-PICTURES = {"map": plots.stability_map, "locus": plots.root_locus, "campbell": plots.campbell}
+PICTURES = {"map": stability_map, "locus": root_locus, "campbell": campbell}
 
 
 def made(x, branches, critical=(), meetings=()):
@@ -66,11 +73,11 @@ def test_labels_have_units(top):
 
 
 def test_critical_values_are_drawn_and_labelled(top):
-    figure = plots.stability_map(top, "omega (rad/s)", "Top")
+    figure = stability_map(top, "omega (rad/s)", "Top")
     assert "5.56773 collision" in texts(figure)
     for axes in figure.axes:
         np.testing.assert_allclose([x for x in verticals(axes) if x], [5.567728441653741], rtol=1e-12)
-    locus = plots.root_locus(top, "omega (rad/s)", "Top")
+    locus = root_locus(top, "omega (rad/s)", "Top")
     assert "omega = 5.56773" in texts(locus)
     diamonds = [line for line in locus.axes[0].get_lines() if line.get_marker() == "D"]
     np.testing.assert_allclose(sorted(diamonds[0].get_ydata()), [-3.523878760540, 3.523878760540], rtol=1e-9)
@@ -80,15 +87,15 @@ def test_values_are_in_the_declared_unit():
     x = np.linspace(0.0, 2.0, 51)
     result = oscillator(51)
     turned = made(x * math.pi / 30.0, result.branches, [Critical(math.pi / 30.0, "flutter", (0,), 3.0, (0, 2))])
-    figure = plots.stability_map(turned, "n (rpm)", "Rotor")
+    figure = stability_map(turned, "n (rpm)", "Rotor")
     assert figure.axes[0].get_xlim() == pytest.approx((0.0, 2.0))
     assert "1 flutter" in texts(figure)
     assert "n (rpm)" in texts(figure)
 
 
 def test_dollar_signs_in_titles_are_no_formulas(tmp_path):
-    figure = plots.stability_map(oscillator(), "p", "Costs $5, not $_")
-    plots.save(figure, tmp_path / "a.png")
+    figure = stability_map(oscillator(), "p", "Costs $5, not $_")
+    save(figure, tmp_path / "a.png")
     assert "Costs $5, not $_" in texts(figure)
 
 
@@ -96,7 +103,7 @@ def test_many_critical_values_do_not_cover_each_other():
     x = np.linspace(0.0, 1.0, 2001)
     branches = np.column_stack([np.sin(300.0 * x) + 5j, np.sin(300.0 * x) - 5j])
     changes = [Critical(k * math.pi / 300.0, "flutter", (0,), 5.0, (2, 0)[:: (-1) ** k]) for k in range(1, 95)]
-    figure = plots.stability_map(made(x, branches, changes), "p (m)", "Many")
+    figure = stability_map(made(x, branches, changes), "p (m)", "Many")
     figure.draw_without_rendering()
     boxes = [Text.get_window_extent(text) for text in figure.axes[0].texts]
     assert len(boxes) > 10
@@ -121,26 +128,26 @@ def test_a_missing_row_breaks_the_lines(kind):
 
 
 def test_a_point_between_gaps_is_seen():
-    figure = plots.stability_map(oscillator(gap=[10, 11, 13, 14]), "p", "Point")
+    figure = stability_map(oscillator(gap=[10, 11, 13, 14]), "p", "Point")
     dots = [line for line in figure.axes[0].get_lines() if line.get_marker() == "."]
     assert [list(line.get_xdata()) for line in dots] == [[pytest.approx(0.24)]] * 2
 
 
 def test_line_styles_tell_real_from_imaginary_and_stable_from_unstable():
-    figure = plots.stability_map(oscillator(), "p", "Grey")
+    figure = stability_map(oscillator(), "p", "Grey")
     upper, lower = ({(line.get_linestyle(), line.get_linewidth()) for line in curves(axes)} for axes in figure.axes)
-    assert upper == {("-", plots.THIN), ("-", plots.THICK)}
-    assert lower == {("--", plots.THIN), ("--", plots.THICK)}
-    grey = [np.array([int(ink[k : k + 2], 16) for k in (1, 3, 5)]) @ [0.299, 0.587, 0.114] / 255 for ink in plots.INK]
+    assert upper == {("-", THIN), ("-", THICK)}
+    assert lower == {("--", THIN), ("--", THICK)}
+    grey = [np.array([int(ink[k : k + 2], 16) for k in (1, 3, 5)]) @ [0.299, 0.587, 0.114] / 255 for ink in INK]
     assert np.diff(grey).min() > 0.15
-    assert np.diff([float(shade) for shade in plots.REGIONS]).max() < -0.15
+    assert np.diff([float(shade) for shade in REGIONS]).max() < -0.15
 
 
 def test_thick_parts_end_at_the_critical_value():
     # Few points: the value lies far from both neighbours.
-    figure = plots.stability_map(oscillator(8), "p", "Coarse")
+    figure = stability_map(oscillator(8), "p", "Coarse")
     for axes in figure.axes:
-        thick = [line for line in curves(axes) if line.get_linewidth() == plots.THICK]
+        thick = [line for line in curves(axes) if line.get_linewidth() == THICK]
         assert thick
         for line in thick:
             x, y = (np.asarray(values, dtype=float) for values in line.get_data())
@@ -148,15 +155,15 @@ def test_thick_parts_end_at_the_critical_value():
 
 
 def test_unstable_ranges_end_at_critical_values(top):
-    figure = plots.stability_map(top, "omega (rad/s)", "Top")
-    assert [(a, b, state) for a, b, state in plots._Picture(top, plots.Axis("omega"))._ranges()] == [
+    figure = stability_map(top, "omega (rad/s)", "Top")
+    assert [(a, b, state) for a, b, state in SweepCurves(top, Axis("omega")).ranges()] == [
         (0.0, pytest.approx(5.567728441653741, rel=1e-12), 1)
     ]
     assert "unstable range" in texts(figure)
 
 
 def test_colliding_branches_meet_where_they_collide(top):
-    picture = plots._Picture(top, plots.Axis("omega"))
+    picture = SweepCurves(top, Axis("omega"))
     row = int(np.argmin(np.abs(picture.x - 5.567728441653741)))
     found = sorted(zip(picture.imag[row], picture.real[row], strict=True))
     np.testing.assert_allclose(found, [(s * 3.52387876, 0.0) for s in (-1, -1, 1, 1)], atol=1e-3)
@@ -165,9 +172,9 @@ def test_colliding_branches_meet_where_they_collide(top):
 def test_descending_sweeps_start_where_they_were_asked_to():
     result = oscillator()
     down = made(result.values[::-1], result.branches[::-1], result.critical)
-    legend = [text for text in texts(plots.root_locus(down, "p (m)", "Down")) if text.startswith("p = ")]
+    legend = [text for text in texts(root_locus(down, "p (m)", "Down")) if text.startswith("p = ")]
     assert legend[-2:] == ["p = 2 m", "p = 0 m"]
-    assert plots.stability_map(down, "p (m)", "Down").axes[0].get_xlim() == (0.0, 2.0)
+    assert stability_map(down, "p (m)", "Down").axes[0].get_xlim() == (0.0, 2.0)
 
 
 @pytest.mark.parametrize("kind", PICTURES)
@@ -182,14 +189,14 @@ def test_descending_sweeps_start_where_they_were_asked_to():
     ids=["none", "nan", "one point", "zero"],
 )
 def test_degenerate_sweeps_are_drawn(kind, result, tmp_path):
-    plots.save(PICTURES[kind](result, "omega (rad/s)", ""), tmp_path / "a.png")
+    save(PICTURES[kind](result, "omega (rad/s)", ""), tmp_path / "a.png")
 
 
 def test_rounding_is_not_blown_up():
     x = np.linspace(0.0, 1.0, 51)
     noise = 1e-16 * np.sin(1e3 * x)
     result = made(x, np.column_stack([noise + 3j, noise - 3j]))
-    low, high = plots.stability_map(result, "p", "Centre").axes[0].get_ylim()
+    low, high = stability_map(result, "p", "Centre").axes[0].get_ylim()
     assert low < -0.1
     assert high > 0.1
 
@@ -197,7 +204,7 @@ def test_rounding_is_not_blown_up():
 def test_strongly_damped_branches_do_not_squeeze_the_others():
     x = np.linspace(0.0, 2.0, 51)
     branches = np.column_stack([x - 1.0 + 2j, x - 1.0 - 2j, -1e4 - x])
-    figure = plots.stability_map(made(x, branches), "p", "Stiff")
+    figure = stability_map(made(x, branches), "p", "Stiff")
     axes = figure.axes[0]
     assert axes.get_yscale() == "symlog"
     assert "logarithmic beyond" in axes.get_ylabel()
@@ -231,7 +238,7 @@ def test_crossings_with_excitation_lines_are_marked():
     # Frequency 3 rad/s at all speeds: crossed at 3/n.
     omega = np.linspace(0.5, 5.0, 46)
     branches = np.column_stack([-0.1 + 3j + 0.0 * omega, -0.1 - 3j + 0.0 * omega])
-    figure = plots.campbell(made(omega, branches), "omega (rad/s)", "Rotor", excitations=(1.0, 2.0))
+    figure = campbell(made(omega, branches), "omega (rad/s)", "Rotor", excitations=(1.0, 2.0))
     rings = [line for line in figure.axes[0].get_lines() if line.get_marker() == "o"]
     np.testing.assert_allclose(rings[0].get_xdata(), [1.5, 3.0])
     np.testing.assert_allclose(rings[0].get_ydata(), 3.0 / (2.0 * math.pi))
@@ -242,13 +249,13 @@ def test_excitation_lines_need_an_angular_velocity():
     omega = np.linspace(0.5, 5.0, 46)
     branches = np.column_stack([-0.1 + 3j + 0.0 * omega, -0.1 - 3j + 0.0 * omega])
     for unit, drawn in (("rpm", True), ("deg/s", True), ("rad/min", True), ("m/s", False), ("Hz", False)):
-        factor = plots.Axis.read(f"n ({unit})").factor
-        found = texts(plots.campbell(made(omega * factor, branches), f"n ({unit})", ""))
+        factor = Axis.read(f"n ({unit})").factor
+        found = texts(campbell(made(omega * factor, branches), f"n ({unit})", ""))
         assert ("1×" in found) == drawn
 
 
 def test_frequencies_of_the_top(top):
-    figure = plots.campbell(top, "omega (rad/s)", "Top")
+    figure = campbell(top, "omega (rad/s)", "Top")
     rings = [line for line in figure.axes[0].get_lines() if line.get_marker() == "o"]
     # Fast precession: I_t s² − I_z ω s + m g H = 0 with s = ω, I_t = I_x + m H².
     transverse = 3e-4 + 0.01 * 0.04**2
@@ -261,8 +268,8 @@ def test_the_legend_names_only_what_is_drawn():
     result = made(
         np.linspace(0.0, 2.0, 50), np.column_stack([root, -root]), [Critical(1.0, "divergence", (0,), 0.0, (1, 0))]
     )
-    assert "unstable eigenvalue" in texts(plots.stability_map(result, "p", ""))
-    assert "unstable eigenvalue" not in texts(plots.campbell(result, "p", ""))
+    assert "unstable eigenvalue" in texts(stability_map(result, "p", ""))
+    assert "unstable eigenvalue" not in texts(campbell(result, "p", ""))
 
 
 # --- charts ---------------------------------------------------------------------------------------------------------
@@ -273,7 +280,7 @@ def test_charts_show_regions_gaps_and_boundaries(tmp_path):
     unstable = np.add.outer(np.arange(11) // 4, np.arange(21) // 7)
     unstable[8:, :4] = -1
     boundary = np.array([[0.0, 0.0], [5.0, 5e-4], [np.nan, np.nan], [6.0, 6e-4], [10.0, 1e-3]])
-    figure = plots.chart(x, y, unstable, [boundary], ("v (m/s)", "h (mm)"), "Chart")
+    figure = chart(x, y, unstable, [boundary], ("v (m/s)", "h (mm)"), "Chart")
     axes = figure.axes[0]
     found = texts(figure)
     expected = ["v (m/s)", "h (mm)", "stable", "1 unstable", "4 or more unstable", "no answer", "stability boundary"]
@@ -283,8 +290,8 @@ def test_charts_show_regions_gaps_and_boundaries(tmp_path):
     assert np.isnan(curves(axes)[0].get_ydata()).any()
     cells = axes.collections[0]
     shades = cells.to_rgba(np.arange(5.0))[:, 0]
-    np.testing.assert_allclose(shades, [float(shade) for shade in plots.REGIONS])
-    plots.save(figure, tmp_path / "chart.pdf")
+    np.testing.assert_allclose(shades, [float(shade) for shade in REGIONS])
+    save(figure, tmp_path / "chart.pdf")
 
 
 # --- files ----------------------------------------------------------------------------------------------------------
@@ -298,7 +305,7 @@ def test_files_are_whole_deterministic_and_alone(kind, tmp_path, top):
     path = tmp_path / f"picture.{kind}"
     contents = []
     for _ in range(2):
-        plots.save(plots.stability_map(top, "omega (rad/s)", "Top"), path)
+        save(stability_map(top, "omega (rad/s)", "Top"), path)
         contents.append(path.read_bytes())
     assert contents[0] == contents[1]
     assert contents[0].startswith(MAGIC[kind])
@@ -312,14 +319,14 @@ def test_files_are_whole_deterministic_and_alone(kind, tmp_path, top):
 
 def test_another_suffix_is_refused_before_anything_is_written(tmp_path):
     with pytest.raises(ValueError, match=r"\.png, \.svg, \.pdf"):
-        plots.save(plots.stability_map(oscillator(), "p", ""), tmp_path / "picture.bmp")
+        save(stability_map(oscillator(), "p", ""), tmp_path / "picture.bmp")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
     path = tmp_path / "picture.png"
     path.write_bytes(b"old")
-    figure = plots.stability_map(oscillator(), "p", "")
+    figure = stability_map(oscillator(), "p", "")
 
     def fail(stream, **settings):
         stream.write(b"half")
@@ -327,7 +334,7 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
 
     monkeypatch.setattr(figure, "savefig", fail)
     with pytest.raises(OSError, match="disk full"):
-        plots.save(figure, path)
+        save(figure, path)
     assert path.read_bytes() == b"old"
     assert [p.name for p in tmp_path.iterdir()] == ["picture.png"]
 
@@ -335,12 +342,12 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
 def test_titles_in_other_scripts_do_not_warn(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        plots.save(plots.stability_map(oscillator(), "p", "陀螺"), tmp_path / "a.png")
+        save(stability_map(oscillator(), "p", "陀螺"), tmp_path / "a.png")
 
 
 def test_settings_of_the_user_are_left_alone():
     import matplotlib as mpl
 
     with mpl.rc_context({"font.size": 23.0}):
-        plots.stability_map(oscillator(), "p", "")
+        stability_map(oscillator(), "p", "")
         assert mpl.rcParams["font.size"] == 23.0

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.simulate.simulate import Simulation
     from mbstab.api import Mechanism
     from mbstab.compiler.system import System
-    from mbstab.report.animation import Frames
+    from mbstab.report.animation.frames import Frames
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -113,19 +113,20 @@ class Animation:
         for name, number in (("fps", fps), ("speed", speed)):
             if number is not None and not (math.isfinite(number) and number > 0.0):
                 raise UsageError(f"--{name} must be a positive number, not {number:g}")
-        from mbstab.report import animation
+        from mbstab.report.animation import movie_files
+        from mbstab.report.animation.frames import FPS
 
         files().claim(path, "--animate")
-        fps = animation.FPS if fps is None else fps
+        fps = FPS if fps is None else fps
         try:
-            animation.check(path, fps)
+            movie_files.check(path, fps)
         except UsageError as error:
             raise UsageError(f"--animate {error}") from None
         return cls(path, fps, 1.0 if speed is None else speed, _angles(view), traces, follow or "", mode)
 
     def check(self, system: System) -> None:
         """Refuse unknown points, and a view of a planar scene, before anything is computed."""
-        from mbstab.report.sketch import Sketch
+        from mbstab.report.animation.sketch import Sketch
 
         sketch = Sketch.of(system)
         for name in self.traces:
@@ -144,7 +145,7 @@ class Animation:
             If there are too many frames, or only one.
         """
         from mbstab.analysis.simulate.simulate import LONGEST
-        from mbstab.report.animation import frame_count
+        from mbstab.report.animation.frames import frame_count
 
         scene = system.scene
         first = start if start is not None else float(scene.time if scene.initial.time is None else scene.initial.time)
@@ -161,13 +162,13 @@ class Animation:
 
     def write_motion(self, system: System, sim: Simulation, title: str) -> None:
         """Animate a simulation."""
-        from mbstab.report.animation import motion_frames
+        from mbstab.report.animation.frames import motion_frames
 
         self._write(system, motion_frames(sim, self.fps, self.speed), title)
 
     def write_mode(self, mechanism: Mechanism, **parameters: str) -> None:
         """Animate a mode."""
-        from mbstab.report.animation import SWING, frame_count, swing_frames
+        from mbstab.report.animation.frames import SWING, frame_count, swing_frames
 
         assert self.mode is not None
         points = max(2, frame_count(SWING, self.fps, 1.0) - 1)
@@ -175,12 +176,14 @@ class Animation:
         self._write(mechanism.system(**parameters), frames, mechanism.model.title)
 
     def _write(self, system: System, frames: Frames, title: str) -> None:
-        from mbstab.report.animation import Stage, write
-        from mbstab.report.sketch import Sketch
+        from mbstab.report.animation.movie_files import write
+        from mbstab.report.animation.sketch import Sketch
+        from mbstab.report.animation.stage import Stage
 
         stage = Stage(Sketch.of(system), frames, title, self.view, self.traces, self.follow)
-        if not self.follow and stage.spread > SMALL:
-            note(f"hint: --follow {stage.sketch.bodies[0]} keeps the mechanism in view, which is small in the picture")
+        if not self.follow and stage.view.spread > SMALL:
+            body = stage.view.sketch.bodies[0]
+            note(f"hint: --follow {body} keeps the mechanism in view, which is small in the picture")
         with progress_bar("animating") as progress:
             save(self.path, lambda path: write(stage, path, progress), "--animate")
 

@@ -21,11 +21,11 @@ def check(file: str, settings: tuple[str, ...], output: Output) -> None:
     mechanism = load_model(file)
     report, model = mechanism.check(**parse_settings(settings)), mechanism.model
     warn(report.warnings)
-    from mbstab.report import export, tables
+    from mbstab.report import export, model_check
 
     output.write(
         {
-            "table": lambda: tables.check_text(report, model.title),
+            "table": lambda: model_check.check_text(report, model.title),
             "json": lambda: export.to_json(export.check_data(report, model.name, model.title)),
         }
     )

@@ -48,7 +48,7 @@ force_option = remembered_flag(
 
 
 def load_model(file: str) -> Mechanism:
-    """Load a model file, an installed example, of which stderr says which, or the model that stdin holds."""
+    """Load a model file, an installed example (named on stderr), or the model on standard input."""
     from mbstab.api import Mechanism
     from mbstab.model.library import STDIN, find_model
     from mbstab.model.reader import read_model, read_model_text

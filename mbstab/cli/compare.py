@@ -81,19 +81,19 @@ def compare(
     with progress_bar("comparing") as progress:
         result = mechanism.compare(digits, tolerance, progress, **parse_settings(settings))
     warn(result.truth.warnings)
-    from mbstab.report import export, tables
+    from mbstab.report import comparison, export
 
     output.write(
         {
-            "table": lambda: tables.compare_text(result, model.title),
+            "table": lambda: comparison.compare_text(result, model.title),
             "json": lambda: export.to_json(export.compare_data(result, model.name, model.title)),
             "csv": lambda: export.compare_csv(result),
         }
     )
     if picture is not None:
-        from mbstab.report import plots
+        from mbstab.report.pictures.work_precision import work_precision
 
-        save_picture(plots.work_precision(result, model.title), picture, "--plot")
+        save_picture(work_precision(result, model.title), picture, "--plot")
 
 
 def _integrators(
@@ -121,15 +121,15 @@ def _integrators(
         }
     )
     if picture is not None:
-        from mbstab.report import plots
+        from mbstab.report.pictures.work_precision import integrator_precision
 
-        save_picture(plots.integrator_precision(result, model.title), picture, "--plot")
+        save_picture(integrator_precision(result, model.title), picture, "--plot")
 
 
 def _check_picture(path: Path) -> None:
     """Refuse a place for the picture before anything is computed."""
-    from mbstab.report import plots
+    from mbstab.report.pictures.drawing import FORMATS
 
-    if path.suffix[1:].lower() not in plots.FORMATS:
-        raise UsageError(f"--plot {path}: pictures end with {', '.join('.' + name for name in plots.FORMATS)}")
+    if path.suffix[1:].lower() not in FORMATS:
+        raise UsageError(f"--plot {path}: pictures end with {', '.join('.' + name for name in FORMATS)}")
     files().claim(path, "--plot")

@@ -65,7 +65,7 @@ def parameters(context: click.Context, parameter: click.Parameter, incomplete: s
 def quantities(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Return what a simulation can plot."""
     from mbstab.analysis.reference.efforts import motion_name
-    from mbstab.report.motion_plots import GROUPS, WORDS
+    from mbstab.report.pictures.motion_plots import GROUPS, WORDS
 
     model = _model(context)
     names = [] if model is None else model.coordinates()

@@ -144,7 +144,7 @@ class _Reply:
 
 
 def _joined(replies: list[_Reply], several: bool) -> Answer:
-    """Return the answers about all models by format; only where there are several, each says of which model it is."""
+    """Return the answers about all models by format; if there are several, each names its model."""
     from mbstab.report.export import to_csv, to_json
 
     def table() -> str:
@@ -185,18 +185,18 @@ def _plain(mechanism: Mechanism, parameters: dict[str, str], method: str, frozen
     """Answer in double precision."""
     with progress_bar("following the period") as progress:
         result = mechanism.eig(method, frozen, progress, **parameters)
-    from mbstab.report import export, tables
+    from mbstab.report import eigenvalues, export
 
-    return _told(mechanism, parameters, result, tables.eigen_text, export.eigen_data, export.eigen_rows)
+    return _told(mechanism, parameters, result, eigenvalues.eigen_text, export.eigen_data, export.eigen_rows)
 
 
 def _precise(mechanism: Mechanism, parameters: dict[str, str], frozen: bool, digits: int) -> _Reply:
     """Answer with many digits."""
     with progress_bar("more digits") as progress:
         result = mechanism.eig_precise(digits, frozen, progress, **parameters)
-    from mbstab.report import export, tables
+    from mbstab.report import eigenvalues, export
 
-    return _told(mechanism, parameters, result, tables.precise_text, export.precise_data, export.precise_rows)
+    return _told(mechanism, parameters, result, eigenvalues.precise_text, export.precise_data, export.precise_rows)
 
 
 def _told(
@@ -226,7 +226,7 @@ def _verified(mechanism: Mechanism, parameters: dict[str, str], frozen: bool) ->
         found = mechanism.verify(frozen, progress, **parameters)
     warn(found.result.warnings)
     model, values, result = mechanism.model, mechanism.parameters(**parameters), found.result
-    from mbstab.report import export, tables, verification
+    from mbstab.report import eigenvalues, export, verification
 
     failure = None
     if found.verdict == "contradicted":
@@ -235,7 +235,7 @@ def _verified(mechanism: Mechanism, parameters: dict[str, str], frozen: bool) ->
         model,
         result.verdict,
         result.reasons,
-        lambda: f"{tables.eigen_text(result, model.title)}\n{verification.verification_text(found)}",
+        lambda: f"{eigenvalues.eigen_text(result, model.title)}\n{verification.verification_text(found)}",
         lambda: export.eigen_data(result, model, values) | {"verification": verification.verification_data(found)},
         failure=failure,
     )

@@ -32,11 +32,11 @@ def equilibrium(file: str, settings: tuple[str, ...], starts: int, seed: int, ou
         starts, seed, lambda items: tracked(items, "starts") if starts > 1 else iter(items), **parameters
     )
     warn(list(dict.fromkeys(text for item in found for text in item.motion.warnings)))
-    from mbstab.report import export, tables
+    from mbstab.report import equilibria, export
 
     output.write(
         {
-            "table": lambda: tables.equilibrium_text(found, names, model.title),
+            "table": lambda: equilibria.equilibrium_text(found, names, model.title),
             "json": lambda: export.to_json(export.equilibrium_data(found, names, model.name, model.title)),
             "csv": lambda: export.equilibrium_csv(found, names),
         }

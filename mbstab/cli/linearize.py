@@ -42,14 +42,14 @@ def linearize(
     mechanism = load_model(file)
     model = mechanism.model
     from mbstab.analysis.linear.linearize import state_space
-    from mbstab.report import export, tables
+    from mbstab.report import export, linearization
 
     linear = mechanism.linearize(frozen, **parameters)
     warn(linear.motion.warnings)
     space = state_space(linear)
     output.write(
         {
-            "table": lambda: tables.linearize_text(linear, space, form, model.title, full),
+            "table": lambda: linearization.linearize_text(linear, space, form, model.title, full),
             "json": lambda: export.to_json(export.linearize_data(linear, space, model.name, model.title)),
             "csv": lambda: export.linearize_csv(linear, space),
             "npz": lambda: export.npz_bytes(export.linearize_arrays(linear, space)),

@@ -387,6 +387,6 @@ def save_picture(figure: Any, path: Path, option: str = PICTURE) -> None:
     UsageError, OutputError
         If it cannot be written.
     """
-    from mbstab.report import plots
+    from mbstab.report.pictures.drawing import save as save_figure
 
-    save(path, lambda goal: plots.save(figure, goal), option)
+    save(path, lambda goal: save_figure(figure, goal), option)

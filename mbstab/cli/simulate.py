@@ -38,8 +38,9 @@ from mbstab.errors import SimulationError
 
 if TYPE_CHECKING:
     from mbstab.analysis.simulate.simulate import Simulation
+    from mbstab.api import Mechanism
     from mbstab.model.schema import Model
-    from mbstab.report.motion_plots import Picture
+    from mbstab.report.pictures.motion_plots import Picture
 
 METHODS = ("projection", "alpha", "radau")
 SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
@@ -126,24 +127,14 @@ def _terminable() -> Iterator[None]:
 @_terminable()
 def simulate(
     file: str,
-    to: float | None,
-    start: float | None,
     settings: tuple[str, ...],
-    method: str,
-    solver: str | None,
-    tol: float,
-    step: float | None,
-    once: bool,
-    compiled: bool,
     points: int | None,
     disturbances: tuple[str, ...],
-    through_singular: bool,
-    strict: bool,
     plots: tuple[str, ...],
     place: Path | None,
     full: bool,
     output: Output,
-    **animation: Any,
+    **options: Any,
 ) -> None:
     """Follow the nonlinear motion that starts as the file says, with joint reactions, energies and residuals.
 
@@ -153,9 +144,10 @@ def simulate(
 
     Example: mbstab simulate pendulum.yaml --perturb rod.theta=pi/4 --to 20 -o pendulum.csv
     """
-    _check_options(animation["mode"] is not None, step is not None, bool(plots))
-    movie = Animation.of(**animation)
-    perturb = parse_settings(disturbances, "--perturb")
+    run = {name: options.pop(name) for name in RUN}
+    _check_options(options["mode"] is not None, run["step"] is not None, bool(plots))
+    movie = Animation.of(**options)
+    run["perturb"] = parse_settings(disturbances, "--perturb")
     parameters = parse_settings(settings)
     check_pictures(place)
     mechanism = load_model(file)
@@ -167,38 +159,8 @@ def simulate(
         if movie.mode is not None:
             movie.write_mode(mechanism, **parameters)
             return
-        count = points or movie.points(mechanism.system(**parameters), start, to)
-    stopped: SimulationError | None = None
-    told: list[str] = []
-
-    def tell(text: str) -> None:
-        told.append(text)
-        warn([text])
-
-    try:
-        with _compiling(compiled), progress_bar("simulating") as progress:
-            result = mechanism.simulate(
-                to=to,
-                start=start,
-                method=method,
-                solver=solver or "",
-                tol=tol,
-                step=step,
-                points=count,
-                perturb=perturb,
-                strict=strict,
-                once=once,
-                compiled=compiled,
-                progress=progress,
-                through_singular=through_singular,
-                tell=tell,
-                **parameters,
-            )
-    except SimulationError as error:
-        if error.partial is None or not len(error.partial.times):
-            raise
-        stopped, result = error, error.partial
-    warn([text for text in result.warnings if text not in told])
+        count = points or movie.points(mechanism.system(**parameters), run["start"], run["to"])
+    result, stopped = _run(mechanism, {**run, "points": count, "solver": run["solver"] or ""}, parameters)
     _write(result, output, model, full)
     _draw(result, pictures, paths, model)
     if movie is not None and not (result.complete or result.failure):
@@ -209,6 +171,32 @@ def simulate(
         raise stopped
 
 
+RUN = ("to", "start", "method", "solver", "tol", "step", "once", "compiled", "through_singular", "strict")
+"""Options of a run, as `Mechanism.simulate` names them."""
+
+
+def _run(
+    mechanism: Mechanism, options: dict[str, Any], parameters: dict[str, Any]
+) -> tuple[Simulation, SimulationError | None]:
+    """Return what is computed, and why it ended early if it did."""
+    told: list[str] = []
+
+    def tell(text: str) -> None:
+        told.append(text)
+        warn([text])
+
+    stopped: SimulationError | None = None
+    try:
+        with _compiling(options["compiled"]), progress_bar("simulating") as progress:
+            result = mechanism.simulate(progress=progress, tell=tell, **options, **parameters)
+    except SimulationError as error:
+        if error.partial is None or not len(error.partial.times):
+            raise
+        stopped, result = error, error.partial
+    warn([text for text in result.warnings if text not in told])
+    return result, stopped
+
+
 SIMULATED = (
     "to", "start", "method", "solver", "tol", "step", "compiled", "once", "points", "disturbances", "through_singular",
     "strict", "plots", "place", "format_", "output", "full", "speed",
@@ -217,7 +205,7 @@ SIMULATED = (
 
 
 def _compiling(compiled: bool) -> contextlib.AbstractContextManager[object]:
-    """Return a context in which it is said that compiled steps are being compiled."""
+    """Return a context that tells the user when steps are being compiled."""
     if not compiled:
         return contextlib.nullcontext()
     from mbstab.analysis.simulate.steppers.compiled import machine_code
@@ -256,7 +244,7 @@ def _pictures(plots: tuple[str, ...], model: Model) -> list[Picture]:
     """Read what is to be drawn, before anything is computed."""
     if not plots:
         return []
-    from mbstab.report.motion_plots import read_picture
+    from mbstab.report.pictures.motion_plots import read_picture
 
     found: dict[str, Picture] = {}
     for text in dict.fromkeys(plots):
@@ -272,7 +260,7 @@ def _draw(result: Simulation, pictures: list[Picture], paths: dict[str, Path], m
     """Draw pictures to their files."""
     if not pictures:
         return
-    from mbstab.report.motion_plots import draw, idle
+    from mbstab.report.pictures.motion_plots import draw, idle
 
     for picture in pictures:
         for text in idle(picture, result, model):

@@ -29,6 +29,8 @@ from mbstab.errors import NumericalError, OutputError, UsageError
 if TYPE_CHECKING:
     from mbstab.analysis.sweep.chart import Chart
     from mbstab.analysis.sweep.sweep import Sweep
+    from mbstab.api import Mechanism
+    from mbstab.compiler.system import Array
     from mbstab.model.schema import Model
 
 PICTURES = ("map", "locus", "campbell", "none")
@@ -114,18 +116,8 @@ def sweep(
 
     Example: mbstab sweep top.yaml --param omega --from 0 --to 12 -o top.csv
     """
-    from mbstab.model.ranges import sweep_values
-
-    if len(parameters) > 2 or len(set(parameters)) < len(parameters):
-        raise UsageError("a sweep has one parameter, a chart two different ones")
-    for name, given in (("--from", start), ("--to", stop), ("--points", points)):
-        if given and len(given) != len(parameters):
-            raise UsageError(f"{name} is given {len(given)} times for {len(parameters)} parameters: once for each")
-    if len(parameters) == 2 and values is not None:
-        raise UsageError("--values goes with one parameter")
-    if "none" in pictures and (len(pictures) > 1 or place is not None):
-        raise UsageError("--plot none goes with no other picture")
-    check_pictures(place)
+    given = {"--from": start, "--to": stop, "--points": points}
+    _check_options(parameters, given, values is not None, pictures, place)
     if jobs > 1 and cluster:
         raise UsageError(
             "--jobs is for processes of this machine, --cluster for those of others: leave out one of them"
@@ -134,18 +126,7 @@ def sweep(
         raise UsageError("--resume goes with --output, beside which the finished parts are kept")
     mechanism = load_model(file)
     model = mechanism.model
-    grids = {
-        name: sweep_values(
-            model,
-            name,
-            start[i] if start else None,
-            stop[i] if stop else None,
-            points[i] if points else None if len(parameters) == 1 else _chart_points(model, name),
-            logarithmic,
-            values,
-        )
-        for i, name in enumerate(parameters)
-    }
+    grids = _grids(model, parameters, given, logarithmic, values)
     directory = output.path.with_name(output.path.name + ".parts") if output.path is not None else None
     run: dict[str, Any] = {
         "directory": directory,
@@ -155,30 +136,90 @@ def sweep(
         "keep": True,
         **parse_settings(settings),
     }
-    labels = [(model.parameters[name].unit, model.parameters[name].factor) for name in parameters]
     stem = picture_stem(place, output.path, Path(model.name), "-".join(parameters))
     wanted = pictures or (("map", "locus") if output.format == "table" or output.path is not None else ())
     drawn = () if "none" in wanted else wanted
     paths = picture_paths(*stem, drawn if len(parameters) == 1 else ("chart",) * bool(drawn))
-    answer: Sweep | Chart
     if len(parameters) == 1:
-        with _kept(directory):
-            with progress_bar("sweeping") as progress:
-                answer = mechanism.sweep(parameters[0], grids[parameters[0]], progress=progress, **run)
-            output.write(_sweep_answer(answer, *labels[0], model.name, model.title), summary=True)
-            _draw(answer, paths, _label(parameters[0], labels[0][0]), model.title)
-        warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))
-        total, missing = len(answer.values), len(answer.unanswered)
+        total, missing = _sweep(mechanism, parameters[0], grids, run, paths, output)
     else:
-        with _kept(directory):
-            with progress_bar("sweeping") as progress:
-                answer = mechanism.chart(grids, progress=progress, **run)
-            output.write(_chart_answer(answer, labels, model.name, model.title), summary=True)
-            if drawn:
-                _draw_chart(answer, paths["chart"], labels, model.title)
-        total, missing = answer.unstable.size, len(answer.problems)
+        total, missing = _chart(mechanism, grids, run, paths, output)
     if missing:
         raise NumericalError(f"{missing} of {total} points have no answer; the others are computed")
+
+
+def _sweep(
+    mechanism: Mechanism,
+    parameter: str,
+    grids: dict[str, Array],
+    run: dict[str, Any],
+    paths: dict[str, Path],
+    output: Output,
+) -> tuple[int, int]:
+    """Sweep a parameter, write and draw the answer; return the number of points, and of those without an answer."""
+    model = mechanism.model
+    unit, factor = model.parameters[parameter].unit, model.parameters[parameter].factor
+    with _kept(run["directory"]):
+        with progress_bar("sweeping") as progress:
+            answer = mechanism.sweep(parameter, grids[parameter], progress=progress, **run)
+        output.write(_sweep_answer(answer, unit, factor, model.name, model.title), summary=True)
+        _draw(answer, paths, _label(parameter, unit), model.title)
+    warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))
+    return len(answer.values), len(answer.unanswered)
+
+
+def _chart(
+    mechanism: Mechanism, grids: dict[str, Array], run: dict[str, Any], paths: dict[str, Path], output: Output
+) -> tuple[int, int]:
+    """Compute a chart, write and draw it; return the number of points, and of those without an answer."""
+    model = mechanism.model
+    labels = [(model.parameters[name].unit, model.parameters[name].factor) for name in grids]
+    with _kept(run["directory"]):
+        with progress_bar("sweeping") as progress:
+            answer = mechanism.chart(grids, progress=progress, **run)
+        output.write(_chart_answer(answer, labels, model.name, model.title), summary=True)
+        for path in paths.values():
+            _draw_chart(answer, path, labels, model.title)
+    return answer.unstable.size, len(answer.problems)
+
+
+def _check_options(
+    parameters: tuple[str, ...],
+    given: dict[str, tuple[Any, ...]],
+    listed: bool,
+    pictures: tuple[str, ...],
+    place: Path | None,
+) -> None:
+    """Refuse options that do not go together."""
+    if len(parameters) > 2 or len(set(parameters)) < len(parameters):
+        raise UsageError("a sweep has one parameter, a chart two different ones")
+    for name, values in given.items():
+        if values and len(values) != len(parameters):
+            raise UsageError(f"{name} is given {len(values)} times for {len(parameters)} parameters: once for each")
+    if len(parameters) == 2 and listed:
+        raise UsageError("--values goes with one parameter")
+    if "none" in pictures and (len(pictures) > 1 or place is not None):
+        raise UsageError("--plot none goes with no other picture")
+    check_pictures(place)
+
+
+def _grids(
+    model: Model,
+    parameters: tuple[str, ...],
+    given: dict[str, tuple[Any, ...]],
+    logarithmic: bool,
+    values: str | None,
+) -> dict[str, Array]:
+    """Return the values of each parameter."""
+    from mbstab.model.ranges import sweep_values
+
+    grids = {}
+    for i, name in enumerate(parameters):
+        first, last, count = (x[i] if x else None for x in given.values())
+        if count is None and len(parameters) == 2:
+            count = _chart_points(model, name)
+        grids[name] = sweep_values(model, name, first, last, count, logarithmic, values)
+    return grids
 
 
 @contextlib.contextmanager
@@ -204,10 +245,10 @@ def _chart_points(model: Model, parameter: str) -> int:
 
 def _sweep_answer(result: Sweep, unit: str, factor: float, name: str, title: str) -> Answer:
     """Return how a sweep is written, by format."""
-    from mbstab.report import export, tables
+    from mbstab.report import export, sweeps
 
     return {
-        "table": lambda: tables.sweep_text(result, unit, factor, title),
+        "table": lambda: sweeps.sweep_text(result, unit, factor, title),
         "json": lambda: export.to_json(export.sweep_data(result, unit, factor, name, title)),
         "csv": lambda: export.sweep_csv(result, factor),
         "npz": lambda: export.npz_bytes(export.sweep_arrays(result, factor)),
@@ -216,10 +257,10 @@ def _sweep_answer(result: Sweep, unit: str, factor: float, name: str, title: str
 
 def _chart_answer(result: Chart, labels: list[tuple[str, float]], name: str, title: str) -> Answer:
     """Return how a chart is written, by format."""
-    from mbstab.report import export, tables
+    from mbstab.report import export, sweeps
 
     return {
-        "table": lambda: tables.chart_text(result, labels, title),
+        "table": lambda: sweeps.chart_text(result, labels, title),
         "json": lambda: export.to_json(export.chart_data(result, labels, name, title)),
         "csv": lambda: export.chart_csv(result, labels),
         "npz": lambda: export.npz_bytes(export.chart_arrays(result, labels)),
@@ -227,11 +268,12 @@ def _chart_answer(result: Chart, labels: list[tuple[str, float]], name: str, tit
 
 
 def _draw_chart(result: Chart, path: Path, labels: list[tuple[str, float]], title: str) -> None:
-    from mbstab.report import plots
+    from mbstab.report.pictures.stability_chart import chart
+    from mbstab.report.pictures.sweep_curves import unanswered_text
 
     texts = [_label(name, unit) for name, (unit, _) in zip(result.parameters, labels, strict=True)]
-    missing = plots.gap(bool(result.problems), int((result.unstable < 0).sum()) > len(result.problems))
-    figure = plots.chart(result.x, result.y, result.unstable, result.boundaries, (texts[0], texts[1]), title, missing)
+    missing = unanswered_text(bool(result.problems), int((result.unstable < 0).sum()) > len(result.problems))
+    figure = chart(result.x, result.y, result.unstable, result.boundaries, (texts[0], texts[1]), title, missing)
     save_picture(figure, path)
 
 
@@ -239,9 +281,11 @@ def _draw(result: Sweep, paths: dict[str, Path], label: str, title: str) -> None
     """Draw pictures of a sweep to their files."""
     if not paths:
         return
-    from mbstab.report import plots
+    from mbstab.report.pictures.campbell import campbell
+    from mbstab.report.pictures.root_locus import root_locus
+    from mbstab.report.pictures.stability_map import stability_map
 
-    kinds = {"map": plots.stability_map, "locus": plots.root_locus, "campbell": plots.campbell}
+    kinds = {"map": stability_map, "locus": root_locus, "campbell": campbell}
     for picture, path in paths.items():
         save_picture(kinds[picture](result, label, title), path)
 

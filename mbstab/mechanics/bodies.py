@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind, Number, Vector
+from mbstab.mechanics.catalogue import Element, ElementUse, Field, Form, Item, Kind, Number, Vector
 from mbstab.mechanics.vectors import plain_zero
 
 # --- elements -------------------------------------------------------------------------------------------------------
@@ -91,6 +91,8 @@ class ShapeKind:
         Number of the axis of symmetry when ``along`` is not given.
     moments : callable
         Lengths to (axial, transverse) for shapes with an axis, to (xx, yy, zz) without.
+    form : callable
+        Lengths to the form in which it is drawn.
     """
 
     name: str
@@ -98,6 +100,7 @@ class ShapeKind:
     fields: tuple[Field, ...]
     axis: int | None
     moments: Callable[..., Vector]
+    form: Callable[..., Form]
 
 
 def _length(name: str, doc: str, required: bool = True, default: str | None = None) -> Field:
@@ -109,7 +112,12 @@ SHAPES: dict[str, ShapeKind] = {
     shape.name: shape
     for shape in (
         ShapeKind(
-            "rod", "thin rod", (_length("length", "length"),), 0, lambda length: (0.0 * length, length * length / 12.0)
+            "rod",
+            "thin rod",
+            (_length("length", "length"),),
+            0,
+            lambda length: (0.0 * length, length * length / 12.0),
+            lambda length: Form("rod", (length,)),
         ),
         ShapeKind(
             "cylinder",
@@ -117,6 +125,7 @@ SHAPES: dict[str, ShapeKind] = {
             (_length("radius", "radius"), _length("length", "length")),
             2,
             lambda radius, length: (radius * radius / 2.0, (3.0 * radius * radius + length * length) / 12.0),
+            lambda radius, length: Form("cylinder", (radius, length)),
         ),
         ShapeKind(
             "disk",
@@ -124,6 +133,7 @@ SHAPES: dict[str, ShapeKind] = {
             (_length("radius", "radius"), _length("thickness", "thickness", False, "0")),
             2,
             lambda radius, thickness: (radius * radius / 2.0, (3.0 * radius * radius + thickness * thickness) / 12.0),
+            lambda radius, thickness: Form("cylinder", (radius, thickness)),
         ),
         ShapeKind(
             "hoop",
@@ -131,6 +141,7 @@ SHAPES: dict[str, ShapeKind] = {
             (_length("radius", "radius"),),
             2,
             lambda radius: (radius * radius, radius * radius / 2.0),
+            lambda radius: Form("hoop", (radius,)),
         ),
         ShapeKind(
             "box",
@@ -138,6 +149,7 @@ SHAPES: dict[str, ShapeKind] = {
             (_length("x", "edge along x"), _length("y", "edge along y"), _length("z", "edge along z", False, "0")),
             None,
             lambda x, y, z: ((y * y + z * z) / 12.0, (x * x + z * z) / 12.0, (x * x + y * y) / 12.0),
+            lambda x, y, z: Form("box", (x, y, z)),
         ),
         ShapeKind(
             "sphere",
@@ -145,6 +157,7 @@ SHAPES: dict[str, ShapeKind] = {
             (_length("radius", "radius"),),
             None,
             lambda radius: (2.0 * radius * radius / 5.0,) * 3,  # 0.4 is not a double
+            lambda radius: Form("ellipsoid", (radius,) * 3),
         ),
     )
 }

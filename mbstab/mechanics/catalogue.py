@@ -184,6 +184,46 @@ class Effort:
     driven: bool = False
 
 
+@dataclass(frozen=True)
+class Form:
+    """A shape to draw, its axis of symmetry along z, and its lengths (m).
+
+    Attributes
+    ----------
+    name : str
+        ``rod`` (length), ``cylinder`` (radius, length), ``hoop`` (radius), ``box`` (x, y, z), ``ellipsoid`` (its
+        semi-axes), or ``torus`` (radius of the circle in its middle, radius of the tube).
+    lengths : tuple
+    """
+
+    name: Literal["rod", "cylinder", "hoop", "box", "ellipsoid", "torus"]
+    lengths: Vector
+
+
+@dataclass(frozen=True)
+class Look:
+    """How an entry is drawn.
+
+    Attributes
+    ----------
+    sign : str
+        ``pin``: points are held together; ``slider``: they slide on each other; ``rod``: a bar between two pins;
+        ``spring``: windings between two points; ``blade``: a line through a point; ``body``: a form about a point.
+    points : tuple of Marker
+    axis : tuple
+        Direction of a blade, or of the axis of a form, in the axes of its body; without it that of a form is z.
+    form : Form or None
+    surface : (tuple, tuple) or None
+        Unit normal and one point of the fixed line or plane that a form touches.
+    """
+
+    sign: Literal["pin", "slider", "rod", "spring", "blade", "body"]
+    points: tuple[Marker, ...]
+    axis: Vector = ()
+    form: Form | None = None
+    surface: tuple[Vector, Vector] | None = None
+
+
 class Item(Protocol):
     """An entry of a model with its numbers, as `Kind.build` sees it."""
 
@@ -232,6 +272,8 @@ class Kind:
         Groups of fields of which exactly one must be given.
     effort : callable or None
         From an `Item` to its effort, if it acts along one motion.
+    look : callable or None
+        From an `Item` to how it is drawn, if it is.
     """
 
     name: str
@@ -242,6 +284,7 @@ class Kind:
     motions: tuple[str, ...] = ()
     one_of: tuple[tuple[str, ...], ...] = ()
     effort: Callable[[Item], Effort] | None = None
+    look: Callable[[Item], Look] | None = None
 
     def field(self, name: str) -> Field:
         """Return the field of that name."""

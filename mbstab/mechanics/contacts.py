@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind
+from mbstab.mechanics.catalogue import Element, ElementUse, Field, Form, Item, Kind, Look, Vector
 from mbstab.mechanics.vectors import dot, representative, triad, turned
 
 # --- elements -------------------------------------------------------------------------------------------------------
@@ -207,6 +207,31 @@ def _knife_edge_elements(item: Item) -> Iterable[ElementUse]:
     yield ElementUse("knife_edge", (point.body,), numbers, labels=("sideways",))
 
 
+def _disk_look(item: Item) -> Look:
+    form = Form("cylinder", (item.number("radius"), 0.0))
+    return Look("body", (item.marker("center"),), (), form, _surface(item))
+
+
+def _wheel_look(item: Item) -> Look:
+    radius, tube = item.number("radius"), item.number("tube")
+    form = Form("torus", (radius, tube)) if tube else Form("cylinder", (radius, 0.0))
+    return Look("body", (item.marker("center"),), item.direction("axle"), form, _surface(item))
+
+
+def _ellipsoid_look(item: Item) -> Look:
+    form = Form("ellipsoid", tuple(item.number(name) for name in "abc"))
+    return Look("body", (item.marker("center"),), (), form, _surface(item))
+
+
+def _blade_look(item: Item) -> Look:
+    return Look("blade", (item.marker("at"),), item.direction("along"))
+
+
+def _surface(item: Item) -> tuple[Vector, Vector]:
+    """Return the unit normal and a point of the line or plane of a contact."""
+    return item.direction("normal"), item.vector("origin")
+
+
 _ORIGIN = Field("origin", "vector", "a point of the line or plane", "m", default="0")
 _CENTER = Field("center", "marker", "centre of the wheel: body or body.point", required=True)
 _RADIUS = Field("radius", "number", "radius of the wheel", "m", required=True, sign="positive")
@@ -233,6 +258,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                 _MOTION,
             ),
             _disk,
+            look=_disk_look,
         ),
         Kind(
             "wheel",
@@ -269,6 +295,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                 ),
             ),
             _wheel_elements,
+            look=_wheel_look,
         ),
         Kind(
             "ellipsoid",
@@ -285,6 +312,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                 _MOTION,
             ),
             _ellipsoid_elements,
+            look=_ellipsoid_look,
         ),
         Kind(
             "knife_edge",
@@ -296,6 +324,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                 Field("normal", "ground direction", "normal of the plane of motion", default="z", dimensions=(3,)),
             ),
             _knife_edge_elements,
+            look=_blade_look,
         ),
     )
     for dimension in kind.dimensions

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from mbstab.mechanics.catalogue import Effort, Element, ElementUse, Field, Item, Kind, Load
+from mbstab.mechanics.catalogue import Effort, Element, ElementUse, Field, Item, Kind, Load, Look
 from mbstab.mechanics.drives import MOTION, TRAVEL, TURN, joint_motion
 from mbstab.mechanics.joints import joint_angle_functions, joint_displacement, motion_parameters
 from mbstab.mechanics.vectors import plain_zero
@@ -192,6 +192,10 @@ def _actuator_effort(item: Item) -> Effort:
     return Effort(motion, joint, law=item.law("effort"))
 
 
+def _spring_look(item: Item) -> Look:
+    return Look("spring", item.markers("between"))
+
+
 def _force(item: Item) -> Iterable[ElementUse]:
     point = item.marker("at")
     yield ElementUse(f"{item.choice('frame')}_force", (point.body,), point.point, item.laws("vector"))
@@ -232,6 +236,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             ),
             _spring_elements,
             effort=_spring_effort,
+            look=_spring_look,
         ),
         Kind(
             "bearing",
@@ -241,6 +246,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             (_ENDS, _STIFFNESS, _DAMPING),
             _bearing_element,
             effort=_bearing_effort,
+            look=_spring_look,
         ),
         Kind(
             "joint_spring",

@@ -7,11 +7,11 @@ of Pappalardo, Lettieri, Guida (2020), Eqs. (145)-(150), are the ones listed the
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind
+from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind, Look
 
 # --- elements: the primitives ---------------------------------------------------------------------------------------
 
@@ -179,8 +179,21 @@ def _joint(
     dimensions: tuple[int, ...] = (3,),
     fields: tuple[Field, ...] = (AXIS, ZERO),
     motions: tuple[str, ...] = (),
+    look: Callable[[Item], Look] | None = None,
 ) -> Kind:
-    return Kind(name, doc, dimensions, (BETWEEN, *fields), _build(*primitives), motions)
+    return Kind(name, doc, dimensions, (BETWEEN, *fields), _build(*primitives), motions, look=look)
+
+
+def _pin(item: Item) -> Look:
+    return Look("pin", item.markers("between"))
+
+
+def _slider(item: Item) -> Look:
+    return Look("slider", item.markers("between"))
+
+
+def _rod(item: Item) -> Look:
+    return Look("rod", item.markers("between"))
 
 
 _FREE_AXIS = Field(AXIS.name, AXIS.shape, "direction held parallel, in the frame of each body", default="x")
@@ -188,9 +201,19 @@ _FREE_AXIS = Field(AXIS.name, AXIS.shape, "direction held parallel, in the frame
 KINDS: dict[tuple[str, int], Kind] = {
     (kind.name, dimension): kind
     for kind in (
-        _joint("revolute", "turns about an axis", _COINCIDENT, *_PARALLEL, motions=("angle",)),
-        _joint("revolute", "turns about a point", _COINCIDENT, dimensions=(2,), fields=(), motions=("angle",)),
-        _joint("prismatic", "slides along an axis", *_ON_LINE, *_PARALLEL, _NO_TURN, motions=("displacement",)),
+        _joint("revolute", "turns about an axis", _COINCIDENT, *_PARALLEL, motions=("angle",), look=_pin),
+        _joint(
+            "revolute", "turns about a point", _COINCIDENT, dimensions=(2,), fields=(), motions=("angle",), look=_pin
+        ),
+        _joint(
+            "prismatic",
+            "slides along an axis",
+            *_ON_LINE,
+            *_PARALLEL,
+            _NO_TURN,
+            motions=("displacement",),
+            look=_slider,
+        ),
         _joint(
             "prismatic",
             "slides along an axis",
@@ -199,6 +222,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             dimensions=(2,),
             fields=(AXIS,),
             motions=("displacement",),
+            look=_slider,
         ),
         _joint(
             "cylindrical",
@@ -206,14 +230,18 @@ KINDS: dict[tuple[str, int], Kind] = {
             *_ON_LINE,
             *_PARALLEL,
             motions=("angle", "displacement"),
+            look=_slider,
         ),
         _joint(
             "universal",
             "Hooke's joint: the axes of the two bodies meet at a right angle",
             _COINCIDENT,
             Primitive("perpendicular", "v1", "v1"),
+            look=_pin,
         ),
-        _joint("spherical", "turns in every direction about a point", _COINCIDENT, dimensions=(2, 3), fields=()),
+        _joint(
+            "spherical", "turns in every direction about a point", _COINCIDENT, dimensions=(2, 3), fields=(), look=_pin
+        ),
         _joint(
             "planar",
             "slides and turns in the plane across the axis",
@@ -221,6 +249,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             Primitive("perpendicular", "v1", "v2"),
             Primitive("perpendicular", "v1", "v3"),
             motions=("angle",),
+            look=_slider,
         ),
         _joint(
             "fixed",
@@ -239,7 +268,10 @@ KINDS: dict[tuple[str, int], Kind] = {
             fields=(_FREE_AXIS,),
         ),
         _joint(
-            "point_on_line", "a point of the second body slides along an axis of the first, turning freely", *_ON_LINE
+            "point_on_line",
+            "a point of the second body slides along an axis of the first, turning freely",
+            *_ON_LINE,
+            look=_slider,
         ),
         _joint(
             "point_on_line",
@@ -247,12 +279,14 @@ KINDS: dict[tuple[str, int], Kind] = {
             Primitive("in_plane", "v2"),
             dimensions=(2,),
             fields=(AXIS,),
+            look=_slider,
         ),
         _joint(
             "point_on_plane",
             "a point of the second body stays in the plane across an axis of the first, turning freely",
             Primitive("in_plane", "v1"),
             fields=(AXIS,),
+            look=_slider,
         ),
         _joint(
             "distance",
@@ -260,6 +294,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             Primitive("distance"),
             dimensions=(2, 3),
             fields=(Field("length", "number", "the distance", "m", required=True, sign="positive"),),
+            look=_rod,
         ),
         _joint(
             "screw",
@@ -280,6 +315,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                 ),
             ),
             motions=("angle", "displacement"),
+            look=_slider,
         ),
     )
     for dimension in kind.dimensions

@@ -148,8 +148,7 @@ STILL = 1e-9
 """A motion within this part of the sizes is none."""
 
 NOTHING = 1e-12
-"""What is smaller than this part of its size is shown as 0 in the summary; files have it as it is."""
-
+"""The summary shows values below this part of their size as 0; files have them unchanged."""
 
 MOST = 40
 """So many coordinates are shown in the summary unless all are asked for."""

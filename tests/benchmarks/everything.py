@@ -18,7 +18,7 @@ import mbstab.analysis.proof.certify
 import mbstab.analysis.simulate.simulate
 import mbstab.analysis.sweep.sweep
 import mbstab.cli.main
-import mbstab.report.plots  # noqa: F401 (in the parent, that children need not)
+import mbstab.report.pictures.stability_map  # noqa: F401 (in the parent, that children need not)
 
 
 def report(answer, counts):

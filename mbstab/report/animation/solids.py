@@ -1,15 +1,17 @@
-"""What hides what in a picture along parallel lines: bodies as their convex hulls."""
+"""Hidden surfaces in a parallel projection: which bodies, as convex hulls, hide what is behind them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from mbstab.compiler.system import Array
 
 FLAT = 1e-4
-"""Half of the thickness of what has none, as a part of its size."""
+"""Half of the thickness that a flat body is given, as a part of its size."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,7 @@ class Solid:
     faces : ndarray, shape (n, 4)
         Outward normal n and offset b of each: inside is n·x <= b.
     rim : ndarray, shape (m, 3)
-        Its outline as it is seen, closed; empty where no direction is looked from yet.
+        Its outline as it is seen, closed; empty before `placed` has fixed the view.
     """
 
     corners: Array
@@ -31,7 +33,7 @@ class Solid:
 
     @classmethod
     def of(cls, skin: Array) -> Solid:
-        """Return the convex hull of points, shape (k, 3); a flat one gets a thickness that is not seen."""
+        """Return the convex hull of points, shape (k, 3); a flat one is given a thickness too small to be seen."""
         from scipy.spatial import ConvexHull
 
         size = float(np.max(np.abs(skin)))
@@ -40,12 +42,12 @@ class Solid:
         if extents[2] <= 1e-6 * extents[0]:
             points = np.concatenate([points - FLAT * axes[2], points + FLAT * axes[2]])
         found = ConvexHull(points)
-        # Triangles of one face have one equation.
+        # All triangles of a face have the same equation.
         faces = np.unique(np.round(found.equations * [1.0, 1.0, 1.0, -1.0], 12), axis=0)
         return cls(points[found.vertices] * size, faces * [1.0, 1.0, 1.0, size], np.zeros((0, 3)))
 
     def placed(self, axes: Array, center: Array, across: Array) -> Solid:
-        """Return it in another frame, seen along the last row of `across`."""
+        """Return it in another frame, with its outline as seen along the last row of `across`."""
         corners, normals = self.corners @ axes.T + center, self.faces[:, :3] @ axes.T
         seen = corners @ across[:2].T
         number = {tuple(p): k for k, p in enumerate(seen.tolist())}
@@ -53,7 +55,7 @@ class Solid:
         return Solid(corners, np.column_stack([normals, self.faces[:, 3] + normals @ center]), rim)
 
     def through(self, points: Array, towards: Array) -> tuple[Array, Array]:
-        """Return between which distances from points lines in a direction are inside; the last is less if nowhere."""
+        """Return the distances from points at which rays enter and leave; a ray that misses leaves before it enters."""
         slope, room = self.faces[:, :3] @ towards, self.faces[:, 3] - points @ self.faces[:, :3].T
         along = np.abs(slope) < 1e-9
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -64,7 +66,7 @@ class Solid:
         return first, np.where(missed, -np.inf, last)
 
     def covers(self, other: Solid, towards: Array) -> bool:
-        """Return whether it is before another one where both are seen."""
+        """Return whether it is in front of another one where both are seen."""
         shared = []
         for one, two in ((self, other), (other, self)):
             a, b = one.rim[:-1], one.rim[1:]
@@ -77,6 +79,31 @@ class Solid:
         # Both outlines are convex: the middle of points in both is in both.
         middle = points.mean(axis=0, keepdims=True)
         return bool(self.through(middle, towards)[1][0] > other.through(middle, towards)[1][0])
+
+
+def in_order(solids: dict[int, Solid], towards: Array) -> list[int]:
+    """Return the keys of solids in an order in which those that cover others come after them."""
+    left = dict(sorted(solids.items(), key=lambda item: float((item[1].rim @ towards).mean())))
+    covers = {(a, b) for a in left for b in left if a != b and left[a].covers(left[b], towards)}
+    found = []
+    while left:
+        free = (a for a in left if not any((a, b) in covers for b in left))
+        found.append(next(free, next(iter(left))))  # those that cover each other in a ring have no order
+        del left[found[-1]]
+    return found
+
+
+def hidden(
+    points: Array, solids: Sequence[Solid], towards: Array, deep: float, inside: bool = True
+) -> npt.NDArray[np.bool_]:
+    """Return which of points, shape (k, 3), are deeper than `deep` (m) behind solids, or `inside` of them."""
+    covered = np.zeros(len(points), dtype=bool)
+    for solid in solids:
+        first, last = solid.through(points, towards)
+        # Before the solid the ray runs free, or it runs through what is thick.
+        passes = (last > first) & ((first > deep) | (last - np.maximum(first, 0.0) > deep))
+        covered |= passes & (inside | (first > -deep))
+    return covered
 
 
 def hull(points: Array) -> Array:

@@ -25,10 +25,12 @@ from mbstab.analysis.simulate.simulate import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError, suggestion
 from mbstab.model.schema import Entry, Model, unit_of
-from mbstab.report.plots import EXACT, FONT, INK, THIN, _decimated, _frame, _legend, _marker, _minus, _style, _thinned
+from mbstab.report.pictures.curves import INK, THIN, decimated, thinned
+from mbstab.report.pictures.drawing import EXACT, FONT, draw_legend, house_style, legend_marker, titled_figure
+from mbstab.report.pictures.scales import with_minus_sign
 
 MOST = 12
-"""Curves of a picture: more could not be told apart."""
+"""Most curves of a picture: more could not be told apart."""
 
 DASHES = ("-", (0, (5.0, 2.0)), (0, (1.2, 1.6)), (0, (7.0, 2.0, 1.5, 2.0)))
 """Styles of curves; with the three inks in turn they make `MOST` different ones."""
@@ -37,13 +39,13 @@ BROAD: dict[str, Any] = {"color": "0.75", "linestyle": "-", "linewidth": 4.5}
 """Style of a curve below others."""
 
 LITTLE = 0.5
-"""Kinetic energy that changes by less than this part of its largest value is counted from its least one, too."""
+"""Kinetic energy that changes by less than this part of its largest value is drawn from its least value on."""
 
 FLAT = 1e-11
-"""What varies by less than this part of its size is rounding, and is drawn as constant."""
+"""Values that vary by less than this part of their size vary by rounding errors, and are drawn as constant."""
 
 NARROW = 1e-3
-"""Along an axis that spans less than this part of its values, the part they share is written once."""
+"""If values vary by less than this part of their size, what they share is written once, at the axis."""
 
 TITLES = {
     "m": "length",
@@ -56,8 +58,7 @@ TITLES = {
     "N·m": "torque",
     "J": "energy",
 }
-"""What panels with several curves are called, by unit."""
-
+"""Titles of panels with several curves, by unit."""
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -85,7 +86,7 @@ class Quantity:
 
     @property
     def label(self) -> str:
-        """What it is called in a legend."""
+        """Its name in a legend."""
         return self.said or self.name
 
 
@@ -110,11 +111,11 @@ class Panel:
 
     @property
     def text(self) -> str:
-        """What is written at its axis."""
+        """Text at its axis."""
         return self.said(0)
 
     def said(self, power: int) -> str:
-        """Return what is written at its axis, whose numbers count in a power of ten of the unit."""
+        """Return the text at its axis, where numbers are in a power of ten of the unit."""
         unit = self.curves[0].unit
         name = self.curves[0].label if len(self.curves) == 1 else TITLES.get(unit, "value")
         scale = f"10{str(power).translate(_RAISED)} " if power else ""
@@ -294,7 +295,7 @@ GROUPS: dict[str, tuple[Panel, ...]] = {
         Panel(
             (
                 WORDS["kinetic"],
-                # Its zero is arbitrary: from the least value on its change is seen beside the kinetic energy.
+                # Its zero is arbitrary: measured from its least value it is comparable to the kinetic energy.
                 Quantity("potential", "J", lambda sim: _above(sim.potential), "potential energy above its least"),
                 Quantity("sum", "J", lambda sim: sim.kinetic + _above(sim.potential), "sum of both"),
                 WORDS["work"],
@@ -405,12 +406,12 @@ def draw(picture: Picture, sim: Simulation, title: str) -> Figure:
     UsageError
         If a reaction is asked for that is not transmitted.
     """
-    with _style():
+    with house_style():
         return _draw_phases(picture, sim, title) if picture.phases else _draw_panels(picture, sim, title)
 
 
 def idle(picture: Picture, sim: Simulation, model: Model) -> list[str]:
-    """Return a hint for each joint whose reaction in a picture is nothing because springs or drives do the work."""
+    """Return a hint for each joint whose plotted reaction is zero because springs or drives act along it."""
     found = []
     largest = float(np.max(np.abs(sim.loads), initial=0.0))
     for quantity in dict.fromkeys(x for panel in picture.panels for x in panel.curves):
@@ -430,7 +431,7 @@ def idle(picture: Picture, sim: Simulation, model: Model) -> list[str]:
 def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
     shown = [replace(panel, curves=_at_work(panel, sim)) for panel in picture.panels]
     heights = [3.6] if len(shown) == 1 else [2.4] * 2 if len(shown) == 2 else [1.75] * len(shown)
-    figure, axes = _frame(title, heights)
+    figure, axes = titled_figure(title, heights)
     handles: list[Artist] = []
     number = 0
     for panel, here in zip(shown, axes, strict=True):
@@ -440,11 +441,11 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
             below = curve.name == panel.beneath
             style = BROAD if below else _curve_style(number if len(values) > 1 else 0)
             if panel.logarithmic:
-                # A gap where it is zero; points tell what stands alone between gaps.
-                points = _decimated(sim.times, np.where(y > 0.0, y, np.nan))
+                # A gap where it is zero; markers show single values between gaps.
+                points = decimated(sim.times, np.where(y > 0.0, y, np.nan))
                 here.plot(*points, **style | {"linewidth": 0.9}, marker=".", markersize=2.0, zorder=3)
             else:
-                here.plot(*_decimated(sim.times, y - base), **style, zorder=2.5 if below else 3)
+                here.plot(*decimated(sim.times, y - base), **style, zorder=2.5 if below else 3)
             if len(values) > 1:
                 number += not below
                 handles.append(Line2D([], [], **style, label=curve.label))
@@ -456,7 +457,7 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
             here.set_ylim(bottom=max(here.get_ylim()[0], EXACT))
         else:
             here.text(0.5, 0.5, "all are exactly zero", transform=here.transAxes, ha="center")
-        text = text if not base else f"{text}, less {_minus(f'{base:.12g}')}"
+        text = text if not base else f"{text}, less {with_minus_sign(f'{base:.12g}')}"
         here.set_ylabel(text, fontsize=min(FONT + 0.5, heights[0] * 72.0 / (0.5 * len(text))))
         here.set_xlim(float(sim.times[0]), max(float(sim.times[-1]), np.nextafter(float(sim.times[0]), np.inf)))
         here.tick_params(labelbottom=here is axes[-1])
@@ -464,12 +465,12 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
         here.set_axisbelow(True)
         here.yaxis.set_label_coords(-0.1, 0.5)
     axes[-1].set_xlabel("time (s)" + ("" if sim.complete else f", ended early at {sim.times[-1]:.6g} s"))
-    _legend(figure, handles)
+    draw_legend(figure, handles)
     return figure
 
 
 def _at_work(panel: Panel, sim: Simulation) -> tuple[Quantity, ...]:
-    """Return the curves of a panel, without the work that is not done; all energies at a scale at which they change."""
+    """Return the curves of a panel, without work if none is done, and energies on a scale that shows their change."""
     idle = sim.conservative and len(panel.curves) > 1
     curves = (curve for curve in panel.curves if not (idle and curve is WORDS["work"]))
     if panel.beneath != "sum" or not FLAT * np.max(sim.kinetic) < np.ptp(sim.kinetic) < LITTLE * np.max(sim.kinetic):
@@ -487,19 +488,19 @@ def _at_work(panel: Panel, sim: Simulation) -> tuple[Quantity, ...]:
 
 
 def _draw_phases(picture: Picture, sim: Simulation, title: str) -> Figure:
-    figure, (axes,) = _frame(title, heights=(4.6,))
+    figure, (axes,) = titled_figure(title, heights=(4.6,))
     handles: list[Artist] = []
     alone = len(picture.phases) == 1
     pairs = [(x.values(sim), y.values(sim)) for x, y in picture.phases]
     for number, ((x, _), (across, up)) in enumerate(zip(picture.phases, pairs, strict=True)):
         style = _curve_style(number)
-        axes.plot(*_thinned(across, up), **style, zorder=3)
+        axes.plot(*thinned(across, up), **style, zorder=3)
         axes.plot(across[:1], up[:1], "o", color=style["color"], markersize=7, markerfacecolor="w", zorder=4)
         axes.plot(across[-1:], up[-1:], "s", color=style["color"], markersize=5, zorder=4)
         if not alone:
             handles.append(Line2D([], [], **style, label=x.name))
-    handles.append(_marker("o", 7.0, f"start, t = {_minus(f'{sim.times[0]:.6g}')} s"))
-    end = f"end, t = {_minus(f'{sim.times[-1]:.6g}')} s" + ("" if sim.complete else " (early)")
+    handles.append(legend_marker("o", 7.0, f"start, t = {with_minus_sign(f'{sim.times[0]:.6g}')} s"))
+    end = f"end, t = {with_minus_sign(f'{sim.times[-1]:.6g}')} s" + ("" if sim.complete else " (early)")
     handles.append(Line2D([], [], color="k", linestyle="", marker="s", markersize=5, label=end))
     for which, column in (("x", 0), ("y", 1)):
         values = np.concatenate([pair[column] for pair in pairs])
@@ -508,12 +509,12 @@ def _draw_phases(picture: Picture, sim: Simulation, title: str) -> Figure:
             shifted = np.asarray(line.get_xdata() if which == "x" else line.get_ydata()) - base
             (line.set_xdata if which == "x" else line.set_ydata)(shifted)
         text = Panel(tuple(pair[column] for pair in picture.phases)).said(_room(axes, which, values - base, base))
-        text = text if not base else f"{text}, less {_minus(f'{base:.12g}')}"
+        text = text if not base else f"{text}, less {with_minus_sign(f'{base:.12g}')}"
         (axes.set_xlabel if which == "x" else axes.set_ylabel)(text)
     axes.yaxis.set_label_coords(-0.1, 0.5)
     axes.grid(color="0.88", linewidth=0.6)
     axes.set_axisbelow(True)
-    _legend(figure, handles)
+    draw_legend(figure, handles)
     return figure
 
 
@@ -522,7 +523,7 @@ def _curve_style(number: int) -> dict[str, Any]:
 
 
 def _common(values: Array) -> float:
-    """Return the part that values share if they differ little: their mean, as short as it can be; else 0."""
+    """Return what values share if they differ little: their mean with as few digits as possible; else 0."""
     low, high = _range(values)
     size = max(abs(low), abs(high))
     if not FLAT * size < high - low < NARROW * size:
@@ -536,7 +537,7 @@ def _range(values: Array) -> tuple[float, float]:
 
 
 def _room(axes: Axes, which: str, values: Array, base: float = 0.0) -> int:
-    """Set the range of an axis, rounding not blown up to fill it; return the power of ten its numbers count in."""
+    """Set the range of an axis without enlarging rounding errors to fill it; return the power of ten of its numbers."""
     low, high = _range(values)
     size = max(abs(low), abs(high))
     margin = 0.06 * (high - low) if high - low > FLAT * max(size, abs(base)) else 0.1 * size or 1.0
@@ -545,5 +546,7 @@ def _room(axes: Axes, which: str, values: Array, base: float = 0.0) -> int:
         return 0
     power = max(3 * math.floor(math.log10(size) / 3.0), -300)
     axis = axes.xaxis if which == "x" else axes.yaxis
-    axis.set_major_formatter(FuncFormatter(lambda value, _: _minus(f"{round(value / 10.0**power, 6) + 0.0:g}")))
+    axis.set_major_formatter(
+        FuncFormatter(lambda value, _: with_minus_sign(f"{round(value / 10.0**power, 6) + 0.0:g}"))
+    )
     return power

@@ -1,0 +1,139 @@
+"""Motions as frames: where every body is at evenly spaced times, or over one period of a mode."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbstab.analysis.simulate.mode_shape import Swing
+from mbstab.analysis.simulate.simulate import Simulation
+from mbstab.compiler.system import Array
+from mbstab.errors import UsageError
+from mbstab.report.pictures.scales import with_minus_sign
+
+FPS = 25.0
+"""Frames per second, if not given."""
+
+FINE = 5
+"""Points on the path of a traced point for each frame."""
+
+MOST_FRAMES = 20_000
+"""Largest number of frames; more are taken for a mistake."""
+
+SWING = 2.0
+"""Duration of one period of a mode in an animation, whatever the period is (s)."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Where the bodies are in each frame.
+
+    Attributes
+    ----------
+    fps : float
+        Frames per second.
+    captions : list of str
+        Text in the corner of each frame.
+    positions, rotations : ndarray, shape (n, n_b, 3) and (n, n_b, 3, 3)
+        Reference points (m), and from body axes to ground axes.
+    trail : (ndarray, ndarray)
+        The same with `FINE` instants for a frame, for the paths of points; the first is that of the first frame.
+    """
+
+    fps: float
+    captions: list[str]
+    positions: Array
+    rotations: Array
+    trail: tuple[Array, Array]
+
+
+def frame_count(duration: float, fps: float, speed: float) -> int:
+    """Return the number of frames of a motion (s).
+
+    Raises
+    ------
+    UsageError
+        If there are too many.
+    """
+    frames = duration / speed * fps + 1e-9
+    if not frames < MOST_FRAMES:
+        raise UsageError(
+            f"an animation of {duration:g} s has {frames:.6g} frames, more than {MOST_FRAMES}\n"
+            "hint: shorten it with --to, or make it faster with --speed 10"
+        )
+    return math.floor(frames) + 1
+
+
+def motion_frames(sim: Simulation, fps: float = FPS, speed: float = 1.0) -> Frames:
+    """Return a simulation at evenly spaced times; between times of output it is interpolated.
+
+    Parameters
+    ----------
+    fps : float
+        Frames per second.
+    speed : float
+        Seconds of the motion in a second.
+    """
+    first, last = float(sim.times[0]), float(sim.times[-1])
+    count = frame_count(last - first, fps, speed)
+    fine = np.minimum(first + np.arange(FINE * (count - 1) + 1) * (speed / fps / FINE), last)
+    times, trail = fine[::FINE], _interpolated(sim, fine)
+    digits = max(0, math.ceil(-math.log10(speed / fps) - 1e-9))
+    captions = [with_minus_sign(f"t = {t:.{digits}f} s") for t in times]
+    if speed != 1.0:
+        how = f"{speed:g}× as fast" if speed > 1.0 else f"{1.0 / speed:g}× slower"
+        captions = [f"{text}, {how}" for text in captions]
+    return Frames(fps, captions, trail[0][::FINE], trail[1][::FINE], trail)
+
+
+def _interpolated(sim: Simulation, times: Array) -> tuple[Array, Array]:
+    """Return places by cubic polynomials, orientations by even turns."""
+    place, turn = _padded(sim.positions, sim.rotations)
+    if len(sim.times) == 1:
+        return np.repeat(place, len(times), axis=0), np.repeat(turn, len(times), axis=0)
+    k = np.clip(np.searchsorted(sim.times, times, side="right") - 1, 0, len(sim.times) - 2)
+    step = (sim.times[k + 1] - sim.times[k])[:, None, None]
+    s = (times - sim.times[k])[:, None, None] / step
+    v = np.zeros_like(place)
+    v[..., : sim.velocities.shape[-1]] = sim.velocities
+    found = (
+        (1.0 + 2.0 * s) * (1.0 - s) ** 2 * place[k]
+        + s * (1.0 - s) ** 2 * step * v[k]
+        + s**2 * (3.0 - 2.0 * s) * place[k + 1]
+        + s**2 * (s - 1.0) * step * v[k + 1]
+    )
+    relative = np.swapaxes(turn[k], -1, -2) @ turn[k + 1]
+    return found, turn[k] @ _part_of_turn(relative, s[..., 0])
+
+
+def _part_of_turn(rotation: Array, part: Array) -> Array:
+    """Return rotations, shape (…, 3, 3), by a part of their angles, shape (…)."""
+    skew = 0.5 * (rotation - np.swapaxes(rotation, -1, -2))
+    sine = np.sqrt(skew[..., 2, 1] ** 2 + skew[..., 0, 2] ** 2 + skew[..., 1, 0] ** 2)
+    angle = np.arctan2(sine, 0.5 * (np.trace(rotation, axis1=-2, axis2=-1) - 1.0))
+    cross = skew / np.where(sine > 1e-12, sine, 1.0)[..., None, None]
+    a = (part * angle)[..., None, None]
+    result: Array = np.eye(3) + np.sin(a) * cross + (1.0 - np.cos(a)) * cross @ cross
+    return result
+
+
+def _padded(positions: Array, rotations: Array) -> tuple[Array, Array]:
+    """Return places and orientations with three components."""
+    d = positions.shape[-1]
+    place = np.zeros((*positions.shape[:-1], 3))
+    turn = np.broadcast_to(np.eye(3), (*rotations.shape[:-2], 3, 3)).copy()
+    place[..., :d], turn[..., :d, :d] = positions, rotations
+    return place, turn
+
+
+def swing_frames(swing: Swing, number: int, fps: float = FPS) -> Frames:
+    """Return one period of a mode, whose repetition swings on."""
+    value = swing.value
+    imaginary = f" ± {abs(value.imag):.4g}i" if value.imag else ""
+    text = with_minus_sign(f"mode {number}: {value.real:.4g}{imaginary} 1/s")
+    said = "growth and decay not shown" if value.real else "exaggerated"
+    place, turn = _padded(swing.positions, swing.rotations)
+    trail = np.repeat(place, FINE, axis=0), np.repeat(turn, FINE, axis=0)
+    return Frames(fps, [f"{text}, {said}"] * len(swing.q), place, turn, trail)

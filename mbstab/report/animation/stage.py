@@ -1,0 +1,261 @@
+"""The picture in which bodies, joints, springs and paths of points move from frame to frame.
+
+Grey tells bodies apart; the paths of points have the inks and dashes of all pictures.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.path import Path as Outlined
+from PIL import Image
+
+from mbstab.compiler.system import Array
+from mbstab.mechanics.catalogue import Marker
+from mbstab.report.animation.backdrop import draw_ground_axes, draw_scale_bar, ground_lines
+from mbstab.report.animation.frames import FINE, Frames
+from mbstab.report.animation.outlines import Outline, windings
+from mbstab.report.animation.sketch import Sketch
+from mbstab.report.animation.solids import Solid, hidden, hull, in_order
+from mbstab.report.animation.view import View
+from mbstab.report.pictures.curves import INK
+from mbstab.report.pictures.drawing import FONT, WIDTH, draw_legend, house_style
+from mbstab.report.pictures.motion_plots import DASHES
+
+DPI = 100
+FILLS = ("0.93", "0.80", "0.67", "0.86", "0.73")
+"""Greys of bodies, in turn."""
+
+TALLEST, FLATTEST = 6.4, 2.2
+"""Height of the picture without its margins (inches)."""
+
+FRAGMENTS = 40
+"""Pieces into which a line as long as the mechanism is cut to find its hidden parts."""
+
+TOUCHING = 2e-3
+"""A point is hidden if it lies behind a body by more than this part of the size of the mechanism."""
+
+SUPPORT = Outlined([(0.0, 0.0), (-0.6, -1.0), (0.6, -1.0), (0.0, 0.0)])
+"""Marker of a joint to the ground."""
+
+
+class Stage:
+    """A picture whose bodies can be moved from frame to frame.
+
+    Parameters
+    ----------
+    sketch : Sketch
+    frames : Frames
+    title : str
+    view : (float, float), optional
+        The direction one looks from, see `View`, as are `traces` and `follow`.
+    traces : sequence of str
+    follow : str
+
+    Raises
+    ------
+    UsageError
+        If a point is unknown, or a planar scene is to be seen from somewhere else.
+    """
+
+    def __init__(
+        self,
+        sketch: Sketch,
+        frames: Frames,
+        title: str = "",
+        view: tuple[float, float] | None = None,
+        traces: Sequence[str] = (),
+        follow: str = "",
+    ) -> None:
+        self.view = View(sketch, frames, view, traces, follow)
+        # Planar bodies lie in one plane: none is behind another.
+        skins = [k for k, piece in enumerate(sketch.pieces) if sketch.dimension == 3 and len(piece.outline.skin)]
+        self.solids = {k: Solid.of(sketch.pieces[k].outline.skin) for k in skins}
+        with house_style():
+            self._add_axes(title)
+            self._add_surfaces()
+            self._add_markers()
+        lines = [*(line for line, _ in self.marked), *self.behind]
+        artists = [self.ground, self.bodies, self.edges, self.links, *self.paths, *lines, self.caption]
+        self.artists = sorted(artists, key=lambda artist: artist.get_zorder())
+        for artist in self.artists:
+            artist.set_animated(True)
+
+    def _add_axes(self, title: str) -> None:
+        """Make the figure with its axes, title, scale and legend."""
+        view = self.view
+        planar = view.sketch.dimension == 2
+        ticks = planar and not view.follows
+        left, right = (0.85, 0.25) if ticks else (0.25, 0.25)
+        above, below = (0.42 if title else 0.15), (0.55 if ticks else 0.15) + (0.3 if view.traced else 0.0)
+        wide = WIDTH - left - right
+        tall = min(max(wide * (view.high - view.low)[1] / (view.high - view.low)[0], FLATTEST), TALLEST)
+        tall = (round((tall + above + below) * DPI / 2.0) * 2) / DPI - above - below
+        view.fit(wide, tall)
+        total = tall + above + below
+        self.figure = Figure(figsize=(WIDTH, total), dpi=DPI)
+        self.canvas: Any = FigureCanvasAgg(self.figure)
+        self.axes = self.figure.add_axes((left / WIDTH, below / total, wide / WIDTH, tall / total))
+        self.axes.set_xlim(view.low[0], view.high[0])
+        self.axes.set_ylim(view.low[1], view.high[1])
+        self.axes.set_aspect("equal")
+        if title:
+            shown = title if len(title) <= 80 else title[:79] + "…"
+            self.figure.text(0.5, 1.0 - 0.1 / total, shown, ha="center", va="top", fontsize=FONT + 2, parse_math=False)
+        if ticks:
+            self.axes.set_xlabel("x (m)")
+            self.axes.set_ylabel("y (m)")
+        else:
+            self.axes.set_xticks([])
+            self.axes.set_yticks([])
+            draw_scale_bar(self.axes, view.low, view.high)
+        if not planar:
+            draw_ground_axes(self.axes, view.low, view.high, view.across)
+        if view.traced:
+            handles = [Line2D([], [], **_path_style(k), label=f"path of {name}") for k, name in enumerate(view.traced)]
+            draw_legend(self.figure, handles)
+
+    def _add_surfaces(self) -> None:
+        """Add what has lines and faces: ground, bodies, links, and paths; and the caption."""
+        planar = self.view.sketch.dimension == 2
+        self.ground = LineCollection([], colors="0.4" if planar else "0.82", linewidths=0.7, zorder=1)
+        self.bodies = PolyCollection([], closed=False, zorder=3)
+        self.edges = LineCollection([], colors="k", zorder=3.4)
+        self.links = LineCollection([], colors="k", zorder=3.5)
+        for collection in (self.ground, self.bodies, self.edges, self.links):
+            self.axes.add_collection(collection, autolim=False)
+        # In the plane paths lie below the bodies; in space they are hidden where they are behind one.
+        layer = 2.0 if planar else 4.0
+        styles = [_path_style(k) for k in range(len(self.view.traced))]
+        self.paths = [self.axes.plot([], [], **style, zorder=layer)[0] for style in styles]
+        self.caption = self.axes.text(
+            0.015, 0.98, "", transform=self.axes.transAxes, ha="left", va="top", fontsize=FONT + 1, zorder=7,
+            bbox={"boxstyle": "square,pad=0.2", "facecolor": "w", "alpha": 0.85, "linewidth": 0},
+        )  # fmt: skip
+
+    def _add_markers(self) -> None:
+        """Add the markers of supports, joints, point masses and centres of mass, each kind twice: seen, and behind."""
+        sketch, path = self.view.sketch, self.view.path
+        joint: dict[str, Any] = {"color": "k", "markerfacecolor": "w", "zorder": 5}
+        support = {"color": "0.35", "markerfacecolor": "0.75", "marker": SUPPORT, "markersize": 13, "zorder": 4.5}
+        # Behind a body they are not lost, but empty.
+        empty = {"markerfacecolor": "none", "markeredgecolor": "0.3", "markeredgewidth": 0.7}
+        self.marked: list[tuple[Line2D, list[Array]]] = []
+        self.behind: list[Line2D] = []
+        for markers, style in (
+            ([pin.place for pin in sketch.pins if pin.grounded], support),
+            ([pin.place for pin in sketch.pins if not pin.slides], {**joint, "marker": "o", "markersize": 5}),
+            ([pin.place for pin in sketch.pins if pin.slides], {**joint, "marker": "s", "markersize": 4.5}),
+            (
+                [Marker(b, (0.0, 0.0, 0.0)) for b in sketch.masses],
+                {"color": "k", "marker": "o", "markersize": 10, "zorder": 4.5},
+            ),
+            (sketch.centers, {"color": "k", "marker": ".", "markersize": 7, "zorder": 4.5}),
+        ):
+            if markers:
+                line, behind = (self.axes.plot([], [], linestyle="", **x)[0] for x in (style, {**style, **empty}))
+                self.marked.append((line, [path(m, True) for m in markers]))
+                self.behind.append(behind)
+        self.ends = [(link.spring, path(link.first, True), path(link.second, True)) for link in sketch.links]
+
+    def show(self, frame: int) -> None:
+        """Move everything to where it is in a frame."""
+        view = self.view
+        placed = [view.outline(number, frame) for number in range(len(view.sketch.pieces))]
+        solids = {k: view.solid(k, solid, frame) for k, solid in self.solids.items()}
+        everything = list(solids.values())
+        self._show_faces(placed, solids)
+        _set_lines(self.edges, self._edges(placed, solids))
+        links: list[tuple[Array, float]] = []
+        for spring, first, second in self.ends:
+            ends = np.array([first[frame], second[frame]])
+            shape = windings(ends, 0.035 * view.width, view.across, view.sketch.dimension) if spring else ends
+            links += [(x, 1.0 if spring else 2.2) for x in self._visible(shape, everything)]
+        _set_lines(self.links, links)
+        for (line, paths), empty in zip(self.marked, self.behind, strict=True):
+            places = np.array([path[frame] for path in paths])
+            covered = self._covered(places, everything)
+            line.set_data(*view.flat(places[~covered]).T)
+            empty.set_data(*view.flat(places[covered]).T)
+        for line, trail in zip(self.paths, view.traced.values(), strict=True):
+            gone = trail[: FINE * frame + 1] - view.shift[frame]
+            line.set_data(*np.where(self._covered(gone, everything), np.nan, view.flat(gone).T))
+        if frame == 0 or view.follows:
+            planes = (ground_lines(p, view, view.shift[frame]) for p in view.sketch.planes)
+            self.ground.set_segments([line for lines in planes for line in lines])
+        self.caption.set_text(view.frames.captions[frame])
+
+    def _show_faces(self, placed: Sequence[Outline], solids: dict[int, Solid]) -> None:
+        """Fill the bodies, in space from the farthest on; in the plane with their lines."""
+        view = self.view
+        fills: list[tuple[Array, str, str, float]] = []
+        for k in in_order(solids, view.across[2]) if solids else range(len(placed)):
+            if len(placed[k].skin):
+                fill = FILLS[view.sketch.pieces[k].body % len(FILLS)]
+                fills.append((hull(view.flat(placed[k].skin)), fill, "none" if solids else "k", 1.1))
+            if not solids:
+                fills += [(view.flat(x), "none", "k", placed[k].width) for x in placed[k].seen(view.across[2])]
+        self.bodies.set_verts([shown[0] for shown in fills], closed=False)
+        self.bodies.set_facecolor([shown[1] for shown in fills])
+        self.bodies.set_edgecolor([shown[2] for shown in fills])
+        self.bodies.set_linewidth([shown[3] for shown in fills])
+
+    def _edges(self, placed: Sequence[Outline], solids: dict[int, Solid]) -> list[tuple[Array, float]]:
+        """Return the lines of bodies in space that are seen, and their widths."""
+        edges: list[tuple[Array, float]] = []
+        pieces = self.view.sketch.pieces
+        for k, outline in enumerate(placed) if solids else ():
+            # A body without inside is drawn over what it is fixed to.
+            others = [x for j, x in solids.items() if j != k and (k in solids or pieces[j].body != pieces[k].body)]
+            if k in solids:
+                edges += [(x, 1.1) for x in self._visible(solids[k].rim, others)]
+            for stroke in outline.seen(self.view.across[2]):
+                edges += [(x, outline.width) for x in self._visible(stroke, others)]
+        return edges
+
+    def _covered(self, points: Array, solids: Sequence[Solid]) -> Any:
+        """Return which points are behind solids; one inside of a solid, such as a joint, is seen."""
+        return hidden(points, solids, self.view.across[2], TOUCHING * self.view.width, inside=False)
+
+    def _visible(self, line: Array, solids: Sequence[Solid]) -> list[Array]:
+        """Return the parts of a line, shape (k, 3), that no solid hides, as they are seen, each of shape (m, 2)."""
+        view = self.view
+        if not solids:
+            return [view.flat(line)]
+        steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+        counts = np.maximum(np.ceil(steps * FRAGMENTS / view.width), 1).astype(int)
+        parts = [a + (b - a) * np.arange(n)[:, None] / n for a, b, n in zip(line[:-1], line[1:], counts, strict=True)]
+        fine = np.concatenate([*parts, line[-1:]])
+        covered = hidden(0.5 * (fine[1:] + fine[:-1]), solids, view.across[2], TOUCHING * view.width)
+        seen = view.flat(fine)
+        changes = np.flatnonzero(np.diff(covered)) + 1
+        bounds = [0, *changes.tolist(), len(covered)]
+        return [seen[a : b + 1] for a, b in itertools.pairwise(bounds) if not covered[a]]
+
+    def images(self) -> Iterator[Image.Image]:
+        """Yield the frames as RGB images."""
+        with house_style():
+            self.canvas.draw()
+            background = self.canvas.copy_from_bbox(self.figure.bbox)
+            for frame in range(len(self.view.frames.captions)):
+                self.show(frame)
+                self.canvas.restore_region(background)
+                for artist in self.artists:
+                    self.axes.draw_artist(artist)
+                yield Image.frombuffer("RGBA", self.canvas.get_width_height(), self.canvas.buffer_rgba()).convert("RGB")
+
+
+def _path_style(number: int) -> dict[str, Any]:
+    return {"color": INK[(number + 1) % len(INK)], "linestyle": DASHES[number % len(DASHES)], "linewidth": 1.3}
+
+
+def _set_lines(collection: LineCollection, lines: Sequence[tuple[Array, float]]) -> None:
+    collection.set_segments([x for x, _ in lines])
+    collection.set_linewidth([width for _, width in lines])

@@ -1,0 +1,163 @@
+"""The comparison of eigenvalue methods as text: errors, times, failures, and the choice."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+from mbstab.errors import counted
+from mbstab.report import WIDTH
+from mbstab.report.tables import eigenvalue, number, table
+
+if TYPE_CHECKING:
+    from mbstab.analysis.compare.methods import Comparison, Outcome
+
+
+def compare_text(result: Comparison, title: str) -> str:
+    """Return the answer of ``mbstab compare`` as text."""
+    truth, outcomes = result.truth, result.outcomes
+    lines = [title, ""] if title else []
+    heads = ["", "method", "largest\nerror", "method\nalone", "claimed\nbound", "time\n(ms)", "memory\n(kB)", "lost"]
+    lines.append(
+        table([*heads, "invented"], [_outcome_row(n, x, truth.digits) for n, x in enumerate(outcomes, 1)], left=(1,))
+    )
+    lines += _filled(
+        f"errors: relative to the modulus of each eigenvalue, against {truth.digits} digits, which took "
+        f"{truth.seconds:.2g} s"
+    )
+    if len(result.rounding) and not _unknown(result):
+        lines += _filled(
+            f"rounding of parameters and matrices to double moves eigenvalues by up to "
+            f"{_size(max(result.rounding), truth.digits)}; "
+            "method alone: error against the exact eigenvalues of these matrices"
+        )
+    elif len(result.rounding):
+        lines += _filled("method alone: not known, as rounding makes redundant constraints contradict each other")
+    lines += _filled(
+        "time: from the reference motion to eigenvalues and vectors (the motion and checks before that: "
+        f"{1e3 * result.seconds:.3g} ms); of digits all of it"
+    )
+    if truth.eigenvalues:
+        lines += ["", *_error_tables(result)]
+    lines += _failures(outcomes) + _remarks(outcomes)
+    if truth.neutral:
+        lines.append(f"{counted(truth.neutral, 'neutral eigenvalue')} besides")
+    lines.append(f"Verdict with {truth.digits} digits: {truth.verdict}")
+    different = [f"{n} {x.method} ({x.verdict})" for n, x in enumerate(outcomes, 1) if _differs(x, result)]
+    if different:
+        lines += _filled(f"another verdict by {', '.join(different)}")
+    if result.chosen is not None:
+        lines += ["", *_filled(_choice(result))]
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _outcome_row(n: int, x: Outcome, digits: int) -> list[str]:
+    if x.failure:
+        return [str(n), x.method, "no answer", *["-"] * 6]
+    memory = number(x.memory / 1e3, 3) if x.memory < 1e6 else f"{x.memory / 1e3:.0f}"
+    time = number(1e3 * x.seconds, 3) if x.seconds < 1.0 else f"{1e3 * x.seconds:.0f}"
+    largest = max((e for e in x.errors if not math.isnan(e)), default=math.nan)
+    own = max((e for e in x.own_errors if not math.isnan(e)), default=math.nan)
+    bound = x.bound if any(not math.isnan(b) for b in x.bounds) else math.nan
+    return [
+        str(n),
+        x.method,
+        _size(largest, digits),
+        _size(own, digits),
+        _size(bound),
+        time,
+        memory,
+        str(x.lost),
+        str(x.invented),
+    ]
+
+
+def _filled(text: str) -> list[str]:
+    return wrap(text, width=WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+
+
+ROUNDING = "rounding of data"
+
+
+def _error_tables(result: Comparison) -> list[str]:
+    """Return the error of each method in each eigenvalue, as many eigenvalues beside each other as fit."""
+    shown = [i for i, e in enumerate(result.truth.eigenvalues) if e.value.imag >= 0]
+    names, digits = [x.method for x in result.outcomes], result.truth.digits
+    blocks: list[list[int]] = []
+    room = 0
+    for i in shown:
+        width = max(map(len, _head(result, i).splitlines())) + 2
+        if width > room:
+            blocks.append([])
+            room = WIDTH - 4 - max(map(len, [ROUNDING, *names]))
+        blocks[-1].append(i)
+        room -= width
+    texts = []
+    for block in blocks:
+        rows = [
+            [str(n), x.method, *(_size(float(x.errors[i]), digits) for i in block)]
+            for n, x in enumerate(result.outcomes, 1)
+        ]
+        if not _unknown(result):
+            rows.append(["", ROUNDING, *(_size(float(result.rounding[i]), digits) for i in block)])
+        heads = ["", "error in the\neigenvalue (1/s)", *(_head(result, i) for i in block)]
+        texts.append(table(heads, rows, left=(1,)))
+    return texts
+
+
+def _head(result: Comparison, i: int) -> str:
+    """Return an eigenvalue on two lines, with ten digits."""
+    text = eigenvalue(complex(result.truth.eigenvalues[i].value))
+    return text.replace(" ± ", "\n± ")
+
+
+def _failures(outcomes: Sequence[Outcome]) -> list[str]:
+    """Return why methods have no answer, the same of several once."""
+    texts: dict[str, list[str]] = {}
+    for n, x in enumerate(outcomes, 1):
+        if x.failure:
+            text = x.failure.splitlines()[0].removeprefix(f"--method {x.method} ")
+            texts.setdefault(text, []).append(str(n))
+    return [line for text, numbers in texts.items() for line in _filled(f"no answer by {', '.join(numbers)}: {text}")]
+
+
+def _remarks(outcomes: Sequence[Outcome]) -> list[str]:
+    """Return what methods returned besides, the same of several in one line."""
+    texts: dict[str, list[str]] = {}
+    for n, x in enumerate(outcomes, 1):
+        parts = [x.besides] if x.besides else []
+        parts += [f"drift off by {x.drift:.0e} 1/s"] if x.drift else []
+        parts += [f"zeros off by {x.zeros:.0e} 1/s"] if x.zeros else []
+        parts += ["an error above its bound"] if x.exceeded else []
+        if parts:
+            texts.setdefault(", ".join(parts), []).append(str(n))
+    found = [line for text, numbers in texts.items() for line in _filled(f"{', '.join(numbers)}: {text}")]
+    return [*(["besides:"] if found else []), *(f"  {line}" for line in found)]
+
+
+def _unknown(result: Comparison) -> bool:
+    """Whether it is not known what rounding of the data does."""
+    return any(math.isnan(x) for x in result.rounding)
+
+
+def _differs(x: Outcome, result: Comparison) -> bool:
+    return not x.failure and x.verdict != result.truth.verdict
+
+
+def _size(x: float, digits: int = 0) -> str:
+    """Return the size of an error; below the digits of the reference result only a bound is given."""
+    if math.isnan(x):
+        return "-"
+    return f"<1e-{digits}" if digits and (x == 0.0 or x < 10.0**-digits) else f"{x:.0e}"
+
+
+def _choice(result: Comparison) -> str:
+    chosen, tolerance = result.chosen, result.tolerance
+    assert chosen is not None
+    faster = result.faster()
+    error = _size(chosen.error, result.truth.digits)
+    text = f"{chosen.method} keeps {tolerance:g}: error {error} in {1e3 * chosen.seconds:.3g} ms"
+    missed = ", ".join(f"{x.method} ({_size(x.error) if math.isfinite(x.error) else 'wrong'})" for x in faster)
+    return f"{text}; faster ones do not: {missed}" if faster else f"{text}, and none is faster"

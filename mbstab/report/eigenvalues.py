@@ -1,0 +1,201 @@
+"""Eigenvalues as text: tables of eigenvalues or multipliers, verdict, and counts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+from mbstab.analysis.linear.methods import DEFAULT
+from mbstab.analysis.linear.verdict import Verdict, show
+from mbstab.errors import counted
+from mbstab.report import WIDTH
+from mbstab.report.tables import eigenvalue, number, table
+
+if TYPE_CHECKING:
+    from mbstab.analysis.linear.precise import PreciseResult
+    from mbstab.analysis.linear.results import EigenResult, Eigenvalue
+
+ZERO = 1e-3
+"""An eigenvalue that may be zero is printed as 0 if its error bound is below this part of the largest one."""
+
+
+def eigen_text(result: EigenResult, title: str) -> str:
+    """Return the answer of ``mbstab eig`` as text."""
+    lines = [title, ""] if title else []
+    shown = _pairs(result)
+    fill = _multipliers if result.period is not None else _eigenvalues
+    lines.append(fill(result, shown) if shown else "no finite eigenvalues: the motion is fully prescribed\n")
+    bodies = list(dict.fromkeys(name for e, _ in shown for name in e.participation))
+    if len(bodies) > 1:
+        lines.append("Share of the kinetic energy of each mode:")
+        lines.append(_participation(shown, bodies))
+    lines += [*verdict_lines(result.judged), "", *_counts(result)]
+    return "\n".join(lines) + "\n"
+
+
+def verdict_lines(judged: Verdict) -> list[str]:
+    """Return a verdict and what it rests on, in sentences."""
+    lines = [f"Verdict: {judged.word}"]
+    for reason in judged.reasons:
+        lines += wrap(reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ")
+    return lines
+
+
+def precise_text(result: PreciseResult, title: str) -> str:
+    """Return the answer of ``mbstab eig --precision`` as text: real and imaginary parts on lines of their own."""
+    lines = [title, ""] if title else []
+    rows = []
+    for e in result.eigenvalues:
+        if e.imag.startswith("-"):
+            continue
+        last = [e.bound, e.kind]
+        if e.imag == "0":
+            rows.append([e.real, *last])
+        elif e.real == "0":
+            rows.append([f"± {e.imag}i", *last])
+        else:
+            rows += [[e.real, "", ""], [f"± {e.imag}i", *last]]
+    rows += [[f"± {shift}i", "-", "neutral"] for shift in result.shifts]
+    if result.zeros:
+        rows.append(["0", "-", f"neutral, {result.zeros}×"])
+    lines.append(table(["eigenvalue\n(1/s)", "error\nbound", "type"], rows, left=(2,)) if rows else "no eigenvalues\n")
+    lines += [*verdict_lines(result.judged), "", *_counts(result)]
+    lines += wrap(
+        f"{result.digits} digits, computed with {result.working_digits} in {result.seconds:.1f} s; smallest pivot that "
+        f"counts {result.kept}, largest that counts as zero {result.dropped}, relative to the matrix",
+        width=WIDTH,
+    )
+    return "\n".join(lines) + "\n"
+
+
+def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -> str:
+    rows = []
+    largest = max((abs(e.value) for e, _ in shown), default=0.0)
+    for e, multiplicity in shown:
+        if e.kind == "neutral":
+            value = f"0 ± {abs(e.value.imag):.10g}i" if _goes_round(result, e) else _neutral_value(result)
+            rows.append([value, "-", "-", "-", "-", f"neutral, {multiplicity}×"])
+        elif e.kind == "undecided" and abs(e.value) <= e.error_bound < ZERO * largest:
+            # An eigenvalue that cannot be told from zero has no correct digits.
+            both = ", 2×" if e.value.imag else ""
+            rows.append(["0", "-", "-", "-", f"{e.error_bound:.0e}", f"undecided{both}"])
+        else:
+            rows.append(_eigenvalue_row(e))
+    heads = ["eigenvalue\n(1/s)", "freq.\n(Hz)", "damping\nratio", "doubles or\nhalves in s", "error\nbound", "type"]
+    return table(heads, rows, left=(5,))
+
+
+def _eigenvalue_row(e: Eigenvalue) -> list[str]:
+    value = "0 ± " + f"{abs(e.value.imag):.10g}i" if e.kind == "center" else eigenvalue(e.value)
+    # If it is open on which side of the axis it lies, it is open whether it grows.
+    side = e.kind != "undecided" or e.error_bound < abs(e.value.real)
+    damping = 0.0 if e.kind == "center" else e.damping_ratio if side else math.nan
+    time = _time(e) if side else "-"
+    return [value, number(e.frequency, 4), number(damping, 4), time, f"{e.error_bound:.0e}", e.kind]
+
+
+def _multipliers(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -> str:
+    """Return the table of a periodic motion."""
+    rows = []
+    for e, multiplicity in shown:
+        assert e.multiplier is not None
+        if e.kind == "neutral":
+            rows.append(["1", "1", "0", "-", "-", f"neutral, {multiplicity}×"])
+            continue
+        growth = "0" if e.kind == "center" else number(e.value.real, 8)
+        size = "1" if e.kind == "center" else number(abs(e.multiplier), 8)
+        rows.append([show(e.multiplier), size, growth, number(e.frequency, 4), f"{e.error_bound:.0e}", e.kind])
+    heads = ["multiplier", "size", "growth\n(1/s)", "freq.\n(Hz)", "error\nbound", "type"]
+    return table(heads, rows, left=(5,))
+
+
+def _neutral_value(result: EigenResult) -> str:
+    spread = _spread(result)
+    return f"0 to {spread:.0e}" if result.method != DEFAULT and spread else "0"
+
+
+def _spread(result: EigenResult) -> float:
+    zeros = [abs(e.value) for e in result.eigenvalues if e.kind == "neutral" and not _goes_round(result, e)]
+    return max(zeros, default=0.0)
+
+
+def _pairs(result: EigenResult) -> list[tuple[Eigenvalue, int]]:
+    """Return one of each conjugate pair, and the neutral ones as one entry with their number."""
+    found = result.eigenvalues
+    shown: list[tuple[Eigenvalue, int]] = [(e, 1) for e in found if e.kind != "neutral" and e.value.imag >= 0.0]
+    neutral = [e for e in found if e.kind == "neutral"]
+    turning = [e for e in neutral if _goes_round(result, e)]
+    zeros = [e for e in neutral if e not in turning]
+    return shown + [(group[0], len(group)) for group in (turning, zeros) if group]
+
+
+def _goes_round(result: EigenResult, e: Eigenvalue) -> bool:
+    """Whether a neutral eigenvalue belongs to a shift seen from a turning frame; QZ scatters it a little."""
+    return any(abs(e.value.imag) > 0.5 * frequency for frequency in result.shifts)
+
+
+def _time(e: Eigenvalue) -> str:
+    time = e.time_to_double
+    if math.isinf(time):
+        return "-"
+    return f"{'2×' if time > 0 else '½'} {number(abs(time), 4)}"
+
+
+def _participation(shown: Sequence[tuple[Eigenvalue, int]], bodies: Sequence[str]) -> str:
+    rows = []
+    for e, _ in shown:
+        if e.kind == "neutral":
+            continue
+        order = sorted(bodies, key=lambda name: -e.participation.get(name, 0.0))
+        strong = [f"{name} {e.participation[name]:.1%}" for name in order if e.participation.get(name, 0.0) >= 0.0005]
+        value = "0 ± " + f"{abs(e.value.imag):.6g}i" if e.kind == "center" else show(e.value)
+        rows.append([value, _fitting(strong, WIDTH - 28)])
+    return table(["eigenvalue (1/s)", "bodies"], rows, left=(1,))
+
+
+def _fitting(words: Sequence[str], width: int) -> str:
+    """Return as many words as fit, and the number of the others."""
+    for count in range(len(words), 0, -1):
+        text = ", ".join(words[:count]) + (f", {len(words) - count} more" if count < len(words) else "")
+        if len(text) <= width or count == 1:
+            return text
+    return ""
+
+
+def _counts(result: EigenResult | PreciseResult) -> list[str]:
+    c = result.counts
+    rows = f"{counted(c.n_q, 'coordinate')}, {counted(c.n_holonomic, 'holonomic row')} (rank {c.rank_holonomic})"
+    rows += f", {counted(c.n_nonholonomic, 'nonholonomic row')} (rank {c.rank_nonholonomic})"
+    lines = [
+        rows,
+        f"finite eigenvalues: {c.expected} expected, {c.found} found, {c.neutral} of them neutral; "
+        f"method {result.method}",
+    ]
+    if result.period is not None:
+        lines.append(f"period {result.period:.6g} s; frequencies count up to whole multiples of its inverse")
+    if result.frame:
+        lines += wrap(f"in the frame of the steady motion: {result.frame}", width=WIDTH, subsequent_indent="  ")
+    if result.shifts:
+        lines.append("neutral pairs are shifts and tilts that go round with the motion")
+    if c.infinite or c.undefined:
+        lines.append(f"besides, the method returned {c.infinite} infinite eigenvalues and {c.undefined} pairs 0/0")
+    if c.undefined:
+        lines.append(
+            "0/0: the last rows and columns of both matrices of Eq. (70) are zero, one pair for\n"
+            "each constraint row; the pencil is singular for every s, and only because these\n"
+            "zeros are exact can QZ still compute the other eigenvalues"
+        )
+    if c.extra:
+        where = "0, or in the turning frame ±i times its rate" if result.frame else "0"
+        text = (
+            f"besides, the method returned {counted(c.extra, 'eigenvalue')} of constraint drift, two for each "
+            f"independent holonomic row and one for each nonholonomic row; exactly they are {where}, the worst came "
+            f"out {c.extra_error:.0e} 1/s away"
+        )
+        lines += wrap(text, width=WIDTH)
+    if c.neutral and (names := (*result.modulo.symmetries, *result.modulo.family)):
+        shown = _fitting(names, 3 * WIDTH)
+        lines += wrap(f"neutral eigenvalues belong to: {shown}", width=WIDTH, subsequent_indent="  ")
+    return lines

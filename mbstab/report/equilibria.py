@@ -1,0 +1,78 @@
+"""Equilibria and steady motions as text: state, reactions, efforts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+from mbstab.errors import counted
+from mbstab.model.schema import unit_of
+from mbstab.report import WIDTH
+from mbstab.report.tables import number, table
+
+if TYPE_CHECKING:
+    from mbstab.analysis.reference.equilibrium import Equilibrium
+
+
+def equilibrium_text(found: Sequence[Equilibrium], names: Sequence[str], title: str) -> str:
+    """Return the answer of ``mbstab equilibrium`` as text."""
+    lines = [title, ""] if title else []
+    if len(found) > 1:
+        lines += [f"{len(found)} distinct solutions", ""]
+    for place, item in enumerate(found, 1):
+        kind = "Equilibrium" if str(item.steady) == "rest" else f"Steady motion ({item.steady})"
+        lines += wrap(kind + (f" {place} of {len(found)}" if len(found) > 1 else ""), width=WIDTH)
+        lines += [text for text in (_state_table(item, names), _reaction_table(item), _effort_table(item)) if text]
+        lines += wrap(
+            f"found by {item.strategy} in {counted(item.iterations, 'step')}; largest imbalance {item.residual:.1e} of "
+            f"what balances ({item.unbalanced[0]:.1e} N, {item.unbalanced[1]:.1e} N*m)",
+            width=WIDTH,
+        )
+        apart = f", apart from {', '.join(item.symmetries)}" if item.symmetries else ""
+        text = f"isolated{apart}" if item.isolated else f"not isolated: {'; '.join(item.open)}{apart}"
+        lines += [*wrap(text, width=WIDTH, subsequent_indent="  "), ""]
+        if item.timed:
+            lines.insert(-1, f"at t = {item.motion.time:g} s: forces or drives depend on the time")
+        if item.motion.redundant:
+            lines.insert(-1, "constraints are redundant: of the reactions only their sums are determined")
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _state_table(item: Equilibrium, names: Sequence[str]) -> str:
+    moving, fastest = bool(item.motion.u.any()), float(abs(item.motion.u).max())
+    rows = []
+    for name, q, u in zip(names, item.motion.q, item.motion.u, strict=True):
+        unit = unit_of(name)
+        rate = u if abs(u) > 1e-14 * fastest else 0.0
+        rows.append([name, number(q, 10), unit, *([number(rate, 6), f"{unit}/s"] if moving else [])])
+    heads = ["coordinate", "value", "", *(["rate", ""] if moving else [])]
+    return table(heads, rows, left=(0, 2, 4))
+
+
+def _reaction_table(item: Equilibrium) -> str:
+    if not item.reactions:
+        return ""
+    largest, rows = _largest_load(item), []
+    for r in item.reactions:
+        # A component that is rounding error compared with the largest load is shown as zero.
+        force, torque = (
+            ", ".join(number(x if abs(x) > 1e-12 * largest else 0.0, 5) for x in v) if len(v) else "-"
+            for v in (r.force, r.torque)
+        )
+        rows.append([r.owner, r.body, force, torque])
+    axes = ", ".join("xyz"[: len(item.reactions[0].force)])
+    return table(["reaction of", "on", f"force {axes} (N)", "torque (N*m)"], rows, left=(0, 1))
+
+
+def _largest_load(item: Equilibrium) -> float:
+    """Return the largest component of a reaction or effort, N and N·m alike."""
+    reactions = (float(abs(x)) for r in item.reactions for x in (*r.force, *r.torque))
+    return max((*reactions, *(float(abs(e.values)) for e in item.efforts)), default=0.0)
+
+
+def _effort_table(item: Equilibrium) -> str:
+    least = 1e-12 * _largest_load(item)
+    values = (float(e.values) if abs(e.values) > least else 0.0 for e in item.efforts)
+    rows = [[e.owner, e.along, number(x, 5), e.unit] for e, x in zip(item.efforts, values, strict=True)]
+    return table(["effort of", "along", "value", ""], rows, left=(0, 1, 3)) if rows else ""

@@ -1,0 +1,70 @@
+"""Linearized equations as text: sizes and matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+from mbstab.errors import counted
+from mbstab.report import WIDTH
+from mbstab.report.tables import table
+
+if TYPE_CHECKING:
+    from mbstab.analysis.linear.linearize import Linearization, StateSpace
+
+LARGE = 12
+"""Matrices with more rows or columns are shown only if all is asked for."""
+
+
+def matrix_text(name: str, matrix: Any, rows: Sequence[str], columns: Sequence[str]) -> str:
+    """Return a matrix with the names of its rows and columns, in blocks of columns that fit the terminal.
+
+    Entries below the round-off of the largest one are dots, like zeros.
+    """
+    text = f"{name}  ({len(rows)} × {len(columns)})\n"
+    if not rows or not columns:
+        return text
+    smallest = 1e-15 * max(abs(x) for values in matrix for x in values)
+    cells = [[f"{x:.6g}" if abs(x) > smallest else "." for x in values] for values in matrix]
+    widths = [max(len(head), *(len(row[j]) for row in cells)) + 2 for j, head in enumerate(columns)]
+    start, room = 0, WIDTH - max(map(len, rows))
+    while start < len(columns):
+        stop, used = start + 1, widths[start]
+        while stop < len(columns) and used + widths[stop] <= room:
+            used += widths[stop]
+            stop += 1
+        body = [[row, *values[start:stop]] for row, values in zip(rows, cells, strict=True)]
+        text += table(["", *columns[start:stop]], body, left=(0,))
+        start = stop
+    return text
+
+
+def linearize_text(linear: Linearization, space: StateSpace, form: str, title: str, full: bool = False) -> str:
+    """Return the answer of ``mbstab linearize`` as text; large matrices are shown if all is asked for."""
+    from mbstab.report.export import forms
+
+    lines = [title, ""] if title else []
+    lines += _linear_summary(linear, space)
+    matrices = forms(linear, space)[form]
+    hidden = {} if full else {name: m for name, m in matrices.items() if max(len(m[1]), len(m[2])) > LARGE}
+    lines += [matrix_text(name, *m) for name, m in matrices.items() if name not in hidden]
+    if hidden:
+        rows = [
+            [name, f"{len(m[1])} × {len(m[2])}", str(int((m[0] != 0.0).sum())), f"{abs(m[0]).max(initial=0.0):.6g}"]
+            for name, m in hidden.items()
+        ]
+        lines.append(table(["matrix", "size", "not zero", "largest"], rows, left=(0,)))
+        lines += wrap(f"matrices with more than {LARGE} rows or columns: --full shows them", width=WIDTH)
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _linear_summary(linear: Linearization, space: StateSpace) -> list[str]:
+    """Return the sizes of the linearized equations, and in which frame they stand still."""
+    n_n = len(linear.J) - linear.n_h
+    rows = f"{counted(linear.n_h, 'holonomic row')}, {counted(n_n, 'nonholonomic row')}"
+    text = f"{counted(len(linear.M), 'coordinate')}, {rows}, {counted(len(space.A), 'state')} after deflation"
+    lines = wrap(text, width=WIDTH)
+    if linear.generator is not None and linear.generator.turns:
+        lines += wrap(f"in the frame of the steady motion: {linear.generator}", width=WIDTH, subsequent_indent="  ")
+    return [*lines, ""]

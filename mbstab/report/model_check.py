@@ -1,0 +1,54 @@
+"""The check of a model as text: coordinates, constraints, degrees of freedom."""
+
+from __future__ import annotations
+
+import math
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+from mbstab.errors import counted
+from mbstab.report import WIDTH
+from mbstab.report.tables import number, table
+
+if TYPE_CHECKING:
+    from mbstab.analysis.compare.check import CheckReport
+
+
+def check_text(report: CheckReport, title: str) -> str:
+    """Return the answer of ``mbstab check`` as text."""
+    lines = [title, ""] if title else []
+    kind = "planar" if report.dimension == 2 else "spatial"
+    lines += [
+        f"{kind} scene, {counted(len(report.bodies), 'body', 'bodies')}, {counted(report.n_q, 'coordinate')}",
+        table(
+            ["body", "coordinates", "mass (kg)"],
+            [[n, ", ".join(c), number(m)] for n, c, m in report.bodies],
+            left=(0, 1),
+        ),
+    ]
+    if report.constraints:
+        rows = [[name, kind, str(h), str(n)] for name, kind, h, n in report.constraints]
+        lines.append(table(["constraint", "type", "holonomic\nrows", "nonholonomic\nrows"], rows, left=(0, 1)))
+    lines += [
+        f"holonomic rows      {report.n_holonomic}, rank {report.rank_holonomic}{_gap(report.gaps[0])}",
+        f"nonholonomic rows   {report.n_nonholonomic}, rank {report.rank_nonholonomic}{_gap(report.gaps[1])}",
+        f"degrees of freedom  {report.degrees_of_freedom}",
+        f"finite eigenvalues  {report.n_f}",
+        f"reference           {'at rest' if report.at_rest else 'in motion'}",
+        f"largest residuals   {report.position_residual:.1e} in position, {report.velocity_residual:.1e} in velocity",
+    ]
+    for head, items in (
+        ("solved by the program", [", ".join(report.solved)] if report.solved else []),
+        ("redundant constraints", report.redundant),
+        ("ignorable coordinates and symmetries", report.symmetries),
+        ("not needed", report.unneeded),
+    ):
+        if items:
+            lines += ["", f"{head}:"]
+            for item in items:
+                lines += wrap(item, width=WIDTH, initial_indent="  ", subsequent_indent="    ")
+    return "\n".join(lines) + "\n"
+
+
+def _gap(gap: float) -> str:
+    return "" if math.isinf(gap) else f" (gap {gap:.0e})"

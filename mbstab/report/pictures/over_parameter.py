@@ -1,0 +1,121 @@
+"""Panels over the parameter of a sweep, with critical values and unstable ranges."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.transforms import Affine2D, blended_transform_factory
+
+from mbstab.analysis.sweep.sweep import Critical
+from mbstab.report.pictures.curves import BEYOND_INK, THICK, THIN, Mask
+from mbstab.report.pictures.drawing import (
+    CRITICAL_STYLE,
+    FONT,
+    LEFT,
+    RIGHT,
+    UNSTABLE_SHADE,
+    WIDTH,
+    no_answer_patch,
+    text_width,
+    titled_figure,
+)
+from mbstab.report.pictures.scales import parameter_range
+from mbstab.report.pictures.sweep_curves import SweepCurves
+
+ROWS = 5
+"""Rows of labels of critical values above a picture; values that do not fit have no label."""
+
+Placed = tuple[list[Critical], str, float, int]
+"""Critical values that share a label, the label, its place as a part of the width, and its row."""
+
+
+def panels_over_parameter(curves: SweepCurves, title: str, names: Sequence[str]) -> tuple[Figure, list[Axes], int]:
+    """Return a figure, its panels over the parameter, and the number of critical values that have no label."""
+    lo, hi = parameter_range(curves.points)
+    labels = _placed(curves, lo, hi)
+    rows = 1 + max((row for *_, row in labels), default=-1)
+    figure, panels = titled_figure(title, (2.7, 2.3) if len(names) == 2 else (4.4,), above=0.17 * rows)
+    for axes, name in zip(panels, names, strict=True):
+        axes.set_ylabel(name)
+        axes.set_xlim(lo, hi)
+        for a, b, state in curves.ranges():
+            if state < 0:
+                axes.axvspan(a, b, facecolor="none", edgecolor="0.6", hatch="////", linewidth=0, zorder=0)
+            else:
+                axes.axvspan(a, b, color=UNSTABLE_SHADE, linewidth=0, zorder=0)
+        for group in curves.marked:
+            axes.axvline(group[0].value, color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, zorder=1.5)
+    panels[-1].set_xlabel(curves.label.text)
+    for axes in panels[:-1]:
+        axes.tick_params(labelbottom=False)
+    _write_labels(figure, panels[0], labels)
+    if not curves.real.shape[1] or np.all(np.isnan(curves.real)):
+        panels[0].text(0.5, 0.5, "no eigenvalues to show", transform=panels[0].transAxes, ha="center")
+    return figure, panels, len(curves.marked) - len(labels)
+
+
+def _placed(curves: SweepCurves, lo: float, hi: float) -> list[Placed]:
+    """Return the labels of critical values that find a place above the picture."""
+    wide = (WIDTH - LEFT - RIGHT) * 72.0
+    ends = [-math.inf] * ROWS
+    places: list[Placed] = []
+    for group in curves.marked:
+        kinds = list(dict.fromkeys(c.kind for c in group))
+        text = f"{curves.show(group[0].value)} {', '.join(kinds)}" + (f" ({len(group)}×)" if len(group) > 1 else "")
+        half = 0.5 * text_width(text, FONT - 0.5)
+        at = min(max((group[0].value - lo) / (hi - lo) * wide, half - 30.0), wide - half + 10.0)
+        row = next((k for k in range(ROWS) if ends[k] + 8.0 < at - half), None)
+        if row is not None:
+            ends[row] = at + half
+            places.append((group, text, at / wide, row))
+    return places
+
+
+def _write_labels(figure: Figure, axes: Axes, labels: Sequence[Placed]) -> None:
+    """Write the labels of critical values above the upper panel; those of higher rows point to their lines."""
+    pointer: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.5, "color": "0.5", "shrinkA": 0, "shrinkB": 0}
+    edge = figure.get_figheight() * axes.get_position().y1
+    # Across as a part of the axes, up in points from their upper edge.
+    up = Affine2D().scale(1.0 / 72.0).translate(0.0, edge) + figure.dpi_scale_trans
+    above = blended_transform_factory(axes.transAxes, up)
+    for group, text, at, row in labels:
+        axes.annotate(
+            text, (group[0].value, 1.0), (at, 3.0 + 12.2 * row), xycoords=axes.get_xaxis_transform(),
+            textcoords=above, ha="center", va="bottom", fontsize=FONT - 0.5, annotation_clip=False,
+            arrowprops=pointer if row else None,
+        )  # fmt: skip
+
+
+def legend_entries(curves: SweepCurves, seen: Mask | None = None, unlabelled: int | None = None) -> list[Artist]:
+    """Return what the legend says of the paths of eigenvalues, and of the panels over the parameter if it is of these.
+
+    Parameters
+    ----------
+    curves : SweepCurves
+    seen : ndarray of bool, shape (n, r), optional
+        Which eigenvalues the picture shows, if not all of them.
+    unlabelled : int, optional
+        In panels over the parameter, the number of critical values without a label.
+    """
+    handles: list[Artist] = []
+    growing = curves.growing if seen is None else curves.growing & seen
+    if np.any(growing) or any(np.any(other.growing) for other in curves.others):
+        handles.append(Line2D([], [], color="k", linewidth=THICK, label="unstable eigenvalue"))
+    if unlabelled is not None and curves.marked:
+        text = "critical value" + (f" ({unlabelled} without label)" if unlabelled else "")
+        handles.append(Line2D([], [], color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, label=text))
+    if curves.others:
+        handles.append(Line2D([], [], color=BEYOND_INK, linewidth=THIN, label="further paths"))
+    if unlabelled is not None and np.any(curves.unstable > 0):
+        handles.append(Patch(facecolor=UNSTABLE_SHADE, edgecolor="0.6", linewidth=0.6, label="unstable range"))
+    if unlabelled is not None and np.any(curves.unanswered):
+        handles.append(no_answer_patch(curves.gap))
+    return handles

@@ -1,0 +1,97 @@
+"""Labels of points, placed where they hide neither each other nor the curves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from mbstab.compiler.system import Array
+from mbstab.report.pictures.drawing import FONT, text_width
+
+Box = tuple[float, float, float, float]
+"""Left, lower, right and upper edge (points)."""
+
+LABELS = 60
+"""Largest number of points that are labelled."""
+
+
+@dataclass
+class PointLabels:
+    """Labels of points, placed where they hide neither each other nor curves. Set the limits of the axes first.
+
+    Attributes
+    ----------
+    axes : Axes
+    wanted : list of (x, y, text, marked)
+    """
+
+    axes: Axes
+    wanted: list[tuple[float, float, str, bool]] = field(default_factory=list)
+
+    def add(self, x: float, y: float, text: str, marked: bool = True) -> None:
+        """Request a label at a point; it stays farther from a point that is marked."""
+        self.wanted.append((x, y, text, marked))
+
+    def draw(self) -> None:
+        """Place the labels."""
+        if not self.wanted:
+            return
+        scale = 72.0 / self.axes.figure.dpi
+        extent = self.axes.get_window_extent()
+        frame = tuple(scale * v for v in (extent.x0, extent.y0, extent.x1, extent.y1))
+        busy = self._busy(scale)
+        points = scale * self.axes.transData.transform([(x, y) for x, y, *_ in self.wanted])
+        taken = [(px - 4.0, py - 4.0, px + 4.0, py + 4.0) for px, py in points]
+        for (x, y, text, marked), (px, py) in zip(self.wanted, points, strict=True):
+            size = text_width(text, FONT) + 2.0, FONT + 3.0
+            boxes = _places(px, py, size, (7.0, 18.0, 32.0, 50.0) if marked else (1.0, 4.0))
+            place, _ = min(boxes, key=lambda one: _cost(one[0], one[1], busy, taken, frame))
+            taken.append(place)
+            shift = (0.5 * (place[0] + place[2]) - px, 0.5 * (place[1] + place[3]) - py)
+            distant = math.hypot(*(max(abs(o) - 0.5 * s, 0.0) for o, s in zip(shift, size, strict=True))) > 12.0
+            self.axes.annotate(
+                text, (x, y), shift, textcoords="offset points", ha="center", va="center", zorder=6,
+                bbox={"boxstyle": "square,pad=0.1", "facecolor": "w", "alpha": 0.8, "linewidth": 0},
+                arrowprops={"arrowstyle": "-", "linewidth": 0.5, "color": "0.3"} if distant else None,
+            )  # fmt: skip
+
+    def _busy(self, scale: float) -> Array:
+        """Return points (in typographical points) along all curves of the axes."""
+        found = []
+        for line in self.axes.get_lines():
+            xy = scale * line.get_transform().transform(np.asarray(line.get_xydata(), dtype=float))
+            xy = xy[np.isfinite(xy).all(axis=1)]
+            if line.get_linestyle() == "None":  # markers
+                found += [xy + shift for shift in (0.0, *np.eye(2) * 3.0, *np.eye(2) * -3.0)] * 2
+                continue
+            if len(xy) < 2:
+                continue
+            along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+            even = np.linspace(0.0, along[-1], min(int(along[-1] / 3.0) + 2, 5000))
+            found.append(np.column_stack([np.interp(even, along, xy[:, 0]), np.interp(even, along, xy[:, 1])]))
+        return np.concatenate(found) if found else np.zeros((0, 2))
+
+
+def _places(x: float, y: float, size: tuple[float, float], distances: Sequence[float]) -> list[tuple[Box, float]]:
+    """Return the boxes (points) that a label beside a point may have, and how far from the point each one is."""
+    w, h = size
+    found = []
+    for far in distances:
+        for ux, uy in ((1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)):
+            step = 0.7 * far if ux and uy else far
+            cx, cy = x + ux * (step + 0.5 * w), y + uy * (step + 0.5 * h)
+            found.append(((cx - 0.5 * w, cy - 0.5 * h, cx + 0.5 * w, cy + 0.5 * h), far))
+    return found
+
+
+def _cost(box: Box, far: float, busy: Array, taken: Sequence[Box], frame: Sequence[float]) -> float:
+    """Return how bad a box is: it hides curves or other labels, leaves the frame, or is far from its point."""
+    hidden = np.count_nonzero(((busy > box[:2]) & (busy < box[2:])).all(axis=1))
+    overlaps = sum(box[0] < t[2] and t[0] < box[2] and box[1] < t[3] and t[1] < box[3] for t in taken)
+    left, low, right, high = frame
+    outside = box[0] < left or box[2] > right or box[1] < low or box[3] > high
+    return float(hidden) + 0.25 * far + 60.0 * overlaps + 200.0 * outside

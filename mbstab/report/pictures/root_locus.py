@@ -1,0 +1,75 @@
+"""Paths of eigenvalues in the complex plane."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from mbstab.analysis.sweep.sweep import Sweep
+from mbstab.report.pictures.curves import BEYOND_INK, draw_branch
+from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, legend_marker, titled_figure
+from mbstab.report.pictures.over_parameter import legend_entries
+from mbstab.report.pictures.point_labels import LABELS, PointLabels
+from mbstab.report.pictures.scales import Axis, axis_range, set_real_scale
+from mbstab.report.pictures.sweep_curves import SweepCurves
+
+
+def root_locus(result: Sweep, label: Axis | str, title: str) -> Figure:
+    """Return the paths of the eigenvalues in the complex plane, with their starts, ends and critical points."""
+    label = Axis.read(label)
+    with house_style():
+        curves = SweepCurves(result, label, turned=False)
+        figure, (axes,) = titled_figure(title, heights=(5.0,), above=0.18)
+        axes.set_xlabel("real part (1/s)")
+        axes.set_ylabel("imaginary part (rad/s)")
+        bound = axis_range(curves.all(lambda part: part.imag), curves.size)
+        axes.set_ylim(bound)
+        set_real_scale(axes, "x", curves.all(lambda part: part.real), curves.size)
+        axes.axvspan(0.0, axes.get_xlim()[1], color=UNSTABLE_SHADE, linewidth=0, zorder=0)
+        axes.axvline(0.0, color="0.5", linewidth=1.4, zorder=1.5)
+        axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=1)
+        for other in curves.others:
+            for j in range(other.real.shape[1]):
+                draw_branch(axes, other.real[:, j], other.imag[:, j], BEYOND_INK, other.growing[:, j])
+        for j in range(curves.real.shape[1]):
+            draw_branch(axes, curves.real[:, j], curves.imag[:, j], curves.ink[j], curves.growing[:, j])
+        for x, text in ((0.01, "stable side"), (0.99, "unstable side")):
+            if axes.get_xlim()[0] < 0.0 or x > 0.5:
+                side = "left" if x < 0.5 else "right"
+                axes.text(x, 1.015, text, transform=axes.transAxes, ha=side, va="bottom", style="italic")
+        handles = _draw_ends(axes, curves)
+        _draw_critical_points(axes, curves)
+        if curves.marked:
+            handles.append(legend_marker("D", 7.0, "critical value"))
+        draw_legend(figure, handles + legend_entries(curves))
+        return figure
+
+
+def _draw_ends(axes: Axes, curves: SweepCurves) -> list[Artist]:
+    """Mark the eigenvalues at the first and the last value of the parameter; return the legend entries."""
+    known = np.flatnonzero(np.isfinite(curves.real).all(axis=1) & (curves.real.shape[1] > 0))
+    ends = [(known[0], "o", 7.5, "none"), (known[-1], "s", 5.0, "k")] if len(known) else []
+    handles: list[Artist] = []
+    for row, marker, size, face in ends:
+        style: dict[str, Any] = {"linestyle": "", "color": "k", "markersize": size, "markerfacecolor": face}
+        axes.plot(curves.real[row], curves.imag[row], marker=marker, **style, zorder=5.5)
+        unit = f" {curves.label.unit}" if curves.label.unit not in ("", "1") else ""
+        text = f"{curves.label.name} = {curves.show(curves.x[row])}{unit}"
+        handles.append(Line2D([], [], marker=marker, **style, label=text))
+    return handles
+
+
+def _draw_critical_points(axes: Axes, curves: SweepCurves) -> None:
+    """Mark where eigenvalues reach the imaginary axis at critical values, and label the upper ones."""
+    labels = PointLabels(axes)
+    for group in curves.marked[:LABELS]:
+        for height in sorted({c.frequency for c in group}):
+            points = [height, -height] if height > 0.0 else [0.0]
+            axes.plot([0.0] * len(points), points, "D", color="k", markersize=7, markerfacecolor="w", zorder=5)
+            labels.add(0.0, height, f"{curves.label.name} = {curves.show(group[0].value)}")
+    labels.draw()

@@ -1,0 +1,109 @@
+"""Axes: the parameter of a sweep, ranges, and numbers as they are written beside them."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, SymmetricalLogLocator
+
+from mbstab.compiler.system import Array
+from mbstab.model.units import parse_unit
+from mbstab.report.pictures.drawing import FONT
+
+SQUEEZED = 40.0
+"""The axis of real parts is logarithmic if the largest is this many times that of the rightmost eigenvalue."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A parameter as an axis: its name, declared unit, and the factor that turns the unit into SI.
+
+    >>> Axis.read("h (mm)")
+    Axis(name='h', unit='mm', factor=0.001)
+    """
+
+    name: str
+    unit: str = ""
+    factor: float = 1.0
+
+    @classmethod
+    def read(cls, label: Axis | str) -> Axis:
+        """Return the axis that a label such as ``omega (rpm)`` stands for."""
+        if isinstance(label, Axis):
+            return label
+        name, _, unit = label.removesuffix(")").partition(" (")
+        return cls(name, unit, parse_unit(unit)[0] if unit else 1.0)
+
+    @property
+    def text(self) -> str:
+        """Name and unit."""
+        return f"{self.name} ({self.unit})" if self.unit not in ("", "1") else self.name
+
+    @property
+    def turns(self) -> bool:
+        """Whether the parameter is an angular velocity by its unit, such as rad/s, deg/s or rpm."""
+        if self.unit == "rpm":
+            return True
+        return re.fullmatch(r"\s*(rad|deg)\s*/\s*(s|ms|min|h)\s*", self.unit) is not None
+
+
+def parameter_range(x: Array) -> tuple[float, float]:
+    """Return the range of a parameter's axis."""
+    if not len(x):
+        return 0.0, 1.0
+    lo, hi = float(np.min(x)), float(np.max(x))
+    half = 0.5 * (abs(lo) or 1.0)
+    return (lo, hi) if hi > lo else (lo - half, lo + half)
+
+
+def axis_range(values: Array, size: float) -> tuple[float, float]:
+    """Return the range of an axis; rounding errors are not enlarged to fill it."""
+    finite = values[np.isfinite(values)]
+    lo, hi = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    if hi - lo < 1e-6 * size:
+        return lo - 0.1 * size, hi + 0.1 * size
+    return lo - 0.06 * (hi - lo), hi + 0.06 * (hi - lo)
+
+
+def upward_range(values: Array, size: float) -> tuple[float, float]:
+    """Return the range of an axis of values that are not negative."""
+    lo, hi = axis_range(values, size)
+    top = hi if hi > 1e-6 * size else 0.1 * size
+    return (0.0 if lo > 0.0 else -0.03 * top, top)
+
+
+def set_real_scale(axes: Axes, which: str, real: Array, largest: float) -> None:
+    """Set the axis of the real parts: logarithmic far from zero if those near zero would be squeezed."""
+    known = real[~np.isnan(real).any(axis=1)] if real.shape[1] else real[:0]
+    size = float(np.max(np.abs(known), initial=0.0))
+    near = float(np.max(np.abs(np.max(known, axis=1)), initial=0.0)) if known.size else 0.0
+    lo, hi = axis_range(real, largest)
+    if which == "x":  # both sides of zero are shown
+        lo, hi = min(lo, -0.08 * (hi - lo)), max(hi, 0.08 * (hi - lo))
+    scale, limit = (axes.set_yscale, axes.set_ylim) if which == "y" else (axes.set_xscale, axes.set_xlim)
+    if 0.0 < SQUEEZED * near < size and near > 1e-8 * largest:
+        threshold = 10.0 ** math.ceil(math.log10(near))
+        scale("symlog", linthresh=threshold, linscale=1.5)
+        axis = axes.yaxis if which == "y" else axes.xaxis
+        axis.set_major_locator(SymmetricalLogLocator(base=10.0, linthresh=threshold))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: with_minus_sign(f"{value:g}")))
+        lo, hi = float(np.min(known)), float(np.max(known))
+        limit(1.4 * lo if lo < -threshold else -1.2 * threshold, 1.4 * hi if hi > threshold else 1.2 * threshold)
+        text = f"{axis.get_label_text()}, logarithmic beyond ±{threshold:g}"
+        axis.set_label_text(text, fontsize=min(FONT + 0.5, (FONT + 0.5) * 34 / len(text)))
+    else:
+        limit(lo, hi)
+
+
+def number_text(value: float, span: float, digits: int) -> str:
+    """Return a number as text; one that is rounding error compared with the range is 0."""
+    return "0" if abs(value) < 1e-9 * span else with_minus_sign(f"{value:.{digits}g}")
+
+
+def with_minus_sign(number: str) -> str:
+    """Return a number with the minus sign that matplotlib writes along axes."""
+    return number.replace("-", "\N{MINUS SIGN}")

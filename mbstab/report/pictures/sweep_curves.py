@@ -1,0 +1,248 @@
+"""A sweep as curves: branches in declared units, with the points where they meet, critical values, and ranges."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.sweep.sweep import Critical, Sweep
+from mbstab.compiler.system import Array
+from mbstab.report.pictures.curves import INK, Mask
+from mbstab.report.pictures.scales import Axis, number_text
+
+TINY = 1e-10
+"""Imaginary parts below this part of the largest eigenvalue are drawn as zero."""
+
+
+class SweepCurves:
+    """A sweep in declared units, ready to be drawn.
+
+    Attributes
+    ----------
+    points, unstable : ndarray, shape (points,)
+        Parameter, ascending, and number of unstable eigenvalues.
+    x : ndarray, shape (n,)
+        Parameter with more points where eigenvalues meet or cross the imaginary axis; ascending unless `turned` is
+        false.
+    real, imag : ndarray, shape (n, r)
+    growing : ndarray of bool, shape (n, r)
+        Which eigenvalues are the unstable ones.
+    size : float
+        Largest eigenvalue.
+    span : float
+        Range of the parameter.
+    ink : list of str
+        A colour for each branch; conjugate branches share theirs.
+    critical : list of list of Critical
+        Those that agree in six digits are together; values in the declared unit.
+    marked : list of list of Critical
+        The same, with those of the other paths.
+    unanswered : ndarray of bool, shape (points,)
+        Where there is no verdict.
+    gap : str
+        What the legend says of these points.
+    others : list of SweepCurves
+        The paths beyond the turns of the first one.
+    """
+
+    def __init__(self, result: Sweep, label: Axis, turned: bool = True) -> None:
+        self.label = label
+        x, branches, self.unstable = np.asarray(result.values, dtype=float), result.branches, result.unstable
+        # A nan with an imaginary part of 0 would be drawn as 0.
+        branches = np.where(np.isnan(branches), complex(math.nan, math.nan), branches)
+        down = len(x) > 1 and x[0] > x[-1]
+        if down:
+            x, branches, self.unstable = x[::-1], branches[::-1], self.unstable[::-1]
+        self.points = x / label.factor
+        self.span = float(np.ptp(self.points)) if len(x) > 1 else abs(float(self.points[0])) if len(x) else 1.0
+        finite = np.abs(branches[~np.isnan(branches)])
+        self.size = float(np.max(finite, initial=0.0)) or 1.0
+        self.ink = _inks(branches)
+        x, branches, self.growing = _refined(x, branches, _growing(branches, self.unstable), result)
+        if down and not turned:
+            x, branches, self.growing = x[::-1], branches[::-1], self.growing[::-1]
+        self.x, self.real, self.imag = x / label.factor, branches.real, branches.imag
+        self.critical = self._grouped(result)
+        self.others = [SweepCurves(path, label, turned) for path in result.beyond]
+        self.size = max([self.size, *(other.size for other in self.others)])
+        unanswered, undecided = _without_verdict(result)
+        self.gap = unanswered_text(bool(unanswered.any()), bool(undecided.any()))
+        self.unanswered = (unanswered | undecided)[:: -1 if down else 1]
+        self.marked = sorted(
+            [*self.critical, *(group for other in self.others for group in other.critical)],
+            key=lambda group: group[0].value,
+        )
+
+    def _grouped(self, result: Sweep) -> list[list[Critical]]:
+        """Return the critical values in the declared unit; those that agree in six digits are together."""
+        groups: list[list[Critical]] = []
+        for c in sorted(result.critical, key=lambda c: c.value):
+            item = replace(c, value=c.value / self.label.factor)
+            if groups and self.show(groups[-1][0].value) == self.show(item.value):
+                groups[-1].append(item)
+            else:
+                groups.append([item])
+        return groups
+
+    def all(self, part: Callable[[SweepCurves], Array]) -> Array:
+        """Return an array of this path and of the others, one below the other."""
+        found = [part(curves) for curves in (self, *self.others)]
+        width = max(x.shape[1] for x in found)
+        return np.concatenate([np.pad(x, ((0, 0), (0, width - x.shape[1])), constant_values=np.nan) for x in found])
+
+    def show(self, value: float) -> str:
+        """Return a value of the parameter with six digits."""
+        return number_text(value, self.span, 6)
+
+    def upper_half(self) -> Array:
+        """Return the positive imaginary parts, and 0 next to them, where a frequency starts or ends; nan elsewhere."""
+        tiny = TINY * self.size
+        above, zero = self.imag > tiny, np.abs(self.imag) <= tiny
+        beside = np.zeros_like(above)
+        beside[1:] |= above[:-1]
+        beside[:-1] |= above[1:]
+        return np.where(above | (zero & beside), self.imag, np.nan)
+
+    def ranges(self) -> Iterator[tuple[float, float, int]]:
+        """Yield ranges of the parameter that are unstable (1) or have no answer (−1), each as long as possible."""
+        if len(self.points) < 2:
+            return
+        # Values that another path answers are not shaded.
+        x, sign = self.points, np.where((self.unstable < 0) & ~self.unanswered, 0, np.sign(self.unstable))
+        state = np.where((sign[:-1] < 0) | (sign[1:] < 0), -1, sign[:-1])
+        changes = (state >= 0) & (sign[:-1] != sign[1:])
+        cuts: dict[int, list[Critical]] = {}
+        for c in (c for group in self.critical for c in group):
+            k = int(np.searchsorted(x, c.value)) - 1
+            if 0 <= k < len(state) and x[k] < c.value < x[k + 1] and state[k] >= 0:
+                cuts.setdefault(k, []).append(c)
+                changes[k] = True
+        key = np.where(changes, 2 + np.arange(len(state)), state)
+        starts = np.flatnonzero(np.diff(key, prepend=-2))
+        found: list[tuple[float, float, int]] = []
+        for k, end in pairwise([*starts.tolist(), len(state)]):
+            inside = cuts.get(k, [])
+            edges, states = [float(x[k]), float(x[end])], [int(state[k])]
+            if inside:
+                edges[1:1] = [c.value for c in inside]
+                states = [int(c.unstable[0] > 0) for c in inside] + [int(inside[-1].unstable[1] > 0)]
+            elif changes[k]:
+                edges[1:1] = [0.5 * (edges[0] + edges[1])]
+                states.append(int(sign[k + 1]))
+            for (a, b), value in zip(pairwise(edges), states, strict=True):
+                if found and found[-1][2] == value:
+                    found[-1] = (found[-1][0], b, value)
+                elif b - a > 1e-9 * self.span:
+                    found.append((a, b, value))
+        yield from (piece for piece in found if piece[2])
+
+
+def unanswered_text(unanswered: bool, undecided: bool) -> str:
+    """Return what the legend says of points without a verdict."""
+    return " or ".join(["undecided"] * undecided + ["no answer"] * (unanswered or not undecided))
+
+
+def _without_verdict(result: Sweep) -> tuple[Mask, Mask]:
+    """Return which points of a sweep have no answer, and which an open verdict."""
+    unanswered = np.zeros(len(result.values), dtype=bool)
+    unanswered[result.unanswered] = True
+    # An undecided point on a critical value leaves nothing open beside it.
+    places = np.array([c.value for c in result.critical])
+    width = float(np.max(np.abs(result.values), initial=0.0))
+    at = np.any(np.abs(result.values[:, None] - places) <= 1e-9 * width, axis=1)
+    return unanswered, (result.unstable < 0) & ~np.any(np.isnan(result.branches), axis=1) & ~at
+
+
+def _growing(branches: Complex, unstable: npt.NDArray[np.intp]) -> Mask:
+    """Return which eigenvalues are unstable: as many as were counted, those farthest to the right."""
+    rank = np.argsort(np.argsort(-branches.real, axis=1, kind="stable"), axis=1, kind="stable")
+    found: Mask = (rank < unstable[:, None]) & (branches.real > 0.0)
+    return found
+
+
+def _refined(x: Array, branches: Complex, growing: Mask, result: Sweep) -> tuple[Array, Complex, Mask]:
+    """Return branches with more points where eigenvalues cross the axis or collide, where they move like a root."""
+    # How many pairs may collide at a value; a divergence may be the collision of a pair at zero.
+    places = [(c.value, {"divergence": 1, "collision": 2}.get(c.kind, 0)) for c in result.critical]
+    places += [(at, 1) for at, how in result.meetings if how == "collide"]
+    by_interval: dict[int, dict[float, int]] = {}
+    for at, number in places:
+        k = int(np.searchsorted(x, at)) - 1
+        if 0 <= k < len(x) - 1 and x[k] < at < x[k + 1] and not np.any(np.isnan(branches[k : k + 2])):
+            near = by_interval.setdefault(k, {})
+            # Stability changes and meetings are located separately: the same value may be there twice.
+            twin = next((other for other in near if abs(other - at) < 1e-9 * (x[k + 1] - x[k])), at)
+            near[twin] = max(near.get(twin, 0), number)
+    new_x, new_branches, new_growing, where = [], [], [], []
+    for k, near in by_interval.items():
+        before, after = branches[k], branches[k + 1]
+        pairs: dict[float, list[tuple[int, int]]] = {
+            at: _meeting_pairs(x, branches, k, at, n) for at, n in near.items()
+        }
+        fine = [-0.5, -0.15, 0.0, 0.15, 0.5]
+        for at in near:
+            for step in fine if len(near) == 1 and pairs[at] else [0.0]:
+                p = at + step * (at - x[k] if step < 0.0 else x[k + 1] - at)
+                row = _between(before, after, (p - x[k]) / (x[k + 1] - x[k]))
+                for i, j in pairs[at]:
+                    middle = 0.5 * (row[i] + row[j])
+                    apart = before[i] - before[j] if step < 0.0 else after[i] - after[j]
+                    row[i] = middle + 0.5 * apart * math.sqrt(abs(step))
+                    row[j] = middle - 0.5 * apart * math.sqrt(abs(step))
+                new_x.append(p)
+                new_branches.append(row)
+                new_growing.append(
+                    growing[k] if step < 0 else growing[k + 1] if step > 0 else growing[k] | growing[k + 1]
+                )
+                where.append(k + 1)
+    if not new_x:
+        return x, branches, growing
+    x = np.insert(x, where, new_x)
+    order = np.argsort(x, kind="stable")
+    branches = np.insert(branches, where, new_branches, axis=0)
+    return x[order], branches[order], np.insert(growing, where, new_growing, axis=0)[order]
+
+
+def _between(before: Complex, after: Complex, part: float) -> Complex:
+    row: Complex = before + part * (after - before)
+    return row
+
+
+def _meeting_pairs(x: Array, branches: Complex, k: int, at: float, number: int) -> list[tuple[int, int]]:
+    """Return the pairs of branches that collide between two points: the square of their difference crosses zero."""
+    part = (at - x[k]) / (x[k + 1] - x[k])
+    found = []
+    r = branches.shape[1]
+    for i in range(r):
+        for j in range(i + 1, r):
+            one, other = ((branches[m, i] - branches[m, j]) ** 2 for m in (k, k + 1))
+            size = abs(one) + abs(other)
+            rest = abs(one + part * (other - one))
+            if (one * other.conjugate()).real < 0.0 and rest < 0.1 * size:
+                found.append((rest / size, i, j))
+    pairs: list[tuple[int, int]] = []
+    for _, i, j in sorted(found):
+        if len(pairs) < number and not any({i, j} & set(pair) for pair in pairs):
+            pairs.append((i, j))
+    return pairs
+
+
+def _inks(branches: Complex) -> list[str]:
+    """Return colours of branches: the same for those that are conjugate somewhere."""
+    r = branches.shape[1]
+    group = list(range(r))
+    some = branches[:: max(1, len(branches) // 500)]
+    size = np.max(np.abs(some), axis=1, initial=0.0)
+    for i in range(r):
+        for j in range(i):
+            apart = np.abs(some[:, i] - np.conj(some[:, j]))
+            if np.any((apart <= 1e-9 * size) & (np.abs(some[:, i].imag) > 1e-6 * size)):
+                group = [group[j] if g == group[i] else g for g in group]
+    order = list(dict.fromkeys(group))
+    return [INK[order.index(g) % len(INK)] for g in group]

@@ -1,0 +1,212 @@
+"""Sweeps and stability charts as text: where stability changes, and how it is in between."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+from mbstab.analysis.linear.verdict import UNDECIDED, UNSTABLE, WORDS
+from mbstab.errors import counted
+from mbstab.report import WIDTH
+from mbstab.report.tables import number, table
+
+if TYPE_CHECKING:
+    from mbstab.analysis.sweep.chart import Chart
+    from mbstab.analysis.sweep.sweep import Critical, Sweep
+    from mbstab.compiler.system import Array
+
+NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+"""A number in a message."""
+
+
+def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
+    """Return the summary of ``mbstab sweep``: where stability changes, and how it is in between."""
+    lines = [title, ""] if title else []
+    label = f"{result.parameter} ({unit})" if unit else result.parameter
+    first, last = (number(float(result.values[k]) / factor, 6) for k in (0, -1))
+    count = result.branches.shape[1]
+    lines.append(f"{label} from {first} to {last}, {len(result.values)} points")
+    lines.append(f"{counted(count, 'branch', 'branches')}, {counted(result.neutral, 'neutral eigenvalue')} besides")
+    if result.start is not None:
+        lines.append(f"equilibria followed from {result.parameter} = {number(result.start / factor)}")
+    if result.moved:
+        lines += wrap(f"not from the first value: {result.moved}", width=WIDTH)
+    lines += ["", *_path(result, label, factor)]
+    for n, path in enumerate(result.beyond, 2):
+        assert path.start is not None
+        turn = f"{result.parameter} = {number(path.start / factor, 6)}"
+        lines += [
+            "",
+            f"path {n}, beyond the turn at {turn}, {counted(len(path.values), 'point')}",
+            "",
+            *_path(path, label, factor),
+        ]
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _path(result: Sweep, label: str, factor: float) -> list[str]:
+    """Return what happens along one path of a sweep."""
+    alike = len({*result.words.tolist()}) == 1 and len(result.words) and result.words[0] != WORDS.index(UNDECIDED)
+    lines = ["stability does not change in this range", ""] if alike else []
+    if result.critical:
+        rows = [
+            [
+                f"{_rounded(c.value, result) / factor:.13g}",
+                c.kind + _signs(c) + (", branch point" if c.branching and c.kind != "branch point" else ""),
+                number(c.frequency, 6) if c.frequency else "-",
+                ", ".join(str(b + 1) for b in c.branches) or "-",
+                " → ".join("none" if n < 0 else str(n) for n in c.unstable),
+            ]
+            for c in result.critical
+        ]
+        heads = [f"critical\n{label}", "what happens", "frequency\n(rad/s)", "branch", "unstable\neigenvalues"]
+        lines = [table(heads, rows, left=(1, 3))]
+    if any(c.signatures for c in result.critical):
+        lines += ["signs of a collision: energies of the two modes that meet (Krein signatures)", ""]
+    lines += _ranges(result, factor)
+    if result.meetings:
+        shown = [f"{what} at {number(_rounded(value, result) / factor, 6)}" for value, what in result.meetings]
+        lines += ["", *wrap("branches " + ", ".join(shown[:12]) + (" …" if len(shown) > 12 else ""), width=WIDTH)]
+    if result.problems:
+        lines += ["", f"{counted(len(result.problems), 'point')} without an answer:"]
+        for text in _refused(result, factor):
+            lines += wrap(text, width=WIDTH, initial_indent="  ", subsequent_indent="    ")
+    return lines
+
+
+def _refused(result: Sweep, factor: float) -> list[str]:
+    """Return the values without an answer, grouped by reason; reasons that differ in numbers only are the same."""
+    groups: dict[str, list[int]] = {}
+    for i, text in sorted(result.problems.items()):
+        groups.setdefault(NUMBER.sub("#", text.splitlines()[0]), []).append(i)
+    found = []
+    for points in groups.values():
+        texts = list(dict.fromkeys(result.problems[i].splitlines()[0] for i in points))
+        alike = " (alike at the others)" if len(texts) > 1 else ""
+        found.append(f"{_places(points, result, factor)}: {texts[0]}{alike}")
+    return found
+
+
+def _places(points: list[int], result: Sweep, factor: float) -> str:
+    """Return the parameter values of points, neighbours as a range."""
+    runs: list[list[int]] = []
+    for i in points:
+        if runs and i == runs[-1][-1] + 1:
+            runs[-1].append(i)
+        else:
+            runs.append([i])
+    shown = []
+    for run in runs:
+        first, last = (number(float(result.values[i]) / factor, 6) for i in (run[0], run[-1]))
+        shown.append(f"at {first}" if len(run) == 1 else f"at {len(run)} values from {first} to {last}")
+    return ", ".join(shown)
+
+
+def _signs(c: Critical) -> str:
+    return "" if c.signatures is None else " (" + "".join("+" if x > 0 else "-" for x in c.signatures) + ")"
+
+
+def _rounded(value: float, result: Sweep) -> float:
+    """Return a value of the parameter, 0 if it is rounding error compared with the others."""
+    places = [*result.values[:1], *result.values[-1:], *(c.value for c in result.critical), result.start or 0.0]
+    return value if abs(value) > 1e-11 * max(abs(x) for x in places) else 0.0
+
+
+def _ranges(result: Sweep, factor: float) -> list[str]:
+    """Return the verdicts between the critical values, one line for each range of the same word."""
+    begin = [] if result.start is None else [result.start]
+    ends = [float(end([*result.values, *begin], default=0.0)) for end in (min, max)]
+    lines = []
+    for run in _verdict_runs(result, *ends):
+        low, high = ((x if x in ends else _rounded(x, result)) / factor for x in (run.low, run.high))
+        many = f" ({', '.join(map(str, sorted(run.counts)))})" if run.word == UNSTABLE and any(run.counts) else ""
+        place = f"{number(low, 6)} to {number(high, 6)}" if high > low else f"at {number(low, 6)}"
+        lines.append(f"  {place}: {run.word}{many}")
+    return lines
+
+
+def _verdict_runs(result: Sweep, first: float, last: float) -> list[_Run]:
+    """Return the ranges of the same verdict between the ends and the critical values."""
+    order = result.values.argsort()
+    x, words, counts = result.values[order], result.words[order], result.unstable[order]
+    missing = {len(x) - 1 - i if len(x) > 1 and order[0] else i for i in result.problems}
+    critical = sorted(result.critical, key=lambda c: c.value)
+    width = max([abs(float(p)) for p in x] + [abs(c.value) for c in critical], default=0.0)
+    # A point on a critical value belongs to neither side.
+    at = {i for i, p in enumerate(x) if any(abs(p - c.value) <= 1e-9 * width for c in critical)}
+    runs: list[_Run] = []
+    for n, (a, b) in enumerate(pairwise([first, *(c.value for c in critical), last])):
+        inside = [i for i, p in enumerate(x) if a <= p <= b and i not in at and not (n and p == a)]
+        found = _runs(inside, a, b, x, words, counts, missing)
+        runs += found if inside or b <= a else _between(critical, n, a, b)
+    runs += [_Run(float(x[i]), float(x[i]), WORDS[int(words[i])], {int(counts[i])}) for i in at - missing]
+    return sorted(runs, key=lambda run: run.low + run.high)
+
+
+def _between(critical: Sequence[Critical], n: int, a: float, b: float) -> list[_Run]:
+    """Return the range before critical value number n where no point lies, if its neighbours agree on its verdict."""
+    before, after = critical[n - 1 : n] if n else (), critical[n : n + 1]
+    words = {word for word in (*(c.verdicts[1] for c in before), *(c.verdicts[0] for c in after)) if word}
+    if len(words) != 1:
+        return []
+    return [_Run(a, b, words.pop(), {after[0].unstable[0] if after else before[0].unstable[1]})]
+
+
+@dataclass
+class _Run:
+    """A range of the same verdict, with the numbers of unstable eigenvalues in it."""
+
+    low: float
+    high: float
+    word: str
+    counts: set[int]
+
+
+def _runs(inside: list[int], a: float, b: float, x: Array, words: Any, counts: Any, missing: set[int]) -> list[_Run]:
+    """Return the ranges of points between two critical values or ends; they reach these unless answers are missing."""
+    runs: list[_Run] = []
+    whole = True
+    for i in inside:
+        value, word = float(x[i]), WORDS[int(words[i])]
+        if i in missing:
+            whole = False
+            continue
+        # Unstable without an eigenvalue to the right of the axis: a multiple one on it, at this value only.
+        same = bool(runs) and runs[-1].word == word and (0 in runs[-1].counts) == (counts[i] == 0)
+        if same and whole:
+            runs[-1].high = value
+            runs[-1].counts.add(int(counts[i]))
+        else:
+            runs.append(_Run(a if whole and not runs else value, value, word, {int(counts[i])}))
+        whole = True
+    if runs and whole:
+        runs[-1].high = b
+    return runs
+
+
+def chart_text(result: Chart, labels: Sequence[tuple[str, float]], title: str) -> str:
+    """Return the summary of a stability chart."""
+    lines = [title, ""] if title else []
+    for name, (unit, factor), along in zip(result.parameters, labels, (result.x, result.y), strict=True):
+        first, last = number(float(along[0]) / factor), number(float(along[-1]) / factor)
+        lines.append(f"{name}{f' ({unit})' if unit else ''} from {first} to {last}, {len(along)} values")
+    import numpy as np
+
+    rows = []
+    unanswered = np.zeros(result.unstable.size, dtype=bool)
+    unanswered[list(result.problems)] = True
+    words, counts = result.words.ravel(), result.unstable.ravel()
+    for k, word in enumerate(WORDS):
+        here = (words == k) & ~unanswered
+        for n in sorted({int(n) for n in counts[here]}):
+            share = float(np.mean(here & (counts == n)))
+            rows.append([f"{word} ({n})" if word == UNSTABLE else word, f"{share:.1%}"])
+    if unanswered.any():
+        rows.append(["no answer", f"{float(unanswered.mean()):.1%}"])
+    lines += ["", table(["region", "part of the points"], rows, left=(0,))]
+    lines.append(f"{counted(len(result.boundaries), 'boundary curve')}")
+    return "\n".join(lines) + "\n"
