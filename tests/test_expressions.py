@@ -1,23 +1,26 @@
 """The arithmetic of model files: grammar, precedence, messages with places, limits, number systems."""
 
 import math
+import random
 import time
+from pathlib import Path
 
 import mpmath
 import numpy as np
 import pytest
 import sympy
 
+from mbstab.cli.schema import section_text
 from mbstab.compiler.tape import Tape
 from mbstab.model.arithmetic import (
     CONSTANTS,
     FLOAT,
-    FUNCTIONS,
     array_arithmetic,
     mpmath_arithmetic,
     symbol_arithmetic,
 )
 from mbstab.model.expressions import MAX_CHAIN, MAX_DEPTH, MAX_LENGTH, ExpressionError, Number, parse
+from mbstab.model.functions import FUNCTIONS, TABLE
 from mbstab.model.jets import Jet, jet_arithmetic
 
 
@@ -317,7 +320,7 @@ def test_a_float_that_overflows_in_a_function_is_refused(text):
 
 NAMES = {"x": 0.37, "y": 0.81, "b.x": 0.59}
 RATES = {"b.x": 0.23}
-TEXTS = {name: f"{name}(x{', y' if count == 2 else ''})" for name, (count, _) in FUNCTIONS.items()} | {
+TEXTS = {name: f"{name}(x{', y' * (entry.arguments - 1)})" for name, entry in FUNCTIONS.items()} | {
     "operators": "x + y*b.x - x/y/b.x - -y",
     "powers": "x**2 + y**-3 + b.x**0.5 + x**y",
     "constants": "pi*x + 30*deg",
@@ -353,7 +356,7 @@ def test_all_number_systems_agree(text):
     assert float(sympy.N(symbolic.subs(values), 30)) == pytest.approx(expected, rel=1e-15, abs=0)
 
 
-@pytest.mark.parametrize("name", [*FUNCTIONS, "power", "sign"])
+@pytest.mark.parametrize("name", [*TABLE, "power"])
 def test_every_arithmetic_has_every_function(name):
     for f in (
         FLOAT,
@@ -372,6 +375,41 @@ def test_the_sign_is_the_same_in_every_arithmetic(x, expected):
     assert array_arithmetic().sign(np.array([x]))[0] == expected
     assert mpmath_arithmetic().sign(mpmath.mpf(x)) == expected
     assert float(symbol_arithmetic().sign(sympy.Rational(x))) == expected
+
+
+NEAR = {"acos": 0.5, "asin": 0.5}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_what_the_table_says_of_a_function_is_true(name):
+    entry, rng = FUNCTIONS[name], random.Random(name)
+    function = getattr(FLOAT, name)
+    for _ in range(10):
+        x = [rng.uniform(0.01, 1.0) * NEAR.get(name, 1.0) for _ in range(entry.arguments)]
+        assert entry.span[0] <= function(*x) <= entry.span[1]
+        if entry.parity:
+            assert function(-x[0], *x[1:]) == (-1 if entry.parity == "odd" else 1) * function(*x)
+        if entry.half_turn:
+            assert function(x[0] + math.pi) == pytest.approx(entry.half_turn * function(*x), rel=1e-12)
+        if entry.rising:
+            assert function(-x[0]) <= function(x[0]) <= function(2.0 * x[0])
+        if entry.steepest is not None:
+            with mpmath.workdps(30):
+                steps = [mpmath.mpf(x[0]) + (i - 10) * mpmath.mpf(x[0]) / 100 for i in range(21)]
+                slopes = [abs(mpmath.diff(getattr(mpmath_arithmetic(), name), at)) for at in steps]
+            bound = entry.steepest(lambda at: abs(entry.slopes(FLOAT, function(at), at)[0]), x[0], x[0] / 10)
+            assert bound >= max(slopes) * (1 - 1e-14)
+    for at, found in entry.exact:
+        assert function(float(at)) == found
+    if entry.outside is not None:
+        assert function(entry.joints[0] - 3.0) == entry.outside[0](entry.joints[0] - 3.0)
+        assert function(entry.joints[-1] + 3.0) == entry.outside[1](entry.joints[-1] + 3.0)
+
+
+def test_the_text_for_users_lists_all_functions():
+    text = " ".join((Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8").split())
+    assert f"and {', '.join(FUNCTIONS)}." in text
+    assert [line.split("(")[0] for line in section_text("functions").splitlines()] == list(FUNCTIONS)
 
 
 def test_an_arithmetic_has_no_other_functions():

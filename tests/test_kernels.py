@@ -15,8 +15,9 @@ from mbstab.compiler.derive import parameter_sizes
 from mbstab.compiler.user import user_kernel
 from mbstab.mechanics.catalogue import COORDINATES
 from mbstab.mechanics.elements import ELEMENTS
-from mbstab.model.arithmetic import FLOAT, FUNCTIONS, array_arithmetic, mpmath_arithmetic
+from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic
 from mbstab.model.expressions import parse
+from mbstab.model.functions import FUNCTIONS
 
 DIGITS = 50
 STEP = mpmath.mpf("1e-15")
@@ -593,7 +594,10 @@ def test_arrays_give_what_their_elements_give_one_by_one(name, function):
 # --- kernels of expressions -----------------------------------------------------------------------------------------
 
 ARGUMENTS = {"acos": "b.x*b.y/4", "asin": "b.x*b.y/4", "atan2": "b.x - L*t, b.y + t", "smooth_start": "b.x*b.y/4 + t/8"}
-TEXTS = {name: f"L*{name}({ARGUMENTS.get(name, 'b.x*b.y + t**2')}) + b.x" for name in FUNCTIONS} | {
+SOME = ("b.x*b.y + t**2", "b.x - b.y*t")
+TEXTS = {
+    name: f"L*{name}({ARGUMENTS.get(name, ', '.join(SOME[: FUNCTIONS[name].arguments]))}) + b.x" for name in FUNCTIONS
+} | {
     "power of a coordinate": "b.x**1.5*L + (b.x*b.y)**-3 + b.y**12",
     "power with exponent": "b.x**(L*b.y + t)",
     "constants": "pi*b.x + 30*deg*b.y**2 + 0.123456789*b.x*b.y*t - 1/3",

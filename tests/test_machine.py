@@ -18,6 +18,7 @@ from mbstab.analysis.simulate.steppers.interface import Options
 from mbstab.compiler.trace import OPERATIONS, Trace
 from mbstab.errors import SimulationError, UsageError
 from mbstab.model.arithmetic import FLOAT
+from mbstab.model.functions import TABLE
 from mbstab.model.library import installed_models
 
 machine = pytest.importorskip("mbstab.compiler.machine")
@@ -46,7 +47,7 @@ def of_floats(operation, x, y):
             value = -x
         else:
             function = getattr(FLOAT, operation)
-            value = function(x, y) if operation in ("atan2", "power") else function(x)
+            value = function(x, y) if operation == "power" or TABLE[operation].arguments == 2 else function(x)
     except (ArithmeticError, ValueError):
         return None
     return value if math.isfinite(value) else None

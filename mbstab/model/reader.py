@@ -17,8 +17,9 @@ from mbstab.mechanics import bodies as body_kinds
 from mbstab.mechanics.catalogue import Field, Kind, Sign
 from mbstab.mechanics.elements import KINDS
 from mbstab.model import schema, units
-from mbstab.model.arithmetic import CONSTANTS, FLOAT, FUNCTIONS
+from mbstab.model.arithmetic import CONSTANTS, FLOAT
 from mbstab.model.expressions import Expression, ExpressionError, parse
+from mbstab.model.functions import FUNCTIONS
 from mbstab.model.schema import (
     Components,
     CriticalValue,

@@ -32,8 +32,9 @@ import numpy as np
 from mbstab.compiler.system import System
 from mbstab.errors import counted
 from mbstab.mechanics.drives import joint_motion
-from mbstab.model.arithmetic import FUNCTIONS, Arithmetic, array_arithmetic
+from mbstab.model.arithmetic import Arithmetic, array_arithmetic
 from mbstab.model.expressions import Call, Expression, ExpressionError, Name
+from mbstab.model.functions import FUNCTIONS, PIECED, Break
 from mbstab.model.scene import ItemValues, Scene
 from mbstab.model.schema import Parameter, is_length
 from mbstab.model.units import exact_factor
@@ -262,23 +263,20 @@ def _root(x: Fraction) -> Sum:
     return Sum.of(Atom.of("sqrt", arguments=(Sum.of(inside),))) * outside
 
 
+FRACTIONS = Arithmetic("fraction", Fraction, {}, {"abs": abs, "held": lambda x: min(max(x, Fraction(0)), Fraction(1))})
+"""The arithmetic of functions that are put together from polynomials."""
+
+
 def _function(name: str, *arguments: Sum) -> Sum:
     """Return a function of sums; its value where that is rational by structure."""
     x, value = arguments[0], arguments[0].rational
     if name == "sqrt" and value is not None and value >= 0:
         return _root(value)
-    if name == "abs" and value is not None:
-        return Sum.of(abs(value))
-    if name == "smooth_start" and value is not None:
-        inside = min(max(value, Fraction(0)), Fraction(1))
-        return Sum.of(inside * inside * (3 - 2 * inside))
-    if len(arguments) == 1 and not x:
-        if name in ("cos", "cosh", "exp"):
-            return Sum.of(1)
-        if name in ("sin", "tan", "asin", "atan", "sinh", "tanh"):
-            return x
-    if name == "log" and value == 1:
-        return Sum()
+    if value is not None:
+        if FUNCTIONS[name].joints:
+            return Sum.of(getattr(FRACTIONS, name)(value))
+        if len(arguments) == 1 and (known := FUNCTIONS[name].at(value)) is not None:
+            return Sum.of(known)
     if name in ("sin", "cos") and (quarters := ratio(x, PI)) is not None and (2 * quarters).denominator == 1:
         return Sum.of((0, 1, 0, -1)[(int(2 * quarters) + (name == "cos")) % 4])
     return Sum.of(Atom.of(name, arguments=arguments))
@@ -334,7 +332,7 @@ class Structure:
         """
         names = {name: self._name(name) for name in expression.names()}
         rates = {name: Sum.of(Atom.of("state", f"rate({name})")) for name in expression.rates()}
-        return Sum.of(expression.evaluate(names, self._arithmetic(start), rates))
+        return Sum.of(expression.evaluate(names, self.arithmetic(start), rates))
 
     def given(self, expression: Expression, value: Any, name: str, parameter: Parameter | None = None) -> Sum:
         """Return the exact value of a number that the scene has: that of its expression, or of its decimals."""
@@ -344,7 +342,7 @@ class Structure:
         if parameter is not None:
             factor = parameter.factor
             if factor != 1.0:
-                exact = exact_factor(parameter.unit, self._arithmetic(None))
+                exact = exact_factor(parameter.unit, self.arithmetic())
             # Just as the scene was made: in balls, not even a factor of 1 is without effect.
             default = default * (factor if plain or factor == 1.0 else exact_factor(parameter.unit, f))
             if plain and factor != 1.0 and not getattr(value, "ndim", 0) and not _same(default, value):
@@ -371,18 +369,21 @@ class Structure:
             self._parameters[name] = self.given(parameter.expression, self.scene.parameters[name], name, parameter)
         return self._parameters[name]
 
-    def _arithmetic(self, start: Sum | None) -> Arithmetic:
+    def arithmetic(self, start: Sum | None = None) -> Arithmetic:
+        """Return the arithmetic of sums, with what pieces are from a time on if one is given."""
         functions: dict[str, Any] = {name: partial(self._call, name, start) for name in FUNCTIONS}
         constants = {"pi": PI, "deg": PI / 180}
         return Arithmetic("sum", lambda text: Sum.of(Fraction(text)), constants, functions | {"power": _power})
 
     def _call(self, name: str, start: Sum | None, *arguments: Sum) -> Sum:
         x = arguments[0]
-        if start is not None and name in ("smooth_start", "abs") and x.rational is None:
-            if self.nonnegative(x - 1 if name == "smooth_start" else x, start):
-                return Sum.of(1) if name == "smooth_start" else x
-            if self.nonnegative(-x, start):
-                return Sum() if name == "smooth_start" else -x
+        entry = FUNCTIONS[name]
+        if start is not None and entry.outside is not None and x.rational is None:
+            before, behind = entry.outside
+            if self.nonnegative(x - entry.joints[-1], start):
+                return Sum.of(behind(x))
+            if self.nonnegative(entry.joints[0] - x, start):
+                return Sum.of(before(x))
         return _function(name, *arguments)
 
     # --- values -----------------------------------------------------------------------------------------------------
@@ -457,13 +458,15 @@ class Structure:
         if key not in self._spans:
             self._spans[key] = self._span(atom.arguments[0], start)
         inside = self._spans[key]
-        if atom.kind in ("atan", "tanh", "exp", "smooth_start"):
+        if atom.kind == "group":
+            return inside
+        entry = FUNCTIONS.get(atom.kind)
+        if entry is not None and entry.rising:
             f = array_arithmetic()
             with np.errstate(all="ignore"):
                 low, high = (float(getattr(f, atom.kind)(end)) for end in inside)
             return low, high
-        fixed = {"sin": (-1.0, 1.0), "cos": (-1.0, 1.0), "abs": (0.0, math.inf), "cosh": (1.0, math.inf)}
-        return inside if atom.kind == "group" else fixed.get(atom.kind, (-math.inf, math.inf))
+        return (-math.inf, math.inf) if entry is None else entry.span
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -664,13 +667,12 @@ def _inside(atom: Atom) -> tuple[Sum, tuple[Sum, ...]] | None:
         return None
     known = [part for part in parts if part is not None]
     slope, found = known[0][0], tuple(f for _, more in known for f in more)
-    if atom.kind in ("sin", "cos") and slope:
-        return slope, found
-    if atom.kind == "tan" and slope:
-        return Sum(), (slope * 2, *found)
+    entry = FUNCTIONS.get(atom.kind)
+    if entry is not None and entry.half_turn and slope:
+        return (slope, found) if entry.half_turn < 0 else (Sum(), (slope * 2, *found))
     if any(s for s, _ in known):
         return None
-    if atom.kind == "abs":
+    if entry is not None and entry.parity == "even":
         square = _periodic(atom.arguments[0] * atom.arguments[0])
         found = found if square is None or square[0] else square[1]
     return Sum(), found
@@ -783,11 +785,11 @@ def _later(structure: Structure, expression: Expression, role: Role, x: Sum) -> 
 def _ends(structure: Structure, x: Sum) -> Iterator[Sum]:
     """Yield the times at which a piece of a function of time ends for good."""
     for atom in atoms(x):
-        line = linear(atom.arguments[0]) if atom.kind in ("smooth_start", "abs") and atom.time else None
+        line = linear(atom.arguments[0]) if atom.kind in PIECED and atom.time else None
         if line is None or line[1].state or not (sign := structure.sign(line[0])):
             continue
-        level = Sum.of(int(atom.kind == "smooth_start" and sign > 0))
-        yield (level - line[1]) / line[0]
+        joints = FUNCTIONS[atom.kind].joints
+        yield (joints[-1 if sign > 0 else 0] - line[1]) / line[0]
 
 
 def _part(structure: Structure, expression: Expression, kind: str) -> str:
@@ -1031,31 +1033,32 @@ class _Corners:
     def _derivatives(self, atom: Atom, n: int, monomial: Monomial) -> tuple[int, str]:
         """Return how many derivatives of a product are continuous as far as one factor is concerned, and where not."""
         x = atom.arguments[0] if atom.arguments else Sum.of(atom)
-        zero = "its argument is 0"
-        match atom.kind:
-            case "abs" if n % 2 or n < 0:
-                return (n - 1 + _zeros(x, monomial) if n > 0 else -1, zero) if self.near(x) else (SMOOTH, "")
-            case "smooth_start":
-                if self.near(x):
-                    return 2 * n - 1 + _zeros(x, monomial) if n > 0 else -1, zero
-                return (1, "its argument is 1") if self.near(x - 1) else (SMOOTH, "")
-            case "power":
-                return self._of_power(atom)
-            case "atan2":
-                other = atom.arguments[1]
-                ahead = np.all(np.asarray(self.structure.value(other, self.names)[0]) > 0.0)
-                behind = self.near(x) and (not ahead or self.near(other))
-                return (-1, "it jumps by a turn") if behind else (SMOOTH, "")
-            case "asin" | "acos":
-                return (-1, "its argument is 1 or -1") if self.near(x - 1) or self.near(x + 1) else (SMOOTH, "")
-            case "tan":
-                return (-1, "it is infinite") if self.near(_function("cos", x)) else (SMOOTH, "")
-            case "sqrt" | "log":
-                return (0 if atom.kind == "sqrt" and n > 0 else -1, zero) if self.near(x) else (SMOOTH, "")
-            case "group" | "state" if n < 0:
-                return (-1, "it divides by 0") if self.near(x) else (SMOOTH, "")
-            case _:
-                return SMOOTH, ""
+        if atom.kind == "power":
+            return self._of_power(atom)
+        if atom.kind in ("group", "state"):
+            return (-1, "it divides by 0") if n < 0 and self.near(x) else (SMOOTH, "")
+        found = [(self._smooth(where, atom, n, monomial), where.text) for where in self._met(atom)]
+        return min(found, default=(SMOOTH, ""))
+
+    def _met(self, atom: Atom) -> Iterator[Break]:
+        """Yield the breaks of a function near which the state is."""
+        f = self.structure.arithmetic()
+        for where in FUNCTIONS[atom.kind].breaks if atom.kind in FUNCTIONS else ():
+            if all(map(self.near, where.where(f, *atom.arguments))):
+                saving = None if where.unless is None else where.unless(f, *atom.arguments)
+                if saving is None or self.near(saving) or not np.all(self.structure.value(saving, self.names)[0] > 0.0):
+                    yield where
+
+    @staticmethod
+    def _smooth(where: Break, atom: Atom, n: int, monomial: Monomial) -> int:
+        """Return how many derivatives of a power of a function are continuous at a break."""
+        if where.zero and n < 0:
+            return -1
+        if where.square and n % 2 == 0:
+            return SMOOTH
+        if where.zero and atom.kind in PIECED:
+            return n * (where.smooth + 1) - 1 + _zeros(atom.arguments[0], monomial)
+        return where.smooth
 
     def _of_power(self, atom: Atom) -> tuple[int, str]:
         base, exponent = atom.arguments
