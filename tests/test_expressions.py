@@ -1,16 +1,13 @@
 """The arithmetic of model files: grammar, precedence, messages with places, limits, number systems."""
 
 import math
-import random
 import time
-from pathlib import Path
 
 import mpmath
 import numpy as np
 import pytest
 import sympy
 
-from mbstab.cli.schema import section_text
 from mbstab.compiler.tape import Tape
 from mbstab.model.arithmetic import (
     CONSTANTS,
@@ -375,41 +372,6 @@ def test_the_sign_is_the_same_in_every_arithmetic(x, expected):
     assert array_arithmetic().sign(np.array([x]))[0] == expected
     assert mpmath_arithmetic().sign(mpmath.mpf(x)) == expected
     assert float(symbol_arithmetic().sign(sympy.Rational(x))) == expected
-
-
-NEAR = {"acos": 0.5, "asin": 0.5}
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_what_the_table_says_of_a_function_is_true(name):
-    entry, rng = FUNCTIONS[name], random.Random(name)
-    function = getattr(FLOAT, name)
-    for _ in range(10):
-        x = [rng.uniform(0.01, 1.0) * NEAR.get(name, 1.0) for _ in range(entry.arguments)]
-        assert entry.span[0] <= function(*x) <= entry.span[1]
-        if entry.parity:
-            assert function(-x[0], *x[1:]) == (-1 if entry.parity == "odd" else 1) * function(*x)
-        if entry.half_turn:
-            assert function(x[0] + math.pi) == pytest.approx(entry.half_turn * function(*x), rel=1e-12)
-        if entry.rising:
-            assert function(-x[0]) <= function(x[0]) <= function(2.0 * x[0])
-        if entry.steepest is not None:
-            with mpmath.workdps(30):
-                steps = [mpmath.mpf(x[0]) + (i - 10) * mpmath.mpf(x[0]) / 100 for i in range(21)]
-                slopes = [abs(mpmath.diff(getattr(mpmath_arithmetic(), name), at)) for at in steps]
-            bound = entry.steepest(lambda at: abs(entry.slopes(FLOAT, function(at), at)[0]), x[0], x[0] / 10)
-            assert bound >= max(slopes) * (1 - 1e-14)
-    for at, found in entry.exact:
-        assert function(float(at)) == found
-    if entry.outside is not None:
-        assert function(entry.joints[0] - 3.0) == entry.outside[0](entry.joints[0] - 3.0)
-        assert function(entry.joints[-1] + 3.0) == entry.outside[1](entry.joints[-1] + 3.0)
-
-
-def test_the_text_for_users_lists_all_functions():
-    text = " ".join((Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8").split())
-    assert f"and {', '.join(FUNCTIONS)}." in text
-    assert [line.split("(")[0] for line in section_text("functions").splitlines()] == list(FUNCTIONS)
 
 
 def test_an_arithmetic_has_no_other_functions():

@@ -47,7 +47,7 @@ def section_text(section: str) -> str:
     if section == "shape":
         return shapes_text()
     if section == "functions":
-        return "".join(f"{name}({', '.join('yx'[-x.arguments :])}): {x.doc}\n" for name, x in FUNCTIONS.items())
+        return "".join(f"{name}({', '.join(x.names)}): {x.doc}\n" for name, x in FUNCTIONS.items())
     if section in SECTION_FIELDS:
         return keys_text(SECTION_FIELDS[section])
     name, _, kind = section.partition(".")

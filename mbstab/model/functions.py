@@ -16,6 +16,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
+from inspect import signature
 from typing import Any, Literal
 
 Slope = Callable[[float], float]
@@ -59,10 +61,10 @@ class Function:
     doc : str
         What it is.
     slopes : callable
-        ``slopes(f, value, *arguments)``: its partial derivatives, in the arithmetic `f`.
+        ``slopes(f, value, *arguments)``: its partial derivatives, in the arithmetic `f`; its arguments have their names
+        from here.
     formula : callable or None
         ``formula(f, *arguments)``: its value in terms of other functions.
-    arguments : int
     unit : str
         ``plain``: takes numbers and angles; ``same``: the unit of its arguments; ``root``: the square root of
         it; ``ratio``: arguments of one unit, a plain result.
@@ -88,7 +90,6 @@ class Function:
     doc: str
     slopes: Callable[..., tuple[Any, ...]]
     formula: Callable[..., Any] | None = None
-    arguments: int = 1
     unit: Literal["plain", "same", "root", "ratio"] = "plain"
     parity: Literal["odd", "even", ""] = ""
     exact: tuple[tuple[int, int], ...] = ()
@@ -99,6 +100,16 @@ class Function:
     span: tuple[float, float] = (-math.inf, math.inf)
     rising: bool = False
     half_turn: int = 0
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of its arguments."""
+        return tuple(signature(self.slopes).parameters)[2:]
+
+    @property
+    def arguments(self) -> int:
+        """How many arguments it takes."""
+        return len(self.names)
 
     def at(self, x: Fraction) -> int | None:
         """Return its value at a rational point where that is known to be a whole number."""
@@ -185,7 +196,7 @@ FUNCTIONS: dict[str, Function] = {
         steepest=_inner, span=(-math.pi / 2, math.pi / 2), rising=True,
     ),
     "atan2": Function(
-        "angle of the point (second, first argument)", _atan2_slopes, arguments=2, unit="ratio",
+        "angle of the point (second, first argument)", _atan2_slopes, unit="ratio",
         breaks=(Break(lambda f, y, x: (y,), "it jumps by a turn", unless=lambda f, y, x: x),),
         span=(-math.pi, math.pi),
     ),
@@ -225,6 +236,11 @@ FUNCTIONS: dict[str, Function] = {
             Break(lambda f, x: (x - 1,), "its argument is 1", 1),
         ),
         joints=(0, 1), outside=(lambda x: 0, lambda x: 1), span=(0.0, 1.0), rising=True,
+    ),
+    "hypot": Function(
+        "distance of the point (x, y) from the origin", lambda f, value, x, y: (x / value, y / value),
+        lambda f, x, y: f.sqrt(x * x + y * y), unit="same", span=(0.0, math.inf),
+        breaks=(Break(lambda f, x, y: (x, y), "both arguments are 0", 0, zero=True, square=True),),
     ),
 }  # fmt: skip
 """Functions that an expression may call."""
