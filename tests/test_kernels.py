@@ -556,6 +556,45 @@ def test_a_force_has_the_power_that_force_times_velocity_gives_in_every_virtual_
     assert_close(case.run("dynamics")["F"], expected)
 
 
+def test_forces_that_come_from_a_potential_and_a_dissipation_function_say_so():
+    stored = {"spring", "ideal_spring", "bearing", "angle_spring", "displacement_spring"}
+    for name in ELEMENTS:
+        case = Case(name)
+        assert hasattr(case.kernel, "DAMPING") == (case.element.name in stored)
+        assert hasattr(case.kernel, "potential") == (case.element.name in stored or case.element.role == "inertia")
+
+
+@pytest.mark.parametrize("name", named("inertia", "force"))
+def test_a_potential_has_the_force_at_rest_for_its_gradient(name):
+    case = Case(name)
+    if not hasattr(case.kernel, "potential"):
+        return
+    case.inputs["u"] = 0 * case.inputs["u"]
+    q, f = case.inputs["q"], mpmath_arithmetic()
+
+    def energy(step):
+        (value,) = case.kernel.potential(f, q + step, case.flat)
+        return value
+
+    slopes = [(energy(STEP * one) - energy(-STEP * one)) / (2 * STEP) for one in np.eye(case.n, dtype=int)]
+    assert_close(case.run("dynamics")["F"], slopes)
+
+
+@pytest.mark.parametrize("name", named("force"))
+def test_a_force_without_its_coefficients_of_damping_is_that_at_rest(name):
+    case = Case(name)
+    places = getattr(case.kernel, "DAMPING", ())
+    if not places:
+        return
+    f, p = mpmath_arithmetic(), case.flat
+    moving = case.kernel.dynamics(f, case.inputs["q"], case.inputs["u"], p, [])
+    at_rest = case.kernel.dynamics(f, case.inputs["q"], 0 * case.inputs["u"], p, [])
+    assert max(abs(x - y) for x, y in zip(moving, at_rest, strict=True)) > mpmath.mpf("1e-3")
+    p[list(places)] = mpmath.mpf(0)
+    undamped = case.kernel.dynamics(f, case.inputs["q"], case.inputs["u"], p, [])
+    assert_close(np.array(undamped), np.array(at_rest))
+
+
 # --- arithmetics ----------------------------------------------------------------------------------------------------
 
 

@@ -308,6 +308,10 @@ class Tape:
 
         return derivative
 
+    def depends(self, term: Term, name: Term) -> bool:
+        """Whether an input occurs in a term."""
+        return bool(self._depends[term.step] & self._depends[name.step])
+
     def gradient(self, weighted: Iterable[tuple[Term, Term]], names: Sequence[Term]) -> list[Term]:
         """Return Σ weight · ∂term/∂name over pairs (weight, term), for each of some inputs."""
         mask = self._mask(names)

@@ -12,7 +12,6 @@ from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import Placement, efforts
 from mbstab.analysis.reference.reactions import reactions
 from mbstab.analysis.simulate.constrained import Constrained
-from mbstab.analysis.simulate.energy import Energy
 from mbstab.compiler.system import Array, System
 
 TOGETHER = 500
@@ -31,7 +30,6 @@ class Frame:
 
     equations: Constrained
     attitudes: Attitudes
-    energy: Energy
     start: Array
 
     @property
@@ -160,7 +158,7 @@ class Record:
         at, times = Placement(frame.attitudes, system, q, u), np.array([s.t for s in samples])
         driving = {(acted.owner, acted.unit): acted.values for acted in efforts(at, nu, times)}
         shown = _continued(frame, q, before)
-        potential = frame.energy.potential(system, q)
+        potential = system.potential(q)
         q, u, a = frame.attitudes.in_file(system, q, u, a, shown)
         return cls(q, u, a, nu, loads, driving, kinetic, potential, np.array(residuals))
 
