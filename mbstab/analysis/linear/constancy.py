@@ -29,9 +29,9 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
+from mbstab.analysis.reference.efforts import effort_unit
 from mbstab.compiler.system import System
 from mbstab.errors import counted
-from mbstab.mechanics.drives import joint_motion
 from mbstab.model.arithmetic import Arithmetic, array_arithmetic
 from mbstab.model.expressions import Call, Expression, ExpressionError, Name
 from mbstab.model.functions import FUNCTIONS, PIECED, Break
@@ -711,13 +711,8 @@ def _expressions(system: System) -> Iterator[tuple[str, Role, Expression, bool]]
 
 def _is_angle(drive: ItemValues) -> bool:
     """Whether a drive gives an angle."""
-    match drive.kind.name:
-        case "coordinate":
-            return not is_length(drive.entry.values["coordinate"])
-        case "joint":
-            return joint_motion(drive)[1] == "angle"
-        case _:
-            return False
+    assert drive.kind.effort
+    return effort_unit(drive.kind.effort(drive).motion, str(drive.entry.values.get("coordinate", ""))) == "N*m"
 
 
 def time_uses(system: System) -> tuple[TimeUse, ...]:
