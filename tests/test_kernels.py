@@ -15,8 +15,9 @@ from mbstab.compiler.derive import parameter_sizes
 from mbstab.compiler.user import user_kernel
 from mbstab.mechanics.catalogue import COORDINATES
 from mbstab.mechanics.elements import ELEMENTS
-from mbstab.model.arithmetic import FLOAT, FUNCTIONS, array_arithmetic, mpmath_arithmetic
+from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic
 from mbstab.model.expressions import parse
+from mbstab.model.functions import FUNCTIONS
 
 DIGITS = 50
 STEP = mpmath.mpf("1e-15")
@@ -555,6 +556,45 @@ def test_a_force_has_the_power_that_force_times_velocity_gives_in_every_virtual_
     assert_close(case.run("dynamics")["F"], expected)
 
 
+def test_forces_that_come_from_a_potential_and_a_dissipation_function_say_so():
+    stored = {"spring", "ideal_spring", "bearing", "angle_spring", "displacement_spring"}
+    for name in ELEMENTS:
+        case = Case(name)
+        assert hasattr(case.kernel, "DAMPING") == (case.element.name in stored)
+        assert hasattr(case.kernel, "potential") == (case.element.name in stored or case.element.role == "inertia")
+
+
+@pytest.mark.parametrize("name", named("inertia", "force"))
+def test_a_potential_has_the_force_at_rest_for_its_gradient(name):
+    case = Case(name)
+    if not hasattr(case.kernel, "potential"):
+        return
+    case.inputs["u"] = 0 * case.inputs["u"]
+    q, f = case.inputs["q"], mpmath_arithmetic()
+
+    def energy(step):
+        (value,) = case.kernel.potential(f, q + step, case.flat)
+        return value
+
+    slopes = [(energy(STEP * one) - energy(-STEP * one)) / (2 * STEP) for one in np.eye(case.n, dtype=int)]
+    assert_close(case.run("dynamics")["F"], slopes)
+
+
+@pytest.mark.parametrize("name", named("force"))
+def test_a_force_without_its_coefficients_of_damping_is_that_at_rest(name):
+    case = Case(name)
+    places = getattr(case.kernel, "DAMPING", ())
+    if not places:
+        return
+    f, p = mpmath_arithmetic(), case.flat
+    moving = case.kernel.dynamics(f, case.inputs["q"], case.inputs["u"], p, [])
+    at_rest = case.kernel.dynamics(f, case.inputs["q"], 0 * case.inputs["u"], p, [])
+    assert max(abs(x - y) for x, y in zip(moving, at_rest, strict=True)) > mpmath.mpf("1e-3")
+    p[list(places)] = mpmath.mpf(0)
+    undamped = case.kernel.dynamics(f, case.inputs["q"], case.inputs["u"], p, [])
+    assert_close(np.array(undamped), np.array(at_rest))
+
+
 # --- arithmetics ----------------------------------------------------------------------------------------------------
 
 
@@ -593,7 +633,10 @@ def test_arrays_give_what_their_elements_give_one_by_one(name, function):
 # --- kernels of expressions -----------------------------------------------------------------------------------------
 
 ARGUMENTS = {"acos": "b.x*b.y/4", "asin": "b.x*b.y/4", "atan2": "b.x - L*t, b.y + t", "smooth_start": "b.x*b.y/4 + t/8"}
-TEXTS = {name: f"L*{name}({ARGUMENTS.get(name, 'b.x*b.y + t**2')}) + b.x" for name in FUNCTIONS} | {
+SOME = ("b.x*b.y + t**2", "b.x - b.y*t")
+TEXTS = {
+    name: f"L*{name}({ARGUMENTS.get(name, ', '.join(SOME[: FUNCTIONS[name].arguments]))}) + b.x" for name in FUNCTIONS
+} | {
     "power of a coordinate": "b.x**1.5*L + (b.x*b.y)**-3 + b.y**12",
     "power with exponent": "b.x**(L*b.y + t)",
     "constants": "pi*b.x + 30*deg*b.y**2 + 0.123456789*b.x*b.y*t - 1/3",

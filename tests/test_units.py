@@ -5,8 +5,8 @@ from fractions import Fraction
 
 import pytest
 
-from mbstab.model.arithmetic import FUNCTIONS
 from mbstab.model.expressions import ExpressionError, parse
+from mbstab.model.functions import FUNCTIONS
 from mbstab.model.units import LITERAL, NONE, UNITS, UNKNOWN, dimension_of, parse_unit, show
 
 KG, M, S = (tuple(Fraction(int(i == j)) for i in range(3)) for j in range(3))
@@ -207,7 +207,7 @@ def test_quantities_that_do_not_fit_are_refused_at_their_place(text, message, po
 
 
 @pytest.mark.parametrize(
-    "name", sorted({name for name, (count, _) in FUNCTIONS.items() if count == 1} - {"abs", "sqrt"})
+    "name", sorted({name for name, entry in FUNCTIONS.items() if entry.arguments == 1} - {"abs", "sqrt"})
 )
 def test_a_transcendental_function_takes_no_length(name):
     assert infer(f"{name}(L/L)") == LITERAL

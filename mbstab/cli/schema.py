@@ -16,7 +16,8 @@ def schema(section: str | None, output: Output) -> None:
 
     With SECTION (bodies, joints, contacts, drives, forces) print its types and their keys as text; with a type as well,
     such as joints.revolute, only that one. Sections without types (parameters, ground, constraints, reference,
-    reference.steady, initial, shape, sweep, expect, expect.critical) print their keys.
+    reference.steady, initial, shape, sweep, expect, expect.critical) print their keys, and functions what expressions
+    may call.
 
     Example: mbstab schema -o mbstab.schema.json
     """
@@ -39,16 +40,19 @@ def section_text(section: str) -> str:
         If there is no such section or type.
     """
     from mbstab.mechanics.elements import KINDS
+    from mbstab.model.functions import FUNCTIONS
     from mbstab.model.schema import SECTION_FIELDS
     from mbstab.report.kinds import keys_text, kinds_text, shapes_text
 
     if section == "shape":
         return shapes_text()
+    if section == "functions":
+        return "".join(f"{name}({', '.join(x.names)}): {x.doc}\n" for name, x in FUNCTIONS.items())
     if section in SECTION_FIELDS:
         return keys_text(SECTION_FIELDS[section])
     name, _, kind = section.partition(".")
     if name not in KINDS:
-        known = [*KINDS, "shape", *SECTION_FIELDS]
+        known = [*KINDS, "shape", "functions", *SECTION_FIELDS]
         hint = suggestion(section, known) or "one of " + ", ".join(known)
         raise UsageError(f"there is no section {section!r}\nhint: {hint}")
     kinds = {id(k): k for (k_name, _), k in KINDS[name].items() if kind in ("", k_name)}

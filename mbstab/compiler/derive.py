@@ -10,6 +10,9 @@ element adds to
 * ``linearize_rows`` (constraints only): V_q = ∂V/∂q, A_q = ∂A/∂q and A_u = ∂A/∂u at fixed a,
   with A = J a + B the acceleration residual of the rows.
 
+Where there is a potential, of weight or of a spring, ``potential`` gives it. A force that comes from a potential and a
+dissipation function, and nothing else, says which of its parameters are the coefficients of the latter.
+
 For a holonomic row V = dC/dt, A = d²C/dt² and J = C_q; for a nonholonomic one E = V = D,
 A = dD/dt and J = D_u. Given functions of time enter as s with their derivatives.
 """
@@ -17,7 +20,7 @@ A = dD/dt and J = D_u. Given functions of time enter as s with their derivatives
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
@@ -31,13 +34,19 @@ Entries = dict[tuple[int, ...], Term]
 
 @dataclass(frozen=True)
 class Derived:
-    """The functions of a kernel: names of their inputs, the steps, and the non-zero entries of their outputs."""
+    """The functions of a kernel: names of their inputs, the steps, and the non-zero entries of their outputs.
+
+    `damping` is None, or numbers of parameters in which the dissipation function of a force is linear: it vanishes with
+    them, and the force has no other part than it and that of the potential.
+    """
 
     inputs: dict[str, list[str]]
     tape: Tape
     dynamics: dict[str, Entries]
     linearize: dict[str, Entries]
     linearize_rows: dict[str, Entries] = field(default_factory=dict)
+    potential: dict[str, Entries] = field(default_factory=dict)
+    damping: tuple[int, ...] | None = None
 
 
 def parameter_sizes(element: Element, frame: str) -> list[tuple[str, int]]:
@@ -68,17 +77,40 @@ def derive(element: Element, frame: str) -> Derived:
         setattr(p, name, sympy.Matrix(symbols))
         flat += symbols
     s = [sympy.Symbol(f"s{i + 1}", real=True) for i in range(element.signals)]
-    definition = element.define(frames, p, s)
+    defined = element.define(frames, p, s)
     tape = Tape()
     put = from_symbols(tape)
-    if isinstance(definition, Load):
-        pairs = tuple(([put(x) for x in force], [put(x) for x in velocity]) for force, velocity in definition.power)
-        definition = Load(put(definition.potential), put(definition.dissipation), pairs)
+    definition: Any
+    if isinstance(defined, Load):
+        pairs = tuple(([put(x) for x in force], [put(x) for x in velocity]) for force, velocity in defined.power)
+        definition = Load(put(defined.potential), put(defined.dissipation), pairs)
     else:
-        definition = [put(row) for row in definition] if isinstance(definition, list) else put(definition)
+        definition = [put(row) for row in defined] if isinstance(defined, list) else put(defined)
     q, u, a = ([x.name for f in frames for x in getattr(f, name)] for name in "qua")
     parameters = [x.name for x in (*(b for f in frames for b in f.base), *flat)]
-    return differentiate(tape, element.role, definition, q, u, a, [x.name for x in s], parameters)
+    derived = differentiate(tape, element.role, definition, q, u, a, [x.name for x in s], parameters)
+    # Made last: the text of the other functions depends on the order of their steps.
+    if element.role == "inertia":
+        return replace(derived, potential=_potential(-put(defined.subs({x: 0 for frame in frames for x in frame.u}))))
+    if not isinstance(definition, Load):
+        return derived
+    damping = None if definition.power else _coefficients(tape, definition.dissipation, parameters)
+    return replace(derived, potential=_potential(definition.potential), damping=damping)
+
+
+def _potential(energy: Term) -> dict[str, Entries]:
+    return {} if energy.is_zero else {"U": {(): energy}}
+
+
+def _coefficients(tape: Tape, dissipation: Term, parameters: list[str]) -> tuple[int, ...]:
+    """Return the numbers of the parameters c in a dissipation function Σ c Φ_c, no Φ_c of which contains its own c."""
+    inputs = [tape.input(name) for name in parameters]
+    slopes = tape.gradient([(tape.term(1), dissipation)], inputs)
+    pairs = [(i, x * slope) for i, (x, slope) in enumerate(zip(inputs, slopes, strict=True)) if not slope.is_zero]
+    found = [(i, part) for i, part in pairs if not tape.depends(slopes[i], inputs[i])]
+    if not (dissipation - tape.sum(part for _, part in found)).is_zero:
+        raise ValueError("a dissipation function is a sum of coefficients times what does not contain them")
+    return tuple(i for i, _ in found)
 
 
 def from_symbols(tape: Tape) -> Callable[[Any], Term]:

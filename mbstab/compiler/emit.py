@@ -1,9 +1,10 @@
 """From derived terms to the source text of a kernel.
 
 A kernel module holds the functions ``dynamics`` and ``linearize``, for constraints also
-``linearize_rows``, that take an arithmetic and sequences of numbers of any kind and return
-one flat tuple, and for each function the table of which entry of which matrix each number
-is. Regenerate the shipped kernels with ``python -m mbstab.compiler.emit``.
+``linearize_rows``, where there is a potential also ``potential``, that take an arithmetic and
+sequences of numbers of any kind and return one flat tuple, and for each function the table of
+which entry of which matrix each number is; `DAMPING` as in `mbstab.compiler.derive`. Regenerate
+the shipped kernels with ``python -m mbstab.compiler.emit``.
 """
 
 from __future__ import annotations
@@ -31,16 +32,22 @@ def emit(derived: Derived, title: str) -> str:
     functions = {"dynamics": derived.dynamics, "linearize": derived.linearize}
     if derived.linearize_rows:
         functions["linearize_rows"] = derived.linearize_rows
+    if derived.potential:
+        functions["potential"] = derived.potential
     for name, outputs in functions.items():
         lines += ["", *_function(name, derived, outputs), "", f"{name.upper()} = {{"]
         lines += [f"    {key!r}: {tuple(table)!r}," for key, table in outputs.items()]
         lines += ["}", ""]
+    if derived.damping is not None:
+        lines += ["", f"DAMPING = {derived.damping!r}", ""]
     return "\n".join(lines)
 
 
 def _function(name: str, derived: Derived, outputs: dict[str, Entries]) -> list[str]:
-    last = {"dynamics": "", "linearize": "nu" if "nu" in derived.inputs else "a", "linearize_rows": "a"}[name]
+    last = {"linearize": "nu" if "nu" in derived.inputs else "a", "linearize_rows": "a"}.get(name, "")
     arguments = [key for key in derived.inputs if key not in ("a", "nu") or key == last]
+    if name == "potential":
+        arguments = ["q", "p"]
     terms = [term for table in outputs.values() for term in table.values()]
     steps = _needed(derived.tape.steps, terms)
     used = {step.name for step in steps.values() if isinstance(step, Input)}

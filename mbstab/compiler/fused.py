@@ -21,7 +21,8 @@ import numpy.typing as npt
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.compiler.trace import Code, Trace, Traced
 from mbstab.errors import MbstabError
-from mbstab.model.arithmetic import FLOAT, FUNCTIONS
+from mbstab.model.arithmetic import FLOAT
+from mbstab.model.functions import NATIVE
 
 _FAILURES = (ArithmeticError, ValueError, MbstabError)
 
@@ -71,7 +72,7 @@ class Program:
 
 
 def _functions() -> dict[str, Callable[..., Any]]:
-    return {name: getattr(FLOAT, name) for name in (*FUNCTIONS, "sign", "abs_slope", "power")}
+    return {name: getattr(FLOAT, name) for name in (*NATIVE, "power")}
 
 
 def _from_floats(source: str, count: int) -> Callable[..., Array]:

@@ -15,7 +15,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
+from zlib import crc32
 
 import numba
 import numpy as np
@@ -23,6 +24,7 @@ import numpy.typing as npt
 from numba.core import event
 
 from mbstab.compiler.trace import OPERATIONS
+from mbstab.model.functions import NATIVE, TABLE
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -51,14 +53,25 @@ STEPS, REJECTED, EVALUATIONS, COVERED = range(4)
 DONE, MORE, CHART, LOOK = range(4)
 """Why `march` returns: the end, so many steps, an angle near its singularity, something that it leaves to others."""
 
-PLUS, MINUS, TIMES, OVER, NEGATIVE = (OPERATIONS.index(x) for x in ("+", "-", "*", "/", "negative"))
-SIN, COS, TAN, ASIN, ACOS, ATAN, ATAN2, SINH, COSH, TANH, EXP, LOG, SQRT = (
-    OPERATIONS.index(x)
-    for x in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt")
-)
-ABS, SMOOTH_START, POWER, SIGN, ABS_SLOPE = (
-    OPERATIONS.index(x) for x in ("abs", "smooth_start", "power", "sign", "abs_slope")
-)
+TEXTS = {name: f"math.{name}(x{', y' * (TABLE[name].arguments - 1)})" for name in NATIVE if hasattr(math, name)} | {
+    "+": "x + y",
+    "-": "x - y",
+    "*": "x * y",
+    "/": "x / y",
+    "negative": "-x",
+    "power": "math.pow(x, y)",
+    "abs": "abs(x)",
+    "sign": "0.0 if x == 0.0 else math.copysign(1.0, x)",
+    "abs_slope": "math.copysign(1.0, x)",
+    "held": "min(max(x, 0.0), 1.0)",
+}
+"""What each of `OPERATIONS` does to x, or to x and y."""
+
+REFUSED = {"/": "y == 0.0", "abs_slope": "x == 0.0"}
+"""Where an operation has no value, besides those that are not finite."""
+
+VERSION = f"{crc32(repr([(name, TEXTS[name], REFUSED.get(name)) for name in OPERATIONS]).encode()):08x}"
+"""Of the operations: what Numba has kept of another one is not read."""
 
 
 class Machine(NamedTuple):
@@ -168,6 +181,7 @@ def compiled(function: F) -> F:
     It makes no arrays. Without Numba's counting of references (`_nrt`) calls with as many arrays as here take a third
     of the time.
     """
+    function.__qualname__ += f"_{VERSION}"
     result: F = numba.njit(cache=True, error_model="numpy", nogil=True, _nrt=False)(function)
     return result
 
@@ -208,68 +222,36 @@ def copy(x: Floats, y: Floats) -> None:
         x[i] = y[i]
 
 
-@compiled
-def interpret(m: Machine, start: int, stop: int) -> bool:
-    """Run a part of the program; False where a number does not exist or is not finite."""
-    w = m.w
-    for i in range(start, stop):
-        x, y, operation = w[m.first[i]], w[m.second[i]], m.operations[i]
-        if operation == TIMES:
-            z = x * y
-        elif operation == PLUS:
-            z = x + y
-        elif operation == MINUS:
-            z = x - y
-        elif operation == OVER:
-            if y == 0.0:
-                return False
-            z = x / y
-        elif operation == NEGATIVE:
-            z = -x
-        elif operation == SIN:
-            z = math.sin(x)
-        elif operation == COS:
-            z = math.cos(x)
-        elif operation == SQRT:
-            z = math.sqrt(x)
-        elif operation == TAN:
-            z = math.tan(x)
-        elif operation == ASIN:
-            z = math.asin(x)
-        elif operation == ACOS:
-            z = math.acos(x)
-        elif operation == ATAN:
-            z = math.atan(x)
-        elif operation == ATAN2:
-            z = math.atan2(x, y)
-        elif operation == SINH:
-            z = math.sinh(x)
-        elif operation == COSH:
-            z = math.cosh(x)
-        elif operation == TANH:
-            z = math.tanh(x)
-        elif operation == EXP:
-            z = math.exp(x)
-        elif operation == LOG:
-            z = math.log(x)
-        elif operation == ABS:
-            z = abs(x)
-        elif operation == SMOOTH_START:
-            z = 0.0 if x <= 0.0 else 1.0 if x >= 1.0 else x * x * (3.0 - 2.0 * x)
-        elif operation == POWER:
-            z = math.pow(x, y)
-        elif operation == SIGN:
-            z = 0.0 if x == 0.0 else math.copysign(1.0, x)
-        elif operation == ABS_SLOPE:
-            if x == 0.0:
-                return False
-            z = math.copysign(1.0, x)
-        else:
-            return False
-        if not math.isfinite(z):
-            return False
-        w[m.base + i] = z
-    return True
+def _interpreter() -> Callable[[Machine, int, int], bool]:
+    """Return the function that runs operations, each of which it knows by its number."""
+    lines = [
+        "def interpret(m, start, stop):",
+        "    w = m.w",
+        "    for i in range(start, stop):",
+        "        x, y, operation = w[m.first[i]], w[m.second[i]], m.operations[i]",
+    ]
+    for number, name in enumerate(OPERATIONS):
+        lines.append(f"        {'elif' if number else 'if'} operation == {number}:")
+        if name in REFUSED:
+            lines += [f"            if {REFUSED[name]}:", "                return False"]
+        lines.append(f"            z = {TEXTS[name]}")
+    lines += [
+        "        else:",
+        "            return False",
+        "        if not math.isfinite(z):",
+        "            return False",
+        "        w[m.base + i] = z",
+        "    return True",
+    ]
+    names = {"__name__": __name__, "math": math}
+    # As if it stood here: Numba keeps machine code beside the file of a function.
+    exec(compile("\n".join(lines), __file__, "exec"), names)
+    function: Any = names["interpret"]
+    function.__doc__ = "Run a part of the program; False where a number does not exist or is not finite."
+    return function  # type: ignore[no-any-return]
+
+
+interpret = compiled(_interpreter())
 
 
 @compiled

@@ -99,12 +99,9 @@ class _Placed:
     @property
     def hint(self) -> str:
         """Return what to do where it has no finite equations."""
-        if self.kernel.__name__.endswith(("planar_spring", "spatial_spring")):
-            return (
-                "hint: its ends coincide, and the line between them has no direction, which length: and damping: need; "
-                "with length 0 write type: bearing and leave out length:, it acts the same in all directions with the "
-                "same stiffness: and damping:; else keep the ends apart in reference:"
-            )
+        element = ELEMENTS.get(self.kernel.__name__.rpartition(".")[2])
+        if element is not None and element.hint:
+            return f"hint: {element.hint}"
         return (
             "hint: two points that coincide, a wheel lying flat, an expression outside its domain or at a kink has no "
             "derivative"
@@ -124,10 +121,8 @@ class Acting:
     written : bool
         Whether it is written as expressions in the file.
     inertia : bool
-    stored : bool
-        Whether its force comes from a potential and a dissipation function.
-    damped : bool
-        Whether the dissipation function is there.
+    damping : tuple of numbers or None
+        The coefficients of the dissipation function of a force that comes from one and a potential; None for others.
     analytic : bool
         Whether what it does somewhere tells what it does everywhere: no abs and the like of coordinates.
     slots : frozenset of (int, int)
@@ -138,11 +133,20 @@ class Acting:
     columns: tuple[int, ...]
     written: bool
     inertia: bool
-    stored: bool
-    damped: bool
+    damping: tuple[Any, ...] | None
     analytic: bool
     slots: frozenset[tuple[int, int]]
     placed: _Placed
+
+    @property
+    def stored(self) -> bool:
+        """Whether its force comes from a potential and a dissipation function."""
+        return self.damping is not None
+
+    @property
+    def damped(self) -> bool:
+        """Whether the dissipation function of such a force is there."""
+        return any(not plain_zero(x) for x in self.damping or ())
 
     def force(self, q: Any, u: Any, a: Any, time: Any, f: Arithmetic = FLOAT) -> list[Any]:
         """Return its part of the residual F, with its inertia, on its own columns.
@@ -289,14 +293,10 @@ class System:
             pairs = ((e.columns[i], e.columns[j]) for i, j in e.kernel.LINEARIZE.get("K", ()))
             slots = {pair for pair in pairs if max(pair) < self.n_q}
             written = e.kernel.__name__ == "user"
-            name = e.kernel.__name__.rpartition(".")[2]
-            stored = not written and ELEMENTS[name].stored
-            # Its damping is the last of its numbers.
-            damped = stored and ELEMENTS[name].parameters[-1][0] == "damping" and not plain_zero(e.parameters[-1])
+            places = getattr(e.kernel, "DAMPING", None)
+            damping = None if places is None else tuple(e.parameters[i] for i in places)
             analytic = not written or e.path not in pieced
-            found.append(
-                Acting(e.path, columns, written, e.takes_acceleration, stored, damped, analytic, frozenset(slots), e)
-            )
+            found.append(Acting(e.path, columns, written, e.takes_acceleration, damping, analytic, frozenset(slots), e))
         return found
 
     # --- what is in the scene ---------------------------------------------------------------------------------------
@@ -319,21 +319,16 @@ class System:
         return uses
 
     def _kernel_name(self, use: ElementUse) -> str:
-        frame = (
-            "coordinate"
-            if use.element.startswith("coordinate_")
-            else "planar"
-            if self.scene.dimension == 2
-            else "spatial"
-        )
-        return f"{frame}_{use.element}"
+        frames = ("coordinate", "planar" if self.scene.dimension == 2 else "spatial")
+        return next(name for frame in frames if (name := f"{frame}_{use.element}") in ELEMENTS)
 
     def _row_list(self, use: Any, entry: Entry | None) -> list[Row]:
         assert entry is not None
         if not isinstance(use, ElementUse):
             return [Row(entry.section, entry.name, entry.kind.name, "unit of the expression", entry.location)]
-        element = ELEMENTS[self._kernel_name(use)]
-        count = self.scene.dimension if element.name == "coincident" else 1
+        name = self._kernel_name(use)
+        element = ELEMENTS[name]
+        count = 1 + max(i for i, *_ in _kernel(name).DYNAMICS["J"])
         label = use.labels[0] if use.labels else element.name
         unit = element.units[0]
         if unit.startswith("unit"):
@@ -353,7 +348,7 @@ class System:
             path = entry.path if entry else f"bodies.{self.scene.bodies[use.slots[0]].name}"
             if isinstance(use, ElementUse):
                 name = self._kernel_name(use)
-                kernel = importlib.import_module(f"mbstab.compiler.kernels.{name}")
+                kernel = _kernel(name)
                 columns, bases = self._columns(use, name)
                 placed.append(
                     _Placed(kernel, columns, rows, (*bases, *use.parameters), use.laws, role == "inertia", path)
@@ -397,6 +392,17 @@ class System:
         return _Placed(kernel, columns, rows, values, (_TIME,), False, entry.path)
 
     # --- numbers ----------------------------------------------------------------------------------------------------
+
+    def potential(self, q: Any) -> Any:
+        """Return the potential energy (J) of weight and of elements that store some, shape (…); q has (…, n_q)."""
+        q = np.asarray(q)
+        coordinates = [*np.moveaxis(q, -1, 0), 0.0]
+        total = np.zeros(q.shape[:-1])
+        for element in self._elements:
+            if hasattr(element.kernel, "potential"):
+                arguments = [[coordinates[i] for i in element.columns], element.parameters]
+                total = total + element.kernel.potential(_arithmetic_of(arguments), *arguments)[0]
+        return total
 
     def dynamics(self, q: Any, u: Any, time: Any = None) -> Dynamics:
         """Return the matrices of the equations of motion.
@@ -512,6 +518,11 @@ class System:
         elements = self._running(function)
         known = tuple((element.kernel, element.columns, element.rows) for element in elements)
         return _plan(function, tuple(shapes), known, self.n_q)
+
+
+def _kernel(name: str) -> Any:
+    """Return the kernel of a built-in element."""
+    return importlib.import_module(f"mbstab.compiler.kernels.{name}")
 
 
 @lru_cache(maxsize=64)

@@ -17,11 +17,14 @@ import heapq
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from hashlib import sha256
 from math import gcd, lcm
+from types import SimpleNamespace
 from typing import Any
 
-from mbstab.model.arithmetic import FUNCTIONS, Arithmetic
+from mbstab.model.arithmetic import Arithmetic
+from mbstab.model.functions import TABLE
 
 PRIME = 2**127 - 1
 ONE = 0
@@ -223,18 +226,20 @@ class Tape:
         return Term(self, number**times * inner.coefficient, inner.step)
 
     def call(self, function: str, *arguments: Term) -> Term:
-        """Return a function of `FUNCTIONS`, ``power``, ``sign`` or ``abs_slope`` applied to terms."""
+        """Return a function of `TABLE`, or ``power``, applied to terms."""
         return self._put(Call(function, tuple((a.step, a.coefficient) for a in arguments)))
 
     def arithmetic(self) -> Arithmetic:
         """Return the arithmetic of terms, to write expressions on the tape."""
-
-        def function(name: str) -> Callable[..., Term]:
-            return lambda *arguments: self.call(name, *(self.term(a) for a in arguments))
-
         pi = self.literal("pi")
-        functions: dict[str, Callable[..., Term]] = {name: function(name) for name in (*FUNCTIONS, "sign", "abs_slope")}
-        return Arithmetic("tape", self.literal, {"pi": pi, "deg": pi / 180}, functions | {"power": self.power})
+        return Arithmetic("tape", self.literal, {"pi": pi, "deg": pi / 180}, vars(self._functions))
+
+    @cached_property
+    def _functions(self) -> SimpleNamespace:
+        def function(name: str) -> Callable[..., Term]:
+            return lambda *arguments: self.call(name, *map(self.term, arguments))
+
+        return SimpleNamespace(**{name: function(name) for name in TABLE}, power=self.power)
 
     def _put(self, step: Step) -> Term:
         known = self._terms.get(step)
@@ -303,6 +308,10 @@ class Tape:
 
         return derivative
 
+    def depends(self, term: Term, name: Term) -> bool:
+        """Whether an input occurs in a term."""
+        return bool(self._depends[term.step] & self._depends[name.step])
+
     def gradient(self, weighted: Iterable[tuple[Term, Term]], names: Sequence[Term]) -> list[Term]:
         """Return Σ weight · ∂term/∂name over pairs (weight, term), for each of some inputs."""
         mask = self._mask(names)
@@ -365,50 +374,11 @@ class Tape:
 
     def _slopes(self, function: str, value: Term, arguments: list[Term]) -> tuple[Term, ...]:
         """Return the partial derivatives of a function by its arguments."""
-        x = arguments[0]
-        match function:
-            case "sin":
-                return (self.call("cos", x),)
-            case "cos":
-                return (-self.call("sin", x),)
-            case "tan":
-                return (1 + value * value,)
-            case "asin":
-                return (1 / self.call("sqrt", 1 - x * x),)
-            case "acos":
-                return (-1 / self.call("sqrt", 1 - x * x),)
-            case "atan":
-                return (1 / (1 + x * x),)
-            case "atan2":
-                other = arguments[1]
-                square = x * x + other * other
-                return other / square, -x / square
-            case "sinh":
-                return (self.call("cosh", x),)
-            case "cosh":
-                return (self.call("sinh", x),)
-            case "tanh":
-                return (1 - value * value,)
-            case "exp":
-                return (value,)
-            case "log":
-                return (1 / x,)
-            case "sqrt":
-                return (1 / (2 * value),)
-            case "abs":
-                return (self.call("abs_slope", x),)
-            case "sign" | "abs_slope":
-                return (self.term(0),)
-            case "smooth_start":
-                # 6 c (1 − c) with c = x held between 0 and 1, which has a slope at its ends.
-                held = (1 + x * self.call("sign", x) - (x - 1) * self.call("sign", x - 1)) / 2
-                return (6 * held * (1 - held),)
-            case "power":
-                exponent = arguments[1]
-                slope = exponent * self.power(x, exponent - 1)
-                return slope, value * self.call("log", x) if self._depends[exponent.step] else self.term(0)
-            case _:
-                raise ValueError(f"{function} has no derivative")
+        if function != "power":
+            return tuple(map(self.term, TABLE[function].slopes(self._functions, value, *arguments)))
+        base, exponent = arguments
+        slope = exponent * self.power(base, exponent - 1)
+        return slope, value * self.call("log", base) if self._depends[exponent.step] else self.term(0)
 
 
 def uses(step: Step) -> Iterable[int]:

@@ -21,18 +21,15 @@ from fractions import Fraction
 from typing import Any
 
 from mbstab.compiler.tape import PRIME, half_angle, random_residue, residue
-from mbstab.model.arithmetic import CONSTANTS, FLOAT, FUNCTIONS, Arithmetic
+from mbstab.model.arithmetic import CONSTANTS, FLOAT, Arithmetic
+from mbstab.model.functions import NATIVE, TABLE
 
 MAX_LINE = 100
 """Length of a text that is written in the place of its use."""
 MAX_FACTORS = 4
 """Higher powers are left to the arithmetic."""
 
-_ODD = {"sin", "tan", "asin", "atan", "sinh", "tanh", "sign", "abs_slope"}
-_EVEN = {"cos", "cosh", "abs"}
-
-
-OPERATIONS = ("+", "-", "*", "/", "negative", *FUNCTIONS, "power", "sign", "abs_slope")
+OPERATIONS = ("+", "-", "*", "/", "negative", "power", *NATIVE)
 """What `Code` numbers."""
 
 
@@ -179,14 +176,15 @@ class Trace:
         return result
 
     def call(self, function: str, *arguments: Any) -> Any:
-        """Return a function of `FUNCTIONS`, ``power``, ``sign`` or ``abs_slope`` applied to numbers."""
+        """Return a function of `NATIVE`, or ``power``, applied to numbers."""
         if not any(isinstance(x, Traced) for x in arguments):
             return getattr(FLOAT, function)(*arguments)
+        parity = TABLE[function].parity if function in TABLE else ""
+        if not parity:
+            return self._call(function, *arguments)
         x, negative = _unsigned(arguments[0])
-        if function in _ODD or function in _EVEN:
-            value = self._call(function, x)
-            return -value if negative and function in _ODD else value
-        return self._call(function, *arguments)
+        value = self._call(function, x)
+        return -value if negative and parity == "odd" else value
 
     def _call(self, function: str, *arguments: Any) -> Any:
         residues = tuple(self._residue(x) for x in arguments)
@@ -203,7 +201,7 @@ class Trace:
         def function(name: str) -> Callable[..., Any]:
             return lambda *arguments: self.call(name, *arguments)
 
-        functions = {name: function(name) for name in (*FUNCTIONS, "sign", "abs_slope")}
+        functions = {name: function(name) for name in NATIVE}
         return Arithmetic("trace", float, dict(CONSTANTS), functions | {"power": self.power})
 
     def _signed(self, operation: str, value: int, x: Any, y: Any) -> Any:

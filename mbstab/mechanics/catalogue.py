@@ -56,9 +56,8 @@ class Element:
         Unit of each row; one unit stands for all rows.
     define : callable
         ``define(frames, parameters, signals)`` with symbolic frames; SymPy is imported inside.
-    stored : bool
-        Of a force: whether it has only a potential and a dissipation function; its last parameter is
-        then the damping, if it has any.
+    hint : str
+        What to do where it has no finite equations.
     """
 
     name: str
@@ -69,7 +68,7 @@ class Element:
     define: Callable[..., Any]
     signals: int = 0
     units: tuple[str, ...] = ()
-    stored: bool = False
+    hint: str = ""
 
 
 @dataclass(frozen=True)

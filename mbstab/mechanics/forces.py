@@ -111,10 +111,18 @@ _BOTH = ("planar", "spatial")
 _SPRING = (("stiffness", 1), ("rest", 1), ("damping", 1))
 
 ELEMENTS = (
-    Element("spring", "force", _BOTH, 2, (("first", 0), ("second", 0), *_SPRING), _spring, stored=True),
     Element(
-        "ideal_spring", "force", _BOTH, 2, (("first", 0), ("second", 0), ("stiffness", 1)), _ideal_spring, stored=True
+        "spring",
+        "force",
+        _BOTH,
+        2,
+        (("first", 0), ("second", 0), *_SPRING),
+        _spring,
+        hint="its ends coincide, and the line between them has no direction, which length: and damping: need; "
+        "with length 0 write type: bearing and leave out length:, it acts the same in all directions with the "
+        "same stiffness: and damping:; else keep the ends apart in reference:",
     ),
+    Element("ideal_spring", "force", _BOTH, 2, (("first", 0), ("second", 0), ("stiffness", 1)), _ideal_spring),
     Element(
         "bearing",
         "force",
@@ -122,11 +130,10 @@ ELEMENTS = (
         2,
         (("first", 0), ("second", 0), ("stiffness", 1), ("damping", 1)),
         _bearing,
-        stored=True,
     ),
-    Element("angle_spring", "force", ("planar",), 2, _SPRING, _angle_spring, stored=True),
-    Element("angle_spring", "force", ("spatial",), 2, (*TURN, *_SPRING), _angle_spring, stored=True),
-    Element("displacement_spring", "force", _BOTH, 2, (*TRAVEL, *_SPRING), _displacement_spring, stored=True),
+    Element("angle_spring", "force", ("planar",), 2, _SPRING, _angle_spring),
+    Element("angle_spring", "force", ("spatial",), 2, (*TURN, *_SPRING), _angle_spring),
+    Element("displacement_spring", "force", _BOTH, 2, (*TRAVEL, *_SPRING), _displacement_spring),
     Element("angle_effort", "force", ("planar",), 2, (), _angle_effort, 1),
     Element("angle_effort", "force", ("spatial",), 2, TURN, _angle_effort, 1),
     Element("displacement_effort", "force", _BOTH, 2, TRAVEL, _displacement_effort, 1),

@@ -10,26 +10,10 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-FUNCTIONS: dict[str, tuple[int, str]] = {
-    "sin": (1, "sine"),
-    "cos": (1, "cosine"),
-    "tan": (1, "tangent"),
-    "asin": (1, "inverse sine"),
-    "acos": (1, "inverse cosine"),
-    "atan": (1, "inverse tangent"),
-    "atan2": (2, "angle of the point (second, first argument)"),
-    "sinh": (1, "hyperbolic sine"),
-    "cosh": (1, "hyperbolic cosine"),
-    "tanh": (1, "hyperbolic tangent"),
-    "exp": (1, "exponential"),
-    "log": (1, "natural logarithm"),
-    "sqrt": (1, "square root"),
-    "abs": (1, "absolute value"),
-    "smooth_start": (1, "0 before 0, 3 x**2 - 2 x**3 between 0 and 1, 1 after 1"),
-}
-"""Functions an expression may call: number of arguments and meaning."""
+from mbstab.model.functions import NATIVE, TABLE
 
 CONSTANTS: dict[str, float] = {"pi": math.pi, "deg": math.pi / 180.0}
 """Names an expression may use without declaring them; ``30*deg`` is an angle of 30 degrees."""
@@ -50,8 +34,8 @@ class Arithmetic:
     constants : dict
         Values of `CONSTANTS` in this number system.
     functions : dict
-        One callable for each of `FUNCTIONS`, and for ``power``, ``sign`` (−1, 0 or 1)
-        and ``abs_slope``, the derivative of ``abs``, which does not exist at 0.
+        A callable for ``power``, and one for each function of `mbstab.model.functions.TABLE` without a formula; the
+        others are computed by their formula where they are not given.
     """
 
     def __init__(
@@ -64,15 +48,12 @@ class Arithmetic:
         self.name = name
         self.number = number
         self.constants = constants
-        for key, function in functions.items():
+        known = {key: partial(entry.formula, self) for key, entry in TABLE.items() if entry.formula is not None}
+        for key, function in (known | functions).items():
             setattr(self, key, function)
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         raise AttributeError(f"{self.name} arithmetic has no function {name!r}")
-
-
-def _smooth_start(x: float) -> float:
-    return 0.0 if x <= 0.0 else 1.0 if x >= 1.0 else x * x * (3.0 - 2.0 * x)
 
 
 def _sign(x: float) -> float:
@@ -85,12 +66,16 @@ def _abs_slope(x: float) -> float:
     return math.copysign(1.0, x)
 
 
+def _held(x: float) -> float:
+    return min(max(x, 0.0), 1.0)
+
+
 FLOAT = Arithmetic(
     "float",
     float,
     dict(CONSTANTS),
-    {name: getattr(math, name) for name in FUNCTIONS if hasattr(math, name)}
-    | {"abs": abs, "sign": _sign, "abs_slope": _abs_slope, "power": math.pow, "smooth_start": _smooth_start},
+    {name: getattr(math, name) for name in NATIVE if hasattr(math, name)}
+    | {"abs": abs, "sign": _sign, "abs_slope": _abs_slope, "held": _held, "power": math.pow},
 )
 """Python floats."""
 
@@ -100,18 +85,11 @@ def array_arithmetic() -> Arithmetic:
     """Return the arithmetic of NumPy arrays: the same formulas on all elements at once."""
     import numpy as np
 
-    special = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"}
-
-    def smooth_start(x: Any) -> Any:
-        x = np.clip(x, 0.0, 1.0)
-        return x * x * (3.0 - 2.0 * x)
-
-    functions = {name: getattr(np, special.get(name, name)) for name in FUNCTIONS if name != "smooth_start"}
-
     def abs_slope(x: Any) -> Any:
         return np.where(np.equal(x, 0.0), np.nan, np.sign(x))
 
-    functions |= {"sign": np.sign, "abs_slope": abs_slope, "power": np.power, "smooth_start": smooth_start}
+    functions = {name: getattr(np, name) for name in TABLE if hasattr(np, name)}
+    functions |= {"abs_slope": abs_slope, "held": lambda x: np.clip(x, 0.0, 1.0), "power": np.power}
     return Arithmetic("array", float, dict(CONSTANTS), functions)
 
 
@@ -119,8 +97,12 @@ def symbol_arithmetic() -> Arithmetic:
     """Return the arithmetic of SymPy expressions; literals become exact rationals."""
     import sympy
 
-    def smooth_start(x: Any) -> Any:
-        return sympy.Piecewise((0, x <= 0), (x**2 * (3 - 2 * x), x < 1), (1, True))
+    def held(x: Any) -> Any:
+        return sympy.Piecewise((0, x <= 0), (x, x < 1), (1, True))
+
+    def folded(formula: Callable[..., Any]) -> Callable[..., Any]:
+        # Pieces outside, as they are written by hand.
+        return lambda *arguments: sympy.piecewise_fold(sympy.sympify(formula(f, *arguments)))
 
     def power(base: Any, exponent: Any) -> Any:
         base, exponent = sympy.sympify(base), sympy.sympify(exponent)
@@ -130,14 +112,12 @@ def symbol_arithmetic() -> Arithmetic:
                 raise OverflowError(f"a power of more than {MAX_DIGITS} digits")
         return base**exponent
 
-    functions = {name: getattr(sympy, name) for name in FUNCTIONS if name not in ("abs", "smooth_start")}
-    return Arithmetic(
-        "symbol",
-        sympy.Rational,
-        {"pi": sympy.pi, "deg": sympy.pi / 180},
-        functions
-        | {"abs": sympy.Abs, "sign": sympy.sign, "abs_slope": sympy.sign, "power": power, "smooth_start": smooth_start},
-    )
+    functions = {name: getattr(sympy, name) for name in TABLE if hasattr(sympy, name)}
+    functions |= {"abs": sympy.Abs, "abs_slope": sympy.sign, "held": held, "power": power}
+    formulas = {name: entry.formula for name, entry in TABLE.items() if entry.formula and name not in functions}
+    functions |= {name: folded(formula) for name, formula in formulas.items()}
+    f = Arithmetic("symbol", sympy.Rational, {"pi": sympy.pi, "deg": sympy.pi / 180}, functions)
+    return f
 
 
 def mpmath_arithmetic() -> Arithmetic:
@@ -163,12 +143,13 @@ def mpmath_arithmetic() -> Arithmetic:
             raise ValueError("abs has no derivative at 0")
         return mp.sign(x)
 
-    functions = {name: real(getattr(mp, name)) for name in FUNCTIONS if hasattr(mp, name)}
+    def held(x: Any) -> Any:
+        return mp.mpf(0) if x <= 0 else mp.mpf(1) if x >= 1 else x
+
+    functions = {name: real(getattr(mp, name)) for name in TABLE if hasattr(mp, name)}
     return Arithmetic(
         "mpmath",
         mp.mpf,
         {"pi": mp.pi, "deg": mp.degree},  # digits come when they are used
-        functions
-        | {"abs": mp.fabs, "sign": mp.sign, "abs_slope": abs_slope, "power": real(power)}
-        | {"smooth_start": lambda x: mp.mpf(0) if x <= 0 else mp.mpf(1) if x >= 1 else x * x * (3 - 2 * x)},
+        functions | {"abs": mp.fabs, "abs_slope": abs_slope, "held": held, "power": real(power)},
     )

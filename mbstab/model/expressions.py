@@ -1,7 +1,7 @@
 """The arithmetic a model file may contain: read safely, evaluate in any number system.
 
 Grammar: numbers, names (with a dot for coordinates, ``rod.theta``), ``+ - * / **``,
-parentheses, the functions and constants of `mbstab.model.arithmetic`, and
+parentheses, the functions of `mbstab.model.functions`, the constants of `mbstab.model.arithmetic`, and
 ``rate(rod.theta)`` for the time derivative of a coordinate. Nothing else: no
 attribute access, no calls of anything else. Limits on length,
 depth and exponent keep a hostile text from taking much time.
@@ -15,16 +15,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from mbstab.errors import MbstabError, suggestion
-from mbstab.model.arithmetic import CONSTANTS, FUNCTIONS, Arithmetic
+from mbstab.model.arithmetic import CONSTANTS, Arithmetic
+from mbstab.model.functions import FUNCTIONS, PIECED
 
 MAX_LENGTH = 5_000
 MAX_DEPTH = 60
 MAX_CHAIN = 480
 MAX_EXPONENT = 100.0
 MAX_NUMBER = 1e300
-
-PIECED = ("abs", "smooth_start")
-"""Functions that are not analytic."""
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
@@ -363,7 +361,7 @@ class _Parser:
             if len(arguments) != 1 or not isinstance(arguments[0], Name):
                 raise ExpressionError("rate(...) takes one coordinate, such as rate(body.x)", at)
             return Rate(arguments[0].name, at)
-        expected = FUNCTIONS[function][0]
+        expected = FUNCTIONS[function].arguments
         if len(arguments) != expected:
             plural = "" if expected == 1 else "s"
             raise ExpressionError(f"{function}() takes {expected} argument{plural}, got {len(arguments)}", at)

@@ -7,10 +7,16 @@ in any number system.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import reduce
+from itertools import compress
+from operator import add
+from types import SimpleNamespace
 from typing import Any
 
 from mbstab.model.arithmetic import Arithmetic
+from mbstab.model.functions import TABLE
 
 
 @dataclass(frozen=True)
@@ -33,10 +39,6 @@ class Jet:
     def constant(self) -> bool:
         """Whether both derivatives are zero."""
         return _is_zero(self.rate) and _is_zero(self.second)
-
-    def chain(self, value: Any, first: Any, second: Any) -> Jet:
-        """Return g(self) from g, g' and g'' at this value."""
-        return Jet(value, first * self.rate, first * self.second + second * self.rate * self.rate)
 
     def __add__(self, other: Any) -> Jet:
         other = Jet.of(other)
@@ -73,109 +75,105 @@ class Jet:
         return Jet.of(other) / self
 
 
+class _Dual:
+    """A value with its first derivative: enough for the slopes of a function."""
+
+    __slots__ = ("rate", "value")
+
+    def __init__(self, value: Any, rate: Any = 0) -> None:
+        self.value, self.rate = value, rate
+
+    def __add__(self, other: Any) -> _Dual:
+        if other.__class__ is not _Dual:
+            return _Dual(self.value + other, self.rate)
+        return _Dual(self.value + other.value, self.rate + other.rate)
+
+    __radd__ = __add__
+
+    def __neg__(self) -> _Dual:
+        return _Dual(-self.value, -self.rate)
+
+    def __sub__(self, other: Any) -> _Dual:
+        if other.__class__ is not _Dual:
+            return _Dual(self.value - other, self.rate)
+        return _Dual(self.value - other.value, self.rate - other.rate)
+
+    def __rsub__(self, other: Any) -> _Dual:
+        return _Dual(other - self.value, -self.rate)
+
+    def __mul__(self, other: Any) -> _Dual:
+        if other.__class__ is not _Dual:
+            return _Dual(self.value * other, self.rate * other)
+        return _Dual(self.value * other.value, self.rate * other.value + self.value * other.rate)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> _Dual:
+        if other.__class__ is not _Dual:
+            return _Dual(self.value / other, self.rate / other)
+        value = self.value / other.value
+        return _Dual(value, (self.rate - value * other.rate) / other.value)
+
+    def __rtruediv__(self, other: Any) -> _Dual:
+        value = other / self.value
+        return _Dual(value, -(value * self.rate) / self.value)
+
+
 def jet_arithmetic(f: Arithmetic) -> Arithmetic:
     """Return the arithmetic of jets over the number system `f`."""
 
-    def lift(name: str, derivatives: Any) -> Any:
-        def function(x: Any) -> Jet:
-            x = Jet.of(x)
+    def dual(name: str) -> Callable[..., _Dual]:
+        plain, slopes = getattr(f, name), TABLE[name].slopes
+
+        def function(*arguments: Any) -> _Dual:
+            values = [x.value for x in arguments]
+            value = plain(*values)
+            rate: Any = _total(zip(slopes(f, value, *values), arguments, strict=True))
+            return _Dual(value, rate)
+
+        return function
+
+    def jet(name: str) -> Callable[..., Jet]:
+        plain, slopes = getattr(f, name), TABLE[name].slopes
+
+        def function(*arguments: Any) -> Jet:
+            jets = [Jet.of(x) for x in arguments]
+            values = [x.value for x in jets]
+            value = plain(*values)
+            moving = [not x.constant for x in jets]
             # A constant may lie where the function has no derivative, such as sqrt(0).
-            return Jet(getattr(f, name)(x.value)) if x.constant else x.chain(*derivatives(f, x.value))
+            if not any(moving):
+                return Jet(value)
+            known = compress(zip(slopes(f, value, *values), jets, strict=True), moving)
+            rate = _total(known)
+            changing = slopes(duals, _Dual(value, rate), *(_Dual(x.value, x.rate) for x in jets))
+            parts = list(compress(zip(changing, jets, strict=True), moving))
+            return Jet(value, rate, reduce(add, (s.value * x.second + s.rate * x.rate for s, x in parts)))
 
         return function
 
     def power(x: Any, n: Any) -> Jet:
         base, exponent = Jet.of(x), Jet.of(n)
         if exponent.constant:
-            return _constant_power(f, base, exponent.value)
+            x, n = base.value, exponent.value
+            value = f.power(x, n)
+            if base.constant:
+                return Jet(value)
+            # x**(n-1) has no value at x = 0 for n < 1 even where the factor n is zero.
+            first = 0 * value if _is_zero(n) else n * f.power(x, n - 1)
+            second = 0 * value if _is_zero(n) or _is_zero(n - 1) else n * (n - 1) * f.power(x, n - 2)
+            return Jet(value, first * base.rate, first * base.second + second * base.rate * base.rate)
         result: Jet = functions["exp"](exponent * functions["log"](base))
         return result
 
-    functions: dict[str, Any] = {name: lift(name, derivatives) for name, derivatives in DERIVATIVES.items()}
-    functions |= {"atan2": lambda y, x: _atan2(f, Jet.of(y), Jet.of(x)), "power": power}
-    return Arithmetic(f"jet of {f.name}", f.number, f.constants, functions)
+    duals = SimpleNamespace(**{name: dual(name) for name in TABLE})
+    functions: dict[str, Any] = {name: jet(name) for name in TABLE}
+    return Arithmetic(f"jet of {f.name}", f.number, f.constants, {**functions, "power": power})
 
 
-def _constant_power(f: Any, base: Jet, n: Any) -> Jet:
-    x = base.value
-    value = f.power(x, n)
-    if base.constant:
-        return Jet(value)
-    # x**(n-1) has no value at x = 0 for n < 1 even where the factor n is zero.
-    first = 0 * value if _is_zero(n) else n * f.power(x, n - 1)
-    second = 0 * value if _is_zero(n) or _is_zero(n - 1) else n * (n - 1) * f.power(x, n - 2)
-    return base.chain(value, first, second)
-
-
-def _atan2(f: Any, y: Jet, x: Jet) -> Jet:
-    square = x.value * x.value + y.value * y.value
-    rate = (x.value * y.rate - y.value * x.rate) / square
-    growth = 2 * (x.value * x.rate + y.value * y.rate)
-    second = (x.value * y.second - y.value * x.second - rate * growth) / square
-    return Jet(f.atan2(y.value, x.value), rate, second)
-
-
-# --- value, first and second derivative of each function --------------------------------------------------------------
-
-
-def _smooth_start(f: Any, x: Any) -> tuple[Any, Any, Any]:
-    inside = (f.sign(x) - f.sign(x - 1)) / 2
-    return f.smooth_start(x), 6 * inside * x * (1 - x), inside * (6 - 12 * x)
-
-
-def _tan(f: Any, x: Any) -> tuple[Any, Any, Any]:
-    tangent = f.tan(x)
-    return tangent, 1 + tangent * tangent, 2 * tangent * (1 + tangent * tangent)
-
-
-def _tanh(f: Any, x: Any) -> tuple[Any, Any, Any]:
-    tangent = f.tanh(x)
-    return tangent, 1 - tangent * tangent, -2 * tangent * (1 - tangent * tangent)
-
-
-def _asin(f: Any, x: Any) -> tuple[Any, Any, Any]:
-    root = f.sqrt(1 - x * x)
-    return f.asin(x), 1 / root, x / (root * (1 - x * x))
-
-
-def _acos(f: Any, x: Any) -> tuple[Any, Any, Any]:
-    root = f.sqrt(1 - x * x)
-    return f.acos(x), -1 / root, -x / (root * (1 - x * x))
-
-
-def _atan(f: Any, x: Any) -> tuple[Any, Any, Any]:
-    return f.atan(x), 1 / (1 + x * x), -2 * x / (1 + x * x) ** 2
-
-
-def _sqrt(f: Any, x: Any) -> tuple[Any, Any, Any]:
-    root = f.sqrt(x)
-    return root, 1 / (2 * root), -1 / (4 * x * root)
-
-
-def _abs(f: Any, x: Any) -> tuple[Any, Any, Any]:
-    slope = f.abs_slope(x)
-    return f.abs(x), slope, 0 * slope
-
-
-DERIVATIVES: dict[str, Any] = {
-    "sin": lambda f, x: (f.sin(x), f.cos(x), -f.sin(x)),
-    "cos": lambda f, x: (f.cos(x), -f.sin(x), -f.cos(x)),
-    "tan": _tan,
-    "asin": _asin,
-    "acos": _acos,
-    "atan": _atan,
-    "sinh": lambda f, x: (f.sinh(x), f.cosh(x), f.sinh(x)),
-    "cosh": lambda f, x: (f.cosh(x), f.sinh(x), f.cosh(x)),
-    "tanh": _tanh,
-    "exp": lambda f, x: (f.exp(x),) * 3,
-    "log": lambda f, x: (f.log(x), 1 / x, -1 / (x * x)),
-    "sqrt": _sqrt,
-    "abs": _abs,
-    "sign": lambda f, x: (f.sign(x), 0 * x, 0 * x),
-    "abs_slope": lambda f, x: (f.abs_slope(x), 0 * x, 0 * x),
-    "smooth_start": _smooth_start,
-}
-"""From a number system and a value to the function and its derivatives there."""
+def _total(parts: Iterable[tuple[Any, Any]]) -> Any:
+    """Return the rate of a function from its slopes and its arguments."""
+    return reduce(add, (slope * x.rate for slope, x in parts))
 
 
 def _is_zero(x: Any) -> bool:

@@ -6,8 +6,9 @@ from collections.abc import Iterable
 
 from mbstab.errors import Location, suggestion
 from mbstab.model import units
-from mbstab.model.arithmetic import CONSTANTS, FUNCTIONS
+from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import Expression, ExpressionError, parse
+from mbstab.model.functions import FUNCTIONS
 from mbstab.model.names import Names, owner_of_point
 from mbstab.model.schema import Components, Quantity, parse_finite
 from mbstab.model.yamlfile import Scalar, Sequence, YamlNode

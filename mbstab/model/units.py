@@ -9,11 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from fractions import Fraction
+from functools import partial, reduce
 from typing import Any
 
 from mbstab.errors import suggestion
 from mbstab.model.arithmetic import CONSTANTS, Arithmetic
 from mbstab.model.expressions import Binary, Call, Expression, ExpressionError, Name, Negative, Node, Number, Rate
+from mbstab.model.functions import FUNCTIONS
 
 Dimension = tuple[Fraction, Fraction, Fraction]
 
@@ -208,13 +210,12 @@ def _raise(base: Known, exponent: Known, node: Binary) -> Known:
 
 def _infer_call(node: Call, names: Mapping[str, Known]) -> Known:
     arguments = [_infer(argument, names) for argument in node.arguments]
-    if node.function == "abs":
-        return arguments[0]
-    if node.function == "sqrt":
+    rule = FUNCTIONS[node.function].unit
+    if rule == "root":
         return arguments[0] if isinstance(arguments[0], str) else _times(NONE, arguments[0], Fraction(1, 2))
-    if node.function == "atan2":
-        _same(arguments[0], arguments[1], node.position)
-        return LITERAL
+    if rule != "plain":
+        common = reduce(partial(_same, position=node.position), arguments)
+        return common if rule == "same" else LITERAL
     if arguments[0] not in (LITERAL, UNKNOWN, NONE):
         raise ExpressionError(
             f"{node.function}() takes a plain number or an angle, its argument has the unit {_name(arguments[0])}",

@@ -48,7 +48,7 @@ def compiled(equations, motion):
     system, attitudes = equations.system, Attitudes.of(equations.system)
     start = time.perf_counter()
     options = Options(1e-8, None, 1e-3, 1.0)
-    marching = Marching(equations, attitudes, Energy.of(system, attitudes), "DOP853")
+    marching = Marching(equations, attitudes, Energy.of(system), "DOP853")
     marching.start(system, motion.time, motion.q, motion.u, np.array([1.0]), 1.0, options, 0.0, 0.1)
     ready = time.perf_counter() - start
     y, dy = np.concatenate([motion.q, motion.u]), np.zeros(2 * system.n_q)

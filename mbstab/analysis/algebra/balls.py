@@ -25,6 +25,7 @@ from mbstab.compiler.system import System
 from mbstab.errors import MbstabError, UsageError
 from mbstab.model.arithmetic import MAX_DIGITS, Arithmetic
 from mbstab.model.expressions import ExpressionError
+from mbstab.model.functions import TABLE
 from mbstab.model.jets import Jet
 from mbstab.model.parameters import parse_overrides, parse_setting, unit_factor
 from mbstab.model.schema import Model, Parameter
@@ -365,15 +366,15 @@ def ball_arithmetic() -> Arithmetic:
             raise ValueError("abs has no derivative at 0")
         return sign(x)
 
-    def smooth_start(x: Any) -> Any:
+    def held(x: Any) -> Any:
         x = ball(x)
         if x <= 0:
             return ball(0)
         if x >= 1:
             return ball(1)
         if x >= 0 and x <= 1:
-            return x * x * (3 - 2 * x)
-        raise ValueError("smooth_start reaches over one of its ends")
+            return x
+        raise ValueError("it reaches over an end of a piece")
 
     def power(base: Any, exponent: Any) -> Any:
         whole = _rational(exponent)
@@ -381,9 +382,7 @@ def ball_arithmetic() -> Arithmetic:
             return finite(ball(base) ** int(whole))
         return finite(real(base) ** real(exponent))
 
-    functions: dict[str, Callable[..., Any]] = {
-        name: plain(name) for name in ("asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log")
-    }
+    functions: dict[str, Callable[..., Any]] = {name: plain(name) for name in TABLE if hasattr(arb, name)}
     functions |= {
         "sin": sin,
         "cos": cos,
@@ -393,8 +392,8 @@ def ball_arithmetic() -> Arithmetic:
         "abs": lambda x: abs(ball(x)),
         "sign": sign,
         "abs_slope": abs_slope,
+        "held": held,
         "power": power,
-        "smooth_start": smooth_start,
     }
     return Arithmetic("ball", number, _Constants(), functions)
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.model.arithmetic import CONSTANTS, Arithmetic
+from mbstab.model.arithmetic import CONSTANTS, FLOAT, Arithmetic
+from mbstab.model.functions import TABLE
 
 EPS = float(np.finfo(float).eps)
 
@@ -147,23 +148,27 @@ def _power(x: Any, n: Any) -> Rounded:
     return Rounded(v, error)
 
 
-def _function(name: str, slope: Any) -> Any:
-    """Return a function of one number from that of floats and a bound of its slope near (x, error)."""
-    plain = getattr(math, name)
+def _function(name: str) -> Any:
+    """Return a function of one number from that of floats and the bound of its slope."""
+    plain, entry = getattr(FLOAT, name), TABLE[name]
+    assert entry.steepest is not None
+    steepest = entry.steepest
+
+    def slope(x: float) -> float:
+        try:
+            return abs(float(entry.slopes(FLOAT, plain(x), x)[0]))
+        except (ArithmeticError, ValueError):
+            return math.inf
 
     def function(x: Any) -> Any:
         a, d = value_and_error(x)
         v = plain(a)
         if not a and not d:
             return v
-        return Rounded(v, (slope(a, d, v) * d if d else 0.0) + FUNCTION * abs(v))
+        # By the mean value theorem.
+        return Rounded(v, (steepest(slope, a, d) * d if d else 0.0) + FUNCTION * abs(v))
 
     return function
-
-
-def _inverse_root(a: float, d: float) -> float:
-    left = 1.0 - (abs(a) + d) ** 2
-    return 1.0 / math.sqrt(left) if left > 0.0 else math.inf
 
 
 def _sqrt(x: Any) -> Rounded:
@@ -195,9 +200,9 @@ def _abs_slope(x: Any) -> float:
     return math.copysign(1.0, a)
 
 
-def _smooth_start(x: Any) -> Any:
+def _held(x: Any) -> Any:
     a, _ = value_and_error(x)
-    return 0.0 if a <= 0.0 else 1.0 if a >= 1.0 else x * x * (3.0 - 2.0 * x)
+    return 0.0 if a <= 0.0 else 1.0 if a >= 1.0 else x
 
 
 def _number(text: str) -> Any:
@@ -209,25 +214,15 @@ def _number(text: str) -> Any:
 @cache
 def rounded_arithmetic() -> Arithmetic:
     """Return the arithmetic of numbers that know how much they can be wrong."""
-    functions: dict[str, Any] = {
-        "sin": _function("sin", lambda a, d, v: min(1.0, math.sqrt(max(0.0, 1.0 - v * v)) + d)),
-        "cos": _function("cos", lambda a, d, v: min(1.0, math.sqrt(max(0.0, 1.0 - v * v)) + d)),
-        "tan": _function("tan", lambda a, d, v: 2.0 * (1.0 + v * v) if d * (1.0 + abs(v)) < 0.1 else math.inf),
-        "asin": _function("asin", lambda a, d, v: _inverse_root(a, d)),
-        "acos": _function("acos", lambda a, d, v: _inverse_root(a, d)),
-        "atan": _function("atan", lambda a, d, v: 1.0 / (1.0 + max(0.0, abs(a) - d) ** 2)),
-        "sinh": _function("sinh", lambda a, d, v: math.cosh(abs(a) + d)),
-        "cosh": _function("cosh", lambda a, d, v: math.sinh(abs(a) + d)),
-        "tanh": _function("tanh", lambda a, d, v: 1.0),
-        "exp": _function("exp", lambda a, d, v: v * math.exp(d)),
-        "log": _function("log", lambda a, d, v: 1.0 / (a - d) if a > d else math.inf),
+    functions: dict[str, Any] = {name: _function(name) for name, entry in TABLE.items() if entry.steepest is not None}
+    functions |= {
         "atan2": _atan2,
         "sqrt": _sqrt,
         "abs": abs,
         "sign": _sign,
         "abs_slope": _abs_slope,
+        "held": _held,
         "power": _power,
-        "smooth_start": _smooth_start,
     }
     constants = {name: Rounded(x, UNIT * x) for name, x in CONSTANTS.items()}
     return Arithmetic("rounded", _number, constants, functions)

@@ -42,13 +42,13 @@ from mbstab.analysis.linear.exact_sums import (
     same_number,
 )
 from mbstab.analysis.reference.dependencies import expressions_in
+from mbstab.analysis.reference.efforts import effort_unit
 from mbstab.compiler.system import System
 from mbstab.errors import counted
-from mbstab.mechanics.drives import joint_motion
 from mbstab.model.expressions import Call, Expression, ExpressionError, Name
 from mbstab.model.fields.catalogue import given_fields
+from mbstab.model.functions import FUNCTIONS, PIECED
 from mbstab.model.scene import ItemValues
-from mbstab.model.schema import is_length
 
 LONGEST = 10**6
 """A common period of more periods of the fastest part is of no use: none is said to exist."""
@@ -182,13 +182,12 @@ def _inside(atom: Atom) -> tuple[Sum, tuple[Sum, ...]] | None:
         return None
     known = [part for part in parts if part is not None]
     slope, found = known[0][0], tuple(f for _, more in known for f in more)
-    if atom.kind in ("sin", "cos") and slope:
-        return slope, found
-    if atom.kind == "tan" and slope:
-        return Sum(), (slope * 2, *found)
+    entry = FUNCTIONS.get(atom.kind)
+    if entry is not None and entry.half_turn and slope:
+        return (slope, found) if entry.half_turn < 0 else (Sum(), (slope * 2, *found))
     if any(s for s, _ in known):
         return None
-    if atom.kind == "abs":
+    if entry is not None and entry.parity == "even":
         square = _periodic(atom.arguments[0] * atom.arguments[0])
         found = found if square is None or square[0] else square[1]
     return Sum(), found
@@ -225,13 +224,8 @@ def expressions(system: System) -> Iterator[tuple[str, Role, Expression, bool]]:
 
 def _is_angle(drive: ItemValues) -> bool:
     """Whether a drive gives an angle."""
-    match drive.kind.name:
-        case "coordinate":
-            return not is_length(drive.entry.values["coordinate"])
-        case "joint":
-            return joint_motion(drive)[1] == "angle"
-        case _:
-            return False
+    assert drive.kind.effort
+    return effort_unit(drive.kind.effort(drive).motion, str(drive.entry.values.get("coordinate", ""))) == "N*m"
 
 
 def time_uses(system: System) -> tuple[TimeUse, ...]:
@@ -299,11 +293,11 @@ def _later(structure: Structure, expression: Expression, role: Role, x: Sum) -> 
 def _ends(structure: Structure, x: Sum) -> Iterator[Sum]:
     """Yield the times at which a piece of a function of time ends for good."""
     for atom in atoms(x):
-        line = linear(atom.arguments[0]) if atom.kind in ("smooth_start", "abs") and atom.time else None
+        line = linear(atom.arguments[0]) if atom.kind in PIECED and atom.time else None
         if line is None or line[1].state or not (sign := structure.sign(line[0])):
             continue
-        level = Sum.of(int(atom.kind == "smooth_start" and sign > 0))
-        yield (level - line[1]) / line[0]
+        joints = FUNCTIONS[atom.kind].joints
+        yield (joints[-1 if sign > 0 else 0] - line[1]) / line[0]
 
 
 def _part(structure: Structure, expression: Expression, kind: str) -> str:

@@ -12,8 +12,9 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from mbstab.model.arithmetic import FUNCTIONS, Arithmetic, array_arithmetic
+from mbstab.model.arithmetic import Arithmetic, array_arithmetic
 from mbstab.model.expressions import Expression
+from mbstab.model.functions import FUNCTIONS
 from mbstab.model.scene import Scene
 from mbstab.model.schema import Parameter
 from mbstab.model.units import exact_factor
@@ -232,23 +233,20 @@ def _root(x: Fraction) -> Sum:
     return Sum.of(Atom.of("sqrt", arguments=(Sum.of(inside),))) * outside
 
 
+FRACTIONS = Arithmetic("fraction", Fraction, {}, {"abs": abs, "held": lambda x: min(max(x, Fraction(0)), Fraction(1))})
+"""The arithmetic of functions that are put together from polynomials."""
+
+
 def function(name: str, *arguments: Sum) -> Sum:
     """Return a function of sums; its value where that is rational by structure."""
     x, value = arguments[0], arguments[0].rational
     if name == "sqrt" and value is not None and value >= 0:
         return _root(value)
-    if name == "abs" and value is not None:
-        return Sum.of(abs(value))
-    if name == "smooth_start" and value is not None:
-        inside = min(max(value, Fraction(0)), Fraction(1))
-        return Sum.of(inside * inside * (3 - 2 * inside))
-    if len(arguments) == 1 and not x:
-        if name in ("cos", "cosh", "exp"):
-            return Sum.of(1)
-        if name in ("sin", "tan", "asin", "atan", "sinh", "tanh"):
-            return x
-    if name == "log" and value == 1:
-        return Sum()
+    if value is not None:
+        if FUNCTIONS[name].joints:
+            return Sum.of(getattr(FRACTIONS, name)(value))
+        if len(arguments) == 1 and (known := FUNCTIONS[name].at(value)) is not None:
+            return Sum.of(known)
     if name in ("sin", "cos") and (quarters := ratio(x, PI)) is not None and (2 * quarters).denominator == 1:
         return Sum.of((0, 1, 0, -1)[(int(2 * quarters) + (name == "cos")) % 4])
     return Sum.of(Atom.of(name, arguments=arguments))
@@ -297,7 +295,7 @@ class Structure:
         """
         names = {name: self._name(name) for name in expression.names()}
         rates = {name: Sum.of(Atom.of("state", f"rate({name})")) for name in expression.rates()}
-        return Sum.of(expression.evaluate(names, self._arithmetic(start), rates))
+        return Sum.of(expression.evaluate(names, self.arithmetic(start), rates))
 
     def given(self, expression: Expression, value: Any, name: str, parameter: Parameter | None = None) -> Sum:
         """Return the exact value of a number that the scene has: that of its expression, or of its decimals."""
@@ -307,7 +305,7 @@ class Structure:
         if parameter is not None:
             factor = parameter.factor
             if factor != 1.0:
-                exact = exact_factor(parameter.unit, self._arithmetic(None))
+                exact = exact_factor(parameter.unit, self.arithmetic())
             # Just as the scene was made: in balls, not even a factor of 1 is without effect.
             default = default * (factor if plain or factor == 1.0 else exact_factor(parameter.unit, f))
             if plain and factor != 1.0 and not getattr(value, "ndim", 0) and not same_number(default, value):
@@ -334,18 +332,21 @@ class Structure:
             self._parameters[name] = self.given(parameter.expression, self.scene.parameters[name], name, parameter)
         return self._parameters[name]
 
-    def _arithmetic(self, start: Sum | None) -> Arithmetic:
+    def arithmetic(self, start: Sum | None = None) -> Arithmetic:
+        """Return the arithmetic of sums, with what pieces are from a time on if one is given."""
         functions: dict[str, Any] = {name: partial(self._call, name, start) for name in FUNCTIONS}
         constants = {"pi": PI, "deg": PI / 180}
         return Arithmetic("sum", lambda text: Sum.of(Fraction(text)), constants, functions | {"power": _power})
 
     def _call(self, name: str, start: Sum | None, *arguments: Sum) -> Sum:
         x = arguments[0]
-        if start is not None and name in ("smooth_start", "abs") and x.rational is None:
-            if self.nonnegative(x - 1 if name == "smooth_start" else x, start):
-                return Sum.of(1) if name == "smooth_start" else x
-            if self.nonnegative(-x, start):
-                return Sum() if name == "smooth_start" else -x
+        entry = FUNCTIONS[name]
+        if start is not None and entry.outside is not None and x.rational is None:
+            before, behind = entry.outside
+            if self.nonnegative(x - entry.joints[-1], start):
+                return Sum.of(behind(x))
+            if self.nonnegative(entry.joints[0] - x, start):
+                return Sum.of(before(x))
         return function(name, *arguments)
 
     # --- values -----------------------------------------------------------------------------------------------------
@@ -420,13 +421,15 @@ class Structure:
         if key not in self._spans:
             self._spans[key] = self._span(atom.arguments[0], start)
         inside = self._spans[key]
-        if atom.kind in ("atan", "tanh", "exp", "smooth_start"):
+        if atom.kind == "group":
+            return inside
+        entry = FUNCTIONS.get(atom.kind)
+        if entry is not None and entry.rising:
             f = array_arithmetic()
             with np.errstate(all="ignore"):
                 low, high = (float(getattr(f, atom.kind)(end)) for end in inside)
             return low, high
-        fixed = {"sin": (-1.0, 1.0), "cos": (-1.0, 1.0), "abs": (0.0, math.inf), "cosh": (1.0, math.inf)}
-        return inside if atom.kind == "group" else fixed.get(atom.kind, (-math.inf, math.inf))
+        return (-math.inf, math.inf) if entry is None else entry.span
 
 
 def same_number(a: Any, b: Any) -> bool:

@@ -29,6 +29,7 @@ from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.fields import Shift, Turn
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array
+from mbstab.model.schema import is_length
 
 EPS = float(np.finfo(float).eps)
 
@@ -204,7 +205,7 @@ class SecondVariation:
         return False
 
     def _angles(self) -> npt.NDArray[np.bool_]:
-        return np.array([not name.endswith((".x", ".y", ".z")) for name in self.linear.names])
+        return np.array([not is_length(name) for name in self.linear.names])
 
     def _idle_turns(self) -> list[Generator]:
         """Return turns that leave the reference as it is: of the ground, with spins that undo them."""

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from mbstab.analysis.linear.constancy import SMOOTH, Place, call_at, cut, expressions
-from mbstab.analysis.linear.exact_sums import NEAR, ROUNDING, Atom, Monomial, Structure, Sum, atoms, function
+from mbstab.analysis.linear.exact_sums import NEAR, ROUNDING, Atom, Monomial, Structure, Sum, atoms
 from mbstab.compiler.system import System
 from mbstab.model.expressions import Call, Expression, ExpressionError
+from mbstab.model.functions import FUNCTIONS, PIECED, Break
 from mbstab.model.schema import is_length
 
 
@@ -106,31 +108,32 @@ class _Corners:
     def _derivatives(self, atom: Atom, n: int, monomial: Monomial) -> tuple[int, str]:
         """Return how many derivatives of a product are continuous as far as one factor is concerned, and where not."""
         x = atom.arguments[0] if atom.arguments else Sum.of(atom)
-        zero = "its argument is 0"
-        match atom.kind:
-            case "abs" if n % 2 or n < 0:
-                return (n - 1 + _zeros(x, monomial) if n > 0 else -1, zero) if self.near(x) else (SMOOTH, "")
-            case "smooth_start":
-                if self.near(x):
-                    return 2 * n - 1 + _zeros(x, monomial) if n > 0 else -1, zero
-                return (1, "its argument is 1") if self.near(x - 1) else (SMOOTH, "")
-            case "power":
-                return self._of_power(atom)
-            case "atan2":
-                other = atom.arguments[1]
-                ahead = np.all(np.asarray(self.structure.value(other, self.names)[0]) > 0.0)
-                behind = self.near(x) and (not ahead or self.near(other))
-                return (-1, "it jumps by a turn") if behind else (SMOOTH, "")
-            case "asin" | "acos":
-                return (-1, "its argument is 1 or -1") if self.near(x - 1) or self.near(x + 1) else (SMOOTH, "")
-            case "tan":
-                return (-1, "it is infinite") if self.near(function("cos", x)) else (SMOOTH, "")
-            case "sqrt" | "log":
-                return (0 if atom.kind == "sqrt" and n > 0 else -1, zero) if self.near(x) else (SMOOTH, "")
-            case "group" | "state" if n < 0:
-                return (-1, "it divides by 0") if self.near(x) else (SMOOTH, "")
-            case _:
-                return SMOOTH, ""
+        if atom.kind == "power":
+            return self._of_power(atom)
+        if atom.kind in ("group", "state"):
+            return (-1, "it divides by 0") if n < 0 and self.near(x) else (SMOOTH, "")
+        found = [(self._smooth(where, atom, n, monomial), where.text) for where in self._met(atom)]
+        return min(found, default=(SMOOTH, ""))
+
+    def _met(self, atom: Atom) -> Iterator[Break]:
+        """Yield the breaks of a function near which the state is."""
+        f = self.structure.arithmetic()
+        for where in FUNCTIONS[atom.kind].breaks if atom.kind in FUNCTIONS else ():
+            if all(map(self.near, where.where(f, *atom.arguments))):
+                saving = None if where.unless is None else where.unless(f, *atom.arguments)
+                if saving is None or self.near(saving) or not np.all(self.structure.value(saving, self.names)[0] > 0.0):
+                    yield where
+
+    @staticmethod
+    def _smooth(where: Break, atom: Atom, n: int, monomial: Monomial) -> int:
+        """Return how many derivatives of a power of a function are continuous at a break."""
+        if where.zero and n < 0:
+            return -1
+        if where.square and n % 2 == 0:
+            return SMOOTH
+        if where.zero and atom.kind in PIECED:
+            return n * (where.smooth + 1) - 1 + _zeros(atom.arguments[0], monomial)
+        return where.smooth
 
     def _of_power(self, atom: Atom) -> tuple[int, str]:
         base, exponent = atom.arguments

@@ -14,25 +14,14 @@ from typing import Any
 from mbstab.analysis.algebra.balls import Ball as BallType
 from mbstab.analysis.algebra.balls import NotProvable, at_part, ball, ball_arithmetic, parameters
 from mbstab.analysis.reference.dependencies import expressions_in
-from mbstab.model.expressions import OPERATIONS, PIECED, Binary, Call, Expression, Name, Negative, Node, Number, Rate
+from mbstab.model.expressions import OPERATIONS, Binary, Call, Expression, Name, Negative, Node, Number, Rate
+from mbstab.model.functions import FUNCTIONS, PIECED, Break
 from mbstab.model.schema import Model
 
 Known = BallType | None
 """The enclosure of a value; None: it depends on the motion."""
 
 HALF = Fraction(1, 2)
-
-DOMAINS: dict[str, Callable[..., bool]] = {
-    "abs": lambda x: bool(x > 0 or x < 0),
-    "smooth_start": lambda x: bool(x < 0 or x > 1 or (x > 0 and x < 1)),
-    "atan2": lambda y, x: bool(x > 0 or y > 0 or y < 0),
-    "sqrt": lambda x: bool(x > 0),
-    "log": lambda x: bool(x > 0),
-    "asin": lambda x: bool(x > -1 and x < 1),
-    "acos": lambda x: bool(x > -1 and x < 1),
-    "tan": lambda x: bool(ball_arithmetic().cos(x) > 0 or ball_arithmetic().cos(x) < 0),
-}
-"""Where functions that are not analytic everywhere are one analytic function."""
 
 
 def require_analytic(model: Model, overrides: Mapping[str, BallType]) -> None:
@@ -109,16 +98,21 @@ class _Reader:
 
     def _function(self, node: Call) -> Known:
         found = [self.value(argument) for argument in node.arguments]
-        rule = DOMAINS.get(node.function)
-        if rule is not None and any(self._varies(argument) for argument in node.arguments):
+        if any(self._varies(argument) for argument in node.arguments):
             if any(x is None for x in found):
                 if node.function in PIECED:
                     raise self._refuse(f"{node.function} has pieces")
-            elif not rule(*found):
+            elif not all(self._avoided(where, found) for where in FUNCTIONS[node.function].breaks):
                 raise self._refuse(f"{node.function} has no single analytic piece")
         if any(x is None for x in found):
             return None
         return self._evaluated(lambda: getattr(self.f, node.function)(*found))
+
+    def _avoided(self, where: Break, arguments: list[Any]) -> bool:
+        """Whether arguments are nowhere at a break."""
+        if where.unless is not None and where.unless(self.f, *arguments) > 0:
+            return True
+        return any(x > 0 or x < 0 for x in where.where(self.f, *arguments))
 
     def _evaluated(self, function: Callable[[], Any]) -> BallType:
         try:

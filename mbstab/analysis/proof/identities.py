@@ -205,7 +205,7 @@ class Identities(ElementChanges):
         zero = [ball(0)] * self.system.n_q
         for element in self._dampers(system):
             if element.stored:
-                if not ball(element.placed.parameters[-1]) >= 0:
+                if not all(ball(x) >= 0 for x in element.damping or ()):
                     return False
                 continue
             R = element.slopes(self.states[0].q, zero, zero, self.time, self.f)[1]

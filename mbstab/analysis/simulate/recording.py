@@ -12,7 +12,6 @@ from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import Placement, efforts, moving_joints, unwound
 from mbstab.analysis.reference.reactions import reactions
 from mbstab.analysis.simulate.constrained import Constrained
-from mbstab.analysis.simulate.energy import Energy
 from mbstab.compiler.system import Array, System
 
 TOGETHER, NUMBERS = 500, 4_000_000
@@ -31,7 +30,6 @@ class Frame:
 
     equations: Constrained
     attitudes: Attitudes
-    energy: Energy
     start: Array
 
     @property
@@ -171,7 +169,7 @@ class Record:
         motions = np.array([at.motion(*x) for x in moving]).reshape(len(moving), len(q)).T
         motion_rates = np.array([at.rate(*x) for x in moving]).reshape(len(moving), len(q)).T
         shown = _continued(frame, q, before)
-        potential = frame.energy.potential(system, q)
+        potential = system.potential(q)
         q, u, a = frame.attitudes.in_file(system, q, u, a, shown)
         return cls(q, u, a, nu, loads, driving, motions, motion_rates, kinetic, potential, np.array(residuals))
 

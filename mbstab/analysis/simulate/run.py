@@ -150,7 +150,7 @@ class Follower:
     ) -> None:
         self.system, self.motion, self.times, self.through, self.work = system, motion, times, through, work
         self.attitudes = Attitudes.of(system)
-        self.energy = Energy.of(system, self.attitudes)
+        self.energy = Energy.of(system)
         self.form = form or Form(system)
         self.parts = self.working_parts(system)
         self.note = ""
@@ -519,7 +519,7 @@ class _Leg:
         if not (passed or settled):
             q, u, _ = self.equations.project(t, q, u)
         if self.frame is None or self.frame.equations is not self.equations:
-            self.frame = Frame(self.equations, self.attitudes, self.energy, self.motion.q)
+            self.frame = Frame(self.equations, self.attitudes, self.motion.q)
         a = passed.acceleration(t) if passed else None
         self.run.samples.append(Sample(self.frame, t, q, u, self.work, a))
 

@@ -24,6 +24,7 @@ from mbstab.analysis.linear.verdict import Neutral
 from mbstab.analysis.reference.fields import Combination, OwnTurn, Shift, Spin, Symmetry
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array, System
+from mbstab.model.schema import is_length
 
 FITS = 1e-10
 """S leads directions of symmetries out of their span by less than this part of its norm."""
@@ -401,7 +402,7 @@ class Known:
         As in `mbstab.analysis.linear.minimum`: a multiple of the momentum of a turn that leaves the reference as it is.
         """
         found = np.zeros(len(points.S), dtype=bool)
-        angles = np.array([not name.endswith((".x", ".y", ".z")) for name in points.system.names])
+        angles = np.array([not is_length(name) for name in points.system.names])
         reach = 4.0 * np.max(np.abs(points.u[:, angles]), axis=1, initial=0.0)
         for step in self.idle:
             ratios, last = np.linspace(-1.0, 1.0, TRIED).tolist(), 0.0

@@ -35,3 +35,20 @@ LINEARIZE = {
     'K': ((2, 2), (2, 5), (5, 2), (5, 5)),
     'R': ((2, 2), (2, 5), (5, 2), (5, 5)),
 }
+
+
+def potential(f, q, p):
+    _, _, theta1, _, _, theta2, = q
+    stiffness, rest, *_ = p
+    w0 = rest - theta1 + theta2
+    return (
+        stiffness*w0*w0/2,
+    )
+
+
+POTENTIAL = {
+    'U': ((),),
+}
+
+
+DAMPING = (2,)

@@ -27,3 +27,16 @@ LINEARIZE = {
     'K': (),
     'R': (),
 }
+
+
+def potential(f, q, p):
+    x1, y1, *_ = q
+    mass, _, gravity_1, gravity_2, = p
+    return (
+        -mass*(gravity_1*x1 + gravity_2*y1),
+    )
+
+
+POTENTIAL = {
+    'U': ((),),
+}

@@ -83,3 +83,19 @@ LINEARIZE = {
     'K': ((0, 2), (1, 2), (2, 2)),
     'R': ((0, 2), (1, 2)),
 }
+
+
+def potential(f, q, p):
+    x1, y1, theta1, = q
+    mass, _, center_1, center_2, gravity_1, gravity_2, = p
+    w0 = f.cos(theta1)
+    w1 = f.sin(theta1)
+    w2 = gravity_1*(x1 + center_1*w0 - center_2*w1) + gravity_2*(y1 + center_1*w1 + w0*center_2)
+    return (
+        -mass*w2,
+    )
+
+
+POTENTIAL = {
+    'U': ((),),
+}

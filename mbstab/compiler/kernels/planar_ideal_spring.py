@@ -90,3 +90,25 @@ LINEARIZE = {
     'K': ((0, 0), (0, 2), (0, 3), (0, 5), (1, 1), (1, 2), (1, 4), (1, 5), (2, 0), (2, 1), (2, 2), (2, 3), (2, 4), (2, 5), (3, 0), (3, 2), (3, 3), (3, 5), (4, 1), (4, 2), (4, 4), (4, 5), (5, 0), (5, 1), (5, 2), (5, 3), (5, 4), (5, 5)),
     'R': (),
 }
+
+
+def potential(f, q, p):
+    x1, y1, theta1, x2, y2, theta2, = q
+    first_1, first_2, second_1, second_2, stiffness, = p
+    w0 = f.cos(theta1)
+    w1 = f.sin(theta2)
+    w2 = f.sin(theta1)
+    w3 = f.cos(theta2)
+    w4 = x1 - x2 + first_1*w0 + second_2*w1 - first_2*w2 - second_1*w3
+    w5 = y1 - y2 + first_1*w2 + w0*first_2 - w1*second_1 - second_2*w3
+    return (
+        stiffness*(w4*w4 + w5*w5)/2,
+    )
+
+
+POTENTIAL = {
+    'U': ((),),
+}
+
+
+DAMPING = ()

@@ -748,3 +748,57 @@ LINEARIZE = {
     'K': ((3, 3), (3, 4), (3, 5), (3, 9), (3, 10), (3, 11), (4, 3), (4, 4), (4, 5), (4, 9), (4, 10), (4, 11), (5, 3), (5, 4), (5, 5), (5, 9), (5, 10), (5, 11), (9, 3), (9, 4), (9, 5), (9, 9), (9, 10), (9, 11), (10, 3), (10, 4), (10, 5), (10, 9), (10, 10), (10, 11), (11, 3), (11, 4), (11, 5), (11, 9), (11, 10), (11, 11)),
     'R': ((3, 3), (3, 4), (3, 5), (3, 9), (3, 10), (3, 11), (4, 3), (4, 4), (4, 5), (4, 9), (4, 10), (4, 11), (5, 3), (5, 4), (5, 5), (5, 9), (5, 10), (5, 11), (9, 3), (9, 4), (9, 5), (9, 9), (9, 10), (9, 11), (10, 3), (10, 4), (10, 5), (10, 9), (10, 10), (10, 11), (11, 3), (11, 4), (11, 5), (11, 9), (11, 10), (11, 11)),
 }
+
+
+def potential(f, q, p):
+    _, _, _, phi1, theta1, psi1, _, _, _, phi2, theta2, psi2, = q
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, base2_11, base2_12, base2_13, base2_21, base2_22, base2_23, base2_31, base2_32, base2_33, first_v2_1, first_v2_2, first_v2_3, second_v2_1, second_v2_2, second_v2_3, second_v3_1, second_v3_2, second_v3_3, stiffness, rest, *_ = p
+    w0 = f.sin(theta1)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = first_v2_1*w1 - first_v2_2*w2
+    w4 = f.cos(theta1)
+    w5 = first_v2_3*w0 + w3*w4
+    w6 = first_v2_1*w2 + w1*first_v2_2
+    w7 = f.cos(phi1)
+    w8 = first_v2_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base1_11*w5 + base1_12*w10 + base1_13*w11
+    w13 = f.sin(theta2)
+    w14 = f.cos(psi2)
+    w15 = f.sin(psi2)
+    w16 = second_v3_1*w14 - second_v3_2*w15
+    w17 = f.cos(theta2)
+    w18 = second_v3_3*w13 + w16*w17
+    w19 = second_v3_1*w15 + w14*second_v3_2
+    w20 = f.cos(phi2)
+    w21 = second_v3_3*w17 - w13*w16
+    w22 = f.sin(phi2)
+    w23 = w19*w20 - w21*w22
+    w24 = w19*w22 + w20*w21
+    w25 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w26 = w5*base1_31 + w10*base1_32 + w11*base1_33
+    w27 = w12*(base2_11*w18 + base2_12*w23 + base2_13*w24) + w25*(w18*base2_21 + w23*base2_22 + w24*base2_23) + w26*(w18*base2_31 + w23*base2_32 + w24*base2_33)
+    w28 = f.cos(rest)
+    w29 = w14*second_v2_1 - w15*second_v2_2
+    w30 = w13*second_v2_3 + w17*w29
+    w31 = w15*second_v2_1 + w14*second_v2_2
+    w32 = w17*second_v2_3 - w13*w29
+    w33 = w20*w31 - w22*w32
+    w34 = w22*w31 + w20*w32
+    w35 = w12*(base2_11*w30 + base2_12*w33 + base2_13*w34) + w25*(base2_21*w30 + base2_22*w33 + base2_23*w34) + w26*(base2_31*w30 + base2_32*w33 + base2_33*w34)
+    w36 = f.sin(rest)
+    w37 = f.atan2(w27*w28 - w35*w36, w28*w35 + w27*w36)
+    return (
+        stiffness*w37*w37/2,
+    )
+
+
+POTENTIAL = {
+    'U': ((),),
+}
+
+
+DAMPING = (29,)

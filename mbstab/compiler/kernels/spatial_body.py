@@ -180,3 +180,16 @@ LINEARIZE = {
     'K': ((3, 4), (3, 5), (4, 4), (4, 5), (5, 4), (5, 5)),
     'R': ((3, 3), (3, 4), (3, 5), (4, 3), (4, 4), (4, 5), (5, 3), (5, 4)),
 }
+
+
+def potential(f, q, p):
+    x1, y1, z1, *_ = q
+    _, _, _, _, _, _, _, _, _, mass, _, _, _, _, _, _, gravity_1, gravity_2, gravity_3, = p
+    return (
+        -mass*(gravity_1*x1 + gravity_2*y1 + gravity_3*z1),
+    )
+
+
+POTENTIAL = {
+    'U': ((),),
+}

@@ -547,3 +547,29 @@ LINEARIZE = {
     'K': ((0, 3), (0, 4), (0, 5), (1, 3), (1, 4), (1, 5), (2, 3), (2, 4), (2, 5), (3, 3), (3, 4), (3, 5), (4, 3), (4, 4), (4, 5), (5, 3), (5, 4), (5, 5)),
     'R': ((0, 3), (0, 4), (0, 5), (1, 3), (1, 4), (1, 5), (2, 3), (2, 4), (2, 5), (3, 3), (3, 4), (3, 5), (4, 3), (4, 4), (4, 5), (5, 3), (5, 4)),
 }
+
+
+def potential(f, q, p):
+    x1, y1, z1, phi1, theta1, psi1, = q
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, mass, _, _, _, _, _, _, center_1, center_2, center_3, gravity_1, gravity_2, gravity_3, = p
+    w0 = f.sin(theta1)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = center_1*w1 - center_2*w2
+    w4 = f.cos(theta1)
+    w5 = center_3*w0 + w3*w4
+    w6 = center_1*w2 + w1*center_2
+    w7 = f.cos(phi1)
+    w8 = center_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = gravity_1*(x1 + base1_11*w5 + base1_12*w10 + base1_13*w11) + gravity_2*(y1 + w5*base1_21 + w10*base1_22 + w11*base1_23) + gravity_3*(z1 + w5*base1_31 + w10*base1_32 + w11*base1_33)
+    return (
+        -mass*w12,
+    )
+
+
+POTENTIAL = {
+    'U': ((),),
+}

@@ -28,3 +28,16 @@ LINEARIZE = {
     'K': (),
     'R': (),
 }
+
+
+def potential(f, q, p):
+    x1, y1, z1, *_ = q
+    _, _, _, _, _, _, _, _, _, mass, gravity_1, gravity_2, gravity_3, = p
+    return (
+        -mass*(gravity_1*x1 + gravity_2*y1 + gravity_3*z1),
+    )
+
+
+POTENTIAL = {
+    'U': ((),),
+}

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from mbstab.mechanics.catalogue import Sign
 from mbstab.model import units
-from mbstab.model.arithmetic import CONSTANTS, FUNCTIONS
+from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import ExpressionError, parse
+from mbstab.model.functions import FUNCTIONS
 from mbstab.model.names import in_order
 from mbstab.model.quantities import QuantityReader, constant
 from mbstab.model.schema import PARAMETER_FIELDS, SIGNS, Parameter, Quantity

@@ -1,0 +1,264 @@
+"""The table of the elementary functions: all that any number system, derivative, text or proof knows about one.
+
+A new function is one entry of `FUNCTIONS`, at its end. What it needs:
+
+* ``slopes``, its derivatives by its arguments in terms of the same functions: higher ones follow;
+* ``formula``, its value in terms of the others, for number systems whose library does not have a function of its
+  name. Without it every library must have one. Functions of Python's `math` are one operation of traced programs and
+  of machine code; all others are the operations of their formula there;
+* how its slope is bounded near a point (``steepest``), if it has no formula: for numbers that carry errors;
+* where it is not analytic (``breaks``), and where its pieces meet (``joints``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from inspect import signature
+from typing import Any, Literal
+
+Slope = Callable[[float], float]
+"""The size of the slope of a function at a point; `math.inf` where it has none."""
+
+
+@dataclass(frozen=True)
+class Break:
+    """A set of points where a function is not analytic.
+
+    Attributes
+    ----------
+    where : callable
+        From an arithmetic and the arguments to the quantities that all vanish there.
+    text : str
+        Where that is, in words.
+    smooth : int
+        Number of continuous derivatives of the function; −1: not even the value.
+    zero : bool
+        Whether the function vanishes there.
+    square : bool
+        Whether its square is analytic there.
+    unless : callable, optional
+        From an arithmetic and the arguments to a quantity; where it is positive all is well.
+    """
+
+    where: Callable[..., tuple[Any, ...]]
+    text: str
+    smooth: int = -1
+    zero: bool = False
+    square: bool = False
+    unless: Callable[..., Any] | None = None
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function of one or more numbers.
+
+    Attributes
+    ----------
+    doc : str
+        What it is.
+    slopes : callable
+        ``slopes(f, value, *arguments)``: its partial derivatives, in the arithmetic `f`; its arguments have their names
+        from here.
+    formula : callable or None
+        ``formula(f, *arguments)``: its value in terms of other functions.
+    unit : str
+        ``plain``: takes numbers and angles; ``same``: the unit of its arguments; ``root``: the square root of
+        it; ``ratio``: arguments of one unit, a plain result.
+    parity : str
+        ``odd`` or ``even``.
+    exact : dict
+        Rational values at rational points.
+    steepest : callable or None
+        ``steepest(slope, x, d)``: a bound of the size of the slope between x − d and x + d.
+    breaks : tuple of Break
+    joints : tuple of int
+        Where its pieces meet, in ascending order.
+    outside : pair of callables
+        What it is before the first joint and behind the last one.
+    span : (float, float)
+        Bounds of its values.
+    rising : bool
+        Whether it nowhere decreases, and has values everywhere.
+    half_turn : int
+        By what it is multiplied when π is added to its argument; 0: it does not repeat.
+    """
+
+    doc: str
+    slopes: Callable[..., tuple[Any, ...]]
+    formula: Callable[..., Any] | None = None
+    unit: Literal["plain", "same", "root", "ratio"] = "plain"
+    parity: Literal["odd", "even", ""] = ""
+    exact: tuple[tuple[int, int], ...] = ()
+    steepest: Callable[[Slope, float, float], float] | None = None
+    breaks: tuple[Break, ...] = ()
+    joints: tuple[int, ...] = ()
+    outside: tuple[Callable[[Any], Any], Callable[[Any], Any]] | None = None
+    span: tuple[float, float] = (-math.inf, math.inf)
+    rising: bool = False
+    half_turn: int = 0
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of its arguments."""
+        return tuple(signature(self.slopes).parameters)[2:]
+
+    @property
+    def arguments(self) -> int:
+        """How many arguments it takes."""
+        return len(self.names)
+
+    def at(self, x: Fraction) -> int | None:
+        """Return its value at a rational point where that is known to be a whole number."""
+        return dict(self.exact).get(int(x)) if x.denominator == 1 else None
+
+
+# --- where a slope is largest ---------------------------------------------------------------------------------------
+
+
+def _outer(slope: Slope, x: float, d: float) -> float:
+    """Return the largest slope of a function whose slope grows with the size of its argument."""
+    return slope(abs(x) + d)
+
+
+def _inner(slope: Slope, x: float, d: float) -> float:
+    return slope(max(0.0, abs(x) - d))
+
+
+def _upper(slope: Slope, x: float, d: float) -> float:
+    return slope(x + d)
+
+
+def _lower(slope: Slope, x: float, d: float) -> float:
+    return slope(x - d)
+
+
+def _within_one(slope: Slope, x: float, d: float) -> float:
+    """Return it for a slope that is at most 1 and changes no faster than its argument."""
+    return min(1.0, slope(x) + d)
+
+
+def _before_a_pole(slope: Slope, x: float, d: float) -> float:
+    return 2.0 * slope(x) if d * (1.0 + abs(math.tan(x))) < 0.1 else math.inf
+
+
+# --- the table ------------------------------------------------------------------------------------------------------
+
+
+def _smooth_start(f: Any, x: Any) -> Any:
+    held = f.held(x)
+    return held * held * (3 - 2 * held)
+
+
+def _smooth_start_slopes(f: Any, value: Any, x: Any) -> tuple[Any, ...]:
+    held = f.held(x)
+    return (6 * held * (1 - held),)
+
+
+def _atan2_slopes(f: Any, value: Any, y: Any, x: Any) -> tuple[Any, ...]:
+    square = y * y + x * x
+    return x / square, -y / square
+
+
+_AT_ZERO = "its argument is 0"
+_AT_ONE = "its argument is 1 or -1"
+_INSIDE_ONE = (
+    Break(lambda f, x: (x - 1,), _AT_ONE),
+    Break(lambda f, x: (x + 1,), _AT_ONE),
+)
+
+FUNCTIONS: dict[str, Function] = {
+    "sin": Function(
+        "sine", lambda f, value, x: (f.cos(x),), parity="odd", exact=((0, 0),),
+        steepest=_within_one, span=(-1.0, 1.0), half_turn=-1,
+    ),
+    "cos": Function(
+        "cosine", lambda f, value, x: (-f.sin(x),), parity="even", exact=((0, 1),),
+        steepest=_within_one, span=(-1.0, 1.0), half_turn=-1,
+    ),
+    "tan": Function(
+        "tangent", lambda f, value, x: (1 + value * value,), parity="odd", exact=((0, 0),),
+        steepest=_before_a_pole, breaks=(Break(lambda f, x: (f.cos(x),), "it is infinite"),), half_turn=1,
+    ),
+    "asin": Function(
+        "inverse sine", lambda f, value, x: (1 / f.sqrt(1 - x * x),), parity="odd", exact=((0, 0),),
+        steepest=_outer, breaks=_INSIDE_ONE, span=(-math.pi / 2, math.pi / 2),
+    ),
+    "acos": Function(
+        "inverse cosine", lambda f, value, x: (-1 / f.sqrt(1 - x * x),),
+        steepest=_outer, breaks=_INSIDE_ONE, span=(0.0, math.pi),
+    ),
+    "atan": Function(
+        "inverse tangent", lambda f, value, x: (1 / (1 + x * x),), parity="odd", exact=((0, 0),),
+        steepest=_inner, span=(-math.pi / 2, math.pi / 2), rising=True,
+    ),
+    "atan2": Function(
+        "angle of the point (second, first argument)", _atan2_slopes, unit="ratio",
+        breaks=(Break(lambda f, y, x: (y,), "it jumps by a turn", unless=lambda f, y, x: x),),
+        span=(-math.pi, math.pi),
+    ),
+    "sinh": Function(
+        "hyperbolic sine", lambda f, value, x: (f.cosh(x),), parity="odd", exact=((0, 0),),
+        steepest=_outer, rising=True,
+    ),
+    "cosh": Function(
+        "hyperbolic cosine", lambda f, value, x: (f.sinh(x),), parity="even", exact=((0, 1),),
+        steepest=_outer, span=(1.0, math.inf),
+    ),
+    "tanh": Function(
+        "hyperbolic tangent", lambda f, value, x: (1 - value * value,), parity="odd", exact=((0, 0),),
+        steepest=lambda slope, x, d: 1.0, span=(-1.0, 1.0), rising=True,
+    ),
+    "exp": Function(
+        "exponential", lambda f, value, x: (value,), exact=((0, 1),),
+        steepest=_upper, span=(0.0, math.inf), rising=True,
+    ),
+    "log": Function(
+        "natural logarithm", lambda f, value, x: (1 / x,), exact=((1, 0),),
+        steepest=_lower, breaks=(Break(lambda f, x: (x,), _AT_ZERO),),
+    ),
+    "sqrt": Function(
+        "square root", lambda f, value, x: (1 / (2 * value),), unit="root",
+        breaks=(Break(lambda f, x: (x,), _AT_ZERO, 0, zero=True),), span=(0.0, math.inf),
+    ),
+    "abs": Function(
+        "absolute value", lambda f, value, x: (f.abs_slope(x),), unit="same", parity="even",
+        breaks=(Break(lambda f, x: (x,), _AT_ZERO, 0, zero=True, square=True),),
+        joints=(0,), outside=(lambda x: -x, lambda x: x), span=(0.0, math.inf),
+    ),
+    "smooth_start": Function(
+        "0 before 0, 3 x**2 - 2 x**3 between 0 and 1, 1 after 1", _smooth_start_slopes, _smooth_start,
+        breaks=(
+            Break(lambda f, x: (x,), _AT_ZERO, 1, zero=True),
+            Break(lambda f, x: (x - 1,), "its argument is 1", 1),
+        ),
+        joints=(0, 1), outside=(lambda x: 0, lambda x: 1), span=(0.0, 1.0), rising=True,
+    ),
+    "hypot": Function(
+        "distance of the point (x, y) from the origin", lambda f, value, x, y: (x / value, y / value),
+        lambda f, x, y: f.sqrt(x * x + y * y), unit="same", span=(0.0, math.inf),
+        breaks=(Break(lambda f, x, y: (x, y), "both arguments are 0", 0, zero=True, square=True),),
+    ),
+}  # fmt: skip
+"""Functions that an expression may call."""
+
+AUXILIARY: dict[str, Function] = {
+    "sign": Function("-1, 0 or 1", lambda f, value, x: (0 * x,), parity="odd"),
+    "abs_slope": Function("the derivative of abs, which does not exist at 0", lambda f, v, x: (0 * x,), parity="odd"),
+    "held": Function(
+        "the number between 0 and 1 that is next to it", lambda f, v, x: ((f.sign(x) - f.sign(x - 1)) / 2,)
+    ),
+}
+"""Functions in which others are written; every number system has its own."""
+
+TABLE = FUNCTIONS | AUXILIARY
+"""All functions of an arithmetic but ``power``."""
+
+PIECED = tuple(name for name, function in FUNCTIONS.items() if function.joints)
+"""Functions that are put together from pieces."""
+
+NATIVE = tuple(name for name in TABLE if name in ("abs", *AUXILIARY) or hasattr(math, name))
+"""Functions that are one operation on floats."""
