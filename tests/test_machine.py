@@ -73,6 +73,11 @@ def test_an_operation_is_that_of_floats(operation):
     assert some > 20
 
 
+def test_machine_code_that_is_kept_belongs_to_these_operations():
+    # Numba keeps it by the name and the file of a function, and does not see that the table of functions has changed.
+    assert machine.march.py_func.__qualname__ == f"march_{machine.VERSION}"
+
+
 def test_a_program_is_that_of_the_text():
     trace = Trace()
     x, y, unused = (trace.input(name) for name in "xyz")

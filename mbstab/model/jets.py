@@ -7,10 +7,9 @@ in any number system.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import reduce
-from itertools import compress
+from functools import lru_cache, reduce
 from operator import add
 from types import SimpleNamespace
 from typing import Any
@@ -119,6 +118,7 @@ class _Dual:
         return _Dual(value, -(value * self.rate) / self.value)
 
 
+@lru_cache(maxsize=8)
 def jet_arithmetic(f: Arithmetic) -> Arithmetic:
     """Return the arithmetic of jets over the number system `f`."""
 
@@ -128,8 +128,8 @@ def jet_arithmetic(f: Arithmetic) -> Arithmetic:
         def function(*arguments: Any) -> _Dual:
             values = [x.value for x in arguments]
             value = plain(*values)
-            rate: Any = _total(zip(slopes(f, value, *values), arguments, strict=True))
-            return _Dual(value, rate)
+            parts = [slope * x.rate for slope, x in zip(slopes(f, value, *values), arguments, strict=True)]
+            return _Dual(value, reduce(add, parts))
 
         return function
 
@@ -140,15 +140,16 @@ def jet_arithmetic(f: Arithmetic) -> Arithmetic:
             jets = [Jet.of(x) for x in arguments]
             values = [x.value for x in jets]
             value = plain(*values)
-            moving = [not x.constant for x in jets]
             # A constant may lie where the function has no derivative, such as sqrt(0).
-            if not any(moving):
+            moving = [i for i, x in enumerate(jets) if not x.constant]
+            if not moving:
                 return Jet(value)
-            known = compress(zip(slopes(f, value, *values), jets, strict=True), moving)
-            rate = _total(known)
-            changing = slopes(duals, _Dual(value, rate), *(_Dual(x.value, x.rate) for x in jets))
-            parts = list(compress(zip(changing, jets, strict=True), moving))
-            return Jet(value, rate, reduce(add, (s.value * x.second + s.rate * x.rate for s, x in parts)))
+            known = slopes(f, value, *values)
+            rate = reduce(add, [known[i] * jets[i].rate for i in moving])
+            # The rates of the slopes make the second derivative.
+            changing = slopes(duals, _Dual(value, rate), *[_Dual(x.value, x.rate) for x in jets])
+            parts = [changing[i].value * jets[i].second + changing[i].rate * jets[i].rate for i in moving]
+            return Jet(value, rate, reduce(add, parts))
 
         return function
 
@@ -169,11 +170,6 @@ def jet_arithmetic(f: Arithmetic) -> Arithmetic:
     duals = SimpleNamespace(**{name: dual(name) for name in TABLE})
     functions: dict[str, Any] = {name: jet(name) for name in TABLE}
     return Arithmetic(f"jet of {f.name}", f.number, f.constants, {**functions, "power": power})
-
-
-def _total(parts: Iterable[tuple[Any, Any]]) -> Any:
-    """Return the rate of a function from its slopes and its arguments."""
-    return reduce(add, (slope * x.rate for slope, x in parts))
 
 
 def _is_zero(x: Any) -> bool:
