@@ -617,10 +617,7 @@ forces:
   spring: {type: spring, between: [bob, ground], stiffness: 200, length: 0.6}
 reference: {find: equilibrium, guess: {bob: {x: 1e-15, y: -1e-15}}}
 """
-    try:
-        state, item = only(text)
-    except MbstabError:
-        return
+    state, item = only(text)
     assert item.unbalanced[0] < 1e-6
     assert min(abs(state["bob.y"] - y) for y in (0.6 - 3.0 * G / 200.0, -0.6 - 3.0 * G / 200.0)) < 1e-12
 
@@ -655,14 +652,10 @@ reference: {{find: equilibrium, guess: {{b: {{x: 0.2, y: -0.5}}}}}}
 """
 
 
-def test_a_spring_too_stiff_to_follow_is_found_or_refused():
+def test_a_spring_too_stiff_to_follow_is_refused():
     # From a bad guess the search would have to follow a valley as narrow as the weight is small beside the spring.
-    text = STIFF.format(stiffness=1e9)
-    try:
-        state, _ = only(text)
-    except EquilibriumError:
-        return
-    assert abs(state["b.y"] + 0.6 + G / 1e9) < 1e-14
+    with pytest.raises(EquilibriumError, match=r"it stalled with \S+ N unbalanced on b\.x"):
+        only(STIFF.format(stiffness=1e9))
 
 
 @pytest.mark.parametrize("stiffness", [1e2, 1e4, 1e6])

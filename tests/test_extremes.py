@@ -5,7 +5,6 @@ import re
 
 import numpy as np
 import pytest
-import truth as truth_module
 import yaml
 from chains import hanging_chain, spring_chain
 from discs import listed
@@ -509,9 +508,6 @@ def test_errors_lie_within_their_bounds_whatever_the_sizes(number):
     model = mbstab.loads(of_random_sizes(number))
     result, (exact, _) = model.eig(), exact_eigenvalues(model.model, 1e-40)
     assert result.counts.found == len(exact)
-    if len(result.values()) < len(exact):
-        assert result.verdict == "undecided"
-        return
     errors, bounds, sizes = compared(result, exact)
     np.testing.assert_array_less(errors, bounds)
     assert any("is known to" in text for text in result.warnings) == bool(np.any(bounds > 1e-10 * sizes))
@@ -665,7 +661,7 @@ def assert_honest(result, exact):
 
 @pytest.fixture
 def many_digits(monkeypatch):
-    monkeypatch.setattr(truth_module, "WORKING_DIGITS", 220)
+    monkeypatch.setattr("truth.WORKING_DIGITS", 220)
 
 
 @pytest.mark.usefixtures("many_digits")

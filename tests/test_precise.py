@@ -15,8 +15,7 @@ from mpmath import mp
 from truth import exact_eigenvalues
 
 import mbstab
-from mbstab.analysis.algebra import digits as multiprecision
-from mbstab.analysis.algebra.digits import deflated, eigenvalues, exact, kernel
+from mbstab.analysis.algebra.digits import deflated, eigenvalues, exact, kernel, largest
 from mbstab.cli import main
 from mbstab.errors import ConstraintError, UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic
@@ -472,9 +471,9 @@ def test_a_null_space_is_found_with_all_digits():
         A = exact(np.random.default_rng(1).integers(-4, 5, (6, 4))) @ exact(
             np.random.default_rng(2).integers(-4, 5, (4, 6))
         )
-        null = kernel(A, multiprecision.largest(A))
+        null = kernel(A, largest(A))
         assert len(null.free) == 2
-        assert multiprecision.largest(A @ null.basis) < mp.mpf(10) ** -55
+        assert largest(A @ null.basis) < mp.mpf(10) ** -55
 
 
 @pytest.mark.parametrize(
@@ -493,7 +492,7 @@ def test_the_iteration_from_scratch_gives_what_polishing_gives(monkeypatch):
     with mp.workdps(60):
         S = exact(np.random.default_rng(4).normal(size=(7, 7)))
         polished = [e.value for e in eigenvalues(S)]
-        monkeypatch.setattr(multiprecision, "CLUSTERS", ())
+        monkeypatch.setattr("mbstab.analysis.algebra.digits.CLUSTERS", ())
         assert worst([e.value for e in eigenvalues(S)], polished) < mp.mpf(10) ** -55
 
 

@@ -9,7 +9,7 @@ from truth import distance, exact_eigenvalues, solve, zeros
 
 import mbstab
 from mbstab.analysis.algebra.matching import matched
-from mbstab.analysis.linear import acceleration_methods as classic
+from mbstab.analysis.linear import acceleration_methods
 from mbstab.analysis.linear.methods import DEFAULT, METHODS, solver
 from mbstab.compiler.system import System
 from mbstab.errors import NumericalError, UsageError
@@ -83,7 +83,7 @@ EQUATIONS = dict(zip(TECHNIQUES, (eq_38, eq_159, eq_165, eq_170, eq_172), strict
 def states(name, **parameters):
     """Return system, basis and states: the reference, one of other speeds, and one off the constraints."""
     linear = shipped(name).linearize(**parameters)
-    motion, basis = linear.motion, classic.basis_of(linear)
+    motion, basis = linear.motion, acceleration_methods.basis_of(linear)
     rng = np.random.default_rng(3)
     free = basis.scale[:, None] * (motion.spaces.N @ motion.spaces.Z)
     size = max(1.0, float(np.max(np.abs(motion.u / motion.sizes))))
@@ -229,7 +229,7 @@ def test_extra_eigenvalues_are_counted_and_lie_where_constraint_drift_has_them(c
 
 def test_what_a_turning_frame_carries_around_drifts_round_in_it():
     linear = shipped("governor").linearize(omega=10)
-    drift = classic.drift(linear)
+    drift = acceleration_methods.drift(linear)
     assert len(drift) == 2 * 36 - 3
     around = np.abs(np.abs(drift) - 10.0) < 1e-9
     assert 0 < np.sum(around) < len(drift)

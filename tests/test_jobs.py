@@ -15,7 +15,7 @@ from children import child, until
 from click.testing import CliRunner
 
 import mbstab
-from mbstab.analysis.sweep import jobs as blocks
+from mbstab.analysis.sweep import jobs
 from mbstab.cli import main
 from mbstab.errors import NumericalError, OutputError, UsageError
 
@@ -25,7 +25,7 @@ X = np.linspace(0.0, 10.0, 251)
 @pytest.fixture
 def small(monkeypatch):
     """Blocks of 42 points: six of them."""
-    monkeypatch.setattr(blocks, "POINTS", 42)
+    monkeypatch.setattr(jobs, "POINTS", 42)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def bicycle():
 @pytest.fixture(scope="module")
 def reference(bicycle):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(blocks, "POINTS", 42)
+        patch.setattr(jobs, "POINTS", 42)
         return bicycle.sweep("v", X)
 
 
@@ -74,7 +74,7 @@ def finished(directory):
 
 
 def test_blocks_say_the_same_as_one_piece(bicycle, whole, monkeypatch):
-    monkeypatch.setattr(blocks, "POINTS", 25_000)
+    monkeypatch.setattr(jobs, "POINTS", 25_000)
     one = bicycle.sweep("v", X)
     assert np.array_equal(one.unstable, whole.unstable)
     assert one.neutral == whole.neutral
@@ -102,9 +102,9 @@ def test_an_interrupted_sweep_goes_on_where_it_was(bicycle, whole, tmp_path, aft
     assert len(kept) == after
     assert (place / "sweep.json").exists()
     computed = []
-    compute = blocks.compute
+    compute = jobs.compute
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(blocks, "compute", lambda task, progress: computed.append(task) or compute(task, progress))
+        patch.setattr(jobs, "compute", lambda task, progress: computed.append(task) or compute(task, progress))
         result = bicycle.sweep("v", X, directory=place, resume=True)
     assert len(computed) == 6 - after
     assert_same(whole, result)
@@ -163,9 +163,9 @@ def test_problems_keep_their_points_through_blocks(small, tmp_path):
 
 COMMAND = """\
 import sys
-from mbstab.analysis.sweep import jobs as blocks
+from mbstab.analysis.sweep import jobs
 from mbstab.cli import main
-blocks.POINTS = 300
+jobs.POINTS = 300
 main(sys.argv[1:])
 """
 
@@ -226,7 +226,7 @@ def test_blocks_of_a_worker_that_dies_are_computed_again(bicycle, whole, tmp_pat
 
 
 def test_blocks_are_given_up_after_so_many_dead_workers(bicycle, small, whole, tmp_path, monkeypatch):
-    monkeypatch.setattr(blocks, "RETRIES", 0)
+    monkeypatch.setattr(jobs, "RETRIES", 0)
     place = tmp_path / "v.parts"
     with pytest.raises(NumericalError, match=r"died 1 times(?s:.)*--resume"):
         bicycle.sweep("v", X, Killing(1), directory=place, jobs=2)
@@ -326,19 +326,12 @@ def test_a_directory_with_files_of_somebody_else_is_left_alone(bicycle, small, t
 
 
 @pytest.mark.parametrize("content", [b"", b"PK", b"no archive at all"])
-def test_a_damaged_block_is_computed_again_or_named(bicycle, whole, tmp_path, content):
+def test_a_damaged_block_is_computed_again(bicycle, whole, tmp_path, content):
     place = tmp_path / "v.parts"
     with pytest.raises(KeyboardInterrupt):
         bicycle.sweep("v", X, Interrupting(place, 3), directory=place)
     finished(place)[1].write_bytes(content)
-    try:
-        result = bicycle.sweep("v", X, directory=place, resume=True)
-    except (UsageError, OutputError, NumericalError) as error:
-        message = str(error)
-    else:
-        assert_same(whole, result)
-        return
-    assert "block-000001" in message
+    assert_same(whole, bicycle.sweep("v", X, directory=place, resume=True))
 
 
 # --- cluster --------------------------------------------------------------------------------------------------------
@@ -399,7 +392,7 @@ def test_blocks_of_another_version_are_refused(bicycle, whole, tmp_path, monkeyp
     with pytest.raises(KeyboardInterrupt):
         bicycle.sweep("v", X, Interrupting(place, 2), directory=place)
     with monkeypatch.context() as patch:
-        patch.setattr(blocks, "_program", lambda: "other sources")
+        patch.setattr(jobs, "_program", lambda: "other sources")
         with pytest.raises(UsageError, match="another version of the program"):
             bicycle.sweep("v", X, directory=place, resume=True)
     assert_same(whole, bicycle.sweep("v", X, directory=place, resume=True))
