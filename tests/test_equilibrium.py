@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mpmath import mp
+from sampling import sample
 from scipy.optimize import brentq, root
 
 import mbstab
@@ -464,12 +465,12 @@ def test_the_governor_is_found_from_angles_off_by_03_rad():
         assert np.max(np.abs(difference)) < 1e-13
 
 
-@pytest.mark.parametrize("spread", [0.3, 1.0])
-def test_a_random_guess_for_the_governor_leads_to_a_steady_motion_or_an_error(spread):
+@pytest.mark.parametrize(("spread", "seed"), sample([(spread, seed) for spread in (0.3, 1.0) for seed in range(5)], 5))
+def test_a_random_guess_for_the_governor_leads_to_a_steady_motion_or_an_error(spread, seed):
     system = governor()
-    rng = np.random.default_rng(100)
+    rng = np.random.default_rng(100 + seed)
     verified = 0
-    for _ in range(50):
+    for _ in range(10):
         sizes = {n: 0.2 if n.rpartition(".")[2] in "xyz" else 3.0 for n in system.scene.guess}
         guess = {n: x + spread * sizes[n] * rng.uniform(-1.0, 1.0) for n, x in system.scene.guess.items()}
         try:
@@ -483,7 +484,7 @@ def test_a_random_guess_for_the_governor_leads_to_a_steady_motion_or_an_error(sp
         assert force < 1e-9
         assert rows < 1e-9
         verified += 1
-    assert verified >= 10
+    assert verified >= 2
 
 
 def bicycle():

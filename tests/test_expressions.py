@@ -252,10 +252,10 @@ def chains(levels, terms, factors):
     ids=["parentheses", "fewer parentheses", "calls", "signs", "powers", "sum", "product", "chains in chains"],
 )
 def test_a_text_that_would_cost_time_or_depth_is_refused_at_once(text, message):
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(ExpressionError, match=message):
         parse(text)
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
 
 
 @pytest.mark.parametrize(
@@ -290,10 +290,10 @@ EXACT = [symbol_arithmetic(), mpmath_arithmetic()]
     ids=lambda x: getattr(x, "name", x),
 )
 def test_a_giant_power_has_no_value_and_takes_no_time(text, arithmetic):
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(ExpressionError, match="the expression has no value here"):
         parse(text).evaluate({}, arithmetic)
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
 
 
 @pytest.mark.parametrize(

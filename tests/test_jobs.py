@@ -170,14 +170,23 @@ main(sys.argv[1:])
 """
 
 
+SWEEP = ("sweep", "whipple_bicycle.yaml", "--param", "v", "--plot", "none")
+
+
 def command(*arguments):
-    model = ["whipple_bicycle.yaml", "--param", "v"]
-    return [sys.executable, "-c", COMMAND, "sweep", *model, "--plot", "none", *arguments]
+    return [sys.executable, "-c", COMMAND, *SWEEP, *arguments]
+
+
+def swept(*arguments):
+    """Run the same command in this process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(jobs, "POINTS", 300)
+        return CliRunner().invoke(main, [*SWEEP, *arguments])
 
 
 def test_a_killed_command_is_resumed_and_loses_a_block_at_most(tmp_path):
     out, reference = tmp_path / "v.npz", tmp_path / "reference.npz"
-    arguments = ("--points", "5101", "--output")
+    arguments = ("--points", "3301", "--output")
     parts = out.with_name("v.npz.parts")
     with child(command(*arguments, str(out)), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         until(lambda: len(finished(parts)) >= 4, process)
@@ -191,15 +200,14 @@ def test_a_killed_command_is_resumed_and_loses_a_block_at_most(tmp_path):
         with np.load(path) as data:
             assert data["values"].shape == (300, 4)
     times = {path.name: path.stat().st_mtime_ns for path in kept}
-    refused = subprocess.run(command(*arguments, str(out)), capture_output=True, text=True)
-    assert refused.returncode == 2
+    refused = swept(*arguments, str(out))
+    assert refused.exit_code == 2
     assert "--resume" in refused.stderr
     assert {path.name: path.stat().st_mtime_ns for path in finished(parts)} == times
-    resumed = subprocess.run(command(*arguments, str(out), "--resume"), capture_output=True, text=True)
-    assert resumed.returncode == 0, resumed.stderr
+    resumed = swept(*arguments, str(out), "--resume")
+    assert resumed.exit_code == 0, resumed.stderr
     assert not parts.exists()
-    once = subprocess.run(command(*arguments, str(reference)), capture_output=True, text=True)
-    assert once.returncode == 0
+    assert swept(*arguments, str(reference)).exit_code == 0
     with np.load(out) as one, np.load(reference) as other:
         assert set(one) == set(other)
         assert all(one[key].tobytes() == other[key].tobytes() for key in one)
@@ -435,7 +443,7 @@ def test_commands_killed_at_random_moments_end_in_the_same_bytes(tmp_path):
     rng = random.Random(12)
     arguments = ("--points", "3001", "--output")
     reference, out = tmp_path / "reference.csv", tmp_path / "v.csv"
-    subprocess.run(command(*arguments, str(reference)), capture_output=True, check=True)
+    assert swept(*arguments, str(reference)).exit_code == 0
     parts = out.with_name("v.csv.parts")
     killed = 0
     for _ in range(12):
@@ -452,7 +460,7 @@ def test_commands_killed_at_random_moments_end_in_the_same_bytes(tmp_path):
                 break
     if not out.exists():
         again = ["--resume"] if parts.is_dir() else []
-        subprocess.run(command(*arguments, str(out), *again), capture_output=True, check=True)
+        assert swept(*arguments, str(out), *again).exit_code == 0
     assert killed
     assert out.read_bytes() == reference.read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["reference.csv", "v.csv"]

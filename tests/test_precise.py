@@ -246,9 +246,9 @@ TRUTH = {
 @pytest.mark.parametrize("name", TRUTH)
 def test_the_examples_agree_with_the_elimination_that_shares_nothing(name):
     expected, neutral = exact_eigenvalues(mbstab.load(f"{name}.yaml").model, **TRUTH[name])
-    began = time.perf_counter()
+    began = time.process_time()
     result = answer(name, **TRUTH[name])
-    assert time.perf_counter() - began < 60  # about a second on a quiet machine
+    assert time.process_time() - began < 60  # about a second
     assert result.counts.expected == result.counts.found == len(expected) + neutral
     # Tilts of a free body, which turn with it, are modes to the elimination.
     with mp.workdps(2 * DIGITS):
