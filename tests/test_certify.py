@@ -8,6 +8,7 @@ import sys
 from fractions import Fraction
 from pathlib import Path
 
+import closed_forms
 import mechanisms
 import numpy as np
 import pytest
@@ -76,8 +77,7 @@ def test_the_pendulum_swings_exactly_on_the_axis_and_the_energy_holds_it_there()
     assert [e.kind for e in result.eigenvalues] == ["imaginary"] * 2
     assert all(e.real.is_zero() for e in result.eigenvalues)
     with mp.workdps(70):
-        root = mp.sqrt(3 * mp.mpf("9.81") / (4 * mp.mpf("0.2")))
-        matched(result, [mp.mpc(0, root), mp.mpc(0, -root)])
+        matched(result, closed_forms.pendulum())
 
 
 @pytest.mark.parametrize(
@@ -88,10 +88,7 @@ def test_the_top_has_its_closed_form(omega, verdict):
     assert result.verdict == verdict
     assert not result.assumed
     with mp.workdps(70):
-        inertia, spin = mp.mpf("3e-4") + mp.mpf("0.01") * mp.mpf("0.04") ** 2, mp.mpf("4e-4") * mp.mpf(omega)
-        root = mp.sqrt(spin**2 - 4 * inertia * mp.mpf("0.01") * mp.mpf("9.81") * mp.mpf("0.04"))
-        one, other = (mp.mpc(0, 1) * (spin + sign * root) / (2 * inertia) for sign in (1, -1))
-        matched(result, [one, other, mp.conj(one), mp.conj(other)])
+        matched(result, closed_forms.top(omega))
 
 
 def test_the_disk_rolls_with_four_exact_zeros_of_which_two_have_no_explanation():
@@ -102,10 +99,7 @@ def test_the_disk_rolls_with_four_exact_zeros_of_which_two_have_no_explanation()
     assert not result.decided
     assert "nothing explains: " in result.statement
     with mp.workdps(70):
-        m, R, W, omega = mp.mpf(2), mp.mpf("0.3"), mp.mpf("0.05"), mp.mpf(5)
-        I_t, I_a = m * (3 * R**2 + W**2) / 12, m * R**2 / 2
-        root = mp.sqrt((I_a * (I_a + m * R**2) * omega**2 / I_t - m * mp.mpf("9.81") * R) / (I_t + m * R**2))
-        matched(result, [mp.mpc(0, root), mp.mpc(0, -root)])
+        matched(result, closed_forms.rolling_disk(5))
 
 
 SPEEDS = {"v": "5"}
@@ -220,7 +214,7 @@ def test_the_top_falls_for_every_slow_spin_and_sleeps_for_every_fast_one():
 def test_the_critical_spin_of_the_top_to_thirty_digits():
     found = certified_critical(mbstab.load("top.yaml").model, "omega", "5", "6", 30)
     with mp.workdps(60):
-        exact = 2 * mp.sqrt(mp.mpf("3.16e-4") * mp.mpf("0.01") * mp.mpf("9.81") * mp.mpf("0.04")) / mp.mpf("4e-4")
+        exact = closed_forms.critical_top()
         low, high = (mp.mpf(x.numerator) / x.denominator for x in (found.low, found.high))
         assert low < exact < high
         assert high - low < mp.mpf(10) ** -30

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from closed_forms import critical_disk, critical_top, critical_ziegler
 from paths import avoided, bicycle_paths, chain_path, swaps
 from scipy.optimize import linear_sum_assignment
 
@@ -36,7 +37,7 @@ def damped_ziegler(b_1, b_2):
     return (4 * b**2 + 33 * b + 4) / (2 * (b**2 + 7 * b + 6)) + b_1 * b_2 / 2
 
 
-TOP = 2 * math.sqrt((3e-4 + 0.01 * 0.04**2) * 0.01 * 9.81 * 0.04) / 4e-4
+TOP, DISK, FLUTTER = (float(f()) for f in (critical_top, critical_disk, critical_ziegler))
 WHEELSET, HUNTING = wheelset_speed()
 HOOP = math.sqrt(9.81 / 0.5)
 WEAVE, CAPSIZE = 4.29238253634110395869, 6.02426201538835888987
@@ -45,14 +46,14 @@ WEAVE, CAPSIZE = 4.29238253634110395869, 6.02426201538835888987
 # Verdicts between critical values are in WORDS_OF.
 CASES = {
     "top": ("top.yaml", "omega", (0, 10), {}, [(TOP, "collision", 2e-4 * TOP / 3.16e-4, (2, 0))]),
-    "disk": ("rolling_disk.yaml", "omega", (0, 10), {}, [(3.31676437600351, "divergence", 0.0, (1, 0))]),
+    "disk": ("rolling_disk.yaml", "omega", (0, 10), {}, [(DISK, "divergence", 0.0, (1, 0))]),
     "torus": ("rolling_torus.yaml", "v", (0, 3), {}, [(0.853686309623846, "divergence", 0.0, (1, 0))]),
     "bicycle": (
         "whipple_bicycle.yaml", "v", (0, 10), {},
         [(WEAVE, "flutter", 3.4350338486614363, (2, 0)), (CAPSIZE, "divergence", 0.0, (0, 1))],
     ),
     "ziegler": (
-        "ziegler_column.yaml", "P", (0, 6), {"b_1": 0, "b_2": 0}, [(3.5 - SQRT2, "collision", 2**-0.25, (0, 2))]
+        "ziegler_column.yaml", "P", (0, 6), {"b_1": 0, "b_2": 0}, [(FLUTTER, "collision", 2**-0.25, (0, 2))]
     ),
     "ziegler 0.1 0.2": (
         "ziegler_column.yaml", "P", (0, 6), {}, [(damped_ziegler(0.1, 0.2), "flutter", 0.480384461415260764, (0, 2))]
