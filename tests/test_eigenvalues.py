@@ -12,6 +12,7 @@ import pytest
 from chains import hanging_chain, spring_chain
 from closed_forms import pair
 from mpmath import mp
+from sampling import sample
 from truth import distance, exact_eigenvalues
 
 import mbstab
@@ -260,8 +261,8 @@ def test_error_bounds_are_no_larger_than_they_must_be(name):
     assert np.max(bounds / sizes) < 1e-9
 
 
-@pytest.mark.parametrize("method", list(METHODS)[1:])
-@pytest.mark.parametrize("name", GENERATED)
+# The step 3 has no common factor with the number of methods: each is met, and each mechanism.
+@pytest.mark.parametrize(("name", "method"), sample(list(product(GENERATED, list(METHODS)[1:])), 3))
 def test_the_undeflated_methods_lie_within_their_own_error_bounds(name, method):
     errors, bounds, _ = errors_and_bounds(answer(name, method), truth(name)[0])
     np.testing.assert_array_less(errors, bounds)

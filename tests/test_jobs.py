@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from children import child, until
 from click.testing import CliRunner
+from sampling import sample
 
 import mbstab
 from mbstab.analysis.sweep import jobs
@@ -439,14 +440,15 @@ def test_blocks_are_kept_until_the_answer_is_written(tmp_path, monkeypatch):
     assert "nothing to resume" in result.stderr
 
 
-def test_commands_killed_at_random_moments_end_in_the_same_bytes(tmp_path):
-    rng = random.Random(12)
+@pytest.mark.parametrize("kills", sample([3, 12], 2))
+def test_commands_killed_at_random_moments_end_in_the_same_bytes(kills, tmp_path):
+    rng = random.Random(kills)
     arguments = ("--points", "3001", "--output")
     reference, out = tmp_path / "reference.csv", tmp_path / "v.csv"
     assert swept(*arguments, str(reference)).exit_code == 0
     parts = out.with_name("v.csv.parts")
     killed = 0
-    for _ in range(12):
+    for _ in range(kills):
         again = ["--resume"] if parts.is_dir() else []
         with child(command(*arguments, str(out), *again), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
             try:
