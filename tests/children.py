@@ -27,7 +27,7 @@ def child(command: list[str], **options: Any) -> Iterator[subprocess.Popen[str]]
                 stream.close()
 
 
-def mbstab(*arguments: object) -> list[str]:
+def command_line(*arguments: object) -> list[str]:
     """Return the command line of the program."""
     return [sys.executable, "-m", "mbstab", *map(str, arguments)]
 

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from closed_forms import critical_disk
 
 import mbstab
 from mbstab.cli import main
@@ -36,9 +37,10 @@ reference:
 """
 
 
-def critical_spin(R, W=0.05, g=9.81):
-    """Return the spin from which a disk rolls stably: sqrt(m g R I_t/(I_a (I_a + m R²)))."""
-    return np.sqrt(g * R * (3 * R**2 + W**2) / 12 / (R**2 / 2 * 1.5 * R**2))
+@np.vectorize
+def critical_spin(R, g=9.81):
+    """Return the spin from which a disk rolls stably."""
+    return float(critical_disk(R=R, g=g))
 
 
 @pytest.fixture(scope="module")

@@ -16,9 +16,9 @@ from truth import DIGITS, exact_eigenvalues
 
 import mbstab
 from mbstab.analysis.algebra.matching import matched
-from mbstab.analysis.compare import methods as compare
+from mbstab.analysis.compare import methods
 from mbstab.analysis.compare.methods import Outcome, cheapest
-from mbstab.analysis.linear import acceleration_methods as classic
+from mbstab.analysis.linear import acceleration_methods
 from mbstab.analysis.linear.acceleration_methods import augmented
 from mbstab.analysis.linear.methods import METHODS
 from mbstab.cli import main
@@ -33,7 +33,7 @@ TECHNIQUES = ["augmented", "embedding", "amalgamated", "projection", "udwadia-ka
 def quick():
     """Times need not be good here."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compare, "REPEATS", 3)
+        patch.setattr(methods, "REPEATS", 3)
         yield
 
 
@@ -144,7 +144,7 @@ def test_what_a_method_loses_and_invents_is_counted(monkeypatch, lost, invented)
             vectors=np.hstack([found.vectors[:, lost:], found.vectors[:, :invented]]),
         )
 
-    monkeypatch.setattr(classic, "augmented", careless)
+    monkeypatch.setattr(acceleration_methods, "augmented", careless)
     x = by_name(mbstab.loads(hanging_chain(np.random.default_rng(1), 3), "chain").compare(20))["augmented"]
     assert (x.lost, x.invented) == (lost, invented)
     assert np.isnan(x.errors).sum() == lost
@@ -201,7 +201,7 @@ def test_it_fails_with_one(monkeypatch):
     def refused(outcomes, tolerance, verdict):
         return cheapest(outcomes[1:2], 1e-30, verdict)
 
-    monkeypatch.setattr(compare, "cheapest", refused)
+    monkeypatch.setattr(methods, "cheapest", refused)
     result = run("pendulum.yaml", "--tol", "1e-3")
     assert result.exit_code == 1
     assert "hint: mbstab eig --precision" in result.stderr
@@ -358,8 +358,8 @@ def test_a_tolerance_that_is_none_is_refused(tolerance):
 
 
 def test_memory_is_traced_when_line_numbers_are_ready(monkeypatch):
-    prepared, own = [], compare._prepared
-    monkeypatch.setattr(compare, "_prepared", lambda run: prepared.append(run) or own(run))
+    prepared, own = [], methods._prepared
+    monkeypatch.setattr(methods, "_prepared", lambda run: prepared.append(run) or own(run))
     outcomes = mbstab.load("pendulum.yaml").compare(50).outcomes
     assert len(prepared) == len(outcomes) > len(METHODS)
 

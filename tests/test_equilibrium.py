@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mpmath import mp
+from sampling import sample
 from scipy.optimize import brentq, root
 
 import mbstab
@@ -464,12 +465,12 @@ def test_the_governor_is_found_from_angles_off_by_03_rad():
         assert np.max(np.abs(difference)) < 1e-13
 
 
-@pytest.mark.parametrize("spread", [0.3, 1.0])
-def test_a_random_guess_for_the_governor_leads_to_a_steady_motion_or_an_error(spread):
+@pytest.mark.parametrize(("spread", "seed"), sample([(spread, seed) for spread in (0.3, 1.0) for seed in range(5)], 5))
+def test_a_random_guess_for_the_governor_leads_to_a_steady_motion_or_an_error(spread, seed):
     system = governor()
-    rng = np.random.default_rng(100)
+    rng = np.random.default_rng(100 + seed)
     verified = 0
-    for _ in range(50):
+    for _ in range(10):
         sizes = {n: 0.2 if n.rpartition(".")[2] in "xyz" else 3.0 for n in system.scene.guess}
         guess = {n: x + spread * sizes[n] * rng.uniform(-1.0, 1.0) for n, x in system.scene.guess.items()}
         try:
@@ -483,7 +484,7 @@ def test_a_random_guess_for_the_governor_leads_to_a_steady_motion_or_an_error(sp
         assert force < 1e-9
         assert rows < 1e-9
         verified += 1
-    assert verified >= 10
+    assert verified >= 2
 
 
 def bicycle():
@@ -617,10 +618,7 @@ forces:
   spring: {type: spring, between: [bob, ground], stiffness: 200, length: 0.6}
 reference: {find: equilibrium, guess: {bob: {x: 1e-15, y: -1e-15}}}
 """
-    try:
-        state, item = only(text)
-    except MbstabError:
-        return
+    state, item = only(text)
     assert item.unbalanced[0] < 1e-6
     assert min(abs(state["bob.y"] - y) for y in (0.6 - 3.0 * G / 200.0, -0.6 - 3.0 * G / 200.0)) < 1e-12
 
@@ -655,14 +653,10 @@ reference: {{find: equilibrium, guess: {{b: {{x: 0.2, y: -0.5}}}}}}
 """
 
 
-def test_a_spring_too_stiff_to_follow_is_found_or_refused():
+def test_a_spring_too_stiff_to_follow_is_refused():
     # From a bad guess the search would have to follow a valley as narrow as the weight is small beside the spring.
-    text = STIFF.format(stiffness=1e9)
-    try:
-        state, _ = only(text)
-    except EquilibriumError:
-        return
-    assert abs(state["b.y"] + 0.6 + G / 1e9) < 1e-14
+    with pytest.raises(EquilibriumError, match=r"it stalled with \S+ N unbalanced on b\.x"):
+        only(STIFF.format(stiffness=1e9))
 
 
 @pytest.mark.parametrize("stiffness", [1e2, 1e4, 1e6])

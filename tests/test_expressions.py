@@ -2,6 +2,7 @@
 
 import math
 import time
+from itertools import product
 
 import mpmath
 import numpy as np
@@ -254,10 +255,10 @@ def chains(levels, terms, factors):
     ids=["parentheses", "fewer parentheses", "calls", "signs", "powers", "sum", "product", "chains in chains"],
 )
 def test_a_text_that_would_cost_time_or_depth_is_refused_at_once(text, message):
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(ExpressionError, match=message):
         parse(text)
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
 
 
 @pytest.mark.parametrize(
@@ -278,16 +279,24 @@ def test_a_text_within_the_limits_is_evaluated_in_every_arithmetic(text):
     assert (jet.value, jet.rate) == (expected, 0.0)
 
 
-@pytest.mark.parametrize("text", ["9**9**9", "9**9**9**9", "((9**100)**100)**100", "(1/9)**9**9", "-9**9**9"])
-@pytest.mark.parametrize("arithmetic", [FLOAT, symbol_arithmetic(), mpmath_arithmetic()], ids=lambda f: f.name)
+def test_a_tiny_power_underflows():
+    assert value("(1/9)**9**9") == 0.0
+
+
+GIANT = ["9**9**9", "9**9**9**9", "((9**100)**100)**100", "-9**9**9"]
+EXACT = [symbol_arithmetic(), mpmath_arithmetic()]
+
+
+@pytest.mark.parametrize(
+    ("text", "arithmetic"),
+    [*product(GIANT, [FLOAT, *EXACT]), *product(["(1/9)**9**9"], EXACT)],
+    ids=lambda x: getattr(x, "name", x),
+)
 def test_a_giant_power_has_no_value_and_takes_no_time(text, arithmetic):
-    if text.startswith("(1/9)") and arithmetic is FLOAT:
-        assert value(text) == 0.0  # it underflows
-        return
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(ExpressionError, match="the expression has no value here"):
         parse(text).evaluate({}, arithmetic)
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
 
 
 @pytest.mark.parametrize(

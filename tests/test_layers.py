@@ -24,7 +24,8 @@ ONLY_IN = {
     "numba": {"compiler/machine.py"},
     "scipy": {"analysis", "report/export.py", "report/animation/solids.py"},
     "mpmath": {"model/arithmetic.py", "analysis/algebra/digits.py", "analysis/compare/methods.py"}
-    | {"analysis/reference/element_comparison.py", "analysis/linear/precise.py", "analysis/linear/precise_motion.py"},
+    | {f"analysis/reference/{x}.py" for x in ("element_comparison", "symmetries")}
+    | {"analysis/linear/precise.py", "analysis/linear/precise_motion.py"},
     "flint": {f"analysis/algebra/{x}.py" for x in ("balls", "ball_matrices", "ball_polynomials")}
     | {"analysis/proof/krawczyk.py", "analysis/proof/characteristic.py"},
 }

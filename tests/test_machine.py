@@ -12,7 +12,7 @@ from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.energy import Energy
 from mbstab.analysis.simulate.start import start_of
-from mbstab.analysis.simulate.steppers import compiled as marching
+from mbstab.analysis.simulate.steppers import compiled
 from mbstab.analysis.simulate.steppers.compiled import Elimination, Marching
 from mbstab.analysis.simulate.steppers.interface import Options
 from mbstab.compiler.trace import OPERATIONS, Trace
@@ -242,8 +242,8 @@ def test_compiled_steps_of_fixed_size_have_the_error_of_the_method(solver, step)
 
 def test_a_body_that_tumbles_needs_one_program_only(monkeypatch):
     made = []
-    of = marching.machine_of
-    monkeypatch.setattr(marching, "machine_of", lambda *arguments: made.append(1) or of(*arguments))
+    of = compiled.machine_of
+    monkeypatch.setattr(compiled, "machine_of", lambda *arguments: made.append(1) or of(*arguments))
     model = mbstab.loads("""
 mbstab: 1
 title: A free body
@@ -270,9 +270,9 @@ def test_the_tolerance_holds_for_compiled_steps():
 def test_a_singular_configuration_is_found_between_compiled_steps():
     model = mbstab.load("n_four_bar.yaml")
     told = []
-    for compiled in (False, True):
+    for steps in (False, True):
         with pytest.raises(SimulationError, match="singular configuration") as caught:
-            model.simulate(3.0, perturb={"rate(crank_1.theta)": 9.0}, compiled=compiled)
+            model.simulate(3.0, perturb={"rate(crank_1.theta)": 9.0}, compiled=steps)
         told.append(float(re.search(r"at t = (\S+) s", str(caught.value))[1]))
         assert told[-1] - 0.03 < caught.value.partial.times[-1] < told[-1]
     assert told[0] == pytest.approx(told[1], abs=1e-7)
@@ -313,9 +313,9 @@ forces: {f: {type: expression, on: {b.x: 1 + sqrt(1 - b.x)}}}
 reference: {coordinates: {b: {x: 0, y: 0, z: 0}}, rates: {b: {x: 0, y: 0, z: 0}}}
 """
     told, texts = [], []
-    for compiled in (False, True):
+    for steps in (False, True):
         with pytest.raises(SimulationError) as caught:
-            mbstab.loads(text).simulate(5.0, compiled=compiled)
+            mbstab.loads(text).simulate(5.0, compiled=steps)
         told.append(caught.value.partial.times[-1])
         texts.append(str(caught.value).partition(" s:")[2])
     assert told[0] == told[1] > 0.5

@@ -1124,10 +1124,9 @@ def test_euler_angles_that_something_names_are_an_error_at_their_singularity(the
         mbstab.loads(named).motion()
 
 
-@pytest.mark.parametrize("theta", SINGULAR)
-@pytest.mark.parametrize("rates", ["", "rates: {b: {phi: 0.3, theta: -0.2, psi: 0.5}}"])
-def test_singular_euler_angles_count_from_the_orientation_that_they_give(theta, rates):
-    (c1, s1), (c2, s2), (c3, s3) = ((np.cos(x), np.sin(x)) for x in (0.4, eval(theta, {"pi": np.pi}), -0.7))
+def tilted(theta, rates=""):
+    """Return a body on bearings by its Euler angles and by its base rotation, and cosines and sines of the angles."""
+    turns = (c1, s1), (c2, s2), (c3, s3) = [(np.cos(x), np.sin(x)) for x in (0.4, eval(theta, {"pi": np.pi}), -0.7)]
     A = np.array([[1, 0, 0], [0, c1, -s1], [0, s1, c1]]) @ [[c2, 0, s2], [0, 1, 0], [-s2, 0, c2]]
     A = A @ [[c3, -s3, 0], [s3, c3, 0], [0, 0, 1]]
     held = ([0.1, 0.2, 0.3], [0.3, -0.1, 0.2])
@@ -1142,18 +1141,28 @@ def test_singular_euler_angles_count_from_the_orientation_that_they_give(theta, 
         f"forces: {{{', '.join(bearings)}}}\n"
         "reference: {coordinates: {b: {x: 0, y: 0, z: 0, phi: %s, theta: %s, psi: %s}}%s}\n"
     )
-    given = mbstab.loads(text % ("", "0.4", theta, "-0.7", f", {rates}" if rates else ""))
+    given = mbstab.loads(text % ("", "0.4", theta, "-0.7", rates))
+    # The same by hand: the orientation as the base rotation.
+    written = mbstab.loads(text % (f", axes: [0.4, {theta}, -0.7]", "0", "0", "0", rates))
+    return given, written, turns
+
+
+@pytest.mark.parametrize("theta", SINGULAR)
+def test_rates_of_singular_euler_angles_give_the_angular_velocity(theta):
+    given, _, ((c1, s1), (c2, s2), _) = tilted(theta, ", rates: {b: {phi: 0.3, theta: -0.2, psi: 0.5}}")
     one = given.linearize(frozen=True)
     assert "count from the orientation that they give" in one.motion.warnings[0]
-    if rates:
-        # Angular velocity in ground axes: of the rates as they are given, and as they are now.
-        spin = np.array([[1, 0, s2], [0, c1, -s1 * c2], [0, s1, c1 * c2]]) @ [0.3, -0.2, 0.5]
-        base = np.array(given.system().scene.bodies[0].base, dtype=float).reshape(3, 3)
-        np.testing.assert_allclose(base @ one.motion.u[3:6], spin, atol=1e-14)
-        return
-    # The same by hand: the orientation as the base rotation.
-    written = mbstab.loads(text % (f", axes: [0.4, {theta}, -0.7]", "0", "0", "0", ""))
-    other = written.linearize(frozen=True)
+    # Angular velocity in ground axes: of the rates as they are given, and as they are now.
+    spin = np.array([[1, 0, s2], [0, c1, -s1 * c2], [0, s1, c1 * c2]]) @ [0.3, -0.2, 0.5]
+    base = np.array(given.system().scene.bodies[0].base, dtype=float).reshape(3, 3)
+    np.testing.assert_allclose(base @ one.motion.u[3:6], spin, atol=1e-14)
+
+
+@pytest.mark.parametrize("theta", SINGULAR)
+def test_singular_euler_angles_count_from_the_orientation_that_they_give(theta):
+    given, written, _ = tilted(theta)
+    one, other = given.linearize(frozen=True), written.linearize(frozen=True)
+    assert "count from the orientation that they give" in one.motion.warnings[0]
     np.testing.assert_allclose(one.M, other.M, atol=1e-14)
     np.testing.assert_allclose(one.K, other.K, atol=1e-12)
     digits = [[complex(e.value) for e in x.eig().eigenvalues] for x in (given, written)]

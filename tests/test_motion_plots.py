@@ -12,8 +12,7 @@ import sys
 import matplotlib
 import numpy as np
 import pytest
-from children import child, until
-from children import mbstab as mbstab_command
+from children import child, command_line, until
 from click.testing import CliRunner
 from PIL import Image
 
@@ -640,7 +639,7 @@ QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 def test_ctrl_c_while_animating_leaves_no_half_file(tmp_path, number):
     path = tmp_path / "a.gif"
     arguments = ("--perturb", "rod.theta=1", "--to", "60", "--tol", "1e-3", "--once", "--animate", path, "--fps", "50")
-    with child(mbstab_command("simulate", "pendulum.yaml", *arguments), **QUIET) as process:
+    with child(command_line("simulate", "pendulum.yaml", *arguments), **QUIET) as process:
         until(lambda: any(p.stat().st_size > 20_000 for p in tmp_path.iterdir()), process)
         assert [p.name.startswith(".a.gif.") for p in tmp_path.iterdir()] == [True]
         process.send_signal(number)
@@ -673,7 +672,7 @@ def test_ffmpeg_ends_with_the_animation(tmp_path, number):
     out = tmp_path / "out"
     out.mkdir()
     arguments = ("--perturb", "rod.theta=1", "--to", "60", "--tol", "1e-3", "--once", "--animate", out / "a.mp4")
-    with child(mbstab_command("simulate", "pendulum.yaml", *arguments), env=environment, **QUIET) as process:
+    with child(command_line("simulate", "pendulum.yaml", *arguments), env=environment, **QUIET) as process:
         until(lambda: any(p.stat().st_size for p in out.iterdir()), process)
         (half,) = out.iterdir()
         writer = int(half.read_text())

@@ -11,7 +11,9 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import unicodedata
+from contextlib import contextmanager
 from xml.etree import ElementTree
 
 import numpy as np
@@ -91,8 +93,21 @@ def test_an_output_that_cannot_be_is_refused_before_anything_is_computed(name, o
     assert [x.name for x in tmp_path.iterdir()] == ["folder.txt"]
 
 
+@contextmanager
+def no_files_above(size):
+    """Let no file grow beyond a size in bytes, as on a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
+
+
 @pytest.mark.parametrize(("name", "suffix"), WRITTEN)
-def test_a_full_disk_leaves_a_whole_file_or_none(name, suffix, tmp_path):
+def test_a_full_disk_leaves_a_whole_file_or_none(name, suffix, tmp_path, monkeypatch):
     path = tmp_path / f"answer.{suffix}"
     path.write_text("before")
     whole = tmp_path / f"whole.{suffix}"
@@ -100,18 +115,11 @@ def test_a_full_disk_leaves_a_whole_file_or_none(name, suffix, tmp_path):
     sizes = (1, whole.stat().st_size // 2)
     spare = tmp_path / "spare"
     spare.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(spare))
     for size in sizes:
-
-        def limited(size=size):
-            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-            resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-
-        command = [sys.executable, "-m", "mbstab", *map(str, COMMANDS[name][0]), "-o", str(path)]
-        environment = {**os.environ, "TMPDIR": str(spare)}
-        result = subprocess.run(
-            command, capture_output=True, text=True, preexec_fn=limited, env=environment, timeout=60
-        )
-        assert result.returncode == 1, result.stderr
+        with no_files_above(size):
+            result = run(*COMMANDS[name][0], "-o", path)
+        assert result.exit_code == 1, result.stderr
         assert "cannot be written: File too large" in result.stderr
         assert "Traceback" not in result.stderr
         assert path.read_text() == "before"
@@ -120,16 +128,12 @@ def test_a_full_disk_leaves_a_whole_file_or_none(name, suffix, tmp_path):
     assert sorted(x.name for x in tmp_path.iterdir()) == sorted([path.name, whole.name, "spare"])
 
 
-def test_a_copy_for_which_there_is_no_room_does_not_block_the_next(tmp_path):
-    def limited():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))
-
-    command = [sys.executable, "-m", "mbstab", "models", "copy", "pendulum"]
-    full = subprocess.run(command, capture_output=True, text=True, preexec_fn=limited, cwd=tmp_path, timeout=60)
-    assert full.returncode == 1
+def test_a_copy_for_which_there_is_no_room_does_not_block_the_next(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with no_files_above(10):
+        assert run("models", "copy", "pendulum").exit_code == 1
     assert list(tmp_path.iterdir()) == []
-    assert subprocess.run(command, capture_output=True, cwd=tmp_path, timeout=60).returncode == 0
+    assert run("models", "copy", "pendulum").exit_code == 0
     assert (tmp_path / "pendulum.yaml").read_bytes() == PENDULUM.read_bytes()
 
 
@@ -288,12 +292,14 @@ def test_too_little_memory_is_said(monkeypatch):
         ("simulate pendulum.yaml --plot an", "angle(pivot)"),
     ],
 )
-def test_the_shell_completes_models_parameters_and_quantities(words, found):
+def test_the_shell_completes_models_parameters_and_quantities(words, found, monkeypatch, capsys):
     words = f"mbstab {words}"
     environment = {"_MBSTAB_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
-    command = [sys.executable, "-c", "from mbstab.cli import main; main(prog_name='mbstab')"]
-    result = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **environment}, timeout=60)
-    assert found in [line.partition(",")[2] for line in result.stdout.splitlines()]
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(SystemExit):
+        main(prog_name="mbstab")
+    assert found in [line.partition(",")[2] for line in capsys.readouterr().out.splitlines()]
 
 
 def test_the_package_shows_its_interface():

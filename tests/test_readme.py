@@ -27,7 +27,7 @@ CONSOLE = [body for kind, body in BLOCKS if kind == "console"]
 def test_two_commands_do_all_set_up():
     assert len(SHELL) == 2
     assert SHELL[0].startswith("python -m pip install . && mbstab eig ")
-    assert SHELL[1] == "python -m pip install '.[test]' && python -m pytest"
+    assert SHELL[1] == "python -m pip install '.[test]' && python -m pytest -n auto --dist worksteal"
 
 
 def test_the_first_command_installs_and_answers(tmp_path):

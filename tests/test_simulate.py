@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from children import child
-from children import mbstab as mbstab_command
+from children import child, command_line
 from click.testing import CliRunner
 from mechanisms import FREE_DISK
 from scipy.special import ellipj, ellipk
@@ -23,8 +22,7 @@ import mbstab
 from mbstab.analysis.reference.dependencies import uneven_in_time
 from mbstab.analysis.reference.motion import Finder
 from mbstab.analysis.reference.rotation import euler_angles, rate_drift, rate_matrix
-from mbstab.analysis.simulate import constrained
-from mbstab.analysis.simulate import simulate as simulating
+from mbstab.analysis.simulate import constrained, simulate
 from mbstab.analysis.simulate.simulate import TRUST, pulses
 from mbstab.analysis.simulate.start import mode_shape, start_of
 from mbstab.analysis.simulate.steppers.table import METHODS
@@ -126,7 +124,7 @@ def test_errors_at_rest_are_those_of_the_scene():
     [(10.0, 1e-13, 5, "rounding and the growth of small errors"), (10.0, 1e-6, 2, "stopped after 2 runs")],
 )
 def test_why_a_tolerance_is_not_met_is_said(to, tol, runs, reason, monkeypatch):
-    monkeypatch.setattr(simulating, "RUNS", runs)
+    monkeypatch.setattr(simulate, "RUNS", runs)
     sim = PENDULUM.simulate(to, perturb={"rod.theta": math.radians(175)}, tol=tol)
     (text,) = sim.warnings
     assert reason in text
@@ -945,7 +943,7 @@ def test_ctrl_c_leaves_the_finished_part_on_disk(tmp_path):
     path = tmp_path / "part.json"
     arguments = ("--perturb", "rod.theta=1", "--to", "1e5", "--points", "200001", "-o", path)
     pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
-    with child(mbstab_command("simulate", "pendulum.yaml", *arguments), **pipes) as process:
+    with child(command_line("simulate", "pendulum.yaml", *arguments), **pipes) as process:
         time.sleep(3.0)
         process.send_signal(signal.SIGINT)
         _, said = process.communicate(timeout=60)

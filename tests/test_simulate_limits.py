@@ -10,9 +10,8 @@ from click.testing import CliRunner
 from mechanisms import SLIDER_CRANK
 
 import mbstab
-from mbstab.analysis.simulate import recording as samples
-from mbstab.analysis.simulate import stiffness
-from mbstab.analysis.simulate import time_budget as watch
+from mbstab.analysis.algebra import budget
+from mbstab.analysis.simulate import recording, stiffness, time_budget
 from mbstab.cli.main import main
 from mbstab.errors import SimulationError
 
@@ -227,7 +226,7 @@ def test_a_fast_motion_that_is_seen_is_not_stiff():
 )
 def test_a_long_simulation_says_early_how_long_and_why(monkeypatch, text, to, options, said):
     now = itertools.count(0.0, 1.0)
-    monkeypatch.setattr(watch, "clock", lambda: next(now))  # a second goes by at each look
+    monkeypatch.setattr(time_budget, "clock", lambda: next(now))  # a second goes by at each look
     told = []
     sim = mbstab.loads(text).simulate(to, tell=told.append, **options)
     first = next(x for x in told if "more at the present pace" in x)
@@ -237,8 +236,8 @@ def test_a_long_simulation_says_early_how_long_and_why(monkeypatch, text, to, op
 
 def test_what_is_left_of_a_long_simulation(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(watch, "clock", lambda: now[0])
-    budget = watch.Budget(1.0, 11.0)
+    monkeypatch.setattr(time_budget, "clock", lambda: now[0])
+    budget = time_budget.Budget(1.0, 11.0)
     budget.start_run(2.0)
     found = {}
     for second in range(1, 40):
@@ -252,7 +251,7 @@ def test_what_is_left_of_a_long_simulation(monkeypatch):
 
 def test_a_short_simulation_says_nothing_about_its_time(monkeypatch):
     now = itertools.count(0.0, 1e-3)
-    monkeypatch.setattr(watch, "clock", lambda: next(now))
+    monkeypatch.setattr(time_budget, "clock", lambda: next(now))
     told = []
     mbstab.loads(SPRING).simulate(3.0, tell=told.append)
     assert told == []
@@ -263,7 +262,7 @@ def test_a_short_simulation_says_nothing_about_its_time(monkeypatch):
     [(0.2, "1 s"), (89.0, "89 s"), (700.0, "12 min"), (1e4, "3 h"), (1e6, "12 days"), (1e300, "1.2e+295 days")],
 )
 def test_durations(seconds, text):
-    assert watch.duration(seconds) == text
+    assert budget.duration(seconds) == text
 
 
 # --- numbers at the ends of the range of double precision -------------------------------------------------------------
@@ -306,8 +305,8 @@ def test_rest_is_found_to_the_tolerance_with_few_steps(compiled):
 
 def test_matrices_of_large_scenes_are_held_for_few_states(monkeypatch):
     held = []
-    monkeypatch.setattr(samples, "reactions", lambda system, q, J, nu: held.append(J.shape) or [])
-    monkeypatch.setattr(samples, "NUMBERS", 3 * 20)
+    monkeypatch.setattr(recording, "reactions", lambda system, q, J, nu: held.append(J.shape) or [])
+    monkeypatch.setattr(recording, "NUMBERS", 3 * 20)
     result = mbstab.load("double_pendulum.yaml").simulate(0.01, points=11)
     assert len(result.times) == 11
     assert sum(shape[0] for shape in held) == 11

@@ -11,8 +11,8 @@ from click.testing import CliRunner
 from zoo import SYSTEMS
 
 import mbstab
-from mbstab.analysis.compare import verify as module
-from mbstab.analysis.linear import eigenvalues as eigen
+from mbstab.analysis.compare import verify
+from mbstab.analysis.linear import eigenvalues
 from mbstab.analysis.simulate.energy import Energy
 from mbstab.cli import main
 
@@ -98,8 +98,8 @@ def test_a_wrong_prediction_is_contradicted(monkeypatch):
         result = answer(system, **options)
         return replace(result, eigenvalues=[replace(e, value=e.value * 1.001) for e in result.eigenvalues])
 
-    answer = module.answer
-    monkeypatch.setattr(module, "answer", shifted)
+    answer = verify.answer
+    monkeypatch.setattr(verify, "answer", shifted)
     found = mbstab.load("pendulum.yaml").verify()
     assert found.verdict == "contradicted"
     assert found.modes[0].error == pytest.approx(1e-3, rel=1e-3)
@@ -111,9 +111,9 @@ def test_wrong_linearized_equations_are_contradicted_though_their_modes_are_exci
         linear = linearize(*arguments, **options)
         return replace(linear, K=1.002 * linear.K)
 
-    linearize = module.linearize
-    monkeypatch.setattr(module, "linearize", stiffer)
-    monkeypatch.setattr(eigen, "linearize", stiffer)
+    linearize = verify.linearize
+    monkeypatch.setattr(verify, "linearize", stiffer)
+    monkeypatch.setattr(eigenvalues, "linearize", stiffer)
     (mode,) = mbstab.load(f"{name}.yaml").verify().modes
     assert mode.verdict == "contradicted"
     assert mode.error == pytest.approx(1e-3, rel=0.05)
@@ -196,10 +196,10 @@ def test_a_small_linear_range_is_found_by_smaller_amplitudes(force):
     pushed = "**3" in force
     assert (found.result.verdict == "undecided") == pushed
     assert found.verdict == ("cannot be judged" if pushed else "confirmed")
-    assert min(mode.amplitude for mode in found.modes) < module.AMPLITUDE
+    assert min(mode.amplitude for mode in found.modes) < verify.AMPLITUDE
     for mode in found.modes:
         assert mode.error <= 1e-5
-        assert abs(mode.observed - mode.predicted) <= module.BLURRED * mode.uncertainty
+        assert abs(mode.observed - mode.predicted) <= verify.BLURRED * mode.uncertainty
 
 
 @pytest.mark.parametrize("width", [1e-4, 1e-5, 1e-6, 1e-8])
@@ -311,7 +311,7 @@ def test_a_free_coordinate_stays_and_its_speed_drifts():
 
 def test_a_wrong_prediction_along_neutral_directions_is_contradicted(monkeypatch):
     # As if speeds did not move anything.
-    monkeypatch.setattr(module.drift, "flow", lambda A, times: [np.eye(len(A))] * len(times))
+    monkeypatch.setattr(verify.neutral_drift, "flow", lambda A, times: [np.eye(len(A))] * len(times))
     found = free().verify()
     assert found.modes[0].verdict == "confirmed"
     assert (found.neutral.verdict, found.verdict) == ("contradicted", "contradicted")
@@ -339,7 +339,7 @@ def test_neutral_directions_of_a_periodic_motion_are_followed_by_periods():
     found = mbstab.loads("\n".join(text).replace("reference: {", "reference: {period: 2*pi/3, ")).verify()
     assert found.result.counts.neutral == 2
     assert (found.neutral.verdict, found.neutral.staying, found.neutral.power) == ("confirmed", 1, 1)
-    assert found.neutral.span == pytest.approx(module.ROUNDS * 2.0 * math.pi / 3.0)
+    assert found.neutral.span == pytest.approx(verify.ROUNDS * 2.0 * math.pi / 3.0)
 
 
 @pytest.mark.parametrize(
@@ -352,7 +352,7 @@ def test_neutral_directions_of_a_periodic_motion_are_followed_by_periods():
 )
 def test_the_invariant_subspace_is_that_of_the_given_eigenvalues(matrix, exact, told):
     matrix = np.array(matrix)
-    basis = module.drift.invariant_subspace(matrix, exact)
+    basis = verify.neutral_drift.invariant_subspace(matrix, exact)
     assert (basis is not None) == told
     if told:
         inner = basis.T @ matrix @ basis

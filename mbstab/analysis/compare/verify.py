@@ -23,7 +23,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, norms
 from mbstab.analysis.algebra.matching import assigned
-from mbstab.analysis.compare import neutral_drift as drift
+from mbstab.analysis.compare import neutral_drift
 from mbstab.analysis.compare.neutral_drift import Drift
 from mbstab.analysis.linear.eigenvalues import answer
 from mbstab.analysis.linear.facts import Grounds, time_scale
@@ -197,7 +197,12 @@ def verify(
     if isinstance(frame, str):
         observations = [_unjudged(k, e, frame) for k, e in enumerate(modes, 1)]
         return Verification(
-            result, tuple(observations), "cannot be judged", frame, 0, drift.untried(count, frame) if count else None
+            result,
+            tuple(observations),
+            "cannot be judged",
+            frame,
+            0,
+            neutral_drift.untried(count, frame) if count else None,
         )
     excited = _Excited(system, motion, frame)
     partners = excited.partners([e.value for e in modes])
@@ -369,9 +374,11 @@ class _Excited:
         frame, weights = self.frame, self.weights
         matrix = frame.matrix * weights / weights[:, None]
         if frame.period is None:
-            return drift.observed(matrix, exact, self._neutral_span(len(exact)), drift.flow, self._displaced)
+            return neutral_drift.observed(
+                matrix, exact, self._neutral_span(len(exact)), neutral_drift.flow, self._displaced
+            )
         multipliers = [complex(np.exp(s * frame.period)) for s in exact]
-        return drift.observed(matrix, multipliers, ROUNDS * frame.period, drift.powers, self._displaced)
+        return neutral_drift.observed(matrix, multipliers, ROUNDS * frame.period, neutral_drift.powers, self._displaced)
 
     def _neutral_span(self, count: int) -> float:
         """Return how long motions along neutral directions are followed (s)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -23,6 +24,9 @@ SUMMED = 2.0
 
 SLOWEST = 1e-10
 """Rates are not told from zero below this part of the typical one."""
+
+MANY = 30
+"""Symmetries from which on one Schur form is cheaper than least squares for each eigenvalue."""
 
 DISTINCT = 1e-4
 """Eigenvalues farther from those of T than this part of what S does there are none of them."""
@@ -217,21 +221,32 @@ class BackwardErrors:
         """Return eigenvectors as coordinates, with the part along T."""
         if not self.T.shape[1]:
             return pos
-        from scipy.linalg import schur, solve_triangular
-
-        inner, c, one = self.inside @ self.T, self.inside @ V, np.eye(self.T.shape[1])
-        triangle, basis = schur(inner, output="complex")
-        turned, own = basis.conj().T @ c, np.diag(triangle)
-        clear = DISTINCT * float(np.max(np.abs(triangle)))
+        inner, c = self.inside @ self.T, self.inside @ V
+        solved = _triangular(inner, c) if len(inner) > MANY else None
         result = pos.copy()
         for j, s in enumerate(values):
             if np.isfinite(s) and np.isfinite(c[:, j]).all():
-                if np.min(np.abs(s - own)) > clear:
-                    part = basis @ solve_triangular(s * one - triangle, turned[:, j])
-                else:
-                    part = np.linalg.lstsq(s * one - inner, c[:, j], rcond=1e-12)[0]
+                part = solved(complex(s), j) if solved is not None else None
+                if part is None:
+                    part = np.asarray(np.linalg.lstsq(s * np.eye(len(inner)) - inner, c[:, j], rcond=1e-12)[0])
                 result[:, j] += self.N @ (self.T[: self.n_xi] @ part)
         return result
+
+
+def _triangular(inner: Array, c: Complex) -> Callable[[complex, int], Complex | None]:
+    """Return what solves (s − inner) x = c_j by one Schur form; None where s is too near to an eigenvalue of it."""
+    from scipy.linalg import schur, solve_triangular
+
+    one, (triangle, basis) = np.eye(len(inner)), schur(inner, output="complex")
+    turned, own = basis.conj().T @ c, np.diag(triangle)
+    clear = DISTINCT * float(np.max(np.abs(triangle)))
+
+    def solved(s: complex, j: int) -> Complex | None:
+        if np.min(np.abs(s - own)) <= clear:
+            return None
+        return np.asarray(basis @ solve_triangular(s * one - triangle, turned[:, j]), dtype=complex)
+
+    return solved
 
 
 class Motions(NamedTuple):

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from scipy.special import ellipj, ellipk
 
 import mbstab
-from mbstab.analysis.compare import integrators as integrations
+from mbstab.analysis.compare import integrators
 from mbstab.cli import main
 from mbstab.errors import NumericalError, SimulationError, UsageError
 
@@ -38,24 +38,24 @@ def test_errors_are_the_global_ones_of_simulations():
     result = compared()
     run = next(x for x in result.runs if (x.name, x.tol) == ("RK45", 1e-5))
     # As in tests of simulations: places, orientations and speeds at any time, against the elliptic functions.
-    times = np.linspace(0.0, 0.5, integrations.POINTS)
+    times = np.linspace(0.0, 0.5, integrators.POINTS)
     k, rate = math.sin(math.pi / 8), math.sqrt(3.0 * 9.81 / 0.8)
     sn, cn, dn, _ = ellipj(ellipk(k * k) - rate * times, k * k)
     angle = 2.0 * np.arcsin(k * sn)
     speed = -2.0 * k * rate * cn * dn / np.cos(0.5 * angle)
     # The single run of a simulation takes another rate as fast, that of compare the one of its reference.
     assert run.error == pytest.approx(_error_of_rk45(angle, speed), rel=1e-3)
-    assert 0.0 < result.known <= integrations.EXACT
+    assert 0.0 < result.known <= integrators.EXACT
 
 
 def _error_of_rk45(angle, speed):
     system = PENDULUM.system()
-    begin = integrations.start_of(system, {"rod.theta": math.pi / 4})
-    follower = integrations.Follower(begin.system, begin.motion, np.linspace(0.0, 0.5, integrations.POINTS))
-    race = integrations._Race(follower)
+    begin = integrators.start_of(system, {"rod.theta": math.pi / 4})
+    follower = integrators.Follower(begin.system, begin.motion, np.linspace(0.0, 0.5, integrators.POINTS))
+    race = integrators._Race(follower)
     race.reference()
-    run, _ = race.run(integrations.METHODS["projection"]["RK45"], "RK45", 1e-5, 10.0)
-    q, u = integrations.states(run.samples)
+    run, _ = race.run(integrators.METHODS["projection"]["RK45"], "RK45", 1e-5, 10.0)
+    q, u = integrators.states(run.samples)
     found = np.stack([q[:, 2] - 1.5 * math.pi, u[:, 2]], axis=1)
     fast = np.max(np.abs(speed))
     return max(
@@ -69,7 +69,7 @@ def test_smaller_tolerances_leave_smaller_errors_and_cost_more():
     result = compared()
     for name in NAMES:
         runs = [x for x in result.runs if x.name == name]
-        assert [x.tol for x in runs] == list(integrations.TOLERANCES)
+        assert [x.tol for x in runs] == list(integrators.TOLERANCES)
         done = [x for x in runs if not x.failure]
         assert len(done) >= 3
         errors = [x.error for x in done]
@@ -84,11 +84,11 @@ def test_the_chosen_integrator_is_the_fastest_that_keeps_the_tolerance():
     result = compared()
     good = [x for x in result.runs if x.error <= 1e-6]
     assert result.chosen in good
-    assert result.chosen.seconds <= integrations.CLOSE * min(x.seconds for x in good)
+    assert result.chosen.seconds <= integrators.CLOSE * min(x.seconds for x in good)
 
 
 def test_a_reference_at_rest_is_disturbed_by_its_first_mode(monkeypatch):
-    monkeypatch.setattr(integrations, "TOLERANCES", (1e-4,))
+    monkeypatch.setattr(integrators, "TOLERANCES", (1e-4,))
     result = PENDULUM.compare_integrators(0.2)
     assert result.disturbance == {"mode:1": 0.1}
     assert all(x.error > 0.0 for x in result.runs)
@@ -96,19 +96,19 @@ def test_a_reference_at_rest_is_disturbed_by_its_first_mode(monkeypatch):
 
 def test_angles_may_pass_their_singularity_within_a_step(monkeypatch):
     # The shaft turns by a quarter in 0.157 s, and with it theta of the cranks passes pi/2.
-    monkeypatch.setattr(integrations, "TOLERANCES", (1e-3,))
+    monkeypatch.setattr(integrators, "TOLERANCES", (1e-3,))
     result = mbstab.load("governor.yaml").compare_integrators(0.2)
     assert [x.failure for x in result.runs] == [""] * len(NAMES)
     assert max(x.error for x in result.runs) < 0.1
 
 
 def test_what_takes_too_long_is_given_up(monkeypatch):
-    run = integrations._Race.run
+    run = integrators._Race.run
 
     def short(self, method, solver, tol, limit):
-        return run(self, method, solver, tol, limit if limit > integrations.LIMIT else 0.0)
+        return run(self, method, solver, tol, limit if limit > integrators.LIMIT else 0.0)
 
-    monkeypatch.setattr(integrations._Race, "run", short)
+    monkeypatch.setattr(integrators._Race, "run", short)
     result = PENDULUM.compare_integrators(0.5, {"rod.theta": 0.5})
     assert re.match(r"given up after \S+ s, when \d+% was done", result.runs[0].failure)
     assert result.runs[1].failure == "not tried: a larger tolerance took too long"
@@ -119,8 +119,8 @@ def test_what_takes_too_long_is_given_up(monkeypatch):
 
 def test_a_pace_that_is_too_slow_is_given_up_early(monkeypatch):
     times = iter([0.0, 0.9, 1.1, 1.1])
-    monkeypatch.setattr(integrations.time, "process_time", lambda: next(times))
-    watch = integrations._watch(4.0, 1.0)
+    monkeypatch.setattr(integrators.time, "process_time", lambda: next(times))
+    watch = integrators._watch(4.0, 1.0)
     watch(0.001)
     watch(0.2)
     with pytest.raises(NumericalError, match=r"given up after 1\.1 s, when 18% was done"):
@@ -150,7 +150,7 @@ def test_a_motion_that_cannot_be_followed_is_said():
 
 @pytest.fixture
 def few(monkeypatch):
-    monkeypatch.setattr(integrations, "TOLERANCES", (1e-3, 1e-5))
+    monkeypatch.setattr(integrators, "TOLERANCES", (1e-3, 1e-5))
 
 
 def run(*arguments):
