@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.proof.certify import Certificate
     from mbstab.analysis.reference.equilibrium import Equilibrium
     from mbstab.analysis.simulate.mode_shape import Swing
-    from mbstab.analysis.simulate.simulate import Simulation
+    from mbstab.analysis.simulate.result import Simulation
     from mbstab.analysis.sweep.chart import Chart
     from mbstab.analysis.sweep.sweep import Sweep
 

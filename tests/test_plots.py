@@ -8,7 +8,8 @@ import pytest
 from matplotlib.text import Text
 
 import mbstab
-from mbstab.analysis.sweep.sweep import Critical, Sweep, sweep
+from mbstab.analysis.sweep.critical_values import Critical
+from mbstab.analysis.sweep.sweep import Sweep, sweep
 from mbstab.report.pictures.campbell import campbell
 from mbstab.report.pictures.curves import INK, THICK, THIN
 from mbstab.report.pictures.drawing import save

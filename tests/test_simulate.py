@@ -23,7 +23,8 @@ from mbstab.analysis.reference.dependencies import uneven_in_time
 from mbstab.analysis.reference.motion import Finder
 from mbstab.analysis.reference.rotation import euler_angles, rate_drift, rate_matrix
 from mbstab.analysis.simulate import constrained, simulate
-from mbstab.analysis.simulate.simulate import TRUST, pulses
+from mbstab.analysis.simulate.accuracy import pulses
+from mbstab.analysis.simulate.simulate import TRUST
 from mbstab.analysis.simulate.start import mode_shape, start_of
 from mbstab.analysis.simulate.steppers.table import METHODS
 from mbstab.cli import main

@@ -15,7 +15,7 @@ from mbstab.cli.output import files, note, save
 from mbstab.errors import UsageError
 
 if TYPE_CHECKING:
-    from mbstab.analysis.simulate.simulate import Simulation
+    from mbstab.analysis.simulate.result import Simulation
     from mbstab.api import Mechanism
     from mbstab.compiler.system import System
     from mbstab.report.animation.frames import Frames

@@ -37,7 +37,7 @@ from mbstab.cli.output import (
 from mbstab.errors import SimulationError
 
 if TYPE_CHECKING:
-    from mbstab.analysis.simulate.simulate import Simulation
+    from mbstab.analysis.simulate.result import Simulation
     from mbstab.api import Mechanism
     from mbstab.model.schema import Model
     from mbstab.report.pictures.motion_plots import Picture

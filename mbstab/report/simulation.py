@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from mbstab.analysis.simulate.simulate import TRUST, Simulation
+from mbstab.analysis.simulate.result import Simulation
+from mbstab.analysis.simulate.simulate import TRUST
 from mbstab.errors import counted
 from mbstab.model.schema import unit_of
 from mbstab.report import WIDTH

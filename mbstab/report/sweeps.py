@@ -16,7 +16,8 @@ from mbstab.report.tables import number, table
 
 if TYPE_CHECKING:
     from mbstab.analysis.sweep.chart import Chart
-    from mbstab.analysis.sweep.sweep import Critical, Sweep
+    from mbstab.analysis.sweep.critical_values import Critical
+    from mbstab.analysis.sweep.sweep import Sweep
     from mbstab.compiler.system import Array
 
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")

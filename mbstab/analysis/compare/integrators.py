@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.compare.methods import CLOSE
+from mbstab.analysis.simulate.accuracy import Work
 from mbstab.analysis.simulate.recording import Record, states
 from mbstab.analysis.simulate.run import Follower, Run, difference
-from mbstab.analysis.simulate.simulate import Work
 from mbstab.analysis.simulate.start import Start, start_of
 from mbstab.analysis.simulate.steppers.interface import Method
 from mbstab.analysis.simulate.steppers.table import METHODS
@@ -56,7 +56,7 @@ class Integration:
         Of a step.
     error : float
         Largest difference from the reference at any time of output, as `error_estimate` of
-        `mbstab.analysis.simulate.simulate.Simulation`.
+        `mbstab.analysis.simulate.result.Simulation`.
     seconds : float
         Of work.
     evaluations, steps, rejected : int

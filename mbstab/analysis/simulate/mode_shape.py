@@ -32,7 +32,7 @@ class Swing:
     q : ndarray, shape (n_t, n_q)
         Coordinates (m, rad).
     positions, rotations : ndarray, shape (n_t, n_b, d) and (n_t, n_b, d, d)
-        Of the bodies, as in `mbstab.analysis.simulate.simulate.Simulation`.
+        Of the bodies, as in `mbstab.analysis.simulate.result.Simulation`.
     """
 
     value: complex

@@ -14,62 +14,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mbstab.analysis.algebra import budget
-from mbstab.analysis.reference.dependencies import expressions_in, uneven_in_time
 from mbstab.analysis.reference.efforts import MOTION_UNITS, motion_name, moving_joints
+from mbstab.analysis.simulate.accuracy import LEAST_RUNS, Work
 from mbstab.analysis.simulate.recording import Record, Track
-from mbstab.analysis.simulate.run import Follower, Run, difference, fastest
+from mbstab.analysis.simulate.result import Simulation
+from mbstab.analysis.simulate.run import Follower, Run
 from mbstab.analysis.simulate.start import Start, start_of
 from mbstab.analysis.simulate.steppers.compiled import machine_code
-from mbstab.analysis.simulate.steppers.interface import Method, Options
+from mbstab.analysis.simulate.steppers.interface import Method
 from mbstab.analysis.simulate.steppers.table import METHODS
 from mbstab.analysis.simulate.time_budget import Budget
-from mbstab.compiler.system import Array, System
+from mbstab.compiler.system import System
 from mbstab.errors import SimulationError, UsageError
-from mbstab.model.arithmetic import array_arithmetic
 
 TRUST = 3.0
 """The error of a result is below this factor times the tolerance, if no warning says that the tolerance is not met."""
 
-RUNS, LEAST_RUNS = 5, 3
-"""With different tolerances, at most and at least."""
-
-REST = 1e-4
-"""Speeds below this part of the natural rate are as good as none."""
-
-SEEN, PULSES = 8, 2**16
-"""Parts of the longest step, and at most so many of a simulation, in which given functions of time are looked at."""
-
-CLEAR_PULSE = 0.05
-"""Of a function's range, or of a number of parts: more counts."""
 
 MOST_STEPS = 1e9
 """Of fixed size."""
 
-SMALLEST = 1e-13
-"""Tolerance of a step below which rounding decides."""
-
-REDUCTION = 0.1
-"""Of the tolerance of a step from the first run to the second."""
-
-LARGEST_RATIO = 0.5
-"""Of tolerances whose runs tell anything about the error."""
-
-IMPROVED = 0.7
-"""A run whose estimate is above this part of the one before has not improved the result."""
-
-SURE = 0.75
-"""Part of `Method.power` that is counted on: errors of single runs may shrink less than theory says."""
-
-MARGIN = 0.3
-"""A repeated run aims at this part of the tolerance."""
-
-LONGEST_STEPS = (100.0, 1000.0)
-"""With functions of time that may rest a step is at most the distance of two times of output, between these parts."""
 
 SAMPLE = 40
 """Numbers that would take as much memory as what surrounds a state that is kept."""
@@ -79,149 +47,6 @@ RESOLVED = 1e-3
 
 LONGEST = 10.0
 """Duration of a simulation whose end is not given (s)."""
-
-
-@dataclass(frozen=True, repr=False)
-class Simulation:
-    """A motion over a span of time.
-
-    Attributes
-    ----------
-    names, bodies, rows : tuple of str
-        Coordinates in the order of q, bodies, constraint rows.
-    times : ndarray, shape (n_t,)
-        Times of output (s).
-    q, u, a : ndarray, shape (n_t, n_q)
-        Coordinates (m, rad), rates and accelerations, in the angles of the file.
-    nu : ndarray, shape (n_t, n_c)
-        Multipliers [λ; μ], the least ones where rows are redundant.
-    positions : ndarray, shape (n_t, n_b, d)
-        Reference points of the bodies in ground axes (m), d = 2 or 3.
-    rotations : ndarray, shape (n_t, n_b, d, d)
-        From body axes to ground axes; the unit matrix for point masses.
-    velocities : ndarray, shape (n_t, n_b, d)
-        Of the reference points (m/s).
-    spins : ndarray, shape (n_t, n_b, 3)
-        Angular velocities in ground axes (rad/s); about z in the plane.
-    loads : ndarray, shape (n_t, n_l)
-        Reactions as in `mbstab.analysis.reference.reactions`: forces (N) and torques (N·m), ground axes.
-    load_names : tuple of (str, str, str)
-        Owner, body acted on, and component such as ``force x``.
-    efforts : ndarray, shape (n_t, n_e)
-        Of springs, dampers, actuators and drives along their motions (N, N·m), positive where they drive them on.
-    effort_names : tuple of (str, str)
-        Owner and unit.
-    motions, motion_rates : ndarray, shape (n_t, n_m)
-        Angles and displacements of joints (rad, m), and their rates.
-    motion_names : tuple of (str, str)
-        Such as ``angle(pivot)``, and unit.
-    kinetic, potential : ndarray, shape (n_t,)
-        Energies (J): of the motion; of weight and springs.
-    work : ndarray, shape (n_t,)
-        What forces without a potential, dampers and drives have done since the start (J).
-    residuals : ndarray, shape (n_t, 2)
-        Largest residuals of constraint rows in position and velocity, relative to the sizes in the scene and to
-        the speeds at that time.
-    method, solver : str
-    tol : float
-        The global error asked for; nan with fixed steps.
-    step : float or None
-        The fixed step (s).
-    error_estimate : float
-        Of the global error, which is the largest of those of places, relative to the size of the scene, of entries
-        of rotation matrices, and of speeds, relative to the largest speed of the motion, or where nothing moves to
-        `REST` times the natural rate of the scene; nan where only one run was made.
-    steps, rejected, evaluations : int
-        Of the last run; evaluations count all runs.
-    runs, charts : int
-        How many runs were made; how often in the last one Euler angles were replaced by others.
-    peak : float (J)
-        The largest kinetic energy after any step; that of speeds as good as rest at least.
-    sizes : ndarray, shape (n_q,)
-        What a large change of each coordinate is.
-    conservative : bool
-        Whether nothing does work.
-    warnings : tuple of str
-    complete : bool
-    failure : str
-        Why the motion ends early, or empty.
-    """
-
-    names: tuple[str, ...]
-    bodies: tuple[str, ...]
-    rows: tuple[str, ...]
-    times: Array
-    q: Array
-    u: Array
-    a: Array
-    nu: Array
-    positions: Array
-    rotations: Array
-    velocities: Array
-    spins: Array
-    loads: Array
-    load_names: tuple[tuple[str, str, str], ...]
-    efforts: Array
-    effort_names: tuple[tuple[str, str], ...]
-    motions: Array
-    motion_rates: Array
-    motion_names: tuple[tuple[str, str], ...]
-    kinetic: Array
-    potential: Array
-    work: Array
-    residuals: Array
-    method: str
-    solver: str
-    tol: float
-    step: float | None
-    error_estimate: float
-    steps: int
-    rejected: int
-    evaluations: int
-    runs: int
-    charts: int
-    peak: float
-    sizes: Array
-    conservative: bool
-    warnings: tuple[str, ...]
-    complete: bool
-    failure: str
-
-    def __repr__(self) -> str:
-        """Return the size of it; the arrays are long."""
-        solver = f" {self.solver}" if self.solver else ""
-        return (
-            f"<Simulation of {len(self.names)} coordinates at {len(self.times)} times from {self.times[0]:g} to "
-            f"{self.times[-1]:g} s by {self.method}{solver}, error estimate {self.error_estimate:.2g}>"
-        )
-
-    @property
-    def end_state(self) -> dict[str, dict[str, float]]:
-        """Coordinates and rates by name at the last time."""
-        q, u = (dict(zip(self.names, x[-1].tolist(), strict=True)) for x in (self.q, self.u))
-        return {"coordinates": q, "rates": u}
-
-    @property
-    def max_constraint_residual(self) -> float:
-        """The largest relative residual of a constraint row at any time of output."""
-        return float(np.max(self.residuals, initial=0.0))
-
-    @property
-    def imbalance(self) -> Array:
-        """T + V − work, relative to what it is at the start, shape (n_t,) (J): zero but for errors."""
-        total = self.kinetic + self.potential - self.work
-        return np.asarray(total - total[0])
-
-    @property
-    def energy_scale(self) -> float:
-        """The largest energy that goes to and fro (J)."""
-        swing = float(np.ptp(self.potential))
-        return max(self.peak, float(np.max(self.kinetic)), swing, float(np.max(np.abs(self.work))))
-
-    @property
-    def energy_drift(self) -> float:
-        """The largest imbalance of energy, relative to `energy_scale`; 0 where energies are too small for numbers."""
-        return float(np.max(np.abs(self.imbalance))) / (self.energy_scale or 1.0)
 
 
 def simulate(
@@ -374,182 +199,6 @@ def _check_memory(system: System, points: int) -> None:
             f"{budget.MOST_MEMORY / 1e9:g} GB is the limit\n"
             f"hint: {math.floor(budget.MOST_MEMORY / (8 * columns))} --points fit, or allow it with --force"
         )
-
-
-def longest_step(follower: Follower) -> float:
-    """Return the longest step: with functions of time that may rest about the distance of two times of output."""
-    given = (x for item in follower.system.scene.items for x in expressions_in(item.entry.values))
-    if not any(map(uneven_in_time, given)):
-        return math.inf
-    times = follower.times
-    duration = float(times[-1] - times[0])
-    return min(max(float(times[1] - times[0]), duration / LONGEST_STEPS[1]), duration / LONGEST_STEPS[0])
-
-
-def pulses(system: System, first: float, last: float, longest: float) -> list[str]:
-    """Return a warning for each given function of time with a pulse so short that steps may pass over it.
-
-    Parameters
-    ----------
-    first, last : float (s)
-    longest : float
-        Longest step (s).
-    """
-    if not longest < last - first:
-        return []
-    cells = math.ceil((last - first) * SEEN / longest)
-    each = max(SEEN, PULSES // cells)
-    times = np.linspace(first, last, cells * each + 1)
-    found: dict[str, str] = {}
-    for owner, law in system.given_functions():
-        with np.errstate(all="ignore"):
-            values = np.broadcast_to(replace(law, arithmetic=array_arithmetic()).at(times).value, times.shape)
-        size = float(np.ptp(values))
-        if not (math.isfinite(size) and size > 0.0):
-            continue
-        for shift in (0, each // 2):  # a pulse at the end of one cell lies inside another
-            place = _pulse(values[shift : shift + (cells - 1) * each + 1], each, size)
-            if place is not None:
-                time, width = times[shift + place[0]], place[1] * (times[1] - times[0])
-                found.setdefault(
-                    owner,
-                    f"{owner} has a pulse of about {width:.1g} s at t = {time:.6g} s, which steps of up to "
-                    f"{longest:.2g} s may pass over: give --step, more --points, or a time nearby with --from",
-                )
-    return list(found.values())
-
-
-def _pulse(values: Array, each: int, size: float) -> tuple[int, int] | None:
-    """Return where a function is farthest from what its values at the ends of cells tell, and how long; or None."""
-    ends, inside = values[::each], values[:-1].reshape(-1, each)
-    off = np.abs(inside - ends[:-1, None] - (ends[1:] - ends[:-1])[:, None] * np.arange(each) / each)
-    far = np.max(off, axis=1)
-    lively = far > CLEAR_PULSE * size
-    # What is still there at the end of a cell is seen there; and what is everywhere is seen everywhere.
-    hidden = lively & (np.abs(ends[1:] - ends[:-1]) < CLEAR_PULSE * far)
-    if not np.any(hidden) or np.count_nonzero(lively) > CLEAR_PULSE * len(far):
-        return None
-    k = int(np.argmax(np.where(hidden, far, 0.0)))
-    return k * each + int(np.argmax(off[k])), int(np.count_nonzero(2.0 * off[k] > far[k]))
-
-
-class Work:
-    """Runs with smaller and smaller tolerances."""
-
-    def __init__(
-        self,
-        follower: Follower,
-        method: Method,
-        solver: str,
-        tol: float,
-        step: float | None,
-        compiled: bool,
-        progress: Callable[[float], object],
-    ) -> None:
-        self.follower, self.method, self.solver = follower, method, solver
-        self.tol, self.step, self.compiled, self.progress = tol, step, compiled, progress
-        motion = follower.motion
-        relative = float(np.max(np.abs(motion.u / motion.sizes), initial=0.0))
-        pulled = math.sqrt(float(np.max(np.abs(motion.a / motion.sizes), initial=0.0)))
-        self.rate = max(relative, pulled, 1.0 / float(follower.times[-1] - follower.times[0]))
-        falling = math.sqrt(math.hypot(*map(float, follower.system.scene.gravity)) / float(np.max(motion.sizes)))
-        self.natural = max(self.rate, falling)
-        self.longest = longest_step(follower)
-        self.estimate, self.fast, self.runs, self.evaluations = math.nan, math.nan, 0, 0
-        self.warnings = pulses(
-            follower.system, float(follower.times[0]), float(follower.times[-1]), step or self.longest
-        )
-        self.notes: list[str] = []
-
-    def once(self, tol: float, progress: Callable[[float], object] | None = None) -> Run:
-        """Follow the motion with a tolerance of a step."""
-        # The longest step shrinks with the tolerance as the others do: otherwise runs would not differ where it binds.
-        longest = self.longest * (tol / self.tol) ** (self.method.power / self.method.order)
-        options = Options(tol, self.step, None, self.rate, longest, self.solver, self.compiled)
-        if self.follower.budget:
-            self.follower.budget.start_run(self._further(refining=progress is not None))
-        run = self.follower.run(self.method, options, progress or self.progress)
-        self.runs += 1
-        self.notes = run.notes or self.notes
-        self.evaluations += run.evaluations
-        return run
-
-    def _further(self, refining: bool) -> float:
-        """Return how many runs as long as the next one follow it at least."""
-        if not refining:
-            return 0.0
-        longer = REDUCTION ** (-self.method.power / self.method.order)
-        return float(sum(longer**k for k in range(1, LEAST_RUNS - self.runs)))
-
-    def refined(self) -> Run:
-        """Follow the motion until the estimate of its global error is below the tolerance."""
-        local = max(self.tol, SMALLEST)
-        sizes = self.follower.motion.sizes
-        before = self.once(local, self._share(0.0, 0.15))
-        if not before.complete:
-            return before
-        started, speed = self.rate, fastest(before, float(np.max(sizes)))
-        self.rate = max(speed, 1e-3 * self.rate, REST * self.natural)
-        fast = self.fast = max(speed, REST * self.natural)
-        following = max(local * REDUCTION, SMALLEST)
-        # A first run that took too much for fast has larger errors of speeds than its tolerance says.
-        if following >= local or REDUCTION * started > self.rate:
-            following, local = (SMALLEST, 10.0 * SMALLEST) if following >= local else (following, local)
-            before = self.once(local, self._share(0.15, 0.2))
-            if not before.complete:
-                return before
-        shares = [0.15, 0.3, 0.5, 0.8, 0.95, 1.0]
-        # The first run took another rate as fast: for speeds its tolerance was as much smaller.
-        earlier, improved = [(local * (min(started / self.rate, 1.0) if self.runs == 1 else 1.0), before)], True
-        for k in range(1, RUNS):
-            run = self.once(following, self._share(shares[k - 1], shares[k]))
-            if not run.complete:
-                return self._better(before, run)
-            # Earlier runs may have passed over something.
-            last, self.estimate = self.estimate, self._estimated(run, following, earlier[1 - LEAST_RUNS :], fast)
-            improved = not self.estimate > IMPROVED * last
-            if following <= SMALLEST or (self.estimate <= self.tol and k + 1 >= LEAST_RUNS):
-                break
-            wanted = REDUCTION * following
-            if self.estimate > self.tol:
-                wanted = following * (MARGIN * self.tol / self.estimate) ** (1.0 / (SURE * self.method.power))
-            earlier.append((following, run))
-            before = run
-            following = max(min(wanted, 0.3 * following), SMALLEST)
-        if self.estimate > self.tol:
-            reason = (
-                f"stopped after {self.runs} runs"
-                if improved and following > SMALLEST
-                else f"the tolerance of a step is at its least, {SMALLEST:g}, and what is left comes from rounding and "
-                "the growth of small errors over this time; shorter steps (--step) may do better"
-                if following <= SMALLEST
-                else "smaller tolerances of a step change the result by as much"
-            )
-            self.warnings.append(
-                f"the estimate of the global error, {self.estimate:.2e}, is above the tolerance {self.tol:.2e}: "
-                + reason
-            )
-        self.progress(1.0)
-        return run
-
-    def _estimated(self, run: Run, tol: float, earlier: list[tuple[float, Run]], fast: float) -> float:
-        """Return the error of a run: the largest of those that its differences from earlier ones tell."""
-        found = 0.0
-        for larger, other in earlier:
-            ratio = min(tol / larger, LARGEST_RATIO) ** (SURE * self.method.power)
-            found = max(found, difference(run, other, self.follower.motion.sizes, fast) * ratio / (1.0 - ratio))
-        return found
-
-    def _share(self, low: float, high: float) -> Callable[[float], object]:
-        """Return the progress function of a part of the work."""
-        return lambda done: self.progress(low + (high - low) * done)
-
-    def _better(self, before: Run, run: Run) -> Run:
-        """Return what is kept of an early end: a complete run with a larger error if it was stopped by hand."""
-        if run.interrupted:
-            self.warnings.append("stopped while the error was being reduced: its size is not known")
-            return replace(before, interrupted=True)
-        return run
 
 
 def _result(begin: Start, follower: Follower, work: Work, run: Run, method: str, solver: str) -> Simulation:

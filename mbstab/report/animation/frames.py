@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbstab.analysis.simulate.mode_shape import Swing
-from mbstab.analysis.simulate.simulate import Simulation
+from mbstab.analysis.simulate.result import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.report.pictures.scales import with_minus_sign

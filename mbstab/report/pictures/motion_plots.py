@@ -21,7 +21,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from mbstab.analysis.reference.efforts import MOTION_UNITS, effort_unit, motion_name
-from mbstab.analysis.simulate.simulate import Simulation
+from mbstab.analysis.simulate.result import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError, suggestion
 from mbstab.model.schema import Entry, Model, unit_of

@@ -1,0 +1,152 @@
+"""A simulated motion: what was recorded, and how far it can be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbstab.compiler.system import Array
+
+
+@dataclass(frozen=True, repr=False)
+class Simulation:
+    """A motion over a span of time.
+
+    Attributes
+    ----------
+    names, bodies, rows : tuple of str
+        Coordinates in the order of q, bodies, constraint rows.
+    times : ndarray, shape (n_t,)
+        Times of output (s).
+    q, u, a : ndarray, shape (n_t, n_q)
+        Coordinates (m, rad), rates and accelerations, in the angles of the file.
+    nu : ndarray, shape (n_t, n_c)
+        Multipliers [λ; μ], the least ones where rows are redundant.
+    positions : ndarray, shape (n_t, n_b, d)
+        Reference points of the bodies in ground axes (m), d = 2 or 3.
+    rotations : ndarray, shape (n_t, n_b, d, d)
+        From body axes to ground axes; the unit matrix for point masses.
+    velocities : ndarray, shape (n_t, n_b, d)
+        Of the reference points (m/s).
+    spins : ndarray, shape (n_t, n_b, 3)
+        Angular velocities in ground axes (rad/s); about z in the plane.
+    loads : ndarray, shape (n_t, n_l)
+        Reactions as in `mbstab.analysis.reference.reactions`: forces (N) and torques (N·m), ground axes.
+    load_names : tuple of (str, str, str)
+        Owner, body acted on, and component such as ``force x``.
+    efforts : ndarray, shape (n_t, n_e)
+        Of springs, dampers, actuators and drives along their motions (N, N·m), positive where they drive them on.
+    effort_names : tuple of (str, str)
+        Owner and unit.
+    motions, motion_rates : ndarray, shape (n_t, n_m)
+        Angles and displacements of joints (rad, m), and their rates.
+    motion_names : tuple of (str, str)
+        Such as ``angle(pivot)``, and unit.
+    kinetic, potential : ndarray, shape (n_t,)
+        Energies (J): of the motion; of weight and springs.
+    work : ndarray, shape (n_t,)
+        What forces without a potential, dampers and drives have done since the start (J).
+    residuals : ndarray, shape (n_t, 2)
+        Largest residuals of constraint rows in position and velocity, relative to the sizes in the scene and to
+        the speeds at that time.
+    method, solver : str
+    tol : float
+        The global error asked for; nan with fixed steps.
+    step : float or None
+        The fixed step (s).
+    error_estimate : float
+        Of the global error, which is the largest of those of places, relative to the size of the scene, of entries
+        of rotation matrices, and of speeds, relative to the largest speed of the motion, or where nothing moves to
+        `REST` times the natural rate of the scene; nan where only one run was made.
+    steps, rejected, evaluations : int
+        Of the last run; evaluations count all runs.
+    runs, charts : int
+        How many runs were made; how often in the last one Euler angles were replaced by others.
+    peak : float (J)
+        The largest kinetic energy after any step; that of speeds as good as rest at least.
+    sizes : ndarray, shape (n_q,)
+        What a large change of each coordinate is.
+    conservative : bool
+        Whether nothing does work.
+    warnings : tuple of str
+    complete : bool
+    failure : str
+        Why the motion ends early, or empty.
+    """
+
+    names: tuple[str, ...]
+    bodies: tuple[str, ...]
+    rows: tuple[str, ...]
+    times: Array
+    q: Array
+    u: Array
+    a: Array
+    nu: Array
+    positions: Array
+    rotations: Array
+    velocities: Array
+    spins: Array
+    loads: Array
+    load_names: tuple[tuple[str, str, str], ...]
+    efforts: Array
+    effort_names: tuple[tuple[str, str], ...]
+    motions: Array
+    motion_rates: Array
+    motion_names: tuple[tuple[str, str], ...]
+    kinetic: Array
+    potential: Array
+    work: Array
+    residuals: Array
+    method: str
+    solver: str
+    tol: float
+    step: float | None
+    error_estimate: float
+    steps: int
+    rejected: int
+    evaluations: int
+    runs: int
+    charts: int
+    peak: float
+    sizes: Array
+    conservative: bool
+    warnings: tuple[str, ...]
+    complete: bool
+    failure: str
+
+    def __repr__(self) -> str:
+        """Return the size of it; the arrays are long."""
+        solver = f" {self.solver}" if self.solver else ""
+        return (
+            f"<Simulation of {len(self.names)} coordinates at {len(self.times)} times from {self.times[0]:g} to "
+            f"{self.times[-1]:g} s by {self.method}{solver}, error estimate {self.error_estimate:.2g}>"
+        )
+
+    @property
+    def end_state(self) -> dict[str, dict[str, float]]:
+        """Coordinates and rates by name at the last time."""
+        q, u = (dict(zip(self.names, x[-1].tolist(), strict=True)) for x in (self.q, self.u))
+        return {"coordinates": q, "rates": u}
+
+    @property
+    def max_constraint_residual(self) -> float:
+        """The largest relative residual of a constraint row at any time of output."""
+        return float(np.max(self.residuals, initial=0.0))
+
+    @property
+    def imbalance(self) -> Array:
+        """T + V − work, relative to what it is at the start, shape (n_t,) (J): zero but for errors."""
+        total = self.kinetic + self.potential - self.work
+        return np.asarray(total - total[0])
+
+    @property
+    def energy_scale(self) -> float:
+        """The largest energy that goes to and fro (J)."""
+        swing = float(np.ptp(self.potential))
+        return max(self.peak, float(np.max(self.kinetic)), swing, float(np.max(np.abs(self.work))))
+
+    @property
+    def energy_drift(self) -> float:
+        """The largest imbalance of energy, relative to `energy_scale`; 0 where energies are too small for numbers."""
+        return float(np.max(np.abs(self.imbalance))) / (self.energy_scale or 1.0)

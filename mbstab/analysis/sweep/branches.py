@@ -1,0 +1,334 @@
+"""Eigenvalues at the points of a sweep and between them, joined to branches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex, Index
+from mbstab.analysis.algebra.matching import assigned
+from mbstab.analysis.linear.verdict import UNDECIDED
+from mbstab.analysis.reference.continuation import Path as Solutions
+from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
+from mbstab.analysis.sweep.batched_verdict import (
+    HARDLY,
+    OPEN,
+    WORD,
+    Sides,
+    pinned,
+    settled,
+    unplaced,
+)
+from mbstab.analysis.sweep.jobs import Block
+from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, TWIN, follow, has_twins
+from mbstab.compiler.system import Array
+from mbstab.model.schema import after_number
+
+RESOLUTION = 1e-12
+"""Eigenvalues that are not told apart in an interval of this relative width cross or collide in it."""
+
+NARROW = 1e-6
+"""Where eigenvalues meet is known if the interval is narrower than this part of the parameter."""
+
+NOISE = 1e-7
+"""So near to a meeting, relative to the parameter, rounding may show a pair on the wrong side."""
+
+SPLIT = 8
+"""Parts into which an interval is divided in which eigenvalues cannot be followed."""
+
+BUDGET, ENTRIES = 100_000, 4_000_000
+"""So many points in between are looked at at most, and so many eigenvalues of them are kept."""
+
+CALLS, CAREFUL = 5_000, 8
+"""Points in between are looked at so many times at most; to judge one as `mbstab eig` does counts as so many."""
+
+CROWDED = 150
+"""An interval with more parts in which eigenvalues cannot be followed is not divided further: rounding moves them."""
+
+FAR = 1e-6
+"""Where eigenvalues meet, their directions are taken over this part of the parameter's value."""
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A part of an interval between two points of the sweep, with the eigenvalues at its ends."""
+
+    interval: int
+    a: float
+    b: float
+    before: Complex
+    after: Complex
+
+
+@dataclass(frozen=True)
+class _Looked:
+    """What was found at a point in between: eigenvalues, their sides, whether the spectrum is symmetric, a verdict."""
+
+    values: Complex
+    sides: Sides
+    mirrored: bool
+    word: int
+
+
+class Branches:
+    """Eigenvalues at the points of a sweep and between them, joined to branches."""
+
+    def __init__(self, evaluator: Evaluator, parameter: str, x: Array, raw: Block) -> None:
+        self.evaluator, self.parameter, self.x, self.raw = evaluator, parameter, x, raw
+        self.values = raw.values
+        evaluator.learn({parameter: x})
+        self.meetings: list[tuple[float, str]] = []
+        self.looked: dict[float, _Looked] = {}
+        self.between: list[float] = []
+        self.good = ~np.any(np.isnan(raw.values), axis=1)
+        self.unplaced = unplaced(raw.sides, raw.words, raw.problems)
+        self.counts = settled(raw.sides, raw.words, self.unplaced)
+        self.counts[~self.good] = -1
+        self.spent, self.calls, self.size = 0, 0, 0.0
+        self.stopped: tuple[int, int] | None = None
+        self.width = max(float(np.max(np.abs(x), initial=0.0)), 1e-300)
+        path = evaluator.path
+        self.crossings = (
+            []
+            if not isinstance(path, Solutions)
+            else [
+                value for value in path.crossings if all(abs(value - end) > NOISE * self.width for end, _ in path.ends)
+            ]
+        )
+
+    @property
+    def budget(self) -> int:
+        """Number of points in between that may be looked at."""
+        return min(BUDGET, ENTRIES // max(int(self.values.shape[1]), 1))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Say where the search ended early."""
+        if self.stopped is None:
+            return ()
+        return (
+            f"the refinement between points ended after {self.spent} of them{self._where()}: branches may be mistaken "
+            "for each other and critical values may be missing; more points, a smaller range or --log help",
+        )
+
+    def _where(self) -> str:
+        """Say between which points the search ended."""
+        assert self.stopped is not None
+        parameter = self.evaluator.model.parameters[self.parameter]
+        unit = after_number(parameter.unit)
+        low, high = (float(self.x[np.clip(k, 0, len(self.x) - 1)]) / parameter.factor for k in self.stopped)
+        return f", between {self.parameter} = {low:.6g} and {high:.6g}{unit}"
+
+    def _stop(self, value: float) -> None:
+        """Note that the search ended at a value."""
+        k = int(np.searchsorted(self.x, value))
+        known = self.stopped or (k - 1, k)
+        self.stopped = min(known[0], k - 1), max(known[1], k)
+
+    def at(self, points: Array) -> Complex:
+        """Return the eigenvalues at further points, and keep them; nan where there are none, or too many were asked."""
+        found = self._spectra(points)
+        self.between += [float(p) for p, v in zip(points, found.values, strict=True) if not np.any(np.isnan(v))]
+        return found.values
+
+    def _spectra(self, points: Array, exact: bool = False) -> Spectra:
+        """Return the eigenvalues at further points; nan where there are none, or too many were asked for."""
+        self.calls += 1 + CAREFUL * len(points) * exact
+        if self.spent + len(points) > self.budget or self.calls > CALLS:
+            for p in points[[0, -1]].tolist():
+                self._stop(p)
+            return self._nothing(points)
+        self.spent += len(points)
+        found = self.evaluator.near({self.parameter: points}, self.values.shape[1], exact)
+        self.size = max(self.size, float(np.max(found.sizes, initial=0.0)))
+        found = replace(found, values=pinned(found.values, found.sides, found.sizes, self.unplaced))
+        for n, p in enumerate(points.tolist()):
+            self.looked[p] = _Looked(found.values[n], found.sides[n], bool(found.mirrored[n]), int(found.words[n]))
+        return found
+
+    def _nothing(self, points: Array) -> Spectra:
+        """Return that nothing is known of points."""
+        shape = len(points), self.values.shape[1]
+        empty = Spectra(
+            np.full(shape, NO_EIGENVALUE), np.full(shape, OPEN, dtype=np.int8),
+            np.full(len(points), WORD[UNDECIDED], dtype=np.int8), np.zeros(len(points), dtype=bool),
+            {}, 0, np.zeros(len(points)),
+        )  # fmt: skip
+        for n, p in enumerate(points.tolist()):
+            self.looked.setdefault(p, _Looked(empty.values[n], empty.sides[n], False, WORD[UNDECIDED]))
+        return empty
+
+    def _counted(self, points: Array) -> Index:
+        """Return the numbers of unstable eigenvalues at points between, each judged as `mbstab eig` does."""
+        found = self._spectra(points, exact=True)
+        counts = settled(found.sides, found.words, self.unplaced)
+        counts[np.any(np.isnan(found.values), axis=1)] = -1
+        return counts
+
+    def branches(self) -> Complex:
+        """Return the eigenvalues in columns that are continuous over the points."""
+        values, good = self.values, self.good
+        if values.shape[1] == 0 or not good.any():
+            return values
+        first, start = int(np.flatnonzero(good)[0]), 0
+        current = np.lexsort((-values[first].imag, -values[first].real))
+        branches = np.empty_like(values)
+        # Elsewhere the order of the eigenvalues stays what it is.
+        for k, link in sorted(self._refined(np.flatnonzero(good[:-1] & good[1:] & ~self.raw.clear)).items()):
+            branches[start : k + 1] = values[start : k + 1, current]
+            current, start = link[current], k + 1
+        branches[start:] = values[start:, current]
+        return branches
+
+    def _refined(self, intervals: Index) -> dict[int, Index]:
+        """Divide intervals until eigenvalues can be followed through each part; return what becomes what."""
+        pieces = [
+            _Piece(int(k), float(self.x[k]), float(self.x[k + 1]), self.values[k], self.values[k + 1])
+            for k in intervals
+        ]
+        done: dict[int, list[tuple[_Piece, Index | None]]] = {int(k): [] for k in intervals}
+        inner = np.linspace(0.0, 1.0, SPLIT + 1)[1:-1]
+        equal = has_twins(self.values[intervals]) & has_twins(self.values[intervals + 1])
+        multiple = dict(zip(intervals.tolist(), equal.tolist(), strict=True))
+        while pieces:
+            pieces, left = self._affordable(pieces)
+            for piece in left:
+                done[piece.interval].append((piece, None))
+            if not pieces:
+                break
+            cuts = np.array([piece.a + inner * (piece.b - piece.a) for piece in pieces])
+            found = self.at(cuts.ravel()).reshape(*cuts.shape, -1)
+            parts: list[_Piece] = []
+            for piece, at, spectra in zip(pieces, cuts, found, strict=True):
+                if np.any(np.isnan(spectra)) or piece.b - piece.a <= RESOLUTION * self.width or self._hidden(piece):
+                    done[piece.interval].append((piece, None))
+                    continue
+                ends = [piece.a, *(float(x) for x in at), piece.b]
+                between = [piece.before, *spectra, piece.after]
+                parts += [
+                    _Piece(piece.interval, a, b, before, after)
+                    for (a, b), (before, after) in zip(pairwise(ends), pairwise(between), strict=True)
+                ]
+            if not parts:
+                break
+            # Equal at a point in between is a meeting, unless it is so from end to end.
+            twins = np.array([multiple[x.interval] for x in parts])
+            links, clear = follow(np.array([x.before for x in parts]), np.array([x.after for x in parts]), twins)
+            pieces = []
+            for part, link, is_clear in zip(parts, links, clear, strict=True):
+                if is_clear:
+                    done[part.interval].append((part, link))
+                else:
+                    pieces.append(part)
+        return {k: self._joined(sorted(parts, key=lambda item: item[0].a)) for k, parts in done.items()}
+
+    def _affordable(self, pieces: list[_Piece]) -> tuple[list[_Piece], list[_Piece]]:
+        """Return the pieces that may be divided further, and those that are too many: rounding crosses everywhere."""
+        room = (self.budget - self.spent) // (SPLIT - 1)
+        number: dict[int, int] = {}
+        for piece in pieces:
+            number[piece.interval] = number.get(piece.interval, 0) + 1
+        chosen = set()
+        for interval in sorted(number, key=lambda k: number[k]):
+            room -= number[interval]
+            if number[interval] > CROWDED or room < 0:
+                for piece in pieces:
+                    if number[piece.interval] >= number[interval]:
+                        self._stop(0.5 * (piece.a + piece.b))
+                break
+            chosen.add(interval)
+        return [x for x in pieces if x.interval in chosen], [x for x in pieces if x.interval not in chosen]
+
+    def _hidden(self, piece: _Piece) -> bool:
+        """Whether eigenvalues meet with zeros that nothing explains: how is hidden by rounding."""
+        if not self.unplaced:
+            return False
+        small = (np.sort(np.abs(x))[min(self.unplaced, len(x) - 1)] for x in (piece.before, piece.after))
+        return bool(max(small) <= 10.0 * HARDLY * self.size)
+
+    def _joined(self, parts: list[tuple[_Piece, Index | None]]) -> Index:
+        """Return what becomes of the eigenvalues through the parts of an interval."""
+        current = np.arange(self.values.shape[1])
+        n = 0
+        while n < len(parts):
+            link = parts[n][1]
+            if link is None:
+                last = n
+                while last + 1 < len(parts) and parts[last + 1][1] is None:
+                    last += 1
+                link = self._through(parts[:n], parts[n : last + 1], parts[last + 1 :])
+                n = last
+            current = link[current]
+            n += 1
+        return current
+
+    def _through(
+        self,
+        left: list[tuple[_Piece, Index | None]],
+        middle: list[tuple[_Piece, Index | None]],
+        right: list[tuple[_Piece, Index | None]],
+    ) -> Index:
+        """Return what becomes of eigenvalues that meet: those that cross go straight on."""
+        a, b = middle[0][0].a, middle[-1][0].b
+        before, after = middle[0][0].before, middle[-1][0].after
+        far_before, reach_left = _reach(left[::-1], before, -1)
+        far_after, reach_right = _reach(right, after, 1)
+        # Straight on: from as far as the eigenvalues can be followed, as seen from both sides.
+        step = (b + reach_right) - (a - reach_left)
+        slope = (before - far_before) / reach_left if reach_left else 0.0 * before
+        back = (far_after - after) / reach_right if reach_right else 0.0 * after
+        ahead, behind = far_before + slope * step, far_after - back * step
+        cost = np.abs(ahead[:, None] - far_after[None, :]) + np.abs(far_before[:, None] - behind[None, :])
+        link = assigned(cost)
+        for i, j in _close_pairs(before, after, link):
+            g_before, g_after = (far_before[i] - far_before[j]) ** 2, (far_after[link[i]] - far_after[link[j]]) ** 2
+            if not right and b < self.x[-1]:
+                # They meet at a point of the sweep: what becomes of them is seen beyond it only.
+                beyond = self.at(np.array([min(b + reach_left, float(self.x[-1]))]))[0]
+                one, other = np.argsort(np.abs(beyond - 0.5 * (after[link[i]] + after[link[j]])))[:2]
+                g_after = (beyond[one] - beyond[other]) ** 2
+            collides = (g_before * np.conj(g_after)).real < 0.0
+            # Equal where the range begins or ends: what they do there is not seen.
+            size = TWIN**2 * float(np.max(np.abs(before))) ** 2
+            open_end = (a == self.x[0] and abs(g_before) <= size) or (b == self.x[-1] and abs(g_after) <= size)
+            found = b - a <= NARROW * self.width and not open_end
+            if found and (left or a == self.x[0]):  # else it is the end of the interval before, and said there
+                self.meetings.append((0.5 * (a + b), "collide" if collides else "cross"))
+            if collides:
+                # Direction is lost: the one that was ahead stays ahead.
+                first, second = sorted((i, j), key=lambda k: (-far_before[k].real, -far_before[k].imag))
+                one, other = sorted((link[i], link[j]), key=lambda k: (-far_after[k].real, -far_after[k].imag))
+                link[first], link[second] = one, other
+        return link
+
+
+def _reach(parts: list[tuple[_Piece, Index | None]], start: Complex, side: int) -> tuple[Complex, float]:
+    """Follow eigenvalues away from a meeting; return them there, in the order of `start`, and how far it is."""
+    current, reach = np.arange(len(start)), 0.0
+    where = start
+    for piece, link in parts:
+        if link is None or reach > FAR * (abs(piece.a) + abs(piece.b)):
+            break
+        if side > 0:
+            current = link[current]
+            where = piece.after[current]
+        else:
+            current = np.argsort(link)[current]
+            where = piece.before[current]
+        reach += piece.b - piece.a
+    return where, reach
+
+
+def _close_pairs(before: Complex, after: Complex, link: Index) -> list[tuple[int, int]]:
+    """Return pairs of eigenvalues that meet between two spectra: nearer to each other than to all others by far."""
+    r = len(before)
+    gaps = np.abs(before[:, None] - before[None, :]) + np.abs(after[link][:, None] - after[link][None, :])
+    gaps += np.diag(np.full(r, np.inf))
+    size = float(np.max(np.abs(before)))
+    return [
+        (i, int(j))
+        for i, j in enumerate(np.argmin(gaps, axis=1))
+        if i < j and gaps[i, j] < 1e-4 * size and int(np.argmin(gaps[j])) == i
+    ]

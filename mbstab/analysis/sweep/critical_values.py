@@ -1,0 +1,557 @@
+"""The values of a parameter at which stability changes: looked for between points, located, verified, described."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex, Flags, Index
+from mbstab.analysis.algebra.matching import assigned
+from mbstab.analysis.algebra.roots import root
+from mbstab.analysis.linear.verdict import WORDS
+from mbstab.analysis.reference.continuation import AGAIN, BRANCHES, HIDDEN, LONG, TURNS
+from mbstab.analysis.reference.continuation import Path as Solutions
+from mbstab.analysis.sweep.batched_verdict import (
+    Sides,
+    settled,
+    signs,
+)
+from mbstab.analysis.sweep.branches import FAR, NOISE, Branches
+from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, discriminant, follow, product, turning
+from mbstab.compiler.system import Array
+from mbstab.errors import MbstabError, NumericalError
+
+SIDE = 1e-3
+"""So far from a collision, relative to the parameter, the modes that meet are told apart."""
+
+ZERO = 1e-6
+"""A test function is zero where it is this small beside its values at the ends of the interval."""
+
+APART, WIDE = 100.0, 0.1
+"""Spectra are compared by products of eigenvalues if their sizes are within this factor, or the parameter is."""
+
+BESIDE = 0.1
+"""The number of unstable eigenvalues changes where it is looked at this part of the way to the ends of the interval."""
+
+FINER, DEPTH = 32, 6
+"""Parts into which an interval is divided in which a test function jumps, and how often."""
+
+MARGIN = 2
+"""So many points on either side are looked at with an interval in which stability may change."""
+
+FEWEST = 24
+"""Sweeps with fewer points are looked at between them as well."""
+
+WIDELY = 100.0
+"""Ends of an interval whose ratio is larger are divided evenly by ratio."""
+
+OUTSIDE, ON_END = 1e-4, 1e-9
+"""So far beyond a range, relative to the parameter, is seen what happens at its end, and so near it happens there."""
+
+POTENTIAL = 1e-8
+"""Forces have a potential if K is symmetric and R antisymmetric to this."""
+
+Test = Callable[[Complex, float], float]
+"""A function of a spectrum and a typical size of its eigenvalues."""
+
+Bracket = tuple[int, int, str, Test | None]
+"""Numbers of two points, what happens between them, and a function of the spectrum that is zero there."""
+
+
+@dataclass(frozen=True)
+class Critical:
+    """A parameter value at which stability changes.
+
+    Attributes
+    ----------
+    value : float
+        In SI.
+    kind : str
+        ``divergence`` (an eigenvalue passes zero), ``flutter`` (a pair passes the imaginary
+        axis), ``collision`` (two pairs meet on the imaginary axis), ``branch
+        point`` (other equilibria branch off; stability need not change), ``fold`` (the path of
+        equilibria turns back), ``loss of equilibrium`` (it ends), ``unresolved``.
+    branches : tuple of int
+        The branches that are involved.
+    frequency : float (rad/s)
+        Of the motion at the boundary; 0 for a divergence.
+    unstable : tuple of int
+        Number of unstable eigenvalues below and above; −1 where there are none to count.
+    signatures : tuple of int or None
+        Of a collision: the signs of the energies of the two modes that meet (Krein
+        signatures); only modes of opposite sign can leave the axis.
+    branching : bool
+        Whether another path of equilibria crosses there.
+    verdicts : tuple of str
+        The verdicts next to it, below and above; empty where there is none.
+    """
+
+    value: float
+    kind: str
+    branches: tuple[int, ...]
+    frequency: float
+    unstable: tuple[int, int]
+    signatures: tuple[int, int] | None = None
+    branching: bool = False
+    verdicts: tuple[str, str] = ("", "")
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """Points that are close to each other, in continuous columns.
+
+    Attributes
+    ----------
+    x : ndarray, shape (m,)
+    values : ndarray of complex, shape (m, r)
+    sides : ndarray of int8, shape (m, r)
+    mirrored : ndarray of bool, shape (m,)
+    counts : ndarray of int, shape (m,)
+        Number of unstable eigenvalues; −1 where more are unplaced than elsewhere.
+    """
+
+    x: Array
+    values: Complex
+    sides: Sides
+    mirrored: Flags
+    counts: Index
+
+
+class CriticalValues(Branches):
+    """Follows eigenvalues between the points of a sweep.
+
+    Attributes
+    ----------
+    meetings : list of (float, str)
+        Where two branches ``cross`` or ``collide``.
+    looked : dict
+        By points in between, what was found there …
+    between : list of float
+        … and those of them that count as points of the sweep.
+    unplaced : int
+        Number of eigenvalues that are nowhere placed: zeros that nothing explains.
+    """
+
+    # --- stability changes ------------------------------------------------------------------------------------------
+
+    def critical(self, branches: Complex) -> list[Critical]:
+        """Return where stability changes."""
+        if len(self.x) < 2 or not self.values.shape[1]:
+            return []
+        self._look_inside()
+        self._look_between(branches)
+        found: list[Critical] = []
+        for first, last in self._suspects(branches):
+            found += self._changes(self._closer(first, last), branches)
+        return found + self._at_ends(branches)
+
+    def _at_ends(self, branches: Complex) -> list[Critical]:
+        """Return where stability changes exactly at an end of the range: what is beyond it tells."""
+        found: list[Critical] = []
+        for end, inner in ((0, 1), (-1, -2)):
+            if not self.good[end] or self.counts[end] >= 0 or not self.good[inner] or self.counts[inner] < 0:
+                continue
+            value = float(self.x[end])
+            step = min(OUTSIDE * self.width, abs(float(self.x[inner]) - value))
+            beyond = value + float(np.copysign(step, value - self.x[inner]))
+            inside = value - (beyond - value)
+            if np.any(np.isnan(self._spectra(np.array([inside, beyond])).values)):
+                continue
+            part = self._stretch(np.sort(np.array([inside, value, beyond])))
+            changes = self._changes(part, branches)
+            found += [
+                replace(c, value=value)
+                for c in changes
+                if c.kind != "unresolved" and abs(c.value - value) <= ON_END * self.width
+            ]
+        return found
+
+    def _changes(self, part: _Stretch, branches: Complex, depth: int = 0) -> list[Critical]:
+        """Return where stability changes between points that are close to each other."""
+        found: list[Critical] = []
+        doubtful: list[tuple[int, int]] = []
+        x = part.x
+        for bracket in (*self._passing(part), *self._meeting(part)):
+            critical = self._located(part, bracket, branches)
+            if critical is not None:
+                found.append(critical)
+            elif bracket[:2] not in doubtful:
+                doubtful.append(bracket[:2])
+        doubtful += self._unexplained(part, found, doubtful)
+        for a, b in doubtful:
+            crossings = [value for value in self.crossings if x[a] < value < x[b]]
+            if crossings:  # next to other equilibria those of the path are hard to tell
+                found += [self.branch_point(value, branches) for value in crossings if not self.known(value, found)]
+                continue
+            # Branches are mistaken for each other there: more points tell them apart.
+            more = _spaced(float(x[a]), float(x[b]))
+            between = self.at(more[1:-1]) if depth < DEPTH else np.full((1, 1), NO_EIGENVALUE)
+            if np.any(np.isnan(between)):
+                inside: list[Critical] = []
+            else:
+                inside = self._changes(self._stretch(more, (part, a), (part, b)), branches, depth + 1)
+            sides = int(part.counts[a]), int(part.counts[b])
+            if not inside and min(sides) >= 0 and sides[0] != sides[1]:
+                inside = [Critical(0.5 * (x[a] + x[b]), "unresolved", (), 0.0, sides)]
+            found += inside
+        return found
+
+    def _unexplained(
+        self, part: _Stretch, found: list[Critical], doubtful: list[tuple[int, int]]
+    ) -> list[tuple[int, int]]:
+        """Return pairs of points between which the number of unstable eigenvalues changes, and nothing says where."""
+        x, missing = part.x, []
+        for a, b in pairwise(np.flatnonzero(part.counts >= 0).tolist()):
+            said = any(x[a] <= critical.value <= x[b] for critical in found)
+            asked = any(first < b and a < last for first, last in doubtful)
+            if part.counts[a] != part.counts[b] and not said and not asked:
+                missing.append((a, b))
+        return missing
+
+    def _suspects(self, branches: Complex) -> list[tuple[int, int]]:
+        """Return ranges of points, without gaps, in which stability may change."""
+        good = self.good
+        changes = np.zeros(len(good) - 1, dtype=bool)
+        settled = np.flatnonzero(self.counts >= 0)
+        for k in np.flatnonzero(np.diff(self.counts[settled])).tolist():
+            changes[settled[k] : settled[k + 1]] = True
+        watched = np.flatnonzero(self.raw.passes[:-1] | ~self.raw.clear)
+        rows = np.unique(np.concatenate([watched, watched + 1]))
+        sign = signs(self._sides(branches, rows))
+        before, after = (sign[np.searchsorted(rows, k)] for k in (watched, watched + 1))
+        changes[watched] |= np.any(before * after < 0, axis=1)
+        changes[np.searchsorted(self.x, self.between) - 1] = True
+        changes &= good[:-1] & good[1:]
+        ranges: list[tuple[int, int]] = []
+        for k in np.flatnonzero(changes).tolist():
+            # A point or two more: a branch may lie on the axis at the end of an interval.
+            first, last = k, k + 1
+            while first > 0 and good[first - 1] and first > k - MARGIN:
+                first -= 1
+            while last < len(good) - 1 and good[last + 1] and last < k + 1 + MARGIN:
+                last += 1
+            if ranges and first <= ranges[-1][1]:
+                ranges[-1] = ranges[-1][0], last
+            else:
+                ranges.append((first, last))
+        return ranges
+
+    def _sides(self, branches: Complex, rows: Index) -> Sides:
+        """Return the sides of eigenvalues in the columns of branches at some points."""
+        # Columns of branches are those of the block in another order.
+        order = np.argmin(np.abs(self.values[rows][:, None, :] - branches[rows][:, :, None]), axis=2)
+        return np.take_along_axis(self.raw.sides[rows], order, axis=1)
+
+    def _closer(self, first: int, last: int) -> _Stretch:
+        """Return the points of a range, those in between included, in continuous columns."""
+        inside = [p for p in self.between if self.x[first] < p < self.x[last]]
+        x = np.unique(np.concatenate([self.x[first : last + 1], inside]))
+        return self._stretch(x)
+
+    def _stretch(self, x: Array, *ends: tuple[_Stretch, int]) -> _Stretch:
+        """Return points of the sweep, and such as were looked at, in continuous columns.
+
+        Parameters
+        ----------
+        ends : tuple of (_Stretch, int), optional
+            Where the first and the last of them are known already.
+        """
+        own = np.searchsorted(self.x, x)
+        values, sides = (
+            np.empty((len(x), self.values.shape[1]), dtype=complex),
+            np.empty((len(x), self.values.shape[1]), dtype=np.int8),
+        )
+        mirrored, words = np.empty(len(x), dtype=bool), np.empty(len(x), dtype=np.int8)
+        for n, (p, k) in enumerate(zip(x.tolist(), own.tolist(), strict=True)):
+            if k < len(self.x) and self.x[k] == p:
+                values[n], sides[n] = self.values[k], self.raw.sides[k]
+                mirrored[n], words[n] = self.raw.mirrored[k], self.raw.words[k]
+            else:
+                looked = self.looked[p]
+                values[n], sides[n], mirrored[n], words[n] = looked.values, looked.sides, looked.mirrored, looked.word
+        order = self._linked(values)
+        counts = settled(sides, words, self.unplaced)
+        values, sides = (np.take_along_axis(part, order, axis=1) for part in (values, sides))
+        return _Stretch(x, values, sides, mirrored, counts)
+
+    def known(self, value: float, critical: list[Critical]) -> bool:
+        """Whether a value is among critical ones."""
+        return any(abs(c.value - value) < NOISE * self.width for c in critical)
+
+    def branch_point(self, value: float, branches: Complex) -> Critical:
+        """Return a place at which another path of equilibria crosses."""
+        sides, words = self._beside(value)
+        beside = self.at(np.array([value + FAR * self.width]))[0]
+        if sides[0] == sides[1] or min(sides) < 0 or np.any(np.isnan(beside)):
+            return Critical(value, "branch point", (), 0.0, sides, branching=True, verdicts=words)
+        return replace(self._described(value, "divergence", beside, sides, branches), branching=True, verdicts=words)
+
+    def ended(self, value: float, reason: str) -> Critical:
+        """Return the end of a path of equilibria as a critical value."""
+        kinds = {TURNS: "fold", BRANCHES: "branch point", **dict.fromkeys((AGAIN, LONG, HIDDEN), "unresolved")}
+        kind = kinds.get(reason, "loss of equilibrium")
+        sides, words = self._beside(value)
+        return Critical(value, kind, (), 0.0, sides, verdicts=words)
+
+    def _beside(self, value: float) -> tuple[tuple[int, int], tuple[str, str]]:
+        """Return the number of unstable eigenvalues and the verdict below and above a place on the path.
+
+        −1 and an empty text where it does not lead.
+        """
+        path = self.evaluator.path
+        assert isinstance(path, Solutions)
+        counts, words = [], []
+        for end, sign in ((float(path.values[0]), -1.0), (float(path.values[-1]), 1.0)):
+            room = sign * (end - value)
+            count, word = -1, ""
+            if room > NOISE * self.width:
+                at = value + sign * min(FAR * self.width, 0.5 * room)
+                count, word = int(self._counted(np.array([at]))[0]), WORDS[self.looked[at].word]
+                known = np.flatnonzero((self.counts >= 0) & (sign * (self.x - value) > 0.0))
+                if count < 0 and len(known):
+                    nearest = known[np.argmin(np.abs(self.x[known] - value))]
+                    count, word = int(self.counts[nearest]), WORDS[self.raw.words[nearest]]
+            counts.append(count)
+            words.append(word)
+        return (counts[0], counts[1]), (words[0], words[1])
+
+    def _linked(self, spectra: Complex) -> Index:
+        """Return the orders in which spectra are in continuous columns, where eigenvalues do not meet."""
+        links, clear = follow(spectra[:-1], spectra[1:])
+        current = np.arange(spectra.shape[1])
+        order = [current]
+        for k, link in enumerate(links):
+            if not clear[k]:
+                link = assigned(np.abs(spectra[k][:, None] - spectra[k + 1][None, :]))
+            current = link[current]
+            order.append(current)
+        return np.array(order)
+
+    def _passing(self, part: _Stretch) -> Iterator[Bracket]:
+        """Yield brackets in which a branch passes the imaginary axis, and the function that is zero there."""
+        spectra, sign = part.values, signs(part.sides)
+        size = np.max(np.abs(spectra), axis=1)
+        for i in range(spectra.shape[1]):
+            sure = np.flatnonzero(sign[:, i])
+            for a, b in pairwise(sure):
+                if sign[a, i] == sign[b, i] or (part.mirrored[a] and part.mirrored[b]):
+                    continue
+                before, after = complex(spectra[a, i]), complex(spectra[b, i])
+                passing = _RealPart(0.5 * (before + after))
+                # The product of all is smoother than the eigenvalue that passes, and may not change its sign.
+                single = self._product(spectra[a], float(size[a])) * self._product(spectra[b], float(size[b])) < 0.0
+                real = before.imag == 0.0 and after.imag == 0.0
+                if real or (single and 0.0 in (before.imag, after.imag)):
+                    # A pair may meet next to the axis, and one of the two pass it.
+                    yield int(a), int(b), "divergence", self._product if single else passing
+                elif before.imag >= 0.0 and after.imag >= 0.0:
+                    yield int(a), int(b), "flutter", passing
+
+    def _meeting(self, part: _Stretch) -> Iterator[Bracket]:
+        """Yield brackets in which a spectrum that is symmetric to the axis loses or gains stability."""
+        x, counts = part.x, part.counts
+        settled = np.flatnonzero(counts >= 0)
+        tests = (("divergence", self._product), ("collision", self._discriminant))
+        for left, right in pairwise(settled.tolist()):
+            if counts[left] == counts[right]:
+                continue
+            a, b = self._apart(part, settled, left, right)
+            if not (part.mirrored[a] and part.mirrored[b]):
+                continue
+            before, after = part.values[a], part.values[b]
+            if x[b] - x[a] > WIDE * max(abs(x[a]), abs(x[b])) and _far_apart(before, after):
+                yield a, b, "collision", None
+                continue
+            size = float(np.max(np.abs([before, after])))
+            passed = [(kind, test) for kind, test in tests if test(before, size) * test(after, size) < 0.0]
+            yield (a, b, *(passed[0] if passed else ("collision", None)))
+
+    def _apart(self, part: _Stretch, settled: Index, a: int, b: int) -> tuple[int, int]:
+        """Return settled points on both sides of a change that are not so close that rounding hides it."""
+        x, counts = part.x, part.counts
+        near = NOISE * max(abs(float(x[a])), abs(float(x[b])), float(x[-1] - x[0]))
+        i, j = int(np.searchsorted(settled, a)), int(np.searchsorted(settled, b))
+        while i > 0 and x[settled[j]] - x[settled[i]] < near and counts[settled[i - 1]] == counts[a]:
+            i -= 1
+        while (
+            j < len(settled) - 1 and x[settled[j]] - x[settled[i]] < 2.0 * near and counts[settled[j + 1]] == counts[b]
+        ):
+            j += 1
+        return int(settled[i]), int(settled[j])
+
+    def _product(self, spectrum: Complex, size: float) -> float:
+        """Return the product of the eigenvalues apart from zeros that nothing explains."""
+        return product(spectrum, size, self.unplaced)
+
+    def _discriminant(self, spectrum: Complex, size: float) -> float:
+        """Return the discriminant of λ² apart from zeros that nothing explains."""
+        return discriminant(spectrum[np.argsort(np.abs(spectrum), kind="stable")[self.unplaced :]], size)
+
+    def _look_inside(self) -> None:
+        """Look between the points of a coarse sweep: at both ends all may be alike, and not in the middle.
+
+        Paths of equilibria are followed by steps of their own.
+        """
+        coarse = len(self.x) <= FEWEST and self.evaluator.path is None
+        each = -(-FEWEST // (len(self.x) - 1)) if coarse else 0
+        for a, b in pairwise(self.x.tolist()) if each else ():
+            parts = np.linspace(a, b, each + 2)[1:-1]
+            if 0.0 < WIDELY * min(abs(a), abs(b)) < max(abs(a), abs(b)) and a * b > 0.0:
+                parts = np.sign(a) * np.geomspace(abs(a), abs(b), each + 2)[1:-1]
+            self.at(parts)
+
+    def _look_between(self, branches: Complex) -> None:
+        """Look at real parts that come close to the axis and turn back between points: they may have crossed it."""
+        clear = self.raw.clear
+        watched = np.flatnonzero(self.raw.turns[1:-1] | ~clear[:-1] | ~clear[1:]) + 1
+        now = branches.real[watched]
+        with np.errstate(invalid="ignore"):
+            turns = turning(branches[watched - 1], branches[watched], branches[watched + 1])
+        if not turns.any():
+            return
+        turns &= signs(self._sides(branches, watched)) != 0
+        for k in np.flatnonzero(np.any(turns, axis=1)):
+            a, b = float(self.x[watched[k] - 1]), float(self.x[watched[k] + 1])
+            for _ in range(6):
+                points = np.linspace(a, b, 9)[1:-1]
+                found = self.at(points)
+                if np.any(np.isnan(found)):
+                    break
+                sides = np.array([self.looked[p].sides for p in points.tolist()])
+                highest = np.max(np.where(signs(sides) != 0, found.real, -np.inf), axis=1)
+                best = int(np.argmax(highest)) if now[k][np.argmin(np.abs(now[k]))] < 0 else int(np.argmin(highest))
+                a, b = (float(points[max(best - 1, 0)]), float(points[min(best + 1, len(points) - 1)]))
+
+    def _located(self, part: _Stretch, bracket: Bracket, branches: Complex) -> Critical | None:
+        """Return the stability change in a bracket; None if there is none that both sides confirm."""
+        i, j, kind, test = bracket
+        a, b, before, after = float(part.x[i]), float(part.x[j]), part.values[i], part.values[j]
+        if test is None:
+            return None
+
+        def spectrum(p: float) -> Complex:
+            found: Complex = self._spectra(np.array([p])).values[0]
+            return found
+
+        size = float(np.max(np.abs([before, after])))
+        ends = test(before, size), test(after, size)
+        if not ends[0] * ends[1] < 0.0:
+            return None
+        try:
+            value = root(lambda p: test(spectrum(p), size), a, b)
+        except NumericalError:
+            return None
+        # A test that jumps has no zero.
+        if not abs(test(spectrum(value), size)) <= ZERO * max(abs(ends[0]), abs(ends[1])):
+            return None
+        counts, words = self._verified(part, i, j, value)
+        # A pair that passes changes the number by two.
+        if min(counts) < 0 or counts[0] == counts[1] or (kind == "flutter" and (counts[1] - counts[0]) % 2):
+            return None
+        there = spectrum(value)
+        # Others may pass the axis at the same value.
+        which = test.number(there) if isinstance(test, _RealPart) else None
+        found = replace(self._described(value, kind, there, counts, branches, which), verdicts=words)
+        if kind == "collision":
+            stable = a if counts[0] < counts[1] else b
+            found = replace(found, signatures=self._signatures(value, stable, found.frequency))
+        return found
+
+    def _verified(self, part: _Stretch, i: int, j: int, value: float) -> tuple[tuple[int, int], tuple[str, str]]:
+        """Return the numbers of unstable eigenvalues and the verdicts on both sides of a value, (−1, −1) if in doubt.
+
+        Both sides are judged as `mbstab eig` does, and must agree with the ends of the bracket where these are known.
+        """
+        a, b = float(part.x[i]), float(part.x[j])
+        step = BESIDE * min(value - a, b - value)
+        for places in ((value - step, value + step), (a, b)):
+            if step <= NOISE * self.width and places[0] != a:
+                continue
+            found = self._counted(np.array(places))
+            ends = part.counts[[i, j]]
+            if np.any((found >= 0) & (ends >= 0) & (found != ends)):
+                break
+            if np.all(found >= 0):
+                below, above = (WORDS[self.looked[p].word] for p in places)
+                return (int(found[0]), int(found[1])), (below, above)
+        return (-1, -1), ("", "")
+
+    def _signatures(self, value: float, stable: float, frequency: float) -> tuple[int, int] | None:
+        """Return the signs of the energies ω² x̄ᵀM x + x̄ᵀK x of the modes that meet, where they are apart.
+
+        There are such energies where forces have a potential: K symmetric and R antisymmetric.
+        """
+        near = value + float(np.clip(stable - value, -SIDE * self.width, SIDE * self.width))
+        try:
+            values, shapes, linear = self.evaluator.modes({self.parameter: near})
+        except MbstabError:
+            return None
+        spaces = linear.motion.spaces
+        N = spaces.scale[:, None] * spaces.N
+        K, R = N.T @ linear.K @ N, N.T @ linear.R @ N
+        if np.max(np.abs(K - K.T)) > POTENTIAL * np.max(np.abs(K)) or np.max(np.abs(R + R.T)) > POTENTIAL * (
+            np.max(np.abs(R)) + 1e-300
+        ):
+            return None
+        order = np.argsort(np.abs(values - 1j * frequency))[:2]
+        energies = [
+            (abs(values[i]) ** 2 * (x.conj() @ linear.M @ x) + x.conj() @ linear.K @ x).real
+            for i, x in ((i, shapes[:, i]) for i in order)
+        ]
+        return int(np.sign(energies[0])), int(np.sign(energies[1]))
+
+    def _described(
+        self,
+        value: float,
+        kind: str,
+        spectrum: Complex,
+        unstable: tuple[int, int],
+        branches: Complex,
+        which: int | None = None,
+    ) -> Critical:
+        """Return a critical value with the branches that are involved and their frequency."""
+        if kind == "divergence":
+            frequency, involved = 0.0, [int(np.argmin(np.abs(spectrum)))]
+        elif kind == "collision":
+            gaps = np.abs(spectrum[:, None] - spectrum[None, :]) + np.diag(np.full(len(spectrum), np.inf))
+            i, j = divmod(int(np.argmin(gaps)), len(spectrum))
+            frequency, involved = float(abs(0.5 * (spectrum[i] + spectrum[j]).imag)), [i, j]
+        else:
+            involved = [int(np.argmin(np.abs(spectrum.real))) if which is None else which]
+            frequency = float(abs(spectrum[involved[0]].imag))
+        k = int(np.clip(np.searchsorted(self.x, value), 0, len(self.x) - 1))
+        row = branches[k] if not np.any(np.isnan(branches[k])) else branches[max(k - 1, 0)]
+        links = assigned(np.abs(spectrum[:, None] - row[None, :]))
+        return Critical(value, kind, tuple(sorted(int(links[i]) for i in involved)), frequency, unstable)
+
+
+def _spaced(a: float, b: float) -> Array:
+    """Return points from a to b: evenly spaced, and ever closer towards an end that is zero beside the other."""
+    parts = np.linspace(0.0, 1.0, FINER + 1)
+    if min(abs(a), abs(b)) < max(abs(a), abs(b)) / FINER:
+        near = np.geomspace(1e-12, 1.0 / FINER, FINER)
+        parts = np.union1d(parts, near if abs(a) < abs(b) else 1.0 - near)
+    return np.asarray(np.append(a + parts[:-1] * (b - a), b))
+
+
+def _far_apart(one: Complex, other: Complex) -> bool:
+    """Whether spectra are so different in size that products of their eigenvalues cannot be compared."""
+    sizes = sorted((float(np.max(np.abs(one))), float(np.max(np.abs(other)))))
+    return sizes[1] > APART * sizes[0]
+
+
+@dataclass(frozen=True)
+class _RealPart:
+    """The real part of the eigenvalue nearest to a place, as a function of a spectrum."""
+
+    place: complex
+
+    def number(self, spectrum: Complex) -> int:
+        """Return which eigenvalue it is."""
+        return int(np.argmin(np.abs(spectrum - self.place)))
+
+    def __call__(self, spectrum: Complex, size: float) -> float:
+        return float(spectrum[self.number(spectrum)].real) / size
