@@ -1,7 +1,7 @@
 """Generic geometry: the same mechanism, described otherwise, has the same eigenvalues and the same verdict.
 
-The examples stand upright in round numbers, where wrong terms often vanish. Here each is renamed and put in another
-order, moved within its bodies, mirrored, turned, measured in other units, and all of these together.
+The examples stand upright in round numbers, where wrong terms often vanish. Here each is renamed, put in another order,
+moved within its bodies, mirrored, turned, measured in other units, and all of these together.
 """
 
 import functools
@@ -593,10 +593,8 @@ ALL_IN_PARAMETERS = sorted(set(PLAIN) - {"slider_crank", "trailer"})
 @pytest.mark.parametrize("name", ALL_IN_PARAMETERS)
 def test_a_model_of_other_size_mass_and_speed_has_eigenvalues_scaled_by_the_time(name, units):
     model, factors, time = mbstab.loads(MODELS[name]), scales(*SYSTEMS[units]), SYSTEMS[units][2]
-    literal = {k: p for k, p in model.model.parameters.items() if p.expression.literal}
-    values = model.parameters()
-    scaled = {k: values[k] * factors[p.unit] / p.factor for k, p in literal.items()}
+    values, own = model.parameters(), model.model.parameters
+    scaled = {k: values[k] * factors[p.unit] / p.factor for k, p in own.items() if p.expression.literal}
     original, found = answer(name), model.eig(**scaled)
-    assert found.verdict == original.verdict
-    assert (found.counts, found.modulo) == (original.counts, original.modulo)
+    assert (found.verdict, found.counts, found.modulo) == (original.verdict, original.counts, original.modulo)
     assert_close(found, original, time, 1e-12)

@@ -22,7 +22,7 @@ import mbstab
 from mbstab.analysis.reference.dependencies import uneven_in_time
 from mbstab.analysis.reference.motion import Finder
 from mbstab.analysis.reference.rotation import euler_angles, rate_drift, rate_matrix
-from mbstab.analysis.simulate import constrained, simulate
+from mbstab.analysis.simulate import accuracy, constrained
 from mbstab.analysis.simulate.accuracy import pulses
 from mbstab.analysis.simulate.simulate import TRUST
 from mbstab.analysis.simulate.start import mode_shape, start_of
@@ -125,7 +125,7 @@ def test_errors_at_rest_are_those_of_the_scene():
     [(10.0, 1e-13, 5, "rounding and the growth of small errors"), (10.0, 1e-6, 2, "stopped after 2 runs")],
 )
 def test_why_a_tolerance_is_not_met_is_said(to, tol, runs, reason, monkeypatch):
-    monkeypatch.setattr(simulate, "RUNS", runs)
+    monkeypatch.setattr(accuracy, "RUNS", runs)
     sim = PENDULUM.simulate(to, perturb={"rod.theta": math.radians(175)}, tol=tol)
     (text,) = sim.warnings
     assert reason in text

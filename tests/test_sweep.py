@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 import mbstab
 from mbstab.analysis.linear.verdict import STRENGTH
 from mbstab.analysis.reference import continuation
-from mbstab.analysis.sweep import sweep
+from mbstab.analysis.sweep import batched_spectra, branches, sweep
 from mbstab.cli import main
 from mbstab.errors import UsageError
 from mbstab.model.ranges import sweep_values
@@ -954,7 +954,7 @@ def test_a_top_with_free_spin_is_stable_by_a_multiple_of_its_momentum(points):
 
 
 def test_refinement_ends_within_its_budget_and_says_so(monkeypatch):
-    monkeypatch.setattr(sweep, "BUDGET", 100)
+    monkeypatch.setattr(branches, "BUDGET", 100)
     text = OSCILLATORS.replace("- d*rate(a.x)", "+ sin(50*d)*rate(a.x)")
     result = mbstab.loads(text).sweep("d", np.linspace(-2.0, 2.0, 9), e=0.3)
     (warning,) = result.warnings
@@ -964,15 +964,15 @@ def test_refinement_ends_within_its_budget_and_says_so(monkeypatch):
 
 def test_a_range_of_twenty_magnitudes_ends(monkeypatch):
     looked = []
-    near = sweep.Evaluator.near
+    near = batched_spectra.Evaluator.near
 
     def counted(self, values, *arguments):
         looked.append(len(next(iter(values.values()))))
         return near(self, values, *arguments)
 
-    monkeypatch.setattr(sweep.Evaluator, "near", counted)
+    monkeypatch.setattr(batched_spectra.Evaluator, "near", counted)
     result = mbstab.load("wheelset_no_slip.yaml").sweep("gamma", np.linspace(1e20, 100.0, 9))
-    assert sum(looked) < 1.2 * sweep.BUDGET
+    assert sum(looked) < 1.2 * branches.BUDGET
     assert set(result.verdicts) == {"stable up to symmetry"}
     assert result.critical == ()
 
@@ -1144,7 +1144,7 @@ def test_every_value_without_an_answer_is_listed_with_others_of_its_cause():
 
 
 def test_a_search_that_is_too_long_ends_and_says_where(monkeypatch):
-    monkeypatch.setattr(sweep, "CALLS", 40)
+    monkeypatch.setattr(branches, "CALLS", 40)
     result = mbstab.load("whipple_bicycle.yaml").sweep("v", np.linspace(0.0, 10.0, 11))
     assert len(result.values) == 11
     assert "the refinement between points ended" in result.warnings[0]

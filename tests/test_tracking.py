@@ -10,7 +10,6 @@ from scipy.optimize import brentq, linear_sum_assignment
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.roots import root
 from mbstab.analysis.linear.verdict import MARGINAL, STABLE, UNDECIDED, UNSTABLE
-from mbstab.analysis.sweep.batched_structure import inertia
 from mbstab.analysis.sweep.batched_verdict import (
     AXIS,
     LEFT,
@@ -26,6 +25,7 @@ from mbstab.analysis.sweep.batched_verdict import (
     unplaced,
     unstable_counts,
 )
+from mbstab.analysis.sweep.stacks import inertia
 from mbstab.analysis.sweep.tracking import STRIDE, continuous, discriminant, follow, product, squares
 from mbstab.errors import NumericalError
 

@@ -26,31 +26,27 @@ constraints come first (n_h of them), then the n_n nonholonomic ones.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.compiler.scatter import Time, arithmetic_of, listed, padded, plan_of, scatter, scatter_points, signals_at
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
 from mbstab.mechanics.catalogue import GROUND, ElementUse
 from mbstab.mechanics.elements import ELEMENTS
 from mbstab.mechanics.vectors import plain_zero
-from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
+from mbstab.model.arithmetic import FLOAT, Arithmetic
 from mbstab.model.evaluator import Law
 from mbstab.model.expressions import Expression
-from mbstab.model.jets import Jet
 from mbstab.model.scene import Scene
 from mbstab.model.schema import Entry, unit_of
 
 Array = npt.NDArray[np.float64]
-
-_OF_ROWS = ("E", "V", "B", "J", "D", "V_q", "A_q", "A_u")
-"""Outputs of kernels whose first index is a row, not a coordinate."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +157,7 @@ class Acting:
         e, zero = self.placed, f.number("0")
         n = len(q)
         own = [[x[i] if i < n else zero for i in e.columns] for x in (q, u, a)]
-        signals = _signals(e.laws, time) if e.laws else ()
+        signals = signals_at(e.laws, time) if e.laws else ()
         values = iter(e.kernel.dynamics(f, own[0], own[1], e.parameters, signals))
         place = {column: k for k, column in enumerate(self.columns)}
         total = [zero] * len(self.columns)
@@ -178,7 +174,7 @@ class Acting:
         e, zero = self.placed, f.number("0")
         n = len(q)
         own = [[x[i] if i < n else zero for i in e.columns] for x in (q, u, a)]
-        signals = _signals(e.laws, time) if e.laws else ()
+        signals = signals_at(e.laws, time) if e.laws else ()
         arguments = [own[0], own[1], e.parameters, signals, *([own[2]] if e.takes_acceleration else [])]
         values = iter(e.kernel.linearize(f, *arguments))
         place = {column: k for k, column in enumerate(self.columns)}
@@ -401,7 +397,7 @@ class System:
         for element in self._elements:
             if hasattr(element.kernel, "potential"):
                 arguments = [[coordinates[i] for i in element.columns], element.parameters]
-                total = total + element.kernel.potential(_arithmetic_of(arguments), *arguments)[0]
+                total = total + element.kernel.potential(arithmetic_of(arguments), *arguments)[0]
         return total
 
     def dynamics(self, q: Any, u: Any, time: Any = None) -> Dynamics:
@@ -466,19 +462,19 @@ class System:
         f = FLOAT if points else self.scene.arithmetic
         # Exact number systems must not meet floats.
         zero = f.number("0") if f.name == "ball" else 0.0
-        q, u = _padded(q, zero), _padded(u, zero)
-        a = _padded(a, zero) if a is not None else None
-        nu = _listed(nu) if nu is not None else None
+        q, u = padded(q, zero), padded(u, zero)
+        a = padded(a, zero) if a is not None else None
+        nu = listed(nu) if nu is not None else None
         values: list[Any] = []
         for element in self._running(function):
-            signals = _signals(element.laws, time) if element.laws else ()
+            signals = signals_at(element.laws, time) if element.laws else ()
             arguments = [[q[i] for i in element.columns], [u[i] for i in element.columns], element.parameters, signals]
             if function == "linearize_rows" or (function == "linearize" and element.takes_acceleration):
                 arguments.append([a[i] for i in element.columns])
             elif function == "linearize" and element.rows:
                 arguments.append([nu[i] for i in element.rows])
             if points is not None:
-                f = _arithmetic_of(arguments)
+                f = arithmetic_of(arguments)
             try:
                 values.extend(getattr(element.kernel, function)(f, *arguments))
             except (ArithmeticError, ValueError) as error:
@@ -492,8 +488,8 @@ class System:
         if plan is None:
             plan = self._plans[function] = self._plan(function, shapes)
         if points is not None:
-            return {key: _scatter_points(values, *plan[key], shape, points) for key, shape in shapes.items()}
-        out = {key: _scatter(values, *plan[key], shape) for key, shape in shapes.items()}
+            return {key: scatter_points(values, *plan[key], shape, points) for key, shape in shapes.items()}
+        out = {key: scatter(values, *plan[key], shape) for key, shape in shapes.items()}
         if any(matrix.dtype != object and not np.isfinite(matrix).all() for matrix in out.values()):
             raise NumericalError(
                 "the equations of motion overflow: a matrix entry is not finite\n"
@@ -517,7 +513,7 @@ class System:
         """Return for each matrix which returned value is added to which entry (counted row by row)."""
         elements = self._running(function)
         known = tuple((element.kernel, element.columns, element.rows) for element in elements)
-        return _plan(function, tuple(shapes), known, self.n_q)
+        return plan_of(function, tuple(shapes), known, self.n_q)
 
 
 def _kernel(name: str) -> Any:
@@ -525,85 +521,4 @@ def _kernel(name: str) -> Any:
     return importlib.import_module(f"mbstab.compiler.kernels.{name}")
 
 
-@lru_cache(maxsize=64)
-def _plan(
-    function: str, keys: tuple[str, ...], elements: tuple[tuple[Any, tuple[int, ...], tuple[int, ...]], ...], n_q: int
-) -> dict[str, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
-    """Return the plan of elements given by their kernels, columns and rows: scenes of a model have the same."""
-    take: dict[str, list[int]] = {key: [] for key in keys}
-    target: dict[str, list[int]] = {key: [] for key in keys}
-    position = 0
-    for kernel, columns, rows in elements:
-        for key, entries in getattr(kernel, function.upper()).items():
-            for index in entries:
-                of_rows = key in _OF_ROWS
-                place = (rows if of_rows else columns)[index[0]]
-                inside = of_rows or place < n_q
-                if len(index) == 2:
-                    column = columns[index[1]]
-                    inside = inside and column < n_q
-                    place = place * n_q + column
-                if inside:
-                    take[key].append(position)
-                    target[key].append(place)
-                position += 1
-    return {key: (np.array(take[key], dtype=np.intp), np.array(target[key], dtype=np.intp)) for key in keys}
-
-
-class _Time:
-    """The time itself as a given function, for expressions that contain t."""
-
-    @staticmethod
-    def at(time: Any) -> Jet:
-        return Jet(time, 1, 0)
-
-
-_TIME = _Time()
-
-
-def _signals(laws: tuple[Any, ...], time: Any) -> list[Any]:
-    """Return all values, then all rates, then all second derivatives."""
-    jets = [law.at(time) for law in laws]
-    return [jet.value for jet in jets] + [jet.rate for jet in jets] + [jet.second for jet in jets]
-
-
-def _arithmetic_of(arguments: list[Any]) -> Arithmetic:
-    """Return the number system of an element: plain floats where nothing varies over the points of a sweep."""
-    varies = any(isinstance(x, np.ndarray) for group in arguments for x in group)
-    return array_arithmetic() if varies else FLOAT
-
-
-def _listed(x: Any) -> list[Any]:
-    # Python floats are several times faster than array elements in a kernel.
-    if isinstance(x, np.ndarray) and x.ndim == 2:
-        return [column if np.ptp(column) else float(column[0]) for column in np.ascontiguousarray(x.T)]
-    return x.tolist() if isinstance(x, np.ndarray) and x.dtype != object and x.ndim == 1 else list(x)
-
-
-def _padded(x: Any, zero: Any) -> list[Any]:
-    """Return a vector as a list with one fixed coordinate behind it."""
-    return [*_listed(x), zero]
-
-
-def _scatter_points(values: Sequence[Any], take: Any, target: Any, shape: tuple[int, ...], points: int) -> Any:
-    """Return a matrix for each point of a sweep, or one with a first axis of length 1 if it is the same for all."""
-    size = int(np.prod(shape))
-    if all(isinstance(values[i], (int, float)) for i in take):
-        return _scatter(values, take, target, shape)[None]
-    dense = np.zeros((size, points))
-    for i, place in zip(take, target, strict=True):
-        dense[place] += values[i]
-    return np.ascontiguousarray(dense.T).reshape(points, *shape)
-
-
-def _scatter(values: Sequence[Any], take: Any, target: Any, shape: tuple[int, ...]) -> Any:
-    size = int(np.prod(shape))
-    chosen = [values[i] for i in take]
-    if not chosen:
-        return np.zeros(shape)
-    if all(isinstance(value, (int, float)) for value in chosen):
-        return np.bincount(target, weights=np.array(chosen, dtype=float), minlength=size).reshape(shape)
-    dense = np.full(size, 0, dtype=object)
-    for place, value in zip(target, chosen, strict=True):
-        dense[place] = dense[place] + value
-    return dense.reshape(shape)
+_TIME = Time()

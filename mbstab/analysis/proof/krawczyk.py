@@ -57,26 +57,8 @@ def krawczyk_boxes(
 
     if not start:
         return [], []
-    x = [balls.real(value).mid() for value in start]
-    slope = np.array([[float(y.mid()) for y in row] for row in jacobian(x)])
-    rows = np.max(np.abs(slope), axis=1)
-    with np.errstate(all="ignore"):
-        try:
-            inverse = np.linalg.inv(slope / rows[:, None]) / rows
-        except np.linalg.LinAlgError:
-            inverse = np.full_like(slope, np.nan)
-    if not np.all(np.isfinite(inverse)):
-        raise NotProvable(f"{what} is not proven to exist: the equations are singular there")
-    Y = [[ball(float(y)) for y in row] for row in inverse]
-    size = [max(abs(float(y)), 1e-30) for y in x]
-    last = np.inf
-    for _ in range(60):
-        step = ball_matrices.apply(Y, residual(x))
-        x = [balls.real(y - z).mid() for y, z in zip(x, step, strict=True)]
-        change = max(float(abs(z).mid()) for z in step)
-        if change == 0.0 or change > 0.5 * last:
-            break
-        last = change
+    Y, x = _newton(residual, jacobian, start, what)
+    size = [max(abs(float(y)), 1e-30) for y in map(balls.real, start)]
     base = ball_matrices.apply(Y, residual(x))
     tiny = arb(2) ** (-ctx.prec)
     reach = [balls.real((2 * abs(z).abs_upper() + tiny * ball(s)).abs_upper()) for z, s in zip(base, size, strict=True)]
@@ -93,3 +75,32 @@ def krawczyk_boxes(
             return [y + z for y, z in zip(x, moved, strict=True)], X
         reach = [2 * max(balls.real(abs(z)).abs_upper(), r, key=float) for z, r in zip(moved, reach, strict=True)]
     raise NotProvable(f"{what} is not proven to exist: the operator of Krawczyk does not contract")
+
+
+def _newton(
+    residual: Callable[[Sequence[Ball]], list[Ball]],
+    jacobian: Callable[[Sequence[Ball]], Matrix],
+    start: Sequence[Ball],
+    what: str,
+) -> tuple[Matrix, list[Any]]:
+    """Return an approximate inverse of the derivative, and a point next to the zero."""
+    x = [balls.real(value).mid() for value in start]
+    slope = np.array([[float(y.mid()) for y in row] for row in jacobian(x)])
+    rows = np.max(np.abs(slope), axis=1)
+    with np.errstate(all="ignore"):
+        try:
+            inverse = np.linalg.inv(slope / rows[:, None]) / rows
+        except np.linalg.LinAlgError:
+            inverse = np.full_like(slope, np.nan)
+    if not np.all(np.isfinite(inverse)):
+        raise NotProvable(f"{what} is not proven to exist: the equations are singular there")
+    Y = [[ball(float(y)) for y in row] for row in inverse]
+    last = np.inf
+    for _ in range(60):
+        step = ball_matrices.apply(Y, residual(x))
+        x = [balls.real(y - z).mid() for y, z in zip(x, step, strict=True)]
+        change = max(float(abs(z).mid()) for z in step)
+        if change == 0.0 or change > 0.5 * last:
+            break
+        last = change
+    return Y, x

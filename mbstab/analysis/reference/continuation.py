@@ -12,25 +12,25 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
-from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.algebra.roots import root
 from mbstab.analysis.algebra.subspaces import rank_of
+from mbstab.analysis.reference.curve_points import Point, Run, at_zero, joined, nearest_turn
 from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.motion import TOLERANCE
+from mbstab.analysis.reference.paths import SAME, Path, Sheet
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import evaluate_parameters
-from mbstab.model.schema import Model, Parameter, after_number
+from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 
 FIRST = 1.0 / 16.0
@@ -66,9 +66,6 @@ LEVEL = 1e-9
 HALVINGS = 20
 """Points of a path close in on a fold by a factor of 2 each: there coordinates vary like a root of the parameter."""
 
-SAME = 1e-9
-"""Solutions are the same if their parameters differ by less than this part of the range, and their positions do not."""
-
 FOLDS, POINTS = 10, 5000
 """A path is followed through so many folds, and so many points between two of them."""
 
@@ -76,8 +73,11 @@ WORK, ENOUGH = 100_000, 2_500
 """So many coordinates and rows of the equations of a curve are evaluated at most; all of them so many times anyway."""
 
 ENDS, TURNS, BRANCHES = "it ends there", "it turns back", "it turns back where others branch off"
+
 AWAY = "positions grow beyond all bounds there"
+
 AGAIN = f"it turns back after {FOLDS} folds and is not followed further"
+
 LONG = "it is not followed further: the equations were evaluated too often; a smaller range may lead on"
 
 HIDDEN = "it is not followed further: positions grow so fast there that a turn cannot be told from rounding"
@@ -94,143 +94,8 @@ KINK = 1e-6
 CLOSE = 1e-6
 """Where another path crosses is known to the square of this."""
 
-NEXT = 1e-7
-"""Next to a turn, as a part of the path."""
-
 ASIDE = 1e-3
 """So far from a branch point another path is taken up."""
-
-
-Values = Mapping[str, Array]
-"""Parameters that vary, arrays of shape (points,)."""
-
-
-@dataclass(frozen=True)
-class Path:
-    """Solutions over a parameter, one for each value.
-
-    Attributes
-    ----------
-    parameter : Parameter
-    values : ndarray, shape (k,)
-        Of the parameter (SI), ascending.
-    q : ndarray, shape (k, n_q)
-    c : ndarray, shape (k, size of the family)
-        Rates of the steady motion.
-    ends : tuple of (float, str)
-        Values at which it ends within the range, and why.
-    crossings : tuple of float
-        Values at which another path crosses.
-    start : float
-        The value from which it was followed: where the first solution was found, or a fold.
-    moved : str
-        Why it was not followed from the value that was asked for.
-    beyond : tuple of Path
-        Those to which it leads through folds: first from its upper end, then from its lower end.
-    """
-
-    parameter: Parameter
-    values: Array
-    q: Array
-    c: Array
-    ends: tuple[tuple[float, str], ...]
-    crossings: tuple[float, ...]
-    start: float
-    moved: str = ""
-    beyond: tuple[Path, ...] = ()
-
-    def covers(self, values: Values) -> Flags:
-        """Return which points lie on the path, shape (points,)."""
-        x = values[self.parameter.name]
-        lower, upper = float(self.values[0]), float(self.values[-1])
-        room = SAME * (upper - lower)
-        # A turn itself is left out: there an eigenvalue is zero.
-        low, high = room * self.ended(0), room * self.ended(-1)
-        inside: Flags = (x >= lower + low) & (x <= upper - high)
-        return inside
-
-    def ended(self, side: int) -> bool:
-        """Whether it ends within the range, below (0) or above (−1)."""
-        room = SAME * float(self.values[-1] - self.values[0])
-        return any(abs(value - float(self.values[side])) <= room for value, _ in self.ends)
-
-    def next_to_ends(self) -> Array:
-        """Return values within the path, next to where it ends within the range."""
-        lower, upper = float(self.values[0]), float(self.values[-1])
-        room = NEXT * (upper - lower)
-        return np.array([end + step for side, end, step in ((0, lower, room), (-1, upper, -room)) if self.ended(side)])
-
-    def missing(self, values: Values, i: int) -> str:
-        """Say why there is no solution at a point."""
-        value = float(values[self.parameter.name][i])
-        end, reason = min(self.ends, key=lambda item: abs(item[0] - value), default=(value, "it does not lead there"))
-        unit = after_number(self.parameter.unit)
-        at = f"{self.parameter.name} = {end / self.parameter.factor:.12g}{unit}"
-        return f"no solution beyond {at} on this path: {reason}"
-
-    def predicted(self, values: Values) -> tuple[Array, Array]:
-        """Return starting values at points, shapes (points, n_q) and (points, size)."""
-        x = values[self.parameter.name]
-        q, c = (
-            np.stack([np.interp(x, self.values, column) for column in part.T], axis=1)
-            if part.shape[1]
-            else np.zeros((len(x), 0))
-            for part in (self.q, self.c)
-        )
-        return q, c
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """Solutions over two parameters: paths over the first one at values of the second one.
-
-    Attributes
-    ----------
-    parameter : Parameter
-        The second one.
-    values : ndarray, shape (k,)
-        Its values (SI), ascending.
-    paths : tuple of Path or None
-        None where no solution is known.
-    edge : Path
-        Over the second parameter, from which the paths start.
-    """
-
-    parameter: Parameter
-    values: Array
-    paths: tuple[Path | None, ...]
-    edge: Path
-
-    def _paths(self, values: Values) -> Iterator[tuple[Path | None, npt.NDArray[np.intp]]]:
-        """Yield paths with the numbers of the points on them; all points are at values of the second parameter."""
-        row = np.searchsorted(self.values, values[self.parameter.name])
-        for j in np.unique(row):
-            yield self.paths[j], np.flatnonzero(row == j)
-
-    def covers(self, values: Values) -> Flags:
-        """Return which points lie on a path that leads there, shape (points,)."""
-        result = np.zeros(len(values[self.parameter.name]), dtype=bool)
-        for path, on in self._paths(values):
-            result[on] = path is not None and path.covers(_chosen(values, on))
-        return result
-
-    def missing(self, values: Values, i: int) -> str:
-        """Say why there is no solution at a point."""
-        ((path, _),) = self._paths(_chosen(values, np.array([i])))
-        return (self.edge if path is None else path).missing(values, i)
-
-    def predicted(self, values: Values) -> tuple[Array, Array]:
-        """Return starting values at points that are covered."""
-        points = len(values[self.parameter.name])
-        q, c = np.zeros((points, self.edge.q.shape[1])), np.zeros((points, self.edge.c.shape[1]))
-        for path, on in self._paths(values):
-            if path is not None:
-                q[on], c[on] = path.predicted(_chosen(values, on))
-        return q, c
-
-
-def _chosen(values: Values, index: npt.NDArray[np.intp]) -> Values:
-    return {name: x[index] for name, x in values.items()}
 
 
 def follow(
@@ -270,7 +135,7 @@ def follow(
         assert failure is not None
         raise failure
     up, down = (curve.traced(sign, further) for sign in (1.0, -1.0))
-    main = _joined(down[0], up[0])
+    main = joined(down[0], up[0])
     beyond = [curve.path(run, run.ends[0][0]) for run in (*up[1:], *down[1:])]
     for fold in curve.branchings:
         beyond += curve.switched(fold)
@@ -318,58 +183,6 @@ def _edge(
     raise failure
 
 
-@dataclass(frozen=True)
-class _Point:
-    """A solution, and how the equations change around it.
-
-    Attributes
-    ----------
-    q, c : ndarray
-    p : float
-    tangent : ndarray
-        Of the path in scaled unknowns, of length 1.
-    left, right : ndarray
-        Bases of what the equations do not depend on, aligned from point to point.
-    sign : float
-        Of the determinant of the equations bordered by them.
-    least : float
-        Smallest singular value that counts.
-    """
-
-    q: Array
-    c: Array
-    p: float
-    tangent: Array
-    left: Array
-    right: Array
-    sign: float
-    least: float
-
-    @property
-    def rise(self) -> float:
-        """How the parameter changes along the path."""
-        return float(self.tangent[-1])
-
-
-@dataclass
-class _Run:
-    """Points of a path between two turns, where and why it ends within the range, and where others cross."""
-
-    points: list[_Point]
-    ends: list[tuple[float, str]] = field(default_factory=list)
-    crossings: list[float] = field(default_factory=list)
-
-
-def _joined(down: _Run, up: _Run) -> _Run:
-    """Return two runs from the same place, or from both sides of a place, as one."""
-    first = 1 if down.points[0].p == up.points[0].p else 0
-    return _Run(
-        [*down.points[: first - 1 if first else None : -1], *up.points],
-        [*down.ends, *up.ends],
-        [*down.crossings, *up.crossings],
-    )
-
-
 class _Curve:
     """The curve of solutions through one of them.
 
@@ -405,8 +218,8 @@ class _Curve:
         # Least change with the parameter: symmetries have no part in it.
         by_p = np.append(np.linalg.lstsq(A[:, :-1], -A[:, -1], rcond=DEPENDENT)[0], 1.0)
         self.first = self._point(at.q, at.c, start, A, by_p, None)
-        self.folds: list[_Point] = []
-        self.branchings: list[_Point] = []
+        self.folds: list[Point] = []
+        self.branchings: list[Point] = []
 
     def _last_valid(self, start: float, end: float) -> float:
         """Return the value nearest to an end of the range up to which the model is valid."""
@@ -426,7 +239,7 @@ class _Curve:
             good, bad = (middle, bad) if valid(middle) else (good, middle)
         return good
 
-    def path(self, run: _Run, start: float) -> Path:
+    def path(self, run: Run, start: float) -> Path:
         """Return a run as a path."""
         values, index = np.unique([point.p for point in run.points], return_index=True)
         q, c = (np.array([getattr(run.points[i], name) for i in index]) for name in ("q", "c"))
@@ -463,7 +276,7 @@ class _Curve:
         q, c = self.balance.shifted(q, c, step[:-1])
         return q, c, p + float(step[-1]) * self.width
 
-    def _point(self, q: Array, c: Array, p: float, A: Array, along: Array, before: _Point | None) -> _Point:
+    def _point(self, q: Array, c: Array, p: float, A: Array, along: Array, before: Point | None) -> Point:
         """Return a solution with the tangent nearest to a direction, aligned with a solution next to it."""
         left, s, right = np.linalg.svd(A)
         left, right = left[:, self.rank :], right[self.rank :].T
@@ -473,12 +286,12 @@ class _Curve:
             raise NumericalError("the equations do not say in which direction the solution goes on")
         tangent /= length
         if before is not None:
-            left, right = left @ _nearest_turn(left.T @ before.left), right @ _nearest_turn(right.T @ before.right)
+            left, right = left @ nearest_turn(left.T @ before.left), right @ nearest_turn(right.T @ before.right)
         bordered = np.block([[A, left], [right.T, np.zeros((right.shape[1], left.shape[1]))]])
         sign = float(np.linalg.slogdet(bordered)[0])
-        return _Point(q, c, p, tangent, left, right, sign, float(s[self.rank - 1]) if self.rank else 0.0)
+        return Point(q, c, p, tangent, left, right, sign, float(s[self.rank - 1]) if self.rank else 0.0)
 
-    def _corrected(self, start: _Point, ahead: Array, hold: Array) -> tuple[_Point, float] | None:
+    def _corrected(self, start: Point, ahead: Array, hold: Array) -> tuple[Point, float] | None:
         """Return the solution near a step, perpendicular to `hold`, and how far the step missed it."""
         q, c, p = self._stepped(start.q, start.c, start.p, ahead)
         missed = np.zeros(len(ahead))
@@ -505,7 +318,7 @@ class _Curve:
 
     # --- along the path ---------------------------------------------------------------------------------------------
 
-    def traced(self, sign: float, further: bool = True) -> list[_Run]:
+    def traced(self, sign: float, further: bool = True) -> list[Run]:
         """Return the path from the first solution on, cut where it turns, or up to where it turns first.
 
         The parameter first grows or falls.
@@ -517,9 +330,9 @@ class _Curve:
                     self._cross(run, one, other)
         return runs
 
-    def _runs(self, sign: float, further: bool) -> list[_Run]:
+    def _runs(self, sign: float, further: bool) -> list[Run]:
         at = replace(self.first, tangent=self.first.tangent * (sign if self.first.rise >= 0.0 else -sign))
-        runs = [_Run([at])]
+        runs = [Run([at])]
         while True:
             fold = self._run(runs[-1])
             if self._closes(runs):
@@ -544,7 +357,7 @@ class _Curve:
         """Whether the curve has taken as much work as it may."""
         return self.work[0] <= 0
 
-    def _run(self, run: _Run) -> _Point | None:
+    def _run(self, run: Run) -> Point | None:
         """Add points until the parameter turns back or leaves the range; return the fold if it turns."""
         length = FIRST
         while True:
@@ -594,7 +407,7 @@ class _Curve:
                 run.points.append(beyond)
                 length = FIRST
 
-    def _pole(self, points: list[_Point], end: float) -> float | None:
+    def _pole(self, points: list[Point], end: float) -> float | None:
         """Return the value before an end of the range at which positions become infinite, in the digits that are known.
 
         There the parameter is a smooth function of 1/size; two extrapolations to 0 show how exact they are.
@@ -605,7 +418,7 @@ class _Curve:
             return None
         near = 1.0 / np.array(size)
         values = np.array([x.p for x in last])
-        pole, other = (_at_zero(near[k:], values[k:]) for k in (0, 1))
+        pole, other = (at_zero(near[k:], values[k:]) for k in (0, 1))
         error = abs(pole - other) + RESOLVED * self.width
         ahead = np.copysign(1.0, end - values[-1])
         if not error < POLE * self.width or ahead * (pole - values[-1]) <= 0.0 or ahead * (end - pole) < -error:
@@ -613,7 +426,7 @@ class _Curve:
         factor = self.model.parameters[self.parameter].factor
         return float(round(pole / factor, -math.ceil(math.log10(abs(2.0 * error / factor)))) * factor)
 
-    def _beyond_a_kink(self, at: _Point, end: float) -> _Point | None:
+    def _beyond_a_kink(self, at: Point, end: float) -> Point | None:
         """Return the solution a little further where a path goes on in another direction."""
         step = KINK if abs(end - at.p) > KINK * self.width else abs(end - at.p) / self.width
         axis = np.eye(len(at.tangent))[-1]
@@ -623,7 +436,7 @@ class _Curve:
         turned = np.copysign(1.0, at.rise * found[0].rise)
         return replace(found[0], tangent=turned * found[0].tangent)
 
-    def _cross(self, run: _Run, before: _Point, after: _Point) -> None:
+    def _cross(self, run: Run, before: Point, after: Point) -> None:
         """Note where another path crosses between two points, and add points that close in on it."""
         low, high = before, after
         for _ in range(POINTS):
@@ -653,7 +466,7 @@ class _Curve:
                 run.points.append(half)
                 pair = (half, at) if pair[1] is at else (at, half)
 
-    def _inside(self, one: _Point, other: _Point, part: float) -> _Point | None:
+    def _inside(self, one: Point, other: Point, part: float) -> Point | None:
         """Return a solution between two: predicted by a cubic through both, and on their path by its direction."""
         gap = self._open(self._between(one, other))
         length = float(np.linalg.norm(gap))
@@ -666,7 +479,7 @@ class _Curve:
             return None
         return found[0]
 
-    def switched(self, fold: _Point) -> list[Path]:
+    def switched(self, fold: Point) -> list[Path]:
         """Return the other path through a point at which this one turns back."""
         if self.spent:
             return []
@@ -677,7 +490,7 @@ class _Curve:
         size = float(np.linalg.norm(aside))
         if size < ASIDE:
             return []
-        runs: list[list[_Run]] = []
+        runs: list[list[Run]] = []
         for sign in (1.0, -1.0):
             found = self._corrected(fold, sign * ASIDE * aside / size, aside / size)
             if found is None or not self.low <= found[0].p <= self.high:
@@ -689,14 +502,14 @@ class _Curve:
             runs.append(other.traced(1.0 if other.first.rise >= 0.0 else -1.0))
         if not runs:
             return []
-        main = _joined(runs[1][0], runs[0][0]) if len(runs) == 2 else runs[0][0]
+        main = joined(runs[1][0], runs[0][0]) if len(runs) == 2 else runs[0][0]
         main.crossings += [fold.p] if len(runs) == 2 else []
         paths = [self.path(main, fold.p)]
         return paths + [self.path(run, run.ends[0][0]) for part in runs for run in part[1:]]
 
-    def _fold(self, at: _Point, length: float) -> _Point | None:
+    def _fold(self, at: Point, length: float) -> Point | None:
         """Return the point less than a length ahead at which the parameter turns back."""
-        found: dict[float, _Point] = {0.0: at}
+        found: dict[float, Point] = {0.0: at}
 
         def rise(distance: float) -> float:
             if distance not in found:
@@ -712,7 +525,7 @@ class _Curve:
         except NumericalError:
             return None
 
-    def _close_in(self, runs: list[_Run], fold: _Point) -> None:
+    def _close_in(self, runs: list[Run], fold: Point) -> None:
         """Add points next to a fold on both of its sides, and begin the run beyond it."""
         before = runs[-1]
         at = before.points[-1]
@@ -727,17 +540,17 @@ class _Curve:
         rising = at.rise > 0.0
         before.points += [x for x in sides[0] if (x.rise > 0.0) == rising]
         before.points.append(fold)
-        runs.append(_Run([fold, *(x for x in sides[1][::-1] if (x.rise > 0.0) != rising)], [before.ends[-1]]))
+        runs.append(Run([fold, *(x for x in sides[1][::-1] if (x.rise > 0.0) != rising)], [before.ends[-1]]))
 
-    def _between(self, one: _Point, other: _Point) -> Array:
+    def _between(self, one: Point, other: Point) -> Array:
         """Return the scaled difference of two solutions."""
         q = (other.q - one.q) / self.balance.sizes
         return np.concatenate([q, (other.c - one.c) / self.balance.speed, [(other.p - one.p) / self.width]])
 
-    def _same(self, one: _Point, other: _Point) -> bool:
+    def _same(self, one: Point, other: Point) -> bool:
         return abs(one.p - other.p) < SAME * self.width and self.problem.alike(one.q, other.q)
 
-    def _closes(self, runs: list[_Run]) -> bool:
+    def _closes(self, runs: list[Run]) -> bool:
         """Whether the last of several runs passes the first solution: the curve is closed."""
         if len(runs) < 2 or (runs[-1].points[-1].rise > 0.0) != (runs[0].points[0].rise > 0.0):
             return False
@@ -755,16 +568,3 @@ class _Curve:
         n = len(self.balance.sizes)
         wanted = [*self.balance.open, *(n + k for k in self.balance.free), n + self.balance.family.size]
         return difference[np.array(wanted, dtype=np.intp)]
-
-
-def _at_zero(x: Array, y: Array) -> float:
-    """Return the value at zero of the polynomial through points."""
-    weights = [float(np.prod([other / (other - own) for other in np.delete(x, k)])) for k, own in enumerate(x)]
-    return float(np.dot(weights, y))
-
-
-def _nearest_turn(x: Array) -> Array:
-    """Return the orthogonal matrix nearest to a square one."""
-    left, _, right = np.linalg.svd(x)
-    result: Array = left @ right
-    return result

@@ -28,48 +28,28 @@ from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.reference.guard import coefficients
 from mbstab.analysis.reference.motion import (
     CHART_WARNING,
-    NEWTON_STEPS,
     ROUNDING,
     TOLERANCE,
     Finder,
     Motion,
     force_change,
 )
+from mbstab.analysis.reference.newton import Search, Stalled, newton_step
 from mbstab.analysis.reference.reactions import Reaction, reactions
 from mbstab.analysis.reference.rotation import orientation
 from mbstab.analysis.reference.steady import Family, Generator, declared_family, detected
 from mbstab.analysis.reference.symmetries import symmetries
 from mbstab.compiler.system import Array, System
-from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, NumericalError, UsageError, counted
+from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, UsageError, counted
 from mbstab.model.schema import is_length, unit_of
 
 STRATEGIES = ("Newton", "relaxation", "spin-up")
 
-REACH = 0.5
-"""No step is longer than this part of the size of the scene, or this angle (rad) …"""
-LINEAR, LONGER = 0.4, 10.0
-"""… but longer where those before came out as the derivatives say: to this part of the change at most, as far as the
-last one tells, and so many times longer than that one."""
-
-CONVERGED = 1e-9
-"""Residuals below this, relative to what balances, are polished by undamped steps until they stop falling."""
-SETTLED = 0.01
-"""Where forces balance, the next step is no longer than this part of the size of the scene, or this angle (rad)."""
 AWAY = 10.0
 """A search that ends more than so many sizes of the scene, or rad, from where it started ran off."""
+
 OPENED = 1e-6
 """Constraints are not satisfied above this part of the size of the scene."""
-
-PATIENCE = 12
-"""Newton's method goes on while it halves the residuals in so many steps."""
-
-NEAR = 1e-3
-"""A relaxed motion is handed to Newton's method where residuals are below this; if that fails, at a tenth of them."""
-
-RELAXATION_STEPS = 200
-SPIN_UP_STEPS = 40
-SLIGHT = 1e-5
-"""Where no force acts, those are the scale that a move by this part of the size of the scene brings about."""
 
 SINGULAR = 1e-7
 """A direction of the equations whose singular value is this small beside the largest leaves a solution not isolated."""
@@ -119,208 +99,6 @@ class Equilibrium:
     def isolated(self) -> bool:
         """Whether no other solution is near, apart from symmetries."""
         return not self.open
-
-
-class _Stalled(Exception):
-    """A strategy came to rest without a solution, at this state."""
-
-    def __init__(self, state: State | None) -> None:
-        self.state = state
-
-
-class _Search:
-    """Newton's method from one start.
-
-    Attributes
-    ----------
-    iterations : int
-        Steps so far, to where residuals are small.
-    best : State or None
-        The state nearest to balance so far.
-    """
-
-    def __init__(self, balance: Balance, finder: Finder, start: Array) -> None:
-        self.balance, self.finder = balance, finder
-        self.system, self.sizes = balance.system, balance.sizes
-        balance.use(balance.independent_rows(start))
-        self.iterations = 0
-        self.best: State | None = None
-
-    def state(self, q: Array, c: Array) -> State:
-        """Return a trial state.
-
-        Raises
-        ------
-        MbstabError, ArithmeticError, ValueError
-            If the equations have no value there.
-        """
-        self.finder.check_chart(q, np.zeros(len(q), dtype=bool))
-        found = self.balance.state(q, c)
-        if not np.all(np.isfinite(found.residual)):
-            raise NumericalError("the equations are not finite")
-        return found
-
-    def tried(self, at: State, step: Array) -> State | None:
-        """Return the state after a scaled step, or None where the equations have no value."""
-        try:
-            return self.state(*self.balance.moved(at, step))
-        except FAILURES:
-            return None
-
-    # --- strategies -------------------------------------------------------------------------------------------------
-
-    def newton(self, at: State) -> State:
-        """Return the solution that damped steps lead to."""
-        damping, reach, longest = 0.0, REACH, 0.0
-        if self.best is None:
-            self.best = at
-        sizes: list[float] = []
-        for _ in range(NEWTON_STEPS):
-            # How many steps polish a solution depends on the machine.
-            self.iterations += at.size > CONVERGED
-            sizes.append(at.size)
-            if len(sizes) > PATIENCE and at.size > CONVERGED and at.size > 0.5 * sizes[-1 - PATIENCE]:
-                break
-            G, moving = self.balance.jacobian(at), self.balance.moving
-            accepted = None
-            while accepted is None:
-                step = _step(G, at.residual, moving, damping)
-                longest = float(np.max(np.abs(step[:moving]), initial=0.0))
-                bounded = _bounded(step, moving, reach)
-                trial = self.tried(at, bounded)
-                if trial is not None and trial.size < at.size * (1.0 - 1e-6 * reach / max(longest, reach)):
-                    accepted = trial
-                    if bounded is not step:
-                        # Balance may be far away: as far as forces are linear the step may be long.
-                        change = G @ bounded
-                        off = float(np.linalg.norm(trial.residual - at.residual - change))
-                        trusted = LINEAR * float(np.linalg.norm(change))
-                        reach = max(REACH, reach * min(LONGER, trusted / max(off, 1e-300)))
-                    damping = 0.0 if damping < 1e-6 else damping * 0.1
-                elif at.size < CONVERGED and longest <= SETTLED:
-                    return at
-                else:
-                    damping = max(4.0 * damping, 1e-4)
-                    if damping > 1e8:
-                        raise _Stalled(at)
-            at = accepted
-            if self.best is None or at.size < self.best.size:
-                self.best = at
-        if at.size < CONVERGED and longest <= SETTLED:
-            return at
-        raise _Stalled(at)
-
-    def relaxed(self, at: State) -> State:
-        """Return the solution at which a heavily damped motion comes to rest."""
-        open_, moving = self.balance.open, self.balance.moving
-        inertia = np.diag(at.M) * self.sizes**2 / self.balance.energy
-        inertia = np.maximum(inertia, 1e-6 * np.max(inertia))
-        G = self.balance.jacobian(at)
-        n = len(open_)
-        pace = float(np.max(inertia)) / max(float(np.max(np.abs(G[: self.system.n_q, :n]))), 1e-300)
-        near = NEAR
-        for _ in range(RELAXATION_STEPS):
-            self.iterations += 1
-            G = self.balance.jacobian(at)
-            G[open_, np.arange(n)] += inertia[open_] / pace
-            trial = self.tried(at, _bounded(_step(G, at.residual, moving, 0.0), moving, REACH))
-            if trial is None or trial.size > 10.0 * at.size:
-                pace *= 0.25
-                if pace < 1e-12:
-                    break
-                continue
-            pace = min(pace * min(3.0, at.size / max(trial.size, 1e-300) * 1.3), 1e12)
-            at = trial
-            if at.size < near:
-                try:
-                    return self.newton(at)
-                except _Stalled:
-                    near = 0.1 * at.size
-        raise _Stalled(at)
-
-    def spun_up(self, q: Array, c: Array) -> State:
-        """Return the solution reached from rest by raising the given rates."""
-        self.balance.ramp, reached, stride = 0.0, 0.0, 0.25
-        try:
-            at = self.started(q, c)
-            for _ in range(SPIN_UP_STEPS):
-                self.balance.ramp = min(1.0, reached + stride)
-                try:
-                    at = self.newton(self.state(at.q, at.c))
-                    reached, stride = self.balance.ramp, 1.5 * stride
-                except _Stalled:
-                    stride *= 0.4
-                if reached == 1.0:
-                    return at
-        finally:
-            self.balance.ramp = 1.0
-        raise _Stalled(self.best)
-
-    def started(self, q: Array, c: Array) -> State:
-        """Return the solution from a start by the first strategy that leads to one."""
-        at = self.state(q, c)
-        try:
-            return self.newton(at)
-        except _Stalled:
-            return self.relaxed(at)
-
-    def solve(self, q: Array, c: Array, allowed: tuple[str, ...]) -> tuple[State, str]:
-        """Return a solution and the strategy that led to it.
-
-        Raises
-        ------
-        _Stalled
-            If none does.
-        """
-        self._measure(q, c)
-        strategies: list[tuple[str, Callable[[], State]]] = [
-            ("Newton", lambda: self.newton(self.state(q, c))),
-            ("relaxation", lambda: self.relaxed(self.state(q, c))),
-        ]
-        if self.balance.known:
-            strategies.append(("spin-up", lambda: self.spun_up(q, c)))
-        for name, strategy in strategies:
-            if name not in allowed:
-                continue
-            try:
-                return strategy(), name
-            except _Stalled:
-                continue
-            except FAILURES:
-                continue
-        raise _Stalled(self.best)
-
-    def _measure(self, q: Array, c: Array) -> None:
-        """Set the scales of energy and speed by which residuals are judged."""
-        scene = self.system.scene
-        gravity = float(np.linalg.norm([float(x) for x in scene.gravity]))
-        lengths = self.sizes[self.finder.is_length]
-        energy = max(float(body.mass) for body in scene.bodies) * gravity * float(np.max(lengths, initial=0.0))
-        full = self.balance.coefficients(c)
-        u = self.balance.family.generator(full).field(q)
-        self.balance.speed = max(float(np.max(np.abs(u / self.sizes))), float(np.max(np.abs(full), initial=0.0))) or 1.0
-        a = self.balance.family.generator(full).acceleration(q)
-        # Forces, not their slopes: those may be anything next to a singular point.
-        energy = max(energy, float(np.max(self.system.loads(q, u, a) * self.sizes, initial=0.0)))
-        # At an equilibrium whose forces vanish one by one, a small move shows how large they are.
-        at = q, u, a, np.zeros(self.system.n_c)
-        energy = max(energy, SLIGHT * force_change(self.system, at, self.sizes, self.sizes))
-        self.balance.energy = energy or 1.0
-
-
-def _step(G: Array, residual: Array, moving: int, damping: float) -> Array:
-    """Return the step of least length; damped in coordinates and rates, not in multipliers."""
-    if damping:
-        extra: Array = np.zeros((moving, G.shape[1]))
-        extra[:, :moving] = math.sqrt(damping) * np.eye(moving)
-        G, residual = np.vstack([G, extra]), np.concatenate([residual, np.zeros(moving)])
-    return np.asarray(np.linalg.lstsq(G, -residual, rcond=1e-11)[0], dtype=np.float64)
-
-
-def _bounded(step: Array, moving: int, reach: float) -> Array:
-    """Return a step, shortened where it would move a coordinate or rate further than `reach`."""
-    longest = float(np.max(np.abs(step[:moving]), initial=0.0))
-    return step * (reach / longest) if longest > reach else step
 
 
 # --- from a scene to its equilibria ---------------------------------------------------------------------------------
@@ -408,7 +186,7 @@ class Problem:
         rates = [*([generator.rate] if generator.turns else []), *([1.0] * len(directions))]
         return family, dict(enumerate([*rates, *generator.spins[list(columns)]]))
 
-    def solved(self, start: Array, c: Array | None = None) -> tuple[Motion, _Search, State, str]:
+    def solved(self, start: Array, c: Array | None = None) -> tuple[Motion, Search, State, str]:
         """Return the solution from a start, checked, and how it was found.
 
         With rates `c` as well, the start is a prediction: given coordinates are put in, and only
@@ -436,15 +214,15 @@ class Problem:
         plain.family = replace(self.family, columns=())
         return plain
 
-    def _solved(self, start: Array, c: Array | None, allowed: tuple[str, ...]) -> tuple[Motion, _Search, State, str]:
+    def _solved(self, start: Array, c: Array | None, allowed: tuple[str, ...]) -> tuple[Motion, Search, State, str]:
         """Return the solution that some strategies lead to."""
         balance = Balance(self.system, self.finder.sizes, self.family, self.known, self.held)
-        search = _Search(balance, self.finder, start)
+        search = Search(balance, self.finder, start)
         c = self._rates(start) if c is None else c
         try:
             with np.errstate(all="ignore"):
                 at, strategy = search.solve(start, c, allowed)
-        except _Stalled as stalled:
+        except Stalled as stalled:
             raise self._failure(search, stalled.state) from None
         at = _tidied(search, at)
         finder = Finder(self.system)
@@ -460,7 +238,7 @@ class Problem:
             motion = replace(motion, generators=tuple(detected(self.system, at.q, at.u, self.finder.sizes)))
         return motion, search, at, strategy
 
-    def described(self, motion: Motion, search: _Search, at: State, strategy: str) -> Equilibrium:
+    def described(self, motion: Motion, search: Search, at: State, strategy: str) -> Equilibrium:
         """Return a solution with what it means."""
         coefficients(self.system, motion)  # names what breaks a declared symmetry
         known = symmetries(self.system, motion)
@@ -486,7 +264,7 @@ class Problem:
         good = np.all(np.abs(dynamics.E[:n_h]) <= allowed[:n_h])
         return bool(good and np.all(np.abs(dynamics.V) <= allowed * max(fastest, 1e-300)))
 
-    def _weighed(self, search: _Search, at: State) -> bool:
+    def _weighed(self, search: Search, at: State) -> bool:
         """Whether what is left of the forces is small beside those that balance, along each coordinate by itself."""
         energy, sizes = search.balance.energy, search.sizes
         left = np.abs(at.residual[: self.system.n_q]) * energy
@@ -496,7 +274,7 @@ class Problem:
         rounding = ROUNDING * force_change(self.system, (at.q, at.u, at.a, at.nu), sizes, sizes)
         return bool(np.all(left <= TOLERANCE * loads + min(max(rounding, 1e-14 * energy), TOLERANCE * energy)))
 
-    def _require_rates(self, search: _Search, at: State) -> None:
+    def _require_rates(self, search: Search, at: State) -> None:
         """Refuse a steady motion some of whose rates could be anything.
 
         Raises
@@ -572,7 +350,7 @@ class Problem:
         # What a symmetry leaves alone: the loads and the spectrum of the stiffness.
         return _alike(_signature(self.system, one), _signature(self.system, other))
 
-    def _failure(self, search: _Search, state: State | None) -> EquilibriumError:
+    def _failure(self, search: Search, state: State | None) -> EquilibriumError:
         what = "steady motion" if self.family.size else "equilibrium"
         place = self.scene.model.reference.location
         if state is None:
@@ -581,33 +359,17 @@ class Problem:
                 "hint: give starting values under reference.guess that are nearer to an assembled position"
             )
         state = self._closer(search, state)
-        n, n_h = self.system.n_q, search.balance.n_h
+        n = self.system.n_q
         force = state.residual[:n] * search.balance.energy / search.sizes
-        gap = state.residual[n : n + n_h]
         steps = counted(search.iterations, "step")
         tried = ", ".join(STRATEGIES if search.balance.known else STRATEGIES[:2])
         lines = [f"{place}: reference: no {what} found in {steps} ({tried})"]
-        count = len(search.balance.rows) if self.family.size else 0
-        speeds = state.residual[n + n_h : n + n_h + count]
-        rates = state.residual[n + n_h + count :]
-        broken = len(gap) and float(np.max(np.abs(gap))) > OPENED
-        largest = max((float(np.max(np.abs(x), initial=0.0)) for x in (speeds, rates)), default=0.0)
+        found = self._broken_row(search, state) or self._wrong_rate(search, state)
         worst = int(np.argmax(np.abs(state.residual[:n])))
         unit = "N" if is_length(self.system.names[worst]) else "N*m"
-        if broken:
-            row = self.system.rows[search.balance.rows[int(np.argmax(np.abs(gap)))]]
-            lines.append(f"it stalled where {row} is not satisfied: the mechanism does not close there")
-            hint = "correct the lengths, or give starting values under reference.guess"
-            if self.held.any() or len(search.balance.given):
-                hint = "correct or leave out the coordinates that are given, or the lengths"
-        elif largest > max(1e-6, float(np.max(np.abs(state.residual[:n])))):
-            if len(rates) and float(np.max(np.abs(rates))) == largest:
-                name = self.system.names[search.balance.given[int(np.argmax(np.abs(rates)))]]
-                lines.append(f"the given rate of {name} does not belong to the motion ({state.steady})")
-            else:
-                row = self.system.rows[search.balance.rows[int(np.argmax(np.abs(speeds)))]]
-                lines.append(f"the motion ({state.steady}) does not satisfy {row}: it drives, blocks or slips")
-            hint = "correct reference.steady or the given rates: axis, point and rate must be those of the mechanism"
+        if found:
+            lines.append(found[0])
+            hint = found[1]
         elif moving := self._moving_row(state):
             lines.append(f"{moving} is not satisfied at rest: it drives the mechanism")
             hint = "look for a steady motion with find: steady, or choose a time at which the drive rests"
@@ -638,7 +400,35 @@ class Problem:
             hint = "hold it with a joint, a spring or a contact; a body in free fall has no equilibrium"
         return EquilibriumError("\n".join([*lines, f"hint: {hint}"]))
 
-    def _closer(self, search: _Search, state: State) -> State:
+    def _broken_row(self, search: Search, state: State) -> tuple[str, str] | None:
+        """Return the constraint that is not satisfied where a search ended, and a hint."""
+        n, n_h = self.system.n_q, search.balance.n_h
+        gap = np.abs(state.residual[n : n + n_h])
+        if not len(gap) or float(np.max(gap)) <= OPENED:
+            return None
+        row = self.system.rows[search.balance.rows[int(np.argmax(gap))]]
+        hint = "correct the lengths, or give starting values under reference.guess"
+        if self.held.any() or len(search.balance.given):
+            hint = "correct or leave out the coordinates that are given, or the lengths"
+        return f"it stalled where {row} is not satisfied: the mechanism does not close there", hint
+
+    def _wrong_rate(self, search: Search, state: State) -> tuple[str, str] | None:
+        """Return the rate that does not fit the motion where a search ended, given or of a constraint, and a hint."""
+        n, n_h = self.system.n_q, search.balance.n_h
+        count = len(search.balance.rows) if self.family.size else 0
+        speeds, rates = np.split(np.abs(state.residual[n + n_h :]), [count])
+        largest = max((float(np.max(x, initial=0.0)) for x in (speeds, rates)), default=0.0)
+        if largest <= max(1e-6, float(np.max(np.abs(state.residual[:n])))):
+            return None
+        if len(rates) and float(np.max(rates)) == largest:
+            name = self.system.names[search.balance.given[int(np.argmax(rates))]]
+            said = f"the given rate of {name} does not belong to the motion ({state.steady})"
+        else:
+            row = self.system.rows[search.balance.rows[int(np.argmax(speeds))]]
+            said = f"the motion ({state.steady}) does not satisfy {row}: it drives, blocks or slips"
+        return said, "correct reference.steady or the given rates: axis, point and rate must be those of the mechanism"
+
+    def _closer(self, search: Search, state: State) -> State:
         """Return a state that satisfies the constraints on positions, if there is one near this one or the start."""
         rows = slice(self.system.n_q, self.system.n_q + search.balance.n_h)
         for start in (state.q, self.start):
@@ -672,7 +462,7 @@ class Problem:
         return ""
 
 
-def _tidied(search: _Search, at: State) -> State:
+def _tidied(search: Search, at: State) -> State:
     """Return a solution whose zeros are zeros, where that costs nothing."""
     q, c = at.q.copy(), at.c.copy()
     q[np.abs(q / search.sizes) < 1e-15] = 0.0
@@ -700,7 +490,7 @@ def _fewest_spins(balance: Balance, q: Array, c: Array) -> Array:
     return c
 
 
-def _open_directions(search: _Search, at: State, known: list[Symmetry]) -> list[str]:
+def _open_directions(search: Search, at: State, known: list[Symmetry]) -> list[str]:
     """Return directions in which a solution is not isolated although no symmetry explains them."""
     balance = search.balance
     if not balance.moving:
@@ -742,7 +532,7 @@ def _reduced(balance: Balance, at: State) -> Array:
     return result
 
 
-def _continues(search: _Search, at: State, vector: Array) -> bool:
+def _continues(search: Search, at: State, vector: Array) -> bool:
     """Whether there are solutions some way along a direction."""
     distance = 0.02 / float(np.max(np.abs(vector)))
     step = np.concatenate([distance * vector, np.zeros(len(search.balance.free))])
@@ -755,7 +545,7 @@ def _continues(search: _Search, at: State, vector: Array) -> bool:
             return bool(abs(moved @ vector) > 0.5 * distance)
         G, moving = search.balance.jacobian(trial), search.balance.moving
         G = np.vstack([G, np.concatenate([vector, np.zeros(G.shape[1] - len(vector))])])
-        trial = search.tried(trial, _step(G, np.append(trial.residual, 0.0), moving, 0.0))
+        trial = search.tried(trial, newton_step(G, np.append(trial.residual, 0.0), moving, 0.0))
     return False
 
 

@@ -20,7 +20,8 @@ from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.motion import EQUILIBRIUM_TOLERANCE, NEWTON_STEPS, ROUNDING, TOLERANCE
 from mbstab.analysis.reference.steady import Family, Generator, spins_freely
-from mbstab.analysis.sweep.batched_structure import Known, Points, transposed
+from mbstab.analysis.sweep.batched_structure import Known, Points
+from mbstab.analysis.sweep.stacks import transposed
 from mbstab.compiler.system import Array, Dynamics, System
 
 EPS = float(np.finfo(float).eps)

@@ -19,10 +19,10 @@ from mbstab.analysis.linear.bounds import enclosures
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import Linearization, linearize, state_space
 from mbstab.analysis.linear.verdict import UNDECIDED, judge, place
-from mbstab.analysis.reference.continuation import Path, Sheet
 from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.equilibrium import Problem, found_motion
 from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.reference.paths import Path, Sheet
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.steady import Family, spinning_columns
 from mbstab.analysis.sweep.batched_equations import Equations, Pattern

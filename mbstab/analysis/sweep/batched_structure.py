@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Flags, norms
+from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.minimum import EPS, ROUNDINGS, TRIED, UNFORCED
 from mbstab.analysis.linear.neutral import FULL_RANK, KEPT
@@ -23,11 +23,21 @@ from mbstab.analysis.linear.reversor import GAP, NULL
 from mbstab.analysis.linear.verdict import Neutral
 from mbstab.analysis.reference.fields import Combination, OwnTurn, Shift, Spin, Symmetry
 from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.sweep.stacks import (
+    FITS,
+    beside,
+    chain,
+    complement,
+    orthonormal,
+    restricted,
+    some,
+    stacked,
+    transposed,
+    under,
+    unit,
+)
 from mbstab.compiler.system import Array, System
 from mbstab.model.schema import is_length
-
-FITS = 1e-10
-"""S leads directions of symmetries out of their span by less than this part of its norm."""
 
 
 @dataclass(frozen=True)
@@ -97,24 +107,17 @@ class Points:
         """Return some of the points."""
         steady = self.steady
         if steady is not None:
-            parts = (_some(np.asarray(x), index, dims) for x, dims in
+            parts = (some(np.asarray(x), index, dims) for x, dims in
                      ((steady.rate, 1), (steady.velocity, 2), (steady.spins, 2)))  # fmt: skip
             rate, velocity, spins = parts
             steady = Generator(steady.system, steady.axis, steady.point, rate, velocity, spins)  # type: ignore[arg-type]
         arrays = (
-            _some(x, index, 0) for x in (
+            some(x, index, 0) for x in (
                 self.scale, self.M, self.R, self.K, self.N, self.Z, self.P, self.S, self.gamma, self.error,
                 self.across, self.spread,
             )
         )  # fmt: skip
         return Points(self.system, self.q[index], self.u[index], self.a[index], steady, *arrays)
-
-
-def _some(x: Array, index: Any, dims: int) -> Array:
-    """Return the part of an array that belongs to some points; `dims` is the number of axes it has if it varies."""
-    if dims and x.ndim < dims:
-        return x
-    return x if len(x) == 1 else x[index]
 
 
 @dataclass(frozen=True)
@@ -174,7 +177,7 @@ class Known:
         along = [row @ plain.T[:, : self.directions] / (np.linalg.norm(row) or 1.0) for row in rows]
         # A shift that a turning frame carries around is no zero.
         block = separated.T.T @ grounds.S @ separated.T
-        self.chain = 0 if any(separated.frequencies()) else _chain(block, float(np.linalg.norm(grounds.S)))
+        self.chain = 0 if any(separated.frequencies()) else chain(block, float(np.linalg.norm(grounds.S)))
         self.tied = int(np.linalg.matrix_rank(np.array(along), tol=KEPT)) if along and self.directions else 0
 
     @property
@@ -232,7 +235,7 @@ class Known:
             T = self._moving(points, T, good)
         if self.d > self.directions + self.speeds:
             T, L = self._widened(points, symmetries, L, good)
-        basis = _beside(T, transposed(L))
+        basis = beside(T, transposed(L))
         B = np.linalg.qr(basis, mode="complete")[0][..., basis.shape[-1] :]
         ST, LS = S @ T, L @ S
         left = np.linalg.norm(ST - T @ (transposed(T) @ ST), axis=(1, 2)) + np.linalg.norm(
@@ -253,7 +256,7 @@ class Known:
         if not items:
             return np.zeros((1, points.S.shape[-1], 0))
         parts = [disturbance(item, points) for item in items]
-        direction, rate = (_stacked([part[k] for part in parts]) for k in (0, 1))
+        direction, rate = (stacked([part[k] for part in parts]) for k in (0, 1))
         if boost:
             direction, rate = 0.0 * direction, direction
         direction, rate = (x / points.scale[:, :, None] for x in (direction, rate))
@@ -261,11 +264,11 @@ class Known:
             rate = rate - points.slope @ direction
         xi = transposed(points.N) @ direction
         eta = transposed(points.Z) @ (transposed(points.N) @ rate - points.P @ xi)
-        return _unit(_under(xi, eta / points.gamma[:, None, None]))
+        return unit(under(xi, eta / points.gamma[:, None, None]))
 
     def _directions(self, points: Points, symmetries: Array, good: Flags) -> Array:
         """Return orthonormal directions of symmetries, boosts and rests."""
-        columns = _beside(symmetries, self._columns(points, self.boosts, boost=True))
+        columns = beside(symmetries, self._columns(points, self.boosts, boost=True))
         n = points.n_xi
         if self.rests:
             lower = points.S[:, n:, :n]
@@ -276,16 +279,16 @@ class Known:
                 null = transposed(right[:, n_eta:])
             else:
                 null = np.eye(n)[None]
-            columns = _beside(columns, _under(null, np.zeros((1, n_eta, null.shape[-1]))))
-        return _orthonormal(columns, self.directions, good)
+            columns = beside(columns, under(null, np.zeros((1, n_eta, null.shape[-1]))))
+        return orthonormal(columns, self.directions, good)
 
     def _moving(self, points: Points, T: Array, good: Flags) -> Array:
         """Return the directions with speeds at which what rests may move on, as `Structure._moving`."""
-        directions = _stacked([disturbance(item, points)[0] for item in self.symmetries]) / points.scale[:, :, None]
+        directions = stacked([disturbance(item, points)[0] for item in self.symmetries]) / points.scale[:, :, None]
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         allowed, directions = points.N @ points.Z, directions / lengths
         eta = transposed(points.Z) @ (transposed(points.N) @ directions)
-        columns = _under(np.zeros((1, points.n_xi, eta.shape[-1])), eta)
+        columns = under(np.zeros((1, points.n_xi, eta.shape[-1])), eta)
         across = directions - allowed @ (transposed(allowed) @ directions)
         _, s, right = np.linalg.svd(across)
         full = np.zeros((len(s), len(self.symmetries)))
@@ -296,7 +299,7 @@ class Known:
         left = found - T @ (transposed(T) @ found)
         own, s, _ = np.linalg.svd(left, full_matrices=False)
         good &= np.sum(s > KEPT, axis=1) == self.speeds
-        return _beside(T, own[..., : self.speeds])
+        return beside(T, own[..., : self.speeds])
 
     def _functions(self, points: Points, T: Array, good: Flags) -> Array:
         """Return orthonormal differentials of conserved functions that vanish on the directions."""
@@ -305,8 +308,8 @@ class Known:
             return np.zeros((1, 0, n))
         rows = self._conserved(points, self.momenta, good)
         if self.speed:
-            rows = _under(rows, self._differentials(points, [(points.u, points.a)]))
-        rows = transposed(_unit(transposed(rows)))
+            rows = under(rows, self._differentials(points, [(points.u, points.a)]))
+        rows = transposed(unit(transposed(rows)))
         return self._vanishing(rows, T, self.kept, self.tied, good)
 
     def _conserved(self, points: Points, momenta: tuple[Symmetry, ...], good: Flags) -> Array:
@@ -322,9 +325,7 @@ class Known:
             known = [x for _, part in parts_of for x in self.symmetries if x.of is part]
             good &= len(known) == len(parts_of)
             fields += [x for x in known if x not in fields]
-        rows = transposed(
-            _unit(transposed(self._differentials(points, [disturbance(item, points) for item in fields])))
-        )
+        rows = transposed(unit(transposed(self._differentials(points, [disturbance(item, points) for item in fields]))))
         count = len(momenta)
         left, s, _ = np.linalg.svd(rows @ points.S)
         full = np.zeros((len(s), len(fields)))
@@ -337,12 +338,12 @@ class Known:
 
     def _differentials(self, points: Points, parts: list[tuple[Array, Array]]) -> Array:
         """Return differentials of momenta as rows, shape (points, number, n)."""
-        direction, rate = (_stacked([part[k] for part in parts]) for k in (0, 1))
+        direction, rate = (stacked([part[k] for part in parts]) for k in (0, 1))
         direction, rate = (transposed(x / points.scale[:, :, None]) for x in (direction, rate))
         carried = rate if points.slope is None else rate - direction @ transposed(points.slope)
         speeds = direction @ points.M @ points.N
         positions = direction @ points.R @ points.N - carried @ points.M @ points.N + speeds @ points.P
-        return _beside(positions, points.gamma[:, None, None] * (speeds @ points.Z))
+        return beside(positions, points.gamma[:, None, None] * (speeds @ points.Z))
 
     def _vanishing(self, rows: Array, T: Array, count: int, rank: int, good: Flags) -> Array:
         """Return so many orthonormal combinations of rows that vanish on T, where rows T has a rank."""
@@ -353,18 +354,18 @@ class Known:
             if rank < s.shape[-1]:
                 good &= s[:, rank] <= KEPT
             rows = right[:, rank:] @ rows
-        return transposed(_orthonormal(transposed(rows), count, good))
+        return transposed(orthonormal(transposed(rows), count, good))
 
     def _widened(self, points: Points, symmetries: Array, L: Array, good: Flags) -> tuple[Array, Array]:
         """Return directions and functions with the family that a reversor shows, as `Reversor.widened`."""
-        own = _orthonormal(symmetries, self.of_symmetries, good)
+        own = orthonormal(symmetries, self.of_symmetries, good)
         Q = np.linalg.qr(own, mode="complete")[0][..., own.shape[-1] :]
         size = self.d - self.of_symmetries
         _, s, right = np.linalg.svd(transposed(Q) @ points.S @ Q)
         good &= s[:, -size] <= NULL * s[:, 0]
         if size < s.shape[-1]:
             good &= (s[:, -size - 1] >= GAP * np.maximum(s[:, -size], 1e-300)) & (s[:, -size - 1] > NULL * s[:, 0])
-        T = _orthonormal(_beside(own, Q @ transposed(right[:, -size:])), self.d, good)
+        T = orthonormal(beside(own, Q @ transposed(right[:, -size:])), self.d, good)
         return T, self._vanishing(L, T, self.k, self.kept - self.k, good) if L.shape[1] else L
 
     # --- the energy -------------------------------------------------------------------------------------------------
@@ -372,7 +373,7 @@ class Known:
     def energy(self, points: Points) -> tuple[Array, Array]:
         """Return the second variation of the energy in the coordinates of S, and how large rounding may be in it."""
         n = points.n_xi
-        rates = _beside(points.P, points.gamma[:, None, None] * points.Z)
+        rates = beside(points.P, points.gamma[:, None, None] * points.Z)
         H = transposed(rates) @ (transposed(points.N) @ points.M @ points.N) @ rates
         stiffness = transposed(points.N) @ points.K @ points.N
         N, moved = np.abs(points.N), np.abs(rates)
@@ -390,7 +391,7 @@ class Known:
         Apart from the symmetries, at the given momenta; as `mbstab.analysis.linear.minimum`.
         """
         good = np.ones(len(points.S), dtype=bool)
-        found = _restricted(self.energy(points), W := self._basis(points, good))
+        found = restricted(self.energy(points), W := self._basis(points, good))
         if len(self.grounds.linear.D_q):
             good &= points.across <= UNFORCED
         found[~good] = 0, 0, W.shape[-1]
@@ -437,7 +438,7 @@ class Known:
         """Return where the symmetry of the spectrum that holds at the pattern is sure: a conserved form is regular."""
         if not self.grounds.structure.work.conserved or not len(self.grounds.linear.D_q):
             return np.ones(len(points.S), dtype=bool)
-        result: Flags = (_restricted(self.energy(points), B)[:, 2] == 0) & (points.across <= UNFORCED)
+        result: Flags = (restricted(self.energy(points), B)[:, 2] == 0) & (points.across <= UNFORCED)
         return result
 
     def stiffness(self, points: Points, r: int) -> Array | None:
@@ -457,20 +458,20 @@ class Known:
         if not self.moving:
             columns = np.array(self._columns(points, self.symmetries))
             columns[:, points.n_xi :] = 0.0
-            return _complement(_orthonormal(columns, n - reference.basis.shape[1], good))
+            return complement(orthonormal(columns, n - reference.basis.shape[1], good))
         momenta = tuple(self.grounds.structure.invariance.momenta)
         kernel = np.eye(n)[None]
         if momenta:
             good &= momenta == self.momenta or not any(isinstance(x.of, Combination) for x in momenta)
             rows = self._conserved(points, momenta, good)
-            kernel = _complement(_orthonormal(transposed(rows), len(momenta), good))
+            kernel = complement(orthonormal(transposed(rows), len(momenta), good))
         if not self.symmetries:
             return kernel
         columns = self._columns(points, self.symmetries)
         inside = transposed(kernel) @ columns
         along = kernel.shape[-1] - reference.basis.shape[1]
         _, _, right = np.linalg.svd(columns - kernel @ inside)
-        return kernel @ _complement(_orthonormal(inside @ transposed(right[:, right.shape[1] - along :]), along, good))
+        return kernel @ complement(orthonormal(inside @ transposed(right[:, right.shape[1] - along :]), along, good))
 
 
 def _seen_from(points: Points, step: Generator, rate: Array) -> Points:
@@ -492,36 +493,6 @@ def _frame(points: Points, generator: Generator) -> tuple[Array, Array]:
     """Return Ξ and Ξ₂ in scaled coordinates."""
     first, second = (x * points.scale[:, None, :] / points.scale[:, :, None] for x in generator.frame(points.q))
     return first, second
-
-
-def _restricted(energy: tuple[Array, Array], W: Array) -> Array:
-    """Return the inertia of a form, with its rounding, on the span of columns."""
-    size = np.abs(W)
-    return inertia(transposed(W) @ energy[0] @ W, transposed(size) @ energy[1] @ size)
-
-
-def inertia(H: Array, known: Array) -> Array:
-    """Return numbers of positive, negative and doubtful directions of symmetric matrices, shape (points, 3).
-
-    Parameters
-    ----------
-    H : ndarray, shape (points, m, m)
-    known : ndarray, shape (points, m, m)
-        How large rounding may be in each entry.
-    """
-    m = H.shape[-1]
-    if not m:
-        return np.zeros((len(H), 3), dtype=int)
-    # Scaled by the diagonal: stiffness of many magnitudes does not hide what is soft (Demmel and Veselić 1992). What
-    # may be zero is left small, so that it hides nothing either.
-    own, open_ = np.abs(np.diagonal(H, axis1=1, axis2=2)), np.diagonal(known, axis1=1, axis2=2)
-    diagonal = np.where(own > 10.0 * open_, own, np.max(np.maximum(own, open_), axis=1, keepdims=True))
-    scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
-    both = scale[:, :, None] * scale[:, None, :]
-    values = np.linalg.eigvalsh(0.5 * (H + transposed(H)) * both)
-    least = np.linalg.norm(known * both, axis=(1, 2))[:, None] + m * EPS * np.max(np.abs(values), axis=1)[:, None]
-    positive, negative = np.sum(values > least, axis=1), np.sum(values < -least, axis=1)
-    return np.stack([positive, negative, m - positive - negative], axis=1)
 
 
 def disturbance(item: Symmetry, points: Points) -> tuple[Array, Array]:
@@ -550,65 +521,3 @@ def disturbance(item: Symmetry, points: Points) -> tuple[Array, Array]:
 
 
 # --- matrices of many points ------------------------------------------------------------------------------------------
-
-
-def _chain(block: Array, size: float) -> int:
-    """Return which power of a matrix whose eigenvalues are all zero is zero itself; 0 where rounding hides it."""
-    power = np.eye(len(block))
-    for index in range(1, len(block) + 1):
-        power = power @ (block / (size or 1.0))
-        if np.linalg.norm(power) <= FITS:
-            return index
-    return 0
-
-
-def transposed(x: Any) -> Array:
-    """Return the transposes of a stack of matrices."""
-    result: Array = np.swapaxes(x, -1, -2)
-    return result
-
-
-def _wide(*parts: Array) -> list[Array]:
-    points = max(len(x) for x in parts)
-    return [np.broadcast_to(x, (points, *x.shape[1:])) for x in parts]
-
-
-def _beside(*parts: Array) -> Array:
-    result: Array = np.concatenate(_wide(*parts), axis=-1)
-    return result
-
-
-def _under(*parts: Array) -> Array:
-    result: Array = np.concatenate(_wide(*parts), axis=-2)
-    return result
-
-
-def _stacked(vectors: list[Array]) -> Array:
-    """Return vectors (points, n) as columns (points, n, number)."""
-    result: Array = np.stack(_wide(*vectors), axis=-1)
-    return result
-
-
-def _unit(columns: Array) -> Array:
-    result: Array = columns / norms(columns, -2, keepdims=True)
-    return result
-
-
-def _orthonormal(columns: Array, rank: int, good: Flags) -> Array:
-    """Return orthonormal bases of spans of unit columns, and note where they have another rank."""
-    if not rank:
-        return columns[..., :0]
-    if columns.shape[-1] == rank:
-        Q, R = np.linalg.qr(columns)
-        good &= np.min(np.abs(np.diagonal(R, axis1=-2, axis2=-1)), axis=-1) > KEPT
-        return Q
-    left, s, _ = np.linalg.svd(columns, full_matrices=False)
-    good &= (s[..., rank - 1] > KEPT) & (s[..., rank] <= KEPT)
-    return left[..., :rank]
-
-
-def _complement(basis: Array) -> Array:
-    """Return orthonormal bases of what is orthogonal to orthonormal columns."""
-    if not basis.shape[-1]:
-        return np.eye(basis.shape[-2])[None]
-    return np.linalg.qr(basis, mode="complete")[0][..., basis.shape[-1] :]

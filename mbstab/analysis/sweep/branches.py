@@ -10,7 +10,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.linear.verdict import UNDECIDED
-from mbstab.analysis.reference.continuation import Path as Solutions
+from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
 from mbstab.analysis.sweep.batched_verdict import (
     HARDLY,

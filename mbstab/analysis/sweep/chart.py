@@ -17,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.linear.verdict import UNDECIDED, WORDS
-from mbstab.analysis.reference.continuation import Sheet, follow_all
+from mbstab.analysis.reference.continuation import follow_all
+from mbstab.analysis.reference.paths import Sheet
 from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
 from mbstab.analysis.sweep.batched_verdict import WORD, settled
 from mbstab.analysis.sweep.batched_verdict import unplaced as unplaced_of

@@ -13,7 +13,7 @@ from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.roots import root
 from mbstab.analysis.linear.verdict import WORDS
 from mbstab.analysis.reference.continuation import AGAIN, BRANCHES, HIDDEN, LONG, TURNS
-from mbstab.analysis.reference.continuation import Path as Solutions
+from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_verdict import (
     Sides,
     settled,

@@ -27,7 +27,7 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags
 from mbstab.analysis.linear.verdict import UNDECIDED
-from mbstab.analysis.reference.continuation import Path as Solutions
+from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, signs, unplaced, unstable_counts
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, continuous, follow, turning

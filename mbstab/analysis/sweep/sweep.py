@@ -24,8 +24,8 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.linear.verdict import UNDECIDED, WORDS
-from mbstab.analysis.reference.continuation import Path as Solutions
 from mbstab.analysis.reference.continuation import follow as follow_path
+from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.batched_verdict import (
     OPEN,

@@ -1,0 +1,74 @@
+"""Points of a path of equilibria, and runs of them in one direction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mbstab.compiler.system import Array
+
+
+@dataclass(frozen=True)
+class Point:
+    """A solution, and how the equations change around it.
+
+    Attributes
+    ----------
+    q, c : ndarray
+    p : float
+    tangent : ndarray
+        Of the path in scaled unknowns, of length 1.
+    left, right : ndarray
+        Bases of what the equations do not depend on, aligned from point to point.
+    sign : float
+        Of the determinant of the equations bordered by them.
+    least : float
+        Smallest singular value that counts.
+    """
+
+    q: Array
+    c: Array
+    p: float
+    tangent: Array
+    left: Array
+    right: Array
+    sign: float
+    least: float
+
+    @property
+    def rise(self) -> float:
+        """How the parameter changes along the path."""
+        return float(self.tangent[-1])
+
+
+@dataclass
+class Run:
+    """Points of a path between two turns, where and why it ends within the range, and where others cross."""
+
+    points: list[Point]
+    ends: list[tuple[float, str]] = field(default_factory=list)
+    crossings: list[float] = field(default_factory=list)
+
+
+def joined(down: Run, up: Run) -> Run:
+    """Return two runs from the same place, or from both sides of a place, as one."""
+    first = 1 if down.points[0].p == up.points[0].p else 0
+    return Run(
+        [*down.points[: first - 1 if first else None : -1], *up.points],
+        [*down.ends, *up.ends],
+        [*down.crossings, *up.crossings],
+    )
+
+
+def at_zero(x: Array, y: Array) -> float:
+    """Return the value at zero of the polynomial through points."""
+    weights = [float(np.prod([other / (other - own) for other in np.delete(x, k)])) for k, own in enumerate(x)]
+    return float(np.dot(weights, y))
+
+
+def nearest_turn(x: Array) -> Array:
+    """Return the orthogonal matrix nearest to a square one."""
+    left, _, right = np.linalg.svd(x)
+    result: Array = left @ right
+    return result

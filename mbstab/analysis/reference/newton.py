@@ -1,0 +1,246 @@
+"""The search for an equilibrium or a steady motion: Newton steps, and what is tried where they fail."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from mbstab.analysis.algebra.failures import FAILURES
+from mbstab.analysis.reference.equations import Balance, State
+from mbstab.analysis.reference.motion import (
+    NEWTON_STEPS,
+    Finder,
+    force_change,
+)
+from mbstab.compiler.system import Array
+from mbstab.errors import NumericalError
+
+REACH = 0.5
+"""No step is longer than this part of the size of the scene, or this angle (rad) …"""
+
+LINEAR, LONGER = 0.4, 10.0
+"""… but longer where those before came out as the derivatives say: to this part of the change at most, as far as the
+last one tells, and so many times longer than that one."""
+
+CONVERGED = 1e-9
+"""Residuals below this, relative to what balances, are polished by undamped steps until they stop falling."""
+
+SETTLED = 0.01
+"""Where forces balance, the next step is no longer than this part of the size of the scene, or this angle (rad)."""
+
+PATIENCE = 12
+"""Newton's method goes on while it halves the residuals in so many steps."""
+
+NEAR = 1e-3
+"""A relaxed motion is handed to Newton's method where residuals are below this; if that fails, at a tenth of them."""
+
+RELAXATION_STEPS = 200
+
+SPIN_UP_STEPS = 40
+
+SLIGHT = 1e-5
+"""Where no force acts, those are the scale that a move by this part of the size of the scene brings about."""
+
+
+class Stalled(Exception):
+    """A strategy came to rest without a solution, at this state."""
+
+    def __init__(self, state: State | None) -> None:
+        self.state = state
+
+
+class Search:
+    """Newton's method from one start.
+
+    Attributes
+    ----------
+    iterations : int
+        Steps so far, to where residuals are small.
+    best : State or None
+        The state nearest to balance so far.
+    """
+
+    def __init__(self, balance: Balance, finder: Finder, start: Array) -> None:
+        self.balance, self.finder = balance, finder
+        self.system, self.sizes = balance.system, balance.sizes
+        balance.use(balance.independent_rows(start))
+        self.iterations = 0
+        self.best: State | None = None
+
+    def state(self, q: Array, c: Array) -> State:
+        """Return a trial state.
+
+        Raises
+        ------
+        MbstabError, ArithmeticError, ValueError
+            If the equations have no value there.
+        """
+        self.finder.check_chart(q, np.zeros(len(q), dtype=bool))
+        found = self.balance.state(q, c)
+        if not np.all(np.isfinite(found.residual)):
+            raise NumericalError("the equations are not finite")
+        return found
+
+    def tried(self, at: State, step: Array) -> State | None:
+        """Return the state after a scaled step, or None where the equations have no value."""
+        try:
+            return self.state(*self.balance.moved(at, step))
+        except FAILURES:
+            return None
+
+    # --- strategies -------------------------------------------------------------------------------------------------
+
+    def newton(self, at: State) -> State:
+        """Return the solution that damped steps lead to."""
+        damping, reach, longest = 0.0, REACH, 0.0
+        if self.best is None:
+            self.best = at
+        sizes: list[float] = []
+        for _ in range(NEWTON_STEPS):
+            # How many steps polish a solution depends on the machine.
+            self.iterations += at.size > CONVERGED
+            sizes.append(at.size)
+            if len(sizes) > PATIENCE and at.size > CONVERGED and at.size > 0.5 * sizes[-1 - PATIENCE]:
+                break
+            G, moving = self.balance.jacobian(at), self.balance.moving
+            accepted = None
+            while accepted is None:
+                step = newton_step(G, at.residual, moving, damping)
+                longest = float(np.max(np.abs(step[:moving]), initial=0.0))
+                bounded = _bounded(step, moving, reach)
+                trial = self.tried(at, bounded)
+                if trial is not None and trial.size < at.size * (1.0 - 1e-6 * reach / max(longest, reach)):
+                    accepted = trial
+                    if bounded is not step:
+                        # Balance may be far away: as far as forces are linear the step may be long.
+                        change = G @ bounded
+                        off = float(np.linalg.norm(trial.residual - at.residual - change))
+                        trusted = LINEAR * float(np.linalg.norm(change))
+                        reach = max(REACH, reach * min(LONGER, trusted / max(off, 1e-300)))
+                    damping = 0.0 if damping < 1e-6 else damping * 0.1
+                elif at.size < CONVERGED and longest <= SETTLED:
+                    return at
+                else:
+                    damping = max(4.0 * damping, 1e-4)
+                    if damping > 1e8:
+                        raise Stalled(at)
+            at = accepted
+            if self.best is None or at.size < self.best.size:
+                self.best = at
+        if at.size < CONVERGED and longest <= SETTLED:
+            return at
+        raise Stalled(at)
+
+    def relaxed(self, at: State) -> State:
+        """Return the solution at which a heavily damped motion comes to rest."""
+        open_, moving = self.balance.open, self.balance.moving
+        inertia = np.diag(at.M) * self.sizes**2 / self.balance.energy
+        inertia = np.maximum(inertia, 1e-6 * np.max(inertia))
+        G = self.balance.jacobian(at)
+        n = len(open_)
+        pace = float(np.max(inertia)) / max(float(np.max(np.abs(G[: self.system.n_q, :n]))), 1e-300)
+        near = NEAR
+        for _ in range(RELAXATION_STEPS):
+            self.iterations += 1
+            G = self.balance.jacobian(at)
+            G[open_, np.arange(n)] += inertia[open_] / pace
+            trial = self.tried(at, _bounded(newton_step(G, at.residual, moving, 0.0), moving, REACH))
+            if trial is None or trial.size > 10.0 * at.size:
+                pace *= 0.25
+                if pace < 1e-12:
+                    break
+                continue
+            pace = min(pace * min(3.0, at.size / max(trial.size, 1e-300) * 1.3), 1e12)
+            at = trial
+            if at.size < near:
+                try:
+                    return self.newton(at)
+                except Stalled:
+                    near = 0.1 * at.size
+        raise Stalled(at)
+
+    def spun_up(self, q: Array, c: Array) -> State:
+        """Return the solution reached from rest by raising the given rates."""
+        self.balance.ramp, reached, stride = 0.0, 0.0, 0.25
+        try:
+            at = self.started(q, c)
+            for _ in range(SPIN_UP_STEPS):
+                self.balance.ramp = min(1.0, reached + stride)
+                try:
+                    at = self.newton(self.state(at.q, at.c))
+                    reached, stride = self.balance.ramp, 1.5 * stride
+                except Stalled:
+                    stride *= 0.4
+                if reached == 1.0:
+                    return at
+        finally:
+            self.balance.ramp = 1.0
+        raise Stalled(self.best)
+
+    def started(self, q: Array, c: Array) -> State:
+        """Return the solution from a start by the first strategy that leads to one."""
+        at = self.state(q, c)
+        try:
+            return self.newton(at)
+        except Stalled:
+            return self.relaxed(at)
+
+    def solve(self, q: Array, c: Array, allowed: tuple[str, ...]) -> tuple[State, str]:
+        """Return a solution and the strategy that led to it.
+
+        Raises
+        ------
+        Stalled
+            If none does.
+        """
+        self._measure(q, c)
+        strategies: list[tuple[str, Callable[[], State]]] = [
+            ("Newton", lambda: self.newton(self.state(q, c))),
+            ("relaxation", lambda: self.relaxed(self.state(q, c))),
+        ]
+        if self.balance.known:
+            strategies.append(("spin-up", lambda: self.spun_up(q, c)))
+        for name, strategy in strategies:
+            if name not in allowed:
+                continue
+            try:
+                return strategy(), name
+            except Stalled:
+                continue
+            except FAILURES:
+                continue
+        raise Stalled(self.best)
+
+    def _measure(self, q: Array, c: Array) -> None:
+        """Set the scales of energy and speed by which residuals are judged."""
+        scene = self.system.scene
+        gravity = float(np.linalg.norm([float(x) for x in scene.gravity]))
+        lengths = self.sizes[self.finder.is_length]
+        energy = max(float(body.mass) for body in scene.bodies) * gravity * float(np.max(lengths, initial=0.0))
+        full = self.balance.coefficients(c)
+        u = self.balance.family.generator(full).field(q)
+        self.balance.speed = max(float(np.max(np.abs(u / self.sizes))), float(np.max(np.abs(full), initial=0.0))) or 1.0
+        a = self.balance.family.generator(full).acceleration(q)
+        # Forces, not their slopes: those may be anything next to a singular point.
+        energy = max(energy, float(np.max(self.system.loads(q, u, a) * self.sizes, initial=0.0)))
+        # At an equilibrium whose forces vanish one by one, a small move shows how large they are.
+        at = q, u, a, np.zeros(self.system.n_c)
+        energy = max(energy, SLIGHT * force_change(self.system, at, self.sizes, self.sizes))
+        self.balance.energy = energy or 1.0
+
+
+def newton_step(G: Array, residual: Array, moving: int, damping: float) -> Array:
+    """Return the step of least length; damped in coordinates and rates, not in multipliers."""
+    if damping:
+        extra: Array = np.zeros((moving, G.shape[1]))
+        extra[:, :moving] = math.sqrt(damping) * np.eye(moving)
+        G, residual = np.vstack([G, extra]), np.concatenate([residual, np.zeros(moving)])
+    return np.asarray(np.linalg.lstsq(G, -residual, rcond=1e-11)[0], dtype=np.float64)
+
+
+def _bounded(step: Array, moving: int, reach: float) -> Array:
+    """Return a step, shortened where it would move a coordinate or rate further than `reach`."""
+    longest = float(np.max(np.abs(step[:moving]), initial=0.0))
+    return step * (reach / longest) if longest > reach else step

@@ -1,0 +1,150 @@
+"""Paths of equilibria over a parameter, and sheets of them over two."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.algebra.arrays import Flags
+from mbstab.compiler.system import Array
+from mbstab.model.schema import Parameter, after_number
+
+SAME = 1e-9
+"""Solutions are the same if their parameters differ by less than this part of the range, and their positions do not."""
+
+NEXT = 1e-7
+"""Next to a turn, as a part of the path."""
+
+Values = Mapping[str, Array]
+"""Parameters that vary, arrays of shape (points,)."""
+
+
+@dataclass(frozen=True)
+class Path:
+    """Solutions over a parameter, one for each value.
+
+    Attributes
+    ----------
+    parameter : Parameter
+    values : ndarray, shape (k,)
+        Of the parameter (SI), ascending.
+    q : ndarray, shape (k, n_q)
+    c : ndarray, shape (k, size of the family)
+        Rates of the steady motion.
+    ends : tuple of (float, str)
+        Values at which it ends within the range, and why.
+    crossings : tuple of float
+        Values at which another path crosses.
+    start : float
+        The value from which it was followed: where the first solution was found, or a fold.
+    moved : str
+        Why it was not followed from the value that was asked for.
+    beyond : tuple of Path
+        Those to which it leads through folds: first from its upper end, then from its lower end.
+    """
+
+    parameter: Parameter
+    values: Array
+    q: Array
+    c: Array
+    ends: tuple[tuple[float, str], ...]
+    crossings: tuple[float, ...]
+    start: float
+    moved: str = ""
+    beyond: tuple[Path, ...] = ()
+
+    def covers(self, values: Values) -> Flags:
+        """Return which points lie on the path, shape (points,)."""
+        x = values[self.parameter.name]
+        lower, upper = float(self.values[0]), float(self.values[-1])
+        room = SAME * (upper - lower)
+        # A turn itself is left out: there an eigenvalue is zero.
+        low, high = room * self.ended(0), room * self.ended(-1)
+        inside: Flags = (x >= lower + low) & (x <= upper - high)
+        return inside
+
+    def ended(self, side: int) -> bool:
+        """Whether it ends within the range, below (0) or above (−1)."""
+        room = SAME * float(self.values[-1] - self.values[0])
+        return any(abs(value - float(self.values[side])) <= room for value, _ in self.ends)
+
+    def next_to_ends(self) -> Array:
+        """Return values within the path, next to where it ends within the range."""
+        lower, upper = float(self.values[0]), float(self.values[-1])
+        room = NEXT * (upper - lower)
+        return np.array([end + step for side, end, step in ((0, lower, room), (-1, upper, -room)) if self.ended(side)])
+
+    def missing(self, values: Values, i: int) -> str:
+        """Say why there is no solution at a point."""
+        value = float(values[self.parameter.name][i])
+        end, reason = min(self.ends, key=lambda item: abs(item[0] - value), default=(value, "it does not lead there"))
+        unit = after_number(self.parameter.unit)
+        at = f"{self.parameter.name} = {end / self.parameter.factor:.12g}{unit}"
+        return f"no solution beyond {at} on this path: {reason}"
+
+    def predicted(self, values: Values) -> tuple[Array, Array]:
+        """Return starting values at points, shapes (points, n_q) and (points, size)."""
+        x = values[self.parameter.name]
+        q, c = (
+            np.stack([np.interp(x, self.values, column) for column in part.T], axis=1)
+            if part.shape[1]
+            else np.zeros((len(x), 0))
+            for part in (self.q, self.c)
+        )
+        return q, c
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Solutions over two parameters: paths over the first one at values of the second one.
+
+    Attributes
+    ----------
+    parameter : Parameter
+        The second one.
+    values : ndarray, shape (k,)
+        Its values (SI), ascending.
+    paths : tuple of Path or None
+        None where no solution is known.
+    edge : Path
+        Over the second parameter, from which the paths start.
+    """
+
+    parameter: Parameter
+    values: Array
+    paths: tuple[Path | None, ...]
+    edge: Path
+
+    def _paths(self, values: Values) -> Iterator[tuple[Path | None, npt.NDArray[np.intp]]]:
+        """Yield paths with the numbers of the points on them; all points are at values of the second parameter."""
+        row = np.searchsorted(self.values, values[self.parameter.name])
+        for j in np.unique(row):
+            yield self.paths[j], np.flatnonzero(row == j)
+
+    def covers(self, values: Values) -> Flags:
+        """Return which points lie on a path that leads there, shape (points,)."""
+        result = np.zeros(len(values[self.parameter.name]), dtype=bool)
+        for path, on in self._paths(values):
+            result[on] = path is not None and path.covers(_chosen(values, on))
+        return result
+
+    def missing(self, values: Values, i: int) -> str:
+        """Say why there is no solution at a point."""
+        ((path, _),) = self._paths(_chosen(values, np.array([i])))
+        return (self.edge if path is None else path).missing(values, i)
+
+    def predicted(self, values: Values) -> tuple[Array, Array]:
+        """Return starting values at points that are covered."""
+        points = len(values[self.parameter.name])
+        q, c = np.zeros((points, self.edge.q.shape[1])), np.zeros((points, self.edge.c.shape[1]))
+        for path, on in self._paths(values):
+            if path is not None:
+                q[on], c[on] = path.predicted(_chosen(values, on))
+        return q, c
+
+
+def _chosen(values: Values, index: npt.NDArray[np.intp]) -> Values:
+    return {name: x[index] for name, x in values.items()}
