@@ -354,7 +354,7 @@ reference: {find: equilibrium, guess: {b: {x: 1, y: -0.2}}}
 def test_given_coordinates_are_held_and_guesses_are_not():
     place = "{rod: {x: 0.3, y: -0.4, theta: -0.927295218001612}}"
     message = failure(PENDULUM + f"reference: {{find: equilibrium, coordinates: {place}}}")
-    assert "held are rod.x, rod.y, rod.theta: a guess leaves them free" in message
+    assert "given are rod.x, rod.y, rod.theta: a guess leaves them free" in message
     state, _ = only(PENDULUM + f"reference: {{find: equilibrium, guess: {place}}}")
     assert abs(state["rod.theta"] + math.pi / 2.0) < 1e-14
     # Where the file asks for nothing, the command takes what is given as a start.
@@ -655,7 +655,7 @@ reference: {{find: equilibrium, guess: {{b: {{x: 0.2, y: -0.5}}}}}}
 
 def test_a_spring_too_stiff_to_follow_is_refused():
     # From a bad guess the search would have to follow a valley as narrow as the weight is small beside the spring.
-    with pytest.raises(EquilibriumError, match=r"it stalled with \S+ N unbalanced on b\.x"):
+    with pytest.raises(EquilibriumError, match=r"at best, \S+ N unbalanced on b\.x"):
         only(STIFF.format(stiffness=1e9))
 
 

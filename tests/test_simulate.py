@@ -22,12 +22,13 @@ import mbstab
 from mbstab.analysis.reference.dependencies import uneven_in_time
 from mbstab.analysis.reference.motion import Finder
 from mbstab.analysis.reference.rotation import euler_angles, rate_drift, rate_matrix
-from mbstab.analysis.simulate import accuracy, constrained
+from mbstab.analysis.simulate import accuracy
 from mbstab.analysis.simulate.accuracy import pulses
 from mbstab.analysis.simulate.simulate import TRUST
 from mbstab.analysis.simulate.start import mode_shape, start_of
 from mbstab.analysis.simulate.steppers.table import METHODS
 from mbstab.cli import main
+from mbstab.compiler import form
 from mbstab.errors import MbstabError, ModelFileError, SimulationError, UsageError
 from mbstab.model.expressions import parse
 from mbstab.model.library import installed_models
@@ -238,7 +239,7 @@ def test_straight_line_functions_change_nothing_but_the_rounding(name, options, 
     begin = start_of(model.system()).motion.time
     found = []
     for after in (0, 10**9):
-        monkeypatch.setattr(constrained, "FUSED_AFTER", after)
+        monkeypatch.setattr(form, "FUSED_AFTER", after)
         found.append(model.simulate(begin + 0.01, once=True, points=3, **{"tol": 1e-9, **options}))
     one, other = found
     assert one.steps == other.steps

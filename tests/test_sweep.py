@@ -489,6 +489,7 @@ def test_the_other_path_through_a_pitchfork_is_followed(start, stop, points):
     assert abs(result.critical[0].value) < 1e-10
     mirror, straight = result.beyond
     assert set(mirror.unstable) <= {0}
+    assert mirror.critical == ()  # the solution is followed as near to its turn as it is asked for
     assert np.array_equal(straight.values, result.values)
     assert [(c.kind, c.unstable) for c in straight.critical] == [("divergence", (0, 1))]
     assert result.unanswered == []

@@ -9,7 +9,7 @@ import pytest
 import mbstab
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import linearize
-from mbstab.analysis.reference import symmetries as invariance
+from mbstab.analysis.reference import symmetries
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.compiler.system import System
 from mbstab.model.reader import read_model_text
@@ -136,8 +136,8 @@ def test_a_wheel_that_rolls_straight_ahead_is_its_own_image_backwards_in_time():
 
 
 def test_states_are_written_once_for_all_elements(monkeypatch):
-    count, written, own = 8, [], invariance._rounded
-    monkeypatch.setattr(invariance, "_rounded", lambda *states: written.append(states) or own(*states))
+    count, written, own = 8, [], symmetries.with_errors
+    monkeypatch.setattr(symmetries, "with_errors", lambda *states: written.append(states) or own(*states))
     names = [f"b{i}" for i in range(count)]
     scene = {
         "mbstab": 1,
@@ -151,4 +151,4 @@ def test_states_are_written_once_for_all_elements(monkeypatch):
     result = mbstab.loads(json.dumps(scene)).eig()
     assert result.counts.neutral == 2 * count
     # At rest and in motion, at each speed, along each of the turns and two combinations.
-    assert 0 < len(written) <= 2 * len(invariance.SPEEDS) * (count + 2)
+    assert 0 < len(written) <= 2 * len(symmetries.SPEEDS) * (count + 2)

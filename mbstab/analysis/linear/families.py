@@ -134,9 +134,10 @@ class _Search:
             each_size += float(np.abs(force) @ np.abs(direction[columns]))
         a, nu = self._balanced(state.q, state.u)
         each_size += float(np.abs(M @ a) @ np.abs(direction))
-        # Where no force acts at all, what is left is what the rounding of the change brings about.
+        # Where no force acts at all, what is left is what the rounding of the change brings about; what is
+        # zero to the last bit is so by structure.
         K, R, _ = self.system.linearize(state.q, state.u, a, nu, self.motion.time)
-        q, u = np.transpose([self._disturbance(x) for x in np.eye(len(y))], (1, 2, 0))
+        q, u = np.transpose([self._disturbance(x) for x in np.eye(len(y))[y != 0.0]], (1, 2, 0))
         each_size += float(np.linalg.norm(y)) * float(np.sum(np.abs(direction @ (K @ q + R @ u))))
         return push <= FOUND * each + ROUNDED * each_size
 

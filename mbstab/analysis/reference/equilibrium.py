@@ -383,9 +383,11 @@ class Problem:
             else:
                 lines.append(f"no balance of forces was found: at best, {left} unbalanced on {name}")
             hint = "other starting values under reference.guess, or --starts 20"
-            if self.held.any():
-                names = [name for name, held in zip(self.system.names, self.held, strict=True) if held]
-                hint += f"; held are {', '.join(names[:6])}{' …' if len(names) > 6 else ''}: a guess leaves them free"
+            given = [name for name, held in zip(self.system.names, self.held, strict=True) if held]
+            given += [f"rates.{self.system.names[i]}" for i in search.balance.given]
+            if given:
+                shown = f"{', '.join(given[:6])}{' …' if len(given) > 6 else ''}"
+                hint += f"; given are {shown}: a guess leaves them free"
         flat = [
             body.name
             for body, part in zip(self.scene.bodies, self.system.body_slices, strict=True)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,9 @@ SAME = 1e-9
 
 NEXT = 1e-7
 """Next to a turn, as a part of the path."""
+
+HALVINGS = 40
+"""Halvings of a part of the path in which a value of the parameter is looked for."""
 
 Values = Mapping[str, Array]
 """Parameters that vary, arrays of shape (points,)."""
@@ -85,15 +89,35 @@ class Path:
         at = f"{self.parameter.name} = {end / self.parameter.factor:.12g}{unit}"
         return f"no solution beyond {at} on this path: {reason}"
 
+    @cached_property
+    def _interpolants(self) -> tuple[Array, Callable[[Array], Array], Callable[[Array], Array]]:
+        """The length of the path at its solutions, and the parameter and (q, c) as functions of the length.
+
+        Next to a turn, solutions change as the square root of the parameter: over their length all is smooth.
+        """
+        from scipy.interpolate import PchipInterpolator
+
+        solutions = np.hstack([self.q, self.c])
+        both = np.column_stack([self.values, solutions])
+        ranges = np.ptp(both, axis=0)
+        steps = np.linalg.norm(np.diff(both, axis=0) / np.where(ranges > 0.0, ranges, 1.0), axis=1)
+        lengths = np.concatenate([[0.0], np.cumsum(steps)])
+        return lengths, PchipInterpolator(lengths, self.values), PchipInterpolator(lengths, solutions)
+
     def predicted(self, values: Values) -> tuple[Array, Array]:
         """Return starting values at points, shapes (points, n_q) and (points, size)."""
         x = values[self.parameter.name]
-        q, c = (
-            np.stack([np.interp(x, self.values, column) for column in part.T], axis=1)
-            if part.shape[1]
-            else np.zeros((len(x), 0))
-            for part in (self.q, self.c)
-        )
+        if len(self.values) < 2:
+            return np.repeat(self.q, len(x), axis=0), np.repeat(self.c, len(x), axis=0)
+        lengths, value, solution = self._interpolants
+        k = np.clip(np.searchsorted(self.values, x, side="right") - 1, 0, len(self.values) - 2)
+        low, high = lengths[k], lengths[k + 1]
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            above = value(middle) > x
+            low, high = np.where(above, low, middle), np.where(above, middle, high)
+        found: Array = solution(0.5 * (low + high))
+        q, c = found[:, : self.q.shape[1]], found[:, self.q.shape[1] :]
         return q, c
 
 
