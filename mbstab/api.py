@@ -535,7 +535,7 @@ def _whole(name: str, value: object, least: int = 0) -> int:
 def _series(name: object, values: object) -> Array:
     """Return the values of a swept parameter as an array, shape (points,)."""
     if not isinstance(name, str):
-        raise UsageError(f"{name!r} is no parameter\nhint: give its name as a text")
+        raise UsageError(f"{name!r} is not a parameter\nhint: give its name as a text")
     try:
         found = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
@@ -546,7 +546,7 @@ def _series(name: object, values: object) -> Array:
 
 
 def load(path: str | os.PathLike[str], force: bool = False) -> Mechanism:
-    """Load a model file; a name that is no file is looked up among the installed examples.
+    """Load a model file; a name that is not a file is looked up among the installed examples.
 
     With `force` it answers however much memory and time that takes.
 
@@ -558,7 +558,7 @@ def load(path: str | os.PathLike[str], force: bool = False) -> Mechanism:
         If there is no such file or example.
     """
     if not isinstance(path, (str, os.PathLike)) or not os.fspath(path):
-        raise UsageError(f"{path!r} is no file\nhint: give the path of a model file or the name of an example")
+        raise UsageError(f"{path!r} is not a file\nhint: give the path of a model file or the name of an example")
     return Mechanism(read_model(find_model(os.fsdecode(path)).path), force)
 
 

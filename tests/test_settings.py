@@ -125,7 +125,7 @@ def test_signs_of_parameters_hold_at_each_point_of_a_sweep_and_in_the_file():
 
 @pytest.mark.parametrize("value", [None, 3, "", b"pendulum.yaml", []])
 def test_what_is_no_path_is_refused(value):
-    with pytest.raises(UsageError, match="is no file\nhint: "):
+    with pytest.raises(UsageError, match="is not a file\nhint: "):
         mbstab.load(value)
 
 

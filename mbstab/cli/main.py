@@ -88,7 +88,7 @@ def _version(ctx: click.Context, _: click.Parameter, value: bool) -> None:
 def main() -> None:
     """Tell whether a motion of a constrained mechanical system is stable.
 
-    FILE is a model file (YAML), or - for stdin; a name that is no file is looked up among the example models.
+    FILE is a model file (YAML), or - for stdin; a name that is not a file is looked up among the example models.
     Answers go to the terminal or to --output, whose suffix says the format; messages go to stderr. Exit codes:
     0 answered, 1 the computation failed, 2 the file or the command line is wrong, 3 an expectation did not hold or
     --verify contradicts.

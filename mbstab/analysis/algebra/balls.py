@@ -434,7 +434,7 @@ def interval(model: Model, name: str, text: str, values: Mapping[str, Ball] | No
     Raises
     ------
     UsageError
-        If the text is no number, no expression of parameters and no interval of such.
+        If the text is neither a number, nor an expression of parameters, nor an interval of such.
     """
     parts = [text]
     if text.strip().startswith("["):

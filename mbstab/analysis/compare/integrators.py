@@ -99,7 +99,7 @@ class Integrations:
     reference : str
         The integrator of the reference.
     known : float
-        To what the reference is known: the estimate of its global error.
+        How well the reference is known: the estimate of its global error.
     final : ndarray, shape (n_q,)
         Coordinates of the reference at the end (m, rad).
     tolerance : float or None

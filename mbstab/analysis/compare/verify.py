@@ -94,7 +94,7 @@ class Observation:
     observed : complex (1/s)
         Growth rate and frequency of the nonlinear motion; nan where there is none.
     uncertainty : float (1/s)
-        To what these are known: from the fit, the errors of integration and the difference of two amplitudes.
+        How well these are known: from the fit, the errors of integration and the difference of two amplitudes.
     span : float (s)
         How long the motion was followed.
     amplitude : float

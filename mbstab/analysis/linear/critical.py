@@ -249,7 +249,7 @@ def _balanced(
     -------
     q, nu, r
     rounding : ndarray, shape (n_q,)
-        To what the forces balance along each coordinate.
+        How well the forces balance along each coordinate.
     """
     measure, held, z = given
     linear, reference = structure.linear, structure.linear.motion

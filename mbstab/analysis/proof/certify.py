@@ -413,7 +413,7 @@ class _Search:
         """Return the enclosure."""
         first, last = (self._tests(x) for x in self.ends)
         if [name for name, _ in first] != [name for name, _ in last]:
-            raise NotProvable(f"the equations have not the same structure at both ends of {self.parameter}")
+            raise NotProvable(f"the equations do not have the same structure at both ends of {self.parameter}")
         k = next((k for k, (x, y) in enumerate(zip(first, last, strict=True)) if _opposite(x[1], y[1])), None)
         if k is None:
             raise NotProvable(f"no test function changes its sign between both ends of {self.parameter}")

@@ -234,7 +234,7 @@ class Proof(Reference):
         return other
 
     def dynamic_rows(self) -> Matrix:
-        """Return the rows on speeds that are no rates of rows on places."""
+        """Return the rows on speeds that are not rates of rows on places."""
         return self.dynamics(self.state.q, self.state.u)[4][self.r_h :]
 
     def name_of(self, i: int) -> str:

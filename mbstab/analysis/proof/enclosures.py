@@ -445,7 +445,7 @@ class Reference:
             self.conditions.append(what)
 
     def _check_rank(self, J: Matrix) -> None:
-        """Refuse redundant rows of which it is proven that they are independent of the others."""
+        """Refuse rows that were taken for redundant but are proven to be independent of the others."""
         if not self.left_out:
             return
         n, n_h = self.system.n_q, self.system.n_h

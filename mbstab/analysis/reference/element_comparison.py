@@ -156,7 +156,7 @@ class ElementComparison:
 
     @cached_property
     def agreed(self) -> float:
-        """To what the rows hold, relative to the sizes in the scene: redundant ones, as well as they agree."""
+        """How well the rows hold, relative to the sizes in the scene: redundant ones, as well as they agree."""
         motion, n_h = self.motion, self.system.n_h
         if motion.spaces.C.rank == n_h:
             return ON_ROWS

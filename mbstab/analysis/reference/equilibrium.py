@@ -289,7 +289,7 @@ class Problem:
         known = np.linalg.svd(balance.family.basis(at.q)[:, balance.free] / search.sizes[:, None])
         same = known[2][int(np.sum(known[1] > 1e-9 * max(float(known[1][0]), 1e-300))) :].T
         n = len(balance.open)
-        # Combinations of rates that move nothing are no freedom of the motion.
+        # Combinations of rates that move nothing are not a freedom of the motion.
         rates = null[n:] - same @ (same.T @ null[n:])
         still = np.linalg.norm(null[:n], axis=0) < 1e-6
         names = [balance.family.names()[k] for k in balance.free]

@@ -165,7 +165,7 @@ def _continued(system: System, motion: Motion, matrices: Matrices) -> Iterator[M
 
 
 def _asymmetric(system: System, motion: Motion, variation: float) -> ModelFileError:
-    """Return the error about a declared steady motion whose scene has not the symmetry."""
+    """Return the error about a declared steady motion whose scene does not have the symmetry."""
     generator, scene = motion.generators[0], system.scene
     names = breaking(system, motion, generator)
     least = f", where {percent(GUARD_TOLERANCE)} is allowed" if variation < LITTLE else ""
@@ -174,7 +174,8 @@ def _asymmetric(system: System, motion: Motion, variation: float) -> ModelFileEr
     )
     broken = f"; the symmetry is broken by {', '.join(names)}" if names else ""
     message = (
-        f"the scene has not the symmetry of the declared steady motion ({generator}): its equations {change}{broken}"
+        f"the scene does not have the symmetry of the declared steady motion ({generator}): "
+        f"its equations {change}{broken}"
     )
     hint = "correct reference.steady, or give the period of the motion, or ask for frozen-time numbers with --frozen"
     reference = scene.model.reference

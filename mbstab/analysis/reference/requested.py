@@ -17,7 +17,7 @@ def reference_motion(system: System) -> Motion:
     Raises
     ------
     ModelFileError
-        If the reference satisfies the constraints or the equations of motion not, names the
+        If the reference does not satisfy the constraints or the equations of motion; names the
         joint or the body and the residual.
     ConstraintError
         If the rank of the constraints cannot be decided.

@@ -97,7 +97,7 @@ def start_of(
     Raises
     ------
     UsageError, ModelFileError
-        If a name is unknown or a value is no number; if no state near the given values satisfies the constraints, or
+        If a name is unknown or a value is not a number; if no state near the given values satisfies the constraints, or
         no state at all has one of them; if they have to be moved, and `strict`; if the reference is none.
     """
     scene = system.scene

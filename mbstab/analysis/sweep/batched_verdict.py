@@ -377,7 +377,7 @@ def _by_stiffness(values: Complex, counts: Array) -> tuple[Sides, Index]:
     sides = np.full((size, r), AXIS, dtype=np.int8)
     sides[order < negative[:, None]] = RIGHT
     sides[order >= r - negative[:, None]] = LEFT
-    # Values that contradict the count are no digits of the eigenvalues.
+    # Values that contradict the count are not digits of the eigenvalues.
     wrong = np.any((sides == RIGHT) & (values.real <= np.abs(values.imag)), axis=1)
     sides[(doubtful > 0) | wrong] = OPEN
     return sides, np.where((negative == 0) & (doubtful == 0), MINIMUM, 0)

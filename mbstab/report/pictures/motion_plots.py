@@ -344,7 +344,7 @@ def read_picture(model: Model, text: str) -> Picture:
         raise UsageError(f"--plot {text}: {error}") from None
     units = {(x.unit, y.unit) for x, y in picture.phases}
     if len(units) > 1:
-        raise UsageError(f"--plot {text}: lengths and angles are no axis of one phase plane")
+        raise UsageError(f"--plot {text}: lengths and angles cannot share the axis of a phase plane")
     count = sum(len(panel.curves) for panel in picture.panels) + len(picture.phases)
     if count > MOST:
         raise UsageError(f"--plot {text}: {count} curves, and no more than {MOST} can be told apart in a picture")
