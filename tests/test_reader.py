@@ -685,13 +685,13 @@ BAD: dict[str, tuple[str, str]] = {
         FLAT + "reference: {coordinates: {b: {x: »[1]}}}",
         r"expected a number or an expression \(m\)",
     ),
-    "sweep of an unknown parameter": (FLAT + "sweep: {»l: {from: 1, to: 2}}", "there is not a parameter 'l'"),
+    "sweep of an unknown parameter": (FLAT + "sweep: {»l: {from: 1, to: 2}}", "there is no parameter 'l'"),
     "sweep without end": (FLAT + "sweep: {a: »{from: 1}}", "the key 'to' is missing"),
     "sweep as list": (FLAT + "sweep: {a: »[1, 2]}", "expected {from: …, to: …, points: …}"),
     "sweep of half points": (FLAT + "sweep: {a: {from: 1, to: 2, points: »2.5}}", "expected a whole number between 2"),
     "sweep of one point": (FLAT + "sweep: {a: {from: 1, to: 2, points: »1}}", "expected a whole number between 2"),
     "expect as mapping": (FLAT + "expect: »{verdict: unstable}", "expected a list"),
-    "expect of an unknown parameter": (FLAT + "expect: [{at: {»A: 1}}]", "there is not a parameter 'A'"),
+    "expect of an unknown parameter": (FLAT + "expect: [{at: {»A: 1}}]", "there is no parameter 'A'"),
     "expected word": (FLAT + "expect: [»unstable]", "expected keys with values"),
     "expected verdict": (
         FLAT + "expect: [{verdict: »unstabel}]",
@@ -717,7 +717,7 @@ BAD: dict[str, tuple[str, str]] = {
     ),
     "critical value of nothing": (
         FLAT + "expect: [{critical: {parameter: »q, value: 1, below: unstable, above: unstable}}]",
-        "there is not a parameter 'q'",
+        "there is no parameter 'q'",
     ),
     "after letters that are no ASCII": (
         ONE + "title: Größe µ\nparameters: {a: {description: Größe, value: »1/0}}",
