@@ -1090,6 +1090,12 @@ def test_zeros_along_a_whole_sweep_are_decided_at_every_point():
     assert result.critical == ()
 
 
+def test_zeros_at_too_many_points_are_left_open_at_all_of_them(monkeypatch):
+    text = PLANE.replace("PUSH", "-K*p.x**3 - 2*rate(p.x)").replace("-K*p.y", "-p.y")
+    monkeypatch.setattr(batched_spectra, "MOST_ASKED", 11)
+    assert set(mbstab.loads(text).sweep("K", np.linspace(-1.0, 1.0, 12), c=1).verdicts) == {OPEN}
+
+
 ARM = """
 mbstab: 1
 parameters: {k: 100, L: 1, Omega: 5}

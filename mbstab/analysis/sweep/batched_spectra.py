@@ -70,6 +70,9 @@ FEW = 8
 PATIENCE = 4
 """… and after so many of them in a row the other points are answered one by one."""
 
+MOST_ASKED = 100
+"""Points at which many digits are asked whether eigenvalues are zero; where there are more, none is."""
+
 TRIES = 2
 """Points of a kind are left undecided when the code of `mbstab eig` decides none of so many in a row."""
 
@@ -162,8 +165,8 @@ class Evaluator:
     def at_zeros(self, values: Mapping[str, Array], spectra: Complex, sides: Sides) -> npt.NDArray[np.int8]:
         """Return the verdicts of undecided points, as numbers, where eigenvalues that are exactly zero may decide.
 
-        That they are zero to many digits is asked at some of the points, or, where it does not hold at all of these,
-        from the least ones on as long as it does.
+        That they are zero to many digits is asked at each point by itself, from the least ones on as long as it
+        holds; it takes long, so many points are left undecided.
 
         Parameters
         ----------
@@ -172,17 +175,16 @@ class Evaluator:
         spectra : ndarray of complex, shape (points, r)
         sides : ndarray of int8, shape (points, r)
         """
-        work = _Work(self, values, lambda done: None)
-        least = np.argsort(np.max(np.abs(spectra), axis=1, initial=0.0, where=sides == OPEN), kind="stable")
-        sample = np.unique(np.linspace(0, len(least) - 1, GUARDED).round().astype(int))
-        counts: set[int] = set()
-        words = {int(i): work.at_zero(int(i), counts) for i in least[sample]}
-        alike, failed = len(counts) == 1 and WORD[UNDECIDED] not in words.values(), 0
-        for i in least.tolist():
-            if i not in words and failed < TRIES:
-                words[i] = work.at_zero(i, counts, alike)
-                failed = 0 if alike or words[i] != WORD[UNDECIDED] else failed + 1
-        return np.array([words.get(i, WORD[UNDECIDED]) for i in range(len(least))], dtype=np.int8)
+        result = np.full(len(spectra), WORD[UNDECIDED], dtype=np.int8)
+        if len(spectra) > MOST_ASKED:
+            return result
+        work, failed = _Work(self, values, lambda done: None), 0
+        for i in np.argsort(np.max(np.abs(spectra), axis=1, initial=0.0, where=sides == OPEN), kind="stable").tolist():
+            result[i] = work.at_zero(i)
+            failed = failed + 1 if result[i] == WORD[UNDECIDED] else 0
+            if failed == TRIES:
+                break
+        return result
 
     def modes(self, values: Mapping[str, float]) -> tuple[Complex, Complex, Linearization]:
         """Return eigenvalues of one point, their shapes Δq as columns, and the linearized equations."""
@@ -429,11 +431,8 @@ class _Work:
             self.problems[i] = str(error)
             return None
 
-    def at_zero(self, i: int, counts: set[int], known: bool = False) -> int:
-        """Judge a point whose open eigenvalues may be zero to many digits; return the number of the verdict.
-
-        How many are is added to `counts`, or taken from there where it is known.
-        """
+    def at_zero(self, i: int) -> int:
+        """Judge a point whose open eigenvalues may be zero to many digits; return the number of the verdict."""
         grounds = self._grounds(i)
         if grounds is None:
             return WORD[UNDECIDED]
@@ -442,15 +441,11 @@ class _Work:
         def zeros() -> int:
             from mbstab.analysis.linear.precise import exact_zeros
 
-            if known:
-                return next(iter(counts))
             # Many digits are worked out for the equilibrium that the file's own guess leads to.
             if self.path is not None and not Problem(system).alike(found_motion(system).q, q):
                 return -1
             at = {name: float(x[i]) for name, x in self.values.items()}
-            found = exact_zeros(self.evaluator.model, settings_in_si({**self.evaluator.settings, **at}))
-            counts.add(found)
-            return found
+            return exact_zeros(self.evaluator.model, settings_in_si({**self.evaluator.settings, **at}))
 
         grounds.zeros = zeros
         try:
