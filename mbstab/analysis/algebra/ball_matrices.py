@@ -75,9 +75,6 @@ class _Balls:
     def transposed(self, A: Matrix) -> Matrix:
         return transposed(A)
 
-    def solved(self, A: Matrix, B: Matrix) -> Matrix:
-        return solve(A, B)
-
 
 BALLS = _Balls()
 

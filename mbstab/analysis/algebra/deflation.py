@@ -27,9 +27,6 @@ class Algebra(Protocol):
     def transposed(self, A: Any) -> Any:
         """Return Aᵀ."""
 
-    def solved(self, A: Any, B: Any) -> Any:
-        """Return A⁻¹ B."""
-
 
 class _Dense:
     """NumPy arrays of floats."""
@@ -42,10 +39,6 @@ class _Dense:
 
     def transposed(self, A: Array) -> Array:
         return np.swapaxes(A, -1, -2)
-
-    def solved(self, A: Array, B: Array) -> Array:
-        # One matrix for all points is inverted once.
-        return np.asarray(np.linalg.inv(A) @ B if A.ndim > 2 and len(A) == 1 else np.linalg.solve(A, B), dtype=float)
 
 
 DENSE = _Dense()
@@ -106,6 +99,8 @@ def deflated_matrix(M: Array, R: Array, K: Array, N: Array, Z: Array, P: Array) 
     A = np.empty((*points, n + Z.shape[-1], n + Z.shape[-1]))
     A[..., :n, :n], A[..., :n, n:] = P, Z
     if M_z.size:
+        # One matrix for all points is inverted once.
+        inverse = np.linalg.inv(M_z) if M_z.ndim > 2 and len(M_z) == 1 else None
         for block, x in ((np.s_[..., n:, :n], lower[0]), (np.s_[..., n:, n:], lower[1])):
-            A[block] = -DENSE.solved(M_z, x)
+            A[block] = -np.linalg.solve(M_z, x) if inverse is None else -inverse @ x
     return A, M_z

@@ -131,9 +131,6 @@ class _ManyDigits:
     def transposed(self, A: Matrix) -> Matrix:
         return A.T
 
-    def solved(self, A: Matrix, B: Matrix) -> Matrix:
-        return solved(A, B, np.linalg.inv(A.astype(float)))
-
 
 MANY_DIGITS = _ManyDigits()
 

@@ -319,7 +319,7 @@ def _deflated(
     n, lower = N.shape[1], np.hstack([K_z, R_z])
     if M_z.size:
         try:
-            lower = -more.MANY_DIGITS.solved(M_z, lower)
+            lower = -more.solved(M_z, lower, np.linalg.inv(M_z.astype(float)))
         except (Stalled, np.linalg.LinAlgError):
             raise NumericalError("the mass matrix of the motions that are allowed is singular") from None
     S = np.vstack([np.hstack([P, Z]), lower])
