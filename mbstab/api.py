@@ -502,7 +502,8 @@ class Mechanism:
         """
         from mbstab.analysis.compare.integrators import compare_integrators
 
-        return compare_integrators(self._affordable("run", parameters), to, perturb, tolerance, progress)
+        system = self._affordable("run", parameters)
+        return compare_integrators(system, to, perturb, tolerance, progress, self.force)
 
     @guarded
     def check(self, **parameters: Setting) -> CheckReport:

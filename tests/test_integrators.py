@@ -52,7 +52,7 @@ def _error_of_rk45(angle, speed):
     system = PENDULUM.system()
     begin = integrators.start_of(system, {"rod.theta": math.pi / 4})
     follower = integrators.Follower(begin.system, begin.motion, np.linspace(0.0, 0.5, integrators.POINTS))
-    race = integrators._Race(follower)
+    race = integrators._Race(follower, np.inf)
     race.reference()
     run, _ = race.run(integrators.METHODS["projection"]["RK45"], "RK45", 1e-5, 10.0)
     q, u = integrators.states(run.samples)
@@ -115,6 +115,30 @@ def test_what_takes_too_long_is_given_up(monkeypatch):
     assert np.isnan(result.runs[0].error)
     with pytest.raises(NumericalError, match=r"no integrator keeps 0\.001"):
         PENDULUM.compare_integrators(0.5, {"rod.theta": 0.5}, 1e-3)
+
+
+def test_the_whole_comparison_keeps_within_its_budget(monkeypatch):
+    spent, limits = iter(np.arange(0.0, 1e4, 3.0)), []
+
+    def given_up(self, method, solver, tol, limit):
+        limits.append(limit)
+        raise NumericalError("given up after this run")
+
+    monkeypatch.setattr(integrators.time, "process_time", lambda: next(spent))
+    race = integrators._Race(None, 15.0)
+    monkeypatch.setattr(integrators._Race, "run", given_up)
+    for left in (6, 5, 4, 3, 2, 1):
+        race.share(left)
+        with pytest.raises(NumericalError, match="given up"):
+            race.measured("alpha", "", None, 1e-3, None)
+    assert limits[0] < integrators.LIMIT
+    assert limits[2:] == [0.0] * 4
+    # Forced, a single run is all that is limited.
+    race = integrators._Race(None, np.inf)
+    race.share(6)
+    with pytest.raises(NumericalError, match="given up"):
+        race.measured("alpha", "", None, 1e-3, None)
+    assert limits[-1] == integrators.LIMIT
 
 
 def test_a_pace_that_is_too_slow_is_given_up_early(monkeypatch):

@@ -24,6 +24,8 @@ def integrations_text(result: Integrations, title: str) -> str:
     }
     for (name, failure), x in reversed(failures.items()):
         lines += _filled(f"{name} with {x.tol:g}: {failure}")
+    if any("given up after" in failure for _, failure in failures):
+        lines += _filled("--force gives them more time")
     disturbed = ", ".join(f"{name} = {value}" for name, value in result.disturbance.items())
     lines += _filled(
         f"motion from {number(result.start, 9)} to {number(result.end, 9)} s"

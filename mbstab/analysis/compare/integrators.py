@@ -33,6 +33,9 @@ EXACT = 1e-11
 LIMIT = 4.0
 """Seconds of work after which a run is given up; the runs of a reference may take ten times as long together."""
 
+BUDGET = 15.0
+"""Seconds of work of the whole comparison, unless it is forced: two thirds of it may go to the reference."""
+
 ENOUGH, SLOW = 0.25, 1.5
 """After the first part of the limit a run is given up as well whose pace makes it longer than the second one."""
 
@@ -124,6 +127,7 @@ def compare_integrators(
     perturb: Mapping[str, float | str] | None = None,
     tolerance: float | None = None,
     progress: Callable[[float], object] = lambda done: None,
+    forced: bool = False,
 ) -> Integrations:
     """Return error, cost and drift of every integrator with several tolerances.
 
@@ -138,6 +142,8 @@ def compare_integrators(
         Largest error, for the choice of an integrator.
     progress : callable
         Is called with the part of the work that is done, from 0 to 1.
+    forced : bool
+        Go on beyond `BUDGET`.
 
     Raises
     ------
@@ -156,13 +162,14 @@ def compare_integrators(
     if not (math.isfinite(last) and last > first):
         raise UsageError(f"the end of the simulation, {last:g} s, must be later than its start, {first:g} s")
     follower = Follower(begin.system, begin.motion, np.linspace(first, last, POINTS))
-    race = _Race(follower)
+    race = _Race(follower, math.inf if forced else BUDGET)
     solvers = [(name, key, solver) for name, group in METHODS.items() for key, solver in group.items()]
     reference, known = race.reference()
     total = len(solvers) * len(TOLERANCES)
     runs: list[Integration] = []
-    for name, key, solver in solvers:
+    for done, (name, key, solver) in enumerate(solvers):
         given_up = False
+        race.share(len(solvers) - done)
         for tol in TOLERANCES:
             if given_up:
                 runs.append(Integration(name, key, tol, failure="not tried: a larger tolerance took too long"))
@@ -201,19 +208,26 @@ def _fastest_within(runs: list[Integration], tolerance: float) -> Integration:
 class _Race:
     """Runs of the same motion."""
 
-    def __init__(self, follower: Follower) -> None:
+    def __init__(self, follower: Follower, budget: float) -> None:
         self.follower = follower
         self.name = ""
         self.rate = self.fast = math.nan
+        self.end = self.end_of_share = time.process_time() + budget
+
+    def share(self, solvers: int) -> None:
+        """Begin with one of so many solvers that are left: it may take its share of what is left of the budget."""
+        now = time.process_time()
+        self.end_of_share = now + max(self.end - now, 0.0) / solvers
 
     def reference(self) -> tuple[Run, float]:
         """Return the reference, and to what it is known."""
         failure = ""
+        limit = min(10.0 * LIMIT, (self.end - time.process_time()) / 3.0)
         for name, method, solver in (
             ("DOP853", METHODS["projection"]["DOP853"], "DOP853"),
             ("radau", METHODS["radau"][""], ""),
         ):
-            work = Work(self.follower, method, solver, EXACT, None, False, _watch(10.0 * LIMIT))
+            work = Work(self.follower, method, solver, EXACT, None, False, _watch(limit))
             run = work.refined()
             if run.interrupted:
                 raise KeyboardInterrupt
@@ -235,7 +249,7 @@ class _Race:
 
     def measured(self, name: str, key: str, method: Method, tol: float, reference: Run) -> Integration:
         """Return what a run costs and leaves."""
-        run, seconds = self.run(method, key, tol, LIMIT)
+        run, seconds = self.run(method, key, tol, min(LIMIT, max(self.end_of_share - time.process_time(), 0.0)))
         counts: dict[str, Any] = {"evaluations": run.evaluations, "steps": run.steps, "rejected": run.rejected}
         if not run.complete:
             return Integration(name, key, tol, seconds=seconds, failure=run.failure.partition("\n")[0], **counts)
