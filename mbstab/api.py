@@ -14,7 +14,6 @@ from __future__ import annotations
 import numbers
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -40,6 +39,7 @@ from mbstab.model.parameters import evaluate_parameters, parse_overrides
 from mbstab.model.reader import read_model, read_model_text
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
+from mbstab.records import dataclass
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.integrators import Integrations

@@ -6,14 +6,14 @@ is wrong, 3 an expectation (``expect:``, ``--require`` or ``--verify``) did not 
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from typing import Any
+
+from mbstab.records import dataclass
 
 _UNSEEN = re.compile(r"[^\n\t -~]")
 
@@ -86,6 +86,8 @@ def _window(source: str, at: int, width: int = 100) -> tuple[str, int]:
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """Return the nearest of the known words (of the first 1000), or an empty string."""
+    import difflib  # for mistakes only
+
     near = difflib.get_close_matches(word, islice(known, 1000), n=1, cutoff=0.6)
     return near[0] if near else ""
 

@@ -844,3 +844,9 @@ reference: {find: equilibrium, coordinates: {arm: {theta: 0.3}}}
 """)
     assert "close" not in message
     assert re.search(r"no balance of forces was found: at best, \S+ N(\*m)? unbalanced on arm\.", message)
+
+
+def test_slopes_that_overflow_leave_the_terminal_alone(capfd):
+    with pytest.raises(EquilibriumError, match="no steady motion found"):
+        mbstab.load("bead_on_hoop.yaml").eig(R=1e-200)
+    assert "On entry to" not in "".join(capfd.readouterr())

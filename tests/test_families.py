@@ -79,3 +79,27 @@ def test_a_towed_wheel_below_its_pin_goes_on_across():
     result = mbstab.load("shimmy.yaml").eig(l=0)
     assert not result.in_place
     assert "goes on growing like t" in result.reasons[0]
+
+
+def test_a_family_of_places_is_called_one():
+    result = mbstab.loads("""
+mbstab: 1
+bodies: {a: {type: planar_point, mass: 1}}
+forces: {f: {type: expression, on: {a.x: -rate(a.x), a.y: -a.y-(1+a.x**2)*rate(a.y)}}}
+reference: {coordinates: {a: {x: 0, y: 0}}}
+""").eig()
+    assert result.modulo.family == ("position of a.x",)
+
+
+def test_numbers_whose_squares_vanish_leave_the_verdict_open():
+    text = """
+mbstab: 1
+parameters: {e: {value: 1e-165}}
+bodies: {a: {type: planar_point, mass: 1}}
+forces: {f: {type: expression, on: {a.x: -rate(a.x)+e*a.y, a.y: -a.y-rate(a.y)+e*a.x}}}
+reference: {coordinates: {a: {x: 0, y: 0}}}
+"""
+    mechanism = mbstab.loads(text)
+    assert mechanism.eig().verdict == "undecided"
+    assert any("e is 1e-165: products" in x for x in mechanism.eig().reasons)
+    assert mechanism.sweep("e", [1e-165, 1e-100]).verdicts == ["undecided", "unstable"]

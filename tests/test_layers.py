@@ -11,13 +11,12 @@ import mbstab
 
 PACKAGE = Path(mbstab.__file__).parent
 # The types and symbols of mechanics come before the model: the file format is read from their tables.
-LAYERS = ["errors", "mechanics", "model", "compiler", "analysis", "report", "api", "cli"]
+LAYERS = ["records", "errors", "mechanics", "model", "compiler", "analysis", "report", "api", "cli"]
 # Inside of the analysis: every wing rests on those before it.
 WINGS = ["algebra", "reference", "linear", "sweep", "simulate", "proof", "compare"]
 ONLY_IN = {
     "yaml": {"model/yamlfile.py"},
     "click": {"cli"},
-    "rich": {"report/tables.py"},
     "sympy": {"mechanics", "compiler", "model/arithmetic.py", "analysis/linear/symbolic.py", "report/symbolic.py"},
     "matplotlib": {"report/pictures", "report/animation"},
     "PIL": {"report/animation"},
@@ -109,7 +108,7 @@ def test_a_library_is_imported_in_its_place_only(library):
     assert outside == set()
 
 
-HEAVY = ["sympy", "scipy", "matplotlib", "rich"]
+HEAVY = ["sympy", "scipy", "matplotlib"]
 
 
 def loaded_by(arguments: list[str]) -> set[str]:
@@ -118,7 +117,7 @@ def loaded_by(arguments: list[str]) -> set[str]:
         "from mbstab.cli import main\n"
         "try:\n    main(sys.argv[1:])\n"
         "except SystemExit as stop:\n    assert not stop.code, stop.code\n"
-        "print('loaded:', *[m for m in 'numpy sympy scipy mpmath matplotlib rich yaml'.split() if m in sys.modules])\n"
+        "print('loaded:', *[m for m in 'numpy sympy scipy mpmath matplotlib yaml'.split() if m in sys.modules])\n"
     )
     run = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
     return set(run.stdout.splitlines()[-1].split()[1:])
@@ -138,7 +137,7 @@ def test_help_imports_no_numerics():
 # But where equal eigenvalues are defective: their subspaces come from a Schur form.
 @pytest.mark.parametrize("model", ["pendulum.yaml", "top.yaml", "rolling_torus.yaml", "trailer.yaml"])
 def test_eig_imports_neither_sympy_nor_scipy_nor_matplotlib(model):
-    assert loaded_by(["eig", model]) == {"numpy", "yaml", "rich"}
+    assert loaded_by(["eig", model]) == {"numpy", "yaml"}
 
 
 def test_the_help_of_eig_lists_its_methods_without_numerics():

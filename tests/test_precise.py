@@ -562,3 +562,18 @@ def test_an_interval_is_for_certificates_only():
     for ask in (mbstab.load("pendulum.yaml").compare, mbstab.load("pendulum.yaml").eig_precise):
         with pytest.raises(UsageError, match="this is an interval\nhint: intervals need mbstab eig --certify"):
             ask(L="[0.1,0.2]")
+
+
+@pytest.mark.parametrize("size", ["1e-44", "4e-44", "1e-60", "1e-162", "1e-290"])
+def test_a_slow_eigenvalue_is_not_taken_for_zero(size):
+    text = f"""
+mbstab: 1
+bodies: {{a: {{type: planar_point, mass: 1}}}}
+forces: {{f: {{type: expression, on: {{a.x: -rate(a.x) + {size}*a.x, a.y: -a.y - rate(a.y)}}}}}}
+reference: {{coordinates: {{a: {{x: 0, y: 0}}}}}}
+"""
+    result = mbstab.loads(text).eig_precise(30)
+    assert result.verdict == "unstable"
+    slow = max(result.eigenvalues, key=lambda e: e.value.real)
+    with mp.workdps(400):
+        assert abs(slow.value / mp.mpf(size) - 1) < 1e-29

@@ -5,6 +5,8 @@ import io
 import json
 import math
 import re
+import subprocess
+import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -1177,3 +1179,32 @@ def test_options_are_lists_or_repeated(tmp_path):
     assert run("top.yaml", "--param", "omega", "--points", "5,x").exit_code == 2
     single = ("top.yaml", "--param", "omega", "--from", "atan2(1, 2)", "--to", 5, "--points", 3, "--format", "csv")
     assert run(*single).stdout.splitlines()[1].startswith("0.46")
+
+
+TURNED = """
+mbstab: 1
+parameters: {e: {value: 0.1}, D: {value: 0}}
+bodies: {p: {type: planar_point, mass: 1}}
+forces:
+  push: {type: expression, on: {p.x: -p.x - D*rate(p.x) + c*p.y, p.y: -p.y - c*p.x + r*rate(p.y)}}
+reference: {coordinates: {p: {x: 0, y: 0}}}
+"""
+CIRCULATORY = TURNED.replace("c*", "e*").replace("r*", "0*")
+EXCITED = TURNED.replace("c*", "0*").replace("r*", "e*")
+
+
+@pytest.mark.parametrize(("text", "damping"), [(CIRCULATORY, 0.0), (EXCITED, 0.0), (EXCITED, 1e4)])
+@pytest.mark.parametrize("values", [(0.0, 1.0), (1.0, 0.0), (0.0, 1e-3), (0.0, 0.5, 1.0)])
+def test_what_holds_at_a_special_value_is_not_carried_to_others(text, values, damping):
+    result = mbstab.loads(text).sweep("e", list(values), D=damping)
+    for value, word, count in zip(values, result.verdicts, result.unstable, strict=True):
+        assert (word, count) == ("unstable", 2) if value else word != "unstable"
+    assert all(abs(c.value) < 1e-11 for c in result.critical)
+
+
+def test_parts_are_gone_when_the_file_is_written_but_the_terminal_fails(tmp_path):
+    command = [sys.executable, "-m", "mbstab", "sweep", "top.yaml", "--param", "omega", "--points", "3"]
+    command += ["--plot", "none", "-o", str(tmp_path / "t.csv")]
+    with open("/dev/full", "w") as full:
+        assert subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True).returncode == 1
+    assert [x.name for x in tmp_path.iterdir()] == ["t.csv"]

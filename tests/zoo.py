@@ -1820,3 +1820,35 @@ reference: {coordinates: {a: {x: 0, y: 0}, b: {x: 0, y: 0}}}
     UNSTABLE,
     "det K = -9e-7: the strong force hides no weak one",
 )
+known(
+    69,
+    "weak growth beside a strong damper in one force",
+    point("-1e6*u", "-y + 1e-12*v"),
+    UNSTABLE,
+    UNSTABLE,
+    "y'' = 1e-12 y' - y",
+)
+known(
+    69,
+    "growth below the rounding of a strong damper in the same force",
+    point("-1e6*u", "-y + 1e-40*v"),
+    UNSTABLE,
+    UNDECIDED,
+    "y'' = 1e-40 y' - y",
+)
+known(
+    69,
+    "weak growth in a gyroscopic force",
+    point("-x + 2*v", "-y - 2*u + 1e-12*v"),
+    UNSTABLE,
+    UNSTABLE,
+    "trace 1e-12",
+)
+known(
+    70,
+    "slow growth of second order in a coupling",
+    point("-u + 1e-22*y", "-y - v + 1e-22*x"),
+    UNSTABLE,
+    UNSTABLE,
+    "the least eigenvalue is 1e-44",
+)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -13,6 +12,7 @@ import click
 from mbstab.cli.common import progress_bar
 from mbstab.cli.output import files, note, save
 from mbstab.errors import UsageError
+from mbstab.records import dataclass
 
 if TYPE_CHECKING:
     from mbstab.analysis.simulate.result import Simulation

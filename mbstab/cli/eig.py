@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,6 +12,7 @@ from mbstab.cli.common import files_argument, force_option, load_model, parse_se
 from mbstab.cli.output import Answer, Output, output_options, warn
 from mbstab.errors import ExpectationError, MbstabError, NumericalError, SeveralErrors, UsageError, visible
 from mbstab.model.words import REQUIRED
+from mbstab.records import dataclass
 
 if TYPE_CHECKING:
     from mbstab.api import Mechanism

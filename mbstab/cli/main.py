@@ -8,21 +8,48 @@ import logging
 import os
 import sys
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 import click
 
-from mbstab.cli import check, compare, eig, equilibrium, linearize, models, schema, simulate, sweep, test
 from mbstab.cli.common import one_thread_by_default
 from mbstab.cli.output import say, show, stdout_failure
-from mbstab.errors import MbstabError, OutputError
+from mbstab.errors import MbstabError, OutputError, suggestion
 
 STREAM = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 """How writing to a stream fails."""
 
 
+COMMANDS = (
+    "check", "compare", "eig", "equilibrium", "linearize", "models", "schema", "simulate", "sweep", "test",
+)  # fmt: skip
+"""Each is the function of its name in the module of its name in `mbstab.cli`, imported when it is asked for."""
+
+
 class _Group(click.Group):
     """Turns the errors of the library into messages with their exit codes; other errors stay visible."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of the commands."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command."""
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = getattr(import_module(f"mbstab.cli.{cmd_name}"), cmd_name)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that is asked for; one that does not exist gets a hint."""
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            hint = suggestion(args[0], COMMANDS)
+            raise click.UsageError(error.message + (f"\nhint: {hint}" if hint else ""), ctx) from None
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -96,18 +123,3 @@ def main() -> None:
     one_thread_by_default()
     # It finds another place for its fonts where it may not write, and need not say so.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
-
-
-for _command in (
-    check.check,
-    compare.compare,
-    eig.eig,
-    equilibrium.equilibrium,
-    linearize.linearize,
-    models.models,
-    schema.schema,
-    simulate.simulate,
-    sweep.sweep,
-    test.test,
-):
-    main.add_command(_command)

@@ -11,13 +11,14 @@ import functools
 import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
 from mbstab.errors import OutputError, UsageError, suggestion, visible
+from mbstab.records import dataclass
 from mbstab.report.files import whole_file
 
 F = TypeVar("F", bound=Callable[..., Any])

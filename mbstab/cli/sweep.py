@@ -159,7 +159,7 @@ def _sweep(
     """Sweep a parameter, write and draw the answer; return the number of points, and of those without an answer."""
     model = mechanism.model
     unit, factor = model.parameters[parameter].unit, model.parameters[parameter].factor
-    with _kept(run["directory"]):
+    with _kept(run["directory"], output.path):
         with progress_bar("sweeping") as progress:
             answer = mechanism.sweep(parameter, grids[parameter], progress=progress, **run)
         output.write(_sweep_answer(answer, unit, factor, model.name, model.title), summary=True)
@@ -174,7 +174,7 @@ def _chart(
     """Compute a chart, write and draw it; return the number of points, and of those without an answer."""
     model = mechanism.model
     labels = [(model.parameters[name].unit, model.parameters[name].factor) for name in grids]
-    with _kept(run["directory"]):
+    with _kept(run["directory"], output.path):
         with progress_bar("sweeping") as progress:
             answer = mechanism.chart(grids, progress=progress, **run)
         output.write(_chart_answer(answer, labels, model.name, model.title), summary=True)
@@ -223,19 +223,27 @@ def _grids(
 
 
 @contextlib.contextmanager
-def _kept(directory: Path | None) -> Iterator[None]:
+def _kept(directory: Path | None, written: Path | None) -> Iterator[None]:
     """Remove finished parts when the answer is written, and say what is left where it is not."""
     from mbstab.analysis.sweep.jobs import discard
 
+    before = _written_at(written)
     try:
         yield
-    except (KeyboardInterrupt, OutputError) as error:
-        if directory is not None and any(directory.glob("block-*")):
+    except (KeyboardInterrupt, OutputError, OSError) as error:
+        if directory is not None and _written_at(written) != before:
+            discard(directory)  # only the summary on the terminal is missing
+        elif directory is not None and any(directory.glob("block-*")):
             what = "interrupted: " if isinstance(error, KeyboardInterrupt) else ""
             note(f"{what}finished blocks are kept in {directory}; go on with --resume")
         raise
     if directory is not None:
         discard(directory)
+
+
+def _written_at(path: Path | None) -> int | None:
+    """Return when a file was written (ns), or None where there is none."""
+    return path.stat().st_mtime_ns if path is not None and path.exists() else None
 
 
 def _chart_points(model: Model, parameter: str) -> int:

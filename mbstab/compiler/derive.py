@@ -20,7 +20,7 @@ A = dD/dt and J = D_u. Given functions of time enter as s with their derivatives
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
@@ -28,6 +28,7 @@ from typing import Any
 from mbstab.compiler.tape import Tape, Term
 from mbstab.mechanics.bodies import TENSOR_SIZE
 from mbstab.mechanics.catalogue import Element, Load
+from mbstab.records import dataclass
 
 Entries = dict[tuple[int, ...], Term]
 

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
 from mbstab.compiler.derive import Derived, Entries, derive
 from mbstab.compiler.tape import ONE, Call, Input, Literal, Product, Step, Sum, Term, uses
 from mbstab.mechanics.elements import ELEMENTS
+from mbstab.records import dataclass
 
 KERNELS = Path(__file__).parent / "kernels"
 MAX_INLINE = 60

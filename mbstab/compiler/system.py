@@ -28,7 +28,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterator
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,7 @@ from mbstab.model.evaluator import Law
 from mbstab.model.expressions import Expression
 from mbstab.model.scene import Scene
 from mbstab.model.schema import Entry, unit_of
+from mbstab.records import dataclass
 
 Array = npt.NDArray[np.float64]
 

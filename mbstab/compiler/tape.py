@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from hashlib import sha256
@@ -25,6 +24,7 @@ from typing import Any
 
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.functions import TABLE
+from mbstab.records import dataclass
 
 PRIME = 2**127 - 1
 ONE = 0

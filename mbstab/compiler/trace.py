@@ -16,13 +16,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 from mbstab.compiler.tape import PRIME, half_angle, random_residue, residue
 from mbstab.model.arithmetic import CONSTANTS, FLOAT, Arithmetic
 from mbstab.model.functions import NATIVE, TABLE
+from mbstab.records import dataclass
 
 MAX_LINE = 100
 """Length of a text that is written in the place of its use."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Any
 
 from mbstab.mechanics.catalogue import Element, ElementUse, Field, Form, Item, Kind, Number, Vector
 from mbstab.mechanics.vectors import plain_zero
+from mbstab.records import dataclass
 
 # --- elements -------------------------------------------------------------------------------------------------------
 

@@ -12,8 +12,9 @@ every derivative is derived from it ahead of time (`mbstab.compiler.derive`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Any, Literal, Protocol
+
+from mbstab.records import dataclass
 
 Number = Any  # float, array of the points of a sweep, or any number of the arithmetic in use
 Vector = tuple[Number, ...]

@@ -8,10 +8,10 @@ of Pappalardo, Lettieri, Guida (2020), Eqs. (145)-(150), are the ones listed the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Any
 
 from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind, Look
+from mbstab.records import dataclass
 
 # --- elements: the primitives ---------------------------------------------------------------------------------------
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import Field, Number, Vector
@@ -18,6 +18,7 @@ from mbstab.model.schema import (
     Quantity,
     after_number,
 )
+from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)

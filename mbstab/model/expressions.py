@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from mbstab.errors import MbstabError, suggestion
 from mbstab.model.arithmetic import CONSTANTS, Arithmetic
 from mbstab.model.functions import FUNCTIONS, PIECED
+from mbstab.records import dataclass
 
 MAX_LENGTH = 5_000
 MAX_DEPTH = 60

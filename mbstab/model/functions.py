@@ -14,11 +14,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from inspect import signature
 from typing import Any, Literal
+
+from mbstab.records import dataclass
 
 Slope = Callable[[float], float]
 """The size of the slope of a function at a point; `math.inf` where it has none."""

@@ -8,7 +8,6 @@ in any number system.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache, reduce
 from operator import add
 from types import SimpleNamespace
@@ -16,6 +15,7 @@ from typing import Any
 
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.functions import TABLE
+from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)

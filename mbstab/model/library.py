@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from mbstab.errors import UsageError, nearest, visible
+from mbstab.records import dataclass
 
 SUFFIX = ".yaml"
 

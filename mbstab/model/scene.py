@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from mbstab.errors import Location
@@ -18,6 +18,7 @@ from mbstab.model.schema import (
     Entry,
     Model,
 )
+from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container
-from dataclasses import dataclass
 from typing import Any
 
 from mbstab.errors import Location
@@ -13,6 +12,7 @@ from mbstab.mechanics.catalogue import Kind, Sign
 from mbstab.model.expressions import Expression, ExpressionError, parse
 from mbstab.model.words import WORDS
 from mbstab.model.yamlfile import Document
+from mbstab.records import dataclass
 
 VERSION = "1"
 

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
 import yaml
 
 from mbstab.errors import Location, ModelFileError, Problem, UsageError, unseen
+from mbstab.records import dataclass
 
 MAX_BYTES = 1_000_000
 MAX_NESTING = 30

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,8 +18,10 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     OSError
         If the file cannot be written.
     """
+    from tempfile import mkstemp  # with what it imports, as long as all of click
+
     goal = Path(path).resolve()
-    handle, temporary = tempfile.mkstemp(dir=goal.parent, prefix=f".{goal.name}.")
+    handle, temporary = mkstemp(dir=goal.parent, prefix=f".{goal.name}.")
     os.close(handle)
     try:
         with open(temporary, "wb") as stream:

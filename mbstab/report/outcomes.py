@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 from mbstab.errors import visible
+from mbstab.records import dataclass
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.expectations import Outcome

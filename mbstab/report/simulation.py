@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from mbstab.analysis.simulate.result import Simulation
 from mbstab.analysis.simulate.simulate import TRUST
 from mbstab.errors import counted
 from mbstab.model.schema import unit_of
+from mbstab.records import dataclass
 from mbstab.report import WIDTH
 from mbstab.report.export import npz_bytes, to_csv, to_json
 from mbstab.report.tables import number, table

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.linear.verdict import UNDECIDED, UNSTABLE, WORDS
 from mbstab.errors import counted
+from mbstab.records import dataclass
 from mbstab.report import WIDTH
 from mbstab.report.tables import number, table
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from io import StringIO
+from itertools import zip_longest
 from textwrap import wrap
 
 from mbstab.report import WIDTH
@@ -48,24 +48,28 @@ def _blocks(widths: Sequence[int]) -> list[list[int]]:
 
 
 def _aligned(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int]) -> str:
-    """Return a table with its columns side by side."""
-    from rich import box
-    from rich.console import Console
-    from rich.measure import Measurement
-    from rich.table import Table
-    from rich.text import Text
-
-    grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, padding=(0, 1, 0, 0))
-    for i, head in enumerate(heads):
-        grid.add_column(Text(head), justify="left" if i in left else "right", vertical="bottom")
+    """Return a table with its columns side by side; heads stand on the rule below them, cells hang from above."""
+    widths = [max(map(_width, column)) for column in zip(heads, *rows, strict=True)]
+    height = max(head.count("\n") for head in heads)
+    raised = ["\n" * (height - head.count("\n")) + head for head in heads]
+    rule = "─" * (sum(widths) + GAP * (len(widths) - 1))
+    lines = [*_lines(raised, widths, left), rule]
     for row in rows:
-        grid.add_row(*[Text(cell) for cell in row])
-    # Measured on a very wide console, so that no number is cut.
-    wide = Console(width=10_000)
-    width = Measurement.get(wide, wide.options, grid).maximum
-    out = StringIO()
-    Console(file=out, width=width, color_system=None, force_terminal=False).print(grid)
-    return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"
+        lines += _lines(row, widths, left)
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _lines(cells: Sequence[str], widths: Sequence[int], left: Sequence[int]) -> list[str]:
+    """Return the lines of a row of cells."""
+    columns = [
+        [f"{line:{'<' if i in left else '>'}{width}}" for line in cell.split("\n")]
+        for i, (cell, width) in enumerate(zip(cells, widths, strict=True))
+    ]
+    filled = zip_longest(*columns, fillvalue=None)
+    return [
+        (" " * GAP).join(" " * width if x is None else x for x, width in zip(line, widths, strict=True))
+        for line in filled
+    ]
 
 
 def number(x: float, digits: int = 6) -> str:

@@ -1,7 +1,9 @@
-"""Kinds of arrays, and lengths of vectors."""
+"""Kinds of arrays, lengths of vectors, and numbers at random."""
 
 from __future__ import annotations
 
+import math
+import random
 from typing import Any
 
 import numpy as np
@@ -21,3 +23,15 @@ def norms(vectors: npt.NDArray[np.float64], axis: int = -1, keepdims: bool = Fal
 def at_block(rows: Any, columns: Any) -> Any:
     """Return the index of a block of a matrix."""
     return np.ix_(rows, columns)
+
+
+class RandomNumbers:
+    """The same numbers at random in every run; to import `numpy.random` takes as long as a small model's answer."""
+
+    def __init__(self, seed: int) -> None:
+        self._source = random.Random(seed)
+
+    def uniform(self, low: float, high: float, *shape: int) -> npt.NDArray[np.float64]:
+        """Return an array of numbers between two limits."""
+        numbers = [self._source.uniform(low, high) for _ in range(math.prod(shape))]
+        return np.array(numbers).reshape(shape)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 from mbstab.errors import UsageError
+from mbstab.records import dataclass
 
 Task = Literal["motion", "modes", "run"]
 """``motion``: the reference and the matrices there; ``modes``: also the eigenvalues and what they say; ``run``: a run

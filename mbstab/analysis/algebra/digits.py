@@ -12,7 +12,6 @@ The digits are those of ``mpmath.mp``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from mpmath import mp
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError
+from mbstab.records import dataclass
 
 Matrix = npt.NDArray[Any]
 """An array of mpmath numbers."""

@@ -14,13 +14,13 @@ equations were reduced, but on how much of the single entries cancels,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.compiler.system import Array
+from mbstab.records import dataclass
 
 ROUNDINGS = 4.0
 """An entry is known to so many roundings of the largest term beside it."""

@@ -12,12 +12,12 @@ eigenvalues.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from mbstab.compiler.system import Array, Row
 from mbstab.errors import ConstraintError
+from mbstab.records import dataclass
 
 RANK_TOLERANCE = 1e-11
 """Singular values of scaled rows below this count as zero."""
@@ -131,7 +131,7 @@ def coordinate_scale(M: Array, sizes: Array) -> Array:
     heavy = diagonal > 0.0
     scale = sizes.copy()
     scale[heavy] = 1.0 / np.sqrt(diagonal[heavy])
-    if heavy.any():
+    if heavy.any() and not heavy.all():
         scale[~heavy] *= np.median(scale[heavy] / sizes[heavy])
     return scale
 

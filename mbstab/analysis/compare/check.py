@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.reference.dependencies import names_in
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.rotation import rate_matrix
 from mbstab.analysis.reference.symmetries import symmetries
 from mbstab.compiler.system import Array, System
+from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def _moving(system: System, motion: Motion) -> npt.NDArray[np.bool_]:
     """Return which coordinates the constraints let move, here or a little way off: a turning point is no fixed one."""
     spaces, finder = motion.spaces, Finder(system)
     moving: npt.NDArray[np.bool_] = np.linalg.norm(spaces.N, axis=1) > 1e-9
-    rng = np.random.default_rng(4)
+    rng = RandomNumbers(4)
     direction = spaces.scale * (spaces.N @ rng.uniform(-1.0, 1.0, spaces.N.shape[1]))
     size = float(np.max(np.abs(direction / motion.sizes), initial=0.0))
     if size > 0.0:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mbstab.analysis.algebra.failures import guarded
@@ -19,6 +17,7 @@ from mbstab.model.expressions import ExpressionError
 from mbstab.model.parameters import evaluate_parameters, parse_overrides, settings_in_si
 from mbstab.model.schema import Expectation, Model
 from mbstab.model.values import evaluate
+from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)

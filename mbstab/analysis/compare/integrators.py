@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from mbstab.analysis.simulate.steppers.interface import Method
 from mbstab.analysis.simulate.steppers.table import METHODS
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ModelFileError, NumericalError, SimulationError, UsageError
+from mbstab.records import dataclass
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
 EXACT = 1e-11
@@ -163,20 +163,8 @@ def compare_integrators(
         raise UsageError(f"the end of the simulation, {last:g} s, must be later than its start, {first:g} s")
     follower = Follower(begin.system, begin.motion, np.linspace(first, last, POINTS))
     race = _Race(follower, math.inf if forced else BUDGET)
-    solvers = [(name, key, solver) for name, group in METHODS.items() for key, solver in group.items()]
     reference, known = race.reference()
-    total = len(solvers) * len(TOLERANCES)
-    runs: list[Integration] = []
-    for done, (name, key, solver) in enumerate(solvers):
-        given_up = False
-        race.share(len(solvers) - done)
-        for tol in TOLERANCES:
-            if given_up:
-                runs.append(Integration(name, key, tol, failure="not tried: a larger tolerance took too long"))
-            else:
-                runs.append(race.measured(name, key, solver, tol, reference))
-                given_up = bool(runs[-1].failure)
-            progress(len(runs) / total)
+    runs = race.runs(reference, progress)
     chosen = None
     if tolerance is not None:
         chosen = _fastest_within(runs, tolerance)
@@ -236,6 +224,22 @@ class _Race:
                 return run, work.estimate
             failure = failure or run.failure
         raise SimulationError(f"there is no reference to compare with: {failure}", None)
+
+    def runs(self, reference: Run, progress: Callable[[float], object]) -> list[Integration]:
+        """Return what every integrator costs and leaves with every tolerance, as far as the budget goes."""
+        solvers = [(name, key, solver) for name, group in METHODS.items() for key, solver in group.items()]
+        found: list[Integration] = []
+        for done, (name, key, solver) in enumerate(solvers):
+            given_up = False
+            self.share(len(solvers) - done)
+            for tol in TOLERANCES:
+                if given_up:
+                    found.append(Integration(name, key, tol, failure="not tried: a larger tolerance took too long"))
+                else:
+                    found.append(self.measured(name, key, solver, tol, reference))
+                    given_up = bool(found[-1].failure)
+                progress(len(found) / (len(solvers) * len(TOLERANCES)))
+        return found
 
     def run(self, method: Method, solver: str, tol: float, limit: float) -> tuple[Run, float]:
         """Return a run and how long it took (s); one that takes longer than the limit fails."""

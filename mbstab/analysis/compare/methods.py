@@ -15,7 +15,6 @@ import statistics
 import time
 import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
@@ -36,6 +35,7 @@ from mbstab.errors import MbstabError, NumericalError, UsageError
 from mbstab.model.parameters import parse_overrides
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
+from mbstab.records import dataclass
 
 T = TypeVar("T")
 

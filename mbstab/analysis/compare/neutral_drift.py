@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from mbstab.compiler.system import Array
+from mbstab.records import dataclass
 
 AGREES = 1e-4
 """Part of the largest displacement by which a motion may differ from the prediction, and is confirmed."""

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,7 @@ from mbstab.analysis.simulate.steppers.table import METHODS
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, percent
+from mbstab.records import dataclass
 
 AMPLITUDE = 2e-5
 """Largest part of a mode in the motion: of the sizes in the scene, or of its speeds."""

@@ -41,7 +41,6 @@ Constraints that the frame carries around drift along with it: their eigenvalues
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -54,6 +53,7 @@ from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.methods import Found
 from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError, UsageError
+from mbstab.records import dataclass
 
 EPS = float(np.finfo(float).eps)
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any, Literal
@@ -49,6 +49,7 @@ from mbstab.model.expressions import Call, Expression, ExpressionError, Name
 from mbstab.model.fields.catalogue import given_fields
 from mbstab.model.functions import FUNCTIONS, PIECED
 from mbstab.model.scene import ItemValues
+from mbstab.records import dataclass
 
 LONGEST = 10**6
 """A common period of more periods of the fastest part is of no use: none is said to exist."""

@@ -13,7 +13,7 @@ checked.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.motion import Motion
 from mbstab.compiler.system import Array, Dynamics
 from mbstab.errors import MbstabError
+from mbstab.records import dataclass
 
 REACH = 0.2
 """How far the critical direction is followed, in sizes of the scene or rad."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.compiler.system import Array
+from mbstab.records import dataclass
 
 Group = list[int]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from functools import cached_property, partial, reduce
 from typing import Any
@@ -18,6 +18,7 @@ from mbstab.model.functions import FUNCTIONS
 from mbstab.model.scene import Scene
 from mbstab.model.schema import Parameter
 from mbstab.model.units import exact_factor
+from mbstab.records import dataclass
 
 TERMS = 100
 """Products with more terms are not multiplied out."""

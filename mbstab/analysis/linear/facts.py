@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.algebra.arrays import RandomNumbers, norms
 from mbstab.analysis.linear.constancy import affine_drives, time_doubt
 from mbstab.analysis.linear.critical import critical_zero
 from mbstab.analysis.linear.families import family
@@ -23,15 +23,20 @@ from mbstab.analysis.linear.neutral import Separated, Structure, unseparated
 from mbstab.analysis.linear.reversor import Reversor, reversor
 from mbstab.analysis.linear.smoothness import kinks
 from mbstab.analysis.linear.verdict import Critical, Disc, Facts, Minimum, Neutral
+from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.analysis.reference.guard import GUARD_TOLERANCE, LITTLE
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.compiler.system import Array
 from mbstab.errors import percent
+from mbstab.model.expressions import Number
 from mbstab.model.schema import is_length
 
 SLOWEST = 1e-6
 """A typical rate is not less than this part of that of the single forces."""
+
+LOST = 1e-150
+"""Squares of smaller numbers are not told from zero."""
 
 TRIED, BESIDE = 3, 0.02
 """So many states next to the reference, and so far from it in sizes of the scene, are asked for their rank."""
@@ -109,6 +114,18 @@ class Grounds:
         """The energy near the reference."""
         return SecondVariation(self.structure, self.plain)
 
+    @cached_property
+    def lost(self) -> str:
+        """Which number of the file is so small that products with it may be lost; empty: none is."""
+        scene = self.system.scene
+        numbers = {name: float(value) for name, value in scene.parameters.items()}
+        written = (node for item in scene.items for x in expressions_in(item.entry.values) for node in x.walk())
+        numbers |= {node.text: float(node.text) for node in written if isinstance(node, Number)}
+        small = [name for name, value in numbers.items() if 0.0 < abs(value) < LOST]
+        if not small:
+            return ""
+        return f"{small[0]} is {numbers[small[0]]:g}: products with a number so small are lost in double precision"
+
     # --- time and smoothness ----------------------------------------------------------------------------------------
 
     @cached_property
@@ -173,7 +190,7 @@ class Grounds:
         n_c = system.n_c - system.n_h
         if (spaces.C.rank == system.n_h and spaces.W.rank == n_c) or not spaces.N.shape[1]:
             return ""
-        sizes, rng = self.motion.sizes, np.random.default_rng(3)
+        sizes, rng = self.motion.sizes, RandomNumbers(3)
         for _ in range(TRIED):
             step = spaces.scale * (spaces.N @ rng.uniform(-1.0, 1.0, spaces.N.shape[1]))
             step *= BESIDE / float(np.max(np.abs(step) / sizes))
@@ -256,8 +273,7 @@ class Grounds:
             Number of eigenvalues, those of the neutral directions among them.
         """
         separated = self.separated
-        if separated.doubt:
-            doubts = (*doubts, separated.doubt)
+        doubts = (*doubts, *(x for x in (separated.doubt, self.lost) if x))
         return Facts(
             expected=self.linear.n_f,
             found=found,

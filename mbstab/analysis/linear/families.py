@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.linear.neutral import Separated, Structure, complement, drift_of, orthonormal
 from mbstab.analysis.linear.verdict import Neutral
 from mbstab.analysis.reference.element_comparison import State
@@ -79,8 +80,8 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
 
 def _directions(size: int) -> list[Array]:
     """Return the directions of a null space that are followed, both ways each."""
-    rng = np.random.default_rng(3)
-    some = [*np.eye(size), *rng.uniform(-1.0, 1.0, (2 * size, size))]
+    rng = RandomNumbers(3)
+    some = [*np.eye(size), *rng.uniform(-1.0, 1.0, 2 * size, size)]
     return [sign * x / np.linalg.norm(x) for x in some for sign in (1.0, -1.0)]
 
 

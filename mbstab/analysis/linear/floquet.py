@@ -28,7 +28,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -39,6 +38,7 @@ from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError, amount
 from mbstab.model.schema import is_length, unit_of
+from mbstab.records import dataclass
 
 TOLERANCES = (1e-12, 1e-13)
 """Local errors, relative and in units of a large change, of two integrations: the second counts, the first judges."""

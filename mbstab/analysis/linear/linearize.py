@@ -10,7 +10,7 @@ the finite eigenvalues: with N, Z, P of `mbstab.analysis.algebra.subspaces` and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any
 
@@ -24,6 +24,7 @@ from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array, Row, System
 from mbstab.model.schema import is_length
+from mbstab.records import dataclass
 
 
 def composite(matrices: Matrices) -> tuple[Array, Array, Array]:

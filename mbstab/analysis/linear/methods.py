@@ -6,8 +6,9 @@ Nothing heavy is imported here, so that a help text can list them.
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
+
+from mbstab.records import dataclass
 
 if TYPE_CHECKING:
     from mbstab.analysis.algebra.arrays import Complex

@@ -12,12 +12,13 @@ No eigenvalue is taken to be zero because it is small: what T and L do not expla
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
 from mbstab.analysis.linear.verdict import Neutral
 from mbstab.analysis.linear.work import Work
@@ -26,6 +27,7 @@ from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.compiler.system import Array
 from mbstab.model.schema import is_length
+from mbstab.records import dataclass
 
 KEPT, GAP = 1e-8, 1e3
 """Directions are independent above this singular value, and if the next one is smaller by this factor."""
@@ -239,7 +241,7 @@ class Structure:
         if not c.shape[1]:
             return [], []
         chosen = _sparse(c / lengths[:, None])
-        mixed = [*np.random.default_rng(7).uniform(-1.0, 1.0, (2 if c.shape[1] > 1 else 0, c.shape[1]))]
+        mixed = [*RandomNumbers(7).uniform(-1.0, 1.0, 2 if c.shape[1] > 1 else 0, c.shape[1])]
         if not all(
             invariance.moves_on(Combination(_parts(x, items)))
             for x in (*chosen, *(np.array(chosen).T @ x for x in mixed))
@@ -256,7 +258,8 @@ class Structure:
         candidates: list[tuple[str, Array]] = []
         for item in self.invariance.integrals:
             if self._commutes(item):
-                candidates.append((f"speed of {item.name}", self.differential(item.direction, item.rate)))
+                row = self.differential(item.direction, item.rate)
+                candidates.append((f"{self._told_apart(row, T, S)} of {item.name}", row))
         if np.any(motion.u) and self.work.conserved_at_rest:
             candidates.append(("speed", self.differential(motion.u, motion.a)))
         if not candidates or self._driven_boost():
@@ -276,6 +279,14 @@ class Structure:
             shares = [(-abs(x @ differential) / (np.linalg.norm(x) or 1.0), name) for name, x in candidates]
             names.append(min(x for x in shares if x[1] not in names)[1])
         return basis.T, names
+
+    def _told_apart(self, row: Array, T: Array, S: Array) -> str:
+        """Return whether motions on which a conserved function differs end at another speed, or at another place."""
+        _, s, right = np.linalg.svd(S - T @ (T.T @ S))
+        kernel = right[s <= KEPT * s[0]] if s[0] else right
+        y = kernel.T @ (kernel @ row)
+        n = self.space.n_xi
+        return "position" if np.linalg.norm(y[n:]) <= FITS * np.linalg.norm(y[:n]) else "speed"
 
     def _commutes(self, item: Symmetry) -> bool:
         """Whether a symmetry stands still in the frame of the motion."""

@@ -16,7 +16,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -40,6 +40,7 @@ from mbstab.analysis.reference.motion import Motion, motion_at
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.compiler.system import Array, System
 from mbstab.model.schema import is_length, unit_of
+from mbstab.records import dataclass
 
 INSTANTS = (0.0, 0.2360679775, 0.5278640450, 0.8196601125)
 """Parts of the period at which structure must hold where something depends on the time."""

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -37,6 +36,7 @@ from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.parameters import parse_overrides
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
+from mbstab.records import dataclass
 
 LEAST_DIGITS, MOST_DIGITS = 16, 1000
 
@@ -188,12 +188,12 @@ def precise_eigenvalues(
         with mp.workdps(work + 2 * GUARD):
             bounds = _bounds(rough, fine, work)
             lacking, chained = _lacking(fine, bounds, digits)
-            decided = fine.deflation.decided and fine.deflation.sizes == rough.deflation.sizes
+            decided = _decided(rough, fine)
             if lacking <= 0 and decided:
                 progress(1.0)
                 return _result(start, fine, bounds, digits, began)
         if not decided:
-            work += digits
+            work = max(work + digits, _until_shown(fine.deflation))
         else:
             work = _enough(work, digits, lacking, chained)
         progress(0.1 + 0.8 * (number + 1) / ROUNDS)
@@ -203,6 +203,18 @@ def precise_eigenvalues(
         f"{digits} digits are not reached with {fine.work} working digits: {_worst(fine, bounds)}\n"
         "hint: the eigenvalues depend on the data so strongly that their decimals in the file do not fix them"
     )
+
+
+def _decided(rough: _Spectrum, fine: _Spectrum) -> bool:
+    """Whether it is known what is zero: the same with more digits, and smaller as they are more."""
+    one, other = rough.deflation, fine.deflation
+    shrunk = one.dropped == 0 or other.dropped <= one.dropped * mp.mpf(10) ** (-GUARD / 2)
+    return other.decided and other.sizes == one.sizes and bool(shrunk)
+
+
+def _until_shown(deflation: more.Deflation) -> int:
+    """Return with how many working digits what was dropped would not be."""
+    return int(-mp.log10(deflation.dropped) / more.ZERO) + GUARD if deflation.dropped else 0
 
 
 def _enough(work: int, digits: int, lacking: int, chained: bool) -> int:
@@ -227,7 +239,12 @@ def exact_zeros(model: Model, settings: Mapping[str, Any] | None = None, digits:
     settings = settings or {}
     try:
         start = Start(model, settings, False)
-        return _zeros(start, _spectrum(start, settings, digits + GUARD), digits)
+        found = _spectrum(start, settings, digits + GUARD)
+        with mp.workdps(found.work + GUARD):
+            doubtful = found.deflation.dropped > mp.mpf(10) ** -digits
+            if doubtful and not _decided(found, _spectrum(start, settings, found.work + GUARD)):
+                return -1
+        return _zeros(start, found, digits)
     except MbstabError:
         return -1
 

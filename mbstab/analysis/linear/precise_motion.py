@@ -8,7 +8,6 @@ precision, takes it to all digits.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -44,6 +43,7 @@ from mbstab.errors import ConstraintError, EquilibriumError, MbstabError, Numeri
 from mbstab.model.parameters import parse_overrides
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
+from mbstab.records import dataclass
 
 SHARPENED = 1e-11
 """Digits are gained along directions in which the equations have a larger slope than this, relative to the largest."""

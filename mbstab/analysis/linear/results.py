@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.linear.verdict import Judged, Verdict
+from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ eigenvalues motions nearby repeat themselves (Devaney 1976, Trans. AMS 218; Sevr
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from mbstab.analysis.reference.element_comparison import State
 from mbstab.analysis.reference.rotation import euler_angles, lever, lever_acceleration, orientation, rate_matrix
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.compiler.system import Array, System
+from mbstab.records import dataclass
 
 FIXED = 1e-9
 """The mirror image of the reference is the reference itself to this, relative to a large change."""

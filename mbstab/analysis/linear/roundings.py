@@ -10,7 +10,7 @@ wrong by what is left of the equations that it solves, and by their own rounding
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +28,7 @@ from mbstab.model.expressions import ExpressionError
 from mbstab.model.schema import Model
 from mbstab.model.units import exact_factor
 from mbstab.model.values import evaluate
+from mbstab.records import dataclass
 
 LOOSE, MOST = 1e-13, 8
 """What is solved for moves along one direction where it may be wrong by more than this; so many are kept apart."""

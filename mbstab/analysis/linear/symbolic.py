@@ -6,13 +6,13 @@ Blocks as in Pappalardo, Lettieri, Guida (2020), Eqs. (62)-(67).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Any
 
 from mbstab.compiler.system import System
 from mbstab.model.arithmetic import symbol_arithmetic
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
+from mbstab.records import dataclass
 
 Track = Callable[[list[Any]], Iterable[Any]]
 

@@ -27,7 +27,7 @@ differs, a kink or a dependence on time that is not understood leaves the answer
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 from mbstab.errors import amount
@@ -41,6 +41,7 @@ from mbstab.model.words import STABLE_UP_TO as STABLE_UP_TO
 from mbstab.model.words import UNDECIDED as UNDECIDED
 from mbstab.model.words import UNSTABLE as UNSTABLE
 from mbstab.model.words import WORDS as WORDS
+from mbstab.records import dataclass
 
 Side = Literal["left", "right", "axis", "open"]
 Evidence = Literal["structural", "enclosed", "numerical"]

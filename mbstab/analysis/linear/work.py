@@ -142,11 +142,21 @@ class Work:
         return kind
 
     def _powerless(self, element: Acting, q: Any, u: Any, zero: Any, f: Any, limit: float) -> bool:
-        """Whether what a force adds in motion does no work."""
+        """Whether what a force adds in motion does no work: along all speeds, and along each one and two of them."""
         moving = element.force(q, u, zero, self.motion.time, f)
         still = element.force(q, zero, zero, self.motion.time, f)
         work = [(x - y) * u[i] for i, x, y in zip(element.columns, moving, still, strict=True)]
-        return bool(abs(sum(work)) <= limit * sum(abs(x) for x in work))
+        if not abs(sum(work)) <= limit * sum(abs(x) for x in work):
+            return False
+        n = len(element.columns)
+        for i in range(n):
+            for j in range(i + 1):
+                # A small part is not to be lost beside a large one: slopes keep it.
+                speeds = [x if k in (element.columns[i], element.columns[j]) else 0 * x for k, x in enumerate(u)]
+                _, R = element.slopes(q, speeds, zero, self.motion.time, f)
+                if R[i][i] or R[j][j] or abs(R[i][j] + R[j][i]) > limit * (abs(R[i][j]) + abs(R[j][i])):
+                    return False
+        return True
 
     def _no_relative_work(self, element: Acting) -> bool:
         """Whether a force that does no work does none in the frame of the motion either."""
@@ -219,6 +229,39 @@ def _damps(slopes: list[tuple[Any, Any, Any]], limit: float) -> bool:
             for row, same in zip(one, other, strict=True):
                 if any(abs(x - y) > limit * (abs(x) + abs(y)) for x, y in zip(row, same, strict=True)):
                     return False
-    matrix = np.array([[float(x) for x in row] for row in first])
-    matrix = matrix + matrix.T
-    return bool(np.linalg.eigvalsh(matrix)[0] >= -1e-15 * float(np.max(np.abs(matrix))))
+    return _takes(first, limit)
+
+
+def _takes(R: list[list[Any]], limit: float) -> bool:
+    """Whether Σ R_ij u_i u_j is negative for no u: by elimination, each row in its own unit, however small that is."""
+    n = len(R)
+    S = [[R[i][j] + R[j][i] for j in range(n)] for i in range(n)]
+    for i in range(n):
+        for j in range(n):
+            if i != j and abs(S[i][j]) <= limit * (abs(R[i][j]) + abs(R[j][i])):
+                S[i][j] = 0 * S[i][j]
+    units, left = [S[i][i] for i in range(n)], list(range(n))
+    if any(x < 0 for x in units):
+        return False
+    while left:
+        left = [i for i in left if units[i] or any(S[i][j] for j in left)]
+        if any(not units[i] for i in left):
+            return False  # work of one speed on another, and none on itself
+        if not left:
+            return True
+        k = max(left, key=lambda i: S[i][i] / units[i])
+        left.remove(k)
+        if S[k][k] <= n * limit * units[k]:
+            # Nothing but rounding is left, which must be so beside the diagonal, too.
+            whole = [k, *left]
+            return all(
+                S[i][i] >= -n * limit * units[i] and S[i][j] ** 2 <= (n * limit) ** 2 * units[i] * units[j]
+                for i in whole
+                for j in whole
+                if i != j or len(whole) == 1
+            )
+        for i in left:
+            factor = S[i][k] / S[k][k]
+            for j in left:
+                S[i][j] = S[i][j] - factor * S[k][j]
+    return True

@@ -31,7 +31,7 @@ What is not proven is part of the statement: "proven …, provided that …".
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from typing import Any
 
@@ -54,6 +54,7 @@ from mbstab.analysis.proof.proven_facts import Case, best
 from mbstab.errors import MbstabError, UsageError, counted
 from mbstab.model.parameters import plain_setting
 from mbstab.model.schema import Model
+from mbstab.records import dataclass
 
 MORE_DIGITS = (1, 2, 4)
 """Where a verdict is open, it is tried again with so many times the digits."""

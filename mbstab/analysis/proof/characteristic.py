@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
 from typing import NamedTuple
@@ -25,6 +25,7 @@ from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.identities import Identities
 from mbstab.analysis.proof.motion import Field
 from mbstab.model.schema import Model
+from mbstab.records import dataclass
 
 GENERIC = Fraction(38197, 100000)
 """Where in its interval a parameter is given a value to look for structure, which values of this kind do not hide."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from mbstab.analysis.algebra import ball_matrices, balls
+from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, zero_inside
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.proof.enclosures import Reference
@@ -22,6 +22,7 @@ from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Acting, Array
 from mbstab.errors import MbstabError
 from mbstab.model.jets import Jet
+from mbstab.records import dataclass
 
 Finding = Literal["structural", "enclosed", "open", "refuted"]
 """``open``: not verified; ``refuted``: proven to be wrong."""
@@ -113,7 +114,7 @@ class ElementChanges:
         columns = independent_rows(J[:r_h].T, r_h)
         q = put(krawczyk_boxes(residual, jacobian, [start[i] for i in columns], "a state on the constraints")[0])
         u = self._fitted(q, zero, _exact(rough.u), lambda at: at.V)
-        rng = np.random.default_rng(17)
+        rng = RandomNumbers(17)
         a = _exact(self.invariance.rate**2 * sizes * rng.uniform(-1.0, 1.0, len(start)))
         return State(q, u, self._fitted(q, u, a, lambda at: at.B))
 

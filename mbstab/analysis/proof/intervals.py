@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ from mbstab.analysis.proof.identities import Identities
 from mbstab.analysis.proof.proven_facts import Case, best
 from mbstab.errors import MbstabError
 from mbstab.model.schema import Model
+from mbstab.records import dataclass
 
 OPEN = "not provable"
 

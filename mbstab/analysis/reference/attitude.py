@@ -13,7 +13,7 @@ something: such a body keeps its chart, and a motion that needs another one is r
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError
 from mbstab.model.charts import named_by
 from mbstab.model.scene import BodyValues
+from mbstab.records import dataclass
 
 CHANGE = 0.4
 """Another chart is taken where |cos θ| is below this."""

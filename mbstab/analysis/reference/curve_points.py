@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from mbstab.compiler.system import Array
+from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)

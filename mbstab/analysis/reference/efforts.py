@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -15,6 +15,7 @@ from mbstab.mechanics.catalogue import GROUND, Effort, Item, Marker
 from mbstab.model.arithmetic import array_arithmetic
 from mbstab.model.scene import ItemValues, Scene
 from mbstab.model.schema import unit_of
+from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)

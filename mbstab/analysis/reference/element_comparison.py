@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
 from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.analysis.reference.fields import Combination, Field, OwnTurn, Shift
@@ -16,6 +17,7 @@ from mbstab.analysis.reference.rotation import rate_drift, rate_matrix
 from mbstab.compiler.system import Acting, Array, System
 from mbstab.errors import MbstabError
 from mbstab.model.arithmetic import FLOAT, mpmath_arithmetic
+from mbstab.records import dataclass
 
 CARRIED = 1e-11
 """An element is carried into itself if each of its forces changes by no more than this part of its size …"""
@@ -99,7 +101,7 @@ class ElementComparison:
         """States off the constraints at which all elements have a value: at rest, in motion, accelerating."""
         motion, sizes = self.motion, self.motion.sizes
         for spread in SPREADS:
-            rng = np.random.default_rng(11)
+            rng = RandomNumbers(11)
             found = []
             # The reference itself and its surroundings too: functions may be flat elsewhere.
             for part, moves, accelerates in (
@@ -130,7 +132,7 @@ class ElementComparison:
         found = [State(motion.q, motion.u, motion.a)]
         if not self.system.n_c:
             return found + self.states[1:]
-        rng = np.random.default_rng(5)
+        rng = RandomNumbers(5)
         for _ in range(2):
             for spread in SPREADS:
                 state = self._projected(rng, spread)
@@ -148,7 +150,7 @@ class ElementComparison:
         pieced = any(expression.pieced() for item in rows for expression in expressions_in(item.entry.values))
         return len(self.on_rows) > 1 and not pieced
 
-    def _projected(self, rng: np.random.Generator, spread: float) -> State | None:
+    def _projected(self, rng: RandomNumbers, spread: float) -> State | None:
         """Return a state near a random one that satisfies the constraints, or None if there is none."""
         motion, sizes = self.motion, self.motion.sizes
         q = motion.q + spread * sizes * rng.uniform(-1.0, 1.0, len(sizes))
@@ -326,8 +328,8 @@ def _general(element: Acting) -> Acting:
     """
     if not element.written:
         return element
-    rng = np.random.default_rng(len(element.placed.parameters))
-    parameters = tuple(x * (1.0 + OFF * rng.uniform(0.5, 1.0)) for x in element.placed.parameters)
+    rng = RandomNumbers(len(element.placed.parameters))
+    parameters = tuple(x * (1.0 + OFF * float(rng.uniform(0.5, 1.0))) for x in element.placed.parameters)
     return replace(element, placed=replace(element.placed, parameters=parameters))
 
 

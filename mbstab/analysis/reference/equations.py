@@ -12,7 +12,7 @@ K + R Ξ + M Ξ₂. Rows and unknowns are scaled by the size of the scene, its e
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from mbstab.analysis.algebra.deflation import in_frame
 from mbstab.analysis.reference.motion import TOLERANCE
 from mbstab.analysis.reference.steady import Family, Generator, declared_family
 from mbstab.compiler.system import Array, System
+from mbstab.records import dataclass
 
 DEPENDENT = 1e-7
 """A row repeats others if less than this part of it is independent of them."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,6 +42,7 @@ from mbstab.analysis.reference.symmetries import symmetries
 from mbstab.compiler.system import Array, System
 from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, UsageError, counted
 from mbstab.model.schema import is_length, unit_of
+from mbstab.records import dataclass
 
 STRATEGIES = ("Newton", "relaxation", "spin-up")
 

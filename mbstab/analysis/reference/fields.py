@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from mbstab.analysis.reference.rotation import euler_angles, orientation, rate_matrix, rotation_matrix
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array
+from mbstab.records import dataclass
 
 ANGLE = 0.7
 """Turns (rad), and shifts in sizes of the scene, by which elements are tried."""

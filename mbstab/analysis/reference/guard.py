@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
 from mbstab.analysis.reference.dependencies import names_in
 from mbstab.analysis.reference.motion import ROUNDING, TOLERANCE, Motion, motion_at, unbalance
@@ -186,7 +187,7 @@ def _asymmetric(system: System, motion: Motion, variation: float) -> ModelFileEr
 def breaking(system: System, motion: Motion, generator: Generator) -> list[str]:
     """Return the entries of a scene whose equations a symmetry does not carry into themselves."""
     time = TURN / abs(generator.rate) if generator.turns else 1.0
-    rng = np.random.default_rng(7)
+    rng = RandomNumbers(7)
     scale = motion.spaces.scale
     found = []
     for name, part in system.parts():

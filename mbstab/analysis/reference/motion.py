@@ -12,7 +12,7 @@ gives the accelerations and the multipliers. Which motion the file asks for is d
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,7 @@ from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, amount
 from mbstab.model.schema import is_length
 from mbstab.model.units import parse_unit
+from mbstab.records import dataclass
 
 TOLERANCE = 1e-9
 """A reference satisfies its constraints if the residuals are below this, relative to the sizes in the scene."""

@@ -232,11 +232,13 @@ class Search:
 
 
 def newton_step(G: Array, residual: Array, moving: int, damping: float) -> Array:
-    """Return the step of least length; damped in coordinates and rates, not in multipliers."""
+    """Return the step of least length; damped in coordinates and rates, not in multipliers; nan: none."""
     if damping:
         extra: Array = np.zeros((moving, G.shape[1]))
         extra[:, :moving] = math.sqrt(damping) * np.eye(moving)
         G, residual = np.vstack([G, extra]), np.concatenate([residual, np.zeros(moving)])
+    if not (np.all(np.isfinite(G)) and np.all(np.isfinite(residual))):
+        return np.full(G.shape[1], np.nan)  # LAPACK would complain on the terminal
     return np.asarray(np.linalg.lstsq(G, -residual, rcond=1e-11)[0], dtype=np.float64)
 
 

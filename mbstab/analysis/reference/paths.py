@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy.typing as npt
 from mbstab.analysis.algebra.arrays import Flags
 from mbstab.compiler.system import Array
 from mbstab.model.schema import Parameter, after_number
+from mbstab.records import dataclass
 
 SAME = 1e-9
 """Solutions are the same if their parameters differ by less than this part of the range, and their positions do not."""

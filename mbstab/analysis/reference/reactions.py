@@ -6,7 +6,6 @@ angles of a body that is Gᵀτ, with the torque τ about its reference point.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from mbstab.analysis.reference.rotation import orientation, rate_matrix
 from mbstab.compiler.system import Array, System
 from mbstab.mechanics.catalogue import GROUND, Marker
 from mbstab.model.scene import ItemValues
+from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -29,6 +28,7 @@ from mbstab.analysis.reference.rotation import (
 )
 from mbstab.compiler.system import Array, System
 from mbstab.model.scene import BodyValues
+from mbstab.records import dataclass
 
 FIT = 1e-9
 """Speeds follow a generator if they differ from it by less than this, relative to the largest."""

@@ -16,7 +16,6 @@ start says. Everything is computed in coordinates scaled by the masses they carr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from mbstab.analysis.reference.motion import Motion
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError, amount
+from mbstab.records import dataclass
 
 if TYPE_CHECKING:
     from mbstab.compiler.fused import Program

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError, suggestion
 from mbstab.model.scene import ItemValues
 from mbstab.model.schema import unit_of
+from mbstab.records import dataclass
 
 APART = 0.05
 """Sine of the angle to what others determine, above which a motion is independent of them."""

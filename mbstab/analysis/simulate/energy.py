@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
+from mbstab.records import dataclass
 
 
 def quadrature(order: int) -> list[tuple[float, float]]:

@@ -6,8 +6,6 @@ and decay are not shown. Of a steady motion it is what is seen in the frame in w
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mbstab.analysis.reference.attitude import Attitudes
@@ -16,6 +14,7 @@ from mbstab.analysis.simulate.constrained import ACCEPTED, Constrained
 from mbstab.analysis.simulate.start import complex_mode
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
+from mbstab.records import dataclass
 
 AMPLITUDE = 0.25
 """How far the coordinate that moves most swings, in sizes of the scene or rad."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from itertools import groupby
 
 import numpy as np
@@ -13,6 +13,7 @@ from mbstab.analysis.reference.efforts import Placement, efforts, moving_joints,
 from mbstab.analysis.reference.reactions import reactions
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.compiler.system import Array, System
+from mbstab.records import dataclass
 
 TOGETHER, NUMBERS = 500, 4_000_000
 """States that are looked at together, and numbers in their constraint matrices, at most."""

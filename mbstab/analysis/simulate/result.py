@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mbstab.compiler.system import Array
+from mbstab.records import dataclass
 
 
 @dataclass(frozen=True, repr=False)

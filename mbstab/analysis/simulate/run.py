@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +28,7 @@ from mbstab.analysis.simulate.time_budget import Budget
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError
+from mbstab.records import dataclass
 
 LEAST_PROGRESS = 0.002
 """The progress function is called when this part of the work is done."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from mbstab.errors import MbstabError, ModelFileError, UsageError, amount, sugge
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.schema import parse_finite, unit_of
+from mbstab.records import dataclass
 
 INCREMENT = 0.2
 """Given coordinates go from the reference to their values in steps of this part of their sizes, the others follow."""

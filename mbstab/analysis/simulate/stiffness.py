@@ -10,7 +10,7 @@ stability, and not what is seen of the motion, limit the steps.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -23,6 +23,7 @@ from mbstab.analysis.simulate.time_budget import Budget
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
 from mbstab.model.schema import unit_of
+from mbstab.records import dataclass
 
 BOUNDARIES = {"DOP853": 6.1, "RK45": 3.3}
 """Largest h |λ| of explicit solvers."""

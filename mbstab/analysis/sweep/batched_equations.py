@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from mbstab.analysis.reference.steady import Family, Generator, spins_freely
 from mbstab.analysis.sweep.batched_structure import Known, Points
 from mbstab.analysis.sweep.stacks import transposed
 from mbstab.compiler.system import Array, Dynamics, System
+from mbstab.records import dataclass
 
 EPS = float(np.finfo(float).eps)
 

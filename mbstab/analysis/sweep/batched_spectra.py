@@ -9,14 +9,13 @@ by one. Points that bounds for many at once do not decide are judged by the code
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.linear.bounds import enclosures
-from mbstab.analysis.linear.facts import Grounds
+from mbstab.analysis.linear.facts import LOST, Grounds
 from mbstab.analysis.linear.linearize import Linearization, linearize, state_space
 from mbstab.analysis.linear.verdict import UNDECIDED, judge, place
 from mbstab.analysis.reference.equations import Balance
@@ -46,6 +45,7 @@ from mbstab.model.parameters import settings_in_si
 from mbstab.model.scene import Scene
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
+from mbstab.records import dataclass
 
 BLOCK_ENTRIES = 600_000
 """Entries of a matrix over all points evaluated together: enough to hide Python, few enough for the caches."""
@@ -54,10 +54,7 @@ SAMPLED = 17
 """At so many points of a block the terms of which matrices are sums are formed."""
 
 GUARDED = 9
-"""At so many points of a sweep, spread over it, the motion is checked to stand still in its frame …"""
-
-STRUCTURED = (0, 8)
-"""… and at these of them the structure is compared with that of their pattern."""
+"""At so many points of a sweep, spread over it, the motion is checked to stand still in its frame."""
 
 HARDLY = 1e-6
 """Eigenvalues below this part of the largest are left out where those of other points are neutral."""
@@ -204,11 +201,12 @@ class Evaluator:
 
 @dataclass(frozen=True)
 class _Part:
-    """Points that were answered together."""
+    """Points that were answered together, or one that was answered in full."""
 
     index: Index
     found: Judged
     known: Known
+    alone: bool = False
 
     @property
     def total(self) -> int:
@@ -286,21 +284,39 @@ class _Work:
         """
         good = np.sort(np.concatenate([part.index for part in self.found])) if self.found else np.arange(0)
         sample = good[np.unique(np.linspace(0, len(good) - 1, GUARDED).round().astype(int))] if len(good) else good
-        compared = {int(sample[k]): self._grounds(int(sample[k])) for k in STRUCTURED if k < len(sample)}
+        ends = self._ends()
+        compared = {i: self._grounds(i) for known in ends for i in ends[known]}
         doubts = {int(i): self._doubt(int(i)) for i in sample if int(i) not in compared}
         if any(doubts.values()) or None in compared.values():
             doubts |= {int(i): self._doubt(int(i)) for i in good if int(i) not in doubts and int(i) not in compared}
             for i, doubt in doubts.items():
                 if doubt:
                     self.problems.setdefault(i, doubt)
-        for i, grounds in compared.items():
-            part = next(part for part in self.found if i in part.index)
-            if grounds is None or len(part.index) == 1:
+        for known, members in ends.items():
+            self._compare(known, {i: grounds for i in members if (grounds := compared[i]) is not None})
+
+    def _ends(self) -> dict[Known, list[int]]:
+        """Return the first and last of the points that each pattern has answered."""
+        ends: dict[Known, list[int]] = {}
+        for part in self.found:
+            if len(part.index) and not part.alone:
+                ends.setdefault(part.known, []).extend((int(part.index[0]), int(part.index[-1])))
+        return {known: sorted({min(index), max(index)}) for known, index in ends.items()}
+
+    def _compare(self, known: Known, ends: Mapping[int, Grounds]) -> None:
+        """Answer points of a pattern one by one where points at its ends have another structure."""
+        for i, grounds in ends.items():
+            other = Known(grounds)
+            if known.names == other.names:
                 continue
-            known = Known(grounds)
-            if known.names != part.known.names:
-                for j in [i] if part.known.holds_for(known) else part.index.tolist():
-                    self._exact(int(j))
+            if known.holds_for(other):
+                self._exact(i)
+                continue
+            evaluator = self.evaluator
+            evaluator.patterns = [x for x in evaluator.patterns if x.known is not known]
+            for j in np.concatenate([x.index for x in self.found if x.known is known and not x.alone]).tolist():
+                self._exact(int(j))
+            return
 
     def _doubt(self, i: int) -> str:
         """Say why the motion at a point does not stand still, or is none."""
@@ -319,7 +335,7 @@ class _Work:
         for part in self.found:
             unplaced = np.any(part.found.sides == OPEN, axis=1)
             open_ = np.flatnonzero(unplaced | (part.found.words == WORD[UNDECIDED]))
-            if len(part.index) < 2 or not len(open_):
+            if part.alone or not len(open_):
                 continue
             values, sides = part.found.values[open_], part.found.sides[open_]
             counts = np.stack([np.sum(sides == x, axis=1) for x in (RIGHT, LEFT, AXIS, OPEN)], axis=1)
@@ -347,7 +363,7 @@ class _Work:
         for part in self.found:
             size = np.abs(part.found.values)
             slow = np.any((size <= HARDLY * part.found.sizes[:, None]) & (part.found.sides != OPEN), axis=1)
-            found += part.index[slow].tolist() if len(part.index) > 1 else []
+            found += [] if part.alone else part.index[slow].tolist()
         return found
 
     def _more(self, i: int, word: int, number: int) -> bool:
@@ -420,7 +436,7 @@ class _Work:
                 if not grounds.linear.constant:
                     self.problems[i] = FROZEN
                     return None
-                doubt = grounds.time or grounds.kink(1) or grounds.separated.doubt
+                doubt = grounds.time or grounds.kink(1) or grounds.separated.doubt or grounds.lost
                 if doubt:
                     self.problems[i] = doubt
                     return None
@@ -478,8 +494,8 @@ class _Work:
         for n, part in enumerate(self.found):
             if len(part.index) and i in part.index:
                 keep = part.index != i
-                self.found[n] = _Part(part.index[keep], part.found.at(keep), part.known)
-        self.found.append(_Part(np.array([i]), found, Known(grounds)))
+                self.found[n] = _Part(part.index[keep], part.found.at(keep), part.known, part.alone)
+        self.found.append(_Part(np.array([i]), found, Known(grounds), alone=True))
         return word
 
     def _pattern(self, i: int) -> Pattern | None:
@@ -533,7 +549,9 @@ class _Work:
                 equations = Equations(pattern, System(scene), len(index), self._start(index))
                 good, points = equations.linearized(growth)
                 separation = pattern.known.separated(points)
-                good = good & separation.good
+                for x in self.values.values():
+                    good = good & ((x[index] == 0.0) | (np.abs(x[index]) >= LOST))
+                good = good & separation.good & pattern.known.keeps_energy(points)
                 found = judged(pattern.known, points, separation)
             except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
                 return np.zeros(len(index), dtype=bool)

@@ -9,7 +9,7 @@ a first axis for the points, of length 1 where all agree.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -38,6 +38,7 @@ from mbstab.analysis.sweep.stacks import (
 )
 from mbstab.compiler.system import Array, System
 from mbstab.model.schema import is_length
+from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)
@@ -370,6 +371,32 @@ class Known:
 
     # --- the energy -------------------------------------------------------------------------------------------------
 
+    def keeps_energy(self, points: Points) -> Flags:
+        """Return where the matrices are those of forces that conserve the energy, or take it, if the pattern says so.
+
+        The stiffness is symmetric then, and the symmetric part of the matrix of speeds zero or not negative; where
+        rows on speeds leave forces across them, neither needs be.
+        """
+        work = self.grounds.structure.work
+        if not (work.conserved or work.decreases) or len(self.grounds.linear.D_q):
+            return np.ones(len(points.S), dtype=bool)
+        stiffness, size = _reduced(points.K, points.N), _reduced(np.abs(points.K), np.abs(points.N))
+        limit = ROUNDINGS * EPS * points.spread[:, None, None]
+        good: Flags = np.all(np.abs(stiffness - transposed(stiffness)) <= 2.0 * limit * size, axis=(1, 2))
+        damping, size = _reduced(points.R, points.N), _reduced(np.abs(points.R), np.abs(points.N))
+        damping, size = damping + transposed(damping), limit * (size + transposed(size))
+        if work.conserved:
+            conserved: Flags = good & np.all(np.abs(damping) <= size, axis=(1, 2))
+            return conserved
+        if not damping.shape[-1]:
+            return good
+        diagonal = np.diagonal(np.maximum(damping, size), axis1=1, axis2=2)
+        each = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        units = each[:, :, None] * each[:, None, :]
+        taken = np.linalg.eigvalsh(damping * units)[:, 0] >= -np.linalg.norm(size * units, axis=(1, 2))
+        kept: Flags = good & taken
+        return kept
+
     def energy(self, points: Points) -> tuple[Array, Array]:
         """Return the second variation of the energy in the coordinates of S, and how large rounding may be in it."""
         n = points.n_xi
@@ -472,6 +499,12 @@ class Known:
         along = kernel.shape[-1] - reference.basis.shape[1]
         _, _, right = np.linalg.svd(columns - kernel @ inside)
         return kernel @ complement(orthonormal(inside @ transposed(right[:, right.shape[1] - along :]), along, good))
+
+
+def _reduced(matrix: Array, basis: Array) -> Array:
+    """Return the part of matrices along a basis."""
+    result: Array = transposed(basis) @ matrix @ basis
+    return result
 
 
 def _seen_from(points: Points, step: Generator, rate: Array) -> Points:

@@ -15,7 +15,6 @@ open is for the code of `mbstab eig`, which judges a single point.
 from __future__ import annotations
 
 from collections.abc import Callable, Container
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.linear.verdict import UNDECIDED, UNSTABLE, WORDS, Disc, Facts, Minimum, Side, judge
 from mbstab.analysis.sweep.batched_structure import Known, Points, Separation
 from mbstab.compiler.system import Array
+from mbstab.records import dataclass
 
 Sides = npt.NDArray[np.int8]
 

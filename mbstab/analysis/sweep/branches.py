@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -25,6 +25,7 @@ from mbstab.analysis.sweep.jobs import Block
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, TWIN, follow, has_twins
 from mbstab.compiler.system import Array
 from mbstab.model.schema import after_number
+from mbstab.records import dataclass
 
 RESOLUTION = 1e-12
 """Eigenvalues that are not told apart in an interval of this relative width cross or collide in it."""

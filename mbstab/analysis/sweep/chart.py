@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +26,7 @@ from mbstab.analysis.sweep.tracking import discriminant, product
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.model.schema import Model
+from mbstab.records import dataclass
 
 BISECTIONS = 40
 """Halvings of an edge: to 1e-12 of it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,10 +19,11 @@ from mbstab.analysis.sweep.batched_verdict import (
     settled,
     signs,
 )
-from mbstab.analysis.sweep.branches import FAR, NOISE, Branches
+from mbstab.analysis.sweep.branches import FAR, NOISE, RESOLUTION, Branches
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, discriminant, follow, product, turning
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
+from mbstab.records import dataclass
 
 SIDE = 1e-3
 """So far from a collision, relative to the parameter, the modes that meet are told apart."""
@@ -195,9 +196,19 @@ class CriticalValues(Branches):
                 inside = self._changes(self._stretch(more, (part, a), (part, b)), branches, depth + 1)
             sides = int(part.counts[a]), int(part.counts[b])
             if not inside and min(sides) >= 0 and sides[0] != sides[1]:
-                inside = [Critical(0.5 * (x[a] + x[b]), "unresolved", (), 0.0, sides)]
+                inside = [Critical(self._halved(float(x[a]), float(x[b]), sides), "unresolved", (), 0.0, sides)]
             found += inside
         return found
+
+    def _halved(self, low: float, high: float, counts: tuple[int, int]) -> float:
+        """Return about where a number of unstable eigenvalues becomes another one, judged as `mbstab eig` does."""
+        while high - low > RESOLUTION * self.width:
+            middle = 0.5 * (low + high)
+            count = int(self._counted(np.array([middle]))[0])
+            if count not in counts:
+                break
+            low, high = (middle, high) if count == counts[0] else (low, middle)
+        return 0.5 * (low + high)
 
     def _unexplained(
         self, part: _Stretch, found: list[Critical], doubtful: list[tuple[int, int]]

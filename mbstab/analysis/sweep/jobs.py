@@ -17,7 +17,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -35,6 +35,7 @@ from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError, OutputError, UsageError
 from mbstab.model.reader import read_model_text
 from mbstab.model.schema import Model
+from mbstab.records import dataclass
 
 POINTS, LEAST = 25_000, 1_000
 """Points of a block at most and at least: fewer would take little longer than what a block costs by itself."""

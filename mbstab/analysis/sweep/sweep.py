@@ -15,7 +15,7 @@ if the verdicts on both sides of it confirm the change.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import islice
 from pathlib import Path
 
@@ -37,6 +37,7 @@ from mbstab.analysis.sweep.jobs import Block, Progress, merged, run, stored, tas
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.model.schema import Model
+from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from mbstab.mechanics.catalogue import Sign
 from mbstab.model import units
 from mbstab.model.arithmetic import CONSTANTS
@@ -13,6 +11,7 @@ from mbstab.model.names import in_order
 from mbstab.model.quantities import QuantityReader, constant
 from mbstab.model.schema import PARAMETER_FIELDS, SIGNS, Parameter, Quantity
 from mbstab.model.yamlfile import Mapping, Scalar, YamlNode
+from mbstab.records import dataclass
 
 RESERVED = ("t", "rate", *FUNCTIONS, *CONSTANTS)
 """Names that expressions use for something else."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from mbstab.analysis.simulate.mode_shape import Swing
 from mbstab.analysis.simulate.result import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
+from mbstab.records import dataclass
 from mbstab.report.pictures.scales import with_minus_sign
 
 FPS = 25.0

@@ -5,12 +5,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from mbstab.compiler.system import Array
 from mbstab.mechanics.catalogue import Form
+from mbstab.records import dataclass
 
 WINDINGS = 6
 """Windings of a spring."""

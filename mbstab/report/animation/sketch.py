@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from mbstab.mechanics.catalogue import GROUND, Look, Marker
 from mbstab.mechanics.vectors import triad
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.schema import Components, Entry, ShapeValue
+from mbstab.records import dataclass
 from mbstab.report.animation.outlines import BLADE, THICK, Outline, line, outline_of
 
 CROSS = 0.1

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from mbstab.compiler.system import Array
+from mbstab.records import dataclass
 
 FLAT = 1e-4
 """Half of the thickness that a flat body is given, as a part of its size."""

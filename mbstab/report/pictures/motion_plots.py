@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from mbstab.analysis.simulate.result import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError, suggestion
 from mbstab.model.schema import Entry, Model, unit_of
+from mbstab.records import dataclass
 from mbstab.report.pictures.curves import INK, THIN, decimated, thinned
 from mbstab.report.pictures.drawing import EXACT, FONT, draw_legend, house_style, legend_marker, titled_figure
 from mbstab.report.pictures.scales import with_minus_sign

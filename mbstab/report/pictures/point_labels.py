@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from mbstab.compiler.system import Array
+from mbstab.records import dataclass
 from mbstab.report.pictures.drawing import FONT, text_width
 
 Box = tuple[float, float, float, float]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +11,7 @@ from matplotlib.ticker import FuncFormatter, SymmetricalLogLocator
 
 from mbstab.compiler.system import Array
 from mbstab.model.units import parse_unit
+from mbstab.records import dataclass
 from mbstab.report.pictures.drawing import FONT
 
 SQUEEZED = 40.0

@@ -8,7 +8,6 @@ Where something is out of the ordinary, a march stops before it and the caller g
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +22,7 @@ from mbstab.compiler.fused import Fused
 from mbstab.compiler.system import Array, System
 from mbstab.compiler.trace import Traced
 from mbstab.errors import UsageError
+from mbstab.records import dataclass
 
 if TYPE_CHECKING:
     from mbstab.compiler.machine import Machine, March, Tableau

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.compiler.system import Array, Dynamics
+from mbstab.records import dataclass
 
 HINT = (
     "hint: look for a jump or a kink in a given function of time or a force, for a singular configuration, or for "
