@@ -130,6 +130,14 @@ class Entry:
         """Return what messages call it, such as ``joint 'pivot'``."""
         return f"{entry_word(self.section)} {self.name!r}"
 
+    @property
+    def equations(self) -> dict[str, Expression]:
+        """Return the equations that the file itself gives (`Kind.written`): forces by coordinate, a row by its role."""
+        if self.kind.written is None:
+            return {}
+        (value,) = self.values.values()
+        return value if isinstance(value, dict) else {self.kind.written: value}
+
 
 @dataclass(frozen=True)
 class Steady:
