@@ -14,10 +14,10 @@ from __future__ import annotations
 import numbers
 import os
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, replace
 from decimal import Decimal
 from fractions import Fraction
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -32,16 +32,18 @@ from mbstab.analysis.linear.symbolic import SymbolicBlocks, Track, symbolic_bloc
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.compiler.system import Array, System
-from mbstab.errors import UsageError
+from mbstab.errors import UsageError, nearest
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.library import find_model
-from mbstab.model.parameters import evaluate_parameters, parse_overrides
+from mbstab.model.parameters import bound, evaluate_parameters
 from mbstab.model.reader import read_model, read_model_text
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
     from mbstab.analysis.compare.integrators import Integrations
     from mbstab.analysis.compare.methods import Comparison
     from mbstab.analysis.compare.verify import Verification
@@ -54,6 +56,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.sweep.sweep import Sweep
 
 Setting = float | str | Fraction | Decimal
+S = TypeVar("S", bound="DataclassInstance")
 Starts = Callable[[list[int]], Iterator[int]]
 
 
@@ -63,7 +66,7 @@ class Mechanism:
 
     Every method takes parameter values as keywords: ``model.eig(omega=5.6)``. A number, also one
     of NumPy, `fractions` or `decimal`, counts in the declared unit of the parameter; a text is an
-    expression in SI, or a number with or without a unit, such as ``"2 mm"``.
+    expression in SI, or a number with or without a unit, such as ``"2 mm"``. `at` binds them for several questions.
 
     Attributes
     ----------
@@ -77,6 +80,16 @@ class Mechanism:
     model: Model
     force: bool = False
 
+    def at(self, **parameters: Setting) -> Mechanism:
+        """Return the mechanism at parameter values; what is asked of it is asked there.
+
+        Raises
+        ------
+        UsageError
+            If a parameter is unknown or its value no number.
+        """
+        return replace(self, model=bound(self.model, parameters)) if parameters else self
+
     def _affordable(self, task: Task, parameters: Mapping[str, Setting]) -> System:
         """Return the equations of motion if a task about them is within the limits of memory and time."""
         system = self.system(**parameters)
@@ -84,11 +97,12 @@ class Mechanism:
             Cost.of(task, system.n_q, system.n_c).require()
         return system
 
-    def _afford(self, task: Task) -> None:
-        """Refuse a task beyond the limits of memory and time, at whatever values of the parameters."""
+    def _afforded(self, task: Task, parameters: Mapping[str, Setting]) -> Model:
+        """Return the model at parameter values; refuse a task beyond the limits, at whatever values."""
         # What is small enough without constraints need not be assembled.
         if not Cost.of(task, len(self.model.coordinates()), 0).affordable:
             self._affordable(task, {})
+        return self.at(**parameters).model
 
     def system(self, **parameters: Setting) -> System:
         """Return the equations of motion at parameter values.
@@ -100,7 +114,7 @@ class Mechanism:
         ModelFileError
             If a value is out of range.
         """
-        return System(evaluate(self.model, parse_overrides(self.model, parameters)))
+        return System(evaluate(self.at(**parameters).model))
 
     @guarded
     def motion(self, **parameters: Setting) -> Motion:
@@ -193,7 +207,7 @@ class Mechanism:
         def zeros() -> int:
             from mbstab.analysis.linear.precise import exact_zeros
 
-            return exact_zeros(self.model, parameters)
+            return exact_zeros(self.at(**parameters).model)
 
         return zeros
 
@@ -226,10 +240,10 @@ class Mechanism:
             If the digits cannot be reached.
         """
         digits = _whole("digits", digits)
-        self._afford("modes")
+        model = self._afforded("modes", parameters)
         from mbstab.analysis.linear.precise import precise_eigenvalues
 
-        return precise_eigenvalues(self.model, parameters, digits, frozen, progress)
+        return precise_eigenvalues(model, digits, frozen, progress)
 
     @guarded
     def certify(
@@ -252,10 +266,10 @@ class Mechanism:
             If python-flint is missing, or a parameter is unknown.
         """
         digits = _whole("digits", digits)
-        self._afford("modes")
+        model = self._afforded("modes", parameters)
         from mbstab.analysis.proof.certify import certify
 
-        return certify(self.model, parameters, digits, progress)
+        return certify(model, digits, progress)
 
     @guarded
     def verify(
@@ -285,12 +299,7 @@ class Mechanism:
         parameter: str,
         values: Array,
         progress: Callable[[float], object] = lambda done: None,
-        directory: Path | None = None,
-        resume: bool = False,
-        jobs: int = 1,
-        cluster: str = "",
-        keep: bool = False,
-        **parameters: Setting,
+        **keywords: Any,
     ) -> Sweep:
         """Return eigenvalue branches over a parameter, and where stability changes.
 
@@ -301,8 +310,8 @@ class Mechanism:
             Of the parameter in SI, ascending or descending.
         progress : callable
             Is called with the part of the work that is done, from 0 to 1.
-        directory, resume, jobs, cluster, keep
-            As in `mbstab.analysis.sweep.sweep.sweep`.
+        **keywords
+            Other parameters, and fields of `mbstab.analysis.sweep.settings.SweepSettings`.
 
         Raises
         ------
@@ -310,63 +319,34 @@ class Mechanism:
             If the parameter is unknown or the values are not in order.
         """
         values = _series(parameter, values)
-        self._afford("modes")
+        from mbstab.analysis.sweep.settings import SweepSettings
         from mbstab.analysis.sweep.sweep import sweep
 
-        settings = parse_overrides(self.model, parameters)
-        return sweep(self.model, parameter, values, settings, progress, directory, resume, jobs, cluster, keep)
+        settings, parameters = self._parted(SweepSettings, keywords)
+        return sweep(self._afforded("modes", parameters), parameter, values, progress, settings)
 
     @guarded
     def simulate(
         self,
         to: float | None = None,
-        start: float | None = None,
-        method: str = "projection",
-        solver: str = "",
-        tol: float = 1e-8,
-        step: float | None = None,
-        points: int = 501,
-        perturb: Mapping[str, float | str] | None = None,
-        strict: bool = False,
-        once: bool = False,
-        compiled: bool = False,
+        *,
         progress: Callable[[float], object] = lambda done: None,
-        through_singular: bool = False,
         tell: Callable[[str], object] = lambda text: None,
-        **parameters: Setting,
+        **keywords: Any,
     ) -> Simulation:
         """Return the nonlinear motion: ``model.simulate(10.0, perturb={"rod.theta": 0.1})``.
 
         Parameters
         ----------
-        to, start : float, optional
-            Last time (s), 10 s after the start if not given, and first one, that of the file if not given.
-        method, solver : str
-            ``projection`` (with DOP853, RK45, Radau, BDF), ``alpha`` or ``radau``; see
-            `mbstab.analysis.simulate.steppers.table`.
-        tol : float
-            Largest error of places (relative to the size of the scene), of entries of rotation matrices and of speeds
-            (relative to the largest of the motion) at any time of output.
-        step : float, optional
-            Fixed step (s), without control of the error.
-        points : int
-            Number of times of output.
-        perturb : mapping, optional
-            What is added to the reference motion, by ``rod.theta``, ``angle(pivot)`` or ``displacement(slider)`` of a
-            joint, ``rate(…)`` of these, or ``mode:1``; what else is free stays as it is.
-        strict : bool
-            Refuse initial values that the constraints do not allow, instead of moving them.
-        once : bool
-            Make one run in which `tol` is the error of a step.
-        compiled : bool
-            Take the steps of DOP853 or RK45 in machine code (extra ``fast``); compiled once, for half a minute.
+        to : float, optional
+            Last time (s).
         progress : callable
             Is called with the part of the work that is done, from 0 to 1.
-        through_singular : bool
-            Go on smoothly through configurations where the constraints lose rank, and say so in a warning.
         tell : callable
             Is called with what should be known before the end: warnings, and how long it takes and why, where that
             is long.
+        **keywords
+            Parameters, and fields of `mbstab.analysis.simulate.settings.SimulationSettings`.
 
         Raises
         ------
@@ -375,27 +355,26 @@ class Mechanism:
         SimulationError
             If the motion cannot be followed to the end; its `partial` holds the finished part.
         """
+        from mbstab.analysis.simulate.settings import SimulationSettings
         from mbstab.analysis.simulate.simulate import simulate
 
-        system = self._affordable("run", parameters)
-        return simulate(
-            system,
-            to=to,
-            start=start,
-            method=method,
-            solver=solver,
-            tol=tol,
-            step=step,
-            points=points,
-            perturb=perturb,
-            strict=strict,
-            once=once,
-            compiled=compiled,
-            progress=progress,
-            through_singular=through_singular,
-            tell=tell,
-            force=self.force,
-        )
+        settings, parameters = self._parted(SimulationSettings, {"to": to, **keywords})
+        return simulate(self._affordable("run", parameters), settings, progress, tell, self.force)
+
+    def _parted(self, kind: type[S], keywords: Mapping[str, Any]) -> tuple[S, dict[str, Any]]:
+        """Return settings of a kind, and the parameters among keywords.
+
+        Raises
+        ------
+        UsageError
+            If a keyword is nearer to a setting than to a parameter, but none; if settings are wrong.
+        """
+        names = [field.name for field in fields(kind)]
+        parameters = {name: x for name, x in keywords.items() if name not in names}
+        for name in parameters.keys() - self.model.parameters.keys():
+            if (near := nearest(name, [*self.model.parameters, *names])) in names:
+                raise UsageError(f"there is no setting or parameter {name!r}\nhint: did you mean {near!r}?")
+        return kind(**{name: x for name, x in keywords.items() if name in names}), parameters
 
     @guarded
     def swing(self, number: int = 1, points: int = 50, **parameters: Setting) -> Swing:
@@ -416,12 +395,7 @@ class Mechanism:
         self,
         values: Mapping[str, Array],
         progress: Callable[[float], object] = lambda done: None,
-        directory: Path | None = None,
-        resume: bool = False,
-        jobs: int = 1,
-        cluster: str = "",
-        keep: bool = False,
-        **parameters: Setting,
+        **keywords: Any,
     ) -> Chart:
         """Return the number of unstable eigenvalues over two parameters, and the curves where it changes.
 
@@ -429,15 +403,15 @@ class Mechanism:
         ----------
         values : mapping
             Two parameters and their values in SI, ascending.
-        progress, directory, resume, jobs, cluster, keep
+        progress, **keywords
             As in `sweep`.
         """
         values = {name: _series(name, x) for name, x in values.items()}
-        self._afford("modes")
         from mbstab.analysis.sweep.chart import chart
+        from mbstab.analysis.sweep.settings import SweepSettings
 
-        settings = parse_overrides(self.model, parameters)
-        return chart(self.model, values, settings, progress, directory, resume, jobs, cluster, keep)
+        settings, parameters = self._parted(SweepSettings, keywords)
+        return chart(self._afforded("modes", parameters), values, progress, settings)
 
     @guarded
     def compare(
@@ -464,10 +438,10 @@ class Mechanism:
             If the tolerance cannot be judged, or the motion is periodic.
         """
         digits = _whole("digits", digits)
-        self._afford("modes")
+        model = self._afforded("modes", parameters)
         from mbstab.analysis.compare.methods import compare
 
-        return compare(self.model, parameters, digits, tolerance, progress)
+        return compare(model, digits, tolerance, progress)
 
     @guarded
     def compare_integrators(
@@ -519,7 +493,7 @@ class Mechanism:
 
     def parameters(self, **parameters: Setting) -> dict[str, float]:
         """Return the value of every parameter in SI."""
-        return evaluate_parameters(self.model, parse_overrides(self.model, parameters), FLOAT)
+        return evaluate_parameters(self.at(**parameters).model, {}, FLOAT)
 
     def test(self) -> list[Outcome]:
         """Return for each entry of ``expect:`` whether it holds."""

@@ -25,7 +25,7 @@ def placed(mechanism, structure=True):
 
 def exact(mechanism, digits=DIGITS):
     """Return all finite eigenvalues, zeros and pairs of symmetries among them."""
-    return listed(precise_eigenvalues(mechanism.model, {}, digits))
+    return listed(precise_eigenvalues(mechanism.model, digits))
 
 
 def listed(precise):

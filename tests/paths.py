@@ -53,7 +53,7 @@ def bicycle_paths(rng, tries):
     low, high = np.array(list(RANGES.values())).T
     ends = rng.uniform(low, high, (tries, 2, len(RANGES)))
     shift = rng.uniform(-0.5, 0.5, (tries, 1, len(RANGES))) * (high - low)
-    evaluator = Evaluator(mbstab.loads(BICYCLE).model, {})
+    evaluator = Evaluator(mbstab.loads(BICYCLE).model)
     free = [_are_free(_spectra(evaluator, ends + x * shift)) for x in (0.0, 1.0)]
     some = free[0] != free[1]
     ends, shift, apart = ends[some], shift[some], np.where(free[0][some], 0.0, 1.0)[:, None, None]

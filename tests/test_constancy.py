@@ -21,7 +21,7 @@ from mbstab.analysis.linear.smoothness import kinks
 from mbstab.compiler.system import System
 from mbstab.model.arithmetic import array_arithmetic, mpmath_arithmetic
 from mbstab.model.expressions import parse
-from mbstab.model.parameters import parse_overrides
+from mbstab.model.parameters import bound
 from mbstab.model.values import evaluate
 
 POINT = """
@@ -190,7 +190,7 @@ def test_the_period_of_the_file_is_compared_exactly():
 def test_other_number_systems_agree(nu):
     model = mbstab.load("models/kapitza.yaml").model
     f = mpmath_arithmetic()
-    system = System(evaluate(model, parse_overrides(model, {"nu": nu}, f), f))
+    system = System(evaluate(bound(model, {"nu": nu}), arithmetic=f))
     assert only(system).period == pytest.approx(2 * math.pi / nu)
     assert period_doubt(system, system.scene.period) == ""
 

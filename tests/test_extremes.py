@@ -689,7 +689,7 @@ def against_precise(text, settings):
     """Return the result, and errors, bounds and true values of all eigenvalues, zeros included."""
     model = mbstab.loads(text)
     result = model.eig(**{name: float(x) for name, x in settings.items()})
-    precise = precise_eigenvalues(model.model, settings, 30)
+    precise = precise_eigenvalues(model.at(**settings).model, 30)
     errors, true = distance([e.value for e in result.eigenvalues], listed(precise))
     # Neutral ones are exact zeros or pairs.
     largest = float(np.max(np.abs(true), initial=0.0))

@@ -94,8 +94,8 @@ def test_blocks_of_large_scenes_have_fewer_points():
     )
     small, large = mbstab.load("top.yaml").model, mbstab.loads(text).model
     x = np.linspace(1.0, 2.0, 9_000)
-    assert [len(task.values["omega"]) for task in jobs.tasks(small, {}, {"omega": x})] == [9_000]
-    parts = [task.values["m"] for task in jobs.tasks(large, {}, {"m": x})]
+    assert [len(task.values["omega"]) for task in jobs.tasks(small, {"omega": x})] == [9_000]
+    parts = [task.values["m"] for task in jobs.tasks(large, {"m": x})]
     assert len(parts) == 3
     assert np.array_equal(np.concatenate(parts), x)
     assert jobs.block_size(6) == jobs.POINTS

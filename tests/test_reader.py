@@ -10,7 +10,8 @@ import pytest
 
 from mbstab.errors import MbstabError, ModelFileError, Problem, UsageError
 from mbstab.mechanics.elements import ELEMENTS, KINDS
-from mbstab.model.parameters import evaluate_parameters, parse_overrides
+from mbstab.model.arithmetic import FLOAT
+from mbstab.model.parameters import bound, evaluate_parameters, given_value
 from mbstab.model.reader import read_model, read_model_text
 from mbstab.model.scene import Scene
 from mbstab.model.schema import Model
@@ -941,13 +942,13 @@ def swept() -> Model:
 def test_a_plain_number_counts_in_the_declared_unit_and_an_expression_in_si(
     swept: Model, setting: str | float, value: float
 ) -> None:
-    assert parse_overrides(swept, {"length": setting}) == {"length": pytest.approx(value, rel=1e-15)}
+    assert given_value(bound(swept, {"length": setting}), "length", FLOAT) == pytest.approx(value, rel=1e-15)
 
 
 def test_an_override_reaches_the_parameters_that_depend_on_it(swept: Model) -> None:
-    overrides = parse_overrides(swept, {"length": "100"})
-    assert evaluate_parameters(swept, overrides, evaluate(swept).arithmetic)["twice"] == 0.2
-    assert evaluate(swept, overrides).parameters == {"length": 0.1, "twice": 0.2, "n": 3.0}
+    found = bound(swept, {"length": "100"})
+    assert evaluate_parameters(found, {}, FLOAT)["twice"] == 0.2
+    assert evaluate(found).parameters == {"length": 0.1, "twice": 0.2, "n": 3.0}
 
 
 @pytest.mark.parametrize(
@@ -975,7 +976,7 @@ def test_an_override_reaches_the_parameters_that_depend_on_it(swept: Model) -> N
 )
 def test_an_override_that_is_no_value_is_refused(swept: Model, settings: dict[str, str], message: str) -> None:
     with pytest.raises(UsageError, match=message):
-        parse_overrides(swept, settings)
+        bound(swept, settings)
 
 
 def test_an_unknown_parameter_is_not_ignored_by_evaluate(swept: Model) -> None:

@@ -193,3 +193,53 @@ def test_a_unit_may_stand_on_the_command_line():
     found = CliRunner().invoke(main, ["eig", "pendulum.yaml", "--set", "L=200 mm", "--set", "m=2 kg"])
     assert found.exit_code == 0
     assert "6.065269986" in found.output
+
+
+# --- settings are bound once ------------------------------------------------------------------------------------------
+
+
+def test_a_mechanism_at_parameter_values_answers_like_one_that_is_given_them_each_time():
+    there = MODEL.at(l="20 cm", m="2*b")
+    assert there.parameters() == MODEL.parameters(l="20 cm", m="2*b") == {**MODEL.parameters(), "m": 6.0}
+    assert there.eig().eigenvalues == MODEL.eig(l=200, m=6).eigenvalues
+    assert there.at(m=1).parameters() == MODEL.parameters()
+    assert MODEL.at() is MODEL
+
+
+def test_all_digits_of_what_is_bound_count():
+    # In double precision 1 + 1e-20 is 1; the frequency is sqrt(10/m).
+    found = MODEL.at(m="1.00000000000000000001").eig_precise(30)
+    assert found.eigenvalues[0].imag.startswith("3.16227766016837933198")
+    assert found.eigenvalues[0].imag != MODEL.eig_precise(30).eigenvalues[0].imag
+
+
+@pytest.mark.parametrize("ask", [v for k, v in QUESTIONS.items() if k != "certify"])
+def test_an_interval_is_refused_by_all_but_certificates(ask):
+    with pytest.raises(UsageError, match="this is an interval\nhint: intervals need mbstab eig --certify"):
+        ask(m="[1, 2]")
+    with pytest.raises(UsageError, match="an interval is written"):
+        ask(m="[1, 2")
+    assert MODEL.certify(m="[1, 2]").parameter == "m"
+
+
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (lambda: MODEL.simulate(1.0, pionts=3), "no setting or parameter 'pionts'\nhint: did you mean 'points'"),
+        (lambda: MODEL.sweep("b", [1.0, 2.0], job=2), "'job'\nhint: did you mean 'jobs'"),
+        (lambda: MODEL.chart({"b": [1.0, 2.0], "m": [1.0, 2.0]}, resum=True), "'resum'\nhint: did you mean 'resume'"),
+        (lambda: MODEL.simulate(1.0, bar=3), "no parameter 'bar'\nhint: did you mean 'bare'"),
+    ],
+)
+def test_keywords_that_are_nearly_settings_are_suggested(ask, said):
+    with pytest.raises(UsageError, match=said):
+        ask()
+
+
+def test_all_that_is_wrong_with_settings_is_said_at_once():
+    with pytest.raises(UsageError) as caught:
+        MODEL.simulate("soon", method="alpha", tol=2.0, points=1, step=-1.0, compiled=True)
+    for said in ("the last time", "no compiled steps", "the tolerance", "the step must", "two times of output"):
+        assert said in str(caught.value)
+    with pytest.raises(UsageError, match=r"leave out one of them\n--resume goes with --output"):
+        MODEL.sweep("b", [1.0, 2.0], jobs=2, cluster="tcp://127.0.0.1:1", resume=True)

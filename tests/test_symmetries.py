@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -152,3 +153,17 @@ def test_states_are_written_once_for_all_elements(monkeypatch):
     assert result.counts.neutral == 2 * count
     # At rest and in motion, at each speed, along each of the turns and two combinations.
     assert 0 < len(written) <= 2 * len(symmetries.SPEEDS) * (count + 2)
+
+
+def test_the_equations_are_evaluated_once_at_the_states_that_are_compared(monkeypatch):
+    points, dynamics = Counter(), System.dynamics
+
+    def counted(self, q, u, time=None):
+        if len(self.acting()) > 1 and np.asarray(q).dtype == float:
+            points[np.concatenate([q, u]).tobytes()] += 1
+        return dynamics(self, q, u, time)
+
+    monkeypatch.setattr(System, "dynamics", counted)
+    mbstab.load("whipple_bicycle.yaml").eig()
+    assert max(points.values()) <= 2  # the reference at rest: assembled, and asked whether the rows allow rest
+    assert len(points) > 30

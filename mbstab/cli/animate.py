@@ -144,7 +144,7 @@ class Animation:
         UsageError
             If there are too many frames, or only one.
         """
-        from mbstab.analysis.simulate.simulate import LONGEST
+        from mbstab.analysis.simulate.settings import LONGEST
         from mbstab.report.animation.frames import frame_count
 
         scene = system.scene
@@ -166,14 +166,14 @@ class Animation:
 
         self._write(system, motion_frames(sim, self.fps, self.speed), title)
 
-    def write_mode(self, mechanism: Mechanism, **parameters: str) -> None:
+    def write_mode(self, mechanism: Mechanism) -> None:
         """Animate a mode."""
         from mbstab.report.animation.frames import SWING, frame_count, swing_frames
 
         assert self.mode is not None
         points = max(2, frame_count(SWING, self.fps, 1.0) - 1)
-        frames = swing_frames(mechanism.swing(self.mode, points, **parameters), self.mode, self.fps)
-        self._write(mechanism.system(**parameters), frames, mechanism.model.title)
+        frames = swing_frames(mechanism.swing(self.mode, points), self.mode, self.fps)
+        self._write(mechanism.system(), frames, mechanism.model.title)
 
     def _write(self, system: System, frames: Frames, title: str) -> None:
         from mbstab.report.animation.movie_files import write

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from mbstab.cli.common import file_argument, force_option, load_model, parse_settings, set_option
+from mbstab.cli.common import file_argument, force_option, load_model, set_option
 from mbstab.cli.output import Output, output_options, warn
 
 
@@ -18,8 +18,8 @@ def check(file: str, settings: tuple[str, ...], output: Output) -> None:
 
     Example: mbstab check four_bar.yaml
     """
-    mechanism = load_model(file)
-    report, model = mechanism.check(**parse_settings(settings)), mechanism.model
+    mechanism = load_model(file, settings)
+    report, model = mechanism.check(), mechanism.model
     warn(report.warnings)
     from mbstab.report import export, model_check
 

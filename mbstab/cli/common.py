@@ -47,8 +47,15 @@ force_option = remembered_flag(
 """Is obeyed by `load_model`."""
 
 
-def load_model(file: str) -> Mechanism:
-    """Load a model file, an installed example (named on stderr), or the model on standard input."""
+def load_model(file: str, settings: tuple[str, ...] = ()) -> Mechanism:
+    """Load a model file, an installed example (named on stderr), or the model on standard input.
+
+    Its parameters have the values of ``--set``.
+    """
+    return _loaded(file).at(**parse_settings(settings))
+
+
+def _loaded(file: str) -> Mechanism:
     from mbstab.api import Mechanism
     from mbstab.model.library import STDIN, find_model
     from mbstab.model.reader import read_model, read_model_text

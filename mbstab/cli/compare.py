@@ -71,15 +71,15 @@ def compare(
         refuse_given(("digits",), "with --simulate")
     else:
         refuse_given(("to", "disturbances"), "without --simulate")
-    mechanism = load_model(file)
+    mechanism = load_model(file, settings)
     model = mechanism.model
     if picture is not None:
         _check_picture(picture)
     if simulate:
-        _integrators(mechanism, parse_settings(settings), to, disturbances, tolerance, picture, output)
+        _integrators(mechanism, to, disturbances, tolerance, picture, output)
         return
     with progress_bar("comparing") as progress:
-        result = mechanism.compare(digits, tolerance, progress, **parse_settings(settings))
+        result = mechanism.compare(digits, tolerance, progress)
     warn(result.truth.warnings)
     from mbstab.report import comparison, export
 
@@ -98,7 +98,6 @@ def compare(
 
 def _integrators(
     mechanism: Mechanism,
-    parameters: dict[str, str],
     to: float | None,
     disturbances: tuple[str, ...],
     tolerance: float | None,
@@ -112,7 +111,7 @@ def _integrators(
     model = mechanism.model
     perturb = parse_settings(disturbances, "--perturb")
     with progress_bar("comparing") as progress:
-        result = mechanism.compare_integrators(to, perturb, tolerance, progress, **parameters)
+        result = mechanism.compare_integrators(to, perturb, tolerance, progress)
     output.write(
         {
             "table": lambda: integrations_text(result, model.title),

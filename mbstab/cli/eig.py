@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mbstab.analysis.linear.methods import DEFAULT, METHODS
-from mbstab.cli.common import files_argument, force_option, load_model, parse_settings, progress_bar, set_option
+from mbstab.cli.common import files_argument, force_option, load_model, progress_bar, set_option
 from mbstab.cli.output import Answer, Output, output_options, warn
 from mbstab.errors import ExpectationError, MbstabError, NumericalError, SeveralErrors, UsageError, visible
 from mbstab.model.words import REQUIRED
@@ -78,7 +78,6 @@ def eig(
 
     Example: mbstab eig pendulum.yaml --set L=0.5
     """
-    parameters = parse_settings(settings)
     if (precision is not None or certify) and method != DEFAULT:
         message = f"--precision and --certify compute by deflation, not with --method {method}"
         raise UsageError(f"{message}\nhint: leave out one of them")
@@ -86,24 +85,21 @@ def eig(
         raise UsageError("--verify goes with none of --precision, --certify, --method and the format csv")
     if certify and (frozen or output.format == "csv"):
         raise UsageError("--certify goes with neither --frozen nor the format csv")
-    wide = [name for name, text in parameters.items() if text.startswith("[")]
-    if wide and not certify:
-        raise UsageError(f"{wide[0]} is an interval\nhint: intervals need --certify")
     if len(set(names)) < len(names):
         raise UsageError("a file is named twice")
 
     def reply(mechanism: Mechanism) -> _Reply:
         if certify:
-            return _certified(mechanism, parameters, precision or CERTIFIED_DIGITS)
+            return _certified(mechanism, precision or CERTIFIED_DIGITS)
         if precision is not None:
-            return _precise(mechanism, parameters, frozen, precision)
-        return _verified(mechanism, parameters, frozen) if verify else _plain(mechanism, parameters, method, frozen)
+            return _precise(mechanism, frozen, precision)
+        return _verified(mechanism, frozen) if verify else _plain(mechanism, method, frozen)
 
     replies: list[_Reply] = []
     failures: list[MbstabError] = []
     for name in names:
         try:
-            replies.append(reply(load_model(name)))
+            replies.append(reply(load_model(name, settings)))
             failures += _failure(replies[-1], require, name if len(names) > 1 else "")
         except MbstabError as error:
             if len(names) == 1:
@@ -181,27 +177,26 @@ def _failure(reply: _Reply, require: str | None, name: str) -> list[MbstabError]
     return []
 
 
-def _plain(mechanism: Mechanism, parameters: dict[str, str], method: str, frozen: bool) -> _Reply:
+def _plain(mechanism: Mechanism, method: str, frozen: bool) -> _Reply:
     """Answer in double precision."""
     with progress_bar("following the period") as progress:
-        result = mechanism.eig(method, frozen, progress, **parameters)
+        result = mechanism.eig(method, frozen, progress)
     from mbstab.report import eigenvalues, export
 
-    return _told(mechanism, parameters, result, eigenvalues.eigen_text, export.eigen_data, export.eigen_rows)
+    return _told(mechanism, result, eigenvalues.eigen_text, export.eigen_data, export.eigen_rows)
 
 
-def _precise(mechanism: Mechanism, parameters: dict[str, str], frozen: bool, digits: int) -> _Reply:
+def _precise(mechanism: Mechanism, frozen: bool, digits: int) -> _Reply:
     """Answer with many digits."""
     with progress_bar("more digits") as progress:
-        result = mechanism.eig_precise(digits, frozen, progress, **parameters)
+        result = mechanism.eig_precise(digits, frozen, progress)
     from mbstab.report import eigenvalues, export
 
-    return _told(mechanism, parameters, result, eigenvalues.precise_text, export.precise_data, export.precise_rows)
+    return _told(mechanism, result, eigenvalues.precise_text, export.precise_data, export.precise_rows)
 
 
 def _told(
     mechanism: Mechanism,
-    parameters: dict[str, str],
     result: Any,
     text: Callable[[Any, str], str],
     data: Callable[..., dict[str, Any]],
@@ -209,7 +204,7 @@ def _told(
 ) -> _Reply:
     """Write warnings, and return an answer with how it is written."""
     warn(result.warnings)
-    model, values = mechanism.model, mechanism.parameters(**parameters)
+    model, values = mechanism.model, mechanism.parameters()
     return _Reply(
         model,
         result.verdict,
@@ -220,12 +215,12 @@ def _told(
     )
 
 
-def _verified(mechanism: Mechanism, parameters: dict[str, str], frozen: bool) -> _Reply:
+def _verified(mechanism: Mechanism, frozen: bool) -> _Reply:
     """Answer with the eigenvalues, and what the nonlinear motion says about them."""
     with progress_bar("exciting modes") as progress:
-        found = mechanism.verify(frozen, progress, **parameters)
+        found = mechanism.verify(frozen, progress)
     warn(found.result.warnings)
-    model, values, result = mechanism.model, mechanism.parameters(**parameters), found.result
+    model, values, result = mechanism.model, mechanism.parameters(), found.result
     from mbstab.report import eigenvalues, export, verification
 
     failure = None
@@ -241,10 +236,10 @@ def _verified(mechanism: Mechanism, parameters: dict[str, str], frozen: bool) ->
     )
 
 
-def _certified(mechanism: Mechanism, parameters: dict[str, str], digits: int) -> _Reply:
+def _certified(mechanism: Mechanism, digits: int) -> _Reply:
     """Answer with enclosures and the verdict, proven or under conditions; without one the command fails."""
     with progress_bar("dividing the interval") as progress:
-        result = mechanism.certify(digits, progress, **parameters)
+        result = mechanism.certify(digits, progress)
     model = mechanism.model
     from mbstab.report import certificate
 

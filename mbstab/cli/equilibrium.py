@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from mbstab.cli.common import file_argument, force_option, load_model, parse_settings, set_option, tracked
+from mbstab.cli.common import file_argument, force_option, load_model, set_option, tracked
 from mbstab.cli.output import Output, output_options, warn
 
 
@@ -25,12 +25,10 @@ def equilibrium(file: str, settings: tuple[str, ...], starts: int, seed: int, ou
 
     Example: mbstab equilibrium governor.yaml --set omega=20
     """
-    mechanism = load_model(file)
-    model, parameters = mechanism.model, parse_settings(settings)
+    mechanism = load_model(file, settings)
+    model = mechanism.model
     names = model.coordinates()
-    found = mechanism.equilibria(
-        starts, seed, lambda items: tracked(items, "starts") if starts > 1 else iter(items), **parameters
-    )
+    found = mechanism.equilibria(starts, seed, lambda items: tracked(items, "starts") if starts > 1 else iter(items))
     warn(list(dict.fromkeys(text for item in found for text in item.motion.warnings)))
     from mbstab.report import equilibria, export
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from mbstab.cli.common import file_argument, force_option, load_model, parse_settings, set_option, tracked
+from mbstab.cli.common import file_argument, force_option, load_model, set_option, tracked
 from mbstab.cli.output import Output, note, output_options, warn
 from mbstab.errors import UsageError, counted
 
@@ -35,16 +35,15 @@ def linearize(
     """
     if output.format == "latex" and not symbolic:
         raise UsageError("the format latex goes with --symbolic")
-    parameters = parse_settings(settings)
     if symbolic:
-        _symbolic(file, parameters, frozen, output)
+        _symbolic(file, settings, frozen, output)
         return
-    mechanism = load_model(file)
+    mechanism = load_model(file, settings)
     model = mechanism.model
     from mbstab.analysis.linear.linearize import state_space
     from mbstab.report import export, linearization
 
-    linear = mechanism.linearize(frozen, **parameters)
+    linear = mechanism.linearize(frozen)
     warn(linear.motion.warnings)
     space = state_space(linear)
     output.write(
@@ -58,7 +57,7 @@ def linearize(
     )
 
 
-def _symbolic(file: str, parameters: dict[str, str], frozen: bool, output: Output) -> None:
+def _symbolic(file: str, settings: tuple[str, ...], frozen: bool, output: Output) -> None:
     """Write the blocks with symbols."""
     if output.format not in ("table", "latex"):
         raise UsageError("--symbolic goes with the formats table and latex")
@@ -66,7 +65,7 @@ def _symbolic(file: str, parameters: dict[str, str], frozen: bool, output: Outpu
         raise UsageError(
             "--symbolic shows the equations in the coordinates of the file; --frozen has no effect with it"
         )
-    if parameters:
+    if settings:
         raise UsageError("--symbolic shows parameters as symbols; --set has no effect with it")
     from mbstab.report.symbolic import symbolic_latex, symbolic_text
 

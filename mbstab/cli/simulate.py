@@ -6,7 +6,7 @@ import contextlib
 import signal
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +38,7 @@ from mbstab.errors import SimulationError
 
 if TYPE_CHECKING:
     from mbstab.analysis.simulate.result import Simulation
+    from mbstab.analysis.simulate.settings import SimulationSettings
     from mbstab.api import Mechanism
     from mbstab.model.schema import Model
     from mbstab.report.pictures.motion_plots import Picture
@@ -144,40 +145,36 @@ def simulate(
 
     Example: mbstab simulate pendulum.yaml --perturb rod.theta=pi/4 --to 20 -o pendulum.csv
     """
-    run = {name: options.pop(name) for name in RUN}
-    _check_options(options["mode"] is not None, run["step"] is not None, bool(plots))
+    from mbstab.analysis.simulate.settings import SimulationSettings
+
+    _check_options(options["mode"] is not None, options["step"] is not None, bool(plots))
+    own = {field.name: options.pop(field.name) for field in fields(SimulationSettings) if field.name in options}
+    perturb = parse_settings(disturbances, "--perturb")
+    run = SimulationSettings(**own, points=points or POINTS, perturb=perturb)
     movie = Animation.of(**options)
-    run["perturb"] = parse_settings(disturbances, "--perturb")
-    parameters = parse_settings(settings)
     check_pictures(place)
-    mechanism = load_model(file)
+    mechanism = load_model(file, settings)
     model = mechanism.model
-    pictures, count = _pictures(plots, model), points or POINTS
+    pictures = _pictures(plots, model)
     paths = picture_paths(*picture_stem(place, output.path, Path(model.name)), [picture.name for picture in pictures])
     if movie is not None:
-        movie.check(mechanism.system(**parameters))
+        movie.check(mechanism.system())
         if movie.mode is not None:
-            movie.write_mode(mechanism, **parameters)
+            movie.write_mode(mechanism)
             return
-        count = points or movie.points(mechanism.system(**parameters), run["start"], run["to"])
-    result, stopped = _run(mechanism, {**run, "points": count, "solver": run["solver"] or ""}, parameters)
+        run = replace(run, points=points or movie.points(mechanism.system(), run.start, run.to))
+    result, stopped = _run(mechanism, run)
     _write(result, output, model, full)
     _draw(result, pictures, paths, model)
     if movie is not None and not (result.complete or result.failure):
         note("not animated, as the simulation was stopped")
     elif movie is not None:
-        movie.write_motion(mechanism.system(**parameters), result, model.title)
+        movie.write_motion(mechanism.system(), result, model.title)
     if stopped is not None:
         raise stopped
 
 
-RUN = ("to", "start", "method", "solver", "tol", "step", "once", "compiled", "through_singular", "strict")
-"""Options of a run, as `Mechanism.simulate` names them."""
-
-
-def _run(
-    mechanism: Mechanism, options: dict[str, Any], parameters: dict[str, Any]
-) -> tuple[Simulation, SimulationError | None]:
+def _run(mechanism: Mechanism, settings: SimulationSettings) -> tuple[Simulation, SimulationError | None]:
     """Return what is computed, and why it ended early if it did."""
     told: list[str] = []
 
@@ -187,8 +184,8 @@ def _run(
 
     stopped: SimulationError | None = None
     try:
-        with _compiling(options["compiled"]), progress_bar("simulating") as progress:
-            result = mechanism.simulate(progress=progress, tell=tell, **options, **parameters)
+        with _compiling(settings.compiled), progress_bar("simulating") as progress:
+            result = mechanism.simulate(progress=progress, tell=tell, **vars(settings))
     except SimulationError as error:
         if error.partial is None or not len(error.partial.times):
             raise

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mbstab.analysis.sweep.settings import SweepSettings
 from mbstab.cli import completion
-from mbstab.cli.common import file_argument, force_option, load_model, parse_settings, progress_bar, set_option
+from mbstab.cli.common import file_argument, force_option, load_model, progress_bar, set_option
 from mbstab.cli.output import (
     Answer,
     Output,
@@ -118,24 +119,11 @@ def sweep(
     """
     given = {"--from": start, "--to": stop, "--points": points}
     _check_options(parameters, given, values is not None, pictures, place)
-    if jobs > 1 and cluster:
-        raise UsageError(
-            "--jobs is for processes of this machine, --cluster for those of others: leave out one of them"
-        )
-    if resume and output.path is None:
-        raise UsageError("--resume goes with --output, beside which the finished parts are kept")
-    mechanism = load_model(file)
+    directory = output.path.with_name(output.path.name + ".parts") if output.path is not None else None
+    run = SweepSettings(directory, True, resume, jobs, cluster)
+    mechanism = load_model(file, settings)
     model = mechanism.model
     grids = _grids(model, parameters, given, logarithmic, values)
-    directory = output.path.with_name(output.path.name + ".parts") if output.path is not None else None
-    run: dict[str, Any] = {
-        "directory": directory,
-        "resume": resume,
-        "jobs": jobs,
-        "cluster": cluster,
-        "keep": True,
-        **parse_settings(settings),
-    }
     stem = picture_stem(place, output.path, Path(model.name), "-".join(parameters))
     wanted = pictures or (("map", "locus") if output.format == "table" or output.path is not None else ())
     drawn = () if "none" in wanted else wanted
@@ -152,16 +140,16 @@ def _sweep(
     mechanism: Mechanism,
     parameter: str,
     grids: dict[str, Array],
-    run: dict[str, Any],
+    run: SweepSettings,
     paths: dict[str, Path],
     output: Output,
 ) -> tuple[int, int]:
     """Sweep a parameter, write and draw the answer; return the number of points, and of those without an answer."""
     model = mechanism.model
     unit, factor = model.parameters[parameter].unit, model.parameters[parameter].factor
-    with _kept(run["directory"], output.path):
+    with _kept(run.directory, output.path):
         with progress_bar("sweeping") as progress:
-            answer = mechanism.sweep(parameter, grids[parameter], progress=progress, **run)
+            answer = mechanism.sweep(parameter, grids[parameter], progress, **vars(run))
         output.write(_sweep_answer(answer, unit, factor, model.name, model.title), summary=True)
         _draw(answer, paths, _label(parameter, unit), model.title)
     warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))
@@ -169,14 +157,14 @@ def _sweep(
 
 
 def _chart(
-    mechanism: Mechanism, grids: dict[str, Array], run: dict[str, Any], paths: dict[str, Path], output: Output
+    mechanism: Mechanism, grids: dict[str, Array], run: SweepSettings, paths: dict[str, Path], output: Output
 ) -> tuple[int, int]:
     """Compute a chart, write and draw it; return the number of points, and of those without an answer."""
     model = mechanism.model
     labels = [(model.parameters[name].unit, model.parameters[name].factor) for name in grids]
-    with _kept(run["directory"], output.path):
+    with _kept(run.directory, output.path):
         with progress_bar("sweeping") as progress:
-            answer = mechanism.chart(grids, progress=progress, **run)
+            answer = mechanism.chart(grids, progress, **vars(run))
         output.write(_chart_answer(answer, labels, model.name, model.title), summary=True)
         for path in paths.values():
             _draw_chart(answer, path, labels, model.title)

@@ -37,8 +37,8 @@ import numpy.typing as npt
 from mbstab.compiler.scatter import Time, arithmetic_of, listed, padded, plan_of, scatter, scatter_points, signals_at
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
-from mbstab.mechanics.catalogue import GROUND, ElementUse
-from mbstab.mechanics.elements import ELEMENTS
+from mbstab.mechanics.catalogue import GROUND, ElementUse, Role
+from mbstab.mechanics.elements import ELEMENTS, kernel_name
 from mbstab.mechanics.vectors import plain_zero
 from mbstab.model.arithmetic import FLOAT, Arithmetic
 from mbstab.model.evaluator import Law
@@ -280,8 +280,7 @@ class System:
         pieced = {
             item.entry.path
             for item in self.scene.items
-            if item.kind.name == "expression"
-            and any(expression.pieced() for expression in item.entry.values["on"].values())
+            if any(expression.pieced() for expression in item.entry.equations.values())
         }
         for e in self._elements:
             if e.rows:
@@ -298,26 +297,22 @@ class System:
 
     # --- what is in the scene ---------------------------------------------------------------------------------------
 
-    def _uses(self) -> list[tuple[Any, Entry | None, str]]:
+    def _uses(self) -> list[tuple[Any, Entry | None, Role]]:
         scene = self.scene
-        uses: list[tuple[Any, Entry | None, str]] = []
+        uses: list[tuple[Any, Entry | None, Role]] = []
         for number, body in enumerate(scene.bodies):
             element = inertia_element(number, body.orientation, body.mass, body.inertia, body.center, scene.gravity)
             uses.append((element, None, "inertia"))
         for item in scene.items:
-            if item.entry.section == "constraints":
-                role = item.kind.name
-                uses.append(((item.entry.values[role],), item.entry, role))
-            elif item.kind.name == "expression":
-                uses.append((tuple(item.entry.values["on"].values()), item.entry, "force"))
+            if item.kind.written:
+                uses.append((item.entry.equations, item.entry, item.kind.written))
             else:
                 for use in item.kind.build(item):
                     uses.append((use, item.entry, ELEMENTS[self._kernel_name(use)].role))
         return uses
 
     def _kernel_name(self, use: ElementUse) -> str:
-        frames = ("coordinate", "planar" if self.scene.dimension == 2 else "spatial")
-        return next(name for frame in frames if (name := f"{frame}_{use.element}") in ELEMENTS)
+        return kernel_name(use.element, self.scene.dimension)
 
     def _row_list(self, use: Any, entry: Entry | None) -> list[Row]:
         assert entry is not None
@@ -333,7 +328,7 @@ class System:
         labels = [label] if count == 1 else [f"{label} {axis}" for axis in "xyz"[:count]]
         return [Row(entry.section, entry.name, text, unit, entry.location) for text in labels]
 
-    def _place(self, uses: list[tuple[Any, Entry | None, str]]) -> list[_Placed]:
+    def _place(self, uses: list[tuple[Any, Entry | None, Role]]) -> list[_Placed]:
         next_row = {"holonomic": 0, "nonholonomic": self.n_h}
         placed = []
         for use, entry, role in uses:
@@ -357,7 +352,7 @@ class System:
 
     def _columns(self, use: ElementUse, name: str) -> tuple[tuple[int, ...], tuple[Any, ...]]:
         """Return the coordinate numbers of an element, n_q where a coordinate is fixed, and its base rotations."""
-        if name.startswith("coordinate_"):
+        if ELEMENTS[name].on_coordinates:
             return use.slots, ()
         size = 3 if self.scene.dimension == 2 else 6
         columns: list[int] = []
@@ -374,12 +369,12 @@ class System:
         return tuple(columns), tuple(bases)
 
     def _place_expressions(
-        self, expressions: tuple[Expression, ...], entry: Entry, role: str, rows: tuple[int, ...]
+        self, equations: dict[str, Expression], entry: Entry, role: str, rows: tuple[int, ...]
     ) -> _Placed:
         from mbstab.compiler.user import user_kernel
 
         number = {name: i for i, name in enumerate(self.names)}
-        acted = tuple(entry.values["on"]) if role == "force" else ()
+        acted, expressions = tuple(equations) if role == "force" else (), tuple(equations.values())
         used = {name for e in expressions for name in (*e.names(), *e.rates())} | set(acted)
         coordinates = tuple(name for name in self.names if name in used)
         parameters = tuple(name for name in self.scene.parameters if name in used)

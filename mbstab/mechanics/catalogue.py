@@ -33,6 +33,9 @@ Sign = Literal["any", "positive", "nonnegative", "nonzero"]
 
 Role = Literal["inertia", "force", "holonomic", "nonholonomic"]
 
+ROWS: tuple[Literal["holonomic"], Literal["nonholonomic"]] = ("holonomic", "nonholonomic")
+"""Roles of elements that have constraint rows."""
+
 
 @dataclass(frozen=True)
 class Element:
@@ -70,6 +73,11 @@ class Element:
     signals: int = 0
     units: tuple[str, ...] = ()
     hint: str = ""
+
+    @property
+    def on_coordinates(self) -> bool:
+        """Whether it connects coordinates, not bodies."""
+        return self.frames == ("coordinate",)
 
 
 @dataclass(frozen=True)
@@ -266,6 +274,8 @@ class Kind:
         Its keys.
     build : callable
         From an `Item` to the elements it stands for.
+    written : str or None
+        Role of the equations that the file itself gives in its only field; `build` has no elements then.
     motions : tuple of str
         For joints: the motions a drive or a spring can act on (``angle``, ``displacement``).
     one_of : tuple of tuple of str
@@ -285,6 +295,7 @@ class Kind:
     one_of: tuple[tuple[str, ...], ...] = ()
     effort: Callable[[Item], Effort] | None = None
     look: Callable[[Item], Look] | None = None
+    written: Role | None = None
 
     def field(self, name: str) -> Field:
         """Return the field of that name."""

@@ -14,6 +14,12 @@ ELEMENTS: dict[str, Element] = {
 """Every built-in element under the name of its kernel, such as ``planar_coincident``."""
 
 
+def kernel_name(element: str, dimension: int) -> str:
+    """Return the key of an element in scenes of a dimension, by its name without the frame."""
+    frames = ("coordinate", "planar" if dimension == 2 else "spatial")
+    return next(name for frame in frames if (name := f"{frame}_{element}") in ELEMENTS)
+
+
 def _by_dimension(kinds: dict[str, Kind]) -> dict[tuple[str, int], Kind]:
     return {(kind.name, dimension): kind for kind in kinds.values() for dimension in kind.dimensions}
 

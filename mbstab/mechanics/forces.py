@@ -305,7 +305,8 @@ KINDS: dict[tuple[str, int], Kind] = {
             "generalized forces written as expressions of coordinates, rates and time",
             (2, 3),
             (Field("on", "loads", "generalized force by coordinate: {body.x: expression}", "", required=True),),
-            lambda item: (),  # its equations are in the file; the compiler derives them
+            lambda item: (),
+            written="force",
         ),
         Kind(
             "torque",

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numbers
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from decimal import Decimal, localcontext
 from fractions import Fraction
@@ -15,6 +16,7 @@ from mbstab.model.arithmetic import CONSTANTS, FLOAT, Arithmetic
 from mbstab.model.expressions import MAX_NUMBER, Expression, ExpressionError, parse
 from mbstab.model.numbers import broken_sign, require_finite
 from mbstab.model.schema import (
+    Given,
     Model,
     Parameter,
     after_number,
@@ -23,24 +25,31 @@ from mbstab.model.schema import (
 from mbstab.model.units import UNITS, exact_factor, parse_unit
 
 
-def parse_overrides(model: Model, settings: Mapping[str, object], arithmetic: Arithmetic = FLOAT) -> dict[str, Number]:
-    """Return parameter values in SI for settings such as ``{"omega": "2*pi"}``.
+def bound(model: Model, settings: Mapping[str, object]) -> Model:
+    """Return a model whose parameters have the values of settings such as ``{"omega": "2*pi"}``.
 
     A plain number is in the declared unit of the parameter, and one with a unit of its own, such as
     ``2 kg``, in that unit. An expression may use the other parameters' values in the file and is in
     SI. In a number system other than floats a text keeps all its digits, and a float stands for
-    the decimals with which it is printed.
+    the decimals with which it is printed. An interval, ``[5.6, 10]``, has a value in balls only.
 
     Raises
     ------
     UsageError
         If a parameter is unknown or the value is not a finite number in a unit that fits.
     """
-    return {name: _override(model, name, setting, arithmetic) for name, setting in settings.items()}
+    if not settings:
+        return model
+    given = {name: replace(_parameter(model, name), given=_given(model, name, x)) for name, x in settings.items()}
+    found = replace(model, parameters={**model.parameters, **given})
+    for name, parameter in given.items():
+        if parameter.given is not None and len(parameter.given.ends) == 1:
+            given_value(found, name, FLOAT)
+    return found
 
 
 def settings_in_si(values: Mapping[str, float]) -> dict[str, str]:
-    """Return values in SI as settings for `parse_overrides`: as expressions they do not count in declared units."""
+    """Return values in SI as settings for `bound`: as expressions they do not count in declared units."""
     return {name: f"1*({value!r})" for name, value in values.items()}
 
 
@@ -49,13 +58,6 @@ def _parameter(model: Model, name: str) -> Parameter:
         hint = suggestion(name, model.parameters) or "parameters: " + (", ".join(model.parameters) or "none")
         raise UsageError(f"{model.name} has no parameter {name!r}\nhint: {hint}")
     return model.parameters[name]
-
-
-def _factor(parameter: Parameter, arithmetic: Arithmetic) -> Number:
-    """Return the factor from the unit of a parameter to SI, as exactly as the number system can represent it."""
-    if parameter.factor == 1.0 or arithmetic.name in ("float", "array"):
-        return parameter.factor
-    return exact_factor(parameter.unit, arithmetic)
 
 
 _WITH_UNIT = re.compile(r"(?P<value>[-+*/(). 0-9eE]*[0-9.)])\s*(?![eE][0-9])(?P<unit>[A-Za-z1].*)")
@@ -99,62 +101,98 @@ def plain_setting(model: Model, name: str, setting: object) -> int | float | str
     raise UsageError(f"{name}={setting!r}: a parameter is one number\nhint: {hint}")
 
 
-def parse_setting(model: Model, name: str, text: str) -> tuple[Expression, str]:
-    """Return the value that a text such as ``2*pi`` or ``2 kg`` gives a parameter, and the unit it is written with.
+def _given(model: Model, name: str, given: object) -> Given:
+    """Read a setting.
 
     Raises
     ------
-    ExpressionError
-        If it is neither an expression nor a number with a unit that fits that of the parameter.
+    UsageError
+        If it is neither a finite number, nor an expression, nor an interval of such, or its unit does not fit.
     """
+    setting = plain_setting(model, name, given)
+    text = setting if isinstance(setting, str) else repr(setting)
+    parts = [text]
+    if text.startswith("["):
+        parts = text.removeprefix("[").removesuffix("]").split(",")
+        if not text.endswith("]") or len(parts) != 2:
+            raise UsageError(f"{name}={text}: an interval is written [first, last]")
+    with _refused(name, setting):
+        if not isinstance(setting, str):
+            require_finite(setting)
+        return Given(setting, tuple(_end(model, name, part.strip()) for part in parts))
+
+
+@contextmanager
+def _refused(name: str, setting: object) -> Iterator[None]:
+    """Say which setting an error of an expression is about."""
     try:
-        return parse_finite(text, model.parameters), ""
+        yield
+    except ExpressionError as error:
+        hint = f"\nhint: {error.hint}" if error.hint else ""
+        raise UsageError(f"{name}={setting}: {error.message}{hint}") from None
+
+
+def _end(model: Model, name: str, text: str) -> tuple[Expression, str | None]:
+    """Return the value that a text such as ``2*pi`` or ``2 kg`` gives a parameter, and the unit in which it counts."""
+    own = model.parameters[name].unit
+    try:
+        expression = parse_finite(text, model.parameters)
     except ExpressionError:
-        match = _WITH_UNIT.fullmatch(text.strip())
+        match = _WITH_UNIT.fullmatch(text)
         if match is None or match["unit"] in {*model.parameters, *CONSTANTS} - {*UNITS}:
             raise
-        value, unit = parse(match["value"]), match["unit"].strip()
-    own = _parameter(model, name).unit
+        expression, unit = parse(match["value"]), match["unit"].strip()
+    else:
+        _check_names(model, expression)
+        return expression, own if expression.literal else None
     if not own:
         hint = f"give the number alone, or declare it: {name}: {{value: …, unit: {unit}}}"
         raise ExpressionError(f"the parameter {name} has no unit in the file", 0, hint)
     found, expected = parse_unit(unit)[1], parse_unit(own)[1]
     if found != expected:
         raise ExpressionError(f"{unit} is not a unit of {name}, which is declared in {own}", 0, f"give it in {own}")
-    return value, unit
+    return expression, unit
 
 
-def unit_factor(unit: str, arithmetic: Arithmetic) -> Number:
+def _check_names(model: Model, expression: Expression) -> None:
+    """Refuse an expression of anything but parameters."""
+    if expression.rates():
+        raise ExpressionError("rate(...) cannot be used here")
+    for used in expression.names():
+        if used not in model.parameters:
+            raise ExpressionError(f"unknown parameter {used!r}", 0, suggestion(used, model.parameters))
+
+
+def given_value(model: Model, name: str, arithmetic: Arithmetic) -> Number:
+    """Return the value in SI that a question gives a parameter.
+
+    Raises
+    ------
+    UsageError
+        If it has no finite value, or is an interval.
+    """
+    given = model.parameters[name].given
+    assert given is not None
+    if len(given.ends) > 1:
+        message = f"{name}={given.setting}: this is an interval"
+        raise UsageError(f"{message}\nhint: intervals need mbstab eig --certify")
+    ((expression, unit),) = given.ends
+    with _refused(name, given.setting):
+        if unit is not None:
+            factor = parse_unit(unit)[0] if unit else 1.0
+            return require_finite(expression.evaluate({}, arithmetic) * _factor(unit, factor, arithmetic))
+        values = evaluate_parameters(of_file(model), {}, arithmetic) if expression.names() else {}
+        return require_finite(expression.evaluate(values, arithmetic))
+
+
+def of_file(model: Model) -> Model:
+    """Return a model with the values that the file gives to parameters."""
+    return replace(model, parameters={name: replace(x, given=None) for name, x in model.parameters.items()})
+
+
+def _factor(unit: str, factor: float, arithmetic: Arithmetic) -> Number:
     """Return the factor from a unit to SI, as exactly as the number system can represent it."""
-    return parse_unit(unit)[0] if arithmetic.name in ("float", "array") else exact_factor(unit, arithmetic)
-
-
-def _override(model: Model, name: str, given: object, arithmetic: Arithmetic) -> Number:
-    parameter = _parameter(model, name)
-    setting = plain_setting(model, name, given)
-    factor = _factor(parameter, arithmetic)
-    if isinstance(setting, str) and setting.strip().startswith("["):
-        raise UsageError(f"{name}={setting}: this is an interval\nhint: intervals need mbstab eig --certify")
-    try:
-        if not isinstance(setting, str):
-            require_finite(setting)
-            number = setting if arithmetic is FLOAT else arithmetic.number(repr(setting))
-            return require_finite(number * factor)
-        expression, unit = parse_setting(model, name, setting)
-        if unit:
-            return require_finite(expression.evaluate({}, arithmetic) * unit_factor(unit, arithmetic))
-        if expression.literal:
-            return require_finite(expression.evaluate({}, arithmetic) * factor)
-        nominal = evaluate_parameters(model, {}, arithmetic)
-        if expression.rates():
-            raise ExpressionError("rate(...) cannot be used here")
-        for used in expression.names():
-            if used not in nominal:
-                raise ExpressionError(f"unknown parameter {used!r}", 0, suggestion(used, nominal))
-        return require_finite(expression.evaluate(nominal, arithmetic))
-    except ExpressionError as error:
-        hint = f"\nhint: {error.hint}" if error.hint else ""
-        raise UsageError(f"{name}={setting}: {error.message}{hint}") from None
+    return factor if factor == 1.0 or arithmetic.name in ("float", "array") else exact_factor(unit, arithmetic)
 
 
 def evaluate_parameters(model: Model, overrides: Mapping[str, Number], arithmetic: Arithmetic) -> dict[str, Number]:
@@ -165,7 +203,7 @@ def evaluate_parameters(model: Model, overrides: Mapping[str, Number], arithmeti
     ModelFileError
         With every parameter whose value is not finite or not allowed by the file.
     UsageError
-        If a parameter to be replaced is unknown.
+        If a parameter to be replaced is unknown, or one is given as an interval.
     """
     for name in overrides:
         _parameter(model, name)
@@ -175,9 +213,11 @@ def evaluate_parameters(model: Model, overrides: Mapping[str, Number], arithmeti
         try:
             if name in overrides:
                 value = overrides[name]
+            elif parameter.given is not None:
+                value = given_value(model, name, arithmetic)
             else:
                 value = parameter.expression.evaluate(values, arithmetic)
-                value = require_finite(value * _factor(parameter, arithmetic))
+                value = require_finite(value * _factor(parameter.unit, parameter.factor, arithmetic))
             if arithmetic.name != "symbol" and (broken := broken_sign(value, parameter.sign)):
                 rule, shown = broken
                 got = f"{shown / parameter.factor:g}{after_number(parameter.unit)}"

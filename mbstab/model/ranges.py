@@ -6,7 +6,7 @@ from typing import Any
 
 from mbstab.errors import UsageError
 from mbstab.model.arithmetic import FLOAT
-from mbstab.model.parameters import evaluate_parameters, parse_overrides
+from mbstab.model.parameters import bound, evaluate_parameters, given_value
 from mbstab.model.schema import Model, SweepRange
 
 POINTS = 401
@@ -42,7 +42,7 @@ def sweep_values(
     """
     import numpy as np
 
-    parse_overrides(model, {parameter: 0.0})  # is there such a parameter?
+    bound(model, {parameter: 0.0})  # is there such a parameter?
     if values is not None:
         if start is not None or stop is not None or points is not None or logarithmic:
             raise UsageError("--values gives the whole range: leave out --from, --to, --points and --log")
@@ -92,4 +92,4 @@ def _ends(
 
 
 def _value(model: Model, parameter: str, given: str | float) -> float:
-    return float(parse_overrides(model, {parameter: given.strip() if isinstance(given, str) else given})[parameter])
+    return float(given_value(bound(model, {parameter: given}), parameter, FLOAT))

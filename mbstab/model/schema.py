@@ -71,8 +71,28 @@ class Components:
 
 
 @dataclass(frozen=True)
+class Given:
+    """What a question says about a parameter, instead of the file.
+
+    Attributes
+    ----------
+    setting : int, float or str
+        As it was given.
+    ends : tuple of (Expression, str or None)
+        The value, or both ends of an interval: an expression and the unit in which it counts; None: an expression in SI
+        of the values that the file gives to parameters.
+    """
+
+    setting: int | float | str
+    ends: tuple[tuple[Expression, str | None], ...]
+
+
+@dataclass(frozen=True)
 class Parameter:
-    """A named number; `factor` turns its declared unit into SI, `sign` says which values it may have."""
+    """A named number; `factor` turns its declared unit into SI, `sign` says which values it may have.
+
+    Where a question gives it another value (`given`), the expression of the file does not count.
+    """
 
     name: str
     expression: Quantity
@@ -81,6 +101,7 @@ class Parameter:
     factor: float = 1.0
     description: str = ""
     sign: Sign = "any"
+    given: Given | None = None
 
 
 @dataclass(frozen=True)
@@ -129,6 +150,14 @@ class Entry:
     def called(self) -> str:
         """Return what messages call it, such as ``joint 'pivot'``."""
         return f"{entry_word(self.section)} {self.name!r}"
+
+    @property
+    def equations(self) -> dict[str, Expression]:
+        """Return the equations that the file itself gives (`Kind.written`): forces by coordinate, a row by its role."""
+        if self.kind.written is None:
+            return {}
+        (value,) = self.values.values()
+        return value if isinstance(value, dict) else {self.kind.written: value}
 
 
 @dataclass(frozen=True)
@@ -224,6 +253,8 @@ class Model:
     ----------
     dimension : int
         2 for a planar scene, 3 for a spatial one.
+    parameters : dict
+        With what a question gives some of them (`mbstab.model.parameters.bound`).
     order : tuple of str
         Sections in the order of the file; constraint rows follow it.
     """
@@ -246,6 +277,11 @@ class Model:
     def name(self) -> str:
         """Return what messages call the file."""
         return self.document.name
+
+    @property
+    def settings(self) -> dict[str, int | float | str]:
+        """Return what a question says about parameters, as it was given."""
+        return {name: x.given.setting for name, x in self.parameters.items() if x.given is not None}
 
     def coordinates(self) -> list[str]:
         """Return the names of the coordinates in the order of q, such as ``rod.theta``."""

@@ -59,7 +59,7 @@ def main(first, last):
     for seed in range(first, last):
         try:
             mechanism = mbstab.loads(random_mechanism(seed))
-            precise = precise_eigenvalues(mechanism.model, {}, DIGITS)
+            precise = precise_eigenvalues(mechanism.model, DIGITS)
         except mbstab.MbstabError:
             continue
         mechanisms += 1

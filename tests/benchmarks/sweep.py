@@ -9,6 +9,7 @@ import numpy as np
 
 import mbstab
 from mbstab.analysis.sweep.chart import chart
+from mbstab.analysis.sweep.settings import SweepSettings
 from mbstab.analysis.sweep.sweep import sweep
 
 CASES = (("top", "omega", 100_001, 4, 4.0), ("whipple_bicycle", "v", 10_001, 10, 6.0))
@@ -37,7 +38,7 @@ def main():
     seconds, _ = timed(lambda: chart(model, grid))
     print(f"chart of the disk, 300 x 300: {seconds:.2f} s, {seconds / eigenvalue_call(90_000, 6):.1f} x eigvals")
     model, x = mbstab.load("top.yaml").model, np.linspace(0.0, 10.0, LONG)
-    one, two = (timed(lambda: sweep(model, "omega", x, jobs=jobs))[0] for jobs in (1, 2))  # noqa: B023
+    one, two = (timed(lambda: sweep(model, "omega", x, settings=SweepSettings(jobs=jobs)))[0] for jobs in (1, 2))  # noqa: B023
     print(f"{LONG} points: two processes are {one / two:.2f} x as fast as one (goal 1.7)")
 
 

@@ -27,8 +27,8 @@ from mbstab.model.arithmetic import MAX_DIGITS, Arithmetic
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.functions import TABLE
 from mbstab.model.jets import Jet
-from mbstab.model.parameters import parse_overrides, parse_setting, unit_factor
-from mbstab.model.schema import Model, Parameter
+from mbstab.model.parameters import of_file
+from mbstab.model.schema import Model
 from mbstab.model.units import UNITS
 from mbstab.model.values import evaluate
 
@@ -413,10 +413,10 @@ class _Constants(dict[str, Any]):
 _UNIT = re.compile(r"([*/]?)\s*([A-Za-z]+|1)\s*(?:(?:\^|\*\*)\s*(-?[0-9]+))?\s*")
 
 
-def exact_factor(parameter: Parameter) -> Ball:
-    """Return the factor from the declared unit of a parameter to SI: a decimal, or one times a multiple of π."""
+def exact_factor(unit: str) -> Ball:
+    """Return the factor from a unit to SI: a decimal, or one times a multiple of π."""
     value, turns = Fraction(1), 0
-    for over, name, power in _UNIT.findall(parameter.unit.strip()):
+    for over, name, power in _UNIT.findall(unit.strip()):
         exponent = int(power or 1) * (-1 if over == "/" else 1)
         of_pi = {"deg": Fraction(1, 180), "rpm": Fraction(1, 30)}.get(name)
         # Factors are written as short decimals: 0.001 means 1/1000.
@@ -428,38 +428,27 @@ def exact_factor(parameter: Parameter) -> Ball:
     return pi if turns == 1 else ball(value) * pi**turns
 
 
-def interval(model: Model, name: str, text: str, values: Mapping[str, Ball] | None = None) -> tuple[Ball, Ball]:
-    """Return both ends of a parameter in SI from a text such as ``5.6`` or ``[5.6, 10]``.
+def ends(model: Model, name: str) -> list[Ball]:
+    """Return the value in SI that a question gives a parameter, or both ends of the interval.
 
     Raises
     ------
     UsageError
-        If the text is neither a number, nor an expression of parameters, nor an interval of such.
+        If the first end is not below the last.
     """
-    parts = [text]
-    if text.strip().startswith("["):
-        parts = text.strip().removeprefix("[").removesuffix("]").split(",")
-        if not text.strip().endswith("]") or len(parts) != 2:
-            raise UsageError(f"{name}={text}: an interval is written [first, last]")
-    parse_overrides(model, {part_name: 0.0 for part_name in (name,)})  # is there such a parameter?
-    ends = [_end(model, name, part.strip(), values) for part in parts]
-    if len(ends) == 2 and not ends[0] < ends[1]:
-        raise UsageError(f"{name}={text}: the first end of an interval must be below the last")
-    return ends[0], ends[-1]
-
-
-def _end(model: Model, name: str, text: str, values: Mapping[str, Ball] | None) -> Ball:
-    f, parameter = ball_arithmetic(), model.parameters[name]
+    f, given, found = ball_arithmetic(), model.parameters[name].given, []
+    assert given is not None
     try:
-        expression, unit = parse_setting(model, name, text)
-        if unit:
-            return expression.evaluate({}, f) * unit_factor(unit, f)
-        if expression.literal:
-            return expression.evaluate({}, f) * exact_factor(parameter)
-        parse_overrides(model, {name: text})  # complains about unknown names
-        return expression.evaluate(values or parameters(model, {}), f)
+        for expression, unit in given.ends:
+            if unit is None:
+                found.append(expression.evaluate(parameters(of_file(model), {}), f))
+            else:
+                found.append(expression.evaluate({}, f) * exact_factor(unit))
     except ExpressionError as error:
-        raise UsageError(f"{name}={text}: {error.message}") from None
+        raise UsageError(f"{name}={given.setting}: {error.message}") from None
+    if len(found) == 2 and not found[0] < found[1]:
+        raise UsageError(f"{name}={given.setting}: the first end of an interval must be below the last")
+    return found
 
 
 def parameters(model: Model, overrides: Mapping[str, Ball]) -> dict[str, Ball]:
@@ -469,8 +458,10 @@ def parameters(model: Model, overrides: Mapping[str, Ball]) -> dict[str, Ball]:
     for name, parameter in model.parameters.items():
         if name in overrides:
             values[name] = overrides[name]
+        elif parameter.given is not None:
+            (values[name],) = ends(model, name)
         else:
-            values[name] = parameter.expression.evaluate(values, f) * exact_factor(parameter)
+            values[name] = parameter.expression.evaluate(values, f) * exact_factor(parameter.unit)
         if not values[name].is_finite():
             raise NotProvable(f"the parameter {name} has no finite enclosure")
     return values

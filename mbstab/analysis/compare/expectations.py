@@ -14,7 +14,7 @@ from mbstab.compiler.system import System
 from mbstab.errors import Location, MbstabError
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
-from mbstab.model.parameters import evaluate_parameters, parse_overrides, settings_in_si
+from mbstab.model.parameters import bound, evaluate_parameters, settings_in_si
 from mbstab.model.schema import Expectation, Model
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
@@ -49,39 +49,39 @@ def check_expectation(model: Model, expectation: Expectation) -> list[Outcome]:
     at = ", ".join(f"{name}={x.text}" for name, x in expectation.at.items())
     where = f" at {at}" if at else ""
     try:
-        overrides = parse_overrides(model, {name: x.text for name, x in expectation.at.items()})
+        model = bound(model, {name: x.text for name, x in expectation.at.items()})
         outcomes = []
         if expectation.eigenvalues is not None or expectation.neutral is not None or expectation.verdict:
-            outcomes += _eigen_outcomes(model, expectation, overrides, where)
+            outcomes += _eigen_outcomes(model, expectation, where)
         if expectation.coordinates or expectation.redundant is not None:
-            outcomes += _motion_outcomes(model, expectation, overrides, where)
+            outcomes += _motion_outcomes(model, expectation, where)
         if expectation.critical is not None:
-            outcomes.append(_critical_outcome(model, expectation, overrides, where))
+            outcomes.append(_critical_outcome(model, expectation, where))
         return outcomes
     except (MbstabError, ExpressionError) as error:
         return [Outcome(expectation.location, f"an answer{where}", False, str(error))]
 
 
 @guarded
-def _answer(model: Model, overrides: dict[str, float], frozen: bool = False) -> EigenResult:
+def _answer(model: Model, frozen: bool = False) -> EigenResult:
     def zeros() -> int:
         from mbstab.analysis.linear.precise import exact_zeros
 
-        return exact_zeros(model, settings_in_si(overrides))
+        return exact_zeros(model)
 
-    return answer(System(evaluate(model, overrides)), frozen=frozen, zeros=zeros)
+    return answer(System(evaluate(model)), frozen=frozen, zeros=zeros)
 
 
 @guarded
-def _motion(model: Model, overrides: dict[str, float]) -> tuple[Motion, list[str]]:
-    system = System(evaluate(model, overrides))
+def _motion(model: Model) -> tuple[Motion, list[str]]:
+    system = System(evaluate(model))
     return reference_motion(system), system.names
 
 
-def _motion_outcomes(model: Model, expectation: Expectation, overrides: dict[str, float], where: str) -> list[Outcome]:
-    motion, names = _motion(model, overrides)
+def _motion_outcomes(model: Model, expectation: Expectation, where: str) -> list[Outcome]:
+    motion, names = _motion(model)
     outcomes = []
-    parameters = evaluate_parameters(model, overrides, FLOAT)
+    parameters = evaluate_parameters(model, {}, FLOAT)
     for name, quantity in expectation.coordinates.items():
         value, found = quantity.evaluate(parameters, FLOAT), float(motion.q[names.index(name)])
         what = f"{name} = {value:.12g} to {expectation.tolerance:g}{where}"
@@ -94,11 +94,11 @@ def _motion_outcomes(model: Model, expectation: Expectation, overrides: dict[str
     return outcomes
 
 
-def _eigen_outcomes(model: Model, expectation: Expectation, overrides: dict[str, float], where: str) -> list[Outcome]:
-    result = _answer(model, overrides, expectation.frozen)
+def _eigen_outcomes(model: Model, expectation: Expectation, where: str) -> list[Outcome]:
+    result = _answer(model, expectation.frozen)
     outcomes = []
     if expectation.eigenvalues is not None:
-        parameters = evaluate_parameters(model, overrides, FLOAT)
+        parameters = evaluate_parameters(model, {}, FLOAT)
         expected: list[complex] = []
         for item in expectation.eigenvalues:
             value = complex(item.real.evaluate(parameters, FLOAT), item.imag.evaluate(parameters, FLOAT))
@@ -135,12 +135,13 @@ def _compare(result: EigenResult, expected: list[complex], expectation: Expectat
     return Outcome(expectation.location, what, bool(difference[worst] <= expectation.tolerance), detail)
 
 
-def _critical_outcome(model: Model, expectation: Expectation, overrides: dict[str, float], where: str) -> Outcome:
+def _critical_outcome(model: Model, expectation: Expectation, where: str) -> Outcome:
     critical = expectation.critical
     assert critical is not None
-    value = critical.value.evaluate(evaluate_parameters(model, overrides, FLOAT), FLOAT)
+    value = critical.value.evaluate(evaluate_parameters(model, {}, FLOAT), FLOAT)
     step = critical.tolerance * abs(value)
-    found = [_answer(model, {**overrides, critical.parameter: value + side * step}).verdict for side in (-1, 1)]
+    sides = [settings_in_si({critical.parameter: value + side * step}) for side in (-1, 1)]
+    found = [_answer(bound(model, at)).verdict for at in sides]
     what = f"{critical.parameter} critical at {value:.12g} to {critical.tolerance:g}{where}"
     passed = found == [critical.below, critical.above]
     return Outcome(critical.location, what, passed, f"{found[0]} below, {found[1]} above")

@@ -32,7 +32,6 @@ from mbstab.analysis.linear.precise import LEAST_DIGITS, PreciseResult, precise_
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError, UsageError
-from mbstab.model.parameters import parse_overrides
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
@@ -50,8 +49,6 @@ CLOSE = 1.1
 
 LOST = 0.5
 """An eigenvalue with a larger relative error than this is none: not one binary digit of it is right."""
-
-Settings = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -158,7 +155,6 @@ class Comparison:
 
 def compare(
     model: Model,
-    settings: Settings | None = None,
     digits: int = 50,
     tolerance: float | None = None,
     progress: Callable[[float], object] = lambda done: None,
@@ -168,8 +164,6 @@ def compare(
     Parameters
     ----------
     model : Model
-    settings : mapping, optional
-        Parameters as after ``--set``.
     digits : int
         Of the truth.
     tolerance : float, optional
@@ -187,10 +181,9 @@ def compare(
     MbstabError
         As `mbstab.analysis.linear.precise.precise_eigenvalues`.
     """
-    settings = dict(settings or {})
     _check(tolerance, digits)
     began = time.perf_counter()
-    system = System(evaluate(model, parse_overrides(model, settings)))
+    system = System(evaluate(model))
     if system.scene.period is not None:
         raise UsageError(
             f"{model.name} describes a periodic motion: its multipliers have one method, and no truth to compare with\n"
@@ -201,11 +194,11 @@ def compare(
     shared = time.perf_counter() - began
     further = _further(digits, tolerance)
     total = 2.0 + len(METHODS) + 2.0 * len(further)
-    truth = precise_eigenvalues(model, settings, digits, progress=lambda done: progress(2.0 * done / total))
+    truth = precise_eigenvalues(model, digits, progress=lambda done: progress(2.0 * done / total))
     ruler = _Ruler(truth, linear)
     outcomes = _in_double(Grounds(linear), ruler, lambda number: progress((2.0 + number) / total))
     for number, n in enumerate(further, 1):
-        outcomes.append(_with_digits(model, settings, n, ruler))
+        outcomes.append(_with_digits(model, n, ruler))
         progress((2.0 + len(METHODS) + 2.0 * number) / total)
     chosen = cheapest(outcomes, tolerance, truth.verdict) if tolerance is not None else None
     return Comparison(truth, ruler.rounding, tuple(outcomes), shared, tolerance, chosen)
@@ -399,12 +392,12 @@ def _alone(grounds: Grounds, method: str) -> Callable[[], object]:
     return run
 
 
-def _with_digits(model: Model, settings: Settings, digits: int, ruler: _Ruler) -> Outcome:
+def _with_digits(model: Model, digits: int, ruler: _Ruler) -> Outcome:
     """Return what the same gives with more digits: the decimals it prints."""
     method = f"{digits} digits"
 
     def run() -> PreciseResult:
-        return precise_eigenvalues(model, settings, digits)
+        return precise_eigenvalues(model, digits)
 
     try:
         result = _prepared(run)

@@ -45,6 +45,7 @@ from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.analysis.reference.efforts import effort_unit
 from mbstab.compiler.system import System
 from mbstab.errors import counted
+from mbstab.mechanics.catalogue import ROWS
 from mbstab.model.expressions import Call, Expression, ExpressionError, Name
 from mbstab.model.fields.catalogue import given_fields
 from mbstab.model.functions import FUNCTIONS, PIECED
@@ -209,9 +210,8 @@ def expressions(system: System) -> Iterator[tuple[str, Role, Expression, bool]]:
     """Yield path, role and text of everything that may contain t or the state, and whether it gives an angle."""
     for item in system.scene.items:
         entry = item.entry
-        if entry.section == "constraints":
-            constraint: Role = "holonomic" if item.kind.name == "holonomic" else "nonholonomic"
-            yield entry.path, constraint, entry.values[constraint], False
+        if item.kind.written in ROWS:
+            yield from ((entry.path, item.kind.written, x, False) for x in entry.equations.values())
             continue
         for known, kind, value in given_fields(entry):
             if not kind.moving:

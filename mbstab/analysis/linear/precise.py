@@ -12,7 +12,7 @@ keeps one digit in m only.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,6 @@ from mbstab.analysis.linear.verdict import STRENGTH, UNDECIDED, Disc, Judged, Ve
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError, NumericalError, UsageError, amount
 from mbstab.model.arithmetic import mpmath_arithmetic
-from mbstab.model.parameters import parse_overrides
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
@@ -146,7 +145,6 @@ class PreciseResult(Judged):
 
 def precise_eigenvalues(
     model: Model,
-    settings: Mapping[str, Any] | None = None,
     digits: int = 50,
     frozen: bool = False,
     progress: Callable[[float], object] = lambda done: None,
@@ -156,9 +154,6 @@ def precise_eigenvalues(
     Parameters
     ----------
     model : Model
-    settings : mapping, optional
-        Values of parameters by name: texts as after ``--set``, of which all digits count; floats,
-        which stand for the decimals they are printed with; or mpmath numbers, in declared units.
     digits : int
     frozen : bool
         As in `mbstab.analysis.linear.eigenvalues.answer`.
@@ -179,12 +174,11 @@ def precise_eigenvalues(
     if not LEAST_DIGITS <= digits <= MOST_DIGITS:
         raise UsageError(f"precision {digits}: from {LEAST_DIGITS} to {MOST_DIGITS} digits are possible")
     began = time.perf_counter()
-    settings = settings or {}
-    start = Start(model, settings, frozen)
+    start = Start(model, frozen)
     progress(0.1)
     work = digits + GUARD
     for number in range(ROUNDS):
-        rough, fine = (_spectrum(start, settings, n) for n in (work, work + GUARD))
+        rough, fine = (_spectrum(start, n) for n in (work, work + GUARD))
         with mp.workdps(work + 2 * GUARD):
             bounds = _bounds(rough, fine, work)
             lacking, chained = _lacking(fine, bounds, digits)
@@ -226,23 +220,22 @@ def _enough(work: int, digits: int, lacking: int, chained: bool) -> int:
     return int(work * (digits + SPARE + GUARD / 2) / reached)
 
 
-def exact_zeros(model: Model, settings: Mapping[str, Any] | None = None, digits: int = 320) -> int:
+def exact_zeros(model: Model, digits: int = 320) -> int:
     """Return how many eigenvalues of a model are zero to many digits; −1 if that cannot be known.
 
     Those that symmetries and families of motions explain are among them, and pairs ±iω that turn with the motion.
 
     Parameters
     ----------
-    model, settings, digits
+    model, digits
         As in `precise_eigenvalues`.
     """
-    settings = settings or {}
     try:
-        start = Start(model, settings, False)
-        found = _spectrum(start, settings, digits + GUARD)
+        start = Start(model, False)
+        found = _spectrum(start, digits + GUARD)
         with mp.workdps(found.work + GUARD):
             doubtful = found.deflation.dropped > mp.mpf(10) ** -digits
-            if doubtful and not _decided(found, _spectrum(start, settings, found.work + GUARD)):
+            if doubtful and not _decided(found, _spectrum(start, found.work + GUARD)):
                 return -1
         return _zeros(start, found, digits)
     except MbstabError:
@@ -269,10 +262,10 @@ class _Spectrum:
     excess: tuple[Any, str]
 
 
-def _spectrum(start: Start, settings: Mapping[str, Any], work: int) -> _Spectrum:
+def _spectrum(start: Start, work: int) -> _Spectrum:
     """Return the eigenvalues of a model computed with `work` digits."""
     try:
-        return _polished_spectrum(start, settings, work)
+        return _polished_spectrum(start, work)
     except Stalled as stalled:
         raise NumericalError(
             f"the motion is not sharpened to {work} digits: steps stop shrinking at {amount(stalled.reached)}\n"
@@ -280,11 +273,11 @@ def _spectrum(start: Start, settings: Mapping[str, Any], work: int) -> _Spectrum
         ) from None
 
 
-def _polished_spectrum(start: Start, settings: Mapping[str, Any], work: int) -> _Spectrum:
+def _polished_spectrum(start: Start, work: int) -> _Spectrum:
     """Return the eigenvalues of a model computed with `work` digits; `Stalled` where polishing ends before."""
     with mp.workdps(work):
         arithmetic = mpmath_arithmetic()
-        system = System(evaluate(start.model, parse_overrides(start.model, settings, arithmetic), arithmetic))
+        system = System(evaluate(start.model, arithmetic=arithmetic))
         point = reference_point(start, system)
         S = _state_matrix(start, system, point)
         rough = sorted({s.imag for s in start.grounds.separated.frequencies() if s.imag > 0.0})
@@ -410,7 +403,7 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
             f"with these digits {neutral} eigenvalues are those of symmetries and families of motions, which have "
             f"{grounds.separated.neutral.count}: the reference may be written with too few digits",
         )
-    grounds.zeros = lambda: exact_zeros(start.model, start.settings)
+    grounds.zeros = lambda: exact_zeros(start.model)
     verdict = judge(grounds.facts(discs, number, doubts))
     found = _listed(fine, bounds, digits, discs, members, verdict, grounds)
     # Zeros along which a minimum of the energy has no slope are neutral, too.

@@ -7,7 +7,6 @@ precision, takes it to all digits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
@@ -40,7 +39,6 @@ from mbstab.analysis.reference.rotation import rate_matrix
 from mbstab.analysis.reference.steady import Family, Generator, centered, declared_family
 from mbstab.compiler.system import Dynamics, System
 from mbstab.errors import ConstraintError, EquilibriumError, MbstabError, NumericalError, UsageError
-from mbstab.model.parameters import parse_overrides
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
@@ -60,8 +58,6 @@ class Start:
     Parameters
     ----------
     model : Model
-    settings : mapping
-        Parameters by name: texts, or numbers in declared units.
     frozen : bool
         As in `mbstab.analysis.linear.linearize.linearize`.
 
@@ -82,9 +78,9 @@ class Start:
         If the motion is periodic.
     """
 
-    def __init__(self, model: Model, settings: Mapping[str, Any], frozen: bool) -> None:
-        self.model, self.settings = model, settings
-        self.system = system = System(evaluate(model, parse_overrides(model, settings)))
+    def __init__(self, model: Model, frozen: bool) -> None:
+        self.model = model
+        self.system = system = System(evaluate(model))
         if system.scene.period is not None and not frozen:
             raise UsageError(
                 f"{model.name} describes a periodic motion: its multipliers come in double precision only\n"

@@ -37,7 +37,7 @@ def require_analytic(model: Model, overrides: Mapping[str, BallType]) -> None:
         return
     values = parameters(model, overrides)
     for name, parameter in model.parameters.items():
-        if name not in overrides and wide & set(parameter.expression.names()):
+        if name not in overrides and parameter.given is None and wide & set(parameter.expression.names()):
             wide.add(name)
     for expression in _expressions(model, overrides):
         if wide & set(expression.names()):
@@ -46,7 +46,7 @@ def require_analytic(model: Model, overrides: Mapping[str, BallType]) -> None:
 
 def _expressions(model: Model, overrides: Mapping[str, BallType]) -> Iterator[Expression]:
     """Yield what the file says of parameters, bodies, elements and the reference."""
-    yield from (x.expression for name, x in model.parameters.items() if name not in overrides)
+    yield from (x.expression for name, x in model.parameters.items() if name not in overrides and x.given is None)
     entries = [*model.bodies.values(), *(entry for group in model.entries.values() for entry in group.values())]
     reference = model.reference
     asked = [reference.coordinates, reference.rates, reference.guess, reference.time, reference.period]

@@ -30,7 +30,7 @@ What is not proven is part of the statement: "proven …, provided that …".
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field
 from fractions import Fraction
 from typing import Any
@@ -52,7 +52,7 @@ from mbstab.analysis.proof.identities import Identities
 from mbstab.analysis.proof.intervals import OPEN, Part, Walk, common, in_words
 from mbstab.analysis.proof.proven_facts import Case, best
 from mbstab.errors import MbstabError, UsageError, counted
-from mbstab.model.parameters import plain_setting
+from mbstab.model.parameters import bound
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
 
@@ -145,20 +145,13 @@ class Certificate:
         return self.status == "proven"
 
 
-def certify(
-    model: Model,
-    settings: Mapping[str, Any] | None = None,
-    digits: int = 50,
-    progress: Callable[[float], object] = lambda done: None,
-) -> Certificate:
+def certify(model: Model, digits: int = 50, progress: Callable[[float], object] = lambda done: None) -> Certificate:
     """Return enclosures of all eigenvalues and a verdict that is proven, or why there is none.
 
     Parameters
     ----------
     model : Model
-    settings : mapping
-        Values of parameters: numbers or texts as for ``--set``, one of them also an interval such
-        as ``[5.6, 10]``. Texts are exact decimals.
+        One of its parameters may be given as an interval (`mbstab.model.parameters.bound`).
     digits : int
         Decimal digits; twice and four times as many where a verdict is open.
     progress : callable
@@ -167,15 +160,14 @@ def certify(
     Raises
     ------
     UsageError
-        If python-flint is missing, a parameter is unknown, or more than one is an interval.
+        If python-flint is missing, or more than one parameter is an interval.
     MbstabError
         As `mbstab.analysis.reference.requested.reference_motion`.
     """
     balls.require_flint()
     if not 10 <= digits <= 10_000:
         raise UsageError(f"--precision {digits}: give a number from 10 to 10000")
-    texts = {name: str(plain_setting(model, name, value)) for name, value in (settings or {}).items()}
-    wide = [name for name, text in texts.items() if text.startswith("[")]
+    wide = [name for name, x in model.parameters.items() if x.given is not None and len(x.given.ends) == 2]
     if len(wide) > 1:
         raise UsageError(
             f"{' and '.join(wide)} are intervals\nhint: one parameter may be an interval, the others numbers"
@@ -183,10 +175,9 @@ def certify(
     result = None
     for more in MORE_DIGITS:
         with balls.digits(more * digits):
-            ends = {name: balls.interval(model, name, text) for name, text in texts.items()}
             if wide:
-                return _over(model, ends, wide[0], digits, progress)
-            result, hope = _at(model, {name: low for name, (low, _) in ends.items()}, more * digits)
+                return _over(model, wide[0], digits, progress)
+            result, hope = _at(model, more * digits)
         if not hope:
             break
     assert result is not None
@@ -198,10 +189,10 @@ def _refused(error: NotProvable, digits: int) -> Certificate:
     return Certificate(OPEN, f"not provable with {digits} digits: {reason}", [], (), (reason,), digits)
 
 
-def _at(model: Model, overrides: Mapping[str, Ball], digits: int) -> tuple[Certificate, bool]:
+def _at(model: Model, digits: int) -> tuple[Certificate, bool]:
     """Return what is proven at one point, and whether more digits may prove more."""
     try:
-        proof = Proof(model, overrides)
+        proof = Proof(model, {})
         case = best(proof)
         found = sorted(
             case.enclosures,
@@ -256,16 +247,14 @@ NEUTRAL = ("zero", "carried")
 # --- intervals of a parameter ---------------------------------------------------------------------------------------
 
 
-def _over(
-    model: Model, ends: Mapping[str, tuple[Ball, Ball]], name: str, digits: int, progress: Callable[[float], object]
-) -> Certificate:
+def _over(model: Model, name: str, digits: int, progress: Callable[[float], object]) -> Certificate:
     """Return what is proven for all values of a parameter in an interval, by bisection."""
-    low, high = _fraction(ends[name][0], False), _fraction(ends[name][1], True)
-    others = {key: value[0] for key, value in ends.items() if key != name}
-    walk = Walk(model, others, name, (low, high), progress)
+    first, last = balls.ends(model, name)
+    low, high = _fraction(first, False), _fraction(last, True)
+    walk = Walk(model, name, (low, high), progress)
     verdicts = {part.verdict for part in walk.parts}
     words = {part.words for part in walk.parts}
-    factor = balls.exact_factor(model.parameters[name])
+    factor = balls.exact_factor(model.parameters[name].unit)
     unit = model.parameters[name].unit
     text = f"{name} in [{_decimal(ball(low) / factor)}, {_decimal(ball(high) / factor)}] {unit}".rstrip()
     followed = ""
@@ -358,7 +347,6 @@ def certified_critical(
     low: str | float,
     high: str | float,
     digits: int = 30,
-    settings: Mapping[str, Any] | None = None,
 ) -> Critical:
     """Return an enclosure of a value at which a test function of stability is zero.
 
@@ -382,27 +370,20 @@ def certified_critical(
     """
     balls.require_flint()
     with balls.digits(digits + 30):
-        values = {
-            key: balls.interval(model, key, str(plain_setting(model, key, value)))[0]
-            for key, value in (settings or {}).items()
-        }
-        ends = [
-            _fraction(balls.interval(model, parameter, x if isinstance(x, str) else repr(x))[0], up)
-            for x, up in ((low, False), (high, True))
-        ]
-        return _Search(model, values, parameter, ends).found(digits)
+        first, last = (balls.ends(bound(model, {parameter: x}), parameter)[0] for x in (low, high))
+        return _Search(model, parameter, [_fraction(first, False), _fraction(last, True)]).found(digits)
 
 
 class _Search:
     """The search for a value between two ends at which a test function is zero."""
 
-    def __init__(self, model: Model, values: Mapping[str, Ball], parameter: str, ends: Sequence[Fraction]) -> None:
-        self.model, self.values, self.parameter, self.ends = model, values, parameter, ends
+    def __init__(self, model: Model, parameter: str, ends: Sequence[Fraction]) -> None:
+        self.model, self.parameter, self.ends = model, parameter, ends
         self.near: Proof | None = None
-        self.identities = _generic(model, values, parameter, ends)
+        self.identities = _generic(model, parameter, ends)
 
     def _proof(self, x: Any, near: Proof | None) -> Proof:
-        found = Proof(self.model, {**self.values, self.parameter: ball(x)}, near, self.identities)
+        found = Proof(self.model, {self.parameter: ball(x)}, near, self.identities)
         self.identities = found.identities
         return found
 
@@ -462,11 +443,11 @@ def _opposite(x: Ball, y: Ball) -> bool:
     return bool((x > 0 and y < 0) or (x < 0 and y > 0))
 
 
-def _generic(model: Model, values: Mapping[str, Ball], parameter: str, ends: Sequence[Fraction]) -> Identities | None:
+def _generic(model: Model, parameter: str, ends: Sequence[Fraction]) -> Identities | None:
     """Return what is proven about the elements at a value between both ends; None: there is no motion."""
     try:
-        require_analytic(model, {**values, parameter: balls.between(ball(min(ends)), ball(max(ends)))})
-        return Proof(model, {**values, parameter: ball(ends[0] + (ends[1] - ends[0]) * GENERIC)}).identities
+        require_analytic(model, {parameter: balls.between(ball(min(ends)), ball(max(ends)))})
+        return Proof(model, {parameter: ball(ends[0] + (ends[1] - ends[0]) * GENERIC)}).identities
     except MbstabError:
         return None
 

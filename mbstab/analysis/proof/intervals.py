@@ -110,12 +110,11 @@ class Walk:
     def __init__(
         self,
         model: Model,
-        others: Mapping[str, Ball],
         name: str,
         ends: tuple[Fraction, Fraction],
         progress: Callable[[float], object],
     ) -> None:
-        self.model, self.others, self.name, self.progress = model, dict(others), name, progress
+        self.model, self.name, self.progress = model, name, progress
         self.low, self.high = ends
         self.width = self.high - self.low
         self.generic = self.low + self.width * GENERIC
@@ -168,7 +167,7 @@ class Walk:
             return self.points[x]
         found: Proof | str
         try:
-            found = Proof(self.model, {**self.others, self.name: ball(x)}, near, self._identities(x, x))
+            found = Proof(self.model, {self.name: ball(x)}, near, self._identities(x, x))
         except FAILURES as error:
             found = _said(error)
         if near is None:
@@ -182,7 +181,7 @@ class Walk:
         ends = min(a, b, self.generic), max(a, b, self.generic)
         if not any(low <= ends[0] and ends[1] <= high for low, high in self.analytic):
             try:
-                require_analytic(self.model, {**self.others, self.name: balls.between(*map(ball, ends))})
+                require_analytic(self.model, {self.name: balls.between(*map(ball, ends))})
             except FAILURES:
                 return None
             self.analytic.append(ends)
@@ -241,7 +240,7 @@ class Walk:
         """Return what is proven between two values, from the motion at the first one."""
         box = balls.between(ball(min(a, b)), ball(max(a, b)))
         try:
-            proof = Proof(self.model, {**self.others, self.name: box}, here, self._identities(a, b))
+            proof = Proof(self.model, {self.name: box}, here, self._identities(a, b))
         except FAILURES as error:
             return _Tried(OPEN, _said(error), here is None, here)
         there: Proof | None = None

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
 from itertools import pairwise
@@ -29,7 +28,7 @@ from mbstab.analysis.reference.paths import SAME, Path, Sheet
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError
 from mbstab.model.arithmetic import FLOAT
-from mbstab.model.parameters import evaluate_parameters
+from mbstab.model.parameters import bound, evaluate_parameters, settings_in_si
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 
@@ -101,7 +100,6 @@ ASIDE = 1e-3
 def follow(
     model: Model,
     parameter: str,
-    settings: Mapping[str, float],
     low: float,
     high: float,
     first_at: float | None = None,
@@ -119,7 +117,7 @@ def follow(
     MbstabError
         If there is no solution to start from.
     """
-    nominal = float(evaluate_parameters(model, dict(settings), FLOAT)[parameter])
+    nominal = float(evaluate_parameters(model, {}, FLOAT)[parameter])
     starts = [low if first_at is None else first_at]
     if near is None:
         starts += [low, high, *([nominal] if low <= nominal <= high else []), 0.5 * (low + high)]
@@ -127,7 +125,7 @@ def follow(
     failure: MbstabError | None = None
     for start in starts:
         try:
-            curve = _Curve(model, parameter, settings, (low, high), start, near)
+            curve = _Curve(model, parameter, (low, high), start, near)
             break
         except MbstabError as error:
             failure = failure or error
@@ -143,7 +141,7 @@ def follow(
     return replace(curve.path(main, start), moved=moved, beyond=tuple(beyond))
 
 
-def follow_all(model: Model, parameters: tuple[str, str], settings: Mapping[str, float], x: Array, y: Array) -> Sheet:
+def follow_all(model: Model, parameters: tuple[str, str], x: Array, y: Array) -> Sheet:
     """Return the solutions over two parameters: over the first one from those over the second one.
 
     These are at the least value of the first one, or where there are none, at the largest or in the middle.
@@ -154,29 +152,27 @@ def follow_all(model: Model, parameters: tuple[str, str], settings: Mapping[str,
         If there is no solution to start from.
     """
     one, other = parameters
-    edge, begin = _edge(model, parameters, settings, x, y)
+    edge, begin = _edge(model, parameters, x, y)
     paths: list[Path | None] = []
     for value, covered in zip(y, edge.covers({other: y}), strict=True):
         path = None
         if covered:
             q, c = edge.predicted({other: np.array([value])})
             with contextlib.suppress(MbstabError):
-                at = {**settings, other: float(value)}
-                path = follow(model, one, at, float(x[0]), float(x[-1]), begin, (q[0], c[0]), further=False)
+                at = bound(model, settings_in_si({other: float(value)}))
+                path = follow(at, one, float(x[0]), float(x[-1]), begin, (q[0], c[0]), further=False)
         paths.append(path)
     return Sheet(model.parameters[other], y, tuple(paths), edge)
 
 
-def _edge(
-    model: Model, parameters: tuple[str, str], settings: Mapping[str, float], x: Array, y: Array
-) -> tuple[Path, float]:
+def _edge(model: Model, parameters: tuple[str, str], x: Array, y: Array) -> tuple[Path, float]:
     """Return the solutions over the second parameter, and at which value of the first one."""
     one, other = parameters
     failure: MbstabError | None = None
     for value in (x[0], x[-1], x[len(x) // 2]):
         try:
-            at = {**settings, one: float(value)}
-            return follow(model, other, at, float(y[0]), float(y[-1]), further=False), float(value)
+            at = bound(model, settings_in_si({one: float(value)}))
+            return follow(at, other, float(y[0]), float(y[-1]), further=False), float(value)
         except MbstabError as error:
             failure = failure or error
     assert failure is not None
@@ -199,14 +195,13 @@ class _Curve:
         self,
         model: Model,
         parameter: str,
-        settings: Mapping[str, float],
         ends: tuple[float, float],
         start: float,
         near: tuple[Array, Array] | None,
     ) -> None:
-        self.model, self.parameter, self.settings = model, parameter, settings
+        self.model, self.parameter = model, parameter
         self.width = (ends[1] - ends[0]) or 1.0
-        self.problem = Problem(System(evaluate(model, {**settings, parameter: start})))
+        self.problem = Problem(System(evaluate(model, {parameter: start})))
         system = self.problem.system
         self.work = [max(ENOUGH, WORK // (system.n_q + system.n_c))]
         self.low, self.high = (self._last_valid(start, end) for end in ends)
@@ -226,7 +221,7 @@ class _Curve:
 
         def valid(value: float) -> bool:
             try:
-                evaluate(self.model, {**self.settings, self.parameter: value})
+                evaluate(self.model, {self.parameter: value})
             except MbstabError:
                 return False
             return True
@@ -256,7 +251,7 @@ class _Curve:
         one, two = (step, -step) if self.low + step <= p <= self.high - step else (step, 2.0 * step)
         sign = -1.0 if p > self.high - step else 1.0
         around = p + sign * np.array([0.0, one, two])
-        system = System(evaluate(self.model, {**self.settings, self.parameter: around}))
+        system = System(evaluate(self.model, {self.parameter: around}))
         balance = self.balance.over(system)
         at = balance.state(balance.completed(np.tile(q, (3, 1))), np.tile(c, (3, 1)))
         if not np.all(np.isfinite(at.residual)):

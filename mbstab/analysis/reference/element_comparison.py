@@ -14,7 +14,7 @@ from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.analysis.reference.fields import Combination, Field, OwnTurn, Shift
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.rotation import rate_drift, rate_matrix
-from mbstab.compiler.system import Acting, Array, System
+from mbstab.compiler.system import Acting, Array, Dynamics, System
 from mbstab.errors import MbstabError
 from mbstab.model.arithmetic import FLOAT, mpmath_arithmetic
 from mbstab.records import dataclass
@@ -65,6 +65,13 @@ class State:
     q: Array
     u: Array
     a: Array
+
+
+@dataclass(frozen=True)
+class OnRows(State):
+    """A state that satisfies the constraint rows, with the matrices there."""
+
+    dynamics: Dynamics
 
 
 Numbers = list[float | Rounded]
@@ -126,12 +133,13 @@ class ElementComparison:
         return []
 
     @cached_property
-    def on_rows(self) -> list[State]:
+    def on_rows(self) -> list[OnRows]:
         """States that satisfy the constraints, spread around the reference; the reference itself comes first."""
         motion = self.motion
-        found = [State(motion.q, motion.u, motion.a)]
+        found = [OnRows(motion.q, motion.u, motion.a, motion.dynamics)]
         if not self.system.n_c:
-            return found + self.states[1:]
+            others = self.states[1:]
+            return found + [OnRows(x.q, x.u, x.a, self.system.dynamics(x.q, x.u, motion.time)) for x in others]
         rng = RandomNumbers(5)
         for _ in range(2):
             for spread in SPREADS:
@@ -150,7 +158,7 @@ class ElementComparison:
         pieced = any(expression.pieced() for item in rows for expression in expressions_in(item.entry.values))
         return len(self.on_rows) > 1 and not pieced
 
-    def _projected(self, rng: RandomNumbers, spread: float) -> State | None:
+    def _projected(self, rng: RandomNumbers, spread: float) -> OnRows | None:
         """Return a state near a random one that satisfies the constraints, or None if there is none."""
         motion, sizes = self.motion, self.motion.sizes
         q = motion.q + spread * sizes * rng.uniform(-1.0, 1.0, len(sizes))
@@ -166,7 +174,7 @@ class ElementComparison:
         s = np.linalg.svd(J / (np.linalg.norm(J, axis=1) + 1e-300)[:, None], compute_uv=False)
         return max(ON_ROWS, AGREED * float(np.max(s[motion.spaces.C.rank :], initial=0.0)))
 
-    def onto_rows(self, q: Array, u: Array, within: float | None = None) -> State | None:
+    def onto_rows(self, q: Array, u: Array, within: float | None = None) -> OnRows | None:
         """Return the state that satisfies the constraints nearest to a given one, or None if there is none."""
         system, time, sizes = self.system, self.motion.time, self.motion.sizes
         n_h = system.n_h
@@ -188,17 +196,20 @@ class ElementComparison:
                 u = u + sizes * np.linalg.lstsq(J / lengths[:, None], -state.V / lengths, rcond=1e-10)[0]
         except (MbstabError, ValueError, np.linalg.LinAlgError):
             return None
-        return State(q, u, 0.0 * u) if self.satisfies(q, u, within=within) else None
+        state = system.dynamics(q, u, time)
+        return OnRows(q, u, 0.0 * u, state) if self._holds(state, u, within) else None
 
-    def satisfies(self, q: Array, u: Array, time: float | None = None, within: float | None = None) -> bool:
+    def satisfies(self, q: Array, u: Array, time: float | None = None) -> bool:
         """Whether a state satisfies the constraint rows."""
-        system, motion = self.system, self.motion
-        if not system.n_c:
+        if not self.system.n_c:
             return True
-        state = system.dynamics(q, u, motion.time if time is None else time)
+        return self._holds(self.system.dynamics(q, u, self.motion.time if time is None else time), u)
+
+    def _holds(self, state: Dynamics, u: Array, within: float | None = None) -> bool:
+        """Whether the constraint rows hold where they have these residuals."""
+        motion, n_h = self.motion, self.system.n_h
         allowed = (self.agreed if within is None else within) * np.abs(state.J) @ motion.sizes + 1e-300
         fastest = max(float(np.max(np.abs(u / motion.sizes))), RESTING * self.rate)
-        n_h = system.n_h
         return bool(np.all(np.abs(state.E[:n_h]) <= allowed[:n_h]) and np.all(np.abs(state.V) <= allowed * fastest))
 
     def _unseen(self, element: Acting, field: Field) -> bool:

@@ -221,8 +221,8 @@ class Finder:
 
     # --- velocity ---------------------------------------------------------------------------------------------------
 
-    def rates(self, q: Array) -> Array:
-        """Return rates that satisfy the constraints, the given ones unchanged.
+    def rates(self, q: Array) -> tuple[Array, Dynamics]:
+        """Return rates that satisfy the constraints, the given ones unchanged, and the matrices there.
 
         Raises
         ------
@@ -246,22 +246,23 @@ class Finder:
                 state = system.dynamics(q, u, scene.time)
         # Round-off of the solution is no motion.
         fastest = float(np.max(np.abs(u / sizes), initial=0.0))
-        u[missing & (np.abs(u / sizes) < 1e-14 * fastest)] = 0.0
-        state = self._checked_rates(q, u)
+        noise = missing & (np.abs(u / sizes) < 1e-14 * fastest)
+        if np.any(u[noise]):
+            u[noise] = 0.0
+            state = system.dynamics(q, u, scene.time)
+        self._check_rates(u, state)
         self._check_determined(state.J[:, columns] * sizes[columns], columns, u / sizes)
         self.solved += [f"rate of {system.names[i]}" for i in columns if u[i]]
-        return u
+        return u, state
 
-    def _checked_rates(self, q: Array, u: Array) -> Dynamics:
-        """Return the matrices at a state whose rates satisfy the constraints; refuse others."""
+    def _check_rates(self, u: Array, state: Dynamics) -> None:
+        """Refuse rates that do not satisfy the constraints."""
         system = self.system
         fastest = float(np.max(np.abs(u / self.sizes), initial=0.0))
-        state = system.dynamics(q, u, self.scene.time)
         allowed = TOLERANCE * np.abs(state.J) @ (self.sizes * fastest)
         bad = [i for i in range(system.n_c) if not abs(state.V[i]) <= allowed[i] + 1e-300]
         hint = "correct the rates, or leave out those that the constraints determine"
         self._fail([self._residual(i, state.V[i], "/s" if i < system.n_h else "", hint) for i in bad])
-        return state
 
     def _check_determined(self, J: Array, columns: npt.NDArray[np.intp], speeds: Array) -> None:
         """Refuse rates that were left out although the constraints leave a choice that changes the motion."""
@@ -277,8 +278,8 @@ class Finder:
     def _at_reference(self, message: str, hint: str) -> Problem:
         return self.document.problem(self.scene.model.reference.location, "reference", message, hint)
 
-    def steady_rates(self, q: Array, family: Family, known: dict[int, float]) -> Generator:
-        """Return the generator of a family whose speeds satisfy the constraints and the given rates.
+    def steady_rates(self, q: Array, family: Family, known: dict[int, float]) -> tuple[Generator, Dynamics]:
+        """Return the generator of a family whose speeds satisfy the constraints and given rates, and the matrices.
 
         Parameters
         ----------
@@ -326,18 +327,25 @@ class Finder:
                 message += f"the steady motion ({generator}) has {u[i]:.6g} {unit}"
                 problems.append(self._at_reference(message, "leave it out, or correct reference.steady"))
         self._fail(problems)
-        self._checked_rates(q, u)
-        return generator
+        state = system.dynamics(q, u, scene.time)
+        self._check_rates(u, state)
+        return generator, state
 
     # --- accelerations and multipliers ------------------------------------------------------------------------------
 
     def motion(
-        self, q: Array, u: Array, time: float | None = None, steady: Generator | None = None, declared: bool = False
+        self,
+        q: Array,
+        u: Array,
+        time: float | None = None,
+        steady: Generator | None = None,
+        declared: bool = False,
+        state: Dynamics | None = None,
     ) -> Motion:
         """Return the motion through a state that satisfies the constraints.
 
         With `steady` its accelerations must be those of that steady motion (or zero at rest);
-        `declared` says whether the file asks for it.
+        `declared` says whether the file asks for it. `state` has the matrices there, if they are known.
 
         Raises
         ------
@@ -346,7 +354,7 @@ class Finder:
         """
         system = self.system
         time = self.scene.time if time is None else time
-        state = system.dynamics(q, u, time)
+        state = system.dynamics(q, u, time) if state is None else state
         spaces = subspaces(state.M, state.J, system.n_h, system.rows, self.sizes)
         redundant = redundancies(state.J, spaces, system.n_h, system.rows)
         scale, row_scale = spaces.scale, spaces.row_scale

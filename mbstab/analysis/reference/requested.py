@@ -35,12 +35,12 @@ def reference_motion(system: System) -> Motion:
     q = finder.coordinates()
     if scene.steady is not None:
         family, known = declared_family(system)
-        generator = finder.steady_rates(q, family, known)
-        return finder.motion(q, generator.field(q), steady=generator, declared=True)
-    u = finder.rates(q)
+        generator, state = finder.steady_rates(q, family, known)
+        return finder.motion(q, generator.field(q), steady=generator, declared=True, state=state)
+    u, state = finder.rates(q)
     if scene.period is not None:
-        return finder.motion(q, u)
+        return finder.motion(q, u, state=state)
     generators = detected(system, q, u, finder.sizes)
     if not np.any(u):
-        return finder.motion(q, u, steady=generators[0])
-    return replace(finder.motion(q, u), generators=tuple(generators))
+        return finder.motion(q, u, steady=generators[0], state=state)
+    return replace(finder.motion(q, u, state=state), generators=tuple(generators))

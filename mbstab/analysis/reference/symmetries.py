@@ -184,9 +184,8 @@ class Invariance(SymmetryCandidates):
         rows = [np.zeros((1, system.n_q))]
         Y = np.array([item.direction for item in self.symmetries]).reshape(-1, system.n_q).T
         for state in self.on_rows:
-            dynamics = system.dynamics(state.q, state.u, self.motion.time)
             K, R, _ = system.linearize(state.q, state.u, state.a, np.zeros(system.n_c), self.motion.time)
-            parts = K.T * sizes, (R @ Y).T * sizes, dynamics.J * sizes
+            parts = K.T * sizes, (R @ Y).T * sizes, state.dynamics.J * sizes
             rows += [x / (np.linalg.norm(x, axis=1, keepdims=True) + 1e-300) for x in parts]
         _, s, right = np.linalg.svd(np.vstack(rows))
         result: Array = right[int(np.sum(s > SEEMS)) :].T * sizes[:, None]
@@ -246,9 +245,9 @@ class Invariance(SymmetryCandidates):
         if not fields or not self.states:
             return []
         rows = []
-        for state in self.on_rows if self.system.n_c else []:
-            Y = np.array([field.field(state.q) for field in fields]).T
-            J = self.system.dynamics(state.q, state.u, self.motion.time).J
+        for there in self.on_rows if self.system.n_c else []:
+            Y = np.array([field.field(there.q) for field in fields]).T
+            J = there.dynamics.J
             rows += list((J @ Y) / (np.abs(J) @ np.abs(Y) + 1e-300).max(axis=1, keepdims=True))
         for element in self.elements:
             for state in self.states if not element.inertia else []:
@@ -328,8 +327,7 @@ class Invariance(SymmetryCandidates):
             return self.seen
         sizes = self.motion.sizes
         for state in self.on_rows:
-            J = self.system.dynamics(state.q, state.u, self.motion.time).J
-            Y = field.field(state.q)
+            J, Y = state.dynamics.J, field.field(state.q)
             if np.any(np.abs(J @ Y) > ON_ROWS * (np.abs(J) @ sizes) * float(np.max(np.abs(Y / sizes)))):
                 return False
         return True

@@ -96,8 +96,7 @@ class SymmetryCandidates(ElementComparison):
         system, sizes = self.system, self.motion.sizes
         blocks = []
         for state in self.on_rows:
-            dynamics = system.dynamics(state.q, state.u, self.motion.time)
-            still = np.zeros(system.n_c)
+            dynamics, still = state.dynamics, np.zeros(system.n_c)
             K, _, D_q = system.linearize(state.q, state.u, state.a, still, self.motion.time)
             rows = np.vstack([dynamics.J[: system.n_h], D_q]) * sizes
             blocks.append(rows[np.linalg.norm(rows, axis=1) > 0.0])

@@ -143,13 +143,13 @@ def _reference(system: System) -> tuple[Array, Array, Motion]:
     finder = Finder(system)
     try:
         q = finder.coordinates()
-        u = finder.rates(q)
+        u, state = finder.rates(q)
     except ModelFileError:
         if not system.scene.initial.coordinates:
             raise
         q, _ = finder.start()
-        u = np.array([system.scene.rates.get(name, 0.0) for name in system.names], dtype=float)
-    return q, u, finder.motion(q, u)
+        u, state = np.array([system.scene.rates.get(name, 0.0) for name in system.names], dtype=float), None
+    return q, u, finder.motion(q, u, state=state)
 
 
 # --- disturbances ---------------------------------------------------------------------------------------------------

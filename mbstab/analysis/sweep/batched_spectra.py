@@ -41,7 +41,7 @@ from mbstab.analysis.sweep.batched_verdict import (
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, UsageError
-from mbstab.model.parameters import settings_in_si
+from mbstab.model.parameters import bound, settings_in_si
 from mbstab.model.scene import Scene
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
@@ -116,15 +116,13 @@ class Evaluator:
     Parameters
     ----------
     model : Model
-    settings : mapping
-        Values of other parameters (SI).
     path : Path or Sheet, optional
         Equilibria over the parameters that vary, where a file asks to find them; without it
         each point is looked for by itself.
     """
 
-    def __init__(self, model: Model, settings: Mapping[str, float], path: Path | Sheet | None = None) -> None:
-        self.model, self.settings, self.path = model, dict(settings), path
+    def __init__(self, model: Model, path: Path | Sheet | None = None) -> None:
+        self.model, self.path = model, path
         self.patterns: list[Pattern] = []
         self.growth = 1.0
 
@@ -230,7 +228,7 @@ class _Work:
         chosen = {
             name: float(x[index]) if isinstance(index, int) else np.asarray(x[index]) for name, x in self.values.items()
         }
-        return evaluate(self.evaluator.model, {**self.evaluator.settings, **chosen})
+        return evaluate(self.evaluator.model, chosen)
 
     def run(self, left: int = 0) -> None:
         """Compute all points but so many that are left where there is a pattern already."""
@@ -461,7 +459,7 @@ class _Work:
             if self.path is not None and not Problem(system).alike(found_motion(system).q, q):
                 return -1
             at = {name: float(x[i]) for name, x in self.values.items()}
-            return exact_zeros(self.evaluator.model, settings_in_si({**self.evaluator.settings, **at}))
+            return exact_zeros(bound(self.evaluator.model, settings_in_si(at)))
 
         grounds.zeros = zeros
         try:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -22,9 +21,11 @@ from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
 from mbstab.analysis.sweep.batched_verdict import WORD, settled
 from mbstab.analysis.sweep.batched_verdict import unplaced as unplaced_of
 from mbstab.analysis.sweep.jobs import Block, Progress, Task, merged, run, stored, tasks
+from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.sweep.tracking import discriminant, product
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
+from mbstab.model.parameters import bound, settings_in_si
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
 
@@ -71,13 +72,8 @@ class Chart:
 def chart(
     model: Model,
     values: Mapping[str, Array],
-    settings: Mapping[str, float] | None = None,
     progress: Progress = lambda done: None,
-    directory: Path | None = None,
-    resume: bool = False,
-    jobs: int = 1,
-    cluster: str = "",
-    keep: bool = False,
+    settings: SweepSettings = HERE,
 ) -> Chart:
     """Return the stability chart of a model over two parameters.
 
@@ -85,7 +81,7 @@ def chart(
     ----------
     values : mapping
         Two parameters and their values (SI), ascending.
-    settings, progress, directory, resume, jobs, cluster, keep
+    progress, settings
         As in `mbstab.analysis.sweep.sweep.sweep`.
 
     Raises
@@ -93,21 +89,18 @@ def chart(
     UsageError
         If there are not two parameters, or their values do not ascend.
     """
-    settings = dict(settings or {})
-    if len(values) != 2 or any(name in settings for name in values):
+    if len(values) != 2 or any(name in model.settings for name in values):
         raise UsageError("a chart has two parameters, which are not set at the same time")
     (one, x), (other, y) = values.items()
     for name, along in values.items():
         if not np.all(np.diff(along) > 0.0):
             raise UsageError(f"the values of {name} must ascend in a chart")
     points = {one: np.tile(x, len(y)), other: np.repeat(y, len(x))}
-    sheet = follow_all(model, (one, other), settings, x, y) if model.reference.find is not None else None
-    all_tasks = (
-        tasks(model, settings, points, followed=False) if sheet is None else _rows(model, settings, sheet, one, x)
-    )
-    with stored(directory, all_tasks, resume, keep) as store:
-        blocks = run(all_tasks, store, jobs, cluster, progress)
-        return _charted(model, (one, other), (x, y), points, settings, sheet, blocks)
+    sheet = follow_all(model, (one, other), x, y) if model.reference.find is not None else None
+    all_tasks = tasks(model, points, followed=False) if sheet is None else _rows(model, sheet, one, x)
+    with stored(all_tasks, settings) as store:
+        blocks = run(all_tasks, store, settings, progress)
+        return _charted(model, (one, other), (x, y), points, sheet, blocks)
 
 
 def _charted(
@@ -115,14 +108,13 @@ def _charted(
     names: tuple[str, str],
     axes: tuple[Array, Array],
     points: Mapping[str, Array],
-    settings: Mapping[str, float],
     sheet: Sheet | None,
     blocks: list[Block],
 ) -> Chart:
     """Return the chart of the blocks of its points."""
     (one, other), (x, y) = names, axes
     place, problems = np.arange(len(x) * len(y)), {}
-    evaluator = Evaluator(model, settings, sheet)
+    evaluator = Evaluator(model, sheet)
     if sheet is not None:
         place = np.flatnonzero(np.repeat([path is not None for path in sheet.paths], len(x)))
         problems = {int(i): sheet.missing(points, int(i)) for i in np.setdiff1d(np.arange(len(x) * len(y)), place)}
@@ -144,12 +136,13 @@ def _charted(
     return Chart((one, other), x, y, unstable, boundaries, dict(sorted(problems.items())), words)
 
 
-def _rows(model: Model, settings: Mapping[str, float], sheet: Sheet, parameter: str, x: Array) -> list[Task]:
+def _rows(model: Model, sheet: Sheet, parameter: str, x: Array) -> list[Task]:
     """Return the tasks of the paths of a sheet."""
     found = []
     for value, path in zip(sheet.values, sheet.paths, strict=True):
         if path is not None:
-            found += tasks(model, {**settings, sheet.parameter.name: float(value)}, {parameter: x}, path, False)
+            at = bound(model, settings_in_si({sheet.parameter.name: float(value)}))
+            found += tasks(at, {parameter: x}, path, False)
     return found
 
 

@@ -30,9 +30,11 @@ from mbstab.analysis.linear.verdict import UNDECIDED
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, signs, unplaced, unstable_counts
+from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, continuous, follow, turning
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError, OutputError, UsageError
+from mbstab.model.parameters import bound
 from mbstab.model.reader import read_model_text
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
@@ -67,7 +69,7 @@ class Task:
     text, name : str
         The model file, and what messages call it.
     settings : dict
-        Other parameters (SI).
+        What is given for other parameters (`Model.settings`).
     values : dict
         Parameters that vary, arrays of shape (points,).
     solutions : Path or None
@@ -78,7 +80,7 @@ class Task:
 
     text: str
     name: str
-    settings: dict[str, float]
+    settings: dict[str, int | float | str]
     values: dict[str, Array]
     solutions: Solutions | None
     followed: bool = True
@@ -131,7 +133,7 @@ ARRAYS = ("values", "clear", "sides", "words", "mirrored", "passes", "turns")
 
 def compute(task: Task, progress: Progress = lambda done: None) -> Block:
     """Return the block of a task."""
-    evaluator = Evaluator(read_model_text(task.text, task.name), task.settings, task.solutions)
+    evaluator = Evaluator(bound(read_model_text(task.text, task.name), task.settings), task.solutions)
     found = evaluator.spectra(task.values, progress)
     number = unplaced(found.sides, found.words, found.problems)
     whole = pinned(found.values, found.sides, found.sizes, number)
@@ -176,7 +178,6 @@ def block_size(n_q: int) -> int:
 
 def tasks(
     model: Model,
-    settings: Mapping[str, float],
     values: Mapping[str, Array],
     solutions: Solutions | None = None,
     followed: bool = True,
@@ -188,7 +189,7 @@ def tasks(
         Task(
             text,
             model.name,
-            dict(settings),
+            model.settings,
             {name: x[start : start + size] for name, x in values.items()},
             solutions and replace(solutions, beyond=()),
             followed,
@@ -316,7 +317,7 @@ class Store:
 
 
 @contextlib.contextmanager
-def stored(directory: Path | None, all_tasks: list[Task], resume: bool, keep: bool) -> Iterator[Store | None]:
+def stored(all_tasks: list[Task], settings: SweepSettings) -> Iterator[Store | None]:
     """Keep blocks in a directory, if there is one, while a sweep is computed; afterwards only if they are to be kept.
 
     Raises
@@ -324,13 +325,13 @@ def stored(directory: Path | None, all_tasks: list[Task], resume: bool, keep: bo
     UsageError
         As `Store`.
     """
-    if directory is None:
+    if settings.directory is None:
         yield None
         return
-    store = Store(directory, key_of(all_tasks), resume)
+    store = Store(settings.directory, key_of(all_tasks), settings.resume)
     try:
         yield store
-        if not keep:
+        if not settings.keep:
             store.remove()
     finally:
         store.close()
@@ -430,8 +431,7 @@ def _program() -> str:
 def run(
     all_tasks: list[Task],
     store: Store | None = None,
-    jobs: int = 1,
-    cluster: str = "",
+    settings: SweepSettings = HERE,
     progress: Progress = lambda _: None,
 ) -> list[Block]:
     """Return the blocks of all tasks.
@@ -441,10 +441,8 @@ def run(
     all_tasks : list of Task
     store : Store, optional
         Where finished blocks are kept and looked for.
-    jobs : int
-        Number of processes.
-    cluster : str
-        Address of a Dask scheduler (``tcp://…``) that computes them instead.
+    settings : SweepSettings, optional
+        By whom they are computed.
     progress : callable, optional
         Is called with the part of the work that is done, from 0 to 1.
     """
@@ -458,10 +456,10 @@ def run(
     def part(done: float) -> None:
         progress((len(blocks) + done) / len(all_tasks))
 
-    if cluster:
-        source = _on_cluster(all_tasks, missing, cluster)
-    elif jobs > 1 and len(missing) > 1:
-        source = _in_processes(all_tasks, missing, jobs, part)
+    if settings.cluster:
+        source = _on_cluster(all_tasks, missing, settings.cluster)
+    elif settings.jobs > 1 and len(missing) > 1:
+        source = _in_processes(all_tasks, missing, settings.jobs, part)
     else:
         source = ((number, compute(all_tasks[number], part)) for number in missing)
     try:

@@ -14,10 +14,8 @@ if the verdicts on both sides of it confirm the change.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import field, replace
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +32,7 @@ from mbstab.analysis.sweep.batched_verdict import (
 )
 from mbstab.analysis.sweep.critical_values import Critical, CriticalValues
 from mbstab.analysis.sweep.jobs import Block, Progress, merged, run, stored, tasks
+from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.model.schema import Model
@@ -110,13 +109,8 @@ def sweep(
     model: Model,
     parameter: str,
     values: Array,
-    settings: Mapping[str, float] | None = None,
     progress: Progress = lambda done: None,
-    directory: Path | None = None,
-    resume: bool = False,
-    jobs: int = 1,
-    cluster: str = "",
-    keep: bool = False,
+    settings: SweepSettings = HERE,
 ) -> Sweep:
     """Return the eigenvalue branches of a model over a parameter, and where stability changes.
 
@@ -126,28 +120,18 @@ def sweep(
     parameter : str
     values : ndarray, shape (points,)
         Of the parameter (SI), ascending or descending.
-    settings : mapping, optional
-        Other parameters (SI).
     progress : callable, optional
         Is called with the part of the work that is done, from 0 to 1.
-    directory : Path, optional
-        Where finished blocks of points are kept; removed in the end …
-    resume : bool
-        Whether to go on with the blocks that are there.
-    jobs, cluster
-        Number of processes, or the address of a Dask scheduler.
-    keep : bool
-        … unless they are needed until the answer is written (`mbstab.analysis.sweep.jobs.discard`).
+    settings : SweepSettings, optional
 
     Raises
     ------
     UsageError
-        If the parameter is among the settings, or its values are not in order.
+        If a value of the parameter is given besides, or its values are not in order.
     MbstabError
         If no equilibrium is found to start from, where the file asks to find them.
     """
-    settings = dict(settings or {})
-    if parameter in settings:
+    if parameter in model.settings:
         raise UsageError(f"{parameter} is swept and set at the same time")
     steps = np.diff(values)
     if not (np.all(steps > 0.0) or np.all(steps < 0.0)):
@@ -156,27 +140,25 @@ def sweep(
     x = values[order]
     paths: list[Solutions | None] = [None]
     if model.reference.find is not None:
-        main = follow_path(model, parameter, settings, float(x[0]), float(x[-1]), float(values[0]))
+        main = follow_path(model, parameter, float(x[0]), float(x[-1]), float(values[0]))
         paths = [main, *main.beyond]
     grids = [x, *(x[path.covers({parameter: x})] for path in paths[1:] if path is not None)]
     # What happens between the last point and a turn is seen from a point next to the turn.
     closer = [x if path is None else np.union1d(x, path.next_to_ends()) for x, path in zip(grids, paths, strict=True)]
-    groups = [tasks(model, settings, {parameter: x}, path) for x, path in zip(closer, paths, strict=True)]
+    groups = [tasks(model, {parameter: x}, path) for x, path in zip(closer, paths, strict=True)]
     all_tasks = [task for group in groups for task in group]
-    with stored(directory, all_tasks, resume, keep) as store:
-        blocks = iter(run(all_tasks, store, jobs, cluster, progress))
+    with stored(all_tasks, settings) as store:
+        blocks = iter(run(all_tasks, store, settings, progress))
         found = [
-            _at(x, _answer(model, parameter, settings, more, path, merged(list(islice(blocks, len(group))))))
+            _at(x, _answer(model, parameter, more, path, merged(list(islice(blocks, len(group))))))
             for x, more, path, group in zip(grids, closer, paths, groups, strict=True)
         ]
     return replace(_ordered(found[0], order), beyond=tuple(_ordered(result, order) for result in found[1:]))
 
 
-def _answer(
-    model: Model, parameter: str, settings: Mapping[str, float], x: Array, path: Solutions | None, raw: Block
-) -> Sweep:
+def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw: Block) -> Sweep:
     """Return the branches and critical values along one path of solutions."""
-    evaluator = Evaluator(model, settings, path)
+    evaluator = Evaluator(model, path)
     tracker = CriticalValues(evaluator, parameter, x, raw)
     branches = tracker.branches()
     critical = tracker.critical(branches)

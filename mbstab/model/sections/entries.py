@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping as MappingType
 
 from mbstab.errors import suggestion
-from mbstab.mechanics.catalogue import Field, Kind
+from mbstab.mechanics.catalogue import ROWS, Field, Kind
 from mbstab.mechanics.elements import KINDS
 from mbstab.model.fields.base import Reading
 from mbstab.model.fields.catalogue import given_fields, kind_of
@@ -22,7 +22,9 @@ NAMING = tuple(section for section in KINDS if section != "bodies")
 """Sections whose entries have types and may name bodies and joints."""
 
 CONSTRAINT_KINDS = {
-    role: Kind(role, doc, (2, 3), (Field(role, role, doc),), lambda item: ()) for role, doc in CONSTRAINT_FIELDS.items()
+    role: Kind(role, doc, (2, 3), (Field(role, role, doc),), lambda item: (), written=role)
+    for role in ROWS
+    for doc in [CONSTRAINT_FIELDS[role]]
 }
 
 Found = dict[str, tuple[Kind, Mapping]]
