@@ -260,8 +260,11 @@ class Grounds:
         return critical_zero(self.structure, separated, count, others_decay, exact)
 
     def family(self, count: int) -> Neutral | None:
-        """Return the neutral directions with a family of motions that was followed."""
-        return family(self.structure, self.separated, count)
+        """Return the neutral directions with a family of motions that was followed, if many digits do not deny it."""
+        found = family(self.structure, self.separated, count)
+        if found is None or self.zeros is None:
+            return found
+        return None if 0 <= self.zeros() < found.count else found
 
     def facts(self, discs: Sequence[Disc], found: int, doubts: tuple[str, ...] = ()) -> Facts:
         """Return the facts with the eigenvalues that are left to judge, wherever they were computed.

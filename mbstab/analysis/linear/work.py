@@ -238,31 +238,18 @@ def _damps(slopes: list[tuple[Any, Any, Any]], limit: float) -> bool:
 def _takes(R: list[list[Any]], limit: float) -> bool:
     """Whether Σ R_ij u_i u_j is negative for no u: by elimination, each row in its own unit, however small that is."""
     n = len(R)
-    S = [[R[i][j] + R[j][i] for j in range(n)] for i in range(n)]
-    for i in range(n):
-        for j in range(n):
-            if i != j and abs(S[i][j]) <= limit * (abs(R[i][j]) + abs(R[j][i])):
-                S[i][j] = 0 * S[i][j]
-    units, left = [S[i][i] for i in range(n)], list(range(n))
-    if any(x < 0 for x in units):
+    rounded = [[abs(R[i][j] + R[j][i]) <= limit * (abs(R[i][j]) + abs(R[j][i])) for j in range(n)] for i in range(n)]
+    S = [[0 * R[i][j] if i != j and rounded[i][j] else R[i][j] + R[j][i] for j in range(n)] for i in range(n)]
+    units, known = [S[i][i] for i in range(n)], n * limit
+    left = [i for i in range(n) if any(S[i])]
+    # A speed that does work on another one, and none on itself, gives energy in one direction.
+    if any(not units[i] > 0 for i in left):
         return False
     while left:
-        left = [i for i in left if units[i] or any(S[i][j] for j in left)]
-        if any(not units[i] for i in left):
-            return False  # work of one speed on another, and none on itself
-        if not left:
-            return True
         k = max(left, key=lambda i: S[i][i] / units[i])
+        if S[k][k] <= known * units[k]:  # only rounding is left, which must be so beside the diagonal, too
+            return all(abs(S[i][j]) <= known * (units[i] * units[j]) ** 0.5 for i in left for j in left)
         left.remove(k)
-        if S[k][k] <= n * limit * units[k]:
-            # Nothing but rounding is left, which must be so beside the diagonal, too.
-            whole = [k, *left]
-            return all(
-                S[i][i] >= -n * limit * units[i] and S[i][j] ** 2 <= (n * limit) ** 2 * units[i] * units[j]
-                for i in whole
-                for j in whole
-                if i != j or len(whole) == 1
-            )
         for i in left:
             factor = S[i][k] / S[k][k]
             for j in left:
