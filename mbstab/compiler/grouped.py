@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,9 @@ Index = npt.NDArray[np.intp]
 
 Form = Callable[[Array, Index, Index, tuple[int, int]], Any]
 """Makes a matrix of its entries row by row, their columns, where rows begin, and its shape (compressed sparse rows)."""
+
+What = Literal["sum", "sizes", "lost"]
+"""What is asked of the numbers of all elements: their sum, that of sizes, or what rounding has lost in the sum."""
 
 FEW = 4
 """Up to so many elements are faster one by one."""
@@ -125,6 +128,15 @@ class Pattern:
             return data
         return form(data, self.indices, self.starts, (self.shape[0], self.shape[1]))
 
+    def lost(self, numbers: Array, form: Form) -> Any:
+        """Return what rounding has lost in each sum of the matrix, where the machine has longer numbers."""
+        order = np.argsort(self.slot, kind="stable")
+        begins = np.searchsorted(self.slot[order], np.arange(len(self.indices)))
+        terms = numbers[self.take][order]
+        exact = np.add.reduceat(terms.astype(np.longdouble), begins) if len(terms) else np.zeros(0)
+        rounded = self.filled(numbers, lambda data, *_: data)
+        return form((exact - rounded).astype(float), self.indices, self.starts, (self.shape[0], self.shape[1]))
+
 
 class Assembly:
     """The sparse matrices of a scene.
@@ -146,9 +158,9 @@ class Assembly:
         return grouped(self.elements)
 
     def outputs(
-        self, function: str, at: State, shapes: dict[str, tuple[int, ...]], sizes: bool
+        self, function: str, at: State, shapes: dict[str, tuple[int, ...]], what: What
     ) -> dict[str, Any] | None:
-        """Return vectors and matrices by name; with `sizes` as if nothing could cancel. None if one is not finite."""
+        """Return vectors and matrices by name, or what `What` says of the matrices; None if one is not finite."""
         running = [g for g in self._groups if len(g.rows) or function != "linearize_rows"]
         try:
             with np.errstate(all="ignore"):
@@ -162,8 +174,11 @@ class Assembly:
             self._patterns[function] = {
                 key: _pattern(function, key, running, self.n_q, shape) for key, shape in shapes.items()
             }
-        numbers = np.abs(numbers) if sizes else numbers
-        return {key: pattern.filled(numbers, self.form) for key, pattern in self._patterns[function].items()}
+        patterns = self._patterns[function]
+        if what == "lost":
+            return {key: p.lost(numbers, self.form) for key, p in patterns.items() if len(p.shape) == 2}
+        numbers = np.abs(numbers) if what == "sizes" else numbers
+        return {key: pattern.filled(numbers, self.form) for key, pattern in patterns.items()}
 
 
 def _pattern(function: str, key: str, groups: list[Group], n_q: int, shape: tuple[int, ...]) -> Pattern:

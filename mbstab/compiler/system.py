@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.compiler.grouped import Assembly, Form, State
+from mbstab.compiler.grouped import Assembly, Form, State, What
 from mbstab.compiler.scatter import Time, arithmetic_of, listed, padded, plan_of, scatter, scatter_points, signals_at
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
@@ -285,8 +285,16 @@ class System:
         """
         n, c = self.n_q, self.n_c
         shapes = {"M": (n, n), "F": (n,), "E": (c,), "V": (c,), "J": (c, n), "B": (c,)}
-        out = self._run("dynamics", q, u, time, shapes, sizes=True)
-        out |= self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu, sizes=True)
+        out = self._run("dynamics", q, u, time, shapes, what="sizes")
+        out |= self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu, what="sizes")
+        return out | {"D": out["D"][self.n_h :]}
+
+    def lost(self, q: Any, u: Any, a: Any, nu: Any, time: Any = None) -> dict[str, Any]:
+        """Return what rounding has lost in the sums that are the entries of M, J, K, R and D (= D_q), if sparse."""
+        n, c = self.n_q, self.n_c
+        shapes = {"M": (n, n), "F": (n,), "E": (c,), "V": (c,), "J": (c, n), "B": (c,)}
+        out = self._run("dynamics", q, u, time, shapes, what="lost")
+        out |= self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu, what="lost")
         return out | {"D": out["D"][self.n_h :]}
 
     def acting(self) -> list[Acting]:
@@ -469,7 +477,7 @@ class System:
         shapes: dict[str, tuple[int, ...]],
         a: Any = None,
         nu: Any = None,
-        sizes: bool = False,
+        what: What = "sum",
     ) -> dict[str, Any]:
         time = self.scene.time if time is None else time
         points = self.scene.points
@@ -478,13 +486,13 @@ class System:
         if self._assembly is not None and points is None:
             a, nu = (None if x is None else np.append(x, 0.0) for x in (a, nu))
             at = State(np.append(q, 0.0), np.append(u, 0.0), a, nu, time)
-            found = self._assembly.outputs(function, at, shapes, sizes)
+            found = self._assembly.outputs(function, at, shapes, what)
             if found is not None:
                 return found
         values = self._values(function, q, u, time, a, nu, points)
         if self.sparse and points is None:
             raise _overflow()
-        if sizes:
+        if what == "sizes":
             values = [abs(x) for x in values]
         plan = self._plans.get(function)
         if plan is None:
