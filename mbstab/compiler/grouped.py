@@ -7,7 +7,6 @@ belongs to which stored entry is worked out once for each function of the kernel
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, Protocol
 
@@ -15,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.compiler.scatter import OF_ROWS, arithmetic_of, signals_at
+from mbstab.records import dataclass
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
