@@ -201,6 +201,36 @@ class Mechanism:
         """
         return answer(self._affordable("modes", parameters), method, frozen, progress, self._zeros(parameters))
 
+    @guarded
+    def modes(self, count: int, near: complex = 0.0, rightmost: bool = False, **parameters: Setting) -> EigenResult:
+        """Return a few eigenvalues (1/s) of a scene of any size with error bounds, and the verdict.
+
+        How many eigenvalues lie right of the imaginary axis is counted without finding them
+        (`counts.unstable_proven`); where that is not possible, the verdict is that of a part and says so.
+
+        Parameters
+        ----------
+        count : int
+            How many; a conjugate pair is one.
+        near : complex
+            Those nearest to it are looked for (1/s).
+        rightmost : bool
+            Look for those with the largest real parts instead.
+
+        Raises
+        ------
+        UsageError
+            If there are fewer eigenvalues, or the motion is periodic.
+        NumericalError
+            If the iteration does not converge.
+        MbstabError
+            As `eig`.
+        """
+        count = _whole("count", count, 1)
+        from mbstab.analysis.linear.modes import modes
+
+        return modes(self.system(**parameters), count, near, rightmost, self.force)
+
     def _zeros(self, parameters: Mapping[str, Setting]) -> Callable[[], int]:
         """Return the function that counts the eigenvalues that are zero to many digits."""
 

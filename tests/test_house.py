@@ -43,7 +43,6 @@ COMPLEX_FUNCTIONS = {
     "mbstab/analysis/linear/verdict.py:judge",
     "mbstab/analysis/simulate/steppers/compiled.py:machine_of",
     "mbstab/compiler/machine.py:march",
-    "mbstab/compiler/system.py:System._run",
     "mbstab/report/certificate.py:certificate_text",
     "tests/linear_oracle.py:truth",
     "tests/random_mechanisms.py:_joined",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -49,6 +50,16 @@ CERTIFIED_DIGITS = 50
     help="Enclose all eigenvalues with proven radii; a parameter may be an interval, such as omega=[5.6,10].",
 )
 @click.option(
+    "--modes",
+    "count",
+    type=int,
+    metavar="K",
+    help="Compute K eigenvalues only, a conjugate pair as one, also of thousands of bodies: the slowest, or as --near "
+    "or --rightmost says. How many lie right of the imaginary axis is counted besides.",
+)
+@click.option("--near", metavar="S", help="With --modes: those nearest to S in rad/s, such as 0.1, 20i or -1+5i.")
+@click.option("--rightmost", is_flag=True, help="With --modes: those with the largest real parts.")
+@click.option(
     "--verify",
     is_flag=True,
     help="Excite each mode of the nonlinear motion a little; set its growth rate and frequency beside the eigenvalue. "
@@ -68,6 +79,9 @@ def eig(
     frozen: bool,
     precision: int | None,
     certify: bool,
+    count: int | None,
+    near: str | None,
+    rightmost: bool,
     verify: bool,
     require: str | None,
     output: Output,
@@ -78,13 +92,8 @@ def eig(
 
     Example: mbstab eig pendulum.yaml --set L=0.5
     """
-    if (precision is not None or certify) and method != DEFAULT:
-        message = f"--precision and --certify compute by deflation, not with --method {method}"
-        raise UsageError(f"{message}\nhint: leave out one of them")
-    if verify and (precision is not None or certify or method != DEFAULT or output.format == "csv"):
-        raise UsageError("--verify goes with none of --precision, --certify, --method and the format csv")
-    if certify and (frozen or output.format == "csv"):
-        raise UsageError("--certify goes with neither --frozen nor the format csv")
+    _refuse(method, frozen, precision, certify, count, verify, output.format)
+    shift = _few(count, near, rightmost)
     if len(set(names)) < len(names):
         raise UsageError("a file is named twice")
 
@@ -93,6 +102,8 @@ def eig(
             return _certified(mechanism, precision or CERTIFIED_DIGITS)
         if precision is not None:
             return _precise(mechanism, frozen, precision)
+        if count is not None:
+            return _modes(mechanism, count, shift, rightmost)
         return _verified(mechanism, frozen) if verify else _plain(mechanism, method, frozen)
 
     replies: list[_Reply] = []
@@ -109,6 +120,22 @@ def eig(
         output.write(_joined(replies, len(names) > 1))
     if failures:
         raise failures[0] if len(failures) == 1 else SeveralErrors(failures)
+
+
+def _refuse(
+    method: str, frozen: bool, precision: int | None, certify: bool, count: int | None, verify: bool, form: str
+) -> None:
+    """Refuse options that say different things."""
+    if (precision is not None or certify) and method != DEFAULT:
+        message = f"--precision and --certify compute by deflation, not with --method {method}"
+        raise UsageError(f"{message}\nhint: leave out one of them")
+    if verify and (precision is not None or certify or method != DEFAULT or form == "csv"):
+        raise UsageError("--verify goes with none of --precision, --certify, --method and the format csv")
+    if certify and (frozen or form == "csv"):
+        raise UsageError("--certify goes with neither --frozen nor the format csv")
+    if count is not None and (method != DEFAULT or certify or precision is not None or frozen or verify):
+        message = "--modes goes with none of --method, --certify, --precision, --frozen and --verify"
+        raise UsageError(f"{message}\nhint: leave out --modes for all eigenvalues")
 
 
 @dataclass(frozen=True)
@@ -181,6 +208,31 @@ def _plain(mechanism: Mechanism, method: str, frozen: bool) -> _Reply:
     """Answer in double precision."""
     with progress_bar("following the period") as progress:
         result = mechanism.eig(method, frozen, progress)
+    from mbstab.report import eigenvalues, export
+
+    return _told(mechanism, result, eigenvalues.eigen_text, export.eigen_data, export.eigen_rows)
+
+
+def _few(count: int | None, near: str | None, rightmost: bool) -> complex:
+    """Return the number near which a few eigenvalues are looked for, 0 if none is given; refuse what makes no sense."""
+    if count is None and (near is not None or rightmost):
+        raise UsageError(f"{'--near' if near is not None else '--rightmost'} says which of a few\nhint: give --modes K")
+    if near is not None and rightmost:
+        raise UsageError("--near and --rightmost say different things\nhint: leave out one of them")
+    if count is not None and count < 1:
+        raise UsageError(f"--modes {count}: that is none\nhint: give a whole number from 1 on")
+    try:
+        shift = complex((near or "0").replace(" ", "").replace("i", "j"))
+    except ValueError:
+        shift = complex("nan")
+    if not cmath.isfinite(shift):
+        raise UsageError(f"--near {near}: that is not a number\nhint: in rad/s, such as 0.1, 20i or -1+5i")
+    return shift
+
+
+def _modes(mechanism: Mechanism, count: int, near: complex, rightmost: bool) -> _Reply:
+    """Answer with a few eigenvalues."""
+    result = mechanism.modes(count, near, rightmost)
     from mbstab.report import eigenvalues, export
 
     return _told(mechanism, result, eigenvalues.eigen_text, export.eigen_data, export.eigen_rows)

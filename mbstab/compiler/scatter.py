@@ -12,7 +12,7 @@ import numpy.typing as npt
 from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
 from mbstab.model.jets import Jet
 
-_OF_ROWS = ("E", "V", "B", "J", "D", "V_q", "A_q", "A_u")
+OF_ROWS = ("E", "V", "B", "J", "D", "V_q", "A_q", "A_u")
 """Outputs of kernels whose first index is a row, not a coordinate."""
 
 
@@ -27,7 +27,7 @@ def plan_of(
     for kernel, columns, rows in elements:
         for key, entries in getattr(kernel, function.upper()).items():
             for index in entries:
-                of_rows = key in _OF_ROWS
+                of_rows = key in OF_ROWS
                 place = (rows if of_rows else columns)[index[0]]
                 inside = of_rows or place < n_q
                 if len(index) == 2:

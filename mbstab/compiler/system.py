@@ -34,6 +34,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.compiler.grouped import Assembly, Form, State, What
 from mbstab.compiler.scatter import Time, arithmetic_of, listed, padded, plan_of, scatter, scatter_points, signals_at
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
@@ -221,6 +222,7 @@ class System:
         self.n_h, self.n_n = (sum(map(len, groups)) for groups in (holonomic, nonholonomic))
         self._elements = self._place(uses)
         self._plans: dict[str, dict[str, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]] = {}
+        self._assembly: Assembly | None = None
 
     @property
     def n_c(self) -> int:
@@ -233,7 +235,20 @@ class System:
             part = copy(self)
             part._elements = [element for element in self._elements if element.path == path]
             part._plans = {}
+            if self._assembly is not None:
+                part._assembly = Assembly(part._elements, self.n_q, self._assembly.form)
             yield path, part
+
+    @property
+    def sparse(self) -> bool:
+        """Whether matrices are sparse ones."""
+        return self._assembly is not None
+
+    def in_matrices(self, form: Form) -> System:
+        """Return the same equations, in floats, with sparse matrices that a function makes; see `Form`."""
+        other = copy(self)
+        other._assembly = Assembly(self._elements, self.n_q, form)
+        return other
 
     def given_functions(self) -> Iterator[tuple[str, Any]]:
         """Yield the owner, such as ``drives.motor``, and the `Law` of each given function of time."""
@@ -243,7 +258,7 @@ class System:
     def in_arithmetic(self, scene: Scene) -> System:
         """Return the same elements in the arithmetic of a scene that differs from this one in nothing else."""
         other = copy(self)
-        other.scene = scene
+        other.scene, other._assembly = scene, None
         other._elements = [
             replace(e, laws=tuple(replace(x, arithmetic=scene.arithmetic) if isinstance(x, Law) else x for x in e.laws))
             for e in self._elements
@@ -270,8 +285,16 @@ class System:
         """
         n, c = self.n_q, self.n_c
         shapes = {"M": (n, n), "F": (n,), "E": (c,), "V": (c,), "J": (c, n), "B": (c,)}
-        out = self._run("dynamics", q, u, time, shapes, sizes=True)
-        out |= self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu, sizes=True)
+        out = self._run("dynamics", q, u, time, shapes, what="sizes")
+        out |= self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu, what="sizes")
+        return out | {"D": out["D"][self.n_h :]}
+
+    def lost(self, q: Any, u: Any, a: Any, nu: Any, time: Any = None) -> dict[str, Any]:
+        """Return what rounding has lost in the sums that are the entries of M, J, K, R and D (= D_q), if sparse."""
+        n, c = self.n_q, self.n_c
+        shapes = {"M": (n, n), "F": (n,), "E": (c,), "V": (c,), "J": (c, n), "B": (c,)}
+        out = self._run("dynamics", q, u, time, shapes, what="lost")
+        out |= self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu, what="lost")
         return out | {"D": out["D"][self.n_h :]}
 
     def acting(self) -> list[Acting]:
@@ -449,12 +472,35 @@ class System:
         shapes: dict[str, tuple[int, ...]],
         a: Any = None,
         nu: Any = None,
-        sizes: bool = False,
+        what: What = "sum",
     ) -> dict[str, Any]:
         time = self.scene.time if time is None else time
         points = self.scene.points
         if points is None and isinstance(q, np.ndarray) and q.ndim == 2:
             points = len(q)
+        if self._assembly is not None and points is None:
+            a, nu = (None if x is None else np.append(x, 0.0) for x in (a, nu))
+            at = State(np.append(q, 0.0), np.append(u, 0.0), a, nu, time)
+            found = self._assembly.outputs(function, at, shapes, what)
+            if found is not None:
+                return found
+        values = self._values(function, q, u, time, a, nu, points)
+        if self.sparse and points is None:
+            raise _overflow()
+        if what == "sizes":
+            values = [abs(x) for x in values]
+        plan = self._plans.get(function)
+        if plan is None:
+            plan = self._plans[function] = self._plan(function, shapes)
+        if points is not None:
+            return {key: scatter_points(values, *plan[key], shape, points) for key, shape in shapes.items()}
+        out = {key: scatter(values, *plan[key], shape) for key, shape in shapes.items()}
+        if any(matrix.dtype != object and not np.isfinite(matrix).all() for matrix in out.values()):
+            raise _overflow()
+        return out
+
+    def _values(self, function: str, q: Any, u: Any, time: Any, a: Any, nu: Any, points: int | None) -> list[Any]:
+        """Return what all elements return, one after the other."""
         f = FLOAT if points else self.scene.arithmetic
         # Exact number systems must not meet floats.
         zero = f.number("0") if f.name == "ball" else 0.0
@@ -478,20 +524,7 @@ class System:
                 raise NumericalError(
                     f"{place}: {element.path} has no finite equations here ({error})\n{element.hint}"
                 ) from None
-        if sizes:
-            values = [abs(x) for x in values]
-        plan = self._plans.get(function)
-        if plan is None:
-            plan = self._plans[function] = self._plan(function, shapes)
-        if points is not None:
-            return {key: scatter_points(values, *plan[key], shape, points) for key, shape in shapes.items()}
-        out = {key: scatter(values, *plan[key], shape) for key, shape in shapes.items()}
-        if any(matrix.dtype != object and not np.isfinite(matrix).all() for matrix in out.values()):
-            raise NumericalError(
-                "the equations of motion overflow: a matrix entry is not finite\n"
-                "hint: numbers of this size leave the range of double precision; use other units"
-            )
-        return out
+        return values
 
     def _location(self, path: str) -> Location:
         """Return where an entry stands in the file."""
@@ -510,6 +543,13 @@ class System:
         elements = self._running(function)
         known = tuple((element.kernel, element.columns, element.rows) for element in elements)
         return plan_of(function, tuple(shapes), known, self.n_q)
+
+
+def _overflow() -> NumericalError:
+    return NumericalError(
+        "the equations of motion overflow: a matrix entry is not finite\n"
+        "hint: numbers of this size leave the range of double precision; use other units"
+    )
 
 
 def _kernel(name: str) -> Any:

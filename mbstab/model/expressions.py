@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 from mbstab.errors import MbstabError, suggestion
@@ -213,8 +214,9 @@ OPERATIONS: dict[str, Callable[[Any, Any, Arithmetic], Any]] = {
 }
 
 
+@lru_cache(maxsize=4096)
 def parse(text: str) -> Expression:
-    """Read an expression.
+    """Read an expression; the same texts stand in a file again and again.
 
     Raises
     ------

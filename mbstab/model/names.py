@@ -50,12 +50,15 @@ class Names:
         body = coordinate.partition(".")[0]
         return body in self.written["bodies"] and body not in self.bodies
 
-    def _known(self, node: YamlNode, path: str, word: str, section: str, known: Collection[str]) -> bool:
+    def _known(
+        self, node: YamlNode, path: str, word: str, section: str, known: Collection[str], also: tuple[str, ...] = ()
+    ) -> bool:
         """Whether a name is known; one that is written but could not be read has its problem already."""
-        if word not in known and word not in self.written[section]:
+        found = word in known or word in also
+        if not found and word not in self.written[section]:
             what = {"bodies": "body", "joints": "joint"}[section]
-            self.nodes.complain(node, path, f"there is no {what} {word!r}", suggestion(word, known))
-        return word in known
+            self.nodes.complain(node, path, f"there is no {what} {word!r}", suggestion(word, [*known, *also]))
+        return found
 
     def has_body(self, node: YamlNode, path: str, word: str) -> bool:
         """Whether there is a body of that name; refuse it if not."""
@@ -63,7 +66,7 @@ class Names:
 
     def has_body_or_ground(self, node: YamlNode, path: str, word: str) -> bool:
         """Whether a name is that of a body, or ``ground``; refuse it if not."""
-        return self._known(node, path, word, "bodies", [*self.bodies, "ground"])
+        return self._known(node, path, word, "bodies", self.bodies, ("ground",))
 
     def joint(self, node: YamlNode, path: str, word: str) -> Kind | None:
         """Return the type of the joint of that name."""

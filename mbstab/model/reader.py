@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from mbstab.model.names import Names
@@ -30,10 +33,23 @@ def read_model(path: Path) -> Model:
 
 def read_model_text(text: str | bytes, name: str = "<text>") -> Model:
     """Read a model from text; `name` is what messages call it."""
-    document, root = parse_yaml(text, name)
-    model = _read(document, root)
+    with _uncollected():
+        document, root = parse_yaml(text, name)
+        model = _read(document, root)
     document.raise_problems()
     return model
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Keep the garbage collector from going through all nodes again and again: they stay, and hold no circles."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 def _read(document: Document, root: Mapping) -> Model:

@@ -168,11 +168,12 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
     c = result.counts
     rows = f"{counted(c.n_q, 'coordinate')}, {counted(c.n_holonomic, 'holonomic row')} (rank {c.rank_holonomic})"
     rows += f", {counted(c.n_nonholonomic, 'nonholonomic row')} (rank {c.rank_nonholonomic})"
-    lines = [
-        rows,
-        f"finite eigenvalues: {c.expected} expected, {c.found} found, {c.neutral} of them neutral; "
-        f"method {result.method}",
-    ]
+    found = f"{c.expected} expected, {c.found} found, {c.neutral} of them neutral; method {result.method}"
+    lines = [rows, f"finite eigenvalues: {found}"]
+    if c.counted:
+        number = "not counted" if c.unstable_proven is None else str(c.unstable_proven)
+        lines = [rows, f"finite eigenvalues: {c.expected}, of which {c.found} were looked for; method {result.method}"]
+        lines += wrap(f"right of the imaginary axis: {number}, {c.counted}", width=WIDTH)
     if result.period is not None:
         lines.append(f"period {result.period:.6g} s; frequencies count up to whole multiples of its inverse")
     if result.frame:

@@ -12,6 +12,7 @@ eigenvalues.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -125,9 +126,9 @@ class Subspaces:
         return int(self.N.shape[1] + self.Z.shape[1])
 
 
-def coordinate_scale(M: Array, sizes: Array) -> Array:
+def coordinate_scale(M: Any, sizes: Array) -> Array:
     """Return 1/√M_ii; where a coordinate carries no mass, what the others have for changes of their sizes."""
-    diagonal = np.diag(M)
+    diagonal = M.diagonal()
     heavy = diagonal > 0.0
     scale = sizes.copy()
     scale[heavy] = 1.0 / np.sqrt(diagonal[heavy])
@@ -162,13 +163,33 @@ def subspaces(M: Array, J: Array, n_h: int, rows: Sequence[Row], sizes: Array) -
     row_scale = np.where(lengths > 0.0, 1.0 / np.where(lengths > 0.0, lengths, 1.0), 1.0)
     scaled = scaled * row_scale[:, None]
     C = rank_of(scaled[:n_h])
-    _require_gap(C, rows[:n_h])
+    require_gap(C, rows[:n_h])
     W = rank_of(scaled[n_h:] @ C.null)
-    _require_gap(W, rows[n_h:])
+    require_gap(W, rows[n_h:])
     return Subspaces(scale, row_scale, C, W)
 
 
-def _require_gap(rank: Rank, rows: Sequence[Row]) -> None:
+class Decision(Protocol):
+    """A rank decision with the singular values next to it, and the combination of rows that is smallest of the kept."""
+
+    @property
+    def smallest_kept(self) -> float: ...  # noqa: D102
+    @property
+    def largest_dropped(self) -> float: ...  # noqa: D102
+    @property
+    def gap(self) -> float: ...  # noqa: D102
+    @property
+    def doubtful(self) -> Array: ...  # noqa: D102
+
+
+def require_gap(rank: Decision, rows: Sequence[Row]) -> None:
+    """Refuse a rank decision without a gap.
+
+    Raises
+    ------
+    ConstraintError
+        With the rows that nearly depend on each other.
+    """
     if rank.smallest_kept >= RANK_LEAST and rank.gap >= RANK_GAP:
         return
     combination = np.abs(rank.doubtful)

@@ -12,11 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.linear.bounds import enclosures, enclosures_of
 from mbstab.analysis.linear.discs import Placed
 from mbstab.analysis.linear.facts import Grounds
@@ -106,7 +107,7 @@ def _result(
     frame = str(linear.generator) if linear.generator is not None and linear.generator.turns else ""
     shifts = tuple(s.imag for s in grounds.separated.frequencies() if s.imag > 0.0)
     return EigenResult(
-        listed, verdict, counts, method, (*linear.motion.warnings, *_inexact(listed), *verdict.warnings), frame,
+        listed, verdict, counts, method, (*linear.motion.warnings, *inexact(listed), *verdict.warnings), frame,
         not linear.constant or linear.frozen, shifts, coordinates=tuple(linear.names),
     )  # fmt: skip
 
@@ -131,9 +132,18 @@ def _eigenvalue(grounds: Grounds, placed: Placed, i: int, kind: str) -> Eigenval
     value = complex(0.0 if kind == "center" else s.real + 0.0, s.imag + 0.0)  # no −0
     bound = float(placed.bounds[i]) if np.isfinite(placed.bounds[i]) else math.inf
     x, linear = placed.vectors[:, i], grounds.linear
-    vector = mode_shape(linear.motion.spaces.scale * x, linear.motion.sizes)
+    scale = linear.motion.spaces.scale
+    vector = mode_shape(scale * x, linear.motion.sizes)
     condition, backward_error = float(placed.condition[i]), float(placed.backward_error[i])
-    return Eigenvalue(value, kind, bound, condition, backward_error, participation(linear, x), vector=vector)
+    return Eigenvalue(
+        value,
+        kind,
+        bound,
+        condition,
+        backward_error,
+        participation(linear.M * scale * scale[:, None], linear.names, x),
+        vector=vector,
+    )
 
 
 def mode_shape(dq: Complex, sizes: Array) -> Complex | None:
@@ -156,17 +166,31 @@ def mode_shape(dq: Complex, sizes: Array) -> Complex | None:
     return shape
 
 
-def participation(linear: Linearization, x: Complex) -> dict[str, float]:
-    """Return the share of each body in the kinetic energy of a mode, Δq in scaled coordinates."""
-    scale = linear.motion.spaces.scale
-    M = linear.M * scale * scale[:, None]
+def participation(M: Any, names: Sequence[str], x: Complex) -> dict[str, float]:
+    """Return the share of each body in the kinetic energy of a mode.
+
+    Parameters
+    ----------
+    M : matrix, shape (n_q, n_q)
+        In scaled coordinates.
+    names : sequence of str
+        Of the coordinates.
+    x : ndarray of complex, shape (n_q,)
+        Δq in scaled coordinates.
+    """
     energy = np.real(x.conj() * (M @ x))
     total = float(np.sum(energy))
-    shares: dict[str, float] = {}
-    for name, value in zip(linear.names, energy, strict=True):
-        body = name.partition(".")[0]
-        shares[body] = shares.get(body, 0.0) + (float(value) / total if total > 0.0 else 0.0)
-    return shares
+    bodies, owner = _owners(tuple(names))
+    shares = np.bincount(owner, weights=energy / total if total > 0.0 else 0.0 * energy, minlength=len(bodies))
+    return dict(zip(bodies, shares.tolist(), strict=True))
+
+
+@lru_cache(maxsize=8)
+def _owners(names: tuple[str, ...]) -> tuple[tuple[str, ...], Index]:
+    """Return the bodies of coordinates, and which of them each coordinate belongs to."""
+    owners = [name.partition(".")[0] for name in names]
+    bodies = {body: k for k, body in enumerate(dict.fromkeys(owners))}
+    return tuple(bodies), np.array([bodies[body] for body in owners], dtype=np.intp)
 
 
 def answer(
@@ -206,7 +230,7 @@ def answer(
     return eigenvalues(linearize(system, motion, frozen), method, zeros)
 
 
-def _inexact(found: list[Eigenvalue]) -> tuple[str, ...]:
+def inexact(found: list[Eigenvalue], remedy: str = "; --precision gives more digits") -> tuple[str, ...]:
     """Return a warning about eigenvalues of which few digits are known, or nothing."""
     few = [
         e
@@ -220,8 +244,7 @@ def _inexact(found: list[Eigenvalue]) -> tuple[str, ...]:
     magnified = f"{worst.condition:.1e} times" if math.isfinite(worst.condition) else "without bound"
     return (
         f"the eigenvalue {show(worst.value)} 1/s{others} is known to {worst.error_bound:.1e} 1/s only: "
-        f"the rounding of the data and of the equations is magnified {magnified}; "
-        "--precision gives more digits",
+        f"the rounding of the data and of the equations is magnified {magnified}{remedy}",
     )
 
 

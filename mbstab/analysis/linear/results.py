@@ -85,6 +85,11 @@ class Counts:
     extra_error : float (1/s)
         How far the worst of them came out from where it belongs: from 0, or from ±iω where a
         turning frame carries the constraint around.
+    unstable_proven : int or None
+        How many eigenvalues lie right of the imaginary axis, counted without having found them; asked for only where
+        a few are looked for. None: not counted.
+    counted : str
+        By what they are counted, or why not; empty: not asked for.
     """
 
     n_q: int
@@ -99,6 +104,8 @@ class Counts:
     undefined: int
     extra: int = 0
     extra_error: float = 0.0
+    unstable_proven: int | None = None
+    counted: str = ""
 
     @property
     def degrees_of_freedom(self) -> int:

@@ -20,6 +20,9 @@ symmetries and of families of steady motions that are verified, and A_⊥ what A
     Carr 1981);
 8.  undecided: everything else.
 
+Where only a few eigenvalues were looked for, rules 1, 2 and 4 apply if the number of those right of the axis is known
+all the same (`Census`).
+
 What is not known is never taken for harmless: an eigenvalue that is not placed, a count that
 differs, a kink or a dependence on time that is not understood leaves the answer undecided.
 """
@@ -30,8 +33,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Literal
 
-from mbstab.errors import amount
-from mbstab.model.schema import is_length
+from mbstab.analysis.linear.wording import phrases
+from mbstab.errors import amount, counted
 from mbstab.model.words import ASYMPTOTIC as ASYMPTOTIC
 from mbstab.model.words import ASYMPTOTIC_UP_TO as ASYMPTOTIC_UP_TO
 from mbstab.model.words import MARGINAL as MARGINAL
@@ -161,6 +164,34 @@ class Critical:
 
 
 @dataclass(frozen=True)
+class Census:
+    """How many eigenvalues lie where, counted without having found them.
+
+    Attributes
+    ----------
+    right : int or None
+        How many lie right of the imaginary axis; None: they are not counted.
+    least : int
+        How many do so at least.
+    zeros : int
+        How many zeros were told apart, squares of the stiffness or eigenvalues.
+    left : bool
+        Whether all eigenvalues lie left of the axis.
+    how : str
+        By what they are counted, in words; or why they are not.
+    proven : bool
+        Whether the count is exact for all matrices within rounding; else it rests on estimates.
+    """
+
+    right: int | None
+    least: int = 0
+    zeros: int = 0
+    left: bool = False
+    how: str = ""
+    proven: bool = True
+
+
+@dataclass(frozen=True)
 class Facts:
     """What is known about a motion.
 
@@ -195,6 +226,8 @@ class Facts:
         Returns warnings about stability that nonlinear resonance or damping may destroy.
     multipliers : bool
         Whether the eigenvalues are Floquet exponents.
+    census : Census or None
+        Where only a few eigenvalues were looked for: what is known of all; None: all were looked for.
     """
 
     expected: int
@@ -212,6 +245,7 @@ class Facts:
     warnings: tuple[str, ...] = ()
     frequencies: Callable[[], tuple[str, ...]] = tuple
     multipliers: bool = False
+    census: Census | None = None
 
 
 @dataclass(frozen=True)
@@ -348,6 +382,8 @@ def judge(facts: Facts) -> Verdict:
     growing = [d for d in facts.discs if d.side == "right"]
     if growing:
         return Verdict(UNSTABLE, (_growth(max(growing, key=lambda d: d.centre.real), facts),), warnings=facts.warnings)
+    if facts.census is not None:
+        return _counted(facts, facts.census)
     doubts = _doubts(facts)
     if doubts:
         return Verdict(UNDECIDED, doubts, warnings=facts.warnings)
@@ -383,6 +419,35 @@ def judge(facts: Facts) -> Verdict:
         left_over = tuple(d for d in facts.discs if d not in rest)
         return replace(judge(replace(facts, discs=left_over, neutral=wider, minimum=lambda: None)), at_zero=True)
     return Verdict(UNDECIDED, tuple(_unplaced(d, facts) for d in rest if d.centre.imag >= 0.0), warnings=facts.warnings)
+
+
+def _counted(facts: Facts, census: Census) -> Verdict:
+    """Return what may be said where a few eigenvalues were looked for, none of which grows, and the others counted."""
+    few = f"{facts.found} of {facts.expected} eigenvalues were looked for and found"
+    if census.least:
+        exactly = "" if census.right is not None else ", at least"
+        verb = "lies" if census.least == 1 else "lie"
+        reason = (
+            f"{counted(census.least, 'eigenvalue')}{exactly} {verb} right of the imaginary axis, counted {census.how}"
+        )
+        return Verdict(UNSTABLE, (reason,), warnings=facts.warnings)
+    if census.right is None:
+        reason = f"{few}, none of them grows; the others were not looked for, and they are not counted: {census.how}"
+        return Verdict(UNDECIDED, (reason, *facts.doubts), warnings=facts.warnings)
+    none = f"no eigenvalue lies right of the imaginary axis, counted {census.how}"
+    if facts.doubts:
+        return Verdict(UNDECIDED, (*facts.doubts, none), warnings=facts.warnings)
+    if census.left:
+        found = _decaying(facts)
+        return replace(found, reasons=(*found.reasons, f"counted {census.how}; {few}"))
+    if facts.rough:
+        return Verdict(UNDECIDED, (facts.rough, none), warnings=facts.warnings)
+    if (minimum := facts.minimum()) is not None and minimum.definite:
+        found = _by_energy(facts, minimum)
+        return replace(found, reasons=(*found.reasons, none))
+    zeros = f", and {counted(census.zeros, 'zero')} of the stiffness" if census.zeros else ""
+    reason = f"{none}, but {few}, and what lies on it was not judged{zeros}"
+    return Verdict(UNDECIDED, (reason,), warnings=facts.warnings)
 
 
 def _obstacle(facts: Facts) -> tuple[str, ...]:
@@ -495,63 +560,6 @@ def _except(neutral: Neutral) -> str:
     return f"except that {phrases(neutral.names)} may end up slightly different"
 
 
-HEADS: dict[str, tuple[str, str]] = {
-    "speed of translation along ": ("the speed along ", ""),
-    "speed of rotation about ": ("the rate of turn about ", ""),
-    "speed of rotation ": ("the rate of turn ", ""),
-    "speed of turn of ": ("the spin of ", ""),
-    "speed of joint shift of ": ("the rate of the joint shift of ", ""),
-    "speed along ": ("the speed along ", ""),
-    "speed of ": ("the speed of ", "the speeds of "),
-    "translation along ": ("the position along ", ""),
-    "rotation about ": ("the angle about ", ""),
-    "rotation ": ("the angle ", ""),
-    "turn of ": ("the turn of ", ""),
-    "joint shift of ": ("the joint shift of ", ""),
-}
-"""How names of symmetries and families begin, and what natural words begin with: for one, for several."""
-
-WHOLE = {"the motion itself": "the place along the motion", "speed of the motion itself": "the speed"}
-"""Names that are put in other words as a whole."""
-
-MOST = 6
-"""No more things are listed by name."""
-
-
-def _parts(name: str) -> tuple[str, str, str]:
-    """Return how the words for a name begin, alone and beside others of the kind, and how they go on.
-
-    The second is empty where words stand alone.
-    """
-    if name in WHOLE:
-        return WHOLE[name], "", ""
-    if name.startswith("speed along ") and "." in name:
-        name = f"speed of {name.removeprefix('speed along ')}"
-    for head, (one, many) in HEADS.items():
-        if name.startswith(head):
-            rest = name.removeprefix(head)
-            if head == "speed of " and not is_length(rest):
-                return "the rate of ", "the rates of ", rest
-            return one, many or (one if rest in ("x", "y", "z") else ""), rest
-    if "." in name and " " not in name:
-        return ("the position ", "the positions ", name) if is_length(name) else ("the angle ", "the angles ", name)
-    return ("" if name.startswith("the ") else "the ") + name, "", ""
-
-
-def phrases(names: Sequence[str]) -> str:
-    """Return names as a list in natural words; those of a kind are named together, and a long list ends with a number.
-
-    >>> phrases(("translation along x", "translation along y", "rear_wheel.psi", "speed"))
-    'the position along x and y, the angle rear_wheel.psi and the speed'
-    """
-    kinds: dict[str, tuple[str, list[str]]] = {}
-    for name in names[:MOST]:
-        one, many, rest = _parts(name)
-        kinds.setdefault(many or one + rest, (one, []))[1].append(rest)
-    found = [one + rests[0] if len(rests) == 1 else many + listed(rests) for many, (one, rests) in kinds.items()]
-    return listed([*found, f"{len(names) - MOST} more"] if len(names) > MOST else found)
-
-
 def _unplaced(disc: Disc, facts: Facts) -> str:
     """Say why an eigenvalue leaves the verdict open."""
     if not disc.radius < float("inf"):
@@ -583,11 +591,6 @@ def weakest(*evidence: Evidence) -> Evidence:
     """Return the weakest of several kinds of evidence."""
     order: tuple[Evidence, ...] = ("numerical", "enclosed", "structural")
     return min(evidence, key=order.index)
-
-
-def listed(names: Sequence[str]) -> str:
-    """Return names as a list in words."""
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
 
 
 def show(s: complex) -> str:

@@ -214,6 +214,38 @@ class Work:
         )
 
 
+def acts_symmetrically(
+    element: Acting, q: Array, time: float, states: dict[bool, list[Any]]
+) -> tuple[bool, bool] | None:
+    """Return whether a force at rest damps and whether it has gyroscopic terms; None if it is neither, nor stiffness.
+
+    Parameters
+    ----------
+    element : Acting
+    q : ndarray, shape (n_q,)
+    time : float (s)
+    states : dict
+        The coordinates in the arithmetics that were asked before; empty at first.
+    """
+    try:
+        with Digits(element) as f:
+            limit = EXACT if f.name == "mpmath" else CARRIED
+            place = states.setdefault(f.name == "mpmath", numbers(q, f) if f.name == "mpmath" else q.tolist())
+            still = [f.number("0")] * len(q)
+            K, R = element.slopes(place, still, still, time, f)
+            skew = any(R[i][j] != R[j][i] for i in range(len(R)) for j in range(i))
+            if not _symmetric(K, limit):
+                return None
+    except (ArithmeticError, ValueError):
+        return None
+    matrix = np.array([[float(x) for x in row] for row in R])
+    matrix = matrix + matrix.T
+    least = float(np.linalg.eigvalsh(matrix)[0]) if matrix.size else 0.0
+    if least < -1e-15 * float(np.max(np.abs(matrix), initial=0.0)):
+        return None
+    return bool(np.any(matrix)), skew
+
+
 def _symmetric(K: list[list[Any]], limit: float) -> bool:
     """Whether a matrix is symmetric, each pair of entries relative to their own size."""
     n = len(K)

@@ -17,7 +17,8 @@ from typing import NamedTuple
 from mbstab.analysis.algebra import balls
 from mbstab.analysis.algebra.balls import Ball, ball
 from mbstab.analysis.algebra.failures import FAILURES
-from mbstab.analysis.linear.verdict import ASYMPTOTIC_UP_TO, STABLE_UP_TO, STRENGTH, UNDECIDED, Modulo, phrases
+from mbstab.analysis.linear.verdict import ASYMPTOTIC_UP_TO, STABLE_UP_TO, STRENGTH, UNDECIDED, Modulo
+from mbstab.analysis.linear.wording import phrases
 from mbstab.analysis.proof.analytic import require_analytic
 from mbstab.analysis.proof.characteristic import GENERIC, Proof
 from mbstab.analysis.proof.identities import Identities

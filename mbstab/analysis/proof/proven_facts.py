@@ -32,9 +32,9 @@ from mbstab.analysis.linear.verdict import (
     Side,
     Verdict,
     judge,
-    phrases,
     weakest,
 )
+from mbstab.analysis.linear.wording import phrases
 from mbstab.analysis.proof.characteristic import (
     Enclosure,
     Factor,

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -154,7 +155,7 @@ class Finder:
             self.check_chart(q, np.zeros(len(q), dtype=bool))
         self.solved += [n for n, lacks in zip(system.names, missing, strict=True) if lacks]
         state = system.dynamics(q, np.zeros(system.n_q), scene.time)
-        allowed = TOLERANCE * np.abs(state.J) @ self.sizes
+        allowed = TOLERANCE * abs(state.J) @ self.sizes
         bad = [i for i in range(system.n_h) if not abs(state.E[i]) <= allowed[i] + 1e-300]
         hint = "correct the values, or leave out those that the constraints determine"
         if missing.any():
@@ -420,25 +421,39 @@ class Finder:
             return
         worst = int(np.argmax(np.abs(excess / scale)))
         name = self.system.names[worst]
-        unit, push = ("m/s^2", "N") if self.is_length[worst] else ("rad/s^2", "N*m")
-        acceleration = f"{excess[worst]:.6g} {unit}"
-        if np.linalg.norm(allowed[worst]) < ROUNDING:
-            what = "is at rest at this time only" if motion.at_rest else "is steady at this time only"
-            message = f"the reference {what}: a drive accelerates {name} with {acceleration}"
-            hint = "choose a time at which the drive is steady"
-        else:
+        if np.linalg.norm(allowed[worst]) >= ROUNDING:
             force = motion.dynamics.F0 + motion.dynamics.M @ expected
             load = -(allowed @ (allowed.T @ (force * scale)))[worst] / scale[worst]
-            where = "at rest but not in equilibrium" if motion.at_rest else f"no steady motion ({steady})"
-            message = (
-                f"the reference is {where}: {name} would accelerate with {acceleration} (unbalanced {load:.6g} {push})"
-            )
-            find = "equilibrium" if motion.at_rest else "steady"
-            hint = (
-                "give coordinates at which the forces balance, or the rates of the motion you mean; "
-                f"mbstab equilibrium or reference: {{find: {find}}} solves for coordinates under guess"
-            )
-        self._fail([self._at_reference(message, hint)])
+            self.refuse_unbalanced(worst, float(excess[worst]), float(load), "" if motion.at_rest else str(steady))
+        what = "is at rest at this time only" if motion.at_rest else "is steady at this time only"
+        unit = "m/s^2" if self.is_length[worst] else "rad/s^2"
+        message = f"the reference {what}: a drive accelerates {name} with {excess[worst]:.6g} {unit}"
+        self._fail([self._at_reference(message, "choose a time at which the drive is steady")])
+
+    def refuse_unbalanced(self, worst: int, acceleration: float, load: float, steady: str = "") -> NoReturn:
+        """Refuse a reference in which forces do not balance.
+
+        Parameters
+        ----------
+        worst : int
+            The coordinate that accelerates most.
+        acceleration, load : float
+            How much, in SI, and the force or the torque along it.
+        steady : str
+            The steady motion that it should be, in words; empty: rest.
+        """
+        unit, push = ("m/s^2", "N") if self.is_length[worst] else ("rad/s^2", "N*m")
+        where = f"no steady motion ({steady})" if steady else "at rest but not in equilibrium"
+        message = (
+            f"the reference is {where}: {self.system.names[worst]} would accelerate with {acceleration:.6g} {unit} "
+            f"(unbalanced {load:.6g} {push})"
+        )
+        find = "steady" if steady else "equilibrium"
+        hint = (
+            "give coordinates at which the forces balance, or the rates of the motion you mean; "
+            f"mbstab equilibrium or reference: {{find: {find}}} solves for coordinates under guess"
+        )
+        raise ModelFileError([self._at_reference(message, hint)])
 
     def _check_constant_rank(self, q: Array, u: Array, time: float, spaces: Subspaces) -> None:
         """Redundancy is harmless if it persists nearby: Nᵀ (Σ δ_i ∇²C_i) N = 0 for every dependence δ."""
@@ -459,11 +474,16 @@ class Finder:
             if total > max(CURVATURE_TOLERANCE * single, rounding):
                 weights = np.abs(combination)
                 names = [str(self.system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
-                raise ConstraintError(
-                    "the mechanism is at a singular configuration: constraints that are independent nearby depend on "
-                    f"each other here (curvature {total / single:.3g})\nthe rows involved: {'; '.join(names)}\n"
-                    "hint: eigenvalues do not exist at such a point; move the reference away from it"
-                )
+                raise ConstraintError(singular_configuration(total / single, names))
+
+
+def singular_configuration(curvature: float, rows: list[str]) -> str:
+    """Return what is wrong where rows depend on each other at the reference only."""
+    return (
+        "the mechanism is at a singular configuration: constraints that are independent nearby depend on "
+        f"each other here (curvature {curvature:.3g})\nthe rows involved: {'; '.join(rows)}\n"
+        "hint: eigenvalues do not exist at such a point; move the reference away from it"
+    )
 
 
 def _longest_parameter(system: System) -> float:
@@ -474,16 +494,24 @@ def _longest_parameter(system: System) -> float:
 
 
 def unbalance(system: System, motion: Motion) -> float:
-    """Return how large forces in scaled coordinates may be that should vanish.
+    """Return how large forces in scaled coordinates may be that should vanish; see `unbalance_at`."""
+    at = motion.q, motion.u, motion.a, motion.nu
+    return unbalance_at(system, at, motion.dynamics.F0, motion.sizes, motion.spaces.scale, motion.time)
+
+
+def unbalance_at(
+    system: System, at: tuple[Array, Array, Array, Array], force: Array, sizes: Array, scale: Array, time: float
+) -> float:
+    """Return how large forces in scaled coordinates may be that should vanish, at q, u, a and ν.
 
     They may be a small part of the forces that balance. Where springs and inertia balance by
     themselves, they may be what the rounding of coordinates and speeds makes of them.
     """
-    scale, scene = motion.spaces.scale, system.scene
-    weights = [math.sqrt(float(body.mass)) * float(np.linalg.norm(scene.gravity)) for body in scene.bodies]
-    balancing = max(float(np.max(np.abs(motion.dynamics.F0 * scale))), *weights)
-    at = motion.q, motion.u, motion.a, motion.nu
-    return EQUILIBRIUM_TOLERANCE * balancing + ROUNDING * force_change(system, at, motion.sizes, scale, motion.time)
+    scene = system.scene
+    gravity = float(np.linalg.norm(scene.gravity))
+    weights = [math.sqrt(float(body.mass)) * gravity for body in scene.bodies]
+    balancing = max(float(np.max(np.abs(force * scale))), *weights)
+    return EQUILIBRIUM_TOLERANCE * balancing + ROUNDING * force_change(system, at, sizes, scale, time)
 
 
 def force_change(
@@ -496,9 +524,9 @@ def force_change(
     q, u, a, nu = at
     K, R, _ = system.linearize(q, u, a, nu, time)
     beside, _, _ = system.linearize(q + ROUNDING * sizes, u, a, nu, time)
-    if float(np.max(np.abs(beside - K))) > 0.01 * float(np.max(np.abs(K))):
+    if abs(beside - K).max() > 0.01 * abs(K).max():
         return 0.0
-    return float(np.max((np.abs(K) @ sizes + np.abs(R) @ np.abs(u)) * scale))
+    return float(np.max((abs(K) @ sizes + abs(R) @ np.abs(u)) * scale))
 
 
 def _balance(M: Array, J: Array, inverse: Array, allowed: Array, force: Array, bias: Array) -> tuple[Array, Array]:

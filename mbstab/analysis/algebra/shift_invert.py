@@ -1,0 +1,220 @@
+"""A few eigenvalues of a large sparse quadratic problem Q(s) z = 0, Q(s) = Q₀ + s Q₁ + s² Q₂, nearest to a shift.
+
+With the columns of which Q₁ or Q₂ contain anything, z_a, and w = s z_a, one factorization of Q(σ) gives the operator
+
+    Q(σ) x = −(Q₂ (w + σ z_a) + Q₁ z_a),    (z_a, w) ↦ (x_a, z_a + σ x_a),    s = σ + 1/μ.
+
+Its range satisfies the rows without s, so the infinite eigenvalues of constraints appear as μ = 0 only, and two
+applications to the start vector purge what belongs to them (Nour-Omid, Parlett, Ericsson, Jensen 1987, Math. Comp. 48;
+Meerbergen, Spence 1997, Math. Comp. 66).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex, Index
+from mbstab.errors import NumericalError
+
+DENSE = 160
+"""Operators of this size are made a dense matrix: all of their eigenvalues are as fast as a few."""
+
+FINITE = 1e-9
+"""What is smaller than this part of the largest μ of a dense operator belongs to infinite eigenvalues."""
+
+CORRECTIONS = 1
+"""Steps of iterative refinement for vectors."""
+
+SEED = 11
+"""Of start vectors: the same question has the same answer."""
+
+
+Operator = Callable[[Any], Any]
+
+
+class SingularShift(NumericalError):
+    """A shift is an eigenvalue."""
+
+
+class SparseQuadratic:
+    """Q(s) with the entries of its three matrices on one pattern.
+
+    Parameters
+    ----------
+    matrices : three sparse arrays, shape (n, n)
+        Q₀, Q₁, Q₂.
+    """
+
+    def __init__(self, *matrices: Any) -> None:
+        from scipy import sparse
+
+        parts = [sparse.coo_array(x) for x in matrices]
+        self.size = n = parts[0].shape[0]
+        keys, place = np.unique(
+            np.concatenate([x.col.astype(np.int64) * n + x.row for x in parts]), return_inverse=True
+        )
+        ends = np.cumsum([0, *(x.nnz for x in parts)])
+        self.data = [
+            np.bincount(place[a:b], weights=x.data, minlength=len(keys))
+            for a, b, x in zip(ends, ends[1:], parts, strict=False)
+        ]
+        self.rows: Index = (keys % n).astype(np.intp)
+        self.columns: Index = (keys // n).astype(np.intp)
+        self._starts = np.searchsorted(keys, np.arange(n + 1, dtype=np.int64) * n)
+
+    def at(self, s: complex, slope: bool = False) -> Any:
+        """Return Q(s), or Q'(s), as a sparse matrix; real for a real s."""
+        from scipy import sparse
+
+        if not np.imag(s):
+            s = np.real(s)
+        entries = (
+            self.data[1] + 2.0 * s * self.data[2] if slope else self.data[0] + s * (self.data[1] + s * self.data[2])
+        )
+        return sparse.csc_array((entries, self.rows, self._starts), shape=(self.size, self.size))
+
+    def factors(self, s: complex) -> Any:
+        """Return the LU factors of Q(s); None if it is singular."""
+        from scipy.sparse.linalg import splu
+
+        try:
+            lu = splu(self.at(s))
+        except RuntimeError:
+            return None
+        return lu if np.all(np.isfinite(lu.solve(np.ones(self.size, dtype=lu.U.dtype)))) else None
+
+    @cached_property
+    def wide(self) -> list[Any]:
+        """The entries as the longest numbers of the machine."""
+        return [x.astype(np.longdouble) for x in self.data]
+
+    @cached_property
+    def active(self) -> Index:
+        """The columns that contain s."""
+        found: Index = np.unique(self.columns[(self.data[1] != 0.0) | (self.data[2] != 0.0)])
+        return found
+
+    def product(self, s: complex, Y: Complex, X: Complex, lost: SparseQuadratic | None = None) -> Complex:
+        """Return Yᴴ Q(s) X, summed with more digits where the machine has them.
+
+        Parameters
+        ----------
+        Y, X : ndarray of complex, shape (size, k)
+        lost : SparseQuadratic, optional
+            What rounding has lost in the sums of which the entries are made.
+        """
+        total = np.zeros((Y.shape[1], X.shape[1]), dtype=np.clongdouble)
+        z = np.clongdouble(s)
+        for part in (self, *([lost] if lost is not None else [])):
+            d = part.wide
+            entries = d[0] + z * (d[1] + z * d[2])
+            left = np.conj(Y[part.rows]).astype(np.clongdouble) * entries[:, None]
+            for j in range(X.shape[1]):
+                total[:, j] += np.sum(left * X[part.columns, j, None], axis=0)
+        return total.astype(complex)
+
+    def operator(self, lu: Any, sigma: complex) -> tuple[Operator, Operator]:
+        """Return (z_a, w) ↦ x of the factors at σ, and (z_a, w) ↦ (x_a, z_a + σ x_a); also of columns."""
+        a, active = len(self.active), self.active
+        Q1, Q2 = self._slopes
+
+        def full(y: Any) -> Any:
+            z, w = y[:a], y[a:]
+            return lu.solve(np.ascontiguousarray(-(Q2 @ (w + sigma * z) + Q1 @ z)))
+
+        def once(y: Any) -> Any:
+            x = full(y)[active]
+            return np.concatenate([x, y[:a] + sigma * x])
+
+        return full, once
+
+    @cached_property
+    def _slopes(self) -> tuple[Any, Any]:
+        Q1, Q2 = (self.part(k)[:, self.active] for k in (1, 2))
+        return Q1, Q2
+
+    def nearest(self, shift: complex, count: int, most: int) -> tuple[Complex, Complex]:
+        """Return the eigenvalues nearest to a shift, nearest first, and their vectors as columns.
+
+        Of a real shift only those with Im ≥ 0 have vectors, the columns of the others are zero.
+
+        Parameters
+        ----------
+        shift : complex
+            No eigenvalue.
+        count : int
+        most : int
+            Number of finite eigenvalues.
+
+        Raises
+        ------
+        SingularShift
+            If the shift is an eigenvalue.
+        NumericalError
+            If the iteration does not converge.
+        """
+        lu = self.factors(shift)
+        if lu is None:
+            raise SingularShift(
+                f"the shift {shift:.6g} 1/s is an eigenvalue, or too close to one\nhint: give another one"
+            )
+        sigma = shift if np.imag(shift) else float(np.real(shift))
+        full, once = self.operator(lu, sigma)
+        a = len(self.active)
+        dtype = complex if isinstance(sigma, complex) else float
+        if 2 * a <= max(DENSE, 3 * count):
+            mu, Y = (x.astype(complex) for x in np.linalg.eig(once(np.eye(2 * a, dtype=dtype))))
+            order = np.argsort(-np.abs(mu))[: min(count, most)]
+            order = order[np.abs(mu[order]) > FINITE * np.max(np.abs(mu), initial=0.0)]
+        else:
+            mu, Y = self._few(once, 2 * a, min(count, most), dtype)
+            order = np.argsort(-np.abs(mu))
+        mu, Y = mu[order], Y[:, order]
+        values = sigma + 1.0 / mu
+        X = np.zeros((self.size, len(mu)), dtype=complex)
+        upper = np.flatnonzero((values.imag >= 0.0) | isinstance(sigma, complex))
+        for k in upper:
+            X[:, k] = self._refined(lu, sigma, full, Y[:, k])
+        return values, X
+
+    def _refined(self, lu: Any, sigma: complex, full: Operator, y: Complex) -> Complex:
+        """Return the vector of an eigenvalue with its multipliers, corrected: large ones beside it cost no digits."""
+        a, (Q1, Q2), matrix = len(self.active), self._slopes, self.at(sigma)
+        right = -(Q2 @ (y[a:] + sigma * y[:a]) + Q1 @ y[:a])
+        found = _complex(full, y)
+        for _ in range(CORRECTIONS):
+            found = found + _complex(lu.solve, right - matrix @ found)
+        return found
+
+    def part(self, k: int) -> Any:
+        """Return the matrix of the k-th power of s."""
+        from scipy import sparse
+
+        return sparse.csc_array((self.data[k], self.rows, self._starts), shape=(self.size, self.size))
+
+    def _few(self, once: Any, size: int, count: int, dtype: Any) -> tuple[Complex, Complex]:
+        from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
+
+        start = once(once(np.random.default_rng(SEED).normal(size=size).astype(dtype)))
+        operator = LinearOperator((size, size), matvec=once, dtype=dtype)
+        width = min(size, max(2 * count + 10, 20))
+        try:
+            values, vectors = eigs(operator, count, v0=start, ncv=width, tol=0.0, maxiter=50 * width)
+        except ArpackNoConvergence as error:
+            raise NumericalError(
+                f"{len(error.eigenvalues)} of {count} eigenvalues were found before the iteration was given up\n"
+                "hint: ask for fewer, or near another number"
+            ) from None
+        return values.astype(complex), vectors.astype(complex)
+
+
+def _complex(function: Any, y: Complex) -> Complex:
+    """Return a real linear function of a complex vector; of a complex one its value."""
+    try:
+        return np.asarray(function(y), dtype=complex)
+    except TypeError:  # real factors take real right-hand sides only
+        return np.asarray(function(y.real) + 1j * function(y.imag))

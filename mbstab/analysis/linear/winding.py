@@ -1,0 +1,197 @@
+"""How many eigenvalues lie right of the imaginary axis, by the winding number of the determinant.
+
+h(s) = det Q(s) / (s + a)^n, with n finite eigenvalues, is analytic right of the axis, finite and not zero at infinity;
+−Δ arg h / π over ω = 0 … ∞ along s = iω is the number of its zeros there. The phase comes from LU factors. That an
+integer comes out is no evidence: turns by 2π between two points are not seen. An interval is accepted only if
+
+* discs around its ends, with a part of the distance to the nearest eigenvalue that Arnoldi steps see, cover it, and
+* its change of phase agrees, after multiples of 2π are added, with the slopes at its ends.
+
+The discs rest on estimates, so eigenvalues are counted so, not proven (Ying, Katz 1988, Numer. Math. 53; Kamgnia,
+Philippe 2013, ETNA 40, say what a proof takes).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex, Index
+from mbstab.analysis.algebra.shift_invert import Operator
+from mbstab.analysis.linear.sparse_equations import ROUNDED, SparseEquations
+from mbstab.analysis.linear.verdict import Census
+from mbstab.records import dataclass
+
+COVER = 0.8
+"""Radius of a disc, as part of the distance to the nearest eigenvalue."""
+
+ARNOLDI = 14
+"""Steps in which this distance is estimated."""
+
+AGREES = math.pi / 3.0
+"""A change of phase agrees with slopes to this."""
+
+BESIDE = 1e-4
+"""Slopes come from points so many radii apart."""
+
+MOST, WORK = 3000, 3e6
+"""So many factorizations are made at most, and so many rows factored altogether."""
+
+NEAREST = 1e-12
+"""An eigenvalue so near to the axis, relative to the fastest, may lie on it."""
+
+PERTURBED, ALLOWED = 5, 0.02
+"""Steps of the iteration for how much rounding of the entries changes solutions, and how much it may."""
+
+FAR = 3.0
+"""From so many spectral radii on nothing but the tail of the phase is left."""
+
+WHOLE = 0.05
+"""The number comes out whole to this."""
+
+
+@dataclass(frozen=True)
+class _Point:
+    """h on the imaginary axis: its phase and the slope of that, and the radius of a disc without eigenvalues."""
+
+    omega: float
+    phase: float
+    slope: float
+    radius: float
+
+
+class _Open(Exception):
+    """Why nothing is counted."""
+
+
+def winding(equations: SparseEquations, why: str) -> Census:
+    """Return how many eigenvalues lie right of the imaginary axis, neutral shifts apart.
+
+    Parameters
+    ----------
+    equations : SparseEquations
+    why : str
+        Why the stiffness alone does not count them.
+    """
+    zeros = equations.zeros
+    try:
+        number = _Winding(equations).number() if equations.n_left else 0
+    except _Open as stop:
+        return Census(None, zeros=zeros, how=f"{why}, and the winding number of the determinant fails: {stop}")
+    how = "by the winding number of the determinant along the imaginary axis"
+    return Census(number, least=number, zeros=zeros, left=not number and not zeros, how=how, proven=False)
+
+
+class _Winding:
+    """Follows the phase of h along the imaginary axis."""
+
+    def __init__(self, equations: SparseEquations) -> None:
+        self.problem, self.known_to = equations.problem, equations.known_to
+        self.most, self.fastest = equations.n_left, equations.fastest
+        self.left = min(MOST, int(WORK / self.problem.size))
+        rng = np.random.default_rng(17)
+        self.start: Complex = rng.normal(size=2 * len(self.problem.active)).astype(complex)
+        self.signs = rng.choice((-1.0, 1.0), size=(PERTURBED, self.problem.size))
+
+    def number(self) -> int:
+        """Return the number of zeros right of the axis."""
+        first = self._point(0.0)
+        last = self._point(FAR * self.fastest)
+        total = self._change(first, last)
+        # Beyond, slopes fall like the square of the distance, and slower terms are less than a turn.
+        while abs(last.slope) * last.omega > 0.1 * AGREES:
+            further = self._point(2.0 * last.omega)
+            total += self._change(last, further)
+            last = further
+        total += last.slope * last.omega
+        number = -total / math.pi
+        if abs(number - round(number)) > WHOLE:
+            raise _Open(f"it comes out as {number:.3f}")
+        return round(number)
+
+    def _change(self, first: _Point, last: _Point) -> float:
+        """Return the change of phase between two points."""
+        stack, total = [(first, last)], 0.0
+        while stack:
+            one, other = stack.pop()
+            width = other.omega - one.omega
+            expected = 0.5 * (one.slope + other.slope) * width
+            change = other.phase - one.phase
+            change += 2.0 * math.pi * round((expected - change) / (2.0 * math.pi))
+            if one.radius + other.radius >= width and abs(change - expected) <= AGREES:
+                total += change
+                continue
+            middle = self._point(one.omega + 0.5 * width)
+            stack += [(middle, other), (one, middle)]
+        return total
+
+    def _point(self, omega: float) -> _Point:
+        s = 1j * omega
+        phase, lu = self._phase(omega)
+        _, once = self.problem.operator(lu, s)
+        radius = COVER / _largest(once, self.start)
+        if not radius > NEAREST * self.fastest:
+            raise _Open(f"an eigenvalue lies at {omega:.6g} rad/s, or next to it")
+        if not self._unsure(lu, omega) < ALLOWED:
+            raise _Open(f"rounding may move eigenvalues over the axis at {omega:.6g} rad/s")
+        step = BESIDE * radius
+        beside, _ = self._phase(omega + step)
+        slope = math.remainder(beside - phase, 2.0 * math.pi) / step
+        return _Point(omega, phase, slope, radius)
+
+    def _unsure(self, lu: Any, omega: float) -> float:
+        """Return how much what the entries are not known to changes solutions: from 1 on the matrix may be singular."""
+        sizes, x = self.known_to.at(omega), np.abs(lu.solve(self.signs[0].astype(complex)))
+        growth = []
+        for signs in self.signs:
+            following = np.abs(lu.solve((ROUNDED * signs * (sizes @ x)).astype(complex)))
+            before, after = np.linalg.norm(x), np.linalg.norm(following)
+            if not (before > 0.0 and np.isfinite(after)):
+                return math.inf if after else 0.0
+            growth.append(float(after / before))
+            x = following / after if after else following
+        return max(growth[1:])
+
+    def _phase(self, omega: float) -> tuple[float, Any]:
+        """Return the phase of h, up to multiples of 2π, and the factors."""
+        if self.left <= 0:
+            raise _Open("eigenvalues lie so close to the axis that it takes too many factorizations")
+        self.left -= 1
+        # Complex factors at zero as well: the operator takes complex vectors.
+        lu = self.problem.factors(complex(0.0, omega) if omega else complex(0.0, 5e-324))
+        if lu is None:
+            where = "zero" if not omega else f"{omega:.6g} rad/s"
+            raise _Open(f"an eigenvalue lies at {where}, and no shift explains it")
+        turns = (_odd(lu.perm_r) + _odd(lu.perm_c)) * math.pi
+        pivots = float(np.sum(np.angle(lu.U.diagonal())))
+        return pivots + turns - self.most * math.atan2(omega, self.fastest), lu
+
+
+def _odd(permutation: Index) -> int:
+    """Whether a permutation is odd: 1 or 0."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
+    n = len(permutation)
+    graph = csr_array((np.ones(n), (np.arange(n), permutation)), shape=(n, n))
+    return (n - int(connected_components(graph, directed=False, return_labels=False))) % 2
+
+
+def _largest(once: Operator, start: Complex) -> float:
+    """Return the size of the largest eigenvalue of an operator that Arnoldi steps see."""
+    basis = [start / np.linalg.norm(start)]
+    H = np.zeros((ARNOLDI + 1, ARNOLDI), dtype=complex)
+    for k in range(min(ARNOLDI, len(start))):
+        y = once(basis[k])
+        for _ in range(2):
+            for j, x in enumerate(basis):
+                part = np.vdot(x, y)
+                H[j, k] += part
+                y = y - part * x
+        H[k + 1, k] = np.linalg.norm(y)
+        if abs(H[k + 1, k]) <= 1e-14 * np.max(np.abs(H)):
+            break
+        basis.append(y / H[k + 1, k])
+    return float(np.max(np.abs(np.linalg.eigvals(H[: k + 1, : k + 1]))))

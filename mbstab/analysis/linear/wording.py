@@ -1,0 +1,68 @@
+"""Names of symmetries and of families of motions in natural words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mbstab.model.schema import is_length
+
+HEADS: dict[str, tuple[str, str]] = {
+    "speed of translation along ": ("the speed along ", ""),
+    "speed of rotation about ": ("the rate of turn about ", ""),
+    "speed of rotation ": ("the rate of turn ", ""),
+    "speed of turn of ": ("the spin of ", ""),
+    "speed of joint shift of ": ("the rate of the joint shift of ", ""),
+    "speed along ": ("the speed along ", ""),
+    "speed of ": ("the speed of ", "the speeds of "),
+    "translation along ": ("the position along ", ""),
+    "rotation about ": ("the angle about ", ""),
+    "rotation ": ("the angle ", ""),
+    "turn of ": ("the turn of ", ""),
+    "joint shift of ": ("the joint shift of ", ""),
+}
+"""How names of symmetries and families begin, and what natural words begin with: for one, for several."""
+
+WHOLE = {"the motion itself": "the place along the motion", "speed of the motion itself": "the speed"}
+"""Names that are put in other words as a whole."""
+
+MOST = 6
+"""No more things are listed by name."""
+
+
+def _parts(name: str) -> tuple[str, str, str]:
+    """Return how the words for a name begin, alone and beside others of the kind, and how they go on.
+
+    The second is empty where words stand alone.
+    """
+    if name in WHOLE:
+        return WHOLE[name], "", ""
+    if name.startswith("speed along ") and "." in name:
+        name = f"speed of {name.removeprefix('speed along ')}"
+    for head, (one, many) in HEADS.items():
+        if name.startswith(head):
+            rest = name.removeprefix(head)
+            if head == "speed of " and not is_length(rest):
+                return "the rate of ", "the rates of ", rest
+            return one, many or (one if rest in ("x", "y", "z") else ""), rest
+    if "." in name and " " not in name:
+        return ("the position ", "the positions ", name) if is_length(name) else ("the angle ", "the angles ", name)
+    return ("" if name.startswith("the ") else "the ") + name, "", ""
+
+
+def phrases(names: Sequence[str]) -> str:
+    """Return names as a list in natural words; those of a kind are named together, and a long list ends with a number.
+
+    >>> phrases(("translation along x", "translation along y", "rear_wheel.psi", "speed"))
+    'the position along x and y, the angle rear_wheel.psi and the speed'
+    """
+    kinds: dict[str, tuple[str, list[str]]] = {}
+    for name in names[:MOST]:
+        one, many, rest = _parts(name)
+        kinds.setdefault(many or one + rest, (one, []))[1].append(rest)
+    found = [one + rests[0] if len(rests) == 1 else many + listed(rests) for many, (one, rests) in kinds.items()]
+    return listed([*found, f"{len(names) - MOST} more"] if len(names) > MOST else found)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as a list in words."""
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]

@@ -1,0 +1,300 @@
+"""Large scenes at rest: the reference with sparse matrices, without bases of what the constraints allow.
+
+What `mbstab.analysis.reference.motion` does for any motion is done here for what is given at rest: constraints and
+balance are checked, rows that repeat others are left out, and the multipliers solve
+
+    [[1, Ĵᵀ], [Ĵ, 0]] [x; ν̂] = [−F̂; 0]
+
+in scaled coordinates. Stiffness hangs on the multipliers, so F + Jᵀν is summed with more digits and they are corrected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from decimal import Decimal
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.independent_rows import DEPENDENT, Independent, independent_rows
+from mbstab.analysis.algebra.inertia import ConstrainedForms
+from mbstab.analysis.algebra.sparse import in_sparse
+from mbstab.analysis.algebra.subspaces import RANK_TOLERANCE, Redundancy, coordinate_scale, require_gap
+from mbstab.analysis.reference.coefficients import Matrices
+from mbstab.analysis.reference.motion import CURVATURE_TOLERANCE, ROUNDING, Finder, singular_configuration, unbalance_at
+from mbstab.compiler.system import Array, Dynamics, System
+from mbstab.errors import ConstraintError, amount
+from mbstab.records import dataclass
+
+CORRECTIONS = 2
+"""Steps in which the multipliers are corrected."""
+
+MASSLESS = 1e-13
+"""Motions with less mass than this, in scaled coordinates, carry none."""
+
+DRAWN, STEP = 4, 2.0**-22
+"""So often signs of roundings are drawn, and so large they are, relatively, where their effects are looked at."""
+
+ROUNDED = 8.0 * float(np.finfo(float).eps)
+"""Forces and coordinates are rounded by this, relative to the sizes of their terms."""
+
+STRAIGHT = 1e-12
+"""What is smaller than this part of the curvatures of all rows is rounding."""
+
+PROBES = 3
+"""Motions along which dependent rows must not curve."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A reference at rest, with sparse matrices.
+
+    Attributes
+    ----------
+    system : System
+        With sparse matrices.
+    q, nu : ndarray
+        Coordinates (m, rad) and multipliers.
+    displaced : tuple of Matrices
+        Changes of M, R, K, J and D_q, all entries together, by what rounding may make of the coordinates and of the
+        forces that the multipliers balance; signs are drawn.
+    time : float (s)
+    sizes : ndarray, shape (n_q,)
+        What a large change of each coordinate is.
+    dynamics : Dynamics
+    scale, row_scale : ndarray
+        Of coordinates and rows, powers of two: scaling rounds nothing.
+    kept : ndarray of int
+        Rows that are independent, the holonomic ones first.
+    rank_holonomic : int
+    forms : ConstrainedForms
+        Of the kept rows, scaled.
+    warnings : tuple of str
+    """
+
+    system: System
+    q: Array
+    nu: Array
+    displaced: tuple[Matrices, ...]
+    time: float
+    sizes: Array
+    dynamics: Dynamics
+    scale: Array
+    row_scale: Array
+    kept: Any
+    rank_holonomic: int
+    forms: ConstrainedForms
+    warnings: tuple[str, ...]
+
+    @property
+    def n_f(self) -> int:
+        """Number of finite eigenvalues."""
+        return 2 * (self.system.n_q - self.rank_holonomic) - (len(self.kept) - self.rank_holonomic)
+
+
+def at_rest(system: System) -> Rest | None:
+    """Return the reference of a scene that is given at rest, or None if it moves or must be solved for.
+
+    Raises
+    ------
+    ModelFileError
+        If the reference does not satisfy the constraints or is not in equilibrium.
+    ConstraintError
+        If the rank of the constraints cannot be decided.
+    """
+    scene, reference = system.scene, system.scene.model.reference
+    if reference.find is not None or scene.steady is not None or scene.period is not None:
+        return None
+    system = in_sparse(system)
+    finder = Finder(system)
+    if any(scene.rates.values()) or (system.n_h and any(name not in scene.coordinates for name in system.names)):
+        return None
+    q, still, time = finder.coordinates(), np.zeros(system.n_q), float(scene.time)
+    state = system.dynamics(q, still, time)
+    if np.any(state.V) or np.any(state.B):
+        return None
+    scale = _power_of_two(coordinate_scale(state.M, finder.sizes))
+    lengths = np.sqrt(np.asarray(scaled(state.J, scale).power(2).sum(axis=1)).ravel())
+    row_scale = _power_of_two(1.0 / np.where(lengths > 0.0, lengths, 1.0))
+    J = scaled(state.J, scale, row_scale)
+    kept, rank, warnings = _independent(system, J)
+    forms = ConstrainedForms(J[kept])
+    M = scaled(state.M, scale, scale)
+    if forms.negatives(M - MASSLESS * abs(M).max() * _identity(system.n_q), ROUNDED * float(abs(M).sum())) != 0:
+        return None
+    rest = Rest(
+        system, q, np.zeros(system.n_c), (), time, finder.sizes, state, scale, row_scale, kept, rank, forms,
+        (*finder.warnings, *warnings),
+    )  # fmt: skip
+    _check_constant_rank(rest, J)
+    return _balanced(finder, rest, J)
+
+
+def scaled(matrix: Any, columns: Array, rows: Array | None = None) -> Any:
+    """Return a sparse matrix with its columns and rows multiplied by factors."""
+    from scipy.sparse import csr_array, diags_array
+
+    found = matrix @ diags_array(columns)
+    return csr_array(found if rows is None else diags_array(rows) @ found)
+
+
+def _identity(n: int) -> Any:
+    from scipy.sparse import eye_array
+
+    return eye_array(n, format="csr")
+
+
+def _power_of_two(x: Array) -> Array:
+    result: Array = np.exp2(np.round(np.log2(x)))
+    return result
+
+
+def _independent(system: System, J: Any) -> tuple[Any, int, list[str]]:
+    """Return which rows to keep, how many of them are holonomic, and warnings about the others."""
+    C = independent_rows(J[: system.n_h])
+    require_gap(C, system.rows[: system.n_h])
+    rows = np.concatenate([C.kept, np.arange(system.n_h, system.n_c)]).astype(np.intp)
+    if system.n_c == system.n_h:
+        return rows, C.rank, _redundant(system, C, np.arange(system.n_h))
+    both = independent_rows(J[rows])
+    require_gap(both, [system.rows[i] for i in rows])
+    kept = rows[both.kept]
+    return kept, int(np.sum(kept < system.n_h)), [
+        *_redundant(system, C, np.arange(system.n_h)), *_redundant(system, both, rows)
+    ]  # fmt: skip
+
+
+def _redundant(system: System, found: Independent, rows: Any) -> list[str]:
+    """Return warnings about rows that others imply."""
+    if not len(found.dropped):
+        return []
+    weights = found.left_null @ np.linalg.inv(found.left_null[found.dropped])
+    texts = []
+    for i, combination in zip(found.dropped, weights.T, strict=True):
+        repeats = [system.rows[rows[k]] for k in np.flatnonzero(np.abs(combination) > DEPENDENT) if k != i]
+        texts.append(f"redundant constraint: {Redundancy(system.rows[rows[i]], tuple(repeats))}")
+    if found.largest_dropped > ROUNDING:
+        texts.append(
+            f"the redundant rows repeat the others to {amount(found.largest_dropped)} only; smaller than "
+            f"{RANK_TOLERANCE:g}, this is taken for rounding in the file, not for a constraint"
+        )
+    return texts
+
+
+class _Allowed:
+    """[[1, Ĵᵀ], [Ĵ, 0]] of independent rows, factored."""
+
+    def __init__(self, J: Any) -> None:
+        from scipy.sparse import block_array
+        from scipy.sparse.linalg import splu
+
+        self.c, self.n = J.shape
+        self._lu = splu(block_array([[_identity(self.n), J.T], [J, None]], format="csc")) if self.c else None
+
+    def split(self, b: Array) -> tuple[Array, Array]:
+        """Return the part x of b that the rows allow, and y with b = x + Jᵀ y."""
+        if self._lu is None:
+            return b, b[:0]
+        found = self._lu.solve(np.concatenate([b, np.zeros((self.c, *b.shape[1:]))]))
+        return found[: self.n], found[self.n :]
+
+
+def _balanced(finder: Finder, rest: Rest, J: Any) -> Rest:
+    """Return the reference with its multipliers; refuse one that is not in equilibrium."""
+    system, scale = rest.system, rest.scale
+    force, rows = rest.dynamics.F0 * scale, J[rest.kept]
+    allowed = _Allowed(rows)
+    forces, transposed = force.astype(np.longdouble), rows.T.astype(np.longdouble)
+    nu, left = np.zeros(len(rest.kept), dtype=np.longdouble), force
+    for _ in range(1 + CORRECTIONS):
+        nu = nu - allowed.split(left)[1]
+        left = np.asarray(forces + transposed @ nu, dtype=float)
+    multipliers = np.zeros(system.n_c)
+    multipliers[rest.kept] = np.asarray(nu, dtype=float) * rest.row_scale[rest.kept]
+    found = replace(rest, nu=multipliers)
+    at = found.q, 0.0 * found.q, 0.0 * found.q, found.nu
+    if np.max(np.abs(left), initial=0.0) > unbalance_at(system, at, rest.dynamics.F0, rest.sizes, scale, rest.time):
+        worst = int(np.argmax(np.abs(left)))
+        finder.refuse_unbalanced(worst, float(-left[worst] * scale[worst]), float(-left[worst] / scale[worst]))
+    return replace(found, displaced=_displaced(found, allowed))
+
+
+def _displaced(rest: Rest, allowed: _Allowed) -> tuple[Matrices, ...]:
+    system, scale, still = rest.system, rest.scale, 0.0 * rest.q
+
+    def matrices(q: Array, nu: Array, at: Dynamics) -> Matrices:
+        K, R, D_q = system.linearize(q, still, still, nu, rest.time)
+        return Matrices(at.M, R, K, at.J, D_q)
+
+    terms = system.terms(rest.q, still, still, rest.nu, rest.time)
+    loads, unsure = terms["F"] + terms["J"].T @ np.abs(rest.nu), _unsure(rest)
+    here, rng, found = matrices(rest.q, rest.nu, rest.dynamics), np.random.default_rng(23), []
+    for _ in range(DRAWN):
+        signs, others = rng.choice((-1.0, 1.0), size=(2, system.n_q))
+        q = rest.q + STEP * signs * unsure
+        at = system.dynamics(q, still, rest.time)
+        left = (at.F0 + at.J.T @ rest.nu + STEP * others * loads) * scale
+        nu = rest.nu.copy()
+        nu[rest.kept] -= allowed.split(left)[1] * rest.row_scale[rest.kept]
+        found.append(Matrices(*((x - y) * (ROUNDED / STEP) for x, y in zip(matrices(q, nu, at), here, strict=True))))
+    return tuple(found)
+
+
+def _unsure(rest: Rest) -> Array:
+    """Return the sizes to which the rounding of coordinates is relative: zero for decimals that are exact."""
+    given = rest.system.scene.model.reference.coordinates
+    found: Array = rest.sizes.copy()
+    for i, (name, value) in enumerate(zip(rest.system.names, rest.q.tolist(), strict=True)):
+        if name in given and given[name].literal:
+            exact = abs(Decimal(given[name].text.strip().lstrip("+-"))) == abs(Decimal(value))
+            found[i] = 0.0 if exact else abs(value)
+    return found
+
+
+def stiffness_of(rest: Rest, nu: Array) -> Any:
+    """Return what multipliers add to the stiffness, a sparse matrix."""
+    return _added(lambda x: rest.system.linearize(rest.q, 0.0 * rest.q, 0.0 * rest.q, x, rest.time)[0], nu)
+
+
+def curvature_sizes(rest: Rest, nu: Array) -> Any:
+    """Return the sizes of the terms of which that is a sum."""
+    return _added(lambda x: rest.system.terms(rest.q, 0.0 * rest.q, 0.0 * rest.q, x, rest.time)["K"], nu)
+
+
+def _added(stiffness: Callable[[Array], Any], nu: Array) -> Any:
+    """Return what multipliers add to a matrix."""
+    plain = stiffness(0.0 * nu)
+    found = stiffness(nu) - plain
+    size, beside = float(abs(found).max()), float(abs(plain).max())
+    if not size or size >= beside:
+        return found
+    # Multipliers so large that they are not lost beside stiff springs.
+    factor = beside / size
+    return (stiffness(factor * nu) - plain) / factor
+
+
+def _check_constant_rank(rest: Rest, J: Any) -> None:
+    """Redundancy is harmless if it persists nearby: what dependent rows curve must cancel along allowed motions."""
+    system = rest.system
+    dropped = np.setdiff1d(np.arange(system.n_h), rest.kept)
+    if not len(dropped):
+        return
+    left_null = independent_rows(J[: system.n_h]).left_null
+    probes = _Allowed(J[rest.kept]).split(np.random.default_rng(9).normal(size=(system.n_q, PROBES)))[0]
+
+    def along(matrix: Any, x: Array) -> Array:
+        result: Array = x.T @ (scaled(matrix, rest.scale, rest.scale) @ x)
+        return result
+
+    every = np.where(np.arange(system.n_c) < system.n_h, rest.row_scale, 0.0)
+    # Where rows are straight, what is left of their curvatures is rounding.
+    rounding = STRAIGHT * along(curvature_sizes(rest, every), np.abs(probes))
+    for combination in left_null.T:
+        nu = np.zeros(system.n_c)
+        nu[: system.n_h] = combination * rest.row_scale[: system.n_h]
+        total, single = np.abs(along(stiffness_of(rest, nu), probes)), along(curvature_sizes(rest, nu), np.abs(probes))
+        if np.any(total > np.maximum(CURVATURE_TOLERANCE * single, rounding)):
+            weights = np.abs(combination)
+            names = [str(system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
+            raise ConstraintError(singular_configuration(float(np.max(total / single)), names))

@@ -1,0 +1,293 @@
+"""A few eigenvalues of large scenes, and the number of unstable ones counted without them."""
+
+import json
+import random
+
+import linear_oracle
+import mpmath
+import numpy as np
+import pytest
+from chains import four_bar_loops, hanging_chain, spring_chain
+from random_mechanisms import random_mechanism
+from sampling import sample
+from scipy import sparse
+
+import mbstab
+from mbstab.analysis.algebra.independent_rows import independent_rows
+from mbstab.analysis.algebra.inertia import ConstrainedForms
+from mbstab.analysis.linear.verdict import STRENGTH
+from mbstab.cli import main
+from mbstab.errors import MbstabError, UsageError
+
+GRAVITY = 9.81
+
+
+def plumb_line(masses, gravity=-GRAVITY):
+    """Return the text of equal point masses on a line, 1 m from each other, that hang from the ground or stand."""
+    names = range(1, masses + 1)
+    bodies = "".join(f"  b{i}: {{type: planar_point, mass: 1}}\n" for i in names)
+    ends = [f"[b{i}, {f'b{i - 1}' if i > 1 else 'ground'}]" for i in names]
+    joints = "".join(
+        f"  j{i}: {{type: distance, between: {end}, length: 1}}\n" for i, end in zip(names, ends, strict=True)
+    )
+    places = "".join(f"    b{i}: {{x: 0, y: {-i}}}\n" for i in names)
+    start = f"mbstab: 1\ngravity: [0, {gravity}]\n"
+    return f"{start}bodies:\n{bodies}joints:\n{joints}reference:\n  coordinates:\n{places}"
+
+
+def laguerre(masses, near):
+    """Return the exact frequency near one: ω²/g is a zero of the Laguerre polynomial (D. Bernoulli 1733)."""
+    with mpmath.workdps(40):
+        g = mpmath.mpf("9.81")
+        return mpmath.sqrt(g * mpmath.findroot(lambda x: mpmath.laguerre(masses, 0, x), mpmath.mpf(near) ** 2 / g))
+
+
+def outcome(text, count):
+    """Return all eigenvalues with bounds and a few of them; skip what cannot be answered."""
+    try:
+        model = mbstab.loads(text)
+        full = model.eig()
+        return full, model.modes(min(count, full.counts.found))
+    except MbstabError as error:
+        pytest.skip(str(error))
+
+
+@pytest.mark.parametrize("masses", [3, 200])
+def test_slow_modes_of_a_plumb_line_are_those_of_laguerre(masses):
+    result = mbstab.loads(plumb_line(masses)).modes(3)
+    found = [e for e in result.eigenvalues if e.value.imag > 0.0]
+    assert len(found) == 3
+    for e in found:
+        error = abs(float(e.value.imag - laguerre(masses, e.value.imag)))
+        assert error <= min(e.error_bound, 1e-14 * abs(e.value))
+        assert e.kind == "center"
+        assert e.value.real == 0.0
+    assert result.counts.unstable_proven == 0
+    assert result.verdict == "stable"
+
+
+@pytest.mark.parametrize("masses", [3, 200])
+def test_all_modes_of_a_plumb_line_upside_down_grow(masses):
+    result = mbstab.loads(plumb_line(masses, GRAVITY)).modes(2)
+    assert result.counts.unstable_proven == masses
+    assert result.verdict == "unstable"
+    assert [e.kind for e in result.eigenvalues] == ["saddle"] * 2 or all(
+        e.value.imag == 0.0 for e in result.eigenvalues
+    )
+
+
+def test_instability_is_counted_where_nothing_found_grows():
+    """Pendulums that hang, and a stiff one that stands: nothing near zero says so."""
+    text = plumb_line(30).replace(
+        "joints:\n",
+        "  up: {type: planar_point, mass: 1}\njoints:\n  rod: {type: distance, between: [up, ground], length: 1e-4}\n",
+    )
+    result = mbstab.loads(text + "    up: {x: 0, y: 1e-4}\n").modes(2)
+    assert all(e.kind == "center" for e in result.eigenvalues)
+    assert result.counts.unstable_proven == 1
+    assert (result.verdict, result.counts.found) == ("unstable", 4)
+    assert "1 eigenvalue lies right" in result.reasons[0]
+
+
+@pytest.mark.parametrize("seed", sample(range(96), 24))
+def test_modes_of_random_mechanisms(seed):
+    full, few = outcome(random_mechanism(seed), 3)
+    values = np.array([e.value for e in full.eigenvalues])
+    known = np.array([0.0 if e.kind == "neutral" else e.error_bound for e in full.eigenvalues])
+    judged = [e for e in few.eigenvalues if e.kind != "neutral"]
+    for e in judged:
+        assert np.min(np.abs(values - e.value) - known) <= e.error_bound
+    radius = max((e.error_bound for e in judged), default=0.0)
+    every = sorted(abs(v) for v in values if v.imag >= 0.0)[few.counts.neutral :]
+    found = sorted(abs(e.value) for e in judged if e.value.imag >= 0.0)
+    if not any("were found" in text for text in few.warnings):
+        assert len(found) == min(3, len(every))
+        for one, other in zip(found, every, strict=False):
+            assert abs(one - other) <= 1e-6 * other + 2.0 * radius
+    if few.counts.unstable_proven is not None:
+        right = sum(bool(v.real > r) for v, r in zip(values, known, strict=True))
+        undecided = sum(e.kind == "undecided" for e in full.eigenvalues)
+        assert right <= few.counts.unstable_proven <= right + undecided
+    assert few.verdict in STRENGTH[full.verdict] or full.verdict == "undecided"
+
+
+@pytest.mark.parametrize("seed", sample(range(12), 4))
+def test_counts_of_linear_systems(seed):
+    """Damped, gyroscopic and circulatory forces, indefinite, critical and defective ones."""
+    rng, counted = random.Random(seed), 0
+    for _ in range(12):
+        K, D = linear_oracle.random_system(rng, rng.choice((1, 2, 3, 4)))
+        n, truth = len(K), linear_oracle.truth(K, D)
+        result = mbstab.loads(linear_oracle.text(K, D)).modes(1)
+        assert result.verdict in truth.allowed
+        if result.counts.unstable_proven is not None:
+            A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.array(K, float), -np.array(D, float)]])
+            values = np.linalg.eigvals(A)
+            counted += 1
+            # A defective zero is scattered by a root of the rounding.
+            assert result.counts.unstable_proven == np.sum(values.real > 1e-3)
+    assert counted > 4
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        hanging_chain(np.random.default_rng(1), 40, damping=0.1, stiffness=1.0),
+        spring_chain(np.random.default_rng(2), 12, damping=0.2),
+    ],
+    ids=["damped", "spatial"],
+)
+def test_nearest_and_rightmost(text):
+    full, slow = outcome(text, 4)
+    values = np.array([e.value for e in full.eigenvalues if e.value.imag >= 0.0])
+    size = max(abs(values))
+    for few, wanted in (
+        (slow, sorted(values, key=abs)),
+        (mbstab.loads(text).modes(4, near=-0.3j), sorted(values, key=lambda s: abs(s - 0.3j))),
+        (mbstab.loads(text).modes(4, near=-3 + 2j), sorted(values, key=lambda s: abs(s + 3 - 2j))),
+        (mbstab.loads(text).modes(4, rightmost=True), sorted(values, key=lambda s: -s.real)),
+    ):
+        found = [e for e in few.eigenvalues if e.value.imag >= 0.0]
+        assert len(found) == 4
+        for s in wanted[:3] if few.verdict == "asymptotically stable" else []:
+            assert min(abs(e.value - s) for e in found) <= 1e-12 * size
+        for e in found:
+            assert np.min(np.abs(values - e.value)) <= e.error_bound
+    assert slow.counts.unstable_proven == 0
+    assert slow.verdict == full.verdict
+
+
+@pytest.mark.parametrize("angle", ["-pi/2", "pi/2"])
+def test_loops(angle):
+    full, few = outcome(four_bar_loops(20, angle), 1)
+    for e in few.eigenvalues:
+        assert min(abs(e.value - x.value) for x in full.eigenvalues) <= e.error_bound
+    assert few.counts.unstable_proven == (angle == "pi/2")
+    assert few.verdict == full.verdict
+
+
+def test_redundant_rows_are_left_out_and_named():
+    text = plumb_line(120).replace("joints:\n", "joints:\n  again: {type: distance, between: [b60, b59], length: 1}\n")
+    result = mbstab.loads(text).modes(2)
+    assert (result.counts.n_holonomic, result.counts.rank_holonomic, result.counts.expected) == (121, 120, 240)
+    assert any("redundant constraint" in w and "j60" in w and "again" in w for w in result.warnings)
+    plain = mbstab.loads(plumb_line(120)).modes(2)
+    assert np.allclose(result.values(), plain.values(), rtol=1e-13)
+
+
+def test_neutral_shifts_are_counted_apart():
+    """A chain of masses and springs that nothing holds: two zeros, and none of them is looked for."""
+    bodies = "".join(f"  b{i}: {{type: planar_point, mass: 1}}\n" for i in range(40))
+    rails = "".join(f"  r{i}: {{type: point_on_line, between: [ground, b{i}], axis: x}}\n" for i in range(40))
+    springs = "".join(
+        f"  s{i}: {{type: spring, between: [b{i}, b{i + 1}], stiffness: 3, length: 1}}\n" for i in range(39)
+    )
+    places = "".join(f"    b{i}: {{x: {i}, y: 0}}\n" for i in range(40))
+    text = f"mbstab: 1\nbodies:\n{bodies}joints:\n{rails}forces:\n{springs}reference:\n  coordinates:\n{places}"
+    result = mbstab.loads(text).modes(2)
+    exact = [2.0 * np.sqrt(3.0) * np.sin(k * np.pi / 80) for k in (1, 2)]
+    assert np.allclose(sorted(e.value.imag for e in result.eigenvalues if e.value.imag > 0), exact, rtol=1e-13)
+    assert (result.counts.neutral, result.counts.unstable_proven) == (2, 0)
+    assert result.verdict == "undecided"
+
+
+def test_without_a_count_the_answer_is_a_part():
+    """Undamped gyroscopic forces on two unstable directions: neither their number nor stability is known."""
+    K, D = [[-1, 0], [0, -1]], [[0, 3], [-3, 0]]
+    result = mbstab.loads(linear_oracle.text(K, D)).modes(1)
+    assert result.counts.unstable_proven is None
+    assert result.verdict == "undecided"
+    assert "2 of 4 eigenvalues were looked for" in result.reasons[0]
+    assert "not counted" in result.reasons[0]
+
+
+def test_negative_squares_of_random_forms():
+    rng, told = np.random.default_rng(4), 0
+    for _ in range(40):
+        n = int(rng.integers(3, 30))
+        c = int(rng.integers(0, n))
+        J = np.where(rng.random((c, n)) < 0.3, rng.normal(size=(c, n)), 0.0)
+        J = J[np.linalg.norm(J, axis=1) > 0.0]
+        J = J / np.linalg.norm(J, axis=1, keepdims=True)
+        J = J[independent_rows(sparse.csr_array(J)).kept]
+        assert np.linalg.matrix_rank(J) == len(J)
+        K = np.where(rng.random((n, n)) < 0.2, rng.normal(size=(n, n)), 0.0)
+        K = K + K.T
+        N = np.linalg.svd(J)[2][len(J) :].T if len(J) else np.eye(n)
+        values = np.linalg.eigvalsh(N.T @ K @ N)
+        found = ConstrainedForms(sparse.csr_array(J)).negatives(sparse.csr_array(K), 1e-14)
+        told += found is not None
+        assert found in (None, int(np.sum(values < 0.0)))
+        assert found is not None or min(abs(values), default=0.0) < 1e-10
+    assert told > 15
+
+
+def test_a_form_that_rounding_may_change_has_no_count():
+    forms = ConstrainedForms(sparse.csr_array(np.array([[1.0, 0.0, 0.0]])))
+    K = sparse.csr_array(np.diag([1.0, 1.0, 1e-13]))
+    assert forms.negatives(K, 1e-18) == 0
+    assert forms.negatives(K, 1e-12) is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--modes", "0"], "--modes 0"),
+        (["--modes", "-3"], "hint: give a whole number"),
+        (["--modes", "3"], "3 modes are asked for, there are 2 finite eigenvalues\nhint: give a number up to 2"),
+        (["--modes", "1", "--near", "fast"], "--near fast: that is not a number"),
+        (["--modes", "1", "--near", "inf"], "that is not a number"),
+        (["--modes", "1", "--near", "1", "--rightmost"], "leave out one of them"),
+        (["--near", "1"], "hint: give --modes K"),
+        (["--rightmost"], "hint: give --modes K"),
+        (["--modes", "1", "--method", "index3"], "--modes goes with none"),
+        (["--modes", "1", "--certify"], "--modes goes with none"),
+        (["--modes", "1", "--precision", "30"], "--modes goes with none"),
+        (["--modes", "1", "--frozen"], "--modes goes with none"),
+        (["--modes", "1", "--verify"], "--modes goes with none"),
+    ],
+)
+def test_options_that_make_no_sense(arguments, message, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["eig", "pendulum.yaml", *arguments])
+    assert stop.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("near", ["0.1", "20i", "-1+5i", "-2 + 3j"])
+def test_json_says_what_was_counted(near, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["eig", "pendulum.yaml", "--modes", "1", "--near", near, "--format", "json"])
+    assert not stop.value.code
+    data = json.loads(capsys.readouterr().out)
+    assert data["counts"]["unstable_proven"] == 0
+    assert "inertia of the stiffness" in data["counts"]["counted"]
+    assert data["verdict"] == "stable"
+    assert [e["kind"] for e in data["eigenvalues"]] == ["center"] * 2
+
+
+def test_arguments_of_the_library():
+    model = mbstab.load("pendulum.yaml")
+    for arguments in (
+        {"count": 0},
+        {"count": 1.5},
+        {"count": 1, "near": "x"},
+        {"count": 1, "near": 1j, "rightmost": True},
+    ):
+        with pytest.raises(UsageError):
+            model.modes(**arguments)
+    with pytest.raises(UsageError, match="multipliers"):
+        mbstab.load("kapitza.yaml").modes(1)
+
+
+@pytest.mark.parametrize(
+    "model", ["top.yaml", "rolling_disk.yaml", "whipple_bicycle.yaml", "four_bar.yaml", "governor.yaml"]
+)
+def test_examples_in_motion_and_loops(model):
+    mechanism = mbstab.load(model)
+    full, few = mechanism.eig(), mechanism.modes(2)
+    values = np.array([e.value for e in full.eigenvalues])
+    for e in few.eigenvalues:
+        if e.kind != "neutral":
+            assert np.min(np.abs(values - e.value)) <= e.error_bound * (1.0 + 1e-9) + 1e-12
+    assert few.verdict in STRENGTH[full.verdict]
