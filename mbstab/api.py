@@ -519,7 +519,7 @@ class Mechanism:
 
         `track` takes the list of entries to be simplified and returns them one by one, for a progress bar.
         """
-        return symbolic_blocks(self.model, track)
+        return symbolic_blocks(self.model, track, self.force)
 
     def parameters(self, **parameters: Setting) -> dict[str, float]:
         """Return the value of every parameter in SI."""

@@ -394,3 +394,14 @@ def test_long_lists_of_neutral_directions_are_shortened_but_in_json(tmp_path):
     assert len(re.split(r",\s+", shown)) - 1 + left == 72
     modulo = json.loads(run("eig", path, "--format", "json").stdout)["modulo"]
     assert len(modulo["symmetries"]) + len(modulo["family"]) == 72
+
+
+def test_matrices_that_nobody_reads_are_refused(monkeypatch, capsys):
+    monkeypatch.setattr("mbstab.analysis.linear.symbolic.MOST_OPERATIONS", 10)
+    with pytest.raises(SystemExit) as stop:
+        main(["linearize", "double_pendulum.yaml", "--symbolic"])
+    assert stop.value.code == 2
+    assert "more than 10 operations in symbols" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as stop:
+        main(["linearize", "double_pendulum.yaml", "--symbolic", "--force"])
+    assert not stop.value.code

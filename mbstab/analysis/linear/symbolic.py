@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from mbstab.compiler.system import System
+from mbstab.errors import UsageError
 from mbstab.model.arithmetic import symbol_arithmetic
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
@@ -18,6 +19,10 @@ Track = Callable[[list[Any]], Iterable[Any]]
 
 SIMPLIFY_LIMIT = 5000
 """What all entries that are simplified may weigh together; see `_weight`. The others are printed as they come."""
+
+
+MOST_OPERATIONS = 100_000
+"""Of all entries together, unless it is forced: more fill pages that nobody reads, and take minutes to print."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +43,7 @@ class SymbolicBlocks:
     unsimplified: int = 0
 
 
-def symbolic_blocks(model: Model, track: Track = list) -> SymbolicBlocks:
+def symbolic_blocks(model: Model, track: Track = list, forced: bool = False) -> SymbolicBlocks:
     """Return the composite matrices of a model with symbols for parameters, coordinates, speeds and multipliers.
 
     Parameters
@@ -46,6 +51,13 @@ def symbolic_blocks(model: Model, track: Track = list) -> SymbolicBlocks:
     model : Model
     track : callable, optional
         Takes the entries that are to be simplified and returns them one by one; for a progress bar.
+    forced : bool
+        Go on beyond `MOST_OPERATIONS`.
+
+    Raises
+    ------
+    UsageError
+        If the entries have more operations.
     """
     import sympy
 
@@ -94,6 +106,8 @@ def symbolic_blocks(model: Model, track: Track = list) -> SymbolicBlocks:
         "K_22": zero(c, c),
     }
     places = [(block, i) for block in raw.values() for i, entry in enumerate(block) if entry != 0]
+    if not forced:
+        _require_readable(block[i] for block, i in places)
     for block, i in places:
         # Fixed coordinates enter as plain zeros and ones; they become exact here.
         block[i] = block[i].xreplace({x: sympy.nsimplify(x, rational=True) for x in block[i].atoms(sympy.Float)})
@@ -112,6 +126,19 @@ def symbolic_blocks(model: Model, track: Track = list) -> SymbolicBlocks:
     for block, i in places:
         block[i] = simple.get(block[i], block[i])
     return SymbolicBlocks(raw, q, [*lam, *mu], unsimplified)
+
+
+def _require_readable(entries: Iterable[Any]) -> None:
+    """Refuse entries with too many operations."""
+    operations = 0
+    for entry in entries:
+        operations += entry.count_ops()
+        if operations > MOST_OPERATIONS:
+            raise UsageError(
+                f"the matrices have more than {MOST_OPERATIONS} operations in symbols\n"
+                "hint: --force (force=True in Python) prints them nevertheless; mbstab linearize without --symbolic "
+                "shows them as numbers"
+            )
 
 
 def _weight(entry: Any) -> int:
