@@ -30,7 +30,7 @@ from mbstab.analysis.linear.linearize import Linearization, StateSpace, lineariz
 from mbstab.analysis.linear.results import EigenResult
 from mbstab.analysis.linear.symbolic import SymbolicBlocks, Track, symbolic_blocks
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.reference.requested import fits_sparse, reference_motion
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError, nearest
 from mbstab.model.arithmetic import FLOAT
@@ -92,7 +92,10 @@ class Mechanism:
 
     def _affordable(self, task: Task, parameters: Mapping[str, Setting]) -> System:
         """Return the equations of motion if a task about them is within the limits of memory and time."""
-        system = self.system(**parameters)
+        return self._within(task, self.system(**parameters))
+
+    def _within(self, task: Task, system: System) -> System:
+        """Return a system if a task about it is within the limits of memory and time."""
         if not self.force:
             Cost.of(task, system.n_q, system.n_c).require()
         return system
@@ -199,7 +202,9 @@ class Mechanism:
         NumericalError
             If the method needs independent constraint rows and they are not.
         """
-        return answer(self._affordable("modes", parameters), method, frozen, progress, self._zeros(parameters))
+        system = self.system(**parameters)
+        task: Task = "spectrum" if method == "nullspace" and not frozen and fits_sparse(system) else "modes"
+        return answer(self._within(task, system), method, frozen, progress, self._zeros(parameters))
 
     @guarded
     def modes(self, count: int, near: complex = 0.0, rightmost: bool = False, **parameters: Setting) -> EigenResult:

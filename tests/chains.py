@@ -142,3 +142,51 @@ def _text(gravity, parameters, bodies, joints, forces, places):
     for section, entries in (("bodies", bodies), ("joints", joints), ("forces", forces)):
         lines += [f"{section}:", *(f"  {entry}" for entry in entries)] if entries else []
     return "\n".join([*lines, "reference:", "  coordinates:", *(f"    {place}" for place in places), ""])
+
+
+def straight_chain(links, joint="revolute", damping=0.0):
+    """Return the text of equal rods of 1 m and 1 kg, of thickness 0.1 m in space, that hang straight down.
+
+    Joints are ``revolute`` in the plane, ``universal`` or ``spherical`` in space.
+    """
+    plane = joint == "revolute"
+    if plane:
+        rod = {"type": "planar", "shape": {"type": "rod", "length": 1}, "points": {"A": [-0.5, 0], "B": [0.5, 0]}}
+    else:
+        moments = {"xx": 1 / 12, "yy": 1 / 12, "zz": 0.00125}
+        rod = {"type": "spatial", "inertia": moments, "points": {"A": [0, 0, 0.5], "B": [0, 0, -0.5]}}
+    axes = {"axis": [[1, 0, 0], [0, 1, 0]]} if joint == "universal" else {}
+    bodies, joints, forces, places = {}, {}, {}, {}
+    for i in range(links):
+        between = [f"rod_{i}.A", f"rod_{i - 1}.B" if i else "ground"]
+        bodies[f"rod_{i}"], joints[f"pin_{i}"] = {"mass": 1} | rod, {"type": joint, "between": between} | axes
+        along = {"y" if plane else "z": -i - 0.5}
+        places[f"rod_{i}"] = (
+            {"x": 0, "theta": "-pi/2"} if plane else {"x": 0, "y": 0, "phi": 0, "theta": 0, "psi": 0}
+        ) | along
+        if damping:
+            rest = "-pi/2" if i == 0 else 0
+            forces[f"damper_{i}"] = {"type": "joint_spring", "joint": f"pin_{i}", "stiffness": 0, "damping": damping}
+            forces[f"damper_{i}"] |= {"rest": rest}
+    return _as_text([0, -9.81] if plane else [0, 0, -9.81], bodies, joints, forces, places)
+
+
+def string_of_points(points):
+    """Return the text of equal point masses on massless links of 1 m that hang straight down in the plane.
+
+    The squares of the frequencies are g/(1 m) times the zeros of the Laguerre polynomial of that degree.
+    """
+    link = {"type": "planar", "mass": 1, "inertia": 0, "center_of_mass": [1, 0], "points": {"A": [0, 0], "B": [1, 0]}}
+    bodies = {f"link_{i}": link for i in range(points)}
+    joints = {
+        f"pin_{i}": {"type": "revolute", "between": [f"link_{i}.A", f"link_{i - 1}.B" if i else "ground"]}
+        for i in range(points)
+    }
+    places = {f"link_{i}": {"x": 0, "y": -i, "theta": "-pi/2"} for i in range(points)}
+    return _as_text([0, -9.81], bodies, joints, {}, places)
+
+
+def _as_text(gravity, bodies, joints, forces, places):
+    model = {"mbstab": 1, "gravity": gravity, "bodies": bodies, "joints": joints}
+    model |= {"forces": forces} if forces else {}
+    return json.dumps(model | {"reference": {"coordinates": places}}, indent=1)

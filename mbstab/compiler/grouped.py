@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.compiler.scatter import OF_ROWS, arithmetic_of, signals_at
+from mbstab.model.arithmetic import Arithmetic
 from mbstab.records import dataclass
 
 Array = npt.NDArray[np.float64]
@@ -53,11 +54,41 @@ class State:
     What a function of the kernels does not take is None.
     """
 
-    q: Array
-    u: Array
-    a: Array | None
-    nu: Array | None
+    q: Any
+    u: Any
+    a: Any
+    nu: Any
     time: Any
+
+
+class Numbers:
+    """Of what kind the numbers of a scene are: here floats."""
+
+    def state(self, x: Any) -> Any:
+        """Return a vector with one fixed coordinate behind it."""
+        return np.append(x, 0.0)
+
+    def together(self, values: tuple[Any, ...]) -> Any:
+        """Return the same number of all elements, or all of them."""
+        return values[0] if all(x == values[0] for x in values) else np.array(values, dtype=float)
+
+    def arithmetic(self, arguments: list[Any]) -> Arithmetic:
+        """Return the number system in which elements are evaluated."""
+        return arithmetic_of(arguments)
+
+    def stacked(self, found: Any, count: int) -> Array:
+        """Return what a kernel returns, shape (layers, outputs, elements)."""
+        result = np.empty((1, len(found), count))
+        for row, value in zip(result[0], found, strict=True):
+            row[:] = value
+        return result
+
+    def filled(self, pattern: Pattern, layers: list[Array], form: Form) -> Any:
+        """Return a vector or a matrix of what the elements return, layer by layer."""
+        return pattern.filled(layers[0], form)
+
+
+FLOATS = Numbers()
 
 
 class Group:
@@ -68,15 +99,16 @@ class Group:
     columns, rows : ndarray, shape (columns or rows of one, elements)
     """
 
-    def __init__(self, elements: Sequence[Element]) -> None:
+    def __init__(self, elements: Sequence[Element], numbers: Numbers) -> None:
+        self.numbers = numbers
         self.kernel, self.laws = elements[0].kernel, elements[0].laws
         self.takes_acceleration, self.count = elements[0].takes_acceleration, len(elements)
         self.columns = np.array([e.columns for e in elements], dtype=np.intp).T
         self.rows = np.array([e.rows for e in elements], dtype=np.intp).reshape(self.count, -1).T
-        self.parameters = tuple(map(_together, zip(*(e.parameters for e in elements), strict=True)))
+        self.parameters = tuple(map(numbers.together, zip(*(e.parameters for e in elements), strict=True)))
 
     def values(self, function: str, at: State) -> Array:
-        """Return what the kernel returns, shape (outputs, elements)."""
+        """Return what the kernel returns, shape (layers, outputs, elements)."""
         places = at.q[self.columns], at.u[self.columns]
         arguments: list[Any] = [*map(self._each, places), self.parameters]
         arguments.append(signals_at(self.laws, at.time) if self.laws else ())
@@ -84,22 +116,14 @@ class Group:
             arguments.append(self._each(at.a[self.columns]))
         elif at.nu is not None and len(self.rows):
             arguments.append(self._each(at.nu[self.rows]))
-        found = getattr(self.kernel, function)(arithmetic_of(arguments), *arguments)
-        result = np.empty((len(found), self.count))
-        for row, value in zip(result, found, strict=True):
-            row[:] = value
-        return result
+        found = getattr(self.kernel, function)(self.numbers.arithmetic(arguments), *arguments)
+        return self.numbers.stacked(found, self.count)
 
-    def _each(self, x: Array) -> list[Any]:
+    def _each(self, x: Any) -> list[Any]:
         return list(x) if self.count > 1 else x[:, 0].tolist()
 
 
-def _together(values: tuple[Any, ...]) -> Any:
-    """Return numbers as an array, as one number if they are all the same."""
-    return values[0] if all(x == values[0] for x in values) else np.array(values, dtype=float)
-
-
-def grouped(elements: Sequence[Element]) -> list[Group]:
+def grouped(elements: Sequence[Element], numbers: Numbers = FLOATS) -> list[Group]:
     """Return elements in groups of one kernel; by themselves where functions of time act or there are few."""
     found: dict[Any, list[Element]] = {}
     for element in elements:
@@ -107,7 +131,7 @@ def grouped(elements: Sequence[Element]) -> list[Group]:
             element
         )
     parts = [[group] if len(group) > FEW else [[e] for e in group] for group in found.values()]
-    return [Group(part) for several in parts for part in several]
+    return [Group(part, numbers) for several in parts for part in several]
 
 
 @dataclass(frozen=True)
@@ -120,10 +144,17 @@ class Pattern:
     starts: Index
     shape: tuple[int, ...]
 
-    def filled(self, numbers: Array, form: Form) -> Any:
-        """Return the vector or the matrix."""
+    @cached_property
+    def further(self) -> Array:
+        """For each number how many others are added to it."""
+        result: Array = (np.bincount(self.slot)[self.slot] - 1).astype(float)
+        return result
+
+    def filled(self, numbers: Array, form: Form, weighted: bool = False) -> Any:
+        """Return the vector or the matrix; `weighted` by the number of others that are added."""
         size = self.shape[0] if len(self.shape) == 1 else len(self.indices)
-        data: Array = np.bincount(self.slot, weights=numbers[self.take], minlength=size).astype(float)
+        weights = numbers[self.take] * self.further if weighted else numbers[self.take]
+        data: Array = np.bincount(self.slot, weights=weights, minlength=size).astype(float)
         if len(self.shape) == 1:
             return data
         return form(data, self.indices, self.starts, (self.shape[0], self.shape[1]))
@@ -147,28 +178,36 @@ class Assembly:
     n_q : int
     form : callable
         See `Form`.
+    numbers : Numbers
     """
 
-    def __init__(self, elements: Sequence[Element], n_q: int, form: Form) -> None:
-        self.elements, self.n_q, self.form = elements, n_q, form
+    def __init__(self, elements: Sequence[Element], n_q: int, form: Form, numbers: Numbers = FLOATS) -> None:
+        self.elements, self.n_q, self.form, self.numbers = elements, n_q, form, numbers
         self._patterns: dict[str, dict[str, Pattern]] = {}
 
     @cached_property
     def _groups(self) -> list[Group]:
-        return grouped(self.elements)
+        return grouped(self.elements, self.numbers)
+
+    def of(self, elements: Sequence[Element]) -> Assembly:
+        """Return the same for other elements."""
+        return Assembly(elements, self.n_q, self.form, self.numbers)
 
     def outputs(
-        self, function: str, at: State, shapes: dict[str, tuple[int, ...]], what: What
+        self, function: str, at: tuple[Any, ...], shapes: dict[str, tuple[int, ...]], what: What
     ) -> dict[str, Any] | None:
         """Return vectors and matrices by name, or what `What` says of the matrices; None if one is not finite."""
+        q, u, a, nu = (None if x is None else self.numbers.state(x) for x in at[:4])
+        state = State(q, u, a, nu, at[4])
         running = [g for g in self._groups if len(g.rows) or function != "linearize_rows"]
         try:
             with np.errstate(all="ignore"):
-                parts = [g.values(function, at).ravel() for g in running]
+                parts = [g.values(function, state) for g in running]
         except (ArithmeticError, ValueError):
             return None
-        numbers = np.concatenate([np.zeros(0), *parts])
-        if not np.isfinite(numbers).all():
+        count = len(parts[0]) if parts else 1
+        layers = [np.concatenate([np.zeros(0), *(x[k].ravel() for x in parts)]) for k in range(count)]
+        if not np.isfinite(layers[0]).all():
             return None
         if function not in self._patterns:
             self._patterns[function] = {
@@ -176,9 +215,9 @@ class Assembly:
             }
         patterns = self._patterns[function]
         if what == "lost":
-            return {key: p.lost(numbers, self.form) for key, p in patterns.items() if len(p.shape) == 2}
-        numbers = np.abs(numbers) if what == "sizes" else numbers
-        return {key: pattern.filled(numbers, self.form) for key, pattern in patterns.items()}
+            return {key: p.lost(layers[0], self.form) for key, p in patterns.items() if len(p.shape) == 2}
+        layers = [np.abs(x) if what == "sizes" else x for x in layers]
+        return {key: self.numbers.filled(pattern, layers, self.form) for key, pattern in patterns.items()}
 
 
 def _pattern(function: str, key: str, groups: list[Group], n_q: int, shape: tuple[int, ...]) -> Pattern:

@@ -29,12 +29,13 @@ import importlib
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.compiler.grouped import Assembly, Form, State, What
+from mbstab.compiler.grouped import FLOATS, Assembly, Form, Numbers, What
 from mbstab.compiler.scatter import Time, arithmetic_of, listed, padded, plan_of, scatter, scatter_points, signals_at
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
@@ -136,6 +137,11 @@ class Acting:
     slots: frozenset[tuple[int, int]]
     placed: _Placed
 
+    @cached_property
+    def seen(self) -> frozenset[int]:
+        """Numbers of the coordinates by which ∂F/∂q is not identically zero."""
+        return frozenset(j for _, j in self.slots)
+
     @property
     def stored(self) -> bool:
         """Whether its force comes from a potential and a dissipation function."""
@@ -156,9 +162,12 @@ class Acting:
         f : Arithmetic
             Of the numbers.
         """
+        n, zero = len(q), f.number("0")
+        return self.own_force([[x[i] if i < n else zero for i in self.placed.columns] for x in (q, u, a)], time, f)
+
+    def own_force(self, own: list[list[Any]], time: Any, f: Arithmetic = FLOAT) -> list[Any]:
+        """Return the same for the coordinates, speeds and accelerations that it sees, in its order."""
         e, zero = self.placed, f.number("0")
-        n = len(q)
-        own = [[x[i] if i < n else zero for i in e.columns] for x in (q, u, a)]
         signals = signals_at(e.laws, time) if e.laws else ()
         values = iter(e.kernel.dynamics(f, own[0], own[1], e.parameters, signals))
         place = {column: k for k, column in enumerate(self.columns)}
@@ -236,18 +245,27 @@ class System:
             part._elements = [element for element in self._elements if element.path == path]
             part._plans = {}
             if self._assembly is not None:
-                part._assembly = Assembly(part._elements, self.n_q, self._assembly.form)
+                part._assembly = self._assembly.of(part._elements)
             yield path, part
+
+    def containing(self, columns: frozenset[int]) -> System:
+        """Return a system in which only the elements with rows act that contain some coordinates."""
+        part = copy(self)
+        part._elements = [e for e in self._elements if e.rows and not columns.isdisjoint(e.columns)]
+        part._plans = {}
+        if self._assembly is not None:
+            part._assembly = self._assembly.of(part._elements)
+        return part
 
     @property
     def sparse(self) -> bool:
         """Whether matrices are sparse ones."""
         return self._assembly is not None
 
-    def in_matrices(self, form: Form) -> System:
-        """Return the same equations, in floats, with sparse matrices that a function makes; see `Form`."""
+    def in_matrices(self, form: Form, numbers: Numbers = FLOATS) -> System:
+        """Return the same equations with sparse matrices that a function makes; see `Form`."""
         other = copy(self)
-        other._assembly = Assembly(self._elements, self.n_q, form)
+        other._assembly = Assembly(self._elements, self.n_q, form, numbers)
         return other
 
     def given_functions(self) -> Iterator[tuple[str, Any]]:
@@ -479,9 +497,7 @@ class System:
         if points is None and isinstance(q, np.ndarray) and q.ndim == 2:
             points = len(q)
         if self._assembly is not None and points is None:
-            a, nu = (None if x is None else np.append(x, 0.0) for x in (a, nu))
-            at = State(np.append(q, 0.0), np.append(u, 0.0), a, nu, time)
-            found = self._assembly.outputs(function, at, shapes, what)
+            found = self._assembly.outputs(function, (q, u, a, nu, time), shapes, what)
             if found is not None:
                 return found
         values = self._values(function, q, u, time, a, nu, points)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.subspaces import RANK_TOLERANCE
+from mbstab.analysis.algebra.rank import RANK_TOLERANCE
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
-from mbstab.compiler.system import System
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import norms
+from mbstab.compiler.grouped import FLOATS, Numbers
+from mbstab.compiler.system import Array, System
 
 LARGE = 200
 """Scenes with so many coordinates and constraint rows together have sparse matrices; below, dense ones are faster."""
+
+
+CHUNK = 128
+"""Columns that are worked on at once."""
 
 
 def large(system: System) -> bool:
@@ -15,7 +24,7 @@ def large(system: System) -> bool:
     return system.n_q + system.n_c >= LARGE
 
 
-def in_sparse(system: System) -> System:
+def in_sparse(system: System, numbers: Numbers = FLOATS) -> System:
     """Return the same equations with matrices M, J, K, R, D_q, … that are `scipy.sparse.csr_array`."""
 
     def form(data: Any, indices: Any, starts: Any, shape: tuple[int, int]) -> Any:
@@ -23,4 +32,151 @@ def in_sparse(system: System) -> System:
 
         return csr_array((data, indices, starts), shape=shape)
 
-    return system.in_matrices(form)
+    return system.in_matrices(form, numbers)
+
+
+def is_sparse(A: Any) -> bool:
+    """Whether a matrix is a sparse one."""
+    return not isinstance(A, np.ndarray)
+
+
+def dense(A: Any) -> Array:
+    """Return a matrix as an array."""
+    return np.asarray(A.toarray() if is_sparse(A) else A)
+
+
+def scaled(A: Any, columns: Array, rows: Array | None = None) -> Any:
+    """Return a matrix, dense or in compressed rows, with its columns and rows multiplied by factors."""
+    if not is_sparse(A):
+        return A * columns if rows is None else A * columns * rows[:, None]
+    data = A.data * columns[A.indices]
+    if rows is not None:
+        data = data * np.repeat(rows, np.diff(A.indptr))
+    return type(A)((data, A.indices, A.indptr), shape=A.shape)
+
+
+def row_norms(A: Any) -> Array:
+    """Return the lengths of rows, to be divided by: 1 for those that are zero."""
+    if not is_sparse(A):
+        return norms(A)
+    lengths = np.sqrt(np.asarray((A * A).sum(axis=1)).ravel())
+    result: Array = np.where(lengths > 0.0, lengths, 1.0)
+    return result
+
+
+def largest(A: Any) -> float:
+    """Return the largest size of an entry, 0 if there is none."""
+    return float(np.max(np.abs(A.data if is_sparse(A) else A), initial=0.0))
+
+
+def difference(b: Array, *products: tuple[Any, Array]) -> Array:
+    """Return b − Σ A x; of sparse matrices A with as many digits as the machine has."""
+    sparse = any(is_sparse(A) for A, _ in products)
+    result = b.astype(np.longdouble) if sparse else b
+    for A, x in products:
+        result = result - (A.astype(np.longdouble) @ x.astype(np.longdouble) if sparse else A @ x)
+    return np.asarray(result, dtype=float)
+
+
+def sizes_times(A: Any, x: Array) -> Array:
+    """Return |A| x of an array, or of a linear operator, row by row."""
+    if not is_sparse(A):
+        result: Array = np.abs(A) @ x
+        return result
+    count = A.shape[0]
+    total = np.zeros((count, *x.shape[1:]))
+    for start in range(0, count, CHUNK):
+        part = np.zeros((count, min(CHUNK, count - start)))
+        part[start : start + CHUNK] = np.eye(part.shape[1])
+        total[start : start + CHUNK] = np.abs(A.T @ part).T @ x
+    return total
+
+
+def congruent(A: Any, N: Array) -> Array:
+    """Return Nᵀ A N; of a sparse matrix with what is not zero."""
+    if not is_sparse(A):
+        form: Array = N.T @ A @ N
+        return form
+    A = A.tocoo()
+    A.eliminate_zeros()
+    rows, i = np.unique(A.coords[0], return_inverse=True)
+    columns, j = np.unique(A.coords[1], return_inverse=True)
+    local = type(A)((A.data, (i, j)), shape=(len(rows), len(columns))).tocsr()
+    result: Array = N[rows].T @ (local @ N[columns])
+    return result
+
+
+# --- derivatives of maps that change few coordinates ----------------------------------------------------------------
+
+MANY = 600
+"""From so many coordinates on such derivatives are sparse."""
+
+
+def unchanged(n: int) -> Any:
+    """Return the unit matrix, a sparse one for many coordinates."""
+    return np.eye(n) if n < MANY else _unit_matrix(n)
+
+
+@lru_cache(maxsize=2)
+def _unit_matrix(n: int) -> Any:
+    from scipy.sparse import csr_array, eye_array
+
+    return csr_array(eye_array(n))
+
+
+def nothing(n: int) -> Any:
+    """Return a square matrix of zeros, a sparse one for many coordinates."""
+    if n < MANY:
+        return np.zeros((n, n))
+    from scipy.sparse import csr_array
+
+    return csr_array((n, n))
+
+
+def with_block(A: Any, part: slice, block: Array) -> Any:
+    """Return a square matrix with another block on its diagonal."""
+    if not is_sparse(A):
+        A[part, part] = block
+        return A
+    places = np.arange(part.start, part.stop)
+    i, j = (x.ravel() for x in np.meshgrid(places, places, indexing="ij"))
+    changed = A.tolil()
+    changed[i, j] = block.ravel()
+    return changed.tocsr()
+
+
+def own_part(A: Any, places: Any) -> Array:
+    """Return the part of a square matrix in some rows and the same columns, as an array."""
+    if isinstance(places, slice):
+        places = np.arange(places.start, places.stop)
+    if not is_sparse(A):
+        result: Array = A[np.ix_(places, places)]
+        return result
+    if A is _unit_matrix(A.shape[0]):
+        return np.eye(len(places))
+    part: Array = A[places][:, places].toarray()
+    return part
+
+
+def rows_of(A: Any, places: list[int]) -> tuple[Any, Array]:
+    """Return which columns count in some rows of a square matrix, and these rows there; of an array all columns."""
+    if not is_sparse(A):
+        return slice(None), A[places]
+    if A is _unit_matrix(A.shape[0]):
+        # Fixed places of an element may repeat a coordinate.
+        reached, position = np.unique(places, return_inverse=True)
+        return reached, np.eye(len(reached))[position]
+    rows = A[places]
+    reached = np.union1d(rows.indices, places)
+    return reached, rows[:, reached].toarray()
+
+
+def put(values: Array, places: list[int], reached: Any, n: int) -> Array:
+    """Return a vector that has values at some places and is zero elsewhere, of n or of what is reached."""
+    if isinstance(reached, slice):
+        result: Array = np.zeros(n)
+        result[places] = values
+        return result
+    result = np.zeros(len(reached))
+    result[np.searchsorted(reached, places)] = values
+    return result

@@ -16,65 +16,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from mbstab.analysis.algebra.rank import RANK_GAP, RANK_LEAST, RANK_TOLERANCE, Rank, rank_of
+from mbstab.analysis.algebra.sparse import is_sparse, row_norms, scaled
+from mbstab.analysis.algebra.sparse_rank import last_rows, sparse_rank
 from mbstab.compiler.system import Array, Row
 from mbstab.errors import ConstraintError
 from mbstab.records import dataclass
-
-RANK_TOLERANCE = 1e-11
-"""Singular values of scaled rows below this count as zero."""
-
-RANK_LEAST = 1e-8
-"""A rank decision is trusted if the others are larger than this: nothing is built more exactly …"""
-
-RANK_GAP = 1e3
-"""… and if the singular values next to it differ by this factor at least."""
-
-
-@dataclass(frozen=True)
-class Rank:
-    """A rank decision.
-
-    Attributes
-    ----------
-    rank : int
-    smallest_kept, largest_dropped : float
-        Singular values on both sides of the decision (0 and inf where there is none).
-    null : ndarray
-        Orthonormal basis of the null space, as columns.
-    left_null : ndarray
-        Orthonormal combinations of rows that vanish, as columns.
-    doubtful : ndarray
-        The combination of rows that is smallest without vanishing.
-    pseudo_inverse : ndarray
-    """
-
-    rank: int
-    smallest_kept: float
-    largest_dropped: float
-    null: Array
-    left_null: Array
-    doubtful: Array
-    pseudo_inverse: Array
-
-    @property
-    def gap(self) -> float:
-        """Ratio of the singular values on both sides of the decision."""
-        return self.smallest_kept / self.largest_dropped if self.largest_dropped > 0.0 else np.inf
-
-
-def rank_of(matrix: Array, tolerance: float = RANK_TOLERANCE) -> Rank:
-    """Return rank, null spaces and pseudo-inverse of a matrix with rows of unit length, or of a part of its columns."""
-    rows, columns = matrix.shape
-    if rows == 0 or columns == 0:
-        empty = np.eye(columns), np.eye(rows), np.zeros(rows), np.zeros((columns, rows))
-        return Rank(0, np.inf, 0.0, *empty)
-    left, s, right = np.linalg.svd(matrix)
-    rank = int(np.sum(s > tolerance))
-    kept = float(s[rank - 1]) if rank else np.inf
-    dropped = float(s[rank]) if rank < len(s) else 0.0
-    inverse = (right[:rank].T / s[:rank]) @ left[:, :rank].T
-    doubtful = left[:, rank - 1] if rank else np.zeros(rows)
-    return Rank(rank, kept, dropped, right[rank:].T, left[:, rank:], doubtful, inverse)
 
 
 @dataclass(frozen=True)
@@ -121,6 +68,17 @@ class Subspaces:
         return self.W.null
 
     @property
+    def allowed(self) -> Array:
+        """Basis of the speeds that all rows allow, N Z, shape (n_q, dim η)."""
+        return self.N @ self.Z if self.W.left_null.size or self.W.rank else self.N
+
+    def inverse(self, J: Any) -> Any:
+        """Return the pseudo-inverse of the scaled rows, all together, shape (n_q, n_c)."""
+        if is_sparse(J):
+            return self.C.pseudo_inverse
+        return np.linalg.pinv(J, rcond=RANK_TOLERANCE) if len(J) else J.T
+
+    @property
     def n_f(self) -> int:
         """Number of finite eigenvalues."""
         return int(self.N.shape[1] + self.Z.shape[1])
@@ -137,14 +95,14 @@ def coordinate_scale(M: Any, sizes: Array) -> Array:
     return scale
 
 
-def subspaces(M: Array, J: Array, n_h: int, rows: Sequence[Row], sizes: Array) -> Subspaces:
+def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array) -> Subspaces:
     """Return the motions that the constraints allow.
 
     Parameters
     ----------
-    M : ndarray, shape (n_q, n_q)
-    J : ndarray, shape (n_c, n_q)
-        [C_q; D_u]; element (i, j) is the derivative of row i with respect to speed j.
+    M : matrix, shape (n_q, n_q)
+    J : matrix, shape (n_c, n_q)
+        [C_q; D_u], arrays or sparse; element (i, j) is the derivative of row i with respect to speed j.
     n_h : int
         Number of holonomic rows.
     rows : sequence of Row
@@ -158,13 +116,11 @@ def subspaces(M: Array, J: Array, n_h: int, rows: Sequence[Row], sizes: Array) -
         If a rank decision has no gap.
     """
     scale = coordinate_scale(M, sizes)
-    scaled = J * scale
-    lengths = np.linalg.norm(scaled, axis=1)
-    row_scale = np.where(lengths > 0.0, 1.0 / np.where(lengths > 0.0, lengths, 1.0), 1.0)
-    scaled = scaled * row_scale[:, None]
-    C = rank_of(scaled[:n_h])
+    row_scale = 1.0 / row_norms(scaled(J, scale))
+    unit = scaled(J, scale, row_scale)
+    C = sparse_rank(unit[:n_h]) if is_sparse(J) else rank_of(unit[:n_h])
     require_gap(C, rows[:n_h])
-    W = rank_of(scaled[n_h:] @ C.null)
+    W = rank_of(unit[n_h:] @ C.null)
     require_gap(W, rows[n_h:])
     return Subspaces(scale, row_scale, C, W)
 
@@ -204,16 +160,21 @@ def require_gap(rank: Decision, rows: Sequence[Row]) -> None:
     )
 
 
-def redundancies(J: Array, spaces: Subspaces, n_h: int, rows: Sequence[Row]) -> list[Redundancy]:
+def redundancies(J: Any, spaces: Subspaces, n_h: int, rows: Sequence[Row]) -> list[Redundancy]:
     """Return the rows that the rows before them imply, with the rows they repeat."""
     count = len(spaces.row_scale) - spaces.C.rank - spaces.W.rank
     if count == 0:
         return []
-    scaled = J * spaces.scale * spaces.row_scale[:, None]
+    unit = scaled(J, spaces.scale, spaces.row_scale)
+    if is_sparse(J):
+        return [
+            Redundancy(rows[last], tuple(rows[k] for k in np.flatnonzero(np.abs(weights) > 1e-7).tolist() if k != last))
+            for last, weights in last_rows(spaces.C.left_null)
+        ]
     found: list[Redundancy] = []
-    basis = np.zeros((0, scaled.shape[1]))
+    basis = np.zeros((0, unit.shape[1]))
     kept: list[int] = []
-    for i, row in enumerate(scaled):
+    for i, row in enumerate(unit):
         rest = row - basis.T @ (basis @ row)
         rest = rest - basis.T @ (basis @ rest)
         length = np.linalg.norm(rest)
@@ -222,6 +183,6 @@ def redundancies(J: Array, spaces: Subspaces, n_h: int, rows: Sequence[Row]) -> 
             basis = np.vstack([basis, rest / length])
             kept.append(i)
             continue
-        weights = np.linalg.lstsq(scaled[kept].T, row, rcond=None)[0] if kept else np.zeros(0)
+        weights = np.linalg.lstsq(unit[kept].T, row, rcond=None)[0] if kept else np.zeros(0)
         found.append(Redundancy(rows[i], tuple(rows[k] for k, w in zip(kept, weights, strict=True) if abs(w) > 1e-7)))
     return found

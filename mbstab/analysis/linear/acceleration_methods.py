@@ -48,7 +48,7 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.matching import assigned
-from mbstab.analysis.algebra.subspaces import Rank, rank_of
+from mbstab.analysis.algebra.rank import Rank, rank_of
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.methods import Found
 from mbstab.compiler.system import Array, System

@@ -37,6 +37,7 @@ from mbstab.analysis.linear.clusters import Clusters
 from mbstab.analysis.linear.discs import Disc, Group, Placed, relative
 from mbstab.analysis.linear.grouping import dependent, partners
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
+from mbstab.analysis.linear.sparse_bounds import sparse_enclosures
 from mbstab.compiler.system import Array
 
 APART = 1e-8
@@ -69,6 +70,8 @@ def enclosures(linear: Linearization, space: StateSpace, gamma: float, S: Array,
     L : ndarray, shape (k, n)
         Orthonormal rows with L S = 0 by structure and L T = 0.
     """
+    if linear.system.sparse:
+        return sparse_enclosures(linear, space, gamma, S, T, L)
     with np.errstate(all="ignore"):
         return _Eigenvectors(linear, space, gamma, S, T, L).found().placed()
 

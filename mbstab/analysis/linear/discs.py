@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
@@ -40,6 +40,8 @@ class Placed:
         Δq in scaled coordinates; for members of a cluster a basis of its subspace.
     neutral : tuple of int
         Which of the values belong to T and L; they have no disc. Empty for the default method.
+    column : ndarray of int, optional
+        Which column of `vectors` belongs to each value, as it is or, where Im s < 0, conjugate; without it, its own.
     """
 
     values: Complex
@@ -49,6 +51,7 @@ class Placed:
     backward_error: Array
     vectors: Complex
     neutral: tuple[int, ...] = ()
+    column: Index | None = None
 
 
 def relative(error: Array, values: Complex) -> Array:

@@ -18,16 +18,18 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Index
+from mbstab.analysis.algebra.budget import Cost
+from mbstab.analysis.algebra.sparse import in_sparse, scaled
 from mbstab.analysis.linear.bounds import enclosures, enclosures_of
 from mbstab.analysis.linear.discs import Placed
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.methods import DEFAULT, METHODS, Found, solver
 from mbstab.analysis.linear.results import Counts, EigenResult, Eigenvalue
-from mbstab.analysis.linear.verdict import STABLE, STABLE_UP_TO, Disc, Verdict, judge, place, show
-from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.linear.verdict import STABLE, STABLE_UP_TO, UNDECIDED, Disc, Verdict, judge, place, show
+from mbstab.analysis.reference.requested import fits_sparse, reference_motion
 from mbstab.compiler.system import Array, System
-from mbstab.errors import NumericalError, UsageError
+from mbstab.errors import MbstabError, NumericalError, UsageError
 
 FEW = 1e-10
 """Eigenvalues with larger relative error bounds are warned about."""
@@ -91,16 +93,18 @@ def _result(
     discs = place(centres, [d.radius for d in placed.discs], [len(d.members) for d in placed.discs], grounds.mirrored)
     verdict = judge(grounds.facts(discs, number + (len(neutral) if found is None else 0)))
     listed: list[Eigenvalue] = []
+    modes = Modes(linear, placed)
     for disc, members in zip(discs, (d.members for d in placed.discs), strict=True):
         for i in members:
             kind = kind_in(complex(placed.values[i]), disc, verdict, grounds)
-            listed.append(_eigenvalue(grounds, placed, i, kind))
+            listed.append(_eigenvalue(placed, i, kind, modes))
     listed = with_saddles(listed)
     listed += [Eigenvalue(s, "neutral", math.nan, math.nan, math.nan) for s in neutral]
     listed.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
     besides = found or Found(np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
+    n_c = linear.J.shape[0]
     counts = Counts(
-        len(linear.M), linear.n_h, len(linear.J) - linear.n_h, spaces.C.rank, spaces.W.rank, linear.n_f, len(listed),
+        linear.M.shape[0], linear.n_h, n_c - linear.n_h, spaces.C.rank, spaces.W.rank, linear.n_f, len(listed),
         sum(e.kind == "neutral" for e in listed), besides.infinite, besides.undefined, besides.extra,
         besides.extra_error,
     )  # fmt: skip
@@ -126,24 +130,36 @@ def kind_in(s: complex, disc: Disc, verdict: Verdict, grounds: Grounds) -> str:
     return "undecided"
 
 
-def _eigenvalue(grounds: Grounds, placed: Placed, i: int, kind: str) -> Eigenvalue:
+def _eigenvalue(placed: Placed, i: int, kind: str, modes: Modes) -> Eigenvalue:
     s = complex(placed.values[i])
     # What is held on the axis is shown there; it is no farther from the truth.
     value = complex(0.0 if kind == "center" else s.real + 0.0, s.imag + 0.0)  # no −0
     bound = float(placed.bounds[i]) if np.isfinite(placed.bounds[i]) else math.inf
-    x, linear = placed.vectors[:, i], grounds.linear
-    scale = linear.motion.spaces.scale
-    vector = mode_shape(scale * x, linear.motion.sizes)
     condition, backward_error = float(placed.condition[i]), float(placed.backward_error[i])
-    return Eigenvalue(
-        value,
-        kind,
-        bound,
-        condition,
-        backward_error,
-        participation(linear.M * scale * scale[:, None], linear.names, x),
-        vector=vector,
-    )
+    shares, vector = modes.of(i)
+    return Eigenvalue(value, kind, bound, condition, backward_error, shares, vector=vector)
+
+
+class Modes:
+    """What moves in each mode; mirror images of large scenes share a vector."""
+
+    def __init__(self, linear: Linearization, placed: Placed) -> None:
+        self.linear, self.placed = linear, placed
+        scale = linear.motion.spaces.scale
+        self._mass = scaled(linear.M, scale, scale)
+        self._known: dict[int, tuple[dict[str, float], Complex | None]] = {}
+
+    def of(self, i: int) -> tuple[dict[str, float], Complex | None]:
+        """Return shares of the bodies and shape of a mode."""
+        linear, placed = self.linear, self.placed
+        j = i if placed.column is None else int(placed.column[i])
+        if j not in self._known:
+            x = placed.vectors[:, j] + 0j
+            shape = mode_shape(linear.motion.spaces.scale * x, linear.motion.sizes)
+            self._known[j] = participation(self._mass, linear.names, x), shape
+        shares, shape = self._known[j]
+        mirrored = placed.column is not None and placed.values[i].imag < 0.0
+        return shares, shape.conj() if mirrored and shape is not None else shape
 
 
 def mode_shape(dq: Complex, sizes: Array) -> Complex | None:
@@ -218,6 +234,10 @@ def answer(
     MbstabError
         As `mbstab.analysis.reference.motion.reference_motion`.
     """
+    if method == DEFAULT and not frozen and fits_sparse(system):
+        found = _of_large(system, zeros)
+        if found is not None:
+            return found
     motion = reference_motion(system)
     period = system.scene.period
     if period is not None and not frozen:
@@ -228,6 +248,21 @@ def answer(
             raise UsageError(f"{message}\nhint: leave out --method")
         return periodic_answer(system, motion, float(period), progress)
     return eigenvalues(linearize(system, motion, frozen), method, zeros)
+
+
+def _of_large(system: System, zeros: Callable[[], int] | None) -> EigenResult | None:
+    """Return the answer about a large scene at rest; None where the matrices of small ones say more."""
+    sparse, found = in_sparse(system), None
+    affordable = Cost.of("modes", system.n_q, system.n_c).affordable
+    try:
+        found = eigenvalues(linearize(sparse, reference_motion(sparse)), DEFAULT, zeros)
+    except (np.linalg.LinAlgError, RuntimeError) as error:  # what SciPy cannot factor
+        if isinstance(error, MbstabError) or not affordable:
+            raise
+    if found is None:
+        return None
+    known = all(e.error_bound < math.inf for e in found.eigenvalues if e.kind != "neutral")
+    return found if (known and found.verdict != UNDECIDED) or not affordable else None
 
 
 def inexact(found: list[Eigenvalue], remedy: str = "; --precision gives more digits") -> tuple[str, ...]:

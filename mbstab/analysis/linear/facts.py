@@ -14,6 +14,8 @@ from functools import cached_property
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers, norms
+from mbstab.analysis.algebra.sparse import scaled
+from mbstab.analysis.algebra.sparse_rank import sparse_rank, with_unit_rows
 from mbstab.analysis.linear.constancy import affine_drives, time_doubt
 from mbstab.analysis.linear.critical import critical_zero
 from mbstab.analysis.linear.families import family
@@ -198,7 +200,11 @@ class Grounds:
             state = self.invariance.onto_rows(start, self.motion.u, AGREED)
             if state is None or float(np.max(np.abs(state.q - start) / sizes)) > 0.3 * BESIDE:
                 return "the constraints leave other positions next to the reference than to first order"
-            ranks = _ranks(system.dynamics(state.q, state.u, self.motion.time).J * sizes, system.n_h)
+            J = system.dynamics(state.q, state.u, self.motion.time).J
+            if system.sparse:
+                ranks = sparse_rank(with_unit_rows(scaled(J, sizes)), INDEPENDENT).rank, 0
+            else:
+                ranks = _ranks(J * sizes, system.n_h)
             if ranks != (spaces.C.rank, spaces.W.rank):
                 return (
                     f"the constraints have rank {spaces.C.rank + spaces.W.rank} at the reference and {sum(ranks)} next "
@@ -212,7 +218,7 @@ class Grounds:
     def mirrored(self) -> str:
         """What makes the spectrum symmetric to the imaginary axis, in words; empty: nothing."""
         work = self.structure.work
-        if work.conserved and (not len(self.linear.D_q) or self._regular_energy()):
+        if work.conserved and (not self.linear.D_q.shape[0] or self._regular_energy()):
             return "the energy is conserved"
         if not np.any(self.motion.u) and work.reversible:
             return "the equations are the same backwards in time"
@@ -235,9 +241,9 @@ class Grounds:
         """A mirror image that with time backwards carries the motion into itself."""
         work = self.structure.work
         at_rest = not np.any(self.motion.u)
-        known = (at_rest and work.reversible) or (work.conserved and not len(self.linear.D_q))
-        if known or work.kinds["damping"]:
-            return None
+        known = (at_rest and work.reversible) or (work.conserved and not self.linear.D_q.shape[0])
+        if known or work.kinds["damping"] or self.system.sparse:
+            return None  # mirror images of large scenes are not looked for
         return reversor(self.structure, self.structure.symmetric(len(self.S)))
 
     def minimum(self) -> Minimum | None:
@@ -253,6 +259,8 @@ class Grounds:
     def critical(self, count: int, others_decay: bool) -> Critical | None:
         """Return what the first nonlinear coefficient says about a zero eigenvalue."""
         separated = self.separated
+        if self.system.sparse:
+            return None
 
         def exact() -> bool:
             return self.zeros is not None and self.zeros() == separated.neutral.count + count
@@ -261,6 +269,8 @@ class Grounds:
 
     def family(self, count: int) -> Neutral | None:
         """Return the neutral directions with a family of motions that was followed, if many digits do not deny it."""
+        if self.system.sparse:
+            return None
         found = family(self.structure, self.separated, count)
         if found is None or self.zeros is None:
             return found

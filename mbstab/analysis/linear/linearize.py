@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.deflation import in_frame
-from mbstab.analysis.algebra.subspaces import RANK_TOLERANCE
+from mbstab.analysis.algebra.sparse import scaled, sizes_times
+from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
 from mbstab.analysis.reference.guard import GUARD_TOLERANCE, coefficients
 from mbstab.analysis.reference.motion import Motion
@@ -142,19 +143,29 @@ class StateSpace:
     Attributes
     ----------
     A : ndarray, shape (n_f, n_f)
-    to_coordinates, to_rates : ndarray, shape (n_q, n_f)
-        Δq = to_coordinates @ y, Δu = to_rates @ y.
     n_xi : int
         The first n_xi components of y are positions, the others speeds.
     M_z : ndarray
         Mass matrix of the speeds.
+    spaces : Subspaces
+        The motions that the constraints allow.
     """
 
     A: Array
-    to_coordinates: Array
-    to_rates: Array
     n_xi: int
     M_z: Array
+    spaces: Subspaces
+
+    @cached_property
+    def to_coordinates(self) -> Array:
+        """Δq = to_coordinates @ y, shape (n_q, n_f)."""
+        scale, N = self.spaces.scale, self.spaces.N
+        return scale[:, None] * np.hstack([N, np.zeros((len(scale), self.spaces.Z.shape[1]))])
+
+    @cached_property
+    def to_rates(self) -> Array:
+        """Δu = to_rates @ y, shape (n_q, n_f)."""
+        return self.spaces.scale[:, None] * (self.spaces.N @ self.A[: self.n_xi])
 
 
 def linearize(system: System, motion: Motion, frozen: bool = False) -> Linearization:
@@ -184,11 +195,10 @@ def _terms(system: System, motion: Motion, generator: Generator | None) -> Matri
     state, spaces = motion.dynamics, motion.spaces
     # Multipliers bear the rounding of all the forces that they balance, and of the coordinates these depend on.
     loads = system.terms(motion.q, motion.u, motion.a, motion.nu, motion.time)
-    J = state.J * spaces.scale * spaces.row_scale[:, None]
-    inverse = np.abs(np.linalg.pinv(J, rcond=RANK_TOLERANCE)) if len(J) else J.T
+    inverse = spaces.inverse(scaled(state.J, spaces.scale, spaces.row_scale))
     balanced = loads["F"] + loads["M"] @ np.abs(motion.a) + loads["J"].T @ np.abs(motion.nu)
     balanced = balanced + loads["K"] @ motion.sizes + loads["R"] @ np.abs(motion.u)
-    nu = np.abs(motion.nu) + (inverse.T @ (balanced * spaces.scale)) * spaces.row_scale
+    nu = np.abs(motion.nu) + sizes_times(inverse.T, balanced * spaces.scale) * spaces.row_scale
     M, R, K, J, D_q = _entries(system, motion, generator, nu)
     # Turned axes mix the directions of a body: none of them is known better than the others.
     kinds = [(name.partition(".")[0], is_length(name)) for name in system.names]
@@ -214,7 +224,7 @@ def _beside(system: System, motion: Motion, generator: Generator | None, change:
     q, u, a, spaces = motion.q + change, motion.u, motion.a, motion.spaces
     state = system.dynamics(q, u, motion.time)
     force = state.F0 + state.M @ a + state.J.T @ motion.nu
-    inverse = np.linalg.pinv(motion.dynamics.J * spaces.scale * spaces.row_scale[:, None], rcond=RANK_TOLERANCE)
+    inverse = spaces.inverse(scaled(motion.dynamics.J, spaces.scale, spaces.row_scale))
     nu = motion.nu - (inverse.T @ (force * spaces.scale)) * spaces.row_scale
     return matrices_in(system, replace(motion, q=q, nu=nu, dynamics=state), generator)
 
@@ -222,9 +232,5 @@ def _beside(system: System, motion: Motion, generator: Generator | None, change:
 def state_space(linear: Linearization) -> StateSpace:
     """Return the deflated system; all its eigenvalues are finite, and they are all finite eigenvalues."""
     spaces = linear.motion.spaces
-    scale, N, Z = spaces.scale, spaces.N, spaces.Z
-    n_xi = N.shape[1]
     A, M_z = deflated(spaces, Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q))
-    to_coordinates = scale[:, None] * np.hstack([N, np.zeros((len(scale), Z.shape[1]))])
-    to_rates = scale[:, None] * (N @ A[:n_xi])
-    return StateSpace(A, to_coordinates, to_rates, n_xi, M_z)
+    return StateSpace(A, spaces.N.shape[1], M_z, spaces)

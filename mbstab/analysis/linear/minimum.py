@@ -21,8 +21,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.analysis.algebra.sparse import congruent
 from mbstab.analysis.linear.linearize import Linearization
-from mbstab.analysis.linear.neutral import KEPT, Separated, Structure
+from mbstab.analysis.linear.neutral import KEPT, Separated, Structure, complement, orthonormal
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.linear.verdict import Minimum
 from mbstab.analysis.reference.coefficients import matrices_in
@@ -44,6 +45,9 @@ UNFORCED = 1e-9
 
 TRIED = 33
 """Multiples of a momentum that are tried, before the best of them is made better."""
+
+POWERS = 8
+"""Steps of the power method that bound what is known of a large matrix."""
 
 RATIOS = ((1, 1), (1, 2), (1, 3))
 """Ratios of frequencies at which modes of opposite energy may excite each other."""
@@ -164,10 +168,29 @@ class SecondVariation:
 
     def definite(self) -> int:
         """Return 1 if H is positive definite, −1 if negative definite, 0 if neither, each beyond rounding."""
+        if self.linear.system.sparse:
+            return self._definite_in_large()
         W = self.basis
         if not W.shape[1]:
             return 1
         return sign_of(W.T @ self.H @ W, np.abs(W).T @ self.known_to @ np.abs(W))
+
+    def _definite_in_large(self) -> int:
+        """Return the same at rest and without rows on speeds: positions and speeds by themselves."""
+        linear, space, spaces = self.linear, self.structure.space, self.linear.motion.spaces
+        n, symmetries = space.n_xi, self.structure.invariance.symmetries
+        columns = [self.structure.column(x.direction, x.rate)[:n] for x in symmetries]
+        W = complement(orthonormal(columns, n)) if columns else None
+        N = spaces.scale[:, None] * spaces.N
+        stiffness = congruent(linear.K, N)
+        found = []
+        errors = roundings(linear).errors
+        for own, of, error in ((stiffness, linear.K, errors.K), (space.M_z, linear.M, errors.M)):
+            h, known = 0.5 * (own + own.T), congruent(error + ROUNDINGS * EPS * abs(of), np.abs(N))
+            if W is not None and own is stiffness:
+                h, known = W.T @ h @ W, np.abs(W).T @ known @ np.abs(W)
+            found.append(signature(h, 0.5 * (known + known.T)))
+        return found[0] if found[0] == found[1] else 0
 
     # --- what it says -------------------------------------------------------------------------------------------------
 
@@ -257,7 +280,7 @@ class SecondVariation:
         if not self.structure.work.conserved:
             return self._resonances(signed=False)
         W = self.basis
-        if len(self.linear.D_q) or not W.shape[1]:
+        if self.linear.D_q.shape[0] or not W.shape[1]:
             return ()
         negative = int(np.sum(np.linalg.eigvalsh(W.T @ self.H @ W) < 0.0))
         found: tuple[str, ...] = ()
@@ -314,3 +337,26 @@ def sign_of(h: Array, known_to: Array) -> int:
             if least > float(np.linalg.norm(known_to * scale * scale[:, None], 2)):
                 return sign
     return 0
+
+
+def signature(h: Array, known_to: Array) -> int:
+    """Return the same as `sign_of` for a large matrix; the rounding is bounded by one factor for all (Collatz 1942)."""
+    if not len(h):
+        return 1
+    sign = 1 if h[0, 0] > 0.0 else -1
+    diagonal = sign * np.diag(h)
+    if not np.all(diagonal > np.diag(known_to)):
+        return 0
+    scale = 1.0 / np.sqrt(diagonal)
+    known = known_to * scale * scale[:, None]
+    x = np.ones(len(h))
+    for _ in range(POWERS):
+        y = known @ x + EPS * x
+        most, x = float(np.max(y / x)), y / np.max(y)
+    shifted = sign * h * scale * scale[:, None]
+    shifted[np.diag_indices(len(h))] -= 2.0 * most + len(h) * EPS
+    try:
+        np.linalg.cholesky(shifted)
+    except np.linalg.LinAlgError:
+        return 0
+    return sign

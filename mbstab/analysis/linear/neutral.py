@@ -41,6 +41,9 @@ FULL_RANK = 1e-9
 TURNING = 1e-3
 """Frequencies of neutral directions are those of the motion to this."""
 
+LARGE, STEPS = 400, 20
+"""Norms of matrices of this size are found by so many steps of the power method."""
+
 LONGEST = 4
 """Jordan chains of neutral directions are no longer than this."""
 
@@ -79,6 +82,8 @@ class Separated:
     @cached_property
     def A(self) -> Array:
         """What is left to judge, Bᵀ S B."""
+        if self.B.shape[0] == self.B.shape[1]:
+            return self.S
         result: Array = self.B.T @ self.S @ self.B
         return result
 
@@ -118,32 +123,44 @@ class Structure:
         assert self.linear.generator is not None
         return self.linear.generator.frame(self.linear.motion.q)[0]
 
+    @cached_property
+    def _basis(self) -> Array:
+        """N in coordinates (m, rad)."""
+        spaces = self.linear.motion.spaces
+        return spaces.scale[:, None] * spaces.N
+
     # --- into the coordinates of S ----------------------------------------------------------------------------------
 
     def column(self, direction: Array, rate: Array) -> Array:
-        """Return a disturbance (Δq, Δu) in the coordinates of the balanced S."""
+        """Return a disturbance (Δq, Δu), or columns of some, in the coordinates of the balanced S."""
         linear, space = self.linear, self.space
         spaces, n = linear.motion.spaces, self.space.n_xi
         generator = linear.generator
         if generator is not None and generator.turns:
             rate = rate - self._slope @ direction
-        xi = spaces.N.T @ (direction / spaces.scale)
-        eta = spaces.Z.T @ (spaces.N.T @ (rate / spaces.scale) - space.A[:n, :n] @ xi)
+        xi = spaces.N.T @ (direction.T / spaces.scale).T
+        eta = spaces.Z.T @ (spaces.N.T @ (rate.T / spaces.scale).T - space.A[:n, :n] @ xi)
         return np.concatenate([xi, eta / self.gamma])
 
+    def _columns(self, pairs: list[tuple[Array, Array]]) -> list[Array]:
+        """Return disturbances one by one; those of a large scene are worked out together."""
+        if not self.linear.system.sparse or not pairs:
+            return [self.column(direction, rate) for direction, rate in pairs]
+        return list(self.column(*(np.array(x).T for x in zip(*pairs, strict=True))).T)
+
     def differential(self, direction: Array, rate: Array) -> Array:
-        """Return the differential of the momentum along a symmetry Y, or of the energy along the motion itself.
+        """Return the differential of the momentum along a symmetry Y, or of the energy along the motion itself, as row.
 
         Yᵀ times the linearized equations is the rate of it: (Yᵀ R − Y'ᵀ M) Δq + Yᵀ M Δu, with Y' the
         rate at which the frame of the motion carries Y around.
         """
         linear, space = self.linear, self.space
         spaces, n = linear.motion.spaces, self.space.n_xi
-        N = spaces.scale[:, None] * spaces.N
+        N = self._basis
         carried = rate if linear.generator is None else rate - self._slope @ direction
-        speeds = direction @ linear.M @ N
-        positions = direction @ linear.R @ N - carried @ linear.M @ N
-        return np.concatenate([positions + speeds @ space.A[:n, :n], self.gamma * (speeds @ spaces.Z)])
+        speeds = direction.T @ linear.M @ N
+        positions = direction.T @ linear.R @ N - carried.T @ linear.M @ N
+        return np.concatenate([positions + speeds @ space.A[:n, :n], self.gamma * (speeds @ spaces.Z)], axis=-1)
 
     # --- directions -------------------------------------------------------------------------------------------------
 
@@ -156,8 +173,8 @@ class Structure:
             return unseparated(S)
         symmetries = self.invariance.symmetries
         boosts = self.invariance.boosts
-        columns = [self.column(item.direction, item.rate) for item in symmetries]
-        columns += [self.column(np.zeros_like(item.direction), item.direction) for item in boosts]
+        columns = self._columns([(item.direction, item.rate) for item in symmetries])
+        columns += self._columns([(np.zeros_like(item.direction), item.direction) for item in boosts])
         family = [f"speed along {_axis(item)}" for item in boosts]
         rest, named = self._rest(S, columns)
         T = orthonormal([*columns, *rest], n)
@@ -171,7 +188,7 @@ class Structure:
         d = T.shape[1]
         B = complement(np.hstack([T, L.T]))
         # Where forces cancel in a critical state, S itself may be rounding.
-        size = max(float(np.linalg.norm(S, 2)), self.invariance.rate)
+        size = max(spectral_norm(S), self.invariance.rate) if d + len(L) else 1.0
         doubt = ""
         worst = max(
             float(np.linalg.norm(S @ T - T @ (T.T @ S @ T), 2)) if d else 0.0,
@@ -196,7 +213,7 @@ class Structure:
 
     def symmetric(self, n: int) -> Array:
         """Return orthonormal directions of the symmetries alone, shape (n, d)."""
-        return orthonormal([self.column(item.direction, item.rate) for item in self.invariance.symmetries], n)
+        return orthonormal(self._columns([(item.direction, item.rate) for item in self.invariance.symmetries]), n)
 
     def _rest(self, S: Array, columns: list[Array]) -> tuple[list[Array], list[str]]:
         """Return the positions at rest beside this one, where rows on the speeds leave a manifold of them.
@@ -235,7 +252,7 @@ class Structure:
         directions = directions / spaces.scale[:, None]
         lengths = np.linalg.norm(directions, axis=0)
         columns, directions = columns / lengths, directions / lengths
-        c = admissible(directions, spaces.N @ spaces.Z)
+        c = admissible(directions, spaces.allowed)
         _, s, right = np.linalg.svd(columns @ c - T @ (T.T @ (columns @ c)))
         c = c @ right[: int(np.sum(s > KEPT))].T
         if not c.shape[1]:
@@ -255,11 +272,15 @@ class Structure:
     def _conserved(self, T: Array, S: Array) -> tuple[Array, list[str]]:
         """Return independent differentials that vanish on T, and what their values tell apart."""
         motion, n = self.linear.motion, len(S)
-        candidates: list[tuple[str, Array]] = []
-        for item in self.invariance.integrals:
-            if self._commutes(item):
-                row = self.differential(item.direction, item.rate)
-                candidates.append((f"{self._told_apart(row, T, S)} of {item.name}", row))
+        integrals = [item for item in self.invariance.integrals if self._commutes(item)]
+        pairs = [(item.direction, item.rate) for item in integrals]
+        if self.linear.system.sparse and pairs:
+            differentials = list(self.differential(*(np.array(x).T for x in zip(*pairs, strict=True))))
+        else:
+            differentials = [self.differential(direction, rate) for direction, rate in pairs]
+        kinds = self._told_apart(differentials, T, S)
+        named = zip(kinds, integrals, differentials, strict=True)
+        candidates = [(f"{kind} of {item.name}", x) for kind, item, x in named]
         if np.any(motion.u) and self.work.conserved_at_rest:
             candidates.append(("speed", self.differential(motion.u, motion.a)))
         if not candidates or self._driven_boost():
@@ -275,21 +296,28 @@ class Structure:
         basis = orthonormal(list(rows), n)
         # Each is called after the one that it contains most of and that is not taken yet.
         names: list[str] = []
+        left = [(name, x, np.linalg.norm(x) or 1.0) for name, x in candidates]
         for differential in basis.T:
-            shares = [(-abs(x @ differential) / (np.linalg.norm(x) or 1.0), name) for name, x in candidates]
-            names.append(min(x for x in shares if x[1] not in names)[1])
+            names.append(min((-abs(x @ differential) / length, name) for name, x, length in left)[1])
+            left = [x for x in left if x[0] != names[-1]]
+        if self.linear.system.sparse:
+            names.sort(key=[name for name, _ in candidates].index)  # of many equal ones any basis is as good
         return basis.T, names
 
-    def _told_apart(self, row: Array, T: Array, S: Array) -> str:
-        """Return whether motions on which a conserved function differs end at another speed, or at another place."""
+    def _told_apart(self, rows: list[Array], T: Array, S: Array) -> list[str]:
+        """Return whether motions on which conserved functions differ end at another speed, or at another place."""
+        n = self.space.n_xi
+        if self.linear.system.sparse and not any(np.any(row[:n]) for row in rows):
+            return ["speed"] * len(rows)  # functions of the speeds alone
         _, s, right = np.linalg.svd(S - T @ (T.T @ S))
         kernel = right[s <= KEPT * s[0]] if s[0] else right
-        y = kernel.T @ (kernel @ row)
-        n = self.space.n_xi
-        return "position" if np.linalg.norm(y[n:]) <= FITS * np.linalg.norm(y[:n]) else "speed"
+        found = [kernel.T @ (kernel @ row) for row in rows]
+        return ["position" if np.linalg.norm(y[n:]) <= FITS * np.linalg.norm(y[:n]) else "speed" for y in found]
 
     def _commutes(self, item: Symmetry) -> bool:
         """Whether a symmetry stands still in the frame of the motion."""
+        if self.linear.system.sparse and not np.any(item.rate):
+            return True  # at rest
         y = self.column(item.direction, item.rate)
         n = self.space.n_xi
         moving = np.concatenate([self.space.A[:n, :n] @ y[:n], y[n:]])
@@ -362,8 +390,20 @@ def complement(columns: Array) -> Array:
     """Return an orthonormal basis of what is orthogonal to independent columns."""
     if not columns.shape[1]:
         return np.eye(len(columns))
+    if len(columns) >= LARGE:
+        return np.asarray(np.linalg.qr(columns, mode="complete")[0][:, columns.shape[1] :])
     result: Array = np.linalg.svd(columns)[0][:, columns.shape[1] :]
     return result
+
+
+def spectral_norm(S: Array) -> float:
+    """Return |S|₂; of large matrices what some steps of the power method find, which is no more."""
+    if len(S) < LARGE:
+        return float(np.linalg.norm(S, 2))
+    x = np.random.default_rng(9).standard_normal(len(S))
+    for _ in range(STEPS):
+        x = S.T @ (S @ (x / np.linalg.norm(x)))
+    return float(np.sqrt(np.linalg.norm(x)))
 
 
 def drift_of(found: Separated) -> int:
@@ -374,14 +414,14 @@ def drift_of(found: Separated) -> int:
     V = L.T
     if len(L) and B.shape[1]:
         try:
-            V = L.T - B @ np.linalg.solve(B.T @ S @ B, B.T @ S @ L.T)
+            V = L.T - B @ np.linalg.solve(found.A, B.T @ S @ L.T)
         except np.linalg.LinAlgError:
             return 1
     d, k = T.shape[1], len(L)
     step = np.zeros((d + k, d + k))
     step[:d, :d], step[:d, d:] = T.T @ S @ T, T.T @ S @ V
     size = float(np.linalg.norm(step, 2))
-    if size <= 1e-9 * float(np.linalg.norm(S, 2)):
+    if size <= 1e-9 * spectral_norm(S):
         return 0
     values = np.linalg.eigvals(step)
     turning = float(np.max(np.abs(values.imag), initial=0.0))

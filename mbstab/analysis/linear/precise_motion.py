@@ -26,7 +26,7 @@ from mbstab.analysis.algebra.digits import (
     product,
     zeros,
 )
-from mbstab.analysis.algebra.subspaces import rank_of
+from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.linear.eigenvalues import judged
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import Linearization, linearize

@@ -17,8 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.algebra.rank import RANK_TOLERANCE
 from mbstab.analysis.algebra.rounded import EPS, UNIT, Rounded, rounded_arithmetic, value_and_error
-from mbstab.analysis.algebra.subspaces import RANK_TOLERANCE
+from mbstab.analysis.algebra.rounded_arrays import RoundedNumbers, WithErrors
+from mbstab.analysis.algebra.sparse import dense, in_sparse, scaled, sizes_times
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.analysis.reference.equations import Balance
@@ -49,7 +51,8 @@ STEP = 1e-6
 def rounded_system(system: System) -> System:
     """Return a scene on numbers that know how much they can be wrong."""
     model, given = system.scene.model, system.scene.parameters
-    return System(evaluate(model, _parameters(model, given), rounded_arithmetic()))
+    rounded = System(evaluate(model, _parameters(model, given), rounded_arithmetic()))
+    return in_sparse(rounded, RoundedNumbers()) if system.sparse else rounded
 
 
 def _parameters(model: Model, given: dict[str, Any]) -> dict[str, Any]:
@@ -70,8 +73,10 @@ def _parameters(model: Model, given: dict[str, Any]) -> dict[str, Any]:
     return values
 
 
-def _errors(x: Any) -> Array:
+def _errors(x: Any) -> Any:
     """Return the errors of an array."""
+    if isinstance(x, WithErrors):
+        return x.errors
     flat = np.asarray(x, dtype=object)
     return np.array([y.e if y.__class__ is Rounded else 0.0 for y in flat.flat], dtype=float).reshape(flat.shape)
 
@@ -83,6 +88,8 @@ def _with(values: Array, errors: Array) -> list[Any]:
 
 def _misfits(x: Any) -> Array:
     """Return sizes and errors of residuals together."""
+    if isinstance(x, WithErrors):
+        return np.asarray(np.abs(x.values) + x.errors)
     return np.array([abs(y.v) + y.e if y.__class__ is Rounded else abs(float(y)) for y in x], dtype=float)
 
 
@@ -214,8 +221,9 @@ class _Roundings:
         """Return how much the coordinates may be wrong: given ones, and those that the constraints determine."""
         motion, n_h = self.motion, self.plain.n_h
         columns, sizes = np.flatnonzero(self.missing), motion.sizes
-        lengths = norms(motion.dynamics.J[:n_h] * sizes)
-        G = (motion.dynamics.J[:n_h] * sizes)[:, columns] / lengths[:, None]
+        J = dense(motion.dynamics.J[:n_h]) * sizes
+        lengths = norms(J)
+        G = J[:, columns] / lengths[:, None]
         steps = self._solved(G, _misfits(E[:n_h]) / lengths, columns, sizes[columns])
         result = dq.copy()
         result[columns] = steps * sizes[columns] + UNIT * np.abs(motion.q[columns])
@@ -365,17 +373,16 @@ class _Roundings:
 
     # --- accelerations and multipliers ------------------------------------------------------------------------------
 
-    def _inverse(self) -> Array:
-        spaces, motion = self.motion.spaces, self.motion
-        J = motion.dynamics.J * spaces.scale * spaces.row_scale[:, None]
-        return np.linalg.pinv(J, rcond=RANK_TOLERANCE) if len(J) else J.T
+    def _inverse(self) -> Any:
+        spaces = self.motion.spaces
+        return spaces.inverse(scaled(self.motion.dynamics.J, spaces.scale, spaces.row_scale))
 
     def _force(self, state: Any, M: Array, J: Array, da: Array, nu: Array) -> tuple[Array, Array]:
         """Return the forces that do not balance, and how much they may be wrong."""
         motion, plain = self.motion, self.motion.dynamics
         value = plain.F0 + plain.M @ motion.a + plain.J.T @ nu
-        error = _errors(state.F0) + M @ np.abs(motion.a) + np.abs(plain.M) @ da + J.T @ np.abs(nu)
-        size = np.abs(plain.F0) + np.abs(plain.M) @ np.abs(motion.a) + np.abs(plain.J.T) @ np.abs(nu)
+        error = _errors(state.F0) + M @ np.abs(motion.a) + abs(plain.M) @ da + J.T @ np.abs(nu)
+        size = np.abs(plain.F0) + abs(plain.M) @ np.abs(motion.a) + abs(plain.J.T) @ np.abs(nu)
         return value, error + SUMMED * EPS * size
 
     def _steady_accelerations(self, steady: Generator, dq: Array, du: Array) -> Array:
@@ -412,7 +419,7 @@ class _Roundings:
             return np.zeros(0)
         value, error = self._force(state, M, J, da, motion.nu)
         inverse = self._inverse().T
-        left = np.abs(inverse @ (value * spaces.scale)) + np.abs(inverse) @ (error * spaces.scale)
+        left = np.abs(inverse @ (value * spaces.scale)) + sizes_times(inverse, error * spaces.scale)
         result: Array = left * spaces.row_scale + UNIT * np.abs(motion.nu)
         return result
 

@@ -33,6 +33,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Literal
 
+import numpy as np
+
 from mbstab.analysis.linear.wording import phrases
 from mbstab.errors import amount, counted
 from mbstab.model.words import ASYMPTOTIC as ASYMPTOTIC
@@ -360,15 +362,14 @@ def place(centres: Sequence[complex], radii: Sequence[float], counts: Sequence[i
         mirror image: the image of the eigenvalue is one as well, so it can only be itself.
     """
     found = []
+    middle, reach = np.array(centres, dtype=complex), np.array(radii, dtype=float)
     for i, (centre, radius, count) in enumerate(zip(centres, radii, counts, strict=True)):
         where = side(centre.real, radius)
         why = ""
         if where == "open" and mirrored and count == 1 and abs(centre) > radius:
-            image = -centre.conjugate()
-            others = (
-                abs(image - c) > radius + r for j, (c, r) in enumerate(zip(centres, radii, strict=True)) if j != i
-            )
-            if all(others):
+            apart = np.abs(-centre.conjugate() - middle) > radius + reach
+            apart[i] = True
+            if np.all(apart):
                 where, why = "axis", mirrored
         found.append(Disc(complex(centre), float(radius), count, where, why))
     return tuple(found)

@@ -21,6 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mbstab.analysis.algebra.sparse import unchanged
 from mbstab.analysis.reference.element_comparison import CARRIED, EXACT, RESTING, Digits, State, numbers
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
@@ -102,7 +103,7 @@ class Work:
             )
             if not np.any(X) and np.any(at.V):
                 return False  # what rest does not satisfy is no rounding
-            allowed = self.invariance.agreed * fast * (np.abs(at.J) @ motion.sizes)
+            allowed = self.invariance.agreed * fast * (abs(at.J) @ motion.sizes)
             if np.any(np.abs(at.V) > allowed) or np.any(np.abs(there.V) > 2.0 * allowed):
                 return False
         return True
@@ -207,7 +208,7 @@ class Work:
             return not element.damped
         if not self.invariance.states or not element.analytic:
             return False
-        identity = np.eye(len(self.motion.q))
+        identity = unchanged(len(self.motion.q))
         return all(
             self.invariance.same(element, state, State(state.q, -state.u, state.a), identity, exact=True)
             for state in self.invariance.states

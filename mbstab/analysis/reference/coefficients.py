@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from mbstab.analysis.algebra.deflation import deflated_matrix, in_frame
-from mbstab.analysis.algebra.subspaces import Subspaces, rank_of
+from mbstab.analysis.algebra.rank import rank_of
+from mbstab.analysis.algebra.sparse import congruent, is_sparse, scaled
+from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array, System
@@ -14,11 +18,11 @@ from mbstab.compiler.system import Array, System
 class Matrices(NamedTuple):
     """Coefficients of the linearized equations."""
 
-    M: Array
-    R: Array
-    K: Array
-    J: Array
-    D_q: Array
+    M: Any
+    R: Any
+    K: Any
+    J: Any
+    D_q: Any
 
 
 def matrices_in(system: System, motion: Motion, generator: Generator | None) -> Matrices:
@@ -33,9 +37,23 @@ def matrices_in(system: System, motion: Motion, generator: Generator | None) -> 
 
 def deflated(spaces: Subspaces, matrices: Matrices) -> tuple[Array, Array]:
     """Return the matrix of ẏ = A y in the bases N and Z, and the mass matrix of the speeds."""
-    n_h = len(matrices.J) - len(matrices.D_q)
+    if is_sparse(matrices.M) and not matrices.D_q.shape[0]:
+        return _without_rows_on_speeds(spaces, matrices)
+    n_h = matrices.J.shape[0] - matrices.D_q.shape[0]
     D_u, D_q = (x * spaces.scale * spaces.row_scale[n_h:, None] for x in (matrices.J[n_h:], matrices.D_q))
     P = -rank_of(D_u @ spaces.N).pseudo_inverse @ (D_q @ spaces.N)
     weights = spaces.scale * spaces.scale[:, None]
     M, R, K = (x * weights for x in (matrices.M, matrices.R, matrices.K))
     return deflated_matrix(M, R, K, spaces.N, spaces.Z, P)
+
+
+def _without_rows_on_speeds(spaces: Subspaces, matrices: Matrices) -> tuple[Array, Array]:
+    """Return the same for sparse matrices, where all that the positions allow is allowed for speeds: Z = 1, P = 0."""
+    M, R, K = (congruent(scaled(x, spaces.scale, spaces.scale), spaces.N) for x in (matrices.M, matrices.R, matrices.K))
+    n = len(M)
+    A = np.zeros((2 * n, 2 * n))
+    A[:n, n:] = np.eye(n)
+    A[n:, :n] = -np.linalg.solve(M, K)
+    if np.any(R):
+        A[n:, n:] = -np.linalg.solve(M, R)
+    return A, M

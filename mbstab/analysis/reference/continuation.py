@@ -19,8 +19,8 @@ from itertools import pairwise
 import numpy as np
 
 from mbstab.analysis.algebra.failures import FAILURES
+from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.roots import root
-from mbstab.analysis.algebra.subspaces import rank_of
 from mbstab.analysis.reference.curve_points import Point, Run, at_zero, joined, nearest_turn
 from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.motion import TOLERANCE

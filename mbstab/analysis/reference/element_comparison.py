@@ -10,6 +10,8 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
+from mbstab.analysis.algebra.sparse import is_sparse, largest, own_part, put, row_norms, rows_of, scaled
+from mbstab.analysis.algebra.sparse_rank import Rows
 from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.analysis.reference.fields import Combination, Field, OwnTurn, Shift
 from mbstab.analysis.reference.motion import Motion
@@ -66,6 +68,16 @@ class State:
     u: Array
     a: Array
 
+    @cached_property
+    def padded(self) -> tuple[Array, Array, Array]:
+        """q, u and a with one fixed coordinate behind them."""
+        return np.append(self.q, 0.0), np.append(self.u, 0.0), np.append(self.a, 0.0)
+
+    @cached_property
+    def listed(self) -> tuple[list[float], list[float], list[float]]:
+        """q, u and a as lists: single numbers of these are several times faster."""
+        return self.q.tolist(), self.u.tolist(), self.a.tolist()
+
 
 @dataclass(frozen=True)
 class OnRows(State):
@@ -80,7 +92,8 @@ Numbers = list[float | Rounded]
 def with_errors(state: State, spread: State | None = None) -> tuple[Numbers, Numbers, Numbers]:
     """Return q, u and a of a state, with how far they may be off."""
     if spread is None:
-        return state.q.tolist(), state.u.tolist(), state.a.tolist()
+        plain = state.listed
+        return [*plain[0]], [*plain[1]], [*plain[2]]
     pairs = ((state.q, spread.q), (state.u, spread.u), (state.a, spread.a))
     q, u, a = ([Rounded(v, e) if e else v for v, e in zip(x.tolist(), dx.tolist(), strict=True)] for x, dx in pairs)
     return q, u, a
@@ -93,14 +106,15 @@ class ElementComparison:
         self.system, self.motion = system, motion
         self.elements = [_general(element) for element in system.acting()]
         self._steady: dict[bytes, bool] = {}
+        self._forces: dict[tuple[int, int], tuple[State, Array]] = {}
 
     @cached_property
     def rate(self) -> float:
         """A rate at which the scene moves by itself or is moved (1/s)."""
         motion, scale = self.motion, self.motion.spaces.scale
         K, R, _ = self.system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
-        K, R = (np.abs(x * scale * scale[:, None]) for x in (K, R))
-        sizes = float(np.max(np.abs(motion.u) / motion.sizes)), float(np.max(K)) ** 0.5, float(np.max(R))
+        K, R = (largest(scaled(x, scale, scale)) for x in (K, R))
+        sizes = float(np.max(np.abs(motion.u) / motion.sizes)), K**0.5, R
         return max(sizes) or 1.0
 
     @cached_property
@@ -126,7 +140,7 @@ class ElementComparison:
             try:
                 for state in found:
                     for element in self.elements:
-                        element.force(state.q, state.u, state.a, motion.time)
+                        element.force(*state.listed, motion.time)
                 return found
             except (ArithmeticError, ValueError):
                 continue
@@ -150,6 +164,12 @@ class ElementComparison:
         return found
 
     @cached_property
+    def rows_there(self) -> list[tuple[Any, Array]]:
+        """J at the states that satisfy the constraints, and the sizes of its rows."""
+        found = (self.system.dynamics(x.q, x.u, self.motion.time).J for x in self.on_rows)
+        return [(J, abs(J) @ self.motion.sizes) for J in found]
+
+    @cached_property
     def seen(self) -> bool:
         """Whether there are states beside the reference at which constraint rows can be asked."""
         if not self.system.n_c or not self.motion.spaces.N.shape[1]:
@@ -170,6 +190,8 @@ class ElementComparison:
         motion, n_h = self.motion, self.system.n_h
         if motion.spaces.C.rank == n_h:
             return ON_ROWS
+        if is_sparse(motion.dynamics.J):
+            return max(ON_ROWS, AGREED * motion.spaces.C.largest_dropped)
         J = motion.dynamics.J[:n_h] * motion.sizes
         s = np.linalg.svd(J / (np.linalg.norm(J, axis=1) + 1e-300)[:, None], compute_uv=False)
         return max(ON_ROWS, AGREED * float(np.max(s[motion.spaces.C.rank :], initial=0.0)))
@@ -181,9 +203,7 @@ class ElementComparison:
         try:
             for _ in range(STEPS if n_h else 0):
                 state = system.dynamics(q, 0.0 * u, time)
-                J = state.J[:n_h] * sizes
-                lengths = np.linalg.norm(J, axis=1) + 1e-300
-                step = np.linalg.lstsq(J / lengths[:, None], -state.E[:n_h] / lengths, rcond=1e-10)[0]
+                step = self._shortest(state.J[:n_h], -state.E[:n_h])
                 if float(np.max(np.abs(step))) > 4.0:
                     return None
                 q = q + sizes * step
@@ -191,24 +211,36 @@ class ElementComparison:
                     break
             for _ in range(2 if system.n_c else 0):
                 state = system.dynamics(q, u, time)
-                J = state.J * sizes
-                lengths = np.linalg.norm(J, axis=1) + 1e-300
-                u = u + sizes * np.linalg.lstsq(J / lengths[:, None], -state.V / lengths, rcond=1e-10)[0]
-        except (MbstabError, ValueError, np.linalg.LinAlgError):
+                u = u + sizes * self._shortest(state.J, -state.V)
+        except (MbstabError, ValueError, RuntimeError, np.linalg.LinAlgError):
             return None
         state = system.dynamics(q, u, time)
         return OnRows(q, u, 0.0 * u, state) if self._holds(state, u, within) else None
 
-    def satisfies(self, q: Array, u: Array, time: float | None = None) -> bool:
-        """Whether a state satisfies the constraint rows."""
-        if not self.system.n_c:
+    def _shortest(self, J: Any, b: Array) -> Array:
+        """Return the shortest x, in sizes of the scene, with J x = b, as nearly as can be."""
+        if not is_sparse(J):
+            J = J * self.motion.sizes
+            lengths = np.linalg.norm(J, axis=1) + 1e-300
+            return np.asarray(np.linalg.lstsq(J / lengths[:, None], b / lengths, rcond=1e-10)[0])
+        J = scaled(J, self.motion.sizes)
+        lengths = row_norms(J)
+        redundant = {id(item.row) for item in self.motion.redundant}
+        kept = [i for i, row in enumerate(self.system.rows[: len(b)]) if id(row) not in redundant]
+        unit = scaled(J, np.ones(len(self.motion.sizes)), 1.0 / lengths)
+        return Rows(unit[kept]).shortest((b / lengths)[kept])
+
+    def satisfies(self, q: Array, u: Array, time: float | None = None, part: System | None = None) -> bool:
+        """Whether a state satisfies the constraint rows, or those of a part of the system."""
+        system = part or self.system
+        if not system.n_c:
             return True
-        return self._holds(self.system.dynamics(q, u, self.motion.time if time is None else time), u)
+        return self._holds(system.dynamics(q, u, self.motion.time if time is None else time), u)
 
     def _holds(self, state: Dynamics, u: Array, within: float | None = None) -> bool:
         """Whether the constraint rows hold where they have these residuals."""
         motion, n_h = self.motion, self.system.n_h
-        allowed = (self.agreed if within is None else within) * np.abs(state.J) @ motion.sizes + 1e-300
+        allowed = (self.agreed if within is None else within) * abs(state.J) @ motion.sizes + 1e-300
         fastest = max(float(np.max(np.abs(u / motion.sizes))), RESTING * self.rate)
         return bool(np.all(np.abs(state.E[:n_h]) <= allowed[:n_h]) and np.all(np.abs(state.V) <= allowed * fastest))
 
@@ -216,7 +248,7 @@ class ElementComparison:
         """Whether an element contains none of the coordinates that a shift changes."""
         if not isinstance(field, Shift):
             return False
-        return not any(field.direction[j] for _, j in element.slots)
+        return field.changed.isdisjoint(element.seen)
 
     def _carried(self, element: Acting, images: list[tuple[State, Array]], exact: bool) -> bool:
         """Whether an element does the same at all states, moved along."""
@@ -226,16 +258,19 @@ class ElementComparison:
         return all(self.same(element, state, there, T, exact) for state, (there, T) in pairs)
 
     def _force(self, element: Acting, state: State) -> Array:
-        """Return the force of one element on all coordinates, shape (n_q,)."""
-        F: Array = np.zeros(self.system.n_q)
-        F[list(element.columns)] = element.force(state.q.tolist(), state.u.tolist(), state.a.tolist(), self.motion.time)
-        return F
+        """Return the force of one element on its coordinates."""
+        key = id(element), id(state)
+        if key not in self._forces:
+            places = list(element.placed.columns)
+            own = [x[places].tolist() for x in state.padded]
+            self._forces[key] = state, np.array(element.own_force(own, self.motion.time), dtype=float)
+        return self._forces[key][1]
 
     def same(self, element: Acting, here: State, there: State, T: Array, exact: bool) -> bool:
         """Whether Tᵀ F(there) = F(here) for one element."""
         columns, time = list(element.columns), self.motion.time
-        signs = np.diag(T)[columns]
-        if exact and element.written and np.array_equal(T[np.ix_(columns, columns)], np.diag(np.sign(signs))):
+        signs = T.diagonal()[columns]
+        if exact and element.written and np.array_equal(own_part(T, columns), np.diag(np.sign(signs))):
             with Digits(element, exact=True) as f:
                 first, second = (
                     element.force(numbers(x.q, f), numbers(x.u, f), numbers(x.a, f), time, f) for x in (here, there)
@@ -244,24 +279,25 @@ class ElementComparison:
                 return all(abs(x - sign * y) <= EXACT * (abs(x) + abs(y)) for x, y, sign in pairs)
         if element.written:
             return self._same_to_rounding(element, here, there, T)
-        F, moved = (self._force(element, x) for x in (here, there))
-        rows = T[columns]  # the element has no force on others
-        after: Array = moved[columns] @ rows
-        mixed: Array = np.abs(moved[columns]) @ np.abs(rows)
-        sizes = self.motion.sizes
+        reached, rows = rows_of(T, columns)  # the element has no force on others
+        F, moved = put(self._force(element, here), columns, reached, len(self.motion.q)), self._force(element, there)
+        after: Array = moved @ rows
+        mixed: Array = np.abs(moved) @ np.abs(rows)
+        sizes = self.motion.sizes[reached]
         total = float(np.max((np.abs(F) + mixed) * sizes))
         allowed = CARRIED * np.maximum(np.abs(F), np.abs(after)) + CANCELLED * total / sizes
         off = np.abs(F - after)
         if np.all(off <= allowed):
             return True
         # Where a force is a small difference, the rounding of coordinates and speeds counts.
-        rounding = self._rounding(element, here) + np.abs(T).T @ self._rounding(element, there)
+        rounding = put(self._rounding(element, here), columns, reached, len(self.motion.q))
+        rounding = rounding + np.abs(rows).T @ self._rounding(element, there)
         spread = float(np.max(rounding * sizes)) / sizes
         return bool(np.all(off <= allowed + CANCELLED * spread))
 
     def _same_to_rounding(self, element: Acting, here: State, there: State, T: Array) -> bool:
         """Whether Tᵀ F(there) = F(here) to rounding, which is followed through what is written."""
-        sizes, size = self.motion.sizes, np.abs(T)
+        sizes, size = self.motion.sizes, abs(T)
         F, error = self.bounded(element, here)
         # What leads there is computed to some roundings of what it is computed from.
         spread = State(
@@ -295,14 +331,13 @@ class ElementComparison:
         """Return what a change of coordinates and speeds by all their size makes of an element."""
         columns = list(element.columns)
         q, u = np.maximum(np.abs(state.q), self.motion.sizes)[columns], np.abs(state.u)[columns]
-        result: Array = np.zeros(len(state.q))
         K, R = (np.abs(np.array(x, dtype=float)) for x in self._slopes(element, state))
-        result[columns] = K @ q + R @ u
+        result: Array = K @ q + R @ u
         return result
 
     def _slopes(self, element: Acting, state: State) -> Any:
         """Return ∂F/∂q and ∂F/∂u of an element at a state, on its columns."""
-        return element.slopes(state.q.tolist(), state.u.tolist(), state.a.tolist(), self.motion.time)
+        return element.slopes(*state.listed, self.motion.time)
 
     def _moved(self, field: Field, state: State) -> tuple[State, Array]:
         """Return where a group leads a state, with the speeds and accelerations of motions that are carried along."""
@@ -320,11 +355,14 @@ class ElementComparison:
         a: Array = T @ state.a
         for body, part in zip(self.system.scene.bodies, self.system.body_slices, strict=True):
             if body.orientation and self.system.scene.dimension == 3:
+                if is_sparse(T) and np.array_equal(moved[part], state.q[part]):
+                    continue  # of many bodies most stay where they are
                 # Euler angles change nonlinearly: the angular accelerations, G a + Ġ u, are what turns.
                 angles = slice(part.start + 3, part.stop)
                 G, G_before = rate_matrix(body, moved[angles]), rate_matrix(body, state.q[angles])
-                turn = G @ T[angles, angles] @ np.linalg.inv(G_before)
-                rates = T[angles, angles] @ state.u[angles]
+                own = own_part(T, angles)
+                turn = G @ own @ np.linalg.inv(G_before)
+                rates = own @ state.u[angles]
                 drift = turn @ rate_drift(body, state.q[angles], state.u[angles]) - rate_drift(
                     body, moved[angles], rates
                 )

@@ -18,7 +18,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.algebra.failures import FAILURES
-from mbstab.analysis.algebra.subspaces import rank_of
+from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.dependencies import names_in

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 
+from mbstab.analysis.algebra.sparse import nothing, unchanged, with_block
 from mbstab.analysis.reference.rotation import euler_angles, orientation, rate_matrix, rotation_matrix
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array
@@ -23,11 +25,11 @@ class Field(Protocol):
         """Return Y(q)."""
         ...
 
-    def slope(self, q: Array) -> Array:
+    def slope(self, q: Array) -> Any:
         """Return DY(q)."""
         ...
 
-    def moved(self, q: Array) -> tuple[Array, Array]:
+    def moved(self, q: Array) -> tuple[Array, Any]:
         """Return where a large step along it leads, and the derivative of that by q."""
         ...
 
@@ -39,14 +41,19 @@ class Shift:
     direction: Array
     step: float
 
+    @cached_property
+    def changed(self) -> frozenset[int]:
+        """Numbers of the coordinates that it changes."""
+        return frozenset(np.flatnonzero(self.direction).tolist())
+
     def field(self, q: Array) -> Array:  # noqa: D102
         return self.direction
 
-    def slope(self, q: Array) -> Array:  # noqa: D102
-        return np.zeros((len(q), len(q)))
+    def slope(self, q: Array) -> Any:  # noqa: D102
+        return nothing(len(q))
 
-    def moved(self, q: Array) -> tuple[Array, Array]:  # noqa: D102
-        return q + self.step * self.direction, np.eye(len(q))
+    def moved(self, q: Array) -> tuple[Array, Any]:  # noqa: D102
+        return q + self.step * self.direction, unchanged(len(q))
 
 
 @dataclass(frozen=True)
@@ -59,10 +66,10 @@ class Turn:
     def field(self, q: Array) -> Array:  # noqa: D102
         return self.generator.field(q)
 
-    def slope(self, q: Array) -> Array:  # noqa: D102
+    def slope(self, q: Array) -> Any:  # noqa: D102
         return self.generator.frame(q)[0]
 
-    def moved(self, q: Array) -> tuple[Array, Array]:  # noqa: D102
+    def moved(self, q: Array) -> tuple[Array, Any]:  # noqa: D102
         return self.generator.flow(q, self.time)
 
 
@@ -82,19 +89,20 @@ class OwnTurn:
         result[self.part] = lever[1], -lever[0], 1.0
         return result
 
-    def slope(self, q: Array) -> Array:  # noqa: D102
-        result, angle = np.zeros((len(q), len(q))), self.part.stop - 1
-        result[self.part.start : angle, angle] = self._lever(q[angle])
-        return result
+    def slope(self, q: Array) -> Any:  # noqa: D102
+        angle = self.part.stop - 1
+        block = np.zeros((angle + 1 - self.part.start,) * 2)
+        block[:-1, -1] = self._lever(q[angle])
+        return with_block(nothing(len(q)), self.part, block)
 
-    def moved(self, q: Array) -> tuple[Array, Array]:  # noqa: D102
+    def moved(self, q: Array) -> tuple[Array, Any]:  # noqa: D102
         angle, places = self.part.stop - 1, slice(self.part.start, self.part.stop - 1)
         before, after = self._lever(q[angle]), self._lever(q[angle] + ANGLE)
-        new, T = q.copy(), np.eye(len(q))
+        new, block = q.copy(), np.eye(angle + 1 - self.part.start)
         new[places] += before - after
         new[angle] += ANGLE
-        T[places, angle] = np.array([-before[1], before[0]]) - np.array([-after[1], after[0]])
-        return new, T
+        block[:-1, -1] = np.array([-before[1], before[0]]) - np.array([-after[1], after[0]])
+        return new, with_block(unchanged(len(q)), self.part, block)
 
 
 @dataclass(frozen=True)
@@ -131,18 +139,16 @@ class Spin:
         result[self.angles] = self._rates(q[self.angles])[0]
         return result
 
-    def slope(self, q: Array) -> Array:  # noqa: D102
-        result = np.zeros((len(q), len(q)))
-        result[self.angles, self.angles] = self._rates(q[self.angles])[1]
-        return result
+    def slope(self, q: Array) -> Any:  # noqa: D102
+        return with_block(nothing(len(q)), self.angles, self._rates(q[self.angles])[1])
 
-    def moved(self, q: Array) -> tuple[Array, Array]:  # noqa: D102
+    def moved(self, q: Array) -> tuple[Array, Any]:  # noqa: D102
         old = q[self.angles]
         new = euler_angles(self.body, orientation(self.body, old) @ rotation_matrix(self.axis, ANGLE), old)
-        result, T = q.copy(), np.eye(len(q))
+        result = q.copy()
         result[self.angles] = new
-        T[self.angles, self.angles] = np.linalg.solve(rate_matrix(self.body, new), rate_matrix(self.body, old))
-        return result, T
+        turn: Array = np.asarray(np.linalg.solve(rate_matrix(self.body, new), rate_matrix(self.body, old)), dtype=float)
+        return result, with_block(unchanged(len(q)), self.angles, turn)
 
 
 @dataclass(frozen=True)
@@ -154,12 +160,12 @@ class Combination:
     def field(self, q: Array) -> Array:  # noqa: D102
         return np.asarray(sum(c * part.field(q) for c, part in self.parts))
 
-    def slope(self, q: Array) -> Array:  # noqa: D102
-        return np.asarray(sum(c * part.slope(q) for c, part in self.parts))
+    def slope(self, q: Array) -> Any:  # noqa: D102
+        return sum(c * part.slope(q) for c, part in self.parts)
 
-    def moved(self, q: Array) -> tuple[Array, Array]:
+    def moved(self, q: Array) -> tuple[Array, Any]:
         """Return where the steps of all parts lead, one after the other."""
-        T = np.eye(len(q))
+        T = unchanged(len(q))
         for _, part in self.parts:
             q, step = part.moved(q)
             T = step @ T

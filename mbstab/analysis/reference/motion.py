@@ -13,13 +13,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import norms
-from mbstab.analysis.algebra.subspaces import RANK_TOLERANCE, Redundancy, Subspaces, rank_of, redundancies, subspaces
+from mbstab.analysis.algebra.rank import RANK_TOLERANCE, rank_of
+from mbstab.analysis.algebra.sparse import congruent, dense, difference, largest, scaled
+from mbstab.analysis.algebra.sparse_rank import last_rows
+from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
 from mbstab.analysis.reference.steady import Family, Generator
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, amount
@@ -41,6 +44,9 @@ REFINEMENTS = 3
 
 CURVATURE_TOLERANCE = 1e-7
 """Rows that depend on each other do so nearby if their curvatures cancel to this."""
+
+MANY_ROWS = 400
+"""From so many rows on their curvatures are not looked at one by one."""
 
 CHART_ERROR = 1e-6
 CHART_WARNING = 0.02
@@ -196,7 +202,7 @@ class Finder:
 
         def state(x: Array) -> tuple[Array, Array]:
             found = self.system.dynamics(x, zero, self.scene.time)
-            J = found.J[:n_h] * sizes
+            J = dense(found.J[:n_h]) * sizes
             lengths = norms(J)
             return found.E[:n_h] / lengths, J / lengths[:, None]
 
@@ -239,6 +245,8 @@ class Finder:
         if len(columns) and system.n_c:
             # The rows may be nonlinear in the rates; one step solves linear rows.
             for _ in range(NEWTON_STEPS):
+                if not np.any(state.V):
+                    break
                 step = np.linalg.lstsq(state.J[:, columns] * sizes[columns], -state.V, rcond=1e-12)[0] * sizes[columns]
                 small = np.abs(step) <= 1e-15 * sizes[columns] * max(1.0, float(np.max(np.abs(u / sizes), initial=0.0)))
                 if np.all(small):
@@ -252,7 +260,8 @@ class Finder:
             u[noise] = 0.0
             state = system.dynamics(q, u, scene.time)
         self._check_rates(u, state)
-        self._check_determined(state.J[:, columns] * sizes[columns], columns, u / sizes)
+        if np.any(u):
+            self._check_determined(state.J[:, columns] * sizes[columns], columns, u / sizes)
         self.solved += [f"rate of {system.names[i]}" for i in columns if u[i]]
         return u, state
 
@@ -260,7 +269,7 @@ class Finder:
         """Refuse rates that do not satisfy the constraints."""
         system = self.system
         fastest = float(np.max(np.abs(u / self.sizes), initial=0.0))
-        allowed = TOLERANCE * np.abs(state.J) @ (self.sizes * fastest)
+        allowed = TOLERANCE * abs(state.J) @ (self.sizes * fastest)
         bad = [i for i in range(system.n_c) if not abs(state.V[i]) <= allowed[i] + 1e-300]
         hint = "correct the rates, or leave out those that the constraints determine"
         self._fail([self._residual(i, state.V[i], "/s" if i < system.n_h else "", hint) for i in bad])
@@ -359,11 +368,10 @@ class Finder:
         spaces = subspaces(state.M, state.J, system.n_h, system.rows, self.sizes)
         redundant = redundancies(state.J, spaces, system.n_h, system.rows)
         scale, row_scale = spaces.scale, spaces.row_scale
-        J = state.J * scale * row_scale[:, None]
-        M = state.M * scale * scale[:, None]
-        allowed = spaces.N @ spaces.Z
+        J, M = scaled(state.J, scale, row_scale), scaled(state.M, scale, scale)
+        allowed = spaces.allowed
         self._check_mass(allowed.T @ M @ allowed, allowed)
-        inverse = np.linalg.pinv(J, rcond=1e-11) if len(J) else J.T
+        inverse = spaces.inverse(J)
         force, bias = -(state.F0 * scale), state.B * row_scale
         self._check_compatible(bias - J @ (inverse @ bias), bias)
         a, nu = _balance(M, J, inverse, allowed, force, bias)
@@ -393,9 +401,10 @@ class Finder:
         """Every motion that the constraints allow must carry mass."""
         if not M_z.size:
             return
-        values, vectors = np.linalg.eigh(M_z)
+        values = np.linalg.eigvalsh(M_z)
         if values[0] > 1e-13 * values[-1]:
             return
+        _, vectors = np.linalg.eigh(M_z)
         motion = np.abs(allowed @ vectors[:, 0])
         involved = [self.system.names[i] for i in np.argsort(-motion) if motion[i] > 0.3 * motion.max()][:4]
         body = involved[0].partition(".")[0]
@@ -458,19 +467,21 @@ class Finder:
     def _check_constant_rank(self, q: Array, u: Array, time: float, spaces: Subspaces) -> None:
         """Redundancy is harmless if it persists nearby: Nᵀ (Σ δ_i ∇²C_i) N = 0 for every dependence δ."""
         n_h, zero = self.system.n_h, np.zeros(self.system.n_q)
+        straight = self.system.linearize(q, u, zero, np.zeros(self.system.n_c), time)[0]
 
-        def curvature(weights: Array) -> Array:
+        def curvature(weights: Array) -> Any:
             nu = np.zeros(self.system.n_c)
             nu[:n_h] = weights * spaces.row_scale[:n_h]
-            with_rows, without = (self.system.linearize(q, u, zero, x, time)[0] for x in (nu, 0.0 * nu))
-            result: Array = (with_rows - without) * spaces.scale * spaces.scale[:, None]
-            return result
+            return scaled(self.system.linearize(q, u, zero, nu, time)[0] - straight, spaces.scale, spaces.scale)
 
         # Where rows are straight, what is left of their curvatures is rounding.
-        rounding = 1e-12 * max((float(np.max(np.abs(curvature(row)))) for row in np.eye(n_h)), default=0.0)
-        for combination in spaces.C.left_null.T:
-            total = float(np.max(np.abs(spaces.N.T @ curvature(combination) @ spaces.N), initial=0.0))
-            single = max(float(np.max(np.abs(curvature(row)))) for row in np.diag(combination))
+        sample = np.eye(n_h) if n_h < MANY_ROWS else np.random.default_rng(3).choice([-1.0, 1.0], (4, n_h))
+        rounding = 1e-12 * max((largest(curvature(row)) for row in sample), default=0.0)
+        left = spaces.C.left_null
+        for combination in left.T if n_h < MANY_ROWS else [weights for _, weights in last_rows(left)]:
+            total = largest(congruent(curvature(combination), spaces.N))
+            acting = np.flatnonzero(np.abs(combination) > 1e-9 * np.max(np.abs(combination)))
+            single = max(largest(curvature(combination * (np.arange(n_h) == i))) for i in acting)
             if total > max(CURVATURE_TOLERANCE * single, rounding):
                 weights = np.abs(combination)
                 names = [str(self.system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
@@ -524,7 +535,7 @@ def force_change(
     q, u, a, nu = at
     K, R, _ = system.linearize(q, u, a, nu, time)
     beside, _, _ = system.linearize(q + ROUNDING * sizes, u, a, nu, time)
-    if abs(beside - K).max() > 0.01 * abs(K).max():
+    if largest(beside - K) > 0.01 * largest(K):
         return 0.0
     return float(np.max((abs(K) @ sizes + abs(R) @ np.abs(u)) * scale))
 
@@ -532,9 +543,9 @@ def force_change(
 def _balance(M: Array, J: Array, inverse: Array, allowed: Array, force: Array, bias: Array) -> tuple[Array, Array]:
     """Return a and ν with M a + Jᵀ ν = force and J a = −bias, where `allowed` spans the a with J a = 0."""
     M_z = allowed.T @ M @ allowed
-    a, nu = np.zeros(len(M)), np.zeros(len(J))
+    a, nu = np.zeros(len(force)), np.zeros(len(bias))
     for _ in range(REFINEMENTS):
-        missing = force - M @ a - J.T @ nu
+        missing = difference(force, (M, a), (J.T, nu))
         step = -inverse @ (bias + J @ a)
         if M_z.size:
             step += allowed @ np.linalg.solve(M_z, allowed.T @ (missing - M @ step))

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from mbstab.analysis.algebra.sparse import large
+from mbstab.analysis.reference.dependencies import names_in
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.steady import declared_family, detected
 from mbstab.compiler.system import System
@@ -44,3 +46,12 @@ def reference_motion(system: System) -> Motion:
     if not np.any(u):
         return finder.motion(q, u, steady=generators[0], state=state)
     return replace(finder.motion(q, u, state=state), generators=tuple(generators))
+
+
+def fits_sparse(system: System) -> bool:
+    """Whether a scene is large, and its reference one that sparse matrices serve: at rest, without rows on speeds."""
+    scene = system.scene
+    moving = scene.steady is not None or scene.period is not None or any(scene.rates.values())
+    written = (x for x in scene.items if x.kind.written)
+    timed = any(True for _ in system.given_functions()) or any("t" in names_in(x.entry.values) for x in written)
+    return large(system) and not (moving or timed or system.n_n or scene.model.reference.find is not None)

@@ -19,8 +19,9 @@ import numpy as np
 
 from mbstab.analysis.algebra.independent_rows import DEPENDENT, Independent, independent_rows
 from mbstab.analysis.algebra.inertia import ConstrainedForms
+from mbstab.analysis.algebra.rank import RANK_TOLERANCE
 from mbstab.analysis.algebra.sparse import in_sparse
-from mbstab.analysis.algebra.subspaces import RANK_TOLERANCE, Redundancy, coordinate_scale, require_gap
+from mbstab.analysis.algebra.subspaces import Redundancy, coordinate_scale, require_gap
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.analysis.reference.motion import CURVATURE_TOLERANCE, ROUNDING, Finder, singular_configuration, unbalance_at
 from mbstab.compiler.system import Array, Dynamics, System

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.sparse import is_sparse, put, unchanged
 from mbstab.analysis.reference.element_comparison import (
     CANCELLED,
     CARRIED,
@@ -130,10 +131,17 @@ class Invariance(SymmetryCandidates):
                 return False
             for state, part in ((state, part) for state in self.states for part in PARTS):
                 there = State(state.q, state.u + part * faster, state.a)
-                if not self.same(element, state, there, np.eye(len(direction)), exact=True):
+                if not self.same(element, state, there, unchanged(len(direction)), exact=True):
                     return False
-        faithful = all(self.satisfies(state.q, state.u + faster) for state in self.on_rows)
+        touched = self._containing(Shift(direction, 1.0))
+        faithful = all(self.satisfies(state.q, state.u + faster, part=touched) for state in self.on_rows)
         return faithful and self._horizontal(Shift(direction, 1.0))
+
+    def _containing(self, field: Shift) -> System:
+        """Return a system with the same rows where a shift changes some of them; in a small scene with all."""
+        if not self.system.sparse:
+            return self.system
+        return self.system.containing(field.changed)
 
     @cached_property
     def momenta(self) -> list[Symmetry]:
@@ -181,6 +189,8 @@ class Invariance(SymmetryCandidates):
     def _balanced_shifts(self) -> Array:
         """Return along which constant shifts no force depends on coordinates or speeds of symmetries, as columns."""
         system, sizes = self.system, self.motion.sizes
+        if system.sparse:
+            return np.zeros((system.n_q, 0))  # not looked for in large scenes
         rows = [np.zeros((1, system.n_q))]
         Y = np.array([item.direction for item in self.symmetries]).reshape(-1, system.n_q).T
         for state in self.on_rows:
@@ -248,7 +258,7 @@ class Invariance(SymmetryCandidates):
         for there in self.on_rows if self.system.n_c else []:
             Y = np.array([field.field(there.q) for field in fields]).T
             J = there.dynamics.J
-            rows += list((J @ Y) / (np.abs(J) @ np.abs(Y) + 1e-300).max(axis=1, keepdims=True))
+            rows += list((J @ Y) / (abs(J) @ np.abs(Y) + 1e-300).max(axis=1, keepdims=True))
         for element in self.elements:
             for state in self.states if not element.inertia else []:
                 Y = np.array([field.field(state.q) for field in fields])[:, list(element.columns)]
@@ -264,14 +274,14 @@ class Invariance(SymmetryCandidates):
         Y, slope = field.field(motion.q), field.slope(motion.q)
         slow = self.rate / float(np.max(np.abs(Y) / motion.sizes))
         spaces = motion.spaces
-        allowed = spaces.scale[:, None] * (spaces.N @ spaces.Z)
+        allowed = spaces.scale[:, None] * spaces.allowed
         if not all(element.analytic for element in self.elements):
             return False
         for speed in (UNEVEN * slow * x for x in SPEEDS):
             u, a = speed * Y, speed**2 * (slope @ Y)
             if not self.satisfies(motion.q, u):
                 return False
-            turned = np.abs(slope) @ np.abs(Y) + motion.sizes * (self.rate / slow) ** 2
+            turned = abs(slope) @ np.abs(Y) + motion.sizes * (self.rate / slow) ** 2
             off = ROUNDINGS * EPS * np.abs(u), ROUNDINGS * EPS * speed**2 * turned
             changed = (u != 0.0) | (a != 0.0) | np.any([x != 0.0 for x in off], axis=0)
             moving = with_errors(State(motion.q, u, a), State(0.0 * u, *off))
@@ -326,9 +336,9 @@ class Invariance(SymmetryCandidates):
         if not self.system.n_c or not self.seen:
             return self.seen
         sizes = self.motion.sizes
-        for state in self.on_rows:
-            J, Y = state.dynamics.J, field.field(state.q)
-            if np.any(np.abs(J @ Y) > ON_ROWS * (np.abs(J) @ sizes) * float(np.max(np.abs(Y / sizes)))):
+        for state, (J, size) in zip(self.on_rows, self.rows_there, strict=True):
+            Y = field.field(state.q)
+            if np.any(np.abs(J @ Y) > ON_ROWS * size * float(np.max(np.abs(Y / sizes)))):
                 return False
         return True
 
@@ -392,15 +402,16 @@ class Invariance(SymmetryCandidates):
         Y, n_h = field.field(motion.q), system.n_h
         J = motion.dynamics.J
         size = float(np.max(np.abs(Y / motion.sizes))) or 1.0
-        return bool(np.all(np.abs(J[:n_h] @ Y) <= FIRST_ORDER * size * (np.abs(J[:n_h]) @ motion.sizes) + 1e-300))
+        return bool(np.all(np.abs(J[:n_h] @ Y) <= FIRST_ORDER * size * (abs(J[:n_h]) @ motion.sizes) + 1e-300))
 
     def _rows_carried(self, field: Field) -> bool:
         """Whether states that satisfy the rows are led to states that do."""
         if not self.system.n_c or not self.seen:
             return self.seen
+        part = self._containing(field) if isinstance(field, Shift) else None
         for state in self.on_rows:
             q, T = field.moved(state.q)
-            if not self.satisfies(q, T @ state.u):
+            if not self.satisfies(q, T @ state.u, part=part):
                 return False
         return True
 
@@ -413,13 +424,17 @@ class Invariance(SymmetryCandidates):
         moving = self.on_rows
         for state in [*(State(x.q, 0.0 * x.u, 0.0 * x.a) for x in moving), *moving]:
             there, T = self._moved(field, state)
-            J = system.dynamics(state.q, state.u, time).J * self.motion.sizes
+            J = system.dynamics(state.q, state.u, time).J
+            if is_sparse(J):
+                return False  # what is not carried element by element is left open in a large scene
+            J = J * self.motion.sizes
             lengths = np.linalg.norm(J, axis=1) + 1e-300
             _, s, right = np.linalg.svd(J / lengths[:, None])
             allowed = self.motion.sizes[:, None] * right[int(np.sum(s > 1e-8)) :].T
             total, size, rounding = np.zeros((3, allowed.shape[1]))
             for element in broken:
-                F, moved = (self._force(element, x) for x in (state, there))
+                columns, everything = list(element.columns), slice(None)
+                F, moved = (put(self._force(element, x), columns, everything, len(state.q)) for x in (state, there))
                 after: Array = T.T @ moved
                 change = (after - F) @ allowed
                 total += change

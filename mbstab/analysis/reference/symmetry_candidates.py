@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.sparse import MANY, largest, row_norms, scaled
+from mbstab.analysis.algebra.sparse_rank import Rows, sparse_null_space, with_unit_rows
 from mbstab.analysis.reference.element_comparison import (
     ElementComparison,
 )
@@ -80,7 +82,10 @@ class SymmetryCandidates(ElementComparison):
             scaled = direction / sizes / np.linalg.norm(direction / sizes)
             return bool(np.linalg.norm(scaled - null @ (null.T @ scaled)) < 1e-7)
 
-        single = np.linalg.norm(np.eye(len(names)) - null @ null.T, axis=0) < 1e-7
+        if len(names) < MANY:
+            single = np.linalg.norm(np.eye(len(names)) - null @ null.T, axis=0) < 1e-7
+        else:
+            single = 1.0 - np.sum(null * null, axis=1) < 1e-13
         for axis in "xyz":
             along = np.array([name.endswith(f".{axis}") for name in names])
             # Where each may be shifted by itself, all of them together say less.
@@ -94,6 +99,8 @@ class SymmetryCandidates(ElementComparison):
     def _blind(self) -> Array:
         """Return what constant shifts neither the forces nor the rows see at some states, as orthonormal columns."""
         system, sizes = self.system, self.motion.sizes
+        if system.sparse:
+            return self._blind_in_large()
         blocks = []
         for state in self.on_rows:
             dynamics, still = state.dynamics, np.zeros(system.n_c)
@@ -116,6 +123,39 @@ class SymmetryCandidates(ElementComparison):
         stacked = stacked / np.linalg.norm(stacked, axis=1)[:, None]
         _, s, right = np.linalg.svd(stacked)
         result: Array = right[int(np.sum(s > 1e-8 * max(1.0, s[0]))) :].T
+        return result
+
+    def _blind_in_large(self) -> Array:
+        """Return the same of a large scene: of what the rows do not see, what the forces along them do not see either.
+
+        Where rows leave very many directions, forces that reactions balance count as well.
+        """
+        from scipy.sparse import vstack
+
+        system, sizes = self.system, self.motion.sizes
+        rows, forces, held = [], [], []
+        for state in self.on_rows:
+            dynamics = system.dynamics(state.q, state.u, self.motion.time)
+            K, _, D_q = system.linearize(state.q, state.u, state.a, np.zeros(system.n_c), self.motion.time)
+            rows.append(with_unit_rows(scaled(vstack([dynamics.J[: system.n_h], D_q], format="csr"), sizes)))
+            force, strongest = scaled(K, sizes, sizes), largest(scaled(K, sizes, sizes))
+            forces.append(force * (1.0 / strongest) if strongest else force)
+            held.append(scaled(dynamics.J, sizes))
+        blind = sparse_null_space(vstack(rows, format="csr"), max(MANY, system.n_q // 2)) if system.n_c else None
+        if blind is None:
+            blind = sparse_null_space(vstack([*rows, *forces], format="csr"), system.n_q)
+            assert blind is not None
+            return blind
+        pushes = []
+        if not blind.shape[1]:
+            return blind
+        for force, J in zip(forces, held, strict=True):
+            push, lengths = force @ blind, row_norms(J)
+            redundant = {id(item.row) for item in self.motion.redundant}
+            kept = [i for i, row in enumerate(system.rows) if id(row) not in redundant]
+            pushes.append(Rows(scaled(J, np.ones(system.n_q), 1.0 / lengths)[kept]).allowed(push))
+        _, s, right = np.linalg.svd(np.vstack(pushes), full_matrices=False)
+        result: Array = blind @ right[int(np.sum(s > 1e-8)) :].T
         return result
 
     def _axes(self) -> Iterator[tuple[str, Array, Array]]:

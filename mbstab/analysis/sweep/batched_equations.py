@@ -15,7 +15,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, norms
 from mbstab.analysis.algebra.deflation import deflated_matrix, in_frame
-from mbstab.analysis.algebra.subspaces import RANK_LEAST, RANK_TOLERANCE
+from mbstab.analysis.algebra.rank import RANK_LEAST, RANK_TOLERANCE
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.motion import EQUILIBRIUM_TOLERANCE, NEWTON_STEPS, ROUNDING, TOLERANCE

@@ -1,0 +1,66 @@
+"""Rank decisions with null spaces and pseudo-inverses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mbstab.compiler.system import Array
+from mbstab.records import dataclass
+
+RANK_TOLERANCE = 1e-11
+"""Singular values of scaled rows below this count as zero."""
+
+RANK_LEAST = 1e-8
+"""A rank decision is trusted if the others are larger than this: nothing is built more exactly …"""
+
+RANK_GAP = 1e3
+"""… and if the singular values next to it differ by this factor at least."""
+
+
+@dataclass(frozen=True)
+class Rank:
+    """A rank decision.
+
+    Attributes
+    ----------
+    rank : int
+    smallest_kept, largest_dropped : float
+        Singular values on both sides of the decision (0 and inf where there is none).
+    null : ndarray
+        Orthonormal basis of the null space, as columns.
+    left_null : ndarray
+        Orthonormal combinations of rows that vanish, as columns.
+    doubtful : ndarray
+        The combination of rows that is smallest without vanishing.
+    pseudo_inverse : ndarray or LinearOperator
+    """
+
+    rank: int
+    smallest_kept: float
+    largest_dropped: float
+    null: Array
+    left_null: Array
+    doubtful: Array
+    pseudo_inverse: Any
+
+    @property
+    def gap(self) -> float:
+        """Ratio of the singular values on both sides of the decision."""
+        return self.smallest_kept / self.largest_dropped if self.largest_dropped > 0.0 else np.inf
+
+
+def rank_of(matrix: Array, tolerance: float = RANK_TOLERANCE) -> Rank:
+    """Return rank, null spaces and pseudo-inverse of a matrix with rows of unit length, or of a part of its columns."""
+    rows, columns = matrix.shape
+    if rows == 0 or columns == 0:
+        empty = np.eye(columns), np.eye(rows), np.zeros(rows), np.zeros((columns, rows))
+        return Rank(0, np.inf, 0.0, *empty)
+    left, s, right = np.linalg.svd(matrix)
+    rank = int(np.sum(s > tolerance))
+    kept = float(s[rank - 1]) if rank else np.inf
+    dropped = float(s[rank]) if rank < len(s) else 0.0
+    inverse = (right[:rank].T / s[:rank]) @ left[:, :rank].T
+    doubtful = left[:, rank - 1] if rank else np.zeros(rows)
+    return Rank(rank, kept, dropped, right[rank:].T, left[:, rank:], doubtful, inverse)

@@ -1,0 +1,191 @@
+"""Rank, null space and pseudo-inverse of the constraint rows of a large scene, by one sparse LU factorization.
+
+With rows J of unit length H = [1 Jᵀ; J −δ²] serves all of it. A little δ, and block inverse iteration finds the
+smallest singular values: the lower block of H⁻¹[0; Y] is −(J Jᵀ + δ²)⁻¹ Y. Without it and without redundant rows,
+H [x; y] = [b; 0] gives the part x of b that the rows allow, and the multipliers y that balance the rest best
+(Björck 1996, Numerical Methods for Least Squares Problems); H [x; y] = [0; b] the shortest x with J x = b.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.rank import RANK_TOLERANCE, Rank
+from mbstab.analysis.algebra.sparse import CHUNK, row_norms, scaled
+from mbstab.compiler.system import Array
+
+SHIFT = 1e-8
+"""δ: inverse iteration tells singular values from each other that are larger."""
+
+ROUNDS = 5
+"""Rounds of inverse iteration."""
+
+TOGETHER = 8
+"""So many singular values are looked for at once, and twice as many as long as all of them vanish."""
+
+UNSEEN = 1e-8
+"""Directions that matrices send to less than this are sent to zero."""
+
+DEPENDENT = 1e-7
+"""Entries of combinations of rows that vanish count above this; the rank decision said that there is one."""
+
+
+class Rows:
+    """Independent rows of about unit length, factored.
+
+    Parameters
+    ----------
+    J : sparse array, shape (c, n)
+    shift : float
+        δ; then the rows need not be independent.
+    """
+
+    def __init__(self, J: Any, shift: float = 0.0) -> None:
+        from scipy.sparse import block_array, eye_array
+        from scipy.sparse.linalg import splu
+
+        self.J, (self.c, self.n) = J, J.shape
+        corner = -(shift**2) * eye_array(self.c) if shift else None
+        H = block_array([[eye_array(self.n), J.T], [J, corner]], format="csc")
+        self._lu = splu(H) if self.n + self.c else None
+
+    def solve(self, top: Array, bottom: Array) -> tuple[Array, Array]:
+        """Return x, y of H [x; y] = [top; bottom], vectors or columns."""
+        if self._lu is None:
+            return top, bottom
+        found = self._lu.solve(np.concatenate([top, bottom]))
+        return found[: self.n], found[self.n :]
+
+    def allowed(self, b: Array) -> Array:
+        """Return the part of b that the rows allow."""
+        return self.solve(b, np.zeros((self.c, *b.shape[1:])))[0]
+
+    def multipliers(self, b: Array) -> Array:
+        """Return the y of least |b − Jᵀ y|."""
+        return self.solve(b, np.zeros((self.c, *b.shape[1:])))[1]
+
+    def shortest(self, b: Array) -> Array:
+        """Return the shortest x with J x = b."""
+        return self.solve(np.zeros((self.n, *b.shape[1:])), b)[0]
+
+
+def sparse_rank(J: Any, tolerance: float = RANK_TOLERANCE) -> Rank:
+    """Return rank, null spaces and pseudo-inverse of sparse rows of unit length."""
+    from scipy.sparse.linalg import LinearOperator
+
+    c, n = J.shape
+    s, left = _smallest(J, tolerance) if c else (np.zeros(0), np.zeros((0, 0)))
+    null = s <= tolerance
+    dependent, s_kept = left[:, null], s[~null]
+    dropped = [last for last, _ in last_rows(dependent)]
+    kept = np.setdiff1d(np.arange(c), dropped)
+    rows = Rows(J[kept])
+
+    def inverse(b: Array) -> Array:
+        b = np.asarray(b, dtype=float)
+        return rows.shortest((b - dependent @ (dependent.T @ b))[kept])
+
+    def transposed(b: Array) -> Array:
+        b = np.asarray(b, dtype=float)
+        y = np.zeros((c, *b.shape[1:]))
+        y[kept] = rows.multipliers(b)
+        return np.asarray(y - dependent @ (dependent.T @ y))
+
+    functions = {"matvec": inverse, "matmat": inverse, "rmatvec": transposed, "rmatmat": transposed}
+    operator = LinearOperator((n, c), dtype=float, **functions)
+    doubtful = left[:, ~null][:, int(np.argmin(s_kept))] if len(s_kept) else np.zeros(c)
+    least = float(np.min(s_kept)) if len(s_kept) else np.inf
+    most = float(np.max(s[null], initial=0.0))
+    return Rank(len(kept), least, most, _null_space(rows, n - len(kept)), dependent, doubtful, operator)
+
+
+def _smallest(J: Any, tolerance: float = RANK_TOLERANCE, most: int | None = None) -> tuple[Array, Array]:
+    """Return the smallest singular values of rows, one at least that does not vanish, and their left vectors."""
+    c = J.shape[0]
+    factored, count = Rows(J, SHIFT), min(TOGETHER, c)
+    rng = np.random.default_rng(5)
+    while True:
+        Y = np.linalg.qr(rng.standard_normal((c, count)))[0]
+        for _ in range(ROUNDS):
+            Y = np.linalg.qr(factored.solve(np.zeros((factored.n, count)), Y)[1])[0]
+        # From the rows themselves: 1/(σ² + δ²) has lost half of the digits.
+        _, s, turn = np.linalg.svd(J.T @ Y, full_matrices=False)
+        if count == c or s[0] > tolerance or (most is not None and s[0] <= tolerance and count > most):
+            return s, Y @ turn.T
+        count = min(2 * count, c)
+
+
+def _null_space(rows: Rows, count: int) -> Array:
+    """Return an orthonormal basis of what rows allow."""
+    X = np.random.default_rng(7).standard_normal((rows.n, count))
+    parts = [slice(start, start + CHUNK) for start in range(0, count, CHUNK)]
+    for part in parts:
+        X[:, part] = rows.allowed(X[:, part])
+    X = np.linalg.qr(X)[0]
+    # Orthonormal columns magnify what rounding left across the rows.
+    for part in parts:
+        X[:, part] -= rows.shortest(rows.J @ X[:, part])
+    return X
+
+
+def last_rows(dependent: Array) -> Iterator[tuple[int, Array]]:
+    """Yield the rows that rows before them imply, from combinations of rows that vanish, and the combination of each.
+
+    Parameters
+    ----------
+    dependent : ndarray, shape (c, d)
+        Independent columns.
+    """
+    rest = dependent.T.copy()
+    found: list[tuple[int, Array]] = []
+    for i in range(rest.shape[1] - 1, -1, -1):
+        if len(found) == len(rest):
+            break
+        k = len(found)
+        best = k + int(np.argmax(np.abs(rest[k:, i])))
+        if abs(rest[best, i]) <= DEPENDENT:
+            continue
+        rest[[k, best]] = rest[[best, k]]
+        rest[k] /= -rest[k, i]
+        others = np.arange(len(rest)) != k
+        rest[others] += np.outer(rest[others, i], rest[k])
+        found.append((i, rest[k]))
+    yield from reversed(found)
+
+
+def with_unit_rows(A: Any) -> Any:
+    """Return a sparse matrix with its rows brought to unit length."""
+    return scaled(A, np.ones(A.shape[1]), 1.0 / row_norms(A))
+
+
+def sparse_null_space(A: Any, most: int) -> Array | None:
+    """Return an orthonormal basis of the directions that a sparse matrix sends to zero; None if there are too many.
+
+    Parameters
+    ----------
+    A : sparse array, shape (m, n)
+        With entries of about unit size.
+    most : int
+        So many directions at most.
+    """
+    n = A.shape[1]
+    columns = A.T.tocsr()
+    lengths = np.sqrt(np.asarray((columns * columns).sum(axis=1)).ravel())
+    seen = np.flatnonzero(lengths > UNSEEN)
+    free = np.setdiff1d(np.arange(n), seen)
+    if len(free) > most:
+        return None
+    found = np.zeros((n, len(free)))
+    found[free, np.arange(len(free))] = 1.0
+    if not len(seen):
+        return found
+    s, left = _smallest(columns[seen], UNSEEN, most)
+    null = s <= UNSEEN
+    if len(free) + int(np.sum(null)) > most:
+        return None
+    further = np.zeros((n, int(np.sum(null))))
+    further[seen] = left[:, null]
+    return np.hstack([found, further])

@@ -1,0 +1,462 @@
+"""Where the eigenvalues of a large scene are: discs from eigenvectors of the equations before they are reduced.
+
+As `mbstab.analysis.linear.bounds`, for matrices that are too large to couple every eigenvector with every other one.
+With κ = |x| |y| / |y* Q'(s) x| of all eigenvalues s_k, what residuals and errors of the data make of one of them is
+
+    |y|ᵀ (|s|²δM + |s|δR + δK) |x| / |y* Q' x|   and to second order   |Q x| |Q* y| / |y* Q' x| Σ κ_k / |s − s_k|,
+
+the sizes of residuals with what the errors of the data make of them. Eigenvalues whose discs meet are judged together:
+in a basis of their subspace the same holds for a small matrix, which Gershgorin's discs take apart again.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.sparse import CHUNK
+from mbstab.analysis.linear.discs import Disc, Group, Placed, relative
+from mbstab.analysis.linear.grouping import row_scaled_inverse, united
+from mbstab.analysis.linear.linearize import Linearization, StateSpace
+from mbstab.analysis.linear.sparse_pencil import EPS, Block, Pairs, Residuals, SparsePencil, blocks_of, in_parts
+from mbstab.compiler.system import Array
+from mbstab.records import dataclass
+
+Key = tuple[int, ...]
+
+APART = 0.1
+"""Discs and corrections are smaller than this part of the distance to the nearest eigenvalue, or both are joined."""
+
+IDLE = 1e-9
+"""T and L are positions and their momenta to this."""
+
+EQUAL = 1e-7
+"""Eigenvalues that differ by less than this part of them are judged together."""
+
+POORER = 1.0
+"""Vectors are made better where the second order adds more than so many times the first."""
+
+ROUNDS = 12
+"""Rounds of joining eigenvalues that cannot be told apart."""
+
+AT_ONCE = 64
+"""Eigenvectors that are worked on at once."""
+
+
+@dataclass
+class _Vectors:
+    """Right vectors, as positions, and left ones, as forces, in scaled coordinates, of eigenvalues with Im s ≥ 0."""
+
+    s: Complex
+    x: Any
+    y: Any
+
+
+def sparse_enclosures(linear: Linearization, space: StateSpace, gamma: float, S: Array, T: Array, L: Array) -> Placed:
+    """Return discs that hold the eigenvalues apart from T and L; see `mbstab.analysis.linear.bounds.enclosures`."""
+    pencil = SparsePencil(linear)
+    with np.errstate(all="ignore"):
+        still = _idle(space, T, L) if pencil.undamped else None
+        if still is not None:
+            found, rest = _undamped(space, still)
+        else:
+            found, rest = _general(space, gamma, S, T, L)
+        return _Discs(pencil, found, rest).placed()
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """What T and L add to the resolvent.
+
+    Attributes
+    ----------
+    condition : float
+    rate : float
+        Size of what S does among them (1/s).
+    free : float
+        1/mass of what moves freely.
+    """
+
+    condition: float
+    rate: float
+    free: float = 0.0
+
+    def at(self, s: Array) -> Array:
+        """Return a bound of their part of the resolvent at a distance from zero."""
+        powers = [self.condition * self.rate**k / s ** (k + 1) for k in range(4)]
+        result: Array = sum(powers, self.free / s**2)
+        return result
+
+
+def _idle(space: StateSpace, T: Array, L: Array) -> Array | None:
+    """Return the positions of T where T and L are these, and their speeds or momenta; None where they are not."""
+    n = space.n_xi
+    if not T.shape[1] + len(L):
+        return np.zeros((n, 0))
+    left, s, _ = np.linalg.svd(T[:n], full_matrices=False)
+    X = left[:, s > 0.5]
+    pairs = 2 * X.shape[1] == T.shape[1] + len(L)
+    held = np.linalg.norm(L[:, :n]) + np.linalg.norm(L[:, n:] - L[:, n:] @ _onto(space.M_z @ X))
+    speeds = np.linalg.norm(T[n:] - _onto(X) @ T[n:])
+    return X if pairs and held + speeds < IDLE else None
+
+
+def _onto(X: Array) -> Array:
+    """Return the projection onto the span of columns."""
+    Q = np.linalg.qr(X)[0]
+    return np.asarray(Q @ Q.T)
+
+
+def _undamped(space: StateSpace, still: Array) -> tuple[_Vectors, _Rest]:
+    """Return the pairs ±iω, or ±σ, of a symmetric problem without damping, apart from positions that nothing holds."""
+    from scipy.linalg import eigh
+
+    n, M, k = space.n_xi, space.M_z, still.shape[1]
+    stiffness = -M @ space.A[n:, :n]
+    stiffness, M, rest = 0.5 * (stiffness + stiffness.T), 0.5 * (M + M.T), _Rest(0.0, 0.0)
+    B = None
+    if k:
+        B = np.linalg.qr(M @ still, mode="complete")[0][:, k:]
+        stiffness, inertia = B.T @ stiffness @ B, B.T @ M @ B
+        rest = _Rest(0.0, 0.0, 1.0 / float(np.linalg.eigvalsh(still.T @ M @ still)[0]))
+    squares, X = eigh(stiffness, M if B is None else inertia, check_finite=False)
+    rates = np.sqrt(np.abs(squares))
+    x = space.spaces.N @ (X if B is None else B @ X)
+    swings = squares > 0.0
+    values = np.concatenate([1j * rates[swings], rates[~swings], -rates[~swings]]).astype(complex)
+    columns = np.concatenate([np.flatnonzero(swings), *[np.flatnonzero(~swings)] * 2])
+    x = x if swings.all() else x[:, columns]
+    return _Vectors(values, x, x), rest
+
+
+def _general(space: StateSpace, gamma: float, S: Array, T: Array, L: Array) -> tuple[_Vectors, _Rest]:
+    """Return the eigenvalues of what T and L leave of S."""
+    from scipy.linalg import eig
+
+    n, known = space.n_xi, np.hstack([T, L.T])
+    if not known.shape[1]:
+        values, left, right = eig(S, left=True, right=True, check_finite=False)
+        rest = _Rest(0.0, 0.0)
+        upper = values.imag >= 0.0
+        values, left, right = values[upper].astype(complex), left[:, upper].astype(complex), right[:, upper]
+    else:
+        B = np.linalg.qr(known, mode="complete")[0][:, known.shape[1] :]
+        A = B.T @ S @ B
+        values, left, right = eig(A, left=True, right=True, check_finite=False)
+        upper = values.imag >= 0.0
+        values = values[upper].astype(complex)
+        right, left = B @ right[:, upper].astype(complex), B @ left[:, upper].astype(complex)
+        right = right + T @ _shifted(T.T @ S @ T, (T.T @ S) @ right, values)
+        left = left + L.T @ ((S @ L.T).T @ left / values.conj())
+        rest = _neutral(space, gamma, S, T, L, B, A)
+    N = space.spaces.N
+    x = in_parts(lambda b: N @ b, right[:n].astype(complex))
+    y = in_parts(lambda b: N @ np.linalg.solve(space.M_z, b), left[n:].astype(complex))
+    return _Vectors(values, x, y), rest
+
+
+def _shifted(inner: Array, c: Complex, values: Complex) -> Complex:
+    """Return (s − inner)⁻¹ c_j for each eigenvalue: what S does among T is a nilpotent matrix, or close to a turn."""
+    from scipy.linalg import schur, solve_triangular
+
+    if not inner.size:
+        return np.zeros_like(c)
+    triangle, basis = schur(inner, output="complex")
+    turned, one = basis.conj().T @ c, np.eye(len(inner))
+    if not np.any(np.abs(triangle) > EPS * np.max(np.abs(values), initial=0.0)):
+        return np.asarray(c / values)
+    return np.asarray(
+        basis @ np.array([solve_triangular(s * one - triangle, turned[:, j]) for j, s in enumerate(values)]).T
+    )
+
+
+def _neutral(space: StateSpace, gamma: float, S: Array, T: Array, L: Array, B: Array, A: Array) -> _Rest:
+    """Return how T and L, with what belongs to them, answer to forces."""
+    n, none = space.n_xi, np.zeros((len(S), 0))
+    V = L.T - B @ np.linalg.solve(A, B.T @ (S @ L.T)) if len(L) else none
+    W = T - B @ np.linalg.solve(A.T, B.T @ (S.T @ T)) if T.shape[1] else none
+    right, left = np.hstack([T, V]), np.hstack([W, L.T])
+    inner = np.linalg.solve(left.T @ right, left.T @ (S @ right))
+    forces = np.linalg.solve(space.M_z, left[n:] / gamma)
+    size = np.linalg.norm(right[:n], 2) * np.linalg.norm(np.linalg.solve(left.T @ right, forces.T), 2)
+    return _Rest(float(size), float(np.linalg.norm(inner, 2)))
+
+
+class _Discs:
+    """Discs about eigenvalues with Im s ≥ 0, and their mirror images."""
+
+    def __init__(self, pencil: SparsePencil, found: _Vectors, rest: _Rest) -> None:
+        self.pencil, self.found, self.rest = pencil, found, rest
+        k = len(found.s)
+        self.s, self.slope = np.zeros((2, k), dtype=complex)
+        self.step, self.first, self.right, self.left, self.backward = np.zeros((5, k))
+        self.coupling = np.full(k, np.inf)
+        for start in range(0, k, AT_ONCE):
+            index = np.arange(start, min(start + AT_ONCE, k))
+            x = found.x[:, index]
+            y = x if found.y is found.x else found.y[:, index]
+            self._put(index, pencil.pairs(found.s[index], x, y))
+
+    def _put(self, index: Any, pairs: Pairs) -> None:
+        real = self.found.s[index].imag == 0.0
+        # An undamped pair stays on the axis, a real eigenvalue real.
+        self.s[index] = np.where(real, pairs.s.real, pairs.s)
+        if self.found.y is self.found.x:
+            self.s[index] = np.where(real, self.s[index], 1j * self.s[index].imag)
+        for name in ("slope", "step", "first", "right", "left", "backward"):
+            getattr(self, name)[index] = getattr(pairs, name)
+        self.first[index] += np.abs(pairs.s - self.s[index])
+
+    # --- single eigenvalues -----------------------------------------------------------------------------------------
+
+    @property
+    def _all(self) -> tuple[Complex, Any]:
+        """All eigenvalues, and for each the number of that with Im s ≥ 0."""
+        pair = np.flatnonzero(self.s.imag > 0.0)
+        return np.concatenate([self.s, self.s[pair].conj()]), np.concatenate([np.arange(len(self.s)), pair])
+
+    def _surroundings(self) -> tuple[Array, Array]:
+        """Return for each eigenvalue Σ κ_k / |s − s_k| over the others, and the distance to the nearest."""
+        everything, of = self._all
+        weight = 1.0 / np.abs(self.slope[of])
+        total, nearest = np.zeros((2, len(self.s)))
+        for start in range(0, len(self.s), CHUNK):
+            index = np.arange(start, min(start + CHUNK, len(self.s)))
+            distance = np.abs(self.s[index, None] - everything)
+            distance[np.arange(len(index)), index] = np.inf
+            total[index] = (1.0 / distance) @ weight
+            nearest[index] = np.min(distance, axis=1)
+        return total + self.rest.at(np.abs(self.s)), nearest
+
+    def _singles(self) -> tuple[Array, Array]:
+        """Return radii of single eigenvalues, inf where they cannot be told apart, and what is of second order."""
+        total, nearest = self._surroundings()
+        second = np.minimum(self.right * self.left / np.abs(self.slope) * total, self.coupling)
+        radius = self.first + second + 4.0 * EPS * np.abs(self.s)
+        clear = (radius < APART * nearest) & (self.step < APART * nearest)
+        return np.where(clear, radius, np.inf), second
+
+    def _improve(self) -> None:
+        """Look closer where the second order counts, and make vectors better where it still does."""
+        radius, second = self._singles()
+        _, nearest = self._surroundings()
+        self._couple(np.flatnonzero((second > POORER * self.first) & (nearest > EQUAL * np.abs(self.s))))
+        radius, second = self._singles()
+        poor = np.flatnonzero(np.isfinite(radius) & (second > POORER * self.first))
+        for i in poor.tolist():
+            s = complex(self.s[i])
+            x, y = self.found.x[:, i].astype(complex), self.found.y[:, i].astype(complex)
+            found = self.pencil.better(s, x, y)
+            if found is None:
+                continue
+            pairs = self.pencil.pairs(np.array([s]), found[0][:, None], found[1][:, None])
+            if pairs.right[0] * pairs.left[0] < self.right[i] * self.left[i] * abs(pairs.slope[0] / self.slope[i]):
+                self._put(np.array([i]), pairs)
+
+    def _couple(self, index: Any) -> None:
+        """Find what is of second order for some eigenvalues from what couples them to each other one.
+
+        Where masses differ by many orders, the sizes of residuals say nothing: light bodies move far, at other rates.
+        """
+        for start in range(0, len(index), CHUNK):
+            own = index[start : start + CHUNK]
+            r = self.pencil.residuals(self.found.s[own], *self._unit(own))
+            total = np.zeros(len(own))
+            for first in range(0, len(self.s), CHUNK):
+                others = np.arange(first, min(first + CHUNK, len(self.s)))
+                total += self._coupled(own, r, others)
+            rest = self.right[own] * self.left[own] * self.rest.at(np.abs(self.s[own]))
+            self.coupling[own] = (total + rest) / np.abs(self.slope[own])
+
+    def _unit(self, index: Any) -> tuple[Any, Any]:
+        """Return some of the vectors, of length 1."""
+        x, y = self.found.x[:, index], self.found.y[:, index]
+        return x / np.linalg.norm(x, axis=0), y / np.linalg.norm(y, axis=0)
+
+    def _coupled(self, own: Any, r: Residuals, others: Any) -> Array:
+        """Return what some eigenvalues and their mirror images add to others."""
+        x, y = self._unit(others)
+        s = self.found.s[others]
+        nu = self.pencil.multipliers(self.pencil.force(s, x))
+        mu = self.pencil.multipliers(self.pencil.force(s.conj(), y, transposed=True))
+        # Sizes are the same for both.
+        into = np.abs(y).T @ r.open + np.abs(mu).T @ r.rows
+        back = np.abs(x).T @ r.shut + np.abs(nu).T @ r.columns
+        total = np.zeros(len(own))
+        for image in (False, True):
+            x, y, nu, mu = (z.conj() if image else z for z in (x, y, nu, mu))
+            centres = self.s[others].conj() if image else self.s[others]
+            distance = np.abs(centres[:, None] - self.s[own])
+            none = (
+                others[:, None] == own if not image else np.broadcast_to(centres.imag[:, None] == 0.0, distance.shape)
+            )
+            distance[none] = np.inf
+            there = into + np.abs(y.conj().T @ r.off + mu.conj().T @ r.gap)
+            here = back + np.abs(x.conj().T @ r.back + nu.conj().T @ r.drift)
+            total += np.sum(there * here / (distance * np.abs(self.slope[others])[:, None]), axis=0)
+        return total
+
+    # --- clusters ---------------------------------------------------------------------------------------------------
+
+    def placed(self) -> Placed:
+        """Return values, discs and bounds."""
+        self._improve()
+        radius, _ = self._singles()
+        values, of = self._all
+        index = np.concatenate([np.arange(len(self.s)), np.flatnonzero(self.s.imag > 0.0)])
+        radii, centres = radius[index], values.copy()
+        discs = self._told(values, centres, radii, of)
+        bounds = np.full(len(values), np.inf)
+        for disc in discs:
+            members = list(disc.members)
+            bounds[members] = disc.radius + np.abs(values[members] - disc.centre)
+        bounds[~np.isfinite(bounds)] = np.inf
+        condition = relative(bounds / EPS, values)
+        return Placed(values + 0.0, discs, bounds, condition, self.backward[of], self.found.x, column=of)
+
+    def _told(self, values: Complex, centres: Complex, radii: Array, of: Any) -> list[Disc]:
+        """Return discs, with what cannot be told apart judged together; puts values of clusters in."""
+        partner = partners_of(values, len(self.s))
+        known: dict[Key, list[Disc]] = {}
+        singles = [[i] for i in range(len(values))]
+        open_ = [i for i in range(len(values)) if not math.isfinite(radii[i])]
+        _, nearest = _neighbours(values)
+        pairs = [(i, int(nearest[i])) for i in open_]
+        groups = united(singles, pairs, partner) if pairs else singles
+        for _ in range(ROUNDS):
+            self._find([tuple(sorted(g)) for g in groups if len(g) > 1], known, values, partner)
+            discs: list[Disc] = []
+            for g in groups:
+                i = g[0]
+                one = [Disc(complex(centres[i]), float(radii[i]), (i,))]
+                discs += known[tuple(sorted(g))] if len(g) > 1 else one
+            met = _meeting(discs)
+            if not met:
+                return discs
+            found = [(discs[i].members[0], discs[j].members[0]) for i, j in met]
+            joined = united(singles, found + [(g[0], i) for g in groups for i in g[1:]], partner)
+            if len(joined) == len(groups):
+                groups_of = {i: g for g, members in enumerate(groups) for i in members}
+                alone = {groups_of[i] for pair in found for i in pair}
+                return [Disc(d.centre, math.inf, d.members) if groups_of[d.members[0]] in alone else d for d in discs]
+            groups = joined
+        return [Disc(d.centre, math.inf, d.members) for d in discs]
+
+    def _find(self, groups: list[Key], known: dict[Key, list[Disc]], values: Complex, partner: list[int]) -> None:
+        """Find the discs of groups of eigenvalues from their subspaces, some of them at once; puts their values in."""
+        mirror = {g: tuple(sorted(partner[i] for i in g)) for g in groups}
+        new = [g for g in groups if g not in known and g <= mirror[g]]
+        while new:
+            count = max(1, int(np.searchsorted(np.cumsum([len(g) for g in new]), AT_ONCE)))
+            part, new = new[:count], new[count:]
+            bases = [self._basis(g, values, partner, mirror[g] == g) for g in part]
+            blocks = blocks_of(self.pencil, [b[0] for b in bases], [b[1] for b in bases], [b[2] for b in bases])
+            for g, block in zip(part, blocks, strict=True):
+                known[g] = self._cluster(block, list(g), values, partner, mirror[g] == g)
+        for g in groups:
+            if g not in known:
+                known[g] = [Disc(d.centre.conjugate(), d.radius, tuple(partner[i] for i in d.members))
+                            for d in known[mirror[g]]]  # fmt: skip
+
+    def _basis(self, members: Key, values: Complex, partner: list[int], real: bool) -> tuple[complex, Complex, Complex]:
+        """Return the middle of a group and orthonormal bases of its right and left vectors."""
+        count = len(self.s)
+        x, y = (
+            np.column_stack([z[:, i] if i < count else z[:, partner[i]].conj() for i in members]).astype(complex)
+            for z in (self.found.x, self.found.y)
+        )
+        centre = complex(np.mean(values[list(members)]))
+        if real:
+            # Its own mirror image has a real basis.
+            centre, x, y = complex(centre.real), np.hstack([x.real, x.imag]), np.hstack([y.real, y.imag])
+        X, Y = (np.linalg.svd(z, full_matrices=False)[0][:, : len(members)].astype(complex) for z in (x, y))
+        return centre, X, Y
+
+    def _cluster(self, found: Block, members: Group, values: Complex, partner: list[int], real: bool) -> list[Disc]:
+        """Return the discs of a group."""
+        centre = found.s
+        unknown = [Disc(centre, math.inf, tuple(members))]
+        others = np.ones(len(values), dtype=bool)
+        others[members] = False
+        everything, of = self._all
+        distance = np.abs(centre - everything[others])
+        nearest = float(np.min(distance, initial=np.inf))
+        if not np.isfinite(found.D).all() or not nearest > 0.0:
+            return unknown
+        total = float(np.sum(1.0 / (distance * np.abs(self.slope[of[others]]))))
+        error = found.error(total + float(self.rest.at(np.abs(np.array([centre])))[0]))
+        w, W = (z.astype(complex) for z in np.linalg.eig(found.D.real if real else found.D))
+        reach = np.sum(np.abs(row_scaled_inverse(W)) @ error @ np.abs(W), axis=1) + 4.0 * EPS * abs(centre)
+        reach = np.where(np.isfinite(reach), reach, np.inf)
+        # In place of the first numbers those of the block, in an order that keeps mirror images together.
+        order = _in_order(values[members] - centre, w)
+        w, reach = w[order], reach[order]
+        values[members] = centre + w
+        if not real:
+            values[[partner[i] for i in members]] = values[members].conj()
+        discs = []
+        for part in _covering_groups(w, reach):
+            middle = complex(np.mean(w[part]))
+            radius = float(np.max(np.abs(w[part] - middle) + reach[part]))
+            discs.append(Disc(centre + middle, radius, tuple(members[i] for i in part)))
+        # However near to defective: no eigenvalue is farther from the middle than the norm says.
+        whole = float(np.linalg.norm(found.D, 2) + np.linalg.norm(error, 2)) + 4.0 * EPS * abs(centre)
+        if not all(d.radius < whole for d in discs):
+            discs = [Disc(centre, whole, tuple(members))]
+        apart = max(abs(d.centre - centre) + d.radius for d in discs) < APART * nearest
+        return discs if apart else unknown
+
+
+def partners_of(values: Complex, count: int) -> list[int]:
+    """Return for each eigenvalue the number of its mirror image: those from a number on are the images."""
+    partner = list(range(len(values)))
+    for image, i in enumerate(np.flatnonzero(values[:count].imag > 0.0).tolist(), count):
+        partner[i], partner[image] = image, i
+    return partner
+
+
+def _neighbours(values: Complex) -> tuple[Array, Any]:
+    """Return for each value the distance to the nearest other one, and its number."""
+    distance, index = np.full(len(values), np.inf), np.zeros(len(values), dtype=int)
+    for start in range(0, len(values), CHUNK):
+        rows = np.arange(start, min(start + CHUNK, len(values)))
+        gap = np.abs(values[rows, None] - values)
+        gap[np.arange(len(rows)), rows] = np.inf
+        index[rows] = np.argmin(gap, axis=1)
+        distance[rows] = np.min(gap, axis=1)
+    return distance, index
+
+
+def _meeting(discs: list[Disc]) -> list[tuple[int, int]]:
+    """Return pairs of discs that meet, those without a radius apart."""
+    known = np.array([i for i, d in enumerate(discs) if d.radius < math.inf], dtype=int)
+    centres = np.array([discs[i].centre for i in known])
+    radii = np.array([discs[i].radius for i in known])
+    found: list[tuple[int, int]] = []
+    for start in range(0, len(known), CHUNK):
+        rows = np.arange(start, min(start + CHUNK, len(known)))
+        meet = ~(np.abs(centres[rows, None] - centres) > radii[rows, None] + radii)
+        for i, j in zip(*np.nonzero(meet), strict=True):
+            if rows[i] < j:
+                found.append((int(known[rows[i]]), int(known[j])))
+    return found
+
+
+def _covering_groups(values: Complex, radii: Array) -> list[Any]:
+    """Return which of some discs meet, as arrays of numbers."""
+    meet = ~(np.abs(values[:, None] - values) > radii[:, None] + radii)
+    pairs = [(int(i), int(j)) for i, j in zip(*np.nonzero(np.triu(meet, 1)), strict=True)]
+    singles = [[i] for i in range(len(values))]
+    groups = united(singles, pairs, list(range(len(values)))) if pairs else singles
+    return [np.array(sorted(g)) for g in groups]
+
+
+def _in_order(first: Complex, then: Complex) -> Any:
+    """Return which of some values is next to which."""
+    from mbstab.analysis.algebra.matching import assigned
+
+    distance = np.abs(first[:, None] - then)
+    return np.asarray(assigned(np.nan_to_num(distance, nan=1e300, posinf=1e300)))

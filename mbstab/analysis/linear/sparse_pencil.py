@@ -1,0 +1,294 @@
+"""The equations of a large scene before they are reduced, what they say of approximate eigenvectors, and better ones.
+
+With motions x, forces y and the multipliers ν, μ that belong to them, a two-sided Rayleigh quotient
+
+    s − y* Q(s) x / y* Q'(s) x,    Q(s) = [s²M + sR + K, Jᵀ; J, 0],    x = [Δq; Δν]
+
+makes of eigenvalues of the reduced matrix what the entries of the equations allow: errors of x and y enter as their
+product only (Lancaster 1961; Schwetlick and Schreiber 2012, Linear Algebra Appl. 436).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.sparse import largest, scaled
+from mbstab.analysis.linear.linearize import Linearization
+from mbstab.analysis.linear.roundings import roundings
+from mbstab.analysis.reference.coefficients import Matrices
+from mbstab.compiler.system import Array
+from mbstab.records import dataclass
+
+EPS = float(np.finfo(float).eps)
+
+SUMMED = 2.0
+"""A sum of products is computed to so many roundings of its terms, and to one more for four times as many terms."""
+
+ASIDE = 1e-8
+"""So far from an eigenvalue, relatively, equations are solved for its vectors."""
+
+SYMMETRIC = 1e-13
+"""Symmetric to this, relative to the largest entry: vectors from the symmetric part are as good."""
+
+
+@dataclass
+class Pairs:
+    """Approximate eigenvectors with what the equations say of them, column by column.
+
+    Attributes
+    ----------
+    s : ndarray of complex, shape (k,)
+        Corrected by the quotient.
+    step : ndarray
+        Size of the correction.
+    slope : ndarray of complex
+        y* Q'(s) x.
+    first : ndarray
+        What the errors of the data leave open, to first order (1/s).
+    right, left : ndarray
+        Sizes of the residuals Q x and Q* y, with what the errors of the data make of them.
+    backward : ndarray
+        Residual relative to the matrices.
+    """
+
+    s: Complex
+    step: Array
+    slope: Complex
+    first: Array
+    right: Array
+    left: Array
+    backward: Array
+
+
+class Residuals(NamedTuple):
+    """What is left of the equations with approximate eigenvectors, and what the errors of the data make of them.
+
+    Attributes
+    ----------
+    nu, mu : ndarray
+        Multipliers of both sides.
+    off, gap : ndarray
+        Of Q x, forces and rows; `back` and `drift` of Q* y.
+    open, rows : ndarray
+        How much the errors of the data make of these; `shut` and `columns` of the other side.
+    slope : ndarray
+        Q'(s) x.
+    """
+
+    nu: Any
+    mu: Any
+    off: Any
+    gap: Any
+    back: Any
+    drift: Any
+    open: Array
+    rows: Array
+    shut: Array
+    columns: Array
+    slope: Any
+
+
+class SparsePencil:
+    """M, R, K and J of a linearization without rows on speeds, in scaled coordinates, and how exact they are."""
+
+    def __init__(self, linear: Linearization) -> None:
+        self.linear = linear
+        spaces = linear.motion.spaces
+        self.scale, self.rows = spaces.scale, spaces.row_scale
+        self.M, self.R, self.K, self.J, _ = self._scaled(Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q))
+        self.inverse = spaces.C.pseudo_inverse
+        self.norms = [math.sqrt(float(abs(x).sum(axis=0).max()) * float(abs(x).sum(axis=1).max())) if x.nnz else 0.0
+                      for x in (self.M, self.R, self.K, self.J)]  # fmt: skip
+
+    def _scaled(self, matrices: Matrices) -> Matrices:
+        M, R, K = (scaled(x, self.scale, self.scale) for x in matrices[:3])
+        return Matrices(M, R, K, scaled(matrices.J, self.scale, self.rows), matrices.D_q)
+
+    @cached_property
+    def errors(self) -> Matrices:
+        """Errors of M, R, K and J, and of summing products with them."""
+        found, n = self._scaled(roundings(self.linear).errors), sum(self.J.shape)
+        summed = (SUMMED + 0.5 * math.log2(n)) * EPS
+        own = (self.M, self.R, self.K, self.J)
+        M, R, K, J = (x + summed * abs(y) for x, y in zip(found[:4], own, strict=True))
+        return Matrices(M, R, K, J, found.D_q)
+
+    @cached_property
+    def displaced(self) -> list[Matrices]:
+        """Changes of the matrices by what rounding makes of the coordinates where little holds them."""
+        return [self._scaled(change) for change in roundings(self.linear).displaced]
+
+    @property
+    def undamped(self) -> bool:
+        """Whether no force depends on speeds and K is symmetric."""
+        return not largest(self.R) and largest(self.K - self.K.T) <= SYMMETRIC * largest(self.K)
+
+    # --- products ---------------------------------------------------------------------------------------------------
+
+    def force(self, s: Complex, x: Any, parts: Any = None, transposed: bool = False) -> Any:
+        """Return (s²M + sR + K) x, column by column, or with the transposed matrices."""
+        M, R, K = (self.M, self.R, self.K) if parts is None else parts
+        if transposed:
+            M, R, K = M.T, R.T, K.T
+        return s * s * product(M, x) + s * product(R, x) + product(K, x)
+
+    def multipliers(self, force: Any) -> Any:
+        """Return ν with Jᵀ ν = −force as nearly as can be."""
+        return -in_parts(lambda b: self.inverse.rmatmat(b), force)
+
+    def residuals(self, s: Complex, x: Any, y: Any) -> Residuals:
+        """Return what is left of the equations with approximate eigenvectors, column by column."""
+        pull, push = self.force(s, x), self.force(s.conj(), y, transposed=True)
+        nu, mu = self.multipliers(pull), self.multipliers(push)
+        size_x, size_nu, size_y, size_mu = (np.abs(z) for z in (x, nu, y, mu))
+        J, e, size = self.J, self.errors, np.abs(s)
+        return Residuals(
+            nu, mu, pull + product(J.T, nu), product(J, x), push + product(J.T, mu), product(J, y),
+            self.force(size, size_x, e[:3]) + e.J.T @ size_nu, e.J @ size_x,
+            self.force(size, size_y, e[:3], transposed=True) + e.J.T @ size_mu, e.J @ size_y,
+            2.0 * s * product(self.M, x) + product(self.R, x),
+        )  # fmt: skip
+
+    def pairs(self, s: Complex, x: Any, y: Any) -> Pairs:
+        """Return corrected eigenvalues with what the equations say of their vectors."""
+        x, y = x / np.linalg.norm(x, axis=0), y / np.linalg.norm(y, axis=0)
+        r = self.residuals(s, x, y)
+        slope = np.sum(y.conj() * r.slope, axis=0)
+        step = (np.sum(y.conj() * r.off, axis=0) + np.sum(r.mu.conj() * r.gap, axis=0)) / slope
+        first = np.sum(np.abs(y) * r.open, axis=0) + np.sum(np.abs(r.mu) * r.rows, axis=0)
+        for change in self.displaced:
+            moved = np.sum(y.conj() * self.force(s, x, change[:3]), axis=0)
+            moved += np.sum(y.conj() * product(change.J.T, r.nu), axis=0)
+            first += np.abs(moved + np.sum(r.mu.conj() * product(change.J, x), axis=0))
+        right = _lengths(r.off, r.open) + self.across(s, _lengths(r.gap, r.rows))
+        left = _lengths(r.back, r.shut) + self.across(s, _lengths(r.drift, r.columns))
+        weight = self._weight(s) + self.norms[3] * np.linalg.norm(r.nu, axis=0)
+        return Pairs(s - step, np.abs(step), slope, first / np.abs(slope), right, left, _lengths(r.off) / weight)
+
+    def _weight(self, s: Complex) -> Array:
+        M, R, K, _ = self.norms
+        size = np.abs(s)
+        result: Array = size**2 * M + size * R + K
+        return result
+
+    def across(self, s: Complex, gap: Array) -> Array:
+        """Return the force that it takes to close a gap in the rows, at most."""
+        least = self.linear.motion.spaces.C.smallest_kept
+        return self._weight(s) * gap / min(least, 1.0)
+
+    # --- better vectors ---------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _kept(self) -> Any:
+        redundant = {id(item.row) for item in self.linear.motion.redundant}
+        return np.array([i for i, row in enumerate(self.linear.rows) if id(row) not in redundant], dtype=int)
+
+    def better(self, s: complex, x: Complex, y: Complex) -> tuple[Complex, Complex] | None:
+        """Return vectors after one step of inverse iteration on both sides, or None."""
+        from scipy.sparse import block_array
+        from scipy.sparse.linalg import splu
+
+        n, J = len(self.scale), self.J[self._kept]
+        t = s * (1.0 + ASIDE)
+        H = block_array([[t * t * self.M + t * self.R + self.K, J.T], [J, None]], format="csc").astype(complex)
+        none = np.zeros(J.shape[0], dtype=complex)
+        try:
+            lu = splu(H)
+            right = lu.solve(np.concatenate([2.0 * s * (self.M @ x) + self.R @ x, none]))[:n]
+            slope = 2.0 * s.conjugate() * (self.M.T @ y) + self.R.T @ y
+            left = lu.solve(np.concatenate([slope, none]), "H")[:n]
+        except RuntimeError:
+            return None
+        return (right, left) if np.isfinite(right).all() and np.isfinite(left).all() else None
+
+
+@dataclass
+class Block:
+    """What the equations say of a subspace: near s it has the eigenvalues s + D, which may be wrong by `error`.
+
+    Attributes
+    ----------
+    s : complex
+    D : ndarray of complex, shape (k, k)
+    inverse : ndarray of complex
+        (Y* Q'(s) X)⁻¹.
+    data, bent : ndarray
+        What the errors of the data leave open of Y* Q X, and what is of second order in D.
+    right, left : float
+        Sizes of what is left of the residuals, with what the errors of the data make of them.
+    """
+
+    s: complex
+    D: Complex
+    inverse: Complex
+    data: Array
+    bent: Array
+    right: float
+    left: float
+
+    def error(self, total: float) -> Array:
+        """Return how much each entry of D may be wrong, with Σ κ_k/|s − s_k| over all others."""
+        size = float(np.linalg.norm(self.D, 2)) ** 2
+        result: Array = np.abs(self.inverse) @ (self.data + self.right * self.left * total + size * self.bent)
+        return result
+
+
+def blocks_of(pencil: SparsePencil, centres: list[complex], right: list[Complex], left: list[Complex]) -> list[Block]:
+    """Return what the equations say of several subspaces, given by bases of right and of left vectors."""
+    widths = [X.shape[1] for X in right]
+    s, X, Y = np.repeat(np.array(centres, dtype=complex), widths), np.hstack(right), np.hstack(left)
+    r = pencil.residuals(s, X, Y)
+    mass = product(pencil.M, X)
+    other = 2.0 * s.conj() * product(pencil.M.T, Y) + product(pencil.R.T, Y)
+    changes = [pencil.force(s, X, change[:3]) for change in pencil.displaced]
+    found, start = [], 0
+    for centre, width in zip(centres, widths, strict=True):
+        at = np.s_[:, start : start + width]
+        start += width
+        Y_t, mu_t = Y[at].conj().T, r.mu[at].conj().T
+        G = Y_t @ r.slope[at]
+        try:
+            inverse = np.linalg.inv(G)
+        except np.linalg.LinAlgError:
+            inverse = np.full(G.shape, np.nan + 0j)
+        D = -inverse @ (Y_t @ r.off[at] + mu_t @ r.gap[at])
+        data = np.abs(Y_t) @ r.open[at] + np.abs(mu_t) @ r.rows[at]
+        data = data + sum(np.abs(Y_t @ x[at]) for x in changes)
+        # What of the residuals the block explains is none.
+        sizes = [
+            _norm(r.off[at] + r.slope[at] @ D, r.open[at]),
+            _norm(r.back[at] + other[at] @ (G @ D @ inverse).conj().T, r.shut[at]),
+        ]
+        gaps = np.array([_norm(r.gap[at], r.rows[at]), _norm(r.drift[at], r.columns[at])])
+        right_over, left_over = (np.array(sizes) + pencil.across(np.array([centre]), gaps)).tolist()
+        found.append(Block(centre, D, inverse, data, np.abs(Y_t @ mass[at]), right_over, left_over))
+    return found
+
+
+def _norm(*parts: Any) -> float:
+    """Return the sum of the norms of matrices."""
+    return float(sum(np.linalg.norm(x) for x in parts))
+
+
+def _lengths(*parts: Any) -> Array:
+    """Return the sums of the lengths of columns."""
+    return np.asarray(sum(np.linalg.norm(x, axis=0) for x in parts))
+
+
+def product(A: Any, x: Any) -> Any:
+    """Return A x of a real sparse matrix and real or complex columns."""
+    return in_parts(lambda b: A @ b, x)
+
+
+def in_parts(function: Callable[[Array], Array], x: Any) -> Any:
+    """Return a real linear function of real or complex columns: the parts of complex ones side by side."""
+    if not np.iscomplexobj(x):
+        return function(x)
+    x = np.ascontiguousarray(x)
+    return np.ascontiguousarray(function(x.view(float))).view(complex)
