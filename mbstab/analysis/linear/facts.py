@@ -286,7 +286,9 @@ class Grounds:
             Number of eigenvalues, those of the neutral directions among them.
         """
         separated = self.separated
-        doubts = (*doubts, *(x for x in (separated.doubt, self.lost) if x))
+        # What lies left or right of the axis with its bound does so whatever is lost beside it.
+        lost = self.lost if separated.neutral.count or any(d.side in ("axis", "open") for d in discs) else ""
+        doubts = (*doubts, *(x for x in (separated.doubt, lost) if x))
         return Facts(
             expected=self.linear.n_f,
             found=found,

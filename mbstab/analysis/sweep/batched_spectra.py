@@ -434,7 +434,7 @@ class _Work:
                 if not grounds.linear.constant:
                     self.problems[i] = FROZEN
                     return None
-                doubt = grounds.time or grounds.kink(1) or grounds.separated.doubt or grounds.lost
+                doubt = grounds.time or grounds.kink(1) or grounds.separated.doubt
                 if doubt:
                     self.problems[i] = doubt
                     return None
@@ -505,6 +505,8 @@ class _Work:
             self._exact(i, grounds)
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as error:
             self.problems[i] = str(error)
+            return None
+        if grounds.lost:
             return None
         linear, family = grounds.linear, None
         if linear.generator is not None and linear.generator.turns:
