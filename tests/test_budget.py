@@ -51,7 +51,7 @@ def test_a_thousand_free_bodies_are_refused_at_once_with_the_estimate(crowd, que
 
 
 def test_force_goes_on(monkeypatch):
-    monkeypatch.setattr("mbstab.analysis.algebra.budget.MOST_TIME", 0.0)
+    monkeypatch.setattr("mbstab.analysis.algebra.tolerances.Tolerances.estimated_time", 0.0)
     with pytest.raises(UsageError, match="--force"):
         mbstab.loads(free_bodies(2)).eig()
     assert mbstab.loads(free_bodies(2), force=True).eig().counts.neutral == 12
@@ -60,7 +60,7 @@ def test_force_goes_on(monkeypatch):
 @pytest.mark.parametrize("command", ["check", "eig", "linearize", "equilibrium", "simulate", "sweep", "compare"])
 def test_every_command_has_the_option(command, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("mbstab.analysis.algebra.budget.MOST_MEMORY", 0.0)
+    monkeypatch.setattr("mbstab.analysis.algebra.tolerances.Tolerances.estimated_memory", 0.0)
     more = {"sweep": ["--param", "m", "--from", "1", "--to", "2", "--points", "3", "--plot", "none"]}.get(command, [])
     more += ["--to", "0.1"] if command == "simulate" else []
     refused = CliRunner().invoke(main, [command, "pendulum.yaml", *more])

@@ -15,7 +15,8 @@ from truth import ZERO, distance, exact_eigenvalues
 
 import mbstab
 from mbstab.analysis.algebra.matching import assigned, matched
-from mbstab.analysis.algebra.refinement import DENSE, Quadratic, refined
+from mbstab.analysis.algebra.refinement import Quadratic, refined
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.methods import METHODS
 from mbstab.analysis.linear.precise import precise_eigenvalues
 from mbstab.analysis.linear.verdict import STRENGTH
@@ -540,7 +541,7 @@ def test_a_bad_start_is_not_taken_for_another_eigenvalue():
 
 
 def test_large_problems_are_refined_as_small_ones():
-    n = DENSE + 5
+    n = ALGEBRA.sparse_from_size + 5
     rng = np.random.default_rng(1)
     K = np.diag(np.geomspace(1.0, 1e12, n)) + np.diag(np.full(n - 1, 0.1), 1) + np.diag(np.full(n - 1, 0.1), -1)
     M, R = np.eye(n), 0.01 * np.diag(rng.uniform(size=n))

@@ -756,7 +756,7 @@ forces: {f: {type: expression, on: {p.x: -1e5*(rate(p.x) - cos(t))}}}
 
 
 def test_memory_is_refused_before_it_is_taken_unless_forced(monkeypatch):
-    monkeypatch.setattr("mbstab.analysis.algebra.budget.MOST_MEMORY", 1e5)
+    monkeypatch.setattr("mbstab.analysis.algebra.tolerances.Tolerances.estimated_memory", 1e5)
     with pytest.raises(
         UsageError, match=r"1001 times of output take about .* numbers each\), where 0.0001 GB"
     ) as caught:

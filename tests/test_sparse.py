@@ -172,7 +172,7 @@ def _agree(one, other, vague=False):
 # These rest, with rows on positions only.
 @pytest.mark.parametrize("seed", [5, 6, 7, 17, 18, 19, 29, 30, 31, 41, 42, 43, 53, 54, 55, 65])
 def test_random_mechanisms_have_the_same_answer(seed, monkeypatch):
-    monkeypatch.setattr("mbstab.analysis.algebra.sparse.LARGE", 1)
+    monkeypatch.setattr("mbstab.analysis.algebra.tolerances.Tolerances.sparse_from_size", 1)
     text = random_mechanism(seed)
     assert fits_sparse(mbstab.loads(text).system())
     sparse = _of_sparse(text)

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from functools import reduce
 from typing import Any
 
-from mbstab.analysis.algebra.balls import SPARSE, Ball, Matrix, NotProvable, ball, real, zero_inside
+from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, real, zero_inside
+from mbstab.analysis.algebra.tolerances import TOLERANCES
 
 
 def matrix(rows: Any) -> Matrix:
@@ -114,7 +115,9 @@ def eliminate(
         in_row = {i: sum(not T[i][j].is_zero() for j in free) for i in rows}
         in_column = {j: sum(not T[i][j].is_zero() for i in rows) for j in free}
         _, _, i, j = min(
-            ((in_row[i] - 1) * (in_column[j] - 1), -size, i, j) for size, i, j in entries if size >= SPARSE * largest
+            ((in_row[i] - 1) * (in_column[j] - 1), -size, i, j)
+            for size, i, j in entries
+            if size >= TOLERANCES.sparse_pivot * largest
         )
         rows.remove(i)
         free.remove(j)

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from mbstab.analysis.algebra.ball_matrices import determinant
-from mbstab.analysis.algebra.balls import SMALL, Ball, Exact, Matrix, ball, real, zero_inside
+from mbstab.analysis.algebra.balls import Ball, Exact, Matrix, ball, real, zero_inside
+from mbstab.analysis.algebra.tolerances import TOLERANCES
 
 
 def characteristic(A: Matrix) -> list[Ball]:
@@ -18,7 +19,7 @@ def characteristic(A: Matrix) -> list[Ball]:
     if all(isinstance(x, Exact) for row in A for x in row):
         exact = fmpq_mat([[x.v for x in row] for row in A]).charpoly()
         return [Exact(exact[i]) for i in range(n + 1)]
-    if n <= SMALL:
+    if n <= TOLERANCES.determinant_summed_size:
         sums = [ball(0)] * (n + 1)
         for size in range(n + 1):
             for chosen in itertools.combinations(range(n), size):

@@ -21,6 +21,7 @@ from fractions import Fraction
 from functools import cache
 from typing import Any
 
+from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError, UsageError
 from mbstab.model.arithmetic import MAX_DIGITS, Arithmetic
@@ -36,15 +37,6 @@ Ball = Any
 """``flint.arb`` or `Exact`; python-flint ships no types."""
 
 Matrix = list[list[Ball]]
-
-SPARSE = 0.1
-"""A pivot may be smaller than the largest by this factor if it fills in less."""
-
-WIDE = 1e-12
-"""Balls that are wider than this, relative to their middle, are intervals."""
-
-MARGIN = 15
-"""Digits carried besides those that are asked for."""
 
 
 class NotProvable(MbstabError):
@@ -76,7 +68,7 @@ def digits(number: int) -> Iterator[None]:
     from flint import ctx
 
     before = ctx.prec
-    ctx.dps = number + MARGIN
+    ctx.dps = number + TOLERANCES.ball_digits_beyond
     try:
         yield
     finally:
@@ -509,7 +501,7 @@ def zero_inside(x: Ball) -> bool:
 
 def at_part(x: Ball, part: Fraction) -> Ball:
     """Return the fraction at some part of the way through a wide ball, and narrow balls as they are."""
-    if float(x.rad()) <= WIDE * abs(float(x.mid())):
+    if float(x.rad()) <= TOLERANCES.ball_width_interval * abs(float(x.mid())):
         return x
     ends = []
     for end in (x.lower(), x.upper()):
@@ -526,7 +518,3 @@ def half_digits() -> Ball:
 
 
 # --- polynomials ----------------------------------------------------------------------------------------------------
-
-
-SMALL = 6
-"""Up to this size determinants are sums of products: of wide balls these are narrower than what elimination leaves."""

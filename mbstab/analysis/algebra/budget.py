@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from typing import Literal
 
+from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.errors import UsageError
 from mbstab.records import dataclass
 
 Task = Literal["motion", "modes", "spectrum", "run"]
 """``motion``: the reference and the matrices there; ``modes``: also the eigenvalues and what they say; ``spectrum``:
 the same with sparse matrices; ``run``: a run of a simulation."""
-
-MOST_MEMORY = 1e9
-"""Estimates beyond this are refused (bytes)."""
-MOST_TIME, MOST_TIME_OF_SPECTRUM = 10.0, 60.0
-"""Estimates beyond this are refused (s)."""
 
 _NUMBERS: dict[Task, float] = {"motion": 45.0, "modes": 80.0, "spectrum": 0.0, "run": 100.0}
 """How many numbers are kept for each entry of a matrix of the size of the coordinates; measured."""
@@ -44,7 +40,7 @@ class Cost:
     n_q: int
     memory: float
     time: float
-    most_time: float = MOST_TIME
+    most_time: float = TOLERANCES.estimated_time
 
     @classmethod
     def of(cls, task: Task, n_q: int, n_c: int) -> Cost:
@@ -52,12 +48,17 @@ class Cost:
         n_f = 2.0 * max(0, n_q - n_c)
         time = _COORDINATES[task] * float(n_q) ** 3 + _EIGENVALUES[task] * n_f**3
         memory = 8.0 * (_NUMBERS[task] * float(n_q) ** 2 + _SPECTRUM[task] * n_f**2)
-        return cls(n_q, memory, time, MOST_TIME_OF_SPECTRUM if task == "spectrum" else MOST_TIME)
+        return cls(
+            n_q,
+            memory,
+            time,
+            TOLERANCES.estimated_time_of_spectrum if task == "spectrum" else TOLERANCES.estimated_time,
+        )
 
     @property
     def affordable(self) -> bool:
         """Whether it is within the limits."""
-        return self.memory <= MOST_MEMORY and self.time <= self.most_time
+        return self.memory <= TOLERANCES.estimated_memory and self.time <= self.most_time
 
     def __str__(self) -> str:
         """Return it in words."""
@@ -73,9 +74,9 @@ class Cost:
         """
         if not self.affordable:
             raise UsageError(
-                f"the scene has {self.n_q} coordinates: that takes {self}, more than {MOST_MEMORY / 1e9:.0f} GB or "
-                f"{self.most_time:.0f} s\nhint: --force (force=True in Python) goes on nevertheless; bodies that "
-                "nothing connects can be asked about one by one"
+                f"the scene has {self.n_q} coordinates: that takes {self}, more than "
+                f"{TOLERANCES.estimated_memory / 1e9:.0f} GB or {self.most_time:.0f} s\nhint: --force (force=True in "
+                "Python) goes on nevertheless; bodies that nothing connects can be asked about one by one"
             )
 
 

@@ -19,24 +19,13 @@ import numpy.typing as npt
 from mpmath import mp
 
 from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError
 from mbstab.records import dataclass
 
 Matrix = npt.NDArray[Any]
 """An array of mpmath numbers."""
-
-ZERO = 0.7
-"""A pivot counts as zero if it has lost this part of the digits …"""
-
-GAP = 0.1
-"""… and the decision is trusted if the next one is larger by a further part of them."""
-
-ROUNDED = 0.8
-"""A polished number is accepted where steps stop shrinking after this part of the digits."""
-
-CLUSTERS = (1e-7, 1e-4, 1e-2)
-"""Eigenvalues closer than this, relative to the norm, are computed together; tried in turn."""
 
 
 class Stalled(Exception):
@@ -105,7 +94,7 @@ def polished(start: Matrix, correction: Callable[[Matrix], Matrix], floor: float
         if moved <= mp.mpf(10) ** (2 - mp.dps) * size:
             return x
         if moved > before / 3:
-            if moved <= mp.mpf(10) ** (-ROUNDED * mp.dps) * size:
+            if moved <= mp.mpf(10) ** (-TOLERANCES.polished_digits * mp.dps) * size:
                 return x
             slow += 1
             if slow > 2 or not mp.isfinite(moved):
@@ -184,7 +173,7 @@ def kernel(A: Matrix, size: Any) -> Kernel:
     n = len(A)
     rows, order = [list(row) for row in A], list(range(n))
     kept, dropped, rank = mp.inf, mp.zero, n
-    least = size * mp.mpf(10) ** (-ZERO * mp.dps)
+    least = size * mp.mpf(10) ** (-TOLERANCES.pivot_digits_lost * mp.dps)
     for k in range(n):
         pivot, i, j = max((abs(rows[i][j]), i, j) for i in range(k, n) for j in range(k, n))
         if pivot <= least:
@@ -243,7 +232,7 @@ class Deflation:
     @property
     def decided(self) -> bool:
         """Whether there is a gap between what is zero and what is not."""
-        return bool(self.dropped == 0 or self.kept > self.dropped * mp.mpf(10) ** (GAP * mp.dps))
+        return bool(self.dropped == 0 or self.kept > self.dropped * mp.mpf(10) ** (TOLERANCES.pivot_gap * mp.dps))
 
 
 def deflated(S: Matrix, frequencies: Sequence[Any] = ()) -> Deflation:
@@ -296,7 +285,7 @@ def eigenvalues(S: Matrix) -> list[Value]:
     """
     if not len(S):
         return []
-    for distance in CLUSTERS:
+    for distance in TOLERANCES.cluster_widths:
         try:
             found = _polished_eigenvalues(S, distance)
         except (Stalled, np.linalg.LinAlgError):

@@ -13,18 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.rank import RANK_TOLERANCE
+from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
-
-SHIFT = 1e-8
-"""δ, for rows of unit length."""
-
-DEPENDENT = 1e-7
-"""A row takes part in a combination that vanishes if its weight is larger; the rank decision said that one exists."""
-
-BLOCK, ROUNDS = 8, 4
-"""Combinations that are looked for at first, and steps of inverse iteration."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +68,7 @@ def independent_rows(J: Any) -> Independent:
     if not rows:
         return Independent(np.zeros(0, dtype=np.intp), np.inf, 0.0, np.zeros((0, 0)), np.zeros(0))
     values, combinations = _smallest(J)
-    null = values <= RANK_TOLERANCE
+    null = values <= TOLERANCES.singular_value_zero
     left_null = combinations[:, null]
     dropped = float(np.max(values[null], initial=0.0))
     above = np.flatnonzero(~null)
@@ -92,18 +83,20 @@ def _smallest(J: Any) -> tuple[Array, Array]:
     from scipy.sparse.linalg import splu
 
     rows, columns = J.shape
-    H = sparse.block_array([[sparse.eye_array(columns), J.T], [J, -(SHIFT**2) * sparse.eye_array(rows)]], format="csc")
+    H = sparse.block_array(
+        [[sparse.eye_array(columns), J.T], [J, -(TOLERANCES.row_shift**2) * sparse.eye_array(rows)]], format="csc"
+    )
     lu = splu(H)
-    rng, size = np.random.default_rng(3), BLOCK
+    rng, size = np.random.default_rng(3), TOLERANCES.row_combinations
     while True:
         size = min(size, rows)
         Y = np.linalg.qr(rng.normal(size=(rows, size)))[0]
-        for _ in range(ROUNDS):
+        for _ in range(TOLERANCES.row_iterations):
             Y = np.linalg.qr(lu.solve(np.vstack([np.zeros((columns, size)), Y]))[columns:])[0]
         _, values, right = np.linalg.svd(J.T @ Y, full_matrices=False)
         if len(values) < size:  # more combinations than columns
             right, values = np.linalg.svd(J.T @ Y)[2], np.concatenate([values, np.zeros(size - len(values))])
-        if size == rows or values[0] > RANK_TOLERANCE:
+        if size == rows or values[0] > TOLERANCES.singular_value_zero:
             return values, Y @ right.T
         size *= 2
 
@@ -116,7 +109,7 @@ def _independent(left_null: Array) -> Any:
         if k == len(rest):
             break
         best = k + int(np.argmax(np.abs(rest[k:, i])))
-        if abs(rest[best, i]) > DEPENDENT:
+        if abs(rest[best, i]) > TOLERANCES.row_weight_dependent:
             rest[[k, best]] = rest[[best, k]]
             rest[k + 1 :] -= np.outer(rest[k + 1 :, i] / rest[k, i], rest[k])
             dropped.append(i)

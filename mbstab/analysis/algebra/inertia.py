@@ -18,21 +18,10 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 
 EPS = float(np.finfo(float).eps)
-
-ROUNDED = 4.0 * EPS
-"""Entries of rows are known to this."""
-
-SAFE = 0.1
-"""What the factors miss, and what the entries are not known to, may be this part of the smallest singular value."""
-
-SMALL = 1500
-"""Up to so many coordinates a dense null space serves where the sparse factors do not."""
-
-ROUNDS, COLUMNS = 6, 4
-"""Steps of inverse iteration for the smallest singular value, and vectors."""
 
 
 class ConstrainedForms:
@@ -65,9 +54,9 @@ class ConstrainedForms:
         largest = float(np.max(np.abs(K.data), initial=0.0))
         if not largest:
             return None
-        unsure = unsure / largest + 4.0 * ROUNDED * self.c**0.5
+        unsure = unsure / largest + 4.0 * TOLERANCES.entry_rounding * self.c**0.5
         found = self._sparse(K / largest, unsure) if self._partner is not None else None
-        if found is None and self.n <= SMALL:
+        if found is None and self.n <= TOLERANCES.dense_null_space:
             found = self._dense((K / largest).toarray(), unsure)
         return found
 
@@ -93,7 +82,7 @@ class ConstrainedForms:
         missed = float(np.linalg.norm((lu.L @ lu.U - B.tocsr()[order][:, order]).data))
         rounding = 10.0 * EPS * float(np.linalg.norm(B.data))
         least = 1.0 / _largest(lu.solve, len(pivots))
-        if not missed + rounding + unsure <= SAFE * least:
+        if not missed + rounding + unsure <= TOLERANCES.inertia_error * least:
             return None
         return int(np.sum(pivots < 0.0)) - int(self.c)
 
@@ -115,7 +104,7 @@ class ConstrainedForms:
         """Return the count by the eigenvalues of the reduced form."""
         N = np.linalg.svd(self.J.toarray())[2][self.c :].T
         values = np.linalg.eigvalsh(N.T @ K @ N)
-        if not float(np.min(np.abs(values))) * SAFE > unsure + 10.0 * EPS * self.n:
+        if not float(np.min(np.abs(values))) * TOLERANCES.inertia_error > unsure + 10.0 * EPS * self.n:
             return None
         return int(np.sum(values < 0.0))
 
@@ -139,9 +128,9 @@ def _matched(J: Any) -> Any:
 
 def _largest(solve: Any, n: int) -> float:
     """Return the norm of a symmetric inverse, by inverse iteration."""
-    X = np.linalg.qr(np.random.default_rng(5).normal(size=(n, min(COLUMNS, n))))[0]
+    X = np.linalg.qr(np.random.default_rng(5).normal(size=(n, min(TOLERANCES.inertia_vectors, n))))[0]
     found = 0.0
-    for _ in range(ROUNDS):
+    for _ in range(TOLERANCES.inertia_iterations):
         X, R = np.linalg.qr(solve(X))
         found = max(found, float(np.linalg.norm(R, 2)))
         if not np.isfinite(found):

@@ -6,17 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
-
-RANK_TOLERANCE = 1e-11
-"""Singular values of scaled rows below this count as zero."""
-
-RANK_LEAST = 1e-8
-"""A rank decision is trusted if the others are larger than this: nothing is built more exactly …"""
-
-RANK_GAP = 1e3
-"""… and if the singular values next to it differ by this factor at least."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +43,7 @@ class Rank:
         return self.smallest_kept / self.largest_dropped if self.largest_dropped > 0.0 else np.inf
 
 
-def rank_of(matrix: Array, tolerance: float = RANK_TOLERANCE) -> Rank:
+def rank_of(matrix: Array, tolerance: float = TOLERANCES.singular_value_zero) -> Rank:
     """Return rank, null spaces and pseudo-inverse of a matrix with rows of unit length, or of a part of its columns."""
     rows, columns = matrix.shape
     if rows == 0 or columns == 0:

@@ -19,20 +19,9 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
-
-ROUNDINGS = 4.0
-"""An entry is known to so many roundings of the largest term beside it."""
-
-STEPS = 6
-"""Newton steps at most; most eigenpairs need two."""
-
-BALANCING = 4
-"""Rounds in which rows and columns of a linear system are scaled to equal size."""
-
-DENSE = 200
-"""From this size on matrices are stored as sparse ones."""
 
 EPS = float(np.finfo(float).eps)
 
@@ -57,7 +46,7 @@ class Quadratic:
     @classmethod
     def of(cls, M: Array, R: Array, K: Array, terms: tuple[Array, ...]) -> Quadratic:
         """Return a problem that is stored as suits its size."""
-        if len(M) < DENSE:
+        if len(M) < TOLERANCES.sparse_from_size:
             return cls(M, R, K, terms)
         from scipy.sparse import csc_array
 
@@ -75,7 +64,7 @@ class Quadratic:
         """Return what the rounding of the entries makes of y* Q(s) x."""
         size, left, right = abs(s), np.abs(y), np.abs(x)
         parts = [float(left @ (term @ right)) for term in self.terms]
-        return ROUNDINGS * EPS * (size * size * parts[0] + size * parts[1] + parts[2])
+        return TOLERANCES.roundings_of_entry * EPS * (size * size * parts[0] + size * parts[1] + parts[2])
 
 
 def refined(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[complex, float, Complex] | None:
@@ -90,7 +79,7 @@ def refined(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[com
     """
     with np.errstate(all="ignore"):
         bound, step = np.inf, np.inf
-        for _ in range(STEPS):
+        for _ in range(TOLERANCES.newton_steps_eigenpair):
             change = _step(problem, s, x, y)
             if change is None:
                 return None
@@ -141,7 +130,7 @@ def _solved_sparse(Q: Any, column: Complex, row: Complex, right: Complex, left: 
     entries = np.concatenate([Q.data, column, row])
     size = np.abs(entries)
     rows, columns = np.ones(n + 1), np.ones(n + 1)
-    for _ in range(BALANCING):
+    for _ in range(TOLERANCES.balancing_rounds):
         for places, factors in ((i, rows), (j, columns)):
             largest = np.zeros(n + 1)
             np.maximum.at(largest, places, size * rows[i] * columns[j])
@@ -154,7 +143,7 @@ def equilibration(T: Complex | Array) -> tuple[Array, Array]:
     """Return factors of rows and columns, powers of 2, that make the largest entries of all of them about 1."""
     size = np.abs(T)
     rows, columns = np.ones(len(T)), np.ones(len(T))
-    for _ in range(BALANCING):
+    for _ in range(TOLERANCES.balancing_rounds):
         rows *= _power(np.max(size * rows[:, None] * columns, axis=1))
         columns *= _power(np.max(size * rows[:, None] * columns, axis=0))
     return rows, columns

@@ -18,16 +18,8 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Index
+from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.errors import NumericalError
-
-DENSE = 160
-"""Operators of this size are made a dense matrix: all of their eigenvalues are as fast as a few."""
-
-FINITE = 1e-9
-"""What is smaller than this part of the largest μ of a dense operator belongs to infinite eigenvalues."""
-
-CORRECTIONS = 1
-"""Steps of iterative refinement for vectors."""
 
 SEED = 11
 """Of start vectors: the same question has the same answer."""
@@ -166,10 +158,10 @@ class SparseQuadratic:
         full, once = self.operator(lu, sigma)
         a = len(self.active)
         dtype = complex if isinstance(sigma, complex) else float
-        if 2 * a <= max(DENSE, 3 * count):
+        if 2 * a <= max(TOLERANCES.dense_operator, 3 * count):
             mu, Y = (x.astype(complex) for x in np.linalg.eig(once(np.eye(2 * a, dtype=dtype))))
             order = np.argsort(-np.abs(mu))[: min(count, most)]
-            order = order[np.abs(mu[order]) > FINITE * np.max(np.abs(mu), initial=0.0)]
+            order = order[np.abs(mu[order]) > TOLERANCES.finite_operator_value * np.max(np.abs(mu), initial=0.0)]
         else:
             mu, Y = self._few(once, 2 * a, min(count, most), dtype)
             order = np.argsort(-np.abs(mu))
@@ -186,7 +178,7 @@ class SparseQuadratic:
         a, (Q1, Q2), matrix = len(self.active), self._slopes, self.at(sigma)
         right = -(Q2 @ (y[a:] + sigma * y[:a]) + Q1 @ y[:a])
         found = _complex(full, y)
-        for _ in range(CORRECTIONS):
+        for _ in range(TOLERANCES.vector_corrections):
             found = found + _complex(lu.solve, right - matrix @ found)
         return found
 

@@ -8,20 +8,14 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.grouped import FLOATS, Numbers
 from mbstab.compiler.system import Array, System
-
-LARGE = 200
-"""Scenes with so many coordinates and constraint rows together have sparse matrices; below, dense ones are faster."""
-
-
-CHUNK = 128
-"""Columns that are worked on at once."""
 
 
 def large(system: System) -> bool:
     """Whether sparse matrices pay for a scene."""
-    return system.n_q + system.n_c >= LARGE
+    return system.n_q + system.n_c >= TOLERANCES.sparse_from_size
 
 
 def in_sparse(system: System, numbers: Numbers = FLOATS) -> System:
@@ -85,10 +79,10 @@ def sizes_times(A: Any, x: Array) -> Array:
         return result
     count = A.shape[0]
     total = np.zeros((count, *x.shape[1:]))
-    for start in range(0, count, CHUNK):
-        part = np.zeros((count, min(CHUNK, count - start)))
-        part[start : start + CHUNK] = np.eye(part.shape[1])
-        total[start : start + CHUNK] = np.abs(A.T @ part).T @ x
+    for start in range(0, count, TOLERANCES.columns_at_once):
+        part = np.zeros((count, min(TOLERANCES.columns_at_once, count - start)))
+        part[start : start + TOLERANCES.columns_at_once] = np.eye(part.shape[1])
+        total[start : start + TOLERANCES.columns_at_once] = np.abs(A.T @ part).T @ x
     return total
 
 
@@ -108,13 +102,10 @@ def congruent(A: Any, N: Array) -> Array:
 
 # --- derivatives of maps that change few coordinates ----------------------------------------------------------------
 
-MANY = 600
-"""From so many coordinates on such derivatives are sparse."""
-
 
 def unchanged(n: int) -> Any:
     """Return the unit matrix, a sparse one for many coordinates."""
-    return np.eye(n) if n < MANY else _unit_matrix(n)
+    return np.eye(n) if n < TOLERANCES.sparse_derivatives_from else _unit_matrix(n)
 
 
 @lru_cache(maxsize=2)
@@ -126,7 +117,7 @@ def _unit_matrix(n: int) -> Any:
 
 def nothing(n: int) -> Any:
     """Return a square matrix of zeros, a sparse one for many coordinates."""
-    if n < MANY:
+    if n < TOLERANCES.sparse_derivatives_from:
         return np.zeros((n, n))
     from scipy.sparse import csr_array
 

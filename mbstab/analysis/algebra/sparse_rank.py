@@ -13,24 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.rank import RANK_TOLERANCE, Rank
-from mbstab.analysis.algebra.sparse import CHUNK, row_norms, scaled
+from mbstab.analysis.algebra.rank import Rank
+from mbstab.analysis.algebra.sparse import row_norms, scaled
+from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
-
-SHIFT = 1e-8
-"""δ: inverse iteration tells singular values from each other that are larger."""
-
-ROUNDS = 5
-"""Rounds of inverse iteration."""
-
-TOGETHER = 8
-"""So many singular values are looked for at once, and twice as many as long as all of them vanish."""
-
-UNSEEN = 1e-8
-"""Directions that matrices send to less than this are sent to zero."""
-
-DEPENDENT = 1e-7
-"""Entries of combinations of rows that vanish count above this; the rank decision said that there is one."""
 
 
 class Rows:
@@ -72,7 +58,7 @@ class Rows:
         return self.solve(np.zeros((self.n, *b.shape[1:])), b)[0]
 
 
-def sparse_rank(J: Any, tolerance: float = RANK_TOLERANCE) -> Rank:
+def sparse_rank(J: Any, tolerance: float = TOLERANCES.singular_value_zero) -> Rank:
     """Return rank, null spaces and pseudo-inverse of sparse rows of unit length."""
     from scipy.sparse.linalg import LinearOperator
 
@@ -102,14 +88,16 @@ def sparse_rank(J: Any, tolerance: float = RANK_TOLERANCE) -> Rank:
     return Rank(len(kept), least, most, _null_space(rows, n - len(kept)), dependent, doubtful, operator)
 
 
-def _smallest(J: Any, tolerance: float = RANK_TOLERANCE, most: int | None = None) -> tuple[Array, Array]:
+def _smallest(
+    J: Any, tolerance: float = TOLERANCES.singular_value_zero, most: int | None = None
+) -> tuple[Array, Array]:
     """Return the smallest singular values of rows, one at least that does not vanish, and their left vectors."""
     c = J.shape[0]
-    factored, count = Rows(J, SHIFT), min(TOGETHER, c)
+    factored, count = Rows(J, TOLERANCES.row_shift), min(TOLERANCES.singular_values_at_once, c)
     rng = np.random.default_rng(5)
     while True:
         Y = np.linalg.qr(rng.standard_normal((c, count)))[0]
-        for _ in range(ROUNDS):
+        for _ in range(TOLERANCES.rank_iterations):
             Y = np.linalg.qr(factored.solve(np.zeros((factored.n, count)), Y)[1])[0]
         # From the rows themselves: 1/(σ² + δ²) has lost half of the digits.
         _, s, turn = np.linalg.svd(J.T @ Y, full_matrices=False)
@@ -121,7 +109,7 @@ def _smallest(J: Any, tolerance: float = RANK_TOLERANCE, most: int | None = None
 def _null_space(rows: Rows, count: int) -> Array:
     """Return an orthonormal basis of what rows allow."""
     X = np.random.default_rng(7).standard_normal((rows.n, count))
-    parts = [slice(start, start + CHUNK) for start in range(0, count, CHUNK)]
+    parts = [slice(start, start + TOLERANCES.columns_at_once) for start in range(0, count, TOLERANCES.columns_at_once)]
     for part in parts:
         X[:, part] = rows.allowed(X[:, part])
     X = np.linalg.qr(X)[0]
@@ -146,7 +134,7 @@ def last_rows(dependent: Array) -> Iterator[tuple[int, Array]]:
             break
         k = len(found)
         best = k + int(np.argmax(np.abs(rest[k:, i])))
-        if abs(rest[best, i]) <= DEPENDENT:
+        if abs(rest[best, i]) <= TOLERANCES.row_weight_dependent:
             continue
         rest[[k, best]] = rest[[best, k]]
         rest[k] /= -rest[k, i]
@@ -174,7 +162,7 @@ def sparse_null_space(A: Any, most: int) -> Array | None:
     n = A.shape[1]
     columns = A.T.tocsr()
     lengths = np.sqrt(np.asarray((columns * columns).sum(axis=1)).ravel())
-    seen = np.flatnonzero(lengths > UNSEEN)
+    seen = np.flatnonzero(lengths > TOLERANCES.direction_unseen)
     free = np.setdiff1d(np.arange(n), seen)
     if len(free) > most:
         return None
@@ -182,8 +170,8 @@ def sparse_null_space(A: Any, most: int) -> Array | None:
     found[free, np.arange(len(free))] = 1.0
     if not len(seen):
         return found
-    s, left = _smallest(columns[seen], UNSEEN, most)
-    null = s <= UNSEEN
+    s, left = _smallest(columns[seen], TOLERANCES.direction_unseen, most)
+    null = s <= TOLERANCES.direction_unseen
     if len(free) + int(np.sum(null)) > most:
         return None
     further = np.zeros((n, int(np.sum(null))))

@@ -16,9 +16,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mbstab.analysis.algebra.rank import RANK_GAP, RANK_LEAST, RANK_TOLERANCE, Rank, rank_of
+from mbstab.analysis.algebra.rank import Rank, rank_of
 from mbstab.analysis.algebra.sparse import is_sparse, row_norms, scaled
 from mbstab.analysis.algebra.sparse_rank import last_rows, sparse_rank
+from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Row
 from mbstab.errors import ConstraintError
 from mbstab.records import dataclass
@@ -76,7 +77,7 @@ class Subspaces:
         """Return the pseudo-inverse of the scaled rows, all together, shape (n_q, n_c)."""
         if is_sparse(J):
             return self.C.pseudo_inverse
-        return np.linalg.pinv(J, rcond=RANK_TOLERANCE) if len(J) else J.T
+        return np.linalg.pinv(J, rcond=TOLERANCES.singular_value_zero) if len(J) else J.T
 
     @property
     def n_f(self) -> int:
@@ -146,14 +147,14 @@ def require_gap(rank: Decision, rows: Sequence[Row]) -> None:
     ConstraintError
         With the rows that nearly depend on each other.
     """
-    if rank.smallest_kept >= RANK_LEAST and rank.gap >= RANK_GAP:
+    if rank.smallest_kept >= TOLERANCES.singular_value_kept and rank.gap >= TOLERANCES.rank_gap:
         return
     combination = np.abs(rank.doubtful)
     involved = [str(rows[i]) for i in np.argsort(-combination)[:4] if combination[i] > 0.1]
     raise ConstraintError(
         f"the rank of the constraints cannot be decided: the singular values {rank.smallest_kept:.1e} and "
-        f"{rank.largest_dropped:.1e} next to the decision should differ by a factor {RANK_GAP:g}, the first above "
-        f"{RANK_LEAST:g}\n"
+        f"{rank.largest_dropped:.1e} next to the decision should differ by a factor {TOLERANCES.rank_gap:g}, the first "
+        f"above {TOLERANCES.singular_value_kept:g}\n"
         f"the rows that nearly depend on each other: {'; '.join(involved)}\n"
         "hint: the mechanism is close to a singular configuration, or its geometry does not quite fit; move the "
         "reference, correct the geometry, or remove one of these rows"

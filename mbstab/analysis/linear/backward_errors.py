@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, at_block
-from mbstab.analysis.algebra.refinement import ROUNDINGS, Quadratic, refined
+from mbstab.analysis.algebra.refinement import Quadratic, refined
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, composite
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.reference.coefficients import Matrices
@@ -203,7 +204,7 @@ class BackwardErrors:
         linear, n = self.linear, len(self.m.M)
         redundant = [id(item.row) for item in linear.motion.redundant]
         kept = np.array([*range(n), *(n + i for i, row in enumerate(linear.rows) if id(row) not in redundant)])
-        terms = (part / (ROUNDINGS * EPS) for part in self.errors)
+        terms = (part / (ALGEBRA.roundings_of_entry * EPS) for part in self.errors)
         M, R, K, *sizes = (part[at_block(kept, kept)] for m in (own, Matrices(*terms)) for part in composite(m))
         return Quadratic.of(M, R, K, tuple(sizes)), kept
 

@@ -23,6 +23,7 @@ from mbstab.analysis.algebra.deflation import in_frame, on_speeds, restricted
 from mbstab.analysis.algebra.digits import Matrix, Stalled, exact, largest, product
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.subspaces import Subspaces
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.eigenvalues import kind_in, with_saddles
 from mbstab.analysis.linear.facts import Grounds, time_scale
 from mbstab.analysis.linear.linearize import Linearization, state_space
@@ -208,7 +209,7 @@ def _decided(rough: _Spectrum, fine: _Spectrum) -> bool:
 
 def _until_shown(deflation: more.Deflation) -> int:
     """Return with how many working digits what was dropped would not be."""
-    return int(-mp.log10(deflation.dropped) / more.ZERO) + GUARD if deflation.dropped else 0
+    return int(-mp.log10(deflation.dropped) / ALGEBRA.pivot_digits_lost) + GUARD if deflation.dropped else 0
 
 
 def _enough(work: int, digits: int, lacking: int, chained: bool) -> int:

@@ -14,19 +14,9 @@ import numpy as np
 from mpmath import mp
 
 from mbstab.analysis.algebra.arrays import norms
-from mbstab.analysis.algebra.digits import (
-    ROUNDED,
-    Matrix,
-    Stalled,
-    applied,
-    exact,
-    largest,
-    misfits,
-    polished,
-    product,
-    zeros,
-)
+from mbstab.analysis.algebra.digits import Matrix, Stalled, applied, exact, largest, misfits, polished, product, zeros
 from mbstab.analysis.algebra.rank import rank_of
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.eigenvalues import judged
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import Linearization, linearize
@@ -426,7 +416,7 @@ def _accelerations(start: Start, state: Dynamics, known: Matrix | None) -> tuple
 def _undetermined(start: Start, J: Matrix, stalled: Stalled) -> MbstabError:
     """Return why accelerations and reactions do not converge: rows that repeat others in double precision only."""
     motion, misfit = start.motion, rank_misfit(start.motion, J, start.system.n_h)
-    if motion.redundant and misfit > mp.mpf(10) ** (-ROUNDED * mp.dps):
+    if motion.redundant and misfit > mp.mpf(10) ** (-ALGEBRA.polished_digits * mp.dps):
         return another_rank(motion, misfit)
     return NumericalError(
         f"accelerations and reactions do not converge (steps of {stalled.reached:.1e}): "

@@ -17,10 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import norms
-from mbstab.analysis.algebra.rank import RANK_TOLERANCE
 from mbstab.analysis.algebra.rounded import EPS, UNIT, Rounded, rounded_arithmetic, value_and_error
 from mbstab.analysis.algebra.rounded_arrays import RoundedNumbers, WithErrors
 from mbstab.analysis.algebra.sparse import dense, in_sparse, scaled, sizes_times
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.analysis.reference.equations import Balance
@@ -235,7 +235,7 @@ class _Roundings:
         The error of one equation moves all unknowns in a fixed ratio: what cancels in a stiff force
         must not be taken entry by entry.
         """
-        moves = np.linalg.pinv(G, rcond=RANK_TOLERANCE) * misfit
+        moves = np.linalg.pinv(G, rcond=ALGEBRA.singular_value_zero) * misfit
         result: Array = np.sum(np.abs(moves), axis=1)
         n, relative = len(columns), sizes / self.motion.sizes[columns]
         own = moves[:n] * relative[:, None]
@@ -261,7 +261,7 @@ class _Roundings:
         V = self.system.dynamics(_with(motion.q, dq), _with(motion.u, du), self.time).V
         J = motion.dynamics.J * motion.sizes
         lengths = norms(J)
-        inverse = np.linalg.pinv(J[:, columns] / lengths[:, None], rcond=RANK_TOLERANCE)
+        inverse = np.linalg.pinv(J[:, columns] / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
         result = du.copy()
         steps = np.abs(inverse) @ (_misfits(V) / lengths)
         result[columns] = steps * motion.sizes[columns] + UNIT * np.abs(motion.u[columns])

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.algebra.sparse import CHUNK
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.discs import Disc, Group, Placed, relative
 from mbstab.analysis.linear.grouping import row_scaled_inverse, united
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
@@ -223,8 +223,8 @@ class _Discs:
         everything, of = self._all
         weight = 1.0 / np.abs(self.slope[of])
         total, nearest = np.zeros((2, len(self.s)))
-        for start in range(0, len(self.s), CHUNK):
-            index = np.arange(start, min(start + CHUNK, len(self.s)))
+        for start in range(0, len(self.s), ALGEBRA.columns_at_once):
+            index = np.arange(start, min(start + ALGEBRA.columns_at_once, len(self.s)))
             distance = np.abs(self.s[index, None] - everything)
             distance[np.arange(len(index)), index] = np.inf
             total[index] = (1.0 / distance) @ weight
@@ -261,12 +261,12 @@ class _Discs:
 
         Where masses differ by many orders, the sizes of residuals say nothing: light bodies move far, at other rates.
         """
-        for start in range(0, len(index), CHUNK):
-            own = index[start : start + CHUNK]
+        for start in range(0, len(index), ALGEBRA.columns_at_once):
+            own = index[start : start + ALGEBRA.columns_at_once]
             r = self.pencil.residuals(self.found.s[own], *self._unit(own))
             total = np.zeros(len(own))
-            for first in range(0, len(self.s), CHUNK):
-                others = np.arange(first, min(first + CHUNK, len(self.s)))
+            for first in range(0, len(self.s), ALGEBRA.columns_at_once):
+                others = np.arange(first, min(first + ALGEBRA.columns_at_once, len(self.s)))
                 total += self._coupled(own, r, others)
             rest = self.right[own] * self.left[own] * self.rest.at(np.abs(self.s[own]))
             self.coupling[own] = (total + rest) / np.abs(self.slope[own])
@@ -421,8 +421,8 @@ def partners_of(values: Complex, count: int) -> list[int]:
 def _neighbours(values: Complex) -> tuple[Array, Any]:
     """Return for each value the distance to the nearest other one, and its number."""
     distance, index = np.full(len(values), np.inf), np.zeros(len(values), dtype=int)
-    for start in range(0, len(values), CHUNK):
-        rows = np.arange(start, min(start + CHUNK, len(values)))
+    for start in range(0, len(values), ALGEBRA.columns_at_once):
+        rows = np.arange(start, min(start + ALGEBRA.columns_at_once, len(values)))
         gap = np.abs(values[rows, None] - values)
         gap[np.arange(len(rows)), rows] = np.inf
         index[rows] = np.argmin(gap, axis=1)
@@ -436,8 +436,8 @@ def _meeting(discs: list[Disc]) -> list[tuple[int, int]]:
     centres = np.array([discs[i].centre for i in known])
     radii = np.array([discs[i].radius for i in known])
     found: list[tuple[int, int]] = []
-    for start in range(0, len(known), CHUNK):
-        rows = np.arange(start, min(start + CHUNK, len(known)))
+    for start in range(0, len(known), ALGEBRA.columns_at_once):
+        rows = np.arange(start, min(start + ALGEBRA.columns_at_once, len(known)))
         meet = ~(np.abs(centres[rows, None] - centres) > radii[rows, None] + radii)
         for i, j in zip(*np.nonzero(meet), strict=True):
             if rows[i] < j:

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.inertia import ConstrainedForms
-from mbstab.analysis.algebra.shift_invert import DENSE, SparseQuadratic
+from mbstab.analysis.algebra.shift_invert import SparseQuadratic
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.reference.coefficients import Matrices
@@ -232,7 +233,7 @@ class SparseEquations:
             a = lu.solve(np.concatenate([-(m.K @ y[:n] + m.R @ y[n:]), lower]))[:n]
             return np.concatenate([y[n:], a])
 
-        if 2 * n <= DENSE:
+        if 2 * n <= ALGEBRA.dense_operator:
             return float(np.max(np.abs(np.linalg.eigvals(once(np.eye(2 * n)))))) or self.rate
         start = once(once(np.random.default_rng(19).normal(size=2 * n)))
         operator = LinearOperator((2 * n, 2 * n), matvec=once, dtype=float)

@@ -20,6 +20,7 @@ import numpy as np
 from mbstab.analysis.algebra import ball_matrices, ball_polynomials, balls
 from mbstab.analysis.algebra.balls import Ball, Matrix, ball, real, zero_inside
 from mbstab.analysis.algebra.deflation import in_frame, on_speeds, restricted
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.proof.analytic import require_analytic
 from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.identities import Identities
@@ -362,7 +363,7 @@ class Quotient:
             A = [[block[i][j] for j in large] for i in small]
             zeros += [names[component[large[k]]] for k in _null_places(A, len(large))]
             B = [[block[i][j] for j in small] for i in large]
-            if len(block) <= balls.SMALL:
+            if len(block) <= ALGEBRA.determinant_summed_size:
                 even = ball_polynomials.characteristic(block)[len(large) - len(small) :: 2]
             else:
                 even = ball_polynomials.characteristic(ball_matrices.times(A, B))

@@ -15,6 +15,7 @@ import numpy as np
 
 from mbstab.analysis.algebra import ball_matrices, balls
 from mbstab.analysis.algebra.balls import Ball, Hopeless, Matrix, NotProvable, ball, real, zero_inside
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.constancy import time_doubt
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import linearize
@@ -109,7 +110,7 @@ class Reference:
         self.driven: set[int] = set()
         self.taken: dict[str, float] = near.taken if near is not None else {}
         self.near = near if near is not None and near.solutions else None
-        self.wide = any(float(x.rad()) > balls.WIDE * abs(float(x.mid())) for x in overrides.values())
+        self.wide = any(float(x.rad()) > ALGEBRA.ball_width_interval * abs(float(x.mid())) for x in overrides.values())
         nominal = {name: float(x.mid()) for name, x in overrides.items()}
         system = System(evaluate(model, nominal))
         if system.scene.period is not None:

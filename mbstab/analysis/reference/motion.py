@@ -19,10 +19,11 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import norms
-from mbstab.analysis.algebra.rank import RANK_TOLERANCE, rank_of
+from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.sparse import congruent, dense, difference, largest, scaled
 from mbstab.analysis.algebra.sparse_rank import last_rows
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.steady import Family, Generator
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, amount
@@ -381,8 +382,8 @@ class Finder:
             misfit = max(spaces.C.largest_dropped, spaces.W.largest_dropped)
             if misfit > ROUNDING:
                 self.warnings.append(
-                    f"the redundant rows repeat the others to {amount(misfit)} only; smaller than {RANK_TOLERANCE:g}, "
-                    "this is taken for rounding in the file, not for a constraint"
+                    f"the redundant rows repeat the others to {amount(misfit)} only; smaller than "
+                    f"{ALGEBRA.singular_value_zero:g}, this is taken for rounding in the file, not for a constraint"
                 )
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, self.sizes, state, spaces, redundant, tuple(self.solved),

@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.independent_rows import DEPENDENT, Independent, independent_rows
+from mbstab.analysis.algebra.independent_rows import Independent, independent_rows
 from mbstab.analysis.algebra.inertia import ConstrainedForms
-from mbstab.analysis.algebra.rank import RANK_TOLERANCE
 from mbstab.analysis.algebra.sparse import in_sparse
 from mbstab.analysis.algebra.subspaces import Redundancy, coordinate_scale, require_gap
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.analysis.reference.motion import CURVATURE_TOLERANCE, ROUNDING, Finder, singular_configuration, unbalance_at
 from mbstab.compiler.system import Array, Dynamics, System
@@ -173,12 +173,14 @@ def _redundant(system: System, found: Independent, rows: Any) -> list[str]:
     weights = found.left_null @ np.linalg.inv(found.left_null[found.dropped])
     texts = []
     for i, combination in zip(found.dropped, weights.T, strict=True):
-        repeats = [system.rows[rows[k]] for k in np.flatnonzero(np.abs(combination) > DEPENDENT) if k != i]
+        repeats = [
+            system.rows[rows[k]] for k in np.flatnonzero(np.abs(combination) > ALGEBRA.row_weight_dependent) if k != i
+        ]
         texts.append(f"redundant constraint: {Redundancy(system.rows[rows[i]], tuple(repeats))}")
     if found.largest_dropped > ROUNDING:
         texts.append(
             f"the redundant rows repeat the others to {amount(found.largest_dropped)} only; smaller than "
-            f"{RANK_TOLERANCE:g}, this is taken for rounding in the file, not for a constraint"
+            f"{ALGEBRA.singular_value_zero:g}, this is taken for rounding in the file, not for a constraint"
         )
     return texts
 

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.sparse import MANY, largest, row_norms, scaled
+from mbstab.analysis.algebra.sparse import largest, row_norms, scaled
 from mbstab.analysis.algebra.sparse_rank import Rows, sparse_null_space, with_unit_rows
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import (
     ElementComparison,
 )
@@ -82,7 +83,7 @@ class SymmetryCandidates(ElementComparison):
             scaled = direction / sizes / np.linalg.norm(direction / sizes)
             return bool(np.linalg.norm(scaled - null @ (null.T @ scaled)) < 1e-7)
 
-        if len(names) < MANY:
+        if len(names) < ALGEBRA.sparse_derivatives_from:
             single = np.linalg.norm(np.eye(len(names)) - null @ null.T, axis=0) < 1e-7
         else:
             single = 1.0 - np.sum(null * null, axis=1) < 1e-13
@@ -141,7 +142,11 @@ class SymmetryCandidates(ElementComparison):
             force, strongest = scaled(K, sizes, sizes), largest(scaled(K, sizes, sizes))
             forces.append(force * (1.0 / strongest) if strongest else force)
             held.append(scaled(dynamics.J, sizes))
-        blind = sparse_null_space(vstack(rows, format="csr"), max(MANY, system.n_q // 2)) if system.n_c else None
+        blind = (
+            sparse_null_space(vstack(rows, format="csr"), max(ALGEBRA.sparse_derivatives_from, system.n_q // 2))
+            if system.n_c
+            else None
+        )
         if blind is None:
             blind = sparse_null_space(vstack([*rows, *forces], format="csr"), system.n_q)
             assert blind is not None

@@ -17,7 +17,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mbstab.analysis.algebra import budget
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.efforts import MOTION_UNITS, motion_name, moving_joints
 from mbstab.analysis.simulate.accuracy import LEAST_RUNS, Work
 from mbstab.analysis.simulate.recording import Record, Track
@@ -58,7 +58,7 @@ def simulate(
         Is called with what should be known before the end: warnings, which are among those of the result as well, and
         how long it takes and why, where that is long.
     force : bool
-        Take more memory than `mbstab.analysis.algebra.budget.MOST_MEMORY`.
+        Take more memory than `mbstab.analysis.algebra.tolerances.Tolerances.estimated_memory`.
 
     Raises
     ------
@@ -111,11 +111,11 @@ def _check_memory(system: System, points: int) -> None:
     results = 3 * system.n_q + system.n_c + bodies * (2 * d + d * d + 3) + 6 * len(system.scene.items) + 2 * moving + 6
     columns = results + LEAST_RUNS * (2 * system.n_q + SAMPLE)
     size = 8.0 * points * columns
-    if size > budget.MOST_MEMORY:
+    if size > ALGEBRA.estimated_memory:
         raise UsageError(
             f"{points} times of output take about {size / 1e9:.2g} GB of memory ({columns} numbers each), where "
-            f"{budget.MOST_MEMORY / 1e9:g} GB is the limit\n"
-            f"hint: {math.floor(budget.MOST_MEMORY / (8 * columns))} --points fit, or allow it with --force"
+            f"{ALGEBRA.estimated_memory / 1e9:g} GB is the limit\n"
+            f"hint: {math.floor(ALGEBRA.estimated_memory / (8 * columns))} --points fit, or allow it with --force"
         )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, norms
 from mbstab.analysis.algebra.deflation import deflated_matrix, in_frame
-from mbstab.analysis.algebra.rank import RANK_LEAST, RANK_TOLERANCE
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.motion import EQUILIBRIUM_TOLERANCE, NEWTON_STEPS, ROUNDING, TOLERANCE
@@ -99,7 +99,7 @@ class Equations:
         K, R, D_q, balance, inverse = self._coefficients(q, u, a, steady, dynamics, J, scale, row_scale)
         T = N @ Z
         self.good &= np.max(np.abs(transposed(T) @ balance[0][..., None]), axis=(-1, -2), initial=0.0) <= balance[1]
-        W_inverse: Array = np.asarray(np.linalg.pinv(D_u @ N, rcond=RANK_TOLERANCE), dtype=float)
+        W_inverse: Array = np.asarray(np.linalg.pinv(D_u @ N, rcond=ALGEBRA.singular_value_zero), dtype=float)
         P = -(W_inverse @ (D_q @ N))
         A, M_z = deflated_matrix(M, R, K, N, Z, P)
         gamma = _time_scales(A, N.shape[-1])
@@ -145,7 +145,7 @@ class Equations:
         dynamics = system.dynamics(q, u)
         _, J, scale, row_scale = self._scaled(dynamics)
         a = steady.acceleration(q) if steady is not None else np.zeros_like(q)
-        inverse = np.linalg.pinv(J, rcond=RANK_TOLERANCE) if system.n_c else np.zeros((1, system.n_q, 0))
+        inverse = np.linalg.pinv(J, rcond=ALGEBRA.singular_value_zero) if system.n_c else np.zeros((1, system.n_q, 0))
         forces = _times(dynamics.M, a) + dynamics.F0
         nu = np.abs(_times(transposed(inverse), forces * scale)) * row_scale
         loads = system.terms(q, u, a, nu)
@@ -307,9 +307,9 @@ class Equations:
             return np.eye(columns)[None]
         _, s, right = np.linalg.svd(matrix)
         if rank:
-            self.good &= s[:, rank - 1] >= RANK_LEAST
+            self.good &= s[:, rank - 1] >= ALGEBRA.singular_value_kept
         if rank < s.shape[-1]:
-            self.good &= s[:, rank] <= RANK_TOLERANCE
+            self.good &= s[:, rank] <= ALGEBRA.singular_value_zero
         return transposed(right[:, rank:])
 
     # --- coefficients -----------------------------------------------------------------------------------------------
