@@ -12,6 +12,7 @@ from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.reference import symmetries
 from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.compiler.system import System
 from mbstab.model.reader import read_model_text
 from mbstab.model.values import evaluate
@@ -152,7 +153,7 @@ def test_states_are_written_once_for_all_elements(monkeypatch):
     result = mbstab.loads(json.dumps(scene)).eig()
     assert result.counts.neutral == 2 * count
     # At rest and in motion, at each speed, along each of the turns and two combinations.
-    assert 0 < len(written) <= 2 * len(symmetries.SPEEDS) * (count + 2)
+    assert 0 < len(written) <= 2 * len(REFERENCE.trial_speeds) * (count + 2)
 
 
 def test_the_equations_are_evaluated_once_at_the_states_that_are_compared(monkeypatch):

@@ -31,9 +31,9 @@ from mbstab.analysis.linear.floquet import monodromy
 from mbstab.analysis.linear.linearize import Linearization, linearize, state_space
 from mbstab.analysis.linear.results import EigenResult, Eigenvalue
 from mbstab.analysis.linear.verdict import ASYMPTOTIC, ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE, show
-from mbstab.analysis.reference.guard import GUARD_TOLERANCE, LITTLE
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.recording import states
 from mbstab.analysis.simulate.run import Follower, Run
@@ -237,7 +237,11 @@ def _frame(system: System, motion: Motion) -> _Frame | str:
     linear = linearize(system, motion)
     if not linear.constant:
         size = f" by {percent(linear.variation)}" if math.isfinite(linear.variation) else " without bound"
-        least = f", where {percent(GUARD_TOLERANCE)} counts as constant" if linear.variation < LITTLE else ""
+        least = (
+            f", where {percent(REFERENCE.variation_along_motion)} counts as constant"
+            if linear.variation < REFERENCE.variation_told
+            else ""
+        )
         return (
             "the motion is neither steady nor declared as periodic: the coefficients of its linearized equations "
             f"change{size} along it{least}"

@@ -26,9 +26,9 @@ from mbstab.analysis.linear.reversor import Reversor, reversor
 from mbstab.analysis.linear.smoothness import kinks
 from mbstab.analysis.linear.verdict import Critical, Disc, Facts, Minimum, Neutral
 from mbstab.analysis.reference.dependencies import expressions_in
-from mbstab.analysis.reference.guard import GUARD_TOLERANCE, LITTLE
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
+from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.compiler.system import Array
 from mbstab.errors import percent
 from mbstab.model.expressions import Number
@@ -158,7 +158,11 @@ class Grounds:
         change = linear.variation
         size = f"by {percent(change)}" if math.isfinite(change) else "without bound"
         # A change that seems to be none needs its limit beside it.
-        least = f" (below {percent(GUARD_TOLERANCE)} they would count as constant)" if change < LITTLE else ""
+        least = (
+            f" (below {percent(REFERENCE.variation_along_motion)} they would count as constant)"
+            if change < REFERENCE.variation_told
+            else ""
+        )
         if linear.frozen:
             along = f", and change {size} along the motion{least}" if not linear.constant else ""
             return f"frozen-time (asked for): not a stability verdict; the coefficients are those of an instant{along}"

@@ -20,9 +20,10 @@ from mbstab.analysis.algebra.deflation import in_frame
 from mbstab.analysis.algebra.sparse import scaled, sizes_times
 from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
-from mbstab.analysis.reference.guard import GUARD_TOLERANCE, coefficients
+from mbstab.analysis.reference.guard import coefficients
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.compiler.system import Array, Row, System
 from mbstab.model.schema import is_length
 from mbstab.records import dataclass
@@ -89,7 +90,7 @@ class Linearization:
     @property
     def constant(self) -> bool:
         """Whether the coefficients stay what they are along the motion."""
-        return self.variation <= GUARD_TOLERANCE
+        return self.variation <= REFERENCE.variation_along_motion
 
     @property
     def n_f(self) -> int:

@@ -22,9 +22,10 @@ from typing import Any, Literal
 import numpy as np
 
 from mbstab.analysis.algebra.sparse import unchanged
-from mbstab.analysis.reference.element_comparison import CARRIED, EXACT, RESTING, Digits, State, numbers
+from mbstab.analysis.reference.element_comparison import Digits, State, numbers
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
+from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.compiler.system import Acting, Array
 
 Kind = Literal["potential", "powerless", "damping", "other"]
@@ -96,7 +97,7 @@ class Work:
         for state in self.invariance.on_rows:
             X = field(state.q)
             fast = max(float(np.max(np.abs(x / motion.sizes))) for x in (X, state.u))
-            fast = max(fast, RESTING * self.invariance.rate)
+            fast = max(fast, REFERENCE.resting_speed * self.invariance.rate)
             at, there = (
                 state.dynamics if np.array_equal(u, state.u) else system.dynamics(state.q, u, motion.time)
                 for u in (X, X + 2.0 * (state.u - X))
@@ -124,7 +125,7 @@ class Work:
 
     def _asked(self, element: Acting, f: Any) -> Kind:
         """Return what a force does to the energy, from its slopes at some states."""
-        limit = EXACT if f.name == "mpmath" else CARRIED
+        limit = REFERENCE.comparison_exact if f.name == "mpmath" else REFERENCE.force_change
         kind: Kind = "potential"
         slopes = []
         if not self.invariance.states:
@@ -172,7 +173,7 @@ class Work:
             moving = element.force(state.q, state.u, zero, self.motion.time)
             still = element.force(state.q, zero, zero, self.motion.time)
             work = [(x - y) * X[i] for i, x, y in zip(element.columns, moving, still, strict=True)]
-            if abs(sum(work)) > CARRIED * sum(abs(x) for x in work):
+            if abs(sum(work)) > REFERENCE.force_change * sum(abs(x) for x in work):
                 return False
         return True
 
@@ -190,7 +191,7 @@ class Work:
             )
             change = max(change, float(np.max(np.abs(one - other))))
             size = max(size, float(np.max(np.abs(one) + np.abs(other))))
-        return change <= CARRIED * size
+        return change <= REFERENCE.force_change * size
 
     # --- time backwards ---------------------------------------------------------------------------------------------
 
@@ -230,7 +231,7 @@ def acts_symmetrically(
     """
     try:
         with Digits(element) as f:
-            limit = EXACT if f.name == "mpmath" else CARRIED
+            limit = REFERENCE.comparison_exact if f.name == "mpmath" else REFERENCE.force_change
             place = states.setdefault(f.name == "mpmath", numbers(q, f) if f.name == "mpmath" else q.tolist())
             still = [f.number("0")] * len(q)
             K, R = element.slopes(place, still, still, time, f)

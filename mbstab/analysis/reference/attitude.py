@@ -19,17 +19,12 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.reference.rotation import euler_angles, orientation, rate_drift, rate_matrix
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError
 from mbstab.model.charts import named_by
 from mbstab.model.scene import BodyValues
 from mbstab.records import dataclass
-
-CHANGE = 0.4
-"""Another chart is taken where |cos θ| is below this."""
-
-PINNED = 1e-3
-"""A body that keeps its chart is refused where |cos θ| is below this."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +73,8 @@ class Attitudes:
         for i, part in self.parts:
             cosine = math.cos(q[part.start + 1])
             if i not in self.pinned:
-                change = change or abs(cosine) < CHANGE
-            elif abs(cosine) < PINNED or cosine * math.cos(before[part.start + 1]) < 0.0:
+                change = change or abs(cosine) < TOLERANCES.euler_cosine_chart_left
+            elif abs(cosine) < TOLERANCES.euler_cosine_pinned or cosine * math.cos(before[part.start + 1]) < 0.0:
                 name = system.scene.bodies[i].name
                 raise NumericalError(
                     f"theta of {name!r} comes to ±pi/2, where its Euler angles are singular (|cos theta| = "
@@ -93,7 +88,7 @@ class Attitudes:
         """Return the scene with other base rotations, and the same state in its angles."""
         bodies, q, u = list(system.scene.bodies), q.copy(), u.copy()
         for i, part in self.parts:
-            if i in self.pinned or abs(math.cos(q[part.start + 1])) >= CHANGE:
+            if i in self.pinned or abs(math.cos(q[part.start + 1])) >= TOLERANCES.euler_cosine_chart_left:
                 continue
             body = bodies[i]
             A, spin = orientation(body, q[part]), rate_matrix(body, q[part]) @ u[part]

@@ -23,8 +23,8 @@ from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.roots import root
 from mbstab.analysis.reference.curve_points import Point, Run, at_zero, joined, nearest_turn
 from mbstab.analysis.reference.equilibrium import Problem
-from mbstab.analysis.reference.motion import TOLERANCE
-from mbstab.analysis.reference.paths import SAME, Path, Sheet
+from mbstab.analysis.reference.paths import Path, Sheet
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError
 from mbstab.model.arithmetic import FLOAT
@@ -32,69 +32,15 @@ from mbstab.model.parameters import bound, evaluate_parameters, settings_in_si
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 
-FIRST = 1.0 / 16.0
-"""First step, as a part of the range, of the size of the scene, or as an angle (rad)."""
-
-LEAST = 1e-12
-"""A solution is lost if no step of this length leads further."""
-
-TRUSTED = 0.02
-"""A prediction may be wrong by this part of the size of the scene, or by this angle (rad)."""
-
-STRAIGHT = 0.985
-"""Cosine of the angle by which the tangent may turn in a step."""
-
-CORRECTIONS, CORRECTED = 25, 1e-8
-"""Newton steps from a prediction, and the size of the last one: what it leaves is its square."""
-
-EXACT, SLOW = 1e-14, 1e-4
-"""Residuals that are rounding, and steps after which that counts."""
-
-DIFFERENCE = 1e-6
-"""Derivatives by the parameter are taken over this part of the range."""
-
-DEPENDENT = 1e-9
-"""Directions of the path, of symmetries: so little changes the equations along them, relative to the largest change."""
-
-BRANCHING = 1e-5
-"""Where the path turns back another one leaves if the equations are dependent to this."""
-
-LEVEL = 1e-9
-"""The parameter turns back where it changes by less than this along the path: there it is known to the square."""
-
-HALVINGS = 20
-"""Points of a path close in on a fold by a factor of 2 each: there coordinates vary like a root of the parameter."""
-
-FOLDS, POINTS = 10, 5000
-"""A path is followed through so many folds, and so many points between two of them."""
-
-WORK, ENOUGH = 100_000, 2_500
-"""So many coordinates and rows of the equations of a curve are evaluated at most; all of them so many times anyway."""
-
 ENDS, TURNS, BRANCHES = "it ends there", "it turns back", "it turns back where others branch off"
 
 AWAY = "positions grow beyond all bounds there"
 
-AGAIN = f"it turns back after {FOLDS} folds and is not followed further"
+AGAIN = f"it turns back after {TOLERANCES.folds_of_path} folds and is not followed further"
 
 LONG = "it is not followed further: the equations were evaluated too often; a smaller range may lead on"
 
 HIDDEN = "it is not followed further: positions grow so fast there that a turn cannot be told from rounding"
-
-LARGE, POLES = 1e4, 5
-"""Where positions are this many times the size of the scene, so many points tell whether a pole is ahead …"""
-
-POLE, RESOLVED = 1e-6, 1e-13
-"""… and where, which must be known to this part of the range, and is to no smaller one."""
-
-KINK = 1e-6
-"""A path with a kink is taken up again this part of the range beyond it, if the solution moves by little more."""
-
-CLOSE = 1e-6
-"""Where another path crosses is known to the square of this."""
-
-ASIDE = 1e-3
-"""So far from a branch point another path is taken up."""
 
 
 def follow(
@@ -203,15 +149,15 @@ class _Curve:
         self.width = (ends[1] - ends[0]) or 1.0
         self.problem = Problem(System(evaluate(model, {parameter: start})))
         system = self.problem.system
-        self.work = [max(ENOUGH, WORK // (system.n_q + system.n_c))]
+        self.work = [max(TOLERANCES.path_evaluations, TOLERANCES.path_evaluated_numbers // (system.n_q + system.n_c))]
         self.low, self.high = (self._last_valid(start, end) for end in ends)
         _, search, at, _ = self.problem.solved(*((self.problem.start,) if near is None else near))
         self.balance = search.balance
         _, A = self._equations(at.q, at.c, start)
         s = np.linalg.svd(A, compute_uv=False)
-        self.rank = int(np.sum(s > DEPENDENT * max(float(s[0]), 1e-300))) if len(s) else 0
+        self.rank = int(np.sum(s > TOLERANCES.path_singular_value * max(float(s[0]), 1e-300))) if len(s) else 0
         # Least change with the parameter: symmetries have no part in it.
-        by_p = np.append(np.linalg.lstsq(A[:, :-1], -A[:, -1], rcond=DEPENDENT)[0], 1.0)
+        by_p = np.append(np.linalg.lstsq(A[:, :-1], -A[:, -1], rcond=TOLERANCES.path_singular_value)[0], 1.0)
         self.first = self._point(at.q, at.c, start, A, by_p, None)
         self.folds: list[Point] = []
         self.branchings: list[Point] = []
@@ -246,7 +192,7 @@ class _Curve:
     def _equations(self, q: Array, c: Array, p: float) -> tuple[Array, Array]:
         """Return the residuals that multipliers cannot balance, and their derivative by the scaled unknowns."""
         self.work[0] -= 1
-        step = DIFFERENCE * self.width
+        step = TOLERANCES.parameter_difference * self.width
         # To both sides, or at an end of the range twice to one: of second order everywhere.
         one, two = (step, -step) if self.low + step <= p <= self.high - step else (step, 2.0 * step)
         sign = -1.0 if p > self.high - step else 1.0
@@ -292,7 +238,7 @@ class _Curve:
         missed = np.zeros(len(ahead))
         try:
             with np.errstate(all="ignore"):
-                for _ in range(CORRECTIONS):
+                for _ in range(TOLERANCES.path_newton_steps):
                     residual, A = self._equations(q, c, p)
                     step = np.linalg.lstsq(np.vstack([A, hold]), -np.append(residual, 0.0), rcond=1e-11)[0]
                     q, c, p = self._stepped(q, c, p, step)
@@ -300,10 +246,13 @@ class _Curve:
                     if not np.max(np.abs(missed)) < 1.0:
                         return None
                     # Where another path crosses, steps become half as long at best.
-                    slow = np.max(np.abs(residual)) < EXACT and np.max(np.abs(step)) < SLOW
-                    if slow or np.max(np.abs(step)) < CORRECTED:
+                    slow = (
+                        np.max(np.abs(residual)) < TOLERANCES.path_residual_rounding
+                        and np.max(np.abs(step)) < TOLERANCES.path_step_rounding
+                    )
+                    if slow or np.max(np.abs(step)) < TOLERANCES.path_last_newton_step:
                         residual, A = self._equations(q, c, p)
-                        if np.max(np.abs(residual)) > TOLERANCE:
+                        if np.max(np.abs(residual)) > TOLERANCES.residual:
                             return None
                         point = self._point(q, c, p, A, start.tangent, start)
                         return point, float(np.max(np.abs(missed)))
@@ -334,10 +283,10 @@ class _Curve:
                 return runs[:-1]
             if fold is None:
                 return runs
-            if len(runs) > FOLDS:
+            if len(runs) > TOLERANCES.folds_of_path:
                 runs[-1].ends.append((fold.p, AGAIN))
                 return runs
-            branches = fold.least < BRANCHING * self.first.least
+            branches = fold.least < TOLERANCES.branching_singular_value * self.first.least
             runs[-1].ends.append((fold.p, BRANCHES if branches else TURNS))
             self._close_in(runs, fold)
             # On a closed curve it has been followed from the other side.
@@ -354,13 +303,13 @@ class _Curve:
 
     def _run(self, run: Run) -> Point | None:
         """Add points until the parameter turns back or leaves the range; return the fold if it turns."""
-        length = FIRST
+        length = TOLERANCES.path_first_step
         while True:
             at = run.points[-1]
             end = self.high if at.rise > 0.0 else self.low
             if at.p == end:
                 return None
-            if len(run.points) == POINTS or self.spent:
+            if len(run.points) == TOLERANCES.points_between_folds or self.spent:
                 run.ends.append((at.p, LONG))
                 return None
             step = length * at.tangent
@@ -369,10 +318,14 @@ class _Curve:
                 step = at.tangent * (room / at.rise)
                 hold = np.eye(len(step))[-1]
             found = self._corrected(at, step, hold)
-            if found is not None and found[1] <= TRUSTED and found[0].tangent @ at.tangent > STRAIGHT:
+            if (
+                found is not None
+                and found[1] <= TOLERANCES.path_prediction_error
+                and found[0].tangent @ at.tangent > TOLERANCES.path_turn_cosine
+            ):
                 point, error = found
                 if point.rise * at.rise <= 0.0:
-                    if abs(at.rise) <= LEVEL:
+                    if abs(at.rise) <= TOLERANCES.path_turning_slope:
                         run.ends.append((at.p, HIDDEN))
                         return None
                     fold = self._fold(at, float(np.linalg.norm(step)))
@@ -386,12 +339,12 @@ class _Curve:
                     if pole is not None:
                         run.ends.append((pole, AWAY))
                         return None
-                    if error < 0.3 * TRUSTED:
+                    if error < 0.3 * TOLERANCES.path_prediction_error:
                         length *= 1.6
                     continue
             length = 0.5 * min(length, float(np.linalg.norm(step)))
-            if length < LEAST:
-                if abs(end - at.p) < KINK * self.width:
+            if length < TOLERANCES.path_least_step:
+                if abs(end - at.p) < TOLERANCES.kink_step * self.width:
                     # The range ends where another path crosses: what is there is for others to say.
                     run.points.append(replace(at, p=end))
                     return None
@@ -400,33 +353,41 @@ class _Curve:
                     run.ends.append((at.p, LONG if self.spent else ENDS))
                     return None
                 run.points.append(beyond)
-                length = FIRST
+                length = TOLERANCES.path_first_step
 
     def _pole(self, points: list[Point], end: float) -> float | None:
         """Return the value before an end of the range at which positions become infinite, in the digits that are known.
 
         There the parameter is a smooth function of 1/size; two extrapolations to 0 show how exact they are.
         """
-        last = points[-POLES:]
+        last = points[-TOLERANCES.pole_points :]
         size = [float(np.max(np.abs(x.q / self.balance.sizes), initial=0.0)) for x in last]
-        if len(last) < POLES or size[-1] < LARGE or not np.all(np.diff(size) > 0.0):
+        if len(last) < TOLERANCES.pole_points or size[-1] < TOLERANCES.pole_size or not np.all(np.diff(size) > 0.0):
             return None
         near = 1.0 / np.array(size)
         values = np.array([x.p for x in last])
         pole, other = (at_zero(near[k:], values[k:]) for k in (0, 1))
-        error = abs(pole - other) + RESOLVED * self.width
+        error = abs(pole - other) + TOLERANCES.pole_resolution * self.width
         ahead = np.copysign(1.0, end - values[-1])
-        if not error < POLE * self.width or ahead * (pole - values[-1]) <= 0.0 or ahead * (end - pole) < -error:
+        if (
+            not error < TOLERANCES.pole_error * self.width
+            or ahead * (pole - values[-1]) <= 0.0
+            or ahead * (end - pole) < -error
+        ):
             return None
         factor = self.model.parameters[self.parameter].factor
         return float(round(pole / factor, -math.ceil(math.log10(abs(2.0 * error / factor)))) * factor)
 
     def _beyond_a_kink(self, at: Point, end: float) -> Point | None:
         """Return the solution a little further where a path goes on in another direction."""
-        step = KINK if abs(end - at.p) > KINK * self.width else abs(end - at.p) / self.width
+        step = (
+            TOLERANCES.kink_step
+            if abs(end - at.p) > TOLERANCES.kink_step * self.width
+            else abs(end - at.p) / self.width
+        )
         axis = np.eye(len(at.tangent))[-1]
         found = self._corrected(at, np.copysign(step, at.rise) * axis, axis)
-        if found is None or found[1] > 100.0 * KINK or found[0].rise == 0.0:
+        if found is None or found[1] > 100.0 * TOLERANCES.kink_step or found[0].rise == 0.0:
             return None
         turned = np.copysign(1.0, at.rise * found[0].rise)
         return replace(found[0], tangent=turned * found[0].tangent)
@@ -434,27 +395,27 @@ class _Curve:
     def _cross(self, run: Run, before: Point, after: Point) -> None:
         """Note where another path crosses between two points, and add points that close in on it."""
         low, high = before, after
-        for _ in range(POINTS):
+        for _ in range(TOLERANCES.points_between_folds):
             if self.spent:
                 return
             length = float(np.linalg.norm(self._open(self._between(low, high))))
             part = low.least / max(low.least + high.least, 1e-300)
-            if length < CLOSE:
+            if length < TOLERANCES.crossing_distance:
                 break
             found = self._inside(low, high, min(max(part, 0.1), 0.9)) or self._inside(low, high, 0.5)
             if found is None:
                 return
             low, high = (found, high) if found.sign == low.sign else (low, found)
         # Where the equations are nearly dependent all along the path the sign is rounding.
-        if low.least > 10.0 * CLOSE * min(self.first.least, max(before.least, after.least)):
+        if low.least > 10.0 * TOLERANCES.crossing_distance * min(self.first.least, max(before.least, after.least)):
             return
         q, c = (x + part * (y - x) for x, y in ((low.q, high.q), (low.c, high.c)))
         at = replace(low, q=q, c=c, p=low.p + part * (high.p - low.p), tangent=0.5 * (low.tangent + high.tangent))
-        if min(at.p - self.low, self.high - at.p) <= CLOSE**2 * self.width:
+        if min(at.p - self.low, self.high - at.p) <= TOLERANCES.crossing_distance**2 * self.width:
             return  # whether it lies within the range is rounding
         run.crossings.append(at.p)
         for pair in ((before, at), (at, after)):
-            for _ in range(HALVINGS):
+            for _ in range(TOLERANCES.fold_halvings):
                 half = self._inside(*pair, 0.5)
                 if half is None:
                     break
@@ -470,7 +431,7 @@ class _Curve:
         ahead = part * part * (3.0 - 2.0 * part) * gap
         ahead += length * part * (1.0 - part) * ((1.0 - part) * one.tangent - part * other.tangent)
         found = self._corrected(one, ahead, gap / length)
-        if found is None or found[0].tangent @ gap < STRAIGHT * length:
+        if found is None or found[0].tangent @ gap < TOLERANCES.path_turn_cosine * length:
             return None
         return found[0]
 
@@ -483,11 +444,11 @@ class _Curve:
         aside = null @ null[-1]
         aside -= fold.tangent * (fold.tangent @ aside)
         size = float(np.linalg.norm(aside))
-        if size < ASIDE:
+        if size < TOLERANCES.branch_step:
             return []
         runs: list[list[Run]] = []
         for sign in (1.0, -1.0):
-            found = self._corrected(fold, sign * ASIDE * aside / size, aside / size)
+            found = self._corrected(fold, sign * TOLERANCES.branch_step * aside / size, aside / size)
             if found is None or not self.low <= found[0].p <= self.high:
                 continue
             other = copy(self)
@@ -513,7 +474,7 @@ class _Curve:
                     return float("nan")
                 found[distance] = corrected[0]
             rise = found[distance].rise
-            return rise if abs(rise) > LEVEL else 0.0
+            return rise if abs(rise) > TOLERANCES.path_turning_slope else 0.0
 
         try:
             return found[root(rise, 0.0, length)]
@@ -529,7 +490,7 @@ class _Curve:
         for side in (-1.0, 1.0):
             near = [
                 self._corrected(fold, side * distance * 0.5**k * fold.tangent, fold.tangent)
-                for k in range(1, HALVINGS + 1)
+                for k in range(1, TOLERANCES.fold_halvings + 1)
             ]
             sides.append([found[0] for found in near if found is not None])
         rising = at.rise > 0.0
@@ -543,7 +504,7 @@ class _Curve:
         return np.concatenate([q, (other.c - one.c) / self.balance.speed, [(other.p - one.p) / self.width]])
 
     def _same(self, one: Point, other: Point) -> bool:
-        return abs(one.p - other.p) < SAME * self.width and self.problem.alike(one.q, other.q)
+        return abs(one.p - other.p) < TOLERANCES.equal_solutions * self.width and self.problem.alike(one.q, other.q)
 
     def _closes(self, runs: list[Run]) -> bool:
         """Whether the last of several runs passes the first solution: the curve is closed."""

@@ -16,48 +16,13 @@ from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.analysis.reference.fields import Combination, Field, OwnTurn, Shift
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.rotation import rate_drift, rate_matrix
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Acting, Array, Dynamics, System
 from mbstab.errors import MbstabError
 from mbstab.model.arithmetic import FLOAT, mpmath_arithmetic
 from mbstab.records import dataclass
 
-CARRIED = 1e-11
-"""An element is carried into itself if each of its forces changes by no more than this part of its size …"""
-
-CANCELLED = 1e-14
-"""… or than this part of all that the element does: what turned axes mix is rounded so."""
-
 EPS = float(np.finfo(float).eps)
-
-ROUNDINGS = 8.0
-"""So many roundings of their terms numbers that are computed here may be off."""
-
-ON_ROWS = 1e-12
-"""Constraint rows hold to this, relative to the sizes in the scene."""
-
-AGREED = 30.0
-"""Rows that repeat others agree elsewhere to so many times what their directions agree to at the reference."""
-
-RESTING = 1e-6
-"""Slower speeds, relative to those of the scene, count as rest where rows on speeds are asked."""
-
-SPREADS = (0.5, 0.15, 0.04, 0.01)
-"""How far from the reference states are spread, in sizes of the scene and rad; less where equations have no value."""
-
-NEAR = 1e-3
-"""Surroundings of the reference, relative to the spread of the other states."""
-
-STEPS = 25
-"""Newton steps onto the constraints."""
-
-DIGITS, EXACT = 40, 1e-32
-"""Expressions are compared with so many digits, and are equal to this."""
-
-OFF = 1e-6
-"""So far off are the parameters of expressions with which structure is looked for."""
-
-GRID = 24
-"""Bits of the states at which elements are compared."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +86,7 @@ class ElementComparison:
     def states(self) -> list[State]:
         """States off the constraints at which all elements have a value: at rest, in motion, accelerating."""
         motion, sizes = self.motion, self.motion.sizes
-        for spread in SPREADS:
+        for spread in TOLERANCES.state_spreads:
             rng = RandomNumbers(11)
             found = []
             # The reference itself and its surroundings too: functions may be flat elsewhere.
@@ -131,7 +96,7 @@ class ElementComparison:
                 (1.0, 1.0, 0.0),
                 (1.0, 1.0, 1.0),
                 (0.0, 1.0, 0.0),
-                (NEAR, 1.0, 0.0),
+                (TOLERANCES.state_surroundings, 1.0, 0.0),
             ):
                 q, u, a = (spread * sizes * rng.uniform(-1.0, 1.0, len(sizes)) for _ in range(3))
                 q, u = _on_grid(motion.q + part * q, sizes), moves * (motion.u + self.rate * u)
@@ -156,7 +121,7 @@ class ElementComparison:
             return found + [OnRows(x.q, x.u, x.a, self.system.dynamics(x.q, x.u, motion.time)) for x in others]
         rng = RandomNumbers(5)
         for _ in range(2):
-            for spread in SPREADS:
+            for spread in TOLERANCES.state_spreads:
                 state = self._projected(rng, spread)
                 if state is not None:
                     found.append(state)
@@ -189,19 +154,22 @@ class ElementComparison:
         """How well the rows hold, relative to the sizes in the scene: redundant ones, as well as they agree."""
         motion, n_h = self.motion, self.system.n_h
         if motion.spaces.C.rank == n_h:
-            return ON_ROWS
+            return TOLERANCES.row_residual
         if is_sparse(motion.dynamics.J):
-            return max(ON_ROWS, AGREED * motion.spaces.C.largest_dropped)
+            return max(TOLERANCES.row_residual, TOLERANCES.repeated_row_misfit * motion.spaces.C.largest_dropped)
         J = motion.dynamics.J[:n_h] * motion.sizes
         s = np.linalg.svd(J / (np.linalg.norm(J, axis=1) + 1e-300)[:, None], compute_uv=False)
-        return max(ON_ROWS, AGREED * float(np.max(s[motion.spaces.C.rank :], initial=0.0)))
+        return max(
+            TOLERANCES.row_residual,
+            TOLERANCES.repeated_row_misfit * float(np.max(s[motion.spaces.C.rank :], initial=0.0)),
+        )
 
     def onto_rows(self, q: Array, u: Array, within: float | None = None) -> OnRows | None:
         """Return the state that satisfies the constraints nearest to a given one, or None if there is none."""
         system, time, sizes = self.system, self.motion.time, self.motion.sizes
         n_h = system.n_h
         try:
-            for _ in range(STEPS if n_h else 0):
+            for _ in range(TOLERANCES.newton_steps_onto_rows if n_h else 0):
                 state = system.dynamics(q, 0.0 * u, time)
                 step = self._shortest(state.J[:n_h], -state.E[:n_h])
                 if float(np.max(np.abs(step))) > 4.0:
@@ -241,7 +209,7 @@ class ElementComparison:
         """Whether the constraint rows hold where they have these residuals."""
         motion, n_h = self.motion, self.system.n_h
         allowed = (self.agreed if within is None else within) * abs(state.J) @ motion.sizes + 1e-300
-        fastest = max(float(np.max(np.abs(u / motion.sizes))), RESTING * self.rate)
+        fastest = max(float(np.max(np.abs(u / motion.sizes))), TOLERANCES.resting_speed * self.rate)
         return bool(np.all(np.abs(state.E[:n_h]) <= allowed[:n_h]) and np.all(np.abs(state.V) <= allowed * fastest))
 
     def _unseen(self, element: Acting, field: Field) -> bool:
@@ -276,7 +244,7 @@ class ElementComparison:
                     element.force(numbers(x.q, f), numbers(x.u, f), numbers(x.a, f), time, f) for x in (here, there)
                 )
                 pairs = zip(first, second, signs.tolist(), strict=True)
-                return all(abs(x - sign * y) <= EXACT * (abs(x) + abs(y)) for x, y, sign in pairs)
+                return all(abs(x - sign * y) <= TOLERANCES.comparison_exact * (abs(x) + abs(y)) for x, y, sign in pairs)
         if element.written:
             return self._same_to_rounding(element, here, there, T)
         reached, rows = rows_of(T, columns)  # the element has no force on others
@@ -285,7 +253,10 @@ class ElementComparison:
         mixed: Array = np.abs(moved) @ np.abs(rows)
         sizes = self.motion.sizes[reached]
         total = float(np.max((np.abs(F) + mixed) * sizes))
-        allowed = CARRIED * np.maximum(np.abs(F), np.abs(after)) + CANCELLED * total / sizes
+        allowed = (
+            TOLERANCES.force_change * np.maximum(np.abs(F), np.abs(after))
+            + TOLERANCES.force_change_rounding * total / sizes
+        )
         off = np.abs(F - after)
         if np.all(off <= allowed):
             return True
@@ -293,7 +264,7 @@ class ElementComparison:
         rounding = put(self._rounding(element, here), columns, reached, len(self.motion.q))
         rounding = rounding + np.abs(rows).T @ self._rounding(element, there)
         spread = float(np.max(rounding * sizes)) / sizes
-        return bool(np.all(off <= allowed + CANCELLED * spread))
+        return bool(np.all(off <= allowed + TOLERANCES.force_change_rounding * spread))
 
     def _same_to_rounding(self, element: Acting, here: State, there: State, T: Array) -> bool:
         """Whether Tᵀ F(there) = F(here) to rounding, which is followed through what is written."""
@@ -301,12 +272,12 @@ class ElementComparison:
         F, error = self.bounded(element, here)
         # What leads there is computed to some roundings of what it is computed from.
         spread = State(
-            ROUNDINGS * EPS * (np.abs(there.q) + size @ (np.abs(here.q) + sizes)),
-            ROUNDINGS * EPS * (size @ np.abs(here.u)),
-            ROUNDINGS * EPS * (np.abs(there.a) + size @ np.abs(here.a)),
+            TOLERANCES.roundings_of_comparison * EPS * (np.abs(there.q) + size @ (np.abs(here.q) + sizes)),
+            TOLERANCES.roundings_of_comparison * EPS * (size @ np.abs(here.u)),
+            TOLERANCES.roundings_of_comparison * EPS * (np.abs(there.a) + size @ np.abs(here.a)),
         )
         moved, moved_error = self.bounded(element, there, spread)
-        allowed = error + size.T @ (moved_error + ROUNDINGS * EPS * np.abs(moved))
+        allowed = error + size.T @ (moved_error + TOLERANCES.roundings_of_comparison * EPS * np.abs(moved))
         return bool(np.all(np.abs(F - T.T @ moved) <= allowed))
 
     def bounded(self, element: Acting, state: State, spread: State | None = None) -> tuple[Array, Array]:
@@ -378,13 +349,15 @@ def _general(element: Acting) -> Acting:
     if not element.written:
         return element
     rng = RandomNumbers(len(element.placed.parameters))
-    parameters = tuple(x * (1.0 + OFF * float(rng.uniform(0.5, 1.0))) for x in element.placed.parameters)
+    parameters = tuple(
+        x * (1.0 + TOLERANCES.parameter_offset * float(rng.uniform(0.5, 1.0))) for x in element.placed.parameters
+    )
     return replace(element, placed=replace(element.placed, parameters=parameters))
 
 
 def _on_grid(x: Array, sizes: Array) -> Array:
     """Return numbers with so few digits that sums of them are exact: expressions are compared with many digits."""
-    grid = 2.0 ** (np.floor(np.log2(sizes)) - GRID)
+    grid = 2.0 ** (np.floor(np.log2(sizes)) - TOLERANCES.state_bits)
     result: Array = np.round(x / grid) * grid
     return result
 
@@ -400,7 +373,7 @@ class Digits:
             return FLOAT
         from mpmath import mp
 
-        self.before, mp.dps = mp.dps, DIGITS
+        self.before, mp.dps = mp.dps, TOLERANCES.comparison_digits
         return mpmath_arithmetic()
 
     def __exit__(self, *_: object) -> None:

@@ -20,13 +20,10 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Index, norms
 from mbstab.analysis.algebra.deflation import in_frame
-from mbstab.analysis.reference.motion import TOLERANCE
 from mbstab.analysis.reference.steady import Family, Generator, declared_family
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.records import dataclass
-
-DEPENDENT = 1e-7
-"""A row repeats others if less than this part of it is independent of them."""
 
 
 @dataclass(frozen=True)
@@ -114,10 +111,10 @@ class Balance:
         state = system.dynamics(q, np.zeros(system.n_q))
         J = state.J * self.sizes
         lengths = self._lengths(state.J)
-        if np.max(np.abs(state.E[: system.n_h] / lengths[: system.n_h]), initial=0.0) > TOLERANCE:
+        if np.max(np.abs(state.E[: system.n_h] / lengths[: system.n_h]), initial=0.0) > TOLERANCES.residual:
             return np.arange(system.n_c)
         left, s, _ = np.linalg.svd(J / lengths[:, None])
-        dependences = left[:, int(np.sum(s > DEPENDENT)) :]
+        dependences = left[:, int(np.sum(s > TOLERANCES.row_independent_part)) :]
         kept = np.ones(system.n_c, dtype=bool)
         for _ in range(dependences.shape[1]):
             # Without the row that weighs most in a dependence the others are as independent as can be.

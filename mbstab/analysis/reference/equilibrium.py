@@ -26,34 +26,19 @@ from mbstab.analysis.reference.efforts import Acted, Placement, efforts
 from mbstab.analysis.reference.equations import Balance, State
 from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.reference.guard import coefficients
-from mbstab.analysis.reference.motion import (
-    CHART_WARNING,
-    ROUNDING,
-    TOLERANCE,
-    Finder,
-    Motion,
-    force_change,
-)
+from mbstab.analysis.reference.motion import Finder, Motion, force_change
 from mbstab.analysis.reference.newton import Search, Stalled, newton_step
 from mbstab.analysis.reference.reactions import Reaction, reactions
 from mbstab.analysis.reference.rotation import orientation
 from mbstab.analysis.reference.steady import Family, Generator, declared_family, detected
 from mbstab.analysis.reference.symmetries import symmetries
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, UsageError, counted
 from mbstab.model.schema import is_length, unit_of
 from mbstab.records import dataclass
 
 STRATEGIES = ("Newton", "relaxation", "spin-up")
-
-AWAY = 10.0
-"""A search that ends more than so many sizes of the scene, or rad, from where it started ran off."""
-
-OPENED = 1e-6
-"""Constraints are not satisfied above this part of the size of the scene."""
-
-SINGULAR = 1e-7
-"""A direction of the equations whose singular value is this small beside the largest leaves a solution not isolated."""
 
 
 @dataclass(frozen=True)
@@ -228,7 +213,7 @@ class Problem:
         at = _tidied(search, at)
         finder = Finder(self.system)
         finder.solved = [name for name, held in zip(self.system.names, self.held, strict=True) if not held]
-        if not (np.all(np.abs(at.residual) <= TOLERANCE) and self._closed(at) and self._weighed(search, at)):
+        if not (np.all(np.abs(at.residual) <= TOLERANCES.residual) and self._closed(at) and self._weighed(search, at)):
             raise self._failure(search, at)
         self._require_rates(search, at)
         try:
@@ -259,7 +244,7 @@ class Problem:
     def _closed(self, at: State) -> bool:
         """Whether a state satisfies all rows, those that repeat others included."""
         dynamics = self.system.dynamics(at.q, at.u)
-        allowed = TOLERANCE * np.abs(dynamics.J) @ self.finder.sizes + 1e-300
+        allowed = TOLERANCES.residual * np.abs(dynamics.J) @ self.finder.sizes + 1e-300
         fastest = float(np.max(np.abs(at.u / self.finder.sizes), initial=0.0))
         n_h = self.system.n_h
         good = np.all(np.abs(dynamics.E[:n_h]) <= allowed[:n_h])
@@ -272,8 +257,12 @@ class Problem:
         transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])
         loads = (self.system.loads(at.q, at.u, at.a) + transmitted) * sizes
         # Where all loads vanish, forces are what the rounding of coordinates makes of them.
-        rounding = ROUNDING * force_change(self.system, (at.q, at.u, at.a, at.nu), sizes, sizes)
-        return bool(np.all(left <= TOLERANCE * loads + min(max(rounding, 1e-14 * energy), TOLERANCE * energy)))
+        rounding = TOLERANCES.coordinate_rounding * force_change(self.system, (at.q, at.u, at.a, at.nu), sizes, sizes)
+        return bool(
+            np.all(
+                left <= TOLERANCES.residual * loads + min(max(rounding, 1e-14 * energy), TOLERANCES.residual * energy)
+            )
+        )
 
     def _require_rates(self, search: Search, at: State) -> None:
         """Refuse a steady motion some of whose rates could be anything.
@@ -378,7 +367,7 @@ class Problem:
             name, left = self.system.names[worst], f"{abs(float(force[worst])):.4g} {unit}"
             ways = np.abs(state.q - self.start) / self.finder.sizes
             far = int(np.argmax(ways))
-            if ways[far] > AWAY:
+            if ways[far] > TOLERANCES.search_ran_off:
                 there = f"{self.system.names[far]} = {state.q[far]:.6g} {unit_of(self.system.names[far])}"
                 lines.append(f"the search ran off to {there} without a balance of forces: {left} unbalanced on {name}")
             else:
@@ -392,7 +381,7 @@ class Problem:
         flat = [
             body.name
             for body, part in zip(self.scene.bodies, self.system.body_slices, strict=True)
-            if len(body.coordinates) == 6 and abs(math.cos(state.q[part.start + 4])) < CHART_WARNING
+            if len(body.coordinates) == 6 and abs(math.cos(state.q[part.start + 4])) < TOLERANCES.euler_cosine_warned
         ]
         if flat:
             lines.append(f"the Euler angles of {', '.join(map(repr, flat))} are singular there")
@@ -407,7 +396,7 @@ class Problem:
         """Return the constraint that is not satisfied where a search ended, and a hint."""
         n, n_h = self.system.n_q, search.balance.n_h
         gap = np.abs(state.residual[n : n + n_h])
-        if not len(gap) or float(np.max(gap)) <= OPENED:
+        if not len(gap) or float(np.max(gap)) <= TOLERANCES.gap_of_constraints:
             return None
         row = self.system.rows[search.balance.rows[int(np.argmax(gap))]]
         hint = "correct the lengths, or give starting values under reference.guess"
@@ -435,13 +424,13 @@ class Problem:
         """Return a state that satisfies the constraints on positions, if there is one near this one or the start."""
         rows = slice(self.system.n_q, self.system.n_q + search.balance.n_h)
         for start in (state.q, self.start):
-            if np.max(np.abs(state.residual[rows]), initial=0.0) <= OPENED:
+            if np.max(np.abs(state.residual[rows]), initial=0.0) <= TOLERANCES.gap_of_constraints:
                 break
             try:
                 closed = search.state(start if self.held.all() else self.finder.assemble(start, ~self.held), state.c)
             except FAILURES:
                 continue
-            state = closed if np.max(np.abs(closed.residual[rows])) <= OPENED else state
+            state = closed if np.max(np.abs(closed.residual[rows])) <= TOLERANCES.gap_of_constraints else state
         return state
 
     def _moving_row(self, state: State) -> str:
@@ -519,7 +508,7 @@ def _open_directions(search: Search, at: State, known: list[Symmetry]) -> list[s
 def _loose(balance: Balance, at: State) -> Array:
     """Return the directions of [Δq; Δc], as columns, that leave everything in balance."""
     _, s, right = np.linalg.svd(_reduced(balance, at))
-    rank = int(np.sum(s > SINGULAR * max(float(s[0]), 1e-300))) if len(s) else 0
+    rank = int(np.sum(s > TOLERANCES.isolated_singular_value * max(float(s[0]), 1e-300))) if len(s) else 0
     null: Array = right[rank:].T
     return null
 

@@ -11,11 +11,9 @@ import numpy as np
 from mbstab.analysis.algebra.sparse import nothing, unchanged, with_block
 from mbstab.analysis.reference.rotation import euler_angles, orientation, rate_matrix, rotation_matrix
 from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
-
-ANGLE = 0.7
-"""Turns (rad), and shifts in sizes of the scene, by which elements are tried."""
 
 
 class Field(Protocol):
@@ -97,10 +95,10 @@ class OwnTurn:
 
     def moved(self, q: Array) -> tuple[Array, Any]:  # noqa: D102
         angle, places = self.part.stop - 1, slice(self.part.start, self.part.stop - 1)
-        before, after = self._lever(q[angle]), self._lever(q[angle] + ANGLE)
+        before, after = self._lever(q[angle]), self._lever(q[angle] + TOLERANCES.trial_move)
         new, block = q.copy(), np.eye(angle + 1 - self.part.start)
         new[places] += before - after
-        new[angle] += ANGLE
+        new[angle] += TOLERANCES.trial_move
         block[:-1, -1] = np.array([-before[1], before[0]]) - np.array([-after[1], after[0]])
         return new, with_block(unchanged(len(q)), self.part, block)
 
@@ -144,7 +142,9 @@ class Spin:
 
     def moved(self, q: Array) -> tuple[Array, Any]:  # noqa: D102
         old = q[self.angles]
-        new = euler_angles(self.body, orientation(self.body, old) @ rotation_matrix(self.axis, ANGLE), old)
+        new = euler_angles(
+            self.body, orientation(self.body, old) @ rotation_matrix(self.axis, TOLERANCES.trial_move), old
+        )
         result = q.copy()
         result[self.angles] = new
         turn: Array = np.asarray(np.linalg.solve(rate_matrix(self.body, new), rate_matrix(self.body, old)), dtype=float)

@@ -12,20 +12,12 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
 from mbstab.analysis.reference.dependencies import names_in
-from mbstab.analysis.reference.motion import ROUNDING, TOLERANCE, Motion, motion_at, unbalance
+from mbstab.analysis.reference.motion import Motion, motion_at, unbalance
 from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ConstraintError, MbstabError, ModelFileError, percent
 from mbstab.model.schema import is_length
-
-GUARD_TOLERANCE = 1e-8
-"""Coefficients that change less than this along the motion, relative to their size, count as constant."""
-
-LITTLE = 1e-3
-"""A change below this is told with the least one that counts."""
-
-TURN = 0.3
-"""The coefficients are compared after a turn by this angle (rad) and a travel by this part of the scene's size."""
 
 
 def coefficients(system: System, motion: Motion, frozen: bool = False) -> tuple[float, Generator | None, Matrices]:
@@ -59,11 +51,11 @@ def coefficients(system: System, motion: Motion, frozen: bool = False) -> tuple[
         variation = _variation(system, motion, matrices, generator)
         if best is None or variation < best[0]:
             best = variation, generator, matrices
-        if variation <= GUARD_TOLERANCE:
+        if variation <= TOLERANCES.variation_along_motion:
             break
     assert best is not None
     variation, generator, matrices = best
-    if variation > GUARD_TOLERANCE:
+    if variation > TOLERANCES.variation_along_motion:
         if motion.declared and not frozen:
             raise _asymmetric(system, motion, variation)
         # Nothing makes the coefficients constant: the plain equations are shown.
@@ -97,7 +89,12 @@ def _followed(
     )
     spin = float(np.max(np.abs(generator.spins), initial=0.0))
     fastest = max(rate, speed, spin)
-    times = [part * TURN / x for x in (rate, speed, spin) if x > ROUNDING * fastest for part in (1.0, 3.0)]
+    times = [
+        part * TOLERANCES.guard_turn / x
+        for x in (rate, speed, spin)
+        if x > TOLERANCES.coordinate_rounding * fastest
+        for part in (1.0, 3.0)
+    ]
     times += _law_times(system, motion, matrices)
     for time in times:
         q, T = generator.flow(motion.q, time)
@@ -117,7 +114,7 @@ def _followed(
 def _left_rows(system: System, motion: Motion, q: Array, u: Array, time: float) -> list[str]:
     """Return the owners of constraint rows that a state does not satisfy."""
     state = system.dynamics(q, u, motion.time + time)
-    allowed = TOLERANCE * np.abs(state.J) @ motion.sizes
+    allowed = TOLERANCES.residual * np.abs(state.J) @ motion.sizes
     fastest = float(np.max(np.abs(u / motion.sizes)))
     bad = [i for i in range(system.n_h) if abs(state.E[i]) > allowed[i]]
     bad += [i for i in range(system.n_c) if abs(state.V[i]) > allowed[i] * fastest]
@@ -142,7 +139,7 @@ def _moved(system: System, motion: Motion) -> Iterator[Motion]:
     for kind in (~lengths, lengths):
         rate = float(np.max(np.abs(u / motion.sizes)[kind], initial=0.0))
         if rate > 0.0:
-            time = TURN / rate
+            time = TOLERANCES.guard_turn / rate
             yield motion_at(system, motion.q + time * u + 0.5 * time * time * a, u + time * a, motion.time + time)
 
 
@@ -169,7 +166,11 @@ def _asymmetric(system: System, motion: Motion, variation: float) -> ModelFileEr
     """Return the error about a declared steady motion whose scene does not have the symmetry."""
     generator, scene = motion.generators[0], system.scene
     names = breaking(system, motion, generator)
-    least = f", where {percent(GUARD_TOLERANCE)} is allowed" if variation < LITTLE else ""
+    least = (
+        f", where {percent(TOLERANCES.variation_along_motion)} is allowed"
+        if variation < TOLERANCES.variation_told
+        else ""
+    )
     change = (
         f"change by {percent(variation)} along it{least}" if math.isfinite(variation) else "cannot be followed along it"
     )
@@ -186,7 +187,7 @@ def _asymmetric(system: System, motion: Motion, variation: float) -> ModelFileEr
 
 def breaking(system: System, motion: Motion, generator: Generator) -> list[str]:
     """Return the entries of a scene whose equations a symmetry does not carry into themselves."""
-    time = TURN / abs(generator.rate) if generator.turns else 1.0
+    time = TOLERANCES.guard_turn / abs(generator.rate) if generator.turns else 1.0
     rng = RandomNumbers(7)
     scale = motion.spaces.scale
     found = []
@@ -204,7 +205,7 @@ def breaking(system: System, motion: Motion, generator: Generator) -> list[str]:
                 J, J_after = (x[rows] * motion.sizes for x in (before.J, after.J @ T))
                 lengths = np.linalg.norm(J, axis=1) + 1e-300
                 both = np.vstack([J, J_after]) / np.concatenate([lengths, lengths])[:, None]
-                rank = np.linalg.matrix_rank(both[: len(rows)], tol=TOLERANCE)
+                rank = np.linalg.matrix_rank(both[: len(rows)], tol=TOLERANCES.residual)
                 shift = np.abs(after.E[rows] / lengths)
                 worst = max(float(np.linalg.svd(both, compute_uv=False)[rank:].max(initial=0.0)), float(shift.max()))
                 size = 1.0
@@ -229,7 +230,7 @@ def _change(system: System, motion: Motion, now: Matrices, then: Matrices, time:
     C, D = J[: system.n_h], J[system.n_h :]
     # The same motions must be allowed.
     turned = float(max(np.max(np.abs(x), initial=0.0) for x in (C @ spaces.N, D @ spaces.N @ spaces.Z)))
-    if turned > ROUNDING:
+    if turned > TOLERANCES.coordinate_rounding:
         return turned
     n = spaces.N.shape[1]
     A, B = (deflated(spaces, matrices)[0] for matrices in (now, then))
@@ -242,6 +243,6 @@ def _change(system: System, motion: Motion, now: Matrices, then: Matrices, time:
         (np.s_[n:, n:], 1.0 / time),
     ):
         difference = float(np.max(np.abs(B[block] - A[block]), initial=0.0))
-        if difference > ROUNDING * natural:
+        if difference > TOLERANCES.coordinate_rounding * natural:
             worst = max(worst, difference / float(np.max(np.maximum(np.abs(A[block]), np.abs(B[block])))))
     return worst

@@ -25,33 +25,12 @@ from mbstab.analysis.algebra.sparse_rank import last_rows
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.steady import Family, Generator
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, amount
 from mbstab.model.schema import is_length
 from mbstab.model.units import parse_unit
 from mbstab.records import dataclass
-
-TOLERANCE = 1e-9
-"""A reference satisfies its constraints if the residuals are below this, relative to the sizes in the scene."""
-
-EQUILIBRIUM_TOLERANCE = 1e-8
-"""At rest, the unbalanced forces may be this large relative to the forces that balance."""
-
-ROUNDING = 100.0 * float(np.finfo(float).eps)
-"""Coordinates are known to this, relative to the sizes in the scene."""
-
-REFINEMENTS = 3
-"""Steps in which accelerations and multipliers are found; the first leaves small ones wrong beside large ones."""
-
-CURVATURE_TOLERANCE = 1e-7
-"""Rows that depend on each other do so nearby if their curvatures cancel to this."""
-
-MANY_ROWS = 400
-"""From so many rows on their curvatures are not looked at one by one."""
-
-CHART_ERROR = 1e-6
-CHART_WARNING = 0.02
-NEWTON_STEPS = 60
 
 
 @dataclass(frozen=True)
@@ -162,7 +141,7 @@ class Finder:
             self.check_chart(q, np.zeros(len(q), dtype=bool))
         self.solved += [n for n, lacks in zip(system.names, missing, strict=True) if lacks]
         state = system.dynamics(q, np.zeros(system.n_q), scene.time)
-        allowed = TOLERANCE * abs(state.J) @ self.sizes
+        allowed = TOLERANCES.residual * abs(state.J) @ self.sizes
         bad = [i for i in range(system.n_h) if not abs(state.E[i]) <= allowed[i] + 1e-300]
         hint = "correct the values, or leave out those that the constraints determine"
         if missing.any():
@@ -185,10 +164,10 @@ class Finder:
             hint = (
                 "give the body another base rotation with axes: [phi, theta, psi], so that theta stays away from ±pi/2"
             )
-            if distance < CHART_ERROR:
+            if distance < TOLERANCES.euler_cosine_refused:
                 message = f"the Euler angles of {body.name!r} are singular here: |cos theta| = {amount(distance)}"
                 problems.append(self.document.problem(body.location, f"bodies.{body.name}", message, hint))
-            elif distance < CHART_WARNING:
+            elif distance < TOLERANCES.euler_cosine_warned:
                 self.warnings.append(
                     f"the Euler angles of body {body.name!r} are close to singular: "
                     f"|cos theta| = {amount(distance)}; {hint}"
@@ -208,7 +187,7 @@ class Finder:
             return found.E[:n_h] / lengths, J / lengths[:, None]
 
         E, J = state(q)
-        for _ in range(NEWTON_STEPS):
+        for _ in range(TOLERANCES.newton_steps_onto_constraints):
             step = np.zeros(len(q))
             step[columns] = np.linalg.lstsq(J[:, columns], -E, rcond=1e-12)[0] * sizes[columns]
             if not np.any(step):
@@ -245,7 +224,7 @@ class Finder:
         state = system.dynamics(q, u, scene.time)
         if len(columns) and system.n_c:
             # The rows may be nonlinear in the rates; one step solves linear rows.
-            for _ in range(NEWTON_STEPS):
+            for _ in range(TOLERANCES.newton_steps_onto_constraints):
                 if not np.any(state.V):
                     break
                 step = np.linalg.lstsq(state.J[:, columns] * sizes[columns], -state.V, rcond=1e-12)[0] * sizes[columns]
@@ -270,7 +249,7 @@ class Finder:
         """Refuse rates that do not satisfy the constraints."""
         system = self.system
         fastest = float(np.max(np.abs(u / self.sizes), initial=0.0))
-        allowed = TOLERANCE * abs(state.J) @ (self.sizes * fastest)
+        allowed = TOLERANCES.residual * abs(state.J) @ (self.sizes * fastest)
         bad = [i for i in range(system.n_c) if not abs(state.V[i]) <= allowed[i] + 1e-300]
         hint = "correct the rates, or leave out those that the constraints determine"
         self._fail([self._residual(i, state.V[i], "/s" if i < system.n_h else "", hint) for i in bad])
@@ -278,8 +257,10 @@ class Finder:
     def _check_determined(self, J: Array, columns: npt.NDArray[np.intp], speeds: Array) -> None:
         """Refuse rates that were left out although the constraints leave a choice that changes the motion."""
         lengths = np.linalg.norm(J, axis=1)
-        free = np.linalg.norm(rank_of(J[lengths > 0.0] / lengths[lengths > 0.0, None]).null, axis=1) > TOLERANCE
-        moving = np.abs(speeds[columns]) > TOLERANCE * np.max(np.abs(speeds), initial=0.0)
+        free = (
+            np.linalg.norm(rank_of(J[lengths > 0.0] / lengths[lengths > 0.0, None]).null, axis=1) > TOLERANCES.residual
+        )
+        moving = np.abs(speeds[columns]) > TOLERANCES.residual * np.max(np.abs(speeds), initial=0.0)
         if np.any(free & moving):
             names = ", ".join(self.system.names[i] for i in columns[free])
             message = f"the constraints do not determine the rates of {names}"
@@ -310,7 +291,7 @@ class Finder:
         basis = family.basis(q)
         given = [i for i, name in enumerate(system.names) if name in scene.rates]
         rates = np.array([scene.rates[system.names[i]] for i in given], dtype=float)
-        for _ in range(NEWTON_STEPS if free else 0):
+        for _ in range(TOLERANCES.newton_steps_onto_constraints if free else 0):
             u = basis @ c
             state = system.dynamics(q, u, scene.time)
             columns = np.vstack([state.J @ basis[:, free], basis[np.ix_(given, free)]])
@@ -322,7 +303,9 @@ class Finder:
                 break
         if free:
             rank = rank_of(columns * weights[:, None] / np.max(np.abs(columns * weights[:, None]), initial=1e-300))
-            open_ = [family.names()[free[k]] for k in np.flatnonzero(np.linalg.norm(rank.null, axis=1) > TOLERANCE)]
+            open_ = [
+                family.names()[free[k]] for k in np.flatnonzero(np.linalg.norm(rank.null, axis=1) > TOLERANCES.residual)
+            ]
             if open_:
                 message = f"the constraints do not determine {', '.join(open_)} of the steady motion"
                 self._fail([self._at_reference(message, "give it under reference; 0 for what does not turn")])
@@ -332,7 +315,7 @@ class Finder:
         fastest = float(np.max(np.abs(u / self.sizes), initial=0.0))
         problems = []
         for i, rate in zip(given, rates, strict=True):
-            if abs(u[i] - rate) > TOLERANCE * self.sizes[i] * max(fastest, abs(rate) / self.sizes[i]):
+            if abs(u[i] - rate) > TOLERANCES.residual * self.sizes[i] * max(fastest, abs(rate) / self.sizes[i]):
                 unit = "m/s" if self.is_length[i] else "rad/s"
                 message = f"the rate of {system.names[i]} is given as {rate:.6g} {unit}, "
                 message += f"the steady motion ({generator}) has {u[i]:.6g} {unit}"
@@ -380,7 +363,7 @@ class Finder:
             self._check_constant_rank(q, u, time, spaces)
             self.warnings += [f"redundant constraint: {item}" for item in redundant]
             misfit = max(spaces.C.largest_dropped, spaces.W.largest_dropped)
-            if misfit > ROUNDING:
+            if misfit > TOLERANCES.coordinate_rounding:
                 self.warnings.append(
                     f"the redundant rows repeat the others to {amount(misfit)} only; smaller than "
                     f"{ALGEBRA.singular_value_zero:g}, this is taken for rounding in the file, not for a constraint"
@@ -431,7 +414,7 @@ class Finder:
             return
         worst = int(np.argmax(np.abs(excess / scale)))
         name = self.system.names[worst]
-        if np.linalg.norm(allowed[worst]) >= ROUNDING:
+        if np.linalg.norm(allowed[worst]) >= TOLERANCES.coordinate_rounding:
             force = motion.dynamics.F0 + motion.dynamics.M @ expected
             load = -(allowed @ (allowed.T @ (force * scale)))[worst] / scale[worst]
             self.refuse_unbalanced(worst, float(excess[worst]), float(load), "" if motion.at_rest else str(steady))
@@ -476,14 +459,20 @@ class Finder:
             return scaled(self.system.linearize(q, u, zero, nu, time)[0] - straight, spaces.scale, spaces.scale)
 
         # Where rows are straight, what is left of their curvatures is rounding.
-        sample = np.eye(n_h) if n_h < MANY_ROWS else np.random.default_rng(3).choice([-1.0, 1.0], (4, n_h))
+        sample = (
+            np.eye(n_h)
+            if n_h < TOLERANCES.curvatures_together_from
+            else np.random.default_rng(3).choice([-1.0, 1.0], (4, n_h))
+        )
         rounding = 1e-12 * max((largest(curvature(row)) for row in sample), default=0.0)
         left = spaces.C.left_null
-        for combination in left.T if n_h < MANY_ROWS else [weights for _, weights in last_rows(left)]:
+        for combination in (
+            left.T if n_h < TOLERANCES.curvatures_together_from else [weights for _, weights in last_rows(left)]
+        ):
             total = largest(congruent(curvature(combination), spaces.N))
             acting = np.flatnonzero(np.abs(combination) > 1e-9 * np.max(np.abs(combination)))
             single = max(largest(curvature(combination * (np.arange(n_h) == i))) for i in acting)
-            if total > max(CURVATURE_TOLERANCE * single, rounding):
+            if total > max(TOLERANCES.curvature_of_dependent_rows * single, rounding):
                 weights = np.abs(combination)
                 names = [str(self.system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
                 raise ConstraintError(singular_configuration(total / single, names))
@@ -523,7 +512,9 @@ def unbalance_at(
     gravity = float(np.linalg.norm(scene.gravity))
     weights = [math.sqrt(float(body.mass)) * gravity for body in scene.bodies]
     balancing = max(float(np.max(np.abs(force * scale))), *weights)
-    return EQUILIBRIUM_TOLERANCE * balancing + ROUNDING * force_change(system, at, sizes, scale, time)
+    return TOLERANCES.unbalance * balancing + TOLERANCES.coordinate_rounding * force_change(
+        system, at, sizes, scale, time
+    )
 
 
 def force_change(
@@ -535,7 +526,7 @@ def force_change(
     """
     q, u, a, nu = at
     K, R, _ = system.linearize(q, u, a, nu, time)
-    beside, _, _ = system.linearize(q + ROUNDING * sizes, u, a, nu, time)
+    beside, _, _ = system.linearize(q + TOLERANCES.coordinate_rounding * sizes, u, a, nu, time)
     if largest(beside - K) > 0.01 * largest(K):
         return 0.0
     return float(np.max((abs(K) @ sizes + abs(R) @ np.abs(u)) * scale))
@@ -545,7 +536,7 @@ def _balance(M: Array, J: Array, inverse: Array, allowed: Array, force: Array, b
     """Return a and ν with M a + Jᵀ ν = force and J a = −bias, where `allowed` spans the a with J a = 0."""
     M_z = allowed.T @ M @ allowed
     a, nu = np.zeros(len(force)), np.zeros(len(bias))
-    for _ in range(REFINEMENTS):
+    for _ in range(TOLERANCES.balance_refinements):
         missing = difference(force, (M, a), (J.T, nu))
         step = -inverse @ (bias + J @ a)
         if M_z.size:

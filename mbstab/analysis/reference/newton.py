@@ -9,39 +9,10 @@ import numpy as np
 
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.reference.equations import Balance, State
-from mbstab.analysis.reference.motion import (
-    NEWTON_STEPS,
-    Finder,
-    force_change,
-)
+from mbstab.analysis.reference.motion import Finder, force_change
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError
-
-REACH = 0.5
-"""No step is longer than this part of the size of the scene, or this angle (rad) …"""
-
-LINEAR, LONGER = 0.4, 10.0
-"""… but longer where those before came out as the derivatives say: to this part of the change at most, as far as the
-last one tells, and so many times longer than that one."""
-
-CONVERGED = 1e-9
-"""Residuals below this, relative to what balances, are polished by undamped steps until they stop falling."""
-
-SETTLED = 0.01
-"""Where forces balance, the next step is no longer than this part of the size of the scene, or this angle (rad)."""
-
-PATIENCE = 12
-"""Newton's method goes on while it halves the residuals in so many steps."""
-
-NEAR = 1e-3
-"""A relaxed motion is handed to Newton's method where residuals are below this; if that fails, at a tenth of them."""
-
-RELAXATION_STEPS = 200
-
-SPIN_UP_STEPS = 40
-
-SLIGHT = 1e-5
-"""Where no force acts, those are the scale that a move by this part of the size of the scene brings about."""
 
 
 class Stalled(Exception):
@@ -94,15 +65,19 @@ class Search:
 
     def newton(self, at: State) -> State:
         """Return the solution that damped steps lead to."""
-        damping, reach, longest = 0.0, REACH, 0.0
+        damping, reach, longest = 0.0, TOLERANCES.newton_reach, 0.0
         if self.best is None:
             self.best = at
         sizes: list[float] = []
-        for _ in range(NEWTON_STEPS):
+        for _ in range(TOLERANCES.newton_steps_onto_constraints):
             # How many steps polish a solution depends on the machine.
-            self.iterations += at.size > CONVERGED
+            self.iterations += at.size > TOLERANCES.newton_residual_polished
             sizes.append(at.size)
-            if len(sizes) > PATIENCE and at.size > CONVERGED and at.size > 0.5 * sizes[-1 - PATIENCE]:
+            if (
+                len(sizes) > TOLERANCES.newton_steps_to_halve
+                and at.size > TOLERANCES.newton_residual_polished
+                and at.size > 0.5 * sizes[-1 - TOLERANCES.newton_steps_to_halve]
+            ):
                 break
             G, moving = self.balance.jacobian(at), self.balance.moving
             accepted = None
@@ -117,10 +92,13 @@ class Search:
                         # Balance may be far away: as far as forces are linear the step may be long.
                         change = G @ bounded
                         off = float(np.linalg.norm(trial.residual - at.residual - change))
-                        trusted = LINEAR * float(np.linalg.norm(change))
-                        reach = max(REACH, reach * min(LONGER, trusted / max(off, 1e-300)))
+                        trusted = TOLERANCES.newton_trusted_nonlinearity * float(np.linalg.norm(change))
+                        reach = max(
+                            TOLERANCES.newton_reach,
+                            reach * min(TOLERANCES.newton_reach_growth, trusted / max(off, 1e-300)),
+                        )
                     damping = 0.0 if damping < 1e-6 else damping * 0.1
-                elif at.size < CONVERGED and longest <= SETTLED:
+                elif at.size < TOLERANCES.newton_residual_polished and longest <= TOLERANCES.newton_step_settled:
                     return at
                 else:
                     damping = max(4.0 * damping, 1e-4)
@@ -129,7 +107,7 @@ class Search:
             at = accepted
             if self.best is None or at.size < self.best.size:
                 self.best = at
-        if at.size < CONVERGED and longest <= SETTLED:
+        if at.size < TOLERANCES.newton_residual_polished and longest <= TOLERANCES.newton_step_settled:
             return at
         raise Stalled(at)
 
@@ -141,12 +119,12 @@ class Search:
         G = self.balance.jacobian(at)
         n = len(open_)
         pace = float(np.max(inertia)) / max(float(np.max(np.abs(G[: self.system.n_q, :n]))), 1e-300)
-        near = NEAR
-        for _ in range(RELAXATION_STEPS):
+        near = TOLERANCES.relaxed_residual
+        for _ in range(TOLERANCES.relaxation_steps):
             self.iterations += 1
             G = self.balance.jacobian(at)
             G[open_, np.arange(n)] += inertia[open_] / pace
-            trial = self.tried(at, _bounded(newton_step(G, at.residual, moving, 0.0), moving, REACH))
+            trial = self.tried(at, _bounded(newton_step(G, at.residual, moving, 0.0), moving, TOLERANCES.newton_reach))
             if trial is None or trial.size > 10.0 * at.size:
                 pace *= 0.25
                 if pace < 1e-12:
@@ -166,7 +144,7 @@ class Search:
         self.balance.ramp, reached, stride = 0.0, 0.0, 0.25
         try:
             at = self.started(q, c)
-            for _ in range(SPIN_UP_STEPS):
+            for _ in range(TOLERANCES.spin_up_steps):
                 self.balance.ramp = min(1.0, reached + stride)
                 try:
                     at = self.newton(self.state(at.q, at.c))
@@ -227,7 +205,7 @@ class Search:
         energy = max(energy, float(np.max(self.system.loads(q, u, a) * self.sizes, initial=0.0)))
         # At an equilibrium whose forces vanish one by one, a small move shows how large they are.
         at = q, u, a, np.zeros(self.system.n_c)
-        energy = max(energy, SLIGHT * force_change(self.system, at, self.sizes, self.sizes))
+        energy = max(energy, TOLERANCES.move_scaling_forces * force_change(self.system, at, self.sizes, self.sizes))
         self.balance.energy = energy or 1.0
 
 

@@ -9,18 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.model.schema import Parameter, after_number
 from mbstab.records import dataclass
-
-SAME = 1e-9
-"""Solutions are the same if their parameters differ by less than this part of the range, and their positions do not."""
-
-NEXT = 1e-7
-"""Next to a turn, as a part of the path."""
-
-HALVINGS = 40
-"""Halvings of a part of the path in which a value of the parameter is looked for."""
 
 Values = Mapping[str, Array]
 """Parameters that vary, arrays of shape (points,)."""
@@ -64,7 +56,7 @@ class Path:
         """Return which points lie on the path, shape (points,)."""
         x = values[self.parameter.name]
         lower, upper = float(self.values[0]), float(self.values[-1])
-        room = SAME * (upper - lower)
+        room = TOLERANCES.equal_solutions * (upper - lower)
         # A turn itself is left out: there an eigenvalue is zero.
         low, high = room * self.ended(0), room * self.ended(-1)
         inside: Flags = (x >= lower + low) & (x <= upper - high)
@@ -72,13 +64,13 @@ class Path:
 
     def ended(self, side: int) -> bool:
         """Whether it ends within the range, below (0) or above (−1)."""
-        room = SAME * float(self.values[-1] - self.values[0])
+        room = TOLERANCES.equal_solutions * float(self.values[-1] - self.values[0])
         return any(abs(value - float(self.values[side])) <= room for value, _ in self.ends)
 
     def next_to_ends(self) -> Array:
         """Return values within the path, next to where it ends within the range."""
         lower, upper = float(self.values[0]), float(self.values[-1])
-        room = NEXT * (upper - lower)
+        room = TOLERANCES.turn_neighbourhood * (upper - lower)
         return np.array([end + step for side, end, step in ((0, lower, room), (-1, upper, -room)) if self.ended(side)])
 
     def missing(self, values: Values, i: int) -> str:
@@ -112,7 +104,7 @@ class Path:
         lengths, value, solution = self._interpolants
         k = np.clip(np.searchsorted(self.values, x, side="right") - 1, 0, len(self.values) - 2)
         low, high = lengths[k], lengths[k + 1]
-        for _ in range(HALVINGS):
+        for _ in range(TOLERANCES.parameter_halvings):
             middle = 0.5 * (low + high)
             above = value(middle) > x
             low, high = np.where(above, low, middle), np.where(above, middle, high)

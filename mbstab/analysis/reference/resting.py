@@ -23,28 +23,11 @@ from mbstab.analysis.algebra.sparse import in_sparse
 from mbstab.analysis.algebra.subspaces import Redundancy, coordinate_scale, require_gap
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.coefficients import Matrices
-from mbstab.analysis.reference.motion import CURVATURE_TOLERANCE, ROUNDING, Finder, singular_configuration, unbalance_at
+from mbstab.analysis.reference.motion import Finder, singular_configuration, unbalance_at
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, amount
 from mbstab.records import dataclass
-
-CORRECTIONS = 2
-"""Steps in which the multipliers are corrected."""
-
-MASSLESS = 1e-13
-"""Motions with less mass than this, in scaled coordinates, carry none."""
-
-DRAWN, STEP = 4, 2.0**-22
-"""So often signs of roundings are drawn, and so large they are, relatively, where their effects are looked at."""
-
-ROUNDED = 8.0 * float(np.finfo(float).eps)
-"""Forces and coordinates are rounded by this, relative to the sizes of their terms."""
-
-STRAIGHT = 1e-12
-"""What is smaller than this part of the curvatures of all rows is rounding."""
-
-PROBES = 3
-"""Motions along which dependent rows must not curve."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +105,13 @@ def at_rest(system: System) -> Rest | None:
     kept, rank, warnings = _independent(system, J)
     forms = ConstrainedForms(J[kept])
     M = scaled(state.M, scale, scale)
-    if forms.negatives(M - MASSLESS * abs(M).max() * _identity(system.n_q), ROUNDED * float(abs(M).sum())) != 0:
+    if (
+        forms.negatives(
+            M - TOLERANCES.massless * abs(M).max() * _identity(system.n_q),
+            TOLERANCES.rest_rounding * float(abs(M).sum()),
+        )
+        != 0
+    ):
         return None
     rest = Rest(
         system, q, np.zeros(system.n_c), (), time, finder.sizes, state, scale, row_scale, kept, rank, forms,
@@ -177,7 +166,7 @@ def _redundant(system: System, found: Independent, rows: Any) -> list[str]:
             system.rows[rows[k]] for k in np.flatnonzero(np.abs(combination) > ALGEBRA.row_weight_dependent) if k != i
         ]
         texts.append(f"redundant constraint: {Redundancy(system.rows[rows[i]], tuple(repeats))}")
-    if found.largest_dropped > ROUNDING:
+    if found.largest_dropped > TOLERANCES.coordinate_rounding:
         texts.append(
             f"the redundant rows repeat the others to {amount(found.largest_dropped)} only; smaller than "
             f"{ALGEBRA.singular_value_zero:g}, this is taken for rounding in the file, not for a constraint"
@@ -210,7 +199,7 @@ def _balanced(finder: Finder, rest: Rest, J: Any) -> Rest:
     allowed = _Allowed(rows)
     forces, transposed = force.astype(np.longdouble), rows.T.astype(np.longdouble)
     nu, left = np.zeros(len(rest.kept), dtype=np.longdouble), force
-    for _ in range(1 + CORRECTIONS):
+    for _ in range(1 + TOLERANCES.multiplier_corrections):
         nu = nu - allowed.split(left)[1]
         left = np.asarray(forces + transposed @ nu, dtype=float)
     multipliers = np.zeros(system.n_c)
@@ -233,14 +222,21 @@ def _displaced(rest: Rest, allowed: _Allowed) -> tuple[Matrices, ...]:
     terms = system.terms(rest.q, still, still, rest.nu, rest.time)
     loads, unsure = terms["F"] + terms["J"].T @ np.abs(rest.nu), _unsure(rest)
     here, rng, found = matrices(rest.q, rest.nu, rest.dynamics), np.random.default_rng(23), []
-    for _ in range(DRAWN):
+    for _ in range(TOLERANCES.drawn_roundings):
         signs, others = rng.choice((-1.0, 1.0), size=(2, system.n_q))
-        q = rest.q + STEP * signs * unsure
+        q = rest.q + TOLERANCES.drawn_rounding_size * signs * unsure
         at = system.dynamics(q, still, rest.time)
-        left = (at.F0 + at.J.T @ rest.nu + STEP * others * loads) * scale
+        left = (at.F0 + at.J.T @ rest.nu + TOLERANCES.drawn_rounding_size * others * loads) * scale
         nu = rest.nu.copy()
         nu[rest.kept] -= allowed.split(left)[1] * rest.row_scale[rest.kept]
-        found.append(Matrices(*((x - y) * (ROUNDED / STEP) for x, y in zip(matrices(q, nu, at), here, strict=True))))
+        found.append(
+            Matrices(
+                *(
+                    (x - y) * (TOLERANCES.rest_rounding / TOLERANCES.drawn_rounding_size)
+                    for x, y in zip(matrices(q, nu, at), here, strict=True)
+                )
+            )
+        )
     return tuple(found)
 
 
@@ -284,7 +280,9 @@ def _check_constant_rank(rest: Rest, J: Any) -> None:
     if not len(dropped):
         return
     left_null = independent_rows(J[: system.n_h]).left_null
-    probes = _Allowed(J[rest.kept]).split(np.random.default_rng(9).normal(size=(system.n_q, PROBES)))[0]
+    probes = _Allowed(J[rest.kept]).split(
+        np.random.default_rng(9).normal(size=(system.n_q, TOLERANCES.curvature_probes))
+    )[0]
 
     def along(matrix: Any, x: Array) -> Array:
         result: Array = x.T @ (scaled(matrix, rest.scale, rest.scale) @ x)
@@ -292,12 +290,12 @@ def _check_constant_rank(rest: Rest, J: Any) -> None:
 
     every = np.where(np.arange(system.n_c) < system.n_h, rest.row_scale, 0.0)
     # Where rows are straight, what is left of their curvatures is rounding.
-    rounding = STRAIGHT * along(curvature_sizes(rest, every), np.abs(probes))
+    rounding = TOLERANCES.curvature_rounding * along(curvature_sizes(rest, every), np.abs(probes))
     for combination in left_null.T:
         nu = np.zeros(system.n_c)
         nu[: system.n_h] = combination * rest.row_scale[: system.n_h]
         total, single = np.abs(along(stiffness_of(rest, nu), probes)), along(curvature_sizes(rest, nu), np.abs(probes))
-        if np.any(total > np.maximum(CURVATURE_TOLERANCE * single, rounding)):
+        if np.any(total > np.maximum(TOLERANCES.curvature_of_dependent_rows * single, rounding)):
             weights = np.abs(combination)
             names = [str(system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
             raise ConstraintError(singular_configuration(float(np.max(total / single)), names))

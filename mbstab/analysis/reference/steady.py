@@ -26,12 +26,10 @@ from mbstab.analysis.reference.rotation import (
     rotation_matrix,
     turning_rates,
 )
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.model.scene import BodyValues
 from mbstab.records import dataclass
-
-FIT = 1e-9
-"""Speeds follow a generator if they differ from it by less than this, relative to the largest."""
 
 
 @dataclass(frozen=True)
@@ -277,8 +275,11 @@ def detected(system: System, q: Array, u: Array, sizes: Array) -> list[Generator
             basis = family.basis(q) / sizes[:, None]
             c = np.asarray(np.linalg.lstsq(basis, u / sizes, rcond=1e-12)[0], dtype=np.float64)
             fast = float(np.max(np.abs(u / sizes)))
-            if np.max(np.abs(basis @ c - u / sizes)) <= FIT * fast and abs(c[0]) > FIT * fast:
-                c[np.abs(c) < FIT * np.max(np.abs(c))] = 0.0
+            if (
+                np.max(np.abs(basis @ c - u / sizes)) <= TOLERANCES.generator_misfit * fast
+                and abs(c[0]) > TOLERANCES.generator_misfit * fast
+            ):
+                c[np.abs(c) < TOLERANCES.generator_misfit * np.max(np.abs(c))] = 0.0
                 found.append(centered(family.generator(c)))
                 break
     return found

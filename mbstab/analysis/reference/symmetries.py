@@ -20,43 +20,14 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.sparse import is_sparse, put, unchanged
-from mbstab.analysis.reference.element_comparison import (
-    CANCELLED,
-    CARRIED,
-    DIGITS,
-    EPS,
-    EXACT,
-    ON_ROWS,
-    ROUNDINGS,
-    Digits,
-    State,
-    numbers,
-    steps_are_exact,
-    with_errors,
-)
-from mbstab.analysis.reference.fields import ANGLE, Combination, Field, Shift, Symmetry, Turn
+from mbstab.analysis.reference.element_comparison import EPS, Digits, State, numbers, steps_are_exact, with_errors
+from mbstab.analysis.reference.fields import Combination, Field, Shift, Symmetry, Turn
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetry_candidates import UNEVEN, SymmetryCandidates, echelon, in_whole_numbers, short
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Acting, Array, System
 from mbstab.errors import MbstabError
-
-SEEMS = 1e-7
-"""Work along combinations of symmetries that is smaller than this is looked at more closely."""
-
-
-FIRST_ORDER = 1e-6
-"""What constraints do not allow to first order is not tried."""
-
-INDEPENDENT = 1e-8
-"""Field are independent if the smallest of their singular values, of unit vectors, is larger than this."""
-
-
-PARTS = (1.0, 2.0**-20, 2.0**-40)
-"""Parts of a step: functions may be flat but for a narrow range."""
-
-SPEEDS = (0.3, -1.0, 3.0, 1e-3, -1e-6, 1e-9, -1e-12)
-"""Speeds along symmetries, in rates of the scene, at which what rests is tried."""
 
 
 def symmetries(system: System, motion: Motion) -> list[Symmetry]:
@@ -102,7 +73,7 @@ class Invariance(SymmetryCandidates):
             room[count] = vector / length
             # What has nothing in common with those before is independent of them: of many free bodies, most.
             apart = not np.any(room[:count] @ room[count])
-            if apart or np.linalg.svd(room[: count + 1], compute_uv=False)[-1] > INDEPENDENT:
+            if apart or np.linalg.svd(room[: count + 1], compute_uv=False)[-1] > TOLERANCES.independent_fields:
                 found.append(Symmetry(name, direction, rate, field))
         return found
 
@@ -122,14 +93,14 @@ class Invariance(SymmetryCandidates):
 
     def _boosts(self, direction: Array) -> bool:
         """Whether all elements and rows are blind to a common speed along a direction."""
-        step = self.rate * float(self.motion.sizes.max()) * ANGLE / float(np.max(np.abs(direction)))
+        step = self.rate * float(self.motion.sizes.max()) * TOLERANCES.trial_move / float(np.max(np.abs(direction)))
         faster = short(step) * direction
         for element in self.elements:
             if not any(direction[i] for i in element.columns):
                 continue
             if not element.analytic:
                 return False
-            for state, part in ((state, part) for state in self.states for part in PARTS):
+            for state, part in ((state, part) for state in self.states for part in TOLERANCES.trial_parts):
                 there = State(state.q, state.u + part * faster, state.a)
                 if not self.same(element, state, there, unchanged(len(direction)), exact=True):
                     return False
@@ -155,7 +126,7 @@ class Invariance(SymmetryCandidates):
         single = single.reshape(len(found), len(self.symmetries))
         for c in self._idle_combinations():
             chosen = [(float(x), item) for x, item in zip(c, self.symmetries, strict=True) if x]
-            if np.linalg.norm(c - single.T @ (single @ c)) < INDEPENDENT * np.linalg.norm(c):
+            if np.linalg.norm(c - single.T @ (single @ c)) < TOLERANCES.independent_fields * np.linalg.norm(c):
                 continue
             field = Combination(tuple((x, item.of) for x, item in chosen))
             if self.conserves(field):
@@ -179,7 +150,9 @@ class Invariance(SymmetryCandidates):
         basis = [item.direction for item in known]
         for direction in echelon(self._balanced_shifts().T):
             field = self._shift(direction)
-            new = np.linalg.matrix_rank(np.array([*basis, direction]) / self.motion.sizes, tol=INDEPENDENT) > len(basis)
+            new = np.linalg.matrix_rank(
+                np.array([*basis, direction]) / self.motion.sizes, tol=TOLERANCES.independent_fields
+            ) > len(basis)
             if new and self._total(field) and self._horizontal(field):
                 names = [name for name, x in zip(self.system.names, direction, strict=True) if x]
                 found.append(Symmetry(" with ".join(names), direction, still, field))
@@ -198,7 +171,7 @@ class Invariance(SymmetryCandidates):
             parts = K.T * sizes, (R @ Y).T * sizes, state.dynamics.J * sizes
             rows += [x / (np.linalg.norm(x, axis=1, keepdims=True) + 1e-300) for x in parts]
         _, s, right = np.linalg.svd(np.vstack(rows))
-        result: Array = right[int(np.sum(s > SEEMS)) :].T * sizes[:, None]
+        result: Array = right[int(np.sum(s > TOLERANCES.work_of_combination)) :].T * sizes[:, None]
         return result
 
     def _total(self, field: Shift) -> bool:
@@ -207,11 +180,13 @@ class Invariance(SymmetryCandidates):
         if any(rates is None for rates in found):
             return False
         limit = (
-            CARRIED if any(not e.written and rates for e, rates in zip(self.elements, found, strict=True)) else EXACT
+            TOLERANCES.force_change
+            if any(not e.written and rates for e, rates in zip(self.elements, found, strict=True))
+            else TOLERANCES.comparison_exact
         )
         from mpmath import mp
 
-        with mp.workdps(DIGITS):
+        with mp.workdps(TOLERANCES.comparison_digits):
             for item in self.symmetries:
                 terms = [
                     rate * float(item.direction[i])
@@ -234,7 +209,7 @@ class Invariance(SymmetryCandidates):
         found: list[tuple[Any, Any]] = []
         for state in self.states:
             with Digits(element, exact=steps_are_exact(field)) as f:
-                limit = EXACT if f.name == "mpmath" else CARRIED
+                limit = TOLERANCES.comparison_exact if f.name == "mpmath" else TOLERANCES.force_change
                 weights = [f.number(repr(float(field.direction[i]))) for i in element.columns]
                 q, u, zero = numbers(state.q, f), numbers(state.u, f), numbers(0.0 * state.q, f)
                 K, R = element.slopes(q, u, zero, self.motion.time, f)
@@ -266,7 +241,7 @@ class Invariance(SymmetryCandidates):
                 size = float(np.max(np.abs(Y) @ np.abs(force)))
                 rows += [(Y @ force) / size] if size > 0.0 else []
         _, s, right = np.linalg.svd(np.array([*rows, np.zeros(len(fields))]))
-        return echelon(right[int(np.sum(s > SEEMS)) :])
+        return echelon(right[int(np.sum(s > TOLERANCES.work_of_combination)) :])
 
     def moves_on(self, field: Field) -> bool:
         """Whether what rests at the reference may move along a group at any speed: no force then turns it aside."""
@@ -277,12 +252,15 @@ class Invariance(SymmetryCandidates):
         allowed = spaces.scale[:, None] * spaces.allowed
         if not all(element.analytic for element in self.elements):
             return False
-        for speed in (UNEVEN * slow * x for x in SPEEDS):
+        for speed in (UNEVEN * slow * x for x in TOLERANCES.trial_speeds):
             u, a = speed * Y, speed**2 * (slope @ Y)
             if not self.satisfies(motion.q, u):
                 return False
             turned = abs(slope) @ np.abs(Y) + motion.sizes * (self.rate / slow) ** 2
-            off = ROUNDINGS * EPS * np.abs(u), ROUNDINGS * EPS * speed**2 * turned
+            off = (
+                TOLERANCES.roundings_of_comparison * EPS * np.abs(u),
+                TOLERANCES.roundings_of_comparison * EPS * speed**2 * turned,
+            )
             changed = (u != 0.0) | (a != 0.0) | np.any([x != 0.0 for x in off], axis=0)
             moving = with_errors(State(motion.q, u, a), State(0.0 * u, *off))
             resting = with_errors(State(motion.q, 0.0 * u, 0.0 * a))
@@ -300,7 +278,7 @@ class Invariance(SymmetryCandidates):
                 pushed[columns] += F - still
                 unsure[columns] += np.where(F - still, error + known, 0.0)
             left, rounding = pushed @ allowed, unsure @ np.abs(allowed)
-            if np.any(np.abs(left) > ROUNDINGS * rounding):
+            if np.any(np.abs(left) > TOLERANCES.roundings_of_comparison * rounding):
                 return False
         return True
 
@@ -318,7 +296,9 @@ class Invariance(SymmetryCandidates):
                 continue
             if element.written and not steps_are_exact(field):
                 F, error = self.bounded(element, state)
-                if abs(float(Y @ F)) > float(np.abs(Y) @ (error + ROUNDINGS * EPS * np.abs(F))):
+                if abs(float(Y @ F)) > float(
+                    np.abs(Y) @ (error + TOLERANCES.roundings_of_comparison * EPS * np.abs(F))
+                ):
                     return False
                 continue
             with Digits(element, exact=steps_are_exact(field)) as f:
@@ -326,7 +306,7 @@ class Invariance(SymmetryCandidates):
                     numbers(state.q, f), numbers(state.u, f), numbers(state.a, f), self.motion.time, f
                 )
                 work = [x * f.number(repr(float(Y[i]))) for i, x in zip(element.columns, force, strict=True)]
-                limit = EXACT if f.name == "mpmath" else CARRIED
+                limit = TOLERANCES.comparison_exact if f.name == "mpmath" else TOLERANCES.force_change
                 if abs(sum(work)) > limit * sum(abs(x) for x in work):
                     return False
         return True
@@ -338,7 +318,7 @@ class Invariance(SymmetryCandidates):
         sizes = self.motion.sizes
         for state, (J, size) in zip(self.on_rows, self.rows_there, strict=True):
             Y = field.field(state.q)
-            if np.any(np.abs(J @ Y) > ON_ROWS * size * float(np.max(np.abs(Y / sizes)))):
+            if np.any(np.abs(J @ Y) > TOLERANCES.row_residual * size * float(np.max(np.abs(Y / sizes)))):
                 return False
         return True
 
@@ -363,7 +343,7 @@ class Invariance(SymmetryCandidates):
         written = [e for e in seen if e.written]
         if not written or not isinstance(field, Shift):
             return True
-        for part in PARTS[1:]:
+        for part in TOLERANCES.trial_parts[1:]:
             images = [self._moved(replace(field, step=part * field.step), state) for state in self.states]
             if not all(self._carried(e, images, exact=steps_are_exact(field)) for e in written):
                 return False
@@ -390,7 +370,7 @@ class Invariance(SymmetryCandidates):
     def _span(self, generator: Generator) -> float:
         """Return a time in which a steady motion goes far enough to show (s)."""
         direction = np.abs(generator.field(self.motion.q))
-        span = ANGLE / (float(np.max(direction / self.motion.sizes)) or self.rate)
+        span = TOLERANCES.trial_move / (float(np.max(direction / self.motion.sizes)) or self.rate)
         largest = float(np.max(direction)) or 1.0
         return short(span * largest) / largest
 
@@ -402,7 +382,11 @@ class Invariance(SymmetryCandidates):
         Y, n_h = field.field(motion.q), system.n_h
         J = motion.dynamics.J
         size = float(np.max(np.abs(Y / motion.sizes))) or 1.0
-        return bool(np.all(np.abs(J[:n_h] @ Y) <= FIRST_ORDER * size * (abs(J[:n_h]) @ motion.sizes) + 1e-300))
+        return bool(
+            np.all(
+                np.abs(J[:n_h] @ Y) <= TOLERANCES.row_change_first_order * size * (abs(J[:n_h]) @ motion.sizes) + 1e-300
+            )
+        )
 
     def _rows_carried(self, field: Field) -> bool:
         """Whether states that satisfy the rows are led to states that do."""
@@ -441,7 +425,7 @@ class Invariance(SymmetryCandidates):
                 size += np.abs(change)
                 load = float(np.max((np.abs(F) + np.abs(after)) * self.motion.sizes))
                 rounding += load * np.max(np.abs(allowed) / self.motion.sizes[:, None], axis=0)
-            if np.any(np.abs(total) > ON_ROWS * size + CANCELLED * rounding):
+            if np.any(np.abs(total) > TOLERANCES.row_residual * size + TOLERANCES.force_change_rounding * rounding):
                 return False
         return True
 

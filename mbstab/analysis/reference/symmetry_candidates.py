@@ -15,19 +15,14 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import (
     ElementComparison,
 )
-from mbstab.analysis.reference.fields import ANGLE, Field, OwnTurn, Shift, Spin, Turn
+from mbstab.analysis.reference.fields import Field, OwnTurn, Shift, Spin, Turn
 from mbstab.analysis.reference.steady import Generator, axis_text, through
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.mechanics.catalogue import GROUND
 
-POINTS = 8
-"""So many points fixed in the ground are tried as centres of turns."""
-
 UNEVEN = 5661 / 4096
 """Steps are this times a power of two."""
-
-MOST_DENOMINATOR = 1000
-"""Ratios of the entries of a shift are fractions if their denominators are no larger."""
 
 
 class SymmetryCandidates(ElementComparison):
@@ -38,7 +33,10 @@ class SymmetryCandidates(ElementComparison):
         yield from self._shifts()
         system = self.system
         for name, axis, point in self._axes():
-            yield name, Turn(Generator(system, axis, point, 1.0, np.zeros(3), np.zeros(system.n_q)), ANGLE)
+            yield (
+                name,
+                Turn(Generator(system, axis, point, 1.0, np.zeros(3), np.zeros(system.n_q)), TOLERANCES.trial_move),
+            )
         for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
             if not body.orientation:
                 continue
@@ -72,7 +70,9 @@ class SymmetryCandidates(ElementComparison):
 
     def _shift(self, direction: Array) -> Shift:
         """Return the shift along a direction by a step that shows."""
-        step = ANGLE * float(np.min(self.motion.sizes[direction != 0.0] / np.abs(direction[direction != 0.0])))
+        step = TOLERANCES.trial_move * float(
+            np.min(self.motion.sizes[direction != 0.0] / np.abs(direction[direction != 0.0]))
+        )
         return Shift(direction, short(step))
 
     def _named_shifts(self, null: Array) -> Iterator[tuple[str, Array]]:
@@ -204,7 +204,7 @@ class SymmetryCandidates(ElementComparison):
                         point = np.zeros(3)
                         point[:d] = [float(x) for x in marker.point]
                         found.append(point)
-        return found[:POINTS]
+        return found[: TOLERANCES.trial_centres]
 
     def _ground_axes(self) -> list[Array]:
         """Return the axes of joints with the ground."""
@@ -213,7 +213,7 @@ class SymmetryCandidates(ElementComparison):
             if item.entry.section == "joints" and item.given("axis"):
                 sides = zip(item.markers("between"), item.triads("axis", "zero"), strict=True)
                 found += [np.array([float(x) for x in triad.v1]) for marker, triad in sides if marker.body == GROUND]
-        return found[:POINTS]
+        return found[: TOLERANCES.trial_centres]
 
 
 def _own_axes(body: Any) -> list[Array]:
@@ -267,7 +267,7 @@ def in_whole_numbers(direction: Array) -> Array:
     """Return a multiple of a direction in whole numbers, if the ratios of its entries are small fractions."""
     if np.array_equal(direction, np.round(direction)):
         return direction
-    parts = [Fraction(float(x)).limit_denominator(MOST_DENOMINATOR) for x in direction]
+    parts = [Fraction(float(x)).limit_denominator(TOLERANCES.shift_denominator) for x in direction]
     if any(abs(float(part) - x) > 1e-12 for part, x in zip(parts, direction, strict=True)):
         return direction
     common = math.lcm(*(part.denominator for part in parts))

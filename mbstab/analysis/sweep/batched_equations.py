@@ -18,8 +18,8 @@ from mbstab.analysis.algebra.deflation import deflated_matrix, in_frame
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.equations import Balance
-from mbstab.analysis.reference.motion import EQUILIBRIUM_TOLERANCE, NEWTON_STEPS, ROUNDING, TOLERANCE
 from mbstab.analysis.reference.steady import Family, Generator, spins_freely
+from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.sweep.batched_structure import Known, Points
 from mbstab.analysis.sweep.stacks import transposed
 from mbstab.compiler.system import Array, Dynamics, System
@@ -187,7 +187,7 @@ class Equations:
     def _assembled(self, q: Array, missing: Flags) -> Array:
         """Solve C = 0 for the missing coordinates, from those of the pattern."""
         sizes, n_h = self.pattern.sizes[missing], self.system.n_h
-        for _ in range(NEWTON_STEPS):
+        for _ in range(REFERENCE.newton_steps_onto_constraints):
             dynamics = self.system.dynamics(q, 0.0 * q)
             J = dynamics.J[:, :n_h, missing] * sizes
             lengths = norms(dynamics.J[:, :n_h] * self.pattern.sizes)
@@ -218,7 +218,7 @@ class Equations:
             at = balance.state(*balance.moved(at, step))
             if not np.max(np.abs(step[:, : balance.moving]), initial=0.0) > POLISHED:
                 break
-        self.good &= np.max(np.abs(at.residual), axis=1) <= TOLERANCE
+        self.good &= np.max(np.abs(at.residual), axis=1) <= REFERENCE.residual
         return at.q, (at.steady if self.pattern.family is not None else None), at.u
 
     def _speeds(self, q: Array) -> tuple[Generator | None, Array]:
@@ -265,7 +265,7 @@ class Equations:
         generator = own.generator(c)
         speeds = generator.field(q)
         fast = np.max(np.abs(speeds / sizes), axis=1)
-        self.good &= np.max(np.abs((speeds - u) / sizes)[:, given], axis=1, initial=0.0) <= TOLERANCE * fast
+        self.good &= np.max(np.abs((speeds - u) / sizes)[:, given], axis=1, initial=0.0) <= REFERENCE.residual * fast
         return generator, speeds
 
     def _declared(self) -> dict[int, Array | float]:
@@ -278,7 +278,7 @@ class Equations:
 
     def _require_rows(self, dynamics: Dynamics, u: Array) -> None:
         sizes, n_h = self.pattern.sizes, self.system.n_h
-        allowed = TOLERANCE * np.abs(dynamics.J) @ sizes + 1e-300
+        allowed = REFERENCE.residual * np.abs(dynamics.J) @ sizes + 1e-300
         fast = np.max(np.abs(u / sizes), axis=1, initial=0.0)[:, None]
         self.good &= np.all(np.abs(dynamics.E[:, :n_h]) <= allowed[:, :n_h], axis=1)
         self.good &= np.all(np.abs(dynamics.V) <= allowed * fast + 1e-300, axis=1)
@@ -345,7 +345,7 @@ class Equations:
         weights = max(math.sqrt(float(np.max(body.mass))) for body in scene.bodies) * gravity
         changes = (np.abs(K) @ sizes + _times(np.abs(R), np.abs(u))) * scale
         largest = np.maximum(np.max(np.abs(dynamics.F0 * scale), axis=-1), weights)
-        allowed = EQUILIBRIUM_TOLERANCE * largest + ROUNDING * np.max(changes, axis=-1)
+        allowed = REFERENCE.unbalance * largest + REFERENCE.coordinate_rounding * np.max(changes, axis=-1)
         if steady is not None:
             Xi, Xi_2 = steady.frame(q)
             R, K, D_q = in_frame(dynamics.M, R, K, dynamics.J[:, n_h:], D_q, Xi, Xi_2)

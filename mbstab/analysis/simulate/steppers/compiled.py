@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbstab.analysis.reference.attitude import CHANGE, PINNED, Attitudes
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.simulate.constrained import ACCEPTED, PROJECTED, PROJECTIONS, Constrained
 from mbstab.analysis.simulate.energy import Energy
 from mbstab.analysis.simulate.steppers.explicit import RELATIVE
@@ -189,7 +190,10 @@ def machine_of(equations: Constrained, free: Sequence[int], attitudes: Attitudes
         projected=PROJECTED,
         accepted=ACCEPTED,
         angle=_integers(part.start + 1 for _, part in attitudes.parts),
-        least_cosine=_floats(PINNED if i in attitudes.pinned else CHANGE for i, _ in attitudes.parts),
+        least_cosine=_floats(
+            REFERENCE.euler_cosine_pinned if i in attitudes.pinned else REFERENCE.euler_cosine_chart_left
+            for i, _ in attitudes.parts
+        ),
         pinned=_integers(i in attitudes.pinned for i, _ in attitudes.parts),
         left=np.where(shift[order] < 0.0, 1.0 / np.sqrt(max(rank, 1)), 0.0),
         right=np.zeros(size),
