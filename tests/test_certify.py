@@ -23,8 +23,9 @@ from mbstab.analysis.algebra import ball_polynomials, balls
 from mbstab.analysis.algebra.balls import NotProvable, ball, digits, real
 from mbstab.analysis.linear.verdict import REQUIRED, STRENGTH, UNDECIDED, WORDS, Modulo
 from mbstab.analysis.proof.certify import certified_critical
-from mbstab.analysis.proof.intervals import WIDTH, Part, common
+from mbstab.analysis.proof.intervals import Part, common
 from mbstab.analysis.proof.krawczyk import krawczyk
+from mbstab.analysis.proof.tolerances import TOLERANCES as PROOF
 from mbstab.cli import main
 from mbstab.errors import UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic
@@ -250,7 +251,7 @@ def test_an_interval_over_a_change_is_not_claimed():
             assert part.verdict == expected
         (open_,) = [part for part in result.parts if part.verdict == "not provable"]
         assert open_.low < critical < open_.high
-        assert float(open_.high - open_.low) <= 4 * WIDTH * (high - low)
+        assert float(open_.high - open_.low) <= 4 * PROOF.part_width * (high - low)
 
 
 def test_parts_agree_with_points_inside_them():
@@ -376,7 +377,7 @@ def test_no_equilibrium_is_one_row_with_one_reason():
 
 
 def test_a_limit_of_boxes_leaves_what_is_proven(monkeypatch):
-    monkeypatch.setattr("mbstab.analysis.proof.intervals.BOXES", 5)
+    monkeypatch.setattr("mbstab.analysis.proof.tolerances.Tolerances.interval_parts", 5)
     result = point(HYSTERESIS, -1).certify(p="[-0.3, 0.38]")
     assert [part.verdict for part in result.parts] == ["asymptotically stable", "not provable"]
     assert "given up after 5 parts" in result.parts[1].reason

@@ -51,13 +51,11 @@ from mbstab.analysis.proof.characteristic import GENERIC, Enclosure, Proof, Spec
 from mbstab.analysis.proof.identities import Identities
 from mbstab.analysis.proof.intervals import OPEN, Part, Walk, common, in_words
 from mbstab.analysis.proof.proven_facts import Case, best
+from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.errors import MbstabError, UsageError, counted
 from mbstab.model.parameters import bound
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
-
-MORE_DIGITS = (1, 2, 4)
-"""Where a verdict is open, it is tried again with so many times the digits."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +171,7 @@ def certify(model: Model, digits: int = 50, progress: Callable[[float], object] 
             f"{' and '.join(wide)} are intervals\nhint: one parameter may be an interval, the others numbers"
         )
     result = None
-    for more in MORE_DIGITS:
+    for more in TOLERANCES.digit_factors:
         with balls.digits(more * digits):
             if wide:
                 return _over(model, wide[0], digits, progress)

@@ -15,6 +15,7 @@ from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.fields import Map, along_direction, ground_turn, own_turn, short, spin, turned
 from mbstab.analysis.proof.krawczyk import independent_rows, krawczyk_boxes
+from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.reference.element_comparison import State as Rough
 from mbstab.analysis.reference.fields import Field as Group
 from mbstab.analysis.reference.fields import OwnTurn, Shift, Symmetry, Turn
@@ -26,9 +27,6 @@ from mbstab.records import dataclass
 
 Finding = Literal["structural", "enclosed", "open", "refuted"]
 """``open``: not verified; ``refuted``: proven to be wrong."""
-
-CLOSE = 2.0**-10
-"""How far from the reference the close states are, relative to the others."""
 
 UNVERIFIED = (MbstabError, ArithmeticError, ValueError)
 """What a state without an enclosure ends with."""
@@ -71,7 +69,7 @@ class ElementChanges:
         if not rough:
             return []
         last = rough[-1]
-        close = Rough(motion.q + CLOSE * (last.q - motion.q), last.u, last.a)
+        close = Rough(motion.q + TOLERANCES.close_states * (last.q - motion.q), last.u, last.a)
         return [State(_exact(x.q), _exact(x.u), _exact(x.a)) for x in (*rough, close)]
 
     @cached_property
@@ -81,7 +79,7 @@ class ElementChanges:
             return self.states
         found, motion = [], self.invariance.motion
         for rough in self.invariance.on_rows[1:]:
-            for part in (1.0, CLOSE):
+            for part in (1.0, TOLERANCES.close_states):
                 q = motion.q + part * (rough.q - motion.q)
                 try:
                     found.append(self._closed(Rough(q, rough.u, rough.a)))

@@ -10,23 +10,15 @@ from mbstab.analysis.algebra import ball_matrices, balls
 from mbstab.analysis.algebra.balls import Ball, ball
 from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.motion import Field
+from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.reference.fields import OwnTurn, Spin
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array
 from mbstab.mechanics.catalogue import GROUND
 from mbstab.model.jets import Jet, jet_arithmetic
 
-SHORT = 10**6
-"""A float that is next to a fraction with no larger denominator stands for it …"""
-
-NEXT = 1e-15
-"""… if it differs by no more than this, relative to its size."""
-
 Map = Callable[[Sequence[Jet]], list[Jet]]
 """A field, for jets of balls."""
-
-NEAR = 1e-9
-"""Points in double precision and in balls that are closer than this (m) are the same."""
 
 
 def along_direction(Y: Map, q: Sequence[Ball], v: Sequence[Ball]) -> list[Jet]:
@@ -133,9 +125,9 @@ def _points(reference: Reference, axis: list[Ball]) -> Iterable[list[Ball]]:
 
 def short(x: float) -> Ball:
     """Return the short fraction that a float is next to, or the float itself."""
-    fraction = Fraction(x).limit_denominator(SHORT)
-    return ball(fraction if abs(float(fraction) - x) <= NEXT * abs(x) else Fraction(x))
+    fraction = Fraction(x).limit_denominator(TOLERANCES.fraction_denominator)
+    return ball(fraction if abs(float(fraction) - x) <= TOLERANCES.fraction_misfit * abs(x) else Fraction(x))
 
 
 def _same(x: Sequence[Ball], y: Array) -> bool:
-    return all(abs(float(a) - b) <= NEAR for a, b in zip(x, y.tolist(), strict=True))
+    return all(abs(float(a) - b) <= TOLERANCES.equal_points for a, b in zip(x, y.tolist(), strict=True))

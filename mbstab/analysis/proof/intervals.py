@@ -23,26 +23,12 @@ from mbstab.analysis.proof.analytic import require_analytic
 from mbstab.analysis.proof.characteristic import GENERIC, Proof
 from mbstab.analysis.proof.identities import Identities
 from mbstab.analysis.proof.proven_facts import Case, best
+from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.errors import MbstabError
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
 
 OPEN = "not provable"
-
-WIDTH = 2.0**-24
-"""A part of an interval that is narrower than this part of the whole is given up …"""
-
-BOXES = 500
-"""… and so is the rest of an interval after so many parts …"""
-
-SECONDS = 60.0
-"""… or so many seconds."""
-
-HOPELESS = 2.0**-5
-"""A part narrower than this is not divided if nothing is proven at its ends and its middle either."""
-
-COARSE = 2.0**-8
-"""Down to this part of the whole a part is divided where its eigenvalues are not placed, although it is stable."""
 
 INSIDE = (Fraction(1, 2), Fraction(38197, 100000))
 """Where in a part that rests on something unproven it is tested besides its ends."""
@@ -203,24 +189,24 @@ class Walk:
     def _cover(self, first: Fraction, last: Fraction, here: Proof | None) -> None:
         """Divide from one end to the other, following the motion if there is one."""
         stack = [(first, last)]
-        least = self.width * Fraction(WIDTH)
+        least = self.width * Fraction(TOLERANCES.part_width)
         while stack:
             a, b = stack.pop()
             self.boxes += 1
             passed = time.monotonic() - self.began
-            if self.boxes > BOXES or passed > SECONDS:
+            if self.boxes > TOLERANCES.interval_parts or passed > TOLERANCES.interval_time:
                 self._leave(a, last, f"given up after {self.boxes - 1} parts and {passed:.0f} s")
                 return
             tried = self._tried(a, b, here)
             width = abs(b - a)
-            if tried.coarse and width > self.width * Fraction(COARSE):
+            if tried.coarse and width > self.width * Fraction(TOLERANCES.unplaced_width):
                 stack += [((a + b) / 2, b), (a, (a + b) / 2)]
                 continue
             if (not tried.continued or tried.verdict == OPEN) and width > least:
                 middle = (a + b) / 2
                 hopeless = (
                     tried.continued
-                    and width <= self.width * Fraction(HOPELESS)
+                    and width <= self.width * Fraction(TOLERANCES.hopeless_width)
                     and not any(self._decided(x, here) for x in (a, b, middle))
                 )
                 if not hopeless:

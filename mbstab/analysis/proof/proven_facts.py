@@ -50,14 +50,12 @@ from mbstab.analysis.proof.characteristic import (
 from mbstab.analysis.proof.element_changes import Finding, tiny
 from mbstab.analysis.proof.fields import ground_turn, short
 from mbstab.analysis.proof.motion import Field
+from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.reference.fields import Shift, Symmetry, Turn
 
 SIDES: dict[str, Side] = {"left": "left", "right": "right", "imaginary": "axis", "open": "open"}
 
 CHECKED = "(checked in double precision)"
-
-TRIED = 65
-"""Multiples of a momentum that are tried."""
 
 DOUBLE = "more than one eigenvalue may be there"
 
@@ -366,7 +364,7 @@ class Case:
             facts = [self.identities.symmetry(item), self.identities.momentum(item), self.identities.conserved(True)]
             if any(x not in ("structural", "enclosed") for x in facts):
                 continue
-            for x in np.linspace(-fastest, fastest, TRIED).tolist():
+            for x in np.linspace(-fastest, fastest, TOLERANCES.momentum_multiples).tolist():
                 if Case(self.proof.seen_from(step, short(x)), True)._sign() > 0:
                     return True
         return False
