@@ -33,7 +33,7 @@ TECHNIQUES = ["augmented", "embedding", "amalgamated", "projection", "udwadia-ka
 def quick():
     """Times need not be good here."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(methods, "REPEATS", 3)
+        patch.setattr("mbstab.analysis.compare.tolerances.Tolerances.method_timings", 3)
         yield
 
 

@@ -14,6 +14,7 @@ from scipy.special import ellipj, ellipk
 
 import mbstab
 from mbstab.analysis.compare import integrators
+from mbstab.analysis.compare.tolerances import TOLERANCES as COMPARE
 from mbstab.cli import main
 from mbstab.errors import NumericalError, SimulationError, UsageError
 
@@ -38,20 +39,20 @@ def test_errors_are_the_global_ones_of_simulations():
     result = compared()
     run = next(x for x in result.runs if (x.name, x.tol) == ("RK45", 1e-5))
     # As in tests of simulations: places, orientations and speeds at any time, against the elliptic functions.
-    times = np.linspace(0.0, 0.5, integrators.POINTS)
+    times = np.linspace(0.0, 0.5, COMPARE.output_times)
     k, rate = math.sin(math.pi / 8), math.sqrt(3.0 * 9.81 / 0.8)
     sn, cn, dn, _ = ellipj(ellipk(k * k) - rate * times, k * k)
     angle = 2.0 * np.arcsin(k * sn)
     speed = -2.0 * k * rate * cn * dn / np.cos(0.5 * angle)
     # The single run of a simulation takes another rate as fast, that of compare the one of its reference.
     assert run.error == pytest.approx(_error_of_rk45(angle, speed), rel=1e-3)
-    assert 0.0 < result.known <= integrators.EXACT
+    assert 0.0 < result.known <= COMPARE.reference_error
 
 
 def _error_of_rk45(angle, speed):
     system = PENDULUM.system()
     begin = integrators.start_of(system, {"rod.theta": math.pi / 4})
-    follower = integrators.Follower(begin.system, begin.motion, np.linspace(0.0, 0.5, integrators.POINTS))
+    follower = integrators.Follower(begin.system, begin.motion, np.linspace(0.0, 0.5, COMPARE.output_times))
     race = integrators._Race(follower, np.inf)
     race.reference()
     run, _ = race.run(integrators.METHODS["projection"]["RK45"], "RK45", 1e-5, 10.0)
@@ -69,7 +70,7 @@ def test_smaller_tolerances_leave_smaller_errors_and_cost_more():
     result = compared()
     for name in NAMES:
         runs = [x for x in result.runs if x.name == name]
-        assert [x.tol for x in runs] == list(integrators.TOLERANCES)
+        assert [x.tol for x in runs] == list(COMPARE.step_tolerances)
         done = [x for x in runs if not x.failure]
         assert len(done) >= 3
         errors = [x.error for x in done]
@@ -84,11 +85,11 @@ def test_the_chosen_integrator_is_the_fastest_that_keeps_the_tolerance():
     result = compared()
     good = [x for x in result.runs if x.error <= 1e-6]
     assert result.chosen in good
-    assert result.chosen.seconds <= integrators.CLOSE * min(x.seconds for x in good)
+    assert result.chosen.seconds <= COMPARE.equal_times * min(x.seconds for x in good)
 
 
 def test_a_reference_at_rest_is_disturbed_by_its_first_mode(monkeypatch):
-    monkeypatch.setattr(integrators, "TOLERANCES", (1e-4,))
+    monkeypatch.setattr("mbstab.analysis.compare.tolerances.Tolerances.step_tolerances", (1e-4,))
     result = PENDULUM.compare_integrators(0.2)
     assert result.disturbance == {"mode:1": 0.1}
     assert all(x.error > 0.0 for x in result.runs)
@@ -96,7 +97,7 @@ def test_a_reference_at_rest_is_disturbed_by_its_first_mode(monkeypatch):
 
 def test_angles_may_pass_their_singularity_within_a_step(monkeypatch):
     # The shaft turns by a quarter in 0.157 s, and with it theta of the cranks passes pi/2.
-    monkeypatch.setattr(integrators, "TOLERANCES", (1e-3,))
+    monkeypatch.setattr("mbstab.analysis.compare.tolerances.Tolerances.step_tolerances", (1e-3,))
     result = mbstab.load("governor.yaml").compare_integrators(0.2)
     assert [x.failure for x in result.runs] == [""] * len(NAMES)
     assert max(x.error for x in result.runs) < 0.1
@@ -106,7 +107,7 @@ def test_what_takes_too_long_is_given_up(monkeypatch):
     run = integrators._Race.run
 
     def short(self, method, solver, tol, limit):
-        return run(self, method, solver, tol, limit if limit > integrators.LIMIT else 0.0)
+        return run(self, method, solver, tol, limit if limit > COMPARE.integration_time else 0.0)
 
     monkeypatch.setattr(integrators._Race, "run", short)
     result = PENDULUM.compare_integrators(0.5, {"rod.theta": 0.5})
@@ -131,14 +132,14 @@ def test_the_whole_comparison_keeps_within_its_budget(monkeypatch):
         race.share(left)
         with pytest.raises(NumericalError, match="given up"):
             race.measured("alpha", "", None, 1e-3, None)
-    assert limits[0] < integrators.LIMIT
+    assert limits[0] < COMPARE.integration_time
     assert limits[2:] == [0.0] * 4
     # Forced, a single run is all that is limited.
     race = integrators._Race(None, np.inf)
     race.share(6)
     with pytest.raises(NumericalError, match="given up"):
         race.measured("alpha", "", None, 1e-3, None)
-    assert limits[-1] == integrators.LIMIT
+    assert limits[-1] == COMPARE.integration_time
 
 
 def test_a_pace_that_is_too_slow_is_given_up_early(monkeypatch):
@@ -174,7 +175,7 @@ def test_a_motion_that_cannot_be_followed_is_said():
 
 @pytest.fixture
 def few(monkeypatch):
-    monkeypatch.setattr(integrators, "TOLERANCES", (1e-3, 1e-5))
+    monkeypatch.setattr("mbstab.analysis.compare.tolerances.Tolerances.step_tolerances", (1e-3, 1e-5))
 
 
 def run(*arguments):

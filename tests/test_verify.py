@@ -12,6 +12,7 @@ from zoo import SYSTEMS
 
 import mbstab
 from mbstab.analysis.compare import verify
+from mbstab.analysis.compare.tolerances import TOLERANCES as COMPARE
 from mbstab.analysis.linear import eigenvalues
 from mbstab.analysis.simulate.energy import Energy
 from mbstab.cli import main
@@ -196,10 +197,10 @@ def test_a_small_linear_range_is_found_by_smaller_amplitudes(force):
     pushed = "**3" in force
     assert (found.result.verdict == "undecided") == pushed
     assert found.verdict == ("cannot be judged" if pushed else "confirmed")
-    assert min(mode.amplitude for mode in found.modes) < verify.AMPLITUDE
+    assert min(mode.amplitude for mode in found.modes) < COMPARE.mode_amplitude
     for mode in found.modes:
         assert mode.error <= 1e-5
-        assert abs(mode.observed - mode.predicted) <= verify.BLURRED * mode.uncertainty
+        assert abs(mode.observed - mode.predicted) <= COMPARE.uncertainties_of_observation * mode.uncertainty
 
 
 @pytest.mark.parametrize("width", [1e-4, 1e-5, 1e-6, 1e-8])
@@ -339,7 +340,7 @@ def test_neutral_directions_of_a_periodic_motion_are_followed_by_periods():
     found = mbstab.loads("\n".join(text).replace("reference: {", "reference: {period: 2*pi/3, ")).verify()
     assert found.result.counts.neutral == 2
     assert (found.neutral.verdict, found.neutral.staying, found.neutral.power) == ("confirmed", 1, 1)
-    assert found.neutral.span == pytest.approx(verify.ROUNDS * 2.0 * math.pi / 3.0)
+    assert found.neutral.span == pytest.approx(COMPARE.periodic_rounds * 2.0 * math.pi / 3.0)
 
 
 @pytest.mark.parametrize(

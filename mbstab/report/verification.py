@@ -6,7 +6,7 @@ from dataclasses import asdict
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from mbstab.analysis.compare.verify import BLURRED
+from mbstab.analysis.compare.tolerances import TOLERANCES as COMPARE
 from mbstab.errors import counted
 from mbstab.report import WIDTH
 from mbstab.report.tables import number, table
@@ -38,8 +38,8 @@ def _footer(found: Verification) -> str:
     least, most = f"{min(used):.0e}", f"{max(used):.0e}"
     amplitude = most if least == most else f"{least} to {most}"
     return (
-        f"confirmed: real and imaginary part each within {BLURRED:g} times what they are known to, and growth seen; "
-        f"amplitude {amplitude} of the sizes in the scene"
+        f"confirmed: real and imaginary part each within {COMPARE.uncertainties_of_observation:g} times what they are "
+        f"known to, and growth seen; amplitude {amplitude} of the sizes in the scene"
     )
 
 

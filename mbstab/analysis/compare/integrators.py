@@ -3,7 +3,7 @@
 A run is one pass with a tolerance of a step, without the repetitions that control the global error in
 `mbstab.analysis.simulate.simulate`. Its error is the distance from a reference, in the measure of that
 module: the largest at any time of output. The reference is what that module makes of DOP853 (of Radau IIA
-where that takes too long) with the tolerance `EXACT`, and known to its estimate.
+where that takes too long) with the tolerance `TOLERANCES.reference_error`, and known to its estimate.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.compare.methods import CLOSE
+from mbstab.analysis.compare.tolerances import TOLERANCES
 from mbstab.analysis.simulate.accuracy import Work
 from mbstab.analysis.simulate.recording import Record, states
 from mbstab.analysis.simulate.run import Follower, Run, difference
@@ -26,23 +26,6 @@ from mbstab.compiler.system import Array, System
 from mbstab.errors import ModelFileError, NumericalError, SimulationError, UsageError
 from mbstab.records import dataclass
 
-TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
-EXACT = 1e-11
-"""Global error asked of the reference; it may turn out larger."""
-
-LIMIT = 4.0
-"""Seconds of work after which a run is given up; the runs of a reference may take ten times as long together."""
-
-BUDGET = 15.0
-"""Seconds of work of the whole comparison, unless it is forced: two thirds of it may go to the reference."""
-
-ENOUGH, SLOW = 0.25, 1.5
-"""After the first part of the limit a run is given up as well whose pace makes it longer than the second one."""
-
-DURATION = 1.0
-"""Of the motion, if its end is not given (s)."""
-
-POINTS = 21
 DISTURBANCE: dict[str, float | str] = {"mode:1": 0.1}
 """Where neither the file nor the caller says how the reference is disturbed."""
 
@@ -135,7 +118,7 @@ def compare_integrators(
     ----------
     system : System
     to : float, optional
-        Last time (s); `DURATION` after the start if not given.
+        Last time (s); `TOLERANCES.default_duration` after the start if not given.
     perturb : mapping, optional
         As in `mbstab.analysis.simulate.start.start_of`; `DISTURBANCE` if nothing moves otherwise.
     tolerance : float, optional
@@ -143,7 +126,7 @@ def compare_integrators(
     progress : callable
         Is called with the part of the work that is done, from 0 to 1.
     forced : bool
-        Go on beyond `BUDGET`.
+        Go on beyond `TOLERANCES.comparison_time`.
 
     Raises
     ------
@@ -158,16 +141,14 @@ def compare_integrators(
         raise UsageError(f"--tol {tolerance:g}: an error above 0 and below 1")
     begin, disturbance = _disturbed(system, dict(perturb or {}))
     first = begin.motion.time
-    last = first + DURATION if to is None else float(to)
+    last = first + TOLERANCES.default_duration if to is None else float(to)
     if not (math.isfinite(last) and last > first):
         raise UsageError(f"the end of the simulation, {last:g} s, must be later than its start, {first:g} s")
-    follower = Follower(begin.system, begin.motion, np.linspace(first, last, POINTS))
-    race = _Race(follower, math.inf if forced else BUDGET)
+    follower = Follower(begin.system, begin.motion, np.linspace(first, last, TOLERANCES.output_times))
+    race = _Race(follower, math.inf if forced else TOLERANCES.comparison_time)
     reference, known = race.reference()
     runs = race.runs(reference, progress)
-    chosen = None
-    if tolerance is not None:
-        chosen = _fastest_within(runs, tolerance)
+    chosen = None if tolerance is None else _fastest_within(runs, tolerance)
     final = states(reference.samples)[0][-1]
     return Integrations(tuple(runs), first, last, disturbance, race.name, known, final, tolerance, chosen)
 
@@ -189,7 +170,7 @@ def _fastest_within(runs: list[Integration], tolerance: float) -> Integration:
         best = min((x for x in runs if not math.isnan(x.error)), key=lambda x: x.error, default=None)
         nearest = f": {best.name} comes closest with {best.error:.1e}" if best is not None else ""
         raise NumericalError(f"no integrator keeps {tolerance:g}{nearest}")
-    least = CLOSE * min(x.seconds for x in good)
+    least = TOLERANCES.equal_times * min(x.seconds for x in good)
     return next(x for x in good if x.seconds <= least)
 
 
@@ -210,12 +191,12 @@ class _Race:
     def reference(self) -> tuple[Run, float]:
         """Return the reference, and to what it is known."""
         failure = ""
-        limit = min(10.0 * LIMIT, (self.end - time.process_time()) / 3.0)
+        limit = min(10.0 * TOLERANCES.integration_time, (self.end - time.process_time()) / 3.0)
         for name, method, solver in (
             ("DOP853", METHODS["projection"]["DOP853"], "DOP853"),
             ("radau", METHODS["radau"][""], ""),
         ):
-            work = Work(self.follower, method, solver, EXACT, None, False, _watch(limit))
+            work = Work(self.follower, method, solver, TOLERANCES.reference_error, None, False, _watch(limit))
             run = work.refined()
             if run.interrupted:
                 raise KeyboardInterrupt
@@ -232,18 +213,18 @@ class _Race:
         for done, (name, key, solver) in enumerate(solvers):
             given_up = False
             self.share(len(solvers) - done)
-            for tol in TOLERANCES:
+            for tol in TOLERANCES.step_tolerances:
                 if given_up:
                     found.append(Integration(name, key, tol, failure="not tried: a larger tolerance took too long"))
                 else:
                     found.append(self.measured(name, key, solver, tol, reference))
                     given_up = bool(found[-1].failure)
-                progress(len(found) / (len(solvers) * len(TOLERANCES)))
+                progress(len(found) / (len(solvers) * len(TOLERANCES.step_tolerances)))
         return found
 
     def run(self, method: Method, solver: str, tol: float, limit: float) -> tuple[Run, float]:
         """Return a run and how long it took (s); one that takes longer than the limit fails."""
-        work = Work(self.follower, method, solver, 1.0, None, False, _watch(limit, ENOUGH * limit))
+        work = Work(self.follower, method, solver, 1.0, None, False, _watch(limit, TOLERANCES.pace_known * limit))
         work.rate = self.rate
         began = time.process_time()
         run = work.once(tol)
@@ -253,7 +234,9 @@ class _Race:
 
     def measured(self, name: str, key: str, method: Method, tol: float, reference: Run) -> Integration:
         """Return what a run costs and leaves."""
-        run, seconds = self.run(method, key, tol, min(LIMIT, max(self.end_of_share - time.process_time(), 0.0)))
+        run, seconds = self.run(
+            method, key, tol, min(TOLERANCES.integration_time, max(self.end_of_share - time.process_time(), 0.0))
+        )
         counts: dict[str, Any] = {"evaluations": run.evaluations, "steps": run.steps, "rejected": run.rejected}
         if not run.complete:
             return Integration(name, key, tol, seconds=seconds, failure=run.failure.partition("\n")[0], **counts)
@@ -267,7 +250,7 @@ def _watch(limit: float, enough: float = math.inf) -> Callable[[float], object]:
 
     def watch(done: float) -> None:
         spent = time.process_time() - began
-        if spent > limit or (spent > enough and spent > SLOW * limit * done):
+        if spent > limit or (spent > enough and spent > TOLERANCES.pace_slow * limit * done):
             raise NumericalError(f"given up after {spent:.2g} s, when {done:.0%} was done")
 
     return watch

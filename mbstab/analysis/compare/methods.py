@@ -23,6 +23,7 @@ from mpmath import mp
 
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.subspaces import subspaces
+from mbstab.analysis.compare.tolerances import TOLERANCES
 from mbstab.analysis.linear.bounds import enclosures
 from mbstab.analysis.linear.eigenvalues import judged
 from mbstab.analysis.linear.facts import Grounds, balanced, time_scale
@@ -37,18 +38,6 @@ from mbstab.model.values import evaluate
 from mbstab.records import dataclass
 
 T = TypeVar("T")
-
-REPEATS, ENOUGH = 15, 0.3
-"""A method is timed so many times, or until so many seconds have passed; the median counts."""
-
-FURTHER = (20, 30)
-"""Numbers of digits besides those of double precision that are measured as well."""
-
-CLOSE = 1.1
-"""Times that differ by less than this factor are equal: the method that comes first is taken."""
-
-LOST = 0.5
-"""An eigenvalue with a larger relative error than this is none: not one binary digit of it is right."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +139,11 @@ class Comparison:
 
     def faster(self) -> list[Outcome]:
         """Return those that are faster than the chosen one and do not keep the tolerance."""
-        return [x for x in self.outcomes if self.chosen is not None and CLOSE * x.seconds < self.chosen.seconds]
+        return [
+            x
+            for x in self.outcomes
+            if self.chosen is not None and TOLERANCES.equal_times * x.seconds < self.chosen.seconds
+        ]
 
 
 def compare(
@@ -218,7 +211,7 @@ def _check(tolerance: float | None, digits: int) -> None:
 
 def _further(digits: int, tolerance: float | None) -> list[int]:
     """Return the numbers of digits to be measured: below those of the truth, and enough for the tolerance."""
-    found = [n for n in FURTHER if n < digits]
+    found = [n for n in TOLERANCES.further_digits if n < digits]
     if tolerance is not None:
         needed = max(math.ceil(-math.log10(tolerance)) + 1, LEAST_DIGITS)
         found += [needed] if all(n < needed for n in found) else []
@@ -235,7 +228,7 @@ def cheapest(outcomes: Sequence[Outcome], tolerance: float, verdict: str) -> Out
     """
     good = [x for x in outcomes if x.error <= tolerance and x.verdict == verdict]
     if good:
-        least = CLOSE * min(x.seconds for x in good)
+        least = TOLERANCES.equal_times * min(x.seconds for x in good)
         return next(x for x in good if x.seconds <= least)
     best = min(outcomes, key=lambda x: x.error)
     nearest = f": {best.method} comes closest with {best.error:.1e}" if math.isfinite(best.error) else ""
@@ -278,10 +271,12 @@ class _Ruler:
             for i, x in enumerate(found):
                 # All that are none cost the same, however far they are off.
                 cost[i, : len(true)] = [
-                    min(float(abs(x - s) / modulus), 2.0 * LOST) for s, modulus in zip(true, moduli, strict=True)
+                    min(float(abs(x - s) / modulus), 2.0 * TOLERANCES.eigenvalue_lost)
+                    for s, modulus in zip(true, moduli, strict=True)
                 ]
         columns = [
-            int(j) if j < len(true) and cost[i, j] <= LOST else -1 for i, j in enumerate(assigned(cost)[: len(found)])
+            int(j) if j < len(true) and cost[i, j] <= TOLERANCES.eigenvalue_lost else -1
+            for i, j in enumerate(assigned(cost)[: len(found)])
         ]
         off = [cost[i, j] for i, j in enumerate(columns) if j >= len(self.exact)]
         return columns, self.rate * max(off, default=0.0)
@@ -419,9 +414,9 @@ def _medians(runs: Mapping[str, Callable[[], object]]) -> dict[str, float]:
     """Return the median times of runs (s), which take turns, each time in the opposite order."""
     times: dict[str, list[float]] = {name: [] for name in runs}
     names = list(runs)
-    for _ in range(REPEATS):
+    for _ in range(TOLERANCES.method_timings):
         for name in names:
-            if sum(times[name]) < ENOUGH:
+            if sum(times[name]) < TOLERANCES.method_time:
                 began = time.perf_counter()
                 runs[name]()
                 times[name].append(time.perf_counter() - began)

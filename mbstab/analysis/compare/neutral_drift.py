@@ -12,21 +12,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from mbstab.analysis.compare.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
-
-AGREES = 1e-4
-"""Part of the largest displacement by which a motion may differ from the prediction, and is confirmed."""
-
-REPEATED = 0.1
-"""Amplitude of a repeated motion, relative to the first, and the part by which the differences of both may differ."""
-
-APART = 0.05
-"""Distance of the neutral eigenvalues from their exact values, relative to that of the next one, at most."""
-
-STAYS = 1e-6
-"""What moves by less than this part of its displacement stays."""
-
 
 AMPLITUDES = "what is seen along them depends on the amplitude"
 
@@ -98,9 +86,9 @@ def invariant_subspace(matrix: Array, exact: Sequence[complex]) -> Array | None:
     count = len(exact)
     if count == len(matrix):
         return np.eye(count)
-    if not away[count - 1] < APART * away[count]:
+    if not away[count - 1] < TOLERANCES.neutral_distance * away[count]:
         return None
-    limit = math.sqrt(APART) * away[count]
+    limit = math.sqrt(TOLERANCES.neutral_distance) * away[count]
     _, vectors, found = schur(matrix, sort=lambda real, imag: bool(np.min(np.abs(goals - real - 1j * imag)) <= limit))
     return np.asarray(vectors[:, :count]) if found == count else None
 
@@ -141,7 +129,7 @@ def observed(
     for start in directions:
         y0 = basis @ start
         differences: list[Array] = []
-        for amplitude in (1.0, REPEATED):
+        for amplitude in (1.0, TOLERANCES.drift_amplitude_reduction):
             found = seen(y0, span, amplitude)
             if isinstance(found, str):
                 return untried(count, found)
@@ -150,15 +138,15 @@ def observed(
             size = float(np.max(np.linalg.norm(predicted, axis=1)))
             differences.append((y - predicted) / size)
             error = float(np.max(np.linalg.norm(differences[-1], axis=1)))
-            if error <= AGREES:
+            if error <= TOLERANCES.drift_error:
                 break
         else:
             moved = float(np.max(np.abs(differences[1] - differences[0])))
-            if moved > REPEATED * error:
+            if moved > TOLERANCES.drift_amplitude_reduction * error:
                 return Drift(count, staying, power, error, span, "cannot be judged", AMPLITUDES)
             reason = f"a motion displaced along a neutral direction is off by {error:.1e} of its displacement"
             return Drift(count, staying, power, error, span, "contradicted", reason)
-        staying += bool(np.max(np.linalg.norm(predicted - predicted[0], axis=1)) <= STAYS * size)
+        staying += bool(np.max(np.linalg.norm(predicted - predicted[0], axis=1)) <= TOLERANCES.drift_none * size)
         worst = max(worst, error)
     return Drift(count, staying, power, worst, span, "confirmed")
 
@@ -166,7 +154,7 @@ def observed(
 def _power(growing: Array, span: float) -> int:
     """Return the power of time of the largest growth, of a nilpotent matrix."""
     power, step = 0, growing * span
-    while power < len(growing) and np.linalg.norm(step) > STAYS:
+    while power < len(growing) and np.linalg.norm(step) > TOLERANCES.drift_none:
         power += 1
         step = step @ growing * span / (power + 1)
     return power

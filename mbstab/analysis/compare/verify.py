@@ -25,6 +25,7 @@ from mbstab.analysis.algebra.arrays import Complex, norms
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.compare import neutral_drift
 from mbstab.analysis.compare.neutral_drift import Drift
+from mbstab.analysis.compare.tolerances import TOLERANCES
 from mbstab.analysis.linear.eigenvalues import answer
 from mbstab.analysis.linear.facts import Grounds, time_scale
 from mbstab.analysis.linear.floquet import monodromy
@@ -43,42 +44,6 @@ from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, percent
 from mbstab.records import dataclass
-
-AMPLITUDE = 2e-5
-"""Largest part of a mode in the motion: of the sizes in the scene, or of its speeds."""
-
-AGREES = 1e-4
-"""Relative error of an eigenvalue that is confirmed."""
-
-BLURRED = 3.0
-"""A part of an eigenvalue is confirmed, or not seen to differ from 0, within this many uncertainties of the
-observation; contradicted is what is off by more than these and more than `AGREES`."""
-
-SMALLER, REPEATS = 0.1, 6
-"""Amplitude of a repeated observation, relative to the one before, and how often it is repeated at most."""
-
-LEAST_TOLERANCE = 1e-15
-"""Tolerance of a step with small amplitudes."""
-
-PERIODS, GROWTHS, DECAYS = 3.0, 3.0, 6.0
-"""Length of a run in periods, e-foldings of growth and of decay, whichever is shortest …"""
-
-LONGEST, GROWN = 300.0, 12.0
-"""… and in times 1/(fastest rate) and e-foldings of the fastest growing mode."""
-
-SAMPLES, NEUTRAL_SAMPLES = 161, 33
-ROUNDS = 4
-"""Periods of a periodic motion."""
-
-TOLERANCE = 1e-13
-STIFF = 3000.0
-"""Decay of other modes within a run, in e-foldings, from which the integrator is an implicit one."""
-
-EQUAL = 1e-6
-"""Eigenvalues are multiple if they differ by less than this part of their modulus."""
-
-DEFECTIVE = 1e9
-"""A mode whose left and right vectors are orthogonal but for the inverse of this has no amplitude of its own."""
 
 
 @dataclass(frozen=True)
@@ -297,11 +262,11 @@ class _Excited:
         self.multipliers = values
         rates = values if frame.period is None else np.log(values.astype(complex) + 0j) / frame.period
         for i, s in enumerate(rates):
-            group = np.flatnonzero(np.abs(rates - s) <= EQUAL * abs(s))
+            group = np.flatnonzero(np.abs(rates - s) <= TOLERANCES.equal_eigenvalues * abs(s))
             if len(group) > 1 and group[0] == i:
                 product = right[:, group].conj().T @ left[:, group]
                 # The vectors have length 1.
-                if np.linalg.svd(product, compute_uv=False)[-1] > 1.0 / DEFECTIVE:
+                if np.linalg.svd(product, compute_uv=False)[-1] > 1.0 / TOLERANCES.defective_overlap:
                     left[:, group] = left[:, group] @ np.linalg.inv(product)
         self.values, self.right, self.left = rates, right * weights[:, None], left / weights[:, None]
 
@@ -325,13 +290,13 @@ class _Excited:
             return _unjudged(number, mode, "it is zero, and has neither growth nor frequency to be measured")
         overlap = complex(np.vdot(w, v))
         # Both have length 1 where components of y are of equal size.
-        if abs(overlap) * DEFECTIVE < 1.0:
+        if abs(overlap) * TOLERANCES.defective_overlap < 1.0:
             return _unjudged(number, mode, "it is one of several equal eigenvalues without modes of their own")
         times = self._times(s)
         span = float(times[-1] - times[0])
         found: list[Observation] = []
-        for repeat in range(REPEATS + 1):
-            amplitude = AMPLITUDE * SMALLER**repeat
+        for repeat in range(TOLERANCES.amplitude_repeats + 1):
+            amplitude = TOLERANCES.mode_amplitude * TOLERANCES.amplitude_reduction**repeat
             seen = self._seen(times, k, overlap, amplitude)
             if isinstance(seen, str):
                 return _unjudged(number, mode, seen) if not found else _undecided(found[-1], found, seen)
@@ -350,7 +315,7 @@ class _Excited:
         """Return the amplitude of mode `k` over time, relative to its start, and the part of it that may be error."""
         s, v, w = complex(self.values[k]), self.right[:, k], self.left[:, k]
         growth = math.exp(max(s.real, 0.0) * float(times[-1] - times[0]))
-        y = np.real(v) if abs(s.imag) <= EQUAL * abs(s) else 2.0 * np.real(v)
+        y = np.real(v) if abs(s.imag) <= TOLERANCES.equal_eigenvalues * abs(s) else 2.0 * np.real(v)
         dq, du = self.frame.to_q @ y, self.frame.to_u @ y
         sizes, rate = self.motion.sizes, max(abs(s), self.speed)
         extent = max(
@@ -358,7 +323,7 @@ class _Excited:
             float(np.max(np.abs(self.frame.to_u @ v / sizes))) / rate,
         )
         size = amplitude / (growth * extent)
-        tol = max(TOLERANCE * amplitude / AMPLITUDE, LEAST_TOLERANCE)
+        tol = max(TOLERANCES.step_tolerance * amplitude / TOLERANCES.mode_amplitude, TOLERANCES.step_tolerance_least)
         runs = []
         for sign in (1.0, -1.0):
             run = self._followed(times, sign * size * dq, sign * size * du, s, tol)
@@ -383,30 +348,32 @@ class _Excited:
                 matrix, exact, self._neutral_span(len(exact)), neutral_drift.flow, self._displaced
             )
         multipliers = [complex(np.exp(s * frame.period)) for s in exact]
-        return neutral_drift.observed(matrix, multipliers, ROUNDS * frame.period, neutral_drift.powers, self._displaced)
+        return neutral_drift.observed(
+            matrix, multipliers, TOLERANCES.periodic_rounds * frame.period, neutral_drift.powers, self._displaced
+        )
 
     def _neutral_span(self, count: int) -> float:
         """Return how long motions along neutral directions are followed (s)."""
         sizes = np.sort(np.abs(self.values))
         fastest = max(float(sizes[-1]), self.speed, self.pace)
-        moving = sizes[count:][sizes[count:] > EQUAL * fastest]
+        moving = sizes[count:][sizes[count:] > TOLERANCES.equal_eigenvalues * fastest]
         slowest = float(moving[0]) if len(moving) else self.speed or self.pace
         grown = float(np.max(self.values.real))
-        spans = [PERIODS * 2.0 * math.pi / slowest, LONGEST / fastest]
-        return min([*spans, GROWTHS / grown] if grown > AGREES * fastest else spans)
+        spans = [TOLERANCES.run_periods * 2.0 * math.pi / slowest, TOLERANCES.run_fastest_times / fastest]
+        return min([*spans, TOLERANCES.run_growths / grown] if grown > TOLERANCES.eigenvalue_error * fastest else spans)
 
     def _displaced(self, y0: Array, span: float, part: float) -> tuple[Array, Array] | str:
         """Return times since the start (s), and how a motion differs that starts displaced, shape (n_t, n)."""
         frame, start, sizes = self.frame, self.motion.time, self.motion.sizes
-        count = NEUTRAL_SAMPLES if frame.period is None else ROUNDS + 1
+        count = TOLERANCES.neutral_samples if frame.period is None else TOLERANCES.periodic_rounds + 1
         times = np.asarray(np.linspace(start, start + span, count), dtype=np.float64)
         y = self.weights * y0
         dq, du = frame.to_q @ y, frame.to_u @ y
         rate = max(self.speed, self.pace)
         # What drifts must not leave the linear range within the span.
         extent = float(np.max(np.abs(dq / sizes))) + float(np.max(np.abs(du / sizes))) * max(1.0 / rate, span)
-        size = part * AMPLITUDE / extent
-        tol = max(TOLERANCE * part, LEAST_TOLERANCE)
+        size = part * TOLERANCES.mode_amplitude / extent
+        tol = max(TOLERANCES.step_tolerance * part, TOLERANCES.step_tolerance_least)
         runs = []
         for sign in (1.0, -1.0):
             run = self._followed(times, sign * size * dq, sign * size * du, complex(rate), tol)
@@ -422,19 +389,19 @@ class _Excited:
         """Return the times of output for a mode with the eigenvalue s (s)."""
         start, period = self.motion.time, self.frame.period
         if period is not None:
-            return np.asarray(start + period * np.arange(ROUNDS + 1), dtype=np.float64)
-        spans = [PERIODS * 2.0 * math.pi / abs(s)]
-        spans += [(GROWTHS if s.real > 0.0 else DECAYS) / abs(s.real)] if s.real else []
-        spans.append(LONGEST / max(float(np.max(np.abs(self.values.imag))), self.speed, abs(s)))
+            return np.asarray(start + period * np.arange(TOLERANCES.periodic_rounds + 1), dtype=np.float64)
+        spans = [TOLERANCES.run_periods * 2.0 * math.pi / abs(s)]
+        spans += [(TOLERANCES.run_growths if s.real > 0.0 else TOLERANCES.run_decays) / abs(s.real)] if s.real else []
+        spans.append(TOLERANCES.run_fastest_times / max(float(np.max(np.abs(self.values.imag))), self.speed, abs(s)))
         fastest = float(np.max(self.values.real))
-        spans += [GROWN / fastest] if fastest > 0.0 else []
-        return np.asarray(np.linspace(start, start + min(spans), SAMPLES), dtype=np.float64)
+        spans += [TOLERANCES.run_fastest_growths / fastest] if fastest > 0.0 else []
+        return np.asarray(np.linspace(start, start + min(spans), TOLERANCES.run_samples), dtype=np.float64)
 
     def _followed(self, times: Array, dq: Array, du: Array, s: complex, tol: float) -> Run | str:
         """Return the motion from a disturbed start, or why there is none."""
         motion, system = self.motion, self.system
         start, span = float(times[0]), float(times[-1] - times[0])
-        stiff = float(np.max(-self.values.real)) * span > STIFF
+        stiff = float(np.max(-self.values.real)) * span > TOLERANCES.stiff_decay
         solver = "Radau" if stiff else "DOP853"
         try:
             equations = Constrained(system, motion, self.form)
@@ -473,7 +440,7 @@ def _fitted(
         _line(times[-half:], logs[-half:], weights[-half:])[0],
     )
     observed = s + slope
-    if mode.value.imag == 0.0 and abs(s.imag) <= EQUAL * abs(s):
+    if mode.value.imag == 0.0 and abs(s.imag) <= TOLERANCES.equal_eigenvalues * abs(s):
         observed = complex(observed.real)
     # A smooth change of the slope shows in the halves, noise in the distances from the line.
     uncertainty = 0.5 * abs(halves[0] - halves[1]) + off / span + noise
@@ -488,21 +455,24 @@ def _judged(found: list[Observation]) -> Observation | None:
         apart = abs(last.observed - before.observed)
         blur = last.uncertainty + before.uncertainty
         last = replace(last, uncertainty=last.uncertainty + apart)
-        if blur > AGREES * size or apart > AGREES * size:
+        if blur > TOLERANCES.eigenvalue_error * size or apart > TOLERANCES.eigenvalue_error * size:
             return None
     off = last.observed - last.predicted
     known, worst = last.uncertainty, max(abs(off.real), abs(off.imag))
-    if known <= AGREES * size and worst <= BLURRED * known:
-        if last.kind not in ("center", "undecided") and abs(last.predicted.real) <= BLURRED * known:
+    if known <= TOLERANCES.eigenvalue_error * size and worst <= TOLERANCES.uncertainties_of_observation * known:
+        if (
+            last.kind not in ("center", "undecided")
+            and abs(last.predicted.real) <= TOLERANCES.uncertainties_of_observation * known
+        ):
             what = "growth" if last.predicted.real > 0.0 else "decay"
             first = "frequency confirmed; " if last.predicted.imag else ""
             reason = f"{first}{what} too small to be seen in {last.span:.3g} s (known to {known:.1e} 1/s)"
             return replace(last, verdict="cannot be judged", reason=reason)
         return last
     # What is not as predicted has to agree by its own size: friction that has reached its limit damps hardly at all.
-    if len(found) == 1 or apart > AGREES * abs(last.observed):
+    if len(found) == 1 or apart > TOLERANCES.eigenvalue_error * abs(last.observed):
         return None
-    if abs(off) > max(AGREES * size, BLURRED * known):
+    if abs(off) > max(TOLERANCES.eigenvalue_error * size, TOLERANCES.uncertainties_of_observation * known):
         reason = f"the motion has {show(last.observed)} 1/s, known to {known:.1e} 1/s"
         return replace(last, verdict="contradicted", reason=reason)
     return None
@@ -510,7 +480,7 @@ def _judged(found: list[Observation]) -> Observation | None:
 
 def _possible(x: Observation) -> bool:
     """Return whether an observation leaves the prediction possible."""
-    return abs(x.observed - x.predicted) <= BLURRED * x.uncertainty
+    return abs(x.observed - x.predicted) <= TOLERANCES.uncertainties_of_observation * x.uncertainty
 
 
 def _undecided(last: Observation, found: list[Observation], failure: str) -> Observation:
@@ -520,14 +490,14 @@ def _undecided(last: Observation, found: list[Observation], failure: str) -> Obs
     known = last.uncertainty + apart
     if failure:
         reason = f"with a smaller amplitude, {failure}"
-    elif last.uncertainty > AGREES * size:
+    elif last.uncertainty > TOLERANCES.eigenvalue_error * size:
         reason = (
             f"what is seen depends on the amplitude, and at {last.amplitude:.0e} of the sizes in the scene errors of "
             f"integration let it be known to {last.uncertainty:.1e} 1/s only"
-            if apart > AGREES * size
+            if apart > TOLERANCES.eigenvalue_error * size
             else f"the motion tells it to {last.uncertainty:.1e} 1/s only"
         )
-    elif apart > AGREES * min(size, abs(last.observed)):
+    elif apart > TOLERANCES.eigenvalue_error * min(size, abs(last.observed)):
         reason = (
             f"what is seen depends on the amplitude: two, {found[-2].amplitude:.0e} and {last.amplitude:.0e} of the "
             f"sizes in the scene, differ by {apart:.1e} 1/s"
@@ -559,7 +529,11 @@ def _overall(result: EigenResult, modes: list[Observation], neutral: Drift | Non
         return "contradicted", neutral.reason
     if result.verdict == UNDECIDED:
         return "cannot be judged", "the linearized equations decide nothing that could be verified"
-    growing = [m for m in modes if m.verdict == "confirmed" and m.observed.real > BLURRED * m.uncertainty]
+    growing = [
+        m
+        for m in modes
+        if m.verdict == "confirmed" and m.observed.real > TOLERANCES.uncertainties_of_observation * m.uncertainty
+    ]
     if result.verdict == UNSTABLE and growing:
         worst = max(growing, key=lambda m: m.observed.real)
         return "confirmed", f"mode {worst.number} grows with {worst.observed.real:.6g} 1/s in the nonlinear motion"
