@@ -286,7 +286,7 @@ def test_values_lie_in_their_discs_where_conjugates_change_places(exponent):
 
 @pytest.mark.parametrize("powers", [0, 20])
 def test_spectral_radii_are_compared_as_their_eigenvalues_say(monkeypatch, powers):
-    monkeypatch.setattr(grouping, "POWERS", powers)
+    monkeypatch.setattr("mbstab.analysis.linear.tolerances.Tolerances.radius_powers", powers)
     rng, agreed = np.random.default_rng(4), []
     for k in range(300):
         matrices = rng.uniform(size=(3, 4, 4)) * (rng.uniform(size=(3, 4, 4)) < (0.3, 0.5, 1.0)[k % 3])

@@ -571,7 +571,7 @@ def test_frozen_eigenvalues_are_labelled():
 def test_only_what_can_be_simplified_in_time_is(monkeypatch):
     result = CliRunner().invoke(main, ["linearize", "pendulum.yaml", "--symbolic", "--format", "latex"])
     assert "not simplified" not in result.stderr
-    monkeypatch.setattr("mbstab.analysis.linear.symbolic.SIMPLIFY_LIMIT", 2)
+    monkeypatch.setattr("mbstab.analysis.linear.tolerances.Tolerances.simplified_weight", 2)
     result = CliRunner().invoke(main, ["linearize", "pendulum.yaml", "--symbolic", "--format", "latex"])
     assert result.exit_code == 0
     assert re.search(r"\d+ entries are not simplified", result.stderr)

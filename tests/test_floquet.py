@@ -381,7 +381,7 @@ def test_a_period_is_a_positive_number(period):
 
 
 def test_a_period_that_takes_too_many_steps_is_refused(monkeypatch):
-    monkeypatch.setattr(floquet, "MAX_EVALUATIONS", 500)
+    monkeypatch.setattr("mbstab.analysis.linear.tolerances.Tolerances.monodromy_evaluations", 500)
     with pytest.raises(NumericalError, match=r"more than 500 evaluations: \d+\.\d+% of the period was done"):
         of(mbstab.load(MODELS["pendulum"]), 100.0)
 

@@ -397,7 +397,7 @@ def test_long_lists_of_neutral_directions_are_shortened_but_in_json(tmp_path):
 
 
 def test_matrices_that_nobody_reads_are_refused(monkeypatch, capsys):
-    monkeypatch.setattr("mbstab.analysis.linear.symbolic.MOST_OPERATIONS", 10)
+    monkeypatch.setattr("mbstab.analysis.linear.tolerances.Tolerances.printed_operations", 10)
     with pytest.raises(SystemExit) as stop:
         main(["linearize", "double_pendulum.yaml", "--symbolic"])
     assert stop.value.code == 2

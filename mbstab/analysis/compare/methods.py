@@ -29,7 +29,8 @@ from mbstab.analysis.linear.eigenvalues import judged
 from mbstab.analysis.linear.facts import Grounds, balanced, time_scale
 from mbstab.analysis.linear.linearize import Linearization, linearize, state_space
 from mbstab.analysis.linear.methods import METHODS, solver
-from mbstab.analysis.linear.precise import LEAST_DIGITS, PreciseResult, precise_eigenvalues, rounded_eigenvalues
+from mbstab.analysis.linear.precise import PreciseResult, precise_eigenvalues, rounded_eigenvalues
+from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError, UsageError
@@ -213,7 +214,7 @@ def _further(digits: int, tolerance: float | None) -> list[int]:
     """Return the numbers of digits to be measured: below those of the truth, and enough for the tolerance."""
     found = [n for n in TOLERANCES.further_digits if n < digits]
     if tolerance is not None:
-        needed = max(math.ceil(-math.log10(tolerance)) + 1, LEAST_DIGITS)
+        needed = max(math.ceil(-math.log10(tolerance)) + 1, LINEAR.digits_least)
         found += [needed] if all(n < needed for n in found) else []
     return found
 
@@ -234,7 +235,7 @@ def cheapest(outcomes: Sequence[Outcome], tolerance: float, verdict: str) -> Out
     nearest = f": {best.method} comes closest with {best.error:.1e}" if math.isfinite(best.error) else ""
     raise NumericalError(
         f"no method keeps {tolerance:g}{nearest}\n"
-        f"hint: mbstab eig --precision {max(LEAST_DIGITS, math.ceil(-math.log10(tolerance)) + 1)}"
+        f"hint: mbstab eig --precision {max(LINEAR.digits_least, math.ceil(-math.log10(tolerance)) + 1)}"
     )
 
 

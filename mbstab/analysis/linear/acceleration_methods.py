@@ -51,14 +51,12 @@ from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.rank import Rank, rank_of
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.methods import Found
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError, UsageError
 from mbstab.records import dataclass
 
 EPS = float(np.finfo(float).eps)
-
-INVERSE_STEPS = 3
-"""Steps of inverse iteration; the best vector is taken, as later ones may be worse (Peters and Wilkinson 1979)."""
 
 
 @dataclass(frozen=True)
@@ -262,7 +260,7 @@ def _vectors(A: Array, values: Complex) -> Complex:
         B = A - (s + shift) * np.eye(n)
         x = rng.standard_normal(n).astype(complex)
         best = np.inf
-        for _ in range(INVERSE_STEPS):
+        for _ in range(TOLERANCES.inverse_steps):
             try:
                 x = np.linalg.solve(B, x / np.linalg.norm(x))
             except np.linalg.LinAlgError:

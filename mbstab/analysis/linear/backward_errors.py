@@ -15,22 +15,11 @@ from mbstab.analysis.algebra.refinement import Quadratic, refined
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, composite
 from mbstab.analysis.linear.roundings import roundings
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.compiler.system import Array
 
 EPS = float(np.finfo(float).eps)
-
-SUMMED = 2.0
-"""A sum of products is computed to so many roundings of its terms, and to one more for four times as many terms."""
-
-SLOWEST = 1e-10
-"""Rates are not told from zero below this part of the typical one."""
-
-MANY = 30
-"""Symmetries from which on one Schur form is cheaper than least squares for each eigenvalue."""
-
-DISTINCT = 1e-4
-"""Eigenvalues farther from those of T than this part of what S does there are none of them."""
 
 
 class BackwardErrors:
@@ -120,10 +109,11 @@ class BackwardErrors:
             result += np.where(blocks, np.abs(own) @ rows, each)
         result += self._displacing(x, w, C)
         # T and L are known to rounding.
+        rounding = TOLERANCES.roundings_of_sum * EPS
         if self.T.shape[1]:
-            result += SUMMED * EPS * np.outer(np.linalg.norm(Y, axis=1), np.linalg.norm(self.inside @ V, axis=0))
+            result += rounding * np.outer(np.linalg.norm(Y, axis=1), np.linalg.norm(self.inside @ V, axis=0))
         if self.outside.shape[1]:
-            result += SUMMED * EPS * np.outer(np.linalg.norm(Y @ self.outside, axis=1), np.linalg.norm(V, axis=0))
+            result += rounding * np.outer(np.linalg.norm(Y @ self.outside, axis=1), np.linalg.norm(V, axis=0))
         for change in self.displaced:
             result += np.abs(self.residual(x, w, C, change))
         return result
@@ -134,7 +124,7 @@ class BackwardErrors:
         result: Array = np.zeros((len(w.y), len(w.y)))
         if not len(rows):
             return result
-        rounding = SUMMED * EPS * np.abs(rows)
+        rounding = TOLERANCES.roundings_of_sum * EPS * np.abs(rows)
         there = lift @ (np.abs(rows @ x.pos) + rounding @ np.abs(x.pos))
         here = (np.abs(w.y @ rows.T) + np.abs(w.y) @ rounding.T) @ lift.T
         for change in self.displaced:
@@ -149,7 +139,7 @@ class BackwardErrors:
     @cached_property
     def errors(self) -> Matrices:
         """Errors of M, R, K, J and D_q in scaled coordinates, and of summing products with them."""
-        summed = (SUMMED + 0.5 * math.log2(len(self.m.M) + len(self.m.J))) * EPS
+        summed = (TOLERANCES.roundings_of_sum + 0.5 * math.log2(len(self.m.M) + len(self.m.J))) * EPS
         known = (np.nan_to_num(x, nan=np.inf) for x in self.scaled(roundings(self.linear).errors))
         return Matrices(*(x + summed * np.abs(y) for x, y in zip(known, self.m, strict=True)))
 
@@ -161,7 +151,7 @@ class BackwardErrors:
     def weighted(self, W: Complex, rate: float) -> Complex:
         """Return vectors of A with speeds in units of a rate: of slow motions they are small."""
         weights = np.ones(len(self.S))
-        weights[self.n_xi :] = self.gamma / max(rate, SLOWEST * self.gamma)
+        weights[self.n_xi :] = self.gamma / max(rate, TOLERANCES.slowest_rate_of_errors * self.gamma)
         result: Complex = (self.B @ W) * weights[:, None]
         return result
 
@@ -223,7 +213,7 @@ class BackwardErrors:
         if not self.T.shape[1]:
             return pos
         inner, c = self.inside @ self.T, self.inside @ V
-        solved = _triangular(inner, c) if len(inner) > MANY else None
+        solved = _triangular(inner, c) if len(inner) > TOLERANCES.schur_from_symmetries else None
         result = pos.copy()
         for j, s in enumerate(values):
             if np.isfinite(s) and np.isfinite(c[:, j]).all():
@@ -240,7 +230,7 @@ def _triangular(inner: Array, c: Complex) -> Callable[[complex, int], Complex | 
 
     one, (triangle, basis) = np.eye(len(inner)), schur(inner, output="complex")
     turned, own = basis.conj().T @ c, np.diag(triangle)
-    clear = DISTINCT * float(np.max(np.abs(triangle)))
+    clear = TOLERANCES.eigenvalue_of_neutral * float(np.max(np.abs(triangle)))
 
     def solved(s: complex, j: int) -> Complex | None:
         if np.min(np.abs(s - own)) <= clear:

@@ -32,23 +32,14 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.matching import assigned
-from mbstab.analysis.linear.backward_errors import EPS, SUMMED, BackwardErrors
+from mbstab.analysis.linear.backward_errors import EPS, BackwardErrors
 from mbstab.analysis.linear.clusters import Clusters
 from mbstab.analysis.linear.discs import Disc, Group, Placed, relative
 from mbstab.analysis.linear.grouping import dependent, partners
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
 from mbstab.analysis.linear.sparse_bounds import sparse_enclosures
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
-
-APART = 1e-8
-"""Eigenvalues smaller than this part of the largest have lost half of their digits in the matrix."""
-
-
-ROUNDS = 40
-"""Rounds of joining eigenvalues that cannot be told apart."""
-
-DIFFERENT = 10.0
-"""A value of another method that lies so many times farther from an eigenvalue than its vector says is none."""
 
 UNLIKE = 1e150
 """Distance of what has no value."""
@@ -150,7 +141,7 @@ class _Eigenvectors(BackwardErrors):
 
     def _told(self, W: Complex, C: Complex, groups: list[Group], partner: list[int]) -> Clusters:
         rates = np.zeros(len(W))
-        for _ in range(ROUNDS):
+        for _ in range(TOLERANCES.joining_rounds):
             found = Clusters(self, W, C, groups, partner, rates)
             joined = found.joined()
             if joined is None:
@@ -172,7 +163,7 @@ def _eig(A: Array) -> tuple[Complex, Complex]:
     values, vectors = (x.astype(complex) for x in np.linalg.eig(A))
     size = np.abs(values)
     order = np.argsort(-size)
-    if size[order[-1]] > APART * size[order[0]]:
+    if size[order[-1]] > TOLERANCES.slow_eigenvalue * size[order[0]]:
         return values, vectors
     try:
         inverse, others = (x.astype(complex) for x in np.linalg.eig(np.linalg.inv(A)))
@@ -212,7 +203,7 @@ def _of_others(judge: _Eigenvectors, values: Complex, vectors: Complex) -> Place
     T = judge.T
     inner = judge.inside @ T
     zeros = np.linalg.eigvals(inner).astype(complex) if T.shape[1] else np.zeros(0, dtype=complex)
-    rounding = SUMMED * EPS * float(np.linalg.norm(inner))
+    rounding = TOLERANCES.roundings_of_sum * EPS * float(np.linalg.norm(inner))
     known = np.concatenate([own.values, zeros, np.zeros(judge.outside.shape[1], dtype=complex)])
     count, size = len(values), max(len(values), len(known))
     distance = np.full((size, size), UNLIKE)
@@ -230,7 +221,7 @@ def _of_others(judge: _Eigenvectors, values: Complex, vectors: Complex) -> Place
             if off <= float(np.min(np.abs(own.values - values[i]), initial=np.inf)):
                 neutral.append(i)
                 bounds[i] = off + rounding + EPS * abs(values[i])
-        elif off <= own.bounds[j] + DIFFERENT * found.misfit(j, complex(values[i]), pairs, i):
+        elif off <= own.bounds[j] + TOLERANCES.other_method_distance * found.misfit(j, complex(values[i]), pairs, i):
             bounds[i] = (off + float(own.bounds[j])) * (1.0 + 4.0 * EPS)
     discs = _covering([Disc(complex(values[i]), float(bounds[i]), (i,)) for i in range(count) if i not in neutral])
     condition = relative(bounds / EPS, values)

@@ -21,16 +21,15 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.linear.sparse_equations import ROUNDED, SparseEquations
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.linear.sparse_equations import SparseEquations
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import Census
 from mbstab.analysis.linear.winding import winding
 from mbstab.analysis.linear.work import acts_symmetrically
 from mbstab.compiler.system import Array, System
 from mbstab.errors import counted
 from mbstab.records import dataclass
-
-NEAR_ZERO = (1e-14, 1e-12, 1e-10, 1e-8)
-"""Squares of rates that are taken for zero, in those of single forces; the smallest that the factors can tell."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,7 @@ def census(equations: SparseEquations, at_rest: Resting | None) -> Census:
     K = 0.5 * (m.K + m.K.T)
     below, zeros = forms.negatives(K, equations.unsure), 0
     if below is None:
-        for part in NEAR_ZERO:
+        for part in TOLERANCES.square_rate_zero:
             band = part * equations.rate**2
             low, high = (forms.negatives(K + x * m.M, equations.unsure) for x in (band, -band))
             if low is not None and high is not None:
@@ -117,7 +116,10 @@ def census(equations: SparseEquations, at_rest: Resting | None) -> Census:
     if below is None:
         return Census(None, how="the inertia of the stiffness cannot be told in double precision")
     D = 0.5 * (m.R + m.R.T)
-    dissipative = at_rest.damped and forms.negatives(D, ROUNDED * float(np.linalg.norm(equations.sizes.R.data))) == 0
+    dissipative = (
+        at_rest.damped
+        and forms.negatives(D, ALGEBRA.entry_rounding * float(np.linalg.norm(equations.sizes.R.data))) == 0
+    )
     if at_rest.gyroscopic and not dissipative and below:
         text = "with gyroscopic forces and damping that does not reach all motions, the stiffness does not count them"
         return Census(None, least=0 if zeros else below % 2, zeros=zeros, how=text)

@@ -10,37 +10,11 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, at_block
 from mbstab.analysis.algebra.refinement import refined
-from mbstab.analysis.linear.backward_errors import EPS, SUMMED, BackwardErrors, Motions, Weights
+from mbstab.analysis.linear.backward_errors import EPS, BackwardErrors, Motions, Weights
 from mbstab.analysis.linear.discs import Disc, Group, Placed, relative
 from mbstab.analysis.linear.grouping import below, coupled, dependent, partners, row_scaled_inverse, united
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
-
-DEPENDENT = 1e-11
-"""They still span their subspace if it is larger than this."""
-
-CIRCLE = 48
-"""Points of a circle on which a block is shown to have no eigenvalue …"""
-
-MARGIN = 0.8
-"""… with this much left between them."""
-
-IMPROVEMENTS = 4
-"""Rounds in which vectors are made better."""
-
-SMALL = 0.1
-"""What couples an eigenvalue to others may add this part to its bound before vectors are made better."""
-
-FAR = 0.1
-"""Two vectors are not turned towards each other if the product of both angles is larger."""
-
-ROUGH = 100.0 * EPS
-"""Eigenvalues with larger relative error bounds are refined …"""
-
-MUCH = 10.0
-"""… if the errors of the data alone leave so many times less open …"""
-
-FEW = 1e-12
-"""… and beside zeros of the structure also if the relative error bound is larger than this."""
 
 
 class _Around:
@@ -134,7 +108,8 @@ class Clusters:
             rate = max(rate, float(np.max(np.abs(values))))
             V = judge.weighted(columns, rate)
         known = np.isfinite(V).all() and np.all(np.any(V, axis=0))
-        if known and not np.linalg.svd(V / np.linalg.norm(V, axis=0), compute_uv=False)[-1] >= DEPENDENT:
+        least = np.linalg.svd(V / np.linalg.norm(V, axis=0), compute_uv=False)[-1] if known else np.inf
+        if not least >= TOLERANCES.cluster_singular_value:
             columns = self._schur(values, len(members))
             block, V = columns.conj().T @ judge.A @ columns, judge.weighted(columns, rate)
         lengths = np.linalg.norm(V, axis=0)
@@ -177,7 +152,7 @@ class Clusters:
         judge = self.judge
         blocks = self.of[:, None] == self.of
         best = math.inf
-        for _ in range(IMPROVEMENTS):
+        for _ in range(TOLERANCES.vector_improvements):
             x, V = judge.motions(judge.B @ self.W, self.C)
             rows = row_scaled_inverse(judge.B.T @ V) @ judge.B.T
             w = judge.weights(rows)
@@ -188,7 +163,7 @@ class Clusters:
             step = np.where(blocks, F, 0.0)
             left = np.abs(step) @ np.abs(w.y @ (judge.m.M @ x.pos)) @ np.abs(step)
             # Rows are the inverse of the columns up to rounding.
-            off = np.abs(rows @ V - np.eye(len(F))) + SUMMED * EPS * (np.abs(rows) @ np.abs(V))
+            off = np.abs(rows @ V - np.eye(len(F))) + TOLERANCES.roundings_of_sum * EPS * (np.abs(rows) @ np.abs(V))
             left += off @ np.abs(F)
             T, outside = self.C - step, np.where(blocks, 0.0, F)
             spectrum = self._spectrum(T)
@@ -201,7 +176,7 @@ class Clusters:
                 kept = self.W, self.C
             else:
                 break
-            if not amount > SMALL:
+            if not amount > TOLERANCES.coupling_in_bound:
                 break
             self.W, self.C = self.W + self.W @ self._turn(F, blocks), T
         self.W, self.C = kept
@@ -236,7 +211,7 @@ class Clusters:
                             turn[at] = np.linalg.solve(system, F[at].ravel()).reshape(F[at].shape)
                         except np.linalg.LinAlgError:
                             turn[at] = 0.0
-        turn[~(np.abs(turn * turn.T) < FAR)] = 0.0
+        turn[~(np.abs(turn * turn.T) < TOLERANCES.turn_product)] = 0.0
         return turn
 
     def rates(self, groups: list[Group]) -> Array:
@@ -415,7 +390,8 @@ class Clusters:
         low = max(spread, float(np.max(inner)), EPS * abs(centre), 1e-150)
         high = 0.5 * float(np.min(around.distance, initial=np.inf))
         high = min(high, 1e3 * (low + float(np.linalg.norm(block - centre * np.eye(len(block))))))
-        angles = np.exp(2j * np.pi * (np.arange(CIRCLE) + 0.5) / CIRCLE)[:, None, None]
+        count = TOLERANCES.cluster_circle_points
+        angles = np.exp(2j * np.pi * (np.arange(count) + 0.5) / count)[:, None, None]
 
         def clear(radius: float) -> bool:
             size = around.outside(radius)
@@ -426,7 +402,7 @@ class Clusters:
             except np.linalg.LinAlgError:
                 return False
             product = resolvent @ (inner + size)
-            return bool(np.isfinite(product).all()) and below(product, MARGIN)
+            return bool(np.isfinite(product).all()) and below(product, TOLERANCES.cluster_circle_product)
 
         # Too near the block is in the way, too far the others are.
         middle = 1.2 * low
@@ -481,8 +457,8 @@ class Clusters:
         judge, s = self.judge, self.s
         rough = [
             g for g, members in enumerate(self.groups)
-            if len(members) == 1 and ROUGH * abs(s[members[0]]) < self.radii[g] < min(abs(s[members[0]]), np.inf)
-            and self.mirror[g] >= g
+            if len(members) == 1 and self.mirror[g] >= g
+            and TOLERANCES.relative_bound_refined * abs(s[members[0]]) < self.radii[g] < min(abs(s[members[0]]), np.inf)
         ]  # fmt: skip
         if not rough:
             return
@@ -492,7 +468,8 @@ class Clusters:
         beside = bool(judge.T.shape[1] or len(judge.L))
         hopeful = [
             k for k, g in enumerate(rough)
-            if MUCH * known[k] < self.radii[g] or (beside and FEW * abs(s[index[k]]) < self.radii[g])
+            if TOLERANCES.bound_beyond_data * known[k] < self.radii[g]
+            or (beside and TOLERANCES.relative_bound_refined_at_zeros * abs(s[index[k]]) < self.radii[g])
         ]  # fmt: skip
         if not hopeful:
             return
@@ -512,7 +489,7 @@ class Clusters:
             if off + bound > radius:
                 # The disc stays what it is, about the better value.
                 bound = radius + off
-            if off > SMALL * radius and bound > radius:
+            if off > TOLERANCES.coupling_in_bound * radius and bound > radius:
                 continue
             numbers = {g: value} if self.mirror[g] == g else {g: value, self.mirror[g]: value.conjugate()}
             others = np.array([h not in numbers for h in range(len(self.groups))])

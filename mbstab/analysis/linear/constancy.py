@@ -41,6 +41,7 @@ from mbstab.analysis.linear.exact_sums import (
     ratio,
     same_number,
 )
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.analysis.reference.efforts import effort_unit
 from mbstab.compiler.system import System
@@ -51,13 +52,6 @@ from mbstab.model.fields.catalogue import given_fields
 from mbstab.model.functions import FUNCTIONS, PIECED
 from mbstab.model.scene import ItemValues
 from mbstab.records import dataclass
-
-LONGEST = 10**6
-"""A common period of more periods of the fastest part is of no use: none is said to exist."""
-
-WHOLE = 1e-12
-"""A stated period is a multiple of the true one if the ratio is whole to this, relatively."""
-
 
 Kind = Literal["affine", "settled", "periodic", "other"]
 Role = Literal["position", "velocity", "force", "holonomic", "nonholonomic"]
@@ -203,7 +197,7 @@ def common(frequencies: Sequence[Sum]) -> Sum | None:
         return None
     below = math.lcm(*(r.denominator for r in known))
     divisor = Fraction(math.gcd(*(int(r * below) for r in known)), below)
-    return frequencies[0] * divisor if max(known) <= LONGEST * divisor else None
+    return frequencies[0] * divisor if max(known) <= TOLERANCES.common_period * divisor else None
 
 
 def expressions(system: System) -> Iterator[tuple[str, Role, Expression, bool]]:
@@ -416,7 +410,7 @@ def period_doubt(system: System, period: Any, broken: Container[str] = ()) -> st
                 continue
             values = np.asarray(structure.value(turns)[0], dtype=float)
             whole = np.abs(np.round(values))
-            if not np.all((whole >= 1.0) & (np.abs(np.abs(values) - whole) <= WHOLE * whole)):
+            if not np.all((whole >= 1.0) & (np.abs(np.abs(values) - whole) <= TOLERANCES.period_multiple * whole)):
                 own = f"repeats after {use.period:.10g} s"
                 return f"{_through([use])}, which {own}: {first_point(period):.10g} s is no whole multiple of it"
     return ""

@@ -20,6 +20,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.linear.minimum import SecondVariation, sign_of
 from mbstab.analysis.linear.neutral import Separated, Structure, complement, drift_of, orthonormal
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, UNSTABLE, Critical
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.motion import Motion
@@ -27,35 +28,10 @@ from mbstab.compiler.system import Array, Dynamics
 from mbstab.errors import MbstabError
 from mbstab.records import dataclass
 
-REACH = 0.2
-"""How far the critical direction is followed, in sizes of the scene or rad."""
-
-LEVELS, FEWEST = 24, 10
-"""So many times the distance is halved; where the motion cannot be followed so far, fewer of the distances will do."""
-
-STEPS = 12
-"""Newton steps at each distance."""
-
-BALANCED = 1e-13
-"""Forces along each coordinate balance to this, relative to those that act along it."""
-
-RESOLVED = 30.0
-"""Forces count if they are so many times what counts as zero."""
-
-VANISHES, ROUNDED = 1e-9, 1e-14
-"""The force along the critical direction is zero if it is this part of what each element does along it, or rounding of
-all that they do."""
-
 ORDERS = {"even": (2, 4), "odd": (3, 5)}
 """Powers of z that are told apart."""
 
 EPS = float(np.finfo(float).eps)
-
-INTEGER = 0.12
-"""How far an observed power may be from a whole number."""
-
-SIMPLE = 1e-6
-"""The zero is the only one in the positions if the next singular value is larger, relative to the largest."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +133,7 @@ def _direction(structure: Structure, separated: Separated) -> Array | None:
     if not 0 < free.shape[1] <= eta:
         return None
     _, s, right = np.linalg.svd(stiffness @ free)
-    if len(s) > 1 and s[-2] <= SIMPLE * s[0]:
+    if len(s) > 1 and s[-2] <= TOLERANCES.simple_zero * s[0]:
         return None
     shift: Array = free @ right[-1]
     return shift
@@ -189,7 +165,7 @@ def _followed(structure: Structure, shift: Array) -> _Path | None:
     unit = float(np.max(np.abs(along / motion.sizes)))
     along, measure = along / unit, (spaces.N @ shift) / spaces.scale * unit
     held = [x.direction / motion.sizes for x in structure.invariance.symmetries]
-    distances: Array = np.array([REACH * 0.5**k for k in range(LEVELS)])
+    distances: Array = np.array([TOLERANCES.critical_reach * 0.5**k for k in range(TOLERANCES.critical_halvings)])
     sides = []
     for sign in (1.0, -1.0):
         forces, zeros, roundings = [], [], []
@@ -210,12 +186,14 @@ def _followed(structure: Structure, shift: Array) -> _Path | None:
             roundings.append(float(rounding @ np.abs(tangent)))
         sides.append((forces, zeros, roundings))
     reached = min(len(forces) for forces, _, _ in sides)
-    if reached < FEWEST:
+    if reached < TOLERANCES.critical_distances:
         return None
     (ahead, zero_ahead, near), (behind, zero_behind, far) = (
         (np.array(part[:reached][::-1]) for part in side) for side in sides
     )
-    return _Path(measure, distances[LEVELS - reached :], ahead, behind, zero_ahead, zero_behind, near + far)
+    return _Path(
+        measure, distances[TOLERANCES.critical_halvings - reached :], ahead, behind, zero_ahead, zero_behind, near + far
+    )
 
 
 def _zero(structure: Structure, q: Array, tangent: Array) -> float:
@@ -229,7 +207,7 @@ def _zero(structure: Structure, q: Array, tangent: Array) -> float:
         # Loads that stay the same hide no weak push.
         each += abs(float((force - before) @ tangent[columns]))
         size += float(np.abs(force) @ np.abs(tangent[columns]))
-    return VANISHES * each + ROUNDED * size
+    return TOLERANCES.force_vanishes * each + TOLERANCES.force_rounding * size
 
 
 def _acting(structure: Structure, q: Array, u: Array, a: Array) -> Array:
@@ -258,7 +236,7 @@ def _balanced(
     n, c, n_h = system.n_q, system.n_c, system.n_h
     sizes = reference.sizes
     before = np.inf
-    for _ in range(STEPS):
+    for _ in range(TOLERANCES.newton_steps_critical):
         u = np.zeros(n) if not np.any(reference.u) else (generator.field(q) if generator is not None else reference.u)
         a = generator.acceleration(q) if generator is not None and generator.turns else np.zeros(n)
         state = system.dynamics(q, u, reference.time)
@@ -266,7 +244,7 @@ def _balanced(
         K = matrices_in(system, at, generator if generator is not None and generator.turns else None).K
         # What acts far away, or on other bodies, says nothing about how well forces balance here.
         acting = _acting(structure, q, u, a) + np.abs(state.J.T) @ np.abs(nu) + np.abs(measure * r)
-        rounding = BALANCED * acting + 4.0 * EPS * np.abs(K) @ (np.abs(q) + np.abs(reference.q))
+        rounding = TOLERANCES.critical_balance * acting + 4.0 * EPS * np.abs(K) @ (np.abs(q) + np.abs(reference.q))
         force = state.F0 + state.M @ a + state.J.T @ nu - measure * r
         # Rows on speeds hold along steady motions; rows on positions are solved for.
         residual = np.concatenate(
@@ -276,7 +254,7 @@ def _balanced(
             [
                 rounding,
                 4.0 * EPS * np.abs(state.J[:n_h]) @ (np.abs(q) + sizes),
-                np.full(len(held), BALANCED),
+                np.full(len(held), TOLERANCES.critical_balance),
                 [4.0 * EPS * float(np.abs(measure) @ (np.abs(q) + np.abs(reference.q)))],
             ]
         )
@@ -314,7 +292,7 @@ def _power(path: _Path) -> tuple[int, int] | None:
     zero = path.zero_ahead + path.zero_behind + path.rounding
     found = []
     for parity, part in (("even", path.ahead + path.behind), ("odd", path.ahead - path.behind)):
-        resolved = np.abs(part) > RESOLVED * zero
+        resolved = np.abs(part) > TOLERANCES.critical_force * zero
         if not resolved.any():
             continue
         # The smallest distances at which three forces in a row count.
@@ -326,7 +304,7 @@ def _power(path: _Path) -> tuple[int, int] | None:
             return None
         powers = [float(np.log2(abs(part[j] / part[j + 1]))) for j in (last, last + 1)]
         k = round(powers[1])
-        if k not in ORDERS[parity] or abs(powers[1] - k) > INTEGER:
+        if k not in ORDERS[parity] or abs(powers[1] - k) > TOLERANCES.power_misfit:
             return None
         found.append((k, int(np.sign(part[last + 2]))))
     return min(found, default=None)

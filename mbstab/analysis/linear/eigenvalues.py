@@ -26,13 +26,11 @@ from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.methods import DEFAULT, METHODS, Found, solver
 from mbstab.analysis.linear.results import Counts, EigenResult, Eigenvalue
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import STABLE, STABLE_UP_TO, UNDECIDED, Disc, Verdict, judge, place, show
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError, UsageError
-
-FEW = 1e-10
-"""Eigenvalues with larger relative error bounds are warned about."""
 
 
 def eigenvalues(linear: Linearization, method: str = DEFAULT, zeros: Callable[[], int] | None = None) -> EigenResult:
@@ -270,7 +268,9 @@ def inexact(found: list[Eigenvalue], remedy: str = "; --precision gives more dig
     few = [
         e
         for e in found
-        if e.kind != "neutral" and e.value.imag >= 0.0 and FEW * abs(e.value) < e.error_bound < abs(e.value)
+        if e.kind != "neutral"
+        and e.value.imag >= 0.0
+        and TOLERANCES.relative_bound_warned * abs(e.value) < e.error_bound < abs(e.value)
     ]
     if not few:
         return ()

@@ -12,6 +12,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.model.arithmetic import Arithmetic, array_arithmetic
 from mbstab.model.expressions import Expression
 from mbstab.model.functions import FUNCTIONS
@@ -19,18 +20,6 @@ from mbstab.model.scene import Scene
 from mbstab.model.schema import Parameter
 from mbstab.model.units import exact_factor
 from mbstab.records import dataclass
-
-TERMS = 100
-"""Products with more terms are not multiplied out."""
-
-BITS = 4000
-"""Powers with longer numerators stay powers."""
-
-ROUNDING = 1e-12
-"""Values of constants are known to this, relative to the sum of the sizes of their terms."""
-
-NEAR = 1e-9
-"""The state is at a kink if a change of this size, relative to the sizes in the scene, leads there."""
 
 ATOMS: WeakValueDictionary[tuple[str, str, tuple[Sum, ...]], Atom] = WeakValueDictionary()
 
@@ -136,7 +125,7 @@ class Sum:
 
     def __mul__(self, other: Any) -> Sum:
         one, two = self, Sum.of(other)
-        if len(one.terms) * len(two.terms) > TERMS:
+        if len(one.terms) * len(two.terms) > TOLERANCES.product_terms:
             one, two = (x if len(x.terms) < 2 else Sum.of(Atom.of("group", arguments=(x,))) for x in (one, two))
         total: dict[Monomial, Fraction] = {}
         for m, c in one.terms:
@@ -217,7 +206,9 @@ def _power(base: Sum, exponent: Sum) -> Sum:
     if whole < 0:
         return _power(base, -exponent).inverse()
     size = max((max(c.numerator.bit_length(), c.denominator.bit_length()) for _, c in base.terms), default=0)
-    if size * whole > BITS or (len(base.terms) > 1 and len(base.terms) ** whole > TERMS):
+    if size * whole > TOLERANCES.power_bits or (
+        len(base.terms) > 1 and len(base.terms) ** whole > TOLERANCES.product_terms
+    ):
         return Sum(frozenset({(frozenset({(Atom.of("group", arguments=(base,)), whole)}), Fraction(1))}))
     return reduce(lambda x, _: x * base, range(whole - 1), base)
 
@@ -388,7 +379,7 @@ class Structure:
         if x.time or x.state or self.vague & _constants(x):
             return None
         value, size = self.value(x)
-        rounding = ROUNDING * size
+        rounding = TOLERANCES.constant_rounding * size
         return 1 if np.all(value > rounding) else -1 if np.all(value < -rounding) else None
 
     def nonnegative(self, x: Sum, start: Sum) -> bool:
@@ -409,7 +400,7 @@ class Structure:
                 ends = _times(ends, _raised(self._bounds(atom, start), n))
             low, high = low + ends[0], high + ends[1]
             room += sum(abs(e) for e in ends if math.isfinite(e))
-        return low - NEAR * room, high + NEAR * room
+        return low - TOLERANCES.kink_distance * room, high + TOLERANCES.kink_distance * room
 
     def _bounds(self, atom: Atom, start: Sum) -> tuple[float, float]:
         if atom.state or self.vague & _constants(Sum.of(atom)):

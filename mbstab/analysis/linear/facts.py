@@ -24,6 +24,7 @@ from mbstab.analysis.linear.minimum import SecondVariation
 from mbstab.analysis.linear.neutral import Separated, Structure, unseparated
 from mbstab.analysis.linear.reversor import Reversor, reversor
 from mbstab.analysis.linear.smoothness import kinks
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import Critical, Disc, Facts, Minimum, Neutral
 from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.analysis.reference.steady import Generator
@@ -33,21 +34,6 @@ from mbstab.compiler.system import Array
 from mbstab.errors import percent
 from mbstab.model.expressions import Number
 from mbstab.model.schema import is_length
-
-SLOWEST = 1e-6
-"""A typical rate is not less than this part of that of the single forces."""
-
-LOST = 1e-150
-"""Squares of smaller numbers are not told from zero."""
-
-TRIED, BESIDE = 3, 0.02
-"""So many states next to the reference, and so far from it in sizes of the scene, are asked for their rank."""
-
-AGREED = 1e-9
-"""Rows that repeat others agree with them to this, relative to the sizes in the scene."""
-
-INDEPENDENT = 1e-7
-"""Rows are independent there above this singular value, as unit vectors."""
 
 ADVICE = (
     "if it follows a symmetry, declare it with reference.steady; if it is periodic, give reference.period; "
@@ -79,7 +65,7 @@ class Grounds:
     def gamma(self) -> float:
         """A typical rate of the deflated system (1/s), in which speeds are counted."""
         # In a critical state nothing may be left of it but rounding.
-        return max(time_scale(self.space), SLOWEST * self.invariance.rate)
+        return max(time_scale(self.space), TOLERANCES.slowest_typical_rate * self.invariance.rate)
 
     @cached_property
     def S(self) -> Array:
@@ -123,7 +109,7 @@ class Grounds:
         numbers = {name: float(value) for name, value in scene.parameters.items()}
         written = (node for item in scene.items for x in expressions_in(item.entry.values) for node in x.walk())
         numbers |= {node.text: float(node.text) for node in written if isinstance(node, Number)}
-        small = [name for name, value in numbers.items() if 0.0 < abs(value) < LOST]
+        small = [name for name, value in numbers.items() if 0.0 < abs(value) < TOLERANCES.number_lost]
         if not small:
             return ""
         return f"{small[0]} is {numbers[small[0]]:g}: products with a number so small are lost in double precision"
@@ -197,16 +183,16 @@ class Grounds:
         if (spaces.C.rank == system.n_h and spaces.W.rank == n_c) or not spaces.N.shape[1]:
             return ""
         sizes, rng = self.motion.sizes, RandomNumbers(3)
-        for _ in range(TRIED):
+        for _ in range(TOLERANCES.rank_states):
             step = spaces.scale * (spaces.N @ rng.uniform(-1.0, 1.0, spaces.N.shape[1]))
-            step *= BESIDE / float(np.max(np.abs(step) / sizes))
+            step *= TOLERANCES.rank_state_distance / float(np.max(np.abs(step) / sizes))
             start = self.motion.q + step
-            state = self.invariance.onto_rows(start, self.motion.u, AGREED)
-            if state is None or float(np.max(np.abs(state.q - start) / sizes)) > 0.3 * BESIDE:
+            state = self.invariance.onto_rows(start, self.motion.u, TOLERANCES.repeated_row_misfit)
+            if state is None or float(np.max(np.abs(state.q - start) / sizes)) > 0.3 * TOLERANCES.rank_state_distance:
                 return "the constraints leave other positions next to the reference than to first order"
             J = system.dynamics(state.q, state.u, self.motion.time).J
             if system.sparse:
-                ranks = sparse_rank(with_unit_rows(scaled(J, sizes)), INDEPENDENT).rank, 0
+                ranks = sparse_rank(with_unit_rows(scaled(J, sizes)), TOLERANCES.row_singular_value).rank, 0
             else:
                 ranks = _ranks(J * sizes, system.n_h)
             if ranks != (spaces.C.rank, spaces.W.rank):
@@ -320,9 +306,9 @@ def _ranks(J: Array, n_h: int) -> tuple[int, int]:
     """Return the rank of the holonomic rows, and of the others on what those allow."""
     J = J / norms(J)[:, None]
     _, s, right = np.linalg.svd(J[:n_h])
-    rank = int(np.sum(s > INDEPENDENT))
+    rank = int(np.sum(s > TOLERANCES.row_singular_value))
     left = J[n_h:] @ right[rank:].T
-    return rank, int(np.sum(np.linalg.svd(left, compute_uv=False) > INDEPENDENT)) if left.size else 0
+    return rank, int(np.sum(np.linalg.svd(left, compute_uv=False) > TOLERANCES.row_singular_value)) if left.size else 0
 
 
 def time_scale(space: StateSpace) -> float:

@@ -14,33 +14,13 @@ from dataclasses import replace
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.neutral import Separated, Structure, complement, drift_of, orthonormal
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import Neutral
 from mbstab.analysis.reference.element_comparison import State
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
-
-REACH = 0.1
-"""How far families are followed: in sizes of the scene and rad, and of their rates."""
-
-PARTS = (1.0, 1e-2, 1e-4, 1e-6)
-"""Parts of this way at which they are looked for as well."""
-
-NULL, GAP = 1e-10, 1e3
-"""Singular values of A apart from symmetries count as zero below this part of its norm, if the next is larger so."""
-
-STEPS = 12
-"""Steps of Gauss and Newton for each motion."""
-
-FOUND, ROUNDED = 1e-9, 1e-14
-"""A motion is of the kind if what is left to accelerate it is this part of what each element does along that, or
-rounding of all that they do, or of the change that leads there."""
-
-STEP = 1e-6
-"""Part of a large change over which accelerations are differentiated."""
-
-MOST = 30
-"""Systems with more states are not followed."""
 
 
 def family(structure: Structure, found: Separated, count: int) -> Neutral | None:
@@ -55,12 +35,14 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
     n = len(found.S)
     symmetries = structure.symmetric(n)
     Q = complement(symmetries)
-    if n > MOST or not Q.shape[1]:
+    if n > TOLERANCES.family_states or not Q.shape[1]:
         return None
     _, s, right = np.linalg.svd(Q.T @ found.S @ Q)
-    size = int(np.sum(s <= NULL * max(float(s[0]), structure.invariance.rate)))
+    size = int(np.sum(s <= TOLERANCES.family_singular_value * max(float(s[0]), structure.invariance.rate)))
     known = found.T.shape[1] + len(found.L) - symmetries.shape[1]
-    if size != known + count or (size < len(s) and s[-size - 1] < GAP * NULL * s[0]):
+    if size != known + count or (
+        size < len(s) and s[-size - 1] < ALGEBRA.rank_gap * TOLERANCES.family_singular_value * s[0]
+    ):
         return None
     null = Q @ right[-size:].T
     try:
@@ -71,7 +53,7 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
         return None
     T = orthonormal([*symmetries.T, *null.T], n)
     wider = replace(found, T=T, L=np.zeros((0, n)), B=complement(T))
-    checked = f"motions of the same kind were found {REACH:g} of the size of the scene to all sides"
+    checked = f"motions of the same kind were found {TOLERANCES.family_reach:g} of the size of the scene to all sides"
     name = f"motions of the same kind nearby ({size - known} more direction{'s' if size - known > 1 else ''})"
     return Neutral(
         found.neutral.symmetries, (*found.neutral.family, name), T.shape[1], drift_of(wider), "numerical", checked
@@ -98,18 +80,18 @@ class _Search:
 
     def reaches(self, direction: Array) -> bool:
         """Whether there is a motion of the kind a finite way along a null direction."""
-        return all(self._reaches(direction, REACH * part) for part in PARTS)
+        return all(self._reaches(direction, TOLERANCES.family_reach * part) for part in TOLERANCES.family_parts)
 
     def _reaches(self, direction: Array, reach: float) -> bool:
         y = self.null @ direction
         y = y * (reach / self._extent(y))
-        for _ in range(STEPS):
+        for _ in range(TOLERANCES.newton_steps_family):
             left = self._left(y)
             if self._vanishes(y, left):
                 return True
             if not self.free.shape[1]:
                 return False
-            h = STEP
+            h = TOLERANCES.acceleration_difference
             slopes = np.array([(self._left(y + h * x) - self._left(y - h * x)) / (2.0 * h) for x in self.free.T]).T
             y = y - self.free @ np.linalg.lstsq(slopes, left, rcond=1e-10)[0]
         return False
@@ -119,7 +101,7 @@ class _Search:
         sizes, n = self.motion.sizes, len(self.motion.q)
         state = self._state(y)
         fastest = max(float(np.max(np.abs(state.u) / sizes)), float(np.max(np.abs(self.motion.u) / sizes)))
-        if float(np.linalg.norm(left[:n])) * self.rate > FOUND * fastest:
+        if float(np.linalg.norm(left[:n])) * self.rate > TOLERANCES.force_vanishes * fastest:
             return False
         direction = left[n:] * sizes
         M = self.system.dynamics(state.q, state.u, self.motion.time).M
@@ -140,7 +122,7 @@ class _Search:
         K, R, _ = self.system.linearize(state.q, state.u, a, nu, self.motion.time)
         q, u = np.transpose([self._disturbance(x) for x in np.eye(len(y))[y != 0.0]], (1, 2, 0))
         each_size += float(np.linalg.norm(y)) * float(np.sum(np.abs(direction @ (K @ q + R @ u))))
-        return push <= FOUND * each + ROUNDED * each_size
+        return push <= TOLERANCES.force_vanishes * each + TOLERANCES.force_rounding * each_size
 
     def _extent(self, y: Array) -> float:
         direction, rate = self._disturbance(y)

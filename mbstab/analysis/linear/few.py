@@ -18,42 +18,13 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.shift_invert import SingularShift
-from mbstab.analysis.linear.sparse_equations import ROUNDED, SparseEquations
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.linear.sparse_equations import SparseEquations
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
 EPS = float(np.finfo(float).eps)
-
-SAME = 1.0 - 1e-6
-"""Vectors with a larger cosine are the same."""
-
-MARGIN = 3.0
-"""Drawn roundings count so many times."""
-
-SOLVED, SPOILED = 1e-2, 1e2
-"""What is corrected by more, relatively, and by more than so many times what rounding explains, is no eigenvalue."""
-
-TOGETHER = 1e-7
-"""Values closer than this, relatively, are treated together."""
-
-BESIDE = 1e-8
-"""Left vectors come from factors so far beside an eigenvalue, relatively."""
-
-STEPS = 3
-"""Steps of inverse iteration for them."""
-
-REAL = 1e-9
-"""Values are real if their imaginary part is less than this part of them."""
-
-NEAREST, ASIDE, SECOND = 1e-7, 1e-3, 0.03
-"""A search that starts nearer to an eigenvalue than the first, in parts of the distance of the farthest value that it
-finds, starts farther aside by the second; another search starts beside it by the third."""
-
-TRIES = 4
-"""So often a search starts farther aside."""
-
-MORE = 6
-"""So many more eigenvalues are looked for than are asked for: the outermost may hide others."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +89,12 @@ def few(equations: SparseEquations, shift: complex, count: int, symmetric: bool)
     for number, group in enumerate(_groups(values)):
         pairs += _corrected(equations, values[group], vectors[:, group], symmetric, number)
     # Beside very slow eigenvalues very fast ones are lost, and the infinite ones show.
-    pairs = [p for p in pairs if p[1][4] < max(SOLVED * abs(p[0]), SPOILED * p[1][0])]
+    pairs = [
+        p
+        for p in pairs
+        if p[1][4]
+        < max(TOLERANCES.correction_of_eigenvalue * abs(p[0]), TOLERANCES.correction_beyond_rounding * p[1][0])
+    ]
     s = np.array([p[0] for p in pairs])
     first, residual = (np.array([p[1][k] for p in pairs]) for k in (0, 1))
     strength = np.array([p[1][2] for p in pairs])
@@ -139,8 +115,10 @@ def _once(found: Few) -> Few:
     for i, (s, radius) in enumerate(zip(found.values, found.bounds, strict=True)):
         x = found.vectors[:, i] / np.linalg.norm(found.vectors[:, i])
         for k, j in enumerate(kept):
-            near = abs(found.values[j] - s) <= max(min(found.bounds[j], radius), TOGETHER * abs(s))
-            if near and abs(np.vdot(x, found.vectors[:, j])) > SAME * np.linalg.norm(found.vectors[:, j]):
+            near = abs(found.values[j] - s) <= max(min(found.bounds[j], radius), TOLERANCES.values_together * abs(s))
+            if near and abs(np.vdot(x, found.vectors[:, j])) > TOLERANCES.equal_vectors_cosine * np.linalg.norm(
+                found.vectors[:, j]
+            ):
                 kept[k] = i if radius < found.bounds[j] else j
                 break
         else:
@@ -153,7 +131,7 @@ def _found(equations: SparseEquations, shift: complex, count: int) -> tuple[Comp
     problem, most = equations.problem, equations.n_left
     if not most:
         return np.zeros(0, dtype=complex), np.zeros((problem.size, 0), dtype=complex), np.inf
-    wanted = min(most, MORE + (count if shift.imag else 2 * count))
+    wanted = min(most, TOLERANCES.eigenvalues_more + (count if shift.imag else 2 * count))
     start = shift
     while True:
         start, values, vectors = _searched(equations, start, wanted)
@@ -161,13 +139,13 @@ def _found(equations: SparseEquations, shift: complex, count: int) -> tuple[Comp
         if len(values) >= most:
             return *_upper(values, vectors, shift), np.inf
         # Another shift sees the same, or something has been missed.
-        beside = start + SECOND * radius
+        beside = start + TOLERANCES.second_search_start * radius
         others, their_vectors = problem.nearest(beside, wanted, most)
         missed = _unmatched(others, values)
         values = np.concatenate([values, others[missed]])
         vectors = np.hstack([vectors, their_vectors[:, missed]])
-        both = min(radius, float(np.max(np.abs(others - beside))) - SECOND * radius)
-        reach = max(0.0, both * (1.0 - TOGETHER) - abs(start - shift))
+        both = min(radius, float(np.max(np.abs(others - beside))) - TOLERANCES.second_search_start * radius)
+        reach = max(0.0, both * (1.0 - TOLERANCES.values_together) - abs(start - shift))
         found, columns = _upper(values, vectors, shift)
         if np.sum(np.abs(found - shift) < reach) >= count or wanted == most:
             return found, columns, reach
@@ -176,17 +154,17 @@ def _found(equations: SparseEquations, shift: complex, count: int) -> tuple[Comp
 
 def _searched(equations: SparseEquations, start: complex, wanted: int) -> tuple[complex, Complex, Complex]:
     """Return where a search started and what it found; it starts aside of an eigenvalue."""
-    aside = ASIDE * equations.rate
-    for _ in range(TRIES):
+    aside = TOLERANCES.search_start_aside * equations.rate
+    for _ in range(TOLERANCES.search_starts):
         try:
             values, vectors = equations.problem.nearest(start, wanted, equations.n_left)
         except SingularShift:
             start, aside = start + aside, 10.0 * aside
             continue
         distance = np.abs(values - start)
-        if len(values) == 1 or np.min(distance) >= NEAREST * np.max(distance):
+        if len(values) == 1 or np.min(distance) >= TOLERANCES.search_start_nearest * np.max(distance):
             break
-        aside = ASIDE * float(np.max(distance))
+        aside = TOLERANCES.search_start_aside * float(np.max(distance))
         start = start + aside
     else:
         values, vectors = equations.problem.nearest(start, wanted, equations.n_left)
@@ -200,7 +178,7 @@ def _unmatched(others: Complex, values: Complex) -> list[int]:
     for k, s in enumerate(others):
         distance = np.where(free, np.abs(values - s), np.inf)
         j = int(np.argmin(distance))
-        if distance[j] <= TOGETHER * abs(s):
+        if distance[j] <= TOLERANCES.values_together * abs(s):
             free[j] = False
         else:
             found.append(k)
@@ -209,7 +187,7 @@ def _unmatched(others: Complex, values: Complex) -> list[int]:
 
 def _upper(values: Complex, vectors: Complex, shift: complex) -> tuple[Complex, Complex]:
     """Return one of each conjugate pair, the nearest first."""
-    real = np.abs(values.imag) <= REAL * np.abs(values)
+    real = np.abs(values.imag) <= TOLERANCES.real_value * np.abs(values)
     values = np.where(real, values.real, values)
     upper = np.flatnonzero(real | (values.imag > 0.0))
     order = upper[np.argsort(np.abs(values[upper] - shift), kind="stable")]
@@ -222,7 +200,7 @@ def _groups(values: Complex) -> list[Array]:
     while left:
         group = [left.pop(0)]
         for k in group:
-            near = [j for j in left if abs(values[j] - values[k]) <= TOGETHER * abs(values[k])]
+            near = [j for j in left if abs(values[j] - values[k]) <= TOLERANCES.values_together * abs(values[k])]
             left = [j for j in left if j not in near]
             group += near
         found.append(np.array(sorted(group)))
@@ -257,9 +235,11 @@ def _corrected(
             corrected, turn = values, np.eye(len(values), dtype=complex)
         strength = float(np.linalg.norm(inverse, 2)) if np.all(np.isfinite(inverse)) else np.inf
         sizes = equations.known_to.at(abs(s0))
-        first = ROUNDED * strength * float(np.linalg.norm(np.abs(Y).T @ (sizes @ np.abs(X))))
+        first = ALGEBRA.entry_rounding * strength * float(np.linalg.norm(np.abs(Y).T @ (sizes @ np.abs(X))))
         moved = [Y.conj().T @ sum(s0**k * (Q.part(k) @ X) for k in range(3)) for Q in equations.moved]
-        first += MARGIN * strength * max((float(np.linalg.norm(x)) for x in moved), default=0.0)
+        first += (
+            TOLERANCES.drawn_rounding_factor * strength * max((float(np.linalg.norm(x)) for x in moved), default=0.0)
+        )
         right, left = problem.at(s0) @ X, problem.at(s0).conj().T @ Y
         # What the correction removes from the residuals is no error.
         right = right - (problem.at(s0, slope=True) @ X) @ change
@@ -268,14 +248,14 @@ def _corrected(
         backward = float(np.linalg.norm(right) / np.linalg.norm(sizes @ np.abs(X)))
     numbers = np.array([first, product, strength, backward, np.linalg.norm(change)])
     shapes = X[:n] @ turn
-    corrected = np.where(np.abs(corrected.imag) <= REAL * np.abs(corrected), corrected.real, corrected)
+    corrected = np.where(np.abs(corrected.imag) <= TOLERANCES.real_value * np.abs(corrected), corrected.real, corrected)
     return [(complex(s), numbers, shapes[:, k], number) for k, s in enumerate(corrected)]
 
 
 def _left(equations: SparseEquations, s: complex, X: Complex) -> Complex:
     """Return a basis of the left vectors that belong to an eigenvalue, by inverse iteration."""
     problem = equations.problem
-    shift = s * (1.0 + BESIDE) + BESIDE**2 * equations.rate * (1.0 + 1.0j)
+    shift = s * (1.0 + TOLERANCES.vector_shift) + TOLERANCES.vector_shift**2 * equations.rate * (1.0 + 1.0j)
     lu = problem.factors(shift)
     if lu is None:
         return np.full_like(X, np.nan)
@@ -283,7 +263,7 @@ def _left(equations: SparseEquations, s: complex, X: Complex) -> Complex:
     rng = np.random.default_rng(13)
     Y: Complex = (X.conj() + rng.normal(size=X.shape) / X.shape[0] ** 0.5).astype(complex)
     matrix = problem.at(complex(shift)).conj().T
-    for _ in range(STEPS):
+    for _ in range(TOLERANCES.left_vector_steps):
         right = np.ascontiguousarray(slope @ Y)
         Y = np.asarray(lu.solve(right, "H"), dtype=complex)
         Y = _orthonormal(Y + lu.solve(np.ascontiguousarray(right - matrix @ Y), "H"), equations.n_q)

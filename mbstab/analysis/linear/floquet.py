@@ -33,36 +33,13 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.failures import guarded
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.motion import Motion
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError, amount
 from mbstab.model.schema import is_length, unit_of
 from mbstab.records import dataclass
-
-TOLERANCES = (1e-12, 1e-13)
-"""Local errors, relative and in units of a large change, of two integrations: the second counts, the first judges."""
-
-LONGEST_STEPS = (1.0 / 24.0, 1.0 / 32.0)
-"""In periods, as given functions may rest for a while and then start; in the ratio of the tolerances at order 8."""
-
-PERIODICITY = 1e-7
-"""Speeds and coefficients that agree to this after a period, relative to their largest values, are the same."""
-
-ROUNDING = 10.0 * float(np.finfo(float).eps)
-"""Of the monodromy matrix, relative to its norm."""
-
-SINGULAR = 1e-5
-"""A mechanism is singular where the least singular value of its constraints falls to this part of that at the start."""
-
-MAX_GROWTH = 1e6
-"""Where disturbances grow more, their rounding hides the smallest of them and that of the motion is not small."""
-
-LEAST_MOTION = 1e-4
-"""What moves less than this times its size in a period is compared as if it moved so much."""
-
-MAX_EVALUATIONS = 200_000
-"""Of one integration: some minutes for a scene of a few bodies."""
 
 FIX = (
     "give the period after which everything repeats, a whole multiple of the periods of all given functions of time, "
@@ -147,19 +124,21 @@ def monodromy(
         raise UsageError(f"the period must be a positive number of seconds, not {period:g}")
     flow = _Flow(system, motion, period)
     ends, fastest, evaluations = [], 0.0, 0
-    for number, accuracy in enumerate(zip(TOLERANCES, LONGEST_STEPS, strict=True)):
-        parts, states, count = _integrate(flow, *accuracy, _part(progress, number, len(TOLERANCES)))
+    for number, accuracy in enumerate(zip(TOLERANCES.monodromy_tolerances, TOLERANCES.monodromy_steps, strict=True)):
+        parts, states, count = _integrate(
+            flow, *accuracy, _part(progress, number, len(TOLERANCES.monodromy_tolerances))
+        )
         ends.append(states[-1])
         fastest = float(np.max(np.abs(states[:, 1, :, 0])))
         evaluations += count
     (rough, _), (Phi, rest) = (flow.components(end) for end in ends)
     end = ends[-1]
     size = max(1.0, _norm(Phi))
-    mismatch = _check_periodic(flow, end, fastest, 10.0 * TOLERANCES[-1] * size)
+    mismatch = _check_periodic(flow, end, fastest, 10.0 * TOLERANCES.monodromy_tolerances[-1] * size)
     scale, units = flow.scale, np.stack([flow.sizes, flow.sizes / period])
     return Monodromy(
         Phi=Phi,
-        error=_norm(Phi - rough) + rest + ROUNDING * size,
+        error=_norm(Phi - rough) + rest + TOLERANCES.monodromy_rounding * size,
         period=period,
         n_xi=motion.spaces.N.shape[1],
         to_coordinates=scale[:, None] * flow.basis[0],
@@ -198,7 +177,7 @@ class _Flow:
         self.least = 0.0
         own = np.stack([motion.q / self.sizes, motion.u * period / self.sizes])
         start = self.at(own, 0.0)
-        self.least = SINGULAR * start.singular
+        self.least = TOLERANCES.constraints_singular * start.singular
         follow = start.follow @ N
         self.basis = np.stack([np.hstack([N, 0.0 * NZ]), np.hstack([follow, NZ])])
         self.dual = np.stack([np.vstack([N.T, -NZ.T @ follow @ N.T]), np.vstack([0.0 * N.T, NZ.T])])
@@ -291,17 +270,19 @@ def _integrate(
     def slope(part: float, x: Array) -> Array:
         nonlocal done, evaluations
         evaluations += 1
-        if evaluations > MAX_EVALUATIONS:
+        if evaluations > TOLERANCES.monodromy_evaluations:
             raise NumericalError(
-                f"the motion needs more than {MAX_EVALUATIONS} evaluations: {part:.2%} of the period was done\n"
+                f"the motion needs more than {TOLERANCES.monodromy_evaluations} evaluations: {part:.2%} of the period "
+                "was done\n"
                 "hint: motions much faster than the period, strong dampers and Euler angles near theta = ±pi/2 need "
                 "small steps; give the least period, or another base rotation"
             )
         neighbours = x.reshape(flow.begin.shape)[:, :, 1:]
-        if (growth := float(np.max(np.abs(neighbours), initial=0.0))) > MAX_GROWTH:
+        if (growth := float(np.max(np.abs(neighbours), initial=0.0))) > TOLERANCES.monodromy_growth:
             raise NumericalError(
                 f"disturbances grow by a factor {growth:.1e} in {part * flow.period:.6g} s, which should be below "
-                f"{MAX_GROWTH:g}: what rounding makes of them and of the motion is not small any more\n"
+                f"{TOLERANCES.monodromy_growth:g}: what rounding makes of them and of the motion is not small any "
+                "more\n"
                 "hint: give the least period; if it is that, the motion is unstable"
             )
         if part > done + 0.01:
@@ -351,24 +332,24 @@ def _check_periodic(flow: _Flow, end: Array, fastest: float, rounding: float) ->
     """
     sizes, period = flow.sizes, flow.period
     speeds = (end - flow.begin)[1, :, 0]
-    allowed = PERIODICITY * max(fastest, LEAST_MOTION) + rounding
+    allowed = TOLERANCES.periodicity * max(fastest, TOLERANCES.motion_in_period) + rounding
     if np.max(np.abs(speeds)) > allowed:
         raise _not_periodic(flow, speeds * sizes / period, "rate", "/s")
     now, then = flow.at(flow.begin[:, :, 0], 0.0), flow.at(end[:, :, 0], 1.0)
     accelerations = (then.a - now.a) * period**2 / sizes
     largest = float(np.max(np.abs(now.a) * period**2 / sizes))
-    if np.max(np.abs(accelerations)) > allowed + (PERIODICITY + rounding) * largest:
+    if np.max(np.abs(accelerations)) > allowed + (TOLERANCES.periodicity + rounding) * largest:
         raise _not_periodic(flow, then.a - now.a, "acceleration", "/s^2")
-    if (worst := _change(flow, now, then)) > PERIODICITY + rounding:
+    if (worst := _change(flow, now, then)) > TOLERANCES.periodicity + rounding:
         advance = (end - flow.begin)[0, :, 0] * sizes
         angular = np.array([not is_length(name) for name in flow.system.names])
         advance[angular] -= 2.0 * math.pi * np.round(advance[angular] / (2.0 * math.pi))
         i = int(np.argmax(np.abs(advance / sizes)))
-        moved = abs(advance[i] / sizes[i]) > PERIODICITY + rounding
+        moved = abs(advance[i] / sizes[i]) > TOLERANCES.periodicity + rounding
         reason = f"{flow.system.names[i]} differs by {advance[i]:.6g} {'rad' if angular[i] else 'm'}"
         message = f"small motions have other coefficients after {period:.6g} s, by {worst:.2g} of their size: "
         raise _problem(flow, message + (reason if moved else "given functions of time do not have this period"))
-    return max(float(np.max(np.abs(speeds), initial=0.0)) / max(fastest, LEAST_MOTION), worst)
+    return max(float(np.max(np.abs(speeds), initial=0.0)) / max(fastest, TOLERANCES.motion_in_period), worst)
 
 
 def _change(flow: _Flow, now: _Instant, then: _Instant) -> float:

@@ -10,19 +10,8 @@ import numpy.typing as npt
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.linear.backward_errors import EPS
 from mbstab.analysis.linear.discs import Group
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
-
-CLOSE = 0.3
-"""Two eigenvalues are judged together if what couples them is more than this part of their distance."""
-
-PARALLEL = 1e-6
-"""Vectors of equal eigenvalues are independent if the least singular value of them, as unit vectors, is larger."""
-
-NEAR = 1e-3
-"""Eigenvalues of a cluster with parallel vectors differ by less than this part of them."""
-
-POWERS = 20
-"""Powers of a matrix by which its spectral radius is compared with a limit, before its eigenvalues are found."""
 
 
 def row_scaled_inverse(W: Complex) -> Complex:
@@ -51,7 +40,9 @@ def dependent(values: Complex, partner: list[int], vectors: Callable[[Group], Co
     """Return groups of eigenvalues that are equal, or all small, where their vectors depend on each other."""
     size = np.abs(values)
     larger = np.maximum(size[:, None], size)
-    near = (larger <= PARALLEL * np.max(size)) | (np.abs(values[:, None] - values) <= NEAR * larger)
+    near = (larger <= TOLERANCES.parallel_vectors * np.max(size)) | (
+        np.abs(values[:, None] - values) <= TOLERANCES.defective_distance * larger
+    )
     singles: list[Group] = [[i] for i in range(len(values))]
     pairs = [(int(i), int(j)) for i, j in zip(*np.nonzero(np.triu(near, 1)), strict=True)]
     found: list[Group] = []
@@ -59,7 +50,7 @@ def dependent(values: Complex, partner: list[int], vectors: Callable[[Group], Co
         if len(members) > 1:
             V = vectors(members)
             unit = V / np.linalg.norm(V, axis=0)
-            if not np.linalg.svd(unit, compute_uv=False)[-1] > PARALLEL:
+            if not np.linalg.svd(unit, compute_uv=False)[-1] > TOLERANCES.parallel_vectors:
                 found.append(members)
                 continue
         found += [[i] for i in members]
@@ -68,7 +59,7 @@ def dependent(values: Complex, partner: list[int], vectors: Callable[[Group], Co
 
 def coupled(E: Array, gap: Array) -> npt.NDArray[np.bool_]:
     """Return which eigenvalues are coupled too strongly for their distance."""
-    limit, diagonal = CLOSE * gap, np.diag(E)
+    limit, diagonal = TOLERANCES.coupling_of_pair * gap, np.diag(E)
     product: npt.NDArray[np.float64] = E * E.T
     return np.asarray((product >= limit**2) | (diagonal[:, None] + diagonal >= limit))
 
@@ -79,7 +70,7 @@ def below(matrices: Array, limit: float) -> bool:
     With any x > 0 a radius lies between the least and the largest of (P x)_i / x_i (Collatz 1942).
     """
     x = np.ones((*matrices.shape[:2], 1))
-    for _ in range(POWERS):
+    for _ in range(TOLERANCES.radius_powers):
         y = matrices @ x
         ratio = (y / x)[..., 0]
         if np.any(np.min(ratio, axis=1) >= limit):

@@ -23,8 +23,9 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.sparse import congruent
 from mbstab.analysis.linear.linearize import Linearization
-from mbstab.analysis.linear.neutral import KEPT, Separated, Structure, complement, orthonormal
+from mbstab.analysis.linear.neutral import Separated, Structure, complement, orthonormal
 from mbstab.analysis.linear.roundings import roundings
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import Minimum
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.fields import Shift, Turn
@@ -34,26 +35,8 @@ from mbstab.model.schema import is_length
 
 EPS = float(np.finfo(float).eps)
 
-ROUNDINGS = 30.0
-"""The second variation is known to this many roundings of the terms it is a sum of."""
-
-ALONG = 1e-8
-"""Along symmetries the second variation vanishes to this."""
-
-UNFORCED = 1e-9
-"""Forces across rows on speeds vanish to this, relative to all forces."""
-
-TRIED = 33
-"""Multiples of a momentum that are tried, before the best of them is made better."""
-
-POWERS = 8
-"""Steps of the power method that bound what is known of a large matrix."""
-
 RATIOS = ((1, 1), (1, 2), (1, 3))
 """Ratios of frequencies at which modes of opposite energy may excite each other."""
-
-NEAR = 1e-3
-"""Frequencies are in such a ratio to this."""
 
 
 class SecondVariation:
@@ -104,7 +87,7 @@ class SecondVariation:
         size = rates.T @ (N.T @ terms.M @ N) @ rates
         stiffness = N.T @ terms.K @ N
         size[:n, :n] += 0.5 * (stiffness + stiffness.T)
-        result: Array = ROUNDINGS * EPS * size
+        result: Array = TOLERANCES.roundings_of_variation * EPS * size
         if self.linear.system.scene.model.reference.find is not None:
             # What was solved for is known the worse the flatter the energy is.
             known = roundings(self.linear)
@@ -127,7 +110,7 @@ class SecondVariation:
         across = spaces.N.T @ (spaces.scale * (linear.J[linear.n_h :].T @ motion.nu[linear.n_h :]))
         load = motion.dynamics.F0 + motion.dynamics.M @ motion.a
         forces = float(np.max(np.abs(load * spaces.scale), initial=0.0))
-        return bool(np.max(np.abs(across), initial=0.0) <= UNFORCED * forces)
+        return bool(np.max(np.abs(across), initial=0.0) <= TOLERANCES.force_across_rows * forces)
 
     def _splits(self) -> bool:
         """Whether translations that a turning frame carries around split off, as a common speed changes nothing."""
@@ -161,9 +144,9 @@ class SecondVariation:
         outside = np.array(columns).T / [np.linalg.norm(x) or 1.0 for x in columns] - kernel @ inside
         # Symmetries that stay at the given momenta.
         _, s, right = np.linalg.svd(outside)
-        along = inside @ right[int(np.sum(s > KEPT)) :].T
+        along = inside @ right[int(np.sum(s > TOLERANCES.independent_direction)) :].T
         left, s, _ = np.linalg.svd(along)
-        result: Array = kernel @ left[:, int(np.sum(s > KEPT)) :]
+        result: Array = kernel @ left[:, int(np.sum(s > TOLERANCES.independent_direction)) :]
         return result
 
     def definite(self) -> int:
@@ -186,7 +169,10 @@ class SecondVariation:
         found = []
         errors = roundings(linear).errors
         for own, of, error in ((stiffness, linear.K, errors.K), (space.M_z, linear.M, errors.M)):
-            h, known = 0.5 * (own + own.T), congruent(error + ROUNDINGS * EPS * abs(of), np.abs(N))
+            h, known = (
+                0.5 * (own + own.T),
+                congruent(error + TOLERANCES.roundings_of_variation * EPS * abs(of), np.abs(N)),
+            )
             if W is not None and own is stiffness:
                 h, known = W.T @ h @ W, np.abs(W).T @ known @ np.abs(W)
             found.append(signature(h, 0.5 * (known + known.T)))
@@ -217,9 +203,10 @@ class SecondVariation:
             reach = 4.0 * float(np.max(np.abs(self.linear.motion.u[self._angles()]), initial=0.0))
             if reach == 0.0:
                 continue
-            found = [(self._least(step, x), x) for x in np.linspace(-reach, reach, TRIED).tolist()]
+            tried = np.linspace(-reach, reach, TOLERANCES.momentum_multiples)
+            found = [(self._least(step, x), x) for x in tried.tolist()]
             best, at = max(found)
-            width = 2.0 * reach / (TRIED - 1)
+            width = 2.0 * reach / (TOLERANCES.momentum_multiples - 1)
             while best <= 0.0 and width > 1e-6 * reach:
                 width *= 0.5
                 best, at = max((best, at), *((self._least(step, at + x), at + x) for x in (-width, width)))
@@ -308,7 +295,8 @@ class SecondVariation:
             for other, second in modes[i + 1 :]:
                 slow, fast = sorted((one, other))
                 for p, q in RATIOS:
-                    if (sign * second < 0.0 or not signed) and abs(fast * p - slow * q) <= NEAR * fast:
+                    off = abs(fast * p - slow * q)
+                    if (sign * second < 0.0 or not signed) and off <= TOLERANCES.resonance_misfit * fast:
                         why = " and belong to modes with energies of opposite sign" if signed else ""
                         texts.append(
                             f"the frequencies {slow:.6g} and {fast:.6g} 1/s are as {p} to {q}{why}: resonance may "
@@ -323,7 +311,7 @@ def _null(rows: list[Array], n: int) -> Array:
         return np.eye(n)
     matrix = np.array([x / (np.linalg.norm(x) or 1.0) for x in rows])
     _, s, right = np.linalg.svd(matrix)
-    result: Array = right[int(np.sum(s > KEPT)) :].T
+    result: Array = right[int(np.sum(s > TOLERANCES.independent_direction)) :].T
     return result
 
 
@@ -350,7 +338,7 @@ def signature(h: Array, known_to: Array) -> int:
     scale = 1.0 / np.sqrt(diagonal)
     known = known_to * scale * scale[:, None]
     x = np.ones(len(h))
-    for _ in range(POWERS):
+    for _ in range(TOLERANCES.variation_powers):
         y = known @ x + EPS * x
         most, x = float(np.max(y / x)), y / np.max(y)
     shifted = sign * h * scale * scale[:, None]

@@ -28,6 +28,7 @@ from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.linear.smoothness import kinks
 from mbstab.analysis.linear.sparse_equations import SparseEquations
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import Census, Disc, Facts, Minimum, Side, judge, side
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.resting import at_rest
@@ -36,12 +37,6 @@ from mbstab.errors import UsageError
 from mbstab.records import dataclass
 
 METHOD = "shift-invert"
-
-MOST_SHIFTS = 40
-"""So many shifts along the imaginary axis are tried for the rightmost eigenvalues."""
-
-OVERLAP = 0.8
-"""Discs about these shifts overlap: the next centre lies this part of the last radius farther."""
 
 
 @dataclass(frozen=True)
@@ -145,12 +140,12 @@ def _of_motion(linear: Linearization) -> _Subject:
 def _rightmost(equations: SparseEquations, count: int, symmetric: bool, number: Census) -> tuple[Few, tuple[str, ...]]:
     """Return the eigenvalues farthest to the right of those in discs along the imaginary axis, and warnings."""
     shift, parts = 0j, list[Few]()
-    for _ in range(MOST_SHIFTS):
+    for _ in range(TOLERANCES.axis_shifts):
         parts.append(few(equations, shift, count, symmetric))
         reach = parts[-1].reach
         if not reach > 0.0 or abs(shift) + reach > equations.fastest * (1.0 + 1e-2):
             break
-        shift = complex(0.0, shift.imag + OVERLAP * reach)
+        shift = complex(0.0, shift.imag + TOLERANCES.axis_disc_overlap * reach)
     found = _union(parts)
     order = np.argsort(-found.values.real, kind="stable")[:count]
     covered = shift.imag + parts[-1].reach

@@ -17,16 +17,8 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.linear import verdict
 from mbstab.analysis.linear.discs import Disc
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
-
-CIRCLE = 64
-"""Points of a circle on which there are no eigenvalues …"""
-
-MARGIN = 2.0
-"""… with so many errors left between them."""
-
-PARTS = (0.5, 0.2, 0.05, 0.01)
-"""Circles around a group are tried at these parts of the distance to the next one."""
 
 
 def enclosed(A: Array, error: float) -> tuple[Complex, list[Disc]]:
@@ -66,16 +58,23 @@ def _disc(A: Array, error: float, values: Complex, members: list[int]) -> Disc:
     centre = complex(np.mean(inside))
     if all(np.any(inside == s.conjugate()) for s in inside):
         centre = complex(centre.real)
-    angles = np.exp(2j * np.pi * (np.arange(CIRCLE) + 0.5) / CIRCLE)
+    count = TOLERANCES.multiplier_circle_points
+    angles = np.exp(2j * np.pi * (np.arange(count) + 0.5) / count)
     shifted = centre * np.eye(len(A)) - A
 
     def clear(radius: float) -> bool:
         points = shifted + radius * angles[:, None, None] * np.eye(len(A))
-        return bool(np.min(np.linalg.svd(points, compute_uv=False)[:, -1]) > MARGIN * error)
+        return bool(
+            np.min(np.linalg.svd(points, compute_uv=False)[:, -1]) > TOLERANCES.multiplier_circle_errors * error
+        )
 
     low = max(float(np.max(np.abs(inside - centre))), error, 1e-300)
     far = float(np.min(np.abs(outside - centre), initial=np.inf))
-    tried = [part * far for part in PARTS] if len(outside) else [4.0 * (float(np.linalg.norm(shifted, 2)) + error)]
+    tried = (
+        [part * far for part in TOLERANCES.multiplier_circle_parts]
+        if len(outside)
+        else [4.0 * (float(np.linalg.norm(shifted, 2)) + error)]
+    )
     high = next((radius for radius in tried if radius > low and clear(radius)), math.inf)
     while math.isfinite(high) and high > 1.2 * low:
         middle = math.sqrt(low * high)

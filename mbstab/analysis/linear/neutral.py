@@ -20,6 +20,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import Neutral
 from mbstab.analysis.linear.work import Work
 from mbstab.analysis.reference.fields import Combination, Symmetry
@@ -28,24 +29,6 @@ from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.compiler.system import Array
 from mbstab.model.schema import is_length
 from mbstab.records import dataclass
-
-KEPT, GAP = 1e-8, 1e3
-"""Directions are independent above this singular value, and if the next one is smaller by this factor."""
-
-FITS = 1e-7
-"""A direction that S leads out of T by more than this, relative to its norm, is a fault of the program."""
-
-FULL_RANK = 1e-9
-"""Rest positions form a manifold if the least singular value of the forces on them is larger, relative to the norm."""
-
-TURNING = 1e-3
-"""Frequencies of neutral directions are those of the motion to this."""
-
-LARGE, STEPS = 400, 20
-"""Norms of matrices of this size are found by so many steps of the power method."""
-
-LONGEST = 4
-"""Jordan chains of neutral directions are no longer than this."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +76,9 @@ class Separated:
             return []
         values = np.linalg.eigvals(self.T.T @ self.S @ self.T).imag
         nearest = np.array(self.rates)[np.argmin(np.abs(values[:, None] - self.rates), axis=1)]
-        turning = sorted(nearest[np.abs(values - nearest) < TURNING * nearest].tolist(), reverse=True)
+        turning = sorted(
+            nearest[np.abs(values - nearest) < TOLERANCES.turning_frequency * nearest].tolist(), reverse=True
+        )
         return [complex(0.0, sign * rate) for rate in turning for sign in (1.0, -1.0)]
 
 
@@ -194,7 +179,7 @@ class Structure:
             float(np.linalg.norm(S @ T - T @ (T.T @ S @ T), 2)) if d else 0.0,
             float(np.linalg.norm((L @ S) - (L @ S @ T) @ T.T, 2)) if len(L) else 0.0,
         )
-        if worst > FITS * size:
+        if worst > TOLERANCES.direction_closure * size:
             doubt = (
                 f"the symmetries found ({', '.join(x.name for x in symmetries)}) do not fit the linearized equations "
                 f"({worst / size:.1e} of their norm): please report this model"
@@ -228,7 +213,7 @@ class Structure:
         size = float(np.linalg.norm(S[n:], 2)) or 1.0
         if n_eta:
             _, s, right = np.linalg.svd(S[n:, :n])
-            if s[-1] <= FULL_RANK * size:
+            if s[-1] <= TOLERANCES.rest_manifold_rank * size:
                 return [], []
             null = right[n_eta:].T
         else:
@@ -254,7 +239,7 @@ class Structure:
         columns, directions = columns / lengths, directions / lengths
         c = admissible(directions, spaces.allowed)
         _, s, right = np.linalg.svd(columns @ c - T @ (T.T @ (columns @ c)))
-        c = c @ right[: int(np.sum(s > KEPT))].T
+        c = c @ right[: int(np.sum(s > TOLERANCES.independent_direction))].T
         if not c.shape[1]:
             return [], []
         chosen = _sparse(c / lengths[:, None])
@@ -289,10 +274,10 @@ class Structure:
         # Combinations that do not change along T.
         if T.shape[1]:
             _, s, right = np.linalg.svd((rows @ T).T)
-            rank = int(np.sum(s > KEPT))
+            rank = int(np.sum(s > TOLERANCES.independent_direction))
             rows = right[rank:] @ rows
             # Of functions that are the same the difference is rounding.
-            rows = rows[np.linalg.norm(rows, axis=1) > KEPT]
+            rows = rows[np.linalg.norm(rows, axis=1) > TOLERANCES.independent_direction]
         basis = orthonormal(list(rows), n)
         # Each is called after the one that it contains most of and that is not taken yet.
         names: list[str] = []
@@ -310,9 +295,12 @@ class Structure:
         if self.linear.system.sparse and not any(np.any(row[:n]) for row in rows):
             return ["speed"] * len(rows)  # functions of the speeds alone
         _, s, right = np.linalg.svd(S - T @ (T.T @ S))
-        kernel = right[s <= KEPT * s[0]] if s[0] else right
+        kernel = right[s <= TOLERANCES.independent_direction * s[0]] if s[0] else right
         found = [kernel.T @ (kernel @ row) for row in rows]
-        return ["position" if np.linalg.norm(y[n:]) <= FITS * np.linalg.norm(y[:n]) else "speed" for y in found]
+        return [
+            "position" if np.linalg.norm(y[n:]) <= TOLERANCES.direction_closure * np.linalg.norm(y[:n]) else "speed"
+            for y in found
+        ]
 
     def _commutes(self, item: Symmetry) -> bool:
         """Whether a symmetry stands still in the frame of the motion."""
@@ -347,13 +335,13 @@ def admissible(directions: Array, allowed: Array) -> Array:
     """
     across = directions - allowed @ (allowed.T @ directions)
     _, s, right = np.linalg.svd(across)
-    result: Array = right[int(np.sum(s > KEPT)) :].T
+    result: Array = right[int(np.sum(s > TOLERANCES.independent_direction)) :].T
     return result
 
 
 def _sparse(c: Array) -> list[Array]:
     """Return the columns without what is rounding."""
-    return [np.where(np.abs(x) > KEPT * np.max(np.abs(x)), x, 0.0) for x in c.T]
+    return [np.where(np.abs(x) > TOLERANCES.independent_direction * np.max(np.abs(x)), x, 0.0) for x in c.T]
 
 
 def _parts(c: Array, items: list[Symmetry]) -> tuple[tuple[float, Any], ...]:
@@ -382,7 +370,7 @@ def orthonormal(columns: list[Array], n: int) -> Array:
         return np.zeros((n, 0))
     matrix = np.array([x / (np.linalg.norm(x) or 1.0) for x in columns]).T
     left, s, _ = np.linalg.svd(matrix, full_matrices=False)
-    result: Array = left[:, s > KEPT]
+    result: Array = left[:, s > TOLERANCES.independent_direction]
     return result
 
 
@@ -390,7 +378,7 @@ def complement(columns: Array) -> Array:
     """Return an orthonormal basis of what is orthogonal to independent columns."""
     if not columns.shape[1]:
         return np.eye(len(columns))
-    if len(columns) >= LARGE:
+    if len(columns) >= TOLERANCES.norm_by_powers_from:
         return np.asarray(np.linalg.qr(columns, mode="complete")[0][:, columns.shape[1] :])
     result: Array = np.linalg.svd(columns)[0][:, columns.shape[1] :]
     return result
@@ -398,10 +386,10 @@ def complement(columns: Array) -> Array:
 
 def spectral_norm(S: Array) -> float:
     """Return |S|₂; of large matrices what some steps of the power method find, which is no more."""
-    if len(S) < LARGE:
+    if len(S) < TOLERANCES.norm_by_powers_from:
         return float(np.linalg.norm(S, 2))
     x = np.random.default_rng(9).standard_normal(len(S))
-    for _ in range(STEPS):
+    for _ in range(TOLERANCES.norm_powers):
         x = S.T @ (S @ (x / np.linalg.norm(x)))
     return float(np.sqrt(np.linalg.norm(x)))
 
@@ -429,8 +417,8 @@ def drift_of(found: Separated) -> int:
     if turning > 1e-4 * size:
         power = power @ (power @ power + (turning / size) ** 2 * np.eye(d + k))
     product = np.eye(d + k)
-    for order in range(LONGEST):
+    for order in range(TOLERANCES.chain_length):
         product = product @ power
         if np.linalg.norm(product, 2) <= 1e-7:
             return order
-    return LONGEST
+    return TOLERANCES.chain_length

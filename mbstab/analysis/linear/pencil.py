@@ -12,17 +12,9 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.methods import Found
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError
-
-ATTEMPTS = 6
-"""QZ is tried so many times."""
-
-FINITE_LIMIT = 1e5
-"""Eigenvalues larger than this times the typical rate of the system count as infinite."""
-
-ZERO_PAIR = 1e-13
-"""A pair α/β with both parts below this times the size of the matrices is 0/0."""
 
 
 def index3(linear: Linearization, gamma: float, known: Complex) -> Found:
@@ -46,8 +38,8 @@ def _finite(A: Array, E: Array, left: Array, right: Array, linear: Linearization
     A, E = A * left[:, None] * right, gamma * E * left[:, None] * right
     alpha, beta, vectors = _qz(A, E)
     size = max(float(np.linalg.norm(A)), float(np.linalg.norm(E)))
-    undefined = (np.abs(alpha) < ZERO_PAIR * size) & (np.abs(beta) < ZERO_PAIR * size)
-    finite = ~undefined & (np.abs(alpha) < FINITE_LIMIT * np.abs(beta))
+    undefined = (np.abs(alpha) < TOLERANCES.zero_pair * size) & (np.abs(beta) < TOLERANCES.zero_pair * size)
+    finite = ~undefined & (np.abs(alpha) < TOLERANCES.finite_eigenvalue * np.abs(beta))
     values = gamma * alpha[finite] / beta[finite]
     vectors = (right[:, None] * vectors)[: len(linear.M), finite]
     return Found(values, vectors, int(np.sum(~finite & ~undefined)), int(np.sum(undefined)))
@@ -68,7 +60,7 @@ def _qz(A: Array, E: Array) -> tuple[Complex, Complex, Complex]:
 
     rng, n = np.random.default_rng(1), len(A)
     left = right = np.eye(n)
-    for _ in range(ATTEMPTS):
+    for _ in range(TOLERANCES.qz_attempts):
         try:
             (alpha, beta), vectors = eig(left @ A @ right, left @ E @ right, homogeneous_eigvals=True)
         except np.linalg.LinAlgError:
@@ -76,6 +68,7 @@ def _qz(A: Array, E: Array) -> tuple[Complex, Complex, Complex]:
         else:
             return alpha, beta, right @ vectors
     raise NumericalError(
-        f"the QZ iteration did not converge in {ATTEMPTS} attempts on a pencil with many infinite eigenvalues\n"
+        f"the QZ iteration did not converge in {TOLERANCES.qz_attempts} attempts on a pencil with many infinite "
+        "eigenvalues\n"
         "hint: --method nullspace"
     )

@@ -25,12 +25,13 @@ from mbstab.analysis.algebra.arrays import Complex, norms
 from mbstab.analysis.linear.constancy import affine_drives, period_doubt, time_uses
 from mbstab.analysis.linear.discs import Disc
 from mbstab.analysis.linear.facts import Grounds
-from mbstab.analysis.linear.floquet import PERIODICITY, Monodromy, monodromy
+from mbstab.analysis.linear.floquet import Monodromy, monodromy
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.linear.multipliers import enclosed, placed
-from mbstab.analysis.linear.neutral import FITS, KEPT, Separated, complement, drift_of, orthonormal
+from mbstab.analysis.linear.neutral import Separated, complement, drift_of, orthonormal
 from mbstab.analysis.linear.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.linear.smoothness import kinks
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import UNDECIDED, UNSTABLE, Facts, Minimum, Neutral, Verdict, judge, show
 from mbstab.analysis.linear.verdict import Disc as Exponent
 from mbstab.analysis.linear.work import Work
@@ -44,18 +45,6 @@ from mbstab.records import dataclass
 
 INSTANTS = (0.0, 0.2360679775, 0.5278640450, 0.8196601125)
 """Parts of the period at which structure must hold where something depends on the time."""
-
-AMPLIFIED = 10.0
-"""A motion that misses itself by some part has multipliers that are off by no more than so many times that part."""
-
-LATER = (1, 2, 5, 13, 100)
-"""Numbers of periods after which a motion that has moved on is looked at."""
-
-RESTS = 1e-9
-"""What moves by no more than this part of its size in a period is at rest, but for rounding."""
-
-TURNED = 1e-4
-"""Multipliers of symmetries that differ from 1 by more are those of a turn."""
 
 
 def periodic_answer(
@@ -78,7 +67,7 @@ def periodic_answer(
     cycle = Cycle(system, motion, flow)
     separated = cycle.separated
     size = max(1.0, float(np.linalg.norm(flow.Phi, 2))) if len(flow.Phi) else 1.0
-    error = flow.error + AMPLIFIED * flow.mismatch * size
+    error = flow.error + TOLERANCES.mismatch_factor * flow.mismatch * size
     values, discs = enclosed(separated.B.T @ flow.Phi @ separated.B, error)
     exponents = placed(discs, period, cycle.mirrored)
     neutral = cycle.multipliers()
@@ -158,7 +147,7 @@ class Cycle:
     def __init__(self, system: System, motion: Motion, flow: Monodromy) -> None:
         self.system, self.motion, self.flow = system, motion, flow
         self.constant = not time_uses(system)
-        self.moving = bool(np.max(np.abs(flow.path[:, 1] * flow.period / motion.sizes)) > RESTS)
+        self.moving = bool(np.max(np.abs(flow.path[:, 1] * flow.period / motion.sizes)) > TOLERANCES.rest_in_period)
 
     @cached_property
     def invariances(self) -> list[Invariance]:
@@ -185,7 +174,7 @@ class Cycle:
         lengths = np.array([is_length(name) for name in names])
         turns = np.where(lengths, 0.0, 2.0 * math.pi * np.round(self.flow.advance / (2.0 * math.pi)))
         off = self.flow.advance - turns
-        advance = turns + np.where(np.abs(off) > PERIODICITY * sizes, off, 0.0)
+        advance = turns + np.where(np.abs(off) > TOLERANCES.periodicity * sizes, off, 0.0)
         if not np.any(advance) or all(self._carried(invariance, advance) for invariance in self.invariances):
             return ""
         worst = int(np.argmax(np.abs(advance / sizes)))
@@ -197,7 +186,7 @@ class Cycle:
         one, now = np.eye(len(advance)), invariance.motion.time
         if not invariance.states:
             return False
-        for number in LATER:
+        for number in TOLERANCES.periods_later:
             for element in invariance.elements:
                 for state in invariance.states:
                     there = State(state.q + number * advance, state.u, state.a)
@@ -295,7 +284,7 @@ class Cycle:
         found = Separated(change, T, L, complement(np.hstack([T, L.T])), Neutral())
         count = T.shape[1] + len(L)
         # What is rounding drives nothing.
-        steady = np.where(np.abs(change) > AMPLIFIED * flow.error, change, 0.0)
+        steady = np.where(np.abs(change) > TOLERANCES.mismatch_factor * flow.error, change, 0.0)
         drift = min(drift_of(replace(found, S=steady)), 2)
         neutral = Neutral(tuple(names), (*family, *kept), count, drift, "numerical" if count else "structural")
         return replace(found, neutral=neutral, doubt=self._misfit(found, names))
@@ -309,7 +298,7 @@ class Cycle:
         left = rows
         if len(rows) and T.shape[1]:
             _, s, right = np.linalg.svd((rows @ T).T)
-            left = right[int(np.sum(s > KEPT)) :] @ rows
+            left = right[int(np.sum(s > TOLERANCES.independent_direction)) :] @ rows
         basis = orthonormal(list(left), n)
         names: list[str] = []
         for differential in basis.T:
@@ -326,7 +315,11 @@ class Cycle:
             float(np.linalg.norm(L @ S - (L @ S @ T) @ T.T, 2)) if len(L) else 0.0,
         )
         size = max(1.0, float(np.linalg.norm(self.flow.Phi, 2))) if len(S) else 1.0
-        if worst <= (FITS + AMPLIFIED * self.flow.mismatch) * size + AMPLIFIED * self.flow.error:
+        if (
+            worst
+            <= (TOLERANCES.direction_closure + TOLERANCES.mismatch_factor * self.flow.mismatch) * size
+            + TOLERANCES.mismatch_factor * self.flow.error
+        ):
             return ""
         return (
             f"the symmetries found ({', '.join(names)}) do not fit the monodromy matrix ({worst / size:.1e} of its "
@@ -337,5 +330,7 @@ class Cycle:
         """Return the multipliers of the neutral directions: 1, or on the unit circle where a turn is not whole."""
         found = self.separated
         values = np.linalg.eigvals(found.T.T @ found.S @ found.T) + 1.0 if found.T.shape[1] else np.zeros(0)
-        turned = [complex(x / abs(x)) if abs(x - 1.0) > TURNED else 1.0 + 0j for x in values.tolist()]
+        turned = [
+            complex(x / abs(x)) if abs(x - 1.0) > TOLERANCES.multiplier_turned else 1.0 + 0j for x in values.tolist()
+        ]
         return turned + [1.0 + 0j] * (found.neutral.count - len(turned))

@@ -30,6 +30,7 @@ from mbstab.analysis.linear.linearize import Linearization, state_space
 from mbstab.analysis.linear.methods import DEFAULT
 from mbstab.analysis.linear.precise_motion import Point, Start, another_rank, rank_misfit, reference_point
 from mbstab.analysis.linear.results import Counts, EigenResult
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import STRENGTH, UNDECIDED, Disc, Judged, Verdict, judge, place, show
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError, NumericalError, UsageError, amount
@@ -37,20 +38,6 @@ from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
-
-LEAST_DIGITS, MOST_DIGITS = 16, 1000
-
-GUARD = 15
-"""Digits beyond those asked for, and as many more in the second computation."""
-
-SPARE = 2
-"""An error bound is this many digits below the last one that is printed."""
-
-ROUNDS = 6
-"""Computations with more digits before giving up."""
-
-SEPARATE = 100
-"""Eigenvalues this many error bounds apart are different."""
 
 
 @dataclass(frozen=True)
@@ -172,15 +159,16 @@ def precise_eigenvalues(
     MbstabError
         As `mbstab.analysis.reference.requested.reference_motion`.
     """
-    if not LEAST_DIGITS <= digits <= MOST_DIGITS:
-        raise UsageError(f"precision {digits}: from {LEAST_DIGITS} to {MOST_DIGITS} digits are possible")
+    least, most = TOLERANCES.digits_least, TOLERANCES.digits_most
+    if not least <= digits <= most:
+        raise UsageError(f"precision {digits}: from {least} to {most} digits are possible")
     began = time.perf_counter()
     start = Start(model, frozen)
     progress(0.1)
-    work = digits + GUARD
-    for number in range(ROUNDS):
-        rough, fine = (_spectrum(start, n) for n in (work, work + GUARD))
-        with mp.workdps(work + 2 * GUARD):
+    work = digits + TOLERANCES.digits_beyond
+    for number in range(TOLERANCES.precision_rounds):
+        rough, fine = (_spectrum(start, n) for n in (work, work + TOLERANCES.digits_beyond))
+        with mp.workdps(work + 2 * TOLERANCES.digits_beyond):
             bounds = _bounds(rough, fine, work)
             lacking, chained = _lacking(fine, bounds, digits)
             decided = _decided(rough, fine)
@@ -191,8 +179,8 @@ def precise_eigenvalues(
             work = max(work + digits, _until_shown(fine.deflation))
         else:
             work = _enough(work, digits, lacking, chained)
-        progress(0.1 + 0.8 * (number + 1) / ROUNDS)
-        if work > 20 * (digits + 2 * GUARD):
+        progress(0.1 + 0.8 * (number + 1) / TOLERANCES.precision_rounds)
+        if work > 20 * (digits + 2 * TOLERANCES.digits_beyond):
             break
     raise NumericalError(
         f"{digits} digits are not reached with {fine.work} working digits: {_worst(fine, bounds)}\n"
@@ -203,13 +191,17 @@ def precise_eigenvalues(
 def _decided(rough: _Spectrum, fine: _Spectrum) -> bool:
     """Whether it is known what is zero: the same with more digits, and smaller as they are more."""
     one, other = rough.deflation, fine.deflation
-    shrunk = one.dropped == 0 or other.dropped <= one.dropped * mp.mpf(10) ** (-GUARD / 2)
+    shrunk = one.dropped == 0 or other.dropped <= one.dropped * mp.mpf(10) ** (-TOLERANCES.digits_beyond / 2)
     return other.decided and other.sizes == one.sizes and bool(shrunk)
 
 
 def _until_shown(deflation: more.Deflation) -> int:
     """Return with how many working digits what was dropped would not be."""
-    return int(-mp.log10(deflation.dropped) / ALGEBRA.pivot_digits_lost) + GUARD if deflation.dropped else 0
+    return (
+        int(-mp.log10(deflation.dropped) / ALGEBRA.pivot_digits_lost) + TOLERANCES.digits_beyond
+        if deflation.dropped
+        else 0
+    )
 
 
 def _enough(work: int, digits: int, lacking: int, chained: bool) -> int:
@@ -217,8 +209,8 @@ def _enough(work: int, digits: int, lacking: int, chained: bool) -> int:
     if not chained:
         return work + lacking + 3
     # Of a chain of length m one digit in m is left.
-    reached = max(digits + SPARE - lacking, work / 8)
-    return int(work * (digits + SPARE + GUARD / 2) / reached)
+    reached = max(digits + TOLERANCES.digits_of_bound - lacking, work / 8)
+    return int(work * (digits + TOLERANCES.digits_of_bound + TOLERANCES.digits_beyond / 2) / reached)
 
 
 def exact_zeros(model: Model, digits: int = 320) -> int:
@@ -233,10 +225,10 @@ def exact_zeros(model: Model, digits: int = 320) -> int:
     """
     try:
         start = Start(model, False)
-        found = _spectrum(start, digits + GUARD)
-        with mp.workdps(found.work + GUARD):
+        found = _spectrum(start, digits + TOLERANCES.digits_beyond)
+        with mp.workdps(found.work + TOLERANCES.digits_beyond):
             doubtful = found.deflation.dropped > mp.mpf(10) ** -digits
-            if doubtful and not _decided(found, _spectrum(start, found.work + GUARD)):
+            if doubtful and not _decided(found, _spectrum(start, found.work + TOLERANCES.digits_beyond)):
                 return -1
         return _zeros(start, found, digits)
     except MbstabError:
@@ -379,7 +371,7 @@ def _lacking(fine: _Spectrum, bounds: list[Any], digits: int) -> tuple[int, bool
         # What is below the bound is shown as 0, which must not be all there is.
         for size in {x if x > bound else abs(e.value) for x in parts}:
             digits_right = mp.log10(size / bound) if size > 0 else mp.mpf(-digits)
-            lack = int(mp.ceil(digits + SPARE - digits_right))
+            lack = int(mp.ceil(digits + TOLERANCES.digits_of_bound - digits_right))
             if lack > worst:
                 worst, chained = lack, e.chained
     return worst, chained
@@ -416,7 +408,7 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
     )  # fmt: skip
     warnings = [*start.motion.warnings, *verdict.warnings, *_differences(start, found, counts, verdict.word)]
     excess, where = fine.excess
-    if excess > mp.mpf(10) ** (-digits - SPARE):
+    if excess > mp.mpf(10) ** (-digits - TOLERANCES.digits_of_bound):
         warnings.append(
             f"the reference as it is written satisfies {where} to {mp.nstr(excess, 1)} only: later digits of the "
             "eigenvalues belong to these decimals"
@@ -439,14 +431,14 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
 def _zeros(start: Start, fine: _Spectrum, digits: int) -> int:
     """Return how many eigenvalues are zero, or pairs that turn with the motion; −1 if that is not known."""
     deflation = fine.deflation
-    known = deflation.decided and fine.excess[0] <= mp.mpf(10) ** (-digits - SPARE)
+    known = deflation.decided and fine.excess[0] <= mp.mpf(10) ** (-digits - TOLERANCES.digits_of_bound)
     return sum(deflation.steps) + 2 * sum(deflation.pairs) if known else -1
 
 
 def _rounded_reference(start: Start, fine: _Spectrum, digits: int) -> bool:
     """Whether the reference is known to fewer digits than those asked for."""
     searched = start.balance is not None and bool(start.loose)
-    return searched or bool(fine.excess[0] > mp.mpf(10) ** (-digits - SPARE))
+    return searched or bool(fine.excess[0] > mp.mpf(10) ** (-digits - TOLERANCES.digits_of_bound))
 
 
 def _placed(
@@ -496,7 +488,7 @@ def _clusters(values: list[Any], bounds: list[Any]) -> tuple[list[list[int]], li
         bound = max(bounds[i] for i in members)
         # What is not told from its mirror image is real.
         centre = mp.mpc(centre.real, centre.imag if abs(centre.imag) > spread + bound else 0)
-        return centre, spread + bound, spread + SEPARATE * bound
+        return centre, spread + bound, spread + TOLERANCES.separate_bounds * bound
 
     while True:
         discs = [disc(members) for members in groups]

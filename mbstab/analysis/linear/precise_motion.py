@@ -21,6 +21,7 @@ from mbstab.analysis.linear.eigenvalues import judged
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.neutral import orthonormal
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.equations import Balance, State
 from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.motion import Motion
@@ -32,12 +33,6 @@ from mbstab.errors import ConstraintError, EquilibriumError, MbstabError, Numeri
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
-
-SHARPENED = 1e-11
-"""Digits are gained along directions in which the equations have a larger slope than this, relative to the largest."""
-
-LOOSE = 1e-6
-"""Coordinates that move by less than this in all directions in which they are not sharpened are determined."""
 
 # --- what double precision says -------------------------------------------------------------------------------------
 
@@ -97,7 +92,7 @@ class Start:
         if self.balance is not None and self.at is not None:
             open_ = self.balance.open.tolist()
             _, s, right = np.linalg.svd(self.balance.jacobian(self.at))
-            null = right[int(np.sum(s > SHARPENED * np.max(s, initial=0.0))) :, : len(open_)].T
+            null = right[int(np.sum(s > TOLERANCES.sharpened_slope * np.max(s, initial=0.0))) :, : len(open_)].T
         else:
             open_ = [i for i, name in enumerate(names) if name not in self.system.scene.coordinates]
             J = (motion.dynamics.J[: self.system.n_h] * motion.sizes)[:, open_]
@@ -105,7 +100,7 @@ class Start:
             null = rank_of(J[lengths > 0.0] / lengths[lengths > 0.0, None]).null
         shifts = [item.direction[open_] / motion.sizes[open_] for item in self.grounds.invariance.symmetries]
         basis = orthonormal([x for x in shifts if np.any(x)], len(open_))
-        free = np.linalg.norm(null - basis @ (basis.T @ null), axis=1) > LOOSE
+        free = np.linalg.norm(null - basis @ (basis.T @ null), axis=1) > TOLERANCES.sharpened_coordinate
         return tuple(names[i] for i, loose in zip(open_, free, strict=True) if loose)
 
 
@@ -200,7 +195,7 @@ def _balanced(balance: Balance, at: State, system: System) -> tuple[Matrix, Gene
     for i in np.setdiff1d(np.arange(system.n_q), open_):
         fixed[i] = scene.coordinates[names[i]] + mp.zero
     rates = exact([scene.rates[names[i]] for i in balance.given])
-    inverse = np.linalg.pinv(balance.jacobian(at), rcond=SHARPENED)
+    inverse = np.linalg.pinv(balance.jacobian(at), rcond=TOLERANCES.sharpened_slope)
 
     def unpacked(x: Matrix) -> tuple[Matrix, Generator]:
         q, c = fixed.copy(), exact(at.c)

@@ -16,21 +16,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.neutral import Separated, Structure, complement, drift_of, orthonormal
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.element_comparison import State
 from mbstab.analysis.reference.rotation import euler_angles, lever, lever_acceleration, orientation, rate_matrix
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.compiler.system import Array, System
 from mbstab.records import dataclass
-
-FIXED = 1e-9
-"""The mirror image of the reference is the reference itself to this, relative to a large change."""
-
-STEP = 1e-5
-"""Part of a large change over which the map of the speeds is differentiated."""
-
-NULL, GAP = 1e-9, 1e3
-"""Singular values of A on Q below this part of its norm are zero if the next one is larger by the gap."""
 
 
 @dataclass(frozen=True)
@@ -115,8 +108,10 @@ class Reversor:
         Q = complement(symmetries)
         A = Q.T @ found.S @ Q
         _, s, right = np.linalg.svd(A)
-        limit = NULL * s[0]
-        if int(np.sum(s <= limit)) != size or (size < len(s) and s[-size - 1] < GAP * max(s[-size], 1e-300)):
+        limit = TOLERANCES.mirrored_singular_value * s[0]
+        if int(np.sum(s <= limit)) != size or (
+            size < len(s) and s[-size - 1] < ALGEBRA.rank_gap * max(s[-size], 1e-300)
+        ):
             return found
         T = orthonormal([*symmetries.T, *(Q @ right[-size:].T).T], len(found.S))
         rows = found.L
@@ -197,7 +192,9 @@ def _fixes(invariance: Invariance, mirror: Mirror) -> bool:
     q, T = mirror.moved(motion.q)
     off = np.abs(q - motion.q) / motion.sizes, np.abs(-T @ motion.u - motion.u) / motion.sizes
     fastest = float(np.max(np.abs(motion.u) / motion.sizes))
-    return bool(np.max(off[0]) <= FIXED and np.max(off[1]) <= FIXED * fastest)
+    return bool(
+        np.max(off[0]) <= TOLERANCES.mirrored_reference and np.max(off[1]) <= TOLERANCES.mirrored_reference * fastest
+    )
 
 
 def _reverses(invariance: Invariance, mirror: Mirror) -> bool:
@@ -233,7 +230,7 @@ def _trace(structure: Structure, mirror: Mirror, symmetries: Array) -> float:
             rate = rate + generator.frame(motion.q)[0] @ direction
         _, T = mirror.moved(motion.q)
         size = float(np.max(np.abs(direction / motion.sizes))) or 1.0
-        h = STEP / size
+        h = TOLERANCES.mirror_difference / size
         change = (mirror.moved(motion.q + h * direction)[1] - mirror.moved(motion.q - h * direction)[1]) / (2.0 * h)
         total += float(y @ structure.column(T @ direction, -T @ rate - change @ motion.u))
     return total

@@ -22,6 +22,7 @@ from mbstab.analysis.algebra.rounded_arrays import RoundedNumbers, WithErrors
 from mbstab.analysis.algebra.sparse import dense, in_sparse, scaled, sizes_times
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.steady import Generator, declared_family
@@ -31,19 +32,6 @@ from mbstab.model.schema import Model
 from mbstab.model.units import exact_factor
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
-
-LOOSE, MOST = 1e-13, 8
-"""What is solved for moves along one direction where it may be wrong by more than this; so many are kept apart."""
-
-SUMMED = 2.0
-"""A sum of products is computed to so many roundings of its terms."""
-
-LEAST = 1e-9
-"""Rows and columns smaller than this part of the others are rounding."""
-
-STEP = 1e-6
-"""Step of differences of the frame by angles."""
-
 
 # --- a scene --------------------------------------------------------------------------------------------------------
 
@@ -240,10 +228,10 @@ class _Roundings:
         n, relative = len(columns), sizes / self.motion.sizes[columns]
         own = moves[:n] * relative[:, None]
         left, _, _ = np.linalg.svd(own, full_matrices=False)
-        for together in left.T[:MOST]:
+        for together in left.T[: TOLERANCES.loose_directions]:
             share = together @ own
             amount = float(np.sum(np.abs(share)))
-            if not amount * float(np.max(np.abs(together), initial=0.0)) > LOOSE:
+            if not amount * float(np.max(np.abs(together), initial=0.0)) > TOLERANCES.loose_direction:
                 break
             change = np.zeros(self.plain.n_q)
             change[columns] = together * self.motion.sizes[columns]
@@ -318,11 +306,13 @@ class _Roundings:
             parts = [part for part in self.plain.body_slices if part.stop - part.start == 6]
             angles = [part.start + k for part in parts]
             step = np.zeros(len(q))
-            step[angles] = STEP
+            step[angles] = TOLERANCES.angle_difference
             there, back = (generator.frame(q + sign * step) for sign in (1.0, -1.0))
             weights = np.zeros(len(q))
             for part in parts:
-                weights[part] = (dq[part.start + k] + EPS * abs(q[part.start + k])) / (2.0 * STEP)
+                weights[part] = (dq[part.start + k] + EPS * abs(q[part.start + k])) / (
+                    2.0 * TOLERANCES.angle_difference
+                )
             first = first + np.abs(there[0] - back[0]) * weights[:, None]
             second = second + np.abs(there[1] - back[1]) * weights[:, None]
         return first, second
@@ -383,7 +373,7 @@ class _Roundings:
         value = plain.F0 + plain.M @ motion.a + plain.J.T @ nu
         error = _errors(state.F0) + M @ np.abs(motion.a) + abs(plain.M) @ da + J.T @ np.abs(nu)
         size = np.abs(plain.F0) + abs(plain.M) @ np.abs(motion.a) + abs(plain.J.T) @ np.abs(nu)
-        return value, error + SUMMED * EPS * size
+        return value, error + TOLERANCES.roundings_of_sum * EPS * size
 
     def _steady_accelerations(self, steady: Generator, dq: Array, du: Array) -> Array:
         motion = self.motion
@@ -426,7 +416,7 @@ class _Roundings:
 
 def _inverse_sizes(sizes: Array) -> Array:
     """Return 1/size, and 0 where sizes are rounding: such rows and columns determine nothing."""
-    counts = sizes > LEAST * float(np.max(sizes, initial=0.0))
+    counts = sizes > TOLERANCES.row_rounding * float(np.max(sizes, initial=0.0))
     result: Array = np.where(counts, 1.0 / np.where(counts, sizes, 1.0), 0.0)
     return result
 

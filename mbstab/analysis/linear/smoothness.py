@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.linear.constancy import SMOOTH, Place, call_at, cut, expressions
-from mbstab.analysis.linear.exact_sums import NEAR, ROUNDING, Atom, Monomial, Structure, Sum, atoms
+from mbstab.analysis.linear.exact_sums import Atom, Monomial, Structure, Sum, atoms
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import System
 from mbstab.model.expressions import Call, Expression, ExpressionError
 from mbstab.model.functions import FUNCTIONS, PIECED, Break
@@ -69,15 +70,15 @@ class _Corners:
         self.steps: dict[str, Any] = {}
         for i, name in enumerate(system.names):
             self.names[name], self.names[f"rate({name})"] = q[..., i], u[..., i]
-            self.steps[name] = NEAR * max(float(np.max(np.abs(q[..., i]))), sizes[i])
-            self.steps[f"rate({name})"] = NEAR * speed * sizes[i]
+            self.steps[name] = TOLERANCES.kink_distance * max(float(np.max(np.abs(q[..., i]))), sizes[i])
+            self.steps[f"rate({name})"] = TOLERANCES.kink_distance * speed * sizes[i]
 
     def near(self, x: Sum) -> bool:
         """Whether a sum is zero within rounding, or has no value."""
         value, size = self.structure.value(x, self.names)
         if self.along and np.any(value > 0.0) and np.any(value < 0.0):
             return True
-        room = ROUNDING * size
+        room = TOLERANCES.constant_rounding * size
         for name in {atom.name for atom in atoms(x) if atom.kind == "state"}:
             moved = [
                 abs(self.structure.value(x, {**self.names, name: self.names[name] + step})[0] - value)

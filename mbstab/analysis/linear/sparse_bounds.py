@@ -22,28 +22,11 @@ from mbstab.analysis.linear.discs import Disc, Group, Placed, relative
 from mbstab.analysis.linear.grouping import row_scaled_inverse, united
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
 from mbstab.analysis.linear.sparse_pencil import EPS, Block, Pairs, Residuals, SparsePencil, blocks_of, in_parts
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
 Key = tuple[int, ...]
-
-APART = 0.1
-"""Discs and corrections are smaller than this part of the distance to the nearest eigenvalue, or both are joined."""
-
-IDLE = 1e-9
-"""T and L are positions and their momenta to this."""
-
-EQUAL = 1e-7
-"""Eigenvalues that differ by less than this part of them are judged together."""
-
-POORER = 1.0
-"""Vectors are made better where the second order adds more than so many times the first."""
-
-ROUNDS = 12
-"""Rounds of joining eigenvalues that cannot be told apart."""
-
-AT_ONCE = 64
-"""Eigenvectors that are worked on at once."""
 
 
 @dataclass
@@ -101,7 +84,7 @@ def _idle(space: StateSpace, T: Array, L: Array) -> Array | None:
     pairs = 2 * X.shape[1] == T.shape[1] + len(L)
     held = np.linalg.norm(L[:, :n]) + np.linalg.norm(L[:, n:] - L[:, n:] @ _onto(space.M_z @ X))
     speeds = np.linalg.norm(T[n:] - _onto(X) @ T[n:])
-    return X if pairs and held + speeds < IDLE else None
+    return X if pairs and held + speeds < TOLERANCES.momentum_misfit else None
 
 
 def _onto(X: Array) -> Array:
@@ -194,8 +177,8 @@ class _Discs:
         self.s, self.slope = np.zeros((2, k), dtype=complex)
         self.step, self.first, self.right, self.left, self.backward = np.zeros((5, k))
         self.coupling = np.full(k, np.inf)
-        for start in range(0, k, AT_ONCE):
-            index = np.arange(start, min(start + AT_ONCE, k))
+        for start in range(0, k, TOLERANCES.eigenvectors_at_once):
+            index = np.arange(start, min(start + TOLERANCES.eigenvectors_at_once, k))
             x = found.x[:, index]
             y = x if found.y is found.x else found.y[:, index]
             self._put(index, pencil.pairs(found.s[index], x, y))
@@ -236,16 +219,23 @@ class _Discs:
         total, nearest = self._surroundings()
         second = np.minimum(self.right * self.left / np.abs(self.slope) * total, self.coupling)
         radius = self.first + second + 4.0 * EPS * np.abs(self.s)
-        clear = (radius < APART * nearest) & (self.step < APART * nearest)
+        clear = (radius < TOLERANCES.sparse_disc_distance * nearest) & (
+            self.step < TOLERANCES.sparse_disc_distance * nearest
+        )
         return np.where(clear, radius, np.inf), second
 
     def _improve(self) -> None:
         """Look closer where the second order counts, and make vectors better where it still does."""
         radius, second = self._singles()
         _, nearest = self._surroundings()
-        self._couple(np.flatnonzero((second > POORER * self.first) & (nearest > EQUAL * np.abs(self.s))))
+        self._couple(
+            np.flatnonzero(
+                (second > TOLERANCES.second_order_in_bound * self.first)
+                & (nearest > TOLERANCES.equal_eigenvalues * np.abs(self.s))
+            )
+        )
         radius, second = self._singles()
-        poor = np.flatnonzero(np.isfinite(radius) & (second > POORER * self.first))
+        poor = np.flatnonzero(np.isfinite(radius) & (second > TOLERANCES.second_order_in_bound * self.first))
         for i in poor.tolist():
             s = complex(self.s[i])
             x, y = self.found.x[:, i].astype(complex), self.found.y[:, i].astype(complex)
@@ -326,7 +316,7 @@ class _Discs:
         _, nearest = _neighbours(values)
         pairs = [(i, int(nearest[i])) for i in open_]
         groups = united(singles, pairs, partner) if pairs else singles
-        for _ in range(ROUNDS):
+        for _ in range(TOLERANCES.sparse_joining_rounds):
             self._find([tuple(sorted(g)) for g in groups if len(g) > 1], known, values, partner)
             discs: list[Disc] = []
             for g in groups:
@@ -350,7 +340,7 @@ class _Discs:
         mirror = {g: tuple(sorted(partner[i] for i in g)) for g in groups}
         new = [g for g in groups if g not in known and g <= mirror[g]]
         while new:
-            count = max(1, int(np.searchsorted(np.cumsum([len(g) for g in new]), AT_ONCE)))
+            count = max(1, int(np.searchsorted(np.cumsum([len(g) for g in new]), TOLERANCES.eigenvectors_at_once)))
             part, new = new[:count], new[count:]
             bases = [self._basis(g, values, partner, mirror[g] == g) for g in part]
             blocks = blocks_of(self.pencil, [b[0] for b in bases], [b[1] for b in bases], [b[2] for b in bases])
@@ -406,7 +396,7 @@ class _Discs:
         whole = float(np.linalg.norm(found.D, 2) + np.linalg.norm(error, 2)) + 4.0 * EPS * abs(centre)
         if not all(d.radius < whole for d in discs):
             discs = [Disc(centre, whole, tuple(members))]
-        apart = max(abs(d.centre - centre) + d.radius for d in discs) < APART * nearest
+        apart = max(abs(d.centre - centre) + d.radius for d in discs) < TOLERANCES.sparse_disc_distance * nearest
         return discs if apart else unknown
 
 

@@ -24,9 +24,6 @@ from mbstab.compiler.system import Array
 from mbstab.model.schema import is_length
 from mbstab.records import dataclass
 
-ROUNDED = 4.0 * float(np.finfo(float).eps)
-"""Entries are known to this, relative to the sizes of their terms."""
-
 LONGEST = 8.0 * float(np.finfo(np.longdouble).eps)
 """Sums vanish to this, relative to the sizes of their terms."""
 
@@ -112,7 +109,9 @@ class SparseEquations:
         plain = Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q)
         known, found = roundings(linear), chosen(plain)
         errors = [sum(parts) for parts in zip(*(map(np.abs, x) for x in (known.errors, *known.displaced)), strict=True)]
-        sizes = Matrices(*(np.maximum(np.abs(x), e / ROUNDED) for x, e in zip(plain, errors, strict=True)))
+        sizes = Matrices(
+            *(np.maximum(np.abs(x), e / ALGEBRA.entry_rounding) for x, e in zip(plain, errors, strict=True))
+        )
         return cls(found, chosen(sizes), None, (), ConstrainedForms(found.J), columns, len(C), linear.n_f, linear.names)
 
     @cached_property
@@ -137,7 +136,7 @@ class SparseEquations:
     @cached_property
     def unsure(self) -> float:
         """How much K may be wrong altogether, as a Frobenius norm."""
-        entries = ROUNDED * float(np.linalg.norm(self.sizes.K.data))
+        entries = ALGEBRA.entry_rounding * float(np.linalg.norm(self.sizes.K.data))
         return entries + max((float(np.linalg.norm(x.K.data)) for x in self.displaced), default=0.0)
 
     @cached_property

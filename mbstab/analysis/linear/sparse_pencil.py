@@ -21,20 +21,12 @@ from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.sparse import largest, scaled
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.roundings import roundings
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
 EPS = float(np.finfo(float).eps)
-
-SUMMED = 2.0
-"""A sum of products is computed to so many roundings of its terms, and to one more for four times as many terms."""
-
-ASIDE = 1e-8
-"""So far from an eigenvalue, relatively, equations are solved for its vectors."""
-
-SYMMETRIC = 1e-13
-"""Symmetric to this, relative to the largest entry: vectors from the symmetric part are as good."""
 
 
 @dataclass
@@ -114,7 +106,7 @@ class SparsePencil:
     def errors(self) -> Matrices:
         """Errors of M, R, K and J, and of summing products with them."""
         found, n = self._scaled(roundings(self.linear).errors), sum(self.J.shape)
-        summed = (SUMMED + 0.5 * math.log2(n)) * EPS
+        summed = (TOLERANCES.roundings_of_sum + 0.5 * math.log2(n)) * EPS
         own = (self.M, self.R, self.K, self.J)
         M, R, K, J = (x + summed * abs(y) for x, y in zip(found[:4], own, strict=True))
         return Matrices(M, R, K, J, found.D_q)
@@ -127,7 +119,7 @@ class SparsePencil:
     @property
     def undamped(self) -> bool:
         """Whether no force depends on speeds and K is symmetric."""
-        return not largest(self.R) and largest(self.K - self.K.T) <= SYMMETRIC * largest(self.K)
+        return not largest(self.R) and largest(self.K - self.K.T) <= TOLERANCES.symmetric_part * largest(self.K)
 
     # --- products ---------------------------------------------------------------------------------------------------
 
@@ -195,7 +187,7 @@ class SparsePencil:
         from scipy.sparse.linalg import splu
 
         n, J = len(self.scale), self.J[self._kept]
-        t = s * (1.0 + ASIDE)
+        t = s * (1.0 + TOLERANCES.vector_shift)
         H = block_array([[t * t * self.M + t * self.R + self.K, J.T], [J, None]], format="csc").astype(complex)
         none = np.zeros(J.shape[0], dtype=complex)
         try:

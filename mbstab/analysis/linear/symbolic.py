@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import System
 from mbstab.errors import UsageError
 from mbstab.model.arithmetic import symbol_arithmetic
@@ -16,13 +17,6 @@ from mbstab.model.values import evaluate
 from mbstab.records import dataclass
 
 Track = Callable[[list[Any]], Iterable[Any]]
-
-SIMPLIFY_LIMIT = 5000
-"""What all entries that are simplified may weigh together; see `_weight`. The others are printed as they come."""
-
-
-MOST_OPERATIONS = 100_000
-"""Of all entries together, unless it is forced: more fill pages that nobody reads, and take minutes to print."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +28,7 @@ class SymbolicBlocks:
     blocks : dict of str to Matrix
     coordinates, multipliers : list of Symbol
     unsimplified : int
-        Number of entries beyond `SIMPLIFY_LIMIT`, which are as they come.
+        Number of entries beyond `TOLERANCES.simplified_weight`, which are as they come.
     """
 
     blocks: dict[str, Any]
@@ -52,7 +46,7 @@ def symbolic_blocks(model: Model, track: Track = list, forced: bool = False) -> 
     track : callable, optional
         Takes the entries that are to be simplified and returns them one by one; for a progress bar.
     forced : bool
-        Go on beyond `MOST_OPERATIONS`.
+        Go on beyond `TOLERANCES.printed_operations`.
 
     Raises
     ------
@@ -116,11 +110,11 @@ def symbolic_blocks(model: Model, track: Track = list, forced: bool = False) -> 
     # Rows and their transposes have the same entries.
     weights = {entry: _weight(entry) for entry in dict.fromkeys(block[i] for block, i in places)}
     for entry in track(sorted(weights, key=lambda entry: weights[entry])):
-        if total + weights[entry] > SIMPLIFY_LIMIT:
+        if total + weights[entry] > TOLERANCES.simplified_weight:
             continue
         expanded = sympy.expand(entry)  # which may be much longer
         total += max(weights[entry], _weight(expanded))
-        if total <= SIMPLIFY_LIMIT:
+        if total <= TOLERANCES.simplified_weight:
             simple[entry] = sympy.factor_terms(sympy.trigsimp(expanded))
     unsimplified = sum(block[i] not in simple for block, i in places)
     for block, i in places:
@@ -133,9 +127,9 @@ def _require_readable(entries: Iterable[Any]) -> None:
     operations = 0
     for entry in entries:
         operations += entry.count_ops()
-        if operations > MOST_OPERATIONS:
+        if operations > TOLERANCES.printed_operations:
             raise UsageError(
-                f"the matrices have more than {MOST_OPERATIONS} operations in symbols\n"
+                f"the matrices have more than {TOLERANCES.printed_operations} operations in symbols\n"
                 "hint: --force (force=True in Python) prints them nevertheless; mbstab linearize without --symbolic "
                 "shows them as numbers"
             )

@@ -20,36 +20,11 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.algebra.shift_invert import Operator
-from mbstab.analysis.linear.sparse_equations import ROUNDED, SparseEquations
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.linear.sparse_equations import SparseEquations
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import Census
 from mbstab.records import dataclass
-
-COVER = 0.8
-"""Radius of a disc, as part of the distance to the nearest eigenvalue."""
-
-ARNOLDI = 14
-"""Steps in which this distance is estimated."""
-
-AGREES = math.pi / 3.0
-"""A change of phase agrees with slopes to this."""
-
-BESIDE = 1e-4
-"""Slopes come from points so many radii apart."""
-
-MOST, WORK = 3000, 3e6
-"""So many factorizations are made at most, and so many rows factored altogether."""
-
-NEAREST = 1e-12
-"""An eigenvalue so near to the axis, relative to the fastest, may lie on it."""
-
-PERTURBED, ALLOWED = 5, 0.02
-"""Steps of the iteration for how much rounding of the entries changes solutions, and how much it may."""
-
-FAR = 3.0
-"""From so many spectral radii on nothing but the tail of the phase is left."""
-
-WHOLE = 0.05
-"""The number comes out whole to this."""
 
 
 @dataclass(frozen=True)
@@ -90,24 +65,24 @@ class _Winding:
     def __init__(self, equations: SparseEquations) -> None:
         self.problem, self.known_to = equations.problem, equations.known_to
         self.most, self.fastest = equations.n_left, equations.fastest
-        self.left = min(MOST, int(WORK / self.problem.size))
+        self.left = min(TOLERANCES.winding_factorizations, int(TOLERANCES.winding_rows / self.problem.size))
         rng = np.random.default_rng(17)
         self.start: Complex = rng.normal(size=2 * len(self.problem.active)).astype(complex)
-        self.signs = rng.choice((-1.0, 1.0), size=(PERTURBED, self.problem.size))
+        self.signs = rng.choice((-1.0, 1.0), size=(TOLERANCES.winding_rounding_steps, self.problem.size))
 
     def number(self) -> int:
         """Return the number of zeros right of the axis."""
         first = self._point(0.0)
-        last = self._point(FAR * self.fastest)
+        last = self._point(TOLERANCES.winding_start * self.fastest)
         total = self._change(first, last)
         # Beyond, slopes fall like the square of the distance, and slower terms are less than a turn.
-        while abs(last.slope) * last.omega > 0.1 * AGREES:
+        while abs(last.slope) * last.omega > 0.1 * TOLERANCES.winding_phase:
             further = self._point(2.0 * last.omega)
             total += self._change(last, further)
             last = further
         total += last.slope * last.omega
         number = -total / math.pi
-        if abs(number - round(number)) > WHOLE:
+        if abs(number - round(number)) > TOLERANCES.winding_number_misfit:
             raise _Open(f"it comes out as {number:.3f}")
         return round(number)
 
@@ -120,7 +95,7 @@ class _Winding:
             expected = 0.5 * (one.slope + other.slope) * width
             change = other.phase - one.phase
             change += 2.0 * math.pi * round((expected - change) / (2.0 * math.pi))
-            if one.radius + other.radius >= width and abs(change - expected) <= AGREES:
+            if one.radius + other.radius >= width and abs(change - expected) <= TOLERANCES.winding_phase:
                 total += change
                 continue
             middle = self._point(one.omega + 0.5 * width)
@@ -131,12 +106,12 @@ class _Winding:
         s = 1j * omega
         phase, lu = self._phase(omega)
         _, once = self.problem.operator(lu, s)
-        radius = COVER / _largest(once, self.start)
-        if not radius > NEAREST * self.fastest:
+        radius = TOLERANCES.winding_disc_radius / _largest(once, self.start)
+        if not radius > TOLERANCES.winding_nearest_axis * self.fastest:
             raise _Open(f"an eigenvalue lies at {omega:.6g} rad/s, or next to it")
-        if not self._unsure(lu, omega) < ALLOWED:
+        if not self._unsure(lu, omega) < TOLERANCES.winding_rounding_effect:
             raise _Open(f"rounding may move eigenvalues over the axis at {omega:.6g} rad/s")
-        step = BESIDE * radius
+        step = TOLERANCES.winding_slope_step * radius
         beside, _ = self._phase(omega + step)
         slope = math.remainder(beside - phase, 2.0 * math.pi) / step
         return _Point(omega, phase, slope, radius)
@@ -146,7 +121,7 @@ class _Winding:
         sizes, x = self.known_to.at(omega), np.abs(lu.solve(self.signs[0].astype(complex)))
         growth = []
         for signs in self.signs:
-            following = np.abs(lu.solve((ROUNDED * signs * (sizes @ x)).astype(complex)))
+            following = np.abs(lu.solve((ALGEBRA.entry_rounding * signs * (sizes @ x)).astype(complex)))
             before, after = np.linalg.norm(x), np.linalg.norm(following)
             if not (before > 0.0 and np.isfinite(after)):
                 return math.inf if after else 0.0
@@ -182,8 +157,8 @@ def _odd(permutation: Index) -> int:
 def _largest(once: Operator, start: Complex) -> float:
     """Return the size of the largest eigenvalue of an operator that Arnoldi steps see."""
     basis = [start / np.linalg.norm(start)]
-    H = np.zeros((ARNOLDI + 1, ARNOLDI), dtype=complex)
-    for k in range(min(ARNOLDI, len(start))):
+    H = np.zeros((TOLERANCES.winding_arnoldi_steps + 1, TOLERANCES.winding_arnoldi_steps), dtype=complex)
+    for k in range(min(TOLERANCES.winding_arnoldi_steps, len(start))):
         y = once(basis[k])
         for _ in range(2):
             for j, x in enumerate(basis):

@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.linear.bounds import enclosures
-from mbstab.analysis.linear.facts import LOST, Grounds
+from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import Linearization, linearize, state_space
+from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.analysis.linear.verdict import UNDECIDED, judge, place
 from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.equilibrium import Problem, found_motion
@@ -550,7 +551,7 @@ class _Work:
                 good, points = equations.linearized(growth)
                 separation = pattern.known.separated(points)
                 for x in self.values.values():
-                    good = good & ((x[index] == 0.0) | (np.abs(x[index]) >= LOST))
+                    good = good & ((x[index] == 0.0) | (np.abs(x[index]) >= LINEAR.number_lost))
                 good = good & separation.good & pattern.known.keeps_energy(points)
                 found = judged(pattern.known, points, separation)
             except (MbstabError, ArithmeticError, np.linalg.LinAlgError):

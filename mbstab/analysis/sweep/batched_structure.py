@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.facts import Grounds
-from mbstab.analysis.linear.minimum import EPS, ROUNDINGS, TRIED, UNFORCED
-from mbstab.analysis.linear.neutral import FULL_RANK, KEPT
-from mbstab.analysis.linear.reversor import GAP, NULL
+from mbstab.analysis.linear.minimum import EPS
+from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.analysis.linear.verdict import Neutral
 from mbstab.analysis.reference.fields import Combination, OwnTurn, Shift, Spin, Symmetry
 from mbstab.analysis.reference.steady import Generator
@@ -179,7 +179,11 @@ class Known:
         # A shift that a turning frame carries around is no zero.
         block = separated.T.T @ grounds.S @ separated.T
         self.chain = 0 if any(separated.frequencies()) else chain(block, float(np.linalg.norm(grounds.S)))
-        self.tied = int(np.linalg.matrix_rank(np.array(along), tol=KEPT)) if along and self.directions else 0
+        self.tied = (
+            int(np.linalg.matrix_rank(np.array(along), tol=LINEAR.independent_direction))
+            if along and self.directions
+            else 0
+        )
 
     @property
     def names(self) -> tuple[object, ...]:
@@ -276,7 +280,7 @@ class Known:
             n_eta = lower.shape[-2]
             if n_eta:
                 _, s, right = np.linalg.svd(lower)
-                good &= s[:, -1] > FULL_RANK * np.linalg.norm(points.S[:, n:], axis=(1, 2))
+                good &= s[:, -1] > LINEAR.rest_manifold_rank * np.linalg.norm(points.S[:, n:], axis=(1, 2))
                 null = transposed(right[:, n_eta:])
             else:
                 null = np.eye(n)[None]
@@ -294,12 +298,12 @@ class Known:
         _, s, right = np.linalg.svd(across)
         full = np.zeros((len(s), len(self.symmetries)))
         full[:, : s.shape[-1]] = s
-        free = int(np.sum(full[0] <= KEPT))
-        good &= np.sum(full <= KEPT, axis=1) == free
+        free = int(np.sum(full[0] <= LINEAR.independent_direction))
+        good &= np.sum(full <= LINEAR.independent_direction, axis=1) == free
         found = columns @ transposed(right[:, right.shape[1] - free :])
         left = found - T @ (transposed(T) @ found)
         own, s, _ = np.linalg.svd(left, full_matrices=False)
-        good &= np.sum(s > KEPT, axis=1) == self.speeds
+        good &= np.sum(s > LINEAR.independent_direction, axis=1) == self.speeds
         return beside(T, own[..., : self.speeds])
 
     def _functions(self, points: Points, T: Array, good: Flags) -> Array:
@@ -334,7 +338,7 @@ class Known:
         limit = np.maximum(FITS * points.size, 100.0 * points.error)
         good &= full[:, -count] <= limit
         if count < len(fields):
-            good &= full[:, -count - 1] > GAP * limit
+            good &= full[:, -count - 1] > ALGEBRA.rank_gap * limit
         return transposed(left[..., len(fields) - count :]) @ rows
 
     def _differentials(self, points: Points, parts: list[tuple[Array, Array]]) -> Array:
@@ -351,9 +355,9 @@ class Known:
         if T.shape[-1]:
             _, s, right = np.linalg.svd(transposed(rows @ T))
             if rank:
-                good &= s[:, rank - 1] > KEPT
+                good &= s[:, rank - 1] > LINEAR.independent_direction
             if rank < s.shape[-1]:
-                good &= s[:, rank] <= KEPT
+                good &= s[:, rank] <= LINEAR.independent_direction
             rows = right[:, rank:] @ rows
         return transposed(orthonormal(transposed(rows), count, good))
 
@@ -363,9 +367,11 @@ class Known:
         Q = np.linalg.qr(own, mode="complete")[0][..., own.shape[-1] :]
         size = self.d - self.of_symmetries
         _, s, right = np.linalg.svd(transposed(Q) @ points.S @ Q)
-        good &= s[:, -size] <= NULL * s[:, 0]
+        good &= s[:, -size] <= LINEAR.mirrored_singular_value * s[:, 0]
         if size < s.shape[-1]:
-            good &= (s[:, -size - 1] >= GAP * np.maximum(s[:, -size], 1e-300)) & (s[:, -size - 1] > NULL * s[:, 0])
+            good &= (s[:, -size - 1] >= ALGEBRA.rank_gap * np.maximum(s[:, -size], 1e-300)) & (
+                s[:, -size - 1] > LINEAR.mirrored_singular_value * s[:, 0]
+            )
         T = orthonormal(beside(own, Q @ transposed(right[:, -size:])), self.d, good)
         return T, self._vanishing(L, T, self.k, self.kept - self.k, good) if L.shape[1] else L
 
@@ -381,7 +387,7 @@ class Known:
         if not (work.conserved or work.decreases) or len(self.grounds.linear.D_q):
             return np.ones(len(points.S), dtype=bool)
         stiffness, size = _reduced(points.K, points.N), _reduced(np.abs(points.K), np.abs(points.N))
-        limit = ROUNDINGS * EPS * points.spread[:, None, None]
+        limit = LINEAR.roundings_of_variation * EPS * points.spread[:, None, None]
         good: Flags = np.all(np.abs(stiffness - transposed(stiffness)) <= 2.0 * limit * size, axis=(1, 2))
         damping, size = _reduced(points.R, points.N), _reduced(np.abs(points.R), np.abs(points.N))
         damping, size = damping + transposed(damping), limit * (size + transposed(size))
@@ -410,7 +416,7 @@ class Known:
         H, size = (np.broadcast_to(x, np.broadcast_shapes(x.shape, shape)).copy() for x in (H, size))
         H[:, :n, :n] += 0.5 * (stiffness + transposed(stiffness))
         size[:, :n, :n] += 0.5 * (known + transposed(known))
-        return H, ROUNDINGS * EPS * points.spread[:, None, None] * size
+        return H, LINEAR.roundings_of_variation * EPS * points.spread[:, None, None] * size
 
     def inertia(self, points: Points) -> Array:
         """Return how many positive, negative and doubtful directions the second variation has, shape (points, 3).
@@ -420,7 +426,7 @@ class Known:
         good = np.ones(len(points.S), dtype=bool)
         found = restricted(self.energy(points), W := self._basis(points, good))
         if len(self.grounds.linear.D_q):
-            good &= points.across <= UNFORCED
+            good &= points.across <= LINEAR.force_across_rows
         found[~good] = 0, 0, W.shape[-1]
         return found
 
@@ -433,7 +439,7 @@ class Known:
         angles = np.array([not is_length(name) for name in points.system.names])
         reach = 4.0 * np.max(np.abs(points.u[:, angles]), axis=1, initial=0.0)
         for step in self.idle:
-            ratios, last = np.linspace(-1.0, 1.0, TRIED).tolist(), 0.0
+            ratios, last = np.linspace(-1.0, 1.0, LINEAR.momentum_multiples).tolist(), 0.0
             while ratios:
                 # Neighbours want much the same: what helped last comes first.
                 ratios.sort(key=lambda x: -abs(x - last))
@@ -465,7 +471,7 @@ class Known:
         """Return where the symmetry of the spectrum that holds at the pattern is sure: a conserved form is regular."""
         if not self.grounds.structure.work.conserved or not len(self.grounds.linear.D_q):
             return np.ones(len(points.S), dtype=bool)
-        result: Flags = (restricted(self.energy(points), B)[:, 2] == 0) & (points.across <= UNFORCED)
+        result: Flags = (restricted(self.energy(points), B)[:, 2] == 0) & (points.across <= LINEAR.force_across_rows)
         return result
 
     def stiffness(self, points: Points, r: int) -> Array | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, norms
 from mbstab.analysis.linear.minimum import EPS
-from mbstab.analysis.linear.neutral import KEPT
+from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.compiler.system import Array
 
 FITS = 1e-10
@@ -103,10 +103,10 @@ def orthonormal(columns: Array, rank: int, good: Flags) -> Array:
         return columns[..., :0]
     if columns.shape[-1] == rank:
         Q, R = np.linalg.qr(columns)
-        good &= np.min(np.abs(np.diagonal(R, axis1=-2, axis2=-1)), axis=-1) > KEPT
+        good &= np.min(np.abs(np.diagonal(R, axis1=-2, axis2=-1)), axis=-1) > LINEAR.independent_direction
         return Q
     left, s, _ = np.linalg.svd(columns, full_matrices=False)
-    good &= (s[..., rank - 1] > KEPT) & (s[..., rank] <= KEPT)
+    good &= (s[..., rank - 1] > LINEAR.independent_direction) & (s[..., rank] <= LINEAR.independent_direction)
     return left[..., :rank]
 
 
