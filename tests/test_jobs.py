@@ -18,6 +18,7 @@ from sampling import sample
 
 import mbstab
 from mbstab.analysis.sweep import jobs
+from mbstab.analysis.sweep.tolerances import TOLERANCES as SWEEP_TOLERANCES
 from mbstab.cli import main
 from mbstab.errors import NumericalError, OutputError, UsageError
 
@@ -27,7 +28,7 @@ X = np.linspace(0.0, 10.0, 251)
 @pytest.fixture
 def small(monkeypatch):
     """Blocks of 42 points: six of them."""
-    monkeypatch.setattr(jobs, "POINTS", 42)
+    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.block_points", 42)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,7 @@ def bicycle():
 @pytest.fixture(scope="module")
 def reference(bicycle):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(jobs, "POINTS", 42)
+        patch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.block_points", 42)
         return bicycle.sweep("v", X)
 
 
@@ -76,7 +77,7 @@ def finished(directory):
 
 
 def test_blocks_say_the_same_as_one_piece(bicycle, whole, monkeypatch):
-    monkeypatch.setattr(jobs, "POINTS", 25_000)
+    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.block_points", 25_000)
     one = bicycle.sweep("v", X)
     assert np.array_equal(one.unstable, whole.unstable)
     assert one.neutral == whole.neutral
@@ -98,8 +99,8 @@ def test_blocks_of_large_scenes_have_fewer_points():
     parts = [task.values["m"] for task in jobs.tasks(large, {"m": x})]
     assert len(parts) == 3
     assert np.array_equal(np.concatenate(parts), x)
-    assert jobs.block_size(6) == jobs.POINTS
-    assert jobs.block_size(10_000) == jobs.LEAST
+    assert jobs.block_size(6) == SWEEP_TOLERANCES.block_points
+    assert jobs.block_size(10_000) == SWEEP_TOLERANCES.block_points_least
 
 
 def test_two_processes_give_the_same_bits(bicycle, whole):
@@ -198,7 +199,7 @@ def command(*arguments):
 def swept(*arguments):
     """Run the same command in this process."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(jobs, "POINTS", 300)
+        patch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.block_points", 300)
         return CliRunner().invoke(main, [*SWEEP, *arguments])
 
 
@@ -252,7 +253,7 @@ def test_blocks_of_a_worker_that_dies_are_computed_again(bicycle, whole, tmp_pat
 
 
 def test_blocks_are_given_up_after_so_many_dead_workers(bicycle, small, whole, tmp_path, monkeypatch):
-    monkeypatch.setattr(jobs, "RETRIES", 0)
+    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.block_retries", 0)
     place = tmp_path / "v.parts"
     with pytest.raises(NumericalError, match=r"died 1 times(?s:.)*--resume"):
         bicycle.sweep("v", X, Killing(1), directory=place, jobs=2)

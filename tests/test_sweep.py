@@ -20,7 +20,8 @@ from scipy.optimize import linear_sum_assignment
 import mbstab
 from mbstab.analysis.linear.verdict import STRENGTH
 from mbstab.analysis.reference import continuation
-from mbstab.analysis.sweep import batched_spectra, branches, sweep
+from mbstab.analysis.sweep import batched_spectra, sweep
+from mbstab.analysis.sweep.tolerances import TOLERANCES as SWEEP
 from mbstab.cli import main
 from mbstab.errors import UsageError
 from mbstab.model.ranges import sweep_values
@@ -957,7 +958,7 @@ def test_a_top_with_free_spin_is_stable_by_a_multiple_of_its_momentum(points):
 
 
 def test_refinement_ends_within_its_budget_and_says_so(monkeypatch):
-    monkeypatch.setattr(branches, "BUDGET", 100)
+    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.branch_points", 100)
     text = OSCILLATORS.replace("- d*rate(a.x)", "+ sin(50*d)*rate(a.x)")
     result = mbstab.loads(text).sweep("d", np.linspace(-2.0, 2.0, 9), e=0.3)
     (warning,) = result.warnings
@@ -975,7 +976,7 @@ def test_a_range_of_twenty_magnitudes_ends(monkeypatch):
 
     monkeypatch.setattr(batched_spectra.Evaluator, "near", counted)
     result = mbstab.load("wheelset_no_slip.yaml").sweep("gamma", np.linspace(1e20, 100.0, 9))
-    assert sum(looked) < 1.2 * branches.BUDGET
+    assert sum(looked) < 1.2 * SWEEP.branch_points
     assert set(result.verdicts) == {"stable up to symmetry"}
     assert result.critical == ()
 
@@ -1094,7 +1095,7 @@ def test_zeros_along_a_whole_sweep_are_decided_at_every_point():
 
 def test_zeros_at_too_many_points_are_left_open_at_all_of_them(monkeypatch):
     text = PLANE.replace("PUSH", "-K*p.x**3 - 2*rate(p.x)").replace("-K*p.y", "-p.y")
-    monkeypatch.setattr(batched_spectra, "MOST_ASKED", 11)
+    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.points_asked_for_zeros", 11)
     assert set(mbstab.loads(text).sweep("K", np.linspace(-1.0, 1.0, 12), c=1).verdicts) == {OPEN}
 
 
@@ -1153,7 +1154,7 @@ def test_every_value_without_an_answer_is_listed_with_others_of_its_cause():
 
 
 def test_a_search_that_is_too_long_ends_and_says_where(monkeypatch):
-    monkeypatch.setattr(branches, "CALLS", 40)
+    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.branch_looks", 40)
     result = mbstab.load("whipple_bicycle.yaml").sweep("v", np.linspace(0.0, 10.0, 11))
     assert len(result.values) == 11
     assert "the refinement between points ended" in result.warnings[0]

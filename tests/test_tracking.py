@@ -26,7 +26,8 @@ from mbstab.analysis.sweep.batched_verdict import (
     unstable_counts,
 )
 from mbstab.analysis.sweep.stacks import inertia
-from mbstab.analysis.sweep.tracking import STRIDE, continuous, discriminant, follow, product, squares
+from mbstab.analysis.sweep.tolerances import TOLERANCES as SWEEP
+from mbstab.analysis.sweep.tracking import continuous, discriminant, follow, product, squares
 from mbstab.errors import NumericalError
 
 
@@ -244,10 +245,10 @@ def test_small_motions_are_followed_whatever_the_order(r):
 
 def test_motions_that_are_too_large_are_doubtful():
     before = spectrum(0.0, 1.0)[None]
-    assert follow(before, before + (STRIDE - 0.01) * np.array([1.0, -0.0]))[1][0] == False  # noqa: E712 (gap shrinks)
+    assert follow(before, before + (SWEEP.tracking_step - 0.01) * np.array([1.0, -0.0]))[1][0] == False  # noqa: E712 (gap shrinks)
     assert follow(before, before + 0.2 * np.array([1.0, 0.0]))[1][0]
-    assert follow(before, before + STRIDE - 0.01)[1][0]
-    assert not follow(before, before + STRIDE + 0.01)[1][0]
+    assert follow(before, before + SWEEP.tracking_step - 0.01)[1][0]
+    assert not follow(before, before + SWEEP.tracking_step + 0.01)[1][0]
 
 
 def test_both_becoming_one_is_doubtful():

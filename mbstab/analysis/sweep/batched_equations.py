@@ -22,19 +22,11 @@ from mbstab.analysis.reference.steady import Family, Generator, spins_freely
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.sweep.batched_structure import Known, Points
 from mbstab.analysis.sweep.stacks import transposed
+from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.records import dataclass
 
 EPS = float(np.finfo(float).eps)
-
-POLISHING, POLISHED = 20, 1e-7
-"""Newton steps from a predicted equilibrium, and the size of the last one: what it leaves is its square."""
-
-RIDGE = 1e-14
-"""Normal equations are regularized by this part of their trace."""
-
-ROUNDED = 4.0
-"""Matrices are known to so many roundings of their norms."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +127,7 @@ class Equations:
         forces = K / gamma + R * (1.0 + rate / gamma) + M * rate * (1.0 + rate / gamma) + _norm(S)
         rows = _norm(W_inverse) * (D_q + rate) if D_q.any() else np.zeros(1)
         bases = 1.0 + _norm(inverse) / math.sqrt(max(inverse.shape[-1], 1))
-        result: Array = ROUNDED * EPS * bases * (lost * forces + rows + _norm(S))
+        result: Array = TOLERANCES.roundings_of_matrix * EPS * bases * (lost * forces + rows + _norm(S))
         return result
 
     def growth(self) -> Array:
@@ -205,18 +197,19 @@ class Equations:
         balance = self.pattern.balance.over(self.system)
         q = balance.completed(q)
         at = balance.state(q, c)
-        for _ in range(POLISHING):
+        for _ in range(TOLERANCES.newton_steps_polishing):
             G = balance.jacobian(at)
             square = transposed(G) @ G
             size = np.trace(square, axis1=-2, axis2=-1)[:, None, None]
             # Directions that nothing depends on stay where they are.
             step = -np.linalg.solve(
-                square + RIDGE * size * np.eye(G.shape[-1]), transposed(G) @ at.residual[..., None]
+                square + TOLERANCES.normal_equations_ridge * size * np.eye(G.shape[-1]),
+                transposed(G) @ at.residual[..., None],
             )[..., 0]
             self.good &= np.max(np.abs(step[:, : balance.moving]), axis=1, initial=0.0) < 0.2
             step[~self.good] = 0.0
             at = balance.state(*balance.moved(at, step))
-            if not np.max(np.abs(step[:, : balance.moving]), initial=0.0) > POLISHED:
+            if not np.max(np.abs(step[:, : balance.moving]), initial=0.0) > TOLERANCES.newton_step_polished:
                 break
         self.good &= np.max(np.abs(at.residual), axis=1) <= REFERENCE.residual
         return at.q, (at.steady if self.pattern.family is not None else None), at.u

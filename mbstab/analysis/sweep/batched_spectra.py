@@ -39,6 +39,7 @@ from mbstab.analysis.sweep.batched_verdict import (
     judged,
     unstable_counts,
 )
+from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, UsageError
@@ -48,31 +49,7 @@ from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
 
-BLOCK_ENTRIES = 600_000
-"""Entries of a matrix over all points evaluated together: enough to hide Python, few enough for the caches."""
-
-SAMPLED = 17
-"""At so many points of a block the terms of which matrices are sums are formed."""
-
-GUARDED = 9
-"""At so many points of a sweep, spread over it, the motion is checked to stand still in its frame."""
-
-HARDLY = 1e-6
-"""Eigenvalues below this part of the largest are left out where those of other points are neutral."""
-
 FROZEN = "frozen-time: the coefficients change along the motion"
-
-FEW = 8
-"""A pattern that fits no more points than this is a lonely one …"""
-
-PATIENCE = 4
-"""… and after so many of them in a row the other points are answered one by one."""
-
-MOST_ASKED = 100
-"""Points at which many digits are asked whether eigenvalues are zero; where there are more, none is."""
-
-TRIES = 2
-"""Points of a kind are left undecided when the code of `mbstab eig` decides none of so many in a row."""
 
 
 @dataclass(frozen=True)
@@ -172,13 +149,13 @@ class Evaluator:
         sides : ndarray of int8, shape (points, r)
         """
         result = np.full(len(spectra), WORD[UNDECIDED], dtype=np.int8)
-        if len(spectra) > MOST_ASKED:
+        if len(spectra) > TOLERANCES.points_asked_for_zeros:
             return result
         work, failed = _Work(self, values, lambda done: None), 0
         for i in np.argsort(np.max(np.abs(spectra), axis=1, initial=0.0, where=sides == OPEN), kind="stable").tolist():
             result[i] = work.at_zero(i)
             failed = failed + 1 if result[i] == WORD[UNDECIDED] else 0
-            if failed == TRIES:
+            if failed == TOLERANCES.undecided_in_a_row:
                 break
         return result
 
@@ -194,8 +171,10 @@ class Evaluator:
     def learn(self, values: Mapping[str, Array]) -> None:
         """Take the patterns of some of many points."""
         points = len(next(iter(values.values())))
-        some = np.unique(np.linspace(0, points - 1, 4 * FEW).round().astype(int))
-        _Work(self, {name: x[some] for name, x in values.items()}, lambda done: None).run(FEW)
+        some = np.unique(np.linspace(0, points - 1, 4 * TOLERANCES.points_of_lonely_pattern).round().astype(int))
+        _Work(self, {name: x[some] for name, x in values.items()}, lambda done: None).run(
+            TOLERANCES.points_of_lonely_pattern
+        )
 
 
 @dataclass(frozen=True)
@@ -247,11 +226,11 @@ class _Work:
             number += 1
             own = self._pattern(i)
             pending = pending[pending != i]
-            if own is not None and lonely < PATIENCE and len(pending):
+            if own is not None and lonely < TOLERANCES.lonely_patterns and len(pending):
                 done = self._fitting(own, pending)
                 pending = pending[~done]
-                lonely = 0 if np.sum(done) > FEW else lonely + 1
-                if np.sum(done) > FEW:
+                lonely = 0 if np.sum(done) > TOLERANCES.points_of_lonely_pattern else lonely + 1
+                if np.sum(done) > TOLERANCES.points_of_lonely_pattern:
                     self.evaluator.patterns.append(own)
 
     def _missing(self, i: int, path: Path | Sheet) -> str:
@@ -265,7 +244,7 @@ class _Work:
     def _fitting(self, pattern: Pattern, pending: Index) -> Flags:
         """Compute points with a pattern; return which of them have it."""
         done = np.zeros(len(pending), dtype=bool)
-        block = max(64, BLOCK_ENTRIES // pattern.linear.M.size)
+        block = max(64, TOLERANCES.block_entries // pattern.linear.M.size)
         growth = self._growth(pattern, pending)
         for start in range(0, len(pending), block):
             part = slice(start, start + block)
@@ -282,7 +261,11 @@ class _Work:
         one by one.
         """
         good = np.sort(np.concatenate([part.index for part in self.found])) if self.found else np.arange(0)
-        sample = good[np.unique(np.linspace(0, len(good) - 1, GUARDED).round().astype(int))] if len(good) else good
+        sample = (
+            good[np.unique(np.linspace(0, len(good) - 1, TOLERANCES.points_guarded).round().astype(int))]
+            if len(good)
+            else good
+        )
         ends = self._ends()
         compared = {i: self._grounds(i) for known in ends for i in ends[known]}
         doubts = {int(i): self._doubt(int(i)) for i in sample if int(i) not in compared}
@@ -351,7 +334,7 @@ class _Work:
             # Those farthest from the axis first.
             for _, i in sorted(members):
                 failed = 0 if self._more(i, before, number) else failed + 1
-                if failed == TRIES:
+                if failed == TOLERANCES.undecided_in_a_row:
                     break
 
     def _nearly_meeting(self) -> list[int]:
@@ -361,7 +344,9 @@ class _Work:
         found: list[int] = []
         for part in self.found:
             size = np.abs(part.found.values)
-            slow = np.any((size <= HARDLY * part.found.sizes[:, None]) & (part.found.sides != OPEN), axis=1)
+            slow = np.any(
+                (size <= TOLERANCES.neutral_elsewhere * part.found.sizes[:, None]) & (part.found.sides != OPEN), axis=1
+            )
             found += [] if part.alone else part.index[slow].tolist()
         return found
 
@@ -418,7 +403,7 @@ class _Work:
             further = neutral - part.known.neutral.count
             if part.total == n_f and further > 0:
                 size = np.sort(np.abs(part.found.values), axis=1)
-                if np.any(size[:, further - 1] > HARDLY * size[:, -1]):
+                if np.any(size[:, further - 1] > TOLERANCES.neutral_elsewhere * size[:, -1]):
                     neutral = part.known.neutral.count
         return n_f, neutral
 
@@ -568,9 +553,9 @@ class _Work:
     def _growth(self, pattern: Pattern, index: Index) -> Array:
         """Return how many times larger terms are than their sums, from some of the points."""
         evaluator = self.evaluator
-        if not self.sampled or len(index) < FEW:
+        if not self.sampled or len(index) < TOLERANCES.points_of_lonely_pattern:
             return np.full(1, evaluator.growth)
-        some = np.unique(np.linspace(0, len(index) - 1, SAMPLED).round().astype(int))
+        some = np.unique(np.linspace(0, len(index) - 1, TOLERANCES.points_with_terms).round().astype(int))
         try:
             growth = Equations(pattern, System(self.scene(index[some])), len(some), self._start(index[some])).growth()
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError):

@@ -24,7 +24,6 @@ from mbstab.analysis.linear.verdict import Neutral
 from mbstab.analysis.reference.fields import Combination, OwnTurn, Shift, Spin, Symmetry
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.sweep.stacks import (
-    FITS,
     beside,
     chain,
     complement,
@@ -36,6 +35,7 @@ from mbstab.analysis.sweep.stacks import (
     under,
     unit,
 )
+from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.model.schema import is_length
 from mbstab.records import dataclass
@@ -246,7 +246,7 @@ class Known:
         left = np.linalg.norm(ST - T @ (transposed(T) @ ST), axis=(1, 2)) + np.linalg.norm(
             LS - (LS @ T) @ transposed(T), axis=(1, 2)
         )
-        allowed = np.maximum(FITS * points.size, 100.0 * points.error)
+        allowed = np.maximum(TOLERANCES.direction_closure * points.size, 100.0 * points.error)
         good = good & (left <= allowed)
         if self.chain:
             # Where directions span much, all fits in them: their eigenvalues must be the zeros they are taken for.
@@ -335,7 +335,7 @@ class Known:
         left, s, _ = np.linalg.svd(rows @ points.S)
         full = np.zeros((len(s), len(fields)))
         full[:, : s.shape[-1]] = s
-        limit = np.maximum(FITS * points.size, 100.0 * points.error)
+        limit = np.maximum(TOLERANCES.direction_closure * points.size, 100.0 * points.error)
         good &= full[:, -count] <= limit
         if count < len(fields):
             good &= full[:, -count - 1] > ALGEBRA.rank_gap * limit

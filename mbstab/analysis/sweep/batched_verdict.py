@@ -23,6 +23,7 @@ import numpy.typing as npt
 from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.linear.verdict import UNDECIDED, UNSTABLE, WORDS, Disc, Facts, Minimum, Side, judge
 from mbstab.analysis.sweep.batched_structure import Known, Points, Separation
+from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
@@ -36,22 +37,7 @@ MINIMUM, MAXIMUM, MULTIPLE = 1, -1, 2
 
 NAMES: dict[int, Side] = {RIGHT: "right", LEFT: "left", AXIS: "axis", OPEN: "open"}
 
-SAFE = 10.0
-"""An eigenvalue is placed if it is so many times its bound away from the axis."""
-
-APART = 16.0
-"""First-order bounds hold if eigenvalues are apart by so many times the largest of them, and their number."""
-
 EPS = float(np.finfo(float).eps)
-
-PARALLEL = 1e12
-"""Vectors with an inverse of a larger norm say nothing."""
-
-SLOW = 1e-7
-"""Eigenvalues below this part of the largest have lost digits in A and come from its inverse."""
-
-HARDLY = 1e-5
-"""Zeros that nothing explains are below this part of the norm of the matrix."""
 
 WORD = {word: number for number, word in enumerate(WORDS)}
 """Numbers of the words of verdicts."""
@@ -193,7 +179,7 @@ def pinned(values: Complex, sides: Sides, sizes: Array, number: int) -> Complex:
         return values
     size = np.abs(values)
     rank = np.argsort(np.argsort(size, axis=1, kind="stable"), axis=1, kind="stable")
-    tiny = (sides == OPEN) & (rank < number) & (size <= HARDLY * sizes[:, None])
+    tiny = (sides == OPEN) & (rank < number) & (size <= TOLERANCES.unexplained_zero * sizes[:, None])
     return np.where(tiny, 0.0, values)
 
 
@@ -204,7 +190,7 @@ def eigenvalues(A: Array) -> Complex:
     """Return the eigenvalues of matrices, shape (points, r, r); slow ones beside fast ones from the inverse."""
     values = np.linalg.eigvals(A).astype(complex)
     size = np.abs(values)
-    stiff = np.flatnonzero(np.min(size, axis=1) < SLOW * np.max(size, axis=1))
+    stiff = np.flatnonzero(np.min(size, axis=1) < TOLERANCES.slow_eigenvalue * np.max(size, axis=1))
     if len(stiff):
         try:
             inverse = np.linalg.eigvals(np.linalg.inv(A[stiff])).astype(complex)
@@ -253,7 +239,7 @@ def placed(A: Array, values: Complex, error: Array, mirrored: bool) -> Sides:
     with np.errstate(all="ignore"):
         condition = (1.0 + departure[:, None] / ((r - 1) * nearest**2)) ** (0.5 * (r - 1))
         radii = 2.0 * condition * error[:, None]
-    valid = APART * r * np.max(radii, axis=1) < np.min(nearest, axis=1)
+    valid = TOLERANCES.bounds_apart * r * np.max(radii, axis=1) < np.min(nearest, axis=1)
     sides = _sides(values, radii, gaps, mirrored)
     sides[~valid] = OPEN
     return sides
@@ -268,7 +254,7 @@ def placed_by_vectors(A: Array, error: Array, mirrored: bool) -> tuple[Complex, 
     values, W = np.linalg.eig(A)
     values, sides = values.astype(complex), np.full(A.shape[:2], OPEN, dtype=np.int8)
     _place(A, values, W, error, mirrored, sides, np.arange(len(A)))
-    small = np.abs(values) <= HARDLY * np.linalg.norm(A, axis=(1, 2))[:, None]
+    small = np.abs(values) <= TOLERANCES.unexplained_zero * np.linalg.norm(A, axis=(1, 2))[:, None]
     number = np.sum(small, axis=1)
     doubtful = np.any((sides == OPEN) & ~small, axis=1)
     for k in np.unique(number[doubtful & (number > 1) & (number < A.shape[-1])]).tolist():
@@ -285,7 +271,7 @@ def _place(A: Array, values: Complex, V: Complex, error: Array, mirrored: bool, 
     r = A.shape[-1]
     Y = _inverse(V)
     with np.errstate(all="ignore"):
-        good = np.linalg.norm(Y, axis=(1, 2)) < PARALLEL
+        good = np.linalg.norm(Y, axis=(1, 2)) < TOLERANCES.parallel_vectors
     Y, V, index = Y[good], V[good], index[good]
     if not len(index):
         return
@@ -311,7 +297,7 @@ def _place(A: Array, values: Complex, V: Complex, error: Array, mirrored: bool, 
         found = np.where(np.any(other, axis=2) | ((found == AXIS) & np.any(meet, axis=2)), OPEN, found).astype(np.int8)
     # Slow ones beside fast ones are corrected by it; others are as exact as they are.
     size = np.abs(values[index])
-    slow = size < SLOW * np.max(size, axis=1, keepdims=True)
+    slow = size < TOLERANCES.slow_eigenvalue * np.max(size, axis=1, keepdims=True)
     values[index], sides[index] = np.where(slow, centres, values[index]), found
 
 
@@ -354,7 +340,7 @@ def _inverse(W: Complex) -> Complex:
 
 def _sides(values: Complex, radii: Array, gaps: Array, mirrored: bool) -> Sides:
     """Return the sides of discs; held on the axis are those that meet the mirror image of no other one."""
-    wide = SAFE * radii
+    wide = TOLERANCES.bounds_from_axis * radii
     sides = np.where(values.real > wide, RIGHT, np.where(values.real < -wide, LEFT, OPEN)).astype(np.int8)
     if mirrored and np.any(near := sides == OPEN):
         images = np.abs(values[:, :, None] + values[:, None, :].conj())

@@ -12,44 +12,13 @@ from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.linear.verdict import UNDECIDED
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
-from mbstab.analysis.sweep.batched_verdict import (
-    HARDLY,
-    OPEN,
-    WORD,
-    Sides,
-    pinned,
-    settled,
-    unplaced,
-)
+from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, settled, unplaced
 from mbstab.analysis.sweep.jobs import Block
-from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, TWIN, follow, has_twins
+from mbstab.analysis.sweep.tolerances import TOLERANCES
+from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, follow, has_twins
 from mbstab.compiler.system import Array
 from mbstab.model.schema import after_number
 from mbstab.records import dataclass
-
-RESOLUTION = 1e-12
-"""Eigenvalues that are not told apart in an interval of this relative width cross or collide in it."""
-
-NARROW = 1e-6
-"""Where eigenvalues meet is known if the interval is narrower than this part of the parameter."""
-
-NOISE = 1e-7
-"""So near to a meeting, relative to the parameter, rounding may show a pair on the wrong side."""
-
-SPLIT = 8
-"""Parts into which an interval is divided in which eigenvalues cannot be followed."""
-
-BUDGET, ENTRIES = 100_000, 4_000_000
-"""So many points in between are looked at at most, and so many eigenvalues of them are kept."""
-
-CALLS, CAREFUL = 5_000, 8
-"""Points in between are looked at so many times at most; to judge one as `mbstab eig` does counts as so many."""
-
-CROWDED = 150
-"""An interval with more parts in which eigenvalues cannot be followed is not divided further: rounding moves them."""
-
-FAR = 1e-6
-"""Where eigenvalues meet, their directions are taken over this part of the parameter's value."""
 
 
 @dataclass(frozen=True)
@@ -95,14 +64,16 @@ class Branches:
             []
             if not isinstance(path, Solutions)
             else [
-                value for value in path.crossings if all(abs(value - end) > NOISE * self.width for end, _ in path.ends)
+                value
+                for value in path.crossings
+                if all(abs(value - end) > TOLERANCES.meeting_rounding * self.width for end, _ in path.ends)
             ]
         )
 
     @property
     def budget(self) -> int:
         """Number of points in between that may be looked at."""
-        return min(BUDGET, ENTRIES // max(int(self.values.shape[1]), 1))
+        return min(TOLERANCES.branch_points, TOLERANCES.branch_eigenvalues // max(int(self.values.shape[1]), 1))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -136,8 +107,8 @@ class Branches:
 
     def _spectra(self, points: Array, exact: bool = False) -> Spectra:
         """Return the eigenvalues at further points; nan where there are none, or too many were asked for."""
-        self.calls += 1 + CAREFUL * len(points) * exact
-        if self.spent + len(points) > self.budget or self.calls > CALLS:
+        self.calls += 1 + TOLERANCES.branch_looks_of_judgement * len(points) * exact
+        if self.spent + len(points) > self.budget or self.calls > TOLERANCES.branch_looks:
             for p in points[[0, -1]].tolist():
                 self._stop(p)
             return self._nothing(points)
@@ -190,7 +161,7 @@ class Branches:
             for k in intervals
         ]
         done: dict[int, list[tuple[_Piece, Index | None]]] = {int(k): [] for k in intervals}
-        inner = np.linspace(0.0, 1.0, SPLIT + 1)[1:-1]
+        inner = np.linspace(0.0, 1.0, TOLERANCES.branch_split + 1)[1:-1]
         equal = has_twins(self.values[intervals]) & has_twins(self.values[intervals + 1])
         multiple = dict(zip(intervals.tolist(), equal.tolist(), strict=True))
         while pieces:
@@ -203,7 +174,11 @@ class Branches:
             found = self.at(cuts.ravel()).reshape(*cuts.shape, -1)
             parts: list[_Piece] = []
             for piece, at, spectra in zip(pieces, cuts, found, strict=True):
-                if np.any(np.isnan(spectra)) or piece.b - piece.a <= RESOLUTION * self.width or self._hidden(piece):
+                if (
+                    np.any(np.isnan(spectra))
+                    or piece.b - piece.a <= TOLERANCES.crossing_interval * self.width
+                    or self._hidden(piece)
+                ):
                     done[piece.interval].append((piece, None))
                     continue
                 ends = [piece.a, *(float(x) for x in at), piece.b]
@@ -227,14 +202,14 @@ class Branches:
 
     def _affordable(self, pieces: list[_Piece]) -> tuple[list[_Piece], list[_Piece]]:
         """Return the pieces that may be divided further, and those that are too many: rounding crosses everywhere."""
-        room = (self.budget - self.spent) // (SPLIT - 1)
+        room = (self.budget - self.spent) // (TOLERANCES.branch_split - 1)
         number: dict[int, int] = {}
         for piece in pieces:
             number[piece.interval] = number.get(piece.interval, 0) + 1
         chosen = set()
         for interval in sorted(number, key=lambda k: number[k]):
             room -= number[interval]
-            if number[interval] > CROWDED or room < 0:
+            if number[interval] > TOLERANCES.branch_parts_crowded or room < 0:
                 for piece in pieces:
                     if number[piece.interval] >= number[interval]:
                         self._stop(0.5 * (piece.a + piece.b))
@@ -247,7 +222,7 @@ class Branches:
         if not self.unplaced:
             return False
         small = (np.sort(np.abs(x))[min(self.unplaced, len(x) - 1)] for x in (piece.before, piece.after))
-        return bool(max(small) <= 10.0 * HARDLY * self.size)
+        return bool(max(small) <= 10.0 * TOLERANCES.unexplained_zero * self.size)
 
     def _joined(self, parts: list[tuple[_Piece, Index | None]]) -> Index:
         """Return what becomes of the eigenvalues through the parts of an interval."""
@@ -292,9 +267,9 @@ class Branches:
                 g_after = (beyond[one] - beyond[other]) ** 2
             collides = (g_before * np.conj(g_after)).real < 0.0
             # Equal where the range begins or ends: what they do there is not seen.
-            size = TWIN**2 * float(np.max(np.abs(before))) ** 2
+            size = TOLERANCES.twin_distance**2 * float(np.max(np.abs(before))) ** 2
             open_end = (a == self.x[0] and abs(g_before) <= size) or (b == self.x[-1] and abs(g_after) <= size)
-            found = b - a <= NARROW * self.width and not open_end
+            found = b - a <= TOLERANCES.meeting_interval * self.width and not open_end
             if found and (left or a == self.x[0]):  # else it is the end of the interval before, and said there
                 self.meetings.append((0.5 * (a + b), "collide" if collides else "cross"))
             if collides:
@@ -310,7 +285,7 @@ def _reach(parts: list[tuple[_Piece, Index | None]], start: Complex, side: int) 
     current, reach = np.arange(len(start)), 0.0
     where = start
     for piece, link in parts:
-        if link is None or reach > FAR * (abs(piece.a) + abs(piece.b)):
+        if link is None or reach > TOLERANCES.direction_difference * (abs(piece.a) + abs(piece.b)):
             break
         if side > 0:
             current = link[current]

@@ -22,15 +22,13 @@ from mbstab.analysis.sweep.batched_verdict import WORD, settled
 from mbstab.analysis.sweep.batched_verdict import unplaced as unplaced_of
 from mbstab.analysis.sweep.jobs import Block, Progress, Task, merged, run, stored, tasks
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
+from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import discriminant, product
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.model.parameters import bound, settings_in_si
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
-
-BISECTIONS = 40
-"""Halvings of an edge: to 1e-12 of it."""
 
 Edge = tuple[int, int, int]
 
@@ -186,7 +184,7 @@ def _boundaries(
     first = unstable[rows, columns]
     low, high = np.zeros(len(edges)), np.ones(len(edges))
     kind = _signatures(evaluator.near({names[0]: a[:, 0], names[1]: a[:, 1]}, count), unplaced)
-    for _ in range(BISECTIONS):
+    for _ in range(TOLERANCES.edge_halvings):
         middle = 0.5 * (low + high)
         at = a + middle[:, None] * (b - a)
         found = evaluator.near({names[0]: at[:, 0], names[1]: at[:, 1]}, count)

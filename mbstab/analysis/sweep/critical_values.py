@@ -19,41 +19,12 @@ from mbstab.analysis.sweep.batched_verdict import (
     settled,
     signs,
 )
-from mbstab.analysis.sweep.branches import FAR, NOISE, RESOLUTION, Branches
+from mbstab.analysis.sweep.branches import Branches
+from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, discriminant, follow, product, turning
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
 from mbstab.records import dataclass
-
-SIDE = 1e-3
-"""So far from a collision, relative to the parameter, the modes that meet are told apart."""
-
-ZERO = 1e-6
-"""A test function is zero where it is this small beside its values at the ends of the interval."""
-
-APART, WIDE = 100.0, 0.1
-"""Spectra are compared by products of eigenvalues if their sizes are within this factor, or the parameter is."""
-
-BESIDE = 0.1
-"""The number of unstable eigenvalues changes where it is looked at this part of the way to the ends of the interval."""
-
-FINER, DEPTH = 32, 6
-"""Parts into which an interval is divided in which a test function jumps, and how often."""
-
-MARGIN = 2
-"""So many points on either side are looked at with an interval in which stability may change."""
-
-FEWEST = 24
-"""Sweeps with fewer points are looked at between them as well."""
-
-WIDELY = 100.0
-"""Ends of an interval whose ratio is larger are divided evenly by ratio."""
-
-OUTSIDE, ON_END = 1e-4, 1e-9
-"""So far beyond a range, relative to the parameter, is seen what happens at its end, and so near it happens there."""
-
-POTENTIAL = 1e-8
-"""Forces have a potential if K is symmetric and R antisymmetric to this."""
 
 Test = Callable[[Complex, float], float]
 """A function of a spectrum and a typical size of its eigenvalues."""
@@ -156,7 +127,7 @@ class CriticalValues(Branches):
             if not self.good[end] or self.counts[end] >= 0 or not self.good[inner] or self.counts[inner] < 0:
                 continue
             value = float(self.x[end])
-            step = min(OUTSIDE * self.width, abs(float(self.x[inner]) - value))
+            step = min(TOLERANCES.beyond_range * self.width, abs(float(self.x[inner]) - value))
             beyond = value + float(np.copysign(step, value - self.x[inner]))
             inside = value - (beyond - value)
             if np.any(np.isnan(self._spectra(np.array([inside, beyond])).values)):
@@ -166,7 +137,7 @@ class CriticalValues(Branches):
             found += [
                 replace(c, value=value)
                 for c in changes
-                if c.kind != "unresolved" and abs(c.value - value) <= ON_END * self.width
+                if c.kind != "unresolved" and abs(c.value - value) <= TOLERANCES.at_end_of_range * self.width
             ]
         return found
 
@@ -189,7 +160,7 @@ class CriticalValues(Branches):
                 continue
             # Branches are mistaken for each other there: more points tell them apart.
             more = _spaced(float(x[a]), float(x[b]))
-            between = self.at(more[1:-1]) if depth < DEPTH else np.full((1, 1), NO_EIGENVALUE)
+            between = self.at(more[1:-1]) if depth < TOLERANCES.jump_depth else np.full((1, 1), NO_EIGENVALUE)
             if np.any(np.isnan(between)):
                 inside: list[Critical] = []
             else:
@@ -202,7 +173,7 @@ class CriticalValues(Branches):
 
     def _halved(self, low: float, high: float, counts: tuple[int, int]) -> float:
         """Return about where a number of unstable eigenvalues becomes another one, judged as `mbstab eig` does."""
-        while high - low > RESOLUTION * self.width:
+        while high - low > TOLERANCES.crossing_interval * self.width:
             middle = 0.5 * (low + high)
             count = int(self._counted(np.array([middle]))[0])
             if count not in counts:
@@ -240,9 +211,9 @@ class CriticalValues(Branches):
         for k in np.flatnonzero(changes).tolist():
             # A point or two more: a branch may lie on the axis at the end of an interval.
             first, last = k, k + 1
-            while first > 0 and good[first - 1] and first > k - MARGIN:
+            while first > 0 and good[first - 1] and first > k - TOLERANCES.points_beside:
                 first -= 1
-            while last < len(good) - 1 and good[last + 1] and last < k + 1 + MARGIN:
+            while last < len(good) - 1 and good[last + 1] and last < k + 1 + TOLERANCES.points_beside:
                 last += 1
             if ranges and first <= ranges[-1][1]:
                 ranges[-1] = ranges[-1][0], last
@@ -290,12 +261,12 @@ class CriticalValues(Branches):
 
     def known(self, value: float, critical: list[Critical]) -> bool:
         """Whether a value is among critical ones."""
-        return any(abs(c.value - value) < NOISE * self.width for c in critical)
+        return any(abs(c.value - value) < TOLERANCES.meeting_rounding * self.width for c in critical)
 
     def branch_point(self, value: float, branches: Complex) -> Critical:
         """Return a place at which another path of equilibria crosses."""
         sides, words = self._beside(value)
-        beside = self.at(np.array([value + FAR * self.width]))[0]
+        beside = self.at(np.array([value + TOLERANCES.direction_difference * self.width]))[0]
         if sides[0] == sides[1] or min(sides) < 0 or np.any(np.isnan(beside)):
             return Critical(value, "branch point", (), 0.0, sides, branching=True, verdicts=words)
         return replace(self._described(value, "divergence", beside, sides, branches), branching=True, verdicts=words)
@@ -318,8 +289,8 @@ class CriticalValues(Branches):
         for end, sign in ((float(path.values[0]), -1.0), (float(path.values[-1]), 1.0)):
             room = sign * (end - value)
             count, word = -1, ""
-            if room > NOISE * self.width:
-                at = value + sign * min(FAR * self.width, 0.5 * room)
+            if room > TOLERANCES.meeting_rounding * self.width:
+                at = value + sign * min(TOLERANCES.direction_difference * self.width, 0.5 * room)
                 count, word = int(self._counted(np.array([at]))[0]), WORDS[self.looked[at].word]
                 known = np.flatnonzero((self.counts >= 0) & (sign * (self.x - value) > 0.0))
                 if count < 0 and len(known):
@@ -373,7 +344,7 @@ class CriticalValues(Branches):
             if not (part.mirrored[a] and part.mirrored[b]):
                 continue
             before, after = part.values[a], part.values[b]
-            if x[b] - x[a] > WIDE * max(abs(x[a]), abs(x[b])) and _far_apart(before, after):
+            if x[b] - x[a] > TOLERANCES.interval_width * max(abs(x[a]), abs(x[b])) and _far_apart(before, after):
                 yield a, b, "collision", None
                 continue
             size = float(np.max(np.abs([before, after])))
@@ -383,7 +354,7 @@ class CriticalValues(Branches):
     def _apart(self, part: _Stretch, settled: Index, a: int, b: int) -> tuple[int, int]:
         """Return settled points on both sides of a change that are not so close that rounding hides it."""
         x, counts = part.x, part.counts
-        near = NOISE * max(abs(float(x[a])), abs(float(x[b])), float(x[-1] - x[0]))
+        near = TOLERANCES.meeting_rounding * max(abs(float(x[a])), abs(float(x[b])), float(x[-1] - x[0]))
         i, j = int(np.searchsorted(settled, a)), int(np.searchsorted(settled, b))
         while i > 0 and x[settled[j]] - x[settled[i]] < near and counts[settled[i - 1]] == counts[a]:
             i -= 1
@@ -406,11 +377,11 @@ class CriticalValues(Branches):
 
         Paths of equilibria are followed by steps of their own.
         """
-        coarse = len(self.x) <= FEWEST and self.evaluator.path is None
-        each = -(-FEWEST // (len(self.x) - 1)) if coarse else 0
+        coarse = len(self.x) <= TOLERANCES.points_fewest and self.evaluator.path is None
+        each = -(-TOLERANCES.points_fewest // (len(self.x) - 1)) if coarse else 0
         for a, b in pairwise(self.x.tolist()) if each else ():
             parts = np.linspace(a, b, each + 2)[1:-1]
-            if 0.0 < WIDELY * min(abs(a), abs(b)) < max(abs(a), abs(b)) and a * b > 0.0:
+            if 0.0 < TOLERANCES.interval_ratio * min(abs(a), abs(b)) < max(abs(a), abs(b)) and a * b > 0.0:
                 parts = np.sign(a) * np.geomspace(abs(a), abs(b), each + 2)[1:-1]
             self.at(parts)
 
@@ -456,7 +427,7 @@ class CriticalValues(Branches):
         except NumericalError:
             return None
         # A test that jumps has no zero.
-        if not abs(test(spectrum(value), size)) <= ZERO * max(abs(ends[0]), abs(ends[1])):
+        if not abs(test(spectrum(value), size)) <= TOLERANCES.test_function_zero * max(abs(ends[0]), abs(ends[1])):
             return None
         counts, words = self._verified(part, i, j, value)
         # A pair that passes changes the number by two.
@@ -477,9 +448,9 @@ class CriticalValues(Branches):
         Both sides are judged as `mbstab eig` does, and must agree with the ends of the bracket where these are known.
         """
         a, b = float(part.x[i]), float(part.x[j])
-        step = BESIDE * min(value - a, b - value)
+        step = TOLERANCES.change_beside * min(value - a, b - value)
         for places in ((value - step, value + step), (a, b)):
-            if step <= NOISE * self.width and places[0] != a:
+            if step <= TOLERANCES.meeting_rounding * self.width and places[0] != a:
                 continue
             found = self._counted(np.array(places))
             ends = part.counts[[i, j]]
@@ -495,7 +466,9 @@ class CriticalValues(Branches):
 
         There are such energies where forces have a potential: K symmetric and R antisymmetric.
         """
-        near = value + float(np.clip(stable - value, -SIDE * self.width, SIDE * self.width))
+        near = value + float(
+            np.clip(stable - value, -TOLERANCES.collision_side * self.width, TOLERANCES.collision_side * self.width)
+        )
         try:
             values, shapes, linear = self.evaluator.modes({self.parameter: near})
         except MbstabError:
@@ -503,9 +476,9 @@ class CriticalValues(Branches):
         spaces = linear.motion.spaces
         N = spaces.scale[:, None] * spaces.N
         K, R = N.T @ linear.K @ N, N.T @ linear.R @ N
-        if np.max(np.abs(K - K.T)) > POTENTIAL * np.max(np.abs(K)) or np.max(np.abs(R + R.T)) > POTENTIAL * (
-            np.max(np.abs(R)) + 1e-300
-        ):
+        if np.max(np.abs(K - K.T)) > TOLERANCES.potential_misfit * np.max(np.abs(K)) or np.max(
+            np.abs(R + R.T)
+        ) > TOLERANCES.potential_misfit * (np.max(np.abs(R)) + 1e-300):
             return None
         order = np.argsort(np.abs(values - 1j * frequency))[:2]
         energies = [
@@ -541,9 +514,9 @@ class CriticalValues(Branches):
 
 def _spaced(a: float, b: float) -> Array:
     """Return points from a to b: evenly spaced, and ever closer towards an end that is zero beside the other."""
-    parts = np.linspace(0.0, 1.0, FINER + 1)
-    if min(abs(a), abs(b)) < max(abs(a), abs(b)) / FINER:
-        near = np.geomspace(1e-12, 1.0 / FINER, FINER)
+    parts = np.linspace(0.0, 1.0, TOLERANCES.jump_parts + 1)
+    if min(abs(a), abs(b)) < max(abs(a), abs(b)) / TOLERANCES.jump_parts:
+        near = np.geomspace(1e-12, 1.0 / TOLERANCES.jump_parts, TOLERANCES.jump_parts)
         parts = np.union1d(parts, near if abs(a) < abs(b) else 1.0 - near)
     return np.asarray(np.append(a + parts[:-1] * (b - a), b))
 
@@ -551,7 +524,7 @@ def _spaced(a: float, b: float) -> Array:
 def _far_apart(one: Complex, other: Complex) -> bool:
     """Whether spectra are so different in size that products of their eigenvalues cannot be compared."""
     sizes = sorted((float(np.max(np.abs(one))), float(np.max(np.abs(other)))))
-    return sizes[1] > APART * sizes[0]
+    return sizes[1] > TOLERANCES.spectrum_ratio * sizes[0]
 
 
 @dataclass(frozen=True)

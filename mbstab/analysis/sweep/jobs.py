@@ -31,6 +31,7 @@ from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, signs, unplaced, unstable_counts
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
+from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, continuous, follow, turning
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError, OutputError, UsageError
@@ -38,21 +39,6 @@ from mbstab.model.parameters import bound
 from mbstab.model.reader import read_model_text
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
-
-POINTS, LEAST = 25_000, 1_000
-"""Points of a block at most and at least: fewer would take little longer than what a block costs by itself."""
-
-WORK = 5.0
-"""Estimated time of a block between these limits (s)."""
-
-POINT = 0.35e-6
-"""Time of a point for each square of the number of coordinates (s); measured for 15 to 240 of them."""
-
-AHEAD = 2
-"""Blocks that each worker has: one that it computes, and one to go on with."""
-
-RETRIES = 3
-"""A block whose worker died is computed again so many times."""
 
 LABEL, LOCK = "sweep.json", "lock"
 """What says which sweep the blocks of a directory are, and who is at work in it."""
@@ -173,7 +159,10 @@ def block_size(n_q: int) -> int:
 
     Work is estimated, not timed: the last bits of a result depend on its block, and are the same in every run.
     """
-    return min(POINTS, max(LEAST, int(WORK / (POINT * max(n_q, 1) ** 2))))
+    return min(
+        TOLERANCES.block_points,
+        max(TOLERANCES.block_points_least, int(TOLERANCES.block_time / (TOLERANCES.point_time * max(n_q, 1) ** 2))),
+    )
 
 
 def tasks(
@@ -537,7 +526,7 @@ def _in_processes(
             try:
                 while left or running:
                     own = left.pop() if left else None
-                    while left and len(running) < AHEAD * workers:
+                    while left and len(running) < TOLERANCES.blocks_ahead * workers:
                         running[pool.submit(compute, all_tasks[left[0]])] = left[0]
                         del left[0]
                     if own is not None:
@@ -552,7 +541,7 @@ def _in_processes(
                         yield number, block
             except BrokenProcessPool:
                 tries += 1
-                if tries > RETRIES:
+                if tries > TOLERANCES.block_retries:
                     raise NumericalError(
                         f"a worker process died {tries} times; {len(waiting)} blocks are missing\n"
                         "hint: too little memory for so many jobs? finished blocks are kept with --output, go on "
@@ -574,7 +563,9 @@ def _on_cluster(all_tasks: list[Task], missing: list[int], address: str) -> Iter
     except (OSError, ValueError) as error:
         raise UsageError(f"--cluster {address}: no scheduler answers ({error})") from None
     with client:
-        futures = {client.submit(compute, all_tasks[i], pure=False, retries=RETRIES): i for i in missing}
+        futures = {
+            client.submit(compute, all_tasks[i], pure=False, retries=TOLERANCES.block_retries): i for i in missing
+        }
         try:
             for future in as_completed(list(futures)):
                 yield futures[future], future.result()

@@ -9,10 +9,8 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Flags, norms
 from mbstab.analysis.linear.minimum import EPS
 from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
+from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
-
-FITS = 1e-10
-"""S leads directions of symmetries out of their span by less than this part of its norm."""
 
 
 def some(x: Array, index: Any, dims: int) -> Array:
@@ -57,7 +55,7 @@ def chain(block: Array, size: float) -> int:
     power = np.eye(len(block))
     for index in range(1, len(block) + 1):
         power = power @ (block / (size or 1.0))
-        if np.linalg.norm(power) <= FITS:
+        if np.linalg.norm(power) <= TOLERANCES.direction_closure:
             return index
     return 0
 

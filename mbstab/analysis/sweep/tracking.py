@@ -8,17 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
+from mbstab.analysis.sweep.tolerances import TOLERANCES
 
 NO_EIGENVALUE = complex("nan+nanj")
-
-STRIDE = 0.35
-"""Between neighbouring points an eigenvalue moves by less than this part of its distance to the others."""
-
-TWIN = 1e-9
-"""Eigenvalues closer than this part of the largest are equal, if they are so at both ends of an interval."""
-
-FOLLOWED = 20_000
-"""Intervals that are compared together."""
 
 
 def squares(values: Complex) -> Complex:
@@ -58,7 +50,7 @@ def discriminant(values: Complex, size: float) -> float:
 def has_twins(values: Complex) -> Flags:
     """Return which spectra, shape (m, r), have equal eigenvalues."""
     size = np.max(np.abs(values), axis=1, initial=0.0)
-    found: Flags = np.min(_gaps(values), axis=(1, 2), initial=np.inf) < TWIN * size
+    found: Flags = np.min(_gaps(values), axis=(1, 2), initial=np.inf) < TOLERANCES.twin_distance * size
     return found
 
 
@@ -71,8 +63,8 @@ def follow(before: Complex, after: Complex, twins: Flags | None = None) -> tuple
     link, clear = np.zeros((m, r), dtype=np.intp), np.ones(m, dtype=bool)
     if r < 2:
         return link, clear
-    for start in range(0, m, FOLLOWED):
-        part = slice(start, start + FOLLOWED)
+    for start in range(0, m, TOLERANCES.intervals_together):
+        part = slice(start, start + TOLERANCES.intervals_together)
         link[part], clear[part] = _followed(before[part], after[part], None if twins is None else twins[part])
     return link, clear
 
@@ -97,11 +89,13 @@ def _followed(before: Complex, after: Complex, twins: Flags | None) -> tuple[Ind
     size = np.max(np.abs(before), axis=1)[:, None]
     gaps = _gaps(before), _gaps(np.take_along_axis(after, link, axis=1))
     # Eigenvalues that are the same on both sides are one multiple eigenvalue.
-    same = (gaps[0] < TWIN * size[:, :, None]) & (gaps[1] < TWIN * size[:, :, None])
+    same = (gaps[0] < TOLERANCES.twin_distance * size[:, :, None]) & (
+        gaps[1] < TOLERANCES.twin_distance * size[:, :, None]
+    )
     if twins is not None:
         same &= twins[:, None, None]
     gap = np.min(np.where(same, np.inf, np.minimum(*gaps)), axis=2)
-    clear = np.all(distance <= STRIDE * gap, axis=1) & (unique | np.any(same, axis=(1, 2)))
+    clear = np.all(distance <= TOLERANCES.tracking_step * gap, axis=1) & (unique | np.any(same, axis=(1, 2)))
     if np.any(same & clear[:, None, None]):
         _untwin(link, moved, clear & ~unique)
     return link, clear
