@@ -22,11 +22,10 @@ import mbstab
 from mbstab.analysis.reference.dependencies import uneven_in_time
 from mbstab.analysis.reference.motion import Finder
 from mbstab.analysis.reference.rotation import euler_angles, rate_drift, rate_matrix
-from mbstab.analysis.simulate import accuracy
 from mbstab.analysis.simulate.accuracy import pulses
-from mbstab.analysis.simulate.simulate import TRUST
 from mbstab.analysis.simulate.start import mode_shape, start_of
 from mbstab.analysis.simulate.steppers.table import METHODS
+from mbstab.analysis.simulate.tolerances import TOLERANCES as SIMULATE
 from mbstab.cli import main
 from mbstab.compiler import form
 from mbstab.errors import MbstabError, ModelFileError, SimulationError, UsageError
@@ -93,8 +92,8 @@ def test_the_tolerance_is_the_global_error_to_the_factor_that_is_documented(tol,
     )
     assert sim.warnings == ()
     assert sim.error_estimate <= tol
-    assert error <= TRUST * sim.error_estimate + 1e-13
-    assert error <= TRUST * tol
+    assert error <= SIMULATE.error_factor * sim.error_estimate + 1e-13
+    assert error <= SIMULATE.error_factor * tol
 
 
 @pytest.mark.parametrize(("degrees", "to"), [(165, 10), (165, 20), (170, 10), (172, 10), (172, 20), (175, 10)])
@@ -112,7 +111,7 @@ def test_the_estimate_holds_where_errors_of_two_runs_agree_by_chance(degrees, to
     )
     assert sim.warnings == ()
     assert sim.runs >= 3
-    assert error <= TRUST * sim.error_estimate
+    assert error <= SIMULATE.error_factor * sim.error_estimate
 
 
 def test_errors_at_rest_are_those_of_the_scene():
@@ -126,7 +125,7 @@ def test_errors_at_rest_are_those_of_the_scene():
     [(10.0, 1e-13, 5, "rounding and the growth of small errors"), (10.0, 1e-6, 2, "stopped after 2 runs")],
 )
 def test_why_a_tolerance_is_not_met_is_said(to, tol, runs, reason, monkeypatch):
-    monkeypatch.setattr(accuracy, "RUNS", runs)
+    monkeypatch.setattr("mbstab.analysis.simulate.tolerances.Tolerances.runs_most", runs)
     sim = PENDULUM.simulate(to, perturb={"rod.theta": math.radians(175)}, tol=tol)
     (text,) = sim.warnings
     assert reason in text
@@ -281,7 +280,7 @@ def test_a_body_that_tumbles_through_all_attitudes_follows_eulers_solution(optio
     tol = options.get("tol", 1e-9)
     A, fast = sim.rotations[:, 0], 2.0
     local = np.einsum("tji,tj->ti", A, sim.spins[:, 0])
-    assert np.max(np.abs(local - exact_spin(inertia, start, sim.times))) <= TRUST * tol * fast
+    assert np.max(np.abs(local - exact_spin(inertia, start, sim.times))) <= SIMULATE.error_factor * tol * fast
     momentum = np.einsum("tij,tj->ti", A, local * inertia)
     assert np.max(np.abs(momentum - momentum[0])) <= 10.0 * tol * fast
     assert np.max(np.abs(A @ np.swapaxes(A, 1, 2) - np.eye(3))) <= 1e-13
@@ -680,7 +679,7 @@ reference: {coordinates: {rod: {theta: 0}}, guess: {rod: {x: 0.3}}}
     sim = mbstab.loads(text).simulate(2.0, tol=1e-5, points=11, **options)
     # θ' + θ = sin t but for an inertia of 1e-6; the fast rate is 8e5 1/s, beyond explicit methods.
     slow = 0.5 * (np.exp(-sim.times) + np.sin(sim.times) - np.cos(sim.times))
-    assert np.max(np.abs(sim.q[:, 2] - slow)) < TRUST * 1e-5
+    assert np.max(np.abs(sim.q[:, 2] - slow)) < SIMULATE.error_factor * 1e-5
     assert sim.steps < 1000
     assert sim.max_constraint_residual < 1e-12
 
@@ -711,7 +710,7 @@ bodies: {p: {type: planar_point, mass: 1}}
 forces: {f: {type: expression, on: {p.x: 1 - rate(p.x)*abs(rate(p.x))}}}
 """
     sim = mbstab.loads(text).simulate(1.0, tol=1e-4, points=11, **options)
-    assert np.max(np.abs(sim.u[:, 0] - np.tanh(sim.times))) < TRUST * 1e-4
+    assert np.max(np.abs(sim.u[:, 0] - np.tanh(sim.times))) < SIMULATE.error_factor * 1e-4
     with pytest.raises(MbstabError, match="abs has no derivative at 0"):
         mbstab.loads(text + "reference: {coordinates: {p: {x: 0, y: 0}}}\n").eig()
 

@@ -11,7 +11,8 @@ from mechanisms import SLIDER_CRANK
 
 import mbstab
 from mbstab.analysis.algebra import budget
-from mbstab.analysis.simulate import recording, stiffness, time_budget
+from mbstab.analysis.simulate import recording, time_budget
+from mbstab.analysis.simulate.tolerances import TOLERANCES as SIMULATE
 from mbstab.cli.main import main
 from mbstab.errors import SimulationError
 
@@ -174,7 +175,7 @@ def test_steps_that_stability_limits_are_said(solver, compiled):
     assert float(re.search(r"possible there, (\S+) 1/s", said)[1]) == pytest.approx(2e3 / 0.12, rel=0.03)
     mean, other = (float(x) for x in re.findall(r"steps of (\S+) s", said))
     assert mean == pytest.approx(0.3 / sim.steps, rel=0.3)
-    assert other >= stiffness.LONGER * mean
+    assert other >= SIMULATE.implicit_step_factor * mean
     assert model.simulate(0.3, tol=1e-5, once=True, method="radau").warnings == ()
 
 
@@ -189,13 +190,13 @@ def test_a_motion_that_would_never_end_is_refused(solver):
 @pytest.mark.parametrize(("name", "to"), [("kapitza", 2.0), ("rattleback", 10.0), ("wheelset", 10.0)])
 def test_the_examples_with_the_most_steps_are_not_stiff(name, to):
     sim = mbstab.load(f"{name}.yaml").simulate(to, perturb={"mode:1": 0.01}, once=True, tol=1e-10, points=2)
-    assert sim.steps > stiffness.FIRST
+    assert sim.steps > SIMULATE.stiffness_first_test
     assert sim.warnings == ()
 
 
 def test_steps_that_are_too_short_for_any_method_are_refused(monkeypatch):
-    monkeypatch.setattr(stiffness, "NEVER", 100.0)
-    monkeypatch.setattr(stiffness, "SURE_AFTER", 500)
+    monkeypatch.setattr("mbstab.analysis.simulate.tolerances.Tolerances.steps_left", 100.0)
+    monkeypatch.setattr("mbstab.analysis.simulate.tolerances.Tolerances.steps_of_slow_pace", 500)
     with pytest.raises(SimulationError, match=r"too short for the motion: \S+ more would be needed, where 1e\+02 is"):
         mbstab.loads(SPRING).simulate(10.0, once=True, points=2)
 
@@ -203,7 +204,7 @@ def test_steps_that_are_too_short_for_any_method_are_refused(monkeypatch):
 def test_a_fast_motion_that_is_seen_is_not_stiff():
     # It really swings at 1000 1/s.
     sim = mbstab.loads(SPRING).simulate(1.0, once=True, points=2)
-    assert sim.steps > stiffness.FIRST
+    assert sim.steps > SIMULATE.stiffness_first_test
     assert sim.warnings == ()
 
 
@@ -306,7 +307,7 @@ def test_rest_is_found_to_the_tolerance_with_few_steps(compiled):
 def test_matrices_of_large_scenes_are_held_for_few_states(monkeypatch):
     held = []
     monkeypatch.setattr(recording, "reactions", lambda system, q, J, nu: held.append(J.shape) or [])
-    monkeypatch.setattr(recording, "NUMBERS", 3 * 20)
+    monkeypatch.setattr("mbstab.analysis.simulate.tolerances.Tolerances.matrix_numbers_together", 3 * 20)
     result = mbstab.load("double_pendulum.yaml").simulate(0.01, points=11)
     assert len(result.times) == 11
     assert sum(shape[0] for shape in held) == 11

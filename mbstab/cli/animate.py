@@ -144,12 +144,12 @@ class Animation:
         UsageError
             If there are too many frames, or only one.
         """
-        from mbstab.analysis.simulate.settings import LONGEST
+        from mbstab.analysis.simulate.tolerances import TOLERANCES as SIMULATE
         from mbstab.report.animation.frames import frame_count
 
         scene = system.scene
         first = start if start is not None else float(scene.time if scene.initial.time is None else scene.initial.time)
-        duration = LONGEST if to is None else to - first
+        duration = SIMULATE.default_duration if to is None else to - first
         if not (math.isfinite(duration) and duration > 0.0):
             return POINTS  # the simulation says what is wrong
         intervals = frame_count(duration, self.fps, self.speed) - 1

@@ -8,7 +8,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.simulate.result import Simulation
-from mbstab.analysis.simulate.simulate import TRUST
+from mbstab.analysis.simulate.tolerances import TOLERANCES as SIMULATE
 from mbstab.errors import counted
 from mbstab.model.schema import unit_of
 from mbstab.records import dataclass
@@ -201,7 +201,7 @@ def _shown(value: float, size: float) -> str:
 def _error(sim: Simulation) -> str:
     if math.isnan(sim.error_estimate):
         return "not estimated: one run"
-    return f"{sim.error_estimate:.1e} estimated, to a factor {TRUST:g}"
+    return f"{sim.error_estimate:.1e} estimated, to a factor {SIMULATE.error_factor:g}"
 
 
 def _energy(sim: Simulation) -> str:

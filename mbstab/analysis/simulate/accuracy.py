@@ -11,41 +11,9 @@ import numpy as np
 from mbstab.analysis.reference.dependencies import expressions_in, uneven_in_time
 from mbstab.analysis.simulate.run import Follower, Run, difference, fastest
 from mbstab.analysis.simulate.steppers.interface import Method, Options
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.model.arithmetic import array_arithmetic
-
-RUNS, LEAST_RUNS = 5, 3
-"""With different tolerances, at most and at least."""
-
-REST = 1e-4
-"""Speeds below this part of the natural rate are as good as none."""
-
-SMALLEST = 1e-13
-"""Tolerance of a step below which rounding decides."""
-
-REDUCTION = 0.1
-"""Of the tolerance of a step from the first run to the second."""
-
-LARGEST_RATIO = 0.5
-"""Of tolerances whose runs tell anything about the error."""
-
-IMPROVED = 0.7
-"""A run whose estimate is above this part of the one before has not improved the result."""
-
-SURE = 0.75
-"""Part of `Method.power` that is counted on: errors of single runs may shrink less than theory says."""
-
-MARGIN = 0.3
-"""A repeated run aims at this part of the tolerance."""
-
-SEEN, PULSES = 8, 2**16
-"""Parts of the longest step, and at most so many of a simulation, in which given functions of time are looked at."""
-
-CLEAR_PULSE = 0.05
-"""Of a function's range, or of a number of parts: more counts."""
-
-LONGEST_STEPS = (100.0, 1000.0)
-"""With functions of time that may rest a step is at most the distance of two times of output, between these parts."""
 
 
 class Work:
@@ -93,51 +61,54 @@ class Work:
         """Return how many runs as long as the next one follow it at least."""
         if not refining:
             return 0.0
-        longer = REDUCTION ** (-self.method.power / self.method.order)
-        return float(sum(longer**k for k in range(1, LEAST_RUNS - self.runs)))
+        longer = TOLERANCES.step_tolerance_reduction ** (-self.method.power / self.method.order)
+        return float(sum(longer**k for k in range(1, TOLERANCES.runs_least - self.runs)))
 
     def refined(self) -> Run:
         """Follow the motion until the estimate of its global error is below the tolerance."""
-        local = max(self.tol, SMALLEST)
+        least = TOLERANCES.step_tolerance_least
+        local = max(self.tol, least)
         sizes = self.follower.motion.sizes
         before = self.once(local, self._share(0.0, 0.15))
         if not before.complete:
             return before
         started, speed = self.rate, fastest(before, float(np.max(sizes)))
-        self.rate = max(speed, 1e-3 * self.rate, REST * self.natural)
-        fast = self.fast = max(speed, REST * self.natural)
-        following = max(local * REDUCTION, SMALLEST)
+        self.rate = max(speed, 1e-3 * self.rate, TOLERANCES.resting_speed * self.natural)
+        fast = self.fast = max(speed, TOLERANCES.resting_speed * self.natural)
+        following = max(local * TOLERANCES.step_tolerance_reduction, least)
         # A first run that took too much for fast has larger errors of speeds than its tolerance says.
-        if following >= local or REDUCTION * started > self.rate:
-            following, local = (SMALLEST, 10.0 * SMALLEST) if following >= local else (following, local)
+        if following >= local or TOLERANCES.step_tolerance_reduction * started > self.rate:
+            following, local = (least, 10.0 * least) if following >= local else (following, local)
             before = self.once(local, self._share(0.15, 0.2))
             if not before.complete:
                 return before
         shares = [0.15, 0.3, 0.5, 0.8, 0.95, 1.0]
         # The first run took another rate as fast: for speeds its tolerance was as much smaller.
         earlier, improved = [(local * (min(started / self.rate, 1.0) if self.runs == 1 else 1.0), before)], True
-        for k in range(1, RUNS):
+        for k in range(1, TOLERANCES.runs_most):
             run = self.once(following, self._share(shares[k - 1], shares[k]))
             if not run.complete:
                 return self._better(before, run)
             # Earlier runs may have passed over something.
-            last, self.estimate = self.estimate, self._estimated(run, following, earlier[1 - LEAST_RUNS :], fast)
-            improved = not self.estimate > IMPROVED * last
-            if following <= SMALLEST or (self.estimate <= self.tol and k + 1 >= LEAST_RUNS):
+            last = self.estimate
+            self.estimate = self._estimated(run, following, earlier[1 - TOLERANCES.runs_least :], fast)
+            improved = not self.estimate > TOLERANCES.estimate_improvement * last
+            if following <= least or (self.estimate <= self.tol and k + 1 >= TOLERANCES.runs_least):
                 break
-            wanted = REDUCTION * following
+            wanted = TOLERANCES.step_tolerance_reduction * following
             if self.estimate > self.tol:
-                wanted = following * (MARGIN * self.tol / self.estimate) ** (1.0 / (SURE * self.method.power))
+                order = TOLERANCES.order_counted_on * self.method.power
+                wanted = following * (TOLERANCES.repeated_run_aim * self.tol / self.estimate) ** (1.0 / order)
             earlier.append((following, run))
             before = run
-            following = max(min(wanted, 0.3 * following), SMALLEST)
+            following = max(min(wanted, 0.3 * following), least)
         if self.estimate > self.tol:
             reason = (
                 f"stopped after {self.runs} runs"
-                if improved and following > SMALLEST
-                else f"the tolerance of a step is at its least, {SMALLEST:g}, and what is left comes from rounding and "
+                if improved and following > least
+                else f"the tolerance of a step is at its least, {least:g}, and what is left comes from rounding and "
                 "the growth of small errors over this time; shorter steps (--step) may do better"
-                if following <= SMALLEST
+                if following <= least
                 else "smaller tolerances of a step change the result by as much"
             )
             self.warnings.append(
@@ -151,7 +122,8 @@ class Work:
         """Return the error of a run: the largest of those that its differences from earlier ones tell."""
         found = 0.0
         for larger, other in earlier:
-            ratio = min(tol / larger, LARGEST_RATIO) ** (SURE * self.method.power)
+            order = TOLERANCES.order_counted_on * self.method.power
+            ratio = min(tol / larger, TOLERANCES.step_tolerance_ratio) ** order
             found = max(found, difference(run, other, self.follower.motion.sizes, fast) * ratio / (1.0 - ratio))
         return found
 
@@ -174,7 +146,10 @@ def longest_step(follower: Follower) -> float:
         return math.inf
     times = follower.times
     duration = float(times[-1] - times[0])
-    return min(max(float(times[1] - times[0]), duration / LONGEST_STEPS[1]), duration / LONGEST_STEPS[0])
+    return min(
+        max(float(times[1] - times[0]), duration / TOLERANCES.longest_step_parts[1]),
+        duration / TOLERANCES.longest_step_parts[0],
+    )
 
 
 def pulses(system: System, first: float, last: float, longest: float) -> list[str]:
@@ -188,8 +163,8 @@ def pulses(system: System, first: float, last: float, longest: float) -> list[st
     """
     if not longest < last - first:
         return []
-    cells = math.ceil((last - first) * SEEN / longest)
-    each = max(SEEN, PULSES // cells)
+    cells = math.ceil((last - first) * TOLERANCES.looks_at_given_functions / longest)
+    each = max(TOLERANCES.looks_at_given_functions, TOLERANCES.looks_in_all // cells)
     times = np.linspace(first, last, cells * each + 1)
     found: dict[str, str] = {}
     for owner, law in system.given_functions():
@@ -215,10 +190,10 @@ def _pulse(values: Array, each: int, size: float) -> tuple[int, int] | None:
     ends, inside = values[::each], values[:-1].reshape(-1, each)
     off = np.abs(inside - ends[:-1, None] - (ends[1:] - ends[:-1])[:, None] * np.arange(each) / each)
     far = np.max(off, axis=1)
-    lively = far > CLEAR_PULSE * size
+    lively = far > TOLERANCES.clear_pulse * size
     # What is still there at the end of a cell is seen there; and what is everywhere is seen everywhere.
-    hidden = lively & (np.abs(ends[1:] - ends[:-1]) < CLEAR_PULSE * far)
-    if not np.any(hidden) or np.count_nonzero(lively) > CLEAR_PULSE * len(far):
+    hidden = lively & (np.abs(ends[1:] - ends[:-1]) < TOLERANCES.clear_pulse * far)
+    if not np.any(hidden) or np.count_nonzero(lively) > TOLERANCES.clear_pulse * len(far):
         return None
     k = int(np.argmax(np.where(hidden, far, 0.0)))
     return k * each + int(np.argmax(off[k])), int(np.count_nonzero(2.0 * off[k] > far[k]))

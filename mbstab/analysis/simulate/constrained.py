@@ -21,7 +21,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError, amount
@@ -30,22 +32,6 @@ from mbstab.records import dataclass
 if TYPE_CHECKING:
     from mbstab.compiler.fused import Program
 
-
-WEAK_PIVOT = 1e-10
-"""Where redundant rows are left out and a pivot falls below this part of the largest, all rows are combined instead."""
-
-BESIDE = 1e-6
-"""Part of the fastest speed, or of those as good as rest, by which speeds are moved off a kink."""
-
-SLOWEST = 1e-3
-"""Speeds below this part of what the forces at the start can cause are as good as rest."""
-
-
-SINGULAR = 1e-5
-"""A mechanism is singular where the least singular value of its constraints falls to this part of that at the start."""
-
-UNDECIDED = 1e-10
-"""Multipliers of combinations of rows whose singular value is below this part of the largest are set to zero."""
 
 BRANCH_HINT = (
     "hint: from there the motion may go on in different ways; --through-singular takes the smooth one, if there is "
@@ -56,15 +42,6 @@ LIMIT_HINT = (
     "hint: the mechanism may be driven to a limit beyond which it cannot go, such as a dead centre or links at full "
     "reach, where speeds grow without bound; end before (--to), or change the drive or the lengths"
 )
-
-PROJECTIONS = 12
-"""Newton steps of a projection; near the constraints two are enough."""
-
-PROJECTED = 2e-14
-"""A projection is finished when the residuals, relative to the sizes in the scene, are below this …"""
-
-ACCEPTED = 1e-12
-"""… and has failed if they stay above this."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +97,7 @@ class Constrained:
         self._program: Program | None = None
         pulled = np.abs(motion.dynamics.F0 * self.scale * self.scale / motion.sizes)
         natural = max(self.fastest(motion.u), float(np.sqrt(np.max(pulled, initial=0.0))))
-        self.slowest = SLOWEST * (natural or 1.0)
+        self.slowest = TOLERANCES.resting_speed_of_forces * (natural or 1.0)
         self.least_energy = 0.5 * float(np.diag(motion.dynamics.M) @ (motion.sizes * self.slowest) ** 2)
         self.full = self.rank == self.n_c
         self._weights = self.scale * self.scale[:, None]
@@ -243,7 +220,7 @@ class Constrained:
         """
         zero = np.zeros(self.n)
         best, least = q, np.inf
-        for _ in range(PROJECTIONS if self.n_h else 0):
+        for _ in range(TOLERANCES.projection_steps if self.n_h else 0):
             state = self.evaluate(t, q, zero)
             residual = self.residuals(state, 1.0)[0]
             if residual >= 0.5 * least:  # rounding is reached, or it does not converge
@@ -251,7 +228,7 @@ class Constrained:
                     best, least = q, residual
                 break
             best, least = q, residual
-            if residual <= PROJECTED:
+            if residual <= TOLERANCES.projection_residual:
                 break
             q = q + self._least_change(state, state.E[: self.n_h], self.n_h, held)
         return best, least if self.n_h else 0.0
@@ -260,14 +237,14 @@ class Constrained:
         """Return the nearest speeds that satisfy V(q, u, t) = 0, the residual that is left, and the matrices there."""
         state = self.evaluate(t, q, u)
         best, least, matrices = u, np.inf, state
-        for _ in range(PROJECTIONS if self.n_c else 0):
+        for _ in range(TOLERANCES.projection_steps if self.n_c else 0):
             residual = self.residuals(state, self.fastest(u))[1]
             if residual >= 0.5 * least:
                 if residual < least:
                     best, least, matrices = u, residual, state
                 break
             best, least, matrices = u, residual, state
-            if residual <= PROJECTED:
+            if residual <= TOLERANCES.projection_residual:
                 break
             u = u + self._least_change(state, state.V, self.n_c, held)
             state = self.evaluate(t, q, u)
@@ -283,7 +260,7 @@ class Constrained:
         """
         best: tuple[Array, Array, Dynamics | None] = (q, u, None)
         least = np.inf
-        for _ in range(PROJECTIONS):
+        for _ in range(TOLERANCES.projection_steps):
             state = self.evaluate(t, q, u)
             position, velocity = self.residuals(state, self.fastest(u))
             size = max(position, velocity)
@@ -291,16 +268,16 @@ class Constrained:
                 best, least = min((best, least), ((q, u, state), size), key=lambda x: x[1])
                 break
             best, least = (q, u, state), size
-            if size <= PROJECTED:
+            if size <= TOLERANCES.projection_residual:
                 break
-            if position > PROJECTED:
+            if position > TOLERANCES.projection_residual:
                 q = q + self._least_change(state, state.E[: self.n_h], self.n_h, None)
                 state = self.evaluate(t, q, u)
             u = u + self._least_change(state, state.V, self.n_c, None)
-        if not least <= ACCEPTED:
+        if not least <= TOLERANCES.projection_residual_failed:
             raise NumericalError(
                 f"the constraints cannot be satisfied at t = {t:.9g} s: a residual of {amount(least)} of the sizes in "
-                f"the scene is left, where {ACCEPTED:g} is allowed"
+                f"the scene is left, where {TOLERANCES.projection_residual_failed:g} is allowed"
             )
         assert best[2] is not None
         return best[0], best[1], best[2]
@@ -379,14 +356,14 @@ class Constrained:
         """Return the least multipliers (n_c,) that balance given accelerations, also where rank is lost."""
         J = (state.J * self._rows).T
         force = -(state.F0 + state.M @ a) * self.scale
-        return np.asarray(np.linalg.lstsq(J, force, rcond=UNDECIDED)[0] * self.row_scale)
+        return np.asarray(np.linalg.lstsq(J, force, rcond=TOLERANCES.multiplier_singular_value)[0] * self.row_scale)
 
     def flipped(self, before: Watch, state: Dynamics, after: Watch) -> bool:
         """Whether the least singular value changed its sign, seen along its own vectors, or is as good as zero."""
         if not self.rank:
             return False
         assert self._least is not None
-        if after.value <= SINGULAR * self._least:
+        if after.value <= LINEAR.constraints_singular * self._least:
             return True
         return self.signed(before, state) < 0.0
 
@@ -413,7 +390,8 @@ class Constrained:
         left = np.linalg.svd(state.J * self._rows)[0][:, self.rank - 1]
         return ConstraintError(
             f"the mechanism is at a singular configuration at t = {t:.9g} s: the least singular value of its "
-            f"constraints falls to {amount(value)} of that at the start, where {SINGULAR:g} is the threshold\n"
+            f"constraints falls to {amount(value)} of that at the start, where {LINEAR.constraints_singular:g} is the "
+            "threshold\n"
             f"the rows that depend on each other there: {self.owners(left)}\n{hint}"
         )
 
@@ -422,8 +400,8 @@ class Constrained:
         assert self._least is not None
         return ConstraintError(
             f"the mechanism comes to a singular configuration just after t = {t:.9g} s: the least singular value of "
-            f"its constraints has fallen to {amount(watch.value / self._least)} of that at the start ({SINGULAR:g} "
-            f"counts as singular), and {reason}\n"
+            f"its constraints has fallen to {amount(watch.value / self._least)} of that at the start "
+            f"({LINEAR.constraints_singular:g} counts as singular), and {reason}\n"
             f"the rows that depend on each other there: {self.owners(watch.left)}\n{LIMIT_HINT}"
         )
 
@@ -441,7 +419,7 @@ class Constrained:
         try:
             K, R, _ = self.form.linearize(q, u, a, nu, t)
         except NumericalError:
-            u = u + BESIDE * max(self.fastest(u), self.slowest) * self.sizes
+            u = u + TOLERANCES.kink_offset * max(self.fastest(u), self.slowest) * self.sizes
             K, R, _ = self.form.linearize(q, u, a, nu, t)
         return K, R, *self.form.linearize_rows(q, u, a, t)
 
@@ -458,4 +436,4 @@ class Constrained:
 def _strong(factors: Any) -> bool:
     """Whether no pivot of a factored matrix is small."""
     pivots = np.abs(factors.diagonal())
-    return bool(pivots.min() > WEAK_PIVOT * pivots.max())
+    return bool(pivots.min() > TOLERANCES.pivot_of_rows * pivots.max())

@@ -16,25 +16,12 @@ from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import MOTION_UNITS, Placement, motion_name, moving_joints
 from mbstab.analysis.simulate.constrained import Constrained
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError, suggestion
 from mbstab.model.scene import ItemValues
 from mbstab.model.schema import unit_of
 from mbstab.records import dataclass
-
-APART = 0.05
-"""Sine of the angle to what others determine, above which a motion is independent of them."""
-
-NEARLY = 0.9
-"""What is bound by no more than this part less counts as bound alike."""
-
-INCREMENT = 0.2
-"""Given values are gone to in steps of this part of their sizes, the others follow."""
-
-NEWTON_STEPS = 30
-
-EXACT = 1e-9
-"""What is farther from its value, relative to its size, has not reached it."""
 
 _RATE = re.compile(r"rate\(\s*(.*?)\s*\)")
 _JOINT = re.compile(r"(angle|displacement)\(\s*([^()\s]+)\s*\)")
@@ -147,10 +134,10 @@ def staying(at: Placement, J: Array, named: Sequence[Quantity], sizes: Array) ->
             rest = {x: row - span.T @ (span @ row) for x, row in rest.items()}
             apart = {x: float(np.linalg.norm(row)) for x, row in rest.items()}
             largest = max(apart.values())
-            if largest <= APART:
+            if largest <= TOLERANCES.independent_motion_sine:
                 break
             # The first of those that the constraints bind least.
-            x = next(x for x in rest if apart[x] >= NEARLY * largest)
+            x = next(x for x in rest if apart[x] >= TOLERANCES.equally_bound * largest)
             span = np.vstack([span, rest.pop(x) / apart[x]])
             found.append(x)
     return found
@@ -169,11 +156,11 @@ def reached(
     system, sizes, zero = equations.system, equations.sizes, np.zeros(len(q))
     first = [x.value(Placement(attitudes, system, q, zero)) for x, _ in goals]
     far = max((abs(goal - start) / x.size for (x, goal), start in zip(goals, first, strict=True)), default=0.0)
-    count = int(np.clip(np.ceil(far / INCREMENT), 1, 200))
+    count = int(np.clip(np.ceil(far / TOLERANCES.value_increment), 1, 200))
     left = np.inf
     for k in range(1, count + 1):
         wanted = [start + k / count * (goal - start) for (_, goal), start in zip(goals, first, strict=True)]
-        for _ in range(NEWTON_STEPS):
+        for _ in range(TOLERANCES.newton_steps_to_values):
             at, state = Placement(attitudes, system, q, zero), equations.evaluate(t, q, zero)
             J, E = state.J[: equations.n_h] * sizes, state.E[: equations.n_h]
             lengths = norms(J)
@@ -185,7 +172,7 @@ def reached(
             q = q + step * sizes
             if np.linalg.norm(step) < 1e-14:
                 break
-        if left > EXACT:
+        if left > TOLERANCES.value_reached:
             return q, left
     return q, max(left, equations.residuals(equations.evaluate(t, q, zero), 1.0)[0])
 
@@ -199,7 +186,7 @@ def speeds(
     rows = np.array([x.gradient(at) * sizes / x.size for x, _ in goals]).reshape(len(goals), len(q))
     wanted = np.array([goal / x.size for x, goal in goals])
     left = np.inf
-    for _ in range(NEWTON_STEPS):
+    for _ in range(TOLERANCES.newton_steps_to_values):
         state = equations.evaluate(t, q, u)
         J = state.J * sizes
         lengths = norms(J)

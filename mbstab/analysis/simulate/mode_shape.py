@@ -10,14 +10,12 @@ import numpy as np
 
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.requested import reference_motion
-from mbstab.analysis.simulate.constrained import ACCEPTED, Constrained
+from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.start import complex_mode
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
 from mbstab.records import dataclass
-
-AMPLITUDE = 0.25
-"""How far the coordinate that moves most swings, in sizes of the scene or rad."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ class Swing:
     rotations: Array
 
 
-def swing(system: System, number: int, points: int, amplitude: float = AMPLITUDE) -> Swing:
+def swing(system: System, number: int, points: int, amplitude: float = TOLERANCES.swing_amplitude) -> Swing:
     """Return a mode at evenly spaced instants of a period, the first one after its start.
 
     Parameters
@@ -71,7 +69,7 @@ def swing(system: System, number: int, points: int, amplitude: float = AMPLITUDE
         # A real mode swings through the reference: at the start, not where it is farthest.
         goal = motion.q + amplitude / largest * np.real(dq * phase * (1.0 if value.imag else -1j))
         q, left = equations.onto_positions(motion.time, goal) if equations.n_h else (goal, 0.0)
-        found.append(q if left <= ACCEPTED else goal)
+        found.append(q if left <= TOLERANCES.projection_residual_failed else goal)
     positions = np.array([[q[p.start : p.start + d] for p in system.body_slices] for q in found])
     rotations = attitudes.orientations(system, np.array(found))
     return Swing(value, np.array(found), positions, rotations)

@@ -12,11 +12,9 @@ from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import Placement, efforts, moving_joints, unwound
 from mbstab.analysis.reference.reactions import reactions
 from mbstab.analysis.simulate.constrained import Constrained
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.records import dataclass
-
-TOGETHER, NUMBERS = 500, 4_000_000
-"""States that are looked at together, and numbers in their constraint matrices, at most."""
 
 
 @dataclass(frozen=True)
@@ -200,6 +198,6 @@ def _groups(samples: Sequence[Sample]) -> Iterator[tuple[Frame, list[Sample]]]:
     for _, group in groupby(samples, lambda s: id(s.frame)):
         found = list(group)
         system = found[0].frame.system
-        count = min(TOGETHER, 1 + NUMBERS // (1 + system.n_c * system.n_q))
+        count = min(TOLERANCES.states_together, 1 + TOLERANCES.matrix_numbers_together // (1 + system.n_c * system.n_q))
         for k in range(0, len(found), count):
             yield found[0].frame, found[k : k + count]

@@ -57,7 +57,8 @@ class Simulation:
     error_estimate : float
         Of the global error, which is the largest of those of places, relative to the size of the scene, of entries
         of rotation matrices, and of speeds, relative to the largest speed of the motion, or where nothing moves to
-        `REST` times the natural rate of the scene; nan where only one run was made.
+        `resting_speed` (`mbstab.analysis.simulate.tolerances`) times the natural rate of the scene; nan where only
+        one run was made.
     steps, rejected, evaluations : int
         Of the last run; evaluations count all runs.
     runs, charts : int

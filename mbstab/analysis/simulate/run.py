@@ -13,9 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
+from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.simulate.constrained import BRANCH_HINT, LIMIT_HINT, SINGULAR, Constrained, Watch
+from mbstab.analysis.simulate.constrained import BRANCH_HINT, LIMIT_HINT, Constrained, Watch
 from mbstab.analysis.simulate.energy import Energy, quadrature
 from mbstab.analysis.simulate.recording import Frame, Sample, Track
 from mbstab.analysis.simulate.singular_passage import NODES as NODES_OF_PASSAGE
@@ -25,44 +26,11 @@ from mbstab.analysis.simulate.steppers.explicit import first_step
 from mbstab.analysis.simulate.steppers.interface import Method, Options, Stepper
 from mbstab.analysis.simulate.stiffness import Pace
 from mbstab.analysis.simulate.time_budget import Budget
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError
 from mbstab.records import dataclass
-
-LEAST_PROGRESS = 0.002
-"""The progress function is called when this part of the work is done."""
-
-LOOKED, LONGEST_LOOK = 5, 320
-"""Where compiled steps leave something to others, so many are taken one by one; twice as many where they go no further,
-until so many."""
-
-NEAR = 0.1
-"""A singular configuration is near where the least singular value is below this part of that at the start."""
-
-EXPLAINS = 0.3
-"""A step that fails where it is below this part fails for that reason."""
-
-SHORTENED = 0.999
-"""A fixed step that is taken back and shortened to less than this part has failed."""
-
-STEEPER = 2.0
-"""Near it speeds may be known to the tolerance times the present ones; these are taken anew when they grow by this."""
-
-GROWN = 100.0
-"""Speeds that have grown by more when a singular configuration is reached tell of a limit, not of a branch."""
-
-ROUNDINGS = 8.0
-"""Speeds cannot be known better than what they change by in this many roundings of the time."""
-
-PASSED_FROM = 0.5
-"""Passages are tried from where the least singular value has fallen to this part of that at the start."""
-
-HALVINGS = 12
-"""How often the way to a singular configuration is halved until its passage is accurate enough."""
-
-PASSAGE_ERROR = 1e-10
-"""Error of a passage where steps are fixed."""
 
 LISTED = 8
 """Times of passages that are said one by one."""
@@ -226,7 +194,7 @@ class _Leg:
         self.frame: Frame | None = None
         self.work = 0.0
         self.parts = follower.parts
-        self.least, self.looked = 0.0, LOOKED
+        self.least, self.looked = 0.0, TOLERANCES.looked_steps
         self.done, self.shown = 1, 0.0
         self.fall, self.tried, self.given_up = 0.0, math.inf, 0
 
@@ -310,7 +278,7 @@ class _Leg:
         times = self.follower.times
         self.run.reached = t
         part = (t - times[0]) / (times[-1] - times[0])
-        if part > self.shown + LEAST_PROGRESS:
+        if part > self.shown + TOLERANCES.progress_shown:
             self.shown = float(part)
             progress(self.shown)
 
@@ -330,7 +298,7 @@ class _Leg:
         times, steps = self.follower.times[self.done :], run.steps
         if options.first is None:
             options = replace(options, first=first_step(self.equations, t, q, u, limit, options))
-        near = PASSED_FROM if self.follower.through else EXPLAINS
+        near = TOLERANCES.passage_tried_from if self.follower.through else TOLERANCES.singular_failure
         reason = marching.start(self.system, t, q, u, times, limit, options, self.least, near)
         state = marching.state
         while True:
@@ -347,7 +315,7 @@ class _Leg:
         if reason != "chart":
             self.watch = self.equations.refresh(self.equations.evaluate(state.t, state.q, state.u))
         self.least, self.work = state.least, base + state.work
-        self.looked = LOOKED if state.steps else min(2 * self.looked, LONGEST_LOOK)
+        self.looked = TOLERANCES.looked_steps if state.steps else min(2 * self.looked, TOLERANCES.looked_steps_most)
         self.done += covered
         run.rejected += state.rejected
         run.peak, run.drift = max(run.peak, state.peak), max(run.drift, state.drift)
@@ -391,24 +359,26 @@ class _Leg:
         relative to the largest, and what they change by while the time is rounded cannot be known.
         """
         equations, state = self.equations, stepper.state
-        if options.step is not None or not equations.nears(self.watch, NEAR):
+        if options.step is not None or not equations.nears(self.watch, TOLERANCES.singular_nearby):
             return options.rate
         growth, _ = equations.solve(state, -state.F0, state.B)
-        rounding = ROUNDINGS * math.ulp(stepper.t) * equations.fastest(growth) / options.tol
+        rounding = TOLERANCES.roundings_of_time * math.ulp(stepper.t) * equations.fastest(growth) / options.tol
         found = max(equations.fastest(stepper.u), rounding)
-        return found if found > STEEPER * options.rate else options.rate
+        return found if found > TOLERANCES.speed_growth_near_singular * options.rate else options.rate
 
     def _advance(self, stepper: Stepper, t: float, options: Options) -> None:
         """Take a step from a time; a failure next to a singular configuration is explained by it."""
         try:
             stepper.advance()
-            if options.step is not None and stepper.taken < SHORTENED * min(options.step, self.follower.times[-1] - t):
+            if options.step is not None and stepper.taken < TOLERANCES.fixed_step_shortened * min(
+                options.step, self.follower.times[-1] - t
+            ):
                 raise NumericalError(
                     f"the step of {options.step:.3g} s fails at t = {t:.9g} s: its error is beyond all measure\n"
                     "hint: take a shorter one with --step"
                 )
         except NumericalError as error:
-            if not self.equations.nears(self.watch, EXPLAINS):
+            if not self.equations.nears(self.watch, TOLERANCES.singular_failure):
                 raise
             near = self.equations.approached(t, self.watch, str(error).partition("\n")[0])
             raise _Singular(t + self.watch.value / self.fall if self.fall > 0.0 else math.inf, near) from None
@@ -435,9 +405,9 @@ class _Leg:
         low, high = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, 8)])
         found = minimize_scalar(smallness, bounds=(low, high), method="bounded", options={"xatol": 1e-9 * (high - low)})
         t, least = min([(float(found.x), float(found.fun)), (float(grid[k]), values[k])], key=lambda x: x[1])
-        if least <= SINGULAR:
+        if least <= LINEAR.constraints_singular:
             self.run.reached = start
-            grown = self.equations.fastest(stepper.u) > GROWN * self.rate
+            grown = self.equations.fastest(stepper.u) > TOLERANCES.speed_growth_at_limit * self.rate
             hint = LIMIT_HINT if grown else BRANCH_HINT
             raise _Singular(t, self.equations.singular(t, self._at(stepper, t), least, hint))
 
@@ -445,7 +415,7 @@ class _Leg:
 
     def _falling(self) -> bool:
         """Whether a singular configuration is near and comes nearer, and a passage should be tried."""
-        if not self.equations.nears(self.watch, PASSED_FROM):
+        if not self.equations.nears(self.watch, TOLERANCES.passage_tried_from):
             self.tried = math.inf
             return False
         if not 0.0 < self.watch.value < 0.5 * self.tried or self.fall <= 0.0:
@@ -462,7 +432,7 @@ class _Leg:
         """Return the step from a state to as far behind a singular configuration, if the motion is smooth there."""
         if 2.0 * (singular - t) > 0.5 * NODES_OF_PASSAGE * options.longest:  # a given function might be passed over
             return None
-        allowed = PASSAGE_ERROR if options.step is not None else options.tol
+        allowed = TOLERANCES.passage_error_fixed_steps if options.step is not None else options.tol
         last = float(self.follower.times[-1])
         found = passage(self.equations, self.watch, t, singular, last, q, u, allowed)
         if found is None or not found.locate(self.watch):
@@ -476,7 +446,7 @@ class _Leg:
         """Return the time on the way to a singular configuration from where the passage is tried next."""
         self.given_up += 1
         limit = 0.5 * (t + found.time)
-        if self.given_up > HALVINGS or not t < limit < self.follower.times[-1]:
+        if self.given_up > TOLERANCES.passage_halvings or not t < limit < self.follower.times[-1]:
             raise found.error from None
         self.watch = self.equations.refresh(self.equations.evaluate(t, q, u))
         return limit

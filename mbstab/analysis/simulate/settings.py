@@ -8,14 +8,9 @@ from dataclasses import field
 
 from mbstab.analysis.simulate.steppers.interface import Method
 from mbstab.analysis.simulate.steppers.table import METHODS
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.errors import UsageError
 from mbstab.records import dataclass
-
-MOST_STEPS = 1e9
-"""Of fixed size."""
-
-LONGEST = 10.0
-"""Duration of a simulation whose end is not given (s)."""
 
 
 @dataclass(frozen=True)
@@ -121,17 +116,17 @@ class SimulationSettings:
         UsageError
             If it is not later, or too far for the fixed step.
         """
-        last, step = first + LONGEST if self.to is None else self.to, self.step
+        last, step = first + TOLERANCES.default_duration if self.to is None else self.to, self.step
         if not (math.isfinite(last) and last > first):
             raise UsageError(
                 f"the end of the simulation, {last:g} s, must be later than its start, {first:g} s, and finite"
             )
         if step is not None and step > last - first:
             raise UsageError(f"the step of {step:g} s is longer than the simulation of {last - first:g} s")
-        if step is not None and (last - first) / step > MOST_STEPS:
+        if step is not None and (last - first) / step > TOLERANCES.fixed_steps:
             raise UsageError(
                 f"steps of {step:g} s make {(last - first) / step:.1e} of them until {last:g} s, where "
-                f"{MOST_STEPS:.0e} is the limit"
+                f"{TOLERANCES.fixed_steps:.0e} is the limit"
             )
         return last
 

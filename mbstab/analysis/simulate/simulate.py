@@ -2,12 +2,12 @@
 
 The tolerance is that of the result: the largest error of places (in the size of the scene), of
 orientations (of entries of the rotation matrices) and of speeds (relative to the largest of the
-motion; where nothing moves, to the part `REST` of the natural rate of the scene) at
+motion; where nothing moves, to the part `TOLERANCES.resting_speed` of the natural rate of the scene) at
 any time of output. It is estimated from three runs at least with different tolerances of a step, to which
-power the error is proportional (`SURE` times `Method.power` is counted on), and runs are repeated with
-smaller ones until the estimate is below: the largest of those from each of the earlier runs, as the errors
-of two runs may agree by chance.
-The true error may exceed the estimate by the factor `TRUST`.
+power the error is proportional (`TOLERANCES.order_counted_on` times `Method.power` is counted on), and runs
+are repeated with smaller ones until the estimate is below: the largest of those from each of the earlier
+runs, as the errors of two runs may agree by chance.
+The true error may exceed the estimate by the factor `TOLERANCES.error_factor`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.efforts import MOTION_UNITS, motion_name, moving_joints
-from mbstab.analysis.simulate.accuracy import LEAST_RUNS, Work
+from mbstab.analysis.simulate.accuracy import Work
 from mbstab.analysis.simulate.recording import Record, Track
 from mbstab.analysis.simulate.result import Simulation
 from mbstab.analysis.simulate.run import Follower, Run
@@ -27,18 +27,9 @@ from mbstab.analysis.simulate.settings import SimulationSettings
 from mbstab.analysis.simulate.start import Start, start_of
 from mbstab.analysis.simulate.steppers.compiled import machine_code
 from mbstab.analysis.simulate.time_budget import Budget
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import System
 from mbstab.errors import SimulationError, UsageError
-
-TRUST = 3.0
-"""The error of a result is below this factor times the tolerance, if no warning says that the tolerance is not met."""
-
-
-SAMPLE = 40
-"""Numbers that would take as much memory as what surrounds a state that is kept."""
-
-RESOLVED = 1e-3
-"""Part of the natural time of a scene within which the time has to be known."""
 
 
 def simulate(
@@ -82,7 +73,7 @@ def simulate(
     tol, step = settings.tol, settings.step
     work = Work(follower, settings.stepping, settings.solver, tol, step, settings.compiled, progress)
     lost = math.ulp(max(abs(first), abs(last)))
-    if lost * work.natural > RESOLVED:
+    if lost * work.natural > TOLERANCES.time_resolution:
         raise UsageError(
             f"times up to {last:g} s are known to {lost:.1e} s only in double precision, where the scene moves within "
             f"{1.0 / work.natural:.1e} s\nhint: an earlier end, and a start nearer to 0 with --from"
@@ -109,7 +100,7 @@ def _check_memory(system: System, points: int) -> None:
     d, bodies = system.scene.dimension, len(system.scene.bodies)
     moving = len(moving_joints(system.scene))
     results = 3 * system.n_q + system.n_c + bodies * (2 * d + d * d + 3) + 6 * len(system.scene.items) + 2 * moving + 6
-    columns = results + LEAST_RUNS * (2 * system.n_q + SAMPLE)
+    columns = results + TOLERANCES.runs_least * (2 * system.n_q + TOLERANCES.memory_of_state)
     size = 8.0 * points * columns
     if size > ALGEBRA.estimated_memory:
         raise UsageError(

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from mbstab.analysis.simulate.constrained import Constrained, Watch
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics
 from mbstab.errors import MbstabError
 
@@ -26,29 +27,6 @@ NODES = 20
 """An even number: no node lies in the middle."""
 
 POINTS, WEIGHTS = legendre.leggauss(NODES)
-
-ITERATIONS = 60
-
-ROUNDED = 1e-13
-"""Corrections below this, in sizes of the scene, are rounding."""
-
-NOISE = 1e-10
-"""Corrections that do not become smaller are rounding below this at most."""
-
-TAIL = 0.1
-"""The last coefficients of the polynomial, and rounding, may be worth this part of the tolerance of a step."""
-
-SETTLED = 1e-6
-"""Corrections below this, in sizes of the scene, tell where the singular configuration is."""
-
-CENTERINGS, OFF_CENTER = 4, 0.02
-"""Intervals that are tried until their middle is off the singular configuration by less than this part of the half."""
-
-AHEAD = 8
-"""Times at which a state ahead is looked at."""
-
-CLEAR = 1e-4
-"""The least singular value at a node, relative to that at the start, is this at least."""
 
 
 class Passage:
@@ -125,7 +103,7 @@ class Passage:
         )
         self.singular = float(found.x)
         self.owners = equations.owners(watch.left)
-        return bool(found.fun < 1e-2 * CLEAR)
+        return bool(found.fun < 1e-2 * TOLERANCES.passage_node_singular_value)
 
     def _state(self, t: float) -> Dynamics:
         return self.equations.evaluate(t, *self.at(t))
@@ -149,7 +127,7 @@ def predicted(equations: Constrained, t: float, q: Array, u: Array, watch: Watch
         return equations.signed(watch, equations.evaluate(t + later, q + later * (u + 0.5 * later * a), u + later * a))
 
     before = 0.0
-    for later in np.linspace(0.0, horizon, AHEAD + 1)[1:].tolist():
+    for later in np.linspace(0.0, horizon, TOLERANCES.passage_times_ahead + 1)[1:].tolist():
         if value(later) < 0.0:
             return t + float(brentq(value, before, later, xtol=1e-6 * horizon))
         before = later
@@ -173,7 +151,7 @@ def passage(
         Error allowed, in sizes of the scene and what changes of them count in a second.
     """
     try:
-        for _ in range(CENTERINGS):
+        for _ in range(TOLERANCES.passage_centerings):
             end = min(2.0 * singular - start, last)
             if not start < singular < end:
                 return None
@@ -195,7 +173,7 @@ def _collocated(
     a = np.tile(equations.accelerations(start, q, u)[0], (NODES, 1))
     at = np.full((2, *a.shape), np.inf)
     before = math.inf
-    for _ in range(ITERATIONS):
+    for _ in range(TOLERANCES.passage_iterations):
         speeds = _integral(_fitted(a), u, half)
         places = _integral(speeds, q, half)
         ways = zip(times.tolist(), legendre.legval(POINTS, places).T, legendre.legval(POINTS, speeds).T, strict=True)
@@ -204,19 +182,25 @@ def _collocated(
         a = np.array([equations.solve(state, -state.F0, state.B)[0] for *_, state in states])
         moved = np.max(np.abs(at - last) / sizes, axis=(1, 2))
         change = float(max(moved[0], moved[1] * half))
-        if change < SETTLED <= before or change <= ROUNDED or change > 0.5 * before:
+        if (
+            change < TOLERANCES.passage_correction_placed <= before
+            or change <= TOLERANCES.passage_correction_rounding
+            or change > 0.5 * before
+        ):
             values = np.array([math.copysign(equations.smallness(x), equations.signed(watch, x)) for *_, x in states])
             k = int(np.argmax(values < 0.0))
             if k == 0 or np.any(values[k:] > 0.0):
                 return None
             # Near its zero it is nearly linear.
             zero = float(times[k - 1] + (times[k] - times[k - 1]) * values[k - 1] / (values[k - 1] - values[k]))
-            if abs(zero - start - half) > OFF_CENTER * half:
+            if abs(zero - start - half) > TOLERANCES.passage_off_center * half:
                 return zero
             # Across the constraints speeds have the rounding of positions, twice divided by the singular value.
             clear = float(np.min(np.abs(values)))
-            noise = min(ROUNDED / clear**2, NOISE)
-            if change <= ROUNDED or (clear >= CLEAR and change <= noise):
+            noise = min(TOLERANCES.passage_correction_rounding / clear**2, TOLERANCES.passage_correction_stalled)
+            if change <= TOLERANCES.passage_correction_rounding or (
+                clear >= TOLERANCES.passage_node_singular_value and change <= noise
+            ):
                 break
         if before < math.inf and not change < 2.0 * before:
             return None
@@ -225,7 +209,7 @@ def _collocated(
         return None
     speeds = _fitted(at[1])
     tail = float(np.max(np.abs(speeds[-2:]) / sizes)) * half
-    if not tail <= max(TAIL * allowed, noise):
+    if not tail <= max(TOLERANCES.passage_tail * allowed, noise):
         return None
     return Passage(equations, start, end, (_integral(speeds, q, half), speeds, _fitted(a)))
 

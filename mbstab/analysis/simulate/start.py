@@ -19,26 +19,15 @@ from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import Placement
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.requested import reference_motion
-from mbstab.analysis.simulate.constrained import ACCEPTED, Constrained
-from mbstab.analysis.simulate.disturbance import EXACT, Quantity, coordinates, reached, read_name, speeds, staying
+from mbstab.analysis.simulate.constrained import Constrained
+from mbstab.analysis.simulate.disturbance import Quantity, coordinates, reached, read_name, speeds, staying
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, ModelFileError, UsageError, amount, suggestion
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.schema import parse_finite, unit_of
 from mbstab.records import dataclass
-
-INCREMENT = 0.2
-"""Given coordinates go from the reference to their values in steps of this part of their sizes, the others follow."""
-
-LARGEST_CHANGE = 1e-9
-"""What is moved by less, relative to its size, is not mentioned."""
-
-FAR = 0.5
-"""A value that is moved by more than this part of its size was not near a state that satisfies the constraints."""
-
-BESIDE = 0.1
-"""Part of their sizes by which coordinates are moved aside, where a symmetric start leads nowhere."""
 
 _MODE = re.compile(r"mode:\s*([0-9]{1,6})")
 
@@ -286,7 +275,7 @@ class _Held:
             return goal, none
         for held in (wanted.held_q | np.isin(np.arange(len(goal)), [x.number for x in others]), wanted.held_q):
             q, left = _held(self.finder, equations, t, self.q0, goal, held)
-            if left <= ACCEPTED:
+            if left <= TOLERANCES.projection_residual_failed:
                 self._note(q, named, others)
                 return q, none
         return self._nearest()
@@ -300,10 +289,10 @@ class _Held:
         if np.any(held):
             q, _ = _held(finder, equations, t, self.q0, goal, held)
         q, left = equations.onto_positions(t, q)
-        if not left <= ACCEPTED:
+        if not left <= TOLERANCES.projection_residual_failed:
             q = finder.assemble(goal, np.ones(len(goal), dtype=bool))
             q, left = equations.onto_positions(t, q)
-        if not left <= ACCEPTED:
+        if not left <= TOLERANCES.projection_residual_failed:
             text = (
                 f"no state near the initial values satisfies the constraints at t = {t:.9g} s: a residual of "
                 f"{amount(left)} of the sizes in the scene is left"
@@ -321,7 +310,7 @@ class _Held:
         left = np.inf
         for goals in (asked + [(x, x.value(moved)) for x in others], asked):
             q, left = reached(self.equations, self.attitudes, self.t, self.q0, goals)
-            if left <= EXACT:
+            if left <= TOLERANCES.value_reached:
                 return self.equations.onto_positions(self.t, q)[0]
         names = ", ".join(x.name for x, _ in wanted.joints)
         raise UsageError(
@@ -342,13 +331,13 @@ class _Held:
             asked += [(x, float(x.gradient(before) @ self.u0) + change) for x, change in wanted.joint_rates]
             for goals in (asked + [(x, float(x.gradient(before) @ goal)) for x in others], asked):
                 u, left = speeds(equations, self.attitudes, t, q, goal, goals)
-                if goals and left <= ACCEPTED:
+                if goals and left <= TOLERANCES.projection_residual_failed:
                     return u, none
             if wanted.joint_rates:
                 names = ", ".join(f"rate({x.name})" for x, _ in wanted.joint_rates)
                 raise UsageError(f"--perturb {names}: the constraints allow no such rates here")
         u, left, _ = equations.onto_velocities(t, q, goal)
-        if not left <= ACCEPTED:
+        if not left <= TOLERANCES.projection_residual_failed:
             text = (
                 f"no rates near the initial values satisfy the constraints at t = {t:.9g} s: a residual of {left:.1e} "
                 "of the rates in the scene is left"
@@ -366,7 +355,11 @@ class _Held:
         zero = np.zeros(len(q))
         there, here = (Placement(self.attitudes, self.system, x, zero) for x in (self.wanted.q, q))
         changes = [(x, x.value(here, start) - start) for x in watched for start in [x.value(there)]]
-        moved = [f"{x.name} by {change:.6g} {x.unit}" for x, change in changes if abs(change) > LARGEST_CHANGE * x.size]
+        moved = [
+            f"{x.name} by {change:.6g} {x.unit}"
+            for x, change in changes
+            if abs(change) > TOLERANCES.change_told * x.size
+        ]
         if moved:
             names = ", ".join(x.name for x in named)
             more = f" and {len(moved) - 6} more" if len(moved) > 6 else ""
@@ -376,8 +369,10 @@ class _Held:
 def _held(finder: Finder, equations: Constrained, t: float, q0: Array, goal: Array, held: Any) -> tuple[Array, float]:
     """Return coordinates of which those held have their goals, followed there from `q0`, and the residual left."""
     change = goal - q0
-    count = int(np.clip(np.ceil(np.max(np.abs(change[held] / finder.sizes[held])) / INCREMENT), 1, 200))
-    aside = BESIDE * finder.sizes * np.sin(1.0 + np.arange(len(q0)))
+    count = int(
+        np.clip(np.ceil(np.max(np.abs(change[held] / finder.sizes[held])) / TOLERANCES.value_increment), 1, 200)
+    )
+    aside = TOLERANCES.symmetric_start_offset * finder.sizes * np.sin(1.0 + np.arange(len(q0)))
     q, left = goal, np.inf
     for way in (0.0, 1.0, -1.0):
         q = q0 + np.where(held, 0.0, change + way * aside)
@@ -385,7 +380,7 @@ def _held(finder: Finder, equations: Constrained, t: float, q0: Array, goal: Arr
             q = np.where(held, q0 + (k / count) * change, q)
             q = finder.assemble(q, ~held)
         q, left = equations.onto_positions(t, np.where(held, goal, q), held)
-        if left <= ACCEPTED:
+        if left <= TOLERANCES.projection_residual_failed:
             break
     return q, left
 
@@ -406,16 +401,19 @@ def _check_positions(
     `starts` are states from which a value is looked for, the first one that to which the values were moved.
     """
     system, sizes, found = finder.system, finder.sizes, []
-    for i in np.flatnonzero(np.abs(moved) > LARGEST_CHANGE * sizes):
+    for i in np.flatnonzero(np.abs(moved) > TOLERANCES.change_told * sizes):
         alone = np.arange(len(moved)) == i
         name, unit = system.names[i], unit_of(system.names[i])
         near = f"{starts[0][i]:.6g} {unit}, {abs(moved[i]):.6g} {unit} away"
         goals = (np.where(alone, wanted.q, start) for start in starts)
         pairs = zip(starts, goals, strict=True)
-        if not any(_held(finder, equations, t, start, goal, alone)[1] <= ACCEPTED for start, goal in pairs):
+        if not any(
+            _held(finder, equations, t, start, goal, alone)[1] <= TOLERANCES.projection_residual_failed
+            for start, goal in pairs
+        ):
             text = f"no state of the mechanism was found with {name} = {wanted.q[i]:.6g} {unit}; one near it has {near}"
             found.append((name, text))
-        elif abs(moved[i]) > FAR * sizes[i]:
+        elif abs(moved[i]) > TOLERANCES.change_far * sizes[i]:
             found.append(
                 (name, f"no state near the initial values satisfies the constraints; one that does has {near}")
             )
@@ -427,12 +425,15 @@ def _check_speeds(
 ) -> None:
     """Refuse rates that the constraints forbid, whatever the others are."""
     system, found = finder.system, []
-    for i in np.flatnonzero(np.abs(moved) > LARGEST_CHANGE * finder.sizes):
+    for i in np.flatnonzero(np.abs(moved) > TOLERANCES.change_told * finder.sizes):
         alone = np.arange(len(moved)) == i
-        if equations.onto_velocities(t, q, np.where(alone, wanted.u, u), alone)[1] <= ACCEPTED:
+        if (
+            equations.onto_velocities(t, q, np.where(alone, wanted.u, u), alone)[1]
+            <= TOLERANCES.projection_residual_failed
+        ):
             continue
         name, unit = system.names[i], f"{unit_of(system.names[i])}/s"
-        allowed = u[i] if abs(u[i]) > LARGEST_CHANGE * abs(wanted.u[i]) else 0.0
+        allowed = u[i] if abs(u[i]) > TOLERANCES.change_told * abs(wanted.u[i]) else 0.0
         text = f"the constraints allow no rate({name}) = {wanted.u[i]:.6g} {unit} here, but {allowed:.6g} {unit}"
         found.append((f"rate({name})", text))
     _refuse_values(system, wanted, found, "rates")
@@ -454,7 +455,9 @@ def _refuse_values(system: System, wanted: _Wanted, found: list[tuple[str, str]]
 
 def _report(system: System, finder: Finder, moved: Array, per: str, strict: bool, warnings: list[str]) -> None:
     """Say by how much given values were moved onto the constraints, or refuse that."""
-    changed = [i for i in np.argsort(-np.abs(moved / finder.sizes)) if abs(moved[i]) > LARGEST_CHANGE * finder.sizes[i]]
+    changed = [
+        i for i in np.argsort(-np.abs(moved / finder.sizes)) if abs(moved[i]) > TOLERANCES.change_told * finder.sizes[i]
+    ]
     if not changed:
         return
     texts = []

@@ -20,6 +20,7 @@ from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.steppers.interface import HINT, Method, Options
 from mbstab.analysis.simulate.steppers.table import METHODS
 from mbstab.analysis.simulate.time_budget import Budget
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
 from mbstab.model.schema import unit_of
@@ -27,29 +28,6 @@ from mbstab.records import dataclass
 
 BOUNDARIES = {"DOP853": 6.1, "RK45": 3.3}
 """Largest h |λ| of explicit solvers."""
-
-CLOSE = 0.2
-"""Steps whose mean comes to this part of the boundary are suspected."""
-
-PROBES = 15
-"""Steps of the implicit method that are tried."""
-
-LONGER = 10.0
-"""Its steps cost more: they count as much longer from this factor on."""
-
-FIRST, LAST = 500, 8000
-"""Steps after which the test is made first; then after twice as many, and at last every so many."""
-
-SURE_AFTER = 4000
-"""Steps after which a pace that is slow all the time is taken for that of the rest …"""
-
-FOREVER, NEVER = 1e7, 1e9
-"""… and refused if the rest would take more steps than this: where other methods do better, and where none may."""
-
-HELD = 0.7
-"""Steps whose mean comes to this part of the longest one allowed are limited by that."""
-
-_WINDOW = 100
 
 
 @dataclass(frozen=True)
@@ -116,7 +94,7 @@ class Pace:
         self.boundary = BOUNDARIES[options.solver] if explicit and options.step is None else None
         self.end, self.budget = end, budget
         self.note, self._tell, self._machine = note, tell, method.compiled and not options.compiled
-        self._next, self._steps, self._time = FIRST, 0, -np.inf
+        self._next, self._steps, self._time = TOLERANCES.stiffness_first_test, 0, -np.inf
 
     def look(self, steps: int, stepper: Reached, equations: Constrained, options: Options) -> None:
         """Look at the pace after a step.
@@ -127,14 +105,14 @@ class Pace:
             If the rest would take for ever.
         """
         self._look_at_time(steps, stepper, equations, options)
-        if steps < self._next - _WINDOW:
+        if steps < self._next - TOLERANCES.stiffness_window:
             return
         if self._time == -np.inf:
             self._steps, self._time = steps, stepper.t
         if steps < self._next or steps == self._steps:
             return
         mean = (stepper.t - self._time) / (steps - self._steps)
-        self._next += min(self._next, LAST)
+        self._next += min(self._next, TOLERANCES.stiffness_next_test)
         self._time = -np.inf
         left = (self.end - stepper.t) / max(mean, 1e-300)
         found = self._limit(mean, stepper, equations, options) if self.boundary else None
@@ -146,15 +124,16 @@ class Pace:
             if not self.note:
                 self.note = f"{text}; --method radau takes steps of {found.implicit:.1e} s there"
                 self._tell(self.note)
-            if steps >= SURE_AFTER and left > FOREVER:
+            if steps >= TOLERANCES.steps_of_slow_pace and left > TOLERANCES.steps_left_explicit:
                 raise NumericalError(
-                    f"{text}; {left:.1e} more would be needed, where {FOREVER:.0e} is the limit\n"
+                    f"{text}; {left:.1e} more would be needed, where {TOLERANCES.steps_left_explicit:.0e} is the "
+                    "limit\n"
                     f"hint: use --method radau, which takes steps of {found.implicit:.1e} s there"
                 )
-        elif steps >= SURE_AFTER and left > NEVER:
+        elif steps >= TOLERANCES.steps_of_slow_pace and left > TOLERANCES.steps_left:
             raise NumericalError(
                 f"the steps of {mean:.1e} s at t = {stepper.t:.9g} s are too short for the motion: {left:.1e} more "
-                f"would be needed, where {NEVER:.0e} is the limit\n{HINT}"
+                f"would be needed, where {TOLERANCES.steps_left:.0e} is the limit\n{HINT}"
             )
 
     def _look_at_time(self, steps: int, stepper: Reached, equations: Constrained, options: Options) -> None:
@@ -177,7 +156,7 @@ class Pace:
         machine = ["--compiled (steps in machine code)"] if self._machine else []
         if options.step is not None:
             return "as given", [*machine, "a longer --step"]
-        if mean >= HELD * options.longest:
+        if mean >= TOLERANCES.longest_step_part * options.longest:
             return (
                 f"where {options.longest:.1e} s is the longest, so that no given function of time is passed over",
                 [*machine, "fewer --points"],
@@ -213,18 +192,18 @@ class Pace:
         """Return what limits the steps if that is stability."""
         assert self.boundary
         rate = self._fastest(stepper, equations)
-        if rate is None or mean * rate < CLOSE * self.boundary:
+        if rate is None or mean * rate < TOLERANCES.stability_boundary_part * self.boundary:
             return None
         try:
             other = METHODS["radau"][""].start(
                 equations, stepper.t, stepper.q, stepper.u, self.end, replace(options, first=stepper.taken)
             )
             longest = 0.0
-            for _ in range(PROBES):
+            for _ in range(TOLERANCES.implicit_probes):
                 other.advance()
                 longest = max(longest, float(other.taken))
                 if other.t >= self.end:
                     break
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError, ValueError):
             return None
-        return _Limit(rate, mean, longest) if longest >= LONGER * mean else None
+        return _Limit(rate, mean, longest) if longest >= TOLERANCES.implicit_step_factor * mean else None

@@ -4,20 +4,10 @@ from __future__ import annotations
 
 import time
 
+from mbstab.analysis.simulate.tolerances import TOLERANCES
+
 clock = time.monotonic
 """Tells the time (s)."""
-
-LONG = 60.0
-"""A simulation that takes longer in all is told of (s)."""
-
-FIRST = 5.0
-"""From this time on there is enough to judge by; then after twice as long, and so on (s)."""
-
-LEAST = 1.0
-"""A run tells about those to come from this time on (s)."""
-
-AGAIN = 2.0
-"""It is told again where the time grows by this factor over what was said."""
 
 
 class Budget:
@@ -37,7 +27,7 @@ class Budget:
     def __init__(self, first: float, last: float) -> None:
         self._first, self._last, self.more = first, last, 0.0
         self._begin = self._run = clock()
-        self._next, self._said = self._begin + FIRST, 0.0
+        self._next, self._said = self._begin + TOLERANCES.time_to_judge, 0.0
 
     def start_run(self, more: float) -> None:
         """Say that a run begins, after which `more` as long as it are to come."""
@@ -50,13 +40,13 @@ class Budget:
     def left(self, t: float) -> float | None:
         """Return what is left (s) at the pace of a run that has reached t, if that is to be told now."""
         now = clock()
-        if now < max(self._next, self._run + LEAST) or t <= self._first:
+        if now < max(self._next, self._run + TOLERANCES.time_of_run_to_judge) or t <= self._first:
             return None
         self._next = now + (now - self._begin)
         spent = now - self._run
         left = spent * (self._last - self._first) / (t - self._first) * (1.0 + self.more) - spent
         whole = now - self._begin + left
-        if whole <= max(LONG, AGAIN * self._said):
+        if whole <= max(TOLERANCES.time_told, TOLERANCES.time_growth_told * self._said):
             return None
         self._said = whole
         return left

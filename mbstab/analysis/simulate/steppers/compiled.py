@@ -15,10 +15,10 @@ import numpy as np
 
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
-from mbstab.analysis.simulate.constrained import ACCEPTED, PROJECTED, PROJECTIONS, Constrained
+from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.energy import Energy
-from mbstab.analysis.simulate.steppers.explicit import RELATIVE
 from mbstab.analysis.simulate.steppers.interface import Options
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.fused import Fused
 from mbstab.compiler.system import Array, System
 from mbstab.compiler.trace import Traced
@@ -27,9 +27,6 @@ from mbstab.records import dataclass
 
 if TYPE_CHECKING:
     from mbstab.compiler.machine import Machine, March, Tableau
-
-STEPS = 250
-"""After so many the caller hears of them."""
 
 
 @dataclass(frozen=True)
@@ -186,9 +183,9 @@ def machine_of(equations: Constrained, free: Sequence[int], attitudes: Attitudes
         driven=int(energy.driven),
         sizes=equations.sizes.astype(float),
         slowest=float(equations.slowest),
-        projections=PROJECTIONS,
-        projected=PROJECTED,
-        accepted=ACCEPTED,
+        projections=TOLERANCES.projection_steps,
+        projected=TOLERANCES.projection_residual,
+        accepted=TOLERANCES.projection_residual_failed,
         angle=_integers(part.start + 1 for _, part in attitudes.parts),
         least_cosine=_floats(
             REFERENCE.euler_cosine_pinned if i in attitudes.pinned else REFERENCE.euler_cosine_chart_left
@@ -256,7 +253,7 @@ class State:
             t=np.array([t, options.first, 0.0, 0.0, 0.0, 0.0, least]),
             counts=np.zeros(4, dtype=np.int64),
             absolute=options.tolerances(sizes),
-            relative=RELATIVE,
+            relative=TOLERANCES.step_tolerance_relative,
             longest=options.step or options.longest,
             end=end,
             near=near * near,
@@ -410,6 +407,6 @@ class Marching:
         return "more" if self._code.begin(self.machine, self.state.march) else "look"
 
     def go(self) -> str:
-        """Take up to `STEPS` steps; return ``done``, ``more``, ``chart`` or ``look``: why it stopped."""
-        reason = self._code.march(self.machine, self.tableau, self.state.march, STEPS)
+        """Take steps, not too many; return ``done``, ``more``, ``chart`` or ``look``: why it stopped."""
+        reason = self._code.march(self.machine, self.tableau, self.state.march, TOLERANCES.compiled_steps)
         return {self._code.DONE: "done", self._code.MORE: "more", self._code.CHART: "chart"}.get(reason, "look")

@@ -13,11 +13,9 @@ import numpy as np
 
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.steppers.interface import HINT, Options, Stepper
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
-
-RELATIVE = 3e-14
-"""Relative part of the tolerance of explicit integrators: rounding. The tolerance counts in sizes of the scene."""
 
 
 class Projected:
@@ -33,7 +31,7 @@ class Projected:
         self.rejected, self.taken = 0, 0.0
         self._dense: Any = None
         settings: dict[str, Any] = {
-            "rtol": max(options.tol, 1e-13) if implicit else RELATIVE,
+            "rtol": max(options.tol, 1e-13) if implicit else TOLERANCES.step_tolerance_relative,
             "atol": options.tolerances(equations.sizes),
             "first_step": options.step or options.first,
             "max_step": options.step or options.longest,

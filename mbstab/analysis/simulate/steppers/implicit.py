@@ -31,26 +31,12 @@ import numpy as np
 
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.steppers.interface import HINT, Options
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
 
 RHO = 0.8
 """Spectral radius at infinity of the generalized-α method: 1 keeps all frequencies, 0 takes the highest out at once."""
-
-NEWTON = (10, 40)
-"""Iterations of Newton's method at most, with steps that can be shortened and with fixed ones."""
-
-CONVERGED = 0.01
-"""Newton's method is finished when a correction is this part of the tolerance of a step …"""
-
-ROUNDED = 1e-14
-"""… or is rounding, in sizes of the scene."""
-
-STALLED = 1e-10
-"""A correction below this that does not become smaller is rounding, too."""
-
-COLLAPSED = 1e-14
-"""A step below this part of the motion, or of the time itself, has collapsed."""
 
 ROOT = math.sqrt(6.0)
 RADAU_C = np.array([(4.0 - ROOT) / 10.0, (4.0 + ROOT) / 10.0, 1.0])
@@ -115,7 +101,7 @@ class _Implicit:
             self.rejected += 1
             failures += 1
             self.h = h * (0.25 if not math.isfinite(error) else max(0.2, 0.85 * error**-power))
-            if self.h < COLLAPSED * max(self.end - self.begin, abs(self.t)) or failures > 60:
+            if self.h < TOLERANCES.step_collapsed * max(self.end - self.begin, abs(self.t)) or failures > 60:
                 raise NumericalError(
                     f"the step size has collapsed at t = {self.t:.9g} s: {self.h:.1e} s"
                     + (f"\n{trouble}" if trouble else f"\n{HINT}")
@@ -154,8 +140,12 @@ class _Implicit:
 
     def _finished(self, size: float, before: float) -> bool:
         """Whether Newton's method has converged with a correction of this size, after one of size `before`."""
-        goal = ROUNDED if self.options.step is not None else max(CONVERGED * self.options.tol, ROUNDED)
-        return size <= goal or (before < math.inf and size > 0.3 * before and size <= STALLED)
+        goal = TOLERANCES.newton_correction_rounding
+        if self.options.step is None:
+            goal = max(TOLERANCES.newton_correction * self.options.tol, goal)
+        return size <= goal or (
+            before < math.inf and size > 0.3 * before and size <= TOLERANCES.newton_correction_stalled
+        )
 
 
 class GeneralizedAlpha(_Implicit):
@@ -192,7 +182,7 @@ class GeneralizedAlpha(_Implicit):
         lines: Any = None
         before = math.inf
         r_h = P_h.shape[1]
-        for _ in range(NEWTON[self.options.step is not None]):
+        for _ in range(TOLERANCES.newton_steps_implicit[self.options.step is not None]):
             q, u = q0 + to_q * a, u0 + to_u * a
             state = equations.evaluate(t, q, u)
             if lines is None:
@@ -290,7 +280,7 @@ class RadauIIA(_Implicit):
         a, nu = self._predicted(h)
         eta = np.zeros((3, r_h))
         before = math.inf
-        for _ in range(NEWTON[self.options.step is not None]):
+        for _ in range(TOLERANCES.newton_steps_implicit[self.options.step is not None]):
             speeds, positions = self._unfolded(h, a, h * eta @ G.T)
             balance, place, speed = np.empty((3, n)), np.empty((3, r_h)), np.empty((3, r))
             for i in range(3):
