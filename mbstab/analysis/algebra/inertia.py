@@ -18,10 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.tolerances import TOLERANCES
+from mbstab.analysis.algebra.tolerances import EPS, TOLERANCES
 from mbstab.compiler.system import Array
-
-EPS = float(np.finfo(float).eps)
 
 
 class ConstrainedForms:

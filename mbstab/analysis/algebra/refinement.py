@@ -19,11 +19,9 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.algebra.tolerances import TOLERANCES
+from mbstab.analysis.algebra.tolerances import EPS, TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
-
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-import numpy as np
-
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.errors import NumericalError
 
 
@@ -38,7 +37,7 @@ def root(f: Callable[[float], float], a: float, b: float) -> float:
             c, fc, b, fb = b, fb, a, fa
         a, fa = x, fx
         best, f_best = (a, fa) if abs(fa) < abs(fb) else (b, fb)
-        width = 2.0 * float(np.finfo(float).eps) * abs(best)
+        width = 2.0 * EPS * abs(best)
         if f_best == 0.0 or abs(b - a) <= 2.0 * width or 0.5 * width > abs(b - a):
             return best
         least = width / abs(b - a)

@@ -7,12 +7,9 @@ from decimal import Decimal
 from functools import cache
 from typing import Any
 
-import numpy as np
-
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.model.arithmetic import CONSTANTS, FLOAT, Arithmetic
 from mbstab.model.functions import TABLE
-
-EPS = float(np.finfo(float).eps)
 
 UNIT = 0.5 * EPS
 """Rounding of one operation, relative to its result."""

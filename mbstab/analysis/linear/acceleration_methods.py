@@ -49,14 +49,13 @@ import numpy.typing as npt
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.rank import Rank, rank_of
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.methods import Found
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError, UsageError
 from mbstab.records import dataclass
-
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,13 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, at_block
 from mbstab.analysis.algebra.refinement import Quadratic, refined
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, composite
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.compiler.system import Array
-
-EPS = float(np.finfo(float).eps)
 
 
 class BackwardErrors:

@@ -32,7 +32,8 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.matching import assigned
-from mbstab.analysis.linear.backward_errors import EPS, BackwardErrors
+from mbstab.analysis.algebra.tolerances import EPS
+from mbstab.analysis.linear.backward_errors import BackwardErrors
 from mbstab.analysis.linear.clusters import Clusters
 from mbstab.analysis.linear.discs import Disc, Group, Placed, relative
 from mbstab.analysis.linear.grouping import dependent, partners

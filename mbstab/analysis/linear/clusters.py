@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, at_block
 from mbstab.analysis.algebra.refinement import refined
-from mbstab.analysis.linear.backward_errors import EPS, BackwardErrors, Motions, Weights
+from mbstab.analysis.algebra.tolerances import EPS
+from mbstab.analysis.linear.backward_errors import BackwardErrors, Motions, Weights
 from mbstab.analysis.linear.discs import Disc, Group, Placed, relative
 from mbstab.analysis.linear.grouping import below, coupled, dependent, partners, row_scaled_inverse, united
 from mbstab.analysis.linear.tolerances import TOLERANCES

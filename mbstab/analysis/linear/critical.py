@@ -18,6 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.minimum import SecondVariation, sign_of
 from mbstab.analysis.linear.neutral import Separated, Structure, complement, drift_of, orthonormal
 from mbstab.analysis.linear.tolerances import TOLERANCES
@@ -30,8 +31,6 @@ from mbstab.records import dataclass
 
 ORDERS = {"even": (2, 4), "odd": (3, 5)}
 """Powers of z that are told apart."""
-
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)

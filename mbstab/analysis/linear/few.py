@@ -18,13 +18,12 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.shift_invert import SingularShift
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.sparse_equations import SparseEquations
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
-
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)

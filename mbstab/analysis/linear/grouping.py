@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.linear.backward_errors import EPS
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.discs import Group
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.sparse import congruent
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.neutral import Separated, Structure, complement, orthonormal
 from mbstab.analysis.linear.roundings import roundings
@@ -32,8 +33,6 @@ from mbstab.analysis.reference.fields import Shift, Turn
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array
 from mbstab.model.schema import is_length
-
-EPS = float(np.finfo(float).eps)
 
 RATIOS = ((1, 1), (1, 2), (1, 3))
 """Ratios of frequencies at which modes of opposite energy may excite each other."""

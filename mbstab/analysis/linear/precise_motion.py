@@ -246,7 +246,7 @@ def _assembled(start: Start, system: System) -> Matrix:
     still = zeros(system.n_q)
     J = start.system.dynamics(motion.q, np.zeros(system.n_q), motion.time).J[:n_h][:, columns] * sizes[columns]
     lengths = norms(J)
-    inverse = np.linalg.pinv(J / lengths[:, None], rcond=1e-11)
+    inverse = np.linalg.pinv(J / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
 
     def correction(x: Matrix) -> Matrix:
         place = q.copy()
@@ -272,7 +272,7 @@ def _rates(start: Start, system: System, q: Matrix) -> Matrix:
         return u
     J = motion.dynamics.J[:, columns] * sizes[columns]
     lengths = norms(motion.dynamics.J * sizes)
-    inverse = np.linalg.pinv(J / lengths[:, None], rcond=1e-11)
+    inverse = np.linalg.pinv(J / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
     fastest = float(np.max(np.abs(motion.u / sizes), initial=0.0))
 
     def correction(x: Matrix) -> Matrix:
@@ -374,7 +374,7 @@ def _accelerations(start: Start, state: Dynamics, known: Matrix | None) -> tuple
     force, bias = -(exact(state.F0) * scale), exact(state.B) * row_scale
     plain_M = motion.dynamics.M * scale * scale[:, None]
     plain_J = motion.dynamics.J * scale * row_scale[:, None]
-    inverse = np.linalg.pinv(plain_J, rcond=1e-11) if len(plain_J) else plain_J.T
+    inverse = np.linalg.pinv(plain_J, rcond=ALGEBRA.singular_value_zero) if len(plain_J) else plain_J.T
     allowed = spaces.N @ spaces.Z
     n = len(M)
     # Where nothing is loaded, forces are measured by what small motions of the size of the scene would cause.

@@ -17,9 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import norms
-from mbstab.analysis.algebra.rounded import EPS, UNIT, Rounded, rounded_arithmetic, value_and_error
+from mbstab.analysis.algebra.rounded import UNIT, Rounded, rounded_arithmetic, value_and_error
 from mbstab.analysis.algebra.rounded_arrays import RoundedNumbers, WithErrors
 from mbstab.analysis.algebra.sparse import dense, in_sparse, scaled, sizes_times
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.tolerances import TOLERANCES

@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.discs import Disc, Group, Placed, relative
 from mbstab.analysis.linear.grouping import row_scaled_inverse, united
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
-from mbstab.analysis.linear.sparse_pencil import EPS, Block, Pairs, Residuals, SparsePencil, blocks_of, in_parts
+from mbstab.analysis.linear.sparse_pencil import Block, Pairs, Residuals, SparsePencil, blocks_of, in_parts
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass

@@ -19,14 +19,13 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.sparse import largest, scaled
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
-
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass

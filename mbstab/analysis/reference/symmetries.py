@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.sparse import is_sparse, put, unchanged
-from mbstab.analysis.reference.element_comparison import EPS, Digits, State, numbers, steps_are_exact, with_errors
+from mbstab.analysis.algebra.tolerances import EPS
+from mbstab.analysis.reference.element_comparison import Digits, State, numbers, steps_are_exact, with_errors
 from mbstab.analysis.reference.fields import Combination, Field, Shift, Symmetry, Turn
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.steady import Generator

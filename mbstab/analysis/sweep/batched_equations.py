@@ -15,6 +15,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, norms
 from mbstab.analysis.algebra.deflation import deflated_matrix, in_frame
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.equations import Balance
@@ -25,8 +26,6 @@ from mbstab.analysis.sweep.stacks import transposed
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.records import dataclass
-
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -254,7 +253,7 @@ class Equations:
         for k, value in known.items():
             c[:, k] = value
         right = right - (rows @ c[..., None])[..., 0]
-        c[:, free] = (np.linalg.pinv(rows[..., free], rcond=1e-11) @ right[..., None])[..., 0]
+        c[:, free] = (np.linalg.pinv(rows[..., free], rcond=ALGEBRA.singular_value_zero) @ right[..., None])[..., 0]
         generator = own.generator(c)
         speeds = generator.field(q)
         fast = np.max(np.abs(speeds / sizes), axis=1)
@@ -327,7 +326,7 @@ class Equations:
         nu, balance, across = np.zeros((1, system.n_c)), force, np.zeros(1)
         inverse: Array = np.zeros((1, system.n_q, 0))
         if system.n_c:
-            inverse = np.asarray(np.linalg.pinv(J, rcond=1e-11), dtype=float)
+            inverse = np.asarray(np.linalg.pinv(J, rcond=ALGEBRA.singular_value_zero), dtype=float)
             nu = -_times(transposed(inverse), force)
             balance = force + _times(transposed(J), nu)
             largest = np.maximum(np.max(np.abs(force), axis=-1), 1e-300)

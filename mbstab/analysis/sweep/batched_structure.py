@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.facts import Grounds
-from mbstab.analysis.linear.minimum import EPS
 from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.analysis.linear.verdict import Neutral
 from mbstab.analysis.reference.fields import Combination, OwnTurn, Shift, Spin, Symmetry

@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Index
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.verdict import UNDECIDED, UNSTABLE, WORDS, Disc, Facts, Minimum, Side, judge
 from mbstab.analysis.sweep.batched_structure import Known, Points, Separation
 from mbstab.analysis.sweep.tolerances import TOLERANCES
@@ -36,8 +37,6 @@ MINIMUM, MAXIMUM, MULTIPLE = 1, -1, 2
 """What the energy has: a minimum, a maximum, a minimum with a multiple of a momentum added."""
 
 NAMES: dict[int, Side] = {RIGHT: "right", LEFT: "left", AXIS: "axis", OPEN: "open"}
-
-EPS = float(np.finfo(float).eps)
 
 WORD = {word: number for number, word in enumerate(WORDS)}
 """Numbers of the words of verdicts."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, norms
-from mbstab.analysis.linear.minimum import EPS
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
