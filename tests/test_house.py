@@ -1,6 +1,7 @@
 """Files and functions written by hand are short and simple; those that are not are listed, and lists only shrink."""
 
 import ast
+import itertools
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -10,6 +11,23 @@ LINES_OF_A_FILE = 600
 LINES_OF_A_FUNCTION = 60
 COMPLEXITY = 25
 """Ways through a function at most: one more than its branches, loops, handlers, conditions and their parts."""
+
+NUMBERS_BESIDE_TOLERANCES = {
+    "mbstab/analysis/algebra/shift_invert.py:SEED",
+    "mbstab/analysis/linear/bounds.py:UNLIKE",
+    "mbstab/analysis/linear/constancy.py:SMOOTH",
+    "mbstab/analysis/linear/minimum.py:RATIOS",
+    "mbstab/analysis/linear/periodic.py:INSTANTS",
+    "mbstab/analysis/linear/wording.py:MOST",
+    "mbstab/analysis/reference/symmetry_candidates.py:UNEVEN",
+    "mbstab/analysis/simulate/run.py:LISTED",
+    "mbstab/analysis/simulate/singular_passage.py:NODES",
+    "mbstab/analysis/simulate/steppers/implicit.py:RADAU_GAMMA",
+    "mbstab/analysis/simulate/steppers/implicit.py:RHO",
+    "mbstab/analysis/sweep/batched_verdict.py:MINIMUM, MAXIMUM, MULTIPLE",
+    "mbstab/analysis/sweep/batched_verdict.py:RIGHT, LEFT, AXIS, OPEN",
+}
+"""Codes, coefficients of integrators, lengths of lists, values without a structure: what is no tolerance."""
 
 LONG_FILES = {
     "mbstab/compiler/machine.py",
@@ -119,3 +137,40 @@ def test_ways_through_a_function_are_counted():
         "def f(x):\n  def g(): return 1 if x else 2\n  for y in x:\n    if y and x or g(): return [z for z in y if z]"
     )
     assert complexity(ast.parse(text).body[0]) == 1 + 1 + 1 + 2 + 2
+
+
+def numeric(node):
+    """Whether an expression consists of numbers."""
+    if isinstance(node, ast.Constant):
+        return type(node.value) in (int, float)
+    inside = (ast.Tuple, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.expr_context)
+    return isinstance(node, inside) and all(numeric(x) or isinstance(x, inside[3:]) for x in ast.iter_child_nodes(node))
+
+
+def test_tolerances_stand_together_in_their_wing():
+    found = {
+        f"{place(path)}:{ast.unparse(node.targets[0]).strip('()')}"
+        for path in (ROOT / "mbstab" / "analysis").rglob("*.py")
+        if path.name != "tolerances.py"
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.Assign) and numeric(node.value)
+    }
+    assert found == NUMBERS_BESIDE_TOLERANCES
+
+
+def test_tolerances_are_described_and_used():
+    used = {
+        node.attr
+        for path in (ROOT / "mbstab").rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute)
+    }
+    for path in (ROOT / "mbstab" / "analysis").glob("*/tolerances.py"):
+        (tolerances,) = (x for x in ast.parse(path.read_text(encoding="utf-8")).body if isinstance(x, ast.ClassDef))
+        fields = [
+            (x, next_) for x, next_ in itertools.pairwise([*tolerances.body, None]) if isinstance(x, ast.AnnAssign)
+        ]
+        assert fields
+        for x, next_ in fields:
+            assert isinstance(next_, ast.Expr), f"{place(path)}: {x.target.id} is not described"
+            assert x.target.id in used, f"{place(path)}: {x.target.id} is not used"
