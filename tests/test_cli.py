@@ -9,7 +9,6 @@ import re
 import shlex
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -577,9 +576,7 @@ def test_only_what_can_be_simplified_in_time_is(monkeypatch):
     assert re.search(r"\d+ entries are not simplified", result.stderr)
 
 
-def test_large_symbolic_matrices_come_in_time():
-    started = time.process_time()
+def test_large_symbolic_matrices_are_not_simplified():
     result = CliRunner().invoke(main, ["linearize", "whipple_bicycle.yaml", "--symbolic", "--format", "latex"])
     assert result.exit_code == 0
     assert "not simplified" in result.stderr
-    assert time.process_time() - started < 20.0

@@ -55,7 +55,7 @@ def verticals(axes):
 
 @pytest.fixture(scope="module")
 def top():
-    return sweep(mbstab.load("top.yaml").model, "omega", np.linspace(0.0, 10.0, 101), {})
+    return sweep(mbstab.load("top.yaml").model, "omega", np.linspace(0.0, 10.0, 101))
 
 
 # --- what is written on a picture -----------------------------------------------------------------------------------
