@@ -182,9 +182,9 @@ def test_problems_keep_their_points_through_blocks(small, tmp_path):
 
 COMMAND = """\
 import sys
-from mbstab.analysis.sweep import jobs
+from mbstab.analysis.sweep.tolerances import Tolerances
 from mbstab.cli import main
-jobs.POINTS = 300
+Tolerances.block_points = 300
 main(sys.argv[1:])
 """
 
