@@ -1182,7 +1182,7 @@ def test_options_are_lists_or_repeated(tmp_path):
     assert run(*single).stdout.splitlines()[1].startswith("0.46")
 
 
-TURNED = """
+PUSHED = """
 mbstab: 1
 parameters: {e: {value: 0.1}, D: {value: 0}}
 bodies: {p: {type: planar_point, mass: 1}}
@@ -1190,8 +1190,8 @@ forces:
   push: {type: expression, on: {p.x: -p.x - D*rate(p.x) + c*p.y, p.y: -p.y - c*p.x + r*rate(p.y)}}
 reference: {coordinates: {p: {x: 0, y: 0}}}
 """
-CIRCULATORY = TURNED.replace("c*", "e*").replace("r*", "0*")
-EXCITED = TURNED.replace("c*", "0*").replace("r*", "e*")
+CIRCULATORY = PUSHED.replace("c*", "e*").replace("r*", "0*")
+EXCITED = PUSHED.replace("c*", "0*").replace("r*", "e*")
 
 
 @pytest.mark.parametrize(("text", "damping"), [(CIRCULATORY, 0.0), (EXCITED, 0.0), (EXCITED, 1e4)])
