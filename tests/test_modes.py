@@ -291,3 +291,15 @@ def test_examples_in_motion_and_loops(model):
         if e.kind != "neutral":
             assert np.min(np.abs(values - e.value)) <= e.error_bound * (1.0 + 1e-9) + 1e-12
     assert few.verdict in STRENGTH[full.verdict]
+
+
+@pytest.mark.parametrize("growth", ["1e-10", "1e-12", "1e-40"])
+def test_weak_growth_beside_a_strong_damper_is_not_counted_as_damping(growth):
+    result = mbstab.loads(f"""
+mbstab: 1
+bodies: {{a: {{type: planar_point, mass: 1}}}}
+forces: {{f: {{type: expression, on: {{a.x: -a.x-1e6*rate(a.x), a.y: -a.y+{growth}*rate(a.y)}}}}}}
+reference: {{coordinates: {{a: {{x: 0, y: 0}}}}}}
+""").modes(2)
+    assert result.counts.unstable_proven != 0
+    assert result.verdict in ("unstable", "undecided")

@@ -235,17 +235,13 @@ def acts_symmetrically(
             place = states.setdefault(f.name == "mpmath", numbers(q, f) if f.name == "mpmath" else q.tolist())
             still = [f.number("0")] * len(q)
             K, R = element.slopes(place, still, still, time, f)
-            skew = any(R[i][j] != R[j][i] for i in range(len(R)) for j in range(i))
-            if not _symmetric(K, limit):
+            if not (_symmetric(K, limit) and _takes(R, limit)):
                 return None
+            each = range(len(R))
+            damps = any(R[i][j] + R[j][i] for i in each for j in each)
+            return damps, any(R[i][j] != R[j][i] for i in each for j in range(i))
     except (ArithmeticError, ValueError):
         return None
-    matrix = np.array([[float(x) for x in row] for row in R])
-    matrix = matrix + matrix.T
-    least = float(np.linalg.eigvalsh(matrix)[0]) if matrix.size else 0.0
-    if least < -1e-15 * float(np.max(np.abs(matrix), initial=0.0)):
-        return None
-    return bool(np.any(matrix)), skew
 
 
 def _symmetric(K: list[list[Any]], limit: float) -> bool:
