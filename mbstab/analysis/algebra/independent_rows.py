@@ -1,11 +1,4 @@
-"""Which rows of a large sparse matrix are independent, with the gap of the decision.
-
-    H = [[I, Jᵀ], [J, −δ²]]
-
-is regular whatever the rank of J is (Björck 1996, *Numerical Methods for Least Squares Problems*): with the
-right-hand side [0; Y] its lower part is −(JJᵀ + δ²)⁻¹ Y, so block inverse iteration finds the combinations of rows that
-are smallest. Their singular values come from JᵀY, where no digits are lost, not from those of the inverse.
-"""
+"""Which rows of a large sparse matrix are independent, with the gap of the decision."""
 
 from __future__ import annotations
 
@@ -13,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.sparse_rank import last_rows, smallest_singular_values
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
@@ -67,50 +61,12 @@ def independent_rows(J: Any) -> Independent:
     rows = J.shape[0]
     if not rows:
         return Independent(np.zeros(0, dtype=np.intp), np.inf, 0.0, np.zeros((0, 0)), np.zeros(0))
-    values, combinations = _smallest(J)
+    values, combinations = smallest_singular_values(J)
     null = values <= TOLERANCES.singular_value_zero
     left_null = combinations[:, null]
     dropped = float(np.max(values[null], initial=0.0))
     above = np.flatnonzero(~null)
     first = above[int(np.argmin(values[above]))] if len(above) else 0
     kept, doubtful = (float(values[first]), combinations[:, first]) if len(above) else (np.inf, np.zeros(rows))
-    return Independent(_independent(left_null), kept, dropped, left_null, doubtful)
-
-
-def _smallest(J: Any) -> tuple[Array, Array]:
-    """Return the smallest singular values, one of them at least above the threshold, and their left vectors."""
-    from scipy import sparse
-    from scipy.sparse.linalg import splu
-
-    rows, columns = J.shape
-    H = sparse.block_array(
-        [[sparse.eye_array(columns), J.T], [J, -(TOLERANCES.row_shift**2) * sparse.eye_array(rows)]], format="csc"
-    )
-    lu = splu(H)
-    rng, size = np.random.default_rng(3), TOLERANCES.row_combinations
-    while True:
-        size = min(size, rows)
-        Y = np.linalg.qr(rng.normal(size=(rows, size)))[0]
-        for _ in range(TOLERANCES.row_iterations):
-            Y = np.linalg.qr(lu.solve(np.vstack([np.zeros((columns, size)), Y]))[columns:])[0]
-        _, values, right = np.linalg.svd(J.T @ Y, full_matrices=False)
-        if len(values) < size:  # more combinations than columns
-            right, values = np.linalg.svd(J.T @ Y)[2], np.concatenate([values, np.zeros(size - len(values))])
-        if size == rows or values[0] > TOLERANCES.singular_value_zero:
-            return values, Y @ right.T
-        size *= 2
-
-
-def _independent(left_null: Array) -> Any:
-    """Return the rows that are left when the last one is left out of each combination that vanishes."""
-    rest, dropped = left_null.T.copy(), list[int]()
-    for i in range(rest.shape[1] - 1, -1, -1):
-        k = len(dropped)
-        if k == len(rest):
-            break
-        best = k + int(np.argmax(np.abs(rest[k:, i])))
-        if abs(rest[best, i]) > TOLERANCES.row_weight_dependent:
-            rest[[k, best]] = rest[[best, k]]
-            rest[k + 1 :] -= np.outer(rest[k + 1 :, i] / rest[k, i], rest[k])
-            dropped.append(i)
-    return np.setdiff1d(np.arange(left_null.shape[0]), dropped)
+    independent = np.setdiff1d(np.arange(rows), [last for last, _ in last_rows(left_null)])
+    return Independent(independent, kept, dropped, left_null, doubtful)

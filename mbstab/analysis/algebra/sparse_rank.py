@@ -45,13 +45,17 @@ class Rows:
         found = self._lu.solve(np.concatenate([top, bottom]))
         return found[: self.n], found[self.n :]
 
+    def split(self, b: Array) -> tuple[Array, Array]:
+        """Return the part x of b that the rows allow, and y with b = x + Jᵀ y."""
+        return self.solve(b, np.zeros((self.c, *b.shape[1:])))
+
     def allowed(self, b: Array) -> Array:
         """Return the part of b that the rows allow."""
-        return self.solve(b, np.zeros((self.c, *b.shape[1:])))[0]
+        return self.split(b)[0]
 
     def multipliers(self, b: Array) -> Array:
         """Return the y of least |b − Jᵀ y|."""
-        return self.solve(b, np.zeros((self.c, *b.shape[1:])))[1]
+        return self.split(b)[1]
 
     def shortest(self, b: Array) -> Array:
         """Return the shortest x with J x = b."""
@@ -63,7 +67,7 @@ def sparse_rank(J: Any, tolerance: float = TOLERANCES.singular_value_zero) -> Ra
     from scipy.sparse.linalg import LinearOperator
 
     c, n = J.shape
-    s, left = _smallest(J, tolerance) if c else (np.zeros(0), np.zeros((0, 0)))
+    s, left = smallest_singular_values(J, tolerance) if c else (np.zeros(0), np.zeros((0, 0)))
     null = s <= tolerance
     dependent, s_kept = left[:, null], s[~null]
     dropped = [last for last, _ in last_rows(dependent)]
@@ -88,7 +92,7 @@ def sparse_rank(J: Any, tolerance: float = TOLERANCES.singular_value_zero) -> Ra
     return Rank(len(kept), least, most, _null_space(rows, n - len(kept)), dependent, doubtful, operator)
 
 
-def _smallest(
+def smallest_singular_values(
     J: Any, tolerance: float = TOLERANCES.singular_value_zero, most: int | None = None
 ) -> tuple[Array, Array]:
     """Return the smallest singular values of rows, one at least that does not vanish, and their left vectors."""
@@ -101,6 +105,8 @@ def _smallest(
             Y = np.linalg.qr(factored.solve(np.zeros((factored.n, count)), Y)[1])[0]
         # From the rows themselves: 1/(σ² + δ²) has lost half of the digits.
         _, s, turn = np.linalg.svd(J.T @ Y, full_matrices=False)
+        if len(s) < count:  # more combinations than columns
+            turn, s = np.linalg.svd(J.T @ Y)[2], np.concatenate([s, np.zeros(count - len(s))])
         if count == c or s[0] > tolerance or (most is not None and s[0] <= tolerance and count > most):
             return s, Y @ turn.T
         count = min(2 * count, c)
@@ -170,7 +176,7 @@ def sparse_null_space(A: Any, most: int) -> Array | None:
     found[free, np.arange(len(free))] = 1.0
     if not len(seen):
         return found
-    s, left = _smallest(columns[seen], TOLERANCES.direction_unseen, most)
+    s, left = smallest_singular_values(columns[seen], TOLERANCES.direction_unseen, most)
     null = s <= TOLERANCES.direction_unseen
     if len(free) + int(np.sum(null)) > most:
         return None

@@ -44,10 +44,6 @@ class Tolerances:
     row_weight_dependent: Final = 1e-7
     """A row takes part in a combination that vanishes if its weight is larger; the rank decision said that one
     exists."""
-    row_combinations: Final = 8
-    """Combinations that are looked for at first …"""
-    row_iterations: Final = 4
-    """… and steps of inverse iteration for them."""
     entry_rounding: Final = 4.0 * EPS
     """Entries of rows are known to this."""
     inertia_error: Final = 0.1

@@ -20,6 +20,7 @@ import numpy as np
 from mbstab.analysis.algebra.independent_rows import Independent, independent_rows
 from mbstab.analysis.algebra.inertia import ConstrainedForms
 from mbstab.analysis.algebra.sparse import in_sparse
+from mbstab.analysis.algebra.sparse_rank import Rows
 from mbstab.analysis.algebra.subspaces import Redundancy, coordinate_scale, require_gap
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.coefficients import Matrices
@@ -174,29 +175,11 @@ def _redundant(system: System, found: Independent, rows: Any) -> list[str]:
     return texts
 
 
-class _Allowed:
-    """[[1, Ĵᵀ], [Ĵ, 0]] of independent rows, factored."""
-
-    def __init__(self, J: Any) -> None:
-        from scipy.sparse import block_array
-        from scipy.sparse.linalg import splu
-
-        self.c, self.n = J.shape
-        self._lu = splu(block_array([[_identity(self.n), J.T], [J, None]], format="csc")) if self.c else None
-
-    def split(self, b: Array) -> tuple[Array, Array]:
-        """Return the part x of b that the rows allow, and y with b = x + Jᵀ y."""
-        if self._lu is None:
-            return b, b[:0]
-        found = self._lu.solve(np.concatenate([b, np.zeros((self.c, *b.shape[1:]))]))
-        return found[: self.n], found[self.n :]
-
-
 def _balanced(finder: Finder, rest: Rest, J: Any) -> Rest:
     """Return the reference with its multipliers; refuse one that is not in equilibrium."""
     system, scale = rest.system, rest.scale
     force, rows = rest.dynamics.F0 * scale, J[rest.kept]
-    allowed = _Allowed(rows)
+    allowed = Rows(rows)
     forces, transposed = force.astype(np.longdouble), rows.T.astype(np.longdouble)
     nu, left = np.zeros(len(rest.kept), dtype=np.longdouble), force
     for _ in range(1 + TOLERANCES.multiplier_corrections):
@@ -212,7 +195,7 @@ def _balanced(finder: Finder, rest: Rest, J: Any) -> Rest:
     return replace(found, displaced=_displaced(found, allowed))
 
 
-def _displaced(rest: Rest, allowed: _Allowed) -> tuple[Matrices, ...]:
+def _displaced(rest: Rest, allowed: Rows) -> tuple[Matrices, ...]:
     system, scale, still = rest.system, rest.scale, 0.0 * rest.q
 
     def matrices(q: Array, nu: Array, at: Dynamics) -> Matrices:
@@ -280,9 +263,9 @@ def _check_constant_rank(rest: Rest, J: Any) -> None:
     if not len(dropped):
         return
     left_null = independent_rows(J[: system.n_h]).left_null
-    probes = _Allowed(J[rest.kept]).split(
-        np.random.default_rng(9).normal(size=(system.n_q, TOLERANCES.curvature_probes))
-    )[0]
+    probes = Rows(J[rest.kept]).split(np.random.default_rng(9).normal(size=(system.n_q, TOLERANCES.curvature_probes)))[
+        0
+    ]
 
     def along(matrix: Any, x: Array) -> Array:
         result: Array = x.T @ (scaled(matrix, rest.scale, rest.scale) @ x)
