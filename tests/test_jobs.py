@@ -5,14 +5,16 @@ import errno
 import multiprocessing
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
-from children import child, until
+from children import child, command_line, until
 from click.testing import CliRunner
 from sampling import sample
 
@@ -462,6 +464,33 @@ def test_blocks_of_another_version_are_refused(bicycle, whole, tmp_path, monkeyp
         with pytest.raises(UsageError, match="another version of the program"):
             bicycle.sweep("v", X, directory=place, resume=True)
     assert_same(whole, bicycle.sweep("v", X, directory=place, resume=True))
+
+
+def test_every_source_belongs_to_the_version(tmp_path, monkeypatch):
+    home = tmp_path / "mbstab"
+    shutil.copytree(Path(mbstab.__file__).parent, home, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(mbstab, "__file__", str(home / "__init__.py"))
+    before = jobs._program.__wrapped__()
+    for name in ("compiler/system.py", "model/reader.py", "analysis/algebra/balls.py"):
+        (home / name).write_text("", encoding="utf-8")
+        after = jobs._program.__wrapped__()
+        assert after != before
+        before = after
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=str)
+def test_a_sweep_by_several_processes_ends_quietly(tmp_path, number):
+    out = tmp_path / "v.csv"
+    values = ("--param", "v", "--from", "1", "--to", "9", "--points", "2000000", "--jobs", "2")
+    command = command_line("sweep", "whipple_bicycle.yaml", *values, "-o", out)
+    with child(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        until(lambda: any((tmp_path / "v.csv.parts").glob("block-*")), process)
+        process.send_signal(number)
+        shown, said = process.communicate(timeout=60)
+    assert (process.returncode, shown) == (1, "")
+    assert "--resume" in said
+    assert "Warning" not in said
+    assert "Traceback" not in said
 
 
 def test_a_file_in_the_place_of_the_parts(bicycle, small, tmp_path):

@@ -8,7 +8,7 @@ import pytest
 
 import mbstab
 from mbstab.analysis.algebra.matching import matched
-from mbstab.errors import ConstraintError, MassError, ModelFileError
+from mbstab.errors import ConstraintError, MassError, MbstabError, ModelFileError
 from mbstab.model.library import find_model
 
 
@@ -1097,6 +1097,15 @@ def test_a_motion_without_mass_is_an_error_that_names_the_body():
     )
     with pytest.raises(MassError, match=message):
         mbstab.loads(weightless).motion()
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter"),
+    [("andrews_squeezer", "m2"), ("slider_crank", "m_s"), ("governor", "I_rod"), ("bead_on_hoop", "m")],
+)
+def test_inertias_too_far_apart_for_a_rank_decision_are_named(name, parameter):
+    with pytest.raises(MbstabError, match=r"inertias are too far apart for double precision: 1e\+30 kg"):
+        mbstab.load(f"{name}.yaml").eig(**{parameter: 1e30})
 
 
 def test_no_inertia_is_needed_where_a_joint_gives_a_lever():

@@ -396,6 +396,18 @@ def test_long_lists_of_neutral_directions_are_shortened_but_in_json(tmp_path):
     assert len(modulo["symmetries"]) + len(modulo["family"]) == 72
 
 
+def test_what_neutral_eigenvalues_belong_to_is_said_beside_an_unstable_one(tmp_path):
+    path = tmp_path / "cart.yaml"
+    path.write_text(
+        "mbstab: 1\nbodies:\n  cart: {type: point, mass: 1}\n"
+        "forces:\n  push: {type: expression, on: {cart.x: 3*cart.x}}\n"
+    )
+    assert "neutral eigenvalues belong to: cart.y, cart.z, speed along cart.y" in " ".join(run("eig", path).stdout.split())
+    data = json.loads(run("eig", path, "--format", "json").stdout)
+    assert data["verdict"] == "unstable"
+    assert data["neutral_directions"] [:2] == ["cart.y", "cart.z"]
+
+
 def test_matrices_that_nobody_reads_are_refused(monkeypatch, capsys):
     monkeypatch.setattr("mbstab.analysis.linear.tolerances.Tolerances.printed_operations", 10)
     with pytest.raises(SystemExit) as stop:

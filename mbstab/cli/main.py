@@ -6,7 +6,9 @@ import errno
 import io
 import logging
 import os
+import signal
 import sys
+import threading
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any
@@ -102,6 +104,11 @@ def _exit_code(run: Callable[[], Any]) -> int:
     return 1
 
 
+def _interrupt(number: int, frame: Any) -> None:
+    """Let a request to terminate stop a command as Ctrl-C does: no half file and no process is left."""
+    raise KeyboardInterrupt
+
+
 def _version(ctx: click.Context, _: click.Parameter, value: bool) -> None:
     if value and not ctx.resilient_parsing:
         from importlib.metadata import version
@@ -121,5 +128,7 @@ def main() -> None:
     --verify contradicts.
     """
     one_thread_by_default()
+    if threading.current_thread() is threading.main_thread():  # elsewhere signals cannot be handled
+        signal.signal(signal.SIGTERM, _interrupt)
     # It finds another place for its fonts where it may not write, and need not say so.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import signal
-import threading
-from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -45,23 +42,6 @@ if TYPE_CHECKING:
 
 METHODS = ("projection", "alpha", "radau")
 SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
-
-
-@contextlib.contextmanager
-def _terminable() -> Iterator[None]:
-    """Let a request to terminate stop the command as Ctrl-C does: no half file is left."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def stop(number: int, frame: Any) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 @click.command()
@@ -125,7 +105,6 @@ def _terminable() -> Iterator[None]:
 @animation_options
 @click.option("--full", is_flag=True, help="Show all coordinates in the table, not only the first 40.")
 @output_options("table", "json", "csv", "npz")
-@_terminable()
 def simulate(
     file: str,
     settings: tuple[str, ...],

@@ -196,7 +196,7 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
             f"out {c.extra_error:.0e} 1/s away"
         )
         lines += wrap(text, width=WIDTH)
-    if c.neutral and (names := (*result.modulo.symmetries, *result.modulo.family)):
-        shown = _fitting(names, 3 * WIDTH)
+    if c.neutral and result.neutral_directions:
+        shown = _fitting(result.neutral_directions, 3 * WIDTH)
         lines += wrap(f"neutral eigenvalues belong to: {shown}", width=WIDTH, subsequent_indent="  ")
     return lines

@@ -70,7 +70,8 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
     ``kind``, ``frequency`` in Hz, ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s,
     ``error_bound`` in 1/s, ``condition``, ``backward_error``, ``participation``, ``vector``), ``coordinates``
     (their names and units, in the order of the vectors), ``counts``
-    (`mbstab.analysis.linear.results.Counts`), ``warnings``. A ``vector`` has ``magnitude`` (m or rad) and
+    (`mbstab.analysis.linear.results.Counts`), ``neutral_directions`` (what the neutral eigenvalues belong to, in
+    words, whatever the verdict), ``warnings``. A ``vector`` has ``magnitude`` (m or rad) and
     ``phase`` (rad) of each coordinate; the one that moves most, lengths relative to the size of the scene,
     has magnitude 1 and phase 0. It is null where there is none: of neutral eigenvalues and multipliers.
     """
@@ -103,6 +104,7 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
         ],
         "coordinates": [{"name": name, "unit": unit_of(name)} for name in result.coordinates],
         "counts": {**asdict(result.counts), "degrees_of_freedom": result.counts.degrees_of_freedom},
+        "neutral_directions": result.neutral_directions,
         "warnings": result.warnings,
     }
 

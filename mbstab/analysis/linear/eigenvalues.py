@@ -89,7 +89,8 @@ def _result(
     spaces, centres = linear.motion.spaces, [d.centre for d in placed.discs]
     number = len(placed.values)
     discs = place(centres, [d.radius for d in placed.discs], [len(d.members) for d in placed.discs], grounds.mirrored)
-    verdict = judge(grounds.facts(discs, number + (len(neutral) if found is None else 0)))
+    facts = grounds.facts(discs, number + (len(neutral) if found is None else 0))
+    verdict = judge(facts)
     listed: list[Eigenvalue] = []
     modes = Modes(linear, placed)
     for disc, members in zip(discs, (d.members for d in placed.discs), strict=True):
@@ -111,6 +112,7 @@ def _result(
     return EigenResult(
         listed, verdict, counts, method, (*linear.motion.warnings, *inexact(listed), *verdict.warnings), frame,
         not linear.constant or linear.frozen, shifts, coordinates=tuple(linear.names),
+        neutral_directions=verdict.modulo.names or facts.neutral.names,
     )  # fmt: skip
 
 

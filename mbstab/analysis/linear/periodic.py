@@ -90,7 +90,10 @@ def periodic_answer(
     counts = Counts(
         system.n_q, system.n_h, system.n_n, spaces.C.rank, spaces.W.rank, spaces.n_f, len(found), len(neutral), 0, 0
     )  # fmt: skip
-    return EigenResult(found, judged, counts, "floquet", (*motion.warnings, *judged.warnings), period=period)
+    return EigenResult(
+        found, judged, counts, "floquet", (*motion.warnings, *judged.warnings), period=period,
+        neutral_directions=separated.neutral.names,
+    )  # fmt: skip
 
 
 def _listed(

@@ -137,6 +137,8 @@ class EigenResult(Judged):
         Whether these are frozen-time eigenvalues, which say nothing about stability.
     coordinates : tuple of str
         Names of the entries of the vectors.
+    neutral_directions : tuple of str
+        What the neutral eigenvalues belong to, in words, whatever the verdict.
     """
 
     eigenvalues: list[Eigenvalue]
@@ -149,6 +151,7 @@ class EigenResult(Judged):
     shifts: tuple[float, ...] = ()
     period: float | None = None
     coordinates: tuple[str, ...] = ()
+    neutral_directions: tuple[str, ...] = ()
 
     def values(self) -> Complex:
         """Return the eigenvalues that are not neutral, shape (n,)."""

@@ -263,6 +263,11 @@ class Modulo:
     symmetries: tuple[str, ...] = ()
     family: tuple[str, ...] = ()
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return all of them in words."""
+        return self.symmetries + self.family
+
 
 @dataclass(frozen=True)
 class Verdict:

@@ -201,9 +201,10 @@ def _at(model: Model, digits: int) -> tuple[Certificate, bool]:
     judged, conditions = case.verdict, (*proof.conditions, *case.conditions)
     assumed = (*proof.assumed, *case.conditions)
     if judged.word == UNDECIDED:
-        named = list(dict.fromkeys(e.why for e in found if e.kind == "open" and e.why))
-        reasons = (*dict.fromkeys(judged.reasons), *([f"nothing explains: {', '.join(named)}"] if named else []))
-        statement = f"not provable with {digits} digits: {'; '.join(reasons)}"
+        reasons = tuple(dict.fromkeys(judged.reasons))
+        if named := list(dict.fromkeys(e.why for e in found if e.kind == "open" and e.why)):
+            reasons += (f"nothing explains: {', '.join(named)}",)
+        statement = f"not provable with {digits} digits: {reasons[0]}"
         hope = any(e.wide for e in found if e.kind == "open")
         return Certificate(OPEN, statement, found, assumed, reasons, digits, judged=judged), hope
     statement = f"proven {in_words(judged.word, judged.modulo)}{_provided(conditions)}: {_counted(found)}"

@@ -292,7 +292,7 @@ def common(parts: Sequence[Part]) -> tuple[str, Modulo] | None:
 
 def in_words(word: str, modulo: Modulo) -> str:
     """Return a verdict with what it holds up to."""
-    names = (*modulo.symmetries, *modulo.family)
+    names = modulo.names
     return f"{word} ({phrases(names)})" if word in (ASYMPTOTIC_UP_TO, STABLE_UP_TO) and names else word
 
 

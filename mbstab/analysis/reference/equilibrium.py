@@ -26,7 +26,7 @@ from mbstab.analysis.reference.efforts import Acted, Placement, efforts
 from mbstab.analysis.reference.equations import Balance, State
 from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.reference.guard import coefficients
-from mbstab.analysis.reference.motion import Finder, Motion, force_change
+from mbstab.analysis.reference.motion import Finder, Motion, force_change, inertias_too_far_apart
 from mbstab.analysis.reference.newton import Search, Stalled, newton_step
 from mbstab.analysis.reference.reactions import Reaction, reactions
 from mbstab.analysis.reference.rotation import orientation
@@ -386,6 +386,9 @@ class Problem:
         if flat:
             lines.append(f"the Euler angles of {', '.join(map(repr, flat))} are singular there")
             hint = "give them another base rotation with axes: [phi, theta, psi], so that theta stays away from pi/2"
+        M = self.system.dynamics(state.q, 0.0 * state.q, self.scene.time).M
+        if apart := inertias_too_far_apart(self.system, M, search.sizes):
+            return EquilibriumError("\n".join([*lines, apart]))
         pulled = self._nothing_holds(state)
         if pulled:
             lines.append(f"nothing holds {pulled}: whatever the position, the force along it stays")

@@ -354,13 +354,13 @@ class Finder:
         scale, row_scale = spaces.scale, spaces.row_scale
         J, M = scaled(state.J, scale, row_scale), scaled(state.M, scale, scale)
         allowed = spaces.allowed
-        self._check_mass(allowed.T @ M @ allowed, allowed)
+        self._check_mass(state.M, allowed.T @ M @ allowed, allowed)
         inverse = spaces.inverse(J)
         force, bias = -(state.F0 * scale), state.B * row_scale
         self._check_compatible(bias - J @ (inverse @ bias), bias)
         a, nu = _balance(M, J, inverse, allowed, force, bias)
         if redundant:
-            self._check_constant_rank(q, u, time, spaces)
+            self._check_constant_rank(q, u, time, spaces, state.M)
             self.warnings += [f"redundant constraint: {item}" for item in redundant]
             misfit = max(spaces.C.largest_dropped, spaces.W.largest_dropped)
             if misfit > TOLERANCES.coordinate_rounding:
@@ -381,13 +381,14 @@ class Finder:
             motion = replace(motion, a=expected, nu=nu * row_scale, generators=(steady,), declared=declared)
         return motion
 
-    def _check_mass(self, M_z: Array, allowed: Array) -> None:
+    def _check_mass(self, M: Any, M_z: Array, allowed: Array) -> None:
         """Every motion that the constraints allow must carry mass."""
         if not M_z.size:
             return
         values = np.linalg.eigvalsh(M_z)
         if values[0] > 1e-13 * values[-1]:
             return
+        self._refuse_inertias_too_far_apart(M)
         _, vectors = np.linalg.eigh(M_z)
         motion = np.abs(allowed @ vectors[:, 0])
         involved = [self.system.names[i] for i in np.argsort(-motion) if motion[i] > 0.3 * motion.max()][:4]
@@ -448,7 +449,13 @@ class Finder:
         )
         raise ModelFileError([self._at_reference(message, hint)])
 
-    def _check_constant_rank(self, q: Array, u: Array, time: float, spaces: Subspaces) -> None:
+    def _refuse_inertias_too_far_apart(self, M: Any) -> None:
+        """Explain a failed rank decision by inertias whose ratio leaves no digits for it."""
+        text = inertias_too_far_apart(self.system, M, self.sizes)
+        if text:
+            raise MassError(f"{self.scene.model.reference.location}: {text}")
+
+    def _check_constant_rank(self, q: Array, u: Array, time: float, spaces: Subspaces, M: Any) -> None:
         """Redundancy is harmless if it persists nearby: Nᵀ (Σ δ_i ∇²C_i) N = 0 for every dependence δ."""
         n_h, zero = self.system.n_h, np.zeros(self.system.n_q)
         straight = self.system.linearize(q, u, zero, np.zeros(self.system.n_c), time)[0]
@@ -473,6 +480,7 @@ class Finder:
             acting = np.flatnonzero(np.abs(combination) > 1e-9 * np.max(np.abs(combination)))
             single = max(largest(curvature(combination * (np.arange(n_h) == i))) for i in acting)
             if total > max(TOLERANCES.curvature_of_dependent_rows * single, rounding):
+                self._refuse_inertias_too_far_apart(M)
                 weights = np.abs(combination)
                 names = [str(self.system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
                 raise ConstraintError(singular_configuration(total / single, names))
@@ -484,6 +492,28 @@ def singular_configuration(curvature: float, rows: list[str]) -> str:
         "the mechanism is at a singular configuration: constraints that are independent nearby depend on "
         f"each other here (curvature {curvature:.3g})\nthe rows involved: {'; '.join(rows)}\n"
         "hint: eigenvalues do not exist at such a point; move the reference away from it"
+    )
+
+
+def inertias_too_far_apart(system: System, M: Any, sizes: Array) -> str:
+    """Return what to say where inertias differ by so much that double precision cannot tell ranks; else nothing."""
+    diagonal = M.diagonal()
+    moved = np.flatnonzero(diagonal > 0.0)
+    if not len(moved):
+        return ""
+    inertia = diagonal[moved] * sizes[moved] ** 2
+    heavy, light = moved[np.argmax(inertia)], moved[np.argmin(inertia)]
+    ratio = float(np.max(inertia) / np.min(inertia))
+    if ratio * ALGEBRA.singular_value_zero**2 < 1.0:
+        return ""
+
+    def shown(i: np.intp) -> str:
+        return f"{diagonal[i]:.3g} {'kg' if is_length(system.names[i]) else 'kg*m^2'} along {system.names[i]}"
+
+    return (
+        f"the inertias are too far apart for double precision: {shown(heavy)}, {shown(light)} "
+        f"(ratio {ratio:.0e}, at most {ALGEBRA.singular_value_zero**-2:.0e})\n"
+        "hint: correct the larger or the smaller; what is meant to stand still can be joined to ground"
     )
 
 

@@ -25,6 +25,7 @@ from zipfile import BadZipFile
 import numpy as np
 import numpy.typing as npt
 
+import mbstab
 from mbstab.analysis.algebra.arrays import Complex, Flags
 from mbstab.analysis.linear.verdict import UNDECIDED
 from mbstab.analysis.reference.paths import Path as Solutions
@@ -410,7 +411,7 @@ def key_of(all_tasks: list[Task]) -> str:
 @functools.cache
 def _program() -> str:
     """Return what tells this program from others: all of its sources."""
-    digest, home = hashlib.sha256(), Path(__file__).parents[1]
+    digest, home = hashlib.sha256(), Path(mbstab.__file__).parent
     for path in sorted(home.rglob("*")):
         if path.is_file() and "__pycache__" not in path.parts:
             digest.update(str(path.relative_to(home)).encode() + path.read_bytes())
