@@ -1,8 +1,8 @@
-"""Whether everything in a model file is an analytic function of its parameters where they are intervals.
+"""Whether all expressions of a model file are analytic functions of its parameters over their intervals.
 
 What is proven about the elements at one value of a parameter holds for all values only if the
-expressions go on analytically between them: over a kink of ``abs``, a joint of ``smooth_start``, a pole or
-the end of a domain another function may begin.
+expressions are analytic in between: beyond a kink of ``abs``, a joint of ``smooth_start``, a pole or
+the end of a domain, another function may begin.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def require_analytic(model: Model, overrides: Mapping[str, BallType]) -> None:
     Raises
     ------
     NotProvable
-        With the expression.
+        Names the expression.
     """
     wide = {name for name, x in overrides.items() if at_part(x, HALF) is not x}
     if not wide:
@@ -45,7 +45,7 @@ def require_analytic(model: Model, overrides: Mapping[str, BallType]) -> None:
 
 
 def _expressions(model: Model, overrides: Mapping[str, BallType]) -> Iterator[Expression]:
-    """Yield what the file says of parameters, bodies, elements and the reference."""
+    """Yield the expressions of parameters, bodies, elements and the reference."""
     yield from (x.expression for name, x in model.parameters.items() if name not in overrides and x.given is None)
     entries = [*model.bodies.values(), *(entry for group in model.entries.values() for entry in group.values())]
     reference = model.reference
@@ -109,7 +109,7 @@ class _Reader:
         return self._evaluated(lambda: getattr(self.f, node.function)(*found))
 
     def _avoided(self, where: Break, arguments: list[Any]) -> bool:
-        """Whether arguments are nowhere at a break."""
+        """Return whether the arguments avoid a break everywhere."""
         if where.unless is not None and where.unless(self.f, *arguments) > 0:
             return True
         return any(x > 0 or x < 0 for x in where.where(self.f, *arguments))

@@ -17,7 +17,7 @@ from mbstab.compiler.system import Array, System
 
 
 class Known(Protocol):
-    """What the equations need to know of a scene in balls (`mbstab.analysis.proof.enclosures.Reference`)."""
+    """What the equations need from a scene in balls (`mbstab.analysis.proof.enclosures.Reference`)."""
 
     system: System
     rough: Rough
@@ -48,7 +48,7 @@ def forces(M: Matrix, a: Sequence[Ball], F0: Sequence[Ball], J: Matrix, nu: Sequ
 
 
 class Equations:
-    """The equations F = 0, E = 0 of a rest, and V = 0 of a steady motion, in balls.
+    """The equations F = 0, E = 0 of an equilibrium, and V = 0 of a steady motion, in balls.
 
     The unknowns are the coordinates that are not given, the coefficients of the steady motion that
     are not given, and the multipliers of the chosen rows.
@@ -57,7 +57,7 @@ class Equations:
     ----------
     known : Known
     q : list of ball
-        Coordinates; those that are given count.
+        Coordinates; only those that are given are used.
     hold : bool
         Whether all of them are given.
     """
@@ -72,7 +72,7 @@ class Equations:
 
     @cached_property
     def multipliers(self) -> Array:
-        """Those of the chosen rows in double precision."""
+        """Multipliers of the chosen rows in double precision."""
         motion = self.known.rough.motion
         if not self.known.left_out:
             result: Array = motion.nu[self.known.rows]
@@ -82,7 +82,7 @@ class Equations:
         return np.asarray(-np.linalg.lstsq(J, force, rcond=1e-12)[0], dtype=float)
 
     def start(self) -> list[Ball]:
-        """Return the unknowns where double precision has found them."""
+        """Return the unknowns as found in double precision."""
         found = [*self.free, *(float(x) for x in self.multipliers)]
         return [*(self.q[i] for i in self.open), *(ball(x) for x in found)]
 
@@ -102,12 +102,12 @@ class Equations:
         return moved, list(x[n : n + k]), list(x[n + k :])
 
     def state(self, x: Sequence[Ball]) -> State:
-        """Return the motion that unknowns stand for."""
+        """Return the motion for given unknowns."""
         q, c, nu = self._split(x)
         return steady_state(self.known.generator(q, c), q, nu)
 
     def residual(self, x: Sequence[Ball]) -> list[Ball]:
-        """Return forces, then what is left of positions, speeds and given rates."""
+        """Return the residuals of forces, positions, speeds and given rates, in this order."""
         at = self.state(x)
         M, F0, E, V, J = self.known.dynamics(at.q, at.u)
         left = [*forces(M, at.a, F0, J, at.nu), *E[: self.known.r_h]]
@@ -169,7 +169,7 @@ class Equations:
         Raises
         ------
         NotProvable
-            If there are not as many.
+            If there are fewer than unknowns.
         """
         nu, n = self.multipliers, len(start)
         G = np.array([[float(x.mid()) for x in row] for row in self.jacobian([x.mid() for x in start])])

@@ -1,30 +1,30 @@
 """Eigenvalues with proven radii, and verdicts that are theorems.
 
 The kernels run on balls (`mbstab.analysis.algebra.balls`), the constraints are eliminated by pivots that
-are proven to be different from zero, and what is left, ẏ = S y, contains the linearized equations
+are proven to be nonzero, and the resulting ẏ = S y contains the linearized equations
 for all values of the parameters in their balls. Then
 
-1.  directions of symmetries and families of motions are divided out, and S is restricted to given
+1.  S is taken modulo the directions of symmetries and families of motions, and restricted to given
     values of conserved functions: their eigenvalues are zero, or ±iΩ of a turning frame. They are
     those that double precision has found, verified as identities (`mbstab.analysis.proof.identities`);
 2.  S is split along its exact zeros into blocks that do not feed back into each other (strongly
-    connected components). The roots of a block are those of its characteristic polynomial; zeros
-    that are left stay unexplained;
-3.  if the states of a block fall into two kinds such that each kind drives the other only, then
+    connected components). The eigenvalues of a block are the roots of its characteristic polynomial; zeros
+    that remain are unexplained;
+3.  if the states of a block fall into two groups such that each group drives only the other, then
     S = [[0, A], [B, 0]] and the roots are ±√σ for the eigenvalues σ of A B, and zeros: the spectrum
-    is symmetric, and a σ that is real, negative and simple is a pair that lies *on* the imaginary
-    axis. The same is so where the energy is conserved and there are no rows on speeds, and where
-    motions at rest are the same backwards in time: the polynomial is even;
+    is symmetric, and a σ that is real, negative and simple gives a pair *on* the imaginary
+    axis. The same holds where the energy is conserved and there are no rows on speeds, and where
+    equations about a rest are reversible in time: the polynomial is even;
 4.  roots are enclosed in discs (Smith 1970) where the parameters are numbers; where they are
-    intervals, Routh's array says on which side of the axis they are;
-5.  where the energy never increases its second variation is tried for a strict minimum.
+    intervals, Routh's array tells on which side of the axis they are;
+5.  where the energy never increases, its second variation is tested for a strict minimum.
 
-What follows from all that is up to the one rule of `mbstab.analysis.linear.verdict`
+The verdict follows from these facts by the rule of `mbstab.analysis.linear.verdict`
 (`mbstab.analysis.proof.proven_facts` collects the facts).
 
 Equilibria and steady motions are enclosed by the operator of Krawczyk (1969, Computing 4; Rump
-2010, Acta Numerica 19, section 13), which proves that there is one and only one near the
-program's solution. Over an interval one of them is followed (`mbstab.analysis.proof.intervals`).
+2010, Acta Numerica 19, section 13), which proves that there is exactly one near the
+solution in double precision. Over an interval one of them is followed (`mbstab.analysis.proof.intervals`).
 What is not proven is part of the statement: "proven …, provided that …".
 """
 
@@ -73,7 +73,7 @@ class Certificate:
     conditions : tuple of str
         What is not proven and must hold for the verdict to be true, as clauses of a sentence.
     assumed : tuple of str
-        The same in full, and what was taken as found.
+        The same in full, and what was taken over from double precision.
     reasons : tuple of str
         Why there is no verdict.
     digits : int
@@ -83,15 +83,15 @@ class Certificate:
     unit : str
         Declared unit of that parameter.
     factor : float
-        Turns it into SI.
+        Factor from that unit to SI.
     parts : tuple of Part
-        Of an interval, in ascending order (SI).
+        Parts of the interval, in ascending order (SI).
     followed : str
-        Over an interval, which equilibrium it is about if the file leaves it to the program.
+        Over an interval, the equilibrium that is judged, if the file does not determine it.
     notes : tuple of str
-        What the verdict rests on besides eigenvalues, and what the linearized equations do not say.
+        What the verdict rests on besides eigenvalues, and what the linearized equations leave open.
     judged : Verdict or None
-        The answer of the one rule; None: it was not reached, or the answer is about an interval.
+        The verdict of the common rule; None: it was not reached, or the answer is for an interval.
     modulo : Modulo
         Symmetries and families of motions up to which the verdict holds.
     """
@@ -124,7 +124,7 @@ class Certificate:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What may destroy stability that is proven."""
+        """What may destroy the proven stability."""
         return self.judged.warnings if self.judged is not None else ()
 
     @property
@@ -151,9 +151,9 @@ def certify(model: Model, digits: int = 50, progress: Callable[[float], object] 
     model : Model
         One of its parameters may be given as an interval (`mbstab.model.parameters.bound`).
     digits : int
-        Decimal digits; twice and four times as many where a verdict is open.
+        Decimal digits; twice and four times as many are tried where a verdict is open.
     progress : callable
-        Is called with the part of an interval that is decided, from 0 to 1.
+        Called with the fraction of the interval that is decided, from 0 to 1.
 
     Raises
     ------
@@ -240,7 +240,7 @@ KINDS = {
 """Kinds of eigenvalues in words."""
 
 NEUTRAL = ("zero", "carried")
-"""Kinds of those that symmetries and families of motions explain."""
+"""Kinds of eigenvalues that symmetries and families of motions explain."""
 
 
 # --- intervals of a parameter ---------------------------------------------------------------------------------------
@@ -293,7 +293,7 @@ def _over(model: Model, name: str, digits: int, progress: Callable[[float], obje
 
 
 def _fraction(x: Ball, up: bool) -> Fraction:
-    """Return a number as a fraction, rounded outwards if it is none."""
+    """Return a number as a fraction, rounded outwards if it is not one exactly."""
     exact = balls.fraction(x)
     if exact is not None:
         return exact
@@ -312,13 +312,13 @@ def _decimal(x: Ball, places: int = 6) -> str:
 
 @dataclass(frozen=True)
 class Critical:
-    """An interval of a parameter (SI) that contains a critical value for certain.
+    """An interval of a parameter (SI) that is proven to contain a critical value.
 
     Attributes
     ----------
     low, high : Fraction
     test : str
-        Which function changes its sign: ``divergence`` (the product of eigenvalues), ``flutter``
+        The function that changes its sign: ``divergence`` (the product of eigenvalues), ``flutter``
         (the last but one Hurwitz determinant) or ``collision`` (the discriminant of the
         polynomial in s²).
     digits : int
@@ -349,8 +349,8 @@ def certified_critical(
 ) -> Critical:
     """Return an enclosure of a value at which a test function of stability is zero.
 
-    Between the ends of the enclosure the function changes its sign and is continuous, as the
-    elimination is proven to go through for all values in it.
+    Between the ends of the enclosure the function changes its sign, and it is continuous, since the
+    elimination is proven to succeed for all values in it.
 
     Parameters
     ----------
@@ -399,7 +399,7 @@ class _Search:
         if k is None:
             raise NotProvable(f"no test function changes its sign between both ends of {self.parameter}")
         a, b = self._narrowed(k, first[k][1], last[k][1], digits)
-        # All of it about one motion: the signs are those of the solution that is alone in the enclosure.
+        # For one and the same motion: the signs are those of the only solution in the enclosure.
         whole = self._proof(balls.between(ball(a), ball(b)), self.near)
         _tests(whole)
         both = [self._proof(x, whole) for x in (a, b)]
@@ -417,7 +417,7 @@ class _Search:
             if b - a <= small:
                 break
             weight = _fraction(real(f_a / (f_a - f_b)).mid(), True)
-            # Next to the better end, but not nearer than what is asked for.
+            # Close to the better end, but not closer than the requested accuracy.
             x = a + (b - a) * min(max(weight, Fraction(0)), Fraction(1))
             x = min(max(x, a + small / 3), b - small / 3)
             x = Fraction(round(x / small * 2**12), 2**12) * small

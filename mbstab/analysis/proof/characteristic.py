@@ -1,7 +1,7 @@
 """The linearized equations of a scene in balls, and the factors of their characteristic polynomial.
 
-The constraints are eliminated by pivots that are proven to be different from zero, and what is left, ẏ = S y,
-contains the linearized equations for all values of the parameters in their balls. S is divided by the directions of
+The constraints are eliminated by pivots that are proven to be nonzero, and the resulting ẏ = S y
+contains the linearized equations for all values of the parameters in their balls. S is taken modulo the directions of
 symmetries and families, restricted to given values of conserved functions, and split along its exact zeros, as
 `mbstab.analysis.proof.certify` says.
 """
@@ -29,12 +29,12 @@ from mbstab.model.schema import Model
 from mbstab.records import dataclass
 
 GENERIC = Fraction(38197, 100000)
-"""Where in its interval a parameter is given a value to look for structure, which values of this kind do not hide."""
+"""Generic position of a value in the interval of a parameter, at which structure is looked for."""
 
 
 @dataclass(frozen=True)
 class Enclosure:
-    """One eigenvalue, or several that are not told apart.
+    """One eigenvalue, or several that are not separated.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Enclosure:
         ``left``, ``right``, ``imaginary`` (on the axis), ``zero`` or ``carried`` (zero, or ±iΩ of a turning frame, by
         symmetries and families of motions), or ``open``; all but the last proven.
     why : str
-        What makes it lie on the axis, or what an eigenvalue zero belongs to that nothing explains.
+        What keeps it on the axis, or what an unexplained zero eigenvalue belongs to.
     """
 
     real: Ball
@@ -62,7 +62,7 @@ class Enclosure:
 
     @property
     def wide(self) -> bool:
-        """Whether there is a radius at all."""
+        """Whether the radius is not zero."""
         return not (self.real.is_exact() and self.imag.is_exact())
 
     def contains(self, s: complex, slack: float = 0.0) -> bool:
@@ -80,7 +80,7 @@ class Factor:
     Attributes
     ----------
     states : frozenset of int
-        Which states it belongs to; factors of states that do not act on each other are apart.
+        States it belongs to; factors are apart if their states do not act on each other.
     """
 
     p: list[Ball]
@@ -91,12 +91,12 @@ class Factor:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """The characteristic polynomial of what is left to judge: exact zeros, by what nothing drives, and factors.
+    """The characteristic polynomial of the eigenvalues left to judge: exact zeros, by their states, and factors.
 
     Attributes
     ----------
     reach : mapping
-        Which states each state acts on, directly or through others.
+        States on which each state acts, directly or through others.
     """
 
     zeros: list[str]
@@ -111,18 +111,18 @@ class Spectrum:
 
 
 class Reduced(NamedTuple):
-    """The linearized equations in the frame of the motion, and what is left of them without the constraints.
+    """The linearized equations in the co-moving frame, before and after elimination of the constraints.
 
     Attributes
     ----------
     M, R : matrix, shape (n_q, n_q)
     N : matrix, shape (n_q, m)
-        Basis of what holonomic rows allow: a unit matrix in the `free` coordinates.
+        Basis of the null space of the holonomic rows: the identity in the `free` coordinates.
     M_N, K_N : matrix, shape (m, m)
         Nᵀ M N and Nᵀ K N.
     P : matrix, shape (m, m)
     Z : matrix, shape (m, k)
-        ξ̇ = P ξ + Z η; a unit matrix in the `moving` ones among the free coordinates.
+        ξ̇ = P ξ + Z η; the identity in the `moving` ones among the free coordinates.
     S : matrix, shape (m + k, m + k)
         ẏ = S y for y = [ξ; η].
     free, moving : list of int
@@ -204,7 +204,7 @@ class Proof(Reference):
         return Reduced(M, R, N, M_N, K_N, P, Z, S, free, moving)
 
     def column(self, direction: Sequence[Ball], rate: Sequence[Ball]) -> list[Ball]:
-        """Return a disturbance (Δq, Δu) that the rows allow in the coordinates of S."""
+        """Return an admissible disturbance (Δq, Δu) in the coordinates of S."""
         r = self.reduced
         carried = ball_matrices.apply(self.state.slope, direction)
         xi = [direction[i] for i in r.free]
@@ -223,7 +223,7 @@ class Proof(Reference):
         return [x - y + z for x, y, z in zip(forces, frame, through, strict=True)] + own
 
     def seen_from(self, step: Field, rate: Ball) -> Proof:
-        """Return the same in a frame that goes round faster by a turn that leaves the reference as it is."""
+        """Return the same in a frame that also rotates at a rate, by a turn that does not move the reference."""
         own = self.state.field
         spins = [x + rate * y for x, y in zip(own.spins, step.spins, strict=True)]
         field = Field(self.system, step.axis, step.point, own.rate + rate, own.velocity, spins)
@@ -236,7 +236,7 @@ class Proof(Reference):
         return other
 
     def dynamic_rows(self) -> Matrix:
-        """Return the rows on speeds that are not rates of rows on places."""
+        """Return the rows on speeds that are not rates of rows on positions."""
         return self.dynamics(self.state.q, self.state.u)[4][self.r_h :]
 
     def name_of(self, i: int) -> str:
@@ -247,7 +247,7 @@ class Proof(Reference):
 
 
 def _state_matrix(M: Matrix, R: Matrix, K: Matrix, P: Matrix, Z: Matrix, k: int) -> Matrix:
-    """Return S of ẏ = S y for matrices that holonomic rows have left."""
+    """Return S of ẏ = S y for matrices from which the holonomic rows are eliminated."""
     m = len(P)
     S = ball_matrices.zeros(m + k, m + k)
     for i in range(m):
@@ -261,7 +261,7 @@ def _state_matrix(M: Matrix, R: Matrix, K: Matrix, P: Matrix, Z: Matrix, k: int)
 
 
 class Quotient:
-    """What a matrix does apart from directions that it leads into each other, where functions keep their values.
+    """A matrix modulo an invariant subspace, restricted to given values of conserved functions.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ class Quotient:
     ----------
     kept : matrix
     alive : list of int
-        Rows and columns of `kept` that are left.
+        Rows and columns of `kept` that remain.
     """
 
     def __init__(self, S: Matrix) -> None:
@@ -280,7 +280,7 @@ class Quotient:
         self._restricted: list[tuple[int, dict[int, Ball]]] = []
 
     def seen(self, vector: Sequence[Ball]) -> dict[int, Ball]:
-        """Return a vector apart from the directions so far."""
+        """Return a vector modulo the directions so far."""
         v = dict(enumerate(vector))
         for pivot, other in self._divided:
             part = v.pop(pivot, ball(0))
@@ -291,7 +291,7 @@ class Quotient:
         return {i: x for i, x in v.items() if not x.is_zero()}
 
     def divide(self, vector: Sequence[Ball]) -> bool:
-        """Divide by a direction; return whether it is proven to be independent of those before."""
+        """Divide by a direction; return whether it is proven to be independent of the earlier ones."""
         v = self.seen(vector)
         if all(zero_inside(x) for x in v.values()):
             return False
@@ -332,14 +332,14 @@ class Quotient:
         return True
 
     def spectrum(self, names: Sequence[str], mirrored: str) -> Spectrum:
-        """Return the characteristic polynomial of what is left, split along exact zeros.
+        """Return the characteristic polynomial of the quotient, split along exact zeros.
 
         Parameters
         ----------
         names : sequence of str
-            Of all states.
+            Names of all states.
         mirrored : str
-            What makes the spectrum symmetric to the imaginary axis, in words; empty: nothing does.
+            What makes the spectrum symmetric about the imaginary axis, in words; empty: nothing does.
         """
         kept, zeros = self.kept, list[str]()
         factors: list[Factor] = []
@@ -379,7 +379,7 @@ class Quotient:
 
 
 def _null_places(A: Matrix, columns: int) -> list[int]:
-    """Return the columns that are largest in vectors that a matrix with fewer rows sends to zero."""
+    """Return the columns with the largest entries in the null vectors of a matrix with fewer rows than columns."""
     middle = np.array([[float(x.mid()) for x in row] for row in A]).reshape(len(A), columns)
     null = np.linalg.svd(middle)[2][len(A) :]
     return [int(np.argmax(np.abs(v))) for v in null]
@@ -399,7 +399,7 @@ def _merged(uneven: list[Factor], mirrored: str) -> list[Factor]:
 
 
 def null_combinations(A: Matrix, width: int) -> tuple[Matrix, float]:
-    """Return combinations of `width` columns of A that vanish as far as balls tell, as rows, and how far that is."""
+    """Return combinations of `width` columns of A that vanish within their balls, as rows, and the largest radius."""
     T, pivots = [row[:] for row in A], list[tuple[int, int]]()
     while True:
         rows = [i for i in range(len(T)) if i not in {x for x, _ in pivots}]
@@ -471,17 +471,17 @@ def _two_kinds(block: Matrix) -> tuple[list[int], list[int]] | None:
 
 
 def zero_enclosure(kind: str, count: int, why: str) -> Enclosure:
-    """Return exact zeros with what they belong to."""
+    """Return the enclosure of exact zeros."""
     return Enclosure(real(ball(0)), real(ball(0)), count, kind, why)
 
 
 def carried_enclosures(rate: Ball, why: str) -> list[Enclosure]:
-    """Return the eigenvalues ±iω of neutral directions that the motion carries around."""
+    """Return the eigenvalues ±iω of neutral directions that rotate with the motion."""
     return [Enclosure(real(ball(0)), real(sign * rate), 1, "carried", why) for sign in (1, -1)]
 
 
 def touch(one: Enclosure, other: Enclosure) -> bool:
-    """Whether two eigenvalues are not told from each other."""
+    """Return whether two enclosures overlap."""
     return zero_inside(one.real - other.real) and zero_inside(one.imag - other.imag)
 
 
@@ -494,7 +494,7 @@ def enclosed(factor: Factor) -> list[Enclosure]:
     for centre, radius, count in ball_polynomials.root_discs(factor.p):
         x = centre.real + arb(0, radius)
         y = centre.imag + arb(0, radius)
-        # The roots of a real polynomial come in pairs: one alone in a disc about a real centre is real.
+        # The roots of a real polynomial come in conjugate pairs: a single root in a disc about a real centre is real.
         if count == 1 and centre.imag == 0:
             y = zero
         if not factor.even:

@@ -29,7 +29,7 @@ Finding = Literal["structural", "enclosed", "open", "refuted"]
 """``open``: not verified; ``refuted``: proven to be wrong."""
 
 UNVERIFIED = (MbstabError, ArithmeticError, ValueError)
-"""What a state without an enclosure ends with."""
+"""Errors of a state that cannot be enclosed."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class ElementChanges:
 
     @cached_property
     def states(self) -> list[State]:
-        """States off the constraints: those of double precision as they are written, and one close to the reference."""
+        """States off the constraints: those of double precision, taken as exact, and one close to the reference."""
         motion, rough = self.invariance.motion, self.invariance.states
         if not rough:
             return []
@@ -88,7 +88,7 @@ class ElementChanges:
         return found
 
     def _closed(self, rough: Rough) -> State:
-        """Return a state next to a rough one that is proven to satisfy the constraints."""
+        """Return a state near a rough one that is proven to satisfy the constraints."""
         reference, sizes = self.reference, self.invariance.motion.sizes
         rows, r_h, start = reference.rows, reference.r_h, _exact(rough.q)
         zero = [ball(0)] * len(start)
@@ -117,7 +117,7 @@ class ElementChanges:
         return State(q, u, self._fitted(q, u, a, lambda at: at.B))
 
     def _fitted(self, q: list[Ball], u: list[Ball], start: list[Ball], rest: Callable[[Any], Any]) -> list[Ball]:
-        """Return x next to a start with J x + rest = 0, the rest taken at (q, u)."""
+        """Return x near a start with J x + rest = 0, the rest taken at (q, u)."""
         rows = self.reference.rows
         at = self.system.dynamics(q, u, self.time)
         J, b = ball_matrices.matrix(at.J), ball_matrices.vector(rest(at))
@@ -154,7 +154,7 @@ class ElementChanges:
     def _local(self, Y: Map, state: State) -> Local:
         n, slices = self.system.n_q, self.system.body_slices
         slope = ball_matrices.zeros(n, n)
-        # What a field does to a body depends on the coordinates of that body only.
+        # The change of a body along a field depends on the coordinates of that body only.
         for k in range(max(part.stop - part.start for part in slices)):
             columns = {part.start + k: part for part in slices if part.start + k < part.stop}
             found = along_direction(Y, state.q, [ball(int(j in columns)) for j in range(n)])
@@ -166,13 +166,13 @@ class ElementChanges:
         return Local([ball(x.value) for x in moved], slope, [ball(x.rate) for x in moved], growth)
 
     def disturbance(self, item: Symmetry, reference: Reference) -> tuple[list[Ball], list[Ball]]:
-        """Return what a symmetry changes of the coordinates and the speeds of a reference."""
+        """Return the changes of the coordinates and speeds of a reference under a symmetry."""
         state = reference.state
         found = along_direction(self.field(item.name, item.of, reference), state.q, state.u)
         return [ball(x.value) for x in found], [ball(x.rate) for x in found]
 
     def _change(self, element: Acting, at: Local, state: State) -> tuple[list[Ball], Ball]:
-        """Return how what an element does changes along a field, and the size of all that is summed."""
+        """Return the change of the force of an element along a field, and the sum of the sizes of its terms."""
         columns, n = element.columns, self.system.n_q
         arguments = (state.q, state.u, state.a, self.time, self.f)
         K, R = element.slopes(*arguments)
@@ -195,7 +195,7 @@ class ElementChanges:
         return result, size
 
     def _sums(self, broken: list[Acting], name: str, group: Group) -> list[Ball]:
-        """Return how several elements change together, at all states."""
+        """Return the total change of several elements, at all states."""
         found: list[Ball] = []
         for state in self.states:
             at = self.local(name, group, state)
@@ -204,7 +204,7 @@ class ElementChanges:
         return found
 
     def _allowed(self, state: State) -> Matrix:
-        """Return directions that the rows allow, as columns."""
+        """Return admissible directions, as columns."""
         rows, n = self.reference.rows, self.system.n_q
         J = ball_matrices.matrix(self.system.dynamics(state.q, state.u, self.time).J)
         pivots, T = ball_matrices.eliminate(
@@ -232,7 +232,7 @@ class ElementChanges:
         return least(found)
 
     def _satisfied(self, state: State, u: Sequence[Ball], rows: Sequence[int]) -> Finding:
-        """Return whether speeds satisfy rows at a place."""
+        """Return whether speeds satisfy rows at a position."""
         dynamics = self.system.dynamics(state.q, u, self.time)
         V, J = ball_matrices.vector(dynamics.V), ball_matrices.matrix(dynamics.J)
         size = sum_of(u) + sum_of(state.u)
@@ -246,7 +246,7 @@ class ElementChanges:
 
 
 def is_zero(x: Ball, size: Ball) -> Finding:
-    """Return whether a ball vanishes, beside something of a size."""
+    """Return whether a ball vanishes, relative to a size."""
     if x.is_zero():
         return "structural"
     if tiny(x, size):
@@ -265,7 +265,7 @@ def sum_of(entries: Iterable[Any]) -> Ball:
 
 
 def least(found: Sequence[Finding]) -> Finding:
-    """Return the weakest of findings."""
+    """Return the weakest of several findings."""
     order: tuple[Finding, ...] = ("refuted", "open", "enclosed", "structural")
     return min(found, key=order.index, default="structural")
 
@@ -279,7 +279,7 @@ def _middle(J: Any) -> Array:
 
 
 def tiny(x: Ball, size: Ball) -> bool:
-    """Whether a ball contains zero and is smaller than a size by half of the digits in use."""
+    """Return whether a ball contains zero and is smaller than a size by half of the digits in use."""
     if x.is_zero():
         return True
     return zero_inside(x) and bool(x.abs_upper() <= balls.half_digits() * size.abs_upper())

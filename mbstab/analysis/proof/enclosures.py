@@ -1,7 +1,7 @@
-"""The reference motion of a scene in balls: given as it is written, assembled, at rest or steady, proven to exist.
+"""The reference motion of a scene in balls: given exactly, assembled, at rest or steady, proven to exist.
 
-Double precision says where it is; the operator of Krawczyk (1969, Computing 4; Rump 2010, Acta Numerica 19,
-section 13) proves that there is one and only one next to it, for all values of the parameters in their balls.
+Double precision locates it; the operator of Krawczyk (1969, Computing 4; Rump 2010, Acta Numerica 19,
+section 13) proves that there is exactly one near it, for all values of the parameters in their balls.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ class Solution(NamedTuple):
     unknowns : tuple of str
         Coordinates, rates and multipliers that are solved for.
     equations : tuple of int
-        Which of the equations determine them.
+        Numbers of the equations that determine them.
     found : list of ball
-        Contain the solution.
+        Balls that contain the solution.
     alone : list of ball
-        Contain no other one.
+        Balls that contain no other solution.
     """
 
     unknowns: tuple[str, ...]
@@ -63,9 +63,9 @@ class Reference:
     overrides : mapping
         Parameters in SI.
     near : Reference, optional
-        Another one, from which this one is looked for instead of from the guess of the file.
+        Another reference, from which the search starts instead of from the guess of the file.
     steady : bool
-        Whether it is known that the motion of later is that of now by a symmetry.
+        Whether it is known that a symmetry maps the reference to the motion at later times.
 
     Attributes
     ----------
@@ -74,11 +74,11 @@ class Reference:
     conditions : list of str
         The same as clauses of a sentence.
     solutions : list of Solution
-        What was solved for, in order; empty: the file gives the motion.
+        Solutions in the order in which they were found; empty: the file gives the motion.
     found : list of str
-        Coordinates among what was solved for.
+        Coordinates that were solved for.
     taken : dict
-        Coordinates that nothing determines; they stay as they are in what is near.
+        Coordinates that nothing determines; they keep the values of `near`.
     closed, driven : set of int
         Constraint rows that the solution is proven to satisfy, and their rates.
     state : State
@@ -120,7 +120,7 @@ class Reference:
         self.rough = Rough(system, motion, linear)
         self.grounds = Grounds(linear)
         self.system = balls.ball_system(model, overrides)
-        # Constancy is a matter of the expressions: looking at some times can only refute it.
+        # Constancy follows from the expressions: samples at some times can only refute it.
         doubt = time_doubt(self.system) or (self.grounds.time if not steady or not linear.constant else "")
         if doubt:
             raise Hopeless(doubt)
@@ -130,7 +130,7 @@ class Reference:
         self._check()
 
     def _rough_motion(self, system: System) -> Motion:
-        """Return the motion in double precision, with `near` the one that Newton's method leads to from there."""
+        """Return the motion in double precision; with `near`, the one that Newton's method finds from there."""
         if system.scene.model.reference.find is not None:
             problem = Problem(system)
             if self.near is None:
@@ -143,14 +143,14 @@ class Reference:
         guess = system.scene.guess
         if self.near is not None:
             guess = {name: float(x.mid()) for name, x in zip(system.names, self.near.state.q, strict=True)}
-        # What nothing determines stays where it was.
+        # Coordinates that nothing determines keep their values.
         system.scene = replace(system.scene, guess=guess, coordinates={**system.scene.coordinates, **self.taken})
         return reference_motion(system)
 
     def same_at(self, point: Reference) -> bool:
-        """Whether the solution at one value of the parameters, for which this one holds too, is proven to be this one.
+        """Return whether a solution at one value of the parameters is proven to be this one, which holds there too.
 
-        Both are the only solution in their boxes. If the narrow one lies in the box of this one, it is its solution.
+        Each is the only solution in its box. If the narrow enclosure lies in the box of this one, both are the same.
         """
         return len(self.solutions) == len(point.solutions) and all(
             one.unknowns == other.unknowns
@@ -181,14 +181,14 @@ class Reference:
         return found
 
     def _earlier(self) -> Solution | None:
-        """Return the solution next to this one that belongs to what is solved for now."""
+        """Return the solution of `near` that corresponds to the next one, if there is one."""
         k = len(self.solutions)
         return self.near.solutions[k] if self.near is not None and k < len(self.near.solutions) else None
 
     # --- what the scene says ----------------------------------------------------------------------------------------
 
     def _choose_rows(self) -> None:
-        """Take constraint rows that are independent of each other; the others are assumed to repeat them."""
+        """Choose independent constraint rows; the others are assumed to be redundant."""
         motion, n_h = self.rough.motion, self.system.n_h
         J = motion.dynamics.J * motion.spaces.scale * motion.spaces.row_scale[:, None]
         C, W = motion.spaces.C, motion.spaces.W
@@ -236,7 +236,7 @@ class Reference:
         return Field(self.system, axis, zero, rate, velocity, spins)
 
     def _turning(self, q: Sequence[Ball], generator: Generator) -> Field:
-        """Return the turn whose field the rates of the file are, by the rate that it changes most."""
+        """Return the turn whose field gives the rates of the file, scaled by the rate that it changes most."""
         names, scene, motion = self.system.names, self.system.scene, self.rough.motion
         zero, known = [ball(0)] * 3, [*generator.axis.tolist(), *generator.point.tolist()]
         if not all(x == round(x, 6) for x in known) or generator.velocity.any() or generator.spins.any():
@@ -310,14 +310,14 @@ class Reference:
         return M, F0, [E[i] for i in self.rows], [V[i] for i in self.rows], [J[i] for i in self.rows]
 
     def all_multipliers(self, nu: Sequence[Ball]) -> list[Ball]:
-        """Return the multipliers of all rows; those of rows that repeat others are zero."""
+        """Return the multipliers of all rows; those of redundant rows are zero."""
         full = [ball(0)] * self.system.n_c
         for i, x in zip(self.rows, nu, strict=True):
             full[i] = x
         return full
 
     def _assembled(self, q: list[Ball], missing: list[int]) -> list[Ball]:
-        """Return coordinates of which the missing ones are proven to close the constraints."""
+        """Return coordinates whose missing ones are proven to satisfy the constraints."""
         still = [ball(0)] * self.system.n_q
         J = self.rough.motion.dynamics.J[self.rows[: self.r_h]][:, missing] * self.rough.motion.sizes[missing]
         lengths = np.linalg.norm(self.rough.motion.dynamics.J[self.rows[: self.r_h]] * self.rough.motion.sizes, axis=1)
@@ -348,7 +348,7 @@ class Reference:
         return put(self._solve(residual, jacobian, [q[i] for i in columns], "the assembled position", names, chosen))
 
     def _take(self, q: Sequence[Ball], places: Sequence[int]) -> None:
-        """Note coordinates that nothing determines and keep them as they are."""
+        """Record coordinates that nothing determines, and keep their values."""
         names = self.system.names
         self.taken = {names[i]: float(q[i]) for i in places}
         if any(self.taken.values()):
@@ -409,7 +409,7 @@ class Reference:
     # --- equilibria and steady motions ------------------------------------------------------------------------------
 
     def _balanced(self, q: list[Ball], hold: bool = False) -> State:
-        """Return the equilibrium or steady motion that is proven to exist next to the program's solution."""
+        """Return the equilibrium or steady motion that is proven to exist near the solution in double precision."""
         equations = Equations(self, q, hold)
         start, moving = equations.start(), equations.moving
         what = "the steady motion" if moving else "the equilibrium"
@@ -431,7 +431,7 @@ class Reference:
         return equations.state(found)
 
     def _vanish(self, residuals: Sequence[Ball], what: str) -> None:
-        """Note that residuals are zero as far as balls can tell; refuse those that are not."""
+        """Record that residuals are zero as far as balls can tell; refuse those that are not."""
         wrong = [x for x in residuals if not zero_inside(x)]
         if wrong:
             raise NotProvable(f"{what.replace('satisfies', 'does not satisfy')}: a residual is {wrong[0].str(5)}")
@@ -446,7 +446,7 @@ class Reference:
             self.conditions.append(what)
 
     def _check_rank(self, J: Matrix) -> None:
-        """Refuse rows that were taken for redundant but are proven to be independent of the others."""
+        """Refuse rows that were taken as redundant but are proven to be independent of the others."""
         if not self.left_out:
             return
         n, n_h = self.system.n_q, self.system.n_h

@@ -1,4 +1,4 @@
-"""Groups that act on the coordinates, on numbers that carry derivatives."""
+"""Groups that act on the coordinates, for numbers that carry derivatives."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def along_direction(Y: Map, q: Sequence[Ball], v: Sequence[Ball]) -> list[Jet]:
 
 
 def own_turn(group: OwnTurn, body: Any) -> Map:
-    """Return a turn of a planar body about its centre of mass."""
+    """Return the rotation of a planar body about its centre of mass."""
     f, angle = jet_arithmetic(balls.ball_arithmetic()), group.part.stop - 1
     center = [Jet.of(ball(x)) for x in body.center[:2]]
 
@@ -41,7 +41,7 @@ def own_turn(group: OwnTurn, body: Any) -> Map:
 
 
 def spin(group: Spin) -> Map:
-    """Return a turn of a body in space about an axis fixed in it."""
+    """Return the rotation of a body in space about a body-fixed axis."""
     f, axis = jet_arithmetic(balls.ball_arithmetic()), [Jet.of(short(x)) for x in group.axis.tolist()]
 
     def field(q: Sequence[Jet]) -> list[Jet]:
@@ -58,7 +58,7 @@ def spin(group: Spin) -> Map:
 
 
 def turned(turn: Field, q: Sequence[Jet]) -> list[Jet]:
-    """Return what a turn, translation and spins do to coordinates that are jets."""
+    """Return the field of a turn, a translation and spins at coordinates that are jets."""
     system, d = turn.system, turn.system.scene.dimension
     f, found = jet_arithmetic(balls.ball_arithmetic()), [Jet.of(x) for x in turn.spins]
     w = [Jet.of(turn.rate * x) for x in turn.axis]
@@ -85,7 +85,7 @@ def turned(turn: Field, q: Sequence[Jet]) -> list[Jet]:
 
 
 def ground_turn(generator: Generator, reference: Reference) -> Field:
-    """Return a turn of the ground at 1 rad/s, about an axis and a point of the file where it knows them."""
+    """Return a rotation of the ground at 1 rad/s, about an axis and a point of the file if it names them."""
     system, zero = reference.system, [ball(0)] * 3
     axis = next((x for x in _axes(reference) if _same(x, generator.axis)), None)
     axis = axis or [short(x) for x in generator.axis.tolist()]
@@ -95,7 +95,7 @@ def ground_turn(generator: Generator, reference: Reference) -> Field:
 
 
 def _axes(reference: Reference) -> Iterable[list[Ball]]:
-    """Yield axes that the file knows."""
+    """Yield axes that the file names."""
     yield from ([ball(int(i == k)) for i in range(3)] for k in range(3))
     scene = reference.system.scene
     gravity = [*ball_matrices.vector(scene.gravity), ball(0)][:3]
@@ -112,7 +112,7 @@ def _axes(reference: Reference) -> Iterable[list[Ball]]:
 
 
 def _points(reference: Reference, axis: list[Ball]) -> Iterable[list[Ball]]:
-    """Yield points that the file knows, moved along an axis to the plane across it through the origin."""
+    """Yield points that the file names, moved along an axis to the plane through the origin perpendicular to it."""
     found = [[ball(0)] * 3, reference.state.field.point]
     for item in reference.system.scene.items:
         if item.given("between"):
@@ -124,7 +124,7 @@ def _points(reference: Reference, axis: list[Ball]) -> Iterable[list[Ball]]:
 
 
 def short(x: float) -> Ball:
-    """Return the short fraction that a float is next to, or the float itself."""
+    """Return the short fraction nearest to a float, or the float itself."""
     fraction = Fraction(x).limit_denominator(TOLERANCES.fraction_denominator)
     return ball(fraction if abs(float(fraction) - x) <= TOLERANCES.fraction_misfit * abs(x) else Fraction(x))
 

@@ -1,14 +1,14 @@
-"""What a scene is invariant under and what it conserves, as identities in balls.
+"""Symmetries and conserved functions of a scene, verified as identities in balls.
 
 `mbstab.analysis.reference.symmetries` and `mbstab.analysis.linear.work` find symmetries, conserved functions and the
 work of the elements in double precision. Here each of them is verified again, infinitesimally and
-element by element, at random rational states with the digits of a proof: what an element does
-changes along a field Y by Dᵀ(Y) F + ∂F/∂q Y + ∂F/∂u Ẏ + M Ÿ, and that has to enclose zero and be
+element by element, at random rational states with the digits of a proof: the force of an element
+changes along a field Y by Dᵀ(Y) F + ∂F/∂q Y + ∂F/∂u Ẏ + M Ÿ, which has to enclose zero and be
 smaller than half of the digits. An identity between analytic functions that holds at random states
 holds everywhere (Schwartz 1980 for polynomials). One of the states lies close to the reference, in
-the same piece of functions that are made of pieces.
+the same piece of piecewise functions.
 
-What an element does not contain at all is structure and needs no states.
+That an element does not contain a coordinate at all is structure and needs no states.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ class Identities(ElementChanges):
     # --- symmetries ---------------------------------------------------------------------------------------------------
 
     def symmetry(self, item: Symmetry) -> Finding:
-        """Return whether a group carries all motions into motions."""
+        """Return whether a group maps all motions to motions."""
         return self._once(f"symmetry {item.name}", lambda: self._symmetry(item.name, item.of))
 
     def steady(self) -> Finding:
-        """Return whether the reference stays as it is in its own frame, also with drives of constant speed."""
+        """Return whether the reference is constant in its own frame, also with drives of constant speed."""
         return self._once("steady", self._steady)
 
     def _once(self, key: str, find: Callable[[], Finding]) -> Finding:
@@ -86,7 +86,7 @@ class Identities(ElementChanges):
         return least(found)
 
     def _together(self, broken: list[Acting], name: str, group: Group) -> bool:
-        """Whether elements change by nothing together, along all motions that the rows allow."""
+        """Return whether the changes of elements sum to zero, in all motions that the rows allow."""
         if not self.system.n_c or not self.on_rows:
             return False
         for state in self.on_rows:
@@ -99,7 +99,7 @@ class Identities(ElementChanges):
         return True
 
     def _rows_carried(self, name: str, group: Group) -> Finding:
-        """Return whether states that satisfy the rows stay such states along a field."""
+        """Return whether states that satisfy the rows continue to do so along a field."""
         found: list[Finding] = ["structural"]
         for state in self._needed_on_rows():
             at = self.local(name, group, state)
@@ -122,7 +122,7 @@ class Identities(ElementChanges):
         for state in self._needed_on_rows():
             at = self.local("the motion itself", group, state)
             found.append(self._satisfied(state, at.Y, rows[:r_h]))
-            # A drive adds a constant to its row: what is left of the rate of the row has to vanish.
+            # A drive adds a constant to its row: the rest of the rate of the row has to vanish.
             found.append(self._rows_change(at, state, [ball(0)] * len(at.Y)))
         return least(found)
 
@@ -142,7 +142,7 @@ class Identities(ElementChanges):
         return least([*found, self._horizontal(item)])
 
     def momentum(self, item: Symmetry) -> Finding:
-        """Return whether the momentum along a symmetry is the same along every motion."""
+        """Return whether the momentum along a symmetry is constant along every motion."""
         return self._once(f"momentum {item.name}", lambda: self._momentum(item))
 
     def _momentum(self, item: Symmetry) -> Finding:
@@ -175,7 +175,7 @@ class Identities(ElementChanges):
         return self._once("rows at rest", lambda: self._homogeneous(False))
 
     def _homogeneous(self, moving: bool) -> Finding:
-        """Return whether all rows hold for u = X, or u = 0, at all places."""
+        """Return whether all rows hold for u = X, or u = 0, at all positions."""
         found: list[Finding] = ["structural"]
         zero = [ball(0)] * self.system.n_q
         for state in self._needed_on_rows():
@@ -184,13 +184,13 @@ class Identities(ElementChanges):
         return least(found)
 
     def conserved(self, moving: bool) -> Finding:
-        """Return whether the energy, in the frame of the motion if `moving`, is the same along every motion."""
+        """Return whether the energy, in the co-moving frame if `moving`, is constant along every motion."""
         if self.work.kinds["damping"] or self.work.kinds["other"]:
             return "open"
         return self._once(f"conserved {moving}", lambda: self._relative(moving))
 
     def decreases(self, system: System) -> Finding:
-        """Return whether the energy in the frame of the motion never increases, for the parameters of a system."""
+        """Return whether the energy in the co-moving frame never increases, for the parameters of a system."""
         if self.work.kinds["other"] or not self.states:
             return "open"
         found = self._once("decreases", self._decreases)
@@ -201,7 +201,7 @@ class Identities(ElementChanges):
         return [e for e in system.acting() if e.path in paths and not e.inertia]
 
     def _takes(self, system: System) -> bool:
-        """Whether dampers take energy: their coefficients are not negative."""
+        """Return whether dampers dissipate energy: their coefficients are not negative."""
         zero = [ball(0)] * self.system.n_q
         for element in self._dampers(system):
             if element.stored:
@@ -217,7 +217,7 @@ class Identities(ElementChanges):
         return least([self._relative(True), *(self._damps(e) for e in self._dampers(self.system))])
 
     def _relative(self, moving: bool) -> Finding:
-        """Return whether forces without damping and rows do no work in the frame of the motion."""
+        """Return whether undamped forces and rows do no work in the co-moving frame."""
         damping = {e.path for e in self.work.kinds["damping"]}
         found: list[Finding] = [self._homogeneous(moving), "structural" if self.states else "open"]
         for element in self.elements:
@@ -228,14 +228,14 @@ class Identities(ElementChanges):
         return least(found)
 
     def _potential(self, element: Acting, state: State) -> list[Finding]:
-        """Return whether the slope of a force at rest is symmetric."""
+        """Return whether the stiffness matrix of a force at rest is symmetric."""
         zero = [ball(0)] * self.system.n_q
         K = ball_matrices.matrix(element.slopes(state.q, zero, zero, self.time, self.f)[0])
         size = sum_of(x for row in K for x in row)
         return [is_zero(K[i][j] - K[j][i], size) for i in range(len(K)) for j in range(i)]
 
     def _powerless(self, element: Acting, state: State, moving: bool) -> list[Finding]:
-        """Return whether what a force adds in motion does no work, and none along the motion."""
+        """Return whether the velocity-dependent part of a force does no work, nor any along the motion."""
         zero = [ball(0)] * self.system.n_q
         more, still = (element.force(state.q, u, zero, self.time, self.f) for u in (state.u, zero))
         speeds = [state.u]
@@ -247,7 +247,7 @@ class Identities(ElementChanges):
         return [is_zero(dot(added, u), size * sum_of(u)) for u in moved]
 
     def _damps(self, element: Acting) -> Finding:
-        """Return whether a damper is linear in the speeds, and sees those relative to the motion only."""
+        """Return whether a damper is linear in the speeds and depends only on those relative to the motion."""
         found: list[Finding] = ["structural" if self.states else "open"]
         zero = [ball(0)] * self.system.n_q
         first = element.slopes(self.states[0].q, zero, zero, self.time, self.f)[1] if self.states else []
@@ -264,7 +264,7 @@ class Identities(ElementChanges):
         return least(found)
 
     def reversible(self) -> Finding:
-        """Return whether motions backwards in time are motions: forces even in the speeds, rows odd."""
+        """Return whether the equations are reversible in time: forces even in the speeds, rows odd."""
         return self._once("reversible", self._reversible)
 
     def _reversible(self) -> Finding:
@@ -297,12 +297,12 @@ def _equal(one: Sequence[Any], other: Sequence[Any]) -> list[Finding]:
 
 
 def _blind(R: Matrix, direction: Sequence[Ball]) -> list[Finding]:
-    """Return whether a matrix sends a direction to zero."""
+    """Return whether a direction is in the null space of a matrix."""
     return [is_zero(dot(row, direction), sum_of(row) * sum_of(direction)) for row in R]
 
 
 def _not_negative(R: Matrix) -> bool:
-    """Whether the symmetric part of a matrix is proven not to be negative; some pivots may be exact zeros."""
+    """Return whether the symmetric part of a matrix is proven positive semidefinite; pivots may be exact zeros."""
     A = [
         [x + y for x, y in zip(row, column, strict=True)]
         for row, column in zip(R, ball_matrices.transposed(R), strict=True)
@@ -322,5 +322,5 @@ def _not_negative(R: Matrix) -> bool:
 
 
 def _worth(elements: Sequence[Acting]) -> Finding:
-    """Return what it is worth that elements are unchanged at some states."""
+    """Return the finding about elements that are unchanged at random states: structural if there are none."""
     return "enclosed" if elements else "structural"

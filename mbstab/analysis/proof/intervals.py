@@ -1,7 +1,7 @@
-"""Verdicts for every value of a parameter in an interval, about one and the same equilibrium.
+"""Verdicts for every value of a parameter in an interval, for one and the same equilibrium.
 
-The interval is divided until each part is decided. Where the motion is solved for, it is followed: it begins where
-the guess of the file leads to at one value, and a part counts only if the solution at the end from which it is
+The interval is divided until each part is decided. Where the motion is solved for, it is followed: it begins at the
+solution for the guess of the file at one value, and a part counts only if the solution at the end from which it is
 reached is proven to be the only one of the part as well. At that end both are enclosed; each is alone in a box; the
 narrow enclosure at the end lies in the boxes on both sides. Where no part is reached, the rest is left open.
 """
@@ -31,9 +31,9 @@ from mbstab.records import dataclass
 OPEN = "not provable"
 
 INSIDE = (Fraction(1, 2), Fraction(38197, 100000))
-"""Where in a part that rests on something unproven it is tested besides its ends."""
+"""Position in a part at which it is tested besides its ends, if it rests on something unproven."""
 
-"""What a start in double precision or a ball that is too wide ends with."""
+"""Errors of a start in double precision, or of a ball that is too wide."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,9 @@ class Part:
     reason : str
         Why there is none.
     at_low, at_high : dict
-        Enclosures of the coordinates that are solved for at both ends; empty where they are given or open.
+        Enclosures at both ends of the coordinates that are solved for; empty where they are given or open.
     modulo : Modulo
-        Up to what the verdict holds.
+        Symmetries and families up to which the verdict holds.
     """
 
     low: Fraction
@@ -69,7 +69,7 @@ class Part:
 
 
 class _Tried(NamedTuple):
-    """A box: the verdict, why there is none, whether the motion is continued to its far end, and that motion.
+    """Result for a box: verdict, why there is none, whether the motion continues to its far end, and that motion.
 
     `coarse`: the verdict is as in `Case.coarse`.
     """
@@ -91,7 +91,7 @@ class Walk:
         In ascending order.
     assumed, conditions : list of str
     start : Fraction or None
-        Where the motion that is followed comes from the guess of the file; None: it is given.
+        Value at which the motion is found from the guess of the file; None: it is given.
     """
 
     def __init__(
@@ -162,7 +162,7 @@ class Walk:
         return found
 
     def _identities(self, a: Fraction, b: Fraction) -> Identities | None:
-        """Return what is proven at a generic value, if all goes on analytically from there to between two values."""
+        """Return what is proven at a generic value, if all expressions are analytic from there to a part."""
         if self.identities is None:
             return None
         ends = min(a, b, self.generic), max(a, b, self.generic)
@@ -187,7 +187,7 @@ class Walk:
     # --- parts ------------------------------------------------------------------------------------------------------
 
     def _cover(self, first: Fraction, last: Fraction, here: Proof | None) -> None:
-        """Divide from one end to the other, following the motion if there is one."""
+        """Divide the interval from one end to the other, following the motion if it is solved for."""
         stack = [(first, last)]
         least = self.width * Fraction(TOLERANCES.part_width)
         while stack:
@@ -224,7 +224,7 @@ class Walk:
             here = tried.there
 
     def _tried(self, a: Fraction, b: Fraction, here: Proof | None) -> _Tried:
-        """Return what is proven between two values, from the motion at the first one."""
+        """Return what is proven between two values, starting from the motion at the first one."""
         box = balls.between(ball(min(a, b)), ball(max(a, b)))
         try:
             proof = Proof(self.model, {self.name: box}, here, self._identities(a, b))
@@ -255,16 +255,16 @@ class Walk:
         return _Tried(OPEN, "; ".join(dict.fromkeys(judged.reasons)), True, there)
 
     def _note(self, proof: Proof, case: Case) -> None:
-        """Note what the verdict of a part rests on besides the file."""
+        """Record what the verdict of a part rests on besides the file."""
         self.assumed += [x for x in (*proof.assumed, *case.conditions) if x not in self.assumed]
         self.conditions += [x for x in (*proof.conditions, *case.conditions) if x not in self.conditions]
 
     def _leave(self, a: Fraction, b: Fraction, reason: str) -> None:
-        """Leave what lies between two values open."""
+        """Record the part between two values as open."""
         self._add(Part(min(a, b), max(a, b), OPEN, reason))
 
     def _add(self, part: Part) -> None:
-        """Put a part to those next to it, into one with its neighbour if the verdict is the same."""
+        """Add a part, merged with its neighbour if the verdict is the same."""
         self.done += part.high - part.low
         self.progress(float(self.done / self.width))
         for k, other in enumerate(self.parts):
@@ -280,7 +280,7 @@ class Walk:
 
 
 def common(parts: Sequence[Part]) -> tuple[str, Modulo] | None:
-    """Return the strongest verdict that those of all parts imply, and up to what; None: there is none."""
+    """Return the strongest verdict that the verdicts of all parts imply, and up to what; None if there is none."""
     if any(part.verdict == OPEN for part in parts):
         return None
     implied = frozenset[str].intersection(*(STRENGTH[part.verdict] for part in parts)) - {UNDECIDED}

@@ -33,7 +33,7 @@ def krawczyk(
     start: Sequence[Ball],
     what: str,
 ) -> list[Ball]:
-    """Return balls that contain one and only one zero of as many equations as unknowns; see `krawczyk_boxes`."""
+    """Return balls that contain exactly one zero of as many equations as unknowns; see `krawczyk_boxes`."""
     return krawczyk_boxes(residual, jacobian, start, what)[0]
 
 
@@ -51,7 +51,7 @@ def krawczyk_boxes(
     Raises
     ------
     NotProvable
-        If that is not reached.
+        If the operator does not contract.
     """
     from flint import arb, ctx
 
@@ -83,7 +83,7 @@ def _newton(
     start: Sequence[Ball],
     what: str,
 ) -> tuple[Matrix, list[Any]]:
-    """Return an approximate inverse of the derivative, and a point next to the zero."""
+    """Return an approximate inverse of the derivative, and a point near the zero."""
     x = [balls.real(value).mid() for value in start]
     slope = np.array([[float(y.mid()) for y in row] for row in jacobian(x)])
     rows = np.max(np.abs(slope), axis=1)

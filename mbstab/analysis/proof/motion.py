@@ -91,7 +91,7 @@ class Rough(NamedTuple):
 
 
 def steady_state(field: Field, q: list[Ball], nu: list[Ball]) -> State:
-    """Return the motion that follows a field, where its multipliers are known."""
+    """Return the motion that follows a field, given its multipliers."""
     u, slope, growth = field.at(q)
     second = ball_matrices.plus(ball_matrices.times(slope, slope), growth)
     return State(q, u, ball_matrices.apply(slope, u), nu, slope, second, field)

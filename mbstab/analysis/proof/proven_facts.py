@@ -1,8 +1,8 @@
-"""The facts about a motion in balls, for the one rule of `mbstab.analysis.linear.verdict`.
+"""The facts about a motion in balls, for the rule of `mbstab.analysis.linear.verdict`.
 
 Neutral directions, conserved functions and the work of the elements are those that double precision
-has found, as far as `mbstab.analysis.proof.identities` verifies them. Where it does not, a strict case
-leaves them out, so that the zeros that they explain stay unexplained; another case takes them for
+has found, if `mbstab.analysis.proof.identities` verifies them. If it does not, a strict case
+leaves them out, so that the zeros that they explain remain unexplained; another case takes them for
 granted and says so: "provided that rotation about z is a symmetry".
 
 The second variation of the energy is that of `mbstab.analysis.linear.minimum`, H = żᵀM ż + zᵀK z, apart from
@@ -61,7 +61,7 @@ DOUBLE = "more than one eigenvalue may be there"
 
 
 class Case:
-    """What is proven about a motion, or follows from what double precision has found.
+    """What is proven about a motion, or follows from findings in double precision.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class Case:
     conditions : list of str
         What was taken for granted.
     left_out : bool
-        Whether something was left out that is not verified.
+        Whether something was left out because it is not verified.
     """
 
     def __init__(self, proof: Proof, strict: bool) -> None:
@@ -86,7 +86,7 @@ class Case:
 
     @cached_property
     def generic(self) -> Case:
-        """The same where a parameter that is an interval has a value inside."""
+        """The same case at a value inside the interval of a parameter."""
         point = self.identities.reference
         assert isinstance(point, Proof)
         return self if point is self.proof else Case(point, self.strict)
@@ -128,7 +128,7 @@ class Case:
         return found + [("position at rest", False, x) for x in self._rests()]
 
     def _rests(self) -> Matrix:
-        """Return the directions of rests beside this one; see `mbstab.analysis.linear.neutral.Structure`."""
+        """Return the directions of neighbouring rests; see `mbstab.analysis.linear.neutral.Structure`."""
         r = self.proof.reduced
         m, k = len(r.free), len(r.moving)
         if k >= m or self._moves or not self._accepts(self.identities.rows_at_rest(), "rest satisfies all constraints"):
@@ -146,7 +146,7 @@ class Case:
 
     @cached_property
     def _divided(self) -> tuple[Quotient, list[tuple[str, bool, list[Ball]]]]:
-        """S divided by directions that it leads into each other, and these."""
+        """S modulo the neutral directions, which span an invariant subspace, and these directions."""
         S, chosen = self.proof.reduced.S, self._directions
         while True:
             quotient, kept = Quotient(S), []
@@ -180,7 +180,7 @@ class Case:
         return [_combined(c, [row for _, row in rows]) for c in combinations], names
 
     def _vanishing(self, rows: Sequence[list[Ball]], columns: Sequence[list[Ball]], turned: bool = False) -> Matrix:
-        """Return combinations of rows that vanish along columns; `turned`: of columns that rows do not see."""
+        """Return combinations of rows that vanish along columns; `turned`: of columns on which the rows vanish."""
         scaled = [[[x / _size(v) for x in v] for v in part] for part in (rows, columns)]
         products = [[_dot(row, x) for row in scaled[0]] for x in scaled[1]]
         products = ball_matrices.transposed(products, len(rows)) if turned else products
@@ -202,14 +202,14 @@ class Case:
         return self.proof.differential(*self.identities.disturbance(item, self.proof))
 
     def _commutes(self, item: Symmetry) -> bool:
-        """Whether a symmetry stands still in the frame of the motion."""
+        """Return whether a symmetry is constant in the co-moving frame."""
         direction, rate = self.identities.disturbance(item, self.proof)
         carried = ball_matrices.apply(self.proof.state.slope, direction)
         return all(zero_inside(x - y) for x, y in zip(rate, carried, strict=True))
 
     @cached_property
     def left(self) -> tuple[Spectrum, Neutral]:
-        """What is left to judge, and what is not."""
+        """The eigenvalues left to judge, and the neutral ones."""
         quotient, directions = self._divided
         rows, names = self._functions
         kept = [name for name, row in zip(names, rows, strict=True) if quotient.restrict(row)]
@@ -228,7 +228,7 @@ class Case:
 
     @cached_property
     def _mirrored(self) -> str:
-        """What makes the spectrum symmetric to the imaginary axis, in words; empty: nothing."""
+        """What makes the spectrum symmetric about the imaginary axis, in words; empty: nothing."""
         work = self.grounds.structure.work
         if not self.proof.r_n and work.conserved:
             if self._accepts(self.identities.conserved(True), "the energy is conserved"):
@@ -264,7 +264,7 @@ class Case:
 
     @cached_property
     def _carried(self) -> list[Ball]:
-        """ω of the eigenvalues ±iω of neutral directions that the motion carries around."""
+        """ω of the eigenvalues ±iω of neutral directions that rotate with the motion."""
         T = [x for _, _, x in self._divided[1]]
         if not T or not self._moves:
             return []
@@ -287,7 +287,7 @@ class Case:
         return [rate] * len(turning)
 
     def discs(self) -> list[Disc]:
-        """Return what is left to judge as discs; over an interval only their sides are worked out."""
+        """Return the eigenvalues left to judge as discs; over an interval only their sides are computed."""
         if self.proof.wide:
             return self._sides()
         return [
@@ -297,7 +297,7 @@ class Case:
         ]
 
     def _sides(self) -> list[Disc]:
-        """Return discs that show on which side of the axis eigenvalues are, but not where."""
+        """Return discs that tell on which side of the axis the eigenvalues are, but not where."""
         spectrum, _ = self.left
         found = [Disc(0j, 0.0, 1, "open", name) for name in spectrum.zeros]
         even = [factor for factor in spectrum.factors if factor.even]
@@ -310,7 +310,7 @@ class Case:
             if inside:
                 found.append(Disc(1j, 0.0, count, "axis", group[0].why))
             elif inside is not None:
-                # A root σ that is neither real and negative nor zero: one of ±√σ is right of the axis.
+                # A root σ that is neither real negative nor zero: one of ±√σ is right of the axis.
                 found += [Disc(1 + 0j, 0.0, 1, "right"), Disc(0j, math.inf, count - 1, "open")]
             else:
                 found += [disc for factor in group for disc in _rough(factor, len(group) == 1)]
@@ -356,7 +356,7 @@ class Case:
         return next((s for s in (1, -1) if ball_matrices.positive([[s * x for x in row] for row in h])), 0)
 
     def _with_a_multiple(self) -> bool:
-        """Whether the second variation is definite in another frame in which the reference stands still as well."""
+        """Return whether the second variation is definite in another frame in which the reference is at rest too."""
         if not self.grounds.structure.work.conserved or self.proof.r_n:
             return False
         fastest = 4.0 * float(np.max(np.abs(self.grounds.motion.u)))
@@ -370,7 +370,7 @@ class Case:
         return False
 
     def _idle(self) -> Iterator[tuple[Symmetry, Field]]:
-        """Yield turns of the ground that leave the reference as it is, with the spins that undo them."""
+        """Yield rotations of the ground that do not move the reference, with the spins that compensate them."""
         still, own = np.zeros(self.proof.system.n_q), self.proof.state.field
         spins = [x for x in self.momenta if isinstance(x.of, Shift) and np.sum(x.of.direction != 0.0) == 1]
         for name, group in self.grounds.invariance.fields:
@@ -399,7 +399,7 @@ class Case:
         return H
 
     def _disturbances(self) -> Matrix:
-        """Return disturbances at the given momenta, apart from symmetries, as columns."""
+        """Return disturbances at the given momenta, modulo symmetries, as columns."""
         r = self.proof.reduced
         n, m = len(r.S), len(r.free)
         if self._moves:
@@ -418,7 +418,7 @@ class Case:
         return ball_matrices.transposed([kernel[k] for k in quotient.alive]) if quotient.alive else []
 
     def _unforced(self) -> bool:
-        """Whether rows on speeds push across nothing that holonomic rows allow."""
+        """Return whether the reactions of rows on speeds vanish along all that holonomic rows allow."""
         for case in (self, self.generic):
             proof = case.proof
             D, nu = proof.dynamic_rows(), proof.state.nu[proof.r_h :]
@@ -448,12 +448,12 @@ class Case:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """The verdict; where a fact is only taken for granted, `conditions` say so."""
+        """The verdict; where a fact is only taken for granted, `conditions` states it."""
         return judge(self.facts())
 
     @property
     def coarse(self) -> bool:
-        """Whether the verdict is stable although eigenvalues are not placed: more may be true."""
+        """Whether the verdict is stable but the eigenvalues are not located: a stronger verdict may hold."""
         return self.verdict.word in (STABLE, STABLE_UP_TO) and any(d.side == "open" for d in self.discs())
 
 
@@ -478,7 +478,7 @@ def _dot(x: Sequence[Ball], y: Sequence[Ball]) -> Ball:
 
 
 def _size(x: Sequence[Ball]) -> Ball:
-    """Return a number of the size of a vector."""
+    """Return the size of a vector."""
     size = max((abs(float(y.mid())) for y in x), default=0.0)
     return ball(2.0 ** round(np.log2(size))) if size else ball(1)
 
@@ -505,7 +505,7 @@ def _joined(even: list[Factor], spectrum: Spectrum) -> list[list[Factor]]:
 
 
 def _rough(factor: Factor, isolated: bool) -> list[Disc]:
-    """Return the roots of a factor with wide coefficients as discs; what is on the axis may meet roots of others."""
+    """Return the roots of a factor with wide coefficients as discs; those on the axis may meet other factors' roots."""
     return [
         Disc(
             complex(float(e.real.mid()), float(e.imag.mid())), e.radius, e.count,

@@ -1,13 +1,13 @@
-"""Bodies that tumble: Euler angles whose constant base rotation is chosen anew where they come near their singularity.
+"""Bodies that tumble: Euler angles whose constant base rotation is replaced near their singularity.
 
-The angles of a spatial body, A = B Ax(φ) Ay(θ) Az(ψ), lose a direction where cos θ = 0. Nothing
-in the equations of motion depends on the base rotation B, so near that another B′ with angles
-of the same A and rates of the same ω go on exactly. The first axis of B′ is that of the present
-turn, about which φ may go round for ever, unless it lies along the last body axis, about
-which ψ does. What the user sees are the angles of the file.
+The angles of a spatial body, A = B Ax(φ) Ay(θ) Az(ψ), are singular where cos θ = 0. Nothing
+in the equations of motion depends on the base rotation B, so near it the motion continues with
+another B′, whose angles give the same A and whose rates give the same ω. The first axis of B′ is that of the present
+rotation, about which φ may turn any number of times, unless it lies along the last body axis, about
+which ψ may. The user sees the angles of the file.
 
-Where an expression, a constraint or a drive names an angle of a body, its angles mean
-something: such a body keeps its chart, and a motion that needs another one is refused.
+Where an expression, a constraint or a drive names an angle of a body, its angles have a
+meaning: such a body keeps its chart, and a motion that needs another one is refused.
 """
 
 from __future__ import annotations
@@ -62,12 +62,12 @@ class Attitudes:
         return cls(system, parts, pinned)
 
     def needs_change(self, system: System, before: Array, q: Array) -> bool:
-        """Whether a body needs another chart.
+        """Return whether a body needs another chart.
 
         Raises
         ------
         NumericalError
-            If one does that must keep its angles.
+            If a body that must keep its angles needs one.
         """
         change = False
         for i, part in self.parts:
@@ -98,9 +98,9 @@ class Attitudes:
         return System(replace(system.scene, bodies=tuple(bodies))), q, u
 
     def orientations(self, system: System, q: Array) -> Array:
-        """Return the orientation of every body, shape (…, n_b, d, d); the unit matrix for point masses.
+        """Return the orientation of every body, shape (…, n_b, d, d); the identity for point masses.
 
-        Here and below q and u have the shape (…, n_q); axes in front are those of several states.
+        Here and below q and u have the shape (…, n_q); leading axes run over states.
         """
         scene = system.scene
         found = np.tile(np.eye(scene.dimension), (*q.shape[:-1], len(scene.bodies), 1, 1))
@@ -128,7 +128,7 @@ class Attitudes:
         return found
 
     def coordinates_in_file(self, system: System, q: Array, near: Array) -> Array:
-        """Return coordinates in the angles of the file, of all that describe them those nearest to `near` (n_q,)."""
+        """Return coordinates in the angles of the file; of all equivalent ones those nearest to `near` (n_q,)."""
         if system is self.file:
             return q
         q = q.copy()
@@ -151,7 +151,7 @@ class Attitudes:
             spin = _times(G, u[part])
             turning = _times(G, a[part]) + rate_drift(body, q[part], u[part])
             q[part] = shown[part]
-            # Exactly at the singularity rates do not exist; the least ones are as good as any.
+            # Exactly at the singularity the rates do not exist; those of least norm are as good as any.
             back: Any = np.linalg.pinv(rate_matrix(own, q[part]), rcond=1e-14)
             u[part] = _times(back, spin)
             a[part] = _times(back, turning - rate_drift(own, q[part], u[part]))
@@ -164,7 +164,7 @@ def _times(matrix: Array, vector: Array) -> Array:
 
 
 def _base(A: Array, spin: Array) -> Array:
-    """Return the base rotation whose first axis is that of the turn, or across the last body axis."""
+    """Return the base rotation whose first axis is that of the rotation, or perpendicular to the last body axis."""
     last = A[:, 2]
     rate = float(np.linalg.norm(spin))
     first = spin / rate if rate > 0.0 else A[:, 0]

@@ -1,4 +1,4 @@
-"""Coefficients of the linearized equations, in the frame that goes along with the motion."""
+"""Coefficients of the linearized equations, in the co-moving frame."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Matrices(NamedTuple):
 
 
 def matrices_in(system: System, motion: Motion, generator: Generator | None) -> Matrices:
-    """Return the coefficients in the frame that follows a generator, or in the coordinates of the file."""
+    """Return the coefficients in the co-moving frame of a generator, or in the coordinates of the file."""
     K, R, D_q = system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
     M, J = motion.dynamics.M, motion.dynamics.J
     if generator is not None and generator.turns:
@@ -48,7 +48,7 @@ def deflated(spaces: Subspaces, matrices: Matrices) -> tuple[Array, Array]:
 
 
 def _without_rows_on_speeds(spaces: Subspaces, matrices: Matrices) -> tuple[Array, Array]:
-    """Return the same for sparse matrices, where all that the positions allow is allowed for speeds: Z = 1, P = 0."""
+    """Return the same for sparse matrices without rows on speeds, so that Z = 1 and P = 0."""
     M, R, K = (congruent(scaled(x, spaces.scale, spaces.scale), spaces.N) for x in (matrices.M, matrices.R, matrices.K))
     n = len(M)
     A = np.zeros((2 * n, 2 * n))

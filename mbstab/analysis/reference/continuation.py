@@ -2,10 +2,10 @@
 
 A path is a curve in the space of coordinates, rates and the parameter. From one solution the
 next one is predicted along the tangent and corrected by Newton's method perpendicular to it
-(pseudo-arclength continuation; Keller 1977), so the parameter may turn back. Between two turns
-the parameter grows or falls all the time: such a part is a `Path`, and the others to which it
-leads are those `beyond` it. Where another path crosses, the determinant of the equations
-bordered by the tangent passes zero.
+(pseudo-arclength continuation; Keller 1977), so the path may pass folds. Between two folds
+the parameter is monotonic: such a part is a `Path`, and the others to which it
+leads are those `beyond` it. Where another path crosses, the determinant of the equations,
+bordered by the tangent, changes its sign.
 """
 
 from __future__ import annotations
@@ -52,11 +52,11 @@ def follow(
     near: tuple[Array, Array] | None = None,
     further: bool = True,
 ) -> Path:
-    """Return the solutions over a range of a parameter, followed from one value both ways.
+    """Return the solutions over a range of a parameter, followed from one value in both directions.
 
-    From `first_at`, or else the lowest value; where there is none, from the other end, the file's
-    own value, or the middle. The solution `near` coordinates and rates, if they are given, or the
-    one that the file's own guess leads to. Paths to which folds lead only if asked for.
+    The first solution is sought at `first_at`, or else at the lowest value; where there is none, at the other end, the
+    file's own value, or the middle. It is the one `near` given coordinates and rates, or else the
+    one that the file's own guess leads to. Paths behind folds are followed only if `further` is set.
 
     Raises
     ------
@@ -88,9 +88,9 @@ def follow(
 
 
 def follow_all(model: Model, parameters: tuple[str, str], x: Array, y: Array) -> Sheet:
-    """Return the solutions over two parameters: over the first one from those over the second one.
+    """Return the solutions over two parameters: paths over the first one, started from a path over the second one.
 
-    These are at the least value of the first one, or where there are none, at the largest or in the middle.
+    That path is at the lowest value of the first one or, where there is no solution, at the highest or in the middle.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def _edge(model: Model, parameters: tuple[str, str], x: Array, y: Array) -> tupl
 class _Curve:
     """The curve of solutions through one of them.
 
-    Unknown are [q; c; p] without what is given, scaled by the size of the scene, its speed and
+    The unknowns are [q; c; p] without what is given, scaled by the size of the scene, its speed and
     the range.
 
     Attributes
@@ -156,7 +156,7 @@ class _Curve:
         _, A = self._equations(at.q, at.c, start)
         s = np.linalg.svd(A, compute_uv=False)
         self.rank = int(np.sum(s > TOLERANCES.path_singular_value * max(float(s[0]), 1e-300))) if len(s) else 0
-        # Least change with the parameter: symmetries have no part in it.
+        # The minimum-norm change with the parameter: it has no component along symmetries.
         by_p = np.append(np.linalg.lstsq(A[:, :-1], -A[:, -1], rcond=TOLERANCES.path_singular_value)[0], 1.0)
         self.first = self._point(at.q, at.c, start, A, by_p, None)
         self.folds: list[Point] = []
@@ -193,7 +193,7 @@ class _Curve:
         """Return the residuals that multipliers cannot balance, and their derivative by the scaled unknowns."""
         self.work[0] -= 1
         step = TOLERANCES.parameter_difference * self.width
-        # To both sides, or at an end of the range twice to one: of second order everywhere.
+        # Central, or at an end of the range one-sided with two points: of second order everywhere.
         one, two = (step, -step) if self.low + step <= p <= self.high - step else (step, 2.0 * step)
         sign = -1.0 if p > self.high - step else 1.0
         around = p + sign * np.array([0.0, one, two])
@@ -210,7 +210,7 @@ class _Curve:
         if not forces.size:
             return at.residual[0], A
         left = rank_of(forces.T / max(float(np.max(np.abs(forces))), 1e-300)).null
-        # In the rows as they are: a basis would be another one at every solution, and signs of determinants with it.
+        # With the rows themselves: a basis would differ at every solution, and with it the signs of determinants.
         return left @ (left.T @ at.residual[0]), left @ (left.T @ A)
 
     def _stepped(self, q: Array, c: Array, p: float, step: Array) -> tuple[Array, Array, float]:
@@ -263,9 +263,9 @@ class _Curve:
     # --- along the path ---------------------------------------------------------------------------------------------
 
     def traced(self, sign: float, further: bool = True) -> list[Run]:
-        """Return the path from the first solution on, cut where it turns, or up to where it turns first.
+        """Return the path from the first solution on, divided at its folds, or only up to the first fold.
 
-        The parameter first grows or falls.
+        The parameter increases at first where `sign` is positive.
         """
         runs = self._runs(sign, further)
         for run in runs:
@@ -289,7 +289,7 @@ class _Curve:
             branches = fold.least < TOLERANCES.branching_singular_value * self.first.least
             runs[-1].ends.append((fold.p, BRANCHES if branches else TURNS))
             self._close_in(runs, fold)
-            # On a closed curve it has been followed from the other side.
+            # On a closed curve this part has been followed from the other side.
             if not further or any(self._same(fold, other) for other in self.folds):
                 return runs[:-1]
             self.folds.append(fold)
@@ -298,7 +298,7 @@ class _Curve:
 
     @property
     def spent(self) -> bool:
-        """Whether the curve has taken as much work as it may."""
+        """Return whether the allowed work is used up."""
         return self.work[0] <= 0
 
     def _run(self, run: Run) -> Point | None:
@@ -345,7 +345,7 @@ class _Curve:
             length = 0.5 * min(length, float(np.linalg.norm(step)))
             if length < TOLERANCES.path_least_step:
                 if abs(end - at.p) < TOLERANCES.kink_step * self.width:
-                    # The range ends where another path crosses: what is there is for others to say.
+                    # Another path crosses at the end of the range: the crossing is judged elsewhere.
                     run.points.append(replace(at, p=end))
                     return None
                 beyond = self._beyond_a_kink(at, end)
@@ -356,9 +356,9 @@ class _Curve:
                 length = TOLERANCES.path_first_step
 
     def _pole(self, points: list[Point], end: float) -> float | None:
-        """Return the value before an end of the range at which positions become infinite, in the digits that are known.
+        """Return the value before an end of the range at which positions become infinite, as far as it is known.
 
-        There the parameter is a smooth function of 1/size; two extrapolations to 0 show how exact they are.
+        There the parameter is a smooth function of 1/size; the difference of two extrapolations to 0 is the error.
         """
         last = points[-TOLERANCES.pole_points :]
         size = [float(np.max(np.abs(x.q / self.balance.sizes), initial=0.0)) for x in last]
@@ -379,7 +379,7 @@ class _Curve:
         return float(round(pole / factor, -math.ceil(math.log10(abs(2.0 * error / factor)))) * factor)
 
     def _beyond_a_kink(self, at: Point, end: float) -> Point | None:
-        """Return the solution a little further where a path goes on in another direction."""
+        """Return the solution a little beyond a kink, where a path continues in another direction."""
         step = (
             TOLERANCES.kink_step
             if abs(end - at.p) > TOLERANCES.kink_step * self.width
@@ -406,7 +406,7 @@ class _Curve:
             if found is None:
                 return
             low, high = (found, high) if found.sign == low.sign else (low, found)
-        # Where the equations are nearly dependent all along the path the sign is rounding.
+        # Where the equations are nearly dependent all along the path, the sign is only rounding.
         if low.least > 10.0 * TOLERANCES.crossing_distance * min(self.first.least, max(before.least, after.least)):
             return
         q, c = (x + part * (y - x) for x, y in ((low.q, high.q), (low.c, high.c)))
@@ -423,7 +423,7 @@ class _Curve:
                 pair = (half, at) if pair[1] is at else (at, half)
 
     def _inside(self, one: Point, other: Point, part: float) -> Point | None:
-        """Return a solution between two: predicted by a cubic through both, and on their path by its direction."""
+        """Return a solution between two, predicted by a cubic through both; its tangent must fit their path."""
         gap = self._open(self._between(one, other))
         length = float(np.linalg.norm(gap))
         if length == 0.0:
@@ -436,7 +436,7 @@ class _Curve:
         return found[0]
 
     def switched(self, fold: Point) -> list[Path]:
-        """Return the other path through a point at which this one turns back."""
+        """Return the parts of the other path through a fold of this one."""
         if self.spent:
             return []
         _, A = self._equations(fold.q, fold.c, fold.p)
@@ -464,7 +464,7 @@ class _Curve:
         return paths + [self.path(run, run.ends[0][0]) for part in runs for run in part[1:]]
 
     def _fold(self, at: Point, length: float) -> Point | None:
-        """Return the point less than a length ahead at which the parameter turns back."""
+        """Return the fold that is less than a length ahead."""
         found: dict[float, Point] = {0.0: at}
 
         def rise(distance: float) -> float:
@@ -507,7 +507,7 @@ class _Curve:
         return abs(one.p - other.p) < TOLERANCES.equal_solutions * self.width and self.problem.alike(one.q, other.q)
 
     def _closes(self, runs: list[Run]) -> bool:
-        """Whether the last of several runs passes the first solution: the curve is closed."""
+        """Return whether the last of several runs passes the first solution, so that the curve is closed."""
         if len(runs) < 2 or (runs[-1].points[-1].rise > 0.0) != (runs[0].points[0].rise > 0.0):
             return False
         points = runs[-1].points
@@ -520,7 +520,7 @@ class _Curve:
         return False
 
     def _open(self, difference: Array) -> Array:
-        """Return the part of a difference of solutions that is not given."""
+        """Return a difference of solutions without the entries that are given."""
         n = len(self.balance.sizes)
         wanted = [*self.balance.open, *(n + k for k in self.balance.free), n + self.balance.family.size]
         return difference[np.array(wanted, dtype=np.intp)]

@@ -21,11 +21,11 @@ class Point:
     tangent : ndarray
         Of the path in scaled unknowns, of length 1.
     left, right : ndarray
-        Bases of what the equations do not depend on, aligned from point to point.
+        Bases of the left and right null spaces of the equations, aligned from point to point.
     sign : float
-        Of the determinant of the equations bordered by them.
+        Sign of the determinant of the equations bordered by them.
     least : float
-        Smallest singular value that counts.
+        Smallest singular value apart from those null spaces.
     """
 
     q: Array
@@ -39,13 +39,13 @@ class Point:
 
     @property
     def rise(self) -> float:
-        """How the parameter changes along the path."""
+        """The derivative of the parameter by the arc length."""
         return float(self.tangent[-1])
 
 
 @dataclass
 class Run:
-    """Points of a path between two turns, where and why it ends within the range, and where others cross."""
+    """Points of a path between two folds, where and why it ends within the range, and where others cross."""
 
     points: list[Point]
     ends: list[tuple[float, str]] = field(default_factory=list)

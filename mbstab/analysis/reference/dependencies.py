@@ -1,4 +1,4 @@
-"""Which names the expressions in a part of a model contain."""
+"""The names in the expressions of a part of a model."""
 
 from __future__ import annotations
 

@@ -27,11 +27,11 @@ class Acted:
     owner : str
         Such as ``force 'spring'``.
     along : str
-        The motion, such as ``angle of 'shoulder'``.
+        The relative motion it acts on, such as ``angle of 'shoulder'``.
     unit : str
         ``N`` or ``N*m``.
     values : ndarray, shape (…)
-        Positive where it drives the motion on: pushes the ends of a spring apart, turns or moves the first body of a
+        Positive in the direction of the motion: pushes the ends of a spring apart, turns or moves the first body of a
         joint against the second.
     """
 
@@ -48,7 +48,7 @@ class Placement:
     Attributes
     ----------
     q, u : ndarray, shape (…, n_q)
-        In the chart of `system`; axes in front are those of several states.
+        In the chart of `system`; leading axes run over states.
     """
 
     attitudes: Attitudes
@@ -97,7 +97,7 @@ class Placement:
         if kind == "distance":
             size = np.linalg.norm(gap, axis=-1)
             along = gap / np.where(size > 0.0, size, 1.0)[..., None]
-            # Where the ends meet the distance grows as fast as they part.
+            # Where the ends meet, the distance grows at the speed at which they part.
             return np.where(size > 0.0, np.sum(along * speed, axis=-1), np.linalg.norm(speed, axis=-1))
         axis = self._direction(second, item.triads("axis", "zero")[1].v1)
         return np.sum(axis * speed + _across(self._spin(second), axis) * gap, axis=-1)
@@ -138,7 +138,7 @@ MOTION_UNITS = {"angle": "rad", "displacement": "m"}
 
 
 def moving_joints(scene: Scene) -> list[tuple[str, ItemValues]]:
-    """Return the joints with a motion, each once for every motion it has, in the order of the file."""
+    """Return the joints that can move, once for each of their motions, in the order of the file."""
     joints = (item for item in scene.items if item.entry.section == "joints")
     return [(motion, item) for item in joints for motion in item.kind.motions]
 
@@ -149,7 +149,7 @@ def motion_name(motion: str, joint: str) -> str:
 
 
 def unwound(angles: Array, rates: Array, times: Array) -> Array:
-    """Return angles at successive times, shape (n_t,), continued over half turns as their rates tell (rad)."""
+    """Return angles at successive times, shape (n_t,), unwrapped according to their rates (rad)."""
     steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(times)
     turns = np.round((steps - np.diff(angles)) / (2.0 * np.pi))
     return angles + 2.0 * np.pi * np.concatenate([[0.0], np.cumsum(turns)])
@@ -190,7 +190,7 @@ def _along(given: Mapping[str, Any], effort: Effort) -> tuple[str, str]:
 
 
 def effort_unit(motion: str, coordinate: str = "") -> str:
-    """Return the unit of an effort: that of a torque along angles."""
+    """Return the unit of an effort: ``N*m`` along angles, else ``N``."""
     turning = motion == "angle" or (motion == "coordinate" and unit_of(coordinate) == "rad")
     return "N*m" if turning else "N"
 
@@ -205,11 +205,11 @@ def _of_law(at: Placement, effort: Effort, times: Any) -> Any:
 
 
 def _of_row(at: Placement, item: ItemValues, effort: Effort, nu: Array, times: Any) -> Any:
-    """Return what the row of a drive takes."""
+    """Return the effort of a drive, from the multiplier of its row."""
     own = (item.entry.section, item.name)
     row = next(i for i, row in enumerate(at.system.rows) if (row.section, row.name) == own)
     if effort.motion != "angle" or effort.law is None or at.system.scene.dimension == 2:
         return -nu[..., row]
-    # The row is the sine of what the angle lacks.
+    # The residual of the row is the sine of the error of the angle.
     given = replace(effort.law, arithmetic=array_arithmetic()).at(times).value
     return -nu[..., row] * np.cos(at.motion("angle", effort.of) - given)

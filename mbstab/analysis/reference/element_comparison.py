@@ -34,12 +34,12 @@ class State:
 
     @cached_property
     def padded(self) -> tuple[Array, Array, Array]:
-        """q, u and a with one fixed coordinate behind them."""
+        """q, u and a with one fixed coordinate appended."""
         return np.append(self.q, 0.0), np.append(self.u, 0.0), np.append(self.a, 0.0)
 
     @cached_property
     def listed(self) -> tuple[list[float], list[float], list[float]]:
-        """q, u and a as lists: single numbers of these are several times faster."""
+        """q, u and a as lists, whose single numbers are several times faster."""
         return self.q.tolist(), self.u.tolist(), self.a.tolist()
 
 
@@ -54,7 +54,7 @@ Numbers = list[float | Rounded]
 
 
 def with_errors(state: State, spread: State | None = None) -> tuple[Numbers, Numbers, Numbers]:
-    """Return q, u and a of a state, with how far they may be off."""
+    """Return q, u and a of a state with their error bounds."""
     if spread is None:
         plain = state.listed
         return [*plain[0]], [*plain[1]], [*plain[2]]
@@ -74,7 +74,7 @@ class ElementComparison:
 
     @cached_property
     def rate(self) -> float:
-        """A rate at which the scene moves by itself or is moved (1/s)."""
+        """A characteristic rate of the scene (1/s)."""
         motion, scale = self.motion, self.motion.spaces.scale
         K, R, _ = self.system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
         K, R = (largest(scaled(x, scale, scale)) for x in (K, R))
@@ -88,9 +88,9 @@ class ElementComparison:
         for spread in TOLERANCES.state_spreads:
             rng = RandomNumbers(11)
             found = []
-            # The reference itself and its surroundings too: functions may be flat elsewhere.
+            # The reference itself and its neighbourhood too: functions may be flat elsewhere.
             for part, moves, accelerates in (
-                (0.0, 0.0, 0.0),  # where strong terms vanish weak ones are seen
+                (0.0, 0.0, 0.0),  # where strong terms vanish, weak ones show
                 (1.0, 0.0, 0.0),
                 (1.0, 1.0, 0.0),
                 (1.0, 1.0, 1.0),
@@ -135,7 +135,7 @@ class ElementComparison:
 
     @cached_property
     def seen(self) -> bool:
-        """Whether there are states beside the reference at which constraint rows can be asked."""
+        """Whether there are states other than the reference at which constraint rows can be tested."""
         if not self.system.n_c or not self.motion.spaces.N.shape[1]:
             return True
         rows = (item for item in self.system.scene.items if item.entry.section == "constraints")
@@ -150,7 +150,7 @@ class ElementComparison:
 
     @cached_property
     def agreed(self) -> float:
-        """How well the rows hold, relative to the sizes in the scene: redundant ones, as well as they agree."""
+        """How well the rows hold, relative to the sizes in the scene; redundant ones only as well as they agree."""
         motion, n_h = self.motion, self.system.n_h
         if motion.spaces.C.rank == n_h:
             return TOLERANCES.row_residual
@@ -164,7 +164,7 @@ class ElementComparison:
         )
 
     def onto_rows(self, q: Array, u: Array, within: float | None = None) -> OnRows | None:
-        """Return the state that satisfies the constraints nearest to a given one, or None if there is none."""
+        """Return the state nearest to a given one that satisfies the constraints, or None if there is none."""
         system, time, sizes = self.system, self.motion.time, self.motion.sizes
         n_h = system.n_h
         try:
@@ -185,7 +185,7 @@ class ElementComparison:
         return OnRows(q, u, 0.0 * u, state) if self._holds(state, u, within) else None
 
     def _shortest(self, J: Any, b: Array) -> Array:
-        """Return the shortest x, in sizes of the scene, with J x = b, as nearly as can be."""
+        """Return the least-squares solution of J x = b of least norm, scaled by the sizes of the scene."""
         if not is_sparse(J):
             J = J * self.motion.sizes
             lengths = np.linalg.norm(J, axis=1) + 1e-300
@@ -205,20 +205,20 @@ class ElementComparison:
         return self._holds(system.dynamics(q, u, self.motion.time if time is None else time), u)
 
     def _holds(self, state: Dynamics, u: Array, within: float | None = None) -> bool:
-        """Whether the constraint rows hold where they have these residuals."""
+        """Return whether the constraint rows hold, given their residuals."""
         motion, n_h = self.motion, self.system.n_h
         allowed = (self.agreed if within is None else within) * abs(state.J) @ motion.sizes + 1e-300
         fastest = max(float(np.max(np.abs(u / motion.sizes))), TOLERANCES.resting_speed * self.rate)
         return bool(np.all(np.abs(state.E[:n_h]) <= allowed[:n_h]) and np.all(np.abs(state.V) <= allowed * fastest))
 
     def _unseen(self, element: Acting, field: Field) -> bool:
-        """Whether an element contains none of the coordinates that a shift changes."""
+        """Return whether an element contains none of the coordinates that a shift changes."""
         if not isinstance(field, Shift):
             return False
         return field.changed.isdisjoint(element.seen)
 
     def _carried(self, element: Acting, images: list[tuple[State, Array]], exact: bool) -> bool:
-        """Whether an element does the same at all states, moved along."""
+        """Return whether an element commutes with a group at all states."""
         if not self.states or not element.analytic:
             return False
         pairs = zip(self.states, images, strict=True)
@@ -259,17 +259,17 @@ class ElementComparison:
         off = np.abs(F - after)
         if np.all(off <= allowed):
             return True
-        # Where a force is a small difference, the rounding of coordinates and speeds counts.
+        # Where a force is a small difference, the rounding of coordinates and speeds matters.
         rounding = put(self._rounding(element, here), columns, reached, len(self.motion.q))
         rounding = rounding + np.abs(rows).T @ self._rounding(element, there)
         spread = float(np.max(rounding * sizes)) / sizes
         return bool(np.all(off <= allowed + TOLERANCES.force_change_rounding * spread))
 
     def _same_to_rounding(self, element: Acting, here: State, there: State, T: Array) -> bool:
-        """Whether Tᵀ F(there) = F(here) to rounding, which is followed through what is written."""
+        """Return whether Tᵀ F(there) = F(here) to rounding, which is propagated through the expressions."""
         sizes, size = self.motion.sizes, abs(T)
         F, error = self.bounded(element, here)
-        # What leads there is computed to some roundings of what it is computed from.
+        # The image of the state is computed to a few roundings of the numbers it is computed from.
         spread = State(
             TOLERANCES.roundings_of_comparison * EPS * (np.abs(there.q) + size @ (np.abs(here.q) + sizes)),
             TOLERANCES.roundings_of_comparison * EPS * (size @ np.abs(here.u)),
@@ -280,12 +280,12 @@ class ElementComparison:
         return bool(np.all(np.abs(F - T.T @ moved) <= allowed))
 
     def bounded(self, element: Acting, state: State, spread: State | None = None) -> tuple[Array, Array]:
-        """Return the force of an element at a state, and how far it may be off, shapes (n_q,) each.
+        """Return the force of an element at a state and its error bound, shapes (n_q,) each.
 
         Parameters
         ----------
         spread : State, optional
-            How far the state may be off.
+            Error bounds of the state.
         """
         F, error = np.zeros((2, len(state.q)))
         columns = list(element.columns)
@@ -293,12 +293,12 @@ class ElementComparison:
         return F, error
 
     def forced(self, element: Acting, state: tuple[Numbers, Numbers, Numbers]) -> tuple[Array, Array]:
-        """Return the force of an element on its columns, and how far it may be off, at q, u and a with their errors."""
+        """Return the force of an element on its columns and its error bound, at q, u and a with their error bounds."""
         force = element.force(*state, self.motion.time, rounded_arithmetic())
         return np.array([float(x) for x in force]), np.array([x.e if isinstance(x, Rounded) else 0.0 for x in force])
 
     def _rounding(self, element: Acting, state: State) -> Array:
-        """Return what a change of coordinates and speeds by all their size makes of an element."""
+        """Return how much the force of an element changes if coordinates and speeds change by their whole size."""
         columns = list(element.columns)
         q, u = np.maximum(np.abs(state.q), self.motion.sizes)[columns], np.abs(state.u)[columns]
         K, R = (np.abs(np.array(x, dtype=float)) for x in self._slopes(element, state))
@@ -310,7 +310,7 @@ class ElementComparison:
         return element.slopes(*state.listed, self.motion.time)
 
     def _moved(self, field: Field, state: State) -> tuple[State, Array]:
-        """Return where a group leads a state, with the speeds and accelerations of motions that are carried along."""
+        """Return the image of a state under a group, with the speeds and accelerations of the motions through it."""
         q, T = field.moved(state.q)
         if isinstance(field, OwnTurn):
             a = T @ state.a
@@ -321,13 +321,13 @@ class ElementComparison:
         return State(q, T @ state.u, a), T
 
     def accelerations(self, state: State, moved: Array, T: Array) -> Array:
-        """Return the accelerations of a motion through a state, carried along by a map with the derivative T."""
+        """Return the accelerations of a motion through a state after a map with the derivative T."""
         a: Array = T @ state.a
         for body, part in zip(self.system.scene.bodies, self.system.body_slices, strict=True):
             if body.orientation and self.system.scene.dimension == 3:
                 if is_sparse(T) and np.array_equal(moved[part], state.q[part]):
-                    continue  # of many bodies most stay where they are
-                # Euler angles change nonlinearly: the angular accelerations, G a + Ġ u, are what turns.
+                    continue  # of many bodies most do not move
+                # Euler angles change nonlinearly: it is the angular acceleration, G a + Ġ u, that is rotated.
                 angles = slice(part.start + 3, part.stop)
                 G, G_before = rate_matrix(body, moved[angles]), rate_matrix(body, state.q[angles])
                 own = own_part(T, angles)
@@ -341,9 +341,9 @@ class ElementComparison:
 
 
 def _general(element: Acting) -> Acting:
-    """Return an element that is written in the file with parameters a little off, each by itself.
+    """Return an element with each of the parameters in its expressions perturbed a little by itself.
 
-    What holds only because two of them round to the same number is no structure.
+    A symmetry that holds only because two parameters round to the same number is not structure.
     """
     if not element.written:
         return element
@@ -355,14 +355,14 @@ def _general(element: Acting) -> Acting:
 
 
 def _on_grid(x: Array, sizes: Array) -> Array:
-    """Return numbers with so few digits that sums of them are exact: expressions are compared with many digits."""
+    """Return numbers rounded to so few digits that their sums are exact: expressions are compared with many digits."""
     grid = 2.0 ** (np.floor(np.log2(sizes)) - TOLERANCES.state_bits)
     result: Array = np.round(x / grid) * grid
     return result
 
 
 class Digits:
-    """The arithmetic in which an element is asked: many digits for expressions, floats for the others."""
+    """The arithmetic in which an element is evaluated: many digits for expressions, floats for the others."""
 
     def __init__(self, element: Acting, exact: bool = True) -> None:
         self.exact = exact and element.written

@@ -1,6 +1,6 @@
 """The equations of equilibria and steady motions, and their exact derivatives, at one point or all points of a sweep.
 
-Unknown are the coordinates q, the rates c of a generator X(q; c) that are not given, and the
+The unknowns are the coordinates q, the rates c of a generator X(q; c) that are not given, and the
 multipliers ν. With u = X and a = DX X,
 
     M a + F0 + Jᵀν = 0,   C(q, t) = 0,   V(q, X, t) = 0,   X_i = given rates.
@@ -28,7 +28,7 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class State:
-    """A trial: unknowns, residuals and what is needed for a step; axes in front are those of a sweep."""
+    """A trial: unknowns, residuals and what is needed for a step; leading axes run over the points of a sweep."""
 
     q: Array
     c: Array
@@ -52,17 +52,17 @@ class Balance:
     Attributes
     ----------
     sizes : ndarray, shape (n_q,)
-        What a large change of each coordinate is.
+        Characteristic size of each coordinate.
     open : ndarray of int
         Coordinates that may change.
     free : list of int
         Coefficients that are not given.
     rows : ndarray of int
-        Constraint rows that are used: of those that repeat others one is enough.
+        Constraint rows that are used: of redundant ones one is enough.
     energy, speed : float
-        By which residuals are judged.
+        Scales by which residuals are judged.
     ramp : float
-        Part of the given rates that is reached: 1 but for spin-up.
+        Fraction of the given rates: 1 except during spin-up.
     """
 
     def __init__(
@@ -101,12 +101,12 @@ class Balance:
         return q
 
     def use(self, rows: Index) -> None:
-        """Take these constraint rows."""
+        """Use only these constraint rows."""
         self.rows = rows
         self.n_h = int(np.sum(rows < self.system.n_h))
 
     def independent_rows(self, q: Array) -> Index:
-        """Return rows of which none repeats others at an assembled start: away from it they would contradict."""
+        """Return rows that are independent at an assembled start: redundant ones would contradict them away from it."""
         system = self.system
         state = system.dynamics(q, np.zeros(system.n_q))
         J = state.J * self.sizes
@@ -117,7 +117,7 @@ class Balance:
         dependences = left[:, int(np.sum(s > TOLERANCES.row_independent_part)) :]
         kept = np.ones(system.n_c, dtype=bool)
         for _ in range(dependences.shape[1]):
-            # Without the row that weighs most in a dependence the others are as independent as can be.
+            # Without the row of largest weight in a dependence, the others are as independent as can be.
             weights = np.where(kept, np.linalg.norm(dependences, axis=1), 0.0)
             row = int(np.argmax(weights))
             kept[row] = False
@@ -155,7 +155,7 @@ class Balance:
         force = ((M @ a[..., None])[..., 0] + dynamics.F0) * self.sizes / self.energy
         lengths = self._lengths(J)
         if self.ramp < 1.0:
-            # Given rates of drives grow with the ramp.
+            # The given rates of drives are scaled by the ramp.
             V = V - (1.0 - self.ramp) * system.dynamics(q, 0.0 * u).V[..., self.rows]
         rows = J * self.sizes / lengths[..., None]
         nu = -multipliers(rows, force)
@@ -228,7 +228,7 @@ class Balance:
         return self.shifted(at.q, at.c, step)
 
     def shifted(self, q: Array, c: Array, step: Array) -> tuple[Array, Array]:
-        """Return coordinates and coefficients after a scaled step from others."""
+        """Return given coordinates and coefficients after a scaled step."""
         q, c = q.copy(), c.copy()
         q[..., self.open] += step[..., : len(self.open)] * self.sizes[self.open]
         c[..., self.free] += step[..., len(self.open) : self.moving] * self.speed
@@ -236,10 +236,10 @@ class Balance:
 
 
 def multipliers(rows: Array, force: Array) -> Array:
-    """Return x that makes rowsᵀ x closest to a force, shapes (…, n_c, n_q) and (…, n_q).
+    """Return the least-squares solution x of rowsᵀ x = force, shapes (…, n_c, n_q) and (…, n_q).
 
-    Over the points of a sweep by normal equations, corrected twice: rows of unit length that are
-    independent are well conditioned, and there this is several times faster.
+    Over the points of a sweep the normal equations are solved and corrected twice: independent rows of unit length
+    are well conditioned, and this is several times faster.
     """
     if not rows.shape[-2]:
         return np.zeros((*force.shape[:-1], 0))
@@ -254,6 +254,6 @@ def multipliers(rows: Array, force: Array) -> Array:
 
 
 def joined(parts: list[Array], core: int, axis: int = -1) -> Array:
-    """Return arrays side by side; axes in front of the last `core` ones broadcast."""
+    """Return arrays joined along an axis; axes before the last `core` ones broadcast."""
     front = np.broadcast_shapes(*(x.shape[: x.ndim - core] for x in parts))
     return np.concatenate([np.broadcast_to(x, (*front, *x.shape[x.ndim - core :])) for x in parts], axis=axis)

@@ -1,8 +1,8 @@
 """Equilibria and steady motions: Newton's method on the constrained equations with exact derivatives.
 
-The equations are those of `mbstab.analysis.reference.equations`. Steps are of least length, so
-coordinates that nothing depends on stay where they are; they are bounded and damped as in the
-Levenberg-Marquardt method. Where that stalls, the motion is damped until it rests
+The equations are those of `mbstab.analysis.reference.equations`. Steps have minimum norm, so
+coordinates that nothing depends on do not change; they are bounded and damped as in the
+Levenberg-Marquardt method. Where that stalls, the motion is damped until it comes to rest
 (pseudo-transient continuation; Kelley and Keyes 1998, SIAM J. Numer. Anal. 35), or spun up
 from rest.
 """
@@ -49,7 +49,7 @@ class Equilibrium:
     ----------
     motion : Motion
     steady : Generator
-        The motion it is; its text is ``rest`` at rest.
+        Generator of the motion; its text is ``rest`` at rest.
     reactions : list of Reaction
         What each joint, contact and drive transmits.
     efforts : list of Acted
@@ -64,9 +64,9 @@ class Equilibrium:
     symmetries : tuple of str
         Shifts that lead from this solution to others like it.
     open : tuple of str
-        Directions besides in which the solution is not isolated, in words; empty: it is isolated.
+        Other directions in which the solution is not isolated, in words; empty: it is isolated.
     timed : bool
-        Whether given functions of time act, so that it holds at this time only.
+        Whether given functions of time act, so that it is an equilibrium at this time only.
     """
 
     motion: Motion
@@ -96,7 +96,7 @@ def found_motion(system: System) -> Motion:
     Raises
     ------
     EquilibriumError
-        If none is found; says where the search stalled, and what to try.
+        If none is found; the message says where the search stalled, and what to try.
     """
     problem = Problem(system)
     return problem.solved(problem.start)[0]
@@ -113,9 +113,9 @@ def find_equilibria(
     Parameters
     ----------
     starts : int
-        Number of starts: the reference of the file, and others at random around it.
+        Number of starts: the reference of the file, and random ones around it.
     seed : int
-        Of the random numbers; the same seed gives the same starts.
+        Seed of the random numbers; the same seed gives the same starts.
     track : callable
         Takes the list of starts and returns them one by one, for a progress bar.
 
@@ -162,7 +162,7 @@ class Problem:
             self.family, self.known = self._moving()
 
     def _moving(self) -> tuple[Family, dict[int, float]]:
-        """Return the generator that the rates of a file without ``find`` or ``steady`` describe, all of it given."""
+        """Return the generator that the rates of a file without ``find`` or ``steady`` describe, all rates given."""
         u = np.array([self.scene.rates.get(name, 0.0) for name in self.system.names], dtype=float)
         generator = detected(self.system, self.start, u, self.finder.sizes)[-1]
         columns = tuple(int(i) for i in np.flatnonzero(generator.spins))
@@ -188,7 +188,7 @@ class Problem:
             if self.family.columns and len(c) < self.family.size:
                 return self._without_spins()._solved(start, c, STRATEGIES[:1])
         elif self.family.columns and self.scene.steady is not None:
-            # A motion without spins first: with them there may be more, some for an instant only.
+            # A motion without spins first: with spins there may be more solutions, some valid for an instant only.
             try:
                 return self._without_spins()._solved(start, None, STRATEGIES[:1])
             except MbstabError:
@@ -225,7 +225,7 @@ class Problem:
         return motion, search, at, strategy
 
     def described(self, motion: Motion, search: Search, at: State, strategy: str) -> Equilibrium:
-        """Return a solution with what it means."""
+        """Return the equilibrium of a solution, with reactions and symmetries."""
         coefficients(self.system, motion)  # names what breaks a declared symmetry
         known = symmetries(self.system, motion)
         force = at.residual[: self.system.n_q] * search.balance.energy / self.finder.sizes
@@ -242,7 +242,7 @@ class Problem:
         )  # fmt: skip
 
     def _closed(self, at: State) -> bool:
-        """Whether a state satisfies all rows, those that repeat others included."""
+        """Return whether a state satisfies all rows, including redundant ones."""
         dynamics = self.system.dynamics(at.q, at.u)
         allowed = TOLERANCES.residual * np.abs(dynamics.J) @ self.finder.sizes + 1e-300
         fastest = float(np.max(np.abs(at.u / self.finder.sizes), initial=0.0))
@@ -251,12 +251,12 @@ class Problem:
         return bool(good and np.all(np.abs(dynamics.V) <= allowed * max(fastest, 1e-300)))
 
     def _weighed(self, search: Search, at: State) -> bool:
-        """Whether what is left of the forces is small beside those that balance, along each coordinate by itself."""
+        """Return whether the imbalance is small relative to the forces that balance, for each coordinate by itself."""
         energy, sizes = search.balance.energy, search.sizes
         left = np.abs(at.residual[: self.system.n_q]) * energy
         transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])
         loads = (self.system.loads(at.q, at.u, at.a) + transmitted) * sizes
-        # Where all loads vanish, forces are what the rounding of coordinates makes of them.
+        # Where all loads vanish, the forces are only the effect of rounded coordinates.
         rounding = TOLERANCES.coordinate_rounding * force_change(self.system, (at.q, at.u, at.a, at.nu), sizes, sizes)
         return bool(
             np.all(
@@ -265,12 +265,12 @@ class Problem:
         )
 
     def _require_rates(self, search: Search, at: State) -> None:
-        """Refuse a steady motion some of whose rates could be anything.
+        """Refuse a steady motion some of whose rates are undetermined.
 
         Raises
         ------
         ModelFileError
-            If there are such; names them.
+            If there are any; the message names them.
         """
         balance = search.balance
         if not balance.free:
@@ -279,7 +279,7 @@ class Problem:
         known = np.linalg.svd(balance.family.basis(at.q)[:, balance.free] / search.sizes[:, None])
         same = known[2][int(np.sum(known[1] > 1e-9 * max(float(known[1][0]), 1e-300))) :].T
         n = len(balance.open)
-        # Combinations of rates that move nothing are not a freedom of the motion.
+        # Combinations of rates that move nothing are no freedom of the motion.
         rates = null[n:] - same @ (same.T @ null[n:])
         still = np.linalg.norm(null[:n], axis=0) < 1e-6
         names = [balance.family.names()[k] for k in balance.free]
@@ -291,7 +291,7 @@ class Problem:
             raise ModelFileError([self.scene.model.document.problem(place, "reference", message, hint)])
 
     def _rates(self, q: Array) -> Array:
-        """Return starting values of the rates: given ones, and for the others what fits the constraints best."""
+        """Return starting values of the rates: given ones, and for the others those that fit the constraints best."""
         c = np.array([self.known.get(k, 0.0) for k in range(self.family.size)])
         free = [k for k in range(self.family.size) if k not in self.known]
         if free:
@@ -303,7 +303,7 @@ class Problem:
             c[free] = np.linalg.lstsq(left, -np.concatenate([state.V, (basis @ c)[given] - rates]), rcond=1e-9)[0]
             turns = self.family.axis is not None and 0 in free
             if turns and not np.any(c):
-                # At no rate at all nothing says which way is up: the forces grow with its square.
+                # At rate zero the derivative vanishes: the forces grow with the square of the rate.
                 gravity = float(np.linalg.norm([float(x) for x in self.scene.gravity]))
                 lengths = self.finder.sizes[self.finder.is_length]
                 c[0] = math.sqrt((gravity or 1.0) / (float(np.max(lengths, initial=0.0)) or 1.0))
@@ -311,10 +311,10 @@ class Problem:
         return c
 
     boost = 1.0
-    """Factor on starting values of unknown rates, for starts elsewhere."""
+    """Factor on starting values of unknown rates, for random starts."""
 
     def elsewhere(self, rng: np.random.Generator) -> Array:
-        """Return a random start that satisfies the constraints as well as it can."""
+        """Return a random start that satisfies the constraints as well as possible."""
         self.boost = float(np.exp(rng.uniform(-3.0, 1.5)))
         far = np.where(self.finder.is_length, 2.0 * self.finder.sizes, math.pi)
         change = rng.uniform(-1.0, 1.0, len(self.start)) * far
@@ -337,7 +337,7 @@ class Problem:
             return True
         if not one.symmetries or one.symmetries != other.symmetries:
             return False
-        # What a symmetry leaves alone: the loads and the spectrum of the stiffness.
+        # What a symmetry does not change: the loads and the spectrum of the stiffness.
         return _alike(_signature(self.system, one), _signature(self.system, other))
 
     def _failure(self, search: Search, state: State | None) -> EquilibriumError:
@@ -408,7 +408,7 @@ class Problem:
         return f"it stalled where {row} is not satisfied: the mechanism does not close there", hint
 
     def _wrong_rate(self, search: Search, state: State) -> tuple[str, str] | None:
-        """Return the rate that does not fit the motion where a search ended, given or of a constraint, and a hint."""
+        """Return the given rate or the constraint that does not fit the motion where a search ended, and a hint."""
         n, n_h = self.system.n_q, search.balance.n_h
         count = len(search.balance.rows) if self.family.size else 0
         speeds, rates = np.split(np.abs(state.residual[n + n_h :]), [count])
@@ -424,7 +424,7 @@ class Problem:
         return said, "correct reference.steady or the given rates: axis, point and rate must be those of the mechanism"
 
     def _closer(self, search: Search, state: State) -> State:
-        """Return a state that satisfies the constraints on positions, if there is one near this one or the start."""
+        """Return a state that satisfies the holonomic constraints, if there is one near this one or the start."""
         rows = slice(self.system.n_q, self.system.n_q + search.balance.n_h)
         for start in (state.q, self.start):
             if np.max(np.abs(state.residual[rows]), initial=0.0) <= TOLERANCES.gap_of_constraints:
@@ -444,7 +444,7 @@ class Problem:
         return str(self.system.rows[int(np.argmax(V))]) if np.max(V, initial=0.0) > 0.0 else ""
 
     def _nothing_holds(self, state: State) -> str:
-        """Name a coordinate on which a force acts that no position changes and no constraint takes."""
+        """Name a coordinate on which a force acts that depends on no position and that no constraint carries."""
         K, _, _ = self.system.linearize(state.q, state.u, state.a, state.nu)
         sizes = self.finder.sizes
         load = state.residual[: self.system.n_q]
@@ -458,7 +458,7 @@ class Problem:
 
 
 def _tidied(search: Search, at: State) -> State:
-    """Return a solution whose zeros are zeros, where that costs nothing."""
+    """Return a solution with near-zero numbers set to zero, where the residuals stay small."""
     q, c = at.q.copy(), at.c.copy()
     q[np.abs(q / search.sizes) < 1e-15] = 0.0
     c = _fewest_spins(search.balance, q, c)
@@ -471,7 +471,7 @@ def _tidied(search: Search, at: State) -> State:
 
 
 def _fewest_spins(balance: Balance, q: Array, c: Array) -> Array:
-    """Return rates of the same motion in which spins that the turn explains are part of the turn."""
+    """Return rates of the same motion in which spins that the turn produces are part of the turn."""
     free, columns = balance.free, len(balance.family.columns)
     if not free or not columns:
         return c
@@ -509,7 +509,7 @@ def _open_directions(search: Search, at: State, known: list[Symmetry]) -> list[s
 
 
 def _loose(balance: Balance, at: State) -> Array:
-    """Return the directions of [Δq; Δc], as columns, that leave everything in balance."""
+    """Return the directions of [Δq; Δc], as columns, that keep the balance to first order."""
     _, s, right = np.linalg.svd(_reduced(balance, at))
     rank = int(np.sum(s > TOLERANCES.isolated_singular_value * max(float(s[0]), 1e-300))) if len(s) else 0
     null: Array = right[rank:].T
@@ -517,7 +517,7 @@ def _loose(balance: Balance, at: State) -> Array:
 
 
 def _reduced(balance: Balance, at: State) -> Array:
-    """Return the derivative of what balances by [Δq; Δc], without the directions in which multipliers act."""
+    """Return the derivative of the residuals by [Δq; Δc], without the directions in which multipliers act."""
     G, moving = balance.jacobian(at), balance.moving
     forces = G[:, moving:]
     if not forces.size:
@@ -528,7 +528,7 @@ def _reduced(balance: Balance, at: State) -> Array:
 
 
 def _continues(search: Search, at: State, vector: Array) -> bool:
-    """Whether there are solutions some way along a direction."""
+    """Return whether there are solutions at some distance along a direction."""
     distance = 0.02 / float(np.max(np.abs(vector)))
     step = np.concatenate([distance * vector, np.zeros(len(search.balance.free))])
     trial = search.tried(at, step)
@@ -545,7 +545,7 @@ def _continues(search: Search, at: State, vector: Array) -> bool:
 
 
 def _pose(system: System, q: Array) -> Array:
-    """Return places and orientations, which other angles may describe as well."""
+    """Return positions and orientations, which do not depend on the choice of angles."""
     d = system.scene.dimension
     parts: list[Array] = []
     for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
@@ -558,7 +558,7 @@ def _pose(system: System, q: Array) -> Array:
 
 
 def _signature(system: System, found: Equilibrium) -> Array:
-    """Return numbers that symmetries leave alone: sizes of reactions, and eigenvalues of the reduced stiffness."""
+    """Return numbers that symmetries do not change: sizes of reactions, and eigenvalues of the reduced stiffness."""
     motion = found.motion
     found_in = matrices_in(system, motion, found.steady)
     spaces, scale = motion.spaces, motion.spaces.scale

@@ -28,7 +28,7 @@ class Field(Protocol):
         ...
 
     def moved(self, q: Array) -> tuple[Array, Any]:
-        """Return where a large step along it leads, and the derivative of that by q."""
+        """Return the image of q under a large step of the group, and its derivative by q."""
         ...
 
 
@@ -56,7 +56,7 @@ class Shift:
 
 @dataclass(frozen=True)
 class Turn:
-    """A turn of the ground, a screw, or a steady motion: what a `Generator` generates."""
+    """A rotation of the ground, a screw, or a steady motion: the group of a `Generator`."""
 
     generator: Generator
     time: float
@@ -73,7 +73,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class OwnTurn:
-    """A turn of a planar body about its centre of mass, where that is not its place."""
+    """A rotation of a planar body about its centre of mass, where that is not its reference point."""
 
     part: slice
     center: Array
@@ -105,14 +105,14 @@ class OwnTurn:
 
 @dataclass(frozen=True)
 class Spin:
-    """A turn of a body in space about an axis fixed in it, through its place."""
+    """A rotation of a body in space about a body-fixed axis through its reference point."""
 
     body: Any
     part: slice
     axis: Array
 
     def _rates(self, angles: Array) -> tuple[Array, Array]:
-        """Return the Euler rates of a turn at 1 rad/s, and their derivative by the angles."""
+        """Return the Euler rates of a rotation at 1 rad/s, and their derivative by the angles."""
         (_, c2, c3), (_, s2, s3) = np.cos(angles), np.sin(angles)
         across = self.axis[0] * c3 - self.axis[1] * s3
         along = self.axis[0] * s3 + self.axis[1] * c3
@@ -164,7 +164,7 @@ class Combination:
         return sum(c * part.slope(q) for c, part in self.parts)
 
     def moved(self, q: Array) -> tuple[Array, Any]:
-        """Return where the steps of all parts lead, one after the other."""
+        """Return the image under the steps of all parts, one after the other."""
         T = unchanged(len(q))
         for _, part in self.parts:
             q, step = part.moved(q)
@@ -181,7 +181,7 @@ class Symmetry:
     name : str
         Such as ``wheel.psi``, ``translation along x``, ``rotation about z``.
     direction, rate : ndarray, shape (n_q,)
-        What it changes of the coordinates and of the speeds of the reference, Y and DY u.
+        Its changes of the coordinates and of the speeds of the reference, Y and DY u.
     of : Field
     """
 

@@ -1,4 +1,4 @@
-"""Whether the coefficients of the linearized equations stay what they are along the motion."""
+"""Whether the coefficients of the linearized equations are constant along the motion."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mbstab.model.schema import is_length
 
 
 def coefficients(system: System, motion: Motion, frozen: bool = False) -> tuple[float, Generator | None, Matrices]:
-    """Return the coefficients about a motion in the frame that goes along with it, and how constant they are there.
+    """Return the coefficients about a motion in its co-moving frame, and how much they vary there.
 
     Parameters
     ----------
@@ -33,13 +33,13 @@ def coefficients(system: System, motion: Motion, frozen: bool = False) -> tuple[
     variation : float
         Relative change along the motion.
     generator : Generator or None
-        The symmetry in whose frame they are; None: the coordinates of the file.
+        The symmetry that defines the frame; None: the coordinates of the file.
     matrices : Matrices
 
     Raises
     ------
     ModelFileError
-        If the file declares a steady motion that the scene has no symmetry for; names what breaks it.
+        If the file declares a steady motion whose symmetry the scene does not have; names what breaks it.
     """
     if frozen or not motion.generators:
         candidates: tuple[Generator | None, ...] = (None,)
@@ -82,7 +82,7 @@ def _variation(system: System, motion: Motion, matrices: Matrices, generator: Ge
 def _followed(
     system: System, motion: Motion, matrices: Matrices, generator: Generator
 ) -> Iterator[tuple[Motion, Matrices]]:
-    """Yield the steady motion later on, and the coefficients there in the directions of now."""
+    """Yield the steady motion at later times, and the coefficients there, transformed to the initial directions."""
     rate = abs(generator.rate)
     speed = float(np.linalg.norm(generator.velocity)) / float(
         np.max(motion.sizes[_lengths(system)], initial=0.0) or 1.0
@@ -131,7 +131,7 @@ def _continuing(system: System, motion: Motion, matrices: Matrices) -> Iterator[
 
 
 def _moved(system: System, motion: Motion) -> Iterator[Motion]:
-    """Yield the motion some way along its speeds: after a turn that shows, and after a shift that shows."""
+    """Yield the motion some way along its speeds: after a noticeable rotation, and after a noticeable shift."""
     u, a = motion.u, motion.a
     if np.max(np.abs((motion.dynamics.M @ a) * motion.spaces.scale)) <= unbalance(system, motion):
         a = 0.0 * a  # steady: rounding must not add up
@@ -149,13 +149,13 @@ def _law_times(system: System, motion: Motion, matrices: Matrices) -> list[float
         return []
     scale = motion.spaces.scale
     R, K = (float(np.max(np.abs(x * scale * scale[:, None]), initial=0.0)) for x in (matrices.R, matrices.K))
-    # Given functions can be fast or slow; what the scene would do by itself says what matters.
+    # Given functions can be fast or slow; the time scale of the scene itself decides what matters.
     step = 3.0 / (max(R, math.sqrt(K)) or 1.0)
     return [0.5 * step, step]
 
 
 def _continued(system: System, motion: Motion, matrices: Matrices) -> Iterator[Motion]:
-    """Yield where given functions of time carry the motion, by a step of the midpoint rule."""
+    """Yield the motion a step of the midpoint rule later, as given functions of time drive it."""
     last = motion
     for time in _law_times(system, motion, matrices):
         last = motion_at(system, motion.q + time * last.u, motion.u + time * last.a, motion.time + time)
@@ -186,7 +186,7 @@ def _asymmetric(system: System, motion: Motion, variation: float) -> ModelFileEr
 
 
 def breaking(system: System, motion: Motion, generator: Generator) -> list[str]:
-    """Return the entries of a scene whose equations a symmetry does not carry into themselves."""
+    """Return the entries of a scene whose equations are not invariant under a symmetry."""
     time = TOLERANCES.guard_turn / abs(generator.rate) if generator.turns else 1.0
     rng = RandomNumbers(7)
     scale = motion.spaces.scale
@@ -194,7 +194,7 @@ def breaking(system: System, motion: Motion, generator: Generator) -> list[str]:
     for name, part in system.parts():
         rows = [i for i, row in enumerate(system.rows) if f"{row.section}.{row.name}" == name]
         worst, size = 0.0, 1e-300
-        # Rows of constraints may mix and stretch away from them, so they are compared on them only.
+        # Off the constraints their rows may mix and scale, so they are compared on the constraints only.
         for spread in (0.0,) if rows else (0.0, 0.05, 0.05):
             q = motion.q + spread * motion.sizes * rng.uniform(-1.0, 1.0, system.n_q)
             u = motion.u + spread * np.max(np.abs(motion.u)) * rng.uniform(-1.0, 1.0, system.n_q)
@@ -234,7 +234,7 @@ def _change(system: System, motion: Motion, now: Matrices, then: Matrices, time:
         return turned
     n = spaces.N.shape[1]
     A, B = (deflated(spaces, matrices)[0] for matrices in (now, then))
-    # What rounding may be, beside the entries themselves: inertia over the time, and the forces that balance.
+    # Terms that rounding is relative to, besides the entries: inertia over the time, and the forces that balance.
     forces = float(np.max(np.abs(motion.dynamics.F0 * scale)) / np.min(motion.sizes / scale))
     worst = 0.0
     for block, natural in (

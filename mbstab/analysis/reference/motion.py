@@ -1,4 +1,4 @@
-"""A state of the reference motion: assembled from what the file gives, checked, with accelerations and multipliers.
+"""A state of the reference motion: assembled from the file, checked, with accelerations and multipliers.
 
 Missing coordinates are solved from C(q, t) = 0 and missing rates from the velocity rows;
 given ones are checked. Then
@@ -42,16 +42,16 @@ class Motion:
     q, u, a : ndarray, shape (n_q,)
         Coordinates (m, rad), speeds, accelerations.
     nu : ndarray, shape (n_c,)
-        Multipliers [λ; μ]; of least size where constraints are redundant.
+        Multipliers [λ; μ]; of minimum norm where constraints are redundant.
     time : float (s)
     sizes : ndarray, shape (n_q,)
-        What a large change of each coordinate is: the size of the scene, or 1 rad.
+        Characteristic size of each coordinate: the size of the scene (m), or 1 rad.
     dynamics : Dynamics
         Matrices at this state.
     spaces : Subspaces
     redundant : list of Redundancy
     solved : tuple of str
-        Coordinates that the file left to the program.
+        Coordinates and rates that the file leaves to the program.
     warnings : tuple of str
     generators : tuple of Generator
         Symmetries that the motion may follow, the simplest first.
@@ -85,12 +85,12 @@ def motion_at(system: System, q: Array, u: Array, time: float) -> Motion:
 
 
 class Finder:
-    """Assembles states of a scene from what its file gives, and says what does not fit.
+    """Assembles states of a scene from its file, and reports what does not fit.
 
     Attributes
     ----------
     sizes : ndarray, shape (n_q,)
-        What a large change of each coordinate is.
+        Characteristic size of each coordinate.
     solved, warnings : list of str
     """
 
@@ -131,7 +131,7 @@ class Finder:
         Raises
         ------
         ModelFileError
-            If they satisfy the constraints not, or are at a singular orientation.
+            If they do not satisfy the constraints, or are at a singular orientation.
         """
         system, scene = self.system, self.scene
         q, missing = self.start()
@@ -155,7 +155,7 @@ class Finder:
         return self._problem(i, f"the reference does not satisfy {row}: the residual is {value:.6g}{unit}", hint)
 
     def check_chart(self, q: Array, skip: npt.NDArray[np.bool_]) -> None:
-        """Euler angles lose a direction where cos θ = 0; say so before numbers degrade."""
+        """Refuse Euler angles near their singularity, cos θ = 0, and warn before digits are lost."""
         problems = []
         for body, part in zip(self.scene.bodies, self.system.body_slices, strict=True):
             if len(body.coordinates) != 6 or skip[part.start + 4]:
@@ -175,7 +175,7 @@ class Finder:
         self._fail(problems)
 
     def assemble(self, q: Array, missing: npt.NDArray[np.bool_]) -> Array:
-        """Solve C = 0 for the missing coordinates: damped Gauss-Newton with least corrections."""
+        """Solve C = 0 for the missing coordinates: damped Gauss-Newton steps of minimum norm."""
         sizes, zero = self.sizes, np.zeros(self.system.n_q)
         n_h = self.system.n_h
         columns = np.flatnonzero(missing)
@@ -214,7 +214,7 @@ class Finder:
         Raises
         ------
         ModelFileError
-            If they satisfy the constraints not, or leave a choice that changes the motion.
+            If they do not satisfy the constraints, or leave a choice that changes the motion.
         """
         system, scene = self.system, self.scene
         u = np.array([scene.rates.get(n, 0.0) for n in system.names], dtype=float)
@@ -233,7 +233,7 @@ class Finder:
                     break
                 u[columns] += step
                 state = system.dynamics(q, u, scene.time)
-        # Round-off of the solution is no motion.
+        # Rounding errors of the solution are set to zero.
         fastest = float(np.max(np.abs(u / sizes), initial=0.0))
         noise = missing & (np.abs(u / sizes) < 1e-14 * fastest)
         if np.any(u[noise]):
@@ -338,13 +338,13 @@ class Finder:
     ) -> Motion:
         """Return the motion through a state that satisfies the constraints.
 
-        With `steady` its accelerations must be those of that steady motion (or zero at rest);
-        `declared` says whether the file asks for it. `state` has the matrices there, if they are known.
+        With `steady`, its accelerations must be those of that steady motion (or zero at rest);
+        `declared` tells whether the file asks for it. `state` holds the matrices there, if they are known.
 
         Raises
         ------
         ModelFileError
-            If a steady motion or a state at rest does not stay what it is.
+            If a steady motion or a state at rest does not persist.
         """
         system = self.system
         time = self.scene.time if time is None else time
@@ -399,7 +399,7 @@ class Finder:
         raise MassError(str(self.document.problem(location, f"bodies.{body}", message, hint)))
 
     def _check_compatible(self, residual: Array, bias: Array) -> None:
-        """Redundant rows must agree about the accelerations as well."""
+        """Refuse redundant rows that contradict each other in the accelerations."""
         if len(residual) and np.max(np.abs(residual)) > 1e-7 * max(float(np.max(np.abs(bias))), 1e-300):
             worst = int(np.argmax(np.abs(residual)))
             row = self.system.rows[worst]
@@ -409,7 +409,7 @@ class Finder:
             )
 
     def _check_steady(self, motion: Motion, allowed: Array, expected: Array, steady: Generator) -> None:
-        """Refuse a steady motion, or a state at rest, that does not stay what it is."""
+        """Refuse a steady motion, or a state at rest, that does not persist."""
         scale, excess = motion.spaces.scale, motion.a - expected
         if np.max(np.abs((motion.dynamics.M @ excess) * scale)) <= unbalance(self.system, motion):
             return
@@ -432,9 +432,9 @@ class Finder:
         worst : int
             The coordinate that accelerates most.
         acceleration, load : float
-            How much, in SI, and the force or the torque along it.
+            Its acceleration, and the unbalanced force or torque along it (SI).
         steady : str
-            The steady motion that it should be, in words; empty: rest.
+            The steady motion that is expected, in words; empty: rest.
         """
         unit, push = ("m/s^2", "N") if self.is_length[worst] else ("rad/s^2", "N*m")
         where = f"no steady motion ({steady})" if steady else "at rest but not in equilibrium"
@@ -465,7 +465,7 @@ class Finder:
             nu[:n_h] = weights * spaces.row_scale[:n_h]
             return scaled(self.system.linearize(q, u, zero, nu, time)[0] - straight, spaces.scale, spaces.scale)
 
-        # Where rows are straight, what is left of their curvatures is rounding.
+        # Where rows are straight, the rest of their curvatures is rounding.
         sample = (
             np.eye(n_h)
             if n_h < TOLERANCES.curvatures_together_from
@@ -487,7 +487,7 @@ class Finder:
 
 
 def singular_configuration(curvature: float, rows: list[str]) -> str:
-    """Return what is wrong where rows depend on each other at the reference only."""
+    """Return the message for rows that depend on each other at the reference only."""
     return (
         "the mechanism is at a singular configuration: constraints that are independent nearby depend on "
         f"each other here (curvature {curvature:.3g})\nthe rows involved: {'; '.join(rows)}\n"
@@ -518,14 +518,14 @@ def inertias_too_far_apart(system: System, M: Any, sizes: Array) -> str:
 
 
 def _longest_parameter(system: System) -> float:
-    """Return the largest parameter that is a length, for scenes that equations alone give a size; or 0."""
+    """Return the largest parameter that is a length, for scenes whose size only equations determine; or 0."""
     values, metre = system.scene.parameters, parse_unit("m")[1]
     lengths = [n for n, p in system.scene.model.parameters.items() if p.unit and parse_unit(p.unit)[1] == metre]
     return max((abs(float(values[n])) for n in lengths if not hasattr(values[n], "shape")), default=0.0)
 
 
 def unbalance(system: System, motion: Motion) -> float:
-    """Return how large forces in scaled coordinates may be that should vanish; see `unbalance_at`."""
+    """Return the tolerance for scaled forces that should vanish; see `unbalance_at`."""
     at = motion.q, motion.u, motion.a, motion.nu
     return unbalance_at(system, at, motion.dynamics.F0, motion.sizes, motion.spaces.scale, motion.time)
 
@@ -533,10 +533,10 @@ def unbalance(system: System, motion: Motion) -> float:
 def unbalance_at(
     system: System, at: tuple[Array, Array, Array, Array], force: Array, sizes: Array, scale: Array, time: float
 ) -> float:
-    """Return how large forces in scaled coordinates may be that should vanish, at q, u, a and ν.
+    """Return the tolerance for scaled forces that should vanish, at q, u, a and ν.
 
-    They may be a small part of the forces that balance. Where springs and inertia balance by
-    themselves, they may be what the rounding of coordinates and speeds makes of them.
+    It is a small part of the forces that balance. Where springs and inertia balance by
+    themselves, it is at least the effect of rounded coordinates and speeds.
     """
     scene = system.scene
     gravity = float(np.linalg.norm(scene.gravity))
@@ -550,9 +550,9 @@ def unbalance_at(
 def force_change(
     system: System, at: tuple[Array, Array, Array, Array], sizes: Array, scale: Array, time: float = 0.0
 ) -> float:
-    """Return how much scaled forces change over the size of the scene by their slope at q, u, a and ν.
+    """Return how much scaled forces change over the size of the scene, by their slope at q, u, a and ν.
 
-    Next to a singular point of a force its slope says nothing about that: 0.
+    Near a singular point of a force its slope does not tell this: 0 is returned.
     """
     q, u, a, nu = at
     K, R, _ = system.linearize(q, u, a, nu, time)

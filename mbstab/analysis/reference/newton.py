@@ -16,7 +16,7 @@ from mbstab.errors import NumericalError
 
 
 class Stalled(Exception):
-    """A strategy came to rest without a solution, at this state."""
+    """A strategy stalled at this state without a solution."""
 
     def __init__(self, state: State | None) -> None:
         self.state = state
@@ -28,7 +28,7 @@ class Search:
     Attributes
     ----------
     iterations : int
-        Steps so far, to where residuals are small.
+        Steps so far, until the residuals were small.
     best : State or None
         The state nearest to balance so far.
     """
@@ -70,7 +70,7 @@ class Search:
             self.best = at
         sizes: list[float] = []
         for _ in range(TOLERANCES.newton_steps_onto_constraints):
-            # How many steps polish a solution depends on the machine.
+            # The number of steps that polish a solution depends on the machine, so they are not counted.
             self.iterations += at.size > TOLERANCES.newton_residual_polished
             sizes.append(at.size)
             if (
@@ -89,7 +89,7 @@ class Search:
                 if trial is not None and trial.size < at.size * (1.0 - 1e-6 * reach / max(longest, reach)):
                     accepted = trial
                     if bounded is not step:
-                        # Balance may be far away: as far as forces are linear the step may be long.
+                        # Balance may be far away: as long as forces are linear, the step may be long.
                         change = G @ bounded
                         off = float(np.linalg.norm(trial.residual - at.residual - change))
                         trusted = TOLERANCES.newton_trusted_nonlinearity * float(np.linalg.norm(change))
@@ -158,7 +158,7 @@ class Search:
         raise Stalled(self.best)
 
     def started(self, q: Array, c: Array) -> State:
-        """Return the solution from a start by the first strategy that leads to one."""
+        """Return the solution from a start by the first strategy that finds one."""
         at = self.state(q, c)
         try:
             return self.newton(at)
@@ -201,7 +201,7 @@ class Search:
         u = self.balance.family.generator(full).field(q)
         self.balance.speed = max(float(np.max(np.abs(u / self.sizes))), float(np.max(np.abs(full), initial=0.0))) or 1.0
         a = self.balance.family.generator(full).acceleration(q)
-        # Forces, not their slopes: those may be anything next to a singular point.
+        # Forces, not their slopes, which may have any size near a singular point.
         energy = max(energy, float(np.max(self.system.loads(q, u, a) * self.sizes, initial=0.0)))
         # At an equilibrium whose forces vanish one by one, a small move shows how large they are.
         at = q, u, a, np.zeros(self.system.n_c)
@@ -210,13 +210,13 @@ class Search:
 
 
 def newton_step(G: Array, residual: Array, moving: int, damping: float) -> Array:
-    """Return the step of least length; damped in coordinates and rates, not in multipliers; nan: none."""
+    """Return the step of minimum norm, damped in coordinates and rates, not in multipliers; nan if there is none."""
     if damping:
         extra: Array = np.zeros((moving, G.shape[1]))
         extra[:, :moving] = math.sqrt(damping) * np.eye(moving)
         G, residual = np.vstack([G, extra]), np.concatenate([residual, np.zeros(moving)])
     if not (np.all(np.isfinite(G)) and np.all(np.isfinite(residual))):
-        return np.full(G.shape[1], np.nan)  # LAPACK would complain on the terminal
+        return np.full(G.shape[1], np.nan)  # LAPACK would print a message
     return np.asarray(np.linalg.lstsq(G, -residual, rcond=1e-11)[0], dtype=np.float64)
 
 

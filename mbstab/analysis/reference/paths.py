@@ -26,20 +26,20 @@ class Path:
     ----------
     parameter : Parameter
     values : ndarray, shape (k,)
-        Of the parameter (SI), ascending.
+        Values of the parameter (SI), ascending.
     q : ndarray, shape (k, n_q)
     c : ndarray, shape (k, size of the family)
         Rates of the steady motion.
     ends : tuple of (float, str)
-        Values at which it ends within the range, and why.
+        Values at which the path ends within the range, and why.
     crossings : tuple of float
         Values at which another path crosses.
     start : float
         The value from which it was followed: where the first solution was found, or a fold.
     moved : str
-        Why it was not followed from the value that was asked for.
+        Why it was not followed from the requested value.
     beyond : tuple of Path
-        Those to which it leads through folds: first from its upper end, then from its lower end.
+        Paths to which it leads through folds: first from its upper end, then from its lower end.
     """
 
     parameter: Parameter
@@ -57,7 +57,7 @@ class Path:
         x = values[self.parameter.name]
         lower, upper = float(self.values[0]), float(self.values[-1])
         room = TOLERANCES.equal_solutions * (upper - lower)
-        # A turn itself is left out: there an eigenvalue is zero.
+        # The fold itself is left out: there an eigenvalue is zero.
         low, high = room * self.ended(0), room * self.ended(-1)
         inside: Flags = (x >= lower + low) & (x <= upper - high)
         return inside
@@ -83,9 +83,9 @@ class Path:
 
     @cached_property
     def _interpolants(self) -> tuple[Array, Callable[[Array], Array], Callable[[Array], Array]]:
-        """The length of the path at its solutions, and the parameter and (q, c) as functions of the length.
+        """The arc length of the path at its solutions, and the parameter and (q, c) as functions of it.
 
-        Next to a turn, solutions change as the square root of the parameter: over their length all is smooth.
+        Near a fold, solutions change as the square root of the parameter; over the arc length all are smooth.
         """
         from scipy.interpolate import PchipInterpolator
 
@@ -120,13 +120,13 @@ class Sheet:
     Attributes
     ----------
     parameter : Parameter
-        The second one.
+        The second parameter.
     values : ndarray, shape (k,)
         Its values (SI), ascending.
     paths : tuple of Path or None
         None where no solution is known.
     edge : Path
-        Over the second parameter, from which the paths start.
+        The path over the second parameter from which the others start.
     """
 
     parameter: Parameter

@@ -28,7 +28,7 @@ class Reaction:
     body : str
         The body acted on: the first of the joint that is not the ground.
     point : ndarray, shape (…, 2) or (…, 3), or None
-        Where, in ground axes (m); None: at the point of contact.
+        Point of action, in ground axes (m); None: the point of contact.
     force : ndarray, shape (…, 2) or (…, 3)
         In ground axes (N).
     torque : ndarray, shape (…, 1) or (…, 3)
@@ -48,7 +48,7 @@ def reactions(system: System, q: Array, J: Array, nu: Array) -> list[Reaction]:
     Parameters
     ----------
     q : ndarray, shape (…, n_q)
-        Axes in front are those of several states, here and in the result.
+        Leading axes run over states, here and in the result.
     J : ndarray, shape (…, n_c, n_q)
     nu : ndarray, shape (…, n_c)
     """
@@ -65,7 +65,7 @@ def _reactions(system: System, q: Array, item: ItemValues, load: Array) -> list[
     owner = item.entry.called
     markers = item.points_acted_on()
     if not markers:
-        # Rows of coordinates act at the reference points of the bodies they name.
+        # Rows that name coordinates act at the reference points of their bodies.
         origin = (0.0,) * system.scene.dimension
         markers = [Marker(b, origin) for b, part in enumerate(system.body_slices) if np.any(load[..., part])][:1]
     touching = item.entry.section == "contacts" and item.given("center")

@@ -24,9 +24,9 @@ def reference_motion(system: System) -> Motion:
     ConstraintError
         If the rank of the constraints cannot be decided.
     MassError
-        If a motion that nothing holds has no mass.
+        If a motion that nothing prevents has no mass.
     EquilibriumError
-        If an equilibrium or a steady motion that is asked for is not found.
+        If a requested equilibrium or steady motion is not found.
     """
     scene = system.scene
     if scene.model.reference.find is not None:
@@ -49,7 +49,7 @@ def reference_motion(system: System) -> Motion:
 
 
 def fits_sparse(system: System) -> bool:
-    """Whether a scene is large, and its reference one that sparse matrices serve: at rest, without rows on speeds."""
+    """Return whether a scene is large and sparse matrices can serve: its reference at rest, no rows on speeds."""
     scene = system.scene
     moving = scene.steady is not None or scene.period is not None or any(scene.rates.values())
     written = (x for x in scene.items if x.kind.written)

@@ -1,11 +1,11 @@
 """Large scenes at rest: the reference with sparse matrices, without bases of what the constraints allow.
 
-What `mbstab.analysis.reference.motion` does for any motion is done here for what is given at rest: constraints and
-balance are checked, rows that repeat others are left out, and the multipliers solve
+What `mbstab.analysis.reference.motion` does for any motion is done here for a given state of rest: constraints and
+balance are checked, redundant rows are left out, and the multipliers solve
 
     [[1, Ĵᵀ], [Ĵ, 0]] [x; ν̂] = [−F̂; 0]
 
-in scaled coordinates. Stiffness hangs on the multipliers, so F + Jᵀν is summed with more digits and they are corrected.
+in scaled coordinates. The stiffness depends on the multipliers, so they are refined, with F + Jᵀν in more digits.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ class Rest:
     q, nu : ndarray
         Coordinates (m, rad) and multipliers.
     displaced : tuple of Matrices
-        Changes of M, R, K, J and D_q, all entries together, by what rounding may make of the coordinates and of the
-        forces that the multipliers balance; signs are drawn.
+        Changes of M, R, K, J and D_q, all entries together, by the possible rounding of the coordinates and of the
+        forces that the multipliers balance, with random signs.
     time : float (s)
     sizes : ndarray, shape (n_q,)
-        What a large change of each coordinate is.
+        Characteristic size of each coordinate.
     dynamics : Dynamics
     scale, row_scale : ndarray
-        Of coordinates and rows, powers of two: scaling rounds nothing.
+        Factors of coordinates and rows; powers of two, so that scaling rounds nothing.
     kept : ndarray of int
         Rows that are independent, the holonomic ones first.
     rank_holonomic : int
@@ -157,7 +157,7 @@ def _independent(system: System, J: Any) -> tuple[Any, int, list[str]]:
 
 
 def _redundant(system: System, found: Independent, rows: Any) -> list[str]:
-    """Return warnings about rows that others imply."""
+    """Return warnings about redundant rows."""
     if not len(found.dropped):
         return []
     weights = found.left_null @ np.linalg.inv(found.left_null[found.dropped])
@@ -235,12 +235,12 @@ def _unsure(rest: Rest) -> Array:
 
 
 def stiffness_of(rest: Rest, nu: Array) -> Any:
-    """Return what multipliers add to the stiffness, a sparse matrix."""
+    """Return the part of the stiffness that multipliers cause, a sparse matrix."""
     return _added(lambda x: rest.system.linearize(rest.q, 0.0 * rest.q, 0.0 * rest.q, x, rest.time)[0], nu)
 
 
 def curvature_sizes(rest: Rest, nu: Array) -> Any:
-    """Return the sizes of the terms of which that is a sum."""
+    """Return the sizes of the terms whose sum that part is."""
     return _added(lambda x: rest.system.terms(rest.q, 0.0 * rest.q, 0.0 * rest.q, x, rest.time)["K"], nu)
 
 
@@ -251,13 +251,13 @@ def _added(stiffness: Callable[[Array], Any], nu: Array) -> Any:
     size, beside = float(abs(found).max()), float(abs(plain).max())
     if not size or size >= beside:
         return found
-    # Multipliers so large that they are not lost beside stiff springs.
+    # Multipliers so large that their terms are not lost beside stiff springs.
     factor = beside / size
     return (stiffness(factor * nu) - plain) / factor
 
 
 def _check_constant_rank(rest: Rest, J: Any) -> None:
-    """Redundancy is harmless if it persists nearby: what dependent rows curve must cancel along allowed motions."""
+    """Refuse redundancy that does not persist nearby: curvatures of dependent rows must cancel in allowed motions."""
     system = rest.system
     dropped = np.setdiff1d(np.arange(system.n_h), rest.kept)
     if not len(dropped):
@@ -272,7 +272,7 @@ def _check_constant_rank(rest: Rest, J: Any) -> None:
         return result
 
     every = np.where(np.arange(system.n_c) < system.n_h, rest.row_scale, 0.0)
-    # Where rows are straight, what is left of their curvatures is rounding.
+    # Where rows are straight, the rest of their curvatures is rounding.
     rounding = TOLERANCES.curvature_rounding * along(curvature_sizes(rest, every), np.abs(probes))
     for combination in left_null.T:
         nu = np.zeros(system.n_c)

@@ -1,6 +1,6 @@
 """Orientation of bodies in numbers: rotations, Euler angles and their rates.
 
-With A = B Ax(φ) Ay(θ) Az(ψ) the angular velocity in ground axes is ω = G(φ, θ) [φ̇, θ̇, ψ̇]; ψ enters nothing.
+With A = B Ax(φ) Ay(θ) Az(ψ) the angular velocity in ground axes is ω = G(φ, θ) [φ̇, θ̇, ψ̇]; it does not contain ψ.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from mbstab.model.charts import euler_matrix
 from mbstab.model.scene import BodyValues
 
 UP = np.array([0.0, 0.0, 1.0])
-"""Axis of turns in the plane."""
+"""Axis of rotations in the plane."""
 
 
 def cross_matrix(axis: Array) -> Array:
-    """Return the matrix of axis ×."""
+    """Return the matrix of the cross product with an axis, shape (3, 3)."""
     return np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
 
 
@@ -33,7 +33,7 @@ def rotation_matrix(axis: Array, angle: float) -> Array:
 
 def base_rotation(body: BodyValues) -> Array:
     """Return B, shape (3, 3)."""
-    # Numbers of another system keep their digits.
+    # Numbers with more digits keep them.
     kind = float if all(isinstance(x, (int, float)) for x in body.base) else object
     return np.array(body.base, dtype=kind).reshape(3, 3)
 
@@ -46,7 +46,7 @@ def _functions(angles: Array) -> Any:
 
 
 def _array(rows: list[list[Any]], angles: Array) -> Array:
-    """Return an array of rows of numbers, with axes in front where the numbers are those of several points."""
+    """Return an array of rows of numbers, with leading axes where the numbers are those of several points."""
     if angles.ndim == 1:
         return np.array(rows)
     return np.stack([np.stack([np.broadcast_to(x, angles.shape[:-1]) for x in row], -1) for row in rows], -2)
@@ -61,7 +61,7 @@ def orientation(body: BodyValues, angles: Array) -> Array:
 
 
 def euler_angles(body: BodyValues, rotation: Array, near: Array) -> Array:
-    """Return the angles of a rotation, of all that describe it those closest to given ones."""
+    """Return the angles of a rotation; of all equivalent ones those closest to `near`."""
     inner: Array = base_rotation(body).T @ rotation
     theta = math.asin(max(-1.0, min(1.0, inner[0, 2])))
     phi, psi = math.atan2(-inner[1, 2], inner[2, 2]), math.atan2(-inner[0, 1], inner[0, 0])
@@ -81,12 +81,12 @@ def rate_matrix(body: BodyValues, angles: Array) -> Array:
 
 
 def turning_rates(body: BodyValues, angles: Array, axis: Array) -> tuple[Array, Array, Array]:
-    """Return what a turn of the ground about an axis at 1 rad/s does to the angles of a body.
+    """Return the Euler rates of a body under a rotation of the ground about an axis at 1 rad/s.
 
     Parameters
     ----------
     angles : ndarray, shape (…, 3)
-        Axes in front are those of a sweep.
+        Leading axes run over the points of a sweep.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def turning_rates(body: BodyValues, angles: Array, axis: Array) -> tuple[Array, 
     slope : ndarray, shape (…, 3, 3)
         ∂X/∂(angles).
     growth : ndarray, shape (…, 3, 3)
-        Rate of the slope along X.
+        Derivative of the slope along X.
     """
     w1, w2, w3 = base_rotation(body).T @ axis
     f = _functions(angles)
@@ -116,7 +116,7 @@ def turning_rates(body: BodyValues, angles: Array, axis: Array) -> tuple[Array, 
 
 
 def rate_drift(body: BodyValues, angles: Array, rates: Array) -> Array:
-    """Return Ġ times the Euler rates, shape (…, 3): the angular acceleration without that of the Euler rates."""
+    """Return Ġ times the Euler rates, shape (…, 3): the angular acceleration at zero Euler accelerations."""
     f = _functions(angles)
     (c1, s1), (c2, s2) = ((f.cos(x), f.sin(x)) for x in (angles[..., 0][()], angles[..., 1][()]))
     p, t, s = (rates[..., k][()] for k in range(3))
@@ -129,17 +129,17 @@ def rate_drift(body: BodyValues, angles: Array, rates: Array) -> Array:
 
 
 def lever(body: BodyValues, angles: Array) -> tuple[Array, Array]:
-    """Return the vector from the place of a body to its centre of mass, in three components, and its derivative.
+    """Return the vector from the reference point of a body to its centre of mass (m), and its derivative.
 
     Parameters
     ----------
-    angles : ndarray, shape (0,) of a point mass, (1,) of a planar body, (3,) of one in space
+    angles : ndarray, shape (0,) for a point mass, (1,) for a planar body, (3,) for a body in space
 
     Returns
     -------
     arm : ndarray, shape (3,)
     slope : ndarray, shape (3, number of angles)
-        By the angles.
+        Derivative by the angles.
     """
     center = np.zeros(3)
     center[: len(body.center)] = [float(x) for x in body.center]
@@ -153,7 +153,7 @@ def lever(body: BodyValues, angles: Array) -> tuple[Array, Array]:
 
 
 def lever_acceleration(body: BodyValues, angles: Array, rates: Array, accelerations: Array) -> Array:
-    """Return the acceleration of the centre of mass of a body relative to its place, shape (3,)."""
+    """Return the acceleration of the centre of mass of a body relative to its reference point, shape (3,) (m/s²)."""
     arm, slope = lever(body, angles)
     spin = rates[0] * UP if len(angles) == 1 else rate_matrix(body, angles) @ rates
     result: Array = slope @ accelerations + np.cross(spin, np.cross(spin, arm))

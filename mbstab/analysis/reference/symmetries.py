@@ -1,11 +1,11 @@
-"""What the equations of a scene are invariant under, element by element: the structure that verdicts rest on.
+"""Symmetries of the equations of a scene, element by element: the structure that verdicts rest on.
 
-A symmetry carries *all* motions near the reference into motions, not only those of the linearized
-equations. It counts if every element has it by itself, nonlinearly: because the element does not
-contain the coordinate at all (structure), or because element(g state) = g element(state) holds
-for large g at states spread over the scene, relative to what the element does itself, at rest and
-in motion: a weak push is seen beside a strong damper. Elements that are written as expressions are
-compared with 40 digits. Constraint rows count as a set: g must carry states that satisfy them into
+A symmetry maps *all* motions near the reference to motions, not only those of the linearized
+equations. It counts if every element has it by itself, nonlinearly: either the element does not
+contain the coordinate at all (structure), or element(g state) = g element(state) holds
+for large g at states spread over the scene, relative to the force of the element itself, at rest and
+in motion: a weak force shows beside a strong damper. Elements that are written as expressions are
+compared with 40 digits. Constraint rows count as a set: g must map states that satisfy them to
 states that satisfy them.
 
 Fields Y(q) generate the symmetries; a disturbance along one is (Δq, Δu) = (Y, DY u).
@@ -37,7 +37,7 @@ def symmetries(system: System, motion: Motion) -> list[Symmetry]:
 
 
 class Invariance(SymmetryCandidates):
-    """What carries the motions of a scene into motions; each part is worked out when it is asked for.
+    """Symmetries and conserved momenta of a scene; each part is computed at first use.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Invariance(SymmetryCandidates):
 
     @cached_property
     def fields(self) -> list[tuple[str, Field]]:
-        """All verified groups with their names, also those that leave the reference as it is."""
+        """All verified groups with their names, including those that do not move the reference."""
         found = [(name, field) for name, field in self._candidates() if self.carries(field)]
         for generator in self.motion.generators:
             if generator.turns or np.any(generator.velocity) or np.any(generator.spins):
@@ -72,20 +72,20 @@ class Invariance(SymmetryCandidates):
                 continue
             count = len(found)
             room[count] = vector / length
-            # What has nothing in common with those before is independent of them: of many free bodies, most.
+            # A field that shares no entry with earlier ones is independent of them, as with many free bodies.
             apart = not np.any(room[:count] @ room[count])
             if apart or np.linalg.svd(room[: count + 1], compute_uv=False)[-1] > TOLERANCES.independent_fields:
                 found.append(Symmetry(name, direction, rate, field))
         return found
 
     def disturbance(self, direction: Array, rate: Array) -> Array:
-        """Return (Δq, Δu) in units of a large change."""
+        """Return (Δq, Δu) relative to the characteristic sizes."""
         sizes = self.motion.sizes
         return np.concatenate([direction / sizes, rate / (sizes * self.rate)])
 
     @cached_property
     def boosts(self) -> list[Symmetry]:
-        """Shifts that the speeds may be given as well: moving along them with another speed changes nothing else."""
+        """Shifts that may also be added to the speeds: another constant speed along them changes nothing else."""
         found = []
         for item in self.symmetries:
             if isinstance(item.of, Shift) and self._boosts(item.of.direction):
@@ -93,7 +93,7 @@ class Invariance(SymmetryCandidates):
         return found
 
     def _boosts(self, direction: Array) -> bool:
-        """Whether all elements and rows are blind to a common speed along a direction."""
+        """Return whether no element and no row depends on a common speed along a direction."""
         step = self.rate * float(self.motion.sizes.max()) * TOLERANCES.trial_move / float(np.max(np.abs(direction)))
         faster = short(step) * direction
         for element in self.elements:
@@ -110,7 +110,7 @@ class Invariance(SymmetryCandidates):
         return faithful and self._horizontal(Shift(direction, 1.0))
 
     def _containing(self, field: Shift) -> System:
-        """Return a system with the same rows where a shift changes some of them; in a small scene with all."""
+        """Return a system with only the rows that a shift changes; in a small scene with all rows."""
         if not self.system.sparse:
             return self.system
         return self.system.containing(field.changed)
@@ -119,7 +119,7 @@ class Invariance(SymmetryCandidates):
     def momenta(self) -> list[Symmetry]:
         """Momenta that are conserved: no force and no constraint does work along the symmetry.
 
-        A wheel that rolls along a line keeps neither its momentum nor its spin, but a combination of both.
+        A wheel that rolls along a line conserves neither its momentum nor its spin, but a combination of both.
         """
         q, u = self.motion.q, self.motion.u
         found = [item for item in self.symmetries if self.conserves(item.of)]
@@ -139,9 +139,9 @@ class Invariance(SymmetryCandidates):
     def integrals(self) -> list[Symmetry]:
         """Momenta that are conserved, also with a linear function of the coordinates added.
 
-        Where the forces along a shift are together the rate of such a function, as those of Coriolis
-        are, it need not be a symmetry. What is conserved must not change along symmetries: that is
-        the same everywhere if these are shifts.
+        Where the forces along a shift sum to the rate of such a function, as Coriolis forces
+        do, the shift need not be a symmetry. The conserved quantity must not change along symmetries: this is
+        the same everywhere if the symmetries are shifts.
         """
         known = self.momenta
         written = any(element.written for element in self.elements)
@@ -161,10 +161,10 @@ class Invariance(SymmetryCandidates):
         return found
 
     def _balanced_shifts(self) -> Array:
-        """Return along which constant shifts no force depends on coordinates or speeds of symmetries, as columns."""
+        """Return the shifts along which no force depends on coordinates or speeds of symmetries, as columns."""
         system, sizes = self.system, self.motion.sizes
         if system.sparse:
-            return np.zeros((system.n_q, 0))  # not looked for in large scenes
+            return np.zeros((system.n_q, 0))  # not searched in large scenes
         rows = [np.zeros((1, system.n_q))]
         Y = np.array([item.direction for item in self.symmetries]).reshape(-1, system.n_q).T
         for state in self.on_rows:
@@ -176,7 +176,7 @@ class Invariance(SymmetryCandidates):
         return result
 
     def _total(self, field: Shift) -> bool:
-        """Whether what all do along a shift is the rate of a linear function that no symmetry changes."""
+        """Return whether the total force along a shift is the rate of a linear function that no symmetry changes."""
         found = [self._rates(element, field) for element in self.elements]
         if any(rates is None for rates in found):
             return False
@@ -199,7 +199,7 @@ class Invariance(SymmetryCandidates):
         return True
 
     def _rates(self, element: Acting, field: Shift) -> list[Any] | None:
-        """Return c if what an element does along a shift is c·u, and nothing for its inertia; None if it is not."""
+        """Return c if the force of an element along a shift is c·u, with nothing for its inertia; None if it is not."""
         if not any(field.direction[i] for i in element.columns):
             return []
         if element.inertia:
@@ -226,7 +226,7 @@ class Invariance(SymmetryCandidates):
         return [rate for rate, _ in found]
 
     def _idle_combinations(self) -> list[Array]:
-        """Return coefficients of the symmetries along which nothing seems to do work, as a basis."""
+        """Return coefficients of the combinations of symmetries along which nothing seems to do work, as a basis."""
         fields = [item.of for item in self.symmetries]
         if not fields or not self.states:
             return []
@@ -245,7 +245,7 @@ class Invariance(SymmetryCandidates):
         return echelon(right[int(np.sum(s > TOLERANCES.work_of_combination)) :])
 
     def moves_on(self, field: Field) -> bool:
-        """Whether what rests at the reference may move along a group at any speed: no force then turns it aside."""
+        """Return whether a scene at rest may move along a group at any speed: no force then deflects it."""
         motion = self.motion
         Y, slope = field.field(motion.q), field.slope(motion.q)
         slow = self.rate / float(np.max(np.abs(Y) / motion.sizes))
@@ -271,7 +271,7 @@ class Invariance(SymmetryCandidates):
                 if not any(changed[j] for j in (*columns, *(j for _, j in element.slots))):
                     continue
                 try:
-                    # What speed changes of each by itself: loads at rest hide no weak drag.
+                    # The change with speed of each element by itself, so that loads at rest do not hide a weak drag.
                     F, error = self.forced(element, moving)
                     still, known = self.forced(element, resting)
                 except (ArithmeticError, ValueError):
@@ -284,11 +284,11 @@ class Invariance(SymmetryCandidates):
         return True
 
     def conserves(self, field: Field) -> bool:
-        """Whether the momentum along a symmetry is the same along every motion."""
+        """Return whether the momentum along a symmetry is constant along every motion."""
         return all(e.inertia or self._idle(e, field) for e in self.elements) and self._horizontal(field)
 
     def _idle(self, element: Acting, field: Field) -> bool:
-        """Whether an element does no work along a field, whatever the state."""
+        """Return whether an element does no work along a field, in any state."""
         if not element.analytic and any(field.field(self.motion.q)[i] for i in element.columns):
             return False
         for state in self.states:
@@ -326,7 +326,7 @@ class Invariance(SymmetryCandidates):
     # --- one group --------------------------------------------------------------------------------------------------
 
     def carries(self, field: Field) -> bool:
-        """Whether a group carries all motions into motions."""
+        """Return whether a group maps all motions to motions."""
         try:
             if not self._allowed(field) or not self._rows_carried(field):
                 return False
@@ -340,7 +340,7 @@ class Invariance(SymmetryCandidates):
             return False
 
     def _near_too(self, seen: list[Acting], field: Field) -> bool:
-        """Whether small steps of a shift carry what is written as well: it may be flat but for a narrow range."""
+        """Return whether expressions also pass small steps of a shift: they may be flat except in a narrow range."""
         written = [e for e in seen if e.written]
         if not written or not isinstance(field, Shift):
             return True
@@ -351,15 +351,15 @@ class Invariance(SymmetryCandidates):
         return True
 
     def steady(self, generator: Generator) -> bool:
-        """Whether going along a steady motion carries all motions into motions."""
-        # Generators are equal where they move the reference alike.
+        """Return whether the flow of a steady motion maps all motions to motions."""
+        # Generators are the same if they move the reference in the same way.
         key = generator.field(self.motion.q).tobytes() + np.array([generator.rate, *generator.axis]).tobytes()
         if key not in self._steady:
             self._steady[key] = self.carries(self.along(generator))
         return self._steady[key]
 
     def along(self, generator: Generator) -> Field:
-        """Return the group of a steady motion, with a step that shows."""
+        """Return the group of a steady motion, with a noticeable step."""
         span = self._span(generator)
         if generator.turns:
             return Turn(generator, span)
@@ -369,14 +369,14 @@ class Invariance(SymmetryCandidates):
         return Shift(whole, span * largest / float(np.max(np.abs(whole))))
 
     def _span(self, generator: Generator) -> float:
-        """Return a time in which a steady motion goes far enough to show (s)."""
+        """Return a time in which a steady motion moves noticeably (s)."""
         direction = np.abs(generator.field(self.motion.q))
         span = TOLERANCES.trial_move / (float(np.max(direction / self.motion.sizes)) or self.rate)
         largest = float(np.max(direction)) or 1.0
         return short(span * largest) / largest
 
     def _allowed(self, field: Field) -> bool:
-        """Whether the constraints allow the disturbance of the reference to first order."""
+        """Return whether the constraints allow the disturbance of the reference to first order."""
         motion, system = self.motion, self.system
         if not system.n_c:
             return True
@@ -390,7 +390,7 @@ class Invariance(SymmetryCandidates):
         )
 
     def _rows_carried(self, field: Field) -> bool:
-        """Whether states that satisfy the rows are led to states that do."""
+        """Return whether states that satisfy the rows are mapped to states that do."""
         if not self.system.n_c or not self.seen:
             return self.seen
         part = self._containing(field) if isinstance(field, Shift) else None
@@ -401,17 +401,17 @@ class Invariance(SymmetryCandidates):
         return True
 
     def _together(self, broken: list[Acting], field: Field) -> bool:
-        """Whether elements that a group changes are unchanged together, along all motions that the rows allow."""
+        """Return whether the sum of elements that a group changes is unchanged, in all motions that the rows allow."""
         if not self.system.n_c or any(e.written for e in broken) or len(self.on_rows) < 2:
             return False
         system, time = self.system, self.motion.time
-        # At rest too: dampers that are moved fast would hide weak springs.
+        # At rest too: dampers at high speed would hide weak springs.
         moving = self.on_rows
         for state in [*(State(x.q, 0.0 * x.u, 0.0 * x.a) for x in moving), *moving]:
             there, T = self._moved(field, state)
             J = system.dynamics(state.q, state.u, time).J
             if is_sparse(J):
-                return False  # what is not carried element by element is left open in a large scene
+                return False  # in a large scene only the comparison element by element is tried
             J = J * self.motion.sizes
             lengths = np.linalg.norm(J, axis=1) + 1e-300
             _, s, right = np.linalg.svd(J / lengths[:, None])
@@ -431,10 +431,10 @@ class Invariance(SymmetryCandidates):
         return True
 
     def keeps_time(self, generator: Generator) -> str:
-        """Return the first entry that a steady motion does not carry into itself at later times; empty: none.
+        """Return the first entry that is not invariant under a steady motion at later times; empty: none.
 
-        For equations that contain the time in drives: they stand still in the frame of the motion if
-        going along with it for a while is the same as waiting.
+        For equations that contain the time in drives: they are constant in the co-moving frame if
+        following the motion for some time is the same as waiting.
         """
         field, span = self.along(generator), self._span(generator)
         later = self.motion.time + span

@@ -1,4 +1,4 @@
-"""Groups that a scene may be invariant under: shifts and turns that its elements and axes suggest."""
+"""Candidates for symmetries of a scene: shifts and rotations that its elements and axes suggest."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ UNEVEN = 5661 / 4096
 
 
 class SymmetryCandidates(ElementComparison):
-    """Groups that a scene may be invariant under."""
+    """Candidates for symmetries of a scene."""
 
     def _candidates(self) -> Iterator[tuple[str, Field]]:
         """Yield the groups worth trying, the simplest first."""
@@ -50,7 +50,7 @@ class SymmetryCandidates(ElementComparison):
                 yield f"turn of {body.name} about its axis {words}", Spin(body, part, axis)
 
     def _shifts(self) -> Iterator[tuple[str, Field]]:
-        """Yield constant shifts that the equations do not see at the reference: named ones, then their combinations."""
+        """Yield constant shifts that do not change the equations at the reference: named ones, then combinations."""
         system, sizes = self.system, self.motion.sizes
         null = self._blind()
         room, count = np.zeros((system.n_q + 1, system.n_q)), 0
@@ -69,14 +69,14 @@ class SymmetryCandidates(ElementComparison):
             yield "joint shift of " + ", ".join(strong[:4]), self._shift(direction)
 
     def _shift(self, direction: Array) -> Shift:
-        """Return the shift along a direction by a step that shows."""
+        """Return the shift along a direction by a noticeable step."""
         step = TOLERANCES.trial_move * float(
             np.min(self.motion.sizes[direction != 0.0] / np.abs(direction[direction != 0.0]))
         )
         return Shift(direction, short(step))
 
     def _named_shifts(self, null: Array) -> Iterator[tuple[str, Array]]:
-        """Yield shifts of everything along an axis, and of single coordinates, that lie in a space of shifts."""
+        """Yield the shifts of everything along an axis, and of single coordinates, that lie in a space of shifts."""
         names, sizes = self.system.names, self.motion.sizes
 
         def inside(direction: Array) -> bool:
@@ -89,7 +89,7 @@ class SymmetryCandidates(ElementComparison):
             single = 1.0 - np.sum(null * null, axis=1) < 1e-13
         for axis in "xyz":
             along = np.array([name.endswith(f".{axis}") for name in names])
-            # Where each may be shifted by itself, all of them together say less.
+            # Where each coordinate may be shifted by itself, the shift of all together says less.
             if np.sum(along) > 1 and not np.all(single[along]) and inside(along.astype(float)):
                 yield f"translation along {axis}", along.astype(float)
         for i in np.flatnonzero(single):
@@ -98,7 +98,7 @@ class SymmetryCandidates(ElementComparison):
             yield names[i], direction
 
     def _blind(self) -> Array:
-        """Return what constant shifts neither the forces nor the rows see at some states, as orthonormal columns."""
+        """Return constant shifts that change neither forces nor rows at some states, as orthonormal columns."""
         system, sizes = self.system, self.motion.sizes
         if system.sparse:
             return self._blind_in_large()
@@ -108,7 +108,7 @@ class SymmetryCandidates(ElementComparison):
             K, _, D_q = system.linearize(state.q, state.u, state.a, still, self.motion.time)
             rows = np.vstack([dynamics.J[: system.n_h], D_q]) * sizes
             blocks.append(rows[np.linalg.norm(rows, axis=1) > 0.0])
-            # What acts along the rows only is balanced by reactions.
+            # Forces along the rows only are balanced by reactions.
             J = dynamics.J * sizes
             J = J[np.linalg.norm(J, axis=1) > 0.0]
             J = J / np.linalg.norm(J, axis=1)[:, None]
@@ -127,9 +127,9 @@ class SymmetryCandidates(ElementComparison):
         return result
 
     def _blind_in_large(self) -> Array:
-        """Return the same of a large scene: of what the rows do not see, what the forces along them do not see either.
+        """Return the same for a large scene: shifts that do not change the rows, nor the forces along such shifts.
 
-        Where rows leave very many directions, forces that reactions balance count as well.
+        Where the rows leave very many directions, forces that reactions balance count as well.
         """
         from scipy.sparse import vstack
 
@@ -164,7 +164,7 @@ class SymmetryCandidates(ElementComparison):
         return result
 
     def _axes(self) -> Iterator[tuple[str, Array, Array]]:
-        """Yield the rotations worth trying: name, axis and a point of it."""
+        """Yield the rotations worth trying: name, axis and a point on it."""
         scene, origin = self.system.scene, np.zeros(3)
         gravity = np.array([float(x) for x in scene.gravity])
         up = None
@@ -217,7 +217,7 @@ class SymmetryCandidates(ElementComparison):
 
 
 def _own_axes(body: Any) -> list[Array]:
-    """Return axes through the place of a body about which turning it changes nothing of its inertia, apart from z."""
+    """Return axes of symmetry of the inertia of a body, through its reference point, apart from z."""
     xx, yy, zz, xy, xz, yz = (float(x) for x in body.inertia)
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     moments, axes = np.linalg.eigh(tensor)
@@ -232,22 +232,22 @@ def _own_axes(body: Any) -> list[Array]:
     else:
         return []
     found = [np.where(np.abs(x) > 1e-13, x, 0.0) for x in found]
-    # The last Euler angle turns a body about its z axis.
+    # A turn about z is a shift of the last Euler angle.
     return [x for x in found if abs(abs(x[2]) - 1.0) > 1e-12 and not np.any(np.cross(x, center))]
 
 
 def short(step: float) -> float:
-    """Return a step of about a size with few digits, so that sums are exact, but no number that a model would contain.
+    """Return a step of about a size with few digits, so that sums are exact, but unlikely as a number of a model.
 
-    By a step of two lengths a spring is led through its end to where its force is the same.
+    A step of twice its length would move a spring to the other side of its end, where its force is the same.
     """
     return UNEVEN * 2.0 ** math.floor(math.log2(step))
 
 
 def echelon(rows: Array) -> list[Array]:
-    """Return a basis of the span of rows with as many zeros as elimination makes, in whole numbers where it can be.
+    """Return the reduced echelon form of the span of rows, in whole numbers where possible.
 
-    Expressions are compared with many digits: a direction that is known to 16 is none for them.
+    Expressions are compared with many digits: a direction with 16 digits is too inexact for them.
     """
     A = rows.copy()
     free = np.ones(A.shape[1])
