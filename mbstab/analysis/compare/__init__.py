@@ -1,1 +1,1 @@
-"""One answer beside another: methods, integrators, simulation, expectations."""
+"""Comparisons: of methods, of integrators, with simulations, with expectations."""

@@ -1,4 +1,4 @@
-"""What a scene consists of, what it does not need, and how well its reference fits."""
+"""What a scene consists of, what it does not need, and the residuals of its reference."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ class CheckReport:
     n_q, n_holonomic, n_nonholonomic, rank_holonomic, rank_nonholonomic, n_f : int
         As in `mbstab.analysis.linear.results.Counts`.
     gaps : tuple of float
-        Ratio of singular values across the two rank decisions.
+        Ratio of the singular values on both sides of each of the two rank decisions.
     redundant : list of str
-        Constraint rows that repeat others, by name.
+        Redundant constraint rows, by name.
     symmetries : list of str
         Ignorable coordinates and other symmetries.
     unneeded : list of str
-        What the scene could drop, and what that saves.
+        Parts that the scene does not need, and what leaving them out saves.
     position_residual, velocity_residual : float
         Largest residuals of the reference, over the rows.
     solved : list of str
-        Coordinates that the file left to the program.
+        Coordinates and rates that the file leaves to the program.
     at_rest : bool
     warnings : list of str
     """
@@ -137,7 +137,7 @@ def _unneeded(system: System, motion: Motion) -> list[str]:
 
 
 def _moving(system: System, motion: Motion) -> npt.NDArray[np.bool_]:
-    """Return which coordinates the constraints let move, here or a little way off: a turning point is no fixed one."""
+    """Return which coordinates can move, at the reference or near it: a dead point does not count as fixed."""
     spaces, finder = motion.spaces, Finder(system)
     moving: npt.NDArray[np.bool_] = np.linalg.norm(spaces.N, axis=1) > 1e-9
     rng = RandomNumbers(4)
@@ -150,7 +150,7 @@ def _moving(system: System, motion: Motion) -> npt.NDArray[np.bool_]:
 
 
 def _planar_axis(system: System, motion: Motion, allowed: Array) -> str:
-    """Return the axis across which all allowed small motions are planar, or an empty string."""
+    """Return the axis normal to which all admissible small motions are planar, or an empty string."""
     for k, axis in enumerate("xyz"):
         fits = allowed.shape[1] > 0
         for body, part in zip(system.scene.bodies, system.body_slices, strict=True):

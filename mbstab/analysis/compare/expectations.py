@@ -1,4 +1,4 @@
-"""The ``expect:`` block of a model file: what the answer must be, and whether it is."""
+"""The ``expect:`` block of a model file: required answers, and whether they hold."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def _compare(result: EigenResult, expected: list[complex], expectation: Expectat
         listed = ", ".join(f"{s:.6g}" for s in result.values())
         return Outcome(expectation.location, what, False, f"found {len(judged)} that are not neutral: {listed}")
     others = [s for s in expected if s]
-    # Zeros have no relative difference: they must be told from nothing but zero.
+    # Zeros have no relative difference: their error bounds must contain zero.
     for e in judged[: len(expected) - len(others)]:
         if not abs(e.value) <= e.error_bound:
             return Outcome(expectation.location, what, False, f"{e.value:.6g} is not zero within {e.error_bound:.1e}")

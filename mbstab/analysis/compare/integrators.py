@@ -1,9 +1,9 @@
-"""Every integrator on one motion: what its tolerances cost, and what global error they leave.
+"""All integrators on one motion: cost and global error for several tolerances.
 
-A run is one pass with a tolerance of a step, without the repetitions that control the global error in
-`mbstab.analysis.simulate.simulate`. Its error is the distance from a reference, in the measure of that
-module: the largest at any time of output. The reference is what that module makes of DOP853 (of Radau IIA
-where that takes too long) with the tolerance `TOLERANCES.reference_error`, and known to its estimate.
+A run is one pass with a tolerance per step, without the repetitions that control the global error in
+`mbstab.analysis.simulate.simulate`. Its error is the largest distance from a reference at any output time, in the
+measure of that module. The reference is the solution of that module with DOP853 (with Radau IIA
+where DOP853 takes too long) and the tolerance `TOLERANCES.reference_error`; its own error is its estimate.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mbstab.errors import ModelFileError, NumericalError, SimulationError, Usage
 from mbstab.records import dataclass
 
 DISTURBANCE: dict[str, float | str] = {"mode:1": 0.1}
-"""Where neither the file nor the caller says how the reference is disturbed."""
+"""Disturbance of the reference if neither the file nor the caller gives one."""
 
 
 @dataclass(frozen=True)
@@ -39,19 +39,19 @@ class Integration:
     method, solver : str
         Keys of `mbstab.analysis.simulate.steppers.table.METHODS`.
     tol : float
-        Of a step.
+        Tolerance per step.
     error : float
-        Largest difference from the reference at any time of output, as `error_estimate` of
+        Largest difference from the reference at any output time, measured as `error_estimate` of
         `mbstab.analysis.simulate.result.Simulation`.
     seconds : float
-        Of work.
+        CPU time (s).
     evaluations, steps, rejected : int
     energy : float
-        Largest imbalance of energy, relative to what goes to and fro.
+        Largest imbalance of energy, relative to the energy that is exchanged.
     constraints : float
         Largest residual of a constraint row after any step, relative to sizes and speeds in the scene.
     failure : str
-        Why there is no end.
+        Why the run did not reach the end.
     """
 
     method: str
@@ -68,7 +68,7 @@ class Integration:
 
     @property
     def name(self) -> str:
-        """The name that the integrator has on the command line."""
+        """The name of the integrator on the command line."""
         return self.solver or self.method
 
 
@@ -81,16 +81,16 @@ class Integrations:
     runs : tuple of Integration
     start, end : float (s)
     disturbance : dict
-        What was added to the reference motion.
+        Disturbance that was added to the reference motion.
     reference : str
         The integrator of the reference.
     known : float
-        How well the reference is known: the estimate of its global error.
+        Accuracy of the reference: the estimate of its global error.
     final : ndarray, shape (n_q,)
         Coordinates of the reference at the end (m, rad).
     tolerance : float or None
     chosen : Integration or None
-        The fastest with at most this error.
+        The fastest run with at most this error.
     """
 
     runs: tuple[Integration, ...]
@@ -124,9 +124,9 @@ def compare_integrators(
     tolerance : float, optional
         Largest error, for the choice of an integrator.
     progress : callable
-        Is called with the part of the work that is done, from 0 to 1.
+        Called with the fraction of the work that is done, from 0 to 1.
     forced : bool
-        Go on beyond `TOLERANCES.comparison_time`.
+        Continue beyond `TOLERANCES.comparison_time`.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def compare_integrators(
 
 
 def _disturbed(system: System, perturb: dict[str, float | str]) -> tuple[Start, dict[str, float | str]]:
-    """Return where the motion starts, and what was added to the reference: a mode, if nothing else is given."""
+    """Return the start of the motion, and what was added to the reference: a mode, if nothing else is given."""
     initial = system.scene.initial
     if not perturb and not initial.coordinates and not initial.rates:
         try:
@@ -184,12 +184,12 @@ class _Race:
         self.end = self.end_of_share = time.process_time() + budget
 
     def share(self, solvers: int) -> None:
-        """Begin with one of so many solvers that are left: it may take its share of what is left of the budget."""
+        """Start one of the remaining solvers: it may use its share of the remaining budget."""
         now = time.process_time()
         self.end_of_share = now + max(self.end - now, 0.0) / solvers
 
     def reference(self) -> tuple[Run, float]:
-        """Return the reference, and to what it is known."""
+        """Return the reference and its accuracy."""
         failure = ""
         limit = min(10.0 * TOLERANCES.integration_time, (self.end - time.process_time()) / 3.0)
         for name, method, solver in (
@@ -207,7 +207,7 @@ class _Race:
         raise SimulationError(f"there is no reference to compare with: {failure}", None)
 
     def runs(self, reference: Run, progress: Callable[[float], object]) -> list[Integration]:
-        """Return what every integrator costs and leaves with every tolerance, as far as the budget goes."""
+        """Return cost and error of every integrator with every tolerance, as far as the budget allows."""
         solvers = [(name, key, solver) for name, group in METHODS.items() for key, solver in group.items()]
         found: list[Integration] = []
         for done, (name, key, solver) in enumerate(solvers):
@@ -233,7 +233,7 @@ class _Race:
         return run, time.process_time() - began
 
     def measured(self, name: str, key: str, method: Method, tol: float, reference: Run) -> Integration:
-        """Return what a run costs and leaves."""
+        """Return cost and error of a run."""
         run, seconds = self.run(
             method, key, tol, min(TOLERANCES.integration_time, max(self.end_of_share - time.process_time(), 0.0))
         )
@@ -245,7 +245,7 @@ class _Race:
 
 
 def _watch(limit: float, enough: float = math.inf) -> Callable[[float], object]:
-    """Return a progress function that gives up after so many seconds of work, or after enough by its pace."""
+    """Return a progress function that gives up after `limit` seconds, or if its pace predicts more than `enough`."""
     began = time.process_time()
 
     def watch(done: float) -> None:
@@ -257,7 +257,7 @@ def _watch(limit: float, enough: float = math.inf) -> Callable[[float], object]:
 
 
 def _imbalance(run: Run) -> float:
-    """Return the largest imbalance of energy, relative to what goes to and fro."""
+    """Return the largest imbalance of energy, relative to the energy that is exchanged."""
     record, work = Record.of(run.samples), np.array([s.work for s in run.samples])
     total = record.kinetic + record.potential - work
     scale = max(run.peak, float(np.ptp(record.potential)), float(np.max(np.abs(work))))

@@ -1,9 +1,9 @@
-"""Every method on one model: what it costs, and what it keeps of eigenvalues known to many digits.
+"""All methods on one model: their cost, and their errors against eigenvalues known to many digits.
 
-The truth is the same model in multiprecision arithmetic, its parameters the exact decimals of
-the file, so an error is a distance from the truth and not from another method. Part of it no
-method in double precision can avoid: parameters and matrices are rounded before it starts.
-What the eigenvalues of the rounded matrices are, exactly, is computed as well; the distance
+The truth is computed from the same model in multiprecision arithmetic, its parameters the exact decimals of
+the file, so an error is a distance from the truth and not from another method. Part of it
+cannot be avoided in double precision: parameters and matrices are rounded before a method starts.
+The exact eigenvalues of the rounded matrices are computed as well; the distance
 from those is the method's own error.
 """
 
@@ -43,36 +43,36 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a method returned, and at what price.
+    """The result of a method and its cost.
 
     Attributes
     ----------
     method : str
         A name of `METHODS`, or a number of digits in words.
     values : ndarray of complex, shape (r,)
-        For each true eigenvalue what the method found (1/s); nan where it lost it.
+        The eigenvalue found for each true one (1/s); nan where it is lost.
     errors : ndarray, shape (r,)
         Distance from the truth relative to its modulus; nan where it is lost.
     own_errors : ndarray, shape (r,)
         The same distance from the exact eigenvalues of the matrices in double precision; nan also
         where those are not known.
     bounds : ndarray, shape (r,)
-        What the method claimed its error to be at most, relative as well.
+        Error bounds claimed by the method, also relative.
     lost, invented : int
-        Eigenvalues, neutral ones included, that are missing and that do not exist; infinite ones
+        Numbers of missing and of spurious eigenvalues, neutral ones included; infinite ones
         and those of constraint drift do not count.
     zeros, drift : float (1/s)
-        How far the worst of the neutral eigenvalues, and of those of constraint drift, came out
-        from where it belongs.
+        Largest distance of a neutral eigenvalue, and of one of constraint drift,
+        from its exact value.
     besides : str
-        What it returned besides, in words.
+        What else it returned, in words.
     verdict : str
     seconds : float
-        From the reference motion to eigenvalues and vectors; with more digits all of it.
+        Time from the reference motion to eigenvalues and vectors; with more digits, of the whole computation.
     memory : int
-        Bytes allocated at most.
+        Peak of allocated memory (bytes).
     failure : str
-        Why it has no answer.
+        Why there is no result; empty: there is one.
     """
 
     method: str
@@ -104,7 +104,7 @@ class Outcome:
 
     @property
     def bound(self) -> float:
-        """The largest error that was claimed, of the eigenvalues that were found."""
+        """The largest claimed error bound of the eigenvalues that were found."""
         return math.inf if self.failure else float(np.max(self.bounds[~np.isnan(self.bounds)], initial=0.0))
 
     @property
@@ -121,14 +121,14 @@ class Comparison:
     ----------
     truth : PreciseResult
     rounding : ndarray, shape (r,)
-        How far the rounding of parameters and matrices to double precision alone moves each
-        eigenvalue, relative to its modulus; nan where that is not known.
+        Change by the rounding of parameters and matrices to double precision alone, of each
+        eigenvalue and relative to its modulus; nan where it is not known.
     outcomes : tuple of Outcome
     seconds : float
-        For the reference motion and the linearized equations with their checks.
+        Time for the reference motion and the linearized equations with their checks.
     tolerance : float or None
     chosen : Outcome or None
-        The fastest that keeps the tolerance.
+        The fastest method that keeps the tolerance.
     """
 
     truth: PreciseResult
@@ -139,7 +139,7 @@ class Comparison:
     chosen: Outcome | None
 
     def faster(self) -> list[Outcome]:
-        """Return those that are faster than the chosen one and do not keep the tolerance."""
+        """Return the methods that are faster than the chosen one but do not keep the tolerance."""
         return [
             x
             for x in self.outcomes
@@ -153,17 +153,17 @@ def compare(
     tolerance: float | None = None,
     progress: Callable[[float], object] = lambda done: None,
 ) -> Comparison:
-    """Return what each method keeps and costs.
+    """Return accuracy and cost of each method.
 
     Parameters
     ----------
     model : Model
     digits : int
-        Of the truth.
+        Digits of the truth.
     tolerance : float, optional
         Largest error relative to the modulus of an eigenvalue, for the choice of a method.
     progress : callable
-        Is called with the part of the work that is done, from 0 to 1.
+        Called with the fraction of the work that is done, from 0 to 1.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def _check(tolerance: float | None, digits: int) -> None:
 
 
 def _further(digits: int, tolerance: float | None) -> list[int]:
-    """Return the numbers of digits to be measured: below those of the truth, and enough for the tolerance."""
+    """Return the numbers of digits to measure: fewer than those of the truth, and enough for the tolerance."""
     found = [n for n in TOLERANCES.further_digits if n < digits]
     if tolerance is not None:
         needed = max(math.ceil(-math.log10(tolerance)) + 1, LINEAR.digits_least)
@@ -220,7 +220,7 @@ def _further(digits: int, tolerance: float | None) -> list[int]:
 
 
 def cheapest(outcomes: Sequence[Outcome], tolerance: float, verdict: str) -> Outcome:
-    """Return the fastest outcome that keeps a tolerance and comes to the verdict of the truth.
+    """Return the fastest outcome that keeps a tolerance and has the verdict of the truth.
 
     Raises
     ------
@@ -262,7 +262,7 @@ class _Ruler:
         self.rounding = self._relative(self.rounded, self.exact)
 
     def _columns(self, found: Sequence[Any]) -> tuple[list[int], float]:
-        """Return which true eigenvalue each one found is, −1 if none, and how far the worst neutral one is off."""
+        """Return which true eigenvalue each found one is, −1 if none, and the largest error of a neutral one."""
         true = [*self.exact, *self.neutral]
         size = max(len(found), len(true))
         cost = np.zeros((size, size))
@@ -270,7 +270,7 @@ class _Ruler:
             moduli = [abs(s) or mp.mpf(self.rate) for s in true[: len(self.exact)]]
             moduli += [mp.mpf(self.rate)] * len(self.neutral)
             for i, x in enumerate(found):
-                # All that are none cost the same, however far they are off.
+                # All that match none cost the same, at any distance.
                 cost[i, : len(true)] = [
                     min(float(abs(x - s) / modulus), 2.0 * TOLERANCES.eigenvalue_lost)
                     for s, modulus in zip(true, moduli, strict=True)
@@ -283,7 +283,7 @@ class _Ruler:
         return columns, self.rate * max(off, default=0.0)
 
     def _relative(self, found: Sequence[Any], goals: Sequence[Any]) -> Array:
-        """Return |found − goal| relative to the truth, to a typical rate if that is 0; nan where one is not there."""
+        """Return |found − goal| relative to the truth, or to a typical rate if that is 0; nan where one is missing."""
         with mp.workdps(self.digits):
             return np.array(
                 [
@@ -293,7 +293,7 @@ class _Ruler:
             )
 
     def outcome(self, method: str, found: Sequence[Any], bounds: Sequence[Any], rounded: bool, **rest: Any) -> Outcome:
-        """Return what a method found, measured.
+        """Return the outcome of a method from the eigenvalues that it found.
 
         Parameters
         ----------
@@ -301,7 +301,7 @@ class _Ruler:
         found : sequence of complex or mpc
             All finite eigenvalues (1/s) but those of drift.
         bounds : sequence of float or mpf
-            Of their errors (1/s).
+            Bounds of their errors (1/s).
         rounded : bool
             Whether the method starts from the matrices in double precision.
         """
@@ -322,7 +322,7 @@ class _Ruler:
         )  # fmt: skip
 
     def failure(self, method: str, text: str) -> Outcome:
-        """Return that a method has no answer."""
+        """Return the outcome of a method that failed."""
         nothing = np.full(len(self.exact), math.nan)
         return Outcome(method, nothing + 0j, nothing, nothing, nothing, failure=text)
 
@@ -331,7 +331,7 @@ class _Ruler:
 
 
 def _in_double(grounds: Grounds, ruler: _Ruler, progress: Callable[[int], object]) -> list[Outcome]:
-    """Return what the methods in double precision give."""
+    """Return the outcomes of the methods in double precision."""
     outcomes: dict[str, Outcome] = {}
     results = {}
     for number, method in enumerate(METHODS, 1):
@@ -358,10 +358,10 @@ def _in_double(grounds: Grounds, ruler: _Ruler, progress: Callable[[int], object
 
 
 def _alone(grounds: Grounds, method: str) -> Callable[[], object]:
-    """Return what a method does from the reference motion to eigenvalues and vectors, without what judges them.
+    """Return a method from the reference motion to eigenvalues and vectors, without their judgement, as a function.
 
-    The five techniques ask the kernels for derivatives themselves, the others use those that are
-    there already: they are charged with what these have cost.
+    The five techniques evaluate the derivatives themselves, the others use those that are
+    already available: the cost of these is added to theirs.
     """
     from mbstab.analysis.linear.acceleration_methods import Technique
 
@@ -389,7 +389,7 @@ def _alone(grounds: Grounds, method: str) -> Callable[[], object]:
 
 
 def _with_digits(model: Model, digits: int, ruler: _Ruler) -> Outcome:
-    """Return what the same gives with more digits: the decimals it prints."""
+    """Return the outcome of the computation with more digits, from the decimals it prints."""
     method = f"{digits} digits"
 
     def run() -> PreciseResult:
@@ -412,7 +412,7 @@ def _with_digits(model: Model, digits: int, ruler: _Ruler) -> Outcome:
 
 
 def _medians(runs: Mapping[str, Callable[[], object]]) -> dict[str, float]:
-    """Return the median times of runs (s), which take turns, each time in the opposite order."""
+    """Return the median times of runs (s); their order is reversed from round to round."""
     times: dict[str, list[float]] = {name: [] for name in runs}
     names = list(runs)
     for _ in range(TOLERANCES.method_timings):
@@ -426,7 +426,7 @@ def _medians(runs: Mapping[str, Callable[[], object]]) -> dict[str, float]:
 
 
 def _prepared(run: Callable[[], T]) -> T:
-    """Return what a run gives whose memory is traced later.
+    """Return the result of a run whose memory is traced later.
 
     CPython 3.11 looks up line numbers in long kernels so slowly that tracing would take thirty times as long; after a
     profiler it has them ready.
@@ -435,7 +435,7 @@ def _prepared(run: Callable[[], T]) -> T:
 
 
 def _peak(run: Callable[[], object]) -> int:
-    """Return how many bytes a run has allocated at most."""
+    """Return the peak memory of a run (bytes)."""
     tracemalloc.start()
     try:
         run()

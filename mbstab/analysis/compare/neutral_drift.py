@@ -1,8 +1,8 @@
-"""Neutral directions against the nonlinear motion: what is displaced along them stays, or drifts as predicted.
+"""Neutral directions in the nonlinear motion: a displacement along them stays, or drifts as predicted.
 
-They span the invariant subspace of the zero eigenvalues (and of the pairs that a turning frame makes of them), in
-which y(t) = exp(A t) y(0) is a power of time, or turns. Each of its directions is excited; what is seen is compared
-with this.
+They span the invariant subspace of the zero eigenvalues (in a turning frame also of the pairs ±iΩ), in
+which y(t) = exp(A t) y(0) grows as a power of time, or rotates. Each of its directions is excited, and the motion is
+compared with this prediction.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ AMPLITUDES = "what is seen along them depends on the amplitude"
 
 @dataclass(frozen=True)
 class Drift:
-    """What the nonlinear motion does along the neutral directions.
+    """The nonlinear motion along the neutral directions.
 
     Attributes
     ----------
     count, staying : int
-        Number of the directions, and of those along which a displaced motion stays where it is.
+        Number of the directions, and of those along which a displacement stays constant.
     power : int
-        Of time, with which the others grow at most; 0 if all stay, -1 if they turn with a frame.
+        Highest power of time with which the others grow; 0 if all stay, -1 if they rotate with a frame.
     error : float
         Largest difference from the prediction, relative to the largest displacement of the same motion; nan where
         they were not tried.
     span : float (s)
-        How long motions were followed.
+        Length of the motions.
     verdict : str
         ``confirmed``, ``contradicted`` or ``cannot be judged``.
     reason : str
-        Why not confirmed, or empty.
+        Why it is not confirmed, or empty.
     """
 
     count: int
@@ -57,23 +57,23 @@ def flow(matrix: Array, times: Array) -> list[Array]:
 
 
 def powers(matrix: Array, times: Array) -> list[Array]:
-    """Return the powers of a monodromy matrix, one more at every time."""
+    """Return the powers 0, 1, 2, … of a monodromy matrix, one for every time."""
     return [np.linalg.matrix_power(matrix, k) for k in range(len(times))]
 
 
 def untried(count: int, reason: str) -> Drift:
-    """Return what is known without a motion."""
+    """Return the result without a motion: it cannot be judged."""
     return Drift(count, 0, 0, math.nan, math.nan, "cannot be judged", reason)
 
 
 def invariant_subspace(matrix: Array, exact: Sequence[complex]) -> Array | None:
-    """Return an orthonormal basis of the invariant subspace whose eigenvalues are, but for rounding, the given ones.
+    """Return an orthonormal basis of the invariant subspace of given eigenvalues, which are exact but for rounding.
 
     Parameters
     ----------
     matrix : ndarray, shape (n, n)
     exact : sequence of complex
-        With their multiplicity.
+        Eigenvalues, repeated by multiplicity.
 
     Returns
     -------
@@ -100,21 +100,21 @@ def observed(
     advance: Callable[[Array, Array], list[Array]],
     seen: Callable[[Array, float, float], tuple[Array, Array] | str],
 ) -> Drift:
-    """Return what motions do that are displaced along the neutral directions.
+    """Return the behaviour of motions that are displaced along the neutral directions.
 
     Parameters
     ----------
     matrix : ndarray, shape (n, n)
-        Of the linearized equations, their components of equal size.
+        Matrix of the linearized equations, with components of equal size.
     exact : sequence of complex
         The neutral eigenvalues of `matrix`.
     span : float
-        How long a motion is to be followed (s).
+        Length of a motion (s).
     advance : callable
-        From a matrix and times since the start to what leads from y(0) to y(t) where it is that of the equations.
+        Maps a matrix of the equations and times since the start to the matrices from y(0) to y(t).
     seen : callable
-        From y(0), span and amplitude, relative to the usual one, to times and y(t) relative to this amplitude, shape
-        (n_t, n); or why there is none.
+        Maps y(0), span and amplitude, relative to the usual one, to times and y(t) relative to this amplitude, shape
+        (n_t, n); or to the reason why there is none.
     """
     count = len(exact)
     basis = invariant_subspace(matrix, exact)
@@ -152,7 +152,7 @@ def observed(
 
 
 def _power(growing: Array, span: float) -> int:
-    """Return the power of time of the largest growth, of a nilpotent matrix."""
+    """Return the highest power of time in the growth exp(A t) of a nilpotent matrix."""
     power, step = 0, growing * span
     while power < len(growing) and np.linalg.norm(step) > TOLERANCES.drift_none:
         power += 1

@@ -1,15 +1,15 @@
-"""Eigenvalues against the nonlinear motion: each mode is excited a little, and what it does is measured.
+"""Eigenvalues against the nonlinear motion: each mode is excited slightly, and its growth and frequency are measured.
 
 Two motions start at the reference plus and minus a small part of the mode; half of their
-difference is free of quadratic terms. Taken back by the steady motion (Δq = DΦ_t z, Δu = DΦ_t ż
-+ DX DΦ_t z, as in `mbstab.analysis.reference.steady`), or looked at after whole periods of a periodic one, and
-projected with the left eigenvector w of the mode, it is c(t) = wᴴy(t): exp(s t) where the
+difference is free of quadratic terms. It is transformed to the co-moving frame (Δq = DΦ_t z, Δu = DΦ_t ż
++ DX DΦ_t z, as in `mbstab.analysis.reference.steady`), or sampled after whole periods of a periodic motion, and
+projected with the left eigenvector w of the mode: c(t) = wᴴy(t) is exp(s t) where the
 prediction s holds. The slope of log c gives the growth rate and the frequency that are
-observed; how different the slopes of its two halves are, and how far it is from a line, says
-to what they are known, together with the errors of integration, which at worst add up.
+observed. Their uncertainty follows from the difference of the slopes of its two halves, its distance from a line,
+and the errors of integration, which at worst add up.
 Where this does not confirm the prediction it is repeated with smaller amplitudes, until two of them agree: the
-linear range may be small. The reference itself need not be followed. Neutral directions are tried as
-`mbstab.analysis.compare.neutral_drift` says.
+linear range may be small. The reference itself need not be integrated. Neutral directions are tested as in
+`mbstab.analysis.compare.neutral_drift`.
 """
 
 from __future__ import annotations
@@ -53,18 +53,18 @@ class Observation:
     Attributes
     ----------
     number : int
-        As ``mbstab eig`` lists the modes, from 1; a pair is one mode.
+        Number of the mode in ``mbstab eig``, from 1; a pair is one mode.
     predicted : complex (1/s)
         The eigenvalue, its imaginary part not negative.
     kind : str
     observed : complex (1/s)
         Growth rate and frequency of the nonlinear motion; nan where there is none.
     uncertainty : float (1/s)
-        How well these are known: from the fit, the errors of integration and the difference of two amplitudes.
+        Their uncertainty: from the fit, the errors of integration and the difference of two amplitudes.
     span : float (s)
-        How long the motion was followed.
+        Length of the motion.
     amplitude : float
-        Largest part of the mode in the motion, relative to the sizes in the scene; of the last of several.
+        Largest amplitude of the mode in the last motion, relative to the sizes in the scene.
     verdict : str
         ``confirmed``, ``contradicted`` or ``cannot be judged``.
     reason : str
@@ -89,12 +89,12 @@ class Observation:
 
 @dataclass(frozen=True)
 class Verification:
-    """A verdict on a verdict.
+    """Whether the nonlinear motion confirms a result.
 
     Attributes
     ----------
     result : EigenResult
-        What is verified.
+        The result that is verified.
     modes : tuple of Observation
     verdict : str
         ``confirmed``, ``contradicted`` or ``cannot be judged``.
@@ -102,7 +102,7 @@ class Verification:
     evaluations : int
         How often the equations of motion were formed.
     neutral : Drift or None
-        What is seen along the neutral directions, if there are any.
+        The motion along the neutral directions, if there are any.
     """
 
     result: EigenResult
@@ -115,10 +115,10 @@ class Verification:
 
 @dataclass(frozen=True)
 class _Frame:
-    """How differences of two motions become components of the linearized equations.
+    """The map from differences of two motions to components of the linearized equations.
 
-    `matrix` is that of ẏ = A y, or of y(T) = Φ y(0) with `period`; `to_q`, `to_u` lead from y to Δq and Δu at the
-    start, `components` from Δq, Δu at a time to y.
+    `matrix` is that of ẏ = A y, or of y(T) = Φ y(0) with `period`; `to_q`, `to_u` map y to Δq and Δu at the
+    start, `components` maps Δq, Δu at a time to y.
     """
 
     matrix: Array
@@ -134,7 +134,7 @@ def verify(
     progress: Callable[[float], object] = lambda done: None,
     zeros: Callable[[], int] | None = None,
 ) -> Verification:
-    """Return what the nonlinear motion says about the eigenvalues.
+    """Return whether the nonlinear motion confirms the eigenvalues.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def verify(
     frozen : bool
         Judge the eigenvalues of the equations frozen at the reference time.
     progress : callable
-        Is called with the part of the work that is done, from 0 to 1.
+        Called with the fraction of the work that is done, from 0 to 1.
     zeros : callable, optional
         As for `mbstab.analysis.linear.eigenvalues.eigenvalues`.
 
@@ -155,8 +155,8 @@ def verify(
     modes = [e for e in result.eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
     motion = reference_motion(system)
     frame = _frame(system, motion)
-    # Zeros that nothing explains are not told from neutral ones: all of them are tried together. Those that are
-    # known to a bound are 0, the others by structure what they are.
+    # Unexplained zeros cannot be told from neutral eigenvalues: all of them are tested together. Those that are
+    # known to a bound only are taken as 0; the others are known exactly by structure.
     still = [e for e in result.eigenvalues if e.kind == "neutral" or _zero(e)]
     exact = [e.value if math.isnan(e.error_bound) else 0j for e in still]
     count = len(exact)
@@ -186,7 +186,7 @@ def verify(
 
 
 def _zero(mode: Eigenvalue) -> bool:
-    """Whether an eigenvalue is not told from zero."""
+    """Return whether an eigenvalue cannot be told from zero."""
     return mode.kind == "undecided" and abs(mode.value) <= mode.error_bound
 
 
@@ -253,7 +253,7 @@ class _Excited:
             self._decompose()
 
     def _decompose(self) -> None:
-        """Find eigenvalues (1/s), right and left vectors; for multiple eigenvalues such that belong together."""
+        """Find eigenvalues (1/s), right and left vectors; for multiple eigenvalues those that belong together."""
         from scipy.linalg import eig
 
         frame, motion = self.frame, self.motion
@@ -282,14 +282,14 @@ class _Excited:
         return [int(found[columns[i]]) if columns[i] < len(found) else -1 for i in range(len(predicted))]
 
     def observed(self, number: int, mode: Eigenvalue, k: int) -> Observation:
-        """Return what the motion does when it starts in mode `k`."""
+        """Return the observed motion after a start in mode `k`."""
         if k < 0:
             return _unjudged(number, mode, "the motion has no mode that belongs to it")
         s, v, w = complex(self.values[k]), self.right[:, k], self.left[:, k]
         if not s or _zero(mode):
             return _unjudged(number, mode, "it is zero, and has neither growth nor frequency to be measured")
         overlap = complex(np.vdot(w, v))
-        # Both have length 1 where components of y are of equal size.
+        # Both have length 1 in components of y of equal size.
         if abs(overlap) * TOLERANCES.defective_overlap < 1.0:
             return _unjudged(number, mode, "it is one of several equal eigenvalues without modes of their own")
         times = self._times(s)
@@ -307,12 +307,12 @@ class _Excited:
             if (judged := _judged(found)) is not None:
                 return judged
             if len(found) > 1 and found[-1].uncertainty > found[-2].uncertainty and all(map(_possible, found[-2:])):
-                # Rounding, not the amplitude, is what blurs it.
+                # The uncertainty is due to rounding, not to the amplitude.
                 return _undecided(found[-2], found[-2:-1], "")
         return _undecided(found[-1], found, "")
 
     def _seen(self, times: Array, k: int, overlap: complex, amplitude: float) -> tuple[Complex, float] | str:
-        """Return the amplitude of mode `k` over time, relative to its start, and the part of it that may be error."""
+        """Return the amplitude of mode `k` over time, relative to its start, and its possible relative error."""
         s, v, w = complex(self.values[k]), self.right[:, k], self.left[:, k]
         growth = math.exp(max(s.real, 0.0) * float(times[-1] - times[0]))
         y = np.real(v) if abs(s.imag) <= TOLERANCES.equal_eigenvalues * abs(s) else 2.0 * np.real(v)
@@ -340,7 +340,7 @@ class _Excited:
         return c, runs[0].steps * tol / amplitude
 
     def neutral(self, exact: list[complex]) -> Drift:
-        """Return what the motion does when it starts along the neutral directions."""
+        """Return the observed motion after a start along the neutral directions."""
         frame, weights = self.frame, self.weights
         matrix = frame.matrix * weights / weights[:, None]
         if frame.period is None:
@@ -353,7 +353,7 @@ class _Excited:
         )
 
     def _neutral_span(self, count: int) -> float:
-        """Return how long motions along neutral directions are followed (s)."""
+        """Return the length of motions along neutral directions (s)."""
         sizes = np.sort(np.abs(self.values))
         fastest = max(float(sizes[-1]), self.speed, self.pace)
         moving = sizes[count:][sizes[count:] > TOLERANCES.equal_eigenvalues * fastest]
@@ -363,14 +363,14 @@ class _Excited:
         return min([*spans, TOLERANCES.run_growths / grown] if grown > TOLERANCES.eigenvalue_error * fastest else spans)
 
     def _displaced(self, y0: Array, span: float, part: float) -> tuple[Array, Array] | str:
-        """Return times since the start (s), and how a motion differs that starts displaced, shape (n_t, n)."""
+        """Return times since the start (s), and the difference of a motion with a displaced start, shape (n_t, n)."""
         frame, start, sizes = self.frame, self.motion.time, self.motion.sizes
         count = TOLERANCES.neutral_samples if frame.period is None else TOLERANCES.periodic_rounds + 1
         times = np.asarray(np.linspace(start, start + span, count), dtype=np.float64)
         y = self.weights * y0
         dq, du = frame.to_q @ y, frame.to_u @ y
         rate = max(self.speed, self.pace)
-        # What drifts must not leave the linear range within the span.
+        # A drift must not leave the linear range within the span.
         extent = float(np.max(np.abs(dq / sizes))) + float(np.max(np.abs(du / sizes))) * max(1.0 / rate, span)
         size = part * TOLERANCES.mode_amplitude / extent
         tol = max(TOLERANCES.step_tolerance * part, TOLERANCES.step_tolerance_least)
@@ -429,7 +429,7 @@ def _fitted(
     span = float(times[-1])
     if not np.all(np.abs(c) > 0.0):
         return _unjudged(number, mode, "its part of the motion vanishes")
-    # The prediction taken out, what is left turns slowly and has no doubt about whole turns.
+    # Divided by the prediction, the rest turns slowly: there is no ambiguity of whole turns.
     rest = c * np.exp(-s * times)
     logs = np.log(np.abs(rest)) + 1j * np.unwrap(np.angle(rest))
     weights = np.abs(c) / np.max(np.abs(c))
@@ -442,13 +442,13 @@ def _fitted(
     observed = s + slope
     if mode.value.imag == 0.0 and abs(s.imag) <= TOLERANCES.equal_eigenvalues * abs(s):
         observed = complex(observed.real)
-    # A smooth change of the slope shows in the halves, noise in the distances from the line.
+    # A smooth change of the slope shows in the two halves, noise in the distance from the line.
     uncertainty = 0.5 * abs(halves[0] - halves[1]) + off / span + noise
     return Observation(number, mode.value, mode.kind, observed, uncertainty, span, amplitude, "confirmed")
 
 
 def _judged(found: list[Observation]) -> Observation | None:
-    """Return the verdict on a mode from observations with smaller and smaller amplitudes, None if one more is due."""
+    """Return the verdict on a mode from observations with decreasing amplitudes; None if one more is needed."""
     last, size, apart = found[-1], abs(found[-1].predicted), 0.0
     if len(found) > 1:
         before = found[-2]
@@ -469,7 +469,7 @@ def _judged(found: list[Observation]) -> Observation | None:
             reason = f"{first}{what} too small to be seen in {last.span:.3g} s (known to {known:.1e} 1/s)"
             return replace(last, verdict="cannot be judged", reason=reason)
         return last
-    # What is not as predicted has to agree by its own size: friction that has reached its limit damps hardly at all.
+    # A deviation must agree relative to itself: friction at its limit hardly damps.
     if len(found) == 1 or apart > TOLERANCES.eigenvalue_error * abs(last.observed):
         return None
     if abs(off) > max(TOLERANCES.eigenvalue_error * size, TOLERANCES.uncertainties_of_observation * known):
@@ -479,12 +479,12 @@ def _judged(found: list[Observation]) -> Observation | None:
 
 
 def _possible(x: Observation) -> bool:
-    """Return whether an observation leaves the prediction possible."""
+    """Return whether an observation is consistent with the prediction."""
     return abs(x.observed - x.predicted) <= TOLERANCES.uncertainties_of_observation * x.uncertainty
 
 
 def _undecided(last: Observation, found: list[Observation], failure: str) -> Observation:
-    """Return the last observation, with why the amplitudes together say nothing."""
+    """Return the last observation, with the reason why the amplitudes together are inconclusive."""
     size = abs(last.predicted)
     apart = abs(last.observed - found[-2].observed) if len(found) > 1 else 0.0
     known = last.uncertainty + apart
@@ -512,7 +512,7 @@ def _undecided(last: Observation, found: list[Observation], failure: str) -> Obs
 
 
 def _line(times: Array, values: Complex, weights: Array) -> tuple[complex, float]:
-    """Return the slope of a line through complex values by weighted least squares, and the distance from it (rms)."""
+    """Return the slope of a line fitted to complex values by weighted least squares, and the distance from it (rms)."""
     X = np.stack([np.ones(len(times)), times - times[0]], axis=1)
     found: Any = np.linalg.lstsq(X * weights[:, None], values * weights, rcond=None)[0]
     away = (values - X @ found) * weights
@@ -520,7 +520,7 @@ def _line(times: Array, values: Complex, weights: Array) -> tuple[complex, float
 
 
 def _overall(result: EigenResult, modes: list[Observation], neutral: Drift | None) -> tuple[str, str]:
-    """Return the verdict on the verdict."""
+    """Return the overall verdict and its reason."""
     wrong = [m for m in modes if m.verdict == "contradicted"]
     if wrong:
         names = ", ".join(str(m.number) for m in wrong)
