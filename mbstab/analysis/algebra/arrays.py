@@ -1,4 +1,4 @@
-"""Kinds of arrays, lengths of vectors, and numbers at random."""
+"""Types of arrays, norms of vectors, and pseudo-random numbers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Flags = npt.NDArray[np.bool_]
 
 
 def norms(vectors: npt.NDArray[np.float64], axis: int = -1, keepdims: bool = False) -> npt.NDArray[np.float64]:
-    """Return the lengths of vectors along an axis, to be divided by: 1 for those that are zero."""
+    """Return the norms of vectors along an axis as divisors: 1 for zero vectors."""
     found = np.linalg.norm(vectors, axis=axis, keepdims=keepdims)
     return np.where(found > 0.0, found, 1.0)
 
@@ -26,7 +26,7 @@ def at_block(rows: Any, columns: Any) -> Any:
 
 
 class RandomNumbers:
-    """The same numbers at random in every run; to import `numpy.random` takes as long as a small model's answer."""
+    """Reproducible pseudo-random numbers; importing `numpy.random` takes as long as answering a small model."""
 
     def __init__(self, seed: int) -> None:
         self._source = random.Random(seed)

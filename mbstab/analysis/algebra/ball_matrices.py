@@ -1,4 +1,4 @@
-"""Matrices of balls: lists of rows, elimination with pivots that are proven not to be zero."""
+"""Matrices of balls: lists of rows, elimination with pivots that are proven to be nonzero."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ BALLS = _Balls()
 def eliminate(
     A: Matrix, rank: int, columns: int, row_scale: Sequence[float] | None = None, scale: Sequence[float] | None = None
 ) -> tuple[list[tuple[int, int]], Matrix]:
-    """Return pivots (row, column) and the matrix in which pivot columns are unit vectors (Gauss-Jordan).
+    """Return the pivots (row, column) and the matrix whose pivot columns are unit vectors (Gauss-Jordan).
 
     Parameters
     ----------
@@ -91,14 +91,14 @@ def eliminate(
     rank : int
         Number of pivots.
     columns : int
-        Pivots are in the first so many columns; the others go along.
+        Number of leading columns in which pivots are chosen; the others are only transformed.
     row_scale, scale : sequence of float
-        By which entries are compared.
+        Scales by which entries are compared.
 
     Raises
     ------
     NotProvable
-        If there are not so many pivots that are proven to be different from zero.
+        If there are fewer pivots that are proven to be nonzero.
     """
     T = [row[:] for row in A]
     m = len(T)
@@ -137,7 +137,7 @@ def eliminate(
 
 
 def null_space(pivots: Sequence[tuple[int, int]], T: Matrix, columns: int) -> tuple[list[int], Matrix]:
-    """Return the free columns of an eliminated matrix, and the basis of its null space that is a unit matrix there."""
+    """Return the free columns of an eliminated matrix, and the basis of its null space that is the identity there."""
     bound = {j for _, j in pivots}
     free = [j for j in range(columns) if j not in bound]
     N = zeros(columns, len(free))
@@ -166,7 +166,7 @@ def determinant(A: Matrix) -> Ball:
 
 
 def positive(A: Matrix) -> bool:
-    """Whether a symmetric matrix is proven to be positive definite: all pivots of its elimination are."""
+    """Return whether a symmetric matrix is proven positive definite: all pivots of its elimination are positive."""
     T = [row[:] for row in A]
     for k, row in enumerate(T):
         if not row[k] > 0:

@@ -1,4 +1,4 @@
-"""Polynomials with balls as coefficients: characteristic polynomials, where their roots lie."""
+"""Polynomials with balls as coefficients: characteristic polynomials and the location of their roots."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def characteristic(A: Matrix) -> list[Ball]:
 
 
 def _expanded(A: Matrix) -> Ball:
-    """Return a determinant as the sum of its products that are not zero."""
+    """Return a determinant as the sum of its nonzero products."""
     if not A:
         return ball(1)
     k = min(range(len(A)), key=lambda i: sum(not x.is_zero() for x in A[i]))
@@ -83,7 +83,7 @@ def routh(p: Sequence[Ball]) -> list[Ball] | None:
 
 
 def right_roots(p: Sequence[Ball]) -> int | None:
-    """Return how many roots of p are to the right of the imaginary axis, none being on it; None if that is open."""
+    """Return how many roots of p are right of the imaginary axis, with none on it; None if that is not decided."""
     column = routh(p)
     if column is None or any(zero_inside(x) for x in column):
         return None
@@ -91,11 +91,11 @@ def right_roots(p: Sequence[Ball]) -> int | None:
 
 
 def all_negative_and_simple(p: Sequence[Ball]) -> bool | None:
-    """Whether all roots of p are real, negative and different; None if that is open.
+    """Return whether all roots of p are real, negative and distinct; None if that is not decided.
 
-    By the theorem of Hermite and Biehler that is so if p(s²) + s p'(s²) has all roots to the left:
-    its even and odd parts then have real negative roots in turn. If it is proven not to be so,
-    the regular array also says that p has no multiple root and no root 0.
+    By the Hermite-Biehler theorem this holds if p(s²) + s p'(s²) has all roots in the left half-plane:
+    its even and odd parts then have real negative roots that interlace. If this is proven to be false,
+    the regular array also shows that p has no multiple root and no root 0.
     """
     mixed: list[Ball] = []
     for k, coefficient in enumerate(p):
@@ -113,11 +113,11 @@ def resultant(p: Sequence[Ball], q: Sequence[Ball]) -> Ball:
 
 
 def root_discs(p: Sequence[Ball]) -> list[tuple[Any, Ball, int]]:
-    """Return discs (centre, radius, number) that contain all roots of p, each that many; p is monic.
+    """Return discs (centre, radius, number of roots) that together contain all roots of p; p is monic.
 
     The discs |z − z_k| ≤ n |p(z_k)/Π(z_k − z_j)| about approximations contain all roots, and a
-    group of discs apart from the others as many roots as discs (Smith 1970, J. ACM 17). A real
-    centre of a single disc means a real root.
+    group of discs disjoint from the others contains as many roots as discs (Smith 1970, J. ACM 17). A real
+    centre of a single disc implies a real root.
     """
     from flint import acb, arb
 
@@ -147,7 +147,7 @@ def root_discs(p: Sequence[Ball]) -> list[tuple[Any, Ball, int]]:
 
 
 def _groups(points: list[Any], radii: list[Ball]) -> list[list[int]]:
-    """Return discs that are not proven to be apart from each other together."""
+    """Return groups of discs that are not proven to be disjoint."""
     groups: list[list[int]] = []
     for k in range(len(points)):
         touching = [
@@ -159,7 +159,7 @@ def _groups(points: list[Any], radii: list[Ball]) -> list[list[int]]:
 
 
 def _approximations(p: list[Any]) -> list[Any]:
-    """Return approximate roots, all different, to the digits in use (Aberth's iteration)."""
+    """Return approximate roots, all distinct, to the digits in use (Aberth's iteration)."""
     import numpy as np
     from flint import acb, ctx
 

@@ -1,13 +1,13 @@
-"""Numbers with proven error bounds: real balls as an arithmetic of the kernels, linear algebra and polynomials on them.
+"""Numbers with proven error bounds: real balls as an arithmetic for kernels, linear algebra and polynomials.
 
 A ball is a midpoint with a radius; every operation returns a ball that contains all results
 (Johansson 2017, Arb: efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE
 Trans. Computers 66). Literals are exact decimals, multiples of π stay multiples of π under
-sine and cosine, and what is made of decimals without a root or an angle stays a fraction
-(`Exact`): what is zero by the structure of a scene is a zero without radius.
+sine and cosine, and results of decimals without roots or angles stay fractions
+(`Exact`): a structural zero of a scene is a zero without radius.
 
 Matrices are lists of rows of balls and fractions. Elimination divides by pivots chosen in double precision and
-never adds a multiple with factor zero, so that structural zeros survive it.
+never adds a multiple with factor zero, so that it preserves structural zeros.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ Matrix = list[list[Ball]]
 
 
 class NotProvable(MbstabError):
-    """Something could not be enclosed or its sign not be proven with the digits in use; the message is the reason."""
+    """Something could not be enclosed, or its sign not proven, with the digits in use; the message is the reason."""
 
 
 class Hopeless(NotProvable):
-    """Something is not provable with any number of digits."""
+    """Something cannot be proven with any number of digits."""
 
 
 def require_flint() -> None:
-    """Refuse to go on without python-flint.
+    """Require python-flint.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def require_flint() -> None:
 
 @contextlib.contextmanager
 def digits(number: int) -> Iterator[None]:
-    """Compute with so many decimal digits, and a few more, inside the context."""
+    """Compute with this number of decimal digits, and a few more, inside the context."""
     from flint import ctx
 
     before = ctx.prec
@@ -76,7 +76,7 @@ def digits(number: int) -> Iterator[None]:
 
 
 class Exact:
-    """A fraction that behaves like a ball without radius; with a ball of another kind it makes a ball.
+    """A fraction that behaves like a ball without radius; combined with another ball it gives a ball.
 
     Attributes
     ----------
@@ -160,7 +160,7 @@ class Exact:
         return True
 
     def mid(self) -> Any:
-        """Return a number next to it as a ball without radius."""
+        """Return a nearby number as a ball without radius."""
         return real(self).mid()
 
     def rad(self) -> Any:
@@ -172,11 +172,11 @@ class Exact:
         return bool(self == other)
 
     def abs_upper(self) -> Any:
-        """Return a ball without radius that is not smaller in size."""
+        """Return an upper bound of the absolute value as a ball without radius."""
         return real(self).abs_upper()
 
     def union(self, other: Any) -> Any:
-        """Return a ball that contains both numbers and what lies between."""
+        """Return a ball that contains both numbers and all in between."""
         return real(self).union(real(other))
 
     def str(self, *arguments: Any, **settings: Any) -> Any:
@@ -185,12 +185,12 @@ class Exact:
 
 
 def _short(x: Any) -> bool:
-    """Whether a number is exact for `Exact`."""
+    """Return whether a fraction is short enough for `Exact`."""
     return isinstance(x, (Exact, int)) or (isinstance(x, float) and math.isfinite(x))
 
 
 def ball(x: Any) -> Ball:
-    """Return a number as a fraction where it is one, and balls as they are."""
+    """Return a number as a fraction if it is one, and balls unchanged."""
     from flint import fmpq
 
     if isinstance(x, Exact) or hasattr(x, "rad"):
@@ -207,19 +207,19 @@ def real(x: Any) -> Any:
 
 
 def tidied(x: Any) -> Ball:
-    """Return a ball, as a fraction if it has no radius and is short."""
+    """Return a ball, or a fraction if it has no radius and is short."""
     short = None if isinstance(x, (Exact, _turns_type())) else _rational(x)
     return x if short is None else ball(short)
 
 
 def between(low: Ball, high: Ball) -> Ball:
-    """Return a ball that contains two others and all that lies between; it ends at zero where they do."""
+    """Return a ball that contains two others and all in between; it ends at zero exactly if they do."""
     from flint import arb
 
     whole = real(low).union(real(high))
     for end, other in ((low, high), (high, low)):
         if _rational(end) == 0:
-            # Radii are rounded up: with such a radius as middle, the ball ends at zero exactly.
+            # Radii are rounded up: with the radius as midpoint, the ball ends at zero exactly.
             radius = whole.rad()
             middle = arb(0, radius).rad()
             return arb(middle if other > 0 else -middle, radius)
@@ -279,7 +279,7 @@ def _turns_type() -> Any:
 
 
 def _rational(x: Any) -> Fraction | None:
-    """Return a number as a fraction if it is exactly one that is short."""
+    """Return a number as a fraction if it is exactly a short one."""
     if isinstance(x, _turns_type()):
         return None
     if isinstance(x, (int, float)):
@@ -303,7 +303,7 @@ def ball_arithmetic() -> Arithmetic:
     """Return the arithmetic of real balls, at the precision in use.
 
     A function raises ValueError where it has no finite enclosure: outside its domain, or where a
-    ball reaches over a kink.
+    ball contains a kink.
     """
     from flint import arb, fmpq
 
@@ -391,7 +391,7 @@ def ball_arithmetic() -> Arithmetic:
 
 
 class _Constants(dict[str, Any]):
-    """π and one degree, with the digits in use when they are asked for."""
+    """π and one degree, with the digits in use at the time of access."""
 
     _PARTS = {"pi": Fraction(1), "deg": Fraction(1, 180)}  # noqa: RUF012
 
@@ -406,7 +406,7 @@ _UNIT = re.compile(r"([*/]?)\s*([A-Za-z]+|1)\s*(?:(?:\^|\*\*)\s*(-?[0-9]+))?\s*"
 
 
 def exact_factor(unit: str) -> Ball:
-    """Return the factor from a unit to SI: a decimal, or one times a multiple of π."""
+    """Return the factor from a unit to SI: a decimal, or a decimal times a multiple of π."""
     value, turns = Fraction(1), 0
     for over, name, power in _UNIT.findall(unit.strip()):
         exponent = int(power or 1) * (-1 if over == "/" else 1)
@@ -421,7 +421,7 @@ def exact_factor(unit: str) -> Ball:
 
 
 def ends(model: Model, name: str) -> list[Ball]:
-    """Return the value in SI that a question gives a parameter, or both ends of the interval.
+    """Return the value (SI) that a call gives a parameter, or both ends of its interval.
 
     Raises
     ------
@@ -465,10 +465,10 @@ def ball_system(model: Model, overrides: Mapping[str, Ball]) -> System:
     Raises
     ------
     ModelFileError
-        If a number is not proven to have the sign that its place asks for.
+        If a number is not proven to have the required sign.
     """
     system = System(evaluate(model, parameters(model, overrides), ball_arithmetic()))
-    # Kernels must not meet floats: their quotients would be rounded.
+    # Kernels must not get floats: their quotients would be rounded.
     system._elements = [
         replace(
             element,
@@ -495,12 +495,12 @@ class _BallLaw:
 
 
 def zero_inside(x: Ball) -> bool:
-    """Whether a ball contains zero."""
+    """Return whether a ball contains zero."""
     return bool(x.contains(0))
 
 
 def at_part(x: Ball, part: Fraction) -> Ball:
-    """Return the fraction at some part of the way through a wide ball, and narrow balls as they are."""
+    """Return the fraction at a relative position in a wide ball, and narrow balls unchanged."""
     if float(x.rad()) <= TOLERANCES.ball_width_interval * abs(float(x.mid())):
         return x
     ends = []
@@ -511,7 +511,7 @@ def at_part(x: Ball, part: Fraction) -> Ball:
 
 
 def half_digits() -> Ball:
-    """Return a number that is small by half of the digits in use."""
+    """Return the relative size of a number that is small by half of the digits in use."""
     from flint import arb, ctx
 
     return arb(2) ** (-(ctx.prec // 2))

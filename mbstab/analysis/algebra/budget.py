@@ -1,4 +1,4 @@
-"""What a question about a large scene costs, before matrices are made: memory and time are estimated and limited."""
+"""The cost of a task on a large scene, before matrices are formed: memory and time are estimated and limited."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from mbstab.errors import UsageError
 from mbstab.records import dataclass
 
 Task = Literal["motion", "modes", "spectrum", "run"]
-"""``motion``: the reference and the matrices there; ``modes``: also the eigenvalues and what they say; ``spectrum``:
+"""``motion``: the reference and the matrices there; ``modes``: also the eigenvalues and their verdict; ``spectrum``:
 the same with sparse matrices; ``run``: a run of a simulation."""
 
 _NUMBERS: dict[Task, float] = {"motion": 45.0, "modes": 80.0, "spectrum": 0.0, "run": 100.0}
-"""How many numbers are kept for each entry of a matrix of the size of the coordinates; measured."""
+"""Numbers in memory for each entry of a matrix with the number of coordinates as size; measured."""
 _SPECTRUM: dict[Task, float] = {"motion": 0.0, "modes": 0.0, "spectrum": 14.0, "run": 0.0}
-"""How many besides for each entry of a matrix of the size of the eigenvalues; measured."""
+"""Additional numbers for each entry of a matrix with the number of eigenvalues as size; measured."""
 _COORDINATES: dict[Task, float] = {"motion": 10e-9, "modes": 15e-9, "spectrum": 0.0, "run": 50e-9}
-"""Time for each cube of the number of coordinates (s); measured."""
+"""Time per cube of the number of coordinates (s); measured."""
 _EIGENVALUES: dict[Task, float] = {"motion": 0.0, "modes": 9e-9, "spectrum": 2e-9, "run": 0.0}
-"""Time for each cube of the number of eigenvalues besides (s); measured."""
+"""Additional time per cube of the number of eigenvalues (s); measured."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Cost:
     time : float (s)
         On one core.
     most_time : float (s)
-        The limit.
+        Limit of the time.
     """
 
     n_q: int
@@ -44,7 +44,7 @@ class Cost:
 
     @classmethod
     def of(cls, task: Task, n_q: int, n_c: int) -> Cost:
-        """Return the cost of a task for coordinates and constraint rows, which are taken to be independent."""
+        """Return the cost of a task for numbers of coordinates and of constraint rows, taken as independent."""
         n_f = 2.0 * max(0, n_q - n_c)
         time = _COORDINATES[task] * float(n_q) ** 3 + _EIGENVALUES[task] * n_f**3
         memory = 8.0 * (_NUMBERS[task] * float(n_q) ** 2 + _SPECTRUM[task] * n_f**2)
@@ -70,7 +70,7 @@ class Cost:
         Raises
         ------
         UsageError
-            With number of coordinates, estimate and limits.
+            Tells the number of coordinates, the estimate and the limits.
         """
         if not self.affordable:
             raise UsageError(
@@ -81,7 +81,7 @@ class Cost:
 
 
 def duration(seconds: float) -> str:
-    """Return a time such as ``40 s``, ``12 min`` or ``3 h``, of a second at least."""
+    """Return a time in words, such as ``40 s``, ``12 min`` or ``3 h``; at least one second."""
     seconds = max(seconds, 1.0)
     for unit, size, most in (("s", 1.0, 90.0), ("min", 60.0, 90.0), ("h", 3600.0, 48.0), ("days", 86400.0, 1000.0)):
         if seconds < most * size:

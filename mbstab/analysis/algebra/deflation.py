@@ -1,4 +1,4 @@
-"""The linearized equations carried to a moving frame and freed of their constraints, in any arithmetic.
+"""The linearized equations in a moving frame, with constraints eliminated, in any arithmetic.
 
 Written once, over a small set of operations: `DENSE` for floats with any leading axes (the points
 of a sweep), `mbstab.analysis.algebra.digits.MANY_DIGITS` for many digits,
@@ -16,7 +16,7 @@ from mbstab.compiler.system import Array
 
 
 class Algebra(Protocol):
-    """What elimination asks of matrices, whatever their numbers are."""
+    """The matrix operations that the elimination needs, for any type of numbers."""
 
     def times(self, *factors: Any) -> Any:
         """Return a product of matrices."""
@@ -88,12 +88,12 @@ def deflated_matrix(M: Array, R: Array, K: Array, N: Array, Z: Array, P: Array) 
     Parameters
     ----------
     M, R, K : ndarray, shape (…, n_q, n_q)
-        In scaled coordinates; further axes in front are those of a sweep, and broadcast.
+        In scaled coordinates; leading axes run over the points of a sweep, and broadcast.
     N : ndarray, shape (…, n_q, n_xi)
     Z : ndarray, shape (…, n_xi, n_eta)
     P : ndarray, shape (…, n_xi, n_xi)
     """
-    # Z is orthonormal in mass-scaled coordinates: M_z is as well conditioned as the scene allows.
+    # Z is orthonormal in mass-scaled coordinates, so M_z is as well conditioned as the scene allows.
     M_z, *lower = on_speeds(*restricted(M, R, K, N), Z, P)
     n, points = N.shape[-1], np.broadcast_shapes(*(x.shape[:-2] for x in (*lower, P, Z)))
     A = np.empty((*points, n + Z.shape[-1], n + Z.shape[-1]))

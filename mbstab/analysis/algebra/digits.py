@@ -1,8 +1,8 @@
-"""Linear algebra with any number of digits, started from double precision.
+"""Linear algebra with any number of digits, starting from double precision.
 
-Matrices are NumPy arrays of mpmath numbers. What double precision has solved is polished: the
-residual is evaluated with all digits, its correction in double precision, so that each step
-gains about twelve digits and costs no elimination. Null spaces of square matrices come from
+Matrices are NumPy arrays of mpmath numbers. Solutions in double precision are refined: the
+residual is evaluated with all digits and its correction in double precision, so that each step
+gains about twelve digits and needs no elimination. Null spaces of square matrices come from
 elimination with complete pivoting, eigenvalues from invariant subspaces of clusters (Newton's
 method on S X = X B, Xᴴ₀ X = I; Demmel 1987, Computing 38), which need not be simple.
 
@@ -29,7 +29,7 @@ Matrix = npt.NDArray[Any]
 
 
 class Stalled(Exception):
-    """Polishing came to rest before the digits were reached; `reached` is the size of the last step."""
+    """Refinement stalled before the digits were reached; `reached` is the size of the last step."""
 
     def __init__(self, reached: float) -> None:
         self.reached = reached
@@ -77,14 +77,14 @@ def polished(start: Matrix, correction: Callable[[Matrix], Matrix], floor: float
     ----------
     start : ndarray of mpf
     correction : callable
-        Returns the next step from an approximation.
+        Returns the next correction of an approximation.
     floor : float
-        Size of the numbers if they vanish.
+        Scale of the numbers where they vanish.
 
     Raises
     ------
     Stalled
-        If the corrections stop shrinking while they are more than rounding.
+        If the corrections stop shrinking while they are larger than rounding.
     """
     x, before, slow = start, mp.inf, 0
     for _ in range(30 + mp.dps):
@@ -125,7 +125,7 @@ MANY_DIGITS = _ManyDigits()
 
 
 def null_space(A: Matrix, start: Array, inverse: Array) -> Matrix:
-    """Return a basis of the null space from one in double precision and the pseudo-inverse there.
+    """Return a basis of the null space from a basis and a pseudo-inverse in double precision.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def null_space(A: Matrix, start: Array, inverse: Array) -> Matrix:
 
 
 def misfits(A: Matrix, rank: int) -> Any:
-    """Return the largest entry that is left after so many steps of elimination with complete pivoting."""
+    """Return the largest remaining entry after `rank` steps of elimination with complete pivoting."""
     rows, (m, n) = [list(row) for row in A], A.shape
     for k in range(min(rank, m, n)):
         pivot, i, j = max((abs(rows[i][j]), i, j) for i in range(k, m) for j in range(k, n))
@@ -209,11 +209,11 @@ class Deflation:
     Attributes
     ----------
     S : ndarray of mpf
-        What is left.
+        The matrix that is left.
     steps : tuple of int
-        How many zeros have a vector, a second one in their chain, …
+        Number of zeros with a vector, with a second one in their chain, …
     pairs : tuple of int
-        How many pairs ±iω were found for each of the frequencies.
+        Number of pairs ±iω for each of the frequencies.
     kept, dropped : mpf
         Smallest pivot kept and largest dropped in all decisions, relative to the matrix.
     """
@@ -226,17 +226,17 @@ class Deflation:
 
     @property
     def sizes(self) -> tuple[int, tuple[int, ...], tuple[int, ...]]:
-        """How many eigenvalues are left, and what was taken away."""
+        """Number of eigenvalues left, and numbers of those removed."""
         return len(self.S), self.steps, self.pairs
 
     @property
     def decided(self) -> bool:
-        """Whether there is a gap between what is zero and what is not."""
+        """Whether there is a gap between zero and nonzero pivots."""
         return bool(self.dropped == 0 or self.kept > self.dropped * mp.mpf(10) ** (TOLERANCES.pivot_gap * mp.dps))
 
 
 def deflated(S: Matrix, frequencies: Sequence[Any] = ()) -> Deflation:
-    """Return a matrix without its zero eigenvalues, and without pairs ±iω at frequencies that are not 0."""
+    """Return a matrix without its zero eigenvalues and without the pairs ±iω at given nonzero frequencies."""
     size, steps, pairs = largest(S), [], []
     kept, dropped = mp.inf, mp.zero
     while len(S):
@@ -269,7 +269,7 @@ def _rest(S: Matrix, null: Kernel) -> Matrix:
 
 @dataclass(frozen=True)
 class Value:
-    """An eigenvalue; `chained` if others are so near that it may be multiple, with fewer vectors than that."""
+    """An eigenvalue; `chained` if it may be multiple with fewer vectors than its multiplicity."""
 
     value: Any
     chained: bool
@@ -281,7 +281,7 @@ def eigenvalues(S: Matrix) -> list[Value]:
     Raises
     ------
     NumericalError
-        If none of the ways converges.
+        If no method converges.
     """
     if not len(S):
         return []
@@ -296,7 +296,7 @@ def eigenvalues(S: Matrix) -> list[Value]:
 
 
 def _complete(S: Matrix, found: list[Value]) -> bool:
-    """Whether the sums of eigenvalues and of their squares are those of the matrix: none is missing or twice there."""
+    """Return whether the sums of eigenvalues and of their squares fit the matrix: none is missing or duplicated."""
     size = largest(S) * len(S)
     sums = [mp.fsum(S[i, i] for i in range(len(S))), mp.fsum((S * S.T).flat)]
     sums = [total - mp.fsum(e.value**k for e in found) for k, total in enumerate(sums, 1)]
@@ -314,7 +314,7 @@ def _polished_eigenvalues(S: Matrix, distance: float) -> list[Value]:
         mean = complex(np.mean(values[members]))
         closed = any(np.any(values[members] == values[i].conjugate()) for i in members)
         if not closed and mean.imag < 0.0:
-            continue  # its mirror image is computed
+            continue  # its complex conjugate is computed
         if len(members) == 1:
             start = vectors[:, members] / np.linalg.norm(vectors[:, members])
         else:
@@ -373,7 +373,7 @@ def _block(S: Matrix, plain: Array, start: Complex) -> Matrix:
     def correction(unknown: Matrix) -> Matrix:
         X, B = (x.reshape(k, -1).T for x in (unknown[: n * k], unknown[n * k :]))
         residual = X @ B - S @ X
-        # The normalization holds from the start and is kept by every step, up to what double precision makes of it.
+        # The normalization holds at the start, and every step keeps it to double precision.
         return applied(inverse, np.concatenate([residual.T.ravel(), zeros(k * k)]))
 
     unknown = np.concatenate([start.T.ravel(), B_0.T.ravel()])
@@ -382,7 +382,7 @@ def _block(S: Matrix, plain: Array, start: Complex) -> Matrix:
 
 
 def _of_block(B: Matrix) -> list[Value]:
-    """Return the eigenvalues of a block, and which of them lack vectors."""
+    """Return the eigenvalues of a block, marked where vectors are missing."""
     k = len(B)
     if k == 1:
         return [Value(mp.mpc(B[0, 0]), False)]
@@ -397,16 +397,16 @@ def _iterated(B: Matrix) -> list[Any]:
 
 
 def _by_iteration(S: Matrix) -> list[Value]:
-    """Return all eigenvalues by the QR iteration in multiprecision: slow, but it needs no start."""
+    """Return all eigenvalues by the QR iteration in multiprecision: slow, but without a start."""
     if len(S) == 1:
         return [Value(mp.mpc(S[0, 0]), False)]
     return _with_chains(S, _iterated(S))
 
 
 def _with_chains(B: Matrix, values: list[Any]) -> list[Value]:
-    """Mark eigenvalues that are equal to the digits and have fewer vectors than their number."""
+    """Mark eigenvalues that are equal to the digits in use and have fewer vectors than their number."""
     n, size = len(B), largest(B)
-    # Of a chain of length m only one digit in m is left.
+    # A chain of length m leaves only one digit in m.
     equal = size * mp.mpf(10) ** (-0.8 * mp.dps / max(n if n < 6 else 6, 1))
     near = np.array([[abs(x - y) <= equal for y in values] for x in values], dtype=bool).reshape(n, n)
     found: list[Value] = []

@@ -1,4 +1,4 @@
-"""Failures of arithmetic as errors a user can act on."""
+"""Arithmetic failures as errors that a user can act on."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from mbstab.errors import MbstabError, NumericalError
 
 FAILURES = (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError)
-"""What a trial of equations may end in where they have no value."""
+"""Errors of equations that have no value at a trial."""
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
 
 def guarded(function: Callable[P, T]) -> Callable[P, T]:
-    """Return a function whose overflows, divisions by zero and other failures of arithmetic are a `NumericalError`."""
+    """Return a function whose overflows, divisions by zero and similar failures raise a `NumericalError`."""
 
     @functools.wraps(function)
     def inner(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -42,7 +42,7 @@ def guarded(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def _is_extreme(value: object) -> bool:
-    """Whether an argument is a number whose powers leave the range of double precision."""
+    """Return whether an argument is a number whose powers leave the range of double precision."""
     try:
         size = abs(float(value))  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):

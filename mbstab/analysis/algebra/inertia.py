@@ -1,14 +1,14 @@
-"""How many negative squares a symmetric sparse form has on the motions that constraints allow, without its eigenvalues.
+"""The number of negative squares of a symmetric sparse form on the null space of constraints, without eigenvalues.
 
-With N a basis of the null space of J, which has c independent rows, NᵀKN has c negative eigenvalues less than
+With N a basis of the null space of J, which has c independent rows, NᵀKN has c fewer negative eigenvalues than
 [[K, Jᵀ], [J, 0]] (Chabrillac and Crouzeix 1984, Linear Algebra Appl. 63; Gould 1985, Math. Prog. 32). Those are
 counted by an LDLᵀ factorization (Sylvester's law of inertia), which must not pivot off the diagonal:
 
     A = [[K/κ + JᵀJ, Jᵀ], [J, 0]],   κ = max |K|
 
-has the same inertia, and no zeros on the diagonal of K. Each row is matched with a coordinate, so that the product of
-the entries is largest (Duff and Pralet 2005, SIAM J. Matrix Anal. Appl. 27); rotations that diagonalize the 2×2 tiles
-[[a, j], [j, 0]] of the pairs leave B = TᵀAT without zeros on its diagonal. The factors that are found are exactly
+has the same inertia, and no zeros on the diagonal in place of K. Each row is matched with a coordinate, so that the
+product of the entries is largest (Duff and Pralet 2005, SIAM J. Matrix Anal. Appl. 27); rotations that diagonalize the
+2×2 blocks [[a, j], [j, 0]] of the pairs give B = TᵀAT without zeros on its diagonal. The computed factors are exactly
 those of B + E; the count is that of B if |E| is less than the smallest singular value of B, with a margin.
 """
 
@@ -38,14 +38,14 @@ class ConstrainedForms:
         self._squares = (self.J.T @ self.J).tocsr()
 
     def negatives(self, K: Any, unsure: float) -> int | None:
-        """Return the number of negative squares of a form, or None if what it is not known to may change it.
+        """Return the number of negative squares of a form, or None if its uncertainty may change the number.
 
         Parameters
         ----------
         K : sparse array, shape (n, n)
             A symmetric form.
         unsure : float
-            How much it may be wrong, as a Frobenius norm.
+            Frobenius norm of its possible error.
         """
         if self.c >= self.n:
             return 0
@@ -85,7 +85,7 @@ class ConstrainedForms:
         return int(np.sum(pivots < 0.0)) - int(self.c)
 
     def _rotations(self, diagonal: Array) -> Any:
-        """Return T, which diagonalizes the tile of each row and its partner."""
+        """Return T, which diagonalizes the block of each row and its partner."""
         from scipy import sparse
 
         assert self._partner is not None
@@ -108,7 +108,7 @@ class ConstrainedForms:
 
 
 def _matched(J: Any) -> Any:
-    """Return for each row its coordinate, so that the product of the entries is largest; None if there is no way."""
+    """Return the coordinate of each row, so that the product of the entries is largest; None if there is none."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
@@ -116,7 +116,7 @@ def _matched(J: Any) -> Any:
     J.eliminate_zeros()
     if not J.shape[0]:
         return np.zeros(0, dtype=np.intp)
-    # No weight may be zero: that would be no entry.
+    # A weight of zero would not be an entry.
     weights = csr_array((1.0 - np.log(np.minimum(np.abs(J.data), 1.0)), J.indices, J.indptr), shape=J.shape)
     try:
         return min_weight_full_bipartite_matching(weights)[1]

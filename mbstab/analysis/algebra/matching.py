@@ -1,4 +1,4 @@
-"""Pairs of values from two lists, so that the distances are least."""
+"""Pairing of the values of two lists with minimal distances."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from mbstab.compiler.system import Array
 
 
 def assigned(cost: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
-    """Return for each row of a square matrix the column it is paired with, so that the sum is least.
+    """Return the column paired with each row of a square cost matrix, so that the sum of costs is least.
 
     Shortest augmenting paths (Jonker and Volgenant 1987, Computing 38). For the few eigenvalues of
-    a mechanism this is done long before SciPy's routine for the same would be imported.
+    a mechanism this is faster than importing the corresponding routine of SciPy.
     """
     n = len(cost)
     u, v = np.zeros(n), np.zeros(n + 1)

@@ -1,13 +1,13 @@
-"""Eigenpairs made as exact as the entries of the matrices are, whatever their sizes.
+"""Eigenpairs refined to the accuracy of the entries of the matrices, whatever their sizes.
 
-The eigenvalues of the deflated matrix bear the rounding of its largest entries. Newton's method
+The eigenvalues of the deflated matrix contain the rounding of its largest entries. Newton's method
 on the composite problem Q(s) x = (s²M̄ + sR̄ + K̄) x = 0, its linear systems equilibrated,
 
     [Q  Q'x; w* 0] [Δx; Δs] = −[Q x; 0],
 
-makes of each what the residual in double precision allows (iterative refinement: Skeel 1980,
-Math. Comp. 35): the error no longer depends on units, on masses in great ratios, or on how the
-equations were reduced, but on how much of the single entries cancels,
+makes each as accurate as the residual in double precision allows (iterative refinement: Skeel 1980,
+Math. Comp. 35): the error no longer depends on units, on large mass ratios, or on how the
+equations were reduced, but on the cancellation in the single entries,
 
     |Δs| ≤ |y|ᵀ (|s|² δM + |s| δR + δK) |x| / |y* Q'(s) x|.
 """
@@ -26,7 +26,7 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class Quadratic:
-    """The composite problem without rows that others imply, and the size of what its entries are summed from.
+    """The composite problem without redundant rows, and the sizes of the terms of its entries.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Quadratic:
 
     @classmethod
     def of(cls, M: Array, R: Array, K: Array, terms: tuple[Array, ...]) -> Quadratic:
-        """Return a problem that is stored as suits its size."""
+        """Return a problem with dense or sparse matrices, depending on its size."""
         if len(M) < TOLERANCES.sparse_from_size:
             return cls(M, R, K, terms)
         from scipy.sparse import csc_array
@@ -59,7 +59,7 @@ class Quadratic:
         return 2.0 * s * self.M + self.R
 
     def spread(self, s: complex, x: Complex, y: Complex) -> float:
-        """Return what the rounding of the entries makes of y* Q(s) x."""
+        """Return the bound of the error of y* Q(s) x from the rounding of the entries."""
         size, left, right = abs(s), np.abs(y), np.abs(x)
         parts = [float(left @ (term @ right)) for term in self.terms]
         return TOLERANCES.roundings_of_entry * EPS * (size * size * parts[0] + size * parts[1] + parts[2])
@@ -73,7 +73,7 @@ def refined(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[com
     problem : Quadratic
     s : complex
     x, y : ndarray, shape (n,)
-        Where they have no value for multipliers yet, 0 will do.
+        The entries of the multipliers may be 0.
     """
     with np.errstate(all="ignore"):
         bound, step = np.inf, np.inf
@@ -98,7 +98,7 @@ def refined(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[com
 def _step(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[Complex, Complex, complex] | None:
     """Return corrected vectors and the correction of the eigenvalue, or None."""
     Q, D = problem.at(s), problem.slope(s)
-    # The same matrix, turned over, corrects the left vector.
+    # The conjugate transpose of the same matrix corrects the left vector.
     right, left = (-np.append(residual, 0.0) for residual in (Q @ x, Q.conj().T @ y))
     try:
         first, second = (_solved if isinstance(Q, np.ndarray) else _solved_sparse)(Q, D @ x, y.conj() @ D, right, left)
@@ -138,7 +138,7 @@ def _solved_sparse(Q: Any, column: Complex, row: Complex, right: Complex, left: 
 
 
 def equilibration(T: Complex | Array) -> tuple[Array, Array]:
-    """Return factors of rows and columns, powers of 2, that make the largest entries of all of them about 1."""
+    """Return factors of rows and columns, powers of 2, that make the largest entry of each about 1."""
     size = np.abs(T)
     rows, columns = np.ones(len(T)), np.ones(len(T))
     for _ in range(TOLERANCES.balancing_rounds):
@@ -148,6 +148,6 @@ def equilibration(T: Complex | Array) -> tuple[Array, Array]:
 
 
 def _power(largest: Array) -> Array:
-    """Return the power of 2 next to 1/√x, and 1 for 0."""
+    """Return the power of 2 nearest to 1/√x, and 1 for 0."""
     result: Array = np.exp2(-np.round(0.5 * np.log2(np.where(largest > 0.0, largest, 1.0))))
     return result

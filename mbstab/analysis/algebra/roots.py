@@ -1,4 +1,4 @@
-"""Where functions of one variable are zero."""
+"""Roots of functions of one variable."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mbstab.errors import NumericalError
 
 
 def root(f: Callable[[float], float], a: float, b: float) -> float:
-    """Return where a function with values of opposite sign at a and b is zero, to the last digits.
+    """Return the root of a function between a and b, where its signs differ, to the last digits.
 
     Inverse quadratic interpolation where that is safe, bisection otherwise (Chandrupatla 1997,
     Adv. Eng. Software 28).

@@ -1,4 +1,4 @@
-"""Numbers that carry how much they can be wrong."""
+"""Numbers with error bounds."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def _power(x: Any, n: Any) -> Rounded:
     v = math.pow(a, p)
     error = FUNCTION * abs(v) if p not in (1.0, 0.0) else 0.0
     if d and p:
-        # By the mean value theorem the slope counts where it is largest.
+        # By the mean value theorem, with the largest slope.
         ends = [abs(y) ** (p - 1.0) for y in (abs(a) - d, abs(a) + d) if y > 0.0 or p >= 1.0]
         error += abs(p) * d * max(ends) if len(ends) == 2 else math.inf
     if e:
@@ -146,7 +146,7 @@ def _power(x: Any, n: Any) -> Rounded:
 
 
 def _function(name: str) -> Any:
-    """Return a function of one number from that of floats and the bound of its slope."""
+    """Return a function of one number from the function of floats and the bound of its slope."""
     plain, entry = getattr(FLOAT, name), TABLE[name]
     assert entry.steepest is not None
     steepest = entry.steepest
@@ -210,7 +210,7 @@ def _number(text: str) -> Any:
 
 @cache
 def rounded_arithmetic() -> Arithmetic:
-    """Return the arithmetic of numbers that know how much they can be wrong."""
+    """Return the arithmetic of numbers with error bounds."""
     functions: dict[str, Any] = {name: _function(name) for name, entry in TABLE.items() if entry.steepest is not None}
     functions |= {
         "atan2": _atan2,

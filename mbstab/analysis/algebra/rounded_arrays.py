@@ -1,4 +1,4 @@
-"""Arrays of numbers that carry how much they can be wrong: the elements of a large scene, together."""
+"""Arrays of numbers with error bounds, for all elements of a large scene at once."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class WithErrors:
-    """A vector or a matrix, and how much its entries can be wrong."""
+    """A vector or a matrix with error bounds of its entries."""
 
     values: Any
     errors: Any
@@ -49,7 +49,7 @@ class RoundedArray:
         return (RoundedArray(v, e) for v, e in zip(self.v, self.e, strict=True))
 
     def tolist(self) -> list[Any]:
-        """Return numbers; exact ones are plain."""
+        """Return numbers; exact ones as plain floats."""
         return [Rounded(v, e) if e else v for v, e in zip(self.v.tolist(), self.e.tolist(), strict=True)]
 
     def __add__(self, other: Any) -> RoundedArray:
@@ -104,7 +104,7 @@ def _quotient(a: Any, d: Any, b: Any, e: Any) -> RoundedArray:
 
 
 def _each(name: str) -> Any:
-    """Return a function of arrays from that of single numbers."""
+    """Return a function of arrays from the function of single numbers."""
     one = getattr(rounded_arithmetic(), name)
 
     def function(*arguments: Any) -> Any:
@@ -129,7 +129,7 @@ class RoundedNumbers(Numbers):
     """Numbers with errors in large scenes."""
 
     def state(self, x: Any) -> Any:
-        """Return a vector with one fixed coordinate behind it."""
+        """Return a vector with one fixed coordinate appended."""
         return RoundedArray.of([*x, 0.0])
 
     def together(self, values: tuple[Any, ...]) -> Any:
@@ -149,7 +149,7 @@ class RoundedNumbers(Numbers):
         return result
 
     def filled(self, pattern: Pattern, layers: list[Array], form: Form) -> WithErrors:
-        """Return a vector or a matrix with its errors, those of adding its terms among them."""
+        """Return a vector or a matrix with its error bounds, including those of summing its terms."""
         v, e = layers
         summed = pattern.filled(UNIT * np.abs(v), form, weighted=True)
         return WithErrors(pattern.filled(v, form), pattern.filled(e, form) + summed)

@@ -1,11 +1,11 @@
 """A few eigenvalues of a large sparse quadratic problem Q(s) z = 0, Q(s) = Q₀ + s Q₁ + s² Q₂, nearest to a shift.
 
-With the columns of which Q₁ or Q₂ contain anything, z_a, and w = s z_a, one factorization of Q(σ) gives the operator
+With z_a, the components in the nonzero columns of Q₁ or Q₂, and w = s z_a, one factorization of Q(σ) gives the operator
 
     Q(σ) x = −(Q₂ (w + σ z_a) + Q₁ z_a),    (z_a, w) ↦ (x_a, z_a + σ x_a),    s = σ + 1/μ.
 
 Its range satisfies the rows without s, so the infinite eigenvalues of constraints appear as μ = 0 only, and two
-applications to the start vector purge what belongs to them (Nour-Omid, Parlett, Ericsson, Jensen 1987, Math. Comp. 48;
+applications to the start vector purge their components (Nour-Omid, Parlett, Ericsson, Jensen 1987, Math. Comp. 48;
 Meerbergen, Spence 1997, Math. Comp. 66).
 """
 
@@ -22,7 +22,7 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.errors import NumericalError
 
 SEED = 11
-"""Of start vectors: the same question has the same answer."""
+"""Seed of start vectors: the same call returns the same result."""
 
 
 Operator = Callable[[Any], Any]
@@ -33,7 +33,7 @@ class SingularShift(NumericalError):
 
 
 class SparseQuadratic:
-    """Q(s) with the entries of its three matrices on one pattern.
+    """Q(s) with its three matrices on one sparsity pattern.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class SparseQuadratic:
 
     @cached_property
     def wide(self) -> list[Any]:
-        """The entries as the longest numbers of the machine."""
+        """The entries in the longest floating-point type of the machine."""
         return [x.astype(np.longdouble) for x in self.data]
 
     @cached_property
@@ -97,7 +97,7 @@ class SparseQuadratic:
         ----------
         Y, X : ndarray of complex, shape (size, k)
         lost : SparseQuadratic, optional
-            What rounding has lost in the sums of which the entries are made.
+            The rounding errors of the sums in the entries.
         """
         total = np.zeros((Y.shape[1], X.shape[1]), dtype=np.clongdouble)
         z = np.clongdouble(s)
@@ -110,7 +110,7 @@ class SparseQuadratic:
         return total.astype(complex)
 
     def operator(self, lu: Any, sigma: complex) -> tuple[Operator, Operator]:
-        """Return (z_a, w) ↦ x of the factors at σ, and (z_a, w) ↦ (x_a, z_a + σ x_a); also of columns."""
+        """Return the maps (z_a, w) ↦ x and (z_a, w) ↦ (x_a, z_a + σ x_a) from factors at σ; also for columns."""
         a, active = len(self.active), self.active
         Q1, Q2 = self._slopes
 
@@ -132,12 +132,12 @@ class SparseQuadratic:
     def nearest(self, shift: complex, count: int, most: int) -> tuple[Complex, Complex]:
         """Return the eigenvalues nearest to a shift, nearest first, and their vectors as columns.
 
-        Of a real shift only those with Im ≥ 0 have vectors, the columns of the others are zero.
+        For a real shift only those with Im ≥ 0 have vectors; the columns of the others are zero.
 
         Parameters
         ----------
         shift : complex
-            No eigenvalue.
+            Must not be an eigenvalue (1/s).
         count : int
         most : int
             Number of finite eigenvalues.
@@ -174,7 +174,7 @@ class SparseQuadratic:
         return values, X
 
     def _refined(self, lu: Any, sigma: complex, full: Operator, y: Complex) -> Complex:
-        """Return the vector of an eigenvalue with its multipliers, corrected: large ones beside it cost no digits."""
+        """Return the refined vector of an eigenvalue with its multipliers: large eigenvalues cost it no digits."""
         a, (Q1, Q2), matrix = len(self.active), self._slopes, self.at(sigma)
         right = -(Q2 @ (y[a:] + sigma * y[:a]) + Q1 @ y[:a])
         found = _complex(full, y)
@@ -205,7 +205,7 @@ class SparseQuadratic:
 
 
 def _complex(function: Any, y: Complex) -> Complex:
-    """Return a real linear function of a complex vector; of a complex one its value."""
+    """Return the value of a linear function at a complex vector, also if it takes only real ones."""
     try:
         return np.asarray(function(y), dtype=complex)
     except TypeError:  # real factors take real right-hand sides only

@@ -14,12 +14,12 @@ from mbstab.compiler.system import Array, System
 
 
 def large(system: System) -> bool:
-    """Whether sparse matrices pay for a scene."""
+    """Return whether a scene is large enough for sparse matrices."""
     return system.n_q + system.n_c >= TOLERANCES.sparse_from_size
 
 
 def in_sparse(system: System, numbers: Numbers = FLOATS) -> System:
-    """Return the same equations with matrices M, J, K, R, D_q, … that are `scipy.sparse.csr_array`."""
+    """Return the same equations with matrices M, J, K, R, D_q, … as `scipy.sparse.csr_array`."""
 
     def form(data: Any, indices: Any, starts: Any, shape: tuple[int, int]) -> Any:
         from scipy.sparse import csr_array
@@ -30,7 +30,7 @@ def in_sparse(system: System, numbers: Numbers = FLOATS) -> System:
 
 
 def is_sparse(A: Any) -> bool:
-    """Whether a matrix is a sparse one."""
+    """Return whether a matrix is sparse."""
     return not isinstance(A, np.ndarray)
 
 
@@ -50,7 +50,7 @@ def scaled(A: Any, columns: Array, rows: Array | None = None) -> Any:
 
 
 def row_norms(A: Any) -> Array:
-    """Return the lengths of rows, to be divided by: 1 for those that are zero."""
+    """Return the norms of rows as divisors: 1 for zero rows."""
     if not is_sparse(A):
         return norms(A)
     lengths = np.sqrt(np.asarray((A * A).sum(axis=1)).ravel())
@@ -59,12 +59,12 @@ def row_norms(A: Any) -> Array:
 
 
 def largest(A: Any) -> float:
-    """Return the largest size of an entry, 0 if there is none."""
+    """Return the largest absolute value of the entries, 0 if there are none."""
     return float(np.max(np.abs(A.data if is_sparse(A) else A), initial=0.0))
 
 
 def difference(b: Array, *products: tuple[Any, Array]) -> Array:
-    """Return b − Σ A x; of sparse matrices A with as many digits as the machine has."""
+    """Return b − Σ A x; for sparse matrices A in the longest floating-point type of the machine."""
     sparse = any(is_sparse(A) for A, _ in products)
     result = b.astype(np.longdouble) if sparse else b
     for A, x in products:
@@ -73,7 +73,7 @@ def difference(b: Array, *products: tuple[Any, Array]) -> Array:
 
 
 def sizes_times(A: Any, x: Array) -> Array:
-    """Return |A| x of an array, or of a linear operator, row by row."""
+    """Return |A| x for an array, or for a linear operator row by row."""
     if not is_sparse(A):
         result: Array = np.abs(A) @ x
         return result
@@ -87,7 +87,7 @@ def sizes_times(A: Any, x: Array) -> Array:
 
 
 def congruent(A: Any, N: Array) -> Array:
-    """Return Nᵀ A N; of a sparse matrix with what is not zero."""
+    """Return Nᵀ A N; for a sparse matrix from its nonzero rows and columns only."""
     if not is_sparse(A):
         form: Array = N.T @ A @ N
         return form
@@ -104,7 +104,7 @@ def congruent(A: Any, N: Array) -> Array:
 
 
 def unchanged(n: int) -> Any:
-    """Return the unit matrix, a sparse one for many coordinates."""
+    """Return the identity matrix, sparse for many coordinates."""
     return np.eye(n) if n < TOLERANCES.sparse_derivatives_from else _unit_matrix(n)
 
 
@@ -116,7 +116,7 @@ def _unit_matrix(n: int) -> Any:
 
 
 def nothing(n: int) -> Any:
-    """Return a square matrix of zeros, a sparse one for many coordinates."""
+    """Return a square matrix of zeros, sparse for many coordinates."""
     if n < TOLERANCES.sparse_derivatives_from:
         return np.zeros((n, n))
     from scipy.sparse import csr_array
@@ -125,7 +125,7 @@ def nothing(n: int) -> Any:
 
 
 def with_block(A: Any, part: slice, block: Array) -> Any:
-    """Return a square matrix with another block on its diagonal."""
+    """Return a square matrix with one diagonal block replaced."""
     if not is_sparse(A):
         A[part, part] = block
         return A
@@ -137,7 +137,7 @@ def with_block(A: Any, part: slice, block: Array) -> Any:
 
 
 def own_part(A: Any, places: Any) -> Array:
-    """Return the part of a square matrix in some rows and the same columns, as an array."""
+    """Return the principal submatrix of a square matrix at some places, as an array."""
     if isinstance(places, slice):
         places = np.arange(places.start, places.stop)
     if not is_sparse(A):
@@ -150,11 +150,11 @@ def own_part(A: Any, places: Any) -> Array:
 
 
 def rows_of(A: Any, places: list[int]) -> tuple[Any, Array]:
-    """Return which columns count in some rows of a square matrix, and these rows there; of an array all columns."""
+    """Return the nonzero columns of some rows of a square matrix, and the rows there; for an array all columns."""
     if not is_sparse(A):
         return slice(None), A[places]
     if A is _unit_matrix(A.shape[0]):
-        # Fixed places of an element may repeat a coordinate.
+        # The fixed number of places of an element may repeat a coordinate.
         reached, position = np.unique(places, return_inverse=True)
         return reached, np.eye(len(reached))[position]
     rows = A[places]
@@ -163,7 +163,7 @@ def rows_of(A: Any, places: list[int]) -> tuple[Any, Array]:
 
 
 def put(values: Array, places: list[int], reached: Any, n: int) -> Array:
-    """Return a vector that has values at some places and is zero elsewhere, of n or of what is reached."""
+    """Return a vector with values at some places and zeros elsewhere, of length n or for the reached columns only."""
     if isinstance(reached, slice):
         result: Array = np.zeros(n)
         result[places] = values

@@ -1,9 +1,9 @@
 """Rank, null space and pseudo-inverse of the constraint rows of a large scene, by one sparse LU factorization.
 
-With rows J of unit length H = [1 Jᵀ; J −δ²] serves all of it. A little δ, and block inverse iteration finds the
-smallest singular values: the lower block of H⁻¹[0; Y] is −(J Jᵀ + δ²)⁻¹ Y. Without it and without redundant rows,
-H [x; y] = [b; 0] gives the part x of b that the rows allow, and the multipliers y that balance the rest best
-(Björck 1996, Numerical Methods for Least Squares Problems); H [x; y] = [0; b] the shortest x with J x = b.
+With rows J of unit length, H = [1 Jᵀ; J −δ²] serves for all of it. With a small δ, block inverse iteration finds the
+smallest singular values: the lower block of H⁻¹[0; Y] is −(J Jᵀ + δ²)⁻¹ Y. With δ = 0 and without redundant rows,
+H [x; y] = [b; 0] gives the projection x of b onto the null space, and the least-squares multipliers y of the rest
+(Björck 1996, Numerical Methods for Least Squares Problems); H [x; y] = [0; b] gives the minimum-norm x with J x = b.
 """
 
 from __future__ import annotations
@@ -46,19 +46,19 @@ class Rows:
         return found[: self.n], found[self.n :]
 
     def split(self, b: Array) -> tuple[Array, Array]:
-        """Return the part x of b that the rows allow, and y with b = x + Jᵀ y."""
+        """Return the projection x of b onto the null space of J, and y with b = x + Jᵀ y."""
         return self.solve(b, np.zeros((self.c, *b.shape[1:])))
 
     def allowed(self, b: Array) -> Array:
-        """Return the part of b that the rows allow."""
+        """Return the projection of b onto the null space of J."""
         return self.split(b)[0]
 
     def multipliers(self, b: Array) -> Array:
-        """Return the y of least |b − Jᵀ y|."""
+        """Return the y that minimizes |b − Jᵀ y|."""
         return self.split(b)[1]
 
     def shortest(self, b: Array) -> Array:
-        """Return the shortest x with J x = b."""
+        """Return the minimum-norm x with J x = b."""
         return self.solve(np.zeros((self.n, *b.shape[1:])), b)[0]
 
 
@@ -95,7 +95,7 @@ def sparse_rank(J: Any, tolerance: float = TOLERANCES.singular_value_zero) -> Ra
 def smallest_singular_values(
     J: Any, tolerance: float = TOLERANCES.singular_value_zero, most: int | None = None
 ) -> tuple[Array, Array]:
-    """Return the smallest singular values of rows, one at least that does not vanish, and their left vectors."""
+    """Return the smallest singular values of rows, at least one of them nonzero, and their left vectors."""
     c = J.shape[0]
     factored, count = Rows(J, TOLERANCES.row_shift), min(TOLERANCES.singular_values_at_once, c)
     rng = np.random.default_rng(5)
@@ -103,7 +103,7 @@ def smallest_singular_values(
         Y = np.linalg.qr(rng.standard_normal((c, count)))[0]
         for _ in range(TOLERANCES.rank_iterations):
             Y = np.linalg.qr(factored.solve(np.zeros((factored.n, count)), Y)[1])[0]
-        # From the rows themselves: 1/(σ² + δ²) has lost half of the digits.
+        # From the rows themselves: 1/(σ² + δ²) loses half of the digits.
         _, s, turn = np.linalg.svd(J.T @ Y, full_matrices=False)
         if len(s) < count:  # more combinations than columns
             turn, s = np.linalg.svd(J.T @ Y)[2], np.concatenate([s, np.zeros(count - len(s))])
@@ -113,20 +113,20 @@ def smallest_singular_values(
 
 
 def _null_space(rows: Rows, count: int) -> Array:
-    """Return an orthonormal basis of what rows allow."""
+    """Return an orthonormal basis of the null space of rows."""
     X = np.random.default_rng(7).standard_normal((rows.n, count))
     parts = [slice(start, start + TOLERANCES.columns_at_once) for start in range(0, count, TOLERANCES.columns_at_once)]
     for part in parts:
         X[:, part] = rows.allowed(X[:, part])
     X = np.linalg.qr(X)[0]
-    # Orthonormal columns magnify what rounding left across the rows.
+    # Orthonormalization magnifies the rounding errors outside the null space.
     for part in parts:
         X[:, part] -= rows.shortest(rows.J @ X[:, part])
     return X
 
 
 def last_rows(dependent: Array) -> Iterator[tuple[int, Array]]:
-    """Yield the rows that rows before them imply, from combinations of rows that vanish, and the combination of each.
+    """Yield the rows that earlier rows imply, each with its combination, from combinations of rows that vanish.
 
     Parameters
     ----------
@@ -151,19 +151,19 @@ def last_rows(dependent: Array) -> Iterator[tuple[int, Array]]:
 
 
 def with_unit_rows(A: Any) -> Any:
-    """Return a sparse matrix with its rows brought to unit length."""
+    """Return a sparse matrix with its rows scaled to unit length."""
     return scaled(A, np.ones(A.shape[1]), 1.0 / row_norms(A))
 
 
 def sparse_null_space(A: Any, most: int) -> Array | None:
-    """Return an orthonormal basis of the directions that a sparse matrix sends to zero; None if there are too many.
+    """Return an orthonormal basis of the null space of a sparse matrix; None if its dimension is too large.
 
     Parameters
     ----------
     A : sparse array, shape (m, n)
-        With entries of about unit size.
+        Its entries are of about unit size.
     most : int
-        So many directions at most.
+        Largest dimension.
     """
     n = A.shape[1]
     columns = A.T.tocsr()

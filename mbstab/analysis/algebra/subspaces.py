@@ -1,4 +1,4 @@
-"""Which motions the constraints allow: scaling, ranks with gaps, and orthonormal bases.
+"""Motions that the constraints allow: scaling, ranks with gaps, and orthonormal bases.
 
 Coordinates are scaled by the square roots of the masses they carry and constraint rows to
 unit length, so that a rank decision does not depend on units. With J = [C_q; D_u],
@@ -27,7 +27,7 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class Redundancy:
-    """A constraint row that others already imply."""
+    """A constraint row that other rows imply."""
 
     row: Row
     repeats: tuple[Row, ...]
@@ -86,7 +86,7 @@ class Subspaces:
 
 
 def coordinate_scale(M: Any, sizes: Array) -> Array:
-    """Return 1/√M_ii; where a coordinate carries no mass, what the others have for changes of their sizes."""
+    """Return 1/√M_ii; for a coordinate without mass a value that follows from the others and the sizes."""
     diagonal = M.diagonal()
     heavy = diagonal > 0.0
     scale = sizes.copy()
@@ -109,7 +109,7 @@ def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array) -> Su
     rows : sequence of Row
         For messages.
     sizes : ndarray, shape (n_q,)
-        What a large change of each coordinate is.
+        Characteristic size of each coordinate.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array) -> Su
 
 
 class Decision(Protocol):
-    """A rank decision with the singular values next to it, and the combination of rows that is smallest of the kept."""
+    """A rank decision with the singular values on both sides, and the row combination of the smallest kept one."""
 
     @property
     def smallest_kept(self) -> float: ...  # noqa: D102
@@ -145,7 +145,7 @@ def require_gap(rank: Decision, rows: Sequence[Row]) -> None:
     Raises
     ------
     ConstraintError
-        With the rows that nearly depend on each other.
+        Names the rows that nearly depend on each other.
     """
     if rank.smallest_kept >= TOLERANCES.singular_value_kept and rank.gap >= TOLERANCES.rank_gap:
         return
@@ -162,7 +162,7 @@ def require_gap(rank: Decision, rows: Sequence[Row]) -> None:
 
 
 def redundancies(J: Any, spaces: Subspaces, n_h: int, rows: Sequence[Row]) -> list[Redundancy]:
-    """Return the rows that the rows before them imply, with the rows they repeat."""
+    """Return the rows that earlier rows imply, with these rows."""
     count = len(spaces.row_scale) - spaces.C.rank - spaces.W.rank
     if count == 0:
         return []
@@ -179,7 +179,7 @@ def redundancies(J: Any, spaces: Subspaces, n_h: int, rows: Sequence[Row]) -> li
         rest = row - basis.T @ (basis @ row)
         rest = rest - basis.T @ (basis @ rest)
         length = np.linalg.norm(rest)
-        # Much coarser than the rank decision, which said that a dependence exists.
+        # Much coarser than the rank decision, which has shown that a dependence exists.
         if length > 1e-7:
             basis = np.vstack([basis, rest / length])
             kept.append(i)
