@@ -7,13 +7,13 @@ Proc. R. Soc. A 439) solve
 
     M a + Jᵀ ν = Q_b,   J a = Q_d                                           (33)
 
-for a(q, u, t). With ∂a/∂q and ∂a/∂u a disturbance obeys ż = [0, I; ∂a/∂q, ∂a/∂u] z, of size
-2 n_q: besides the eigenvalues of the system it has those of constraint drift, C̈ = 0 and
+for a(q, u, t). With ∂a/∂q and ∂a/∂u, a disturbance obeys ż = [0, I; ∂a/∂q, ∂a/∂u] z, of size
+2 n_q: besides the eigenvalues of the system, this has those of constraint drift, C̈ = 0 and
 Ḋ = 0, two for each independent holonomic row and one for each nonholonomic one.
 
 Derivatives. Each technique is differentiated step by step with its own factors, by
-d(A⁻¹b) = A⁻¹(db − dA A⁻¹b). What it needs of dM and dJ are products with vectors it has
-computed itself, and those come from the kernels, which are linear in a and ν:
+d(A⁻¹b) = A⁻¹(db − dA A⁻¹b). It needs only products of dM and dJ with vectors that it has
+computed itself, and these come from the kernels, which are linear in a and ν:
 
     ∂F(a, ν) = dM a − dQ_b + dJᵀ ν,   ∂A(a) = dJ a − dQ_d.
 
@@ -24,18 +24,18 @@ fixed accelerations a_i of the independent coordinates and for any force p,
     dJ̄ᵀ p = −J̄ᵀ dJᵀ ν   with [ν; ·] = J_c⁻ᵀ p.
 
 Scales. Everything is done in the coordinates and rows of `mbstab.analysis.algebra.subspaces`: scaled
-by masses, rows of unit length. What is compared are then the techniques, not the units of a
-file; M + JᵀJ of Eq. (171) in other units would weigh constraints against masses at random.
+by masses, rows of unit length. This compares the techniques, not the units of a
+file; M + JᵀJ of Eq. (171) in other units would weigh constraints against masses arbitrarily.
 
 Ranks. Udwadia and Kalaba's equation takes the pseudo-inverse of a matrix of the rank that the
-reference motion has; the others need independent rows and refuse redundant ones. None needs
-M⁻¹: coordinates may be without mass as long as no allowed motion is.
+reference motion; the others need independent rows and refuse redundant ones. None needs
+M⁻¹: coordinates may have no mass as long as every allowed motion has.
 
 Steady motions. Along a motion that turns, Δq = DΦ_t z as in `mbstab.analysis.reference.steady`:
 
     z̈ = (∂a/∂q + ∂a/∂u Ξ − Ξ₂) z + (∂a/∂u − 2 Ξ) ż.
 
-Constraints that the frame carries around drift along with it: their eigenvalues are ±iω, not 0.
+Constraints that rotate with the frame drift with it: their eigenvalues are ±iω, not 0.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class Basis:
-    """What stays fixed while a state varies: scales, and which coordinates are independent.
+    """What is fixed while a state varies: scales and the choice of independent coordinates.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Basis:
     row_scale : ndarray, shape (n_c,)
         Factors of the rows.
     rank : int
-        Of J.
+        Rank of J.
     independent : ndarray of int, shape (n_q − rank,)
         The rows of B_i in Eq. (154).
     """
@@ -85,7 +85,7 @@ class Basis:
 def basis_of(linear: Linearization) -> Basis:
     """Return scales and independent coordinates at the reference motion.
 
-    Those coordinates are independent that elimination with the largest pivots leaves over
+    The independent coordinates are those without a pivot in elimination with the largest pivots
     (Wehage and Haug 1982).
     """
     from scipy.linalg import qr
@@ -136,7 +136,7 @@ class Equations:
 
 
 def equations(basis: Basis, q: Array, u: Array, time: float) -> Equations:
-    """Return the equations at a state (m, rad, s), whether it satisfies the constraints or not."""
+    """Return the equations at a state (m, rad, s), which need not satisfy the constraints."""
     state, s = basis.system.dynamics(q, u, time), basis.scale
     return Equations(
         basis, q, u, time, state.M * s * s[:, None], -state.F0 * s, state.J * s * basis.row_scale[:, None],
@@ -149,12 +149,12 @@ Solution = tuple[Array, Callable[[], Array]]
 
 
 class Technique:
-    """One of the five: a solver of `mbstab.analysis.linear.methods`, made from the function that solves Eq. (33).
+    """One of the five: a method of `mbstab.analysis.linear.methods`, made from the function that solves Eq. (33).
 
     Attributes
     ----------
     solve : callable
-        From `Equations` to `Solution`.
+        Maps `Equations` to a `Solution`.
     needs_independent_rows : bool
     """
 
@@ -177,7 +177,7 @@ class Technique:
     def state_matrix(self, linear: Linearization) -> Array:
         """Return the matrix of ż = A z with z = [Δq; Δu] at the reference motion, shape (2 n_q, 2 n_q).
 
-        Of a steady motion that turns, z = [z; ż] is seen in the frame that goes along.
+        For a steady motion that turns, the state is [z; ż] in the co-moving frame.
 
         Raises
         ------
@@ -195,10 +195,10 @@ class Technique:
         return np.block([[np.zeros((n, n)), np.eye(n)], [A_q, A_u]])
 
     def __call__(self, linear: Linearization, gamma: float, known: Complex) -> Found:
-        """Return those of the 2 n_q eigenvalues that are not of constraint drift, and how far the latter are off.
+        """Return those of the 2 n_q eigenvalues that do not belong to constraint drift, and the error of those that do.
 
-        Each is paired with one that is known or with one that drift has exactly, so that the sum of
-        all distances is least. Zeros of both kinds are alike: which is which is arbitrary.
+        Each is paired with a known one or with an exact one of drift, so that the sum of
+        all distances is least. Zeros of both kinds cannot be distinguished: their assignment is arbitrary.
         """
         scale = np.concatenate([linear.motion.spaces.scale, linear.motion.spaces.scale * gamma])
         A = self.state_matrix(linear) * scale / scale[:, None]
@@ -232,9 +232,9 @@ class Technique:
 def drift(linear: Linearization) -> Complex:
     """Return the exact eigenvalues of constraint drift, shape (2 n_q − n_f,).
 
-    A symmetry Φ_t turns constraint rows into each other, J(Φ_t q) DΦ_t = T(t) J(q), so that what
-    drifts at a constant rate is T(t)⁻¹ times that in the frame that goes along: Ċ and D have the
-    eigenvalues of −Ṫ, and C has the same again.
+    A symmetry Φ_t maps constraint rows to each other, J(Φ_t q) DΦ_t = T(t) J(q), so that a drift
+    at a constant rate is T(t)⁻¹ times that rate in the co-moving frame: Ċ and D have the
+    eigenvalues of −Ṫ, and C has the same ones.
     """
     motion, spaces, n_h = linear.motion, linear.motion.spaces, linear.n_h
     V_q, _, A_u = linear.system.linearize_rows(motion.q, motion.u, motion.a, motion.time)
@@ -247,10 +247,10 @@ def drift(linear: Linearization) -> Complex:
 
 
 def _vectors(A: Array, values: Complex) -> Complex:
-    """Return vectors for eigenvalues of A by inverse iteration, as columns.
+    """Return eigenvectors of A for given eigenvalues by inverse iteration, as columns.
 
-    LAPACK balances a matrix before it computes vectors, takes rounding beside zeros for bad scaling
-    and may return vectors that are none (Watkins 2006, ETNA 23); its eigenvalues have not suffered.
+    LAPACK balances a matrix before it computes vectors, mistakes rounding beside zeros for bad scaling
+    and may return wrong vectors (Watkins 2006, ETNA 23); its eigenvalues are not affected.
     """
     n, rng = len(A), np.random.default_rng(1)
     shift = EPS * float(np.linalg.norm(A))
@@ -274,7 +274,7 @@ def _vectors(A: Array, values: Complex) -> Complex:
 
 
 def _row_rates(rate: Array, rows: Rank) -> Complex:
-    """Return the eigenvalues of G in rate = G · rows, on the combinations of rows that do not vanish."""
+    """Return the eigenvalues of G in rate = G · rows, on the row space."""
     kept = rank_of(rows.left_null.T).null
     result: Complex = np.linalg.eigvals(kept.T @ rate @ rows.pseudo_inverse @ kept).astype(complex)
     return result
@@ -315,7 +315,7 @@ def augmented(eq: Equations) -> Solution:
 
 
 class _Embedding:
-    """J_c, J̄ and w̄ of Eqs. (154)-(156), and what their derivatives do."""
+    """J_c, J̄ and w̄ of Eqs. (154)-(156), and products with their derivatives."""
 
     def __init__(self, eq: Equations) -> None:
         n, independent = len(eq.M), eq.basis.independent
@@ -397,14 +397,14 @@ def projection(eq: Equations) -> Solution:
 def udwadia_kalaba(eq: Equations) -> Solution:
     """Udwadia and Kalaba's equation with the mass matrix M* = M + JᵀJ, Eqs. (171)-(172).
 
-    With Q_b* = Q_b + Jᵀ Q_d, a₀ = M*⁻¹ Q_b* and G = J M*⁻¹ Jᵀ it is a = a₀ + M*⁻¹ Jᵀ G⁺ (Q_d − J a₀); the print
-    has the pseudo-inverse of J M* Jᵀ instead, which satisfies no constraint. Of the derivative of a pseudo-inverse of
+    With Q_b* = Q_b + Jᵀ Q_d, a₀ = M*⁻¹ Q_b* and G = J M*⁻¹ Jᵀ it is a = a₀ + M*⁻¹ Jᵀ G⁺ (Q_d − J a₀); the paper
+    prints the pseudo-inverse of J M* Jᵀ, which satisfies no constraint. Of the derivative of a pseudo-inverse of
     constant rank (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10),
 
         dG⁺ = −G⁺ dG G⁺ + G⁺ G⁺ dG (I − G G⁺) + (I − G⁺ G) dG G⁺ G⁺,
 
-    the second term meets Q_d − J a₀, which lies in the range of G if accelerations exist, and the
-    third one is followed by Jᵀ, whose null space is that of G: only the first one is left.
+    the second term is applied to Q_d − J a₀, which lies in the range of G if accelerations exist, and the
+    third one is multiplied by Jᵀ, whose null space is that of G: only the first one remains.
     """
     M_star = eq.M + eq.J.T @ eq.J
     lift = _solve(M_star, eq.J.T)
@@ -414,7 +414,7 @@ def udwadia_kalaba(eq: Equations) -> Solution:
     a = a_0 + lift @ rho
 
     def derivative() -> Array:
-        # ∂Q_b* + ∂Jᵀ ρ − ∂M* a: what Q_d − J a leaves of rounding belongs to the multipliers.
+        # ∂Q_b* + ∂Jᵀ ρ − ∂M* a: the rounding error Q_d − J a belongs to the multipliers.
         rows = eq.row_slope(a)
         forces = eq.force_slope(a, eq.J @ a - eq.Q_d - rho) + eq.J.T @ rows
         at_fixed_rho = -_solve(M_star, forces)

@@ -1,4 +1,4 @@
-"""How far approximate eigenvectors are from solving the linearized equations, and how much these leave open."""
+"""Residuals of approximate eigenvectors in the linearized equations, and the effect of errors in these equations."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from mbstab.compiler.system import Array
 
 
 class BackwardErrors:
-    """How far approximate eigenvalues and vectors are from solving the linearized equations."""
+    """Residuals of approximate eigenvalues and vectors in the linearized equations."""
 
     def __init__(self, linear: Linearization, space: StateSpace, gamma: float, S: Array, T: Array, L: Array) -> None:
         self.linear, self.space, self.gamma, self.S, self.T, self.L = linear, space, gamma, S, T, L
@@ -40,7 +40,7 @@ class BackwardErrors:
             rows[self.n_h :, None] * scale,
         )  # fmt: skip
         self.m = self.scaled(Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q))
-        # Where a light body is held, rounding of the bases beside zeros would be a great force.
+        # Where a light body is constrained, rounding of zeros in the bases would cause a large force.
         C, D_u = self.m.J[: self.n_h], self.m.J[self.n_h :]
         self.N = spaces.N - self.lift_C @ (C @ spaces.N)
         self.Z = spaces.Z - self.lift_W @ ((D_u @ self.N) @ spaces.Z)
@@ -50,9 +50,9 @@ class BackwardErrors:
         return Matrices(*(x * f for x, f in zip(matrices, self.factors, strict=True)))
 
     def motions(self, V: Complex, C: Complex) -> tuple[Motions, Complex]:
-        """Return what columns V with S V = V C + T c are as motions, and V with the speeds that belong to these."""
+        """Return the motions of columns V with S V = V C + T c, and V with the speeds of these motions."""
         n, N, m = self.n_xi, self.N, self.m
-        # Speeds from places, not both from V: their roundings must not differ.
+        # Speeds from positions, not both from V: their rounding errors must agree.
         pos, rate = N @ V[:n], V[:n] @ C
         vel = pos @ C
         acc = vel @ C
@@ -67,13 +67,13 @@ class BackwardErrors:
         return Motions(pos, vel, acc, nu), V
 
     def _multipliers(self, force: Complex) -> Complex:
-        """Return ν with Jᵀ ν = −force as nearly as can be."""
+        """Return the least-squares solution ν of Jᵀ ν = −force."""
         mu = -self.lift_W.T @ (self.N.T @ force)
         lam = -self.lift_C.T @ (force + self.m.J[self.n_h :].T @ mu)
         return np.vstack([lam, mu])
 
     def weights(self, Y: Complex) -> Weights:
-        """Return what rows Y are as forces, and the weights of the rows of the constraints as polynomials in s."""
+        """Return the forces of rows Y, and the weights of the constraint rows as polynomials in s."""
         n, N, Z, m = self.n_xi, self.N, self.Z, self.m
         M_z = self.space.M_z
         w = np.linalg.solve(M_z.T, Y[:, n:].T / self.gamma).T if M_z.size else Y[:, n:]
@@ -94,20 +94,20 @@ class BackwardErrors:
         return result
 
     def data(self, x: Motions, w: Weights, V: Complex, Y: Complex, C: Complex, blocks: Any) -> Array:
-        """Return how much the errors of the data, and of evaluating `residual`, leave open of it."""
+        """Return the bound of the error of `residual` from the errors of the data and of its evaluation."""
         m, y = self.errors, np.abs(w.y)
         pos, vel, acc, nu = (np.abs(part) for part in x)
         first, second = m.J[: self.n_h] @ pos, m.J[self.n_h :] @ vel + m.D_q @ pos
         result: Array = y @ (m.M @ acc + m.R @ vel + m.K @ pos + m.J.T @ nu)
         for weights, rows in ((w.lam, first), (w.mu, second)):
-            # What one block does to itself: its weights as they are, not the sizes of their terms.
+            # The effect of a block on itself: with its weights, not with the sizes of their terms.
             own = np.zeros_like(weights[0])
             for part in reversed(weights):
                 own = C @ own + part
             each = _polynomial(tuple(map(np.abs, weights)), rows, np.abs(C)) if len(rows) else np.zeros_like(result)
             result += np.where(blocks, np.abs(own) @ rows, each)
         result += self._displacing(x, w, C)
-        # T and L are known to rounding.
+        # T and L are exact up to rounding.
         rounding = TOLERANCES.roundings_of_sum * EPS
         if self.T.shape[1]:
             result += rounding * np.outer(np.linalg.norm(Y, axis=1), np.linalg.norm(self.inside @ V, axis=0))
@@ -118,7 +118,7 @@ class BackwardErrors:
         return result
 
     def _displacing(self, x: Motions, w: Weights, C: Complex) -> Array:
-        """Return what is of second order where neither motions nor forces satisfy the constraints exactly."""
+        """Return the second-order terms where neither motions nor forces satisfy the constraints exactly."""
         rows, lift, size = self.m.J[: self.n_h], np.abs(self.lift_C), np.abs(C)
         result: Array = np.zeros((len(w.y), len(w.y)))
         if not len(rows):
@@ -137,18 +137,18 @@ class BackwardErrors:
 
     @cached_property
     def errors(self) -> Matrices:
-        """Errors of M, R, K, J and D_q in scaled coordinates, and of summing products with them."""
+        """Error bounds of M, R, K, J and D_q in scaled coordinates, and of the summation of products with them."""
         summed = (TOLERANCES.roundings_of_sum + 0.5 * math.log2(len(self.m.M) + len(self.m.J))) * EPS
         known = (np.nan_to_num(x, nan=np.inf) for x in self.scaled(roundings(self.linear).errors))
         return Matrices(*(x + summed * np.abs(y) for x, y in zip(known, self.m, strict=True)))
 
     @cached_property
     def displaced(self) -> list[Matrices]:
-        """Changes of the matrices by what rounding makes of the coordinates where little holds them."""
+        """Changes of the matrices by the rounding errors of coordinates that are held weakly."""
         return [self.scaled(changes) for changes in roundings(self.linear).displaced]
 
     def weighted(self, W: Complex, rate: float) -> Complex:
-        """Return vectors of A with speeds in units of a rate: of slow motions they are small."""
+        """Return vectors of A with speeds in units of a rate, which makes them small for slow motions."""
         weights = np.ones(len(self.S))
         weights[self.n_xi :] = self.gamma / max(rate, TOLERANCES.slowest_rate_of_errors * self.gamma)
         result: Complex = (self.B @ W) * weights[:, None]
@@ -179,7 +179,7 @@ class BackwardErrors:
         return x, w.y / slope[:, None], lam / slope[:, None], mu / slope[:, None]
 
     def spread(self, x: Motions, y: Complex, lam: Complex, mu: Complex, s: Complex) -> Array:
-        """Return how much the errors of the data alone leave open of eigenvalues, to first order."""
+        """Return the bound of the error of eigenvalues from the errors of the data alone, to first order."""
         m, (pos, vel, acc, nu) = self.errors, (np.abs(part) for part in x)
         forces = m.M @ acc + m.R @ vel + m.K @ pos + m.J.T @ nu
         rows = m.J[self.n_h :] @ vel + m.D_q @ pos
@@ -188,7 +188,7 @@ class BackwardErrors:
         return result
 
     def quadratic(self, change: Matrices | None = None) -> tuple[Quadratic, npt.NDArray[np.intp]]:
-        """Return the equations before they are reduced, without redundant rows, and what is left of their rows."""
+        """Return the unreduced equations without redundant rows, and the numbers of the kept rows."""
         own = self.m if change is None else Matrices(*(x + dx for x, dx in zip(self.m, change, strict=True)))
         linear, n = self.linear, len(self.m.M)
         redundant = [id(item.row) for item in linear.motion.redundant]
@@ -198,7 +198,7 @@ class BackwardErrors:
         return Quadratic.of(M, R, K, tuple(sizes)), kept
 
     def moved(self, s: complex, right: Complex, left: Complex) -> float:
-        """Return how far an eigenvalue moves where little holds the coordinates, in all orders; inf: not known."""
+        """Return how far an eigenvalue moves where coordinates are held weakly, to all orders; inf: not known."""
         total = 0.0
         for change in self.displaced:
             for sign in (1.0, -1.0):
@@ -208,7 +208,7 @@ class BackwardErrors:
         return total * len(self.displaced)
 
     def whole(self, V: Complex, values: Complex, pos: Complex) -> Complex:
-        """Return eigenvectors as coordinates, with the part along T."""
+        """Return eigenvectors as coordinates, with their part along T."""
         if not self.T.shape[1]:
             return pos
         inner, c = self.inside @ self.T, self.inside @ V
@@ -224,7 +224,7 @@ class BackwardErrors:
 
 
 def _triangular(inner: Array, c: Complex) -> Callable[[complex, int], Complex | None]:
-    """Return what solves (s − inner) x = c_j by one Schur form; None where s is too near to an eigenvalue of it."""
+    """Return a solver of (s − inner) x = c_j by one Schur form; it returns None if s is too near to an eigenvalue."""
     from scipy.linalg import schur, solve_triangular
 
     one, (triangle, basis) = np.eye(len(inner)), schur(inner, output="complex")
@@ -249,7 +249,7 @@ class Motions(NamedTuple):
 
 
 class Weights(NamedTuple):
-    """Rows lifted to forces and to weights of the rows of the constraints, polynomials in s."""
+    """Rows lifted to forces and to weights of the constraint rows, polynomials in s."""
 
     y: Complex
     lam: tuple[Complex, ...]

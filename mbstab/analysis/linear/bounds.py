@@ -1,7 +1,7 @@
-"""Where the eigenvalues are: discs of the complex plane that hold them, single ones and clusters alike.
+"""Location of the eigenvalues: discs of the complex plane that contain them, single ones and clusters alike.
 
-What symmetries and conserved functions explain is separated before (`mbstab.analysis.linear.neutral`): T
-spans directions with S T ⊂ T, the rows of L are differentials with L S = 0, and what is left to
+Eigenvalues that symmetries and conserved functions explain are separated first (`mbstab.analysis.linear.neutral`): T
+spans directions with S T ⊂ T, the rows of L are differentials with L S = 0, and the matrix left to
 judge is A = Bᵀ S B on {y ⟂ T, L y = 0}. With approximate eigenvectors V = B W, dual rows Y and
 A W ≈ W C, C block diagonal, one block for each cluster, every column is lifted to a motion with
 positions x, speeds ẋ, accelerations ẍ and multipliers ν, every row to forces y and to the weights
@@ -9,19 +9,19 @@ positions x, speeds ẋ, accelerations ẍ and multipliers ν, every row to forc
 
     F = y (M ẍ + R ẋ + K x + Jᵀ ν) + λ C x + μ (D_u ẋ + D_q x)
 
-is how much C is wrong, to first order, and the same expression with sizes instead of numbers and
-with the errors of M, R, K, J and D_q (`mbstab.analysis.linear.roundings`) is how much the data leave open.
-The equations before they are reduced show both entry by entry: it does not matter what was lost in
-reducing them, nor in units, nor that masses differ by many orders. C and W are corrected by F until
-what couples the blocks no longer counts; with E, the sizes of what is left, the matrix is C + E,
-and s is no eigenvalue of it if, for the block I and all others R,
+is the error of C, to first order, and the same expression with sizes instead of numbers and
+with the errors of M, R, K, J and D_q (`mbstab.analysis.linear.roundings`) bounds the effect of errors in the data.
+The unreduced equations give both entry by entry: neither digits lost in
+the reduction, nor units, nor large mass ratios matter. C and W are corrected by F until
+the coupling of the blocks is negligible; with an error E of the remaining size, the matrix is C + E,
+and s is not an eigenvalue if, for the block I and all others R,
 
     ρ(|(s − C_I)⁻¹| (E_II + E_IR X)) < 1,   X ≥ |(s − C_R)⁻¹| (E_RI + E_RR X),
 
 which is evaluated on circles (Gershgorin's discs for blocks: Feingold and Varga 1962, Pacific J.
-Math. 12). By continuity the disc inside holds as many eigenvalues as the block. Blocks grow where
-there is no such circle. At last single eigenvalues that bear the rounding of T and L, or of much
-larger ones, are refined (`mbstab.analysis.algebra.refinement`); what is found counts if it lies in the disc.
+Math. 12). By continuity the disc inside contains as many eigenvalues as the block. Blocks are joined where
+there is no such circle. Finally, single eigenvalues that suffer from the rounding of T and L, or of much
+larger ones, are refined (`mbstab.analysis.algebra.refinement`); the result counts if it lies in the disc.
 """
 
 from __future__ import annotations
@@ -43,18 +43,18 @@ from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 
 UNLIKE = 1e150
-"""Distance of what has no value."""
+"""Distance of a missing value."""
 
 
 def enclosures(linear: Linearization, space: StateSpace, gamma: float, S: Array, T: Array, L: Array) -> Placed:
-    """Return discs that hold the eigenvalues apart from T and L.
+    """Return discs that contain the eigenvalues other than those of T and L.
 
     Parameters
     ----------
     linear : Linearization
     space : StateSpace
     gamma : float
-        A typical rate (1/s), in units of which the speeds of S count.
+        A typical rate (1/s), the unit of the speeds of S.
     S : ndarray, shape (n, n)
         The balanced matrix.
     T : ndarray, shape (n, d)
@@ -78,12 +78,12 @@ def enclosures_of(
     values: Complex,
     vectors: Complex,
 ) -> Placed:
-    """Return bounds of eigenvalues that another method has found: how far they are from the discs, and the discs.
+    """Return bounds of eigenvalues of another method, from their distance to the discs, and the discs.
 
     Parameters
     ----------
     values : ndarray of complex, shape (r,)
-        All finite eigenvalues that it has found, those of T and L among them.
+        All finite eigenvalues that it has found, including those of T and L.
     vectors : ndarray of complex, shape (n_q or more, r)
         The first n_q components of a column are Δq (m, rad).
     """
@@ -92,7 +92,7 @@ def enclosures_of(
 
 
 class _Eigenvectors(BackwardErrors):
-    """Eigenvectors of A, lifted to the equations before they are reduced, and what these say."""
+    """Eigenvectors of A, lifted to the unreduced equations, with their residuals there."""
 
     # --- from vectors of A to motions and forces --------------------------------------------------------------------
 
@@ -101,7 +101,7 @@ class _Eigenvectors(BackwardErrors):
     # --- vectors of A -----------------------------------------------------------------------------------------------
 
     def found(self) -> Clusters:
-        """Return the eigenvalues in groups that can be told apart; nothing is known of them where that fails."""
+        """Return the eigenvalues in groups that can be separated; nothing is known of them where that fails."""
         n = len(self.A)
         if not n:
             none = np.zeros((0, 0), dtype=complex)
@@ -123,18 +123,18 @@ class _Eigenvectors(BackwardErrors):
             return found
         groups = dependent(values, partner, lambda g: self.weighted(W[:, g], float(np.max(np.abs(values[g])))))
         if len(groups) < len(values):
-            # Vectors that are nearly parallel come from their subspace, in which what belongs to whom is seen better.
+            # Nearly parallel vectors are taken from their subspace, where they are easier to tell apart.
             start = Clusters(self, W, np.diag(values), groups, partner).split()
             found = min(found, self._joined(*start), key=lambda x: x.spread())
         if len(found.groups) < len(values):
-            # What was too rough to be told apart is not, perhaps, in the basis of its subspace.
+            # Groups that were not separable may be so in the basis of their subspace.
             start = found.split()
             if len(start[2]) > len(found.groups):
                 found = min(found, self._joined(*start), key=lambda x: x.spread())
         return found
 
     def _joined(self, W: Complex, C: Complex, groups: list[Group], partner: list[int]) -> Clusters:
-        """Return the eigenvalues in larger groups, until these can be told apart."""
+        """Return the eigenvalues in larger groups, until these can be separated."""
         try:
             return self._told(W, C, groups, partner)
         except (np.linalg.LinAlgError, ArithmeticError):
@@ -152,7 +152,7 @@ class _Eigenvectors(BackwardErrors):
             found.radii = np.full(len(found.groups), np.inf)
             return found
         if len(groups) < len(W):
-            # The basis of a cluster is best where speeds are in units of its radius.
+            # The basis of a cluster is best with speeds in units of its radius.
             other = Clusters(self, W, C, groups, partner, np.nan_to_num(found.radii, posinf=0.0)[found.of])
             if other.joined() is None:
                 found = min(found, other, key=lambda x: x.spread())
@@ -160,7 +160,7 @@ class _Eigenvectors(BackwardErrors):
 
 
 def _eig(A: Array) -> tuple[Complex, Complex]:
-    """Return eigenvalues and vectors; slow ones that are lost beside fast ones come from the inverse."""
+    """Return eigenvalues and vectors; slow ones that are lost beside fast ones are taken from the inverse."""
     values, vectors = (x.astype(complex) for x in np.linalg.eig(A))
     size = np.abs(values)
     order = np.argsort(-size)
@@ -173,7 +173,7 @@ def _eig(A: Array) -> tuple[Complex, Complex]:
     slow = np.argsort(-np.abs(inverse))
     if not np.isfinite(others).all() or inverse[slow[-1]] == 0.0:
         return values, vectors
-    # The spectrum is parted where its gap is widest.
+    # The spectrum is divided at its widest gap.
     rates = size[order]
     fast = 1 + int(np.argmax(rates[:-1] / np.maximum(rates[1:], EPS * rates[0])))
     fast_ones, slow_ones = order[:fast], slow[: len(A) - fast]
@@ -184,7 +184,7 @@ def _eig(A: Array) -> tuple[Complex, Complex]:
 
 
 def _paired(values: Complex) -> bool:
-    """Whether all complex eigenvalues come with their mirror images."""
+    """Return whether all complex eigenvalues have their conjugates."""
     return sorted(values[values.imag > 0.0].tolist(), key=_key) == sorted(
         values[values.imag < 0.0].conj().tolist(), key=_key
     )
@@ -198,7 +198,7 @@ def _key(s: complex) -> tuple[float, float]:
 
 
 def _of_others(judge: _Eigenvectors, values: Complex, vectors: Complex) -> Placed:
-    """Return bounds for values of another method: how far they are from the default ones, and the bounds of these."""
+    """Return bounds for values of another method: their distances from the default ones plus the bounds of these."""
     found = judge.found()
     own = found.placed()
     T = judge.T
@@ -218,7 +218,7 @@ def _of_others(judge: _Eigenvectors, values: Complex, vectors: Complex) -> Place
             continue
         off = float(abs(values[i] - known[j]))
         if j >= len(own.values):
-            # One that is nearer to another eigenvalue was lost, and this one is not it.
+            # A value nearer to another eigenvalue means that this one was lost.
             if off <= float(np.min(np.abs(own.values - values[i]), initial=np.inf)):
                 neutral.append(i)
                 bounds[i] = off + rounding + EPS * abs(values[i])
@@ -230,7 +230,7 @@ def _of_others(judge: _Eigenvectors, values: Complex, vectors: Complex) -> Place
 
 
 def _covering(discs: list[Disc]) -> list[Disc]:
-    """Return discs of which none meets another, each around those that met."""
+    """Return disjoint discs, each around a group of discs that overlapped."""
     left = sorted(discs, key=lambda d: d.radius)
     done: list[Disc] = []
     while left:

@@ -1,18 +1,18 @@
-"""How many eigenvalues lie right of the imaginary axis, counted without having found them.
+"""The number of eigenvalues right of the imaginary axis, counted without computing them.
 
-At rest, with R = D + G split into its symmetric and its skew part, K symmetric, all on the motions that the constraints
-allow, and n₋ the number of negative squares of K:
+At rest, with R = D + G split into its symmetric and its skew part, K symmetric, all restricted to the motions that the
+constraints allow, and n₋ the number of negative squares of K:
 
 * D ≥ 0, G = 0: n₋ eigenvalues lie right of the axis, and if D > 0 and K is regular all others left of it. (With
-  D + εM in place of D none lies on the axis. Where one comes onto it for ε → 0 its vector x has Dx = 0, and it comes
+  D + εM in place of D none lies on the axis. If one approaches it for ε → 0, its vector x has Dx = 0, and it comes
   from the left: s² + εs + ω² = 0.)
 * D > 0, any G: the same (Kelvin, Tait, Chetaev; Zajac 1964, J. Astronaut. Sci. 11; Müller 1977, *Stabilität und
   Matrizen*).
-* D ≥ 0, any G, n₋ = 0: none; n₋ odd and K regular: one at least, as det Q(s) changes its sign between 0 and ∞.
+* D ≥ 0, any G, n₋ = 0: none; n₋ odd and K regular: at least one, as det Q(s) changes its sign between 0 and ∞.
 
-Whether K is symmetric and D not negative is read off the elements one by one, never off the sums. n₋ comes from the
-inertia of a sparse factorization (`mbstab.analysis.algebra.inertia`). Everywhere else the zeros of the determinant are
-counted by its winding number (`mbstab.analysis.linear.winding`).
+Whether K is symmetric and D not negative is decided for each element by itself, never for the sums. n₋ comes from the
+inertia of a sparse factorization (`mbstab.analysis.algebra.inertia`). In all other cases the zeros of the determinant
+are counted by its winding number (`mbstab.analysis.linear.winding`).
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class Resting:
-    """What the elements of a scene at rest say about its linearized equations.
+    """Properties of the linearized equations of a scene at rest that follow from its elements.
 
     Attributes
     ----------
     why_not : str
-        Why stiffness is not known to be symmetric, or damping not to be nonnegative; empty: they are.
+        Why the stiffness is not known to be symmetric or the damping to be nonnegative; empty: they are.
     damped, gyroscopic : bool
-        Whether R has a symmetric and a skew part.
+        Whether R has a symmetric part, and a skew part.
     stored : bool
         Whether all forces come from potentials and dissipation functions: the energy never increases.
     """
@@ -63,7 +63,7 @@ class Resting:
 
 
 def resting(system: System, q: Array, time: float, n_nonholonomic: int) -> Resting:
-    """Return what the elements say about the linearized equations at rest.
+    """Return the properties of the linearized equations at rest that follow from the elements.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def resting(system: System, q: Array, time: float, n_nonholonomic: int) -> Resti
 
 
 def census(equations: SparseEquations, at_rest: Resting | None) -> Census:
-    """Return how many eigenvalues lie right of the imaginary axis.
+    """Return the number of eigenvalues right of the imaginary axis.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Clusters of eigenvalues: turned apart, refined, and enclosed in discs with a proof by Gershgorin and Newton."""
+"""Clusters of eigenvalues: decoupled, refined, and enclosed in discs by Gershgorin's theorem and Newton steps."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mbstab.compiler.system import Array
 
 
 class _Around:
-    """What surrounds a group: what the others add to its block, for all s within a circle."""
+    """The surroundings of a group: the effect of the others on its block, for all s within a circle."""
 
     def __init__(self, found: Clusters, members: Group, centre: complex) -> None:
         self.members, self.centre = members, centre
@@ -42,11 +42,11 @@ class _Around:
 
     @cached_property
     def culprit(self) -> int | None:
-        """The nearest eigenvalue that is not of the group."""
+        """The nearest eigenvalue outside the group."""
         return int(self.rest[np.argmin(np.nan_to_num(self.distance, nan=0.0))]) if len(self.rest) else None
 
     def outside(self, radius: float) -> Array | None:
-        """Return what the others add to the block, None if that has no bound."""
+        """Return the effect of the others on the block, None if it has no bound."""
         if not len(self.rest):
             return np.zeros((len(self.members), len(self.members)))
         distance = self.distance - radius
@@ -69,7 +69,7 @@ class _Around:
 
 
 class Clusters:
-    """What is known with eigenvalues judged in groups: bases, blocks, what is open, and radii."""
+    """Eigenvalues judged in groups: bases, blocks, error bounds and radii."""
 
     def __init__(
         self,
@@ -97,9 +97,9 @@ class Clusters:
     # --- bases ------------------------------------------------------------------------------------------------------
 
     def _base(self, members: Group, real: bool, rate: float) -> None:
-        """Put in an orthonormal basis of the subspace of a group, a real one if it is its own mirror image.
+        """Insert an orthonormal basis of the subspace of a group, a real one if the group is its own conjugate.
 
-        Orthonormal with speeds in units of the rate of the group: what is slow stays visible beside what is fast.
+        Orthonormal with speeds in units of the rate of the group, so that slow parts are not lost beside fast ones.
         """
         judge, at = self.judge, at_block(members, members)
         columns, block = self.W[:, members], self.C[at]
@@ -143,13 +143,13 @@ class Clusters:
         def inside(x: complex) -> bool:
             return bool(np.min(np.abs(centre - x)) <= limit)
 
-        # Where more are as near, what couples the block to the others will tell.
+        # If more are as near, the coupling of the block to the others will show it.
         _, basis, _ = schur(A, output="complex", sort=inside)
         result: Complex = basis[:, :count]
         return result
 
     def _settle(self) -> None:
-        """Correct blocks and bases by what the equations before they are reduced say of them."""
+        """Correct blocks and bases by their residuals in the unreduced equations."""
         judge = self.judge
         blocks = self.of[:, None] == self.of
         best = math.inf
@@ -157,13 +157,13 @@ class Clusters:
             x, V = judge.motions(judge.B @ self.W, self.C)
             rows = row_scaled_inverse(judge.B.T @ V) @ judge.B.T
             w = judge.weights(rows)
-            # What the speeds that belong to the motions have along L does not belong to them.
+            # The part of the speeds of the motions along L does not belong to them.
             F = judge.residual(x, w, self.C) + (rows @ judge.outside) @ (judge.L @ V)
             data = judge.data(x, w, V, rows, self.C, blocks)
-            # Left after the correction: what is of second order in it.
+            # After the correction, terms of second order in it remain.
             step = np.where(blocks, F, 0.0)
             left = np.abs(step) @ np.abs(w.y @ (judge.m.M @ x.pos)) @ np.abs(step)
-            # Rows are the inverse of the columns up to rounding.
+            # The rows are the inverse of the columns up to rounding.
             off = np.abs(rows @ V - np.eye(len(F))) + TOLERANCES.roundings_of_sum * EPS * (np.abs(rows) @ np.abs(V))
             left += off @ np.abs(F)
             T, outside = self.C - step, np.where(blocks, 0.0, F)
@@ -183,7 +183,7 @@ class Clusters:
         self.W, self.C = kept
 
     def _coupled(self, outside: Complex, s: Complex, data: Array) -> Array:
-        """Return what residuals outside of the blocks make of each eigenvalue, relative to what the data leave open."""
+        """Return the effect of residuals outside the blocks on each eigenvalue, relative to that of data errors."""
         gap = np.abs(s[:, None] - s)
         gap[self.of[:, None] == self.of] = np.inf
         product = np.abs(outside * outside.T) / gap
@@ -191,7 +191,7 @@ class Clusters:
         return np.nan_to_num(result, nan=np.inf)
 
     def _turn(self, F: Complex, blocks: npt.NDArray[np.bool_]) -> Complex:
-        """Return Δ with which W (1 + Δ) has residuals of second order outside of the blocks: C Δ − Δ C = F there."""
+        """Return Δ such that W (1 + Δ) has residuals of second order outside the blocks: C Δ − Δ C = F there."""
         s = np.diag(self.C)
         gap = s[:, None] - s
         gap[blocks] = np.inf
@@ -202,7 +202,7 @@ class Clusters:
             block, one = self.C[at_block(members, members)], np.eye(len(members))
             for h, others in enumerate(self.groups):
                 if h != g:
-                    # The other one may be a block as well: column by column of (C_g ⊗ 1 − 1 ⊗ C_hᵀ).
+                    # The other group may be a block as well: solve column by column with C_g ⊗ 1 − 1 ⊗ C_hᵀ.
                     there = self.C[at_block(others, others)]
                     both = np.kron(block, np.eye(len(others))) - np.kron(one, there.T)
                     for rows, columns, sign in ((members, others, 1.0), (others, members, -1.0)):
@@ -216,7 +216,7 @@ class Clusters:
         return turn
 
     def rates(self, groups: list[Group]) -> Array:
-        """Return for each eigenvalue how far, about, those of its new group spread: a root of what disturbs them."""
+        """Return for each eigenvalue the approximate spread of its new group: a root of the perturbation."""
         result = np.zeros(len(self.of))
         for members in groups:
             if len(members) > 1:
@@ -229,7 +229,7 @@ class Clusters:
         return result
 
     def split(self) -> tuple[Complex, Complex, list[Group], list[int]]:
-        """Return bases, blocks, groups and mirror images, with blocks split where their eigenvalues are apart."""
+        """Return bases, blocks, groups and conjugate groups, with blocks split where their eigenvalues are apart."""
         groups: list[Group] = []
         values = self.s.copy()
         for g, members in enumerate(self.groups):
@@ -247,7 +247,7 @@ class Clusters:
         return self.W, self.C, groups, partners(values)
 
     def _parts(self, members: Group, values: Complex, real: bool) -> list[Group]:
-        """Split a block; return which of its eigenvalues are too near to be told apart."""
+        """Split a block; return the groups of its eigenvalues that are too near to be separated."""
         at = at_block(members, members)
         T = self.T[at]
         s, X = (x.astype(complex) for x in np.linalg.eig(T.real if real else T))
@@ -258,7 +258,7 @@ class Clusters:
         for g, part in enumerate(groups):
             of[part] = g
             if len(part) > 1:
-                # What the product of (T − s) over the part makes zero is its subspace.
+                # The subspace of a part is the null space of the product of (T − s) over it.
                 product = one
                 for k in part:
                     product = product @ (T - s[k] * one)
@@ -280,7 +280,7 @@ class Clusters:
     # --- radii ------------------------------------------------------------------------------------------------------
 
     def joined(self) -> list[Group] | None:
-        """Return larger groups where eigenvalues cannot be told apart, or None; sets the radii."""
+        """Return larger groups where eigenvalues cannot be separated, or None; sets the radii."""
         pairs = self._close()
         if not pairs:
             pairs = self._radii()
@@ -292,21 +292,21 @@ class Clusters:
         return groups if len(groups) < len(self.groups) else None
 
     def _close(self) -> list[tuple[int, int]]:
-        """Return pairs of groups that are coupled too strongly for their distance, each the nearest of the other."""
+        """Return pairs of groups that are coupled too strongly for their distance, each the nearest to the other."""
         E, s = np.where(np.isfinite(self.E), self.E, np.inf), self.s
         gap = np.abs(s[:, None] - s)
         near = coupled(E, gap)
         near &= self.of[:, None] != self.of
         if not near.any():
             return []
-        # What is farther may be told apart when the nearest are judged together.
+        # Groups farther away may be separable once the nearest are judged together.
         gap = np.where(near, np.nan_to_num(gap, nan=1e300), np.inf)
         nearest = np.min(gap, axis=1)
         joined = near & (gap <= 2.0 * np.minimum(nearest[:, None], nearest))
         return [(int(self.of[i]), int(self.of[j])) for i, j in zip(*np.nonzero(np.triu(joined, 1)), strict=True)]
 
     def _spectrum(self, T: Complex) -> Complex:
-        """Return the eigenvalues of blocks, as they are numbered."""
+        """Return the eigenvalues of blocks in their numbering."""
         s = np.diag(T).copy()
         for g, members in enumerate(self.groups):
             if len(members) == 1:
@@ -347,7 +347,7 @@ class Clusters:
         return [min(pairs)[1:]] if pairs else []
 
     def _all_single(self) -> bool:
-        """Find the radii of all eigenvalues at once, if all can be told apart; see `_radius`."""
+        """Find the radii of all eigenvalues at once, if all can be separated; see `_radius`."""
         own, one = np.diag(self.E), np.eye(len(self.E), dtype=bool)
         gap = np.abs(self.s[:, None] - self.s)
         radii = own.copy()
@@ -369,7 +369,7 @@ class Clusters:
         return False
 
     def _radius(self, around: _Around) -> tuple[float, int | None]:
-        """Return the radius of a circle about an eigenvalue on which no other lies, or with whom there is none."""
+        """Return the radius of a circle about an eigenvalue that excludes all others, or which one prevents it."""
         own = radius = float(around.inner[0, 0])
         for _ in range(8):
             size = around.outside(radius)
@@ -405,7 +405,7 @@ class Clusters:
             product = resolvent @ (inner + size)
             return bool(np.isfinite(product).all()) and below(product, TOLERANCES.cluster_circle_product)
 
-        # Too near the block is in the way, too far the others are.
+        # A small circle is too near to the block, a large one too near to the others.
         middle = 1.2 * low
         while not clear(middle):
             low, middle = middle, 4.0 * middle
@@ -421,22 +421,22 @@ class Clusters:
         return high * (1.0 + 4.0 * EPS) + 2.0 * EPS * abs(centre), None
 
     def _overlapping(self) -> list[tuple[int, int]]:
-        """Return pairs of groups whose discs meet."""
+        """Return pairs of groups whose discs overlap."""
         apart = np.abs(self.centres[:, None] - self.centres)
         meet = ~(apart > self.radii[:, None] + self.radii)
         meet &= np.isfinite(self.radii)[:, None] & np.isfinite(self.radii)
         return [(int(g), int(h)) for g, h in zip(*np.nonzero(np.triu(meet, 1)), strict=True)]
 
     def clear(self) -> bool:
-        """Whether all eigenvalues are told apart, and from zero."""
+        """Return whether all eigenvalues are separated from each other and from zero."""
         return len(self.groups) == len(self.W) and bool(np.all(self.radii < np.abs(self.s)))
 
     def spread(self) -> float:
-        """Return a measure of how far all eigenvalues may be off."""
+        """Return a measure of the error bounds of all eigenvalues."""
         return float(np.sum(np.log(np.clip(self.radii[self.of], 1e-200, 1e200))))
 
     def misfit(self, j: int, s: complex, pairs: Motions, i: int) -> float:
-        """Return how far an eigenvalue may be from a value of another method, by the vector that belongs to it."""
+        """Return a bound of the distance of an eigenvalue from a value of another method, by its vector."""
         if len(self.groups[self.of[j]]) > 1:
             return math.inf
         judge, C = self.judge, np.array([[s]])
@@ -450,10 +450,10 @@ class Clusters:
     # --- refinement -------------------------------------------------------------------------------------------------
 
     def refine(self) -> None:
-        """Make single eigenvalues more exact that bear the rounding of T and L, or of what is far larger than they are.
+        """Refine single eigenvalues that suffer from the rounding of T and L, or of much larger eigenvalues.
 
-        Newton's method on the equations before they are reduced does not see these; it is tried where the errors of
-        the data alone would leave much less open, and what it finds counts if it lies in the disc, with its bound.
+        Newton's method on the unreduced equations is free of that; it is tried where the errors of
+        the data alone give a much smaller bound, and its result counts if it lies in the disc, with its bound.
         """
         judge, s = self.judge, self.s
         rough = [
@@ -488,7 +488,7 @@ class Clusters:
                 value, bound = complex(value.real), bound + abs(value.imag)
             off, radius = abs(value - self.centres[g]), float(self.radii[g])
             if off + bound > radius:
-                # The disc stays what it is, about the better value.
+                # The disc is kept, with the better value in it.
                 bound = radius + off
             if off > TOLERANCES.coupling_in_bound * radius and bound > radius:
                 continue
@@ -503,7 +503,7 @@ class Clusters:
     # --- the answer -------------------------------------------------------------------------------------------------
 
     def _relabel(self) -> None:
-        """Give discs of single eigenvalues the values that lie in them: conjugates may have changed places."""
+        """Assign to discs of single eigenvalues the values inside them: conjugates may have been swapped."""
         wrong = [
             g
             for g, members in enumerate(self.groups)

@@ -1,17 +1,17 @@
-"""What the expressions of a scene say about time and smoothness: decided on their structure, never by sampling.
+"""Time dependence and smoothness of the expressions of a scene, decided from their structure, never by sampling.
 
-Looking at the equations at some times can show that they change, never that they do not: steps
-that hit the period see a constant stiffness, and ``tanh(t - 50)`` is constant to 1e-43 near t = 0.
-So every expression that may contain the time t is written as a sum of products with exact
-rational coefficients (`Sum`); what is neither a number nor a sum or product stays closed (`Atom`):
+Sampling the equations at some times can show that they change, never that they do not: steps
+equal to the period see a constant stiffness, and ``tanh(t - 50)`` is constant to 1e-43 near t = 0.
+Therefore every expression that may contain the time t is written as a sum of products with exact
+rational coefficients (`Sum`); whatever is not a number, sum or product is not taken apart (`Atom`):
 π, coordinates, t, functions of further sums. Parameters are replaced by their exact values. In
 this form ``t - t`` and ``0*sin(t)`` vanish, and whether two frequencies have a rational ratio is
 read off the coefficients. The form is not unique (``sin(t)**2 + cos(t)**2`` keeps its t), which
-errs on the safe side: something constant may be called variable, never the reverse.
+errs on the safe side: a constant may be taken as variable, never the reverse.
 
 From the time of the reference on, an expression can be free of t, of first degree in it (given
 positions only), periodic, or anything else. Pieces of ``smooth_start`` and ``abs`` that are over
-by then are replaced by what they are from then on. Sums of periodic functions have a common period only if
+by then are replaced by their values from then on. Sums of periodic functions have a common period only if
 the ratios of their frequencies are rational.
 
 The same form tells where an expression has no second derivative with respect to the state.
@@ -57,7 +57,7 @@ Kind = Literal["affine", "settled", "periodic", "other"]
 Role = Literal["position", "velocity", "force", "holonomic", "nonholonomic"]
 
 LEADS = ("position", "holonomic")
-"""Roles in which a term of first degree in t leads the motion at a constant rate; elsewhere it grows."""
+"""Roles in which a term of first degree in t drives the motion at a constant rate; elsewhere it grows."""
 
 
 NO_COMMON = "whose frequencies have no common period"
@@ -74,31 +74,31 @@ NO_COMMON = "whose frequencies have no common period"
 
 @dataclass(frozen=True)
 class TimeUse:
-    """How the time enters one expression of the file, from the time of the reference on.
+    """How one expression of the file depends on time, from the time of the reference on.
 
     Attributes
     ----------
     path : str
         The entry, such as ``forces.p`` or ``drives.spin``.
     text : str
-        The shortest part of the expression that makes it depend on t in this way, as it is written in the file.
+        The shortest part of the expression that depends on t in this way, as written in the file.
     kind : str
         ``affine``: a + b·t in a given position or a holonomic constraint; ``settled``: from the
         time of the reference on it is constant, or a + b·t as before; ``periodic``; or ``other``.
     slope : float (1/s)
-        The rate b at which it leads a motion, also beside periodic terms; that of the first point of a sweep.
+        The rate b at which it drives a motion, also beside periodic terms; at the first point of a sweep.
     leads : bool
         Whether there is such a rate at all, at some point of a sweep.
     angular : bool
-        Whether what is given is an angle.
+        Whether the expression gives an angle.
     period : float (s)
-        Period of a periodic use, nan for others; that of the first point of a sweep.
+        Period of a periodic use, nan for others; at the first point of a sweep.
     from_time : float or None (s)
-        Where ``other`` becomes one of the other kinds, if that is known; the latest of all points of a sweep.
+        Time from which ``other`` is one of the other kinds, if known; the latest of all points of a sweep.
     later : str
-        What it becomes then.
+        The kind from then on.
     why : str
-        What is wrong with ``other``, if there is something to say.
+        The reason for ``other``, if it is known.
     frequencies : tuple of Sum
         Exact frequencies (rad/s) of the periodic terms, now or from `from_time` on.
     """
@@ -118,7 +118,7 @@ class TimeUse:
 
 @dataclass(frozen=True)
 class _Shape:
-    """An expression as a function of time: steady (a + b·t), periodic besides, or other."""
+    """An expression as a function of time: steady (a + b·t), with periodic terms, or other."""
 
     kind: Literal["steady", "periodic", "other"]
     slope: Sum = ZERO
@@ -140,10 +140,10 @@ def _shape(x: Sum, role: Role) -> _Shape:
 
 @lru_cache(maxsize=1000)
 def _periodic(x: Sum) -> tuple[Sum, tuple[Sum, ...]] | None:
-    """Return b and frequencies of b·t + P(t), where P repeats whenever all frequencies have made whole turns.
+    """Return b and frequencies of b·t + P(t), where P repeats when all frequencies have completed whole turns.
 
     A product of sines and cosines of ω_i t with exponents n_i repeats once Σ n_i ω_i and all
-    2 ω_i have made whole turns: then the signs that half turns bring along cancel.
+    2 ω_i have completed whole turns: then the signs from half turns cancel.
     """
     slope = Sum()
     found: list[Sum] = []
@@ -172,7 +172,7 @@ def _periodic(x: Sum) -> tuple[Sum, tuple[Sum, ...]] | None:
 
 
 def _inside(atom: Atom) -> tuple[Sum, tuple[Sum, ...]] | None:
-    """Return ω of a sine or cosine of ω·t, zero for other factors, and their frequencies; None: it does not repeat."""
+    """Return ω of a sine or cosine of ω·t, or zero for other factors, and their frequencies; None: not periodic."""
     parts = [_periodic(x) for x in atom.arguments]
     if any(part is None for part in parts):
         return None
@@ -190,7 +190,7 @@ def _inside(atom: Atom) -> tuple[Sum, tuple[Sum, ...]] | None:
 
 
 def common(frequencies: Sequence[Sum]) -> Sum | None:
-    """Return the greatest common divisor of frequencies with rational ratios; None: not known to have one of use."""
+    """Return the greatest common divisor of frequencies with rational ratios; None: no useful one is known."""
     ratios = [ratio(f, frequencies[0]) for f in frequencies]
     known = [abs(r) for r in ratios if r]
     if len(known) < len(ratios):
@@ -201,7 +201,7 @@ def common(frequencies: Sequence[Sum]) -> Sum | None:
 
 
 def expressions(system: System) -> Iterator[tuple[str, Role, Expression, bool]]:
-    """Yield path, role and text of everything that may contain t or the state, and whether it gives an angle."""
+    """Yield path, role and expression of everything that may contain t or the state, and whether it gives an angle."""
     for item in system.scene.items:
         entry = item.entry
         if item.kind.written in ROWS:
@@ -224,7 +224,7 @@ def _is_angle(drive: ItemValues) -> bool:
 
 
 def time_uses(system: System) -> tuple[TimeUse, ...]:
-    """Return where and how the time enters from the time of the reference on, in the order of the file."""
+    """Return where and how the equations depend on time, from that of the reference on, in the order of the file."""
     return _uses(system)[1]
 
 
@@ -269,7 +269,7 @@ def _period(structure: Structure, frequencies: Sequence[Sum]) -> float:
 
 
 def _later(structure: Structure, expression: Expression, role: Role, x: Sum) -> tuple[float | None, _Shape]:
-    """Return from when on an expression is constant or periodic, and what it is then, as far as known."""
+    """Return the time from which an expression is constant or periodic, and its form then, as far as known."""
     seen: list[float] = []
     for _ in range(4):
         ends = [(float(np.max(structure.value(end)[0])), end) for end in _ends(structure, x)]
@@ -328,7 +328,7 @@ def cut(text: str) -> str:
 
 
 def affine_drives(system: System) -> tuple[TimeUse, ...]:
-    """Return the uses with a term b·t that leads the motion; whether that shift is a symmetry is decided elsewhere."""
+    """Return the uses with a term b·t that drives the motion; whether that shift is a symmetry is decided elsewhere."""
     return tuple(use for use in time_uses(system) if use.leads)
 
 
@@ -344,9 +344,9 @@ def time_doubt(system: System, broken: Container[str] = ()) -> str:
     Parameters
     ----------
     system : System
-        Whose file states no period.
+        A system whose file states no period.
     broken : container of str
-        Paths of entries among `affine_drives` whose shift is no symmetry of the rest.
+        Paths of entries of `affine_drives` whose shift is not a symmetry of the other entries.
     """
     structure, uses = _uses(system)
     led = [use for use in uses if use.leads and use.path in broken]
@@ -382,7 +382,7 @@ def _in_words(structure: Structure, frequency: Sum) -> str:
 
 
 def period_doubt(system: System, period: Any, broken: Container[str] = ()) -> str:
-    """Return why the equations are not known to repeat after a period; empty: they do, or are constant.
+    """Return why the equations are not known to have a given period; empty: they have it, or are constant.
 
     Parameters
     ----------
@@ -417,7 +417,7 @@ def period_doubt(system: System, period: Any, broken: Container[str] = ()) -> st
 
 
 def _stated(structure: Structure, period: Any) -> Sum:
-    """Return a stated period as a sum: exactly what the file says, if it is that."""
+    """Return a stated period as a sum: the exact value of the file, if it is the same."""
     scene = structure.scene
     if scene.period is not None and scene.model.reference.period is not None and same_number(scene.period, period):
         return structure.given(scene.model.reference.period, scene.period, "reference.period")

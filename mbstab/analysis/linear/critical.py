@@ -1,12 +1,12 @@
-"""A zero eigenvalue that nothing explains: what the first nonlinear coefficient says about it.
+"""An unexplained zero eigenvalue: stability by the first nonlinear coefficient.
 
 Rest positions (or steady motions of the same frame) are followed along the critical direction: the
-coordinate z along it is given, a force r along it holds the motion there, and Newton's method
+coordinate z along it is prescribed, a force r along it holds the motion there, and Newton's method
 brings everything else into balance (Lyapunov and Schmidt). With r = a z^k + … the motion on the
 centre manifold is c ż = −r (Lyapunov 1892; Carr 1981), where c is the damping along the critical
 direction, or, where energy is conserved, that of a mass in the potential ∫ r dz (Koiter 1945;
-Thompson and Hunt 1973; Hagedorn and Mawhin 1992, Arch. Rat. Mech. Anal. 120, for its instability
-without a minimum). If r vanishes on the whole way there is a family of such motions, as far as
+Thompson and Hunt 1973; Hagedorn and Mawhin 1992, Arch. Rat. Mech. Anal. 120, for the instability
+without a minimum). If r vanishes all along, there is a family of such motions, as far as
 checked.
 """
 
@@ -30,12 +30,12 @@ from mbstab.errors import MbstabError
 from mbstab.records import dataclass
 
 ORDERS = {"even": (2, 4), "odd": (3, 5)}
-"""Powers of z that are told apart."""
+"""Powers of z that are distinguished."""
 
 
 @dataclass(frozen=True)
 class _Path:
-    """The force that holds the motion at distances ± z = measure·(q − q₀), farthest first, and what is zero for it."""
+    """The force that holds the motion at distances ± z = measure·(q − q₀), farthest first, and its zero tolerance."""
 
     measure: Array
     z: Array
@@ -47,28 +47,28 @@ class _Path:
 
     @property
     def vanishes(self) -> bool:
-        """Whether there is no force on the whole way; rounding that would hide one is no evidence."""
+        """Return whether there is no force all along; rounding that could hide one is no evidence."""
         return bool(np.all(np.abs(self.ahead) <= self.zero_ahead) and np.all(np.abs(self.behind) <= self.zero_behind))
 
 
 def critical_zero(
     structure: Structure, separated: Separated, count: int, others_decay: bool, exact: Callable[[], bool]
 ) -> Critical | None:
-    """Return what the first nonlinear coefficient says about a zero eigenvalue, or None if it says nothing.
+    """Return the verdict of the first nonlinear coefficient about a zero eigenvalue, or None if it decides nothing.
 
     Parameters
     ----------
     count : int
-        How many eigenvalues lie at zero: 1, or 2 where they form a chain of a coordinate and its rate.
+        Number of eigenvalues at zero: 1, or 2 where they form a chain of a coordinate and its rate.
     others_decay : bool
-        Whether all others lie to the left of the axis.
+        Whether all others lie left of the imaginary axis.
     exact : callable
         Returns whether the eigenvalue is zero to many digits. In double precision a zero cannot be
         told from 1e-20, which decides before any nonlinear term.
     """
     energy = SecondVariation(structure, separated)
     by_energy = energy.applies and _definite_beside(energy, structure, separated)
-    # How what moves along symmetries goes on beside the reference is not asked.
+    # Motions along symmetries near the reference are not examined.
     if len(separated.L) or separated.speeds or count > 2 or not (by_energy or (count == 1 and others_decay)):
         return None
     direction = _direction(structure, separated)
@@ -82,7 +82,7 @@ def critical_zero(
         return None
     neutral = bool(separated.neutral.count)
     if path.vanishes:
-        # Where others do not decay they may drive the motion along the family, out of where it is stable.
+        # Disturbances that do not decay may drive the motion along the family, out of its stable part.
         alone = separated.A.shape[0] == count
         if not (alone or (others_decay and count == 1)):
             return None
@@ -109,7 +109,7 @@ def critical_zero(
 
 
 def _definite_beside(energy: SecondVariation, structure: Structure, separated: Separated) -> bool:
-    """Whether the energy is positive definite but for one critical direction."""
+    """Return whether the energy is positive definite except for one critical direction."""
     W = energy.basis
     if not W.shape[1]:
         return False
@@ -139,7 +139,7 @@ def _direction(structure: Structure, separated: Separated) -> Array | None:
 
 
 def _yielding(structure: Structure, separated: Separated, measure: Array, shift: Array) -> float | None:
-    """Return the speed along the critical direction that a force along it makes; None if its sign is in doubt."""
+    """Return the speed along the critical direction that a force along it causes; None if its sign is uncertain."""
     spaces, space, n = structure.linear.motion.spaces, structure.space, structure.space.n_xi
     values, right = np.linalg.eig(separated.A)
     k = int(np.argmin(np.abs(values)))
@@ -196,14 +196,14 @@ def _followed(structure: Structure, shift: Array) -> _Path | None:
 
 
 def _zero(structure: Structure, q: Array, tangent: Array) -> float:
-    """Return what counts as no force along a direction: a part of what the elements do along it, each by itself."""
+    """Return the tolerance for no force along a direction: a fraction of the forces of the single elements along it."""
     motion = structure.linear.motion
     each = size = 0.0
     for element in structure.invariance.elements:
         columns = list(element.columns)
         force = np.array(element.force(q, motion.u, motion.a, motion.time), dtype=float)
         before = np.array(element.force(motion.q, motion.u, motion.a, motion.time), dtype=float)
-        # Loads that stay the same hide no weak push.
+        # Constant loads must not hide a weak force.
         each += abs(float((force - before) @ tangent[columns]))
         size += float(np.abs(force) @ np.abs(tangent[columns]))
     return TOLERANCES.force_vanishes * each + TOLERANCES.force_rounding * size
@@ -241,11 +241,11 @@ def _balanced(
         state = system.dynamics(q, u, reference.time)
         at = _at(reference, q, u, a, nu, state)
         K = matrices_in(system, at, generator if generator is not None and generator.turns else None).K
-        # What acts far away, or on other bodies, says nothing about how well forces balance here.
+        # Forces far away, or on other bodies, do not tell how well forces balance here.
         acting = _acting(structure, q, u, a) + np.abs(state.J.T) @ np.abs(nu) + np.abs(measure * r)
         rounding = TOLERANCES.critical_balance * acting + 4.0 * EPS * np.abs(K) @ (np.abs(q) + np.abs(reference.q))
         force = state.F0 + state.M @ a + state.J.T @ nu - measure * r
-        # Rows on speeds hold along steady motions; rows on positions are solved for.
+        # Rows on speeds hold along steady motions; rows on positions are solved.
         residual = np.concatenate(
             [force, state.E[:n_h], [x @ ((q - reference.q) / sizes) for x in held], [measure @ (q - reference.q) - z]]
         )
@@ -283,10 +283,10 @@ def _at(reference: Motion, q: Array, u: Array, a: Array, nu: Array, dynamics: Dy
 
 
 def _power(path: _Path) -> tuple[int, int] | None:
-    """Return the power of z and the sign of its coefficient; None if they are in doubt.
+    """Return the power of z and the sign of its coefficient; None if they are uncertain.
 
-    What is even in z and what is odd are told apart first: a small term of lower order is not
-    hidden by a large one of the next.
+    Even and odd parts in z are separated first: a small term of lower order is not
+    hidden by a large one of the next order.
     """
     zero = path.zero_ahead + path.zero_behind + path.rounding
     found = []
@@ -294,7 +294,7 @@ def _power(path: _Path) -> tuple[int, int] | None:
         resolved = np.abs(part) > TOLERANCES.critical_force * zero
         if not resolved.any():
             continue
-        # The smallest distances at which three forces in a row count.
+        # The smallest distances with three consecutive forces above the tolerance.
         rows = [i for i in range(len(part) - 2) if resolved[i : i + 3].all()]
         if not rows:
             return None
@@ -310,7 +310,7 @@ def _power(path: _Path) -> tuple[int, int] | None:
 
 
 def _drift(separated: Separated, count: int) -> int:
-    """Return how disturbances along neutral directions and those of the zeros that are left grow with time."""
+    """Return the power of time with which disturbances along neutral directions and of the remaining zeros grow."""
     values, vectors = np.linalg.eig(separated.A)
     zeros = vectors[:, np.argsort(np.abs(values))[:count]]
     T = orthonormal([*separated.T.T, *(separated.B @ zeros.real).T, *(separated.B @ zeros.imag).T], len(separated.S))
@@ -318,7 +318,7 @@ def _drift(separated: Separated, count: int) -> int:
 
 
 def _family(structure: Structure, shift: Array, path: _Path, decays: bool, drift: int) -> Critical:
-    """Return what a family of motions says that was followed to both sides."""
+    """Return the verdict from a family of motions that was followed to both sides."""
     spaces, names = structure.linear.motion.spaces, structure.linear.names
     change = np.abs(spaces.scale * (spaces.N @ shift) / structure.linear.motion.sizes)
     name = names[int(np.argmax(change))]

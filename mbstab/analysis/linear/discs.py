@@ -1,4 +1,4 @@
-"""Discs of the complex plane that hold eigenvalues."""
+"""Discs of the complex plane that contain eigenvalues."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Group = list[int]
 
 @dataclass(frozen=True)
 class Disc:
-    """A disc that holds exactly as many eigenvalues as it has members; the radius is inf where nothing is known."""
+    """A disc that contains exactly as many eigenvalues as it has members; radius inf: nothing is known."""
 
     centre: complex
     radius: float
@@ -22,26 +22,26 @@ class Disc:
 
 @dataclass(frozen=True)
 class Placed:
-    """Eigenvalues of what is left to judge, and where they can be.
+    """Eigenvalues left to judge, and where they can be.
 
     Attributes
     ----------
     values : ndarray of complex, shape (r,)
         (1/s)
     discs : list of Disc
-        Disjoint, but for those of radius inf.
+        Disjoint, except those of radius inf.
     bounds : ndarray, shape (r,)
-        How far each value can be off (1/s); inf: nothing is known.
+        Error bound of each value (1/s); inf: nothing is known.
     condition : ndarray, shape (r,)
-        How much the rounding of the data is magnified: the bound relative to the eigenvalue, in roundings.
+        Magnification of the rounding of the data: the bound relative to the eigenvalue, in roundings.
     backward_error : ndarray, shape (r,)
         Residual of the pair relative to the matrices.
     vectors : ndarray of complex, shape (n_q, r)
         Δq in scaled coordinates; for members of a cluster a basis of its subspace.
     neutral : tuple of int
-        Which of the values belong to T and L; they have no disc. Empty for the default method.
+        Numbers of the values that belong to T and L, without discs. Empty for the default method.
     column : ndarray of int, optional
-        Which column of `vectors` belongs to each value, as it is or, where Im s < 0, conjugate; without it, its own.
+        Column of `vectors` for each value, to be conjugated where Im s < 0; None: column i belongs to value i.
     """
 
     values: Complex

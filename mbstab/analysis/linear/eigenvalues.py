@@ -1,10 +1,10 @@
-"""Eigenvalues of the linearized equations, how far each can be trusted, and what they say.
+"""Eigenvalues of the linearized equations with error bounds and a verdict.
 
 The default method deflates: the constraints first (`mbstab.analysis.linear.linearize`), then the
 directions of symmetries and families that are verified by structure (`mbstab.analysis.linear.neutral`), so
 that they do not spoil small physical eigenvalues. The others are enclosed in discs that hold for
-clusters and defective eigenvalues as well (`mbstab.analysis.linear.bounds`). What they say about stability
-is up to the one rule of `mbstab.analysis.linear.verdict`.
+clusters and defective eigenvalues as well (`mbstab.analysis.linear.bounds`). The verdict on stability
+follows from the rule of `mbstab.analysis.linear.verdict`.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ def eigenvalues(linear: Linearization, method: str = DEFAULT, zeros: Callable[[]
     method : str
         A name of `mbstab.analysis.linear.methods.METHODS`.
     zeros : callable, optional
-        Returns how many eigenvalues are zero to many digits (`mbstab.analysis.linear.precise.exact_zeros`);
-        called only where the verdict hangs on it.
+        Returns the number of eigenvalues that are zero to many digits (`mbstab.analysis.linear.precise.exact_zeros`);
+        called only if the verdict depends on it.
 
     Raises
     ------
     UsageError
-        If the method is unknown, or is not for this motion.
+        If the method is unknown, or not applicable to this motion.
     NumericalError
         If the method needs independent constraint rows and they are not.
     """
@@ -56,7 +56,7 @@ def eigenvalues(linear: Linearization, method: str = DEFAULT, zeros: Callable[[]
 
 
 def judged(grounds: Grounds, method: str = DEFAULT) -> EigenResult:
-    """Return the eigenvalues for facts that are known already; see `eigenvalues`."""
+    """Return the eigenvalues for facts that are already known; see `eigenvalues`."""
     if not isinstance(method, str) or method not in METHODS:
         raise UsageError(f"unknown method {method!r}\nhint: one of {', '.join(METHODS)}")
     linear, separated = grounds.linear, grounds.separated
@@ -132,7 +132,7 @@ def kind_in(s: complex, disc: Disc, verdict: Verdict, grounds: Grounds) -> str:
 
 def _eigenvalue(placed: Placed, i: int, kind: str, modes: Modes) -> Eigenvalue:
     s = complex(placed.values[i])
-    # What is held on the axis is shown there; it is no farther from the truth.
+    # An eigenvalue that is proven to be on the axis is shown there; its error does not grow.
     value = complex(0.0 if kind == "center" else s.real + 0.0, s.imag + 0.0)  # no −0
     bound = float(placed.bounds[i]) if np.isfinite(placed.bounds[i]) else math.inf
     condition, backward_error = float(placed.condition[i]), float(placed.backward_error[i])
@@ -141,7 +141,7 @@ def _eigenvalue(placed: Placed, i: int, kind: str, modes: Modes) -> Eigenvalue:
 
 
 class Modes:
-    """What moves in each mode; mirror images of large scenes share a vector."""
+    """Bodies and coordinates that move in each mode; in large scenes conjugates share a vector."""
 
     def __init__(self, linear: Linearization, placed: Placed) -> None:
         self.linear, self.placed = linear, placed
@@ -150,7 +150,7 @@ class Modes:
         self._known: dict[int, tuple[dict[str, float], Complex | None]] = {}
 
     def of(self, i: int) -> tuple[dict[str, float], Complex | None]:
-        """Return shares of the bodies and shape of a mode."""
+        """Return the participation of the bodies and the shape of a mode."""
         linear, placed = self.linear, self.placed
         j = i if placed.column is None else int(placed.column[i])
         if j not in self._known:
@@ -163,19 +163,19 @@ class Modes:
 
 
 def mode_shape(dq: Complex, sizes: Array) -> Complex | None:
-    """Return a mode so scaled that the coordinate that moves most, relative to its size, is 1; None if nothing moves.
+    """Return a mode scaled so that the coordinate that moves most, relative to its size, is 1; None if nothing moves.
 
     Parameters
     ----------
     dq : ndarray of complex, shape (n_q,)
     sizes : ndarray, shape (n_q,)
-        Of the coordinates (m, rad).
+        Characteristic sizes of the coordinates (m, rad).
     """
     moved = np.abs(dq) / sizes
     most = float(np.max(moved, initial=0.0))
     if not (most > 0.0 and math.isfinite(most)):
         return None
-    # The first of those that move as much: rounding does not choose among them.
+    # The first of those that move equally, so that rounding does not decide.
     largest = int(np.flatnonzero(moved >= (1.0 - 1e-9) * most)[0])
     shape: Complex = dq / dq[largest] + 0.0
     shape[largest] = 1.0
@@ -190,7 +190,7 @@ def participation(M: Any, names: Sequence[str], x: Complex) -> dict[str, float]:
     M : matrix, shape (n_q, n_q)
         In scaled coordinates.
     names : sequence of str
-        Of the coordinates.
+        Names of the coordinates.
     x : ndarray of complex, shape (n_q,)
         Δq in scaled coordinates.
     """
@@ -203,7 +203,7 @@ def participation(M: Any, names: Sequence[str], x: Complex) -> dict[str, float]:
 
 @lru_cache(maxsize=8)
 def _owners(names: tuple[str, ...]) -> tuple[tuple[str, ...], Index]:
-    """Return the bodies of coordinates, and which of them each coordinate belongs to."""
+    """Return the bodies of coordinates, and the body of each coordinate."""
     owners = [name.partition(".")[0] for name in names]
     bodies = {body: k for k, body in enumerate(dict.fromkeys(owners))}
     return tuple(bodies), np.array([bodies[body] for body in owners], dtype=np.intp)
@@ -223,9 +223,9 @@ def answer(
     system : System
     method : str
     frozen : bool
-        Take the equations as they are at the reference time, in the coordinates of the file.
+        Use the equations frozen at the reference time, in the coordinates of the file.
     progress : callable, optional
-        Is called with the part of the work that is done, where that takes long: periodic motions.
+        Called with the fraction of the work that is done, where it takes long: periodic motions.
     zeros : callable, optional
         As for `eigenvalues`.
 
@@ -251,12 +251,12 @@ def answer(
 
 
 def _of_large(system: System, zeros: Callable[[], int] | None) -> EigenResult | None:
-    """Return the answer about a large scene at rest; None where the matrices of small ones say more."""
+    """Return the answer for a large scene at rest; None where dense matrices give more."""
     sparse, found = in_sparse(system), None
     affordable = Cost.of("modes", system.n_q, system.n_c).affordable
     try:
         found = eigenvalues(linearize(sparse, reference_motion(sparse)), DEFAULT, zeros)
-    except (np.linalg.LinAlgError, RuntimeError) as error:  # what SciPy cannot factor
+    except (np.linalg.LinAlgError, RuntimeError) as error:  # from SciPy, where it cannot factor
         if isinstance(error, MbstabError) or not affordable:
             raise
     if found is None:
@@ -266,7 +266,7 @@ def _of_large(system: System, zeros: Callable[[], int] | None) -> EigenResult | 
 
 
 def inexact(found: list[Eigenvalue], remedy: str = "; --precision gives more digits") -> tuple[str, ...]:
-    """Return a warning about eigenvalues of which few digits are known, or nothing."""
+    """Return a warning about eigenvalues with few known digits, or nothing."""
     few = [
         e
         for e in found
@@ -286,7 +286,7 @@ def inexact(found: list[Eigenvalue], remedy: str = "; --precision gives more dig
 
 
 def with_saddles(found: list[Any]) -> list[Any]:
-    """Pair real eigenvalues of opposite sign, with whatever digits: two such directions form a saddle."""
+    """Pair real eigenvalues of opposite sign, in any arithmetic: two such directions form a saddle."""
     growing = [e for e in found if e.kind == "unstable node"]
     decaying = [e for e in found if e.kind == "stable node"]
     saddles: set[int] = set()

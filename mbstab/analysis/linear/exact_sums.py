@@ -1,4 +1,4 @@
-"""Expressions as sums of products with exact rational coefficients: what cancels by structure is gone."""
+"""Expressions as sums of products with exact rational coefficients, in which structural zeros cancel."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ ONE: Monomial = frozenset()
 
 @dataclass(frozen=True, eq=False)
 class Atom:
-    """A factor that is not taken apart; equal ones are one object, made by `of`.
+    """A factor that is not expanded further; equal ones are one object, made by `of`.
 
     Attributes
     ----------
     kind : str
         ``time``, ``state``, ``constant``, ``group`` (a sum kept together), ``power``, or the name of a function.
     name : str
-        Of a constant, of a coordinate, or ``rate(…)``.
+        Name of a constant or of a coordinate, or ``rate(…)``.
     arguments : tuple of Sum
     """
 
@@ -171,7 +171,7 @@ TIME = Sum.of(Atom.of("time"))
 
 
 def _product(m: Monomial, n: Monomial) -> tuple[Monomial, Fraction]:
-    """Return a product of monomials and a rational factor: squares of square roots of rationals leave the root."""
+    """Return a product of monomials and a rational factor: squared square roots of rationals become rational."""
     powers = dict(m)
     for atom, k in n:
         powers[atom] = powers.get(atom, 0) + k
@@ -184,7 +184,7 @@ def _product(m: Monomial, n: Monomial) -> tuple[Monomial, Fraction]:
 
 
 def ratio(a: Sum, b: Sum) -> Fraction | None:
-    """Return a/b where both are the same but for a rational factor, else None; b is not zero."""
+    """Return a/b if it is a rational number by structure, else None; b is not zero."""
     first, second = dict(a.terms), dict(b.terms)
     if first.keys() != second.keys():
         return None if first else Fraction(0)
@@ -226,7 +226,7 @@ def _root(x: Fraction) -> Sum:
 
 
 FRACTIONS = Arithmetic("fraction", Fraction, {}, {"abs": abs, "held": lambda x: min(max(x, Fraction(0)), Fraction(1))})
-"""The arithmetic of functions that are put together from polynomials."""
+"""The arithmetic of functions that are composed of polynomials."""
 
 
 def function(name: str, *arguments: Sum) -> Sum:
@@ -252,15 +252,15 @@ class Structure:
     start : Sum
         The time of the reference.
     values : dict
-        Values of the constants that are no rational numbers: floats, or arrays over the points of a sweep.
+        Values of constants that are not rational numbers: floats, or arrays over the points of a sweep.
     vague : set of str
         Constants whose value is not known.
 
     Parameters
     ----------
     scene : Scene
-        A parameter with the value of its expression in the file stands for that expression, one
-        with another value for the decimals it is printed with. One that varies over the points of
+        A parameter with the value of its expression in the file is replaced by that expression, one
+        with another value by its printed decimals. One that varies over the points of
         a sweep, or is only known to lie in an interval, keeps its name.
     """
 
@@ -278,7 +278,7 @@ class Structure:
         Parameters
         ----------
         start : Sum, optional
-            The time (s) from which on it is wanted: pieces that are over by then are left out.
+            The time (s) from which on the sum must hold: pieces that are over by then are left out.
 
         Raises
         ------
@@ -290,7 +290,7 @@ class Structure:
         return Sum.of(expression.evaluate(names, self.arithmetic(start), rates))
 
     def given(self, expression: Expression, value: Any, name: str, parameter: Parameter | None = None) -> Sum:
-        """Return the exact value of a number that the scene has: that of its expression, or of its decimals."""
+        """Return the exact value of a number of the scene: that of its expression, or of its decimals."""
         f = self.scene.arithmetic
         plain = f.name in ("float", "array")
         default, exact = expression.evaluate(self.scene.parameters, f), Sum.of(1)
@@ -298,7 +298,7 @@ class Structure:
             factor = parameter.factor
             if factor != 1.0:
                 exact = exact_factor(parameter.unit, self.arithmetic())
-            # Just as the scene was made: in balls, not even a factor of 1 is without effect.
+            # Exactly as the scene was built: in balls, even a factor of 1 has an effect.
             default = default * (factor if plain or factor == 1.0 else exact_factor(parameter.unit, f))
             if plain and factor != 1.0 and not getattr(value, "ndim", 0) and not same_number(default, value):
                 in_unit = f"{float(value) / factor:.12g}"
@@ -325,7 +325,7 @@ class Structure:
         return self._parameters[name]
 
     def arithmetic(self, start: Sum | None = None) -> Arithmetic:
-        """Return the arithmetic of sums, with what pieces are from a time on if one is given."""
+        """Return the arithmetic of sums; with `start`, piecewise functions are replaced by their piece from then on."""
         functions: dict[str, Any] = {name: partial(self._call, name, start) for name in FUNCTIONS}
         constants = {"pi": PI, "deg": PI / 180}
         return Arithmetic("sum", lambda text: Sum.of(Fraction(text)), constants, functions | {"power": _power})
@@ -383,7 +383,7 @@ class Structure:
         return 1 if np.all(value > rounding) else -1 if np.all(value < -rounding) else None
 
     def nonnegative(self, x: Sum, start: Sum) -> bool:
-        """Whether a function of time is certainly not negative from a time on."""
+        """Return whether a function of time is certainly nonnegative from a time on."""
         if x.state:
             return False
         line = linear(x)
@@ -392,7 +392,7 @@ class Structure:
         return all(self.sign(part) in (0, 1) for part in (line[0], line[1] + line[0] * start))
 
     def _span(self, x: Sum, start: Sum) -> tuple[float, float]:
-        """Return bounds of a function of time from a time on, with room for rounding."""
+        """Return bounds of a function of time from a time on, with a margin for rounding."""
         low = high = room = 0.0
         for monomial, coefficient in x.terms:
             ends = (_float(coefficient),) * 2
@@ -425,7 +425,7 @@ class Structure:
 
 
 def same_number(a: Any, b: Any) -> bool:
-    """Whether two numbers of a number system are one."""
+    """Return whether two numbers of a number system are the same."""
     if hasattr(a, "shape") or hasattr(b, "shape"):
         return bool(np.array_equal(a, b))
     if hasattr(a, "rad") and hasattr(b, "rad"):
@@ -437,7 +437,7 @@ def same_number(a: Any, b: Any) -> bool:
 
 
 def _decimals(value: Any, f: Arithmetic) -> Fraction | None:
-    """Return the decimals with which a number is printed, if it is no more than these; None for others."""
+    """Return the printed decimals of a number, if they are exactly its value; None for others."""
     if getattr(value, "ndim", 0):
         value = value.flat[0] if bool(np.all(value == value.flat[0])) else None
     if value is None or f.name == "symbol":
@@ -451,7 +451,7 @@ def _decimals(value: Any, f: Arithmetic) -> Fraction | None:
 
 
 def floats(value: Any) -> Any:
-    """Return a number as a float, numbers at points as an array; nan for what is no real number."""
+    """Return a number as a float, numbers at points as an array; nan for anything but real numbers."""
     try:
         return np.asarray(value, dtype=float) if hasattr(value, "shape") else float(value)
     except (TypeError, ValueError):
@@ -471,13 +471,13 @@ def first_point(x: Any) -> float:
 
 
 def _times(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
-    # Zero times what has no bounds is zero: the bounds themselves are not reached.
+    # Zero times an unbounded factor is zero: infinite bounds are not attained.
     products = [x * y if x and y else 0.0 for x in a for y in b]
     return min(products), max(products)
 
 
 def _raised(a: tuple[float, float], n: int) -> tuple[float, float]:
-    """Return bounds of a whole power."""
+    """Return bounds of an integer power."""
     if n < 0:
         return (-math.inf, math.inf) if a[0] <= 0.0 <= a[1] else _raised((1.0 / a[1], 1.0 / a[0]), -n)
     found = reduce(_times, [a] * n)

@@ -42,13 +42,13 @@ ADVICE = (
 
 
 class Grounds:
-    """What verdicts about a linearization rest on; each part is worked out when it is asked for.
+    """The facts on which verdicts about a linearization rest; each part is computed at first use.
 
     Parameters
     ----------
     linear : Linearization
     zeros : callable, optional
-        Returns how many eigenvalues are zero to many digits; without it no verdict rests on one
+        Returns the number of eigenvalues that are zero to many digits; without it no verdict rests on one
         that is zero exactly.
     """
 
@@ -63,8 +63,8 @@ class Grounds:
 
     @cached_property
     def gamma(self) -> float:
-        """A typical rate of the deflated system (1/s), in which speeds are counted."""
-        # In a critical state nothing may be left of it but rounding.
+        """A typical rate of the deflated system (1/s), the unit of speeds."""
+        # In a critical state only rounding may be left of it.
         return max(time_scale(self.space), TOLERANCES.slowest_typical_rate * self.invariance.rate)
 
     @cached_property
@@ -84,15 +84,15 @@ class Grounds:
 
     @cached_property
     def plain(self) -> Separated:
-        """The balanced matrix with what the symmetries and the conserved functions of the scene separate."""
+        """The balanced matrix with the directions that symmetries and conserved functions of the scene separate."""
         return self.structure.separated(self.S)
 
     @cached_property
     def separated(self) -> Separated:
-        """The balanced matrix with its neutral directions, those of a reversor among them."""
+        """The balanced matrix with its neutral directions, including those of a reversor."""
         found = self.plain
         if found.doubt and (self.linear.frozen or not self.linear.constant):
-            return unseparated(self.S)  # the equations of an instant need not have the symmetries of the motion
+            return unseparated(self.S)  # frozen equations need not have the symmetries of the motion
         if self.reversor is None or found.doubt:
             return found
         return self.reversor.widened(self.structure, found, self.structure.symmetric(len(self.S)))
@@ -104,7 +104,7 @@ class Grounds:
 
     @cached_property
     def lost(self) -> str:
-        """Which number of the file is so small that products with it may be lost; empty: none is."""
+        """A number of the file that is so small that products with it may underflow, in words; empty: there is none."""
         scene = self.system.scene
         numbers = {name: float(value) for name, value in scene.parameters.items()}
         written = (node for item in scene.items for x in expressions_in(item.entry.values) for node in x.walk())
@@ -127,7 +127,7 @@ class Grounds:
         if not np.any(self.motion.u) and not affine_drives(self.system):
             return ""
         generator = linear.generator or _standing(self.linear)
-        # The same motion may follow several symmetries; one that all elements have is enough.
+        # The same motion may follow several symmetries; one that holds for all elements is enough.
         others = [g for g in self.motion.generators if g is not generator]
         if affine_drives(self.system):
             broken = [self.invariance.keeps_time(g) for g in (generator, *others)]
@@ -143,7 +143,7 @@ class Grounds:
         linear = self.linear
         change = linear.variation
         size = f"by {percent(change)}" if math.isfinite(change) else "without bound"
-        # A change that seems to be none needs its limit beside it.
+        # A change that looks like none is printed with its limit.
         least = (
             f" (below {percent(REFERENCE.variation_along_motion)} they would count as constant)"
             if change < REFERENCE.variation_told
@@ -168,15 +168,15 @@ class Grounds:
         return f" ({self.linear.names[worst]} accelerates with {motion.a[worst]:.4g} {unit})"
 
     def kink(self, order: int) -> str:
-        """Return why the equations are not known to have so many derivatives at the reference; empty: they have."""
+        """Return why the equations are not known to have `order` derivatives at the reference; empty: they have."""
         return kinks(self.system, self.motion.q, self.motion.u, self.motion.time, order) or self._singular
 
     @cached_property
     def _singular(self) -> str:
-        """Why the rank of the constraints may be another one next to the reference; empty: it is the same.
+        """Why the rank of the constraints may be different near the reference; empty: it is the same.
 
-        Rows of full rank keep it. Others may repeat some of these, everywhere, or touch them at the
-        reference only; then the linearized equations are not those of the motions nearby.
+        Independent rows remain so. Others may be redundant everywhere, or only at the
+        reference; then the linearized equations are not those of the motions nearby.
         """
         spaces, system = self.motion.spaces, self.system
         n_c = system.n_c - system.n_h
@@ -206,7 +206,7 @@ class Grounds:
 
     @cached_property
     def mirrored(self) -> str:
-        """What makes the spectrum symmetric to the imaginary axis, in words; empty: nothing."""
+        """What makes the spectrum symmetric about the imaginary axis, in words; empty: nothing."""
         work = self.structure.work
         if work.conserved and (not self.linear.D_q.shape[0] or self._regular_energy()):
             return "the energy is conserved"
@@ -217,7 +217,7 @@ class Grounds:
         return ""
 
     def _regular_energy(self) -> bool:
-        """Whether the second variation of a conserved energy is a regular form on what is left to judge."""
+        """Whether the second variation of a conserved energy is a regular form on the directions left to judge."""
         energy, B = self.second_variation, self.separated.B
         if not energy.applies or not B.shape[1]:
             return False
@@ -228,26 +228,26 @@ class Grounds:
 
     @cached_property
     def reversor(self) -> Reversor | None:
-        """A mirror image that with time backwards carries the motion into itself."""
+        """A reflection that, combined with time reversal, maps the motion to itself."""
         work = self.structure.work
         at_rest = not np.any(self.motion.u)
         known = (at_rest and work.reversible) or (work.conserved and not self.linear.D_q.shape[0])
         if known or work.kinds["damping"] or self.system.sparse:
-            return None  # mirror images of large scenes are not looked for
+            return None  # not searched in large scenes
         return reversor(self.structure, self.structure.symmetric(len(self.S)))
 
     def minimum(self) -> Minimum | None:
-        """Return what the energy says."""
+        """Return the result of the energy criterion, or None."""
         return self.second_variation.minimum()
 
     def reversible(self) -> str:
-        """Return why motions nearby repeat themselves, where a reversor has −1 as a simple eigenvalue."""
+        """Return why motions nearby are periodic, where a reversor has −1 as a simple eigenvalue."""
         if self.reversor is None or not self.reversor.simple:
             return ""
         return "the motion backwards in time is its mirror image, and it has a single frequency"
 
     def critical(self, count: int, others_decay: bool) -> Critical | None:
-        """Return what the first nonlinear coefficient says about a zero eigenvalue."""
+        """Return the verdict of the first nonlinear coefficient about a zero eigenvalue."""
         separated = self.separated
         if self.system.sparse:
             return None
@@ -258,7 +258,7 @@ class Grounds:
         return critical_zero(self.structure, separated, count, others_decay, exact)
 
     def family(self, count: int) -> Neutral | None:
-        """Return the neutral directions with a family of motions that was followed, if many digits do not deny it."""
+        """Return the neutral directions with a family of motions that was followed, unless many digits refute it."""
         if self.system.sparse:
             return None
         found = family(self.structure, self.separated, count)
@@ -267,16 +267,16 @@ class Grounds:
         return None if 0 <= self.zeros() < found.count else found
 
     def facts(self, discs: Sequence[Disc], found: int, doubts: tuple[str, ...] = ()) -> Facts:
-        """Return the facts with the eigenvalues that are left to judge, wherever they were computed.
+        """Return the facts with the eigenvalues left to judge, from any computation.
 
         Parameters
         ----------
         discs : sequence of Disc
         found : int
-            Number of eigenvalues, those of the neutral directions among them.
+            Number of eigenvalues, including those of the neutral directions.
         """
         separated = self.separated
-        # What lies left or right of the axis with its bound does so whatever is lost beside it.
+        # A disc that is entirely left or right of the axis is so whatever else is lost.
         lost = self.lost if separated.neutral.count or any(d.side in ("axis", "open") for d in discs) else ""
         doubts = (*doubts, *(x for x in (separated.doubt, lost) if x))
         return Facts(
@@ -297,13 +297,13 @@ class Grounds:
 
 
 def _standing(linear: Linearization) -> Generator:
-    """Return the steady motion with the speeds of the reference, in a frame that does not turn."""
+    """Return the steady motion with the speeds of the reference, in a frame that does not rotate."""
     zero = np.zeros(3)
     return Generator(linear.system, np.array([0.0, 0.0, 1.0]), zero, 0.0, zero, linear.motion.u)
 
 
 def _ranks(J: Array, n_h: int) -> tuple[int, int]:
-    """Return the rank of the holonomic rows, and of the others on what those allow."""
+    """Return the rank of the holonomic rows, and of the others on the null space of those."""
     J = J / norms(J)[:, None]
     _, s, right = np.linalg.svd(J[:n_h])
     rank = int(np.sum(s > TOLERANCES.row_singular_value))
@@ -323,7 +323,7 @@ def time_scale(space: StateSpace) -> float:
 
 
 def balanced(space: StateSpace, gamma: float) -> Array:
-    """Return S with speeds counted in units of γ: its blocks are of similar size."""
+    """Return S with speeds in units of γ, so that its blocks are of similar size."""
     weights = np.ones(len(space.A))
     weights[space.n_xi :] = gamma
     result: Array = space.A * weights / weights[:, None]

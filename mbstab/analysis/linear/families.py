@@ -1,10 +1,10 @@
-"""Families of steady motions that nothing explains: followed a finite way to all sides.
+"""Families of steady motions that no structure explains: followed a finite distance in all directions.
 
 A motion is of the kind of the reference if its speeds and accelerations are those of a symmetry:
 (u, a) = Σ c_k (Y_k, DY_k u). Where A, apart from symmetries, has a null space that symmetries,
-conserved functions and reversors do not explain, such motions are looked for a finite way along
-each null direction and along combinations of them, by Gauss and Newton. If they are there, to
-rounding, the null space belongs to a family "as far as checked": that is no proof, and said.
+conserved functions and reversors do not explain, such motions are searched at a finite distance along
+each null direction and along combinations of them, by the Gauss-Newton method. If they exist, to
+rounding, the null space belongs to a family "as far as checked": this is no proof, and the answer says so.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
     ----------
     found : Separated
     count : int
-        Number of zero eigenvalues that are not explained.
+        Number of unexplained zero eigenvalues.
     """
     n = len(found.S)
     symmetries = structure.symmetric(n)
@@ -61,14 +61,14 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
 
 
 def _directions(size: int) -> list[Array]:
-    """Return the directions of a null space that are followed, both ways each."""
+    """Return the directions of a null space that are followed, each in both senses."""
     rng = RandomNumbers(3)
     some = [*np.eye(size), *rng.uniform(-1.0, 1.0, 2 * size, size)]
     return [sign * x / np.linalg.norm(x) for x in some for sign in (1.0, -1.0)]
 
 
 class _Search:
-    """Looks for motions of the kind of the reference."""
+    """Search for motions of the kind of the reference."""
 
     def __init__(self, structure: Structure, symmetries: Array, null: Array) -> None:
         self.structure, self.symmetries, self.null = structure, symmetries, null
@@ -79,7 +79,7 @@ class _Search:
         self.free = complement(self.held)
 
     def reaches(self, direction: Array) -> bool:
-        """Whether there is a motion of the kind a finite way along a null direction."""
+        """Return whether there is a motion of the kind at a finite distance along a null direction."""
         return all(self._reaches(direction, TOLERANCES.family_reach * part) for part in TOLERANCES.family_parts)
 
     def _reaches(self, direction: Array, reach: float) -> bool:
@@ -97,7 +97,7 @@ class _Search:
         return False
 
     def _vanishes(self, y: Array, left: Array) -> bool:
-        """Whether what is left is rounding, relative to what each element does along it: weak ones count as well."""
+        """Return whether a residual is rounding, relative to the force of each single element along it."""
         sizes, n = self.motion.sizes, len(self.motion.q)
         state = self._state(y)
         fastest = max(float(np.max(np.abs(state.u) / sizes)), float(np.max(np.abs(self.motion.u) / sizes)))
@@ -111,14 +111,14 @@ class _Search:
         for element in self.structure.invariance.elements:
             columns = list(element.columns)
             force = np.array(element.force(state.q, state.u, still, self.motion.time), dtype=float)
-            # Loads that stay the same hide no weak push.
+            # Constant loads must not hide a weak force.
             before = np.array(element.force(self.motion.q, self.motion.u, still, self.motion.time), dtype=float)
             each += abs(float((force - before) @ direction[columns]))
             each_size += float(np.abs(force) @ np.abs(direction[columns]))
         a, nu = self._balanced(state.q, state.u)
         each_size += float(np.abs(M @ a) @ np.abs(direction))
-        # Where no force acts at all, what is left is what the rounding of the change brings about; what is
-        # zero to the last bit is so by structure.
+        # Where no force acts at all, the residual is the effect of rounding in the change; a residual that is
+        # zero to the last bit is zero by structure.
         K, R, _ = self.system.linearize(state.q, state.u, a, nu, self.motion.time)
         q, u = np.transpose([self._disturbance(x) for x in np.eye(len(y))[y != 0.0]], (1, 2, 0))
         each_size += float(np.linalg.norm(y)) * float(np.sum(np.abs(direction @ (K @ q + R @ u))))
@@ -140,7 +140,7 @@ class _Search:
         return direction, rate
 
     def _state(self, y: Array) -> State:
-        """Return the state that satisfies the constraints next to a disturbance."""
+        """Return the state nearest to a disturbance that satisfies the constraints."""
         direction, rate = self._disturbance(y)
         state = self.structure.invariance.onto_rows(self.motion.q + direction, self.motion.u + rate)
         if state is None:
@@ -148,7 +148,7 @@ class _Search:
         return state
 
     def _left(self, y: Array) -> Array:
-        """Return what is left of speeds and accelerations apart from symmetries, in units of large changes."""
+        """Return the residual of speeds and accelerations modulo symmetries, relative to the characteristic sizes."""
         state = self._state(y)
         q, u = state.q, state.u
         a, _ = self._balanced(q, u)

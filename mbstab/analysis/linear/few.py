@@ -4,12 +4,12 @@ Approximate vectors x and y of shift-invert iterations give, with the whole prob
 
     s₁ = s − yᴴQ(s)x / yᴴQ'(s)x
 
-whose error is that of x times that of y (Lancaster 1961, Numer. Math. 3; Schwetlick, Schreiber 2012, Linear Algebra
-Appl. 436). What is left is bounded by what the entries are not known to, and by the residuals of both vectors:
+whose error is the product of those of x and y (Lancaster 1961, Numer. Math. 3; Schwetlick, Schreiber 2012, Linear
+Algebra Appl. 436). The remaining error is bounded by the errors of the entries, and by the residuals of both vectors:
 
     first  = 4ε |y|ᵀ δQ(|s|) |x| / |yᴴQ'x|,     second = |Q(s)x| |Q(s)ᴴy| / |yᴴQ'x| · max κ / gap.
 
-Values closer than their vectors can tell apart are treated together, with bases of their subspaces in place of x and y.
+Values whose vectors cannot be separated are treated together, with bases of their subspaces in place of x and y.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Few:
     vectors : ndarray of complex, shape (n_q, k)
         Δq in scaled coordinates.
     reach : float (1/s)
-        Radius about the shift inside of which, as far as two searches found, there are no others.
+        Radius about the shift within which two searches found no others.
     """
 
     values: Complex
@@ -68,7 +68,7 @@ class Few:
 
 
 def few(equations: SparseEquations, shift: complex, count: int, symmetric: bool) -> Few:
-    """Return the eigenvalues nearest to a number, a pair counting as one.
+    """Return the eigenvalues nearest to a number; a pair counts as one.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def few(equations: SparseEquations, shift: complex, count: int, symmetric: bool)
     pairs: list[tuple[complex, Array, Complex, int]] = []
     for number, group in enumerate(_groups(values)):
         pairs += _corrected(equations, values[group], vectors[:, group], symmetric, number)
-    # Beside very slow eigenvalues very fast ones are lost, and the infinite ones show.
+    # Beside very slow eigenvalues very fast ones are lost, and infinite ones appear.
     pairs = [
         p
         for p in pairs
@@ -109,7 +109,7 @@ def few(equations: SparseEquations, shift: complex, count: int, symmetric: bool)
 
 
 def _once(found: Few) -> Few:
-    """Return values without those that are others again: in the same disc, with the same vector."""
+    """Return values without duplicates: those in the same disc with the same vector."""
     kept: list[int] = []
     for i, (s, radius) in enumerate(zip(found.values, found.bounds, strict=True)):
         x = found.vectors[:, i] / np.linalg.norm(found.vectors[:, i])
@@ -126,7 +126,7 @@ def _once(found: Few) -> Few:
 
 
 def _found(equations: SparseEquations, shift: complex, count: int) -> tuple[Complex, Complex, float]:
-    """Return the values nearest to a number that two searches find, with Im ≥ 0, and how far they reach."""
+    """Return the values nearest to a number that two searches find, with Im ≥ 0, and their reach."""
     problem, most = equations.problem, equations.n_left
     if not most:
         return np.zeros(0, dtype=complex), np.zeros((problem.size, 0), dtype=complex), np.inf
@@ -137,7 +137,7 @@ def _found(equations: SparseEquations, shift: complex, count: int) -> tuple[Comp
         radius = float(np.max(np.abs(values - start)))
         if len(values) >= most:
             return *_upper(values, vectors, shift), np.inf
-        # Another shift sees the same, or something has been missed.
+        # Another shift must give the same values, or something was missed.
         beside = start + TOLERANCES.second_search_start * radius
         others, their_vectors = problem.nearest(beside, wanted, most)
         missed = _unmatched(others, values)
@@ -152,7 +152,7 @@ def _found(equations: SparseEquations, shift: complex, count: int) -> tuple[Comp
 
 
 def _searched(equations: SparseEquations, start: complex, wanted: int) -> tuple[complex, Complex, Complex]:
-    """Return where a search started and what it found; it starts aside of an eigenvalue."""
+    """Return the shift of a search, moved off an eigenvalue if necessary, and its values and vectors."""
     aside = TOLERANCES.search_start_aside * equations.rate
     for _ in range(TOLERANCES.search_starts):
         try:
@@ -209,9 +209,9 @@ def _groups(values: Complex) -> list[Array]:
 def _corrected(
     equations: SparseEquations, values: Complex, vectors: Complex, symmetric: bool, number: int
 ) -> list[tuple[complex, Array, Complex, int]]:
-    """Return for values that are treated together the corrected ones, numbers about them, and Δq.
+    """Return for values that are treated together the corrected values, their measures, and Δq.
 
-    The numbers are the first bound, the product of the residuals divided by |yᴴQ'x|, the strength κ of the pair, the
+    The measures are the first bound, the product of the residuals divided by |yᴴQ'x|, the strength κ of the pair, the
     residual relative to the sizes of terms, and the correction; last comes the number of the group.
     """
     problem, n, s0 = equations.problem, equations.n_q, complex(np.mean(values))
@@ -240,7 +240,7 @@ def _corrected(
             TOLERANCES.drawn_rounding_factor * strength * max((float(np.linalg.norm(x)) for x in moved), default=0.0)
         )
         right, left = problem.at(s0) @ X, problem.at(s0).conj().T @ Y
-        # What the correction removes from the residuals is no error.
+        # The part of the residuals that the correction removes is no error.
         right = right - (problem.at(s0, slope=True) @ X) @ change
         left = left - (problem.at(s0, slope=True).conj().T @ Y) @ (missing @ inverse).conj().T
         product = float(np.linalg.norm(right) * np.linalg.norm(left)) * strength
@@ -252,7 +252,7 @@ def _corrected(
 
 
 def _left(equations: SparseEquations, s: complex, X: Complex) -> Complex:
-    """Return a basis of the left vectors that belong to an eigenvalue, by inverse iteration."""
+    """Return a basis of the left vectors of an eigenvalue, by inverse iteration."""
     problem = equations.problem
     shift = s * (1.0 + TOLERANCES.vector_shift) + TOLERANCES.vector_shift**2 * equations.rate * (1.0 + 1.0j)
     lu = problem.factors(shift)

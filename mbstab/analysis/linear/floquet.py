@@ -1,16 +1,16 @@
-"""Floquet theory of a periodic motion: what one period makes of small disturbances.
+"""Floquet theory of a periodic motion: the map of small disturbances over one period.
 
 A motion with accelerations and multipliers
 
     M a + Jᵀ ν = −F0,   J a = −B
 
-has neighbours Δq, Δu = Δq̇ that satisfy the equations differentiated along it,
+has neighbours Δq, Δu = Δq̇ that satisfy the equations linearized along it,
 
     M Δa + Jᵀ Δν = −(R Δu + K Δq),   J Δa = −(A_q Δq + A_u Δu),
     C_q Δq = 0,   V_q Δq + J Δu = 0,
 
-whose coefficients are periodic if the motion is. The last line holds for all times if it
-holds at first. With N and Z of `mbstab.analysis.algebra.subspaces` at the start of the period and
+whose coefficients are periodic if the motion is. The last line holds at all times if it
+holds initially. With N and Z of `mbstab.analysis.algebra.subspaces` at the start of the period and
 
     Δq = N ξ,   Δu = N Z η − J⁺ V_q N ξ,   y = [ξ; T η],
 
@@ -49,14 +49,14 @@ FIX = (
 
 @dataclass(frozen=True)
 class Monodromy:
-    """What becomes of small disturbances in a period.
+    """The map of small disturbances over a period.
 
     Attributes
     ----------
     Phi : ndarray, shape (n_f, n_f)
         The monodromy matrix, y(T) = Phi @ y(0); its eigenvalues are the multipliers.
     error : float
-        Estimate of its error in the spectral norm: the difference of two tolerances, what left
+        Estimate of its error in the spectral norm: the difference of two tolerances, the part outside
         the basis, and rounding.
     period : float (s)
     n_xi : int
@@ -69,13 +69,13 @@ class Monodromy:
     advance : ndarray, shape (n_q,)
         q(T) − q(0): whole turns, or a shift on which nothing depends.
     drift : float
-        How far the motion left the constraints, relative to the sizes in the scene.
+        Largest violation of the constraints, relative to the sizes in the scene.
     mismatch : float
-        How different speeds and coefficients are after the period, relative to their largest values.
+        Difference of speeds and coefficients after the period, relative to their largest values.
     times, path : ndarray, shape (n_t,) and (n_t, 2, n_q)
         The motion at the steps of the integration (s): coordinates and speeds.
     evaluations : int
-        How often the equations of motion were formed.
+        Number of evaluations of the equations of motion.
     """
 
     Phi: Array
@@ -107,7 +107,7 @@ def monodromy(
     period : float
         The period T (s), or any multiple of it.
     progress : callable, optional
-        Is called with the part of the work that is done, from 0 to 1.
+        Called with the fraction of the work that is done, from 0 to 1.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def _norm(matrix: Array) -> float:
 
 
 class _Flow:
-    """The motion and its neighbours, in units of their own.
+    """The motion and its neighbours in scaled units.
 
     A state has the shape (2, n_q, 1 + n_f): positions, and speeds times the period; first the motion, relative to the
     sizes in the scene, then its neighbours in the scaled coordinates of `Subspaces`. So everything is of order 1.
@@ -198,7 +198,7 @@ class _Flow:
         return slope
 
     def components(self, x: Array) -> tuple[Array, float]:
-        """Return the neighbours in the basis, and how much of them lies outside of it."""
+        """Return the neighbours in the basis, and the size of their part outside of it."""
         y = self.dual[0] @ x[0, :, 1:] + self.dual[1] @ x[1, :, 1:]
         rest = x[:, :, 1:] - self.basis @ y
         return y, _norm(np.vstack([rest[0], rest[1]]))
@@ -235,8 +235,8 @@ class _Instant:
         self.follow = -self._inverse @ (V_q * rows * period)
 
     def _split(self, rank: int, least: float) -> None:
-        # The rank is that at the start: near the constraints, where an integrator looks too, redundant rows are
-        # independent by a little.
+        # The rank is that at the start: off the constraints, where an integrator evaluates too, redundant rows are
+        # slightly independent.
         self._inverse, self._allowed = np.zeros(self.J.T.shape), np.eye(len(self.M))
         self.singular = np.inf
         if rank:
@@ -252,7 +252,7 @@ class _Instant:
         self._mass = self._allowed.T @ self.M @ self._allowed
 
     def balance(self, force: Array, bias: Array) -> tuple[Array, Array]:
-        """Return x and the least ν with M x + Jᵀ ν = force and J x = −bias; arguments may have columns."""
+        """Return x and the minimum-norm ν with M x + Jᵀ ν = force and J x = −bias; arguments may have columns."""
         x: Array = -self._inverse @ bias
         if self._mass.size:
             x = x + self._allowed @ np.linalg.solve(self._mass, self._allowed.T @ (force - self.M @ x))
@@ -262,7 +262,7 @@ class _Instant:
 def _integrate(
     flow: _Flow, tolerance: float, longest: float, progress: Callable[[float], object]
 ) -> tuple[Array, Array, int]:
-    """Return all steps through a period, as parts of it, the states there, and the number of evaluations."""
+    """Return all steps through a period, as fractions of it, the states there, and the number of evaluations."""
     from scipy.integrate import solve_ivp
 
     done, evaluations = 0.0, 0
@@ -313,7 +313,7 @@ def _part(progress: Callable[[float], object] | None, number: int, count: int) -
 
 
 def _drift(flow: _Flow, x: Array) -> float:
-    """Return the largest residual of a row, relative to what a large change of the coordinates makes of it."""
+    """Return the largest residual of a row, relative to its change by the characteristic sizes of the coordinates."""
     state = flow.at(x[:, :, 0], 1.0).state
     sizes = np.abs(state.J) @ flow.sizes
     residuals = np.abs(state.V) * flow.period
@@ -325,7 +325,7 @@ def _drift(flow: _Flow, x: Array) -> float:
 
 
 def _check_periodic(flow: _Flow, end: Array, fastest: float, rounding: float) -> float:
-    """Return how different a motion is after the period, and refuse it if that is more than rounding.
+    """Return the difference of a motion after the period, and refuse it if it is more than rounding.
 
     Speeds, accelerations and the deflated coefficients are compared, not coordinates: these may have advanced by whole
     turns, or by a shift on which nothing depends.

@@ -1,4 +1,4 @@
-"""Which eigenvalues belong together: equal ones, near ones, and those whose vectors are nearly dependent."""
+"""Groups of eigenvalues: equal ones, close ones, and those whose vectors are nearly dependent."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def row_scaled_inverse(W: Complex) -> Complex:
 
 
 def partners(values: Complex) -> list[int]:
-    """Return for each eigenvalue the number of its mirror image, itself if it is real."""
+    """Return for each eigenvalue the number of its conjugate, its own number if it is real."""
     partner = list(range(len(values)))
     open_ = [i for i in range(len(values)) if values[i].imag < 0.0]
     for i in np.flatnonzero(values.imag > 0.0).tolist():
@@ -65,9 +65,9 @@ def coupled(E: Array, gap: Array) -> npt.NDArray[np.bool_]:
 
 
 def below(matrices: Array, limit: float) -> bool:
-    """Whether the spectral radii of matrices without negative entries, shape (m, n, n), are below a limit.
+    """Return whether the spectral radii of nonnegative matrices, shape (m, n, n), are below a limit.
 
-    With any x > 0 a radius lies between the least and the largest of (P x)_i / x_i (Collatz 1942).
+    For any x > 0, a radius lies between the smallest and the largest of (P x)_i / x_i (Collatz 1942).
     """
     x = np.ones((*matrices.shape[:2], 1))
     for _ in range(TOLERANCES.radius_powers):
@@ -77,13 +77,13 @@ def below(matrices: Array, limit: float) -> bool:
             return False
         if np.all(np.max(ratio, axis=1) < limit):
             return True
-        # A little of x keeps y positive where the matrix has zeros.
+        # A small multiple of x keeps y positive where the matrix has zeros.
         x = y / np.max(y, axis=1, keepdims=True) + EPS * x
     return bool(np.max(np.abs(np.linalg.eigvals(matrices))) < limit)
 
 
 def united(groups: list[Group], pairs: list[tuple[int, int]], mirror: list[int]) -> list[Group]:
-    """Return larger groups: pairs of groups are joined, and so are their mirror images."""
+    """Return larger groups: pairs of groups are joined, and so are their conjugates."""
     parent = list(range(len(groups)))
 
     def root(g: int) -> int:

@@ -49,7 +49,7 @@ class Linearization:
     Attributes
     ----------
     system : System
-        Whose equations they are.
+        The system whose equations they are.
     M, R, K : ndarray, shape (n_q, n_q)
         ∂F/∂a, ∂F/∂u, ∂F/∂q; K contains the multiplier terms ∂(Jᵀν)/∂q.
     J : ndarray, shape (n_c, n_q)
@@ -64,11 +64,11 @@ class Linearization:
     variation : float
         Relative change of the coefficients along the motion; 0 for a reference at rest.
     generator : Generator or None
-        The symmetry in whose frame the equations are written; None: in the coordinates of the file.
+        The symmetry that defines the frame of the equations; None: the coordinates of the file.
     frozen : bool
-        Whether frozen-time coefficients were asked for.
+        Whether frozen-time coefficients were requested.
     kept : dict
-        What several modules need of it and is worked out once, by name; the module that works it out reads and
+        Results for several modules that are computed once, by name; the module that computes one reads and
         writes it.
     """
 
@@ -89,7 +89,7 @@ class Linearization:
 
     @property
     def constant(self) -> bool:
-        """Whether the coefficients stay what they are along the motion."""
+        """Whether the coefficients are constant along the motion."""
         return self.variation <= REFERENCE.variation_along_motion
 
     @property
@@ -104,12 +104,12 @@ class Linearization:
 
     @cached_property
     def entries(self) -> Matrices:
-        """Sizes of the terms entry by entry, at the multipliers there are: what is zero stays it."""
+        """Sizes of the terms entry by entry, with the actual multipliers: zeros stay zero."""
         motion = self.motion
         return _entries(self.system, motion, self.generator, np.abs(motion.nu))
 
     def beside(self, change: Array) -> Matrices:
-        """Return M, R, K, J and D_q where the coordinates are a little different, and what balances there."""
+        """Return M, R, K, J and D_q after a small change of the coordinates, with multipliers that balance there."""
         return _beside(self.system, self.motion, self.generator, change)
 
     def composite(self) -> tuple[Array, Array, Array]:
@@ -170,20 +170,20 @@ class StateSpace:
 
 
 def linearize(system: System, motion: Motion, frozen: bool = False) -> Linearization:
-    """Return the linearized equations about a reference motion, and how constant they are along it.
+    """Return the linearized equations about a reference motion, and their variation along it.
 
-    The equations are written in the frame that goes along with the motion; of the symmetries
-    that the motion may follow, the first in whose frame the coefficients are constant is taken.
+    The equations are written in the co-moving frame; of the symmetries
+    that the motion may follow, the first one with constant coefficients is taken.
 
     Parameters
     ----------
     frozen : bool
-        Take the coefficients in the coordinates of the file as they are at the reference time.
+        Use the coefficients at the reference time, in the coordinates of the file.
 
     Raises
     ------
     ModelFileError
-        If the file declares a steady motion that the scene has no symmetry for; names what breaks it.
+        If the file declares a steady motion whose symmetry the scene does not have; names what breaks it.
     """
     variation, generator, matrices = coefficients(system, motion, frozen)
     return Linearization(
@@ -194,14 +194,14 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
 def _terms(system: System, motion: Motion, generator: Generator | None) -> Matrices:
     """Return the sizes of the terms of which the coefficients are sums, the same for all directions of a body."""
     state, spaces = motion.dynamics, motion.spaces
-    # Multipliers bear the rounding of all the forces that they balance, and of the coordinates these depend on.
+    # Multipliers contain the rounding of all the forces that they balance, and of the coordinates of these.
     loads = system.terms(motion.q, motion.u, motion.a, motion.nu, motion.time)
     inverse = spaces.inverse(scaled(state.J, spaces.scale, spaces.row_scale))
     balanced = loads["F"] + loads["M"] @ np.abs(motion.a) + loads["J"].T @ np.abs(motion.nu)
     balanced = balanced + loads["K"] @ motion.sizes + loads["R"] @ np.abs(motion.u)
     nu = np.abs(motion.nu) + sizes_times(inverse.T, balanced * spaces.scale) * spaces.row_scale
     M, R, K, J, D_q = _entries(system, motion, generator, nu)
-    # Turned axes mix the directions of a body: none of them is known better than the others.
+    # Rotated axes mix the directions of a body: none of them is known better than the others.
     kinds = [(name.partition(".")[0], is_length(name)) for name in system.names]
     first = [i for i, kind in enumerate(kinds) if i == 0 or kind != kinds[i - 1]]
     counts = np.diff([*first, len(kinds)])
@@ -221,7 +221,7 @@ def _entries(system: System, motion: Motion, generator: Generator | None, nu: Ar
 
 
 def _beside(system: System, motion: Motion, generator: Generator | None, change: Array) -> Matrices:
-    """Return the coefficients a little beside the motion, where other multipliers balance the forces."""
+    """Return the coefficients near the motion, where other multipliers balance the forces."""
     q, u, a, spaces = motion.q + change, motion.u, motion.a, motion.spaces
     state = system.dynamics(q, u, motion.time)
     force = state.F0 + state.M @ a + state.J.T @ motion.nu

@@ -1,4 +1,4 @@
-"""The ways to the eigenvalues: one entry of `METHODS` is a method of the library, the command line and its help.
+"""The methods for eigenvalues: an entry of `METHODS` is a method of the library, the command line and its help.
 
 Nothing heavy is imported here, so that a help text can list them.
 """
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Method:
-    """What a method is, in words, and the function that does it.
+    """The description of a method, and its function.
 
     Attributes
     ----------
@@ -56,11 +56,11 @@ class Found:
     vectors : ndarray of complex, shape (n_q or more, k)
         The first n_q components of a column are Δq (m, rad).
     infinite, undefined : int
-        How many eigenvalues were infinite and how many pairs 0/0, besides.
+        Additional numbers of infinite eigenvalues and of pairs 0/0.
     extra : int
-        How many eigenvalues of constraint drift it found besides.
+        Additional number of eigenvalues of constraint drift.
     extra_error : float (1/s)
-        How far the worst of these came out from where it belongs.
+        Largest distance of one of these from its exact value.
     """
 
     values: Complex

@@ -1,12 +1,12 @@
 """Stability by energy: a function that never increases, and its second variation at the reference.
 
-In the frame of the motion, with disturbances z, the second variation of E − p_X is
+In the co-moving frame, with disturbances z, the second variation of E − p_X is
 H = żᵀM ż + zᵀK z (M and K of `mbstab.analysis.linear.linearize`). Where it is definite the motion is
 stable, up to the symmetries, at the given momenta (Lagrange and Dirichlet at rest; Routh 1877;
-Simo, Lewis, Marsden 1991; Patrick 1992; Ortega and Ratiu 1999 for all nearby momenta): eigenvalues
-on the imaginary axis cannot decide that. Where a turn leaves the reference as it is (a top that
-stands upright turns about the vertical and about its own axis alike) a multiple of its momentum may
-be added: the frame of the motion is not unique.
+Simo, Lewis, Marsden 1991; Patrick 1992; Ortega and Ratiu 1999 for all nearby momenta); eigenvalues
+on the imaginary axis cannot decide this. Where a rotation does not move the reference (a top that
+stands upright turns about the vertical and about its own axis alike), a multiple of its momentum may
+be added: the co-moving frame is not unique.
 
 Stability that needs such a multiple, or a maximum, is gyroscopic: damping destroys it (Thomson and
 Tait 1879; Chetaev 1961; Zajac 1964). Modes with energy of opposite sign may destroy it in resonance
@@ -39,7 +39,7 @@ RATIOS = ((1, 1), (1, 2), (1, 3))
 
 
 class SecondVariation:
-    """The second variation of the energy in the frame of the motion.
+    """The second variation of the energy in the co-moving frame.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class SecondVariation:
 
     @cached_property
     def known_to(self) -> Array:
-        """How large rounding may be in each entry of H, shape (n, n)."""
+        """Bound of the rounding error of each entry of H, shape (n, n)."""
         terms, spaces = self.linear.terms, self.linear.motion.spaces
         N = np.abs(spaces.scale[:, None] * spaces.N)
         n, rates = N.shape[1], np.abs(self.rates)
@@ -88,7 +88,7 @@ class SecondVariation:
         size[:n, :n] += 0.5 * (stiffness + stiffness.T)
         result: Array = TOLERANCES.roundings_of_variation * EPS * size
         if self.linear.system.scene.model.reference.find is not None:
-            # What was solved for is known the worse the flatter the energy is.
+            # Coordinates that were solved for are the less accurate the flatter the energy is.
             known = roundings(self.linear)
             result[:n, :n] += N.T @ known.errors.K @ N
             basis = spaces.scale[:, None] * spaces.N
@@ -104,7 +104,7 @@ class SecondVariation:
             return False
         if not self._splits():
             return False
-        # Rows on speeds must not have to push across the motions that they forbid.
+        # Rows on speeds must not need reactions along the motions that they forbid.
         spaces = motion.spaces
         across = spaces.N.T @ (spaces.scale * (linear.J[linear.n_h :].T @ motion.nu[linear.n_h :]))
         load = motion.dynamics.F0 + motion.dynamics.M @ motion.a
@@ -112,7 +112,7 @@ class SecondVariation:
         return bool(np.max(np.abs(across), initial=0.0) <= TOLERANCES.force_across_rows * forces)
 
     def _splits(self) -> bool:
-        """Whether translations that a turning frame carries around split off, as a common speed changes nothing."""
+        """Whether translations that rotate with the frame decouple, because a common speed changes nothing."""
         generator, invariance = self.linear.generator, self.structure.invariance
         if generator is None or not generator.turns:
             return True
@@ -125,7 +125,7 @@ class SecondVariation:
 
     @cached_property
     def basis(self) -> Array:
-        """Disturbances at the given momenta, apart from symmetries, as orthonormal columns."""
+        """Disturbances at the given momenta, modulo symmetries, as orthonormal columns."""
         structure, n = self.structure, len(self.separated.S)
         invariance = structure.invariance
         columns = [structure.column(x.direction, x.rate) for x in invariance.symmetries]
@@ -133,7 +133,7 @@ class SecondVariation:
         if self.moving:
             rows = [structure.differential(x.direction, x.rate) for x in invariance.momenta]
         else:
-            # Rests that no symmetry leads to are not left out: along them the energy holds nothing.
+            # Neighbouring rests without a symmetry are kept: along them the energy has no minimum.
             m = structure.space.n_xi
             columns = [np.concatenate([x[:m], np.zeros(n - m)]) for x in columns]
         kernel = _null(rows, n)
@@ -141,7 +141,7 @@ class SecondVariation:
             return kernel
         inside = kernel.T @ np.array([x / (np.linalg.norm(x) or 1.0) for x in columns]).T
         outside = np.array(columns).T / [np.linalg.norm(x) or 1.0 for x in columns] - kernel @ inside
-        # Symmetries that stay at the given momenta.
+        # Symmetries that do not change the given momenta.
         _, s, right = np.linalg.svd(outside)
         along = inside @ right[int(np.sum(s > TOLERANCES.independent_direction)) :].T
         left, s, _ = np.linalg.svd(along)
@@ -149,7 +149,7 @@ class SecondVariation:
         return result
 
     def definite(self) -> int:
-        """Return 1 if H is positive definite, −1 if negative definite, 0 if neither, each beyond rounding."""
+        """Return 1 if H is positive definite, −1 if negative definite, both beyond rounding, and 0 otherwise."""
         if self.linear.system.sparse:
             return self._definite_in_large()
         W = self.basis
@@ -158,7 +158,7 @@ class SecondVariation:
         return sign_of(W.T @ self.H @ W, np.abs(W).T @ self.known_to @ np.abs(W))
 
     def _definite_in_large(self) -> int:
-        """Return the same at rest and without rows on speeds: positions and speeds by themselves."""
+        """Return the same at rest and without rows on speeds, where positions and speeds decouple."""
         linear, space, spaces = self.linear, self.structure.space, self.linear.motion.spaces
         n, symmetries = space.n_xi, self.structure.invariance.symmetries
         columns = [self.structure.column(x.direction, x.rate)[:n] for x in symmetries]
@@ -180,7 +180,7 @@ class SecondVariation:
     # --- what it says -------------------------------------------------------------------------------------------------
 
     def minimum(self) -> Minimum | None:
-        """Return what the energy says, or None if it says nothing."""
+        """Return the result of the energy criterion, or None if it decides nothing."""
         if not self.applies:
             return None
         turning = self.linear.generator is not None and self.linear.generator.turns
@@ -197,7 +197,7 @@ class SecondVariation:
         return None
 
     def _with_a_multiple(self) -> bool:
-        """Whether H is definite in another frame in which the reference stands still as well."""
+        """Return whether H is definite in another frame in which the reference is at rest too."""
         for step in self._idle_turns():
             reach = 4.0 * float(np.max(np.abs(self.linear.motion.u[self._angles()]), initial=0.0))
             if reach == 0.0:
@@ -217,7 +217,7 @@ class SecondVariation:
         return np.array([not is_length(name) for name in self.linear.names])
 
     def _idle_turns(self) -> list[Generator]:
-        """Return turns that leave the reference as it is: of the ground, with spins that undo them."""
+        """Return rotations of the ground that do not move the reference, with spins that compensate them."""
         invariance, motion = self.structure.invariance, self.linear.motion
         spins = [field.direction for _, field in invariance.fields if isinstance(field, Shift)]
         found = []
@@ -232,7 +232,7 @@ class SecondVariation:
         return found
 
     def _least(self, step: Generator, rate: float) -> float:
-        """Return the least eigenvalue of H, scaled, in a frame that turns faster; negative if it is not definite."""
+        """Return the smallest eigenvalue of H, scaled, in a frame that turns faster; negative: not definite."""
         own = self.linear.generator
         spins = step.spins * rate if own is None else own.spins + step.spins * rate
         turn = rate
@@ -305,7 +305,7 @@ class SecondVariation:
 
 
 def _null(rows: list[Array], n: int) -> Array:
-    """Return an orthonormal basis of what rows of length n send to zero."""
+    """Return an orthonormal basis of the null space of rows of length n."""
     if not rows:
         return np.eye(n)
     matrix = np.array([x / (np.linalg.norm(x) or 1.0) for x in rows])
@@ -315,7 +315,7 @@ def _null(rows: list[Array], n: int) -> Array:
 
 
 def sign_of(h: Array, known_to: Array) -> int:
-    """Return the sign of a definite matrix that is known to some rounding, or 0."""
+    """Return the sign of a definite matrix with given rounding errors, or 0."""
     diagonal = np.diag(h)
     for sign in (1, -1):
         if np.all(sign * diagonal > np.diag(known_to)):
@@ -327,7 +327,7 @@ def sign_of(h: Array, known_to: Array) -> int:
 
 
 def signature(h: Array, known_to: Array) -> int:
-    """Return the same as `sign_of` for a large matrix; the rounding is bounded by one factor for all (Collatz 1942)."""
+    """Return the same as `sign_of` for a large matrix; the rounding is bounded by a single factor (Collatz 1942)."""
     if not len(h):
         return 1
     sign = 1 if h[0, 0] > 0.0 else -1

@@ -1,12 +1,12 @@
-"""A few eigenvalues of a scene of any size, and what may be said of all of them.
+"""A few eigenvalues of a scene of any size, and a verdict about all of them.
 
 Those nearest to a number, or the rightmost that are found along the imaginary axis, come from shift-invert iterations
-with bounds (`mbstab.analysis.linear.few`). How many lie right of the axis is counted without them
-(`mbstab.analysis.linear.census`), so that the verdict, by the one rule of `mbstab.analysis.linear.verdict`, does not
-hang on what was found. Without the count the answer is a part, and says so.
+with bounds (`mbstab.analysis.linear.few`). The number right of the axis is counted separately
+(`mbstab.analysis.linear.census`), so that the verdict, by the rule of `mbstab.analysis.linear.verdict`, does not
+depend on the eigenvalues found. Without the count the answer is partial, and says so.
 
-A scene that is given at rest keeps sparse matrices from the file to the answer; another one is linearized as for all
-eigenvalues, at their cost in memory.
+A scene given at rest is treated with sparse matrices from the file to the answer; others are linearized as for all
+eigenvalues, at the same cost in memory.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ METHOD = "shift-invert"
 
 @dataclass(frozen=True)
 class _Subject:
-    """What is asked about, from sparse matrices or from dense ones."""
+    """The equations that are judged, with sparse or dense matrices."""
 
     equations: SparseEquations
     resting: Resting | None
@@ -63,13 +63,13 @@ def modes(system: System, count: int, near: complex, rightmost: bool, force: boo
     ----------
     system : System
     count : int
-        How many; a conjugate pair is one.
+        Number of eigenvalues; a conjugate pair counts as one.
     near : complex (1/s)
-        Those nearest to it are looked for.
+        The eigenvalues nearest to it are computed.
     rightmost : bool
-        Look for those with the largest real parts instead.
+        Compute those with the largest real parts instead.
     force : bool
-        Use dense matrices of any size for what is not given at rest.
+        Use dense matrices of any size for references not given at rest.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def _rightmost(equations: SparseEquations, count: int, symmetric: bool, number: 
 
 
 def _union(parts: list[Few]) -> Few:
-    """Return what several searches found, each eigenvalue once."""
+    """Return the union of several searches, each eigenvalue once."""
     first, *others = parts
     for other in others:
         distance = np.abs(other.values[:, None] - first.values)
@@ -211,7 +211,7 @@ def _result(subject: _Subject, found: Few, number: Census, warnings: tuple[str, 
 def _disc(s: complex, radius: float, conservative: bool) -> Disc:
     """Return the disc of an eigenvalue with the side of the imaginary axis on which it lies."""
     if conservative and abs(s) > radius:
-        # Squares are real: what is not on one axis is on the other.
+        # Squares are real: an eigenvalue is on one of both axes.
         if abs(s.imag) > radius:
             return Disc(complex(0.0, s.imag), radius, 1, "axis", "the energy is conserved")
         s = complex(s.real, 0.0)
@@ -228,7 +228,7 @@ def _kind(disc: Disc) -> str:
 
 
 def _minimum(structure: Resting | None, number: Census) -> Minimum | None:
-    """Return what the energy says: positive stiffness on all motions that the constraints allow."""
+    """Return the result of the energy criterion: positive stiffness on all motions that the constraints allow."""
     if structure is None or not structure.stored or structure.why_not or not number.proven:
         return None
     return Minimum("the energy", number.right == 0 and not number.zeros, in_place=True)

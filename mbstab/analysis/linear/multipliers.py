@@ -1,9 +1,9 @@
-"""Discs that hold the multipliers of a periodic motion, single ones and clusters alike.
+"""Discs that contain the multipliers of a periodic motion, single ones and clusters alike.
 
-The monodromy matrix A is known to an error ε in the spectral norm. A point z is no eigenvalue of
-any matrix so near if the least singular value of z − A is larger than ε; on a circle of such points
+The monodromy matrix A is known to an error ε in the spectral norm. A point z is not an eigenvalue of
+any matrix within ε if the smallest singular value of z − A is larger than ε; on a circle of such points
 the number of eigenvalues inside is that of A (pseudospectra: Trefethen and Embree 2005, section
-2). Equal multipliers, with as many vectors or fewer, come into one disc.
+2). Equal multipliers, defective or not, share one disc.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mbstab.compiler.system import Array
 
 
 def enclosed(A: Array, error: float) -> tuple[Complex, list[Disc]]:
-    """Return the eigenvalues of a matrix that is known to an error in the spectral norm, and disjoint discs of them."""
+    """Return the eigenvalues of a matrix with a given error in the spectral norm, and disjoint discs around them."""
     n = len(A)
     if not n:
         return np.zeros(0, dtype=complex), []
@@ -41,7 +41,7 @@ def enclosed(A: Array, error: float) -> tuple[Complex, list[Disc]]:
 
 
 def _meeting(discs: list[Disc]) -> tuple[int, int] | None:
-    """Return two discs that meet; one without a radius meets the nearest one."""
+    """Return two discs that overlap; one without a radius overlaps the nearest one."""
     centres, radii = np.array([x.centre for x in discs]), np.array([x.radius for x in discs])
     apart = np.abs(centres[:, None] - centres)
     np.fill_diagonal(apart, np.inf)
@@ -53,7 +53,7 @@ def _meeting(discs: list[Disc]) -> tuple[int, int] | None:
 
 
 def _disc(A: Array, error: float, values: Complex, members: list[int]) -> Disc:
-    """Return a disc that holds a group of eigenvalues, those and no others; the radius is inf if none is found."""
+    """Return a disc that contains a group of eigenvalues and no others; the radius is inf if none is found."""
     inside, outside = values[members], np.delete(values, members)
     centre = complex(np.mean(inside))
     if all(np.any(inside == s.conjugate()) for s in inside):
@@ -91,9 +91,9 @@ def placed(discs: Sequence[Disc], period: float, mirrored: str) -> list[verdict.
         Of the multipliers, disjoint.
     period : float (s)
     mirrored : str
-        In words, what makes 1/μ̄ a multiplier if μ is one; empty: nothing does. Then a disc that
-        holds a single multiplier lies on the unit circle if no other disc meets its mirror image;
-        1 and −1 themselves, where multipliers leave the circle, are not taken for held there.
+        What makes 1/μ̄ a multiplier if μ is one, in words; empty: nothing does. If not empty, a disc that
+        contains a single multiplier lies on the unit circle if no other disc overlaps its mirror image;
+        1 and −1, where multipliers may leave the circle, do not count as held there.
     """
     found = []
     for i, disc in enumerate(discs):

@@ -1,13 +1,13 @@
-"""Which disturbances lead to other motions of the same kind, and what is left to judge.
+"""Disturbances that lead to other motions of the same kind, and the matrix left to judge.
 
 In the deflated system ẏ = S y, with y = [ξ; η] of `mbstab.analysis.linear.linearize`, two things are known
 by structure: directions T, S T ⊂ T, of verified symmetries and of families of motions, and
-differentials L, L S = 0, of functions that are the same along every motion (momenta, energy).
-If what S does on the rest, A = Bᵀ S B with B an orthonormal basis of {y ⟂ T, L y = 0}, is regular,
-then each value of those functions has exactly one motion near the reference that is of its kind
-(implicit function theorem), and L adds as many directions to the family as it has rows.
+differentials L, L S = 0, of functions that are constant along every motion (momenta, energy).
+If S restricted to the rest, A = Bᵀ S B with B an orthonormal basis of {y ⟂ T, L y = 0}, is regular,
+then for each value of those functions there is exactly one motion of the same kind near the reference
+(implicit function theorem), and each row of L adds a direction to the family.
 
-No eigenvalue is taken to be zero because it is small: what T and L do not explain stays in A.
+No eigenvalue is taken as zero because it is small: those that T and L do not explain stay in A.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class Separated:
-    """The balanced matrix S with what is known of it by structure.
+    """The balanced matrix S and its structure.
 
     Attributes
     ----------
@@ -43,14 +43,14 @@ class Separated:
     L : ndarray, shape (k, n)
         Orthonormal differentials of conserved functions, L T = 0.
     B : ndarray, shape (n, n − d − k)
-        Orthonormal basis of what is left.
+        Orthonormal basis of the rest.
     neutral : Neutral
     rates : tuple of float (1/s)
-        Ω of the frame in which the motion stands still, if it turns, and of the coordinates that spin in it.
+        Ω of the co-moving frame, if it rotates, and rates of the coordinates that spin in it.
     doubt : str
         A contradiction between the structure and the numbers; empty: there is none.
     speeds : int
-        How many of the directions of T are speeds at which what rests may move on along symmetries.
+        Number of directions of T that are speeds along symmetries, at which a scene at rest may move.
     """
 
     S: Array
@@ -64,14 +64,14 @@ class Separated:
 
     @cached_property
     def A(self) -> Array:
-        """What is left to judge, Bᵀ S B."""
+        """The matrix left to judge, Bᵀ S B."""
         if self.B.shape[0] == self.B.shape[1]:
             return self.S
         result: Array = self.B.T @ self.S @ self.B
         return result
 
     def frequencies(self) -> list[complex]:
-        """Return ±iΩ for each pair of neutral directions that the motion carries around; the others are zero."""
+        """Return ±iΩ for each pair of neutral directions that rotates with the motion; the others are zero."""
         if not self.rates or not self.T.shape[1]:
             return []
         values = np.linalg.eigvals(self.T.T @ self.S @ self.T).imag
@@ -83,14 +83,14 @@ class Separated:
 
 
 class Structure:
-    """What is known of a linearization by structure; each part is worked out when it is asked for.
+    """The structure of a linearization; each part is computed at first use.
 
     Parameters
     ----------
     linear : Linearization
     space : StateSpace
     gamma : float (1/s)
-        The rate in which speeds are counted.
+        The unit of speeds.
     invariance : Invariance
     """
 
@@ -99,12 +99,12 @@ class Structure:
 
     @cached_property
     def work(self) -> Work:
-        """What adds energy and what takes it."""
+        """The work of the elements."""
         return Work(self.invariance, self.linear.generator)
 
     @cached_property
     def _slope(self) -> Array:
-        """Ξ of the motion, of which there is one if it is steady."""
+        """Ξ of the motion, if it is steady."""
         assert self.linear.generator is not None
         return self.linear.generator.frame(self.linear.motion.q)[0]
 
@@ -128,7 +128,7 @@ class Structure:
         return np.concatenate([xi, eta / self.gamma])
 
     def _columns(self, pairs: list[tuple[Array, Array]]) -> list[Array]:
-        """Return disturbances one by one; those of a large scene are worked out together."""
+        """Return disturbances one by one; those of a large scene are computed together."""
         if not self.linear.system.sparse or not pairs:
             return [self.column(direction, rate) for direction, rate in pairs]
         return list(self.column(*(np.array(x).T for x in zip(*pairs, strict=True))).T)
@@ -136,8 +136,8 @@ class Structure:
     def differential(self, direction: Array, rate: Array) -> Array:
         """Return the differential of the momentum along a symmetry Y, or of the energy along the motion itself, as row.
 
-        Yᵀ times the linearized equations is the rate of it: (Yᵀ R − Y'ᵀ M) Δq + Yᵀ M Δu, with Y' the
-        rate at which the frame of the motion carries Y around.
+        Yᵀ times the linearized equations is its rate: (Yᵀ R − Y'ᵀ M) Δq + Yᵀ M Δu, with Y' the
+        rate of change of Y in the co-moving frame.
         """
         linear, space = self.linear, self.space
         spaces, n = linear.motion.spaces, self.space.n_xi
@@ -166,13 +166,13 @@ class Structure:
         family += named
         L, kept = self._conserved(T, S)
         family += kept
-        # Where conserved functions have other values, what moves on need not be steady.
+        # Where conserved functions have other values, the motion need not be steady.
         moving, slow = self._moving(T) if not len(L) else ([], [])
         family += slow
         T = orthonormal([*T.T, *moving], n) if moving else T
         d = T.shape[1]
         B = complement(np.hstack([T, L.T]))
-        # Where forces cancel in a critical state, S itself may be rounding.
+        # Where forces cancel in a critical state, S itself may be only rounding.
         size = max(spectral_norm(S), self.invariance.rate) if d + len(L) else 1.0
         doubt = ""
         worst = max(
@@ -201,7 +201,7 @@ class Structure:
         return orthonormal(self._columns([(item.direction, item.rate) for item in self.invariance.symmetries]), n)
 
     def _rest(self, S: Array, columns: list[Array]) -> tuple[list[Array], list[str]]:
-        """Return the positions at rest beside this one, where rows on the speeds leave a manifold of them.
+        """Return the directions of neighbouring rest positions, where rows on speeds leave a manifold of them.
 
         Where forces along all allowed motions have full rank as functions of the positions, rests
         form a manifold of the dimension of the independent nonholonomic rows (Neimark, Fufaev 1972).
@@ -223,9 +223,9 @@ class Structure:
         return found, ["position at rest"] if further > 0 else []
 
     def _moving(self, T: Array) -> tuple[list[Array], list[str]]:
-        """Return speeds along symmetries at which what rests here may move on steadily, apart from T.
+        """Return speeds along symmetries at which a scene at rest may move steadily, apart from T.
 
-        A wheel that stands may roll at any speed, although no momentum along it is conserved.
+        A wheel at rest may roll at any speed, although no momentum along it is conserved.
         """
         invariance, linear = self.invariance, self.linear
         items = invariance.symmetries
@@ -255,7 +255,7 @@ class Structure:
         return [columns @ x for x in c.T], names
 
     def _conserved(self, T: Array, S: Array) -> tuple[Array, list[str]]:
-        """Return independent differentials that vanish on T, and what their values tell apart."""
+        """Return independent differentials that vanish on T, and names of what their values distinguish."""
         motion, n = self.linear.motion, len(S)
         integrals = [item for item in self.invariance.integrals if self._commutes(item)]
         pairs = [(item.direction, item.rate) for item in integrals]
@@ -276,21 +276,21 @@ class Structure:
             _, s, right = np.linalg.svd((rows @ T).T)
             rank = int(np.sum(s > TOLERANCES.independent_direction))
             rows = right[rank:] @ rows
-            # Of functions that are the same the difference is rounding.
+            # The difference of equal functions is rounding.
             rows = rows[np.linalg.norm(rows, axis=1) > TOLERANCES.independent_direction]
         basis = orthonormal(list(rows), n)
-        # Each is called after the one that it contains most of and that is not taken yet.
+        # Each is named after its largest component whose name is not taken yet.
         names: list[str] = []
         left = [(name, x, np.linalg.norm(x) or 1.0) for name, x in candidates]
         for differential in basis.T:
             names.append(min((-abs(x @ differential) / length, name) for name, x, length in left)[1])
             left = [x for x in left if x[0] != names[-1]]
         if self.linear.system.sparse:
-            names.sort(key=[name for name, _ in candidates].index)  # of many equal ones any basis is as good
+            names.sort(key=[name for name, _ in candidates].index)  # for many equal ones any basis is as good
         return basis.T, names
 
     def _told_apart(self, rows: list[Array], T: Array, S: Array) -> list[str]:
-        """Return whether motions on which conserved functions differ end at another speed, or at another place."""
+        """Return whether motions with different conserved functions end at another speed or at another place."""
         n = self.space.n_xi
         if self.linear.system.sparse and not any(np.any(row[:n]) for row in rows):
             return ["speed"] * len(rows)  # functions of the speeds alone
@@ -303,7 +303,7 @@ class Structure:
         ]
 
     def _commutes(self, item: Symmetry) -> bool:
-        """Whether a symmetry stands still in the frame of the motion."""
+        """Return whether a symmetry is constant in the co-moving frame."""
         if self.linear.system.sparse and not np.any(item.rate):
             return True  # at rest
         y = self.column(item.direction, item.rate)
@@ -312,7 +312,7 @@ class Structure:
         return bool(np.linalg.norm(moving[n:]) <= 1e-9 * np.linalg.norm(y))
 
     def _driven_boost(self) -> bool:
-        """Whether everything may be given another speed along a shift, although forces act along it.
+        """Return whether everything may be given another speed along a shift, although forces act along it.
 
         Motions of such a family need not be steady where other conserved functions have other values.
         """
@@ -320,7 +320,7 @@ class Structure:
 
 
 def admissible(directions: Array, allowed: Array) -> Array:
-    """Return which combinations of directions the rows allow as speeds.
+    """Return the combinations of directions that the rows allow as speeds.
 
     Parameters
     ----------
@@ -340,7 +340,7 @@ def admissible(directions: Array, allowed: Array) -> Array:
 
 
 def _sparse(c: Array) -> list[Array]:
-    """Return the columns without what is rounding."""
+    """Return the columns with rounding errors set to zero."""
     return [np.where(np.abs(x) > TOLERANCES.independent_direction * np.max(np.abs(x)), x, 0.0) for x in c.T]
 
 
@@ -349,7 +349,7 @@ def _parts(c: Array, items: list[Symmetry]) -> tuple[tuple[float, Any], ...]:
 
 
 def unseparated(S: Array) -> Separated:
-    """Return a matrix of which nothing is known by structure."""
+    """Return a matrix without known structure."""
     n = len(S)
     return Separated(S, np.zeros((n, 0)), np.zeros((0, n)), np.eye(n), Neutral())
 
@@ -375,7 +375,7 @@ def orthonormal(columns: list[Array], n: int) -> Array:
 
 
 def complement(columns: Array) -> Array:
-    """Return an orthonormal basis of what is orthogonal to independent columns."""
+    """Return an orthonormal basis of the orthogonal complement of independent columns."""
     if not columns.shape[1]:
         return np.eye(len(columns))
     if len(columns) >= TOLERANCES.norm_by_powers_from:
@@ -385,7 +385,7 @@ def complement(columns: Array) -> Array:
 
 
 def spectral_norm(S: Array) -> float:
-    """Return |S|₂; of large matrices what some steps of the power method find, which is no more."""
+    """Return |S|₂; for large matrices a lower bound from some steps of the power method."""
     if len(S) < TOLERANCES.norm_by_powers_from:
         return float(np.linalg.norm(S, 2))
     x = np.random.default_rng(9).standard_normal(len(S))
@@ -395,7 +395,7 @@ def spectral_norm(S: Array) -> float:
 
 
 def drift_of(found: Separated) -> int:
-    """Return how disturbances along neutral directions grow: 0, or the power of t."""
+    """Return the power of t with which disturbances along neutral directions grow; 0: they do not grow."""
     S, T, L, B = found.S, found.T, found.L, found.B
     if not T.shape[1] + len(L):
         return 0

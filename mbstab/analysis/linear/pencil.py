@@ -20,7 +20,7 @@ from mbstab.errors import NumericalError
 def index3(linear: Linearization, gamma: float, known: Complex) -> Found:
     """Return the finite eigenvalues of the regular index-3 pencil; it is solved in the time unit 1/γ."""
     scale, rows = linear.motion.spaces.scale, linear.motion.spaces.row_scale
-    # Coordinates by mass, rows to unit length, speeds in units of γ: y = right · scaled y.
+    # Coordinates scaled by mass, rows to unit length, speeds in units of γ: y = right · scaled y.
     right = np.concatenate([scale, rows * gamma * gamma, scale * gamma])
     left = np.concatenate([1.0 / scale, scale, rows])
     return _finite(*linear.pencil(), left, right, linear, gamma)
@@ -48,8 +48,8 @@ def _finite(A: Array, E: Array, left: Array, right: Array, linear: Linearization
 def _qz(A: Array, E: Array) -> tuple[Complex, Complex, Complex]:
     """Return α, β and vectors of a pencil.
 
-    Among many infinite eigenvalues the iteration of LAPACK may not converge; turned bases, which
-    change no eigenvalue, lead it another way.
+    With many infinite eigenvalues the iteration of LAPACK may not converge; other bases, which
+    change no eigenvalue, give it another start.
 
     Raises
     ------

@@ -1,14 +1,14 @@
 """Stability of a periodic motion by its Floquet multipliers.
 
-Disturbances grow by the multipliers μ in a period T, like exp(s t) with the exponents
-s = log(μ)/T. What symmetries and conserved functions explain is separated before, by the same
+Disturbances are multiplied by μ in a period T, like exp(s t) with the exponents
+s = log(μ)/T. Multipliers that symmetries and conserved functions explain are separated first, by the same
 structure as for constant coefficients (`mbstab.analysis.linear.neutral`), which here must hold at all times:
-directions of symmetries, which Φ carries into each other, among them the shift in time (u, a) where
-nothing depends on the time; and differentials of momenta and of the energy, which Φ does not
-change. The multipliers of the rest are judged by the one rule of `mbstab.analysis.linear.verdict`.
+directions of symmetries, which Φ maps to each other, among them the shift in time (u, a) where
+nothing depends on time; and differentials of momenta and of the energy, which Φ does not
+change. The other multipliers are judged by the rule of `mbstab.analysis.linear.verdict`.
 
-Where all forces have potentials at every instant and rows act on positions only, Φ is symplectic:
-with μ also 1/μ̄ is a multiplier (Yakubovich and Starzhinskii 1975, chapter III).
+Where all forces have potentials at every instant and all rows are holonomic, Φ is symplectic:
+with μ, 1/μ̄ is a multiplier too (Yakubovich and Starzhinskii 1975, chapter III).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from mbstab.model.schema import is_length, unit_of
 from mbstab.records import dataclass
 
 INSTANTS = (0.0, 0.2360679775, 0.5278640450, 0.8196601125)
-"""Parts of the period at which structure must hold where something depends on the time."""
+"""Fractions of the period at which structure must hold where something depends on time."""
 
 
 def periodic_answer(
@@ -56,7 +56,7 @@ def periodic_answer(
     ----------
     period : float (s)
     progress : callable, optional
-        Is called with the part of the work that is done, from 0 to 1.
+        Called with the fraction of the work that is done, from 0 to 1.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def _listed(
 
 
 def _worded(judged: Verdict, discs: list[Disc], exponents: list[Exponent]) -> Verdict:
-    """Return a verdict in the words for periodic motions."""
+    """Return a verdict worded for periodic motions."""
     growing = [(e.centre.real, d, e) for d, e in zip(discs, exponents, strict=True) if e.side == "right"]
     if judged.word == UNSTABLE and growing:
         _, disc, exponent = max(growing, key=lambda x: x[0])
@@ -129,7 +129,7 @@ def _worded(judged: Verdict, discs: list[Disc], exponents: list[Exponent]) -> Ve
 
 @dataclass(frozen=True)
 class _Conserved:
-    """A function that is the same along every motion: what its value tells apart, and its differential."""
+    """A conserved function: the name of what its value distinguishes, and its differential."""
 
     name: str
     dq: Array
@@ -137,13 +137,13 @@ class _Conserved:
 
 
 class Cycle:
-    """What is known of a periodic motion by structure; each part is worked out when it is asked for.
+    """The structure of a periodic motion; each part is computed at first use.
 
     Parameters
     ----------
     system : System
     motion : Motion
-        At the start of the period.
+        The motion at the start of the period.
     flow : Monodromy
     """
 
@@ -154,7 +154,7 @@ class Cycle:
 
     @cached_property
     def invariances(self) -> list[Invariance]:
-        """The structure at the start, and at other instants where something depends on the time."""
+        """The structure at the start, and at other instants where something depends on time."""
         found = [Invariance(self.system, self.motion)]
         for part in INSTANTS[1:] if not self.constant else ():
             i = int(np.argmin(np.abs(self.flow.times - self.motion.time - part * self.flow.period)))
@@ -185,7 +185,7 @@ class Cycle:
         return f"after the period the motion is elsewhere ({there}), and what acts there is not known to be the same"
 
     def _carried(self, invariance: Invariance, advance: Array) -> bool:
-        """Whether all elements and rows do the same some periods later, moved on by a shift each time."""
+        """Return whether all elements and rows are the same some periods later, after a shift in each period."""
         one, now = np.eye(len(advance)), invariance.motion.time
         if not invariance.states:
             return False
@@ -201,7 +201,7 @@ class Cycle:
         return True
 
     def kink(self, order: int) -> str:
-        """Return why the equations are not known to have so many continuous derivatives along the motion."""
+        """Return why the equations are not known to have `order` continuous derivatives along the motion."""
         q, u = np.moveaxis(self.flow.path, 1, 0)
         return kinks(self.system, q, u, self.flow.times, order, along=True)
 
@@ -215,7 +215,7 @@ class Cycle:
 
     @cached_property
     def mirrored(self) -> str:
-        """What makes the multipliers symmetric to the unit circle, in words; empty: nothing."""
+        """What makes the multipliers symmetric about the unit circle, in words; empty: nothing."""
         if self.system.n_n or not self.potentials:
             return ""
         return "the energy is conserved" if self.constant else "all forces have potentials at every instant"
@@ -228,7 +228,7 @@ class Cycle:
 
     @cached_property
     def boosts(self) -> list[Symmetry]:
-        """Shifts among the symmetries that the speeds may be given as well, at all times."""
+        """Shifts among the symmetries that may also be added to the speeds, at all times."""
         first, *others = self.invariances
         kept = {id(item.of) for item in self.symmetries}
         return [
@@ -239,14 +239,14 @@ class Cycle:
         ]
 
     def minimum(self) -> Minimum | None:
-        """Return what the energy says about a motion that is rest: every period will do."""
+        """Return the result of the energy criterion for a motion at rest, which has every period."""
         if not self.constant or self.moving:
             return None
         grounds = Grounds(linearize(self.system, self.motion))
         return None if grounds.time or grounds.kink(2) else grounds.minimum()
 
     def _conserved(self) -> list[_Conserved]:
-        """Return the functions that are the same along every motion, with their differentials at the start."""
+        """Return the functions that are constant along every motion, with their differentials at the start."""
         system, motion = self.system, self.motion
         if any(not x.conserves(item.of) for item in self.boosts for x in self.invariances):
             return []
@@ -278,7 +278,7 @@ class Cycle:
         family = [f"speed along {item.name.removeprefix('translation along ')}" for item in self.boosts]
         T = orthonormal(columns, n)
         if self.constant and self.moving and n:
-            # Later on the same motion.
+            # A later state of the same motion.
             wider = orthonormal([*columns, flow.to_components @ np.concatenate([motion.u, motion.a])], n)
             names += ["the motion itself"] if wider.shape[1] > T.shape[1] else []
             T = wider
@@ -286,14 +286,14 @@ class Cycle:
         change = flow.Phi - np.eye(n)
         found = Separated(change, T, L, complement(np.hstack([T, L.T])), Neutral())
         count = T.shape[1] + len(L)
-        # What is rounding drives nothing.
+        # Rounding errors do not drive anything.
         steady = np.where(np.abs(change) > TOLERANCES.mismatch_factor * flow.error, change, 0.0)
         drift = min(drift_of(replace(found, S=steady)), 2)
         neutral = Neutral(tuple(names), (*family, *kept), count, drift, "numerical" if count else "structural")
         return replace(found, neutral=neutral, doubt=self._misfit(found, names))
 
     def _differentials(self, T: Array) -> tuple[Array, list[str]]:
-        """Return independent differentials that vanish on T, as orthonormal rows, and what their values tell apart."""
+        """Return independent differentials that vanish on T, as orthonormal rows, and what their values distinguish."""
         flow, candidates = self.flow, self._conserved()
         n = len(T)
         rows = np.array([x.dq @ flow.to_coordinates + x.du @ flow.to_rates for x in candidates]).reshape(-1, n)
@@ -330,7 +330,7 @@ class Cycle:
         )
 
     def multipliers(self) -> list[complex]:
-        """Return the multipliers of the neutral directions: 1, or on the unit circle where a turn is not whole."""
+        """Return the multipliers of the neutral directions: 1, or on the unit circle where a turn is incomplete."""
         found = self.separated
         values = np.linalg.eigvals(found.T.T @ found.S @ found.T) + 1.0 if found.T.shape[1] else np.zeros(0)
         turned = [

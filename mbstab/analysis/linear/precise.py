@@ -1,12 +1,12 @@
 """Eigenvalues with any number of digits: the same kernels and the same deflation on mpmath numbers.
 
-Parameters are the decimals of the file and the command line. Double precision says where the
-reference motion is, which rows are independent and in which frame the motion stands still;
-every number is then polished until its residual vanishes to the working digits, which also
-verifies the ranks: a null space that cannot be polished is none. Everything is done twice,
-with different working digits. What differs is the error bound, and if it reaches into the
-digits that are asked for, both are repeated with more: an eigenvalue in a chain of length m
-keeps one digit in m only.
+Parameters are the decimals of the file and the command line. Double precision tells where the
+reference motion is, which rows are independent and in which frame the motion is at rest;
+every number is then refined until its residual vanishes to the working digits, which also
+verifies the ranks: a null space that cannot be refined does not exist. Everything is done twice,
+with different working digits. The difference is the error bound, and if it affects the
+requested digits, both are repeated with more: an eigenvalue in a chain of length m
+keeps only one digit in m.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ class PreciseEigenvalue:
     Attributes
     ----------
     value : mpc (1/s)
-        With the working digits.
+        The value with the working digits.
     kind : str
         As in `mbstab.analysis.linear.results.Eigenvalue`.
     error_bound : mpf (1/s)
-        How much it changed between computations with different numbers of digits.
+        Its change between computations with different numbers of digits.
     real, imag : str
-        Decimals, every digit right; ``0`` for what is smaller than the error bound.
+        Decimals, every digit correct; ``0`` for a part smaller than the error bound.
     bound : str
         The error bound as text.
     """
@@ -73,7 +73,7 @@ class PreciseResult(Judged):
     Attributes
     ----------
     eigenvalues : list of PreciseEigenvalue
-        Sorted by decreasing real part, without the neutral ones; zeros that nothing explains are among them.
+        Sorted by decreasing real part, without the neutral ones but with unexplained zeros.
     neutral : int
         Number of neutral eigenvalues: zeros and pairs ±iω that symmetries, families of motions or a minimum of the
         energy explain.
@@ -83,13 +83,13 @@ class PreciseResult(Judged):
         As in `mbstab.analysis.linear.results.EigenResult`.
     counts : Counts
     kept, dropped : str
-        The smallest pivot that counted and the largest that counted as zero, relative to their matrix.
+        The smallest nonzero pivot and the largest that counted as zero, relative to their matrix.
     digits, working_digits : int
-        Digits that are right, and digits of the arithmetic.
+        Correct digits, and digits of the arithmetic.
     seconds : float
     warnings : tuple of str
     frame : str
-        Where the equations stand still, in words; empty: in the coordinates of the file.
+        The frame in which the equations are constant, in words; empty: the coordinates of the file.
     frozen : bool
         Whether these are frozen-time eigenvalues, which say nothing about stability.
     plain : EigenResult
@@ -118,7 +118,7 @@ class PreciseResult(Judged):
 
     @property
     def method(self) -> str:
-        """Return the method that the equations are deflated by."""
+        """Return the method of deflation."""
         return DEFAULT
 
     @property
@@ -127,7 +127,7 @@ class PreciseResult(Judged):
         return None
 
     def values(self) -> list[Any]:
-        """Return the eigenvalues that are not neutral, as mpmath numbers (1/s); also zeros that nothing explains."""
+        """Return the eigenvalues that are not neutral, including unexplained zeros, as mpmath numbers (1/s)."""
         return [e.value for e in self.eigenvalues]
 
 
@@ -137,7 +137,7 @@ def precise_eigenvalues(
     frozen: bool = False,
     progress: Callable[[float], object] = lambda done: None,
 ) -> PreciseResult:
-    """Return the eigenvalues of a model with a given number of right digits.
+    """Return the eigenvalues of a model with a given number of correct digits.
 
     Parameters
     ----------
@@ -146,14 +146,14 @@ def precise_eigenvalues(
     frozen : bool
         As in `mbstab.analysis.linear.eigenvalues.answer`.
     progress : callable
-        Is called with the part of the work that is done, from 0 to 1.
+        Called with the fraction of the work that is done, from 0 to 1.
 
     Raises
     ------
     UsageError
         If the number of digits is out of range, or the file describes a periodic motion.
     ConstraintError
-        If the constraints have another rank with these digits than in double precision.
+        If the rank of the constraints with these digits differs from that in double precision.
     NumericalError
         If the digits cannot be reached.
     MbstabError
@@ -189,14 +189,14 @@ def precise_eigenvalues(
 
 
 def _decided(rough: _Spectrum, fine: _Spectrum) -> bool:
-    """Whether it is known what is zero: the same with more digits, and smaller as they are more."""
+    """Return whether zeros are decided: the same ones with more digits, and smaller accordingly."""
     one, other = rough.deflation, fine.deflation
     shrunk = one.dropped == 0 or other.dropped <= one.dropped * mp.mpf(10) ** (-TOLERANCES.digits_beyond / 2)
     return other.decided and other.sizes == one.sizes and bool(shrunk)
 
 
 def _until_shown(deflation: more.Deflation) -> int:
-    """Return with how many working digits what was dropped would not be."""
+    """Return the number of working digits with which the dropped pivots would be kept."""
     return (
         int(-mp.log10(deflation.dropped) / ALGEBRA.pivot_digits_lost) + TOLERANCES.digits_beyond
         if deflation.dropped
@@ -205,18 +205,18 @@ def _until_shown(deflation: more.Deflation) -> int:
 
 
 def _enough(work: int, digits: int, lacking: int, chained: bool) -> int:
-    """Return how many working digits are tried next where some are lacking."""
+    """Return the number of working digits to try next where some are missing."""
     if not chained:
         return work + lacking + 3
-    # Of a chain of length m one digit in m is left.
+    # A chain of length m leaves one digit in m.
     reached = max(digits + TOLERANCES.digits_of_bound - lacking, work / 8)
     return int(work * (digits + TOLERANCES.digits_of_bound + TOLERANCES.digits_beyond / 2) / reached)
 
 
 def exact_zeros(model: Model, digits: int = 320) -> int:
-    """Return how many eigenvalues of a model are zero to many digits; −1 if that cannot be known.
+    """Return the number of eigenvalues of a model that are zero to many digits; −1 if it cannot be known.
 
-    Those that symmetries and families of motions explain are among them, and pairs ±iω that turn with the motion.
+    It includes those that symmetries and families of motions explain, and pairs ±iω that rotate with the motion.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def exact_zeros(model: Model, digits: int = 320) -> int:
 class _Spectrum:
     """Eigenvalues with some number of working digits.
 
-    `frequencies` are those of neutral pairs, of which double precision has `rough_frequencies`.
+    `frequencies` are those of neutral pairs, `rough_frequencies` the same in double precision.
     """
 
     work: int
@@ -267,7 +267,7 @@ def _spectrum(start: Start, work: int) -> _Spectrum:
 
 
 def _polished_spectrum(start: Start, work: int) -> _Spectrum:
-    """Return the eigenvalues of a model computed with `work` digits; `Stalled` where polishing ends before."""
+    """Return the eigenvalues of a model computed with `work` digits; raises `Stalled` if refinement ends earlier."""
     with mp.workdps(work):
         arithmetic = mpmath_arithmetic()
         system = System(evaluate(start.model, arithmetic=arithmetic))
@@ -292,7 +292,7 @@ def _state_matrix(start: Start, system: System, point: Point) -> Matrix:
     if point.generator is not None:
         Xi, Xi_2 = (exact(x) for x in point.generator.frame(point.q))
         R, K, D_q = in_frame(M, R, K, J[n_h:], D_q, Xi, Xi_2, more.MANY_DIGITS)
-    gamma = start.grounds.gamma  # speeds are counted in units of it
+    gamma = start.grounds.gamma  # the unit of speeds
     try:
         return _deflated(spaces, gamma, (M, R, K), J, D_q)
     except Stalled as stalled:
@@ -308,7 +308,7 @@ def _deflated(
     Raises
     ------
     Stalled
-        If the rows have another rank than in double precision.
+        If the rank of the rows differs from that in double precision.
     """
     scale, row_scale, n_h = spaces.scale, spaces.row_scale, len(J) - len(D_q)
     M, R, K = (x * scale * scale[:, None] for x in matrices)
@@ -332,10 +332,10 @@ def _deflated(
 
 
 def rounded_eigenvalues(linear: Linearization, digits: int) -> list[Any] | None:
-    """Return what the eigenvalues are, as mpmath numbers, if the matrices in double precision are exact.
+    """Return the exact eigenvalues of the matrices in double precision, as mpmath numbers.
 
-    Zeros of the structure are not held at zero: rounding moves them. None if it destroys the rank
-    of redundant constraints, or the eigenvalues cannot be had.
+    Structural zeros are not kept at zero: rounding moves them. None if rounding destroys the rank
+    of redundant constraints, or if the eigenvalues cannot be computed.
     """
     with mp.workdps(digits):
         matrices = (exact(linear.M), exact(linear.R), exact(linear.K))
@@ -351,7 +351,7 @@ def rounded_eigenvalues(linear: Linearization, digits: int) -> list[Any] | None:
 
 
 def _bounds(rough: _Spectrum, fine: _Spectrum, work: int) -> list[Any]:
-    """Return how much each eigenvalue of `fine` differs from that of `rough`; a floor where they agree by chance."""
+    """Return the differences of the eigenvalues of `fine` and `rough`; a floor where they agree by chance."""
     n = len(fine.values)
     if len(rough.values) != n or n == 0:
         return [mp.inf] * n
@@ -362,13 +362,13 @@ def _bounds(rough: _Spectrum, fine: _Spectrum, work: int) -> list[Any]:
 
 
 def _lacking(fine: _Spectrum, bounds: list[Any], digits: int) -> tuple[int, bool]:
-    """Return how many digits are missing at most, and whether chains are the reason."""
+    """Return the largest number of missing digits, and whether chains are the reason."""
     worst, chained = 0, False
     for e, bound in zip(fine.values, bounds, strict=True):
         if not mp.isfinite(bound):
             return digits, e.chained
         parts = [abs(x) for x in (e.value.real, e.value.imag)]
-        # What is below the bound is shown as 0, which must not be all there is.
+        # A part below the bound is shown as 0, which must not happen to both parts.
         for size in {x if x > bound else abs(e.value) for x in parts}:
             digits_right = mp.log10(size / bound) if size > 0 else mp.mpf(-digits)
             lack = int(mp.ceil(digits + TOLERANCES.digits_of_bound - digits_right))
@@ -399,7 +399,7 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
     grounds.zeros = lambda: exact_zeros(start.model)
     verdict = judge(grounds.facts(discs, number, doubts))
     found = _listed(fine, bounds, digits, discs, members, verdict, grounds)
-    # Zeros along which a minimum of the energy has no slope are neutral, too.
+    # Zeros along which a minimum of the energy is flat are neutral, too.
     neutral += sum(e.kind == "neutral" for e in found)
     found = [e for e in found if e.kind != "neutral"]
     counts = Counts(
@@ -429,14 +429,14 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
 
 
 def _zeros(start: Start, fine: _Spectrum, digits: int) -> int:
-    """Return how many eigenvalues are zero, or pairs that turn with the motion; −1 if that is not known."""
+    """Return the number of zero eigenvalues and of pairs that rotate with the motion; −1 if it is not known."""
     deflation = fine.deflation
     known = deflation.decided and fine.excess[0] <= mp.mpf(10) ** (-digits - TOLERANCES.digits_of_bound)
     return sum(deflation.steps) + 2 * sum(deflation.pairs) if known else -1
 
 
 def _rounded_reference(start: Start, fine: _Spectrum, digits: int) -> bool:
-    """Whether the reference is known to fewer digits than those asked for."""
+    """Return whether the reference is known to fewer digits than requested."""
     searched = start.balance is not None and bool(start.loose)
     return searched or bool(fine.excess[0] > mp.mpf(10) ** (-digits - TOLERANCES.digits_of_bound))
 
@@ -446,8 +446,8 @@ def _placed(
 ) -> tuple[int, list[int], list[Disc], list[list[int]]]:
     """Return neutral zeros and pairs, and the discs of all other eigenvalues with the values in each.
 
-    Of the zeros and of the pairs that turn with the motion those are neutral that symmetries and
-    families explain; the others are left to judge.
+    Of the zeros and of the pairs that rotate with the motion, those are neutral that symmetries and
+    families explain; the others are judged.
     """
     deflation, plain = fine.deflation, start.plain
     frequencies = start.grounds.separated.frequencies()
@@ -456,7 +456,7 @@ def _placed(
     pairs = [min(n, known) for n, known in zip(deflation.pairs, turning, strict=True)]
     known_to = bounds
     if _rounded_reference(start, fine, digits):
-        # How far the eigenvalues of the motion that is meant are away is known in double precision only.
+        # The distance to the eigenvalues of the intended motion is known in double precision only.
         others = [(e.value, e.error_bound) for e in plain.eigenvalues if e.kind != "neutral"]
         known_to = [
             bound + min((abs(e.value - s) + known for s, known in others), default=mp.inf)
@@ -479,14 +479,14 @@ def _placed(
 
 
 def _clusters(values: list[Any], bounds: list[Any]) -> tuple[list[list[int]], list[Any], list[Any]]:
-    """Return which eigenvalues cannot be told apart, and disjoint discs that hold them: centres and radii."""
+    """Return groups of eigenvalues that cannot be separated, with disjoint discs: centres and radii."""
     groups = [[i] for i in range(len(values))]
 
     def disc(members: list[int]) -> tuple[Any, Any, Any]:
         centre = mp.fsum(values[i] for i in members) / len(members)
         spread = max(abs(values[i] - centre) for i in members)
         bound = max(bounds[i] for i in members)
-        # What is not told from its mirror image is real.
+        # An eigenvalue that cannot be separated from its conjugate is real.
         centre = mp.mpc(centre.real, centre.imag if abs(centre.imag) > spread + bound else 0)
         return centre, spread + bound, spread + TOLERANCES.separate_bounds * bound
 
@@ -507,7 +507,7 @@ def _clusters(values: list[Any], bounds: list[Any]) -> tuple[list[list[int]], li
 
 
 def _text(x: Any, digits: int) -> str:
-    """Return a number with its significant digits, without an exponent where that is not long."""
+    """Return a number with its significant digits, without an exponent where that is short enough."""
     return str(mp.nstr(x, digits, strip_zeros=False, min_fixed=-6, max_fixed=digits))
 
 
@@ -540,7 +540,7 @@ def _rounded(x: Any, digits: int) -> Any:
 
 
 def _differences(start: Start, found: list[PreciseEigenvalue], counts: Counts, verdict: str) -> list[str]:
-    """Return where double precision says something else."""
+    """Return the differences from the result in double precision, in words."""
     plain = start.plain
     texts = []
     if plain.verdict != UNDECIDED and plain.counts.neutral != counts.neutral:

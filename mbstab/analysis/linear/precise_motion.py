@@ -1,6 +1,6 @@
-"""The reference motion with any number of digits, started from double precision.
+"""The reference motion with any number of digits, starting from double precision.
 
-Given values are the decimals of the file. Double precision says which solution is meant;
+Given values are the decimals of the file. Double precision selects the solution;
 the residual of the same equations on mpmath numbers, corrected by the Jacobian in double
 precision, takes it to all digits.
 """
@@ -38,7 +38,7 @@ from mbstab.records import dataclass
 
 
 class Start:
-    """The answer in double precision, from which everything is polished.
+    """The answer in double precision, from which everything is refined.
 
     Parameters
     ----------
@@ -52,10 +52,10 @@ class Start:
     motion : Motion
     linear : Linearization
     grounds : Grounds
-        What is known by structure, whatever the digits.
+        The structure, which does not depend on the digits.
     plain : EigenResult
     balance, at : Balance and State, or None
-        The equations of an equilibrium or a steady motion that was looked for, and their solution.
+        The equations of an equilibrium or a steady motion that was solved for, and their solution.
 
     Raises
     ------
@@ -86,7 +86,7 @@ class Start:
     def loose(self) -> tuple[str, ...]:
         """Coordinates that neither the file nor the equations determine to all digits, unless nothing depends on them.
 
-        A search for an equilibrium does not sharpen critical positions, at which the equations have no slope.
+        Newton's method does not refine critical positions, at which the derivative of the equations is singular.
         """
         motion, names = self.motion, self.system.names
         if self.balance is not None and self.at is not None:
@@ -118,11 +118,11 @@ class Point:
     state : Dynamics
         Matrices of mpf and exact floats.
     generator : Generator or None
-        Of the turning frame in which the equations are written.
+        Generator of the rotating frame in which the equations are written.
     rates : tuple of mpf
         Rates of that frame and of the coordinates that spin in it, as in `mbstab.analysis.linear.neutral.Separated`.
     excess : tuple
-        The largest residual, relative to what balances, and what it is of.
+        The largest residual, relative to the terms that balance, and what it belongs to.
     """
 
     q: Matrix
@@ -141,7 +141,7 @@ def reference_point(start: Start, system: System) -> Point:
     Raises
     ------
     ConstraintError, EquilibriumError, NumericalError
-        If more digits do not sharpen what double precision has found.
+        If the solution in double precision cannot be refined with more digits.
     """
     motion, scene = start.motion, system.scene
     steady: Generator | None = None
@@ -186,7 +186,7 @@ def _family(system: System, family: Family) -> tuple[Family, dict[int, Any]]:
 
 
 def _balanced(balance: Balance, at: State, system: System) -> tuple[Matrix, Generator]:
-    """Return coordinates and generator of an equilibrium or a steady motion: the equations of `Balance`, polished."""
+    """Return coordinates and generator of an equilibrium or a steady motion, refined with `Balance`."""
     family, known = _family(system, balance.family)
     names, scene, sizes = system.names, system.scene, balance.sizes
     lengths = norms(at.J * sizes)
@@ -234,7 +234,7 @@ def _balanced(balance: Balance, at: State, system: System) -> tuple[Matrix, Gene
 
 
 def _assembled(start: Start, system: System) -> Matrix:
-    """Return the coordinates: given ones as they are, the others from the constraints."""
+    """Return the coordinates: given ones unchanged, the others from the constraints."""
     scene, motion, n_h = system.scene, start.motion, system.n_h
     q = exact(motion.q)
     missing = np.array([name not in scene.coordinates for name in system.names])
@@ -261,7 +261,7 @@ def _assembled(start: Start, system: System) -> Matrix:
 
 
 def _rates(start: Start, system: System, q: Matrix) -> Matrix:
-    """Return the rates: given ones as they are, the others from the constraints."""
+    """Return the rates: given ones unchanged, the others from the constraints."""
     scene, motion = system.scene, start.motion
     u = exact(motion.u)
     missing = np.array([name not in scene.rates for name in system.names])
@@ -349,7 +349,7 @@ def _detected(start: Start, system: System, q: Matrix, u: Matrix) -> Generator:
 
 
 def _axis(start: Start, system: System, q: Matrix, u: Matrix) -> Matrix:
-    """Return the axis of the turn of double precision with all digits: the vertical, x, y, z, or that of a spin."""
+    """Return the axis of rotation with all digits: the vertical, x, y, z, or that of a spin."""
     rough = start.linear.generator
     assert rough is not None
     gravity = exact(system.scene.gravity)
@@ -365,7 +365,7 @@ def _axis(start: Start, system: System, q: Matrix, u: Matrix) -> Matrix:
 
 
 def _accelerations(start: Start, state: Dynamics, known: Matrix | None) -> tuple[Matrix, Matrix, Matrix]:
-    """Return a, ν with M a + Jᵀ ν = −F0 and J a = −B, or a as it is known, and the part of the forces that is left."""
+    """Return a and ν with M a + Jᵀ ν = −F0 and J a = −B, or the known a, and the relative imbalance of the forces."""
     motion, linear = start.motion, start.linear
     spaces = motion.spaces
     scale, row_scale = spaces.scale, spaces.row_scale
@@ -377,13 +377,13 @@ def _accelerations(start: Start, state: Dynamics, known: Matrix | None) -> tuple
     inverse = np.linalg.pinv(plain_J, rcond=ALGEBRA.singular_value_zero) if len(plain_J) else plain_J.T
     allowed = spaces.N @ spaces.Z
     n = len(M)
-    # Where nothing is loaded, forces are measured by what small motions of the size of the scene would cause.
+    # Without loads, forces are measured by those that small motions of the size of the scene would cause.
     size = (np.abs(linear.K) @ motion.sizes + np.abs(linear.R) @ np.abs(motion.u) + np.abs(motion.dynamics.F0)) * scale
     floor = float(np.max(size, initial=0.0))
     if known is not None:
         a = known / scale
         loads = force - product(M, a)
-        # What does not balance stays: its rounding in double precision would be more than the digits.
+        # The imbalance is kept: its rounding in double precision would exceed the digits.
         to_nu = exact(inverse.T)
         try:
             nu = polished(zeros(len(J)), lambda nu: product(to_nu, loads - product(J.T, nu)), floor)
@@ -409,7 +409,7 @@ def _accelerations(start: Start, state: Dynamics, known: Matrix | None) -> tuple
 
 
 def _undetermined(start: Start, J: Matrix, stalled: Stalled) -> MbstabError:
-    """Return why accelerations and reactions do not converge: rows that repeat others in double precision only."""
+    """Return why accelerations and reactions do not converge: rows that are redundant in double precision only."""
     motion, misfit = start.motion, rank_misfit(start.motion, J, start.system.n_h)
     if motion.redundant and misfit > mp.mpf(10) ** (-ALGEBRA.polished_digits * mp.dps):
         return another_rank(motion, misfit)
@@ -421,13 +421,13 @@ def _undetermined(start: Start, J: Matrix, stalled: Stalled) -> MbstabError:
 
 
 def rank_misfit(motion: Motion, J: Matrix, n_h: int) -> Any:
-    """Return by how much scaled rows that repeat others in double precision differ from them."""
+    """Return by how much scaled rows that are redundant in double precision differ from those that imply them."""
     spaces = motion.spaces
     return max(misfits(J[:n_h], spaces.C.rank), misfits(J, spaces.C.rank + spaces.W.rank))
 
 
 def another_rank(motion: Motion, misfit: Any) -> ConstraintError:
-    """Return the error of rows that repeat others in double precision and not with more digits."""
+    """Return the error about rows that are redundant in double precision but not with more digits."""
     rows = ", ".join(dict.fromkeys(str(item.row) for item in motion.redundant))
     which = f" ({rows})" if rows else ""
     return ConstraintError(
@@ -439,7 +439,7 @@ def another_rank(motion: Motion, misfit: Any) -> ConstraintError:
 
 
 def _excess(system: System, motion: Motion, state: Dynamics, u: Matrix, force: Matrix) -> tuple[Any, str]:
-    """Return the largest residual of the reference motion relative to what balances, and what it is of."""
+    """Return the largest residual of the reference motion, relative to the terms that balance, and its name."""
     n_h, sizes = system.n_h, motion.sizes
     lengths = norms(motion.dynamics.J * sizes)
     fastest = float(np.max(np.abs(motion.u / sizes), initial=0.0)) or 1.0

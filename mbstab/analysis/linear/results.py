@@ -1,4 +1,4 @@
-"""What an answer about eigenvalues consists of."""
+"""The parts of an answer about eigenvalues."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ class Eigenvalue:
         ``stable node``, ``unstable node``, ``saddle``, ``stable focus``, ``unstable focus``,
         ``center``, ``neutral`` (zero), or ``undecided``.
     error_bound : float (1/s)
-        Radius of the disc in which it lies; nan for neutral eigenvalues, which are exact by structure.
+        Radius of the disc that contains it; nan for neutral eigenvalues, which are exact by structure.
     condition, backward_error : float
         Relative condition number κ and backward error η.
     participation : dict
         Share of each body in the kinetic energy of the mode; sums to 1.
     multiplier : complex or None
-        Of a periodic motion: what a disturbance is multiplied by in a period; `value` is then
+        For a periodic motion: the factor of a disturbance in a period; `value` is then
         the Floquet exponent.
     vector : ndarray of complex, shape (n_q,), or None
-        What the mode moves (m, rad), in the order of `EigenResult.coordinates`; the coordinate that moves most,
+        Mode shape (m, rad), in the order of `EigenResult.coordinates`; the coordinate that moves most,
         lengths relative to the size of the scene, is 1. None for neutral eigenvalues and multipliers.
     """
 
@@ -57,7 +57,7 @@ class Eigenvalue:
 
     @property
     def time_to_double(self) -> float:
-        """Time in which a disturbance doubles (s); negative: the time in which it halves; inf if it does neither."""
+        """Time in which a disturbance doubles (s); negative: time in which it halves; inf if it does neither."""
         if self.kind in ("center", "neutral") or self.value.real == 0.0:
             return math.inf
         return math.log(2.0) / self.value.real
@@ -74,22 +74,22 @@ class Counts:
     rank_holonomic, rank_nonholonomic : int
         rank C_q and rank D_u N.
     expected, found : int
-        Finite eigenvalues: 2(n_q − rank C_q) − rank(D_u N), and what the method returned.
+        Finite eigenvalues: 2(n_q − rank C_q) − rank(D_u N), and the number that the method returned.
     neutral : int
-        How many of them are zero.
+        Number of neutral eigenvalues.
     infinite, undefined : int
-        Infinite eigenvalues and 0/0 pairs that the method returned besides.
+        Infinite eigenvalues and 0/0 pairs that the method also returned.
     extra : int
-        Eigenvalues of constraint drift that the method returned besides: two for each independent
+        Eigenvalues of constraint drift that the method also returned: two for each independent
         holonomic row, one for each nonholonomic one.
     extra_error : float (1/s)
-        How far the worst of them came out from where it belongs: from 0, or from ±iω where a
-        turning frame carries the constraint around.
+        Largest distance of one of these from its exact value: 0, or ±iω where a
+        constraint rotates with the frame.
     unstable_proven : int or None
-        How many eigenvalues lie right of the imaginary axis, counted without having found them; asked for only where
-        a few are looked for. None: not counted.
+        Number of eigenvalues right of the imaginary axis, counted without computing them; only where
+        a few are computed. None: not counted.
     counted : str
-        By what they are counted, or why not; empty: not asked for.
+        How they are counted, or why not; empty: not requested.
     """
 
     n_q: int
@@ -115,7 +115,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class EigenResult(Judged):
-    """Eigenvalues, verdict and what they rest on.
+    """Eigenvalues, the verdict and its grounds.
 
     Attributes
     ----------
@@ -126,13 +126,13 @@ class EigenResult(Judged):
     counts : Counts
     method : str
     warnings : tuple of str
-        Of the model and the numbers; those of the verdict are among them.
+        Warnings about the model and the numbers, including those of the verdict.
     frame : str
-        Where the equations stand still, in words; empty: in the coordinates of the file.
+        The frame in which the equations are constant, in words; empty: the coordinates of the file.
     shifts : tuple of float
-        ω of neutral pairs ±iω: shifts that a turning frame carries around.
+        ω of neutral pairs ±iω: shifts that rotate with the frame.
     period : float or None
-        Of a periodic motion, judged by its Floquet multipliers (s).
+        Period of a motion that is judged by its Floquet multipliers (s).
     frozen : bool
         Whether these are frozen-time eigenvalues, which say nothing about stability.
     coordinates : tuple of str

@@ -1,12 +1,12 @@
-"""Reversors of steady motions: a mirror image that with time backwards carries the motion into itself.
+"""Reversors of steady motions: reflections that, combined with time reversal, map the motion to itself.
 
-A wheel that rolls straight ahead, seen in a mirror across its line of travel and with time
-backwards, rolls as before, and so does every motion near it: ρ(q, u) = (σ(q), −Dσ u) carries all
-motions into motions with time backwards. The spectrum is then symmetric to the imaginary axis. In
-the space Q of motions apart from symmetries, ρ keeps m₊ directions and reverses m₋; where the
-m₋ equations of steady motions among the kept ones have full rank there is a family of steady
+A wheel that rolls straight ahead, seen in a mirror perpendicular to its line of travel and with time
+reversed, rolls as before, and so does every motion near it: ρ(q, u) = (σ(q), −Dσ u) maps all
+motions to motions with time reversed. The spectrum is then symmetric about the imaginary axis. In
+the space Q of motions modulo symmetries, ρ keeps m₊ directions and reverses m₋; where the
+m₋ equations of steady motions among the kept ones have full rank, there is a family of steady
 motions of dimension m₊ − m₋ (circles beside straight rolling). With m₋ = 1 and one pair of
-eigenvalues motions nearby repeat themselves (Devaney 1976, Trans. AMS 218; Sevryuk 1986).
+eigenvalues, motions nearby are periodic (Devaney 1976, Trans. AMS 218; Sevryuk 1986).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class Mirror:
-    """The reflection of a scene in a plane, each body with the plane through its centre of mass that is fixed in it."""
+    """The reflection of a scene in a plane, each body with a body-fixed plane through its centre of mass."""
 
     system: System
     normal: Array
@@ -57,14 +57,14 @@ class Mirror:
                     T[angles, angles] = np.linalg.solve(
                         rate_matrix(body, result[angles]), -image @ rate_matrix(body, q[angles])
                     )
-                # The plane of a body goes through its centre of mass, not through its place.
+                # The plane of a body passes through its centre of mass, not through its reference point.
                 (before, turn), (after, turned) = (lever(body, x[angles]) for x in (q, result))
                 T[place, angles] = image[:d, :d] @ turn[:d] - turned[:d] @ T[angles, angles]
             result[place] = (self.point + image @ (_place(q[place]) + before - self.point) - after)[:d]
         return result, T
 
     def accelerations(self, state: State, moved: Array, T: Array, turned: Array) -> Array:
-        """Return the accelerations of the image of a motion, of which those of the angles are known."""
+        """Return the accelerations of the image of a motion, given those of the angles."""
         d, image = self.system.scene.dimension, self._reflection()
         result, u = turned.copy(), T @ state.u
         for body, part in zip(self.system.scene.bodies, self.system.body_slices, strict=True):
@@ -77,7 +77,7 @@ class Mirror:
 
 
 def _place(x: Array) -> Array:
-    """Return a point of the plane or of space as one of space."""
+    """Return a planar or spatial point as a spatial one."""
     return np.concatenate([x, np.zeros(3 - len(x))])
 
 
@@ -95,7 +95,7 @@ class Reversor:
     reversed_: int
 
     def widened(self, structure: Structure, found: Separated, symmetries: Array) -> Separated:
-        """Return the matrix with the family of steady motions that the reversor shows among its directions.
+        """Return the matrix with the family of steady motions of the reversor added to its directions.
 
         Parameters
         ----------
@@ -116,7 +116,7 @@ class Reversor:
         T = orthonormal([*symmetries.T, *(Q @ right[-size:].T).T], len(found.S))
         rows = found.L
         if len(rows):
-            # Functions that tell members of the family apart are not needed any more.
+            # Functions that distinguish members of the family are no longer needed.
             _, values, turn = np.linalg.svd((rows @ T).T)
             rows = turn[int(np.sum(values > 1e-8)) :] @ rows
         L = orthonormal(list(rows), len(found.S)).T
@@ -134,7 +134,7 @@ class Reversor:
 
 
 def _names(structure: Structure, directions: Array, known: tuple[str, ...]) -> tuple[str, ...]:
-    """Return what tells the members of a family apart: known functions, then the rates that change most."""
+    """Return names that distinguish the members of a family: known functions, then the rates that change most."""
     motion, space = structure.linear.motion, structure.space
     spaces, n = motion.spaces, space.n_xi
     names = list(known)[: directions.shape[1]]
@@ -151,7 +151,7 @@ def _names(structure: Structure, directions: Array, known: tuple[str, ...]) -> t
 
 
 def reversor(structure: Structure, symmetries: Array) -> Reversor | None:
-    """Return a reversor of the motion, or None if there is none among the mirror images that are tried."""
+    """Return a reversor of the motion, or None if none of the reflections that are tried is one."""
     invariance = structure.invariance
     for mirror in _mirrors(invariance):
         if _fixes(invariance, mirror) and _reverses(invariance, mirror):
@@ -164,7 +164,7 @@ def reversor(structure: Structure, symmetries: Array) -> Reversor | None:
 
 
 def _mirrors(invariance: Invariance) -> Iterator[Mirror]:
-    """Yield the planes worth trying: across the axes and across the velocity, through the middle of the bodies."""
+    """Yield the planes worth trying: normal to the axes and to the velocity, through the middle of the bodies."""
     system, motion = invariance.system, invariance.motion
     d = system.scene.dimension
     places, speeds = [], []
@@ -180,14 +180,14 @@ def _mirrors(invariance: Invariance) -> Iterator[Mirror]:
 
 
 def _image(invariance: Invariance, mirror: Mirror, state: State) -> tuple[State, Array]:
-    """Return the mirror image of a state with time backwards."""
+    """Return the mirror image of a state with time reversed."""
     q, T = mirror.moved(state.q)
     a = mirror.accelerations(state, q, T, invariance.accelerations(state, q, T))
     return State(q, -T @ state.u, a), T
 
 
 def _fixes(invariance: Invariance, mirror: Mirror) -> bool:
-    """Whether the reference is its own image."""
+    """Return whether the reference is its own image."""
     motion = invariance.motion
     q, T = mirror.moved(motion.q)
     off = np.abs(q - motion.q) / motion.sizes, np.abs(-T @ motion.u - motion.u) / motion.sizes
@@ -198,7 +198,7 @@ def _fixes(invariance: Invariance, mirror: Mirror) -> bool:
 
 
 def _reverses(invariance: Invariance, mirror: Mirror) -> bool:
-    """Whether all elements and rows do the same in the mirror with time backwards."""
+    """Return whether all elements and rows are unchanged by the reflection with time reversed."""
     if not invariance.states or not invariance.seen or not all(e.analytic for e in invariance.elements):
         return False
     try:

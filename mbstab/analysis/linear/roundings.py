@@ -1,11 +1,11 @@
-"""Numbers that carry how much they can be wrong, and what rounding makes of the linearized equations.
+"""Error bounds of the linearized equations, by running error analysis.
 
-A number is a float with a bound of its distance to what exact arithmetic makes of the decimals of
+A number is a float with a bound of its distance from the result of exact arithmetic with the decimals of
 the file (running error analysis: Wilkinson 1986, SIGNUM Newsletter 21; Higham 2002, Accuracy and
 Stability of Numerical Algorithms, section 3.3). The kernels run on such numbers as on any other, so
-that a difference of large numbers inside of an element is seen, and what is zero by structure stays
-zero. What was solved for, the coordinates, speeds, accelerations and multipliers of the motion, is
-wrong by what is left of the equations that it solves, and by their own rounding.
+that cancellation inside an element is taken into account, and structural zeros stay
+zero. The errors of quantities that were solved for, coordinates, speeds, accelerations and multipliers, follow
+from the residuals of their equations and from the rounding of these.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from mbstab.records import dataclass
 
 
 def rounded_system(system: System) -> System:
-    """Return a scene on numbers that know how much they can be wrong."""
+    """Return a scene in the arithmetic of numbers with error bounds."""
     model, given = system.scene.model, system.scene.parameters
     rounded = System(evaluate(model, _parameters(model, given), rounded_arithmetic()))
     return in_sparse(rounded, RoundedNumbers()) if system.sparse else rounded
@@ -76,7 +76,7 @@ def _with(values: Array, errors: Array) -> list[Any]:
 
 
 def _misfits(x: Any) -> Array:
-    """Return sizes and errors of residuals together."""
+    """Return the sums of sizes and errors of residuals."""
     if isinstance(x, WithErrors):
         return np.asarray(np.abs(x.values) + x.errors)
     return np.array([abs(y.v) + y.e if y.__class__ is Rounded else abs(float(y)) for y in x], dtype=float)
@@ -86,7 +86,7 @@ def _misfits(x: Any) -> Array:
 
 
 class Direction(NamedTuple):
-    """A change of coordinates that rounding may make along one direction: far, because little holds it."""
+    """A large change of coordinates by rounding along one direction, in which they are held weakly."""
 
     change: Array
     amount: float
@@ -94,16 +94,16 @@ class Direction(NamedTuple):
 
 @dataclass(frozen=True)
 class Roundings:
-    """How much M, R, K, J and D_q may be wrong.
+    """Error bounds of M, R, K, J and D_q.
 
     Attributes
     ----------
     errors : Matrices
         Entry by entry, without `displaced`.
     displaced : tuple of Matrices
-        Changes of all entries together, by what rounding makes of the coordinates where little holds them.
+        Changes of all entries together, by rounding errors of coordinates that are held weakly.
     q : ndarray, shape (n_q,)
-        How much the coordinates may be wrong, without what `displaced` comes from.
+        Error bounds of the coordinates, without the changes behind `displaced`.
     """
 
     errors: Matrices
@@ -112,9 +112,9 @@ class Roundings:
 
 
 def roundings(linear: Linearization) -> Roundings:
-    """Return how much the matrices of a linearization may differ from those of the decimals of the file.
+    """Return error bounds of the matrices of a linearization, relative to those for the decimals of the file.
 
-    It is worked out once for each linearization.
+    Computed once for each linearization.
     """
     if "roundings" not in linear.kept:
         linear.kept["roundings"] = _Roundings(linear).found()
@@ -126,7 +126,7 @@ def _displaced(linear: Linearization, directions: list[Direction]) -> tuple[Matr
     """Return changes of M, R, K, J and D_q by changes of the coordinates."""
     found, sizes = [], linear.motion.sizes
     for change, amount in directions:
-        # Differences over a path on which the equations are as weak as here.
+        # Differences over a range in which the equations are as weak as here.
         step = 1e-6 / (float(np.max(np.abs(change) / sizes)) or 1.0)
         there, back = (linear.beside(sign * step * change) for sign in (1.0, -1.0))
         found.append(Matrices(*((a - b) * (amount / (2.0 * step)) for a, b in zip(there, back, strict=True))))
@@ -134,7 +134,7 @@ def _displaced(linear: Linearization, directions: list[Direction]) -> tuple[Matr
 
 
 class _Roundings:
-    """What is known about the motion of a linearization, and how much each part of it may be wrong."""
+    """The motion of a linearization with error bounds of its parts."""
 
     def __init__(self, linear: Linearization) -> None:
         self.linear, self.motion = linear, linear.motion
@@ -149,7 +149,7 @@ class _Roundings:
         )
 
     def found(self) -> Roundings:
-        """Return how much the matrices may be wrong."""
+        """Return the error bounds of the matrices."""
         linear, motion, system = self.linear, self.motion, self.system
         dq, du = self._state()
         q, u = _with(motion.q, dq), _with(motion.u, du)
@@ -165,7 +165,7 @@ class _Roundings:
         return Roundings(Matrices(M, R, K, J, D_q), _displaced(linear, self.directions), dq)
 
     def _turned(self, generator: Generator, errors: Matrices, dq: Array) -> tuple[Array, Array, Array]:
-        """Return how much K, R and D_q may be wrong in a turning frame."""
+        """Return the error bounds of K, R and D_q in a rotating frame."""
         motion, n_h = self.motion, self.system.n_h
         M, R, K, J, D_q = errors
         plain_K, plain_R, _ = self.plain.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
@@ -181,7 +181,7 @@ class _Roundings:
     # --- the motion -------------------------------------------------------------------------------------------------
 
     def _state(self) -> tuple[Array, Array]:
-        """Return how much q and u may be wrong."""
+        """Return the error bounds of q and u."""
         motion, scene = self.motion, self.system.scene
         steady = motion.generators[0] if motion.generators else None
         dq, du = self._given(scene.coordinates, motion.q), self._given(scene.rates, motion.u)
@@ -198,7 +198,7 @@ class _Roundings:
         return dq, du
 
     def _given(self, values: dict[str, Any], found: Array) -> Array:
-        """Return the errors of given values, 0 for others; a motion elsewhere is where it is said to be."""
+        """Return the errors of given values, 0 for others; a motion at another state is taken as exact."""
         errors = np.zeros(len(found))
         for i, name in enumerate(self.plain.names):
             if name in values:
@@ -207,7 +207,7 @@ class _Roundings:
         return errors
 
     def _coordinates(self, E: Any, dq: Array) -> Array:
-        """Return how much the coordinates may be wrong: given ones, and those that the constraints determine."""
+        """Return the error bounds of the coordinates: given ones, and those that the constraints determine."""
         motion, n_h = self.motion, self.plain.n_h
         columns, sizes = np.flatnonzero(self.missing), motion.sizes
         J = dense(motion.dynamics.J[:n_h]) * sizes
@@ -219,9 +219,9 @@ class _Roundings:
         return result
 
     def _solved(self, G: Array, misfit: Array, columns: Any, sizes: Array) -> Array:
-        """Return how much the solution of G x = r may be wrong, |r| ≤ misfit; what moves far together is kept apart.
+        """Return the error bound of the solution of G x = r, |r| ≤ misfit; large joint changes are kept separately.
 
-        The error of one equation moves all unknowns in a fixed ratio: what cancels in a stiff force
+        The error of one equation changes all unknowns in a fixed ratio: changes that cancel in a stiff force
         must not be taken entry by entry.
         """
         moves = np.linalg.pinv(G, rcond=ALGEBRA.singular_value_zero) * misfit
@@ -242,7 +242,7 @@ class _Roundings:
         return result
 
     def _rates(self, dq: Array, du: Array) -> Array:
-        """Return how much speeds may be wrong: given ones, and those that the constraints determine."""
+        """Return the error bounds of the speeds: given ones, and those that the constraints determine."""
         motion = self.motion
         columns = np.array([i for i, name in enumerate(self.plain.names) if name not in self.plain.scene.rates])
         if not len(columns):
@@ -257,7 +257,7 @@ class _Roundings:
         return result
 
     def _steady(self, steady: Generator, dq: Array) -> Array:
-        """Return how much the speeds of a declared steady motion may be wrong."""
+        """Return the error bounds of the speeds of a declared steady motion."""
         motion, plain = self.motion, self.plain
         family, known = declared_family(plain)
         c, basis = _coefficients(family, steady), family.basis(motion.q)
@@ -290,13 +290,13 @@ class _Roundings:
         return {k: value_and_error(x)[1] for k, x in enumerate(given) if x is not None}
 
     def _field(self, steady: Generator, basis: Array, dq: Array, dc: Array) -> Array:
-        """Return how much the speeds of a steady motion may be wrong."""
+        """Return the error bounds of the speeds of a steady motion."""
         slope = np.abs(steady.frame(self.motion.q)[0])
         result: Array = np.abs(basis) @ dc + slope @ dq + 4.0 * EPS * np.abs(self.motion.u)
         return result
 
     def _frame(self, generator: Generator, dq: Array) -> tuple[Array, Array]:
-        """Return how much Ξ and Ξ₂ may be wrong."""
+        """Return the error bounds of Ξ and Ξ₂."""
         q, d = self.motion.q, self.plain.scene.dimension
         Xi, Xi_2 = generator.frame(q)
         rate = self.rate_error + 8.0 * EPS
@@ -321,7 +321,7 @@ class _Roundings:
     # --- equilibria and steady motions that were looked for ---------------------------------------------------------
 
     def _balanced(self, steady: Generator, dq: Array) -> tuple[Array, Array]:
-        """Return how much q and u of a solution of the equations of balance may be wrong."""
+        """Return the error bounds of q and u of a solution of the balance equations."""
         plain, motion = self.plain, self.motion
         family, known = declared_family(plain)
         if len(known) < family.size and not np.any(steady.spins[list(family.columns)]):
@@ -348,7 +348,7 @@ class _Roundings:
             rates = (self._off(balance.given) + du[balance.given]) / motion.sizes[balance.given]
             misfit += [_misfits(state.V) / (lengths * balance.speed), rates / balance.speed]
         G = balance.jacobian(at)
-        # Rows and columns to one size, as far as they are not rounding.
+        # Rows and columns are scaled to one size, except those that are rounding.
         rows = _inverse_sizes(np.linalg.norm(G, axis=1))
         columns = _inverse_sizes(np.linalg.norm(G * rows[:, None], axis=0))
         sizes, count = motion.sizes[balance.open], len(balance.open)
@@ -369,7 +369,7 @@ class _Roundings:
         return spaces.inverse(scaled(self.motion.dynamics.J, spaces.scale, spaces.row_scale))
 
     def _force(self, state: Any, M: Array, J: Array, da: Array, nu: Array) -> tuple[Array, Array]:
-        """Return the forces that do not balance, and how much they may be wrong."""
+        """Return the unbalanced forces and their error bounds."""
         motion, plain = self.motion, self.motion.dynamics
         value = plain.F0 + plain.M @ motion.a + plain.J.T @ nu
         error = _errors(state.F0) + M @ np.abs(motion.a) + abs(plain.M) @ da + J.T @ np.abs(nu)
@@ -386,7 +386,7 @@ class _Roundings:
         return result
 
     def _accelerations(self, state: Any, M: Array, J: Array, dq: Array, du: Array) -> Array:
-        """Return how much the accelerations may be wrong."""
+        """Return the error bounds of the accelerations."""
         motion, spaces = self.motion, self.motion.spaces
         steady = motion.generators[0] if motion.generators else None
         if steady is not None and (motion.declared or motion.at_rest):
@@ -404,7 +404,7 @@ class _Roundings:
         return result
 
     def _multipliers(self, state: Any, M: Array, J: Array, da: Array) -> Array:
-        """Return how much the multipliers may be wrong: by the rounding of all the forces that they balance."""
+        """Return the error bounds of the multipliers, from the rounding of all the forces that they balance."""
         motion, spaces = self.motion, self.motion.spaces
         if not len(motion.nu):
             return np.zeros(0)

@@ -18,7 +18,7 @@ from mbstab.model.schema import is_length
 
 
 def kinks(system: System, q: Any, u: Any, time: Any, order: int = 2, along: bool = False) -> str:
-    """Return where an expression has not as many continuous derivatives with respect to the state as wanted.
+    """Return where an expression lacks the required continuous derivatives with respect to the state.
 
     Only expressions of the file are looked at: forces and constraints. A state within rounding
     of a kink counts as being there.
@@ -31,7 +31,7 @@ def kinks(system: System, q: Any, u: Any, time: Any, order: int = 2, along: bool
     order : int
         Number of derivatives that must be continuous.
     along : bool
-        Whether the states are those of one motion, which passes also what lies between two of them.
+        Whether the states are those of one motion, which also passes all states between two of them.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def kinks(system: System, q: Any, u: Any, time: Any, order: int = 2, along: bool
 
 
 class _Corners:
-    """Looks for kinks of sums at a state."""
+    """Search for kinks of sums at a state."""
 
     def __init__(self, structure: Structure, system: System, q: Any, u: Any, time: Any, along: bool = False) -> None:
         self.structure, self.along = structure, along
@@ -107,7 +107,7 @@ class _Corners:
         return self._worst[x]
 
     def _derivatives(self, atom: Atom, n: int, monomial: Monomial) -> tuple[int, str]:
-        """Return how many derivatives of a product are continuous as far as one factor is concerned, and where not."""
+        """Return how many derivatives of a product are continuous with respect to one factor, and where not."""
         x = atom.arguments[0] if atom.arguments else Sum.of(atom)
         if atom.kind == "power":
             return self._of_power(atom)
@@ -164,7 +164,7 @@ def _absolute(x: Sum) -> tuple[Atom, int] | None:
 
 
 def _zeros(x: Sum, monomial: Monomial) -> int:
-    """Return how often a factor that is zero with x stands in a product beside a function of x."""
+    """Return the number of factors in a product, beside a function of x, that vanish with x."""
     if len(x.terms) != 1:
         return 0
     ((inside, _),) = x.terms

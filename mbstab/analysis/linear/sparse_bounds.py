@@ -1,12 +1,12 @@
-"""Where the eigenvalues of a large scene are: discs from eigenvectors of the equations before they are reduced.
+"""Location of the eigenvalues of a large scene: discs from eigenvectors of the unreduced equations.
 
 As `mbstab.analysis.linear.bounds`, for matrices that are too large to couple every eigenvector with every other one.
-With κ = |x| |y| / |y* Q'(s) x| of all eigenvalues s_k, what residuals and errors of the data make of one of them is
+With κ = |x| |y| / |y* Q'(s) x| of all eigenvalues s_k, the effect of residuals and data errors on one of them is
 
     |y|ᵀ (|s|²δM + |s|δR + δK) |x| / |y* Q' x|   and to second order   |Q x| |Q* y| / |y* Q' x| Σ κ_k / |s − s_k|,
 
-the sizes of residuals with what the errors of the data make of them. Eigenvalues whose discs meet are judged together:
-in a basis of their subspace the same holds for a small matrix, which Gershgorin's discs take apart again.
+with the effect of data errors added to the sizes of residuals. Eigenvalues whose discs overlap are judged together:
+in a basis of their subspace the same holds for a small matrix, which Gershgorin's discs separate again.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class _Vectors:
 
 
 def sparse_enclosures(linear: Linearization, space: StateSpace, gamma: float, S: Array, T: Array, L: Array) -> Placed:
-    """Return discs that hold the eigenvalues apart from T and L; see `mbstab.analysis.linear.bounds.enclosures`."""
+    """Return discs that contain the eigenvalues other than those of T and L; see `bounds.enclosures`."""
     pencil = SparsePencil(linear)
     with np.errstate(all="ignore"):
         still = _idle(space, T, L) if pencil.undamped else None
@@ -53,15 +53,15 @@ def sparse_enclosures(linear: Linearization, space: StateSpace, gamma: float, S:
 
 @dataclass(frozen=True)
 class _Rest:
-    """What T and L add to the resolvent.
+    """The contribution of T and L to the resolvent.
 
     Attributes
     ----------
     condition : float
     rate : float
-        Size of what S does among them (1/s).
+        Size of S restricted to them (1/s).
     free : float
-        1/mass of what moves freely.
+        1/mass of free motions.
     """
 
     condition: float
@@ -76,7 +76,7 @@ class _Rest:
 
 
 def _idle(space: StateSpace, T: Array, L: Array) -> Array | None:
-    """Return the positions of T where T and L are these, and their speeds or momenta; None where they are not."""
+    """Return the positions of T if T and L consist of these and their speeds or momenta; else None."""
     n = space.n_xi
     if not T.shape[1] + len(L):
         return np.zeros((n, 0))
@@ -95,7 +95,7 @@ def _onto(X: Array) -> Array:
 
 
 def _undamped(space: StateSpace, still: Array) -> tuple[_Vectors, _Rest]:
-    """Return the pairs ±iω, or ±σ, of a symmetric problem without damping, apart from positions that nothing holds."""
+    """Return the pairs ±iω, or ±σ, of a symmetric problem without damping, apart from free positions."""
     from scipy.linalg import eigh
 
     n, M, k = space.n_xi, space.M_z, still.shape[1]
@@ -117,7 +117,7 @@ def _undamped(space: StateSpace, still: Array) -> tuple[_Vectors, _Rest]:
 
 
 def _general(space: StateSpace, gamma: float, S: Array, T: Array, L: Array) -> tuple[_Vectors, _Rest]:
-    """Return the eigenvalues of what T and L leave of S."""
+    """Return the eigenvalues of S apart from T and L."""
     from scipy.linalg import eig
 
     n, known = space.n_xi, np.hstack([T, L.T])
@@ -143,7 +143,7 @@ def _general(space: StateSpace, gamma: float, S: Array, T: Array, L: Array) -> t
 
 
 def _shifted(inner: Array, c: Complex, values: Complex) -> Complex:
-    """Return (s − inner)⁻¹ c_j for each eigenvalue: what S does among T is a nilpotent matrix, or close to a turn."""
+    """Return (s − inner)⁻¹ c_j for each eigenvalue: S on T is nilpotent, or close to a rotation."""
     from scipy.linalg import schur, solve_triangular
 
     if not inner.size:
@@ -158,7 +158,7 @@ def _shifted(inner: Array, c: Complex, values: Complex) -> Complex:
 
 
 def _neutral(space: StateSpace, gamma: float, S: Array, T: Array, L: Array, B: Array, A: Array) -> _Rest:
-    """Return how T and L, with what belongs to them, answer to forces."""
+    """Return the response of T and L to forces."""
     n, none = space.n_xi, np.zeros((len(S), 0))
     V = L.T - B @ np.linalg.solve(A, B.T @ (S @ L.T)) if len(L) else none
     W = T - B @ np.linalg.solve(A.T, B.T @ (S.T @ T)) if T.shape[1] else none
@@ -170,7 +170,7 @@ def _neutral(space: StateSpace, gamma: float, S: Array, T: Array, L: Array, B: A
 
 
 class _Discs:
-    """Discs about eigenvalues with Im s ≥ 0, and their mirror images."""
+    """Discs about eigenvalues with Im s ≥ 0, and their conjugates."""
 
     def __init__(self, pencil: SparsePencil, found: _Vectors, rest: _Rest) -> None:
         self.pencil, self.found, self.rest = pencil, found, rest
@@ -216,7 +216,7 @@ class _Discs:
         return total + self.rest.at(np.abs(self.s)), nearest
 
     def _singles(self) -> tuple[Array, Array]:
-        """Return radii of single eigenvalues, inf where they cannot be told apart, and what is of second order."""
+        """Return radii of single eigenvalues, inf where they cannot be separated, and the second-order terms."""
         total, nearest = self._surroundings()
         second = np.minimum(self.right * self.left / np.abs(self.slope) * total, self.coupling)
         radius = self.first + second + 4.0 * EPS * np.abs(self.s)
@@ -226,7 +226,7 @@ class _Discs:
         return np.where(clear, radius, np.inf), second
 
     def _improve(self) -> None:
-        """Look closer where the second order counts, and make vectors better where it still does."""
+        """Compute the coupling where the second order matters, and improve vectors where it still does."""
         radius, second = self._singles()
         _, nearest = self._surroundings()
         self._couple(
@@ -248,7 +248,7 @@ class _Discs:
                 self._put(np.array([i]), pairs)
 
     def _couple(self, index: Any) -> None:
-        """Find what is of second order for some eigenvalues from what couples them to each other one.
+        """Find the second-order terms of some eigenvalues from their coupling to each other one.
 
         Where masses differ by many orders, the sizes of residuals say nothing: light bodies move far, at other rates.
         """
@@ -263,12 +263,12 @@ class _Discs:
             self.coupling[own] = (total + rest) / np.abs(self.slope[own])
 
     def _unit(self, index: Any) -> tuple[Any, Any]:
-        """Return some of the vectors, of length 1."""
+        """Return some of the vectors, scaled to length 1."""
         x, y = self.found.x[:, index], self.found.y[:, index]
         return x / np.linalg.norm(x, axis=0), y / np.linalg.norm(y, axis=0)
 
     def _coupled(self, own: Any, r: Residuals, others: Any) -> Array:
-        """Return what some eigenvalues and their mirror images add to others."""
+        """Return the effect of some eigenvalues and their conjugates on others."""
         x, y = self._unit(others)
         s = self.found.s[others]
         nu = self.pencil.multipliers(self.pencil.force(s, x))
@@ -309,7 +309,7 @@ class _Discs:
         return Placed(values + 0.0, discs, bounds, condition, self.backward[of], self.found.x, column=of)
 
     def _told(self, values: Complex, centres: Complex, radii: Array, of: Any) -> list[Disc]:
-        """Return discs, with what cannot be told apart judged together; puts values of clusters in."""
+        """Return discs, one for eigenvalues that cannot be separated; inserts the values of clusters."""
         partner = partners_of(values, len(self.s))
         known: dict[Key, list[Disc]] = {}
         singles = [[i] for i in range(len(values))]
@@ -337,7 +337,7 @@ class _Discs:
         return [Disc(d.centre, math.inf, d.members) for d in discs]
 
     def _find(self, groups: list[Key], known: dict[Key, list[Disc]], values: Complex, partner: list[int]) -> None:
-        """Find the discs of groups of eigenvalues from their subspaces, some of them at once; puts their values in."""
+        """Find the discs of groups of eigenvalues from their subspaces, some of them at once; inserts their values."""
         mirror = {g: tuple(sorted(partner[i] for i in g)) for g in groups}
         new = [g for g in groups if g not in known and g <= mirror[g]]
         while new:
@@ -361,7 +361,7 @@ class _Discs:
         )
         centre = complex(np.mean(values[list(members)]))
         if real:
-            # Its own mirror image has a real basis.
+            # A group that is its own conjugate has a real basis.
             centre, x, y = complex(centre.real), np.hstack([x.real, x.imag]), np.hstack([y.real, y.imag])
         X, Y = (np.linalg.svd(z, full_matrices=False)[0][:, : len(members)].astype(complex) for z in (x, y))
         return centre, X, Y
@@ -382,7 +382,7 @@ class _Discs:
         w, W = (z.astype(complex) for z in np.linalg.eig(found.D.real if real else found.D))
         reach = np.sum(np.abs(row_scaled_inverse(W)) @ error @ np.abs(W), axis=1) + 4.0 * EPS * abs(centre)
         reach = np.where(np.isfinite(reach), reach, np.inf)
-        # In place of the first numbers those of the block, in an order that keeps mirror images together.
+        # The values are replaced by those of the block, in an order that keeps conjugates together.
         order = _in_order(values[members] - centre, w)
         w, reach = w[order], reach[order]
         values[members] = centre + w
@@ -393,7 +393,7 @@ class _Discs:
             middle = complex(np.mean(w[part]))
             radius = float(np.max(np.abs(w[part] - middle) + reach[part]))
             discs.append(Disc(centre + middle, radius, tuple(members[i] for i in part)))
-        # However near to defective: no eigenvalue is farther from the middle than the norm says.
+        # Even near to defective: no eigenvalue is farther from the middle than the norm.
         whole = float(np.linalg.norm(found.D, 2) + np.linalg.norm(error, 2)) + 4.0 * EPS * abs(centre)
         if not all(d.radius < whole for d in discs):
             discs = [Disc(centre, whole, tuple(members))]
@@ -402,7 +402,7 @@ class _Discs:
 
 
 def partners_of(values: Complex, count: int) -> list[int]:
-    """Return for each eigenvalue the number of its mirror image: those from a number on are the images."""
+    """Return for each eigenvalue the number of its conjugate: those from `count` on are the conjugates."""
     partner = list(range(len(values)))
     for image, i in enumerate(np.flatnonzero(values[:count].imag > 0.0).tolist(), count):
         partner[i], partner[image] = image, i
@@ -422,7 +422,7 @@ def _neighbours(values: Complex) -> tuple[Array, Any]:
 
 
 def _meeting(discs: list[Disc]) -> list[tuple[int, int]]:
-    """Return pairs of discs that meet, those without a radius apart."""
+    """Return pairs of discs that overlap, except those without a radius."""
     known = np.array([i for i, d in enumerate(discs) if d.radius < math.inf], dtype=int)
     centres = np.array([discs[i].centre for i in known])
     radii = np.array([discs[i].radius for i in known])
@@ -437,7 +437,7 @@ def _meeting(discs: list[Disc]) -> list[tuple[int, int]]:
 
 
 def _covering_groups(values: Complex, radii: Array) -> list[Any]:
-    """Return which of some discs meet, as arrays of numbers."""
+    """Return groups of overlapping discs, as arrays of numbers."""
     meet = ~(np.abs(values[:, None] - values) > radii[:, None] + radii)
     pairs = [(int(i), int(j)) for i, j in zip(*np.nonzero(np.triu(meet, 1)), strict=True)]
     singles = [[i] for i in range(len(values))]
@@ -446,7 +446,7 @@ def _covering_groups(values: Complex, radii: Array) -> list[Any]:
 
 
 def _in_order(first: Complex, then: Complex) -> Any:
-    """Return which of some values is next to which."""
+    """Return for each of some values its partner among others, one to one."""
     from mbstab.analysis.algebra.matching import assigned
 
     distance = np.abs(first[:, None] - then)

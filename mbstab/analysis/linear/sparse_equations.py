@@ -2,7 +2,7 @@
 
     Q(s) z = 0,   Q(s) = [[s²M + sR + K, Jᵀ], [[C_q; sD_u + D_q], 0]],   z = [Δq; Δν]
 
-has the finite eigenvalues of the linearized equations, and constraints and multipliers stay in it: nothing is reduced.
+has the finite eigenvalues of the linearized equations; constraints and multipliers are not eliminated.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ class SparseEquations:
     matrices : Matrices
         M, R, K, J and D_q in scaled coordinates and rows of about unit length, all of them independent.
     sizes : Matrices
-        Sizes of the terms of which their entries are sums.
+        Sizes of the terms whose sums are their entries.
     lost : Matrices or None
-        What rounding has lost in these sums.
+        Rounding errors of these sums.
     displaced : tuple of Matrices
-        Changes of all entries together by what rounding may make of coordinates and multipliers.
+        Changes of all entries together, by the possible rounding of coordinates and multipliers.
     forms : ConstrainedForms
-        Of the rows.
+        Forms on the null space of the rows.
     scale : ndarray, shape (n_q,)
         q = scale · scaled q.
     n_h, n_f : int
@@ -119,7 +119,7 @@ class SparseEquations:
         """Q(s) without the zero eigenvalues of neutral shifts.
 
         For each shift z a row zᵀ and a column Q(s)z/s², or Q(s)z/s where R z or D_u z is not zero, are added:
-        eigenvalues other than zero stay what they are.
+        nonzero eigenvalues do not change.
         """
         return self._composite(self.matrices, self.neutral)
 
@@ -130,25 +130,25 @@ class SparseEquations:
 
     @cached_property
     def moved(self) -> list[SparseQuadratic]:
-        """Changes of Q(s) by what rounding may make of coordinates and multipliers."""
+        """Changes of Q(s) by the possible rounding of coordinates and multipliers."""
         return [self._composite(x, [0.0 * z for z in self.neutral]) for x in self.displaced]
 
     @cached_property
     def unsure(self) -> float:
-        """How much K may be wrong altogether, as a Frobenius norm."""
+        """Frobenius norm of the possible error of K."""
         entries = ALGEBRA.entry_rounding * float(np.linalg.norm(self.sizes.K.data))
         return entries + max((float(np.linalg.norm(x.K.data)) for x in self.displaced), default=0.0)
 
     @cached_property
     def remainder(self) -> SparseQuadratic | None:
-        """Q(s) of what rounding has lost."""
+        """Q(s) of the rounding errors of the sums."""
         return None if self.lost is None else self._composite(self.lost, [0.0 * z for z in self.neutral])
 
     @cached_property
     def neutral(self) -> list[Array]:
         """Shifts along which nothing changes, in scaled coordinates: of everything along an axis, of single ones.
 
-        What rounding has lost in the sums counts as well, so that only what vanishes by itself does.
+        The rounding errors of the sums are included, so that only exact zeros vanish.
         """
         m, lost, sizes = self.matrices, self.lost, self.sizes
         blind = np.ones(self.n_q, dtype=bool)
@@ -171,7 +171,7 @@ class SparseEquations:
 
     @cached_property
     def zeros(self) -> int:
-        """Number of zero eigenvalues that belong to neutral shifts: two each, one where a speed along it is seen."""
+        """Number of zero eigenvalues of neutral shifts: two for each, one where a force or row depends on the speed."""
         return sum(1 if seen else 2 for seen in self._damped)
 
     @property
@@ -192,7 +192,7 @@ class SparseEquations:
         C, D_u = m.J[:n_h], m.J[n_h:]
         Z = np.array(shifts).reshape(len(shifts), n).T
         seen = np.array(self._damped, dtype=bool)
-        # Columns of the powers of s, and what the rows below contain.
+        # Columns of the powers of s, and those of the rows below.
         borders = [m.M @ (Z * ~seen) + m.R @ (Z * seen), m.M @ (Z * seen), 0.0 * Z]
         speeds = [np.vstack([np.zeros((n_h, len(shifts))), x @ (Z * seen)]) for x in (D_u, 0.0 * D_u, 0.0 * D_u)]
         none, rows = coo_array((c, n)), coo_array(Z.T)
@@ -226,7 +226,7 @@ class SparseEquations:
         lu = splu(block_array([[m.M, m.J.T], [m.J, None]] if m.J.shape[0] else [[m.M]], format="csc"))
 
         def once(y: Any) -> Any:
-            # Accelerations that all rows allow: what drifts off the rows does not grow.
+            # Accelerations that all rows allow: drift off the rows does not grow.
             lower = np.zeros((m.J.shape[0], *y.shape[1:]))
             lower[self.n_h :] = -(m.D_q @ y[n:])
             a = lu.solve(np.concatenate([-(m.K @ y[:n] + m.R @ y[n:]), lower]))[:n]
@@ -250,7 +250,7 @@ def _named(terms: dict[str, Any]) -> Matrices:
 
 
 def _directions(names: Sequence[str]) -> Any:
-    """Return which coordinates are directions of the same body, of one unit, as a matrix of zeros and ones."""
+    """Return which coordinates are directions of the same body with the same unit, as a matrix of zeros and ones."""
     from scipy.sparse import csr_array
 
     kinds = [(name.partition(".")[0], is_length(name)) for name in names]
@@ -260,7 +260,7 @@ def _directions(names: Sequence[str]) -> Any:
 
 
 def _spread(m: Matrices, groups: Any) -> Matrices:
-    """Return sizes of terms that are the same for all directions of a body: turned axes mix them."""
+    """Return sizes of terms that are equal for all directions of a body, as rotated axes mix them."""
     M, R, K = (groups @ _largest(x, groups.indices, groups.indices) @ groups.T for x in (m.M, m.R, m.K))
     J, D_q = (_largest(x, np.arange(x.shape[0]), groups.indices) @ groups.T for x in (m.J, m.D_q))
     return Matrices(M, R, K, J, D_q)
@@ -279,7 +279,7 @@ def _largest(matrix: Any, rows: Any, columns: Any) -> Any:
 
 
 def _vanishes(matrix: Any, lost: Any, sizes: Any, z: Array) -> bool:
-    """Whether a matrix sends a direction to zero, to the digits of the longest numbers of the machine."""
+    """Return whether a direction is in the null space of a matrix, in the longest floating-point type."""
     wide = z.astype(np.longdouble)
     image = matrix.astype(np.longdouble) @ wide
     if lost is not None:

@@ -1,10 +1,10 @@
-"""The equations of a large scene before they are reduced, what they say of approximate eigenvectors, and better ones.
+"""The unreduced equations of a large scene: residuals of approximate eigenvectors, and their improvement.
 
 With motions x, forces y and the multipliers ν, μ that belong to them, a two-sided Rayleigh quotient
 
     s − y* Q(s) x / y* Q'(s) x,    Q(s) = [s²M + sR + K, Jᵀ; J, 0],    x = [Δq; Δν]
 
-makes of eigenvalues of the reduced matrix what the entries of the equations allow: errors of x and y enter as their
+makes eigenvalues of the reduced matrix as accurate as the entries of the equations: errors of x and y enter as their
 product only (Lancaster 1961; Schwetlick and Schreiber 2012, Linear Algebra Appl. 436).
 """
 
@@ -30,20 +30,20 @@ from mbstab.records import dataclass
 
 @dataclass
 class Pairs:
-    """Approximate eigenvectors with what the equations say of them, column by column.
+    """Approximate eigenvectors with their corrections and residuals, column by column.
 
     Attributes
     ----------
     s : ndarray of complex, shape (k,)
-        Corrected by the quotient.
+        Eigenvalues, corrected by the quotient.
     step : ndarray
         Size of the correction.
     slope : ndarray of complex
         y* Q'(s) x.
     first : ndarray
-        What the errors of the data leave open, to first order (1/s).
+        Effect of data errors, to first order (1/s).
     right, left : ndarray
-        Sizes of the residuals Q x and Q* y, with what the errors of the data make of them.
+        Sizes of the residuals Q x and Q* y, including the effect of data errors.
     backward : ndarray
         Residual relative to the matrices.
     """
@@ -58,16 +58,16 @@ class Pairs:
 
 
 class Residuals(NamedTuple):
-    """What is left of the equations with approximate eigenvectors, and what the errors of the data make of them.
+    """Residuals of the equations with approximate eigenvectors, and their errors from the data.
 
     Attributes
     ----------
     nu, mu : ndarray
         Multipliers of both sides.
     off, gap : ndarray
-        Of Q x, forces and rows; `back` and `drift` of Q* y.
+        Residuals of Q x, in forces and rows; `back` and `drift` those of Q* y.
     open, rows : ndarray
-        How much the errors of the data make of these; `shut` and `columns` of the other side.
+        Effect of data errors on these; `shut` and `columns` for the other side.
     slope : ndarray
         Q'(s) x.
     """
@@ -86,7 +86,7 @@ class Residuals(NamedTuple):
 
 
 class SparsePencil:
-    """M, R, K and J of a linearization without rows on speeds, in scaled coordinates, and how exact they are."""
+    """M, R, K and J of a linearization without rows on speeds, in scaled coordinates, with their error bounds."""
 
     def __init__(self, linear: Linearization) -> None:
         self.linear = linear
@@ -103,7 +103,7 @@ class SparsePencil:
 
     @cached_property
     def errors(self) -> Matrices:
-        """Errors of M, R, K and J, and of summing products with them."""
+        """Error bounds of M, R, K and J, and of the summation of products with them."""
         found, n = self._scaled(roundings(self.linear).errors), sum(self.J.shape)
         summed = (TOLERANCES.roundings_of_sum + 0.5 * math.log2(n)) * EPS
         own = (self.M, self.R, self.K, self.J)
@@ -112,7 +112,7 @@ class SparsePencil:
 
     @cached_property
     def displaced(self) -> list[Matrices]:
-        """Changes of the matrices by what rounding makes of the coordinates where little holds them."""
+        """Changes of the matrices by rounding errors of coordinates that are held weakly."""
         return [self._scaled(change) for change in roundings(self.linear).displaced]
 
     @property
@@ -130,11 +130,11 @@ class SparsePencil:
         return s * s * product(M, x) + s * product(R, x) + product(K, x)
 
     def multipliers(self, force: Any) -> Any:
-        """Return ν with Jᵀ ν = −force as nearly as can be."""
+        """Return the least-squares solution ν of Jᵀ ν = −force."""
         return -in_parts(lambda b: self.inverse.rmatmat(b), force)
 
     def residuals(self, s: Complex, x: Any, y: Any) -> Residuals:
-        """Return what is left of the equations with approximate eigenvectors, column by column."""
+        """Return the residuals of the equations with approximate eigenvectors, column by column."""
         pull, push = self.force(s, x), self.force(s.conj(), y, transposed=True)
         nu, mu = self.multipliers(pull), self.multipliers(push)
         size_x, size_nu, size_y, size_mu = (np.abs(z) for z in (x, nu, y, mu))
@@ -147,7 +147,7 @@ class SparsePencil:
         )  # fmt: skip
 
     def pairs(self, s: Complex, x: Any, y: Any) -> Pairs:
-        """Return corrected eigenvalues with what the equations say of their vectors."""
+        """Return corrected eigenvalues with the residuals of their vectors."""
         x, y = x / np.linalg.norm(x, axis=0), y / np.linalg.norm(y, axis=0)
         r = self.residuals(s, x, y)
         slope = np.sum(y.conj() * r.slope, axis=0)
@@ -169,7 +169,7 @@ class SparsePencil:
         return result
 
     def across(self, s: Complex, gap: Array) -> Array:
-        """Return the force that it takes to close a gap in the rows, at most."""
+        """Return a bound of the force that is needed to close a gap in the rows."""
         least = self.linear.motion.spaces.C.smallest_kept
         return self._weight(s) * gap / min(least, 1.0)
 
@@ -201,7 +201,7 @@ class SparsePencil:
 
 @dataclass
 class Block:
-    """What the equations say of a subspace: near s it has the eigenvalues s + D, which may be wrong by `error`.
+    """The equations on a subspace: near s it has the eigenvalues of s + D, up to `error`.
 
     Attributes
     ----------
@@ -210,9 +210,9 @@ class Block:
     inverse : ndarray of complex
         (Y* Q'(s) X)⁻¹.
     data, bent : ndarray
-        What the errors of the data leave open of Y* Q X, and what is of second order in D.
+        Effect of data errors on Y* Q X, and terms of second order in D.
     right, left : float
-        Sizes of what is left of the residuals, with what the errors of the data make of them.
+        Sizes of the remaining residuals, including the effect of data errors.
     """
 
     s: complex
@@ -224,14 +224,14 @@ class Block:
     left: float
 
     def error(self, total: float) -> Array:
-        """Return how much each entry of D may be wrong, with Σ κ_k/|s − s_k| over all others."""
+        """Return error bounds of the entries of D, with Σ κ_k/|s − s_k| over all others."""
         size = float(np.linalg.norm(self.D, 2)) ** 2
         result: Array = np.abs(self.inverse) @ (self.data + self.right * self.left * total + size * self.bent)
         return result
 
 
 def blocks_of(pencil: SparsePencil, centres: list[complex], right: list[Complex], left: list[Complex]) -> list[Block]:
-    """Return what the equations say of several subspaces, given by bases of right and of left vectors."""
+    """Return the equations on several subspaces, given by bases of right and of left vectors."""
     widths = [X.shape[1] for X in right]
     s, X, Y = np.repeat(np.array(centres, dtype=complex), widths), np.hstack(right), np.hstack(left)
     r = pencil.residuals(s, X, Y)
@@ -251,7 +251,7 @@ def blocks_of(pencil: SparsePencil, centres: list[complex], right: list[Complex]
         D = -inverse @ (Y_t @ r.off[at] + mu_t @ r.gap[at])
         data = np.abs(Y_t) @ r.open[at] + np.abs(mu_t) @ r.rows[at]
         data = data + sum(np.abs(Y_t @ x[at]) for x in changes)
-        # What of the residuals the block explains is none.
+        # The part of the residuals in the block is not an error.
         sizes = [
             _norm(r.off[at] + r.slope[at] @ D, r.open[at]),
             _norm(r.back[at] + other[at] @ (G @ D @ inverse).conj().T, r.shut[at]),

@@ -28,7 +28,7 @@ class SymbolicBlocks:
     blocks : dict of str to Matrix
     coordinates, multipliers : list of Symbol
     unsimplified : int
-        Number of entries beyond `TOLERANCES.simplified_weight`, which are as they come.
+        Number of entries beyond `TOLERANCES.simplified_weight`, which are not simplified.
     """
 
     blocks: dict[str, Any]
@@ -44,9 +44,9 @@ def symbolic_blocks(model: Model, track: Track = list, forced: bool = False) -> 
     ----------
     model : Model
     track : callable, optional
-        Takes the entries that are to be simplified and returns them one by one; for a progress bar.
+        Takes the entries to be simplified and returns them one by one; for a progress bar.
     forced : bool
-        Go on beyond `TOLERANCES.printed_operations`.
+        Continue beyond `TOLERANCES.printed_operations`.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def symbolic_blocks(model: Model, track: Track = list, forced: bool = False) -> 
     if not forced:
         _require_readable(block[i] for block, i in places)
     for block, i in places:
-        # Fixed coordinates enter as plain zeros and ones; they become exact here.
+        # Fixed coordinates enter as plain zeros and ones, which become exact here.
         block[i] = block[i].xreplace({x: sympy.nsimplify(x, rational=True) for x in block[i].atoms(sympy.Float)})
     simple: dict[Any, Any] = {}
     total = 0
@@ -112,7 +112,7 @@ def symbolic_blocks(model: Model, track: Track = list, forced: bool = False) -> 
     for entry in track(sorted(weights, key=lambda entry: weights[entry])):
         if total + weights[entry] > TOLERANCES.simplified_weight:
             continue
-        expanded = sympy.expand(entry)  # which may be much longer
+        expanded = sympy.expand(entry)  # may be much longer
         total += max(weights[entry], _weight(expanded))
         if total <= TOLERANCES.simplified_weight:
             simple[entry] = sympy.factor_terms(sympy.trigsimp(expanded))
@@ -136,7 +136,7 @@ def _require_readable(entries: Iterable[Any]) -> None:
 
 
 def _weight(entry: Any) -> int:
-    """Return what it costs to simplify an entry: its operations, five times as many for each further angle."""
+    """Return the cost of simplifying an entry: its operations, times five for each further angle."""
     import sympy
 
     angles = {x.args[0] for x in entry.atoms(sympy.sin, sympy.cos)}

@@ -1,16 +1,16 @@
-"""The verdict: what may be said about the stability of a motion, from facts about it.
+"""The verdict on the stability of a motion, from facts about it.
 
-Every command collects facts, as strong as it can supply them, and `judge` turns them into a
+Every command collects the strongest facts that it can, and `judge` turns them into a
 verdict; there is no second rule. With A the matrix of the disturbances, T the directions of
-symmetries and of families of steady motions that are verified, and A_⊥ what A does apart from T:
+verified symmetries and families of steady motions, and A_⊥ the quotient of A by T:
 
-1.  unstable: a disc that holds at least one eigenvalue lies right of the imaginary axis
+1.  unstable: a disc that contains at least one eigenvalue lies right of the imaginary axis
     (Lyapunov 1892);
 2.  asymptotically stable: all eigenvalues lie left of it (Lyapunov 1892);
-3.  asymptotically stable up to symmetry: those of A_⊥ do (Lyapunov and Malkin 1952; Fenichel
+3.  asymptotically stable up to symmetry: those of A_⊥ lie left of it (Lyapunov and Malkin 1952; Fenichel
     1971; Krupa 1990);
-4.  stable, perhaps up to symmetry: a function that never increases has a strict minimum, apart
-    from the symmetries and at the given momenta (Lagrange, Dirichlet, Routh; Simo, Lewis, Marsden
+4.  stable, possibly up to symmetry: a function that never increases has a strict minimum, modulo
+    the symmetries and at the given momenta (Lagrange, Dirichlet, Routh; Simo, Lewis, Marsden
     1991; Ortega, Ratiu 1999);
 5.  stable up to symmetry: the motion is reversible and A_⊥ has a single pair on the axis (Devaney
     1976; Sevryuk 1986);
@@ -20,11 +20,11 @@ symmetries and of families of steady motions that are verified, and A_⊥ what A
     Carr 1981);
 8.  undecided: everything else.
 
-Where only a few eigenvalues were looked for, rules 1, 2 and 4 apply if the number of those right of the axis is known
-all the same (`Census`).
+Where only a few eigenvalues are computed, rules 1, 2 and 4 still apply if the number of those right of the axis is
+known (`Census`).
 
-What is not known is never taken for harmless: an eigenvalue that is not placed, a count that
-differs, a kink or a dependence on time that is not understood leaves the answer undecided.
+What is not known is never taken as harmless: an eigenvalue that is not located, a count that
+differs, or a kink or time dependence that is not understood leaves the answer undecided.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ NONLINEAR = "whether disturbances stay small in the long run is up to nonlinear 
 
 @dataclass(frozen=True)
 class Disc:
-    """A disc of the complex plane that holds `count` eigenvalues of A_⊥.
+    """A disc of the complex plane that contains `count` eigenvalues of A_⊥.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Disc:
     side : str
         ``left`` or ``right`` of the imaginary axis, held on the ``axis`` by a structure, or ``open``.
     why : str
-        What holds it on the axis.
+        The structure that holds it on the axis.
     """
 
     centre: complex
@@ -84,24 +84,24 @@ class Disc:
 
 @dataclass(frozen=True)
 class Neutral:
-    """Directions along which the motion has neighbours that are motions of its kind.
+    """Directions of neighbouring motions of the same kind.
 
     Attributes
     ----------
     symmetries : tuple of str
-        What carries all motions into motions: ``position along x``, ``heading`` and the like.
+        Symmetries of all motions: ``position along x``, ``heading`` and the like.
     family : tuple of str
-        What tells steady motions of a family from each other: ``speed``.
+        Quantities that distinguish the steady motions of a family: ``speed``.
     count : int
         Number of eigenvalues that belong to them.
     drift : int
-        0: disturbances along them stay what they are; 1: they grow like t (another speed leads elsewhere); 2: like t².
+        0: disturbances along them stay constant; 1: they grow like t (by another speed); 2: like t².
     evidence : str
         The weakest evidence among them.
     checked : str
-        How far a family was followed that no symmetry explains; empty: there is none.
+        How far a family without a symmetry was followed, in words; empty: there is none.
     slow : tuple of str
-        Those of the family that are speeds of what rests: small ones where the energy keeps them small.
+        Those of the family that are speeds of a scene at rest; they stay small where the energy bounds them.
     """
 
     symmetries: tuple[str, ...] = ()
@@ -120,18 +120,18 @@ class Neutral:
 
 @dataclass(frozen=True)
 class Minimum:
-    """A function that never increases along motions, and what it looks like at the reference.
+    """A function that never increases along motions, and its extremum at the reference.
 
     Attributes
     ----------
     name : str
-        What it is: ``the energy``, ``the energy in the turning frame``.
+        Its name: ``the energy``, ``the energy in the frame of the motion``.
     definite : bool
-        Whether it has a strict minimum (or maximum), apart from symmetries and at the given momenta.
+        Whether it has a strict minimum (or maximum), modulo symmetries and at the given momenta.
     in_place : bool
-        Whether nothing is left out: no symmetry and no momentum.
+        Whether the extremum is unrestricted: no symmetry and no momentum is left out.
     maximum : bool
-        Whether it is a maximum, or a minimum only with a multiple of a momentum added: damping destroys that.
+        Whether it is a maximum, or a minimum only with a multiple of a momentum: damping destroys such stability.
     evidence : str
     """
 
@@ -144,7 +144,7 @@ class Minimum:
 
 @dataclass(frozen=True)
 class Critical:
-    """What the first nonlinear coefficient says about a single zero eigenvalue.
+    """The verdict of the first nonlinear coefficient about a single zero eigenvalue.
 
     Attributes
     ----------
@@ -153,9 +153,9 @@ class Critical:
     reason : str
     evidence : str
     family : str
-        What tells apart the members of a family that was followed; empty: there is none.
+        The quantity that distinguishes the members of a family that was followed; empty: there is none.
     drift : int
-        How disturbances along neutral directions and the critical one grow: 0, or the power of t.
+        Power of t with which disturbances along neutral directions and the critical one grow; 0: they do not grow.
     """
 
     verdict: str
@@ -167,20 +167,20 @@ class Critical:
 
 @dataclass(frozen=True)
 class Census:
-    """How many eigenvalues lie where, counted without having found them.
+    """Numbers of eigenvalues by location, counted without computing them.
 
     Attributes
     ----------
     right : int or None
-        How many lie right of the imaginary axis; None: they are not counted.
+        Number of eigenvalues right of the imaginary axis; None: not counted.
     least : int
-        How many do so at least.
+        Lower bound of this number.
     zeros : int
-        How many zeros were told apart, squares of the stiffness or eigenvalues.
+        Number of zeros that were separated: squares of the stiffness or eigenvalues.
     left : bool
         Whether all eigenvalues lie left of the axis.
     how : str
-        By what they are counted, in words; or why they are not.
+        How they are counted, in words; or why they are not.
     proven : bool
         Whether the count is exact for all matrices within rounding; else it rests on estimates.
     """
@@ -200,18 +200,18 @@ class Facts:
     Attributes
     ----------
     expected, found : int
-        Number of finite eigenvalues that exist, and that were found (those of `neutral` among them).
+        Numbers of finite eigenvalues that exist and that were found (including those of `neutral`).
     discs : tuple of Disc
-        Where the eigenvalues of A_⊥ are.
+        Discs of the eigenvalues of A_⊥.
     neutral : Neutral
     time : str
         Why the coefficients are not known to be constant, or periodic with the stated period; empty: they are.
     kink : str
-        Why the equations are not known to have a linear part at the reference; empty: they have.
+        Why the equations are not known to have a linearization at the reference; empty: they have.
     rough : str
-        Why they are not known to be smooth; empty: they are. Then eigenvalues alone may decide.
+        Why they are not known to be smooth; empty: they are. Otherwise only eigenvalues may decide.
     doubts : tuple of str
-        What else must be settled before anything but instability is said.
+        Other doubts, which prevent every verdict but instability.
     minimum : callable
         Returns a `Minimum`, or None; called only where eigenvalues do not decide.
     reversible : callable
@@ -221,7 +221,7 @@ class Facts:
         Takes the number of eigenvalues at zero and whether all others decay; returns a
         `Critical`, or None. Called where zeros alone are left.
     family : callable
-        Takes the number of eigenvalues at zero that nothing explains; returns the `Neutral` in which
+        Takes the number of unexplained zero eigenvalues; returns the `Neutral` in which
         a family that was followed explains them, or None.
     warnings : tuple of str
     frequencies : callable
@@ -229,7 +229,7 @@ class Facts:
     multipliers : bool
         Whether the eigenvalues are Floquet exponents.
     census : Census or None
-        Where only a few eigenvalues were looked for: what is known of all; None: all were looked for.
+        Where only a few eigenvalues are computed: the count of all; None: all are computed.
     """
 
     expected: int
@@ -252,7 +252,7 @@ class Facts:
 
 @dataclass(frozen=True)
 class Modulo:
-    """Up to what a verdict holds.
+    """The symmetries and families up to which a verdict holds.
 
     Attributes
     ----------
@@ -271,23 +271,23 @@ class Modulo:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What may be said about the stability of a motion.
+    """The verdict on the stability of a motion.
 
     Attributes
     ----------
     word : str
         One of `WORDS`.
     reasons : tuple of str
-        What it rests on, in sentences.
+        Its grounds, in sentences.
     symmetries, family : tuple of str
-        Up to what it holds.
+        Those up to which it holds.
     in_place : bool or None
         Whether disturbed motions also stay near the reference itself, not only near its family; None: not claimed.
     evidence : str
         The weakest fact it rests on: ``structural``, ``enclosed`` or ``numerical``.
     warnings : tuple of str
     at_zero : bool
-        Whether eigenvalues that are not told from zero are zero: a family of motions explains
+        Whether eigenvalues that cannot be told from zero are zero: a family of motions explains
         them, or they are critical.
     """
 
@@ -302,7 +302,7 @@ class Verdict:
 
     @property
     def modulo(self) -> Modulo:
-        """Up to what it holds."""
+        """Symmetries and families up to which it holds."""
         return Modulo(self.symmetries, self.family)
 
 
@@ -363,7 +363,7 @@ def place(centres: Sequence[complex], radii: Sequence[float], counts: Sequence[i
         Disjoint discs.
     mirrored : str
         In words, what makes the spectrum symmetric to the imaginary axis; empty: nothing does.
-        Then a disc is held on the axis if it holds one eigenvalue and no other disc meets its
+        Then a disc is held on the axis if it contains one eigenvalue and no other disc overlaps its
         mirror image: the image of the eigenvalue is one as well, so it can only be itself.
     """
     found = []
@@ -400,7 +400,7 @@ def judge(facts: Facts) -> Verdict:
         return Verdict(UNDECIDED, (facts.rough,), warnings=facts.warnings)
     if decays:
         return _decaying(facts)
-    # The energy says more where it keeps speeds of what rests small.
+    # The energy gives a stronger verdict where it bounds the speeds of a scene at rest.
     if (left or neutral.slow) and (minimum := facts.minimum()) is not None and minimum.definite:
         return _by_energy(facts, minimum)
     if not left:
@@ -428,7 +428,7 @@ def judge(facts: Facts) -> Verdict:
 
 
 def _counted(facts: Facts, census: Census) -> Verdict:
-    """Return what may be said where a few eigenvalues were looked for, none of which grows, and the others counted."""
+    """Return the verdict where a few eigenvalues were computed, none of which grows, and the others counted."""
     few = f"{facts.found} of {facts.expected} eigenvalues were looked for and found"
     if census.least:
         exactly = "" if census.right is not None else ", at least"
@@ -457,7 +457,7 @@ def _counted(facts: Facts, census: Census) -> Verdict:
 
 
 def _obstacle(facts: Facts) -> tuple[str, ...]:
-    """Return what forbids any verdict, also that a motion is unstable."""
+    """Return what prevents any verdict, even instability."""
     if facts.time:
         return (facts.time,)
     if facts.kink:
@@ -468,7 +468,7 @@ def _obstacle(facts: Facts) -> tuple[str, ...]:
 
 
 def _doubts(facts: Facts) -> tuple[str, ...]:
-    """Return what forbids every verdict but that a motion is unstable."""
+    """Return what prevents every verdict but instability."""
     doubts = facts.doubts
     if facts.found != facts.expected:
         doubts = (f"{facts.expected} finite eigenvalues exist, {facts.found} were found", *doubts)
@@ -526,7 +526,7 @@ def _critical(facts: Facts, critical: Critical) -> Verdict:
     if up_to and critical.family:
         reason += _growing(critical.drift)
     elif up_to and critical.drift:
-        # What decays like a root of t may add up without end.
+        # A decay like a root of t may sum without bound.
         reason += f"; what they change there may go on growing, more slowly than {_power(critical.drift)}"
     staying = critical.verdict == ASYMPTOTIC_UP_TO and bool(critical.family) and not critical.drift
     in_place = critical.verdict in (ASYMPTOTIC, STABLE) or staying
@@ -547,7 +547,7 @@ def _up_to(facts: Facts, word: str, reason: str) -> Verdict:
 
 
 def _growing(drift: int) -> str:
-    """Say how what changes along neutral directions goes on."""
+    """Return the growth of changes along neutral directions, in words."""
     return f"; what they change there goes on growing like {_power(drift)}" if drift else ""
 
 
@@ -560,14 +560,14 @@ def _differ(neutral: Neutral) -> str:
 
 
 def _except(neutral: Neutral) -> str:
-    """Say what disturbances may change for good."""
+    """Return what disturbances may change permanently, in words."""
     if not neutral.names:
         return "at the given momenta"
     return f"except that {phrases(neutral.names)} may end up slightly different"
 
 
 def _unplaced(disc: Disc, facts: Facts) -> str:
-    """Say why an eigenvalue leaves the verdict open."""
+    """Return why an eigenvalue leaves the verdict open."""
     if not disc.radius < float("inf"):
         return f"nothing is known about how far the eigenvalue {show(disc.centre)} 1/s is off"
     many = disc.count > 1

@@ -1,14 +1,14 @@
-"""How many eigenvalues lie right of the imaginary axis, by the winding number of the determinant.
+"""The number of eigenvalues right of the imaginary axis, by the winding number of the determinant.
 
-h(s) = det Q(s) / (s + a)^n, with n finite eigenvalues, is analytic right of the axis, finite and not zero at infinity;
+h(s) = det Q(s) / (s + a)^n, with n finite eigenvalues, is analytic right of the axis, finite and nonzero at infinity;
 −Δ arg h / π over ω = 0 … ∞ along s = iω is the number of its zeros there. The phase comes from LU factors. That an
-integer comes out is no evidence: turns by 2π between two points are not seen. An interval is accepted only if
+integer comes out is no evidence: changes by 2π between two points are not detected. An interval is accepted only if
 
-* discs around its ends, with a part of the distance to the nearest eigenvalue that Arnoldi steps see, cover it, and
-* its change of phase agrees, after multiples of 2π are added, with the slopes at its ends.
+* discs around its ends, with a fraction of the estimated distance to the nearest eigenvalue (Arnoldi), cover it, and
+* its change of phase agrees, up to multiples of 2π, with the slopes at its ends.
 
-The discs rest on estimates, so eigenvalues are counted so, not proven (Ying, Katz 1988, Numer. Math. 53; Kamgnia,
-Philippe 2013, ETNA 40, say what a proof takes).
+The discs rest on estimates, so the count is not a proof (Ying, Katz 1988, Numer. Math. 53; Kamgnia,
+Philippe 2013, ETNA 40, describe what a proof needs).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class _Point:
-    """h on the imaginary axis: its phase and the slope of that, and the radius of a disc without eigenvalues."""
+    """h on the imaginary axis: its phase, the slope of the phase, and the radius of a disc without eigenvalues."""
 
     omega: float
     phase: float
@@ -42,7 +42,7 @@ class _Open(Exception):
 
 
 def winding(equations: SparseEquations, why: str) -> Census:
-    """Return how many eigenvalues lie right of the imaginary axis, neutral shifts apart.
+    """Return the number of eigenvalues right of the imaginary axis, apart from neutral shifts.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def winding(equations: SparseEquations, why: str) -> Census:
 
 
 class _Winding:
-    """Follows the phase of h along the imaginary axis."""
+    """The phase of h, followed along the imaginary axis."""
 
     def __init__(self, equations: SparseEquations) -> None:
         self.problem, self.known_to = equations.problem, equations.known_to
@@ -75,7 +75,7 @@ class _Winding:
         first = self._point(0.0)
         last = self._point(TOLERANCES.winding_start * self.fastest)
         total = self._change(first, last)
-        # Beyond, slopes fall like the square of the distance, and slower terms are less than a turn.
+        # Farther out, slopes fall as the square of the distance, and slower terms are less than a turn.
         while abs(last.slope) * last.omega > 0.1 * TOLERANCES.winding_phase:
             further = self._point(2.0 * last.omega)
             total += self._change(last, further)
@@ -117,7 +117,7 @@ class _Winding:
         return _Point(omega, phase, slope, radius)
 
     def _unsure(self, lu: Any, omega: float) -> float:
-        """Return how much what the entries are not known to changes solutions: from 1 on the matrix may be singular."""
+        """Return the relative change of solutions by errors of the entries: from 1 on the matrix may be singular."""
         sizes, x = self.known_to.at(omega), np.abs(lu.solve(self.signs[0].astype(complex)))
         growth = []
         for signs in self.signs:
@@ -145,7 +145,7 @@ class _Winding:
 
 
 def _odd(permutation: Index) -> int:
-    """Whether a permutation is odd: 1 or 0."""
+    """Return 1 for an odd permutation, 0 for an even one."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
@@ -155,7 +155,7 @@ def _odd(permutation: Index) -> int:
 
 
 def _largest(once: Operator, start: Complex) -> float:
-    """Return the size of the largest eigenvalue of an operator that Arnoldi steps see."""
+    """Return the size of the largest eigenvalue of an operator, estimated by Arnoldi steps."""
     basis = [start / np.linalg.norm(start)]
     H = np.zeros((TOLERANCES.winding_arnoldi_steps + 1, TOLERANCES.winding_arnoldi_steps), dtype=complex)
     for k in range(min(TOLERANCES.winding_arnoldi_steps, len(start))):

@@ -1,4 +1,4 @@
-"""Names of symmetries and of families of motions in natural words."""
+"""Names of symmetries and of families of motions in plain words."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ HEADS: dict[str, tuple[str, str]] = {
     "turn of ": ("the turn of ", ""),
     "joint shift of ": ("the joint shift of ", ""),
 }
-"""How names of symmetries and families begin, and what natural words begin with: for one, for several."""
+"""Beginnings of the names of symmetries and families, and of the words for them: for one, for several."""
 
 WHOLE = {"the motion itself": "the place along the motion", "speed of the motion itself": "the speed"}
-"""Names that are put in other words as a whole."""
+"""Names that are replaced as a whole."""
 
 MOST = 6
-"""No more things are listed by name."""
+"""Maximum number of things that are listed by name."""
 
 
 def _parts(name: str) -> tuple[str, str, str]:
-    """Return how the words for a name begin, alone and beside others of the kind, and how they go on.
+    """Return the beginning of the words for a name, alone and with others of the kind, and the rest.
 
     The second is empty where words stand alone.
     """
@@ -50,7 +50,7 @@ def _parts(name: str) -> tuple[str, str, str]:
 
 
 def phrases(names: Sequence[str]) -> str:
-    """Return names as a list in natural words; those of a kind are named together, and a long list ends with a number.
+    """Return names as a list in plain words; those of a kind are named together, and a long list ends with a number.
 
     >>> phrases(("translation along x", "translation along y", "rear_wheel.psi", "speed"))
     'the position along x and y, the angle rear_wheel.psi and the speed'

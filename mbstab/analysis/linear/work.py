@@ -1,17 +1,17 @@
-"""What adds energy to a scene and what takes it, by structure.
+"""Elements that conserve, dissipate or supply energy, by structure.
 
-In the frame of a steady motion with the field X(q) the function E − p_X (the energy at rest, where
+In the frame of a steady motion with the field X(q), the function E − p_X (the energy at rest, where
 X = 0; the integral of Jacobi in a turning frame) is
 
 * conserved, if every force has a potential or does no work, and the constraint rows are
   homogeneous in the speeds relative to X: then reactions do no work on u − X;
-* not increasing, if besides there are dampers between points and joints, which depend on speeds
+* not increasing, if there are also dampers between points and joints, which depend on speeds
   relative to X only.
 
-A built-in spring says itself that it has a potential and a dissipation function. Other forces are
-asked at states spread over the scene: a force has a potential if its ∂F/∂q is symmetric and it
-depends on no speed; it does no work if F·u = 0; it damps if ∂F/∂u is a constant matrix with a
-symmetric part that is not negative.
+A built-in spring is known to have a potential and a dissipation function. Other forces are
+evaluated at states spread over the scene: a force has a potential if its ∂F/∂q is symmetric and it
+does not depend on speeds; it does no work if F·u = 0; it damps if ∂F/∂u is a constant matrix with a
+positive semidefinite symmetric part.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ class Work:
     Parameters
     ----------
     invariance : Invariance
-        Of the scene.
+        Symmetries of the scene.
     generator : Generator or None
-        The steady motion in whose frame the energy is meant; None: the ground.
+        The steady motion that defines the frame of the energy; None: the ground.
     """
 
     def __init__(self, invariance: Invariance, generator: Generator | None) -> None:
@@ -53,7 +53,7 @@ class Work:
 
     @cached_property
     def kinds(self) -> dict[Kind, list[Acting]]:
-        """The forces of the scene by what they do to the energy in the ground."""
+        """The forces of the scene by their effect on the energy in the ground frame."""
         found: dict[Kind, list[Acting]] = {"potential": [], "powerless": [], "damping": [], "other": []}
         for element in self.invariance.elements:
             if not element.inertia:
@@ -62,17 +62,17 @@ class Work:
 
     @cached_property
     def conserved_at_rest(self) -> bool:
-        """Whether the energy in the ground is the same along every motion."""
+        """Whether the energy in the ground frame is constant along every motion."""
         return not self.kinds["damping"] and not self.kinds["other"] and self.rows_at_rest
 
     @cached_property
     def conserved(self) -> bool:
-        """Whether the energy in the frame of the motion is the same along every motion."""
+        """Whether the energy in the co-moving frame is constant along every motion."""
         return self._relative and not self.kinds["damping"]
 
     @cached_property
     def decreases(self) -> bool:
-        """Whether the energy in the frame of the motion never increases."""
+        """Whether the energy in the co-moving frame never increases."""
         return self._relative and all(self._turns_along(element) for element in self.kinds["damping"])
 
     @cached_property
@@ -82,7 +82,7 @@ class Work:
 
     @cached_property
     def _relative(self) -> bool:
-        """Whether forces without damping and rows do no work in the frame of the motion."""
+        """Whether undamped forces and rows do no work in the co-moving frame."""
         return (
             not self.kinds["other"]
             and self._homogeneous(self._field)
@@ -103,7 +103,7 @@ class Work:
                 for u in (X, X + 2.0 * (state.u - X))
             )
             if not np.any(X) and np.any(at.V):
-                return False  # what rest does not satisfy is no rounding
+                return False  # a row that rest does not satisfy is not rounding
             allowed = self.invariance.agreed * fast * (abs(at.J) @ motion.sizes)
             if np.any(np.abs(at.V) > allowed) or np.any(np.abs(there.V) > 2.0 * allowed):
                 return False
@@ -112,7 +112,7 @@ class Work:
     # --- one force --------------------------------------------------------------------------------------------------
 
     def _kind(self, element: Acting) -> Kind:
-        """Return what a force does to the energy."""
+        """Return the effect of a force on the energy."""
         if element.stored:
             return "damping" if element.damped else "potential"
         if not element.analytic:
@@ -124,7 +124,7 @@ class Work:
             return "other"
 
     def _asked(self, element: Acting, f: Any) -> Kind:
-        """Return what a force does to the energy, from its slopes at some states."""
+        """Return the effect of a force on the energy, from its derivatives at some states."""
         limit = REFERENCE.comparison_exact if f.name == "mpmath" else REFERENCE.force_change
         kind: Kind = "potential"
         slopes = []
@@ -147,7 +147,7 @@ class Work:
         return kind
 
     def _powerless(self, element: Acting, q: Any, u: Any, zero: Any, f: Any, limit: float) -> bool:
-        """Whether what a force adds in motion does no work: along all speeds, and along each one and two of them."""
+        """Return whether the velocity-dependent part of a force does no work: with all speeds, and each one and two."""
         moving = element.force(q, u, zero, self.motion.time, f)
         still = element.force(q, zero, zero, self.motion.time, f)
         work = [(x - y) * u[i] for i, x, y in zip(element.columns, moving, still, strict=True)]
@@ -156,7 +156,7 @@ class Work:
         n = len(element.columns)
         for i in range(n):
             for j in range(i + 1):
-                # A small part is not to be lost beside a large one: slopes keep it.
+                # A small part must not be lost beside a large one: derivatives keep it.
                 speeds = [x if k in (element.columns[i], element.columns[j]) else 0 * x for k, x in enumerate(u)]
                 _, R = element.slopes(q, speeds, zero, self.motion.time, f)
                 if R[i][i] or R[j][j] or abs(R[i][j] + R[j][i]) > limit * (abs(R[i][j]) + abs(R[j][i])):
@@ -164,7 +164,7 @@ class Work:
         return True
 
     def _no_relative_work(self, element: Acting) -> bool:
-        """Whether a force that does no work does none in the frame of the motion either."""
+        """Return whether a force that does no work does none in the co-moving frame either."""
         if self.generator is None:
             return True
         zero = 0.0 * self.motion.q
@@ -178,7 +178,7 @@ class Work:
         return True
 
     def _turns_along(self, element: Acting) -> bool:
-        """Whether a damper sees speeds relative to the motion only."""
+        """Return whether a damper depends only on speeds relative to the motion."""
         if self.generator is None:
             return True
         sizes, zero = self.motion.sizes[list(element.columns)], 0.0 * self.motion.q
@@ -197,7 +197,7 @@ class Work:
 
     @cached_property
     def reversible(self) -> bool:
-        """Whether motions backwards in time are motions: forces are even in the speeds, rows odd."""
+        """Whether the equations are reversible in time: forces are even in the speeds, rows odd."""
         return self._rows_odd() and all(self._even(e) for e in self.invariance.elements)
 
     def _rows_odd(self) -> bool:
@@ -227,7 +227,7 @@ def acts_symmetrically(
     q : ndarray, shape (n_q,)
     time : float (s)
     states : dict
-        The coordinates in the arithmetics that were asked before; empty at first.
+        The coordinates in the arithmetics used so far; empty at first.
     """
     try:
         with Digits(element) as f:
@@ -245,7 +245,7 @@ def acts_symmetrically(
 
 
 def _symmetric(K: list[list[Any]], limit: float) -> bool:
-    """Whether a matrix is symmetric, each pair of entries relative to their own size."""
+    """Return whether a matrix is symmetric, each pair of entries relative to their own size."""
     n = len(K)
     total = max((abs(x) for row in K for x in row), default=0)
     floor = 0 if limit < 1e-20 else 1e-14 * total
@@ -255,7 +255,7 @@ def _symmetric(K: list[list[Any]], limit: float) -> bool:
 
 
 def _damps(slopes: list[tuple[Any, Any, Any]], limit: float) -> bool:
-    """Whether ∂F/∂u is one matrix at all states, with a symmetric part that is not negative."""
+    """Return whether ∂F/∂u is the same matrix at all states, with a positive semidefinite symmetric part."""
     first = slopes[0][0]
     for R, K, still in slopes:
         for one, other in ((R, first), (K, still)):
@@ -266,18 +266,18 @@ def _damps(slopes: list[tuple[Any, Any, Any]], limit: float) -> bool:
 
 
 def _takes(R: list[list[Any]], limit: float) -> bool:
-    """Whether Σ R_ij u_i u_j is negative for no u: by elimination, each row in its own unit, however small that is."""
+    """Return whether Σ R_ij u_i u_j ≥ 0 for all u: by elimination, each row in its own unit, however small."""
     n = len(R)
     rounded = [[abs(R[i][j] + R[j][i]) <= limit * (abs(R[i][j]) + abs(R[j][i])) for j in range(n)] for i in range(n)]
     S = [[0 * R[i][j] if i != j and rounded[i][j] else R[i][j] + R[j][i] for j in range(n)] for i in range(n)]
     units, known = [S[i][i] for i in range(n)], n * limit
     left = [i for i in range(n) if any(S[i])]
-    # A speed that does work on another one, and none on itself, gives energy in one direction.
+    # A zero on the diagonal with a nonzero entry beside it supplies energy in one direction.
     if any(not units[i] > 0 for i in left):
         return False
     while left:
         k = max(left, key=lambda i: S[i][i] / units[i])
-        if S[k][k] <= known * units[k]:  # only rounding is left, which must be so beside the diagonal, too
+        if S[k][k] <= known * units[k]:  # only rounding is left, as must be off the diagonal, too
             return all(abs(S[i][j]) <= known * (units[i] * units[j]) ** 0.5 for i in left for j in left)
         left.remove(k)
         for i in left:
