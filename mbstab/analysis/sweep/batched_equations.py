@@ -1,8 +1,8 @@
-"""The linearized equations at many points of a sweep at once, by broadcasting through kernels and linear algebra.
+"""The linearized equations at many points of a sweep at once, by broadcasting in kernels and linear algebra.
 
-One point is answered in full: its ranks, the frame of its motion and its symmetries are the
-pattern. Every other point must show the same pattern, which is checked. Arrays have a first axis
-for the points, of length 1 where all agree.
+One point is computed in full: its ranks, the frame of its motion and its symmetries are the
+pattern. Every other point must have the same pattern, which is checked. Arrays have a first axis
+for the points, of length 1 where all points agree.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class Pattern:
-    """What one point, answered in full, says about its neighbours.
+    """What a point that is computed in full tells about its neighbours.
 
     Attributes
     ----------
     linear : Linearization
     known : Known
-        Its structure.
+        Structure of the point.
     family : Family or None
-        Steady motions in turning frames.
+        Steady motions in rotating frames.
     sizes : ndarray, shape (n_q,)
     balance : Balance or None
-        The equations with which the motion was found, where it was.
+        The equations of the motion, if it was solved for.
     """
 
     linear: Linearization
@@ -58,10 +58,10 @@ class Equations:
     ----------
     pattern : Pattern
     system : System
-        With parameters of shape (points,).
+        A system with parameters of shape (points,).
     points : int
     start : tuple of ndarray, optional
-        Predicted coordinates and rates, where equilibria are followed.
+        Predicted coordinates and rates, if equilibria are followed.
     """
 
     def __init__(self, pattern: Pattern, system: System, points: int, start: tuple[Array, Array] | None = None) -> None:
@@ -76,13 +76,13 @@ class Equations:
         Parameters
         ----------
         growth : ndarray, shape (points,), optional
-            How many times larger the terms are of which the matrices are sums; 1 if not given.
+            Ratio of the terms of the matrices to their sums; 1 if not given.
         """
         pattern, system = self.pattern, self.system
         q, steady, u = self._motion()
         dynamics = system.dynamics(q, u)
         self._require_rows(dynamics, u)
-        # A pattern at rest says nothing about motions, and the other way round.
+        # A pattern at rest does not apply to motions, nor the reverse.
         self.good &= np.any(u, axis=1) != pattern.linear.motion.at_rest
         M, J, scale, row_scale = self._scaled(dynamics)
         N, Z, D_u = self._subspaces(J)
@@ -119,7 +119,7 @@ class Equations:
         W_inverse: Array,
         S: Array,
     ) -> Array:
-        """Return the norm of what rounding may change of S: that of sums as large as the matrices, and of the bases."""
+        """Return the norm of the rounding error of S: of sums as large as the matrices, and of the bases."""
         M, R, K, D_q = (_norm(x) for x in matrices)
         lost = _norm(np.asarray(np.linalg.inv(M_z), dtype=float)) if M_z.size else np.zeros(1)
         rate = _norm(P)
@@ -130,7 +130,7 @@ class Equations:
         return result
 
     def growth(self) -> Array:
-        """Return how many times larger the terms are of which the matrices are sums, shape (points,)."""
+        """Return the ratio of the terms of the matrices to their sums, shape (points,)."""
         system = self.system
         q, steady, u = self._motion()
         dynamics = system.dynamics(q, u)
@@ -200,7 +200,7 @@ class Equations:
             G = balance.jacobian(at)
             square = transposed(G) @ G
             size = np.trace(square, axis1=-2, axis2=-1)[:, None, None]
-            # Directions that nothing depends on stay where they are.
+            # Coordinates that nothing depends on do not change.
             step = -np.linalg.solve(
                 square + TOLERANCES.normal_equations_ridge * size * np.eye(G.shape[-1]),
                 transposed(G) @ at.residual[..., None],
@@ -214,7 +214,7 @@ class Equations:
         return at.q, (at.steady if self.pattern.family is not None else None), at.u
 
     def _speeds(self, q: Array) -> tuple[Generator | None, Array]:
-        """Return the generator of the motion in a turning frame, if there is one, and the speeds."""
+        """Return the generator of the motion in a rotating frame, if there is one, and the speeds."""
         system, scene = self.system, self.system.scene
         u = self._given(scene.rates, np.zeros(system.n_q))
         missing = np.array([name not in scene.rates for name in system.names])
@@ -317,9 +317,9 @@ class Equations:
         scale: Array,
         row_scale: Array,
     ) -> tuple[Array, Array, Array, tuple[Array, Array, Array], Array]:
-        """Return K, R, D_q in scaled coordinates, how far the forces are from balance and may be, and J⁺.
+        """Return K, R, D_q in scaled coordinates, the imbalance of the forces and its limit, and J⁺.
 
-        The third of the forces is what pushes across rows on speeds, relative to all forces.
+        The third entry of the forces is the force across rows on speeds, relative to all forces.
         """
         system, n_h = self.system, self.system.n_h
         force = (_times(dynamics.M, a) + dynamics.F0) * scale

@@ -1,9 +1,9 @@
 """Eigenvalues and verdicts at all points of a sweep at once.
 
-One point is answered in full (`mbstab.analysis.linear.facts`): its ranks, its symmetries and the frame of
-its motion are the pattern. Every other point must show the same pattern, which is checked with the
-same thresholds; points that do not are taken up again with a pattern of their own, in the end one
-by one. Points that bounds for many at once do not decide are judged by the code of `mbstab eig`.
+One point is computed in full (`mbstab.analysis.linear.facts`): its ranks, its symmetries and the frame of
+its motion are the pattern. Every other point must have the same pattern, which is checked with the
+same thresholds; points that do not are computed with a pattern of their own, finally one
+by one. Points that the bounds for many points do not decide are judged by the code of `mbstab eig`.
 """
 
 from __future__ import annotations
@@ -54,22 +54,22 @@ FROZEN = "frozen-time: the coefficients change along the motion"
 
 @dataclass(frozen=True)
 class Spectra:
-    """Eigenvalues over the points of a sweep, and what they say.
+    """Eigenvalues over the points of a sweep, and their verdicts.
 
     Attributes
     ----------
     values : ndarray of complex, shape (points, r)
         Eigenvalues that are not neutral (1/s), in no order; nan where there are none.
     sides : ndarray of int8, shape (points, r)
-        On which side of the imaginary axis they lie, as in `mbstab.analysis.sweep.batched_verdict`.
+        Side of the imaginary axis, as in `mbstab.analysis.sweep.batched_verdict`.
     words : ndarray of int8, shape (points,)
         Numbers of the verdicts among `mbstab.analysis.linear.verdict.WORDS`.
     mirrored : ndarray of bool, shape (points,)
-        Whether the spectrum is symmetric to the imaginary axis by structure.
+        Whether the spectrum is symmetric about the imaginary axis by structure.
     problems : dict
-        By the number of a point, why it has no eigenvalues, or none that say something about stability.
+        By the number of a point, why it has no eigenvalues, or none that decide about stability.
     neutral : int
-        Number of neutral eigenvalues besides.
+        Additional number of neutral eigenvalues.
     sizes : ndarray, shape (points,)
         Norms of the matrices (1/s).
     """
@@ -95,8 +95,8 @@ class Evaluator:
     ----------
     model : Model
     path : Path or Sheet, optional
-        Equilibria over the parameters that vary, where a file asks to find them; without it
-        each point is looked for by itself.
+        Equilibria over the parameters that vary, if a file asks to find them; without it
+        each point is solved by itself.
     """
 
     def __init__(self, model: Model, path: Path | Sheet | None = None) -> None:
@@ -112,7 +112,7 @@ class Evaluator:
         values : mapping
             Parameter values in SI, arrays of shape (points,).
         progress : callable, optional
-            Is called with the part of the work that is done, from 0 to 1.
+            Called with the fraction of the work that is done, from 0 to 1.
         """
         work = _Work(self, values, progress)
         work.run()
@@ -126,7 +126,7 @@ class Evaluator:
         Parameters
         ----------
         exact : bool
-            Whether points that bounds for many do not decide are judged one by one.
+            Whether points that the bounds for many points do not decide are judged one by one.
         """
         work = _Work(self, values, lambda done: None)
         work.sampled = False
@@ -136,10 +136,10 @@ class Evaluator:
         return work.gathered(count)
 
     def at_zeros(self, values: Mapping[str, Array], spectra: Complex, sides: Sides) -> npt.NDArray[np.int8]:
-        """Return the verdicts of undecided points, as numbers, where eigenvalues that are exactly zero may decide.
+        """Return the verdicts of undecided points, as numbers, where exact zero eigenvalues may decide.
 
-        That they are zero to many digits is asked at each point by itself, from the least ones on as long as it
-        holds; it takes long, so many points are left undecided.
+        Whether they are zero to many digits is tested at each point by itself, from the smallest ones on as long as it
+        holds; this takes long, so where there are many points they are left undecided.
 
         Parameters
         ----------
@@ -169,7 +169,7 @@ class Evaluator:
         return found.astype(complex), space.to_coordinates @ vectors, linear
 
     def learn(self, values: Mapping[str, Array]) -> None:
-        """Take the patterns of some of many points."""
+        """Compute the patterns of some of many points."""
         points = len(next(iter(values.values())))
         some = np.unique(np.linspace(0, points - 1, 4 * TOLERANCES.points_of_lonely_pattern).round().astype(int))
         _Work(self, {name: x[some] for name, x in values.items()}, lambda done: None).run(
@@ -179,7 +179,7 @@ class Evaluator:
 
 @dataclass(frozen=True)
 class _Part:
-    """Points that were answered together, or one that was answered in full."""
+    """Points that were computed together, or one that was computed in full."""
 
     index: Index
     found: Judged
@@ -211,7 +211,7 @@ class _Work:
         return evaluate(self.evaluator.model, chosen)
 
     def run(self, left: int = 0) -> None:
-        """Compute all points but so many that are left where there is a pattern already."""
+        """Compute all points, except `left` ones where there is already a pattern."""
         pending = np.arange(self.points)
         if self.path is not None:
             covered = self.path.covers(self.values)
@@ -221,7 +221,7 @@ class _Work:
             pending = pending[~self._fitting(pattern, pending)]
         lonely, number = 0, 0
         while len(pending) > (left if self.evaluator.patterns else 0):
-            # From place to place: special values often stand in the middle or at an end.
+            # In varying order: special values are often in the middle or at an end.
             i = int(pending[int(len(pending) * ((0.37 + 0.618 * number) % 1.0))])
             number += 1
             own = self._pattern(i)
@@ -234,7 +234,7 @@ class _Work:
                     self.evaluator.patterns.append(own)
 
     def _missing(self, i: int, path: Path | Sheet) -> str:
-        """Say why there is no solution at a point: the scene itself may not exist there."""
+        """Return why there is no solution at a point: the scene itself may not exist there."""
         try:
             self.scene(i)
         except MbstabError as error:
@@ -242,7 +242,7 @@ class _Work:
         return path.missing(self.values, i)
 
     def _fitting(self, pattern: Pattern, pending: Index) -> Flags:
-        """Compute points with a pattern; return which of them have it."""
+        """Compute points with a pattern; return which of them fit it."""
         done = np.zeros(len(pending), dtype=bool)
         block = max(64, TOLERANCES.block_entries // pattern.linear.M.size)
         growth = self._growth(pattern, pending)
@@ -255,9 +255,9 @@ class _Work:
     # --- what is checked at some points, or decided one by one ------------------------------------------------------
 
     def guard(self) -> None:
-        """Refuse points whose motion does not stand still in the frame of their pattern; a sample says which.
+        """Refuse points whose motion is not steady in the frame of their pattern, as tested at a sample.
 
-        Where the structure of a sample is less than that of its pattern, the points of the pattern are answered
+        Where a sample has less structure than its pattern, the points of the pattern are computed
         one by one.
         """
         good = np.sort(np.concatenate([part.index for part in self.found])) if self.found else np.arange(0)
@@ -278,7 +278,7 @@ class _Work:
             self._compare(known, {i: grounds for i in members if (grounds := compared[i]) is not None})
 
     def _ends(self) -> dict[Known, list[int]]:
-        """Return the first and last of the points that each pattern has answered."""
+        """Return the first and last point of each pattern."""
         ends: dict[Known, list[int]] = {}
         for part in self.found:
             if len(part.index) and not part.alone:
@@ -286,7 +286,7 @@ class _Work:
         return {known: sorted({min(index), max(index)}) for known, index in ends.items()}
 
     def _compare(self, known: Known, ends: Mapping[int, Grounds]) -> None:
-        """Answer points of a pattern one by one where points at its ends have another structure."""
+        """Compute points of a pattern one by one where points at its ends have another structure."""
         for i, grounds in ends.items():
             other = Known(grounds)
             if known.names == other.names:
@@ -301,7 +301,7 @@ class _Work:
             return
 
     def _doubt(self, i: int) -> str:
-        """Say why the motion at a point does not stand still, or is none."""
+        """Return why the motion at a point is not steady, or does not exist."""
         try:
             system = System(self.scene(i))
             linear = linearize(system, self.motion(system, i)[0])
@@ -312,7 +312,7 @@ class _Work:
             return str(error)
 
     def decide(self) -> None:
-        """Judge points with open eigenvalues one by one, kind by kind, as long as that says more about some of them."""
+        """Judge points with open eigenvalues one by one, kind by kind, as long as this decides some of them."""
         kinds: dict[tuple[int, ...], list[tuple[float, int]]] = {}
         for part in self.found:
             unplaced = np.any(part.found.sides == OPEN, axis=1)
@@ -326,7 +326,7 @@ class _Work:
             columns = counts.tolist(), words, distance.tolist(), part.index[open_].tolist()
             for key, word, far, i in zip(*columns, strict=True):
                 kinds.setdefault((id(part.known), word, *key), []).append((-far, i))
-        # Where equilibria nearly meet they are found to the root of the rounding, which only the full answer counts.
+        # Where equilibria nearly meet, they are known to the root of the rounding, which only the full answer includes.
         for i in self._nearly_meeting():
             self._exact(i)
         for (_, before, *_, number), members in kinds.items():
@@ -338,7 +338,7 @@ class _Work:
                     break
 
     def _nearly_meeting(self) -> list[int]:
-        """Return points of paths of equilibria with an eigenvalue that is placed although it is nearly zero."""
+        """Return points of paths of equilibria with an eigenvalue that has a side although it is nearly zero."""
         if self.path is None:
             return []
         found: list[int] = []
@@ -351,7 +351,7 @@ class _Work:
         return found
 
     def _more(self, i: int, word: int, number: int) -> bool:
-        """Judge a point as `mbstab eig` does; return whether that says more than a verdict with open eigenvalues."""
+        """Judge a point as `mbstab eig` does; return whether this decides more than a verdict with open eigenvalues."""
         try:
             found = self._exact(i)
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
@@ -360,7 +360,7 @@ class _Work:
         return found != WORD[UNDECIDED] and (found != word or left < number)
 
     def gathered(self, count: int | None = None) -> Spectra:
-        """Return what was found; `count` decides how many are neutral, or the points at which fewest are."""
+        """Return the spectra; the number of neutral eigenvalues is `count`, or the smallest of all points."""
         mirrored, sizes = np.zeros(self.points, dtype=bool), np.zeros(self.points)
         words = np.full(self.points, WORD[UNDECIDED], dtype=np.int8)
         n_f, neutral = self._sizes(count)
@@ -375,7 +375,7 @@ class _Work:
             if other == neutral:
                 values[index], sides[index] = part.found.values, part.found.sides
             else:
-                # Further zeros, or eigenvalues that are zero elsewhere.
+                # Additional zeros, or eigenvalues that are zero elsewhere.
                 full = np.hstack([part.found.values, np.zeros((len(index), other), dtype=complex)])
                 places = np.hstack([part.found.sides, np.full((len(index), other), AXIS, dtype=np.int8)])
                 order = np.argsort(-np.abs(full), axis=1, kind="stable")[:, : n_f - neutral]
@@ -388,7 +388,7 @@ class _Work:
         return Spectra(values, sides, words, mirrored, self.problems, neutral, sizes)
 
     def _sizes(self, count: int | None) -> tuple[int, int]:
-        """Return how many eigenvalues there are at most points, and how many of them are neutral."""
+        """Return the number of eigenvalues at most points, and the number of neutral ones."""
         counts: dict[tuple[int, int], int] = {}
         for part in self.found:
             key = part.total, part.known.neutral.count
@@ -398,7 +398,7 @@ class _Work:
         n_f, neutral = max(counts, key=lambda key: counts[key])
         if count is not None:
             return n_f, max(n_f - count, 0)
-        # At single points symmetries may be missing: what is zero elsewhere is small there.
+        # At single points symmetries may be missing: eigenvalues that are zero elsewhere are small there.
         for part in self.found:
             further = neutral - part.known.neutral.count
             if part.total == n_f and further > 0:
@@ -410,7 +410,7 @@ class _Work:
     # --- one point --------------------------------------------------------------------------------------------------
 
     def _grounds(self, i: int) -> Grounds | None:
-        """Return the facts about a point, or None, and note why there are none."""
+        """Return the facts about a point, or None, and record why there are none."""
         try:
             with np.errstate(over="raise", divide="raise", invalid="raise", under="ignore"):
                 system = System(self.scene(i))
@@ -441,7 +441,7 @@ class _Work:
         def zeros() -> int:
             from mbstab.analysis.linear.precise import exact_zeros
 
-            # Many digits are worked out for the equilibrium that the file's own guess leads to.
+            # Many digits are computed for the equilibrium that the file's own guess leads to.
             if self.path is not None and not Problem(system).alike(found_motion(system).q, q):
                 return -1
             at = {name: float(x[i]) for name, x in self.values.items()}
@@ -474,7 +474,7 @@ class _Work:
         values = placed.values[None, :]
         sizes = np.array([float(np.linalg.norm(grounds.S))])
         found = Judged(values, sides, np.array([word], dtype=np.int8), sizes)
-        # What was found for it before does not count.
+        # Earlier results for the point are discarded.
         for n, part in enumerate(self.found):
             if len(part.index) and i in part.index:
                 keep = part.index != i
@@ -483,7 +483,7 @@ class _Work:
         return word
 
     def _pattern(self, i: int) -> Pattern | None:
-        """Answer a point in full; return its pattern, or None if it has a problem."""
+        """Compute a point in full; return its pattern, or None if it has a problem."""
         grounds = self._grounds(i)
         if grounds is None:
             return None
@@ -507,7 +507,7 @@ class _Work:
         return None if self.path is None else self.motion(system, i)[1]
 
     def motion(self, system: System, i: int) -> tuple[Motion, Balance | None]:
-        """Return the motion at a point, and the equations it was found with if it was."""
+        """Return the motion at a point, and its equations if it was solved for."""
         if self.path is None:
             return reference_motion(system), None
         q, c = self.path.predicted({name: x[i : i + 1] for name, x in self.values.items()})
@@ -517,7 +517,7 @@ class _Work:
     # --- many points ------------------------------------------------------------------------------------------------
 
     def _block(self, pattern: Pattern, index: Index, growth: Array) -> Flags:
-        """Compute points of a pattern together; return which of them have it."""
+        """Compute points of a pattern together; return which of them fit it."""
         if not len(index):
             return np.zeros(0, dtype=bool)
         try:
@@ -551,7 +551,7 @@ class _Work:
         return self.path.predicted({name: x[index] for name, x in self.values.items()})
 
     def _growth(self, pattern: Pattern, index: Index) -> Array:
-        """Return how many times larger terms are than their sums, from some of the points."""
+        """Return the ratio of terms to their sums, from some of the points."""
         evaluator = self.evaluator
         if not self.sampled or len(index) < TOLERANCES.points_of_lonely_pattern:
             return np.full(1, evaluator.growth)
@@ -561,7 +561,7 @@ class _Work:
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
             growth = np.full(len(some), evaluator.growth)
         evaluator.growth = max(evaluator.growth, float(np.max(growth)))
-        # The larger of two neighbours: between them nothing is sampled.
+        # The larger one of two neighbouring samples.
         right = np.clip(np.searchsorted(some, np.arange(len(index))), 1, max(len(some) - 1, 1))
         if len(some) < 2:
             return growth

@@ -1,10 +1,10 @@
 """Neutral directions and energy at many points of a sweep at once.
 
-What carries motions into motions, what is conserved and what the forces do to the energy is
-structure: one point answered in full (`mbstab.analysis.linear.facts`) says it for its neighbours. Where
-the directions lie, and what the second variation of the energy is, changes from point to point and
-is formed here for all of them, in the same coordinates as in `mbstab.analysis.linear.neutral`. Arrays have
-a first axis for the points, of length 1 where all agree.
+Symmetries, conserved functions and the work of the forces are
+structure: one point computed in full (`mbstab.analysis.linear.facts`) gives it for its neighbours. Where
+the directions lie, and the second variation of the energy, change from point to point and
+are formed here for all of them, in the same coordinates as in `mbstab.analysis.linear.neutral`. Arrays have
+a first axis for the points, of length 1 where all points agree.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Points:
     system : System
     q, u, a : ndarray, shape (points, n_q)
     steady : Generator or None
-        The turning frame in which the motions stand still.
+        The co-moving frame of the motions, if it rotates.
     scale : ndarray, shape (points, n_q)
     M, R, K : ndarray, shape (points, n_q, n_q)
     N, Z, P : ndarray
@@ -60,11 +60,11 @@ class Points:
     gamma : ndarray, shape (points,)
         … these rates (1/s).
     error : ndarray, shape (points,)
-        Norm of what rounding may change of S (1/s).
+        Norm of the rounding error of S (1/s).
     across : ndarray, shape (points,)
         Forces across rows on speeds, relative to all forces.
     spread : ndarray, shape (points,)
-        How many times larger the terms are of which the matrices are sums.
+        Ratio of the terms of the matrices to their sums.
     """
 
     system: System
@@ -98,7 +98,7 @@ class Points:
 
     @cached_property
     def slope(self) -> Array | None:
-        """Ξ of the turning frame in scaled coordinates; None without one."""
+        """Ξ of the rotating frame in scaled coordinates; None without one."""
         if self.steady is None:
             return None
         result: Array = self.steady.frame(self.q)[0] * self.scale[:, None, :] / self.scale[:, :, None]
@@ -123,20 +123,20 @@ class Points:
 
 @dataclass(frozen=True)
 class Separation:
-    """S with what is known of it by structure, as `mbstab.analysis.linear.neutral.Separated`.
+    """S and its structure, as `mbstab.analysis.linear.neutral.Separated`.
 
     Attributes
     ----------
     A : ndarray, shape (points, r, r)
-        What is left to judge.
+        The matrix left to judge.
     T : ndarray, shape (points, n, d)
         Orthonormal directions of symmetries and families.
     B : ndarray, shape (points, n, r)
-        Orthonormal basis of what is left.
+        Orthonormal basis of the rest.
     good : ndarray of bool, shape (points,)
-        Where ranks are those of the pattern, and S keeps the directions.
+        Where ranks are those of the pattern, and the directions are invariant under S.
     error : ndarray, shape (points,)
-        Norm of what rounding may change of A (1/s).
+        Norm of the rounding error of A (1/s).
     """
 
     A: Array
@@ -147,12 +147,12 @@ class Separation:
 
 
 class Known:
-    """What a point answered in full says about the structure of its neighbours.
+    """What a point that is computed in full tells about the structure of its neighbours.
 
     Parameters
     ----------
     grounds : Grounds
-        Of that point.
+        The facts about that point.
     """
 
     def __init__(self, grounds: Grounds) -> None:
@@ -176,7 +176,7 @@ class Known:
         parts = [(x.direction, x.rate) for x in self.momenta] + ([(motion.u, motion.a)] if self.speed else [])
         rows = [structure.differential(*part) for part in parts]
         along = [row @ plain.T[:, : self.directions] / (np.linalg.norm(row) or 1.0) for row in rows]
-        # A shift that a turning frame carries around is no zero.
+        # A shift that rotates with the frame is not a zero.
         block = separated.T.T @ grounds.S @ separated.T
         self.chain = 0 if any(separated.frequencies()) else chain(block, float(np.linalg.norm(grounds.S)))
         self.tied = (
@@ -187,7 +187,7 @@ class Known:
 
     @property
     def names(self) -> tuple[object, ...]:
-        """What must be the same at points of one pattern."""
+        """What must be the same at all points of a pattern."""
         work = self.grounds.structure.work
         return (
             self.neutral.symmetries, self.neutral.family, self.mirrored, self.d, self.k,
@@ -195,7 +195,7 @@ class Known:
         )  # fmt: skip
 
     def holds_for(self, other: Known) -> bool:
-        """Whether another point has all of this structure, and perhaps more."""
+        """Return whether another point has all of this structure, and possibly more."""
         own, theirs = self.grounds.structure.work, other.grounds.structure.work
         names = [
             {x.name for x in known.symmetries} | {f"boost {x.name}" for x in known.boosts} for known in (self, other)
@@ -211,7 +211,7 @@ class Known:
 
     @cached_property
     def at_rest(self) -> bool:
-        """Whether the eigenvalues are those of a stiffness alone, apart from what varies with the points."""
+        """Whether the eigenvalues are those of a stiffness alone, as far as this does not vary with the points."""
         linear, work = self.grounds.linear, self.grounds.structure.work
         return not self.moving and work.conserved and not len(linear.D_q)
 
@@ -222,13 +222,13 @@ class Known:
 
     @cached_property
     def in_place(self) -> bool:
-        """Whether a minimum of the energy leaves nothing out: no symmetry and no momentum."""
+        """Whether a minimum of the energy is unrestricted: no symmetry and no momentum is left out."""
         return not self.symmetries if self.moving else not self.neutral.count
 
     # --- directions -------------------------------------------------------------------------------------------------
 
     def separated(self, points: Points) -> Separation:
-        """Return what is left to judge at many points."""
+        """Return the matrices left to judge at many points."""
         S, n = points.S, points.S.shape[-1]
         good = np.ones(len(S), dtype=bool)
         if not self.d + self.k:
@@ -249,7 +249,7 @@ class Known:
         allowed = np.maximum(TOLERANCES.direction_closure * points.size, 100.0 * points.error)
         good = good & (left <= allowed)
         if self.chain:
-            # Where directions span much, all fits in them: their eigenvalues must be the zeros they are taken for.
+            # A large span contains almost everything: its eigenvalues must really be the zeros they are taken for.
             block = transposed(T) @ ST / np.maximum(points.size, 1e-300)[:, None, None]
             powers = np.linalg.matrix_power(block, self.chain)
             rest = np.linalg.norm(powers, axis=(1, 2)) * points.size
@@ -288,7 +288,7 @@ class Known:
         return orthonormal(columns, self.directions, good)
 
     def _moving(self, points: Points, T: Array, good: Flags) -> Array:
-        """Return the directions with speeds at which what rests may move on, as `Structure._moving`."""
+        """Return the directions with speeds at which a scene at rest may move, as `Structure._moving`."""
         directions = stacked([disturbance(item, points)[0] for item in self.symmetries]) / points.scale[:, :, None]
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         allowed, directions = points.N @ points.Z, directions / lengths
@@ -323,7 +323,7 @@ class Known:
         if not momenta or not mixed:
             parts = [disturbance(item, points) for item in momenta]
             return self._differentials(points, parts) if parts else np.zeros((1, 0, points.S.shape[-1]))
-        # How symmetries are to be combined changes from point to point: so that the combinations are conserved there.
+        # The combinations of symmetries that are conserved change from point to point.
         fields: list[Symmetry] = []
         for item in momenta:
             parts_of = item.of.parts if isinstance(item.of, Combination) else ((1.0, item.of),)
@@ -351,7 +351,7 @@ class Known:
         return beside(positions, points.gamma[:, None, None] * (speeds @ points.Z))
 
     def _vanishing(self, rows: Array, T: Array, count: int, rank: int, good: Flags) -> Array:
-        """Return so many orthonormal combinations of rows that vanish on T, where rows T has a rank."""
+        """Return `count` orthonormal combinations of rows that vanish on T, where rows T has the given rank."""
         if T.shape[-1]:
             _, s, right = np.linalg.svd(transposed(rows @ T))
             if rank:
@@ -362,7 +362,7 @@ class Known:
         return transposed(orthonormal(transposed(rows), count, good))
 
     def _widened(self, points: Points, symmetries: Array, L: Array, good: Flags) -> tuple[Array, Array]:
-        """Return directions and functions with the family that a reversor shows, as `Reversor.widened`."""
+        """Return directions and functions with the family of a reversor, as `Reversor.widened`."""
         own = orthonormal(symmetries, self.of_symmetries, good)
         Q = np.linalg.qr(own, mode="complete")[0][..., own.shape[-1] :]
         size = self.d - self.of_symmetries
@@ -378,10 +378,10 @@ class Known:
     # --- the energy -------------------------------------------------------------------------------------------------
 
     def keeps_energy(self, points: Points) -> Flags:
-        """Return where the matrices are those of forces that conserve the energy, or take it, if the pattern says so.
+        """Return where the matrices are those of forces that conserve or dissipate energy, as the pattern requires.
 
-        The stiffness is symmetric then, and the symmetric part of the matrix of speeds zero or not negative; where
-        rows on speeds leave forces across them, neither needs be.
+        The stiffness is then symmetric, and the symmetric part of the matrix of speeds zero or positive semidefinite;
+        where there are forces across rows on speeds, neither needs to hold.
         """
         work = self.grounds.structure.work
         if not (work.conserved or work.decreases) or len(self.grounds.linear.D_q):
@@ -404,7 +404,7 @@ class Known:
         return kept
 
     def energy(self, points: Points) -> tuple[Array, Array]:
-        """Return the second variation of the energy in the coordinates of S, and how large rounding may be in it."""
+        """Return the second variation of the energy in the coordinates of S, and the bounds of its rounding errors."""
         n = points.n_xi
         rates = beside(points.P, points.gamma[:, None, None] * points.Z)
         H = transposed(rates) @ (transposed(points.N) @ points.M @ points.N) @ rates
@@ -419,9 +419,9 @@ class Known:
         return H, LINEAR.roundings_of_variation * EPS * points.spread[:, None, None] * size
 
     def inertia(self, points: Points) -> Array:
-        """Return how many positive, negative and doubtful directions the second variation has, shape (points, 3).
+        """Return the numbers of positive, negative and doubtful directions of the second variation, shape (points, 3).
 
-        Apart from the symmetries, at the given momenta; as `mbstab.analysis.linear.minimum`.
+        Modulo the symmetries, at the given momenta; as `mbstab.analysis.linear.minimum`.
         """
         good = np.ones(len(points.S), dtype=bool)
         found = restricted(self.energy(points), W := self._basis(points, good))
@@ -431,9 +431,9 @@ class Known:
         return found
 
     def with_a_multiple(self, points: Points) -> Flags:
-        """Return where the energy has a minimum in another frame in which the motion stands still as well.
+        """Return where the energy has a minimum in another frame in which the motion is at rest too.
 
-        As in `mbstab.analysis.linear.minimum`: a multiple of the momentum of a turn that leaves the reference as it is.
+        As in `mbstab.analysis.linear.minimum`: a multiple of the momentum of a turn that does not move the reference.
         """
         found = np.zeros(len(points.S), dtype=bool)
         angles = np.array([not is_length(name) for name in points.system.names])
@@ -441,7 +441,7 @@ class Known:
         for step in self.idle:
             ratios, last = np.linspace(-1.0, 1.0, LINEAR.momentum_multiples).tolist(), 0.0
             while ratios:
-                # Neighbours want much the same: what helped last comes first.
+                # Neighbours need similar values: the last successful one is tried first.
                 ratios.sort(key=lambda x: -abs(x - last))
                 ratio = ratios.pop()
                 left = np.flatnonzero(~found & (reach > 0.0))
@@ -456,7 +456,7 @@ class Known:
 
     @cached_property
     def idle(self) -> tuple[Generator, ...]:
-        """Turns that leave the motion as it is, about the axis of its frame."""
+        """Rotations about the axis of its frame that do not change the motion."""
         own = self.grounds.linear.generator
         steps: list[Generator] = self.grounds.second_variation._idle_turns()
         if own is not None and own.turns:
@@ -468,14 +468,14 @@ class Known:
         return tuple(steps)
 
     def regular(self, points: Points, B: Array) -> Flags:
-        """Return where the symmetry of the spectrum that holds at the pattern is sure: a conserved form is regular."""
+        """Return where the symmetry of the spectrum of the pattern is certain: a conserved form is regular."""
         if not self.grounds.structure.work.conserved or not len(self.grounds.linear.D_q):
             return np.ones(len(points.S), dtype=bool)
         result: Flags = (restricted(self.energy(points), B)[:, 2] == 0) & (points.across <= LINEAR.force_across_rows)
         return result
 
     def stiffness(self, points: Points, r: int) -> Array | None:
-        """Return the inertia of the stiffness at rest if the r eigenvalues are ±√ of those of it, as `inertia`."""
+        """Return the inertia of the stiffness at rest if the r eigenvalues are ±√ of its eigenvalues, as `inertia`."""
         if not self.at_rest or np.any(points.R):
             return None
         found = self.inertia(points)
@@ -485,7 +485,7 @@ class Known:
         return found
 
     def _basis(self, points: Points, good: Flags) -> Array:
-        """Return disturbances at the given momenta apart from symmetries, as orthonormal columns."""
+        """Return disturbances at the given momenta, modulo symmetries, as orthonormal columns."""
         n = points.S.shape[-1]
         reference = self.grounds.second_variation
         if not self.moving:
@@ -508,13 +508,13 @@ class Known:
 
 
 def _reduced(matrix: Array, basis: Array) -> Array:
-    """Return the part of matrices along a basis."""
+    """Return matrices restricted to a basis."""
     result: Array = transposed(basis) @ matrix @ basis
     return result
 
 
 def _seen_from(points: Points, step: Generator, rate: Array) -> Points:
-    """Return points in a frame that turns faster."""
+    """Return points in a frame that rotates faster by a rate."""
     R, K, turn = points.R, points.K, rate
     if points.steady is not None:
         first, second = _frame(points, points.steady)
@@ -535,7 +535,7 @@ def _frame(points: Points, generator: Generator) -> tuple[Array, Array]:
 
 
 def disturbance(item: Symmetry, points: Points) -> tuple[Array, Array]:
-    """Return what a symmetry changes of coordinates and speeds, (Y, DY u), each of shape (points or 1, n_q)."""
+    """Return the changes of coordinates and speeds under a symmetry, (Y, DY u), each of shape (points or 1, n_q)."""
     q, u, field = points.q, points.u, item.of
     if item.name == "the motion itself":
         return u, points.a

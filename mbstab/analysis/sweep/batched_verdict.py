@@ -1,15 +1,15 @@
-"""Verdicts at many points of a sweep at once: where eigenvalues lie, and what `judge` says about each class of points.
+"""Verdicts at many points of a sweep at once: sides of eigenvalues, and the result of `judge` for each class of points.
 
-Each eigenvalue has a bound of its own. What is left to judge, A, is known to a norm ε. A simple
-eigenvalue s of A, at a distance δ from the others, has a condition number of at most
+Each eigenvalue has a bound of its own. The matrix left to judge, A, is known to ε in the norm. A simple
+eigenvalue s of A, at a distance δ from the others, has at most the condition number
 
     κ = (1 + (|A|² − Σ|s|²)/((r − 1) δ²))^((r−1)/2)
 
-(Smith 1967, Numer. Math. 10; norms of Frobenius), so the eigenvalues alone place most of them
-within 2 κ ε. Where that does not tell on which side of the imaginary axis one lies, discs of
-Gershgorin about Y A W, with vectors W and Y = W⁻¹, do. Where there is a stiffness alone, the signs
-of its eigenvalues, scaled, count those that grow however stiff the scene is. What is then still
-open is for the code of `mbstab eig`, which judges a single point.
+(Smith 1967, Numer. Math. 10; Frobenius norms), so the eigenvalues alone locate most of them
+within 2 κ ε. Where this does not tell on which side of the imaginary axis one lies,
+Gershgorin's discs of Y A W, with vectors W and Y = W⁻¹, do. Where there is a stiffness alone, the signs
+of its scaled eigenvalues count those that grow, however stiff the scene is. Points that are then still
+open are judged one by one by the code of `mbstab eig`.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from mbstab.records import dataclass
 Sides = npt.NDArray[np.int8]
 
 RIGHT, LEFT, AXIS, OPEN = 1, -1, 0, 2
-"""Sides of the imaginary axis: right and left of it, held on it by a structure, not placed."""
+"""Sides of the imaginary axis: right and left of it, held on it by a structure, undecided."""
 
 MINIMUM, MAXIMUM, MULTIPLE = 1, -1, 2
-"""What the energy has: a minimum, a maximum, a minimum with a multiple of a momentum added."""
+"""Extremum of the energy: a minimum, a maximum, a minimum with a multiple of a momentum added."""
 
 NAMES: dict[int, Side] = {RIGHT: "right", LEFT: "left", AXIS: "axis", OPEN: "open"}
 
@@ -44,7 +44,7 @@ WORD = {word: number for number, word in enumerate(WORDS)}
 
 @dataclass(frozen=True)
 class Judged:
-    """Eigenvalues of many points and what they say.
+    """Eigenvalues of many points and their verdicts.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ def words(known: Known, sides: Sides, minima: Index) -> npt.NDArray[np.int8]:
     Parameters
     ----------
     minima : ndarray of int, shape (points,)
-        Where the energy has a `MINIMUM`, a `MAXIMUM`, or a minimum with a `MULTIPLE` of a momentum.
+        `MINIMUM`, `MAXIMUM`, or `MULTIPLE` where the energy has such an extremum; else 0.
     """
     classes = np.stack([*(np.sum(sides == x, axis=1) for x in (RIGHT, LEFT, AXIS, OPEN)), minima], axis=1)
     return _words(known, classes)
@@ -154,10 +154,10 @@ def unstable_counts(sides: Sides, words: npt.NDArray[np.int8]) -> Index:
 
 
 def unplaced(sides: Sides, words: npt.NDArray[np.int8], problems: Container[int]) -> int:
-    """Return the number of eigenvalues that are placed at none of many points: zeros that nothing explains.
+    """Return the number of eigenvalues that are undecided at all of many points: unexplained zeros.
 
-    Where a family of motions explains them at some points, and the motion is unstable at others, the
-    latter tell: there no family is looked for.
+    Where a family of motions explains them at some points, and the motion is unstable at others, only the
+    latter count: no family is searched there.
     """
     asked = np.array([i not in problems for i in range(len(words))], dtype=bool)
     if np.any((words != WORD[UNSTABLE]) & (words != WORD[UNDECIDED])):
@@ -166,14 +166,14 @@ def unplaced(sides: Sides, words: npt.NDArray[np.int8], problems: Container[int]
 
 
 def settled(sides: Sides, words: npt.NDArray[np.int8], number: int) -> Index:
-    """Return the numbers of unstable eigenvalues; −1 where more than a number of them are not placed."""
+    """Return the numbers of unstable eigenvalues; −1 where more than `number` of them are undecided."""
     decided = (words != WORD[UNDECIDED]) & (words != WORD[UNSTABLE])
     found = decided | (np.sum(sides == OPEN, axis=1) <= number)
     return np.where(found, np.sum(sides == RIGHT, axis=1), -1)
 
 
 def pinned(values: Complex, sides: Sides, sizes: Array, number: int) -> Complex:
-    """Return spectra, shape (points, r), with so many zeros that nothing explains as such: what they show is noise."""
+    """Return spectra, shape (points, r), with `number` unexplained zeros set to zero: their values are noise."""
     if not number:
         return values
     size = np.abs(values)
@@ -193,7 +193,7 @@ def eigenvalues(A: Array) -> Complex:
     if len(stiff):
         try:
             inverse = np.linalg.eigvals(np.linalg.inv(A[stiff])).astype(complex)
-        except np.linalg.LinAlgError:  # zero is an eigenvalue: no other is better known by the inverse
+        except np.linalg.LinAlgError:  # zero is an eigenvalue: the inverse does not exist
             return values
         values[stiff] = _parted(values[stiff], inverse)
     return values
@@ -209,23 +209,23 @@ def _parted(values: Complex, inverse: Complex) -> Complex:
         fast = 1 + np.argmax(rates[:, :-1] / np.maximum(rates[:, 1:], EPS * rates[:, :1]), axis=1)[:, None]
         slow = 1.0 / np.take_along_axis(inverse, np.maximum(each - fast, 0), axis=1)
     found = np.where(each < fast, values, slow)
-    # A pair must not be parted.
+    # A pair must not be divided.
     pairs = np.abs(np.sum(found.imag, axis=1)) <= 1e-9 * rates[:, 0]
     pairs &= np.sum(found.imag > 0.0, axis=1) == np.sum(found.imag < 0.0, axis=1)
     return np.where((pairs & np.isfinite(found).all(axis=1))[:, None], found, values)
 
 
 def placed(A: Array, values: Complex, error: Array, mirrored: bool) -> Sides:
-    """Return on which side of the axis eigenvalues lie, as far as their condition numbers are bounded without vectors.
+    """Return on which side of the axis eigenvalues lie, by bounds of their condition numbers without vectors.
 
     Parameters
     ----------
     A : ndarray, shape (points, r, r)
     values : ndarray of complex, shape (points, r)
     error : ndarray, shape (points,)
-        Norm of what rounding may change of A (1/s).
+        Norm of the rounding error of A (1/s).
     mirrored : bool
-        Whether the spectrum is symmetric to the imaginary axis by structure.
+        Whether the spectrum is symmetric about the imaginary axis by structure.
     """
     r = A.shape[-1]
     if r == 1:
@@ -245,10 +245,10 @@ def placed(A: Array, values: Complex, error: Array, mirrored: bool) -> Sides:
 
 
 def placed_by_vectors(A: Array, error: Array, mirrored: bool) -> tuple[Complex, Sides]:
-    """Return eigenvalues, and their sides by discs about Y A V, with a basis V of eigenvectors and Y = V⁻¹.
+    """Return eigenvalues, and their sides by discs of Y A V, with a basis V of eigenvectors and Y = V⁻¹.
 
-    Vectors that belong to several eigenvalues near zero are nearly parallel: a basis of their span
-    takes their place.
+    Vectors of several eigenvalues near zero are nearly parallel: a basis of their span
+    replaces them.
     """
     values, W = np.linalg.eig(A)
     values, sides = values.astype(complex), np.full(A.shape[:2], OPEN, dtype=np.int8)
@@ -266,7 +266,7 @@ def placed_by_vectors(A: Array, error: Array, mirrored: bool) -> tuple[Complex, 
 
 
 def _place(A: Array, values: Complex, V: Complex, error: Array, mirrored: bool, sides: Sides, index: Index) -> None:
-    """Place eigenvalues of some points by discs about Y A V; V belongs to these points, all else to all of them."""
+    """Set the sides of eigenvalues of some points by discs of Y A V; V is for these points, the rest for all."""
     r = A.shape[-1]
     Y = _inverse(V)
     with np.errstate(all="ignore"):
@@ -281,37 +281,37 @@ def _place(A: Array, values: Complex, V: Complex, error: Array, mirrored: bool, 
     F[:, each, each] = 0.0
     lengths = np.linalg.norm(Y, axis=2), np.linalg.norm(V, axis=1)
     sums = np.sum(lengths[1], axis=1)
-    # Products of Y, A and V are computed to some roundings of their sizes, which ε contains.
+    # Products of Y, A and V have some roundings of their sizes as errors, which ε includes.
     radii = np.sum(np.abs(F), axis=2) + 2.0 * error[:, None] * lengths[0] * sums[:, None]
-    # Conjugate pairs stay such.
+    # Conjugate pairs stay conjugate.
     real = values[index].imag == 0.0
     centres = np.where(real, centres.real, centres)
     gaps = np.abs(centres[:, :, None] - centres[:, None, :])
     gaps[:, each, each] = np.inf
     found = _sides(centres, radii, gaps, mirrored)
-    # Where discs meet, what they hold together is placed only if they lie on the same side.
+    # Where discs overlap, their eigenvalues have a side only if all discs lie on the same side.
     meet = gaps <= radii[:, :, None] + radii[:, None, :]
     for _ in range(r):
         other = meet & (found[:, None, :] != found[:, :, None])
         found = np.where(np.any(other, axis=2) | ((found == AXIS) & np.any(meet, axis=2)), OPEN, found).astype(np.int8)
-    # Slow ones beside fast ones are corrected by it; others are as exact as they are.
+    # It corrects slow eigenvalues beside fast ones; the others are already as accurate.
     size = np.abs(values[index])
     slow = size < TOLERANCES.slow_eigenvalue * np.max(size, axis=1, keepdims=True)
     values[index], sides[index] = np.where(slow, centres, values[index]), found
 
 
 def _beside_zeros(A: Array, W: Complex, error: Array, k: int) -> Complex:
-    """Return bases: eigenvectors, and beside them one of the span that belongs to the last k eigenvalues.
+    """Return bases: eigenvectors, and a basis of the span of those of the last k eigenvalues.
 
-    Eigenvectors that are not parallel part A into a block of their own and the block C of the k. In
-    coordinates in which C is triangular, each is counted in such a unit that the coupling within
+    Eigenvectors that are not parallel divide A into their own block and the block C of the k. In
+    coordinates in which C is triangular, each one is scaled so that the coupling within
     the block and the rounding of A are of the same size.
     """
     m = A.shape[-1] - k
     Q = np.linalg.qr(W[..., :m], mode="complete")[0]
     whole = np.conj(np.swapaxes(Q, 1, 2)) @ A @ Q
     own, coupling, C = whole[:, :m, :m], whole[:, :m, m:], whole[:, m:, m:]
-    # own X − X C = −coupling, column by column of X in one.
+    # own X − X C = −coupling, column by column of X.
     blocks = np.einsum("pij,kl->pkilj", own, np.eye(k)) - np.einsum("plk,ij->pkilj", C, np.eye(m))
     right = -np.swapaxes(coupling, 1, 2).reshape(len(A), m * k, 1)
     try:
@@ -338,7 +338,7 @@ def _inverse(W: Complex) -> Complex:
 
 
 def _sides(values: Complex, radii: Array, gaps: Array, mirrored: bool) -> Sides:
-    """Return the sides of discs; held on the axis are those that meet the mirror image of no other one."""
+    """Return the sides of discs; those that overlap the mirror image of no other one are held on the axis."""
     wide = TOLERANCES.bounds_from_axis * radii
     sides = np.where(values.real > wide, RIGHT, np.where(values.real < -wide, LEFT, OPEN)).astype(np.int8)
     if mirrored and np.any(near := sides == OPEN):
@@ -362,7 +362,7 @@ def _by_stiffness(values: Complex, counts: Array) -> tuple[Sides, Index]:
     sides = np.full((size, r), AXIS, dtype=np.int8)
     sides[order < negative[:, None]] = RIGHT
     sides[order >= r - negative[:, None]] = LEFT
-    # Values that contradict the count are not digits of the eigenvalues.
+    # Values that contradict the count have no correct digits.
     wrong = np.any((sides == RIGHT) & (values.real <= np.abs(values.imag)), axis=1)
     sides[(doubtful > 0) | wrong] = OPEN
     return sides, np.where((negative == 0) & (doubtful == 0), MINIMUM, 0)

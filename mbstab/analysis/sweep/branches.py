@@ -1,4 +1,4 @@
-"""Eigenvalues at the points of a sweep and between them, joined to branches."""
+"""Eigenvalues at the points of a sweep and between them, joined into branches."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Piece:
 
 @dataclass(frozen=True)
 class _Looked:
-    """What was found at a point in between: eigenvalues, their sides, whether the spectrum is symmetric, a verdict."""
+    """Results at an intermediate point: eigenvalues, their sides, whether the spectrum is symmetric, a verdict."""
 
     values: Complex
     sides: Sides
@@ -43,7 +43,7 @@ class _Looked:
 
 
 class Branches:
-    """Eigenvalues at the points of a sweep and between them, joined to branches."""
+    """Eigenvalues at the points of a sweep and between them, joined into branches."""
 
     def __init__(self, evaluator: Evaluator, parameter: str, x: Array, raw: Block) -> None:
         self.evaluator, self.parameter, self.x, self.raw = evaluator, parameter, x, raw
@@ -72,12 +72,12 @@ class Branches:
 
     @property
     def budget(self) -> int:
-        """Number of points in between that may be looked at."""
+        """Maximum number of intermediate points."""
         return min(TOLERANCES.branch_points, TOLERANCES.branch_eigenvalues // max(int(self.values.shape[1]), 1))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Say where the search ended early."""
+        """Warnings about where the search ended early."""
         if self.stopped is None:
             return ()
         return (
@@ -86,7 +86,7 @@ class Branches:
         )
 
     def _where(self) -> str:
-        """Say between which points the search ended."""
+        """Return between which points the search ended, in words."""
         assert self.stopped is not None
         parameter = self.evaluator.model.parameters[self.parameter]
         unit = after_number(parameter.unit)
@@ -94,19 +94,19 @@ class Branches:
         return f", between {self.parameter} = {low:.6g} and {high:.6g}{unit}"
 
     def _stop(self, value: float) -> None:
-        """Note that the search ended at a value."""
+        """Record that the search ended at a value."""
         k = int(np.searchsorted(self.x, value))
         known = self.stopped or (k - 1, k)
         self.stopped = min(known[0], k - 1), max(known[1], k)
 
     def at(self, points: Array) -> Complex:
-        """Return the eigenvalues at further points, and keep them; nan where there are none, or too many were asked."""
+        """Return the eigenvalues at further points, and store them; nan where there are none, or beyond the budget."""
         found = self._spectra(points)
         self.between += [float(p) for p, v in zip(points, found.values, strict=True) if not np.any(np.isnan(v))]
         return found.values
 
     def _spectra(self, points: Array, exact: bool = False) -> Spectra:
-        """Return the eigenvalues at further points; nan where there are none, or too many were asked for."""
+        """Return the eigenvalues at further points; nan where there are none, or beyond the budget."""
         self.calls += 1 + TOLERANCES.branch_looks_of_judgement * len(points) * exact
         if self.spent + len(points) > self.budget or self.calls > TOLERANCES.branch_looks:
             for p in points[[0, -1]].tolist():
@@ -121,7 +121,7 @@ class Branches:
         return found
 
     def _nothing(self, points: Array) -> Spectra:
-        """Return that nothing is known of points."""
+        """Return spectra of points of which nothing is known."""
         shape = len(points), self.values.shape[1]
         empty = Spectra(
             np.full(shape, NO_EIGENVALUE), np.full(shape, OPEN, dtype=np.int8),
@@ -133,7 +133,7 @@ class Branches:
         return empty
 
     def _counted(self, points: Array) -> Index:
-        """Return the numbers of unstable eigenvalues at points between, each judged as `mbstab eig` does."""
+        """Return the numbers of unstable eigenvalues at intermediate points, each judged as `mbstab eig` does."""
         found = self._spectra(points, exact=True)
         counts = settled(found.sides, found.words, self.unplaced)
         counts[np.any(np.isnan(found.values), axis=1)] = -1
@@ -147,7 +147,7 @@ class Branches:
         first, start = int(np.flatnonzero(good)[0]), 0
         current = np.lexsort((-values[first].imag, -values[first].real))
         branches = np.empty_like(values)
-        # Elsewhere the order of the eigenvalues stays what it is.
+        # Elsewhere the order of the eigenvalues does not change.
         for k, link in sorted(self._refined(np.flatnonzero(good[:-1] & good[1:] & ~self.raw.clear)).items()):
             branches[start : k + 1] = values[start : k + 1, current]
             current, start = link[current], k + 1
@@ -155,7 +155,7 @@ class Branches:
         return branches
 
     def _refined(self, intervals: Index) -> dict[int, Index]:
-        """Divide intervals until eigenvalues can be followed through each part; return what becomes what."""
+        """Divide intervals until eigenvalues can be followed through each part; return their links."""
         pieces = [
             _Piece(int(k), float(self.x[k]), float(self.x[k + 1]), self.values[k], self.values[k + 1])
             for k in intervals
@@ -189,7 +189,7 @@ class Branches:
                 ]
             if not parts:
                 break
-            # Equal at a point in between is a meeting, unless it is so from end to end.
+            # Equal eigenvalues at an intermediate point are a meeting, unless they are equal from end to end.
             twins = np.array([multiple[x.interval] for x in parts])
             links, clear = follow(np.array([x.before for x in parts]), np.array([x.after for x in parts]), twins)
             pieces = []
@@ -201,7 +201,7 @@ class Branches:
         return {k: self._joined(sorted(parts, key=lambda item: item[0].a)) for k, parts in done.items()}
 
     def _affordable(self, pieces: list[_Piece]) -> tuple[list[_Piece], list[_Piece]]:
-        """Return the pieces that may be divided further, and those that are too many: rounding crosses everywhere."""
+        """Return the pieces to divide further, and those that are too many because rounding crosses everywhere."""
         room = (self.budget - self.spent) // (TOLERANCES.branch_split - 1)
         number: dict[int, int] = {}
         for piece in pieces:
@@ -218,14 +218,14 @@ class Branches:
         return [x for x in pieces if x.interval in chosen], [x for x in pieces if x.interval not in chosen]
 
     def _hidden(self, piece: _Piece) -> bool:
-        """Whether eigenvalues meet with zeros that nothing explains: how is hidden by rounding."""
+        """Return whether eigenvalues meet with unexplained zeros, so that rounding hides their links."""
         if not self.unplaced:
             return False
         small = (np.sort(np.abs(x))[min(self.unplaced, len(x) - 1)] for x in (piece.before, piece.after))
         return bool(max(small) <= 10.0 * TOLERANCES.unexplained_zero * self.size)
 
     def _joined(self, parts: list[tuple[_Piece, Index | None]]) -> Index:
-        """Return what becomes of the eigenvalues through the parts of an interval."""
+        """Return the links of the eigenvalues through the parts of an interval."""
         current = np.arange(self.values.shape[1])
         n = 0
         while n < len(parts):
@@ -246,12 +246,12 @@ class Branches:
         middle: list[tuple[_Piece, Index | None]],
         right: list[tuple[_Piece, Index | None]],
     ) -> Index:
-        """Return what becomes of eigenvalues that meet: those that cross go straight on."""
+        """Return the links of eigenvalues that meet: crossing ones continue straight."""
         a, b = middle[0][0].a, middle[-1][0].b
         before, after = middle[0][0].before, middle[-1][0].after
         far_before, reach_left = _reach(left[::-1], before, -1)
         far_after, reach_right = _reach(right, after, 1)
-        # Straight on: from as far as the eigenvalues can be followed, as seen from both sides.
+        # Straight: judged from as far as the eigenvalues can be followed on both sides.
         step = (b + reach_right) - (a - reach_left)
         slope = (before - far_before) / reach_left if reach_left else 0.0 * before
         back = (far_after - after) / reach_right if reach_right else 0.0 * after
@@ -261,19 +261,19 @@ class Branches:
         for i, j in _close_pairs(before, after, link):
             g_before, g_after = (far_before[i] - far_before[j]) ** 2, (far_after[link[i]] - far_after[link[j]]) ** 2
             if not right and b < self.x[-1]:
-                # They meet at a point of the sweep: what becomes of them is seen beyond it only.
+                # They meet at a point of the sweep: their links show only beyond it.
                 beyond = self.at(np.array([min(b + reach_left, float(self.x[-1]))]))[0]
                 one, other = np.argsort(np.abs(beyond - 0.5 * (after[link[i]] + after[link[j]])))[:2]
                 g_after = (beyond[one] - beyond[other]) ** 2
             collides = (g_before * np.conj(g_after)).real < 0.0
-            # Equal where the range begins or ends: what they do there is not seen.
+            # Equal where the range begins or ends: what happens beyond is not known.
             size = TOLERANCES.twin_distance**2 * float(np.max(np.abs(before))) ** 2
             open_end = (a == self.x[0] and abs(g_before) <= size) or (b == self.x[-1] and abs(g_after) <= size)
             found = b - a <= TOLERANCES.meeting_interval * self.width and not open_end
-            if found and (left or a == self.x[0]):  # else it is the end of the interval before, and said there
+            if found and (left or a == self.x[0]):  # else it is the end of the previous interval, and reported there
                 self.meetings.append((0.5 * (a + b), "collide" if collides else "cross"))
             if collides:
-                # Direction is lost: the one that was ahead stays ahead.
+                # The direction is lost: the one that was ahead stays ahead.
                 first, second = sorted((i, j), key=lambda k: (-far_before[k].real, -far_before[k].imag))
                 one, other = sorted((link[i], link[j]), key=lambda k: (-far_after[k].real, -far_after[k].imag))
                 link[first], link[second] = one, other
@@ -281,7 +281,7 @@ class Branches:
 
 
 def _reach(parts: list[tuple[_Piece, Index | None]], start: Complex, side: int) -> tuple[Complex, float]:
-    """Follow eigenvalues away from a meeting; return them there, in the order of `start`, and how far it is."""
+    """Follow eigenvalues away from a meeting; return them at the end, in the order of `start`, and the distance."""
     current, reach = np.arange(len(start)), 0.0
     where = start
     for piece, link in parts:
@@ -298,7 +298,7 @@ def _reach(parts: list[tuple[_Piece, Index | None]], start: Complex, side: int) 
 
 
 def _close_pairs(before: Complex, after: Complex, link: Index) -> list[tuple[int, int]]:
-    """Return pairs of eigenvalues that meet between two spectra: nearer to each other than to all others by far."""
+    """Return pairs of eigenvalues that meet between two spectra: much nearer to each other than to all others."""
     r = len(before)
     gaps = np.abs(before[:, None] - before[None, :]) + np.abs(after[link][:, None] - after[link][None, :])
     gaps += np.diag(np.full(r, np.inf))

@@ -2,8 +2,8 @@
 
 All points of a grid are computed together. On every edge between two neighbours that differ
 the change is located by bisection, all edges at once, and the points found are joined through
-the cells of the grid to curves. Where a file asks for equilibria they are followed over the
-first parameter, from those along the least of its values.
+the cells of the grid to curves. Where a file asks for equilibria, they are followed over the
+first parameter, starting from those at its lowest value.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ class Chart:
     Attributes
     ----------
     parameters : tuple of str
-        First the one along x, then the one along y.
+        The one along x, then the one along y.
     x, y : ndarray
         Their values (SI), ascending.
     unstable : ndarray of int, shape (len(y), len(x))
         Number of unstable eigenvalues; −1 where the verdict is open, or there is no answer.
     boundaries : list of ndarray, shape (k, 2)
-        Curves on which it changes, or on which the equilibria that are followed end.
+        Curves on which the number changes, or on which the equilibria that are followed end.
     problems : dict
         By the number of a point, row by row, why it has no answer.
     words : ndarray of int8, shape (len(y), len(x))
@@ -189,7 +189,7 @@ def _boundaries(
         at = a + middle[:, None] * (b - a)
         found = evaluator.near({names[0]: at[:, 0], names[1]: at[:, 1]}, count)
         counts = settled(found.sides, found.words, unplaced)
-        # So close to the boundary that bounds do not tell, the functions that are zero on it do.
+        # Near the boundary, where bounds do not decide, the functions that vanish on it do.
         hidden = np.flatnonzero(counts < 0)
         same = counts == first
         same[hidden] = np.all(_signatures(found, unplaced, hidden) == kind[hidden], axis=1)
@@ -199,10 +199,10 @@ def _boundaries(
 
 
 def _signatures(found: Spectra, unplaced: int, index: npt.NDArray[np.intp] | None = None) -> npt.NDArray[np.intp]:
-    """Return what changes at a boundary, two numbers for each of some points.
+    """Return two numbers for each of some points, at least one of which changes at a boundary.
 
-    The number of eigenvalues that computed real parts show right of the axis; where the spectrum is symmetric to
-    it the signs of the product of the eigenvalues and of the discriminant of λ², apart from unexplained zeros.
+    The number of eigenvalues with computed real parts right of the axis; where the spectrum is symmetric about
+    it, the signs of the product of the eigenvalues and of the discriminant of λ², apart from unexplained zeros.
     """
     index = np.arange(len(found.values)) if index is None else index
     result = np.stack([np.sum(found.values[index].real > 0.0, axis=1), np.zeros(len(index), dtype=int)], axis=1)
@@ -223,7 +223,7 @@ def _joined(points: dict[Edge, Array], n_y: int, n_x: int) -> list[Array]:
             around = [e for e in ((0, i, j), (1, i, j + 1), (0, i + 1, j), (1, i, j)) if e in points]
             pairs = [around[:2], around[2:]] if len(around) == 4 else [around] if len(around) == 2 else []
             if len(around) == 3:
-                # Three regions meet: every point is joined to the one nearest to the others.
+                # Three regions meet: every point is joined to the one nearest to all others.
                 middle = min(around, key=lambda e: sum(float(np.sum((points[e] - points[o]) ** 2)) for o in around))
                 pairs = [[middle, e] for e in around if e != middle]
             for one, other in pairs:

@@ -1,4 +1,4 @@
-"""The values of a parameter at which stability changes: looked for between points, located, verified, described."""
+"""The values of a parameter at which stability changes: searched between points, located, verified, described."""
 
 from __future__ import annotations
 
@@ -49,16 +49,16 @@ class Critical:
     branches : tuple of int
         The branches that are involved.
     frequency : float (rad/s)
-        Of the motion at the boundary; 0 for a divergence.
+        Frequency of the motion at the boundary; 0 for a divergence.
     unstable : tuple of int
         Number of unstable eigenvalues below and above; −1 where there are none to count.
     signatures : tuple of int or None
-        Of a collision: the signs of the energies of the two modes that meet (Krein
+        For a collision: the signs of the energies of the two modes that meet (Krein
         signatures); only modes of opposite sign can leave the axis.
     branching : bool
         Whether another path of equilibria crosses there.
     verdicts : tuple of str
-        The verdicts next to it, below and above; empty where there is none.
+        The verdicts just below and above it; empty where there is none.
     """
 
     value: float
@@ -82,7 +82,7 @@ class _Stretch:
     sides : ndarray of int8, shape (m, r)
     mirrored : ndarray of bool, shape (m,)
     counts : ndarray of int, shape (m,)
-        Number of unstable eigenvalues; −1 where more are unplaced than elsewhere.
+        Number of unstable eigenvalues; −1 where more are undecided than elsewhere.
     """
 
     x: Array
@@ -93,18 +93,18 @@ class _Stretch:
 
 
 class CriticalValues(Branches):
-    """Follows eigenvalues between the points of a sweep.
+    """Critical values of a sweep, found by following eigenvalues between its points.
 
     Attributes
     ----------
     meetings : list of (float, str)
         Where two branches ``cross`` or ``collide``.
     looked : dict
-        By points in between, what was found there …
+        Results at intermediate points …
     between : list of float
-        … and those of them that count as points of the sweep.
+        … and those of these points that count as points of the sweep.
     unplaced : int
-        Number of eigenvalues that are nowhere placed: zeros that nothing explains.
+        Number of eigenvalues that are undecided everywhere: unexplained zeros.
     """
 
     # --- stability changes ------------------------------------------------------------------------------------------
@@ -121,7 +121,7 @@ class CriticalValues(Branches):
         return found + self._at_ends(branches)
 
     def _at_ends(self, branches: Complex) -> list[Critical]:
-        """Return where stability changes exactly at an end of the range: what is beyond it tells."""
+        """Return where stability changes exactly at an end of the range, as the spectra just beyond it show."""
         found: list[Critical] = []
         for end, inner in ((0, 1), (-1, -2)):
             if not self.good[end] or self.counts[end] >= 0 or not self.good[inner] or self.counts[inner] < 0:
@@ -155,10 +155,10 @@ class CriticalValues(Branches):
         doubtful += self._unexplained(part, found, doubtful)
         for a, b in doubtful:
             crossings = [value for value in self.crossings if x[a] < value < x[b]]
-            if crossings:  # next to other equilibria those of the path are hard to tell
+            if crossings:  # near other equilibria those of the path are hard to identify
                 found += [self.branch_point(value, branches) for value in crossings if not self.known(value, found)]
                 continue
-            # Branches are mistaken for each other there: more points tell them apart.
+            # Branches are confused there: more points separate them.
             more = _spaced(float(x[a]), float(x[b]))
             between = self.at(more[1:-1]) if depth < TOLERANCES.jump_depth else np.full((1, 1), NO_EIGENVALUE)
             if np.any(np.isnan(between)):
@@ -172,7 +172,7 @@ class CriticalValues(Branches):
         return found
 
     def _halved(self, low: float, high: float, counts: tuple[int, int]) -> float:
-        """Return about where a number of unstable eigenvalues becomes another one, judged as `mbstab eig` does."""
+        """Return approximately where the number of unstable eigenvalues changes, judged as `mbstab eig` does."""
         while high - low > TOLERANCES.crossing_interval * self.width:
             middle = 0.5 * (low + high)
             count = int(self._counted(np.array([middle]))[0])
@@ -184,7 +184,7 @@ class CriticalValues(Branches):
     def _unexplained(
         self, part: _Stretch, found: list[Critical], doubtful: list[tuple[int, int]]
     ) -> list[tuple[int, int]]:
-        """Return pairs of points between which the number of unstable eigenvalues changes, and nothing says where."""
+        """Return pairs of points between which the number of unstable eigenvalues changes without a value found."""
         x, missing = part.x, []
         for a, b in pairwise(np.flatnonzero(part.counts >= 0).tolist()):
             said = any(x[a] <= critical.value <= x[b] for critical in found)
@@ -209,7 +209,7 @@ class CriticalValues(Branches):
         changes &= good[:-1] & good[1:]
         ranges: list[tuple[int, int]] = []
         for k in np.flatnonzero(changes).tolist():
-            # A point or two more: a branch may lie on the axis at the end of an interval.
+            # One or two points more: a branch may lie on the axis at the end of an interval.
             first, last = k, k + 1
             while first > 0 and good[first - 1] and first > k - TOLERANCES.points_beside:
                 first -= 1
@@ -228,18 +228,18 @@ class CriticalValues(Branches):
         return np.take_along_axis(self.raw.sides[rows], order, axis=1)
 
     def _closer(self, first: int, last: int) -> _Stretch:
-        """Return the points of a range, those in between included, in continuous columns."""
+        """Return the points of a range, including intermediate ones, in continuous columns."""
         inside = [p for p in self.between if self.x[first] < p < self.x[last]]
         x = np.unique(np.concatenate([self.x[first : last + 1], inside]))
         return self._stretch(x)
 
     def _stretch(self, x: Array, *ends: tuple[_Stretch, int]) -> _Stretch:
-        """Return points of the sweep, and such as were looked at, in continuous columns.
+        """Return points of the sweep and intermediate ones in continuous columns.
 
         Parameters
         ----------
         ends : tuple of (_Stretch, int), optional
-            Where the first and the last of them are known already.
+            Stretches in which the first and the last of them are already known.
         """
         own = np.searchsorted(self.x, x)
         values, sides = (
@@ -260,7 +260,7 @@ class CriticalValues(Branches):
         return _Stretch(x, values, sides, mirrored, counts)
 
     def known(self, value: float, critical: list[Critical]) -> bool:
-        """Whether a value is among critical ones."""
+        """Return whether a value is among the critical ones."""
         return any(abs(c.value - value) < TOLERANCES.meeting_rounding * self.width for c in critical)
 
     def branch_point(self, value: float, branches: Complex) -> Critical:
@@ -281,7 +281,7 @@ class CriticalValues(Branches):
     def _beside(self, value: float) -> tuple[tuple[int, int], tuple[str, str]]:
         """Return the number of unstable eigenvalues and the verdict below and above a place on the path.
 
-        −1 and an empty text where it does not lead.
+        −1 and an empty text where the path does not exist.
         """
         path = self.evaluator.path
         assert isinstance(path, Solutions)
@@ -323,17 +323,17 @@ class CriticalValues(Branches):
                     continue
                 before, after = complex(spectra[a, i]), complex(spectra[b, i])
                 passing = _RealPart(0.5 * (before + after))
-                # The product of all is smoother than the eigenvalue that passes, and may not change its sign.
+                # The product of all is smoother than the passing eigenvalue, but it need not change its sign.
                 single = self._product(spectra[a], float(size[a])) * self._product(spectra[b], float(size[b])) < 0.0
                 real = before.imag == 0.0 and after.imag == 0.0
                 if real or (single and 0.0 in (before.imag, after.imag)):
-                    # A pair may meet next to the axis, and one of the two pass it.
+                    # A pair may meet near the axis, and one of the two pass it.
                     yield int(a), int(b), "divergence", self._product if single else passing
                 elif before.imag >= 0.0 and after.imag >= 0.0:
                     yield int(a), int(b), "flutter", passing
 
     def _meeting(self, part: _Stretch) -> Iterator[Bracket]:
-        """Yield brackets in which a spectrum that is symmetric to the axis loses or gains stability."""
+        """Yield brackets in which a spectrum that is symmetric about the axis loses or gains stability."""
         x, counts = part.x, part.counts
         settled = np.flatnonzero(counts >= 0)
         tests = (("divergence", self._product), ("collision", self._discriminant))
@@ -352,7 +352,7 @@ class CriticalValues(Branches):
             yield (a, b, *(passed[0] if passed else ("collision", None)))
 
     def _apart(self, part: _Stretch, settled: Index, a: int, b: int) -> tuple[int, int]:
-        """Return settled points on both sides of a change that are not so close that rounding hides it."""
+        """Return settled points on both sides of a change, far enough apart that rounding does not hide it."""
         x, counts = part.x, part.counts
         near = TOLERANCES.meeting_rounding * max(abs(float(x[a])), abs(float(x[b])), float(x[-1] - x[0]))
         i, j = int(np.searchsorted(settled, a)), int(np.searchsorted(settled, b))
@@ -365,17 +365,17 @@ class CriticalValues(Branches):
         return int(settled[i]), int(settled[j])
 
     def _product(self, spectrum: Complex, size: float) -> float:
-        """Return the product of the eigenvalues apart from zeros that nothing explains."""
+        """Return the product of the eigenvalues apart from unexplained zeros."""
         return product(spectrum, size, self.unplaced)
 
     def _discriminant(self, spectrum: Complex, size: float) -> float:
-        """Return the discriminant of λ² apart from zeros that nothing explains."""
+        """Return the discriminant of λ² apart from unexplained zeros."""
         return discriminant(spectrum[np.argsort(np.abs(spectrum), kind="stable")[self.unplaced :]], size)
 
     def _look_inside(self) -> None:
-        """Look between the points of a coarse sweep: at both ends all may be alike, and not in the middle.
+        """Add points between those of a coarse sweep: both ends may look alike although the middle differs.
 
-        Paths of equilibria are followed by steps of their own.
+        Paths of equilibria are followed with steps of their own.
         """
         coarse = len(self.x) <= TOLERANCES.points_fewest and self.evaluator.path is None
         each = -(-TOLERANCES.points_fewest // (len(self.x) - 1)) if coarse else 0
@@ -386,7 +386,7 @@ class CriticalValues(Branches):
             self.at(parts)
 
     def _look_between(self, branches: Complex) -> None:
-        """Look at real parts that come close to the axis and turn back between points: they may have crossed it."""
+        """Examine real parts that approach the axis and turn back between points: they may have crossed it."""
         clear = self.raw.clear
         watched = np.flatnonzero(self.raw.turns[1:-1] | ~clear[:-1] | ~clear[1:]) + 1
         now = branches.real[watched]
@@ -408,7 +408,7 @@ class CriticalValues(Branches):
                 a, b = (float(points[max(best - 1, 0)]), float(points[min(best + 1, len(points) - 1)]))
 
     def _located(self, part: _Stretch, bracket: Bracket, branches: Complex) -> Critical | None:
-        """Return the stability change in a bracket; None if there is none that both sides confirm."""
+        """Return the stability change in a bracket; None unless both sides confirm it."""
         i, j, kind, test = bracket
         a, b, before, after = float(part.x[i]), float(part.x[j]), part.values[i], part.values[j]
         if test is None:
@@ -426,11 +426,11 @@ class CriticalValues(Branches):
             value = root(lambda p: test(spectrum(p), size), a, b)
         except NumericalError:
             return None
-        # A test that jumps has no zero.
+        # A test function that jumps has no zero.
         if not abs(test(spectrum(value), size)) <= TOLERANCES.test_function_zero * max(abs(ends[0]), abs(ends[1])):
             return None
         counts, words = self._verified(part, i, j, value)
-        # A pair that passes changes the number by two.
+        # A passing pair changes the number by two.
         if min(counts) < 0 or counts[0] == counts[1] or (kind == "flutter" and (counts[1] - counts[0]) % 2):
             return None
         there = spectrum(value)
@@ -513,7 +513,7 @@ class CriticalValues(Branches):
 
 
 def _spaced(a: float, b: float) -> Array:
-    """Return points from a to b: evenly spaced, and ever closer towards an end that is zero beside the other."""
+    """Return points from a to b: evenly spaced, and denser towards an end that is zero relative to the other."""
     parts = np.linspace(0.0, 1.0, TOLERANCES.jump_parts + 1)
     if min(abs(a), abs(b)) < max(abs(a), abs(b)) / TOLERANCES.jump_parts:
         near = np.geomspace(1e-12, 1.0 / TOLERANCES.jump_parts, TOLERANCES.jump_parts)
@@ -522,19 +522,19 @@ def _spaced(a: float, b: float) -> Array:
 
 
 def _far_apart(one: Complex, other: Complex) -> bool:
-    """Whether spectra are so different in size that products of their eigenvalues cannot be compared."""
+    """Return whether the sizes of spectra differ so much that products of their eigenvalues cannot be compared."""
     sizes = sorted((float(np.max(np.abs(one))), float(np.max(np.abs(other)))))
     return sizes[1] > TOLERANCES.spectrum_ratio * sizes[0]
 
 
 @dataclass(frozen=True)
 class _RealPart:
-    """The real part of the eigenvalue nearest to a place, as a function of a spectrum."""
+    """The real part of the eigenvalue nearest to a given one, as a function of a spectrum."""
 
     place: complex
 
     def number(self, spectrum: Complex) -> int:
-        """Return which eigenvalue it is."""
+        """Return the number of that eigenvalue."""
         return int(np.argmin(np.abs(spectrum - self.place)))
 
     def __call__(self, spectrum: Complex, size: float) -> float:

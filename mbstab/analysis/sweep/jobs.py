@@ -1,8 +1,8 @@
 """Long sweeps in blocks of points: computed by this process, by several, or by a cluster, and kept on disk.
 
-A block is computed from its task alone, so its result is the same wherever and in whatever
-order it is computed. Finished blocks are written to a directory, each whole or not at all;
-a sweep that was interrupted takes them up again.
+A block is computed from its task alone, so its result does not depend on where and in which
+order it is computed. Finished blocks are written to a directory, each completely or not at all;
+an interrupted sweep reads them when it is resumed.
 """
 
 from __future__ import annotations
@@ -42,25 +42,25 @@ from mbstab.model.schema import Model
 from mbstab.records import dataclass
 
 LABEL, LOCK = "sweep.json", "lock"
-"""What says which sweep the blocks of a directory are, and who is at work in it."""
+"""Files that name the sweep of a directory of blocks, and the process at work in it."""
 
 Progress = Callable[[float], object]
 
 
 @dataclass(frozen=True)
 class Task:
-    """What a block is computed from.
+    """The data from which a block is computed.
 
     Attributes
     ----------
     text, name : str
-        The model file, and what messages call it.
+        The text of the model file, and its name in messages.
     settings : dict
-        What is given for other parameters (`Model.settings`).
+        Values of other parameters (`Model.settings`).
     values : dict
         Parameters that vary, arrays of shape (points,).
     solutions : Path or None
-        Equilibria over the parameter, where the file asks to find them.
+        Equilibria over the parameter, if the file asks to find them.
     followed : bool
         Whether eigenvalues are followed from point to point.
     """
@@ -82,16 +82,16 @@ class Block:
     values : ndarray of complex, shape (points, r)
         In columns that are continuous …
     clear : ndarray of bool, shape (points − 1,)
-        … up to the next point where that is beyond doubt.
+        … to the next point, where the links are certain.
     problems : dict
         By the number of a point within the block.
     neutral : int
     sides : ndarray of int8, shape (points, r)
-        On which side of the imaginary axis eigenvalues lie, as in `mbstab.analysis.sweep.batched_verdict`.
+        Side of the imaginary axis of each eigenvalue, as in `mbstab.analysis.sweep.batched_verdict`.
     words : ndarray of int8, shape (points,)
         Numbers of the verdicts.
     mirrored : ndarray of bool, shape (points,)
-        Whether the spectrum is symmetric to the imaginary axis by structure.
+        Whether the spectrum is symmetric about the imaginary axis by structure.
     passes : ndarray of bool, shape (points,)
         Whether a real part may change its sign before the next point …
     turns : ndarray of bool, shape (points,)
@@ -146,7 +146,7 @@ def compute(task: Task, progress: Progress = lambda done: None) -> Block:
 
 
 def _watched(values: Complex, sides: Sides) -> tuple[Flags, Flags]:
-    """Return where real parts may pass zero, and where they may touch it; ends count, as nothing is known beyond."""
+    """Return where real parts may pass zero, and where they may touch it; ends count as touching."""
     passes, turns = np.ones(len(values), dtype=bool), np.ones(len(values), dtype=bool)
     with np.errstate(invalid="ignore"):
         sign = signs(sides)
@@ -156,9 +156,9 @@ def _watched(values: Complex, sides: Sides) -> tuple[Flags, Flags]:
 
 
 def block_size(n_q: int) -> int:
-    """Return how many points of a scene with so many coordinates are a block.
+    """Return the number of points per block for a scene with `n_q` coordinates.
 
-    Work is estimated, not timed: the last bits of a result depend on its block, and are the same in every run.
+    Work is estimated, not timed: the last bits of a result depend on the block, and must be the same in every run.
     """
     return min(
         TOLERANCES.block_points,
@@ -195,14 +195,14 @@ class Store:
     ----------
     directory : Path
     key : str
-        What the sweep is; blocks of another sweep are refused.
+        Identifies the sweep; blocks of another sweep are refused.
     resume : bool
-        Whether blocks that are there already are taken.
+        Whether existing blocks are used.
 
     Raises
     ------
     UsageError
-        If the directory holds another sweep, or blocks although nothing is to be resumed, or is in use.
+        If the directory contains another sweep, or blocks although `resume` is not set, or is in use.
     """
 
     def __init__(self, directory: Path, key: str, resume: bool) -> None:
@@ -243,7 +243,7 @@ class Store:
             raise
 
     def close(self) -> None:
-        """Let others go on with what is there."""
+        """Release the directory for other processes."""
         if self._lock is not None:
             name = self.directory / LOCK
             with contextlib.suppress(OSError):
@@ -265,7 +265,7 @@ class Store:
             raise
 
     def save(self, number: int, block: Block) -> None:
-        """Write a block, whole or not at all.
+        """Write a block, completely or not at all.
 
         Raises
         ------
@@ -301,14 +301,14 @@ class Store:
         return self.directory / f"block-{number:06}.npz"
 
     def remove(self) -> None:
-        """Remove the directory: the answer is written."""
+        """Remove the directory once the answer is written."""
         discard(self.directory)
         self.close()
 
 
 @contextlib.contextmanager
 def stored(all_tasks: list[Task], settings: SweepSettings) -> Iterator[Store | None]:
-    """Keep blocks in a directory, if there is one, while a sweep is computed; afterwards only if they are to be kept.
+    """Keep blocks in a directory, if one is given, while a sweep is computed; afterwards only with `settings.keep`.
 
     Raises
     ------
@@ -360,7 +360,7 @@ def _locked(name: Path) -> int | None:
                 f"{name.parent} is in use by another sweep (process {owner or 'unknown'})\n"
                 "hint: wait until it ends, or name another file with --output"
             ) from None
-        # The one that had it may have removed it in between.
+        # The previous owner may have removed it in the meantime.
         with contextlib.suppress(FileNotFoundError):
             if os.fstat(handle).st_ino == name.stat().st_ino:
                 break
@@ -375,7 +375,7 @@ def _locked(name: Path) -> int | None:
 
 
 class _written:
-    """Turns failures to write into errors a user can act on."""
+    """Turns write failures into errors that a user can act on."""
 
     def __init__(self, place: Path) -> None:
         self.place = place
@@ -399,7 +399,7 @@ def _read_label(label: Path) -> str | None:
 
 
 def key_of(all_tasks: list[Task]) -> str:
-    """Return a text that is the same for the same sweep by the same program only."""
+    """Return a text that is unique to a sweep and a version of the program."""
     digest = hashlib.sha256(_program().encode())
     for task in all_tasks:
         digest.update(repr((task.text, sorted(task.settings.items()))).encode())
@@ -430,11 +430,11 @@ def run(
     ----------
     all_tasks : list of Task
     store : Store, optional
-        Where finished blocks are kept and looked for.
+        Where finished blocks are kept and searched.
     settings : SweepSettings, optional
-        By whom they are computed.
+        Where the blocks are computed.
     progress : callable, optional
-        Is called with the part of the work that is done, from 0 to 1.
+        Called with the fraction of the work that is done, from 0 to 1.
     """
     blocks: dict[int, Block] = {}
     for number in range(len(all_tasks)):
@@ -466,7 +466,7 @@ def run(
 
 
 def merged(blocks: list[Block]) -> Block:
-    """Return consecutive blocks as one, with as many neutral eigenvalues as at most points."""
+    """Return consecutive blocks as one, with the most frequent number of neutral eigenvalues."""
     sizes: dict[tuple[int, int], int] = {}
     for block in blocks:
         if len(block.problems) < len(block.values):
@@ -491,7 +491,7 @@ def merged(blocks: list[Block]) -> Block:
 
 
 def _fitted(block: Block, total: int, neutral: int) -> Block:
-    """Return a block with so many eigenvalues besides the neutral ones."""
+    """Return a block with given numbers of all and of neutral eigenvalues."""
     points, here = len(block.values), block.values.shape[1] + block.neutral
     count, own = total - neutral, block.values.shape[1]
     if here != total or len(block.problems) == points:
@@ -503,7 +503,7 @@ def _fitted(block: Block, total: int, neutral: int) -> Block:
         )  # fmt: skip
     if own == count:
         return block
-    # Zeros of a symmetry that is not there elsewhere, or what is zero elsewhere.
+    # Zeros of a symmetry that does not exist elsewhere, or eigenvalues that are zero elsewhere.
     width = max(count - own, 0)
     values = np.pad(block.values, ((0, 0), (0, width)))
     sides = np.pad(block.sides, ((0, 0), (0, width)))
@@ -516,7 +516,7 @@ def _fitted(block: Block, total: int, neutral: int) -> Block:
 def _in_processes(
     all_tasks: list[Task], missing: list[int], jobs: int, progress: Progress
 ) -> Iterator[tuple[int, Block]]:
-    """Yield blocks as processes finish them, this one among them; those of a process that died are given to others."""
+    """Yield blocks as processes, including this one, finish them; blocks of dead processes are given to others."""
     import multiprocessing
 
     waiting, tries = list(missing), 0

@@ -1,4 +1,4 @@
-"""How the points of a sweep or a chart are computed: by whom, and what is kept on the way."""
+"""How the points of a sweep or a chart are computed: by which processes, and which results are kept."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class SweepSettings:
-    """How many points are computed.
+    """How the points are computed.
 
     Attributes
     ----------
     directory : Path, optional
-        Where finished blocks of points are kept; they are removed in the end …
+        Directory for finished blocks of points; they are removed at the end …
     keep : bool
-        … unless they are needed until the answer is written (`mbstab.analysis.sweep.jobs.discard`).
+        … unless they must be kept until the answer is written (`mbstab.analysis.sweep.jobs.discard`).
     resume : bool
-        Whether to go on with the blocks that are there.
+        Whether to continue with existing blocks.
     jobs : int
         Number of processes.
     cluster : str
-        Address of a Dask scheduler (``tcp://…``) whose workers compute instead.
+        Address of a Dask scheduler (``tcp://…``) whose workers compute the blocks instead.
 
     Raises
     ------
     UsageError
-        With all that does not go together.
+        Names all settings that exclude each other.
     """
 
     directory: Path | None = None
@@ -38,7 +38,7 @@ class SweepSettings:
     cluster: str = ""
 
     def __post_init__(self) -> None:
-        """Check what goes together."""
+        """Refuse settings that exclude each other."""
         problems = []
         if self.jobs > 1 and self.cluster:
             problems.append(
@@ -51,4 +51,4 @@ class SweepSettings:
 
 
 HERE = SweepSettings()
-"""In this process, nothing kept."""
+"""In this process, without kept blocks."""

@@ -14,14 +14,14 @@ from mbstab.compiler.system import Array
 
 
 def some(x: Array, index: Any, dims: int) -> Array:
-    """Return the part of an array that belongs to some points; `dims` is the number of axes it has if it varies."""
+    """Return the part of an array for some points; `dims` is its number of axes if it varies with the points."""
     if dims and x.ndim < dims:
         return x
     return x if len(x) == 1 else x[index]
 
 
 def restricted(energy: tuple[Array, Array], W: Array) -> Array:
-    """Return the inertia of a form, with its rounding, on the span of columns."""
+    """Return the inertia of a form, given with its error bounds, on the span of columns."""
     size = np.abs(W)
     return inertia(transposed(W) @ energy[0] @ W, transposed(size) @ energy[1] @ size)
 
@@ -33,13 +33,13 @@ def inertia(H: Array, known: Array) -> Array:
     ----------
     H : ndarray, shape (points, m, m)
     known : ndarray, shape (points, m, m)
-        How large rounding may be in each entry.
+        Bound of the rounding error of each entry.
     """
     m = H.shape[-1]
     if not m:
         return np.zeros((len(H), 3), dtype=int)
-    # Scaled by the diagonal: stiffness of many magnitudes does not hide what is soft (Demmel and Veselić 1992). What
-    # may be zero is left small, so that it hides nothing either.
+    # Scaled by the diagonal, so that large stiffness does not hide soft directions (Demmel and Veselić 1992). Entries
+    # that may be zero are left small, so that they hide nothing either.
     own, open_ = np.abs(np.diagonal(H, axis1=1, axis2=2)), np.diagonal(known, axis1=1, axis2=2)
     diagonal = np.where(own > 10.0 * open_, own, np.max(np.maximum(own, open_), axis=1, keepdims=True))
     scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
@@ -51,7 +51,7 @@ def inertia(H: Array, known: Array) -> Array:
 
 
 def chain(block: Array, size: float) -> int:
-    """Return which power of a matrix whose eigenvalues are all zero is zero itself; 0 where rounding hides it."""
+    """Return the power at which a nilpotent matrix vanishes; 0 where rounding hides it."""
     power = np.eye(len(block))
     for index in range(1, len(block) + 1):
         power = power @ (block / (size or 1.0))
@@ -96,7 +96,7 @@ def unit(columns: Array) -> Array:
 
 
 def orthonormal(columns: Array, rank: int, good: Flags) -> Array:
-    """Return orthonormal bases of spans of unit columns, and note where they have another rank."""
+    """Return orthonormal bases of spans of unit columns; clear `good` where the rank is different."""
     if not rank:
         return columns[..., :0]
     if columns.shape[-1] == rank:
@@ -109,7 +109,7 @@ def orthonormal(columns: Array, rank: int, good: Flags) -> Array:
 
 
 def complement(basis: Array) -> Array:
-    """Return orthonormal bases of what is orthogonal to orthonormal columns."""
+    """Return orthonormal bases of the orthogonal complements of orthonormal columns."""
     if not basis.shape[-1]:
         return np.eye(basis.shape[-2])[None]
     return np.linalg.qr(basis, mode="complete")[0][..., basis.shape[-1] :]

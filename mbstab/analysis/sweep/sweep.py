@@ -1,14 +1,14 @@
 """Sweeps of a parameter: eigenvalue branches, verdicts, and the values at which stability changes.
 
 Every point is judged by the rule of `mbstab.analysis.linear.verdict`, as `mbstab eig` does
-(`mbstab.analysis.sweep.batched_spectra`); a point that cannot be placed is undecided and counts for no side.
+(`mbstab.analysis.sweep.batched_spectra`); a point that cannot be decided counts as neither stable nor unstable.
 Branches are followed by continuity: between neighbouring points no eigenvalue may move by
-more than a part of its distance to the others; intervals in which one does are divided until
+more than a fraction of its distance to the others; intervals in which one does are divided until
 that holds, or until two eigenvalues cross or collide, within a budget of points. Stability changes
 are located by functions that are smooth there: the product of the eigenvalues where one passes
 zero, the real part of a simple pair where it passes the axis, and, where the spectrum is symmetric
-to the imaginary axis, the discriminant of λ², which passes zero where two pairs collide (real parts
-grow from there like a root; Seyranian and Mailybaev 2003, chapter 4). A value that is found counts
+about the imaginary axis, the discriminant of λ², which passes zero where two pairs collide (real parts
+grow from there as a square root; Seyranian and Mailybaev 2003, chapter 4). A value counts only
 if the verdicts on both sides of it confirm the change.
 """
 
@@ -47,13 +47,13 @@ class Sweep:
     ----------
     parameter : str
     values : ndarray, shape (points,)
-        Of the parameter (SI), ascending or descending as asked for.
+        Values of the parameter (SI), ascending or descending as requested.
     branches : ndarray of complex, shape (points, r)
         Eigenvalues that are not neutral (1/s), one column for each branch; nan where there are none.
     unstable : ndarray of int, shape (points,)
         Number of unstable eigenvalues; −1 where the verdict is open, or there is no answer.
     neutral : int
-        Number of neutral eigenvalues besides.
+        Additional number of neutral eigenvalues.
     critical : tuple of Critical
         In the order of the parameter.
     meetings : tuple of (float, str)
@@ -61,12 +61,12 @@ class Sweep:
     problems : dict
         By the number of a point, why it has no eigenvalues.
     start : float or None
-        The value from which equilibria were followed, where a file asks to find them.
+        The value from which equilibria were followed, if a file asks to find them.
     moved : str
         Why they were not followed from the first value.
     beyond : tuple of Sweep
-        Along the paths to which the equilibria lead through folds: each from one fold to the next
-        or to an end of the range, at those of the values that lie between.
+        Sweeps along the paths to which the equilibria lead through folds: each from one fold to the next
+        or to an end of the range, at those values that lie in between.
     words : ndarray of int8, shape (points,)
         Numbers of the verdicts among `mbstab.analysis.linear.verdict.WORDS`; `verdicts` has them in words.
     warnings : tuple of str
@@ -119,17 +119,17 @@ def sweep(
     model : Model
     parameter : str
     values : ndarray, shape (points,)
-        Of the parameter (SI), ascending or descending.
+        Values of the parameter (SI), ascending or descending.
     progress : callable, optional
-        Is called with the part of the work that is done, from 0 to 1.
+        Called with the fraction of the work that is done, from 0 to 1.
     settings : SweepSettings, optional
 
     Raises
     ------
     UsageError
-        If a value of the parameter is given besides, or its values are not in order.
+        If the parameter is also set, or its values are not in order.
     MbstabError
-        If no equilibrium is found to start from, where the file asks to find them.
+        If the file asks to find equilibria and none is found to start from.
     """
     if parameter in model.settings:
         raise UsageError(f"{parameter} is swept and set at the same time")
@@ -143,7 +143,7 @@ def sweep(
         main = follow_path(model, parameter, float(x[0]), float(x[-1]), float(values[0]))
         paths = [main, *main.beyond]
     grids = [x, *(x[path.covers({parameter: x})] for path in paths[1:] if path is not None)]
-    # What happens between the last point and a turn is seen from a point next to the turn.
+    # What happens between the last point and a fold shows at a point near the fold.
     closer = [x if path is None else np.union1d(x, path.next_to_ends()) for x, path in zip(grids, paths, strict=True)]
     groups = [tasks(model, {parameter: x}, path) for x, path in zip(closer, paths, strict=True)]
     all_tasks = [task for group in groups for task in group]
@@ -162,7 +162,7 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
     tracker = CriticalValues(evaluator, parameter, x, raw)
     branches = tracker.branches()
     critical = tracker.critical(branches)
-    # Zeros that nonlinear terms decide say nothing about where stability changes.
+    # Zeros that nonlinear terms decide do not tell where stability changes.
     words, open_ = raw.words.copy(), _undecided(raw)
     if len(open_):
         words[open_] = evaluator.at_zeros({parameter: x[open_]}, raw.values[open_], raw.sides[open_])
@@ -170,7 +170,7 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
         others = [value for value in tracker.crossings if not tracker.known(value, critical)]
         critical = [replace(c, branching=any(tracker.known(x, [c]) for x in tracker.crossings)) for c in critical]
         critical += [tracker.branch_point(value, branches) for value in others]
-        # The fold from which a further path starts is said with the path that leads to it.
+        # The fold from which a further path starts is reported with the path that leads to it.
         critical += [tracker.ended(value, reason) for value, reason in path.ends if value != path.start]
     critical.sort(key=lambda c: c.value)
     return Sweep(
@@ -199,7 +199,7 @@ def _at(x: Array, result: Sweep) -> Sweep:
 
 
 def _ordered(result: Sweep, order: slice) -> Sweep:
-    """Return a sweep over ascending values in the order that was asked for."""
+    """Return a sweep over ascending values in the requested order."""
     last = len(result.values) - 1
     problems = {last - i if order.step else i: text for i, text in result.problems.items()}
     return replace(

@@ -1,4 +1,4 @@
-"""Spectra: what becomes of each eigenvalue between two points, and functions that vanish where it matters."""
+"""Spectra: links of eigenvalues between two points, and functions that vanish where stability changes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NO_EIGENVALUE = complex("nan+nanj")
 
 
 def squares(values: Complex) -> Complex:
-    """Return λ² of a symmetric spectrum, each once."""
+    """Return λ² of a symmetric spectrum, each one once."""
     square = np.sort_complex(values * values)
     left = list(square)
     found = []
@@ -31,7 +31,7 @@ def product(values: Complex, size: float, zeros: int = 0) -> float:
     Parameters
     ----------
     zeros : int
-        Number of zeros among them that do not count, however wrong rounding shows them: the sum of the
+        Number of zeros among them that are left out, whatever rounding made of them: the sum of the
         products of all the others, a coefficient of the characteristic polynomial.
     """
     scaled = values / size
@@ -55,7 +55,7 @@ def has_twins(values: Complex) -> Flags:
 
 
 def follow(before: Complex, after: Complex, twins: Flags | None = None) -> tuple[Index, Flags]:
-    """Return for spectra, shape (m, r), which eigenvalue each becomes, and whether that is beyond doubt.
+    """Return for spectra, shape (m, r), the successor of each eigenvalue, and whether it is certain.
 
     Equal eigenvalues may be multiple ones in all intervals, or in those where `twins` says so.
     """
@@ -70,7 +70,7 @@ def follow(before: Complex, after: Complex, twins: Flags | None = None) -> tuple
 
 
 def _gaps(values: Complex) -> npt.NDArray[np.float64]:
-    """Return the distances within spectra, shape (m, r, r), of an eigenvalue from itself infinite."""
+    """Return the distances within spectra, shape (m, r, r), with an infinite diagonal."""
     gap: npt.NDArray[np.float64] = np.abs(values[:, :, None] - values[:, None, :])
     each = np.arange(values.shape[1])
     gap[:, each, each] = np.inf
@@ -102,9 +102,9 @@ def _followed(before: Complex, after: Complex, twins: Flags | None) -> tuple[Ind
 
 
 def continuous(links: Index, clear: Flags) -> Index:
-    """Return the order of each spectrum, shape (m, r), in which each eigenvalue becomes what `follow` says.
+    """Return the order of each spectrum, shape (m, r), in which columns are continuous according to `follow`.
 
-    Where that is in doubt columns stay what they are.
+    Where links are uncertain, the order does not change.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def continuous(links: Index, clear: Flags) -> Index:
     identity = np.arange(r)
     if r < 2 or m < 2 or np.all(links == identity):
         return np.broadcast_to(identity, (m, r))
-    # About √m parts of about √m points: all parts are followed at once, then put together.
+    # About √m parts of about √m points: all parts are followed at once, then joined.
     length = int(np.sqrt(m)) + 1
     order = np.broadcast_to(identity, (-(-m // length) * length, r)).copy()
     order[1:m] = np.where(clear[:, None], links, identity)
@@ -137,7 +137,7 @@ def turning(before: Complex, now: Complex, after: Complex) -> Flags:
 
 
 def _untwin(link: Index, moved: npt.NDArray[np.float64], doubtful: Flags) -> None:
-    """Give each of equal eigenvalues a successor of its own; others have one that is nearest by far."""
+    """Give each of several equal eigenvalues a successor of its own; others have one that is clearly nearest."""
     rows = np.flatnonzero(doubtful)
     left = moved[rows]
     for i in range(left.shape[1]):
