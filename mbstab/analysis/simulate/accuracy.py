@@ -1,4 +1,4 @@
-"""Runs of one motion with smaller and smaller tolerances, until they agree."""
+"""Runs of one motion with decreasing tolerances, until they agree."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mbstab.model.arithmetic import array_arithmetic
 
 
 class Work:
-    """Runs with smaller and smaller tolerances."""
+    """Runs with decreasing tolerances."""
 
     def __init__(
         self,
@@ -45,8 +45,8 @@ class Work:
         self.notes: list[str] = []
 
     def once(self, tol: float, progress: Callable[[float], object] | None = None) -> Run:
-        """Follow the motion with a tolerance of a step."""
-        # The longest step shrinks with the tolerance as the others do: otherwise runs would not differ where it binds.
+        """Follow the motion with a tolerance per step."""
+        # The longest step shrinks with the tolerance like the others: else runs would not differ where it is active.
         longest = self.longest * (tol / self.tol) ** (self.method.power / self.method.order)
         options = Options(tol, self.step, None, self.rate, longest, self.solver, self.compiled)
         if self.follower.budget:
@@ -58,7 +58,7 @@ class Work:
         return run
 
     def _further(self, refining: bool) -> float:
-        """Return how many runs as long as the next one follow it at least."""
+        """Return the minimum number of runs as long as the next one that follow it."""
         if not refining:
             return 0.0
         longer = TOLERANCES.step_tolerance_reduction ** (-self.method.power / self.method.order)
@@ -76,20 +76,20 @@ class Work:
         self.rate = max(speed, 1e-3 * self.rate, TOLERANCES.resting_speed * self.natural)
         fast = self.fast = max(speed, TOLERANCES.resting_speed * self.natural)
         following = max(local * TOLERANCES.step_tolerance_reduction, least)
-        # A first run that took too much for fast has larger errors of speeds than its tolerance says.
+        # A first run that assumed too large a rate as fast has larger errors of speeds than its tolerance.
         if following >= local or TOLERANCES.step_tolerance_reduction * started > self.rate:
             following, local = (least, 10.0 * least) if following >= local else (following, local)
             before = self.once(local, self._share(0.15, 0.2))
             if not before.complete:
                 return before
         shares = [0.15, 0.3, 0.5, 0.8, 0.95, 1.0]
-        # The first run took another rate as fast: for speeds its tolerance was as much smaller.
+        # The first run assumed another rate as fast: for speeds its tolerance was smaller by that factor.
         earlier, improved = [(local * (min(started / self.rate, 1.0) if self.runs == 1 else 1.0), before)], True
         for k in range(1, TOLERANCES.runs_most):
             run = self.once(following, self._share(shares[k - 1], shares[k]))
             if not run.complete:
                 return self._better(before, run)
-            # Earlier runs may have passed over something.
+            # Earlier runs may have missed something.
             last = self.estimate
             self.estimate = self._estimated(run, following, earlier[1 - TOLERANCES.runs_least :], fast)
             improved = not self.estimate > TOLERANCES.estimate_improvement * last
@@ -119,7 +119,7 @@ class Work:
         return run
 
     def _estimated(self, run: Run, tol: float, earlier: list[tuple[float, Run]], fast: float) -> float:
-        """Return the error of a run: the largest of those that its differences from earlier ones tell."""
+        """Return the error of a run: the largest estimate from its differences to earlier ones."""
         found = 0.0
         for larger, other in earlier:
             order = TOLERANCES.order_counted_on * self.method.power
@@ -132,7 +132,7 @@ class Work:
         return lambda done: self.progress(low + (high - low) * done)
 
     def _better(self, before: Run, run: Run) -> Run:
-        """Return what is kept of an early end: a complete run with a larger error if it was stopped by hand."""
+        """Return the run to keep after an early end: if stopped by the user, a complete run with a larger error."""
         if run.interrupted:
             self.warnings.append("stopped while the error was being reduced: its size is not known")
             return replace(before, interrupted=True)
@@ -140,7 +140,7 @@ class Work:
 
 
 def longest_step(follower: Follower) -> float:
-    """Return the longest step: with functions of time that may rest about the distance of two times of output."""
+    """Return the longest step (s): with functions of time that may rest, about the distance of two output times."""
     given = (x for item in follower.system.scene.items for x in expressions_in(item.entry.values))
     if not any(map(uneven_in_time, given)):
         return math.inf
@@ -153,7 +153,7 @@ def longest_step(follower: Follower) -> float:
 
 
 def pulses(system: System, first: float, last: float, longest: float) -> list[str]:
-    """Return a warning for each given function of time with a pulse so short that steps may pass over it.
+    """Return a warning for each given function of time with a pulse so short that steps may miss it.
 
     Parameters
     ----------
@@ -186,12 +186,12 @@ def pulses(system: System, first: float, last: float, longest: float) -> list[st
 
 
 def _pulse(values: Array, each: int, size: float) -> tuple[int, int] | None:
-    """Return where a function is farthest from what its values at the ends of cells tell, and how long; or None."""
+    """Return where a function deviates most from its values at the ends of cells, and for how long; or None."""
     ends, inside = values[::each], values[:-1].reshape(-1, each)
     off = np.abs(inside - ends[:-1, None] - (ends[1:] - ends[:-1])[:, None] * np.arange(each) / each)
     far = np.max(off, axis=1)
     lively = far > TOLERANCES.clear_pulse * size
-    # What is still there at the end of a cell is seen there; and what is everywhere is seen everywhere.
+    # A deviation that reaches the end of a cell shows there, and one that is everywhere shows everywhere.
     hidden = lively & (np.abs(ends[1:] - ends[:-1]) < TOLERANCES.clear_pulse * far)
     if not np.any(hidden) or np.count_nonzero(lively) > TOLERANCES.clear_pulse * len(far):
         return None

@@ -1,17 +1,17 @@
-"""The constrained equations as a right-hand side: accelerations, projections, and a watch on the rank.
+"""The constrained equations as a right-hand side: accelerations, projections, and monitoring of the rank.
 
-At a state q, u and a time t the accelerations and multipliers solve
+At a state q, u and a time t, the accelerations and multipliers solve
 
     M a + Jᵀ ν = −F0,   J a = −B                                     (index 1)
 
-and a state next to the constraints is moved onto them by the least change in the metric of
+and a state near the constraints is projected onto them by the least change in the metric of
 the mass matrix,
 
     min Δqᵀ M Δq  with  C(q + Δq, t) = 0,   min Δuᵀ M Δu  with  V(q, u + Δu, t) = 0
 
 (Eich 1993, SIAM J. Numer. Anal. 30; Hairer and Wanner 1996, section VII.2). Where rows are
-redundant, they are replaced by as many orthonormal combinations of them as the rank at the
-start says. Everything is computed in coordinates scaled by the masses they carry.
+redundant, they are replaced by orthonormal combinations of them, as many as the rank at the
+start. Everything is computed in coordinates scaled by the masses they carry.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ LIMIT_HINT = (
 
 @dataclass(frozen=True)
 class Watch:
-    """The least singular value of the scaled constraints at an instant, with its vectors."""
+    """The smallest singular value of the scaled constraints at an instant, with its vectors."""
 
     left: Array
     right: Array
@@ -62,19 +62,19 @@ class Constrained:
     motion : Motion
         The motion at the start: ranks and scales.
     form : Form, optional
-        What evaluates the scene; several runs share one.
+        Evaluates the scene; several runs share one.
 
     Attributes
     ----------
     system : System
     sizes : ndarray, shape (n_q,)
-        What a large change of each coordinate is (m, rad).
+        Characteristic size of each coordinate (m, rad).
     kept : list of int
-        Rows but those that others imply.
+        Rows without the redundant ones.
     evaluations : int
-        How often the equations of motion, or their derivatives, were formed.
+        Number of evaluations of the equations of motion or their derivatives.
     slowest : float (1/s)
-        Speeds in sizes of the scene below this are as good as rest.
+        Speeds below this, in sizes of the scene, count as rest.
     least_energy : float (J)
         Kinetic energy of such speeds.
     """
@@ -112,7 +112,7 @@ class Constrained:
 
     @property
     def independent(self) -> bool:
-        """Whether the rows kept are as many as the rank."""
+        """Whether the number of rows kept equals the rank."""
         return len(self.kept) == self.rank
 
     # --- the one place where the scene is evaluated -----------------------------------------------------------------
@@ -152,14 +152,14 @@ class Constrained:
             except (ArithmeticError, ValueError):
                 return self.accelerations(t, q, u)[0]
             self.evaluations += 1
-            # The matrix is symmetric: its transpose is what LAPACK calls in order, and may be overwritten.
+            # The matrix is symmetric: its transpose is in Fortran order, and may be overwritten.
             pivots, _, found, failed = self._dgesv((A * self._products).T, b * self._factors, 1, 1)
             if not failed and (self.full or _strong(pivots)):
                 return np.asarray(found[: self.n] * self.scale)
         return self.accelerations(t, q, u)[0]
 
     def _quick_program(self) -> Program | None:
-        """Return the function of the matrix and the right-hand side of the accelerations, once it is worth it."""
+        """Return the function of the matrix and the right-hand side of the accelerations, once it pays to build it."""
         if self.form.quick and self.independent:
             self._program = self.form.fused.augmented(self.kept)
         return self._program
@@ -179,7 +179,7 @@ class Constrained:
         return found[:n] * self.scale, nu * self.row_scale
 
     def _solved(self, A: Array, b: Array) -> Array:
-        """Return A⁻¹ b for a symmetric matrix; LAPACK at once, as for small ones the way there takes longer."""
+        """Return A⁻¹ b for a symmetric matrix; by LAPACK directly, as for small ones the overhead dominates."""
         *_, found, failed = self._dgesv(A, b)
         if failed:
             raise np.linalg.LinAlgError("singular matrix")
@@ -202,7 +202,7 @@ class Constrained:
     def residuals(self, state: Dynamics, fastest: float) -> tuple[float, float]:
         """Return the largest residuals of rows in position and in velocity, relative to the sizes in the scene.
 
-        `fastest` is the largest speed of a coordinate in its sizes (1/s); where all are slow, residuals in velocity
+        `fastest` is the largest speed of a coordinate in its size (1/s); where all are slow, residuals in velocity
         count relative to `slowest`.
         """
         reach = np.abs(state.J) @ self.sizes + 1e-300
@@ -211,12 +211,12 @@ class Constrained:
         return float(np.max(position, initial=0.0)), float(np.max(velocity, initial=0.0))
 
     def onto_positions(self, t: float, q: Array, held: Flags | None = None) -> tuple[Array, float]:
-        """Return the nearest coordinates that satisfy C(q, t) = 0, and the residual that is left.
+        """Return the nearest coordinates that satisfy C(q, t) = 0, and the remaining residual.
 
         Parameters
         ----------
         held : ndarray of bool, shape (n_q,), optional
-            Coordinates that are not to change.
+            Coordinates that must not change.
         """
         zero = np.zeros(self.n)
         best, least = q, np.inf
@@ -234,7 +234,7 @@ class Constrained:
         return best, least if self.n_h else 0.0
 
     def onto_velocities(self, t: float, q: Array, u: Array, held: Flags | None = None) -> tuple[Array, float, Dynamics]:
-        """Return the nearest speeds that satisfy V(q, u, t) = 0, the residual that is left, and the matrices there."""
+        """Return the nearest speeds that satisfy V(q, u, t) = 0, the remaining residual, and the matrices there."""
         state = self.evaluate(t, q, u)
         best, least, matrices = u, np.inf, state
         for _ in range(TOLERANCES.projection_steps if self.n_c else 0):
@@ -303,7 +303,7 @@ class Constrained:
         M = state.M * self._weights
         if held is not None:
             free = np.flatnonzero(~held)
-            # What is not held may leave rows without a part; the least change of the others in the plain metric.
+            # Rows may contain held coordinates only; then the least change of the others in the Euclidean metric.
             moved = np.zeros(self.n)
             if len(free):
                 moved[free] = np.linalg.lstsq(J[:, free], goal, rcond=1e-12)[0]
@@ -318,7 +318,7 @@ class Constrained:
     # --- rank -------------------------------------------------------------------------------------------------------
 
     def refresh(self, state: Dynamics) -> Watch:
-        """Choose the combinations of redundant rows anew, and return the least singular value that should not vanish.
+        """Choose the combinations of redundant rows anew; return the smallest singular value that should not vanish.
 
         Raises
         ------
@@ -347,19 +347,19 @@ class Constrained:
         return own, both
 
     def least(self, nu: Array) -> Array:
-        """Return the least multipliers (n_c,) with the same effect, where rows are redundant."""
+        """Return the minimum-norm multipliers (n_c,) with the same effect, where rows are redundant."""
         if self.full or not self.rank:
             return nu
         return np.asarray(self._span @ (self._span.T @ (nu / self.row_scale)) * self.row_scale)
 
     def multipliers(self, state: Dynamics, a: Array) -> Array:
-        """Return the least multipliers (n_c,) that balance given accelerations, also where rank is lost."""
+        """Return the minimum-norm multipliers (n_c,) that balance given accelerations, also where rank is lost."""
         J = (state.J * self._rows).T
         force = -(state.F0 + state.M @ a) * self.scale
         return np.asarray(np.linalg.lstsq(J, force, rcond=TOLERANCES.multiplier_singular_value)[0] * self.row_scale)
 
     def flipped(self, before: Watch, state: Dynamics, after: Watch) -> bool:
-        """Whether the least singular value changed its sign, seen along its own vectors, or is as good as zero."""
+        """Return whether the smallest singular value changed its sign, along its own vectors, or is nearly zero."""
         if not self.rank:
             return False
         assert self._least is not None
@@ -368,21 +368,21 @@ class Constrained:
         return self.signed(before, state) < 0.0
 
     def signed(self, before: Watch, state: Dynamics) -> float:
-        """Return what the least singular value at an earlier state has become, seen along its own vectors."""
+        """Return the present value of an earlier smallest singular value, along its own vectors."""
         return float(before.left @ (state.J * self._rows) @ before.right)
 
     def start_from(self, other: Constrained) -> None:
-        """Measure singular values against those at the start of another chart of the same motion."""
+        """Measure singular values relative to those at the start of another chart of the same motion."""
         self._least = other._least
 
     def smallness(self, state: Dynamics) -> float:
-        """Return the least singular value relative to that at the start."""
+        """Return the smallest singular value relative to that at the start."""
         assert self._least is not None
         s = np.linalg.svd(state.J * self._rows, compute_uv=False)
         return float(s[self.rank - 1]) / self._least
 
     def nears(self, watch: Watch, part: float) -> bool:
-        """Whether the least singular value has fallen below a part of that at the start."""
+        """Return whether the smallest singular value has fallen below a fraction of that at the start."""
         return bool(self.rank) and self._least is not None and watch.value < part * self._least
 
     def singular(self, t: float, state: Dynamics, value: float, hint: str = BRANCH_HINT) -> ConstraintError:
@@ -396,7 +396,7 @@ class Constrained:
         )
 
     def approached(self, t: float, watch: Watch, reason: str) -> ConstraintError:
-        """Return the error about a step that failed next to a singular configuration: as `singular`, and the reason."""
+        """Return the error about a step that failed near a singular configuration: as `singular`, with a reason."""
         assert self._least is not None
         return ConstraintError(
             f"the mechanism comes to a singular configuration just after t = {t:.9g} s: the least singular value of "
@@ -406,14 +406,14 @@ class Constrained:
         )
 
     def owners(self, left: Array) -> str:
-        """Return the names of the rows with the largest parts of a left singular vector."""
+        """Return the owners of the rows with the largest components in a left singular vector."""
         order = [i for i in np.argsort(-np.abs(left)) if abs(left[i]) > 0.1][:6]
         return ", ".join(dict.fromkeys(self.system.rows[i].owner for i in order))
 
     def _slopes(self, t: float, q: Array, u: Array, a: Array, nu: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return K, R, V_q, A_q and A_u; at a kink in the speeds, such as that of |u| at rest, those beside it.
+        """Return K, R, V_q, A_q and A_u; at a kink in the speeds, such as that of |u| at rest, those next to it.
 
-        The derivatives only lead the iterations of implicit methods, whose results do not depend on them.
+        The derivatives only guide the iterations of implicit methods, whose results do not depend on them.
         """
         self.evaluations += 1
         try:

@@ -1,8 +1,8 @@
-"""What can be disturbed, by coordinates or by motions of joints, and what stays as it is meanwhile.
+"""Disturbances of coordinates and of motions of joints, and the choice of what stays unchanged.
 
-What is asked for leaves other motions free. Of these as many stay as they are as the constraints allow: motions
-of joints, where some were asked for, then angles of bodies, then places; of each kind those first that the
-constraints bind least, and of these in the order of the file. The constraints move the others.
+A requested disturbance leaves other motions free. Of these as many stay unchanged as the constraints allow: motions
+of joints, if some were requested, then angles of bodies, then positions; of each kind first those that the
+constraints restrict least, and among these in the order of the file. The constraints move the others.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ class Quantity:
         Such as ``rod.theta`` or ``angle(pivot)``.
     unit : str
     size : float
-        What a large change of it is.
+        Its characteristic size (m, rad).
     number : int
-        Of the coordinate; -1: a motion of a joint.
+        Number of the coordinate; -1: a motion of a joint.
     kind : str
         ``angle`` or ``displacement`` of a joint.
     joint : ItemValues or None
@@ -53,7 +53,7 @@ class Quantity:
     joint: ItemValues | None = None
 
     def value(self, at: Placement, near: float = 0.0) -> float:
-        """Return its value, in space of an angle the one within half a turn of `near`."""
+        """Return its value; in space, an angle within half a turn of `near`."""
         return float(at.q[self.number] if self.joint is None else at.motion(self.kind, self.joint, near))
 
     def gradient(self, at: Placement) -> Array:
@@ -85,7 +85,7 @@ def joint_motions(system: System, sizes: Array) -> list[Quantity]:
 
 
 def read_name(system: System, sizes: Array, name: str) -> tuple[Quantity, bool]:
-    """Return what a name such as ``rod.theta`` or ``rate(angle(pivot))`` means, and whether its rate is meant.
+    """Return the quantity of a name such as ``rod.theta`` or ``rate(angle(pivot))``, and whether its rate is meant.
 
     Raises
     ------
@@ -109,12 +109,12 @@ def read_name(system: System, sizes: Array, name: str) -> tuple[Quantity, bool]:
 
 
 def staying(at: Placement, J: Array, named: Sequence[Quantity], sizes: Array) -> list[Quantity]:
-    """Return what stays as it is beside what is named, as far as the constraints allow.
+    """Return the quantities that stay unchanged besides the named ones, as far as the constraints allow.
 
     Parameters
     ----------
     J : ndarray, shape (n, n_q)
-        Of the constraints.
+        Jacobian of the constraints.
     """
     own = coordinates(at.system, sizes)
     groups = [[x for x in own if x.unit == "rad"], [x for x in own if x.unit != "rad"]]
@@ -136,7 +136,7 @@ def staying(at: Placement, J: Array, named: Sequence[Quantity], sizes: Array) ->
             largest = max(apart.values())
             if largest <= TOLERANCES.independent_motion_sine:
                 break
-            # The first of those that the constraints bind least.
+            # The first of those that the constraints restrict least.
             x = next(x for x in rest if apart[x] >= TOLERANCES.equally_bound * largest)
             span = np.vstack([span, rest.pop(x) / apart[x]])
             found.append(x)
@@ -146,12 +146,12 @@ def staying(at: Placement, J: Array, named: Sequence[Quantity], sizes: Array) ->
 def reached(
     equations: Constrained, attitudes: Attitudes, t: float, q: Array, goals: Sequence[tuple[Quantity, float]]
 ) -> tuple[Array, float]:
-    """Return coordinates on the constraints at which quantities have given values, and what is left.
+    """Return coordinates on the constraints at which quantities have given values, and the remaining residual.
 
     Parameters
     ----------
     q : ndarray, shape (n_q,)
-        From where they are followed.
+        Coordinates from which they are followed.
     """
     system, sizes, zero = equations.system, equations.sizes, np.zeros(len(q))
     first = [x.value(Placement(attitudes, system, q, zero)) for x, _ in goals]
@@ -180,7 +180,7 @@ def reached(
 def speeds(
     equations: Constrained, attitudes: Attitudes, t: float, q: Array, u: Array, goals: Sequence[tuple[Quantity, float]]
 ) -> tuple[Array, float]:
-    """Return speeds on the constraints at which quantities have given rates, and what is left of those (1/s)."""
+    """Return speeds on the constraints at which quantities have given rates, and the remaining residual (1/s)."""
     system, sizes, fast = equations.system, equations.sizes, 1.0
     at = Placement(attitudes, system, q, u)
     rows = np.array([x.gradient(at) * sizes / x.size for x, _ in goals]).reshape(len(goals), len(q))

@@ -1,4 +1,4 @@
-"""What does work on a scene, and its power; the potential energy is that of the system."""
+"""Forces and drives that do work on a scene, and their power; the potential energy is that of the system."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def quadrature(order: int) -> list[tuple[float, float]]:
 
 @dataclass(frozen=True)
 class Energy:
-    """What does work on a scene.
+    """Forces and drives that do work on a scene.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Energy:
 
     @property
     def conservative(self) -> bool:
-        """Whether nothing does work: the sum of kinetic and potential energy is constant."""
+        """Whether nothing does work, so that the sum of kinetic and potential energy is constant."""
         return not (self.working or self.damped or self.driven)
 
     def power(self, parts: Mapping[str, Form], q: Array, u: Array, t: float) -> float:

@@ -1,7 +1,7 @@
-"""A mode of the linearized equations as a motion to be looked at: to and fro about the reference.
+"""A mode of the linearized equations as a motion for display: an oscillation about the reference.
 
-The shape of the mode with its phases, exaggerated, is moved onto the holonomic constraints at every instant. Growth
-and decay are not shown. Of a steady motion it is what is seen in the frame in which it stands still.
+The shape of the mode with its phases, exaggerated, is projected onto the holonomic constraints at every instant. Growth
+and decay are not shown. For a steady motion it is shown in the co-moving frame.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Swing:
     q : ndarray, shape (n_t, n_q)
         Coordinates (m, rad).
     positions, rotations : ndarray, shape (n_t, n_b, d) and (n_t, n_b, d, d)
-        Of the bodies, as in `mbstab.analysis.simulate.result.Simulation`.
+        Positions of the bodies, as in `mbstab.analysis.simulate.result.Simulation`.
     """
 
     value: complex
@@ -44,11 +44,11 @@ def swing(system: System, number: int, points: int, amplitude: float = TOLERANCE
     Parameters
     ----------
     number : int
-        As ``mbstab eig`` lists the modes, from 1; a pair is one mode.
+        Number of the mode in ``mbstab eig``, from 1; a pair is one mode.
     points : int
         Number of instants.
     amplitude : float
-        Of the coordinate that moves most, in sizes of the scene or rad.
+        Amplitude of the coordinate that moves most, in sizes of the scene or rad.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def swing(system: System, number: int, points: int, amplitude: float = TOLERANCE
     d, found = system.scene.dimension, []
     for k in range(points):
         phase = np.exp(2j * np.pi * k / points)
-        # A real mode swings through the reference: at the start, not where it is farthest.
+        # A real mode swings through the reference: it starts there, not at its amplitude.
         goal = motion.q + amplitude / largest * np.real(dq * phase * (1.0 if value.imag else -1j))
         q, left = equations.onto_positions(motion.time, goal) if equations.n_h else (goal, 0.0)
         found.append(q if left <= TOLERANCES.projection_residual_failed else goal)

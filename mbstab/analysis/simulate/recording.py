@@ -1,4 +1,4 @@
-"""What a run has recorded, and what is made of it afterwards, for all times of output at once."""
+"""The samples of a run, and the quantities derived from them for all output times at once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class Frame:
-    """What the samples between two changes of charts have in common.
+    """The common data of the samples between two changes of charts.
 
     Attributes
     ----------
@@ -39,9 +39,9 @@ class Frame:
 
 @dataclass(frozen=True)
 class Sample:
-    """The motion at a time of output (s): q and u on the constraints, in the angles of the frame; work (J).
+    """The motion at an output time (s): q and u on the constraints, in the angles of the frame; work (J).
 
-    The accelerations are given where the constraints do not determine them.
+    The accelerations are stored where the constraints do not determine them.
     """
 
     frame: Frame
@@ -54,14 +54,14 @@ class Sample:
 
 @dataclass(frozen=True)
 class Track:
-    """Where the bodies are, and how they move.
+    """Positions and velocities of the bodies.
 
     Attributes
     ----------
     positions, velocities : ndarray, shape (n_t, n_b, d)
-        Of the reference points, in ground axes (m, m/s).
+        Positions and velocities of the reference points, in ground axes (m, m/s).
     rotations : ndarray, shape (n_t, n_b, d, d)
-        From body axes to ground axes; the unit matrix for point masses.
+        From body axes to ground axes; the identity for point masses.
     spins : ndarray, shape (n_t, n_b, 3)
         Angular velocities in ground axes (rad/s).
     """
@@ -73,7 +73,7 @@ class Track:
 
     @classmethod
     def of(cls, samples: Sequence[Sample]) -> Track:
-        """Return the track of one sample at least."""
+        """Return the track of at least one sample."""
         parts = []
         for frame, group in _groups(samples):
             system, attitudes = frame.system, frame.attitudes
@@ -88,7 +88,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Record:
-    """Everything else, the angles being those of the file.
+    """All other quantities, in the angles of the file.
 
     Attributes
     ----------
@@ -97,12 +97,12 @@ class Record:
     loads : dict of ndarray, shape (n_t,)
         Reactions (N, N·m) by owner, body acted on, and component such as ``force x``.
     efforts : dict of ndarray, shape (n_t,)
-        Of springs, dampers, actuators and drives by owner and unit (N, N·m).
+        Efforts of springs, dampers, actuators and drives by owner and unit (N, N·m).
     motions, motion_rates : ndarray, shape (n_t, n_m)
-        Of joints, as `mbstab.analysis.reference.efforts.moving_joints` lists them (m, rad).
+        Motions of joints, as `mbstab.analysis.reference.efforts.moving_joints` lists them (m, rad).
     kinetic, potential : ndarray, shape (n_t,) (J)
     residuals : ndarray, shape (n_t, 2)
-        In position and velocity, as `Constrained.residuals` has them.
+        In position and velocity, as in `Constrained.residuals`.
     """
 
     q: Array
@@ -119,7 +119,7 @@ class Record:
 
     @classmethod
     def of(cls, samples: Sequence[Sample]) -> Record:
-        """Return the record of one sample at least; stopped by hand, that of the first ones."""
+        """Return the record of at least one sample; if the user interrupts, that of the first ones."""
         parts: list[Record] = []
         begin = samples[0].frame.start
         try:
@@ -129,7 +129,7 @@ class Record:
         except KeyboardInterrupt:
             if not parts:
                 raise
-        # A reaction that vanishes exactly in a part may be missing there.
+        # A reaction that vanishes exactly in a part of the run may be missing there.
         labels = dict.fromkeys(label for part in parts for label in part.loads)
         loads = {x: np.concatenate([part.loads.get(x, np.zeros(len(part.q))) for part in parts]) for x in labels}
         driving = {x: np.concatenate([part.efforts[x] for part in parts]) for x in parts[0].efforts}
@@ -174,7 +174,7 @@ class Record:
 
 
 def states(samples: Sequence[Sample]) -> tuple[Array, Array]:
-    """Return q and u of one sample at least in the angles of the file, each of shape (n_t, n_q)."""
+    """Return q and u of at least one sample in the angles of the file, each of shape (n_t, n_q)."""
     begin, found = samples[0].frame.start, []
     for frame, group in _groups(samples):
         q, u = (np.array([getattr(s, name) for s in group]) for name in "qu")
@@ -186,7 +186,7 @@ def states(samples: Sequence[Sample]) -> tuple[Array, Array]:
 
 
 def _continued(frame: Frame, q: Array, before: Array) -> Array:
-    """Return coordinates in the angles of the file, each nearest to those before."""
+    """Return coordinates in the angles of the file, each nearest to the previous ones."""
     shown = np.empty_like(q)
     for i in range(len(q)):
         before = shown[i] = frame.attitudes.coordinates_in_file(frame.system, q[i], before)
@@ -194,7 +194,7 @@ def _continued(frame: Frame, q: Array, before: Array) -> Array:
 
 
 def _groups(samples: Sequence[Sample]) -> Iterator[tuple[Frame, list[Sample]]]:
-    """Yield samples in their order, those of one frame together, not too many at a time."""
+    """Yield samples in order, those of one frame together, in groups of limited size."""
     for _, group in groupby(samples, lambda s: id(s.frame)):
         found = list(group)
         system = found[0].frame.system

@@ -1,4 +1,4 @@
-"""A simulated motion: what was recorded, and how far it can be trusted."""
+"""A simulated motion: its recorded quantities and its accuracy."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ class Simulation:
     names, bodies, rows : tuple of str
         Coordinates in the order of q, bodies, constraint rows.
     times : ndarray, shape (n_t,)
-        Times of output (s).
+        Output times (s).
     q, u, a : ndarray, shape (n_t, n_q)
         Coordinates (m, rad), rates and accelerations, in the angles of the file.
     nu : ndarray, shape (n_t, n_c)
-        Multipliers [λ; μ], the least ones where rows are redundant.
+        Multipliers [λ; μ], of minimum norm where rows are redundant.
     positions : ndarray, shape (n_t, n_b, d)
         Reference points of the bodies in ground axes (m), d = 2 or 3.
     rotations : ndarray, shape (n_t, n_b, d, d)
-        From body axes to ground axes; the unit matrix for point masses.
+        From body axes to ground axes; the identity for point masses.
     velocities : ndarray, shape (n_t, n_b, d)
-        Of the reference points (m/s).
+        Velocities of the reference points (m/s).
     spins : ndarray, shape (n_t, n_b, 3)
         Angular velocities in ground axes (rad/s); about z in the plane.
     loads : ndarray, shape (n_t, n_l)
@@ -35,7 +35,7 @@ class Simulation:
     load_names : tuple of (str, str, str)
         Owner, body acted on, and component such as ``force x``.
     efforts : ndarray, shape (n_t, n_e)
-        Of springs, dampers, actuators and drives along their motions (N, N·m), positive where they drive them on.
+        Efforts of springs, dampers, actuators and drives (N, N·m), positive in the direction of their motion.
     effort_names : tuple of (str, str)
         Owner and unit.
     motions, motion_rates : ndarray, shape (n_t, n_m)
@@ -43,30 +43,30 @@ class Simulation:
     motion_names : tuple of (str, str)
         Such as ``angle(pivot)``, and unit.
     kinetic, potential : ndarray, shape (n_t,)
-        Energies (J): of the motion; of weight and springs.
+        Kinetic energy, and potential energy of gravity and springs (J).
     work : ndarray, shape (n_t,)
-        What forces without a potential, dampers and drives have done since the start (J).
+        Work of forces without a potential, dampers and drives since the start (J).
     residuals : ndarray, shape (n_t, 2)
         Largest residuals of constraint rows in position and velocity, relative to the sizes in the scene and to
         the speeds at that time.
     method, solver : str
     tol : float
-        The global error asked for; nan with fixed steps.
+        The requested global error; nan with fixed steps.
     step : float or None
         The fixed step (s).
     error_estimate : float
-        Of the global error, which is the largest of those of places, relative to the size of the scene, of entries
-        of rotation matrices, and of speeds, relative to the largest speed of the motion, or where nothing moves to
-        `resting_speed` (`mbstab.analysis.simulate.tolerances`) times the natural rate of the scene; nan where only
-        one run was made.
+        Estimate of the global error, the largest of the errors of positions, relative to the size of the scene, of
+        entries of rotation matrices, and of speeds, relative to the largest speed of the motion or, where nothing
+        moves, to `resting_speed` (`mbstab.analysis.simulate.tolerances`) times the natural rate of the scene; nan
+        where only one run was made.
     steps, rejected, evaluations : int
-        Of the last run; evaluations count all runs.
+        Counts of the last run; evaluations are those of all runs.
     runs, charts : int
-        How many runs were made; how often in the last one Euler angles were replaced by others.
+        Number of runs, and of changes of Euler angles in the last one.
     peak : float (J)
-        The largest kinetic energy after any step; that of speeds as good as rest at least.
+        The largest kinetic energy after any step, but at least that of speeds that count as rest.
     sizes : ndarray, shape (n_q,)
-        What a large change of each coordinate is.
+        Characteristic size of each coordinate.
     conservative : bool
         Whether nothing does work.
     warnings : tuple of str
@@ -116,7 +116,7 @@ class Simulation:
     failure: str
 
     def __repr__(self) -> str:
-        """Return the size of it; the arrays are long."""
+        """Return a summary instead of the long arrays."""
         solver = f" {self.solver}" if self.solver else ""
         return (
             f"<Simulation of {len(self.names)} coordinates at {len(self.times)} times from {self.times[0]:g} to "
@@ -131,22 +131,22 @@ class Simulation:
 
     @property
     def max_constraint_residual(self) -> float:
-        """The largest relative residual of a constraint row at any time of output."""
+        """The largest relative residual of a constraint row at any output time."""
         return float(np.max(self.residuals, initial=0.0))
 
     @property
     def imbalance(self) -> Array:
-        """T + V − work, relative to what it is at the start, shape (n_t,) (J): zero but for errors."""
+        """Change of T + V − work since the start, shape (n_t,) (J): zero but for errors."""
         total = self.kinetic + self.potential - self.work
         return np.asarray(total - total[0])
 
     @property
     def energy_scale(self) -> float:
-        """The largest energy that goes to and fro (J)."""
+        """The largest energy that is exchanged (J)."""
         swing = float(np.ptp(self.potential))
         return max(self.peak, float(np.max(self.kinetic)), swing, float(np.max(np.abs(self.work))))
 
     @property
     def energy_drift(self) -> float:
-        """The largest imbalance of energy, relative to `energy_scale`; 0 where energies are too small for numbers."""
+        """The largest imbalance of energy, relative to `energy_scale`; 0 where energies underflow."""
         return float(np.max(np.abs(self.imbalance))) / (self.energy_scale or 1.0)

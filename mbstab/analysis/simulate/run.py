@@ -1,6 +1,6 @@
-"""One run of a method over a span of time: output, charts, a watch on the rank, and work.
+"""One run of a method over a span of time: output, charts, monitoring of the rank, and work.
 
-A run gives samples at the times asked for. Wherever it ends early, by a failure or by hand, the
+A run gives samples at the requested times. If it ends early, by a failure or an interrupt, the
 samples so far are kept.
 """
 
@@ -33,28 +33,28 @@ from mbstab.errors import ConstraintError, MbstabError, NumericalError
 from mbstab.records import dataclass
 
 LISTED = 8
-"""Times of passages that are said one by one."""
+"""Maximum number of times of passages that are listed."""
 
 
 @dataclass
 class Run:
-    """What a run found.
+    """The result of a run.
 
     Attributes
     ----------
     samples : list of Sample
     steps, rejected, evaluations, charts : int
-        `charts` counts how often Euler angles were replaced by others.
+        `charts` is the number of changes of Euler angles.
     reached : float (s)
     peak : float (J)
-        The largest kinetic energy after any step; that of speeds as good as rest at least.
+        The largest kinetic energy after any step, but at least that of speeds that count as rest.
     drift : float
         The largest residual of a constraint row after any step, relative to sizes and speeds in the scene.
     failure : str
         Why it ended early, or empty.
     interrupted : bool
     notes : list of str
-        What the user should know about the result.
+        Messages to the user about the result.
     passed : list of (float, str)
         Times at which singular configurations were passed (s), and the rows that depend on each other there.
     """
@@ -74,12 +74,12 @@ class Run:
 
     @cached_property
     def track(self) -> Track:
-        """Where the bodies are at all samples of a run that has ended, which has one at least."""
+        """Positions and velocities of the bodies at all samples, at least one, of a run that has ended."""
         return Track.of(self.samples)
 
     @property
     def complete(self) -> bool:
-        """Whether it reached its end."""
+        """Whether the run reached its end."""
         return not self.failure and not self.interrupted
 
 
@@ -92,20 +92,20 @@ class Follower:
     motion : Motion
         The motion at the start: its state, and ranks and scales that are kept.
     times : ndarray, shape (n_t,)
-        Times of output (s), ascending; the first is the start.
+        Output times (s), ascending; the first is the start.
     form : Form, optional
-        What evaluates the scene, where others use it as well.
+        Evaluates the scene, if it is shared.
     through : bool
-        Go through singular configurations where the motion is smooth, instead of refusing them.
+        Continue through singular configurations where the motion is smooth, instead of refusing them.
     work : bool
-        Add up the work of what has no potential; without it that of all samples is 0.
+        Sum the work of forces and drives without a potential; if not, the work of all samples is 0.
 
     Attributes
     ----------
     tell : callable
-        Is called with what should be known before a run ends.
+        Called with messages that should appear before a run ends.
     budget : Budget or None
-        The watch on the time of all runs.
+        The time budget of all runs.
     """
 
     def __init__(
@@ -139,7 +139,7 @@ class Follower:
         return {path: Form(part) for path, part in system.parts() if path in wanted} if wanted else {}
 
     def run(self, method: Method, options: Options, progress: Callable[[float], object]) -> Run:
-        """Follow the motion; failures end the run and are kept in it."""
+        """Follow the motion; failures end the run and are recorded in it."""
         run = Run(reached=float(self.times[0]))
         leg = _Leg(self, run)
         pace = Pace(method, options, float(self.times[-1]), self.note, self.tell, self.budget)
@@ -163,7 +163,7 @@ class Follower:
 
 
 def _passed(found: list[tuple[float, str]]) -> str:
-    """Return what is said about singular configurations that were passed."""
+    """Return the message about singular configurations that were passed."""
     times = ", ".join(f"{t:.6g}" for t, _ in found[:LISTED])
     if len(found) > LISTED:
         times += f", … ({len(found)} times)"
@@ -175,7 +175,7 @@ def _passed(found: list[tuple[float, str]]) -> str:
 
 
 class _Singular(Exception):
-    """A singular configuration on the way: its time (s), from where known or about, and the error that it is."""
+    """A singular configuration ahead: its time (s), exact or approximate, and the error about it."""
 
     def __init__(self, time: float, error: ConstraintError) -> None:
         super().__init__(str(error))
@@ -183,7 +183,7 @@ class _Singular(Exception):
 
 
 class _Leg:
-    """The state of a run: the present chart, the watch, the work so far."""
+    """The state of a run: the present chart, the singular value watched, the work so far."""
 
     def __init__(self, follower: Follower, run: Run) -> None:
         self.follower, self.run = follower, run
@@ -227,7 +227,7 @@ class _Leg:
                         raise found.error from None
                     passed = self._passage(t, found.time, before, speeds, options)
                     if passed is None:
-                        # From nearer it is a shorter way.
+                        # From a nearer state the passage is shorter.
                         limit = self._halfway(t, found, before, speeds)
                         q, u, again = before, speeds, True
                         break
@@ -255,14 +255,14 @@ class _Leg:
             limit = end
             options = replace(options, first=stepper.taken or None, rate=max(steeper, options.rate))
             if t < end:
-                # Implicit methods leave speeds a little off their constraints: the new start must satisfy them.
+                # Implicit methods leave speeds slightly off their constraints: the new start must satisfy them.
                 last = passed or stepper
                 q, u, _ = self.equations.project(t, last.q, last.u)
                 q, u = self._change_chart(before, q, u, t)
         progress(1.0)
 
     def _finish(self, stepper: Stepper, t: float, progress: Callable[[float], object]) -> None:
-        """Take what a step from a time gives: output, work, extremes."""
+        """Record a step from a time: output, work, extremes."""
         run, times = self.run, self.follower.times
         run.steps += 1
         run.peak = max(run.peak, 0.5 * float(stepper.u @ stepper.state.M @ stepper.u))
@@ -292,7 +292,7 @@ class _Leg:
         progress: Callable[[float], object],
         pace: Pace,
     ) -> tuple[float, Array, Array, Array, Options]:
-        """Take compiled steps as far as they go; return the state there, q before the last step, and the options."""
+        """Take compiled steps as far as possible; return the state there, q before the last step, and the options."""
         run, n = self.run, len(q)
         marching, base, covered = self.follower.marching(self.equations, options.solver), self.work, 0
         times, steps = self.follower.times[self.done :], run.steps
@@ -341,7 +341,7 @@ class _Leg:
     # --- rank -------------------------------------------------------------------------------------------------------
 
     def _watch(self, stepper: Stepper, t: float) -> None:
-        """Look for a singular configuration within the last step."""
+        """Check for a singular configuration within the last step."""
         equations = self.equations
         if not equations.rank:
             return
@@ -353,10 +353,10 @@ class _Leg:
         self.watch = found
 
     def _steeper(self, stepper: Stepper, options: Options) -> float:
-        """Return what a fast change is from now on (1/s).
+        """Return the rate that counts as fast from now on (1/s).
 
-        Where a mechanism reaches a limit, speeds grow as the inverse of the least singular value: the tolerance counts
-        relative to the largest, and what they change by while the time is rounded cannot be known.
+        Where a mechanism reaches a limit, speeds grow as the inverse of the smallest singular value: the tolerance is
+        relative to the largest, and their change within the rounding of the time cannot be known.
         """
         equations, state = self.equations, stepper.state
         if options.step is not None or not equations.nears(self.watch, TOLERANCES.singular_nearby):
@@ -367,7 +367,7 @@ class _Leg:
         return found if found > TOLERANCES.speed_growth_near_singular * options.rate else options.rate
 
     def _advance(self, stepper: Stepper, t: float, options: Options) -> None:
-        """Take a step from a time; a failure next to a singular configuration is explained by it."""
+        """Take a step from a time; a failure near a singular configuration is attributed to it."""
         try:
             stepper.advance()
             if options.step is not None and stepper.taken < TOLERANCES.fixed_step_shortened * min(
@@ -393,7 +393,7 @@ class _Leg:
         return self.equations.evaluate(t, q, u)
 
     def _search(self, stepper: Stepper, start: float) -> None:
-        """Find where in the last step the constraints are closest to losing rank; refuse if they do."""
+        """Find where in the last step the constraints are closest to losing rank; raise an error if they do."""
         from scipy.optimize import minimize_scalar
 
         def smallness(t: float) -> float:
@@ -414,7 +414,7 @@ class _Leg:
     # --- through singular configurations ----------------------------------------------------------------------------
 
     def _falling(self) -> bool:
-        """Whether a singular configuration is near and comes nearer, and a passage should be tried."""
+        """Return whether a singular configuration is near and approaching, so that a passage should be tried."""
         if not self.equations.nears(self.watch, TOLERANCES.passage_tried_from):
             self.tried = math.inf
             return False
@@ -424,12 +424,12 @@ class _Leg:
         return True
 
     def _ahead(self, stepper: Stepper) -> float:
-        """Return about when the least singular value vanishes; nan if it does not."""
+        """Return the approximate time at which the smallest singular value vanishes (s); nan if it does not."""
         horizon = 3.0 * self.watch.value / self.fall
         return predicted(self.equations, stepper.t, stepper.q, stepper.u, self.watch, horizon)
 
     def _passage(self, t: float, singular: float, q: Array, u: Array, options: Options) -> Passage | None:
-        """Return the step from a state to as far behind a singular configuration, if the motion is smooth there."""
+        """Return the step from a state to as far beyond a singular configuration, if the motion is smooth there."""
         if 2.0 * (singular - t) > 0.5 * NODES_OF_PASSAGE * options.longest:  # a given function might be passed over
             return None
         allowed = TOLERANCES.passage_error_fixed_steps if options.step is not None else options.tol
@@ -443,7 +443,7 @@ class _Leg:
         return found
 
     def _halfway(self, t: float, found: _Singular, q: Array, u: Array) -> float:
-        """Return the time on the way to a singular configuration from where the passage is tried next."""
+        """Return the time before a singular configuration from which the passage is tried next (s)."""
         self.given_up += 1
         limit = 0.5 * (t + found.time)
         if self.given_up > TOLERANCES.passage_halvings or not t < limit < self.follower.times[-1]:
@@ -454,7 +454,7 @@ class _Leg:
     # --- output -----------------------------------------------------------------------------------------------------
 
     def _cover(self, stepper: Stepper, t: float, inside: list[float]) -> None:
-        """Take the samples within the last step, and add up the work."""
+        """Take the samples within the last step, and sum the work."""
         passed = stepper if isinstance(stepper, Passage) else None
         for time in inside:
             self._add_work(stepper, t, time)
@@ -474,7 +474,7 @@ class _Leg:
             self.work += half * weight * self._power(t, *stepper.at(t))
 
     def _power(self, t: float, q: Array, u: Array, a: Array | None = None) -> float:
-        """Return the power of all that has no potential (W), at given accelerations if the constraints leave them."""
+        """Return the power of all without a potential (W), at given accelerations if constraints leave them open."""
         total, equations = self.energy.power(self.parts, q, u, t), self.equations
         if not self.energy.driven:
             return total
@@ -486,7 +486,7 @@ class _Leg:
         return total - float(nu @ (state.J @ u))
 
     def sample(self, t: float, q: Array, u: Array, passed: Passage | None = None, settled: bool = False) -> None:
-        """Record the motion at a time, projected onto the constraints if need be; on a passage as that gives it."""
+        """Record the motion at a time, projected onto the constraints if needed; on a passage from its polynomial."""
         if not (passed or settled):
             q, u, _ = self.equations.project(t, q, u)
         if self.frame is None or self.frame.equations is not self.equations:
@@ -496,10 +496,10 @@ class _Leg:
 
 
 def difference(one: Run, other: Run, sizes: Array, fast: float | None = None) -> float:
-    """Return how much two runs differ: the largest difference of places, orientations and speeds at common times.
+    """Return the largest difference of positions, orientations and speeds of two runs at common times.
 
-    Lengths count in the size of the scene, orientations by the entries of rotation matrices, speeds and
-    angular velocities relative to the largest, or to `fast` (1/s).
+    Lengths are in sizes of the scene, orientations are entries of rotation matrices, speeds and
+    angular velocities are relative to the largest, or to `fast` (1/s).
     """
     count = min(len(one.samples), len(other.samples))
     length = float(np.max(sizes))

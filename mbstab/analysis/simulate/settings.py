@@ -1,4 +1,4 @@
-"""What a simulation is asked for: how long, from where, by which method and how exactly."""
+"""Settings of a simulation: duration, start, method and accuracy."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class SimulationSettings:
-    """What a simulation is asked for.
+    """Settings of a simulation.
 
     Attributes
     ----------
@@ -25,15 +25,15 @@ class SimulationSettings:
         ``projection`` (with DOP853, RK45, Radau, BDF), ``alpha`` or ``radau``: keys of
         `mbstab.analysis.simulate.steppers.table.METHODS`; without a solver the first of the method.
     tol : float
-        Largest error of places (relative to the size of the scene), of entries of rotation matrices and of speeds
-        (relative to the largest of the motion) at any time of output.
+        Largest error of positions (relative to the size of the scene), of entries of rotation matrices and of speeds
+        (relative to the largest of the motion) at any output time.
     step : float, optional
         Fixed step (s), without control or estimate of the error.
     points : int
-        Number of times of output, evenly spaced.
+        Number of output times, evenly spaced.
     perturb : mapping
-        What is added to the reference motion, by ``rod.theta``, ``angle(pivot)`` or ``displacement(slider)`` of a
-        joint, ``rate(…)`` of these, or ``mode:1``; what else is free stays as it is.
+        Changes added to the reference motion, by ``rod.theta``, ``angle(pivot)`` or ``displacement(slider)`` of a
+        joint, ``rate(…)`` of these, or ``mode:1``; other free motions stay unchanged.
     strict : bool
         Refuse initial values that the constraints do not allow, instead of moving them.
     once : bool
@@ -41,14 +41,14 @@ class SimulationSettings:
     compiled : bool
         Take the steps of DOP853 or RK45 in machine code (extra ``fast``); compiled once, for half a minute.
     through_singular : bool
-        Go on through configurations where the constraints lose rank, along the smooth continuation of the motion,
+        Continue through configurations where the constraints lose rank, along the smooth continuation of the motion,
         and say so in a warning. The tolerance holds there as well. Where there is no such continuation, or it cannot
         be found to the tolerance, the motion ends as without this.
 
     Raises
     ------
     UsageError
-        With all that is out of range, unknown or does not go together.
+        Names all settings that are out of range, unknown or exclude each other.
     """
 
     to: float | None = None
@@ -65,7 +65,7 @@ class SimulationSettings:
     through_singular: bool = False
 
     def __post_init__(self) -> None:
-        """Check each setting, and put the solver of the method and plain numbers for what is given otherwise."""
+        """Check each setting, fill in the default solver of the method, and convert values to plain numbers."""
         problems: list[str] = []
         object.__setattr__(self, "perturb", self.perturb or {})
         for name, what in (("start", "the first time"), ("to", "the last time")):
@@ -84,7 +84,7 @@ class SimulationSettings:
             raise UsageError("\n".join(problems))
 
     def _method_problems(self) -> list[str]:
-        """Return what is wrong about the method, the solver, and what is asked of them."""
+        """Return the problems of the method, the solver, and the settings for them."""
         if self.method not in METHODS:
             return [f"there is no method {self.method!r}: {', '.join(METHODS)}"]
         solvers = METHODS[self.method]

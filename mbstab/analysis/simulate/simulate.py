@@ -1,11 +1,11 @@
-"""The nonlinear motion of a scene, as accurate as asked for.
+"""The nonlinear motion of a scene to a requested accuracy.
 
-The tolerance is that of the result: the largest error of places (in the size of the scene), of
+The tolerance is that of the result: the largest error of positions (in sizes of the scene), of
 orientations (of entries of the rotation matrices) and of speeds (relative to the largest of the
 motion; where nothing moves, to the part `TOLERANCES.resting_speed` of the natural rate of the scene) at
-any time of output. It is estimated from three runs at least with different tolerances of a step, to which
-power the error is proportional (`TOLERANCES.order_counted_on` times `Method.power` is counted on), and runs
-are repeated with smaller ones until the estimate is below: the largest of those from each of the earlier
+any output time. It is estimated from at least three runs with different tolerances per step, to which
+power the error is proportional (`TOLERANCES.order_counted_on` times `Method.power` is assumed), and runs
+are repeated with smaller ones until the estimate is below the tolerance: the largest estimate from all earlier
 runs, as the errors of two runs may agree by chance.
 The true error may exceed the estimate by the factor `TOLERANCES.error_factor`.
 """
@@ -44,19 +44,19 @@ def simulate(
     Parameters
     ----------
     progress : callable
-        Is called with the part of the work that is done, from 0 to 1.
+        Called with the fraction of the work that is done, from 0 to 1.
     tell : callable
-        Is called with what should be known before the end: warnings, which are among those of the result as well, and
-        how long it takes and why, where that is long.
+        Called with messages that should appear before the end: warnings, which the result contains as well, and
+        the expected duration and its reason, if it is long.
     force : bool
-        Take more memory than `mbstab.analysis.algebra.tolerances.Tolerances.estimated_memory`.
+        Allow more memory than `mbstab.analysis.algebra.tolerances.Tolerances.estimated_memory`.
 
     Raises
     ------
     UsageError
         If the end is not after the start, or a name is unknown.
     SimulationError
-        If the motion cannot be followed to the end; `partial` holds the finished part.
+        If the motion cannot be followed to the end; `partial` contains the finished part.
     """
     if settings.compiled:
         machine_code()
@@ -96,7 +96,7 @@ def _reason(run: Run, result: Simulation, last: float) -> str:
 
 
 def _check_memory(system: System, points: int) -> None:
-    """Refuse times of output that take more memory than there should be need for."""
+    """Refuse output times that take more memory than the limit."""
     d, bodies = system.scene.dimension, len(system.scene.bodies)
     moving = len(moving_joints(system.scene))
     results = 3 * system.n_q + system.n_c + bodies * (2 * d + d * d + 3) + 6 * len(system.scene.items) + 2 * moving + 6
@@ -111,7 +111,7 @@ def _check_memory(system: System, points: int) -> None:
 
 
 def _result(begin: Start, follower: Follower, work: Work, run: Run, settings: SimulationSettings) -> Simulation:
-    """Gather the samples of a run."""
+    """Return the simulation of a run."""
     system, record = follower.system, Record.of(run.samples)
     samples = run.samples[: len(record.q)]
     run.interrupted = run.interrupted or len(samples) < len(run.samples)

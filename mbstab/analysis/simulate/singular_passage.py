@@ -1,13 +1,13 @@
 """A motion through a singular configuration, along its smooth continuation.
 
-Where constraints lose rank for an instant, accelerations and multipliers are the solution of a singular system, and
-a step that ends or has a stage there has no order. But the positions of a motion that goes straight on are smooth.
-So the singular configuration is stepped over at once, from a state before it to one behind it, where nothing
-is singular: accelerations are a polynomial of degree 19 in the time, and at the 20 nodes of Gauss, none of which is
-at the singular instant, they are those of the constrained equations at the positions and speeds that
-follow by integration, moved onto the constraints. These equations of collocation are solved by Picard's
-iteration (Hairer, Nørsett, Wanner 1993, section II.7), which converges as the interval is short
-compared with the motion. How fast the coefficients of the polynomial fall tells the error.
+Where constraints lose rank at an instant, accelerations and multipliers are the solution of a singular system, and
+a step that ends or has a stage there has no order. But the positions of a motion that continues smoothly are smooth.
+So the singular configuration is crossed in one step, from a state before it to one beyond it, where nothing
+is singular: accelerations are a polynomial of degree 19 in time, and at the 20 Gauss nodes, none of which is
+at the singular instant, they equal those of the constrained equations at the positions and speeds that
+follow by integration, projected onto the constraints. These collocation equations are solved by Picard
+iteration (Hairer, Nørsett, Wanner 1993, section II.7), which converges because the interval is short
+compared with the motion. The decay of the coefficients of the polynomial gives the error.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from mbstab.compiler.system import Array, Dynamics
 from mbstab.errors import MbstabError
 
 NODES = 20
-"""An even number: no node lies in the middle."""
+"""An even number, so that no node lies in the middle."""
 
 POINTS, WEIGHTS = legendre.leggauss(NODES)
 
 
 class Passage:
-    """A step over a singular configuration, in the form of a `Stepper` that took it.
+    """A step across a singular configuration, as a `Stepper` that has taken it.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Passage:
     state : Dynamics
         Matrices at the end.
     singular : float
-        When the constraints lose rank (s); nan if they do not.
+        Time at which the constraints lose rank (s); nan if they do not.
     owners : str
         The rows that depend on each other there.
     """
@@ -59,7 +59,7 @@ class Passage:
         self.q, self.u, self.state = equations.project(end, *self.at(end))
 
     def advance(self) -> None:
-        """Do nothing: the step is taken."""
+        """Do nothing: the step is already taken."""
 
     def _x(self, t: float) -> float:
         return 2.0 * (t - self.start) / self.taken - 1.0
@@ -74,7 +74,7 @@ class Passage:
         return np.asarray(legendre.legval(self._x(t), self._a))
 
     def work(self, start: float, stop: float, power: Any) -> float:
-        """Return the work between two times within the step (J); ``power(t, q, u, a)`` is asked at the nodes."""
+        """Return the work between two times within the step (J); ``power(t, q, u, a)`` is evaluated at the nodes."""
         if self._power is None:
             times = (self.start + 0.5 * self.taken * (1.0 + POINTS)).tolist()
             values = np.array([power(t, *self.at(t), self.acceleration(t)) for t in times])
@@ -83,7 +83,7 @@ class Passage:
         return float(done[1] - done[0])
 
     def locate(self, watch: Watch) -> bool:
-        """Find when the constraints lose rank; return whether the least singular value changes its sign.
+        """Find when the constraints lose rank; return whether the smallest singular value changes its sign.
 
         Parameters
         ----------
@@ -110,14 +110,14 @@ class Passage:
 
 
 def predicted(equations: Constrained, t: float, q: Array, u: Array, watch: Watch, horizon: float) -> float:
-    """Return about when the least singular value will vanish, if the accelerations stay what they are; nan if not.
+    """Return the approximate time at which the smallest singular value vanishes at constant accelerations, or nan.
 
     Parameters
     ----------
     t, q, u
         The state now; `watch` is its least singular value.
     horizon : float (s)
-        How far to look ahead.
+        Length of the prediction.
     """
     from scipy.optimize import brentq
 
@@ -137,18 +137,18 @@ def predicted(equations: Constrained, t: float, q: Array, u: Array, watch: Watch
 def passage(
     equations: Constrained, watch: Watch, start: float, singular: float, last: float, q: Array, u: Array, allowed: float
 ) -> Passage | None:
-    """Return the step from a state to as far behind a singular configuration, or None if no such motion is found.
+    """Return the step from a state to equally far beyond a singular configuration, or None if no motion is found.
 
     Parameters
     ----------
     watch : Watch
         The least singular value at the state.
     start, singular, last : float (s)
-        The time now, about that of the singular configuration, and the end of the simulation.
+        The present time, the approximate time of the singular configuration, and the end of the simulation.
     q, u : ndarray, shape (n_q,)
         A state that satisfies the constraints, away from the singular configuration.
     allowed : float
-        Error allowed, in sizes of the scene and what changes of them count in a second.
+        Allowed error, in sizes of the scene and in the rates that count as fast.
     """
     try:
         for _ in range(TOLERANCES.passage_centerings):
@@ -191,11 +191,11 @@ def _collocated(
             k = int(np.argmax(values < 0.0))
             if k == 0 or np.any(values[k:] > 0.0):
                 return None
-            # Near its zero it is nearly linear.
+            # It is nearly linear near its zero.
             zero = float(times[k - 1] + (times[k] - times[k - 1]) * values[k - 1] / (values[k - 1] - values[k]))
             if abs(zero - start - half) > TOLERANCES.passage_off_center * half:
                 return zero
-            # Across the constraints speeds have the rounding of positions, twice divided by the singular value.
+            # Normal to the constraints, speeds have the rounding of positions divided twice by the singular value.
             clear = float(np.min(np.abs(values)))
             noise = min(TOLERANCES.passage_correction_rounding / clear**2, TOLERANCES.passage_correction_stalled)
             if change <= TOLERANCES.passage_correction_rounding or (

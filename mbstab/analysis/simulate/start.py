@@ -1,9 +1,9 @@
-"""Where a simulation starts: the reference motion, what ``initial:`` gives, disturbances, and all of it consistent.
+"""The consistent start of a simulation: the reference motion, the values of ``initial:``, and disturbances.
 
-Given values are held while the others are moved onto the constraints, of these as few as possible
+Given values are held while the others are moved onto the constraints, as few of them as possible
 (`mbstab.analysis.simulate.disturbance`). Where that is impossible
-everything is moved by the least change in the metric of the masses, and it is said by how much. Values
-that no state has, whatever the others are, and those far from every state that was found are errors.
+everything is moved by the least change in the metric of the masses, and a warning tells by how much. Values
+that no state has, whatever the others are, and those far from every state found are errors.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Start:
         A state that satisfies the constraints, with accelerations and multipliers.
     warnings : tuple of str
     notes : tuple of str
-        What the constraints have moved along, where that is not obvious.
+        Coordinates that the constraints have moved too, where this is not obvious.
     """
 
     system: System
@@ -54,9 +54,9 @@ class Start:
 
 @dataclass
 class _Wanted:
-    """A state and which of its values were asked for, in the file or with --perturb.
+    """A state, and which of its values were requested, in the file or with --perturb.
 
-    What is added to motions of joints, and to their rates, stands in `joints` and `joint_rates`.
+    Changes of motions of joints, and of their rates, are in `joints` and `joint_rates`.
     """
 
     q: Array
@@ -76,7 +76,7 @@ def start_of(
     Parameters
     ----------
     perturb : mapping, optional
-        What is added to the reference motion: by coordinate such as ``rod.theta``, by motion of a joint such as
+        Changes added to the reference motion: by coordinate such as ``rod.theta``, by motion of a joint such as
         ``angle(pivot)`` or ``displacement(slider)``, by rate such as ``rate(rod.theta)`` or ``rate(angle(pivot))``, or
         by mode such as ``mode:1``, numbers or expressions of the parameters (m, rad, s).
     time : float, optional
@@ -88,7 +88,7 @@ def start_of(
     ------
     UsageError, ModelFileError
         If a name is unknown or a value is not a number; if no state near the given values satisfies the constraints, or
-        no state at all has one of them; if they have to be moved, and `strict`; if the reference is none.
+        no state at all has one of them; if they have to be moved, and `strict`; if the reference is invalid.
     """
     scene = system.scene
     q0, u0, motion = _reference(system)
@@ -192,7 +192,7 @@ def mode_shape(system: System, motion: Motion, number: int) -> tuple[Array, Arra
     Parameters
     ----------
     number : int
-        As ``mbstab eig`` lists the modes, from 1; a pair is one mode, neutral eigenvalues are none.
+        Number of the mode in ``mbstab eig``, from 1; a pair is one mode, neutral eigenvalues do not count.
 
     Raises
     ------
@@ -242,12 +242,12 @@ def complex_mode(system: System, number: int) -> tuple[complex, Array, Array]:
 
 
 class _Held:
-    """The way to a state on the constraints with what was asked for, and with as much of the rest as can stay.
+    """The search for a state on the constraints with the requested values and as many unchanged ones as possible.
 
     Attributes
     ----------
     notes : list of str
-        What the constraints have moved along, where that is not obvious.
+        Coordinates that the constraints have moved too, where this is not obvious.
     """
 
     def __init__(self, finder: Finder, equations: Constrained, t: float, q0: Array, u0: Array, wanted: _Wanted) -> None:
@@ -282,7 +282,7 @@ class _Held:
 
     def _nearest(self) -> tuple[Array, Array]:
         """Return the nearest coordinates that satisfy the constraints, and by how much given ones were moved."""
-        # Others than the given ones start where they contradict these least.
+        # Values other than the given ones start where they contradict these least.
         equations, finder, t, wanted = self.equations, self.finder, self.t, self.wanted
         goal, held = wanted.q, wanted.held_q
         q = goal
@@ -305,7 +305,7 @@ class _Held:
         wanted = self.wanted
         asked = [(self.own[i], float(wanted.q[i])) for i in np.flatnonzero(wanted.held_q)]
         asked += [(x, x.value(at) + change) for x, change in wanted.joints]
-        # What a mode adds besides stays as well.
+        # Changes by a mode stay as well.
         moved = Placement(self.attitudes, self.system, wanted.q, wanted.u)
         left = np.inf
         for goals in (asked + [(x, x.value(moved)) for x in others], asked):
@@ -346,7 +346,7 @@ class _Held:
         return u, np.where(held, u - goal, none)
 
     def _note(self, q: Array, named: list[Quantity], others: list[Quantity]) -> None:
-        """Say what was moved along though there was a choice: what should stay, and angles that the rest determines."""
+        """Record what was moved although there was a choice: what should stay, and angles that the rest determines."""
         if not others:
             return
         joints = any(x.joint is not None for x in named)
@@ -367,7 +367,7 @@ class _Held:
 
 
 def _held(finder: Finder, equations: Constrained, t: float, q0: Array, goal: Array, held: Any) -> tuple[Array, float]:
-    """Return coordinates of which those held have their goals, followed there from `q0`, and the residual left."""
+    """Return coordinates whose held ones have their goals, followed from `q0`, and the remaining residual."""
     change = goal - q0
     count = int(
         np.clip(np.ceil(np.max(np.abs(change[held] / finder.sizes[held])) / TOLERANCES.value_increment), 1, 200)
@@ -386,7 +386,7 @@ def _held(finder: Finder, equations: Constrained, t: float, q0: Array, goal: Arr
 
 
 def _refused(system: System, wanted: _Wanted, text: str, hint: str) -> MbstabError:
-    """Return the error of initial values as a whole."""
+    """Return the error about the initial values as a whole."""
     model = system.scene.model
     if wanted.perturbed or not (model.initial.coordinates or model.initial.rates):
         return UsageError(f"--perturb: {text}\nhint: {hint}")
@@ -398,7 +398,7 @@ def _check_positions(
 ) -> None:
     """Refuse values that no state has, whatever the others are, and those that had to be moved far.
 
-    `starts` are states from which a value is looked for, the first one that to which the values were moved.
+    `starts` are states from which a value is searched; the first is the one to which the values were moved.
     """
     system, sizes, found = finder.system, finder.sizes, []
     for i in np.flatnonzero(np.abs(moved) > TOLERANCES.change_told * sizes):
@@ -440,7 +440,7 @@ def _check_speeds(
 
 
 def _refuse_values(system: System, wanted: _Wanted, found: list[tuple[str, str]], which: str) -> None:
-    """Refuse values, each with what is wrong, where they were given."""
+    """Refuse values, each with its problem, where they were given."""
     if not found:
         return
     hint = "correct the value, or leave it out and it is solved for"
@@ -454,7 +454,7 @@ def _refuse_values(system: System, wanted: _Wanted, found: list[tuple[str, str]]
 
 
 def _report(system: System, finder: Finder, moved: Array, per: str, strict: bool, warnings: list[str]) -> None:
-    """Say by how much given values were moved onto the constraints, or refuse that."""
+    """Warn by how much given values were moved onto the constraints, or refuse them."""
     changed = [
         i for i in np.argsort(-np.abs(moved / finder.sizes)) if abs(moved[i]) > TOLERANCES.change_told * finder.sizes[i]
     ]

@@ -1,10 +1,10 @@
-"""Whether a run takes too many steps, and what limits them: those of explicit methods may be short for stability alone.
+"""Whether a run takes too many steps, and why: steps of explicit methods may be short for stability alone.
 
-An explicit method stays stable while h |λ| is below a number of its own, for every eigenvalue λ of the
+An explicit method is stable while h |λ| is below its stability limit for every eigenvalue λ of the
 accelerations: about 6.1 for DOP853 and 3.3 for RK45 where λ is negative (the numbers of the test for stiffness in
-Hairer and Wanner 1996, section IV.2), less where it is complex. Where the steps of a method come near to that
-number, Radau IIA is asked from the same state, with the same tolerance: only if its steps become much longer does
-stability, and not what is seen of the motion, limit the steps.
+Hairer and Wanner 1996, section IV.2), less where it is complex. Where the steps of a method come near this
+limit, Radau IIA is tried from the same state, with the same tolerance: only if its steps become much longer does
+stability, and not the accuracy of the motion, limit the steps.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ BOUNDARIES = {"DOP853": 6.1, "RK45": 3.3}
 
 @dataclass(frozen=True)
 class _Limit:
-    """What a test found: the fastest rate (1/s), the mean step and that of Radau IIA (s)."""
+    """Result of a test: the fastest rate (1/s), the mean step and that of Radau IIA (s)."""
 
     rate: float
     mean: float
@@ -40,7 +40,7 @@ class _Limit:
 
 
 class Reached(Protocol):
-    """Where a method is."""
+    """The state that a method has reached."""
 
     @property
     def t(self) -> float:
@@ -60,7 +60,7 @@ class Reached(Protocol):
 
 
 class Pace:
-    """The watch on the steps of a run.
+    """Monitor of the steps of a run.
 
     Parameters
     ----------
@@ -69,16 +69,16 @@ class Pace:
     end : float
         Last time (s).
     note : str
-        What an earlier run had to say, or empty.
+        The note of an earlier run, or empty.
     tell : callable
-        Is called with a note when that is found.
+        Called with a note when there is one.
     budget : Budget, optional
-        The watch on the time; without it none is told.
+        The time budget; without it no time is reported.
 
     Attributes
     ----------
     note : str
-        What is to be said, or empty.
+        Message about the steps, or empty.
     """
 
     def __init__(
@@ -97,12 +97,12 @@ class Pace:
         self._next, self._steps, self._time = TOLERANCES.stiffness_first_test, 0, -np.inf
 
     def look(self, steps: int, stepper: Reached, equations: Constrained, options: Options) -> None:
-        """Look at the pace after a step.
+        """Check the pace after a step.
 
         Raises
         ------
         NumericalError
-            If the rest would take for ever.
+            If the rest would take too many steps.
         """
         self._look_at_time(steps, stepper, equations, options)
         if steps < self._next - TOLERANCES.stiffness_window:
@@ -137,7 +137,7 @@ class Pace:
             )
 
     def _look_at_time(self, steps: int, stepper: Reached, equations: Constrained, options: Options) -> None:
-        """Tell what is left of a long simulation, what limits its steps, and what to do."""
+        """Report the rest of a long simulation, what limits its steps, and what to do."""
         left = self.budget.left(stepper.t) if self.budget else None
         if left is None or self.budget is None:
             return
@@ -179,7 +179,7 @@ class Pace:
 
     @staticmethod
     def _fastest(stepper: Reached, equations: Constrained) -> float | None:
-        """Return the largest rate of small motions beside a state (1/s); None if it cannot be found."""
+        """Return the largest rate of small motions about a state (1/s); None if it cannot be found."""
         try:
             by_q, by_u = equations.jacobian(stepper.t, stepper.q, stepper.u)
             n = len(by_q)
@@ -189,7 +189,7 @@ class Pace:
             return None
 
     def _limit(self, mean: float, stepper: Reached, equations: Constrained, options: Options) -> _Limit | None:
-        """Return what limits the steps if that is stability."""
+        """Return the stability limit if it limits the steps, else None."""
         assert self.boundary
         rate = self._fastest(stepper, equations)
         if rate is None or mean * rate < TOLERANCES.stability_boundary_part * self.boundary:

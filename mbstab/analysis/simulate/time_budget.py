@@ -1,4 +1,4 @@
-"""The time that a simulation takes: what is left of it is told early where it is long."""
+"""The time that a simulation takes: where it is long, the rest is reported early."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import time
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 
 clock = time.monotonic
-"""Tells the time (s)."""
+"""Returns the time (s)."""
 
 
 class Budget:
-    """The watch on the time of a simulation.
+    """Monitor of the time of a simulation.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ class Budget:
     Attributes
     ----------
     more : float
-        How many runs as long as the present one are still to come, at least.
+        Minimum number of further runs as long as the present one.
     """
 
     def __init__(self, first: float, last: float) -> None:
@@ -30,15 +30,15 @@ class Budget:
         self._next, self._said = self._begin + TOLERANCES.time_to_judge, 0.0
 
     def start_run(self, more: float) -> None:
-        """Say that a run begins, after which `more` as long as it are to come."""
+        """Begin a run, after which `more` runs of the same length follow."""
         self._run, self.more = clock(), more
 
     def passed(self, t: float) -> float:
-        """Return how much of the time of a run lies before t (s)."""
+        """Return the time of a run before t (s)."""
         return t - self._first
 
     def left(self, t: float) -> float | None:
-        """Return what is left (s) at the pace of a run that has reached t, if that is to be told now."""
+        """Return the remaining time (s) at the pace of a run that has reached t, if it is to be reported now."""
         now = clock()
         if now < max(self._next, self._run + TOLERANCES.time_of_run_to_judge) or t <= self._first:
             return None

@@ -1,1 +1,1 @@
-"""Methods that follow a motion, behind one interface."""
+"""Integration methods with a common interface."""

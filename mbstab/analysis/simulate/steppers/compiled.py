@@ -1,8 +1,8 @@
 """Explicit integrators as machine code: a scene as the arrays of `mbstab.compiler.machine`, and many steps at once.
 
 The steps are those of `Projected` (`mbstab.analysis.simulate.steppers.explicit`): the same tableau, the same
-control of the step, the same projection but that a change of positions leaves nonholonomic rows as they are.
-Where something is out of the ordinary, a march stops before it and the caller goes on step by step.
+step control, the same projection except that a change of positions leaves nonholonomic rows unchanged.
+Where something unusual happens, a march stops before it and the caller continues step by step.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Elimination:
-    """In what order the unknowns of a symmetric matrix are eliminated, and what that touches.
+    """The order in which the unknowns of a symmetric matrix are eliminated, and the fill-in.
 
     Attributes
     ----------
     place : list of int
-        Of each unknown.
+        Position of each unknown in the order.
     columns : list of list of int
-        Places below the diagonal that are not zero in each column of L, ascending.
+        Nonzero places below the diagonal in each column of L, ascending.
     """
 
     place: list[int]
@@ -46,12 +46,12 @@ class Elimination:
 
     @classmethod
     def of(cls, neighbours: list[set[int]], first: int) -> Elimination:
-        """Choose the unknown with the fewest neighbours each time; those from `first` on come after all their own.
+        """Choose the unknown with the fewest neighbours each time; those from `first` on follow all their neighbours.
 
         Parameters
         ----------
         neighbours : list of set of int
-            Unknowns that stand in one equation with each.
+            Unknowns that share an equation with each.
         first : int
             Number of the first unknown whose diagonal entry is zero.
         """
@@ -73,7 +73,7 @@ class Elimination:
 
 
 def _entries(matrix: Any) -> list[tuple[int, int, Any]]:
-    """Return row, column and value of what is not zero in a matrix of traced numbers."""
+    """Return row, column and value of the nonzero entries of a matrix of traced numbers."""
     rows = np.asarray(matrix).tolist()
     return [(i, j, x) for i, row in enumerate(rows) for j, x in enumerate(row) if isinstance(x, Traced) or x != 0.0]
 
@@ -222,12 +222,12 @@ def tableau_of(solver: str) -> Tableau:
 
 
 class State:
-    """Where a march is; its arrays are changed by the machine.
+    """The state of a march; its arrays are changed by the machine.
 
     Attributes
     ----------
     found : ndarray, shape (n_t, 2 n_q + 1)
-        q, u and the work at the times of output, as far as they are `done`.
+        q, u and the work at the output times, as far as they are `done`.
     """
 
     def __init__(
@@ -298,7 +298,7 @@ class State:
 
     @property
     def work(self) -> float:
-        """What was done since the start of the march (J)."""
+        """The work since the start of the march (J)."""
         return float(self.march.t[self._code.WORK])
 
     @property
@@ -313,7 +313,7 @@ class State:
 
     @property
     def least(self) -> float:
-        """Square of the least singular value of the rows at the start, in the metric of M."""
+        """Square of the smallest singular value of the rows at the start, in the metric of M."""
         return float(self.march.t[self._code.LEAST])
 
     @property
@@ -323,17 +323,17 @@ class State:
 
     @property
     def rejected(self) -> int:
-        """Steps taken back."""
+        """Number of rejected steps."""
         return int(self.march.counts[self._code.REJECTED])
 
     @property
     def evaluations(self) -> int:
-        """How often the equations were formed."""
+        """Number of evaluations of the equations."""
         return int(self.march.counts[self._code.EVALUATIONS])
 
     @property
     def done(self) -> int:
-        """Times of output that are done."""
+        """Number of output times that are done."""
         return int(self.march.counts[self._code.COVERED])
 
 
@@ -392,14 +392,14 @@ class Marching:
         t : float (s)
         q, u : ndarray, shape (n_q,)
         times : ndarray
-            Times of output that are left (s).
+            Remaining output times (s).
         end : float (s)
         options : Options
-            With a first step.
+            Options with a first step.
         least : float
-            Square of the least singular value, in the metric of M, with which others are compared; 0: that here.
+            Square of the smallest singular value, in the metric of M, that others are compared with; 0: that here.
         near : float
-            Part of that least singular value below which steps are left to others.
+            Fraction of that singular value below which no compiled steps are taken.
         """
         bases = [x for i in self._free for x in system.scene.bodies[i].base]
         self.machine.w[2 * len(q) + 1 : 2 * len(q) + 1 + len(bases)] = bases
@@ -407,6 +407,6 @@ class Marching:
         return "more" if self._code.begin(self.machine, self.state.march) else "look"
 
     def go(self) -> str:
-        """Take steps, not too many; return ``done``, ``more``, ``chart`` or ``look``: why it stopped."""
+        """Take a limited number of steps; return why it stopped: ``done``, ``more``, ``chart`` or ``look``."""
         reason = self._code.march(self.machine, self.tableau, self.state.march, TOLERANCES.compiled_steps)
         return {self._code.DONE: "done", self._code.MORE: "more", self._code.CHART: "chart"}.get(reason, "look")

@@ -1,8 +1,8 @@
 """Integrators of SciPy for ordinary differential equations, with projections onto the constraints.
 
 Accelerations come from the constrained equations at every evaluation (index 1), and after every step positions and
-speeds are moved onto the constraints (Eich 1993; Hairer and Wanner 1996, section VII.2, where it is shown that the
-order of the integrator is kept).
+speeds are projected onto the constraints (Eich 1993; Hairer and Wanner 1996, section VII.2, who show that the
+order of the integrator is preserved).
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class Projected:
         try:
             a = self.equations.acceleration(t, q, u)
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
-            if not np.isfinite(y).all():  # the trouble is that of an earlier stage
+            if not np.isfinite(y).all():  # caused by an earlier stage
                 self.equations.trouble = trouble
-            # Too far out: the integrator takes a shorter step.
+            # Too far off: the integrator takes a shorter step.
             return np.full(len(y), np.nan)
         return np.concatenate([u, a])
 
@@ -61,7 +61,7 @@ class Projected:
         return np.block([[np.zeros((n, n)), np.eye(n)], [by_q, by_u]])
 
     def advance(self) -> None:
-        """Take one step and go back onto the constraints."""
+        """Take one step and project the state onto the constraints."""
         solver = self._solver
         message = solver.step()
         if solver.status == "failed":
@@ -76,7 +76,7 @@ class Projected:
         self.q, self.u, self.state = q, u, state
         if not (np.array_equal(q, reached[: self.n]) and np.array_equal(u, reached[self.n :])):
             moved = np.concatenate([q, u])
-            if self._multistep:  # its past is moved along
+            if self._multistep:  # its history is moved too
                 solver.D[0] += moved - solver.y
             solver.y = moved
             if not self._multistep:

@@ -8,8 +8,8 @@ Multibody Syst. Dyn. 18: with the spectral radius ρ at infinity
     (1 − α_m) w₁ + α_m w = (1 − α_f) a₁ + α_f a,
 
 where a₁, ν₁ satisfy M a₁ + F0 + Jᵀν₁ = 0 and C(q₁, t₁) = 0, D(q₁, u₁, t₁) = 0. Order 2. As w belongs to the time
-t + (α_m − α_f) h, it starts there, and is moved when the step changes: otherwise the order is lost for a while.
-With steps that change, speeds are moved onto their constraints, and accelerations made consistent, after every step.
+t + (α_m − α_f) h, it starts there, and is moved when the step changes: otherwise the order is lost temporarily.
+With variable steps, speeds are projected onto their constraints, and accelerations made consistent, after every step.
 
 Radau IIA with three stages (Hairer and Wanner 1996, section IV.8), order 5 and stiffly accurate,
 on the stabilized index-2 form of Gear, Gupta and Leimkuhler (1985),
@@ -36,7 +36,7 @@ from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
 
 RHO = 0.8
-"""Spectral radius at infinity of the generalized-α method: 1 keeps all frequencies, 0 takes the highest out at once."""
+"""Spectral radius at infinity of the generalized-α method: 1 keeps all frequencies, 0 damps the highest at once."""
 
 ROOT = math.sqrt(6.0)
 RADAU_C = np.array([(4.0 - ROOT) / 10.0, (4.0 + ROOT) / 10.0, 1.0])
@@ -53,7 +53,7 @@ RADAU_GAMMA = 1.0 / (3.0 + 3.0 ** (2.0 / 3.0) - 3.0 ** (1.0 / 3.0))
 
 
 class _Implicit:
-    """What implicit methods share: step control, Newton's test, and quintic interpolation over a step."""
+    """Common parts of implicit methods: step control, Newton's convergence test, and quintic interpolation."""
 
     order_of_estimate = 0
 
@@ -69,11 +69,11 @@ class _Implicit:
         self._before: Any = None
 
     def _attempt(self, h: float) -> tuple[Array, Array, float]:
-        """Return q and u at t + h and the error estimate in tolerances."""
+        """Return q and u at t + h, and the error estimate in units of the tolerance."""
         raise NotImplementedError
 
     def _accepted(self, h: float) -> None:
-        """Take over what belongs to the new state."""
+        """Store the quantities of the new state."""
 
     def advance(self) -> None:
         fixed = self.options.step is not None
@@ -209,7 +209,7 @@ class GeneralizedAlpha(_Implicit):
             raise NumericalError("Newton's method does not converge")
         q, u, w = q0 + to_q * a, u0 + to_u * a, known + c * a
         if self.options.step is None:
-            # Steps that change would turn what speeds lack across the constraints into jumps of accelerations.
+            # Variable steps would turn the error of speeds normal to the constraints into jumps of accelerations.
             u, _, state = equations.onto_velocities(t, q, u)
             exact, nu = equations.solve(state, -state.F0, state.B)
             w, a = w + exact - a, exact
@@ -313,7 +313,7 @@ class RadauIIA(_Implicit):
         return speeds, self.q + h * RADAU_A @ (speeds + corrections)
 
     def _predicted(self, h: float) -> tuple[Array, Array]:
-        """Return accelerations and multipliers of the stages, continued from the last step."""
+        """Return accelerations and multipliers of the stages, extrapolated from the last step."""
         if self._stages is None:
             return np.tile(self.a, (3, 1)), np.tile(self.nu, (3, 1))
         length, a, nu = self._stages
@@ -326,7 +326,7 @@ class RadauIIA(_Implicit):
         return weights @ a, weights @ nu
 
     def _error(self, h: float, positions: Array, speeds: Array) -> float:
-        """Return the difference to an embedded formula of order 3, damped where stiff (section IV.8)."""
+        """Return the difference from an embedded formula of order 3, damped where stiff (section IV.8)."""
         if self.options.step is not None:
             return 0.0
         g, scale, n = RADAU_GAMMA * h, self.equations.scale, self.equations.n

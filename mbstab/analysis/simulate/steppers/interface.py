@@ -1,4 +1,4 @@
-"""What a method that follows a motion is asked for, and what it gives."""
+"""The interface of integration methods."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HINT = (
 
 @dataclass(frozen=True)
 class Options:
-    """What a stepper is asked for.
+    """Options of a stepper.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Options:
     first : float or None
         Step to begin with (s).
     rate : float (1/s)
-        What a fast change of a coordinate of size 1 is.
+        The rate that counts as fast, for a coordinate of size 1.
     longest : float (s)
         Longest step; given functions of time may rest for a while and then start.
     solver : str
@@ -49,8 +49,8 @@ class Options:
     compiled: bool = False
 
     def tolerances(self, sizes: Array) -> Array:
-        """Return the errors of a step that are allowed in q and u, shape (2 n_q,)."""
-        # With a fixed step the tolerance is out of the way, and the largest step is the step.
+        """Return the allowed errors per step in q and u, shape (2 n_q,)."""
+        # With a fixed step the tolerance has no effect, and the largest step is the step.
         tol = self.tol if self.step is None else 1e6
         return tol * np.concatenate([sizes, sizes * self.rate])
 
@@ -64,7 +64,7 @@ class Stepper(Protocol):
     q, u : ndarray, shape (n_q,)
         The state reached; it satisfies the constraints to the accuracy of the method.
     rejected : int
-        Steps that were taken back.
+        Number of rejected steps.
     taken : float
         The last step (s).
     state : Dynamics
@@ -90,19 +90,19 @@ Start = Callable[[Constrained, float, Array, Array, float, Options], Stepper]
 
 @dataclass(frozen=True)
 class Method:
-    """One way to follow a motion.
+    """An integration method.
 
     Attributes
     ----------
     start : callable
         ``start(equations, t, q, u, end, options)`` returns a `Stepper`.
     order : int
-        Of the global error in the step.
+        Order of the global error in the step.
     power : float
-        The global error is proportional to this power of the tolerance of a step: order / (order of the
+        The global error is proportional to this power of the tolerance per step: order / (order of the
         error estimate + 1).
     fixed : bool
-        Whether steps of fixed size can be asked for.
+        Whether steps of fixed size are possible.
     compiled : bool
         Whether `mbstab.analysis.simulate.steppers.compiled` can take the steps.
     """

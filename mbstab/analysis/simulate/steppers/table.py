@@ -1,13 +1,13 @@
-"""Methods that follow a motion, behind one interface, each with its order.
+"""Integration methods with a common interface, each with its order.
 
 A method is a `Method` in the table `METHODS`: a function that starts a `Stepper` at a state
-(`mbstab.analysis.simulate.steppers.interface`). The next method is one more entry. Every stepper takes one
+(`mbstab.analysis.simulate.steppers.interface`). A new method is one more entry. Every stepper takes one
 step at a time and gives dense output over it; `mbstab.analysis.simulate.run` does the rest: output, change of
-charts, watch on the rank, work.
+charts, monitoring of the rank, work.
 
 The method `projection` has the integrators of SciPy (`mbstab.analysis.simulate.steppers.explicit`): DOP853 of
 order 8, RK45 of order 5 (Dormand and Prince), Radau IIA of order 5 and the backward differentiation formulas
-of orders 1 to 5 with exact derivatives. The methods `alpha` and `radau` stand in
+of orders 1 to 5 with exact derivatives. The methods `alpha` and `radau` are in
 `mbstab.analysis.simulate.steppers.implicit`.
 """
 
