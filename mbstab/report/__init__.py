@@ -1,4 +1,4 @@
 """Results as text and files."""
 
 WIDTH = 80
-"""Columns of a terminal that text is wrapped to; tables are as wide as their numbers need."""
+"""Width of wrapped text in columns; tables are as wide as their numbers need."""

@@ -15,7 +15,7 @@ SHOWN = 20
 """Digits of a midpoint in a table."""
 
 COORDINATES = 6
-"""So many coordinates of an equilibrium are shown."""
+"""Maximum number of coordinates of an equilibrium that are shown."""
 
 WORDS = {
     "left": "left of the axis",
@@ -51,7 +51,7 @@ def certificate_data(result: Certificate, model: str, title: str) -> dict[str, A
     ``mbstab eig``), ``eigenvalues`` (``real`` and ``imag`` in 1/s, each with
     ``midpoint`` and ``radius`` as decimal strings, ``count``, ``kind``, ``why``), ``assumed``,
     ``reasons``, ``notes``, ``digits``, ``parameter``, ``followed`` (which equilibrium an interval
-    is about) and ``parts`` of an interval (``low`` and ``high`` in SI as fractions, ``verdict``, ``modulo``,
+    is for) and ``parts`` of an interval (``low`` and ``high`` in SI as fractions, ``verdict``, ``modulo``,
     ``reason``, ``at_low`` and ``at_high``: enclosures of the coordinates that were solved for).
     """
     return {
@@ -137,7 +137,7 @@ def certificate_text(result: Certificate, title: str) -> str:
 
 
 def _where(result: Certificate) -> list[str]:
-    """Return the coordinates of the motion that an interval is about, at the ends of the parts it is followed over."""
+    """Return the coordinates of the motion that is followed over an interval, at the ends of its parts."""
     places = {x: at for p in result.parts for x, at in ((p.low, p.at_low), (p.high, p.at_high)) if at}
     if not (result.followed and places):
         return []

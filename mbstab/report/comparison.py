@@ -82,7 +82,7 @@ ROUNDING = "rounding of data"
 
 
 def _error_tables(result: Comparison) -> list[str]:
-    """Return the error of each method in each eigenvalue, as many eigenvalues beside each other as fit."""
+    """Return the error of each method in each eigenvalue, with as many eigenvalues side by side as fit."""
     shown = [i for i, e in enumerate(result.truth.eigenvalues) if e.value.imag >= 0]
     names, digits = [x.method for x in result.outcomes], result.truth.digits
     blocks: list[list[int]] = []
@@ -114,7 +114,7 @@ def _head(result: Comparison, i: int) -> str:
 
 
 def _failures(outcomes: Sequence[Outcome]) -> list[str]:
-    """Return why methods have no answer, the same of several once."""
+    """Return why methods have no answer; a common reason is printed once."""
     texts: dict[str, list[str]] = {}
     for n, x in enumerate(outcomes, 1):
         if x.failure:
@@ -124,7 +124,7 @@ def _failures(outcomes: Sequence[Outcome]) -> list[str]:
 
 
 def _remarks(outcomes: Sequence[Outcome]) -> list[str]:
-    """Return what methods returned besides, the same of several in one line."""
+    """Return what else methods returned; the same results share a line."""
     texts: dict[str, list[str]] = {}
     for n, x in enumerate(outcomes, 1):
         parts = [x.besides] if x.besides else []
@@ -138,7 +138,7 @@ def _remarks(outcomes: Sequence[Outcome]) -> list[str]:
 
 
 def _unknown(result: Comparison) -> bool:
-    """Whether it is not known what rounding of the data does."""
+    """Return whether the effect of rounding of the data is unknown."""
     return any(math.isnan(x) for x in result.rounding)
 
 

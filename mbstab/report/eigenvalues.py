@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.linear.results import EigenResult, Eigenvalue
 
 ZERO = 1e-3
-"""An eigenvalue that may be zero is printed as 0 if its error bound is below this part of the largest one."""
+"""An eigenvalue that may be zero is printed as 0 if its error bound is below this fraction of the largest one."""
 
 
 def eigen_text(result: EigenResult, title: str) -> str:
@@ -36,7 +36,7 @@ def eigen_text(result: EigenResult, title: str) -> str:
 
 
 def verdict_lines(judged: Verdict) -> list[str]:
-    """Return a verdict and what it rests on, in sentences."""
+    """Return a verdict and its grounds, in sentences."""
     lines = [f"Verdict: {judged.word}"]
     for reason in judged.reasons:
         lines += wrap(reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ")
@@ -89,7 +89,7 @@ def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
 
 def _eigenvalue_row(e: Eigenvalue) -> list[str]:
     value = "0 ± " + f"{abs(e.value.imag):.10g}i" if e.kind == "center" else eigenvalue(e.value)
-    # If it is open on which side of the axis it lies, it is open whether it grows.
+    # If its side of the axis is undecided, it is also undecided whether it grows.
     side = e.kind != "undecided" or e.error_bound < abs(e.value.real)
     damping = 0.0 if e.kind == "center" else e.damping_ratio if side else math.nan
     time = _time(e) if side else "-"
@@ -132,7 +132,7 @@ def _pairs(result: EigenResult) -> list[tuple[Eigenvalue, int]]:
 
 
 def _goes_round(result: EigenResult, e: Eigenvalue) -> bool:
-    """Whether a neutral eigenvalue belongs to a shift seen from a turning frame; QZ scatters it a little."""
+    """Return whether a neutral eigenvalue belongs to a shift seen from a rotating frame; QZ scatters it slightly."""
     return any(abs(e.value.imag) > 0.5 * frequency for frequency in result.shifts)
 
 

@@ -28,7 +28,7 @@ Named = tuple[Any, list[str], list[str]]
 
 
 def to_json(data: Any) -> str:
-    """Return one JSON object; numbers with all digits, null for what is not finite."""
+    """Return one JSON object; numbers with all digits, null for numbers that are not finite."""
     return json.dumps(_plain(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -55,7 +55,7 @@ def to_csv(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 
 def parameters_data(model: Model, values: Mapping[str, float]) -> dict[str, Any]:
-    """Return parameters as part of a JSON object: of each ``value`` in its ``unit``, and ``si``."""
+    """Return parameters as part of a JSON object: ``value`` in its ``unit``, and ``si`` for each."""
     units = model.parameters
     return {name: {"value": x / units[name].factor, "unit": units[name].unit, "si": x} for name, x in values.items()}
 
@@ -64,7 +64,7 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
     """Return the JSON object of ``mbstab eig``.
 
     Keys: ``model``, ``title``, ``parameters`` (see `parameters_data`), ``method``, ``frame`` (the steady
-    motion in whose frame the equations are written; empty: the coordinates of the file), ``frozen_time``
+    motion that defines the frame of the equations; empty: the coordinates of the file), ``frozen_time``
     (true: no stability verdict), ``period`` (s, of a periodic motion; its eigenvalues are Floquet exponents
     with a ``multiplier``), the keys of `verdict_data`, ``eigenvalues`` (``real`` and ``imag`` in 1/s,
     ``kind``, ``frequency`` in Hz, ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s,
@@ -73,7 +73,7 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
     (`mbstab.analysis.linear.results.Counts`), ``neutral_directions`` (what the neutral eigenvalues belong to, in
     words, whatever the verdict), ``warnings``. A ``vector`` has ``magnitude`` (m or rad) and
     ``phase`` (rad) of each coordinate; the one that moves most, lengths relative to the size of the scene,
-    has magnitude 1 and phase 0. It is null where there is none: of neutral eigenvalues and multipliers.
+    has magnitude 1 and phase 0. It is null for neutral eigenvalues and multipliers.
     """
     return {
         "model": model.name,
@@ -118,9 +118,9 @@ def _polar(vector: Any) -> dict[str, Any]:
 def verdict_data(judged: Verdict) -> dict[str, Any]:
     """Return a verdict as part of a JSON object.
 
-    Keys: ``verdict`` (the word), ``modulo`` (up to what it holds: ``symmetries`` that carry all motions into motions,
-    ``family``: what tells motions of the same kind from each other, such as the speed), ``in_place`` (whether disturbed
-    motions also stay near the reference itself; null: not claimed), ``reason`` (what it rests on, in one text),
+    Keys: ``verdict`` (the word), ``modulo`` (up to what it holds: ``symmetries`` that map all motions to motions,
+    ``family``: what distinguishes motions of the same kind, such as the speed), ``in_place`` (whether disturbed
+    motions also stay near the reference itself; null: not claimed), ``reason`` (its grounds, in one text),
     ``reasons`` (the same, sentence by sentence), ``evidence`` (its weakest fact: ``structural``, ``enclosed`` or
     ``numerical``).
     """
@@ -135,7 +135,7 @@ def verdict_data(judged: Verdict) -> dict[str, Any]:
 
 
 def eigen_rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
-    """Return heads and lines of a CSV file: one eigenvalue a line, with magnitude and phase of every coordinate."""
+    """Return heads and rows of a CSV file: one eigenvalue per row, with magnitude and phase of every coordinate."""
     heads = ["real (1/s)", "imag (1/s)", "kind", "frequency (Hz)", "damping ratio", "error bound (1/s)"]
     for name in result.coordinates:
         heads += [f"magnitude of {name} ({unit_of(name)})", f"phase of {name} (rad)"]
@@ -153,7 +153,7 @@ def precise_data(result: PreciseResult, model: Model, values: Mapping[str, float
     """Return the JSON object of ``mbstab eig --precision``.
 
     Keys: ``model``, ``title``, ``parameters`` (see `parameters_data`, rounded to doubles), ``method``, ``frame``,
-    ``frozen_time``, ``digits`` (all of them right), ``working_digits``, ``seconds``, the keys of `verdict_data`,
+    ``frozen_time``, ``digits`` (all of them correct), ``working_digits``, ``seconds``, the keys of `verdict_data`,
     ``eigenvalues`` without the neutral ones (``real``, ``imag`` and ``error_bound`` in 1/s as decimal strings;
     ``kind``),
     ``neutral`` (``zeros`` and the frequencies ``shifts`` of pairs, rad/s as decimal strings), ``counts``,
@@ -213,8 +213,8 @@ def equilibrium_data(found: Sequence[Equilibrium], names: Sequence[str], model: 
     ``depends_on_time``,
     ``symmetries``, ``redundant``, ``warnings``). A reaction has ``of``, ``on`` (a body),
     ``point`` (m; null: the point of contact), ``force`` (N) and ``torque`` (N·m), in ground axes. An effort, of a
-    spring, damper, actuator or drive, has ``of``, ``along`` (the motion), ``value`` (positive where it drives that
-    on) and ``unit``.
+    spring, damper, actuator or drive, has ``of``, ``along`` (the motion), ``value`` (positive in the direction of
+    that motion) and ``unit``.
     """
     return {
         "model": model,
@@ -250,7 +250,7 @@ def equilibrium_data(found: Sequence[Equilibrium], names: Sequence[str], model: 
 
 
 def equilibrium_csv(found: Sequence[Equilibrium], names: Sequence[str]) -> str:
-    """Return coordinates, reactions and efforts of all solutions as CSV, one number a line."""
+    """Return coordinates, reactions and efforts of all solutions as CSV, one number per line."""
     rows: list[list[Any]] = []
     for number, item in enumerate(found, 1):
         for name, q, u in zip(names, item.motion.q, item.motion.u, strict=True):
@@ -275,8 +275,8 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     ``frequency`` in rad/s, ``krein_signatures`` of a collision, ``branching``, ``unstable_below``,
     ``unstable_above``, ``verdict_below``, ``verdict_above``, null where there is none),
     ``meetings`` (``value``, ``kind``), ``problems`` (``point`` counting from 0, ``reason``),
-    ``warnings``, ``start`` (where equilibria were followed from, null if they are given) and ``beyond``: for
-    each path to which folds lead an object with the same keys from ``values`` on.
+    ``warnings``, ``start`` (from where equilibria were followed, null if they are given) and ``beyond``: for
+    each path beyond a fold, an object with the same keys from ``values`` on.
     """
     head = {"model": model, "title": title, "parameter": result.parameter, "unit": unit}
     return head | _path_data(result, factor) | {"beyond": [_path_data(path, factor) for path in result.beyond]}
@@ -312,10 +312,10 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
 
 
 def sweep_csv(result: Sweep, factor: float) -> str:
-    """Return one line for each value: it, the number of unstable eigenvalues, the verdict, the branches, the path.
+    """Return one line per value: the value, the number of unstable eigenvalues, the verdict, the branches, the path.
 
-    Paths count from 1; those to which folds lead come after the first. The last column says why there is no answer,
-    ``undecided`` where the verdict is open, and else ``ok``.
+    Paths count from 1; those beyond folds come after the first. The last column says why there is no answer,
+    ``undecided`` where the verdict is open, and ``ok`` otherwise.
     """
     paths = (result, *result.beyond)
     count = max(path.branches.shape[1] for path in paths)
@@ -354,17 +354,17 @@ def compare_data(result: Comparison, model: str, title: str) -> dict[str, Any]:
     """Return the JSON object of ``mbstab compare``.
 
     Keys: ``model``, ``title``, ``digits``, ``truth`` (``real`` and ``imag`` of each eigenvalue as
-    decimal text, 1/s), ``neutral``, ``verdict``, ``rounding`` (how far the rounding of the data to
-    double precision alone moves each eigenvalue), ``seconds`` (reference motion and linearized
+    decimal text, 1/s), ``neutral``, ``verdict``, ``rounding`` (change by the rounding of the data to
+    double precision alone, of each eigenvalue), ``seconds`` (reference motion and linearized
     equations with their checks), ``methods`` (see below), ``tolerance`` and ``chosen`` (a method).
 
     Of each method: ``method``, ``values`` (``real``, ``imag``; 1/s), ``errors``, ``own_errors``
     (from the eigenvalues of the rounded data) and ``bounds``, one for each of ``truth`` and
     relative to its modulus; ``error``, ``own_error``, ``bound`` (the largest ones), ``exceeded``
-    (an error is larger than its bound), ``lost``, ``invented``, ``zeros`` and ``drift`` (1/s: how
-    far the worst neutral eigenvalue and the worst one of constraint drift are off), ``besides``,
+    (an error is larger than its bound), ``lost``, ``invented``, ``zeros`` and ``drift`` (1/s: largest
+    error of a neutral eigenvalue and of one of constraint drift), ``besides``,
     ``verdict``, ``seconds``, ``memory`` (bytes), ``failure`` (why there is no answer). Null stands
-    for what there is not: ``error`` is null if an eigenvalue is lost or invented.
+    for missing values: ``error`` is null if an eigenvalue is lost or invented.
     """
     return {
         "model": model,
@@ -442,7 +442,7 @@ def chart_csv(result: Chart, labels: Sequence[tuple[str, float]]) -> str:
 
 
 def chart_arrays(result: Chart, labels: Sequence[tuple[str, float]]) -> dict[str, Any]:
-    """Return the arrays of a chart for npz files; boundary curves are parted by rows of nan."""
+    """Return the arrays of a chart for npz files; boundary curves are separated by rows of nan."""
     import numpy as np
 
     factors = [factor for _, factor in labels]
@@ -498,8 +498,8 @@ def linearize_data(linear: Linearization, space: StateSpace, model: str, title: 
     """Return the JSON object of ``mbstab linearize``.
 
     Keys: ``model``, ``title``, ``coordinates``, ``rows``, ``reference`` (``q``, ``u``, ``a``,
-    ``multipliers``, ``time``), ``frame`` (the motion of the axes in which the equations stand
-    still, in words; empty: the coordinates of the file), ``frozen``, ``variation`` and for each
+    ``multipliers``, ``time``), ``frame`` (the motion of the axes in which the equations are
+    constant, in words; empty: the coordinates of the file), ``frozen``, ``variation`` and for each
     form its matrices, row by row.
     """
     motion = linear.motion
@@ -517,7 +517,7 @@ def linearize_data(linear: Linearization, space: StateSpace, model: str, title: 
 
 
 def linearize_csv(linear: Linearization, space: StateSpace) -> str:
-    """Return all non-zero entries of all matrices as CSV, one entry a line."""
+    """Return all nonzero entries of all matrices as CSV, one entry per line."""
     rows = [
         [form, name, i + 1, j + 1, row, column, float(matrix[i][j])]
         for form, group in forms(linear, space).items()

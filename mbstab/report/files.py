@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Files that are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from typing import BinaryIO
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
-    """Give a stream to a file that takes the place of `path` when all is written: it appears whole or not at all.
+    """Yield a stream to a file that replaces `path` once it is complete, so that no partial file appears.
 
     Raises
     ------
     OSError
         If the file cannot be written.
     """
-    from tempfile import mkstemp  # with what it imports, as long as all of click
+    from tempfile import mkstemp  # its imports take as long as all of click
 
     goal = Path(path).resolve()
     handle, temporary = mkstemp(dir=goal.parent, prefix=f".{goal.name}.")

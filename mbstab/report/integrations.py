@@ -1,4 +1,4 @@
-"""What integrators cost and leave, as text and as data."""
+"""Cost and error of integrators, as text and as data."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ def integrations_data(result: Integrations, model: str, title: str) -> dict[str,
 
     Keys: ``model``, ``title``, ``start`` and ``end`` (s), ``disturbance``, ``reference`` (an integrator), ``known``
     (the estimate of its global error), ``tolerance``, ``chosen`` (``method``, ``solver``, ``tol``) and ``runs``. Of
-    each run: ``method``, ``solver``, ``tol`` (of a step), ``error``, ``seconds``, ``evaluations``, ``steps``,
-    ``rejected``, ``energy`` and ``constraints`` (relative drift), ``failure``; null where there is no end.
+    each run: ``method``, ``solver``, ``tol`` (per step), ``error``, ``seconds``, ``evaluations``, ``steps``,
+    ``rejected``, ``energy`` and ``constraints`` (relative drift), ``failure``; null if the run did not reach the end.
     """
     chosen = result.chosen
     return {

@@ -15,7 +15,7 @@ SCENES = {(2,): "planar scenes", (3,): "spatial scenes", (2, 3): "all scenes"}
 
 
 def kinds_text(kinds: Sequence[Kind]) -> str:
-    """Return what each type is and which keys it has."""
+    """Return the description and the keys of each type."""
     lines: list[str] = []
     for kind in kinds:
         lines += wrap(f"{kind.name}: {kind.doc} ({SCENES[kind.dimensions]})", WIDTH, subsequent_indent="  ")
@@ -26,7 +26,7 @@ def kinds_text(kinds: Sequence[Kind]) -> str:
 
 
 def shapes_text() -> str:
-    """Return the shapes of bodies and of their parts, and which keys they have."""
+    """Return the shapes of bodies and of their parts, with their keys."""
     lines: list[str] = []
     for kind in SHAPES.values():
         lines += wrap(f"{kind.name}: {kind.doc}", WIDTH, subsequent_indent="  ")
@@ -42,7 +42,7 @@ def shapes_text() -> str:
 
 
 def keys_text(keys: Mapping[str, str]) -> str:
-    """Return the keys of a section without types, and what they mean."""
+    """Return the keys of a section without types, with their meaning."""
     lines: list[str] = []
     for key, doc in keys.items():
         lines += wrap(f"{key}: {doc}", WIDTH, subsequent_indent="    ")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.linear.linearize import Linearization, StateSpace
 
 LARGE = 12
-"""Matrices with more rows or columns are shown only if all is asked for."""
+"""Matrices with more rows or columns are shown only on request."""
 
 
 def matrix_text(name: str, matrix: Any, rows: Sequence[str], columns: Sequence[str]) -> str:
@@ -41,7 +41,7 @@ def matrix_text(name: str, matrix: Any, rows: Sequence[str], columns: Sequence[s
 
 
 def linearize_text(linear: Linearization, space: StateSpace, form: str, title: str, full: bool = False) -> str:
-    """Return the answer of ``mbstab linearize`` as text; large matrices are shown if all is asked for."""
+    """Return the answer of ``mbstab linearize`` as text; large matrices only if `full` is set."""
     from mbstab.report.export import forms
 
     lines = [title, ""] if title else []
@@ -60,7 +60,7 @@ def linearize_text(linear: Linearization, space: StateSpace, form: str, title: s
 
 
 def _linear_summary(linear: Linearization, space: StateSpace) -> list[str]:
-    """Return the sizes of the linearized equations, and in which frame they stand still."""
+    """Return the sizes of the linearized equations, and the frame in which they are constant."""
     n_n = len(linear.J) - linear.n_h
     rows = f"{counted(linear.n_h, 'holonomic row')}, {counted(n_n, 'nonholonomic row')}"
     text = f"{counted(len(linear.M), 'coordinate')}, {rows}, {counted(len(space.A), 'state')} after deflation"

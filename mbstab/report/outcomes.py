@@ -1,4 +1,4 @@
-"""What became of the expectations of model files, as text, JSON and JUnit XML."""
+"""Outcomes of the expectations of model files, as text, JSON and JUnit XML."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Tested:
-    """What became of one model file.
+    """The outcomes of one model file.
 
     Attributes
     ----------

@@ -29,9 +29,9 @@ class Output:
     name : str
         Key in npz files.
     heads : callable
-        From a simulation to the heads of its columns, with units.
+        Maps a simulation to the heads of its columns, with units.
     values : callable
-        From a simulation to an array of shape (n_t, columns) or (n_t,).
+        Maps a simulation to an array of shape (n_t, columns) or (n_t,).
     """
 
     name: str
@@ -77,11 +77,11 @@ OUTPUTS = (
     Output("energy_error", lambda sim: ["energy error (J)"], lambda sim: sim.imbalance),
     Output("residuals", lambda sim: ["position residual", "velocity residual"], lambda sim: sim.residuals),
 )
-"""What files contain, in the order of their columns."""
+"""The contents of files, in the order of their columns."""
 
 
 def simulation_csv(sim: Simulation) -> str:
-    """Return one line for each time of output: the columns of `OUTPUTS`."""
+    """Return one line for each output time: the columns of `OUTPUTS`."""
     import numpy as np
 
     columns = np.hstack([np.reshape(out.values(sim), (len(sim.times), -1)) for out in OUTPUTS])
@@ -89,7 +89,7 @@ def simulation_csv(sim: Simulation) -> str:
 
 
 def simulation_npz(sim: Simulation) -> bytes:
-    """Return `OUTPUTS` as arrays of a NumPy archive, with the places and orientations of bodies and all names."""
+    """Return `OUTPUTS` as arrays of a NumPy archive, with the positions and orientations of bodies and all names."""
     import numpy as np
 
     arrays: dict[str, Any] = {out.name: out.values(sim) for out in OUTPUTS}
@@ -129,12 +129,12 @@ def simulation_json(sim: Simulation, model: str, title: str, full: bool) -> str:
     """Return the JSON object of ``mbstab simulate``.
 
     Keys: ``model``, ``title``, ``method``, ``solver``, ``tol`` (null with fixed steps), ``step`` (s),
-    ``error_estimate`` (of the global error: places relative to the size of the scene, entries of rotation matrices,
+    ``error_estimate`` (of the global error: positions relative to the size of the scene, entries of rotation matrices,
     speeds relative to the largest one, or to a part of the natural rate of the scene where nothing moves),
     ``complete``, ``failure``, ``start`` and ``end`` (s), ``end_state``
     (``coordinates`` in m and rad and ``rates``, by name), ``max_constraint_residual``, ``energy_drift`` (relative),
     ``conservative``, ``steps``, ``rejected``, ``evaluations``, ``runs``, ``charts``, ``warnings``; in a
-    file also ``columns`` (names with units) and ``rows`` (a list for each time of output).
+    file also ``columns`` (names with units) and ``rows`` (a list for each output time).
     """
     data: dict[str, Any] = {"model": model, "title": title, **_summary(sim)}
     if full:
@@ -146,13 +146,13 @@ def simulation_json(sim: Simulation, model: str, title: str, full: bool) -> str:
 
 
 STILL = 1e-9
-"""A motion within this part of the sizes is none."""
+"""A motion within this fraction of the sizes counts as rest."""
 
 NOTHING = 1e-12
-"""The summary shows values below this part of their size as 0; files have them unchanged."""
+"""The summary shows values below this fraction of their size as 0; files contain them unchanged."""
 
 MOST = 40
-"""So many coordinates are shown in the summary unless all are asked for."""
+"""Maximum number of coordinates in the summary unless all are requested."""
 
 
 def simulation_text(sim: Simulation, title: str, full: bool = False) -> str:
@@ -194,7 +194,7 @@ def simulation_text(sim: Simulation, title: str, full: bool = False) -> str:
 
 
 def _shown(value: float, size: float) -> str:
-    """Return a number with eight digits; rounding of its size is 0."""
+    """Return a number with eight digits; a value that is rounding relative to its size is 0."""
     return number(0.0 if abs(value) <= NOTHING * size else float(value), 8)
 
 

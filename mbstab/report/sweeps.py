@@ -1,4 +1,4 @@
-"""Sweeps and stability charts as text: where stability changes, and how it is in between."""
+"""Sweeps and stability charts as text: where stability changes, and the verdicts in between."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
 def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
-    """Return the summary of ``mbstab sweep``: where stability changes, and how it is in between."""
+    """Return the summary of ``mbstab sweep``: where stability changes, and the verdicts in between."""
     lines = [title, ""] if title else []
     label = f"{result.parameter} ({unit})" if unit else result.parameter
     first, last = (number(float(result.values[k]) / factor, 6) for k in (0, -1))
@@ -50,7 +50,7 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
 
 
 def _path(result: Sweep, label: str, factor: float) -> list[str]:
-    """Return what happens along one path of a sweep."""
+    """Return the events along one path of a sweep."""
     alike = len({*result.words.tolist()}) == 1 and len(result.words) and result.words[0] != WORDS.index(UNDECIDED)
     lines = ["stability does not change in this range", ""] if alike else []
     if result.critical:
@@ -176,7 +176,7 @@ def _runs(inside: list[int], a: float, b: float, x: Array, words: Any, counts: A
         if i in missing:
             whole = False
             continue
-        # Unstable without an eigenvalue to the right of the axis: a multiple one on it, at this value only.
+        # Unstable without an eigenvalue right of the axis: a multiple one on it, at this value only.
         same = bool(runs) and runs[-1].word == word and (0 in runs[-1].counts) == (counts[i] == 0)
         if same and whole:
             runs[-1].high = value

@@ -9,7 +9,7 @@ NAMES = {"M": "mass", "R": "damping", "K": "stiffness"}
 
 
 def symbolic_text(result: SymbolicBlocks, title: str) -> str:
-    """Return the blocks as text, wide ones continued below (↪); blocks that are zero are written O."""
+    """Return the blocks as text, wide ones continued below (↪); zero blocks are written O."""
     import sympy
 
     lines = [title, ""] if title else []

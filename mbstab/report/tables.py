@@ -16,7 +16,7 @@ GAP = 2
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:
     """Return an aligned table; columns in `left` are flush left, the others flush right.
 
-    Columns that have no room in `WIDTH` follow below, with the first column again; texts that have none are wrapped.
+    Columns that do not fit in `WIDTH` follow below, with the first column repeated; texts that do not fit are wrapped.
     """
     first = max(map(_width, (heads[0], *(row[0] for row in rows))))
     room = max(WIDTH - first - GAP, WIDTH // 2)
@@ -48,7 +48,7 @@ def _blocks(widths: Sequence[int]) -> list[list[int]]:
 
 
 def _aligned(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int]) -> str:
-    """Return a table with its columns side by side; heads stand on the rule below them, cells hang from above."""
+    """Return a table with its columns side by side; heads are aligned at the bottom, cells at the top."""
     widths = [max(map(_width, column)) for column in zip(heads, *rows, strict=True)]
     height = max(head.count("\n") for head in heads)
     raised = ["\n" * (height - head.count("\n")) + head for head in heads]

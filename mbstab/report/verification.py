@@ -1,4 +1,4 @@
-"""Eigenvalues beside what the nonlinear motion shows, as text and as data."""
+"""Eigenvalues against the nonlinear motion, as text and as data."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _footer(found: Verification) -> str:
 
 
 def _neutral(x: Drift) -> str:
-    """Return what is seen along the neutral directions."""
+    """Return the result along the neutral directions, in words."""
     many = counted(x.count, "neutral direction")
     if x.verdict == "cannot be judged":
         return f"{many}: not judged: {x.reason}"
@@ -85,8 +85,8 @@ def verification_data(found: Verification) -> dict[str, Any]:
     ``modes``, ``neutral`` (null without neutral eigenvalues). Of each mode: ``number``, ``kind``, ``predicted`` and
     ``observed`` (``real`` and ``imag`` in 1/s; null where nothing was observed), ``error`` (relative),
     ``uncertainty`` (1/s), ``span`` (s), ``amplitude`` (of the sizes in the scene), ``verdict``, ``reason``. Of the
-    neutral directions: ``count``, ``staying`` (along which displaced motions stay), ``power`` (of time, with which the
-    others drift; -1 if they turn with a frame), ``error`` (largest difference from the prediction, of the
+    neutral directions: ``count``, ``staying`` (along which displacements are constant), ``power`` (of time, with which
+    the others drift; -1 if they rotate with a frame), ``error`` (largest difference from the prediction, relative to the
     displacement), ``span`` (s), ``verdict``, ``reason``.
     """
     return {

@@ -16,12 +16,12 @@ from mbstab.report.animation.view import View
 
 
 def ground_lines(plane: Plane, view: View, shift: Array) -> list[Array]:
-    """Return the lines of a plane, or of a line with hatches, as they are seen after a shift of the view."""
+    """Return the lines of a plane, or of a line with hatches, in a shifted view."""
     return (_hatched_line if view.sketch.dimension == 2 else _grid)(plane, view, shift)
 
 
 def _hatched_line(plane: Plane, view: View, shift: Array) -> list[Array]:
-    """Return a line with hatches below it, which stand still on the ground."""
+    """Return a line with hatches below it, which are fixed to the ground."""
     normal = plane.normal
     origin = plane.origin - shift
     span = float(np.max(view.high - view.low))
@@ -39,7 +39,7 @@ def _hatched_line(plane: Plane, view: View, shift: Array) -> list[Array]:
 
 
 def _grid(plane: Plane, view: View, shift: Array) -> list[Array]:
-    """Return a grid below the bodies, whose lines stand still on the ground."""
+    """Return a grid below the bodies, whose lines are fixed to the ground."""
     origin, across = plane.origin, view.across
     one, other, low, high = view.patch(plane)
     step = _nice(float(np.max(high - low)) / 12.0)
@@ -83,6 +83,6 @@ def draw_ground_axes(axes: Axes, low: Array, high: Array, across: Array) -> None
         way = across[:2] @ direction
         x, y = (start + size * way).tolist()
         axes.annotate("", (x, y), (float(start[0]), float(start[1])), arrowprops=arrow)
-        # An axis that points to the viewer has no arrow: its name stands beside the origin.
+        # An axis that points to the viewer has no arrow: its name is written at the origin.
         x, y = (start + 1.25 * size * way + (0.0 if np.hypot(*way) > 0.3 else 0.25 * size)).tolist()
         axes.text(x, y, name, ha="center", va="center")

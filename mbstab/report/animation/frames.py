@@ -1,4 +1,4 @@
-"""Motions as frames: where every body is at evenly spaced times, or over one period of a mode."""
+"""Motions as frames: positions of all bodies at evenly spaced times, or over one period of a mode."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ FINE = 5
 """Points on the path of a traced point for each frame."""
 
 MOST_FRAMES = 20_000
-"""Largest number of frames; more are taken for a mistake."""
+"""Largest number of frames; more are taken as a mistake."""
 
 SWING = 2.0
-"""Duration of one period of a mode in an animation, whatever the period is (s)."""
+"""Duration of one period of a mode in an animation, for any period (s)."""
 
 
 @dataclass(frozen=True)
 class Frames:
-    """Where the bodies are in each frame.
+    """Positions of the bodies in each frame.
 
     Attributes
     ----------
@@ -67,14 +67,14 @@ def frame_count(duration: float, fps: float, speed: float) -> int:
 
 
 def motion_frames(sim: Simulation, fps: float = FPS, speed: float = 1.0) -> Frames:
-    """Return a simulation at evenly spaced times; between times of output it is interpolated.
+    """Return a simulation at evenly spaced times; between output times it is interpolated.
 
     Parameters
     ----------
     fps : float
         Frames per second.
     speed : float
-        Seconds of the motion in a second.
+        Seconds of motion per second of the animation.
     """
     first, last = float(sim.times[0]), float(sim.times[-1])
     count = frame_count(last - first, fps, speed)
@@ -89,7 +89,7 @@ def motion_frames(sim: Simulation, fps: float = FPS, speed: float = 1.0) -> Fram
 
 
 def _interpolated(sim: Simulation, times: Array) -> tuple[Array, Array]:
-    """Return places by cubic polynomials, orientations by even turns."""
+    """Return positions by cubic interpolation, orientations by uniform rotation."""
     place, turn = _padded(sim.positions, sim.rotations)
     if len(sim.times) == 1:
         return np.repeat(place, len(times), axis=0), np.repeat(turn, len(times), axis=0)
@@ -109,7 +109,7 @@ def _interpolated(sim: Simulation, times: Array) -> tuple[Array, Array]:
 
 
 def _part_of_turn(rotation: Array, part: Array) -> Array:
-    """Return rotations, shape (…, 3, 3), by a part of their angles, shape (…)."""
+    """Return rotations, shape (…, 3, 3), by a fraction of their angles, shape (…)."""
     skew = 0.5 * (rotation - np.swapaxes(rotation, -1, -2))
     sine = np.sqrt(skew[..., 2, 1] ** 2 + skew[..., 0, 2] ** 2 + skew[..., 1, 0] ** 2)
     angle = np.arctan2(sine, 0.5 * (np.trace(rotation, axis1=-2, axis2=-1) - 1.0))
@@ -120,7 +120,7 @@ def _part_of_turn(rotation: Array, part: Array) -> Array:
 
 
 def _padded(positions: Array, rotations: Array) -> tuple[Array, Array]:
-    """Return places and orientations with three components."""
+    """Return positions and orientations with three components."""
     d = positions.shape[-1]
     place = np.zeros((*positions.shape[:-1], 3))
     turn = np.broadcast_to(np.eye(3), (*rotations.shape[:-2], 3, 3)).copy()
@@ -129,7 +129,7 @@ def _padded(positions: Array, rotations: Array) -> tuple[Array, Array]:
 
 
 def swing_frames(swing: Swing, number: int, fps: float = FPS) -> Frames:
-    """Return one period of a mode, whose repetition swings on."""
+    """Return one period of a mode, which continues smoothly when repeated."""
     value = swing.value
     imaginary = f" ± {abs(value.imag):.4g}i" if value.imag else ""
     text = with_minus_sign(f"mode {number}: {value.real:.4g}{imaginary} 1/s")

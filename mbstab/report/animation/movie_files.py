@@ -21,13 +21,13 @@ from mbstab.report.files import whole_file
 from mbstab.report.pictures.curves import INK
 
 FORMATS = (".gif", ".mp4")
-"""What `write` writes, by suffix."""
+"""Formats of `write`, by suffix."""
 
 FASTEST_GIF = 50.0
-"""Most frames per second of a GIF: viewers slow down faster ones."""
+"""Maximum number of frames per second of a GIF: viewers slow down faster ones."""
 
 SLOWEST = 0.01
-"""Fewest frames per second: a GIF cannot show one frame for longer than 10 min."""
+"""Minimum number of frames per second: a GIF cannot show one frame for longer than 10 min."""
 
 
 def check(path: Path, fps: float) -> None:
@@ -36,7 +36,7 @@ def check(path: Path, fps: float) -> None:
     Raises
     ------
     UsageError
-        If the suffix is none of `FORMATS`, frames are too slow, or too fast for a GIF, or ffmpeg is missing for an MP4.
+        If the suffix is not in `FORMATS`, frames are too slow, or too fast for a GIF, or ffmpeg is missing for an MP4.
     """
     if path.suffix.lower() not in FORMATS:
         raise UsageError(f"{path}: animations end with {' or '.join(FORMATS)}")
@@ -49,14 +49,14 @@ def check(path: Path, fps: float) -> None:
 
 
 def write(stage: Stage, path: str | os.PathLike[str], progress: Callable[[float], object] = lambda done: None) -> None:
-    """Write all frames; the file appears whole or not at all.
+    """Write all frames; the file is written completely or not at all.
 
     Parameters
     ----------
     path : path
-        The suffix says how: ``.gif``, which repeats, or ``.mp4``, by ffmpeg.
+        The suffix selects the format: ``.gif``, which repeats, or ``.mp4``, by ffmpeg.
     progress : callable
-        Is called with the part of the frames that is written, from 0 to 1.
+        Called with the fraction of the frames that is written, from 0 to 1.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def write(stage: Stage, path: str | os.PathLike[str], progress: Callable[[float]
 
 def _palette() -> Image.Image:
     """Return greys, and the inks on their way to white and to black."""
-    colours = [(round(255 * k / 31),) * 3 for k in range(32)]  # not finer than Pillow tells apart
+    colours = [(round(255 * k / 31),) * 3 for k in range(32)]  # as fine as Pillow distinguishes
     for ink in INK[1:]:
         rgb = np.array([int(ink[i : i + 2], 16) for i in (1, 3, 5)])
         colours += [tuple(np.round(rgb + (255 - rgb) * k / 23).astype(int).tolist()) for k in range(23)]
@@ -93,7 +93,7 @@ def _palette() -> Image.Image:
 
 
 def _write_gif(stream: BinaryIO, images: Iterator[Image.Image], fps: float) -> None:
-    """Write frames one after the other, of each what changes; delays in 1/100 s add up to the right duration."""
+    """Write frames one after the other, only their changes; delays in 1/100 s sum to the right duration."""
     palette = _palette()
     before: Image.Image | None = None
     pending: tuple[Image.Image, tuple[int, int]] | None = None
@@ -124,7 +124,7 @@ def _write_gif(stream: BinaryIO, images: Iterator[Image.Image], fps: float) -> N
 
 
 def _write_mp4(stream: BinaryIO, images: Iterator[Image.Image], fps: float) -> None:
-    """Give frames to ffmpeg, which writes to the place of the stream."""
+    """Pass frames to ffmpeg, which writes to the path of the stream."""
     first = next(images)
     source = [
         "-f",
@@ -139,7 +139,7 @@ def _write_mp4(stream: BinaryIO, images: Iterator[Image.Image], fps: float) -> N
         "-",
     ]
     command = ["ffmpeg", "-y", "-loglevel", "error", *source, "-an", "-pix_fmt", "yuv420p", "-f", "mp4", stream.name]
-    # In a session of its own it does not get the Ctrl-C of the terminal, which ends it here.
+    # In its own session it does not receive the Ctrl-C of the terminal; it is ended here instead.
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as process:
         assert process.stdin is not None
         assert process.stderr is not None
@@ -147,7 +147,7 @@ def _write_mp4(stream: BinaryIO, images: Iterator[Image.Image], fps: float) -> N
             for image in itertools.chain([first], images):
                 process.stdin.write(image.tobytes())
         except BrokenPipeError:
-            pass  # it says why
+            pass  # ffmpeg prints the reason
         except BaseException:
             process.kill()
             raise

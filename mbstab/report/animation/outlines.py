@@ -1,4 +1,4 @@
-"""Outlines of forms in three dimensions, in their own frames, and windings of springs."""
+"""Outlines of shapes in three dimensions, in their own frames, and windings of springs."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ THIN, THICK, BLADE = 1.0, 2.6, 5.0
 
 @dataclass(frozen=True)
 class Outline:
-    """How something looks in its own frame, the axis of symmetry along z.
+    """The outline of an object in its own frame, with the axis of symmetry along z.
 
     Attributes
     ----------
     strokes : tuple of ndarray, shape (k, 3)
         Lines (m).
     skin : ndarray, shape (k, 3)
-        Points whose convex hull is filled; empty for what has no inside.
+        Points whose convex hull is filled; empty for objects without interior.
     normals : tuple of ndarray, shape (k, 3)
-        For each stroke the outward normals of the faces it belongs to: it is seen if one of them faces the viewer.
+        For each stroke the outward normals of its faces: it is visible if one of them faces the viewer.
     width : float
         Width of the lines (points).
     """
@@ -45,7 +45,7 @@ class Outline:
     width: float = THIN
 
     def placed(self, axes: Array, center: Array) -> Outline:
-        """Return it in another frame; the columns of `axes`, shape (3, 3), are its axes there."""
+        """Return the outline in another frame; the columns of `axes`, shape (3, 3), are its axes there."""
         return replace(
             self,
             strokes=tuple(x @ axes.T + center for x in self.strokes),
@@ -78,7 +78,7 @@ def _cylinder(radius: float, length: float) -> Outline:
     heights = (-0.5 * length, 0.5 * length) if length else (0.0,)
     ends = [_circle(radius, height) for height in heights]
     marks = [line((0.0, 0.0, height), end[0]) for height, end in zip(heights, ends, strict=True)]
-    # A radius shows that it turns. A thin disk shows both faces at once.
+    # A radius shows rotation. A thin disk shows both faces at once.
     faces = [line((0.0, 0.0, -1.0)), line((0.0, 0.0, 1.0))] if length else [line((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))]
     return Outline((*ends, *marks), np.concatenate(ends), (*faces, *faces))
 

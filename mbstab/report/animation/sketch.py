@@ -1,6 +1,6 @@
-"""What a mechanism looks like: outlines of bodies in their own frames, lines between joints, pins, springs, ground.
+"""The drawing of a mechanism: outlines of bodies in their own frames, lines between joints, pins, springs, ground.
 
-All is in three dimensions; planar scenes lie in z = 0. What an entry of a model looks like is said by its `Look`.
+All is in three dimensions; planar scenes lie in z = 0. The `Look` of an entry of a model defines its drawing.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mbstab.records import dataclass
 from mbstab.report.animation.outlines import BLADE, THICK, Outline, line, outline_of
 
 CROSS = 0.1
-"""Half length of the axes by which a body without shape is drawn, as a part of the size of the scene."""
+"""Half length of the axes of a body drawn without shape, as a fraction of the size of the scene."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Pin:
-    """Where a joint is: a point of a body, whether its bodies slide there, and whether one of them is the ground."""
+    """The place of a joint: a point of a body, whether its bodies slide there, whether one of them is the ground."""
 
     place: Marker
     slides: bool
@@ -65,7 +65,7 @@ class Plane:
 
 @dataclass(frozen=True)
 class Sketch:
-    """What is drawn of a scene.
+    """The drawing of a scene.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Sketch:
     masses : list of int
         Bodies that are points.
     centers : list of Marker
-        Centres of mass of bodies that are drawn by lines.
+        Centres of mass of bodies that are drawn as lines.
     up : ndarray, shape (3,)
         Against gravity; z in space, y in the plane without it.
     weighted : bool
@@ -98,7 +98,7 @@ class Sketch:
 
     @classmethod
     def of(cls, system: System) -> Sketch:
-        """Return what is drawn of a scene with numbers."""
+        """Return the drawing of a scene with numerical values."""
         scene = system.scene
         gravity = _spatial(scene.gravity)
         weighted = bool(np.any(gravity))
@@ -144,7 +144,7 @@ class Sketch:
                 self.planes.append(plane)
 
     def _add_body(self, system: System, b: int, entry: Entry, places: list[Array], shaped: bool, size: float) -> None:
-        """Add a body: its shapes, and lines to the points where something acts on it; its axes if there is neither.
+        """Add a body: its shapes, and lines to the points where something acts on it; its axes if it has neither.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class Sketch:
         self.pieces.extend(Piece(b, Outline((x,), width=THICK)) for x in skeleton)
         if own or shaped:
             return
-        # Only its axes show that a body turns about a line.
+        # Only its axes show the rotation of a body about a line.
         if len(_distinct(places)) > 1 or (skeleton and self.dimension == 2):
             self.centers.append(Marker(b, tuple(system.scene.bodies[b].center)))
         else:
@@ -251,13 +251,13 @@ def _skeleton(places: list[Array], center: Array, shapes: list[Outline]) -> list
     if len(nodes) == 2:
         return [line(*nodes)]
     if len(nodes) == 3:
-        # The centre of mass on the line between two points needs no lines of its own.
+        # A centre of mass on the line between two points needs no lines of its own.
         return [line(*nodes, nodes[0])]
     return [line(center, p) for p in places if np.any(p != center)]
 
 
 def _axes(dimension: int, size: float, center: Array) -> Outline:
-    """Return a cross along the axes of a body, its x axis with a head."""
+    """Return a cross along the axes of a body, its x axis with an arrow head."""
     lines = [line(center - size * e, center + size * e) for e in np.eye(3)[:dimension]]
     x, y = np.eye(3)[:2]
     head = center + size * x

@@ -1,4 +1,4 @@
-"""Hidden surfaces in a parallel projection: which bodies, as convex hulls, hide what is behind them."""
+"""Hidden surfaces in a parallel projection: bodies, as convex hulls, hide points behind them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
 FLAT = 1e-4
-"""Half of the thickness that a flat body is given, as a part of its size."""
+"""Half of the thickness that a flat body is given, as a fraction of its size."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Solid:
     faces : ndarray, shape (n, 4)
         Outward normal n and offset b of each: inside is n·x <= b.
     rim : ndarray, shape (m, 3)
-        Its outline as it is seen, closed; empty before `placed` has fixed the view.
+        Its visible outline, closed; empty before `placed` has fixed the view.
     """
 
     corners: Array
@@ -33,7 +33,7 @@ class Solid:
 
     @classmethod
     def of(cls, skin: Array) -> Solid:
-        """Return the convex hull of points, shape (k, 3); a flat one is given a thickness too small to be seen."""
+        """Return the convex hull of points, shape (k, 3); a flat one is given an invisibly small thickness."""
         from scipy.spatial import ConvexHull
 
         size = float(np.max(np.abs(skin)))
@@ -47,7 +47,7 @@ class Solid:
         return cls(points[found.vertices] * size, faces * [1.0, 1.0, 1.0, size], np.zeros((0, 3)))
 
     def placed(self, axes: Array, center: Array, across: Array) -> Solid:
-        """Return it in another frame, with its outline as seen along the last row of `across`."""
+        """Return the solid in another frame, with its outline as seen along the last row of `across`."""
         corners, normals = self.corners @ axes.T + center, self.faces[:, :3] @ axes.T
         seen = corners @ across[:2].T
         number = {tuple(p): k for k, p in enumerate(seen.tolist())}
@@ -66,7 +66,7 @@ class Solid:
         return first, np.where(missed, -np.inf, last)
 
     def covers(self, other: Solid, towards: Array) -> bool:
-        """Return whether it is in front of another one where both are seen."""
+        """Return whether the solid is in front of another one where both overlap."""
         shared = []
         for one, two in ((self, other), (other, self)):
             a, b = one.rim[:-1], one.rim[1:]
@@ -76,7 +76,7 @@ class Solid:
         points = np.concatenate([x - np.outer(x @ towards, towards) for x in shared])
         if not len(points):
             return False
-        # Both outlines are convex: the middle of points in both is in both.
+        # Both outlines are convex: the mean of points in both is in both.
         middle = points.mean(axis=0, keepdims=True)
         return bool(self.through(middle, towards)[1][0] > other.through(middle, towards)[1][0])
 
@@ -88,7 +88,7 @@ def in_order(solids: dict[int, Solid], towards: Array) -> list[int]:
     found = []
     while left:
         free = (a for a in left if not any((a, b) in covers for b in left))
-        found.append(next(free, next(iter(left))))  # those that cover each other in a ring have no order
+        found.append(next(free, next(iter(left))))  # solids that cover each other cyclically have no order
         del left[found[-1]]
     return found
 
@@ -100,7 +100,7 @@ def hidden(
     covered = np.zeros(len(points), dtype=bool)
     for solid in solids:
         first, last = solid.through(points, towards)
-        # Before the solid the ray runs free, or it runs through what is thick.
+        # The ray is free before the solid, or runs through some thickness.
         passes = (last > first) & ((first > deep) | (last - np.maximum(first, 0.0) > deep))
         covered |= passes & (inside | (first > -deep))
     return covered

@@ -1,6 +1,6 @@
 """The picture in which bodies, joints, springs and paths of points move from frame to frame.
 
-Grey tells bodies apart; the paths of points have the inks and dashes of all pictures.
+Greys distinguish bodies; the paths of points have the inks and dashes of all pictures.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ FRAGMENTS = 40
 """Pieces into which a line as long as the mechanism is cut to find its hidden parts."""
 
 TOUCHING = 2e-3
-"""A point is hidden if it lies behind a body by more than this part of the size of the mechanism."""
+"""A point is hidden if it lies behind a body by more than this fraction of the size of the mechanism."""
 
 SUPPORT = Outlined([(0.0, 0.0), (-0.6, -1.0), (0.6, -1.0), (0.0, 0.0)])
 """Marker of a joint to the ground."""
@@ -55,7 +55,7 @@ class Stage:
     frames : Frames
     title : str
     view : (float, float), optional
-        The direction one looks from, see `View`, as are `traces` and `follow`.
+        The viewing direction; see `View`, also for `traces` and `follow`.
     traces : sequence of str
     follow : str
 
@@ -75,7 +75,7 @@ class Stage:
         follow: str = "",
     ) -> None:
         self.view = View(sketch, frames, view, traces, follow)
-        # Planar bodies lie in one plane: none is behind another.
+        # Planar bodies lie in one plane: none hides another.
         skins = [k for k, piece in enumerate(sketch.pieces) if sketch.dimension == 3 and len(piece.outline.skin)]
         self.solids = {k: Solid.of(sketch.pieces[k].outline.skin) for k in skins}
         with house_style():
@@ -89,7 +89,7 @@ class Stage:
             artist.set_animated(True)
 
     def _add_axes(self, title: str) -> None:
-        """Make the figure with its axes, title, scale and legend."""
+        """Create the figure with its axes, title, scale and legend."""
         view = self.view
         planar = view.sketch.dimension == 2
         ticks = planar and not view.follows
@@ -123,7 +123,7 @@ class Stage:
             draw_legend(self.figure, handles)
 
     def _add_surfaces(self) -> None:
-        """Add what has lines and faces: ground, bodies, links, and paths; and the caption."""
+        """Add the objects with lines and faces (ground, bodies, links, paths) and the caption."""
         planar = self.view.sketch.dimension == 2
         self.ground = LineCollection([], colors="0.4" if planar else "0.82", linewidths=0.7, zorder=1)
         self.bodies = PolyCollection([], closed=False, zorder=3)
@@ -131,7 +131,7 @@ class Stage:
         self.links = LineCollection([], colors="k", zorder=3.5)
         for collection in (self.ground, self.bodies, self.edges, self.links):
             self.axes.add_collection(collection, autolim=False)
-        # In the plane paths lie below the bodies; in space they are hidden where they are behind one.
+        # In the plane paths lie below the bodies; in space they are hidden behind bodies.
         layer = 2.0 if planar else 4.0
         styles = [_path_style(k) for k in range(len(self.view.traced))]
         self.paths = [self.axes.plot([], [], **style, zorder=layer)[0] for style in styles]
@@ -141,11 +141,11 @@ class Stage:
         )  # fmt: skip
 
     def _add_markers(self) -> None:
-        """Add the markers of supports, joints, point masses and centres of mass, each kind twice: seen, and behind."""
+        """Add the markers of supports, joints, point masses and centres of mass, each kind visible and hidden."""
         sketch, path = self.view.sketch, self.view.path
         joint: dict[str, Any] = {"color": "k", "markerfacecolor": "w", "zorder": 5}
         support = {"color": "0.35", "markerfacecolor": "0.75", "marker": SUPPORT, "markersize": 13, "zorder": 4.5}
-        # Behind a body they are not lost, but empty.
+        # Behind a body they are drawn empty.
         empty = {"markerfacecolor": "none", "markeredgecolor": "0.3", "markeredgewidth": 0.7}
         self.marked: list[tuple[Line2D, list[Array]]] = []
         self.behind: list[Line2D] = []
@@ -166,7 +166,7 @@ class Stage:
         self.ends = [(link.spring, path(link.first, True), path(link.second, True)) for link in sketch.links]
 
     def show(self, frame: int) -> None:
-        """Move everything to where it is in a frame."""
+        """Move everything to its position in a frame."""
         view = self.view
         placed = [view.outline(number, frame) for number in range(len(view.sketch.pieces))]
         solids = {k: view.solid(k, solid, frame) for k, solid in self.solids.items()}
@@ -208,11 +208,11 @@ class Stage:
         self.bodies.set_linewidth([shown[3] for shown in fills])
 
     def _edges(self, placed: Sequence[Outline], solids: dict[int, Solid]) -> list[tuple[Array, float]]:
-        """Return the lines of bodies in space that are seen, and their widths."""
+        """Return the visible lines of bodies in space, and their widths."""
         edges: list[tuple[Array, float]] = []
         pieces = self.view.sketch.pieces
         for k, outline in enumerate(placed) if solids else ():
-            # A body without inside is drawn over what it is fixed to.
+            # A body without interior is drawn over the body it is fixed to.
             others = [x for j, x in solids.items() if j != k and (k in solids or pieces[j].body != pieces[k].body)]
             if k in solids:
                 edges += [(x, 1.1) for x in self._visible(solids[k].rim, others)]
@@ -221,11 +221,11 @@ class Stage:
         return edges
 
     def _covered(self, points: Array, solids: Sequence[Solid]) -> Any:
-        """Return which points are behind solids; one inside of a solid, such as a joint, is seen."""
+        """Return which points are behind solids; one inside a solid, such as a joint, is visible."""
         return hidden(points, solids, self.view.across[2], TOUCHING * self.view.width, inside=False)
 
     def _visible(self, line: Array, solids: Sequence[Solid]) -> list[Array]:
-        """Return the parts of a line, shape (k, 3), that no solid hides, as they are seen, each of shape (m, 2)."""
+        """Return the visible parts of a line, shape (k, 3), in the view, each of shape (m, 2)."""
         view = self.view
         if not solids:
             return [view.flat(line)]

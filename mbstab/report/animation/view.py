@@ -1,6 +1,6 @@
 """The view of a motion: its direction, the positions of bodies and points in it, and the limits of the picture.
 
-It is a parallel projection: lengths across it are true. The limits stay fixed during the motion.
+It is a parallel projection, so that lengths normal to it are true. The limits stay fixed during the motion.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ VIEW = (20.0, -60.0)
 
 
 class View:
-    """A motion as it is seen.
+    """A motion in a view.
 
     Parameters
     ----------
     sketch : Sketch
     frames : Frames
     direction : (float, float), optional
-        Elevation and azimuth of the direction one looks from (deg), about the upward direction; in the plane from z.
+        Elevation and azimuth of the viewing direction (deg), about the upward direction; in the plane from z.
     traces : sequence of str
         Points whose paths are drawn, such as ``rod.tip``.
     follow : str
@@ -41,9 +41,9 @@ class View:
     across : ndarray, shape (3, 3)
         Directions to the right, upwards, and towards the viewer, as rows.
     traced : dict
-        Paths of points by name, with `FINE` places for a frame.
+        Paths of points by name, with `FINE` points for a frame.
     shift : ndarray, shape (n, 3)
-        How far the view has moved in each frame (m).
+        Shift of the view in each frame (m).
     low, high : ndarray, shape (2,)
         Limits of the picture (m).
     width : float
@@ -82,11 +82,11 @@ class View:
         self._limit()
 
     def flat(self, points: Array) -> Array:
-        """Return points, shape (…, 3), as they are seen, shape (…, 2)."""
+        """Return points, shape (…, 3), projected to the view, shape (…, 2)."""
         return points @ self.across[:2].T
 
     def path(self, marker: Marker, shifted: bool = False) -> Array:
-        """Return the place of a marker in every frame, shape (n, 3), from the shifted view or from the ground."""
+        """Return the position of a marker in every frame, shape (n, 3), in the shifted view or on the ground."""
         point = np.array([*marker.point, 0.0], dtype=float)[:3]
         n = len(self.frames.captions)
         if marker.body == GROUND:
@@ -102,13 +102,13 @@ class View:
         return np.asarray(positions[:, marker.body] + rotations[:, marker.body] @ point)
 
     def outline(self, number: int, frame: int) -> Outline:
-        """Return the outline of a piece of the sketch where it is in a frame, in ground axes (m)."""
+        """Return the outline of a piece of the sketch at its position in a frame, in ground axes (m)."""
         piece = self.sketch.pieces[number]
         center = self.frames.positions[frame, piece.body] - self.shift[frame]
         return piece.outline.placed(self.frames.rotations[frame, piece.body], center)
 
     def solid(self, number: int, solid: Solid, frame: int) -> Solid:
-        """Return the solid of a piece of the sketch where it is in a frame."""
+        """Return the solid of a piece of the sketch at its position in a frame."""
         body = self.sketch.pieces[number].body
         center = self.frames.positions[frame, body] - self.shift[frame]
         return solid.placed(self.frames.rotations[frame, body], center, self.across)
@@ -120,7 +120,7 @@ class View:
         self.low, self.high = middle - half, middle + half
 
     def _limit(self) -> None:
-        """Set the limits of the view, and how wide the mechanism itself is."""
+        """Set the limits of the view, and the width of the mechanism itself."""
         clouds = []
         for piece in self.sketch.pieces:
             points = np.concatenate([*piece.outline.strokes, piece.outline.skin])
@@ -146,7 +146,7 @@ class View:
         self.low, self.high = self.low - margin, self.high + margin
 
     def patch(self, plane: Plane) -> tuple[Array, Array, Array, Array]:
-        """Return two directions of a plane, and the least and largest coordinates along them of what is above it."""
+        """Return two directions of a plane, and the limits of the coordinates along them of what is above it."""
         first = np.cross(plane.normal, np.eye(3)[int(np.argmin(np.abs(plane.normal)))])
         first /= np.linalg.norm(first)
         directions = np.array([first, np.cross(plane.normal, first)])
@@ -157,7 +157,7 @@ class View:
 
     @property
     def spread(self) -> float:
-        """How many times as wide as the mechanism the picture is."""
+        """Ratio of the width of the picture to that of the mechanism."""
         return float(np.max(self.high - self.low)) / self.width
 
     # --- the figure -------------------------------------------------------------------------------------------------

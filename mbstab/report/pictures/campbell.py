@@ -68,7 +68,7 @@ def campbell(result: Sweep, label: Axis | str, title: str, excitations: Sequence
 
 
 def _crossings(x: Array, frequency: Array, line: Array) -> list[tuple[float, float]]:
-    """Return where branches cross an excitation line, each crossing once; not where both are zero."""
+    """Return the crossings of branches with an excitation line, each once; not those where both are zero."""
     found: list[tuple[float, float]] = []
     top = float(np.nanmax(frequency)) if frequency.size and not np.all(np.isnan(frequency)) else 0.0
     span = float(np.ptp(x)) if len(x) else 0.0
@@ -85,7 +85,7 @@ def _crossings(x: Array, frequency: Array, line: Array) -> list[tuple[float, flo
 
 
 def _name_excitation(labels: PointLabels, x: Array, line: Array, text: str) -> None:
-    """Write the name of an excitation line where it leaves the picture on the right, or on the left."""
+    """Write the name of an excitation line where it leaves the picture, on the right or on the left."""
     inside = np.flatnonzero((line <= labels.axes.get_ylim()[1]) & ((x > 0.0) | (x[-1] <= 0.0)))
     if len(inside):
         k = inside[int(0.95 * (len(inside) - 1))] if x[-1] > 0.0 else inside[len(inside) // 20]

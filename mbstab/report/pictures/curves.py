@@ -53,7 +53,7 @@ def draw_branch(axes: Axes, x: Array, y: Array, ink: str, thick: Mask, dashed: b
 def decimated(x: Array, y: Array) -> tuple[Array, Array]:
     """Return the points of a curve over ascending x that a picture can show.
 
-    Of every column the first, last, highest and lowest points are kept, and a nan.
+    In every column the first, last, highest and lowest points are kept, and a nan.
     """
     n = len(x)
     if n <= 5 * BINS:
@@ -90,10 +90,10 @@ def thinned(x: Array, y: Array) -> tuple[Array, Array]:
     z = cells[0] + 1j * cells[1]
     grid = np.where(finite, np.floor(cells[0]) * 2.0 * BINS + np.floor(cells[1]), -1.0)
     moved = np.diff(grid) != 0.0
-    # The last point in a cell is kept too: at a turn or before a gap it is the end.
+    # The last point in a cell is kept too: at a turn or before a gap it is an end.
     kept = np.flatnonzero(np.concatenate([[True], moved]) | np.concatenate([moved, [True]]))
     for _ in range(8):
-        # Of every second point, those on the line from the point before to the point after are dropped.
+        # Among every second point, those on the line between their neighbours are dropped.
         before, middle, after = z[kept[:-2:2]], z[kept[1:-1:2]], z[kept[2::2]]
         way = after - before
         part = (middle - before) * np.conj(way)

@@ -1,4 +1,4 @@
-"""What all pictures share: style, title, legend, and how they are written to a file.
+"""Common parts of all pictures: style, title, legend, and writing to a file.
 
 Pictures can be read in grey too: curves differ in line style and width, regions in lightness, points in
 their marker. Results are in SI units, pictures in declared units.
@@ -23,7 +23,7 @@ from matplotlib.patches import Patch
 from mbstab.report.files import whole_file
 
 FORMATS = ("png", "svg", "pdf")
-"""What `save` writes, by suffix."""
+"""Formats of `save`, by suffix."""
 
 UNSTABLE_SHADE = "0.9"
 """Grey of unstable ranges."""
@@ -35,20 +35,20 @@ FONT = 9.0
 """Size of text (points)."""
 
 EXACT = 1e-17
-"""Errors below this are chance in double precision, and are drawn here."""
+"""Errors below this are random in double precision, and are drawn here."""
 
 WIDTH, LEFT, RIGHT = 7.2, 0.85, 0.25
 """Width of a picture and of its margins (inches)."""
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a picture; the file appears whole or not at all, and is the same for the same picture.
+    """Write a picture, completely or not at all; the same picture gives the same file.
 
     Parameters
     ----------
     figure : Figure
     path : path
-        The suffix says how: ``.png`` (150 dpi), ``.svg`` or ``.pdf``.
+        The suffix selects the format: ``.png`` (150 dpi), ``.svg`` or ``.pdf``.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
     kind = goal.suffix[1:].lower()
     if kind not in FORMATS:
         raise ValueError(f"{path}: pictures end with {', '.join('.' + name for name in FORMATS)}")
-    # None takes the entry out: nothing of the day or of the library is in the file.
+    # None removes the entry, so that the file contains neither the date nor the library.
     metadata: dict[str, dict[str, None]] = {
         "png": {"Software": None},
         "svg": {"Date": None, "Creator": None},
@@ -74,7 +74,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw with the defaults of matplotlib, whatever the user's matplotlibrc says, and with what pictures here need."""
+    """Draw with the defaults of matplotlib, whatever the user's matplotlibrc says, and the settings of this module."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(

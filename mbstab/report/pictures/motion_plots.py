@@ -1,6 +1,6 @@
 """Simulations as pictures: quantities over time, energies, constraint drift, phase planes.
 
-A picture is asked for in words: quantities separated by commas, such as ``rod.theta, rate(rod.theta)``, of which
+A picture is requested as text: quantities separated by commas, such as ``rod.theta, rate(rod.theta)``, of which
 those with the same unit share a panel; ``energy``; ``residuals``; or ``phase:rod.theta``, rates over coordinates.
 A further quantity is one entry of `FUNCTIONS` or `WORDS`, a further picture of several panels one of `GROUPS`.
 """
@@ -31,7 +31,7 @@ from mbstab.report.pictures.drawing import EXACT, FONT, draw_legend, house_style
 from mbstab.report.pictures.scales import with_minus_sign
 
 MOST = 12
-"""Most curves of a picture: more could not be told apart."""
+"""Maximum number of curves in a picture: more could not be distinguished."""
 
 DASHES = ("-", (0, (5.0, 2.0)), (0, (1.2, 1.6)), (0, (7.0, 2.0, 1.5, 2.0)))
 """Styles of curves; with the three inks in turn they make `MOST` different ones."""
@@ -40,13 +40,13 @@ BROAD: dict[str, Any] = {"color": "0.75", "linestyle": "-", "linewidth": 4.5}
 """Style of a curve below others."""
 
 LITTLE = 0.5
-"""Kinetic energy that changes by less than this part of its largest value is drawn from its least value on."""
+"""Kinetic energy that changes by less than this fraction of its maximum is drawn relative to its minimum."""
 
 FLAT = 1e-11
-"""Values that vary by less than this part of their size vary by rounding errors, and are drawn as constant."""
+"""Values that vary by less than this fraction of their size vary by rounding, and are drawn as constant."""
 
 NARROW = 1e-3
-"""If values vary by less than this part of their size, what they share is written once, at the axis."""
+"""If values vary by less than this fraction of their size, their common part is written once, at the axis."""
 
 TITLES = {
     "m": "length",
@@ -71,13 +71,13 @@ class Quantity:
     Attributes
     ----------
     name : str
-        As it is asked for, such as ``rate(rod.theta)``.
+        The name in a request, such as ``rate(rod.theta)``.
     unit : str
-        SI, as it is written on pictures; empty for plain numbers.
+        SI unit, as written on pictures; empty for plain numbers.
     values : callable
-        From a simulation to an array of shape (n_t,).
+        Maps a simulation to an array of shape (n_t,).
     said : str
-        What legends call it if not by its name.
+        Its text in legends, if different from its name.
     """
 
     name: str
@@ -99,10 +99,10 @@ class Panel:
     ----------
     curves : tuple of Quantity
     title : str
-        What is written at its axis, if it is not that of `TITLES`.
+        Text at its axis, if different from `TITLES`.
     logarithmic : bool
     beneath : str
-        Name of a curve that is drawn broad and pale below the others, with which it may coincide.
+        Name of a curve that is drawn broad and pale below the others, as it may coincide with them.
     """
 
     curves: tuple[Quantity, ...]
@@ -116,7 +116,7 @@ class Panel:
         return self.said(0)
 
     def said(self, power: int) -> str:
-        """Return the text at its axis, where numbers are in a power of ten of the unit."""
+        """Return the text at its axis, with numbers in a power of ten of the unit."""
         unit = self.curves[0].unit
         name = self.curves[0].label if len(self.curves) == 1 else TITLES.get(unit, "value")
         scale = f"10{str(power).translate(_RAISED)} " if power else ""
@@ -125,7 +125,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Picture:
-    """What a picture shows: panels over time, or pairs of quantities over each other.
+    """A picture: panels over time, or pairs of quantities over each other.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class Picture:
         Part of the name of its file.
     panels : tuple of Panel
     phases : tuple of (Quantity, Quantity)
-        Across and up.
+        Horizontal and vertical quantity.
     """
 
     name: str
@@ -141,15 +141,15 @@ class Picture:
     phases: tuple[tuple[Quantity, Quantity], ...] = ()
 
 
-# --- what can be asked for ------------------------------------------------------------------------------------------
+# --- what can be requested ------------------------------------------------------------------------------------------
 
 
 Reader = Callable[[Model, str], list[Quantity]]
-"""Reads what stands inside the parentheses of a function."""
+"""Reads the text inside the parentheses of a function."""
 
 
 def _of_coordinate(form: str, array: str, per: str) -> Reader:
-    """Return what reads a name of a coordinate as a column of an array of the simulation."""
+    """Return a reader of the name of a coordinate as a column of an array of the simulation."""
 
     def read(model: Model, name: str) -> list[Quantity]:
         known = model.coordinates()
@@ -167,7 +167,7 @@ def _of_coordinate(form: str, array: str, per: str) -> Reader:
 
 
 def _of_reaction(what: str, unit: str) -> Reader:
-    """Return what reads the name of a joint, or with a component such as ``pivot.x``, as reactions."""
+    """Return a reader of the name of a joint, possibly with a component such as ``pivot.x``, as reactions."""
 
     def read(model: Model, name: str) -> list[Quantity]:
         owner, dot, component = name.partition(".")
@@ -223,7 +223,7 @@ def _with_efforts(model: Model) -> list[Entry]:
 
 
 def _effort_unit(model: Model, entry: Entry) -> str:
-    """Return the unit of an effort: that of a torque along angles."""
+    """Return the unit of an effort: that of a torque along angles, else of a force."""
     values = entry.values
     if "joint" in values:
         motion = values.get("motion") or model.entries["joints"][str(values["joint"])].kind.motions[0]
@@ -236,7 +236,7 @@ def _effort(sim: Simulation, owner: str) -> Array:
 
 
 def _of_motion(motion: str, array: str = "motions", form: str = "{}", per: str = "") -> Reader:
-    """Return what reads the name of a joint as one of its motions, or as the rate of it."""
+    """Return a reader of the name of a joint as one of its motions, or as the rate of it."""
 
     def read(model: Model, joint: str) -> list[Quantity]:
         name = motion_name(motion, joint)
@@ -272,7 +272,7 @@ FUNCTIONS: dict[str, Reader] = {
     "torque": _of_reaction("torque", "N·m"),
     "effort": _of_effort,
 }
-"""From the name before a parenthesis to what is read inside; without parentheses it is a coordinate."""
+"""Readers by the name before a parenthesis; without parentheses a name is a coordinate."""
 
 
 def _above(values: Array) -> Array:
@@ -296,7 +296,7 @@ GROUPS: dict[str, tuple[Panel, ...]] = {
         Panel(
             (
                 WORDS["kinetic"],
-                # Its zero is arbitrary: measured from its least value it is comparable to the kinetic energy.
+                # Its zero is arbitrary: relative to its minimum it is comparable to the kinetic energy.
                 Quantity("potential", "J", lambda sim: _above(sim.potential), "potential energy above its least"),
                 Quantity("sum", "J", lambda sim: sim.kinetic + _above(sim.potential), "sum of both"),
                 WORDS["work"],
@@ -317,14 +317,14 @@ GROUPS: dict[str, tuple[Panel, ...]] = {
         ),
     ),
 }
-"""Panels that have a name together."""
+"""Groups of panels by name."""
 
 _CALL = re.compile(r"([A-Za-z_]+)\(\s*([^()\s]*|[A-Za-z_]+\([^()]*\))\s*\)")
 _PHASE = "phase:"
 
 
 def read_picture(model: Model, text: str) -> Picture:
-    """Return the picture that a text such as ``rod.theta, rate(rod.theta)`` asks for.
+    """Return the picture that a text such as ``rod.theta, rate(rod.theta)`` describes.
 
     Raises
     ------
@@ -363,7 +363,7 @@ def _phase(model: Model, word: str) -> tuple[Quantity, Quantity]:
 
 
 def _panels(model: Model, words: Sequence[str]) -> Iterator[Panel]:
-    """Yield panels in the order in which they are asked for; quantities with the same unit are together."""
+    """Yield panels in the order of the request; quantities with the same unit are together."""
     found: list[Quantity | Panel] = []
     for word in words:
         found += GROUPS[word] if word in GROUPS else _quantities(model, word)
@@ -405,7 +405,7 @@ def draw(picture: Picture, sim: Simulation, title: str) -> Figure:
     Raises
     ------
     UsageError
-        If a reaction is asked for that is not transmitted.
+        If a requested reaction is not transmitted.
     """
     with house_style():
         return _draw_phases(picture, sim, title) if picture.phases else _draw_panels(picture, sim, title)
@@ -471,7 +471,7 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
 
 
 def _at_work(panel: Panel, sim: Simulation) -> tuple[Quantity, ...]:
-    """Return the curves of a panel, without work if none is done, and energies on a scale that shows their change."""
+    """Return the curves of a panel, without work if there is none, and energies on a scale that shows their change."""
     idle = sim.conservative and len(panel.curves) > 1
     curves = (curve for curve in panel.curves if not (idle and curve is WORDS["work"]))
     if panel.beneath != "sum" or not FLAT * np.max(sim.kinetic) < np.ptp(sim.kinetic) < LITTLE * np.max(sim.kinetic):
@@ -524,7 +524,7 @@ def _curve_style(number: int) -> dict[str, Any]:
 
 
 def _common(values: Array) -> float:
-    """Return what values share if they differ little: their mean with as few digits as possible; else 0."""
+    """Return the common part of values that differ little: their mean with as few digits as possible; else 0."""
     low, high = _range(values)
     size = max(abs(low), abs(high))
     if not FLAT * size < high - low < NARROW * size:
@@ -538,7 +538,7 @@ def _range(values: Array) -> tuple[float, float]:
 
 
 def _room(axes: Axes, which: str, values: Array, base: float = 0.0) -> int:
-    """Set the range of an axis without enlarging rounding errors to fill it; return the power of ten of its numbers."""
+    """Set the range of an axis without magnifying rounding errors; return the power of ten of its numbers."""
     low, high = _range(values)
     size = max(abs(low), abs(high))
     margin = 0.06 * (high - low) if high - low > FLAT * max(size, abs(base)) else 0.1 * size or 1.0

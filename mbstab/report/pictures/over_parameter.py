@@ -34,7 +34,7 @@ ROWS = 5
 """Rows of labels of critical values above a picture; values that do not fit have no label."""
 
 Placed = tuple[list[Critical], str, float, int]
-"""Critical values that share a label, the label, its place as a part of the width, and its row."""
+"""Critical values that share a label, the label, its place as a fraction of the width, and its row."""
 
 
 def panels_over_parameter(curves: SweepCurves, title: str, names: Sequence[str]) -> tuple[Figure, list[Axes], int]:
@@ -63,7 +63,7 @@ def panels_over_parameter(curves: SweepCurves, title: str, names: Sequence[str])
 
 
 def _placed(curves: SweepCurves, lo: float, hi: float) -> list[Placed]:
-    """Return the labels of critical values that find a place above the picture."""
+    """Return the labels of critical values that fit above the picture."""
     wide = (WIDTH - LEFT - RIGHT) * 72.0
     ends = [-math.inf] * ROWS
     places: list[Placed] = []
@@ -83,7 +83,7 @@ def _write_labels(figure: Figure, axes: Axes, labels: Sequence[Placed]) -> None:
     """Write the labels of critical values above the upper panel; those of higher rows point to their lines."""
     pointer: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.5, "color": "0.5", "shrinkA": 0, "shrinkB": 0}
     edge = figure.get_figheight() * axes.get_position().y1
-    # Across as a part of the axes, up in points from their upper edge.
+    # Horizontally as a fraction of the axes, vertically in points from their upper edge.
     up = Affine2D().scale(1.0 / 72.0).translate(0.0, edge) + figure.dpi_scale_trans
     above = blended_transform_factory(axes.transAxes, up)
     for group, text, at, row in labels:
@@ -95,13 +95,13 @@ def _write_labels(figure: Figure, axes: Axes, labels: Sequence[Placed]) -> None:
 
 
 def legend_entries(curves: SweepCurves, seen: Mask | None = None, unlabelled: int | None = None) -> list[Artist]:
-    """Return what the legend says of the paths of eigenvalues, and of the panels over the parameter if it is of these.
+    """Return the legend entries of the paths of eigenvalues, and of the panels over the parameter if there are any.
 
     Parameters
     ----------
     curves : SweepCurves
     seen : ndarray of bool, shape (n, r), optional
-        Which eigenvalues the picture shows, if not all of them.
+        Eigenvalues that the picture shows, if not all.
     unlabelled : int, optional
         In panels over the parameter, the number of critical values without a label.
     """

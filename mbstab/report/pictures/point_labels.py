@@ -78,7 +78,7 @@ class PointLabels:
 
 
 def _places(x: float, y: float, size: tuple[float, float], distances: Sequence[float]) -> list[tuple[Box, float]]:
-    """Return the boxes (points) that a label beside a point may have, and how far from the point each one is."""
+    """Return the possible boxes (points) of a label beside a point, each with its distance from the point."""
     w, h = size
     found = []
     for far in distances:
@@ -90,7 +90,7 @@ def _places(x: float, y: float, size: tuple[float, float], distances: Sequence[f
 
 
 def _cost(box: Box, far: float, busy: Array, taken: Sequence[Box], frame: Sequence[float]) -> float:
-    """Return how bad a box is: it hides curves or other labels, leaves the frame, or is far from its point."""
+    """Return the cost of a box that hides curves or other labels, leaves the frame, or is far from its point."""
     hidden = np.count_nonzero(((busy > box[:2]) & (busy < box[2:])).all(axis=1))
     overlaps = sum(box[0] < t[2] and t[0] < box[2] and box[1] < t[3] and t[1] < box[3] for t in taken)
     left, low, right, high = frame

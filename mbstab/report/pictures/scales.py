@@ -1,4 +1,4 @@
-"""Axes: the parameter of a sweep, ranges, and numbers as they are written beside them."""
+"""Axes: the parameter of a sweep, ranges, and the numbers beside them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Axis:
 
     @classmethod
     def read(cls, label: Axis | str) -> Axis:
-        """Return the axis that a label such as ``omega (rpm)`` stands for."""
+        """Return the axis of a label such as ``omega (rpm)``."""
         if isinstance(label, Axis):
             return label
         name, _, unit = label.removesuffix(")").partition(" (")
@@ -61,7 +61,7 @@ def parameter_range(x: Array) -> tuple[float, float]:
 
 
 def axis_range(values: Array, size: float) -> tuple[float, float]:
-    """Return the range of an axis; rounding errors are not enlarged to fill it."""
+    """Return the range of an axis; rounding errors are not magnified to fill it."""
     finite = values[np.isfinite(values)]
     lo, hi = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
     if hi - lo < 1e-6 * size:
@@ -70,14 +70,14 @@ def axis_range(values: Array, size: float) -> tuple[float, float]:
 
 
 def upward_range(values: Array, size: float) -> tuple[float, float]:
-    """Return the range of an axis of values that are not negative."""
+    """Return the range of an axis of nonnegative values."""
     lo, hi = axis_range(values, size)
     top = hi if hi > 1e-6 * size else 0.1 * size
     return (0.0 if lo > 0.0 else -0.03 * top, top)
 
 
 def set_real_scale(axes: Axes, which: str, real: Array, largest: float) -> None:
-    """Set the axis of the real parts: logarithmic far from zero if those near zero would be squeezed."""
+    """Set the axis of the real parts: logarithmic far from zero if those near zero would be compressed."""
     known = real[~np.isnan(real).any(axis=1)] if real.shape[1] else real[:0]
     size = float(np.max(np.abs(known), initial=0.0))
     near = float(np.max(np.abs(np.max(known, axis=1)), initial=0.0)) if known.size else 0.0

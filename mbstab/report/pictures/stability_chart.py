@@ -46,7 +46,7 @@ def chart(
     labels : tuple of Axis or str
     title : str
     missing : str
-        What the legend says of points without a number.
+        Text of the legend for points without a number.
     """
     across, up = (Axis.read(label) for label in labels)
     with house_style():
@@ -60,7 +60,7 @@ def chart(
         _hatch(axes, _edges(x), _edges(y), unstable < 0)
         for curve in boundaries:
             points = np.asarray(curve, dtype=float).reshape(-1, 2) / (across.factor, up.factor)
-            # Dark on a lighter, wider line: the curve is seen on every grey.
+            # Dark on a lighter, wider line: the curve is visible on every grey.
             for width, colour in ((2.8, "w"), (1.4, "k")):
                 axes.plot(*thinned(points[:, 0], points[:, 1]), color=colour, linewidth=width, zorder=2)
         axes.set_xlabel(across.text)

@@ -18,7 +18,7 @@ from mbstab.report.pictures.sweep_curves import TINY, SweepCurves
 def stability_map(result: Sweep, label: Axis | str, title: str) -> Figure:
     """Return real parts (solid) and imaginary parts (dashed) of all branches over the parameter.
 
-    Of conjugate pairs the lower panel has the positive imaginary part. Critical values are
+    The lower panel shows the positive imaginary parts of conjugate pairs. Critical values are
     vertical lines, unstable ranges are shaded, eigenvalues to the right of the axis are thick.
     """
     label = Axis.read(label)
@@ -35,7 +35,7 @@ def stability_map(result: Sweep, label: Axis | str, title: str) -> Figure:
         for axes, part, dashed in ((upper, curves.real, False), (lower, above, True)):
             for j in range(part.shape[1]):
                 draw_branch(axes, curves.x, part[:, j], curves.ink[j], curves.growing[:, j], dashed)
-        # Once for all real eigenvalues: dashes of several on each other would be a solid line.
+        # Once for all real eigenvalues: overlapping dashes would look like a solid line.
         level = np.where(np.any(np.abs(curves.imag) <= TINY * curves.size, axis=1), 0.0, np.nan)
         draw_branch(lower, curves.x, level, INK[0], np.zeros(len(level), dtype=bool), True)
         set_real_scale(upper, "y", curves.all(lambda part: part.real), curves.size)

@@ -18,7 +18,7 @@ from mbstab.report.pictures.curves import INK, Mask
 from mbstab.report.pictures.scales import Axis, number_text
 
 TINY = 1e-10
-"""Imaginary parts below this part of the largest eigenvalue are drawn as zero."""
+"""Imaginary parts below this fraction of the largest eigenvalue are drawn as zero."""
 
 
 class SweepCurves:
@@ -41,13 +41,13 @@ class SweepCurves:
     ink : list of str
         A colour for each branch; conjugate branches share theirs.
     critical : list of list of Critical
-        Those that agree in six digits are together; values in the declared unit.
+        Critical values grouped if they agree in six digits; values in the declared unit.
     marked : list of list of Critical
-        The same, with those of the other paths.
+        The same, including those of the other paths.
     unanswered : ndarray of bool, shape (points,)
         Where there is no verdict.
     gap : str
-        What the legend says of these points.
+        Text of the legend for these points.
     others : list of SweepCurves
         The paths beyond the turns of the first one.
     """
@@ -92,7 +92,7 @@ class SweepCurves:
         return groups
 
     def all(self, part: Callable[[SweepCurves], Array]) -> Array:
-        """Return an array of this path and of the others, one below the other."""
+        """Return an array of this path and of the others, stacked vertically."""
         found = [part(curves) for curves in (self, *self.others)]
         width = max(x.shape[1] for x in found)
         return np.concatenate([np.pad(x, ((0, 0), (0, width - x.shape[1])), constant_values=np.nan) for x in found])
@@ -145,7 +145,7 @@ class SweepCurves:
 
 
 def unanswered_text(unanswered: bool, undecided: bool) -> str:
-    """Return what the legend says of points without a verdict."""
+    """Return the text of the legend for points without a verdict."""
     return " or ".join(["undecided"] * undecided + ["no answer"] * (unanswered or not undecided))
 
 
@@ -153,7 +153,7 @@ def _without_verdict(result: Sweep) -> tuple[Mask, Mask]:
     """Return which points of a sweep have no answer, and which an open verdict."""
     unanswered = np.zeros(len(result.values), dtype=bool)
     unanswered[result.unanswered] = True
-    # An undecided point on a critical value leaves nothing open beside it.
+    # An undecided point on a critical value leaves nothing open next to it.
     places = np.array([c.value for c in result.critical])
     width = float(np.max(np.abs(result.values), initial=0.0))
     at = np.any(np.abs(result.values[:, None] - places) <= 1e-9 * width, axis=1)
@@ -168,8 +168,8 @@ def _growing(branches: Complex, unstable: npt.NDArray[np.intp]) -> Mask:
 
 
 def _refined(x: Array, branches: Complex, growing: Mask, result: Sweep) -> tuple[Array, Complex, Mask]:
-    """Return branches with more points where eigenvalues cross the axis or collide, where they move like a root."""
-    # How many pairs may collide at a value; a divergence may be the collision of a pair at zero.
+    """Return branches with more points where eigenvalues cross the axis or collide, as a square root does."""
+    # The number of pairs that may collide at a value; a divergence may be the collision of a pair at zero.
     places = [(c.value, {"divergence": 1, "collision": 2}.get(c.kind, 0)) for c in result.critical]
     places += [(at, 1) for at, how in result.meetings if how == "collide"]
     by_interval: dict[int, dict[float, int]] = {}
@@ -177,7 +177,7 @@ def _refined(x: Array, branches: Complex, growing: Mask, result: Sweep) -> tuple
         k = int(np.searchsorted(x, at)) - 1
         if 0 <= k < len(x) - 1 and x[k] < at < x[k + 1] and not np.any(np.isnan(branches[k : k + 2])):
             near = by_interval.setdefault(k, {})
-            # Stability changes and meetings are located separately: the same value may be there twice.
+            # Stability changes and meetings are located separately: the same value may occur twice.
             twin = next((other for other in near if abs(other - at) < 1e-9 * (x[k + 1] - x[k])), at)
             near[twin] = max(near.get(twin, 0), number)
     new_x, new_branches, new_growing, where = [], [], [], []

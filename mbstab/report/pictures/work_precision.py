@@ -71,7 +71,7 @@ def work_precision(result: Comparison, title: str) -> Figure:
         axes.set_xlabel("time (ms); of digits from the file, of the others from the reference motion")
         axes.set_ylabel("largest relative error of an eigenvalue")
         lines = [f"{n}  {x.method}{_missing(x)}" for n, x in enumerate(result.outcomes, 1)]
-        # No method is both fast and exact: the lower left corner is free.
+        # No method is both fast and accurate: the lower left corner is free.
         axes.text(
             0.02, 0.03, "\n".join(lines), transform=axes.transAxes, ha="left", va="bottom", fontsize=FONT, zorder=6
         )
