@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 
 POINTS = 501
-"""Times of output of a simulation, if not given and enough for an animation."""
+"""Output times of a simulation, if not given and enough for an animation."""
 
 SMALL = 6.0
-"""A picture that is so many times as wide as the mechanism calls for --follow."""
+"""From this ratio of the widths of picture and mechanism on, --follow is recommended."""
 
 _OPTIONS = (
     click.option(
@@ -63,13 +63,13 @@ def animation_options(command: F) -> F:
 
 @dataclass(frozen=True)
 class Animation:
-    """What is asked for.
+    """The requested animation.
 
     Attributes
     ----------
     path : Path
     fps, speed : float
-        Frames in a second, and seconds of the motion in a second.
+        Frames per second, and seconds of motion per second.
     view : (float, float) or None
         Elevation and azimuth (deg).
     traces : tuple of str
@@ -102,7 +102,7 @@ class Animation:
         Raises
         ------
         UsageError
-            If they do not go together, a number is out of range, or the file cannot be written.
+            If they exclude each other, a number is out of range, or the file cannot be written.
         """
         if path is None:
             given = {"fps": fps, "speed": speed, "view": view, "trace": traces, "follow": follow, "mode-shape": mode}
@@ -137,7 +137,7 @@ class Animation:
             raise UsageError("--view is for scenes in space, this one is planar")
 
     def points(self, system: System, start: float | None, to: float | None) -> int:
-        """Return how many times of output a simulation needs, so that each frame has one.
+        """Return the number of output times that a simulation needs, so that each frame has one.
 
         Raises
         ------
@@ -151,7 +151,7 @@ class Animation:
         first = start if start is not None else float(scene.time if scene.initial.time is None else scene.initial.time)
         duration = SIMULATE.default_duration if to is None else to - first
         if not (math.isfinite(duration) and duration > 0.0):
-            return POINTS  # the simulation says what is wrong
+            return POINTS  # the simulation reports the mistake
         intervals = frame_count(duration, self.fps, self.speed) - 1
         if not intervals:
             raise UsageError(

@@ -1,4 +1,4 @@
-"""``mbstab check``: is the file right, what does the scene consist of, what does it not need."""
+"""``mbstab check``: whether the file is correct, what the scene consists of, and what it does not need."""
 
 from __future__ import annotations
 

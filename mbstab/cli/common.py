@@ -1,4 +1,4 @@
-"""What the commands share: options, finding the model, progress."""
+"""Common parts of the commands: options, finding the model, progress."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _FORCE = "mbstab.force"
 force_option = remembered_flag(
     _FORCE, "--force", help="Go on with scenes so large that they take more than 1 GB of memory or 10 s."
 )
-"""Is obeyed by `load_model`."""
+"""Handled by `load_model`."""
 
 
 def load_model(file: str, settings: tuple[str, ...] = ()) -> Mechanism:
@@ -63,7 +63,7 @@ def _loaded(file: str) -> Mechanism:
 
     force = remembered(_FORCE)
     if file == "-":
-        files().opened(Path("/dev/stdin"))  # which may be a file
+        files().opened(Path("/dev/stdin"))  # may be a file
         return Mechanism(read_model_text(read_limited(sys.stdin.buffer, STDIN), STDIN), force)
     found = find_model(file)
     files().opened(found.path)
@@ -93,14 +93,14 @@ def parse_settings(settings: tuple[str, ...], option: str = "--set") -> dict[str
 
 
 def refuse_given(names: tuple[str, ...], where: str) -> None:
-    """Refuse options that would be passed over.
+    """Refuse options that would be ignored.
 
     Parameters
     ----------
     names : tuple of str
         Parameters of the command that has been called.
     where : str
-        What makes them pointless, such as ``with --step``.
+        Why they have no effect, such as ``with --step``.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def tracked(items: list[Any], label: str) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
-    """Give a function of the part that is done, from 0 to 1, which draws a bar on stderr when it is a terminal."""
+    """Yield a function of the fraction done, from 0 to 1, which draws a bar on stderr if it is a terminal."""
     if quiet() or not sys.stderr.isatty():
         yield lambda done: None
         return
@@ -140,7 +140,7 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
 
     def show_part(done: float) -> None:
         nonlocal bar
-        if bar is None:  # not before there is something to wait for
+        if bar is None:  # not before the first call
             bar = click.progressbar(length=1000, label=label, file=sys.stderr).__enter__()
         bar.update(max(0, round(1000 * done) - bar.pos))
 
@@ -152,9 +152,9 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
 
 
 def one_thread_by_default() -> None:
-    """Keep the linear algebra library to one thread unless the user chose otherwise.
+    """Restrict the linear algebra library to one thread unless the user chose otherwise.
 
-    Matrices of one mechanism are small: starting threads costs more than they save.
+    Matrices of one mechanism are small: threads cost more time than they save.
     """
     if "numpy" not in sys.modules:
         for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):

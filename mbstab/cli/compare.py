@@ -1,4 +1,4 @@
-"""``mbstab compare``: what each method keeps and costs at a model."""
+"""``mbstab compare``: accuracy and cost of each method for a model."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def _integrators(
 
 
 def _check_picture(path: Path) -> None:
-    """Refuse a place for the picture before anything is computed."""
+    """Refuse an invalid path of the picture before anything is computed."""
     from mbstab.report.pictures.drawing import FORMATS
 
     if path.suffix[1:].lower() not in FORMATS:

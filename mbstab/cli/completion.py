@@ -1,4 +1,4 @@
-"""What the shell completes: model files, parameters, quantities to plot."""
+"""Shell completion: model files, parameters, quantities to plot."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def model_files(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Return the example models, and the model files and folders, that begin so."""
+    """Return the example models, model files and folders that begin with the given text."""
     from mbstab.model.library import SUFFIX, installed_models
 
     names = [path.name for path in installed_models() if path.name.startswith(incomplete)]
@@ -29,7 +29,7 @@ def model_files(context: click.Context, parameter: click.Parameter, incomplete: 
         for path in here
         if path.name.startswith(begin) and (path.suffix == SUFFIX or path.is_dir()) and path.name[0] not in ".\n"
     ]
-    # The shell itself completes files only where nothing else is offered.
+    # The shell itself completes files only if nothing else is offered.
     found = [CompletionItem(name) for name in dict.fromkeys([*names, *beside])]
     return found or [CompletionItem(incomplete, type="file")]
 
@@ -39,7 +39,7 @@ def _model(context: click.Context) -> Model | None:
     from mbstab.model.library import find_model
     from mbstab.model.reader import read_model
 
-    # Half a command line leaves arguments unread.
+    # An incomplete command line leaves arguments unread.
     given = [context.params.get("file"), *(context.params.get("names") or ()), *context.args]
     names = [name for name in given if name]
     try:
@@ -56,14 +56,14 @@ def settings(context: click.Context, parameter: click.Parameter, incomplete: str
 
 
 def parameters(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Return parameters with what they are."""
+    """Return parameters with their descriptions."""
     model = _model(context)
     found = {} if model is None else model.parameters
     return [CompletionItem(name, help=x.description) for name, x in found.items() if name.startswith(incomplete)]
 
 
 def quantities(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Return what a simulation can plot."""
+    """Return the quantities that a simulation can plot."""
     from mbstab.analysis.reference.efforts import motion_name
     from mbstab.report.pictures.motion_plots import GROUPS, WORDS
 

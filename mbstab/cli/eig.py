@@ -125,7 +125,7 @@ def eig(
 def _refuse(
     method: str, frozen: bool, precision: int | None, certify: bool, count: int | None, verify: bool, form: str
 ) -> None:
-    """Refuse options that say different things."""
+    """Refuse options that contradict each other."""
     if (precision is not None or certify) and method != DEFAULT:
         message = f"--precision and --certify compute by deflation, not with --method {method}"
         raise UsageError(f"{message}\nhint: leave out one of them")
@@ -154,7 +154,7 @@ class _Reply:
     rows : callable
         Returns the heads and the lines of a CSV file.
     failure : MbstabError or None
-        What makes the command fail although there is an answer.
+        Error with which the command fails although there is an answer.
     """
 
     model: Model
@@ -167,7 +167,7 @@ class _Reply:
 
 
 def _joined(replies: list[_Reply], several: bool) -> Answer:
-    """Return the answers about all models by format; if there are several, each names its model."""
+    """Return the answers for all models by format; if there are several, each names its model."""
     from mbstab.report.export import to_csv, to_json
 
     def table() -> str:
@@ -194,7 +194,7 @@ def _joined(replies: list[_Reply], several: bool) -> Answer:
 
 
 def _failure(reply: _Reply, require: str | None, name: str) -> list[MbstabError]:
-    """Return what makes the command fail: no answer, or a verdict that is less than required."""
+    """Return the errors with which the command fails: no answer, or a weaker verdict than required."""
     about = f"{name}: " if name else ""
     if reply.failure is not None:
         return [type(reply.failure)(about + str(reply.failure))]
@@ -214,7 +214,7 @@ def _plain(mechanism: Mechanism, method: str, frozen: bool) -> _Reply:
 
 
 def _few(count: int | None, near: str | None, rightmost: bool) -> complex:
-    """Return the number near which a few eigenvalues are looked for, 0 if none is given; refuse what makes no sense."""
+    """Return the number near which a few eigenvalues are computed, 0 if none is given; refuse invalid options."""
     if count is None and (near is not None or rightmost):
         raise UsageError(f"{'--near' if near is not None else '--rightmost'} says which of a few\nhint: give --modes K")
     if near is not None and rightmost:

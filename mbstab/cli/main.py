@@ -20,13 +20,13 @@ from mbstab.cli.output import say, show, stdout_failure
 from mbstab.errors import MbstabError, OutputError, suggestion
 
 STREAM = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
-"""How writing to a stream fails."""
+"""Errors of writing to a stream."""
 
 
 COMMANDS = (
     "check", "compare", "eig", "equilibrium", "linearize", "models", "schema", "simulate", "sweep", "test",
 )  # fmt: skip
-"""Each is the function of its name in the module of its name in `mbstab.cli`, imported when it is asked for."""
+"""Each is the function of its name in the module of its name in `mbstab.cli`, imported at first use."""
 
 
 class _Group(click.Group):
@@ -46,7 +46,7 @@ class _Group(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that is asked for; one that does not exist gets a hint."""
+        """Return the requested command; an unknown one raises an error with a hint."""
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:
@@ -59,7 +59,7 @@ class _Group(click.Group):
         except MbstabError as error:
             say(str(error))
             ctx.exit(error.exit_code)
-        except BrokenPipeError:  # the reader of a pipe has seen enough
+        except BrokenPipeError:  # the reader has closed the pipe
             ctx.exit(0)
 
     def main(self, *arguments: Any, **options: Any) -> Any:
@@ -69,14 +69,14 @@ class _Group(click.Group):
 
 
 def _exit_code(run: Callable[[], Any]) -> int:
-    """Return the exit code of a call; what is wrong with the command line or with the machine goes to stderr."""
-    if sys.stdout is None:  # closed: what is written fails, and no file gets its number
+    """Return the exit code of a call; errors of the command line or the machine go to stderr."""
+    if sys.stdout is None:  # closed: writing fails, and no file gets its number
         sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w", encoding="utf-8")
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a terminal without these letters still gets the answer
+        if isinstance(stream, io.TextIOWrapper):  # a terminal without these characters still gets the answer
             stream.reconfigure(errors="backslashreplace")
     if isinstance(sys.stdout, io.TextIOWrapper) and isinstance(raw := sys.stdout.buffer, io.RawIOBase):
-        # Without a buffer of its own (PYTHONUNBUFFERED) a stream loses what a full disk does not take, without a word.
+        # Without a buffer (PYTHONUNBUFFERED) a stream silently loses what a full disk does not take.
         whole = io.BufferedWriter(raw)
         sys.stdout = io.TextIOWrapper(whole, sys.stdout.encoding, sys.stdout.errors, line_buffering=True)
     try:
@@ -84,7 +84,7 @@ def _exit_code(run: Callable[[], Any]) -> int:
             code = run()
             sys.stdout.flush()
             return code or 0
-        except OSError as error:  # of --help, and of what is left in the buffer
+        except OSError as error:  # from --help, and from the rest of the buffer
             if error.filename is not None or error.errno not in STREAM:
                 raise
             raise stdout_failure(error) from None

@@ -59,7 +59,7 @@ def copy(name: str, target: Path) -> None:
 
 
 def _content(name: str) -> tuple[Path, bytes]:
-    """Return a model file and what it holds."""
+    """Return a model file and its content."""
     from mbstab.model.library import find_model
     from mbstab.model.yamlfile import read_text
 

@@ -1,7 +1,7 @@
 """Where answers go: one layer for all commands.
 
-It tells the format by the suffix, keeps the files that a call reads and writes apart, writes each
-file whole or not at all, and lets nothing invisible reach the terminal.
+It selects the format by the suffix, keeps the files that a call reads and writes apart, writes each
+file completely or not at all, and prints no invisible characters on the terminal.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from mbstab.report.files import whole_file
 F = TypeVar("F", bound=Callable[..., Any])
 
 Answer = Mapping[str, Callable[[], "str | bytes"]]
-"""How an answer is written, by format."""
+"""Functions that write an answer, by format."""
 
 SUFFIXES = {
     "table": ".txt", "json": ".json", "csv": ".csv", "npz": ".npz", "mat": ".mat", "latex": ".tex", "junit": ".xml",
 }  # fmt: skip
-"""The suffix that asks for each format."""
+"""The suffix of each format."""
 
 BINARY = ("npz", "mat")
 
@@ -44,7 +44,7 @@ QUIET = "mbstab.quiet"
 
 
 def remembered_flag(key: str, *names: str, help: str) -> Callable[[F], F]:
-    """Return an option that the context knows under a key, and the command does not take."""
+    """Return an option that the context stores under a key and that the command does not receive."""
 
     def remember(context: click.Context, _: click.Parameter, value: bool) -> None:
         context.meta[key] = value
@@ -74,7 +74,7 @@ def say(text: str) -> None:
 
 
 def note(text: str) -> None:
-    """Write a line to stderr that --quiet leaves out."""
+    """Write a line to stderr, unless --quiet is given."""
     if not quiet():
         say(text)
 
@@ -101,8 +101,8 @@ def show(text: str) -> None:
 
 
 def stdout_failure(error: OSError) -> Exception:
-    """Return a failure to write to stdout as an error a user can act on; a pipe that is closed stays what it is."""
-    # What is left in the buffer cannot be written either; do not try again at exit.
+    """Return a failure to write to stdout as an error that a user can act on; a closed pipe is returned unchanged."""
+    # The rest of the buffer cannot be written either; do not try again at exit.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if isinstance(error, BrokenPipeError):
         return error
@@ -115,24 +115,24 @@ def stdout_failure(error: OSError) -> Exception:
 
 @dataclass
 class Files:
-    """The files of one call: those that are read, and those that are written with the options that ask for them."""
+    """The files of one call: those that are read, and those that are written, with their options."""
 
     read: list[Path] = field(default_factory=list)
     written: dict[Path, str] = field(default_factory=dict)
 
     def opened(self, path: Path) -> None:
-        """Note a file that is read; it must not be written as well."""
+        """Register a file that is read; it must not be written as well."""
         self.read.append(path)
         for goal, option in self.written.items():
             self._apart(goal, option, path)
 
     def claim(self, path: Path, option: str) -> None:
-        """Note a file that is to be written.
+        """Register a file that is to be written.
 
         Raises
         ------
         UsageError
-            If it has no place, is a directory or a file of the same call, or its name cannot be seen.
+            If it has no directory, is one or a file of the same call, or its name contains invisible characters.
         """
         if visible(str(path), lines=False) != str(path):
             raise UsageError(f"{option} {str(path)!r}: the name contains characters that cannot be seen")
@@ -141,7 +141,7 @@ class Files:
         if path.is_dir():
             raise UsageError(f"{path}: cannot be written: it is a directory")
         goal = path.resolve()
-        if goal.is_file() or not goal.exists():  # devices take as many answers as there are
+        if goal.is_file() or not goal.exists():  # devices take any number of answers
             other = self.written.get(goal, option)
             if other != option:
                 raise UsageError(f"{path}: {other} and {option} name the same file")
@@ -163,7 +163,7 @@ def files() -> Files:
 
 
 def save(path: Path, write: Callable[[Path], object], option: str, content: bytes | None = None) -> None:
-    """Write a file by a function that lets it appear whole or not at all, and say so.
+    """Write a file by a function that writes it completely or not at all, and print a note.
 
     Parameters
     ----------
@@ -171,9 +171,9 @@ def save(path: Path, write: Callable[[Path], object], option: str, content: byte
     write : callable
         Writes the file, or raises `OSError`.
     option : str
-        What asks for it.
+        The option that requests it.
     content : bytes, optional
-        What is to be written, kept in a temporary file where the place has no room for it.
+        The content, kept in a temporary file if there is no space for it at the path.
 
     Raises
     ------
@@ -193,7 +193,7 @@ def save(path: Path, write: Callable[[Path], object], option: str, content: byte
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all; a device or a pipe is written to, not replaced."""
+    """Write a file completely or not at all; a device or a pipe is written to, not replaced."""
     if path.exists() and not path.is_file():
         path.write_bytes(content)
         return
@@ -202,7 +202,7 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def _rescued(content: bytes, output: Path) -> str:
-    """Return a temporary file that takes what has no space elsewhere, or nothing if there is none for it either."""
+    """Return a temporary file with content that has no space elsewhere, or nothing if that fails, too."""
     import tempfile
 
     try:
@@ -238,12 +238,12 @@ class Output:
 
     @classmethod
     def of(cls, path: Path | None, format_: str | None, formats: tuple[str, ...]) -> Output:
-        """Read the options; the suffix says the format unless it is given.
+        """Read the options; the suffix selects the format unless it is given.
 
         Raises
         ------
         UsageError
-            If the suffix says no format, a binary format has no file, or the file cannot be written.
+            If the suffix belongs to no format, a binary format has no file, or the file cannot be written.
         """
         path = None if path == Path("-") else path
         format_ = _format_of(path, formats) if format_ is None else format_
@@ -257,13 +257,13 @@ class Output:
         return cls(path, format_)
 
     def write(self, answer: Answer, summary: bool = False) -> None:
-        """Write an answer to stdout or to the file, which appears whole or not at all.
+        """Write an answer to stdout or to the file, which is written completely or not at all.
 
         Parameters
         ----------
         answer : mapping
         summary : bool
-            Whether the table is shown as well where the data go to a file.
+            Whether the table is also shown if the data go to a file.
         """
         data = answer[self.format]()
         if self.path is None:
@@ -339,7 +339,7 @@ def check_pictures(place: Path | None) -> None:
     Raises
     ------
     UsageError
-        If pictures cannot end like that.
+        If pictures cannot have that suffix.
     """
     if place is not None and place.suffix and place.suffix not in PICTURES:
         hint = suggestion(place.suffix, PICTURES) or ", ".join(PICTURES)
@@ -347,17 +347,17 @@ def check_pictures(place: Path | None) -> None:
 
 
 def picture_stem(place: Path | None, output: Path | None, model: Path, name: str = "") -> tuple[Path, str]:
-    """Return how the names of the pictures begin, and their suffix.
+    """Return the beginning of the names of the pictures, and their suffix.
 
     Parameters
     ----------
     place, output : Path or None
-        What --pictures and --output say.
+        Values of --pictures and --output.
     model : Path
         The model file, beside which they are drawn otherwise; those of installed models and of stdin in the working
         directory.
     name : str
-        Follows the name of the model there.
+        Appended to the name of the model there.
     """
     from mbstab.model.library import STDIN, installed_models
 
@@ -373,7 +373,7 @@ def picture_stem(place: Path | None, output: Path | None, model: Path, name: str
 
 
 def picture_paths(stem: Path, suffix: str, names: Iterable[str]) -> dict[str, Path]:
-    """Return where pictures are drawn, by name; what cannot be written is refused before anything is computed."""
+    """Return the paths of pictures by name; those that cannot be written are refused before anything is computed."""
     paths = {name: stem.with_name(f"{stem.name}-{name}{suffix}") for name in names}
     for path in paths.values():
         files().claim(path, PICTURE)

@@ -154,7 +154,7 @@ def simulate(
 
 
 def _run(mechanism: Mechanism, settings: SimulationSettings) -> tuple[Simulation, SimulationError | None]:
-    """Return what is computed, and why it ended early if it did."""
+    """Return the simulation, and why it ended early if it did."""
     told: list[str] = []
 
     def tell(text: str) -> None:
@@ -177,7 +177,7 @@ SIMULATED = (
     "to", "start", "method", "solver", "tol", "step", "compiled", "once", "points", "disturbances", "through_singular",
     "strict", "plots", "place", "format_", "output", "full", "speed",
 )  # fmt: skip
-"""Options of what a linear mode does without."""
+"""Options that do not apply to a linear mode."""
 
 
 def _compiling(compiled: bool) -> contextlib.AbstractContextManager[object]:
@@ -192,7 +192,7 @@ def _compiling(compiled: bool) -> contextlib.AbstractContextManager[object]:
 
 
 def _check_options(mode: bool, step: bool, plots: bool) -> None:
-    """Refuse options that would be passed over."""
+    """Refuse options that would be ignored."""
     if mode:
         refuse_given(SIMULATED, "with --mode-shape, for which nothing is simulated: a mode takes 2 s, whatever it is")
     if step:
@@ -217,7 +217,7 @@ def _write(result: Simulation, output: Output, model: Model, full: bool) -> None
 
 
 def _pictures(plots: tuple[str, ...], model: Model) -> list[Picture]:
-    """Read what is to be drawn, before anything is computed."""
+    """Read the requested pictures, before anything is computed."""
     if not plots:
         return []
     from mbstab.report.pictures.motion_plots import read_picture
@@ -226,7 +226,7 @@ def _pictures(plots: tuple[str, ...], model: Model) -> list[Picture]:
     for text in dict.fromkeys(plots):
         picture = read_picture(model, text)
         name, number = picture.name, 2
-        while name in found:  # long lists may begin alike
+        while name in found:  # long lists may begin with the same names
             name, number = f"{picture.name}-{number}", number + 1
         found[name] = replace(picture, name=name)
     return list(found.values())

@@ -39,7 +39,7 @@ CHART_POINTS = 101
 
 
 def _listed(one: Any = click.STRING) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], tuple[Any, ...]]:
-    """Return what makes values of a type of an option that is repeated, or given a list with commas, or both."""
+    """Return a parser for the values of an option that may be repeated, or given as a list with commas, or both."""
 
     def callback(context: click.Context, option: click.Parameter, given: tuple[str, ...]) -> tuple[Any, ...]:
         # Commas within parentheses belong to an expression.
@@ -178,7 +178,7 @@ def _check_options(
     pictures: tuple[str, ...],
     place: Path | None,
 ) -> None:
-    """Refuse options that do not go together."""
+    """Refuse options that exclude each other."""
     if len(parameters) > 2 or len(set(parameters)) < len(parameters):
         raise UsageError("a sweep has one parameter, a chart two different ones")
     for name, values in given.items():
@@ -212,7 +212,7 @@ def _grids(
 
 @contextlib.contextmanager
 def _kept(directory: Path | None, written: Path | None) -> Iterator[None]:
-    """Remove finished parts when the answer is written, and say what is left where it is not."""
+    """Remove finished parts when the answer is written; if it is not, print where they are kept."""
     from mbstab.analysis.sweep.jobs import discard
 
     before = _written_at(written)
@@ -230,7 +230,7 @@ def _kept(directory: Path | None, written: Path | None) -> Iterator[None]:
 
 
 def _written_at(path: Path | None) -> int | None:
-    """Return when a file was written (ns), or None where there is none."""
+    """Return when a file was written (ns), or None if it does not exist."""
     return path.stat().st_mtime_ns if path is not None and path.exists() else None
 
 
@@ -240,7 +240,7 @@ def _chart_points(model: Model, parameter: str) -> int:
 
 
 def _sweep_answer(result: Sweep, unit: str, factor: float, name: str, title: str) -> Answer:
-    """Return how a sweep is written, by format."""
+    """Return the functions that write a sweep, by format."""
     from mbstab.report import export, sweeps
 
     return {
@@ -252,7 +252,7 @@ def _sweep_answer(result: Sweep, unit: str, factor: float, name: str, title: str
 
 
 def _chart_answer(result: Chart, labels: list[tuple[str, float]], name: str, title: str) -> Answer:
-    """Return how a chart is written, by format."""
+    """Return the functions that write a chart, by format."""
     from mbstab.report import export, sweeps
 
     return {

@@ -1,4 +1,4 @@
-"""``mbstab test``: do the expectations of model files hold."""
+"""``mbstab test``: whether the expectations of model files hold."""
 
 from __future__ import annotations
 

@@ -10,8 +10,8 @@ element adds to
 * ``linearize_rows`` (constraints only): V_q = ∂V/∂q, A_q = ∂A/∂q and A_u = ∂A/∂u at fixed a,
   with A = J a + B the acceleration residual of the rows.
 
-Where there is a potential, of weight or of a spring, ``potential`` gives it. A force that comes from a potential and a
-dissipation function, and nothing else, says which of its parameters are the coefficients of the latter.
+Where there is a potential, of gravity or of a spring, ``potential`` gives it. A force that comes from a potential and a
+dissipation function only, names the parameters that are the coefficients of the latter.
 
 For a holonomic row V = dC/dt, A = d²C/dt² and J = C_q; for a nonholonomic one E = V = D,
 A = dD/dt and J = D_u. Given functions of time enter as s with their derivatives.
@@ -38,7 +38,7 @@ class Derived:
     """The functions of a kernel: names of their inputs, the steps, and the non-zero entries of their outputs.
 
     `damping` is None, or numbers of parameters in which the dissipation function of a force is linear: it vanishes with
-    them, and the force has no other part than it and that of the potential.
+    them, and the force has no other part than this and that of the potential.
     """
 
     inputs: dict[str, list[str]]
@@ -90,7 +90,7 @@ def derive(element: Element, frame: str) -> Derived:
     q, u, a = ([x.name for f in frames for x in getattr(f, name)] for name in "qua")
     parameters = [x.name for x in (*(b for f in frames for b in f.base), *flat)]
     derived = differentiate(tape, element.role, definition, q, u, a, [x.name for x in s], parameters)
-    # Made last: the text of the other functions depends on the order of their steps.
+    # Derived last: the text of the other functions depends on the order of their steps.
     if element.role == "inertia":
         return replace(derived, potential=_potential(-put(defined.subs({x: 0 for frame in frames for x in frame.u}))))
     if not isinstance(definition, Load):
@@ -196,7 +196,7 @@ def differentiate(
     push = tape.gradient(zip(nu, definition, strict=True), by)
 
     def of_rows(values: list[Term], names: list[Term]) -> Entries:
-        # Backwards from one row takes fewer steps than forwards from each coordinate.
+        # Backward differentiation from one row takes fewer steps than forward from each coordinate.
         return _entries([tape.gradient([(one, values[0])], names)]) if len(values) == 1 else jacobian(values, names)
 
     J = of_rows(definition, by)
@@ -204,7 +204,7 @@ def differentiate(
     linearize = {"K": jacobian(push, Q)}
     if not holonomic:
         linearize |= {"R": jacobian(push, U), "D": jacobian(definition, Q)}
-    # Made after the steps of the other functions, whose text depends on the order of their steps only.
+    # Derived after the other functions, whose text depends only on the order of their steps.
     moving = tape.tangent(rates | dict(zip(U, A, strict=True)))
     full = [moving(speed) for speed in speeds]
     linearize_rows = {"V_q": of_rows(speeds, Q), "A_q": of_rows(full, Q), "A_u": of_rows(full, U)}

@@ -21,9 +21,9 @@ from mbstab.records import dataclass
 
 KERNELS = Path(__file__).parent / "kernels"
 MAX_INLINE = 60
-"""Length of a text that is written in the place of its use."""
+"""Maximum length of a text that is inserted at the place of its use."""
 MAX_FACTORS = 4
-"""Higher powers are written with ``**``; it takes longer than two products."""
+"""Higher powers are written with ``**``, which takes longer than two products."""
 
 
 def emit(derived: Derived, title: str) -> str:
@@ -65,7 +65,7 @@ def _function(name: str, derived: Derived, outputs: dict[str, Entries]) -> list[
 
 
 def _needed(steps: list[Step], terms: list[Term]) -> dict[int, Step]:
-    """Return the steps that the terms are made of, each after those it uses, in the order of need."""
+    """Return the steps of which the terms consist, each after those it uses, in the order of use."""
     needed: dict[int, Step] = {}
     stack = [(term.step, False) for term in reversed(terms)]
     while stack:
@@ -80,7 +80,7 @@ def _needed(steps: list[Step], terms: list[Term]) -> dict[int, Step]:
 
 @dataclass(frozen=True)
 class _Text:
-    """How a step is written: as a term of a sum, and as factors above and below a fraction bar."""
+    """The text of a step: as a term of a sum, and as factors of numerator and denominator."""
 
     term: str
     above: tuple[str, ...]
@@ -90,7 +90,7 @@ class _Text:
 class _Writer:
     """Steps as lines of Python.
 
-    A step that is used once and short is written in the place of its use.
+    A short step that is used once is inserted at the place of its use.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ class _Writer:
         """Return the text of coefficient · step, fit for a sum."""
         sign, size = "-" if coefficient < 0 else "", abs(coefficient)
         if number == ONE:
-            # A fraction must not become a float before the arithmetic sees it.
+            # A fraction must not become a float before the arithmetic gets it.
             return sign + (f"{size}" if size.denominator == 1 else f"f.number('{size.numerator}')/{size.denominator}")
         text = self._texts[number]
         if coefficient == 1:

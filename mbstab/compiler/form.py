@@ -1,4 +1,4 @@
-"""The equations of a scene at many states: as `System` gives them at first, straight-line once that is worth it."""
+"""The equations of a scene at many states: first from `System`, then as straight-line functions when it pays."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from mbstab.compiler.fused import Fused
 
 FUSED_AFTER = 60
-"""Evaluations after which straight-line functions of the scene, which have to be written first, are worth it."""
+"""Number of evaluations from which on straight-line functions of the scene, which must be generated first, pay."""
 
 
 class Form:
-    """The equations of a scene: as the system gives them at first, as straight-line functions once that is worth it.
+    """The equations of a scene: first from the system, then as straight-line functions when it pays.
 
-    Functions have the arguments and results of those of `System` and raise what they raise.
+    Functions have the arguments and results of those of `System` and raise the same errors.
     """
 
     def __init__(self, system: System) -> None:
@@ -33,7 +33,7 @@ class Form:
 
     @property
     def quick(self) -> bool:
-        """Whether there are straight-line functions, or there should be."""
+        """Whether there are straight-line functions, or it pays to generate them."""
         return self._count >= FUSED_AFTER
 
     def dynamics(self, q: Array, u: Array, t: float) -> Dynamics:

@@ -1,7 +1,7 @@
-"""Large scenes: the elements of one kernel evaluated together, with arrays, and their numbers put into sparse matrices.
+"""Large scenes: the elements of one kernel evaluated together, as arrays, and assembled into sparse matrices.
 
 The arithmetic is that of sweeps, with the elements of a kernel in place of the points. Which number
-belongs to which stored entry is worked out once for each function of the kernels.
+belongs to which stored entry is determined once for each function of the kernels.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 Form = Callable[[Array, Index, Index, tuple[int, int]], Any]
-"""Makes a matrix of its entries row by row, their columns, where rows begin, and its shape (compressed sparse rows)."""
+"""Makes a matrix from its entries row by row, their columns, the starts of rows, and its shape (CSR)."""
 
 What = Literal["sum", "sizes", "lost"]
-"""What is asked of the numbers of all elements: their sum, that of sizes, or what rounding has lost in the sum."""
+"""What is computed from the numbers of all elements: their sum, the sum of sizes, or the rounding error of the sum."""
 
 FEW = 4
-"""Up to so many elements are faster one by one."""
+"""Up to this number, elements are faster one by one."""
 
 
 class Element(Protocol):
@@ -49,9 +49,9 @@ class Element(Protocol):
 
 @dataclass(frozen=True)
 class State:
-    """Where elements are evaluated: q, u, a with one fixed coordinate behind them, multipliers, time.
+    """The state at which elements are evaluated: q, u, a with one fixed coordinate appended, multipliers, time.
 
-    What a function of the kernels does not take is None.
+    Arguments that a function of the kernels does not take are None.
     """
 
     q: Any
@@ -62,10 +62,10 @@ class State:
 
 
 class Numbers:
-    """Of what kind the numbers of a scene are: here floats."""
+    """The type of the numbers of a scene: here floats."""
 
     def state(self, x: Any) -> Any:
-        """Return a vector with one fixed coordinate behind it."""
+        """Return a vector with one fixed coordinate appended."""
         return np.append(x, 0.0)
 
     def together(self, values: tuple[Any, ...]) -> Any:
@@ -77,14 +77,14 @@ class Numbers:
         return arithmetic_of(arguments)
 
     def stacked(self, found: Any, count: int) -> Array:
-        """Return what a kernel returns, shape (layers, outputs, elements)."""
+        """Return the results of a kernel, shape (layers, outputs, elements)."""
         result = np.empty((1, len(found), count))
         for row, value in zip(result[0], found, strict=True):
             row[:] = value
         return result
 
     def filled(self, pattern: Pattern, layers: list[Array], form: Form) -> Any:
-        """Return a vector or a matrix of what the elements return, layer by layer."""
+        """Return a vector or a matrix assembled from the results of the elements, layer by layer."""
         return pattern.filled(layers[0], form)
 
 
@@ -108,7 +108,7 @@ class Group:
         self.parameters = tuple(map(numbers.together, zip(*(e.parameters for e in elements), strict=True)))
 
     def values(self, function: str, at: State) -> Array:
-        """Return what the kernel returns, shape (layers, outputs, elements)."""
+        """Return the results of the kernel, shape (layers, outputs, elements)."""
         places = at.q[self.columns], at.u[self.columns]
         arguments: list[Any] = [*map(self._each, places), self.parameters]
         arguments.append(signals_at(self.laws, at.time) if self.laws else ())
@@ -124,7 +124,7 @@ class Group:
 
 
 def grouped(elements: Sequence[Element], numbers: Numbers = FLOATS) -> list[Group]:
-    """Return elements in groups of one kernel; by themselves where functions of time act or there are few."""
+    """Return elements in groups of one kernel each; one by one where functions of time act or there are few."""
     found: dict[Any, list[Element]] = {}
     for element in elements:
         found.setdefault(id(element) if element.laws else (id(element.kernel), element.takes_acceleration), []).append(
@@ -146,7 +146,7 @@ class Pattern:
 
     @cached_property
     def further(self) -> Array:
-        """For each number how many others are added to it."""
+        """For each number, the number of others that are added to it."""
         result: Array = (np.bincount(self.slot)[self.slot] - 1).astype(float)
         return result
 
@@ -160,7 +160,7 @@ class Pattern:
         return form(data, self.indices, self.starts, (self.shape[0], self.shape[1]))
 
     def lost(self, numbers: Array, form: Form) -> Any:
-        """Return what rounding has lost in each sum of the matrix, where the machine has longer numbers."""
+        """Return the rounding error of each sum of the matrix, if the machine has a longer floating-point type."""
         order = np.argsort(self.slot, kind="stable")
         begins = np.searchsorted(self.slot[order], np.arange(len(self.indices)))
         terms = numbers[self.take][order]
@@ -196,7 +196,7 @@ class Assembly:
     def outputs(
         self, function: str, at: tuple[Any, ...], shapes: dict[str, tuple[int, ...]], what: What
     ) -> dict[str, Any] | None:
-        """Return vectors and matrices by name, or what `What` says of the matrices; None if one is not finite."""
+        """Return vectors and matrices by name, or for the matrices what `what` selects; None if one is not finite."""
         q, u, a, nu = (None if x is None else self.numbers.state(x) for x in at[:4])
         state = State(q, u, a, nu, at[4])
         running = [g for g in self._groups if len(g.rows) or function != "linearize_rows"]

@@ -1,4 +1,4 @@
-"""How the numbers of elements are put into the vectors and matrices of a scene, at one point or many."""
+"""Assembly of the results of elements into the vectors and matrices of a scene, at one point or many."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OF_ROWS = ("E", "V", "B", "J", "D", "V_q", "A_q", "A_u")
 def plan_of(
     function: str, keys: tuple[str, ...], elements: tuple[tuple[Any, tuple[int, ...], tuple[int, ...]], ...], n_q: int
 ) -> dict[str, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
-    """Return the plan of elements given by their kernels, columns and rows: scenes of a model have the same."""
+    """Return the plan of elements given by their kernels, columns and rows; the scenes of a model share it."""
     take: dict[str, list[int]] = {key: [] for key in keys}
     target: dict[str, list[int]] = {key: [] for key in keys}
     position = 0
@@ -63,7 +63,7 @@ def arithmetic_of(arguments: list[Any]) -> Arithmetic:
 
 
 def listed(x: Any) -> list[Any]:
-    """Return the numbers of a vector; of one for each point of a sweep, those that are the same for all as floats."""
+    """Return the numbers of a vector; over the points of a sweep, those that are the same for all as floats."""
     # Python floats are several times faster than array elements in a kernel.
     if isinstance(x, np.ndarray) and x.ndim == 2:
         return [column if np.ptp(column) else float(column[0]) for column in np.ascontiguousarray(x.T)]
@@ -71,7 +71,7 @@ def listed(x: Any) -> list[Any]:
 
 
 def padded(x: Any, zero: Any) -> list[Any]:
-    """Return a vector as a list with one fixed coordinate behind it."""
+    """Return a vector as a list with one fixed coordinate appended."""
     return [*listed(x), zero]
 
 
@@ -87,7 +87,7 @@ def scatter_points(values: Sequence[Any], take: Any, target: Any, shape: tuple[i
 
 
 def scatter(values: Sequence[Any], take: Any, target: Any, shape: tuple[int, ...]) -> Any:
-    """Return a matrix to whose entries `target` the values `take` are added."""
+    """Return a matrix in which the values `take` are added to the entries `target`."""
     size = int(np.prod(shape))
     chosen = [values[i] for i in take]
     if not chosen:

@@ -1,6 +1,6 @@
-"""A scene as numbers: gather the coordinates of each element, run its kernel, scatter what it returns.
+"""A scene in numbers: gather the coordinates of each element, run its kernel, scatter the results.
 
-The arrays that come out (the notation of the whole package):
+The resulting arrays (the notation of the whole package):
 
 ========  ==============================================  ==========================
 symbol    meaning                                         shape
@@ -54,7 +54,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Row:
-    """One constraint row: which entry it belongs to, what it says, and its unit."""
+    """One constraint row: the entry it belongs to, its label, and its unit."""
 
     section: str
     name: str
@@ -85,7 +85,7 @@ class Dynamics:
 
 @dataclass(frozen=True)
 class _Placed:
-    """An element at its place: its kernel, where its coordinates and rows are, its numbers."""
+    """An element of a scene: its kernel, its places among coordinates and rows, its numbers."""
 
     kernel: Any
     columns: tuple[int, ...]
@@ -97,7 +97,7 @@ class _Placed:
 
     @property
     def hint(self) -> str:
-        """Return what to do where it has no finite equations."""
+        """Return a hint for a state without finite equations."""
         element = ELEMENTS.get(self.kernel.__name__.rpartition(".")[2])
         if element is not None and element.hint:
             return f"hint: {element.hint}"
@@ -109,23 +109,23 @@ class _Placed:
 
 @dataclass(frozen=True)
 class Acting:
-    """An element without rows, which makes forces or bears inertia, by itself.
+    """A single element without rows, which exerts forces or has inertia.
 
     Attributes
     ----------
     path : str
         The entry it belongs to.
     columns : tuple of int
-        Numbers of the coordinates it sees.
+        Numbers of the coordinates it contains.
     written : bool
         Whether it is written as expressions in the file.
     inertia : bool
     damping : tuple of numbers or None
-        The coefficients of the dissipation function of a force that comes from one and a potential; None for others.
+        The coefficients of the dissipation function of a force with one and a potential; None for others.
     analytic : bool
-        Whether what it does somewhere tells what it does everywhere: no abs and the like of coordinates.
+        Whether it is an analytic function of the state: no abs and the like of coordinates.
     slots : frozenset of (int, int)
-        Which entries of ∂F/∂q are not identically zero, as numbers of coordinates.
+        Entries of ∂F/∂q that are not identically zero, as numbers of coordinates.
     """
 
     path: str
@@ -149,7 +149,7 @@ class Acting:
 
     @property
     def damped(self) -> bool:
-        """Whether the dissipation function of such a force is there."""
+        """Whether such a force has a dissipation function."""
         return any(not plain_zero(x) for x in self.damping or ())
 
     def force(self, q: Any, u: Any, a: Any, time: Any, f: Arithmetic = FLOAT) -> list[Any]:
@@ -160,13 +160,13 @@ class Acting:
         q, u, a : sequences of numbers, length n_q
         time : number (s)
         f : Arithmetic
-            Of the numbers.
+            Arithmetic of the numbers.
         """
         n, zero = len(q), f.number("0")
         return self.own_force([[x[i] if i < n else zero for i in self.placed.columns] for x in (q, u, a)], time, f)
 
     def own_force(self, own: list[list[Any]], time: Any, f: Arithmetic = FLOAT) -> list[Any]:
-        """Return the same for the coordinates, speeds and accelerations that it sees, in its order."""
+        """Return the same for the coordinates, speeds and accelerations that it contains, in its order."""
         e, zero = self.placed, f.number("0")
         signals = signals_at(e.laws, time) if e.laws else ()
         values = iter(e.kernel.dynamics(f, own[0], own[1], e.parameters, signals))
@@ -239,7 +239,7 @@ class System:
         return self.n_h + self.n_n
 
     def parts(self) -> Iterator[tuple[str, System]]:
-        """Yield each entry of the scene, such as ``joints.pivot``, and a system in which it alone acts."""
+        """Yield each entry of the scene, such as ``joints.pivot``, and a system in which only it acts."""
         for path in dict.fromkeys(element.path for element in self._elements):
             part = copy(self)
             part._elements = [element for element in self._elements if element.path == path]
@@ -249,7 +249,7 @@ class System:
             yield path, part
 
     def containing(self, columns: frozenset[int]) -> System:
-        """Return a system in which only the elements with rows act that contain some coordinates."""
+        """Return a system with only those elements with rows that contain some coordinates."""
         part = copy(self)
         part._elements = [e for e in self._elements if e.rows and not columns.isdisjoint(e.columns)]
         part._plans = {}
@@ -259,11 +259,11 @@ class System:
 
     @property
     def sparse(self) -> bool:
-        """Whether matrices are sparse ones."""
+        """Whether matrices are sparse."""
         return self._assembly is not None
 
     def in_matrices(self, form: Form, numbers: Numbers = FLOATS) -> System:
-        """Return the same equations with sparse matrices that a function makes; see `Form`."""
+        """Return the same equations with sparse matrices made by a function; see `Form`."""
         other = copy(self)
         other._assembly = Assembly(self._elements, self.n_q, form, numbers)
         return other
@@ -274,7 +274,7 @@ class System:
             yield from ((element.path, law) for law in element.laws if isinstance(law, Law))
 
     def in_arithmetic(self, scene: Scene) -> System:
-        """Return the same elements in the arithmetic of a scene that differs from this one in nothing else."""
+        """Return the same elements in the arithmetic of another scene, which must not differ otherwise."""
         other = copy(self)
         other.scene, other._assembly = scene, None
         other._elements = [
@@ -284,7 +284,7 @@ class System:
         return other
 
     def loads(self, q: Any, u: Any, a: Any, time: Any = None) -> Any:
-        """Return the sum of the sizes of all forces and inertia on each coordinate, shape (n_q,): what may cancel."""
+        """Return the sum of the sizes of all forces and inertia on each coordinate, without cancellation, (n_q,)."""
         total = np.zeros(self.n_q)
         for _, part in self.parts():
             if not part._elements[0].rows:
@@ -293,7 +293,7 @@ class System:
         return total
 
     def terms(self, q: Any, u: Any, a: Any, nu: Any, time: Any = None) -> dict[str, Any]:
-        """Return M, F (= F0), J, K, R and D (= D_q) as if nothing could cancel: sums of sizes over the elements.
+        """Return M, F (= F0), J, K, R and D (= D_q) without cancellation: sums of sizes over the elements.
 
         Parameters
         ----------
@@ -308,7 +308,7 @@ class System:
         return out | {"D": out["D"][self.n_h :]}
 
     def lost(self, q: Any, u: Any, a: Any, nu: Any, time: Any = None) -> dict[str, Any]:
-        """Return what rounding has lost in the sums that are the entries of M, J, K, R and D (= D_q), if sparse."""
+        """Return the rounding errors of the sums in the entries of M, J, K, R and D (= D_q), if sparse."""
         n, c = self.n_q, self.n_c
         shapes = {"M": (n, n), "F": (n,), "E": (c,), "V": (c,), "J": (c, n), "B": (c,)}
         out = self._run("dynamics", q, u, time, shapes, what="lost")
@@ -427,7 +427,7 @@ class System:
     # --- numbers ----------------------------------------------------------------------------------------------------
 
     def potential(self, q: Any) -> Any:
-        """Return the potential energy (J) of weight and of elements that store some, shape (…); q has (…, n_q)."""
+        """Return the potential energy (J) of gravity and of elements that store energy, shape (…); q has (…, n_q)."""
         q = np.asarray(q)
         coordinates = [*np.moveaxis(q, -1, 0), 0.0]
         total = np.zeros(q.shape[:-1])
@@ -444,7 +444,7 @@ class System:
         ----------
         q, u : array_like, shape (n_q,)
             Coordinates (m, rad) and speeds; shape (points, n_q) for the points of a sweep, whose
-            matrices then have a first axis for them, of length 1 where they are all the same.
+            matrices then have a first axis for them, of length 1 where all are the same.
         time : float, optional
             Time (s), for given motions and forces; the reference time if not given.
         """
@@ -469,7 +469,7 @@ class System:
     def linearize_rows(self, q: Any, u: Any, a: Any, time: Any = None) -> tuple[Any, Any, Any]:
         """Return V_q = ∂V/∂q, and A_q = ∂A/∂q and A_u = ∂A/∂u of A = J a + B at fixed accelerations.
 
-        With ∂V/∂u = ∂A/∂a = J they are what neighbours of a motion satisfy: V_q Δq + J Δu = 0
+        With ∂V/∂u = ∂A/∂a = J, neighbours of a motion satisfy V_q Δq + J Δu = 0
         and A_q Δq + A_u Δu + J Δa = 0.
 
         Parameters
@@ -516,9 +516,9 @@ class System:
         return out
 
     def _values(self, function: str, q: Any, u: Any, time: Any, a: Any, nu: Any, points: int | None) -> list[Any]:
-        """Return what all elements return, one after the other."""
+        """Return the results of all elements, one after the other."""
         f = FLOAT if points else self.scene.arithmetic
-        # Exact number systems must not meet floats.
+        # Exact number systems must not be mixed with floats.
         zero = f.number("0") if f.name == "ball" else 0.0
         q, u = padded(q, zero), padded(u, zero)
         a = padded(a, zero) if a is not None else None
@@ -543,7 +543,7 @@ class System:
         return values
 
     def _location(self, path: str) -> Location:
-        """Return where an entry stands in the file."""
+        """Return the location of an entry in the file."""
         section, _, name = path.partition(".")
         model = self.scene.model
         return (model.bodies if section == "bodies" else model.entries[section])[name].location

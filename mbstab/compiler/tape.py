@@ -5,10 +5,10 @@ holds each subexpression once, as a numbered step; derivatives are more steps.
 
 Two steps are the same if they agree at one random state, computed exactly in the integers
 modulo a prime: inputs are random residues, sine and cosine of an angle a random point of
-the unit circle, and the value of every other function a random residue of its own. So
-whatever follows from the rules of arithmetic and from sin² + cos² = 1 is found: entries
-that vanish identically are dropped and a symmetric matrix is computed once. What holds for
-some states only, such as |x| = x, is not. The chance of a mistake is below 1e-30.
+the unit circle, and the value of every other function an independent random residue. So
+everything that follows from the rules of arithmetic and from sin² + cos² = 1 is found: entries
+that vanish identically are dropped and a symmetric matrix is computed once. Identities that hold for
+some states only, such as |x| = x, are not found. The probability of an error is below 1e-30.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ class Tape:
     # --- making terms -----------------------------------------------------------------------------------------------
 
     def term(self, x: Term | int | Fraction) -> Term:
-        """Return a number as a term; terms stay what they are."""
+        """Return a number as a term; terms are returned unchanged."""
         return x if isinstance(x, Term) else Term(self, Fraction(x), ONE)
 
     def input(self, name: str) -> Term:
@@ -172,7 +172,7 @@ class Tape:
         entries = sorted((step, c) for step, c in total.items() if c)
         if len(entries) < 2:
             return Term(self, entries[0][1], entries[0][0]) if entries else self.term(0)
-        # Without a common factor, so that multiples of a sum share its step.
+        # A common factor is taken out, so that multiples of a sum share its step.
         size = Fraction(gcd(*(c.numerator for _, c in entries)), lcm(*(c.denominator for _, c in entries)))
         content = size if sum(1 if c > 0 else -1 for _, c in entries) >= 0 else -size
         inner = self._put(Sum(tuple((step, c / content) for step, c in entries)))
@@ -295,7 +295,7 @@ class Tape:
     # --- derivatives ------------------------------------------------------------------------------------------------
 
     def tangent(self, rates: Mapping[Term, Term]) -> Callable[[Term], Term]:
-        """Return the function that gives the derivative of a term in the direction in which inputs have these rates."""
+        """Return the function that gives the derivative of a term in the direction of given rates of inputs."""
         known = {name.step: rate for name, rate in rates.items()}
         mask = self._mask(rates)
 

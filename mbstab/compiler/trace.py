@@ -25,12 +25,12 @@ from mbstab.model.functions import NATIVE, TABLE
 from mbstab.records import dataclass
 
 MAX_LINE = 100
-"""Length of a text that is written in the place of its use."""
+"""Maximum length of a text that is inserted at the place of its use."""
 MAX_FACTORS = 4
 """Higher powers are left to the arithmetic."""
 
 OPERATIONS = ("+", "-", "*", "/", "negative", "power", *NATIVE)
-"""What `Code` numbers."""
+"""The operations that `Code` numbers."""
 
 
 @dataclass(frozen=True)
@@ -42,16 +42,16 @@ class Code:
     Attributes
     ----------
     inputs : int
-        How many.
+        Number of inputs.
     operations : list of int
         Indices into `OPERATIONS`.
     operands : list of (int, int)
-        Registers that an operation takes; the second repeats the first where it takes one.
+        Registers of the operands; the second repeats the first if there is only one.
     constants : list of float
     results : list of (int, bool)
         Register of each output, and whether its negative is meant.
     ends : list of int
-        How many operations each group of outputs needs, those before it included.
+        Number of operations up to the end of each group of outputs.
     """
 
     inputs: int
@@ -258,7 +258,7 @@ class Trace:
         return "\n".join([*lines, *(f"        {writer.term(x)}," for x in outputs), "    )", ""])
 
     def code(self, inputs: Sequence[Traced], groups: Sequence[Sequence[Any]]) -> Code:
-        """Return the program that finds groups of outputs, one after the other.
+        """Return the program that computes groups of outputs, one after the other.
 
         Parameters
         ----------
@@ -321,7 +321,7 @@ class Trace:
 
 
 class _Writer:
-    """Steps as lines of Python; a step that is used once and short is written in the place of its use.
+    """Steps as lines of Python; a short step that is used once is inserted at the place of its use.
 
     Attributes
     ----------
@@ -359,7 +359,7 @@ class _Writer:
                 return f"{function}({', '.join(map(self.term, step.operands))})", _CALL
 
     def _bound(self, x: Any, least: int) -> str:
-        """Return the text of an operand, in parentheses if it binds less than that."""
+        """Return the text of an operand, in parentheses if its precedence is lower than `least`."""
         if not isinstance(x, Traced):
             return repr(float(x))
         text, binding = self._texts[x.step]

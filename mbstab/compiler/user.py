@@ -1,4 +1,4 @@
-"""Kernels of the expressions that a model file brings along, derived when the model is read."""
+"""Kernels of the expressions of a model file, derived when the model is read."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _kernel(
     derived = differentiate(tape, role, definition, q, u, a, ["s1"], p)
     source = emit(derived, f"{role} expressions of a model file")
     module: dict[str, Any] = {}
-    # The text is ours: it was written from the parsed terms, not taken from the file.
+    # The text is safe: it was generated from the parsed terms, not taken from the file.
     exec(compile(source, "<user kernel>", "exec"), module)
     functions = [key for key in ("dynamics", "linearize", "linearize_rows") if key in module]
     kernel = ModuleType("user")

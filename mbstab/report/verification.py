@@ -85,8 +85,8 @@ def verification_data(found: Verification) -> dict[str, Any]:
     ``modes``, ``neutral`` (null without neutral eigenvalues). Of each mode: ``number``, ``kind``, ``predicted`` and
     ``observed`` (``real`` and ``imag`` in 1/s; null where nothing was observed), ``error`` (relative),
     ``uncertainty`` (1/s), ``span`` (s), ``amplitude`` (of the sizes in the scene), ``verdict``, ``reason``. Of the
-    neutral directions: ``count``, ``staying`` (along which displacements are constant), ``power`` (of time, with which
-    the others drift; -1 if they rotate with a frame), ``error`` (largest difference from the prediction, relative to the
+    neutral directions: ``count``, ``staying`` (with constant displacements), ``power`` (of time, with which the
+    others drift; -1 if they rotate with a frame), ``error`` (largest difference from the prediction, relative to the
     displacement), ``span`` (s), ``verdict``, ``reason``.
     """
     return {
