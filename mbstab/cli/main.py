@@ -130,5 +130,5 @@ def main() -> None:
     one_thread_by_default()
     if threading.current_thread() is threading.main_thread():  # elsewhere signals cannot be handled
         signal.signal(signal.SIGTERM, _interrupt)
-    # It finds another place for its fonts where it may not write, and need not say so.
+    # It finds another place for its fonts where it may not write, and need not print a warning.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)

@@ -382,7 +382,7 @@ class Finder:
         return motion
 
     def _check_mass(self, M: Any, M_z: Array, allowed: Array) -> None:
-        """Every motion that the constraints allow must carry mass."""
+        """Refuse a motion that the constraints allow and that carries no mass."""
         if not M_z.size:
             return
         values = np.linalg.eigvalsh(M_z)
@@ -456,7 +456,7 @@ class Finder:
             raise MassError(f"{self.scene.model.reference.location}: {text}")
 
     def _check_constant_rank(self, q: Array, u: Array, time: float, spaces: Subspaces, M: Any) -> None:
-        """Redundancy is harmless if it persists nearby: Nᵀ (Σ δ_i ∇²C_i) N = 0 for every dependence δ."""
+        """Refuse redundancy that does not persist nearby: Nᵀ (Σ δ_i ∇²C_i) N = 0 must hold for every dependence δ."""
         n_h, zero = self.system.n_h, np.zeros(self.system.n_q)
         straight = self.system.linearize(q, u, zero, np.zeros(self.system.n_c), time)[0]
 

@@ -410,7 +410,7 @@ def key_of(all_tasks: list[Task]) -> str:
 
 @functools.cache
 def _program() -> str:
-    """Return what tells this program from others: all of its sources."""
+    """Return a fingerprint of this program: all of its sources."""
     digest, home = hashlib.sha256(), Path(mbstab.__file__).parent
     for path in sorted(home.rglob("*")):
         if path.is_file() and "__pycache__" not in path.parts:
