@@ -402,10 +402,12 @@ def test_what_neutral_eigenvalues_belong_to_is_said_beside_an_unstable_one(tmp_p
         "mbstab: 1\nbodies:\n  cart: {type: point, mass: 1}\n"
         "forces:\n  push: {type: expression, on: {cart.x: 3*cart.x}}\n"
     )
-    assert "neutral eigenvalues belong to: cart.y, cart.z, speed along cart.y" in " ".join(run("eig", path).stdout.split())
+    assert "neutral eigenvalues belong to: cart.y, cart.z, speed along cart.y" in " ".join(
+        run("eig", path).stdout.split()
+    )
     data = json.loads(run("eig", path, "--format", "json").stdout)
     assert data["verdict"] == "unstable"
-    assert data["neutral_directions"] [:2] == ["cart.y", "cart.z"]
+    assert data["neutral_directions"][:2] == ["cart.y", "cart.z"]
 
 
 def test_matrices_that_nobody_reads_are_refused(monkeypatch, capsys):

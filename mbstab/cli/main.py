@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import io
 import logging
@@ -9,7 +10,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from typing import Any
 
@@ -65,7 +66,9 @@ class _Group(click.Group):
     def main(self, *arguments: Any, **options: Any) -> Any:
         """Run the command and end the process with its exit code."""
         options["standalone_mode"] = False
-        sys.exit(_exit_code(lambda: super(_Group, self).main(*arguments, **options)))
+        with _terminable():
+            code = _exit_code(lambda: super(_Group, self).main(*arguments, **options))
+        sys.exit(code)
 
 
 def _exit_code(run: Callable[[], Any]) -> int:
@@ -104,9 +107,21 @@ def _exit_code(run: Callable[[], Any]) -> int:
     return 1
 
 
-def _interrupt(number: int, frame: Any) -> None:
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
     """Let a request to terminate stop a command as Ctrl-C does: no half file and no process is left."""
-    raise KeyboardInterrupt
+    if threading.current_thread() is not threading.main_thread():  # where signals cannot be handled
+        yield
+        return
+
+    def stop(number: int, frame: Any) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _version(ctx: click.Context, _: click.Parameter, value: bool) -> None:
@@ -128,7 +143,5 @@ def main() -> None:
     --verify contradicts.
     """
     one_thread_by_default()
-    if threading.current_thread() is threading.main_thread():  # elsewhere signals cannot be handled
-        signal.signal(signal.SIGTERM, _interrupt)
     # It finds another place for its fonts where it may not write, and need not print a warning.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)

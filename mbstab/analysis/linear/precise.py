@@ -112,6 +112,11 @@ class PreciseResult(Judged):
     plain: EigenResult
 
     @property
+    def neutral_directions(self) -> tuple[str, ...]:
+        """What the neutral eigenvalues belong to, in words, whatever the verdict."""
+        return self.modulo.names or self.plain.neutral_directions
+
+    @property
     def zeros(self) -> int:
         """Number of neutral eigenvalues that are zero."""
         return self.neutral - 2 * len(self.shifts)

@@ -83,8 +83,8 @@ class Disc:
 
 
 @dataclass(frozen=True)
-class Neutral:
-    """Directions of neighbouring motions of the same kind.
+class Modulo:
+    """The symmetries and families up to which a verdict holds.
 
     Attributes
     ----------
@@ -92,6 +92,23 @@ class Neutral:
         Symmetries of all motions: ``position along x``, ``heading`` and the like.
     family : tuple of str
         Quantities that distinguish the steady motions of a family: ``speed``.
+    """
+
+    symmetries: tuple[str, ...] = ()
+    family: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return all of them in words."""
+        return self.symmetries + self.family
+
+
+@dataclass(frozen=True)
+class Neutral(Modulo):
+    """Directions of neighbouring motions of the same kind.
+
+    Attributes
+    ----------
     count : int
         Number of eigenvalues that belong to them.
     drift : int
@@ -104,18 +121,11 @@ class Neutral:
         Those of the family that are speeds of a scene at rest; they stay small where the energy bounds them.
     """
 
-    symmetries: tuple[str, ...] = ()
-    family: tuple[str, ...] = ()
     count: int = 0
     drift: int = 0
     evidence: Evidence = "structural"
     checked: str = ""
     slow: tuple[str, ...] = ()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Return all of them in words."""
-        return self.symmetries + self.family
 
 
 @dataclass(frozen=True)
@@ -248,25 +258,6 @@ class Facts:
     frequencies: Callable[[], tuple[str, ...]] = tuple
     multipliers: bool = False
     census: Census | None = None
-
-
-@dataclass(frozen=True)
-class Modulo:
-    """The symmetries and families up to which a verdict holds.
-
-    Attributes
-    ----------
-    symmetries, family : tuple of str
-        As in `Neutral`.
-    """
-
-    symmetries: tuple[str, ...] = ()
-    family: tuple[str, ...] = ()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Return all of them in words."""
-        return self.symmetries + self.family
 
 
 @dataclass(frozen=True)
