@@ -11,7 +11,6 @@ from mbstab.analysis.linear.constancy import (
     _period,
     _shape,
     affine_drives,
-    common_period,
     period_doubt,
     time_doubt,
     time_uses,
@@ -149,7 +148,6 @@ def test_the_common_period(text, period):
     system = force(text, start="0.3")
     assert only(system).kind == "periodic"
     assert only(system).period == pytest.approx(period, rel=1e-14)
-    assert common_period(system) == pytest.approx(period, rel=1e-14)
     assert period_doubt(system, period) == ""
     assert period_doubt(system, 7 * period) == ""
     assert period_doubt(system, 0.7 * period)
@@ -168,7 +166,6 @@ def test_entries_that_are_periodic_each_may_have_no_common_period():
     system = point(text)
     assert [use.kind for use in time_uses(system)] == ["periodic", "periodic"]
     assert "no common period" in time_doubt(system)
-    assert math.isnan(common_period(system))
     assert "forces.r" in period_doubt(system, 2 * math.pi)
 
 

@@ -332,12 +332,6 @@ def affine_drives(system: System) -> tuple[TimeUse, ...]:
     return tuple(use for use in time_uses(system) if use.leads)
 
 
-def common_period(system: System) -> float:
-    """Return the common period (s) of all that is periodic, for the first point of a sweep; nan if there is none."""
-    structure, uses = _uses(system)
-    return math.nan if structure is None else _period(structure, [f for use in uses for f in use.frequencies])
-
-
 def time_doubt(system: System, broken: Container[str] = ()) -> str:
     """Return why the equations are not known to be constant from the time of the reference on; empty: they are.
 
