@@ -334,6 +334,7 @@ class Mechanism:
         parameter: str,
         values: Array,
         progress: Callable[[float], object] = lambda done: None,
+        certify: bool = False,
         **keywords: Any,
     ) -> Sweep:
         """Return eigenvalue branches over a parameter, and where stability changes.
@@ -345,20 +346,30 @@ class Mechanism:
             Of the parameter in SI, ascending or descending.
         progress : callable
             Is called with the part of the work that is done, from 0 to 1.
+        certify : bool
+            Enclose each critical value in a ball, or say why that is not proven (`Critical.enclosed`).
         **keywords
             Other parameters, and fields of `mbstab.analysis.sweep.settings.SweepSettings`.
 
         Raises
         ------
         UsageError
-            If the parameter is unknown or the values are not in order.
+            If the parameter is unknown, the values are not in order, or python-flint is missing for `certify`.
         """
         values = _series(parameter, values)
         from mbstab.analysis.sweep.settings import SweepSettings
         from mbstab.analysis.sweep.sweep import sweep
 
         settings, parameters = self._parted(SweepSettings, keywords)
-        return sweep(self._afforded("modes", parameters), parameter, values, progress, settings)
+        model = self._afforded("modes", parameters)
+        if not certify:
+            return sweep(model, parameter, values, progress, settings)
+        from mbstab.analysis.algebra.balls import require_flint
+        from mbstab.analysis.proof.critical_values import with_enclosures
+
+        require_flint()
+        found = sweep(model, parameter, values, lambda done: progress(0.5 * done), settings)
+        return with_enclosures(model, found, lambda done: progress(0.5 + 0.5 * done))
 
     @guarded
     def simulate(

@@ -22,7 +22,7 @@ import mbstab
 from mbstab.analysis.algebra import ball_polynomials, balls
 from mbstab.analysis.algebra.balls import NotProvable, ball, digits, real
 from mbstab.analysis.linear.verdict import REQUIRED, STRENGTH, UNDECIDED, WORDS, Modulo
-from mbstab.analysis.proof.certify import certified_critical
+from mbstab.analysis.proof.critical_values import proven_change
 from mbstab.analysis.proof.intervals import Part, common
 from mbstab.analysis.proof.krawczyk import krawczyk
 from mbstab.analysis.proof.tolerances import TOLERANCES as PROOF
@@ -32,7 +32,8 @@ from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.expressions import parse
 from mbstab.model.parameters import bound
 from mbstab.model.units import UNITS
-from mbstab.report.certificate import certificate_data, certificate_text, decimals
+from mbstab.report.certificate import certificate_data, certificate_text
+from mbstab.report.tables import decimals
 
 MODELS = sorted(Path(__file__).parent.parent.joinpath("models").glob("*.yaml"))
 
@@ -214,26 +215,30 @@ def test_the_top_falls_for_every_slow_spin_and_sleeps_for_every_fast_one():
 
 
 def test_the_critical_spin_of_the_top_to_thirty_digits():
-    found = certified_critical(mbstab.load("top.yaml").model, "omega", "5", "6", 30)
+    found = proven_change(mbstab.load("top.yaml").model, "omega", Fraction(5), Fraction(6), 30)
     with mp.workdps(60):
         exact = closed_forms.critical_top()
         low, high = (mp.mpf(x.numerator) / x.denominator for x in (found.low, found.high))
         assert low < exact < high
         assert high - low < mp.mpf(10) ** -30
     assert found.test == "collision"
-    assert found.text().startswith("[5.56772844165374")
+    assert found.unstable == (2, 0)
 
 
-@pytest.mark.parametrize(("low", "high", "value"), [("4", "5", 4.29238253634110396), ("6", "6.1", 6.02426201538835889)])
-def test_weave_and_capsize_of_the_bicycle(low, high, value):
-    found = certified_critical(mbstab.load("whipple_bicycle.yaml").model, "v", low, high, 25)
+@pytest.mark.parametrize(
+    ("low", "high", "value", "unstable"),
+    [("4", "5", 4.29238253634110396, (2, 0)), ("6", "6.1", 6.02426201538835889, (0, 1))],
+)
+def test_weave_and_capsize_of_the_bicycle(low, high, value, unstable):
+    found = proven_change(mbstab.load("whipple_bicycle.yaml").model, "v", Fraction(low), Fraction(high), 25)
+    assert found.unstable == unstable
     assert float(found.low) == pytest.approx(value, abs=1e-14)
     assert float(found.high - found.low) < 1e-24
 
 
 def test_a_critical_value_that_is_not_there_is_refused():
     with pytest.raises(NotProvable, match="no test function changes its sign"):
-        certified_critical(mbstab.load("top.yaml").model, "omega", "6", "7")
+        proven_change(mbstab.load("top.yaml").model, "omega", Fraction(6), Fraction(7))
 
 
 def test_an_interval_over_a_change_is_not_claimed():
@@ -400,10 +405,59 @@ def test_a_start_that_fails_in_double_precision_leaves_a_part_open_to_division()
 def test_a_critical_value_belongs_to_one_equilibrium():
     # The damping of x = 1 is 1 - 2 p; that of the other one does not change its sign.
     model = point("-(b.x**2 - 1)*b.x - rate(b.x)*(b.x - 2*p)", "0.4 + p").model
-    found = certified_critical(model, "p", "0.3", "0.7", 20)
+    found = proven_change(model, "p", Fraction("0.3"), Fraction("0.7"), 20)
     assert found.low < Fraction(1, 2) < found.high
+    model = point("-(b.x**2 - 1)*b.x - rate(b.x)*b.x", "p").model
     with pytest.raises(NotProvable):
-        certified_critical(point("-(b.x**2 - 1)*b.x - rate(b.x)*b.x", "p").model, "p", "-0.7", "0.7", 20)
+        proven_change(model, "p", Fraction("-0.7"), Fraction("0.7"), 20)
+
+
+def test_a_test_function_that_is_zero_where_nothing_changes_proves_no_critical_value():
+    # The eigenvalues of a saddle are 1 and -1 at p = 0, and their sum passes zero.
+    saddle = point("b.x - p*rate(b.x)").model
+    with pytest.raises(NotProvable, match="the number of unstable eigenvalues is 1 on both sides"):
+        proven_change(saddle, "p", Fraction("-0.5"), Fraction("0.7"))
+
+
+def test_a_pair_of_roots_close_to_the_real_line_is_told_apart():
+    with digits(50):
+        below, above = ball_polynomials.root_discs([ball(144 + Fraction(1, 10**22)), ball(24), ball(1)])
+    assert {round(float(centre.imag.mid()) * 1e11) for centre, _, _ in (below, above)} == {-1, 1}
+    assert all(radius < 1e-40 and count == 1 for _, radius, count in (below, above))
+
+
+def swept(*arguments):
+    return CliRunner().invoke(main, ["sweep", *arguments, "--certify", "--plot", "none"])
+
+
+def test_sweep_proves_its_critical_values():
+    arguments = ("top.yaml", "--param", "omega", "--from", "5", "--to", "6", "--points", "11")
+    (critical,) = json.loads(swept(*arguments, "--format", "json").stdout)["critical"]
+    ball_ = critical["enclosure"]
+    with mp.workdps(40):
+        assert abs(mp.mpf(ball_["midpoint"]) - closed_forms.critical_top()) < mp.mpf(ball_["radius"])
+    assert float(ball_["radius"]) < 1e-20
+    assert ball_["conditions"] == ["the reference satisfies the constraints"]
+    assert ball_["reason"] == ""
+    text = swept(*arguments).stdout
+    assert "5.56772844165374143  ± 2e-17  collision" in text
+    assert "5.56773 proven, provided that the reference satisfies the constraints" in text
+    last = swept(*arguments, "--format", "csv").stdout.splitlines()[-1]
+    assert last.startswith("5.5677284416537")
+    assert last.endswith("; the reference satisfies the constraints")
+    assert f",critical: collision; {ball_['midpoint']} ± {ball_['radius']};" in last
+
+
+def test_sweep_says_why_a_critical_value_is_not_proven():
+    text = swept("von_mises_truss.yaml", "--param", "P", "--from", "-5", "--to", "5", "--points", "11").output
+    assert "not proven: proofs are of divergence, flutter, collision, not of what is 'fold'" in " ".join(text.split())
+    assert "not proven: it lies on a path to which a fold leads" in " ".join(text.split())
+
+
+def test_a_chart_proves_nothing():
+    refused = swept("whipple_bicycle.yaml", "--param", "v", "--param", "g")
+    assert refused.exit_code == 2
+    assert "--certify goes with one parameter" in refused.stderr
 
 
 # --- rows that repeat others ----------------------------------------------------------------------------------------

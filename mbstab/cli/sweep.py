@@ -89,6 +89,7 @@ def _listed(one: Any = click.STRING) -> Callable[[click.Context, click.Parameter
     help="Pictures to draw, separated by commas or repeated; map and locus if not given, none for none.",
 )
 @pictures_option
+@click.option("--certify", is_flag=True, help="Prove each critical value: enclose it in a ball, or say why not.")
 @click.option("--resume", is_flag=True, help="Go on with a sweep to --output that was interrupted.")
 @click.option("--jobs", type=click.IntRange(1, 1024), default=1, show_default=True, help="Number of processes.")
 @click.option("--cluster", metavar="ADDRESS", default="", help="Compute on a Dask cluster, tcp://HOST:PORT.")
@@ -104,6 +105,7 @@ def sweep(
     settings: tuple[str, ...],
     pictures: tuple[str, ...],
     place: Path | None,
+    certify: bool,
     resume: bool,
     jobs: int,
     cluster: str,
@@ -119,6 +121,8 @@ def sweep(
     """
     given = {"--from": start, "--to": stop, "--points": points}
     _check_options(parameters, given, values is not None, pictures, place)
+    if certify and len(parameters) == 2:
+        raise UsageError("--certify goes with one parameter")
     directory = output.path.with_name(output.path.name + ".parts") if output.path is not None else None
     run = SweepSettings(directory, True, resume, jobs, cluster)
     mechanism = load_model(file, settings)
@@ -129,7 +133,7 @@ def sweep(
     drawn = () if "none" in wanted else wanted
     paths = picture_paths(*stem, drawn if len(parameters) == 1 else ("chart",) * bool(drawn))
     if len(parameters) == 1:
-        total, missing = _sweep(mechanism, parameters[0], grids, run, paths, output)
+        total, missing = _sweep(mechanism, parameters[0], grids, run, paths, output, certify)
     else:
         total, missing = _chart(mechanism, grids, run, paths, output)
     if missing:
@@ -143,13 +147,14 @@ def _sweep(
     run: SweepSettings,
     paths: dict[str, Path],
     output: Output,
+    certify: bool,
 ) -> tuple[int, int]:
     """Sweep a parameter, write and draw the answer; return the number of points, and of those without an answer."""
     model = mechanism.model
     unit, factor = model.parameters[parameter].unit, model.parameters[parameter].factor
     with _kept(run.directory, output.path):
         with progress_bar("sweeping") as progress:
-            answer = mechanism.sweep(parameter, grids[parameter], progress, **vars(run))
+            answer = mechanism.sweep(parameter, grids[parameter], progress, certify, **vars(run))
         output.write(_sweep_answer(answer, unit, factor, model.name, model.title), summary=True)
         _draw(answer, paths, _label(parameter, unit), model.title)
     warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))

@@ -9,7 +9,7 @@ from typing import Any
 from mbstab.analysis.linear.verdict import Modulo
 from mbstab.analysis.proof.certify import Certificate
 from mbstab.report import WIDTH
-from mbstab.report.tables import table
+from mbstab.report.tables import decimals, table
 
 SHOWN = 20
 """Digits of a midpoint in a table."""
@@ -25,21 +25,6 @@ WORDS = {
     "carried": "on the axis, by symmetry",
     "open": "not told",
 }
-
-
-def decimals(x: Any, digits: int) -> dict[str, str]:
-    """Return a ball as midpoint and radius in decimal; the radius covers the rounding of the midpoint."""
-    middle, radius, exponent = (int(part) for part in x.mid_rad_10exp(digits))
-    return {"midpoint": _scientific(middle, exponent), "radius": _scientific(radius, exponent)}
-
-
-def _scientific(mantissa: int, exponent: int) -> str:
-    if mantissa == 0:
-        return "0"
-    digits = str(abs(mantissa)).rstrip("0")
-    shift = exponent + len(str(abs(mantissa))) - 1
-    text = digits[0] + ("." + digits[1:] if len(digits) > 1 else "")
-    return f"{'-' if mantissa < 0 else ''}{text}e{shift:+d}" if shift else f"{'-' if mantissa < 0 else ''}{text}"
 
 
 def certificate_data(result: Certificate, model: str, title: str) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbstab.model.schema import Model, unit_of
 from mbstab.model.words import UNDECIDED
+from mbstab.report.tables import decimals
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.check import CheckReport
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.linear.verdict import Verdict
     from mbstab.analysis.reference.equilibrium import Equilibrium
     from mbstab.analysis.sweep.chart import Chart
+    from mbstab.analysis.sweep.critical_values import Enclosed
     from mbstab.analysis.sweep.sweep import Sweep
 
 Named = tuple[Any, list[str], list[str]]
@@ -273,10 +275,14 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     none), ``unstable`` (their number for each value, null where the verdict is open), ``verdicts``
     (one for each value), ``neutral``, ``critical`` (``value``, ``kind``, ``branch``: numbers counting from 0,
     ``frequency`` in rad/s, ``krein_signatures`` of a collision, ``branching``, ``unstable_below``,
-    ``unstable_above``, ``verdict_below``, ``verdict_above``, null where there is none),
+    ``unstable_above``, ``verdict_below``, ``verdict_above``, null where there is none, and ``enclosure``, see below),
     ``meetings`` (``value``, ``kind``), ``problems`` (``point`` counting from 0, ``reason``),
     ``warnings``, ``start`` (from where equilibria were followed, null if they are given) and ``beyond``: for
     each path beyond a fold, an object with the same keys from ``values`` on.
+
+    An ``enclosure`` is null unless proofs are asked for: ``midpoint`` and ``radius`` as decimal texts, in the unit of
+    the parameter (null where nothing is proven), ``conditions`` (what is not proven and must hold), ``reason`` (why
+    nothing is proven).
     """
     head = {"model": model, "title": title, "parameter": result.parameter, "unit": unit}
     return head | _path_data(result, factor) | {"beyond": [_path_data(path, factor) for path in result.beyond]}
@@ -301,6 +307,7 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
                 "unstable_above": c.unstable[1] if c.unstable[1] >= 0 else None,
                 "verdict_below": c.verdicts[0] or None,
                 "verdict_above": c.verdicts[1] or None,
+                "enclosure": None if c.enclosed is None else _enclosure(c.enclosed),
             }
             for c in result.critical
         ],
@@ -311,11 +318,18 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
     }
 
 
+def _enclosure(enclosed: Enclosed) -> dict[str, Any]:
+    known = enclosed.value is not None
+    ball = decimals(enclosed.value, enclosed.digits + 1) if known else {"midpoint": None, "radius": None}
+    return {**ball, "conditions": enclosed.conditions, "reason": enclosed.reason}
+
+
 def sweep_csv(result: Sweep, factor: float) -> str:
     """Return one line per value: the value, the number of unstable eigenvalues, the verdict, the branches, the path.
 
     Paths count from 1; those beyond folds come after the first. The last column says why there is no answer,
-    ``undecided`` where the verdict is open, and ``ok`` otherwise.
+    ``undecided`` where the verdict is open, and ``ok`` otherwise. Where proofs are requested, a line for
+    each critical value follows those of its path; its last column begins with ``critical`` and says what is proven.
     """
     paths = (result, *result.beyond)
     count = max(path.branches.shape[1] for path in paths)
@@ -328,6 +342,14 @@ def sweep_csv(result: Sweep, factor: float) -> str:
             numbers = [float(part) for s in row for part in (s.real, s.imag)]
             status = path.problems.get(i, UNDECIDED if verdict == UNDECIDED else "ok").splitlines()[0]
             rows.append([float(x), int(n) if n >= 0 else "", verdict, *numbers, *missing, number, status])
+        for c in path.critical:
+            if c.enclosed is not None:
+                given = _enclosure(c.enclosed)
+                ball = "not proven" if given["midpoint"] is None else f"{given['midpoint']} ± {given['radius']}"
+                status = "; ".join(
+                    [f"critical: {c.kind}", ball, *given["conditions"], *filter(None, [given["reason"]])]
+                )
+                rows.append([c.value / factor, "", "", *[float("nan")] * (2 * count), number, status])
     return to_csv([result.parameter, "unstable", "verdict", *parts, "path", "status"], rows)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from decimal import Decimal
 from itertools import pairwise
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from mbstab.analysis.linear.verdict import UNDECIDED, UNSTABLE, WORDS
 from mbstab.errors import counted
 from mbstab.records import dataclass
 from mbstab.report import WIDTH
-from mbstab.report.tables import number, table
+from mbstab.report.tables import decimals, number, table
 
 if TYPE_CHECKING:
     from mbstab.analysis.sweep.chart import Chart
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 """A number in a message."""
+
+SHOWN = 13
+"""Digits of a proven critical value, which `decimals` shows with a few more: its row has room for them."""
 
 
 def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
@@ -56,7 +60,7 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
     if result.critical:
         rows = [
             [
-                f"{_rounded(c.value, result) / factor:.13g}",
+                *_place(c, result, factor),
                 c.kind + _signs(c) + (", branch point" if c.branching and c.kind != "branch point" else ""),
                 number(c.frequency, 6) if c.frequency else "-",
                 ", ".join(str(b + 1) for b in c.branches) or "-",
@@ -64,8 +68,10 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
             ]
             for c in result.critical
         ]
-        heads = [f"critical\n{label}", "what happens", "frequency\n(rad/s)", "branch", "unstable\neigenvalues"]
-        lines = [table(heads, rows, left=(1, 3))]
+        certified = result.critical[0].enclosed is not None
+        heads = [f"critical\n{label}", *(["proven\nto"] if certified else []), "what happens", "frequency\n(rad/s)"]
+        lines = [table([*heads, "branch", "unstable\neigenvalues"], rows, left=(2, 4) if certified else (1, 3))]
+        lines += _proofs(result, factor)
     if any(c.signatures for c in result.critical):
         lines += ["signs of a collision: energies of the two modes that meet (Krein signatures)", ""]
     lines += _ranges(result, factor)
@@ -77,6 +83,32 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
         for text in _refused(result, factor):
             lines += wrap(text, width=WIDTH, initial_indent="  ", subsequent_indent="    ")
     return lines
+
+
+def _place(c: Critical, result: Sweep, factor: float) -> list[str]:
+    """Return a critical value, and where it was to be proven its radius."""
+    value = f"{_rounded(c.value, result) / factor:.13g}"
+    if c.enclosed is None:
+        return [value]
+    if c.enclosed.value is None:
+        return [value, "-"]
+    shown = decimals(c.enclosed.value, SHOWN)
+    return [str(Decimal(shown["midpoint"])), f"± {shown['radius']}"]
+
+
+def _proofs(result: Sweep, factor: float) -> list[str]:
+    """Return what the proofs of critical values rest on, and why there is none."""
+    groups: dict[str, list[str]] = {}
+    for c in result.critical:
+        if c.enclosed is not None and (c.enclosed.conditions or c.enclosed.reason):
+            text = f"not proven: {c.enclosed.reason}"
+            if c.enclosed.value is not None:
+                text = f"proven, provided that {'; that '.join(c.enclosed.conditions)}"
+            groups.setdefault(text, []).append(number(_rounded(c.value, result) / factor, 6))
+    lines = []
+    for text, values in groups.items():
+        lines += wrap(f"{', '.join(values)} {text}", WIDTH, initial_indent="  ", subsequent_indent="    ")
+    return [*lines, ""] if lines else []
 
 
 def _refused(result: Sweep, factor: float) -> list[str]:

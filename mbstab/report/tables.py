@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from itertools import zip_longest
 from textwrap import wrap
+from typing import Any
 
 from mbstab.report import WIDTH
 
@@ -84,3 +85,18 @@ def eigenvalue(s: complex) -> str:
     # A real part that is round-off compared with the imaginary part is not shown with ten digits.
     real = f"{s.real:.10g}" if abs(s.real) > 1e-10 * abs(s) or not s.real else f"{s.real:.1e}"
     return f"{real} ± {abs(s.imag):.10g}i"
+
+
+def decimals(x: Any, digits: int) -> dict[str, str]:
+    """Return a ball as midpoint and radius in decimal; the radius covers the rounding of the midpoint."""
+    middle, radius, exponent = (int(part) for part in x.mid_rad_10exp(digits))
+    return {"midpoint": _scientific(middle, exponent), "radius": _scientific(radius, exponent)}
+
+
+def _scientific(mantissa: int, exponent: int) -> str:
+    if mantissa == 0:
+        return "0"
+    digits = str(abs(mantissa)).rstrip("0")
+    shift = exponent + len(str(abs(mantissa))) - 1
+    text = digits[0] + ("." + digits[1:] if len(digits) > 1 else "")
+    return f"{'-' if mantissa < 0 else ''}{text}e{shift:+d}" if shift else f"{'-' if mantissa < 0 else ''}{text}"

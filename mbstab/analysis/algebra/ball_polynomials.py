@@ -168,7 +168,8 @@ def _approximations(p: list[Any]) -> list[Any]:
         rough = np.roots([complex(x) for x in reversed(p)]) if n else np.zeros(0)
     missing = n - len(rough)
     rough = np.concatenate([rough, 1e-3 * np.exp(2j * np.pi * (np.arange(missing) + 0.3) / max(missing, 1))])
-    points = [acb(float(x.real), float(x.imag)) for x in rough]
+    # Points on the real line never leave it: a close pair beside it is not found from there.
+    points = [acb(float(x.real), float(x.imag)) * acb(1, 1e-9 * (k + 1)) for k, x in enumerate(rough)]
     slope = [k * x for k, x in enumerate(p)][1:]
     tiny = 2.0 ** (-ctx.prec)
     for _ in range(60):

@@ -298,6 +298,17 @@ def fraction(x: Ball) -> Fraction | None:
     return Fraction(int(x.v.p), int(x.v.q)) if isinstance(x, Exact) else None
 
 
+def fraction_beyond(x: Ball, up: bool) -> Fraction:
+    """Return a number as a fraction, rounded outwards if it is none: up, or down."""
+    exact = fraction(x)
+    if exact is not None:
+        return exact
+    end = real(x).upper() if up else real(x).lower()
+    mantissa, exponent = (int(part) for part in end.mid().man_exp())
+    slack = Fraction(1, 10**30)
+    return Fraction(mantissa) * Fraction(2) ** exponent + (slack if up else -slack)
+
+
 @cache
 def ball_arithmetic() -> Arithmetic:
     """Return the arithmetic of real balls, at the precision in use.

@@ -32,11 +32,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import field
-from fractions import Fraction
-from typing import Any
 
-from mbstab.analysis.algebra import ball_matrices, ball_polynomials, balls
-from mbstab.analysis.algebra.balls import Ball, Hopeless, NotProvable, ball, real, zero_inside
+from mbstab.analysis.algebra import balls
+from mbstab.analysis.algebra.balls import Ball, Hopeless, NotProvable, ball
 from mbstab.analysis.linear.verdict import (
     ASYMPTOTIC,
     MARGINAL,
@@ -46,14 +44,11 @@ from mbstab.analysis.linear.verdict import (
     Modulo,
     Verdict,
 )
-from mbstab.analysis.proof.analytic import require_analytic
-from mbstab.analysis.proof.characteristic import GENERIC, Enclosure, Proof, Spectrum
-from mbstab.analysis.proof.identities import Identities
+from mbstab.analysis.proof.characteristic import Enclosure, Proof
 from mbstab.analysis.proof.intervals import OPEN, Part, Walk, common, in_words
-from mbstab.analysis.proof.proven_facts import Case, best
+from mbstab.analysis.proof.proven_facts import best
 from mbstab.analysis.proof.tolerances import TOLERANCES
-from mbstab.errors import MbstabError, UsageError, counted
-from mbstab.model.parameters import bound
+from mbstab.errors import UsageError, counted
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
 
@@ -249,7 +244,7 @@ NEUTRAL = ("zero", "carried")
 def _over(model: Model, name: str, digits: int, progress: Callable[[float], object]) -> Certificate:
     """Return what is proven for all values of a parameter in an interval, by bisection."""
     first, last = balls.ends(model, name)
-    low, high = _fraction(first, False), _fraction(last, True)
+    low, high = balls.fraction_beyond(first, False), balls.fraction_beyond(last, True)
     walk = Walk(model, name, (low, high), progress)
     verdicts = {part.verdict for part in walk.parts}
     words = {part.words for part in walk.parts}
@@ -292,179 +287,5 @@ def _over(model: Model, name: str, digits: int, progress: Callable[[float], obje
     )  # fmt: skip
 
 
-def _fraction(x: Ball, up: bool) -> Fraction:
-    """Return a number as a fraction, rounded outwards if it is not one exactly."""
-    exact = balls.fraction(x)
-    if exact is not None:
-        return exact
-    bound = real(x).upper() if up else real(x).lower()
-    mantissa, exponent = (int(part) for part in bound.mid().man_exp())
-    slack = Fraction(1, 10**30)
-    return Fraction(mantissa) * Fraction(2) ** exponent + (slack if up else -slack)
-
-
 def _decimal(x: Ball, places: int = 6) -> str:
     return f"{float(x):.{places}g}"
-
-
-# --- critical values ------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Critical:
-    """An interval of a parameter (SI) that is proven to contain a critical value.
-
-    Attributes
-    ----------
-    low, high : Fraction
-    test : str
-        The function that changes its sign: ``divergence`` (the product of eigenvalues), ``flutter``
-        (the last but one Hurwitz determinant) or ``collision`` (the discriminant of the
-        polynomial in s²).
-    digits : int
-    """
-
-    low: Fraction
-    high: Fraction
-    test: str
-    digits: int
-
-    @property
-    def value(self) -> Any:
-        """Return the enclosure as ``flint.arb``."""
-        return balls.between(ball(self.low), ball(self.high))
-
-    def text(self) -> str:
-        """Return the digits of the critical value that are proven."""
-        with balls.digits(self.digits):
-            return str(self.value.str(self.digits + 2))
-
-
-def certified_critical(
-    model: Model,
-    parameter: str,
-    low: str | float,
-    high: str | float,
-    digits: int = 30,
-) -> Critical:
-    """Return an enclosure of a value at which a test function of stability is zero.
-
-    Between the ends of the enclosure the function changes its sign, and it is continuous, since the
-    elimination is proven to succeed for all values in it.
-
-    Parameters
-    ----------
-    parameter : str
-    low, high : str or float
-        In the unit of the parameter; the functions must have opposite signs there.
-    digits : int
-        Correct digits of the enclosure.
-
-    Raises
-    ------
-    NotProvable
-        If no function changes its sign.
-    UsageError
-        If python-flint is missing or a parameter is unknown.
-    """
-    balls.require_flint()
-    with balls.digits(digits + 30):
-        first, last = (balls.ends(bound(model, {parameter: x}), parameter)[0] for x in (low, high))
-        return _Search(model, parameter, [_fraction(first, False), _fraction(last, True)]).found(digits)
-
-
-class _Search:
-    """The search for a value between two ends at which a test function is zero."""
-
-    def __init__(self, model: Model, parameter: str, ends: Sequence[Fraction]) -> None:
-        self.model, self.parameter, self.ends = model, parameter, ends
-        self.near: Proof | None = None
-        self.identities = _generic(model, parameter, ends)
-
-    def _proof(self, x: Any, near: Proof | None) -> Proof:
-        found = Proof(self.model, {self.parameter: ball(x)}, near, self.identities)
-        self.identities = found.identities
-        return found
-
-    def _tests(self, x: Any) -> list[tuple[str, Ball]]:
-        self.near = self._proof(x, self.near)
-        return _tests(self.near)
-
-    def found(self, digits: int) -> Critical:
-        """Return the enclosure."""
-        first, last = (self._tests(x) for x in self.ends)
-        if [name for name, _ in first] != [name for name, _ in last]:
-            raise NotProvable(f"the equations do not have the same structure at both ends of {self.parameter}")
-        k = next((k for k, (x, y) in enumerate(zip(first, last, strict=True)) if _opposite(x[1], y[1])), None)
-        if k is None:
-            raise NotProvable(f"no test function changes its sign between both ends of {self.parameter}")
-        a, b = self._narrowed(k, first[k][1], last[k][1], digits)
-        # For one and the same motion: the signs are those of the only solution in the enclosure.
-        whole = self._proof(balls.between(ball(a), ball(b)), self.near)
-        _tests(whole)
-        both = [self._proof(x, whole) for x in (a, b)]
-        signs = [_tests(proof)[k][1] for proof in both]
-        if not (all(whole.same_at(proof) for proof in both) and _opposite(*signs)):
-            raise NotProvable(f"the motion is not proven to be the same on both sides of {_decimal(ball(a), 12)}")
-        return Critical(a, b, first[k][0], digits)
-
-    def _narrowed(self, k: int, f_a: Ball, f_b: Ball, digits: int) -> tuple[Fraction, Fraction]:
-        """Return a narrow interval between whose ends a test function changes its sign (false position, Illinois)."""
-        a, b = self.ends
-        small = max(abs(a), abs(b)) / Fraction(2) ** (int(3.33 * digits) + 8)
-        side = 0
-        for _ in range(40 * digits):
-            if b - a <= small:
-                break
-            weight = _fraction(real(f_a / (f_a - f_b)).mid(), True)
-            # Close to the better end, but not closer than the requested accuracy.
-            x = a + (b - a) * min(max(weight, Fraction(0)), Fraction(1))
-            x = min(max(x, a + small / 3), b - small / 3)
-            x = Fraction(round(x / small * 2**12), 2**12) * small
-            f_x = self._tests(x)[k][1]
-            if zero_inside(f_x):
-                x += small / 4
-                f_x = self._tests(x)[k][1]
-            if zero_inside(f_x):
-                raise NotProvable(f"the sign of the test function next to {_decimal(ball(x), 12)} is open")
-            if _opposite(f_a, f_x):
-                b, f_b = x, f_x
-                f_a = f_a / 2 if side == 1 else f_a
-                side = 1
-            else:
-                a, f_a = x, f_x
-                f_b = f_b / 2 if side == -1 else f_b
-                side = -1
-        return a, b
-
-
-def _opposite(x: Ball, y: Ball) -> bool:
-    return bool((x > 0 and y < 0) or (x < 0 and y > 0))
-
-
-def _generic(model: Model, parameter: str, ends: Sequence[Fraction]) -> Identities | None:
-    """Return what is proven about the elements at a value between both ends; None: there is no motion."""
-    try:
-        require_analytic(model, {parameter: balls.between(ball(min(ends)), ball(max(ends)))})
-        return Proof(model, {parameter: ball(ends[0] + (ends[1] - ends[0]) * GENERIC)}).identities
-    except MbstabError:
-        return None
-
-
-def _tests(proof: Proof) -> list[tuple[str, Ball]]:
-    """Return functions of the coefficients that are zero where stability changes."""
-    spectrum: Spectrum = Case(proof, False).left[0]
-    found = []
-    for factor in spectrum.factors:
-        p, n = factor.p, len(factor.p) - 1
-        found.append(("divergence", p[0]))
-        if factor.even and n > 1:
-            slope = [k * x for k, x in enumerate(p)][1:]
-            found.append(("collision", ball_polynomials.resultant(p, slope)))
-        elif not factor.even and n > 1:
-            hurwitz = [
-                [p[n - 1 - 2 * j + i] if 0 <= n - 1 - 2 * j + i <= n else ball(0) for j in range(n - 1)]
-                for i in range(n - 1)
-            ]
-            found.append(("flutter", ball_matrices.determinant(hurwitz)))
-    return found

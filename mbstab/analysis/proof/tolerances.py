@@ -20,6 +20,12 @@ class Tolerances:
     unplaced_width: Final = 2.0**-8
     """A stable part whose eigenvalues are not located is divided down to this fraction of the whole."""
 
+    # Critical values
+    critical_brackets: Final = (1e-9, 1e-6)
+    """A critical value is looked for so near to that of a sweep, relative to it and to the range: the nearer first."""
+    critical_digits_beyond: Final = 30
+    """Digits of the computation beyond those of the enclosure."""
+
     # Single values
     digit_factors: Final = (1, 2, 4)
     """Where a verdict is open, it is tried again with these multiples of the digits."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -34,6 +35,28 @@ Bracket = tuple[int, int, str, Test | None]
 
 
 @dataclass(frozen=True)
+class Enclosed:
+    """What is proven about a critical value.
+
+    Attributes
+    ----------
+    value : ball or None
+        ``flint.arb``, in the unit of the parameter: somewhere inside stability changes; None: nothing is proven.
+    digits : int
+        Digits to which it is enclosed.
+    conditions : tuple of str
+        What is not proven and must hold, as clauses of a sentence.
+    reason : str
+        Why nothing is proven.
+    """
+
+    value: Any = None
+    digits: int = 0
+    conditions: tuple[str, ...] = ()
+    reason: str = ""
+
+
+@dataclass(frozen=True)
 class Critical:
     """A parameter value at which stability changes.
 
@@ -59,6 +82,8 @@ class Critical:
         Whether another path of equilibria crosses there.
     verdicts : tuple of str
         The verdicts just below and above it; empty where there is none.
+    enclosed : Enclosed or None
+        What is proven about it; None: no proof was asked for.
     """
 
     value: float
@@ -69,6 +94,7 @@ class Critical:
     signatures: tuple[int, int] | None = None
     branching: bool = False
     verdicts: tuple[str, str] = ("", "")
+    enclosed: Enclosed | None = None
 
 
 @dataclass(frozen=True)
