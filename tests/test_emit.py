@@ -34,6 +34,7 @@ DIVISORS = {
     "planar_distance": {"length"},
     "planar_spring": {"sqrt"},
     "spatial_distance": {"length"},
+    "spatial_mount_torque": {"sqrt"},
     "spatial_screw": {"lead", "pi"},
     "spatial_spring": {"sqrt"},
     "spatial_angle_effort": {"sum of squares"},
@@ -96,6 +97,11 @@ def divisors(function):
         for node in function.body
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
     }
+    rooted = {
+        node.args[0].id
+        for node in ast.walk(function)
+        if isinstance(node, ast.Call) and node.func.attr == "sqrt" and isinstance(node.args[0], ast.Name)
+    }
     for node in ast.walk(function):
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
             stack = [node.right]
@@ -103,6 +109,8 @@ def divisors(function):
                 match stack.pop():
                     case ast.BinOp(left, ast.Mult(), right):
                         stack += [left, right]
+                    case ast.Name(name) if name in rooted:  # the square of a root
+                        yield "sqrt"
                     case ast.Name(name) if name in steps:
                         stack.append(steps[name])
                     case ast.Name(name):

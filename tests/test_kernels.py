@@ -533,7 +533,49 @@ def bearing(b, p, s, u, w):
     return -sum((stiffness * x + damping * v) * d for x, v, d in zip(local(b), speed, virtual, strict=True))
 
 
+def mount(displacements):
+    """Return the power of springs, dampers and preloads along displacements whose speeds are given besides."""
+
+    def power(bodies, p, s, u, w):
+        moved, rates, virtual, speeds = displacements(bodies, p, u, w)
+        forces = zip(p["stiffness"], p["preload"], moved, virtual, strict=True)
+        stored = sum((f - k * x) * d for k, f, x, d in forces)
+        return stored - sum(c * v * d for c, v, d in zip(p["damping"], rates, speeds, strict=True))
+
+    return power
+
+
+def mount_axes(p, owner):
+    return np.array([p[f"{owner}_v{i}"] for i in (1, 2, 3)])
+
+
+def mounted(bodies, p, u, w):
+    axes = np.eye(2, dtype=int) if bodies[0].size == 2 else mount_axes(p, "second")
+
+    def local(at):
+        return axes @ (at[1].matrix().T @ gap(at, p))
+
+    rates, virtual = ([rate_of(lambda at, i=i: local(at)[i], bodies, v) for i in range(len(axes))] for v in (u, w))
+    return local(bodies), rates, virtual, virtual
+
+
+def turned(bodies, p, u, w):
+    spins, virtual = (bodies[0].spin(v[0]) - bodies[1].spin(v[1]) for v in (u, w))
+    if bodies[0].size == 2:
+        return [bodies[0].q[2] - bodies[1].q[2]], spins, virtual, virtual
+    axes = mount_axes(p, "second") @ bodies[1].matrix().T
+
+    def turns(at):
+        R = mount_axes(p, "second") @ at[1].matrix().T @ at[0].matrix() @ mount_axes(p, "first").T
+        return np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / mpmath.sqrt(1 + np.trace(R))
+
+    growing = [rate_of(lambda at, i=i: turns(at)[i], bodies, w) for i in range(3)]
+    return turns(bodies), axes @ spins, growing, axes @ virtual
+
+
 POWER = {
+    "mount_force": mount(mounted),
+    "mount_torque": mount(turned),
     "spring": spring(length),
     "bearing": bearing,
     "ideal_spring": ideal_spring,
@@ -557,7 +599,8 @@ def test_a_force_has_the_power_that_force_times_velocity_gives_in_every_virtual_
 
 
 def test_forces_that_come_from_a_potential_and_a_dissipation_function_say_so():
-    stored = {"spring", "ideal_spring", "bearing", "angle_spring", "displacement_spring"}
+    springs = {"spring", "ideal_spring", "angle_spring", "displacement_spring"}
+    stored = springs | {"bearing", "mount_force", "mount_torque"}
     for name in ELEMENTS:
         case = Case(name)
         assert hasattr(case.kernel, "DAMPING") == (case.element.name in stored)

@@ -71,7 +71,10 @@ def test_a_kernel_has_the_same_value_at_a_special_state_as_next_to_it(name):
             step = mpmath.mpf(10) ** -25
             near = [[x + step * (i + 1) / 7 for i, x in enumerate(group)] for group in (q, u, p, s)]
             calls = (("dynamics", []), ("linearize", last))
-            beside = [getattr(kernel, function)(f, *near, *extra) for function, extra in calls]
+            try:
+                beside = [getattr(kernel, function)(f, *near, *extra) for function, extra in calls]
+            except ValueError:  # a root of what is not positive next to here
+                continue
             if any(abs(x) > 1e12 for values in beside for x in values):  # the definition itself has no value here
                 continue
             for (function, extra), expected in zip(calls, beside, strict=True):

@@ -282,6 +282,8 @@ class Kind:
         Groups of fields of which exactly one must be given.
     effort : callable or None
         From an `Item` to its effort, if it acts along one motion.
+    transmits : bool
+        Whether a force is one between two points whose force and torque are listed with the reactions of joints.
     look : callable or None
         From an `Item` to how it is drawn, if it is.
     """
@@ -296,6 +298,7 @@ class Kind:
     effort: Callable[[Item], Effort] | None = None
     look: Callable[[Item], Look] | None = None
     written: Role | None = None
+    transmits: bool = False
 
     def field(self, name: str) -> Field:
         """Return the field of that name."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from mbstab.mechanics.catalogue import Effort, Element, ElementUse, Field, Item, Kind, Load, Look
+from mbstab.mechanics.catalogue import Effort, Element, ElementUse, Field, Item, Kind, Load, Look, Sign
 from mbstab.mechanics.drives import MOTION, TRAVEL, TURN, joint_motion
 from mbstab.mechanics.joints import joint_angle_functions, joint_displacement, motion_parameters
 from mbstab.mechanics.vectors import plain_zero
@@ -33,13 +33,18 @@ def _ideal_spring(frames: Any, p: Any, s: Any) -> Load:
     return Load(p.stiffness[0] * gap.dot(gap) / 2)
 
 
-def _bearing(frames: Any, p: Any, s: Any) -> Load:
-    # The speed is that in the axes of the second body: turning with it dissipates nothing.
+def _gap_and_speed(frames: Any, p: Any) -> tuple[Any, Any]:
+    """Return the gap between two points and its rate in the axes of the second body, both in ground components."""
     first, second = frames
     gap = first.position(p.first) - second.position(p.second)
     turn = second.angular_velocity()
     carried = turn.cross(gap) if second.dimension == 3 else turn[0] * _quarter_turn(gap)
-    speed = first.velocity(p.first) - second.velocity(p.second) - carried
+    return gap, first.velocity(p.first) - second.velocity(p.second) - carried
+
+
+def _bearing(frames: Any, p: Any, s: Any) -> Load:
+    # The speed is that in the axes of the second body: turning with it dissipates nothing.
+    gap, speed = _gap_and_speed(frames, p)
     return Load(p.stiffness[0] * gap.dot(gap) / 2, p.damping[0] * speed.dot(speed) / 2)
 
 
@@ -47,6 +52,35 @@ def _quarter_turn(v: Any) -> Any:
     import sympy
 
     return sympy.Matrix([-v[1], v[0]])
+
+
+def _mount(p: Any, moved: Any, speeds: Any) -> Load:
+    """Return what a mount does along its axes: stiffness, damping and a preload, each by itself."""
+    stored = sum(k * x**2 / 2 - f * x for k, f, x in zip(p.stiffness, p.preload, moved, strict=True))
+    return Load(stored, sum(c * v**2 / 2 for c, v in zip(p.damping, speeds, strict=True)))
+
+
+def _mount_force(frames: Any, p: Any, s: Any) -> Load:
+    gap, speed = _gap_and_speed(frames, p)
+    second = frames[1]
+    vectors = (p.second_v1, p.second_v2, p.second_v3) if second.dimension == 3 else ([1, 0], [0, 1])
+    axes = [second.direction(v) for v in vectors]
+    return _mount(p, [axis.dot(gap) for axis in axes], [axis.dot(speed) for axis in axes])
+
+
+def _mount_torque(frames: Any, p: Any, s: Any) -> Load:
+    import sympy
+
+    first, second = frames
+    spin = first.angular_velocity() - second.angular_velocity()
+    if first.dimension == 2:
+        return _mount(p, [first.q[2] - second.q[2]], spin)
+    own = [first.direction(v) for v in (p.first_v1, p.first_v2, p.first_v3)]
+    axes = [second.direction(v) for v in (p.second_v1, p.second_v2, p.second_v3)]
+    # A turn by the angle α about the unit vector n has the components 2 sin(α/2) n, which grow up to half a turn.
+    half = sympy.sqrt(1 + sum(axis.dot(v) for axis, v in zip(axes, own, strict=True)))
+    across = [axes[i - 1].dot(own[i - 2]) - axes[i - 2].dot(own[i - 1]) for i in range(3)]
+    return _mount(p, [x / half for x in across], [axis.dot(spin) for axis in axes])
 
 
 def _angle(frames: Any, p: Any, offset: Any) -> Any:
@@ -109,6 +143,10 @@ def _body_torque(frames: Any, p: Any, s: Any) -> Load:
 
 _BOTH = ("planar", "spatial")
 _SPRING = (("stiffness", 1), ("rest", 1), ("damping", 1))
+_ENDPOINTS = (("first", 0), ("second", 0))
+_OWN_AXES = tuple((f"first_v{i}", 3) for i in (1, 2, 3))
+_AXES = tuple((f"second_v{i}", 3) for i in (1, 2, 3))
+_MOUNT = (("stiffness", 0), ("damping", 0), ("preload", 0))
 
 ELEMENTS = (
     Element(
@@ -116,20 +154,25 @@ ELEMENTS = (
         "force",
         _BOTH,
         2,
-        (("first", 0), ("second", 0), *_SPRING),
+        (*_ENDPOINTS, *_SPRING),
         _spring,
         hint="its ends coincide, and the line between them has no direction, which length: and damping: need; "
         "with length 0 write type: bearing and leave out length:, it acts the same in all directions with the "
         "same stiffness: and damping:; else keep the ends apart in reference:",
     ),
-    Element("ideal_spring", "force", _BOTH, 2, (("first", 0), ("second", 0), ("stiffness", 1)), _ideal_spring),
+    Element("ideal_spring", "force", _BOTH, 2, (*_ENDPOINTS, ("stiffness", 1)), _ideal_spring),
+    Element("bearing", "force", _BOTH, 2, (*_ENDPOINTS, ("stiffness", 1), ("damping", 1)), _bearing),
+    Element("mount_force", "force", ("planar",), 2, (*_ENDPOINTS, *_MOUNT), _mount_force),
+    Element("mount_force", "force", ("spatial",), 2, (*_ENDPOINTS, *_AXES, *_MOUNT), _mount_force),
+    Element("mount_torque", "force", ("planar",), 2, tuple((name, 1) for name, _ in _MOUNT), _mount_torque),
     Element(
-        "bearing",
+        "mount_torque",
         "force",
-        _BOTH,
+        ("spatial",),
         2,
-        (("first", 0), ("second", 0), ("stiffness", 1), ("damping", 1)),
-        _bearing,
+        (*_OWN_AXES, *_AXES, *_MOUNT),
+        _mount_torque,
+        hint="one body is turned by half a turn against the other; a bushing turns by less",
     ),
     Element("angle_spring", "force", ("planar",), 2, _SPRING, _angle_spring),
     Element("angle_spring", "force", ("spatial",), 2, (*TURN, *_SPRING), _angle_spring),
@@ -163,6 +206,21 @@ def _bearing_element(item: Item) -> Iterable[ElementUse]:
     first, second = item.markers("between")
     numbers = (*first.point, *second.point, item.number("stiffness"), item.number("damping"))
     yield ElementUse("bearing", (first.body, second.body), numbers)
+
+
+def _bushing(item: Item) -> Iterable[ElementUse]:
+    first, second = item.markers("between")
+    slots = (first.body, second.body)
+    own: tuple[Any, ...] = ()
+    axes: tuple[Any, ...] = ()
+    if item.dimension == 3:
+        own, axes = ((*x.v1, *x.v2, *x.v3) for x in item.triads("axis", "zero"))
+    along = (*item.vector("stiffness"), *item.vector("damping"), *item.vector("preload"))
+    yield ElementUse("mount_force", slots, (*first.point, *second.point, *axes, *along))
+    about = [item.value(name) for name in ("torsional_stiffness", "torsional_damping", "torsional_preload")]
+    turning = tuple(x for part in about for x in part) if item.dimension == 3 else tuple(about)
+    if not all(plain_zero(x) for x in turning):
+        yield ElementUse("mount_torque", slots, (*own, *axes, *turning))
 
 
 def _joint_spring(item: Item) -> Iterable[ElementUse]:
@@ -218,6 +276,16 @@ def _torque(item: Item) -> Iterable[ElementUse]:
 _STIFFNESS = Field("stiffness", "number", "stiffness", "N/m", default="0", sign="nonnegative")
 _DAMPING = Field("damping", "number", "viscous damping", "N*s/m", default="0", sign="nonnegative")
 _ENDS = Field("between", "markers", "its two ends, written body.point, body or ground", required=True)
+_TURNS: tuple[tuple[str, str, str, Sign], ...] = (
+    ("torsional_stiffness", "of turns about each axis", "N*m/rad", "nonnegative"),
+    ("torsional_damping", "of turns about each axis", "N*m*s/rad", "nonnegative"),
+    ("torsional_preload", "torque on the first body where it is not turned", "N*m", "any"),
+)
+_AXES_OF_MOUNT = "in the frame of each body: x, -y, a named direction or a vector; a list of two if they differ"
+_MOUNT_AXES = (
+    Field("axis", "directions", f"first of the three axes, {_AXES_OF_MOUNT}", default="x", dimensions=(3,)),
+    Field("zero", "zero directions", f"second of the three axes, {_AXES_OF_MOUNT}", default="y", dimensions=(3,)),
+)
 _JOINT = Field("joint", "joint", "name of the joint", required=True)
 _FRAME = Field(
     "frame",
@@ -254,6 +322,29 @@ KINDS: dict[tuple[str, int], Kind] = {
             _bearing_element,
             effort=_bearing_effort,
             look=_spring_look,
+        ),
+        *(
+            Kind(
+                "bushing",
+                "elastic mount: springs and dampers along and about three axes of the second body, with a preload; "
+                + (
+                    "the turn is the difference of the angles",
+                    "a turn by the angle a about the unit vector n counts as 2*sin(a/2)*n, less than half a turn",
+                )[dimension - 2],
+                (dimension,),
+                (
+                    _ENDS,
+                    *(field for field in _MOUNT_AXES if dimension in field.dimensions),
+                    Field("stiffness", "vector", "along each axis", "N/m", default="0", sign="nonnegative"),
+                    Field("damping", "vector", "along each axis", "N*s/m", default="0", sign="nonnegative"),
+                    Field("preload", "vector", "force on the first body where the ends meet", "N", default="0"),
+                    *(Field(name, shape, doc, unit, default="0", sign=sign) for name, doc, unit, sign in _TURNS),
+                ),
+                _bushing,
+                transmits=True,
+                look=_spring_look,
+            )
+            for dimension, shape in ((2, "number"), (3, "vector"))
         ),
         Kind(
             "joint_spring",

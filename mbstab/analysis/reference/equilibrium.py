@@ -232,7 +232,7 @@ class Problem:
         unbalanced = [
             float(np.max(np.abs(force[kind]), initial=0.0)) for kind in (self.finder.is_length, ~self.finder.is_length)
         ]
-        loads = reactions(self.system, motion.q, motion.dynamics.J, motion.nu)
+        loads = reactions(self.system, motion.q, motion.u, motion.dynamics.J, motion.nu)
         placement = Placement(Attitudes.of(self.system), self.system, motion.q, motion.u)
         return Equilibrium(
             motion, at.steady, loads, efforts(placement, motion.nu, motion.time), float(np.max(np.abs(at.residual))),

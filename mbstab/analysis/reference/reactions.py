@@ -1,4 +1,4 @@
-"""What joints, contacts and drives transmit: forces in N and torques in N·m at the joint, not multipliers.
+"""What joints, contacts, drives and mounts transmit: forces in N and torques in N·m at the joint, not multipliers.
 
 Rows with Jacobian J and multipliers ν act on the coordinates with −Jᵀν. On the three Euler
 angles of a body that is Gᵀτ, with the torque τ about its reference point.
@@ -42,22 +42,26 @@ class Reaction:
     torque: Array
 
 
-def reactions(system: System, q: Array, J: Array, nu: Array) -> list[Reaction]:
-    """Return the reactions of every entry that has constraint rows, in the order of the file.
+def reactions(system: System, q: Array, u: Array, J: Array, nu: Array) -> list[Reaction]:
+    """Return what every entry transmits that has constraint rows or says that it transmits, in the order of the file.
 
     Parameters
     ----------
-    q : ndarray, shape (…, n_q)
+    q, u : ndarray, shape (…, n_q)
         Leading axes run over states, here and in the result.
     J : ndarray, shape (…, n_c, n_q)
     nu : ndarray, shape (…, n_c)
     """
     found: list[Reaction] = []
+    transmitting = {item.entry.path for item in system.scene.items if item.kind.transmits}
+    parts = {path: part for path, part in system.parts() if path in transmitting} if transmitting else {}
     for item in system.scene.items:
         rows = [i for i, row in enumerate(system.rows) if (row.section, row.name) == (item.entry.section, item.name)]
         if rows:
             load = -(nu[..., None, rows] @ J[..., rows, :])[..., 0, :]
             found += _reactions(system, q, item, load)
+        elif item.entry.path in parts:
+            found += _reactions(system, q, item, -parts[item.entry.path].dynamics(q, u).F0)
     return found
 
 

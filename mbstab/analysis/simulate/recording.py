@@ -158,7 +158,7 @@ class Record:
             kinetic[i] = 0.5 * float(sample.u @ state.M @ sample.u)
             residuals.append(equations.residuals(state, equations.fastest(sample.u)))
         loads: dict[tuple[str, str, str], Array] = {}
-        for r in reactions(system, q, J, nu):
+        for r in reactions(system, q, u, J, nu):
             turning = "xyz" if r.torque.shape[-1] == 3 else "z"
             for what, letters, vector in (("force", "xyz", r.force), ("torque", turning, r.torque)):
                 loads |= {(r.owner, r.body, f"{what} {x}"): v for x, v in zip(letters, vector.T, strict=False)}

@@ -40,8 +40,8 @@ class VectorField(FieldKind):
         return reading.quantities.vector(node, path, field.unit)
 
     def numbers(self, owner: Owner, field: Field, value: Components) -> Vector:
-        """Return the vector as written."""
-        return owner.evaluator.vector(value, length=field.unit == "m")
+        """Return the vector as written; each component has the sign that its field asks for."""
+        return tuple(owner.evaluator.number(x, field) for x in value.values)
 
     def schema(self, field: Field) -> dict[str, Any]:
         """Return the schema of a vector."""
