@@ -24,7 +24,7 @@ from mbstab.analysis.algebra.balls import NotProvable, ball, digits, real
 from mbstab.analysis.linear.verdict import REQUIRED, STRENGTH, UNDECIDED, WORDS, Modulo
 from mbstab.analysis.proof.critical_values import proven_change
 from mbstab.analysis.proof.intervals import Part, common
-from mbstab.analysis.proof.krawczyk import krawczyk
+from mbstab.analysis.proof.krawczyk import krawczyk_boxes
 from mbstab.analysis.proof.tolerances import TOLERANCES as PROOF
 from mbstab.cli import main
 from mbstab.errors import UsageError
@@ -805,13 +805,13 @@ def test_characteristic_polynomials_of_all_sizes():
 
 def test_krawczyk_proves_a_root_and_refuses_where_there_is_none():
     with digits(40):
-        (x,) = krawczyk(lambda x: [x[0] * x[0] - 2], lambda x: [[2 * x[0]]], [ball(1.4)], "the root")
+        ((x,), _) = krawczyk_boxes(lambda x: [x[0] * x[0] - 2], lambda x: [[2 * x[0]]], [ball(1.4)], "the root")
         assert x.overlaps(arb(2).sqrt())
         assert float(x.rad()) < 1e-40
         with pytest.raises(NotProvable, match="the root is not proven"):
-            krawczyk(lambda x: [x[0] * x[0] + 2], lambda x: [[2 * x[0]]], [ball(1.4)], "the root")
+            krawczyk_boxes(lambda x: [x[0] * x[0] + 2], lambda x: [[2 * x[0]]], [ball(1.4)], "the root")
         with pytest.raises(NotProvable, match="the root is not proven"):
-            krawczyk(lambda x: [x[0] * x[0]], lambda x: [[2 * x[0]]], [ball(1e-3)], "the root")
+            krawczyk_boxes(lambda x: [x[0] * x[0]], lambda x: [[2 * x[0]]], [ball(1e-3)], "the root")
 
 
 def test_decimal_strings_cover_their_rounding():

@@ -62,6 +62,18 @@ def parameters_data(model: Model, values: Mapping[str, float]) -> dict[str, Any]
     return {name: {"value": x / units[name].factor, "unit": units[name].unit, "si": x} for name, x in values.items()}
 
 
+def _asked(result: EigenResult | PreciseResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
+    """Return what eigenvalues belong to as the first part of their JSON object."""
+    return {
+        "model": model.name,
+        "title": model.title,
+        "parameters": parameters_data(model, values),
+        "method": result.method,
+        "frame": result.frame,
+        "frozen_time": result.frozen,
+    }
+
+
 def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
     """Return the JSON object of ``mbstab eig``.
 
@@ -78,12 +90,7 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
     has magnitude 1 and phase 0. It is null for neutral eigenvalues and multipliers.
     """
     return {
-        "model": model.name,
-        "title": model.title,
-        "parameters": parameters_data(model, values),
-        "method": result.method,
-        "frame": result.frame,
-        "frozen_time": result.frozen,
+        **_asked(result, model, values),
         "period": result.period,
         **verdict_data(result.judged),
         "eigenvalues": [
@@ -163,12 +170,7 @@ def precise_data(result: PreciseResult, model: Model, values: Mapping[str, float
     ``double_precision`` (``verdict`` there), ``warnings``.
     """
     return {
-        "model": model.name,
-        "title": model.title,
-        "parameters": parameters_data(model, values),
-        "method": result.method,
-        "frame": result.frame,
-        "frozen_time": result.frozen,
+        **_asked(result, model, values),
         "digits": result.digits,
         "working_digits": result.working_digits,
         "seconds": result.seconds,

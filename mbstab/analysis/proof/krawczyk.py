@@ -27,16 +27,6 @@ def independent_rows(A: Any, rank: int) -> list[int]:
     return sorted(chosen)
 
 
-def krawczyk(
-    residual: Callable[[Sequence[Ball]], list[Ball]],
-    jacobian: Callable[[Sequence[Ball]], Matrix],
-    start: Sequence[Ball],
-    what: str,
-) -> list[Ball]:
-    """Return balls that contain exactly one zero of as many equations as unknowns; see `krawczyk_boxes`."""
-    return krawczyk_boxes(residual, jacobian, start, what)[0]
-
-
 def krawczyk_boxes(
     residual: Callable[[Sequence[Ball]], list[Ball]],
     jacobian: Callable[[Sequence[Ball]], Matrix],

@@ -52,6 +52,9 @@ RADAU_GAMMA = 1.0 / (3.0 + 3.0 ** (2.0 / 3.0) - 3.0 ** (1.0 / 3.0))
 """Inverse of the real eigenvalue of the inverse of the coefficients: the weight of the slope at the start of a step."""
 
 
+DIVERGES = "Newton's method does not converge"
+
+
 class _Implicit:
     """Common parts of implicit methods: step control, Newton's convergence test, and quintic interpolation."""
 
@@ -139,13 +142,22 @@ class _Implicit:
         return float(max(moved, np.max(np.abs(du / sizes), initial=0.0) / self.options.rate))
 
     def _finished(self, size: float, before: float) -> bool:
-        """Whether Newton's method has converged with a correction of this size, after one of size `before`."""
+        """Whether Newton's method has converged with a correction of this size, after one of size `before`.
+
+        Raises
+        ------
+        NumericalError
+            If corrections grow.
+        """
         goal = TOLERANCES.newton_correction_rounding
         if self.options.step is None:
             goal = max(TOLERANCES.newton_correction * self.options.tol, goal)
-        return size <= goal or (
-            before < math.inf and size > 0.3 * before and size <= TOLERANCES.newton_correction_stalled
-        )
+        stalled = before < math.inf and size > 0.3 * before and size <= TOLERANCES.newton_correction_stalled
+        if size <= goal or stalled:
+            return True
+        if not size < 2.0 * before:
+            raise NumericalError(DIVERGES)
+        return False
 
 
 class GeneralizedAlpha(_Implicit):
@@ -202,11 +214,9 @@ class GeneralizedAlpha(_Implicit):
             size = self._size(to_q * da, to_u * da)
             if self._finished(size, before):
                 break
-            if not size < 2.0 * before:
-                raise NumericalError("Newton's method does not converge")
             before = size
         else:
-            raise NumericalError("Newton's method does not converge")
+            raise NumericalError(DIVERGES)
         q, u, w = q0 + to_q * a, u0 + to_u * a, known + c * a
         if self.options.step is None:
             # Variable steps would turn the error of speeds normal to the constraints into jumps of accelerations.
@@ -298,11 +308,9 @@ class RadauIIA(_Implicit):
             size = self._size(dq, du)
             if self._finished(size, before):
                 break
-            if not size < 2.0 * before:
-                raise NumericalError("Newton's method does not converge")
             before = size
         else:
-            raise NumericalError("Newton's method does not converge")
+            raise NumericalError(DIVERGES)
         speeds, positions = self._unfolded(h, a, h * eta @ G.T)
         self._next = (h, a, nu)
         return positions[2], speeds[2], self._error(h, positions, speeds)
