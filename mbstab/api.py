@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.linear.precise import PreciseResult
     from mbstab.analysis.proof.certify import Certificate
     from mbstab.analysis.reference.equilibrium import Equilibrium
+    from mbstab.analysis.simulate.energy import Energies
     from mbstab.analysis.simulate.mode_shape import Swing
     from mbstab.analysis.simulate.result import Simulation
     from mbstab.analysis.sweep.chart import Chart
@@ -129,6 +130,14 @@ class Mechanism:
             If the reference does not satisfy constraints or equations of motion.
         """
         return reference_motion(self._affordable("motion", parameters))
+
+    @guarded
+    def energies(self, **parameters: Setting) -> Energies:
+        """Return kinetic and potential energy (J) at the reference motion and the power (W) of forces, by entry."""
+        from mbstab.analysis.simulate.energy import energies
+
+        system = self._affordable("motion", parameters)
+        return energies(reference_motion(system), system)
 
     @guarded
     def equilibria(

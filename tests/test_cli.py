@@ -334,7 +334,7 @@ def test_output_without_colour_and_without_a_terminal_is_the_same():
 
 def test_the_command_line_offers_what_the_library_has():
     # Written twice so that --help imports no numerics.
-    from mbstab.cli import linearize
+    from mbstab.cli.commands import linearize
     from mbstab.report import export
 
     assert linearize.FORMS == export.FORMS

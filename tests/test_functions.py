@@ -11,7 +11,7 @@ import pytest
 import sympy
 
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
-from mbstab.cli.schema import section_text
+from mbstab.cli.commands.schema import section_text
 from mbstab.compiler.tape import Tape
 from mbstab.compiler.trace import Trace
 from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic, symbol_arithmetic

@@ -34,6 +34,7 @@ COMMANDS = {
     "eig --precision": (("eig", PENDULUM, "--precision", "20"), ("txt", "json", "csv")),
     "eig --certify": (("eig", PENDULUM, "--certify"), ("txt", "json")),
     "check": (("check", PENDULUM), ("txt", "json")),
+    "energy": (("energy", PENDULUM), ("txt", "json")),
     "equilibrium": (("equilibrium", PENDULUM), ("txt", "json", "csv")),
     "linearize": (("linearize", PENDULUM), ("txt", "json", "csv", "npz", "mat")),
     "linearize --symbolic": (("linearize", PENDULUM, "--symbolic"), ("txt", "tex")),

@@ -1,4 +1,4 @@
-"""The command line: one small file per command; the only place that prints or exits."""
+"""The command line: one file per command in `mbstab.cli.commands`; the only place that prints or exits."""
 
 from __future__ import annotations
 

@@ -12,10 +12,12 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import click
 
+from mbstab.cli import commands
 from mbstab.cli.common import one_thread_by_default
 from mbstab.cli.output import say, show, stdout_failure
 from mbstab.errors import MbstabError, OutputError, suggestion
@@ -24,10 +26,8 @@ STREAM = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno
 """Errors of writing to a stream."""
 
 
-COMMANDS = (
-    "check", "compare", "eig", "equilibrium", "linearize", "models", "schema", "simulate", "sweep", "test",
-)  # fmt: skip
-"""Each is the function of its name in the module of its name in `mbstab.cli`, imported at first use."""
+COMMANDS = tuple(sorted(path.stem for path in Path(commands.__file__).parent.glob("[!_]*.py")))
+"""Each is the function of the name of its module in `mbstab.cli.commands`, imported at first use."""
 
 
 class _Group(click.Group):
@@ -41,7 +41,7 @@ class _Group(click.Group):
         """Return a command."""
         if cmd_name not in COMMANDS:
             return None
-        command: click.Command = getattr(import_module(f"mbstab.cli.{cmd_name}"), cmd_name)
+        command: click.Command = getattr(import_module(f"mbstab.cli.commands.{cmd_name}"), cmd_name)
         return command
 
     def resolve_command(

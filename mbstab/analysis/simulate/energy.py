@@ -1,4 +1,4 @@
-"""Forces and drives that do work on a scene, and their power; the potential energy is that of the system."""
+"""Forces and drives that do work on a scene, and their power; energies at the reference, entry by entry."""
 
 from __future__ import annotations
 
@@ -6,9 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mbstab.analysis.reference.motion import Motion
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.records import dataclass
+
+DRIVEN = ("drives", "constraints")
+"""Sections whose rows may do work."""
 
 
 def quadrature(order: int) -> list[tuple[float, float]]:
@@ -42,7 +46,7 @@ class Energy:
         return cls(
             tuple(dict.fromkeys(x.path for x in forces if not x.stored)),
             tuple(dict.fromkeys(x.path for x in forces if x.damped)),
-            any(item.entry.section in ("drives", "constraints") for item in system.scene.items),
+            any(item.entry.section in DRIVEN for item in system.scene.items),
         )
 
     @property
@@ -50,12 +54,77 @@ class Energy:
         """Whether nothing does work, so that the sum of kinetic and potential energy is constant."""
         return not (self.working or self.damped or self.driven)
 
-    def power(self, parts: Mapping[str, Form], q: Array, u: Array, t: float) -> float:
-        """Return the power of forces and dampers without a potential (W)."""
-        total, zero = 0.0, np.zeros(len(u))
-        for path in self.working:
-            total -= float(parts[path].dynamics(q, u, t).F0 @ u)
+    def powers(self, parts: Mapping[str, Form | System], q: Array, u: Array, t: float) -> dict[str, float]:
+        """Return the power of each force without a potential and of each damper (W), by entry."""
+        zero = np.zeros(len(u))
+        found = {path: -float(parts[path].dynamics(q, u, t).F0 @ u) for path in self.working}
         for path in self.damped:
             part = parts[path]
-            total -= float((part.dynamics(q, u, t).F0 - part.dynamics(q, zero, t).F0) @ u)
-        return total
+            found[path] = -float((part.dynamics(q, u, t).F0 - part.dynamics(q, zero, t).F0) @ u)
+        return found
+
+
+@dataclass(frozen=True)
+class Share:
+    """The part of an entry in the energy of a scene.
+
+    Attributes
+    ----------
+    owner : str
+        Such as ``body 'rod'`` or ``force 'spring'``.
+    kinetic, potential : float (J)
+        The potential energy of a body is that of its weight.
+    power : float (W)
+        What forces without a potential, dampers and driven rows do on the scene; negative where they take energy out.
+    """
+
+    owner: str
+    kinetic: float
+    potential: float
+    power: float
+
+
+@dataclass(frozen=True)
+class Energies:
+    """The energy of a scene at its reference motion, and what changes it.
+
+    Attributes
+    ----------
+    motion : Motion
+    shares : tuple of Share
+        Of the bodies, and of the entries that have energy or do work, in the order of the file.
+    """
+
+    motion: Motion
+    shares: tuple[Share, ...]
+
+    @property
+    def total(self) -> Share:
+        """The sum over the scene; its power is the rate at which kinetic and potential energy change."""
+        kinetic, potential, power = (
+            sum(getattr(x, name) for x in self.shares) for name in ("kinetic", "potential", "power")
+        )
+        return Share("sum", kinetic, potential, power)
+
+
+def energies(motion: Motion, system: System) -> Energies:
+    """Return the energies at a reference motion, and the power of what is not conservative."""
+    q, u, t = motion.q, motion.u, motion.time
+    energy, parts = Energy.of(system), dict(system.parts())
+    powers = energy.powers(parts, q, u, t)
+    called = {f"bodies.{body.name}": f"body {body.name!r}" for body in system.scene.bodies}
+    called |= {item.entry.path: item.entry.called for item in system.scene.items}
+    shares = []
+    for path, name in called.items():
+        part = parts.get(path)
+        if part is None:
+            continue
+        section, _, own = path.partition(".")
+        rows = [i for i, row in enumerate(system.rows) if (row.section, row.name) == (section, own)]
+        power = powers.get(path, 0.0)
+        if section in DRIVEN:
+            power -= float(motion.nu[rows] @ (motion.dynamics.J[rows] @ u))
+        kinetic = 0.5 * float(u @ part.dynamics(q, u, t).M @ u) if section == "bodies" else 0.0
+        if not rows or section in DRIVEN:
+            shares.append(Share(name, kinetic, float(part.potential(q)), power))
+    return Energies(motion, tuple(shares))

@@ -475,7 +475,7 @@ class _Leg:
 
     def _power(self, t: float, q: Array, u: Array, a: Array | None = None) -> float:
         """Return the power of all without a potential (W), at given accelerations if constraints leave them open."""
-        total, equations = self.energy.power(self.parts, q, u, t), self.equations
+        total, equations = sum(self.energy.powers(self.parts, q, u, t).values()), self.equations
         if not self.energy.driven:
             return total
         if a is None:

@@ -1,0 +1,33 @@
+"""``mbstab energy``: the energies at the reference, and the power of what is not conservative."""
+
+from __future__ import annotations
+
+import click
+
+from mbstab.cli.common import file_argument, force_option, load_model, set_option
+from mbstab.cli.output import Output, output_options, warn
+
+
+@click.command()
+@file_argument
+@set_option
+@force_option
+@output_options("table", "json")
+def energy(file: str, settings: tuple[str, ...], output: Output) -> None:
+    """Show kinetic and potential energy at the reference, and the power of forces, dampers and drives.
+
+    The sum of the powers is the rate at which the energy changes: zero where a motion goes on steadily.
+
+    Example: mbstab energy governor.yaml
+    """
+    mechanism = load_model(file, settings)
+    found, model = mechanism.energies(), mechanism.model
+    warn(found.motion.warnings)
+    from mbstab.report import energies, export
+
+    output.write(
+        {
+            "table": lambda: energies.energies_text(found, model.title),
+            "json": lambda: export.to_json(energies.energies_data(found, model.name, model.title)),
+        }
+    )
