@@ -756,9 +756,7 @@ forces: {f: {type: expression, on: {p.x: -1e5*(rate(p.x) - cos(t))}}}
 
 def test_memory_is_refused_before_it_is_taken_unless_forced(monkeypatch):
     monkeypatch.setattr("mbstab.analysis.algebra.tolerances.Tolerances.estimated_memory", 1e5)
-    with pytest.raises(
-        UsageError, match=r"1001 times of output take about .* numbers each\), where 0.0001 GB"
-    ) as caught:
+    with pytest.raises(UsageError, match=r"1001 output times take about .* numbers each\), where 0.0001 GB") as caught:
         PENDULUM.simulate(0.1, points=1001)
     fitting = int(re.search(r"(\d+) --points fit, or allow it with --force", str(caught.value))[1])
     assert len(PENDULUM.simulate(0.1, points=fitting).times) == fitting
@@ -783,7 +781,7 @@ def test_a_result_is_shown_in_a_line():
         ({"to": math.inf}, "and finite"),
         ({"to": 1e300}, "times up to 1e+300 s are known to 1.5e+284 s only"),
         ({"to": 1e16, "start": 0.99e16}, "known to 2.0e+00 s only in double precision"),
-        ({"to": 1.0, "points": 10_000_000}, "10000000 times of output take about"),
+        ({"to": 1.0, "points": 10_000_000}, "10000000 output times take about"),
         ({"to": "soon"}, "the last time is a number of seconds, not 'soon'"),
         ({"to": 1.0, "start": "now"}, "the first time is a number of seconds, not 'now'"),
         ({"to": 1.0, "points": 2.5}, "a whole number, not 2.5"),
@@ -792,7 +790,7 @@ def test_a_result_is_shown_in_a_line():
         ({"to": 1.0, "step": -1.0}, "the step must be a positive number"),
         ({"to": 1.0, "step": 2.0}, "the step of 2 s is longer than the simulation of 1 s"),
         ({"to": 1.0, "tol": 0.0}, "the tolerance must lie between 0 and 1, not at 0"),
-        ({"to": 1.0, "points": 1}, "two times of output at least"),
+        ({"to": 1.0, "points": 1}, "at least two output times"),
         ({"to": 1.0, "method": "euler"}, "there is no method 'euler'"),
         ({"to": 1.0, "method": "radau", "solver": "BDF"}, "the method radau has no solver 'BDF'"),
         ({"to": 1.0, "solver": "BDF", "step": 0.1}, "the solver BDF chooses its own steps"),

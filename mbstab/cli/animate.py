@@ -36,7 +36,7 @@ _OPTIONS = (
         metavar="FILE",
         help="Write a moving picture, .gif or .mp4 (with ffmpeg), as fast as the motion is.",
     ),
-    click.option("--fps", type=float, help="Its frames in a second; 25 if not given."),
+    click.option("--fps", type=float, help="Frames per second; 25 if not given."),
     click.option("--speed", type=float, help="Seconds of the motion in a second, such as 0.1 for slow motion."),
     click.option(
         "--view", metavar="ELEVATION,AZIMUTH", help="Where one looks from in space (deg); 20,-60 if not given."

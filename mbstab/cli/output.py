@@ -187,7 +187,7 @@ def save(path: Path, write: Callable[[Path], object], option: str, content: byte
         raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
     except OSError as error:
         kept = _rescued(content, path) if content is not None else ""
-        where = f"; what was to be written is in {kept}" if kept else ""
+        where = f"; the content is kept in {kept}" if kept else ""
         raise OutputError(f"{path}: cannot be written: {error.strerror}{where}") from None
     note(f"wrote {path}")
 

@@ -37,7 +37,7 @@ def compare_text(result: Comparison, title: str) -> str:
         lines += _filled("method alone: not known, as rounding makes redundant constraints contradict each other")
     lines += _filled(
         "time: from the reference motion to eigenvalues and vectors (the motion and checks before that: "
-        f"{1e3 * result.seconds:.3g} ms); of digits all of it"
+        f"{1e3 * result.seconds:.3g} ms); with more digits, of everything"
     )
     if truth.eigenvalues:
         lines += ["", *_error_tables(result)]

@@ -179,9 +179,9 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
     if result.frame:
         lines += wrap(f"in the frame of the steady motion: {result.frame}", width=WIDTH, subsequent_indent="  ")
     if result.shifts:
-        lines.append("neutral pairs are shifts and tilts that go round with the motion")
+        lines.append("neutral pairs are shifts and tilts that rotate with the motion")
     if c.infinite or c.undefined:
-        lines.append(f"besides, the method returned {c.infinite} infinite eigenvalues and {c.undefined} pairs 0/0")
+        lines.append(f"the method also returned {c.infinite} infinite eigenvalues and {c.undefined} pairs 0/0")
     if c.undefined:
         lines.append(
             "0/0: the last rows and columns of both matrices of Eq. (70) are zero, one pair for\n"
@@ -189,11 +189,11 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
             "zeros are exact can QZ still compute the other eigenvalues"
         )
     if c.extra:
-        where = "0, or in the turning frame ±i times its rate" if result.frame else "0"
+        where = "0, or in the rotating frame ±i times its rate" if result.frame else "0"
         text = (
-            f"besides, the method returned {counted(c.extra, 'eigenvalue')} of constraint drift, two for each "
-            f"independent holonomic row and one for each nonholonomic row; exactly they are {where}, the worst came "
-            f"out {c.extra_error:.0e} 1/s away"
+            f"the method also returned {counted(c.extra, 'eigenvalue')} of constraint drift, two for each "
+            f"independent holonomic row and one for each nonholonomic row; their exact values are {where}, the "
+            f"largest error is {c.extra_error:.0e} 1/s"
         )
         lines += wrap(text, width=WIDTH)
     if c.neutral and result.neutral_directions:

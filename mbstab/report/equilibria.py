@@ -33,9 +33,9 @@ def equilibrium_text(found: Sequence[Equilibrium], names: Sequence[str], title: 
         text = f"isolated{apart}" if item.isolated else f"not isolated: {'; '.join(item.open)}{apart}"
         lines += [*wrap(text, width=WIDTH, subsequent_indent="  "), ""]
         if item.timed:
-            lines.insert(-1, f"at t = {item.motion.time:g} s: forces or drives depend on the time")
+            lines.insert(-1, f"at t = {item.motion.time:g} s: forces or drives depend on time")
         if item.motion.redundant:
-            lines.insert(-1, "constraints are redundant: of the reactions only their sums are determined")
+            lines.insert(-1, "constraints are redundant: only sums of reactions are determined")
     return "\n".join(lines).rstrip("\n") + "\n"
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def integrations_text(result: Integrations, title: str) -> str:
     """Return the answer of ``mbstab compare --simulate`` as text."""
     lines = [title, ""] if title else []
-    heads = ["integrator", "tolerance\nof a step", "global\nerror", "time\n(ms)", "steps", "evalua-\ntions"]
+    heads = ["integrator", "tolerance\nper step", "global\nerror", "time\n(ms)", "steps", "evalua-\ntions"]
     heads += ["energy", "constraints"]
     lines.append(table(heads, [_row(x) for x in result.runs], left=(0,)))
     failures = {
@@ -32,11 +32,11 @@ def integrations_text(result: Integrations, title: str) -> str:
         + (f", disturbed by {disturbed}" if disturbed else "")
     )
     lines += _filled(
-        f"error: the largest of places, orientations and speeds at any time, as mbstab simulate counts it; against "
+        f"error: the largest of positions, orientations and speeds at any output time, as in mbstab simulate; against "
         f"{result.reference}, whose error is estimated at {result.known:.0e}"
     )
     lines += _filled(
-        "energy: largest imbalance, relative to what goes to and fro; constraints: largest residual after a step; "
+        "energy: largest imbalance, relative to the exchanged energy; constraints: largest residual after a step; "
         "time: of one run with this tolerance, without control of the global error"
     )
     if result.chosen is not None:

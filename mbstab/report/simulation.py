@@ -172,11 +172,11 @@ def simulation_text(sim: Simulation, title: str, full: bool = False) -> str:
     if len(rows) > len(shown):
         lines += [f"{len(rows) - len(shown)} more coordinates; --full shows all", ""]
     what = f"{sim.method}{f' ({sim.solver})' if sim.solver else ''}"
-    steps = counted(sim.steps, "step") + (f", {sim.rejected} taken back" if sim.rejected else "")
+    steps = counted(sim.steps, "step") + (f", {sim.rejected} rejected" if sim.rejected else "")
     control = f"fixed step {sim.step:g} s" if sim.step is not None else f"tolerance {sim.tol:g}"
     lines += [
         f"time          {number(float(sim.times[0]), 9)} to {number(float(sim.times[-1]), 9)} s, "
-        f"{counted(len(sim.times), 'time')} of output",
+        f"{counted(len(sim.times), 'output time')}",
         f"method        {what}, {control}",
         f"work done     {steps}, {sim.evaluations} evaluations in {counted(sim.runs, 'run')}",
         f"error         {_error(sim)}",

@@ -81,7 +81,7 @@ def modes(system: System, count: int, near: complex, rightmost: bool, force: boo
     if not isinstance(near, numbers.Complex) or not np.isfinite(complex(near)):
         raise UsageError(f"near={near!r}: give a complex number (1/s), such as -1+5j")
     if rightmost and near:
-        raise UsageError("near and rightmost say different things\nhint: leave out one of them")
+        raise UsageError("near and rightmost exclude each other\nhint: leave out one of them")
     if system.scene.period is not None:
         message = "a periodic motion has multipliers, and all of them are computed"
         raise UsageError(f"{message}\nhint: ask without a number of modes")

@@ -374,7 +374,7 @@ class _Leg:
                 options.step, self.follower.times[-1] - t
             ):
                 raise NumericalError(
-                    f"the step of {options.step:.3g} s fails at t = {t:.9g} s: its error is beyond all measure\n"
+                    f"the step of {options.step:.3g} s fails at t = {t:.9g} s: its error is not finite\n"
                     "hint: take a shorter one with --step"
                 )
         except NumericalError as error:

@@ -79,7 +79,7 @@ class SimulationSettings:
         if self.step is not None and not (math.isfinite(self.step) and self.step > 0.0):
             problems.append(f"the step must be a positive number of seconds, not {self.step:g}")
         if self.points != int(self.points) or self.points < 2:
-            problems.append(f"a simulation has two times of output at least, a whole number, not {self.points}")
+            problems.append(f"a simulation has at least two output times, a whole number, not {self.points}")
         if problems:
             raise UsageError("\n".join(problems))
 

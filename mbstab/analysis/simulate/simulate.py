@@ -104,7 +104,7 @@ def _check_memory(system: System, points: int) -> None:
     size = 8.0 * points * columns
     if size > ALGEBRA.estimated_memory:
         raise UsageError(
-            f"{points} times of output take about {size / 1e9:.2g} GB of memory ({columns} numbers each), where "
+            f"{points} output times take about {size / 1e9:.2g} GB of memory ({columns} numbers each), where "
             f"{ALGEBRA.estimated_memory / 1e9:g} GB is the limit\n"
             f"hint: {math.floor(ALGEBRA.estimated_memory / (8 * columns))} --points fit, or allow it with --force"
         )

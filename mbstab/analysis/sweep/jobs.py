@@ -216,7 +216,7 @@ class Store:
         if directory.exists():
             own = (LABEL, LOCK)
             if not label.exists() and any(x.name not in own and x.name[:6] != ".part." for x in directory.iterdir()):
-                raise UsageError(f"{directory} exists and is none of a sweep\nhint: name another file with --output")
+                raise UsageError(f"{directory} exists and belongs to no sweep\nhint: name another file with --output")
         elif resume:
             raise UsageError(
                 f"there is nothing to resume: {directory} does not exist\n"

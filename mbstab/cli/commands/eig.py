@@ -218,7 +218,7 @@ def _few(count: int | None, near: str | None, rightmost: bool) -> complex:
     if count is None and (near is not None or rightmost):
         raise UsageError(f"{'--near' if near is not None else '--rightmost'} says which of a few\nhint: give --modes K")
     if near is not None and rightmost:
-        raise UsageError("--near and --rightmost say different things\nhint: leave out one of them")
+        raise UsageError("--near and --rightmost exclude each other\nhint: leave out one of them")
     if count is not None and count < 1:
         raise UsageError(f"--modes {count}: that is none\nhint: give a whole number from 1 on")
     try:

@@ -41,9 +41,9 @@ def check(path: Path, fps: float) -> None:
     if path.suffix.lower() not in FORMATS:
         raise UsageError(f"{path}: animations end with {' or '.join(FORMATS)}")
     if fps < SLOWEST:
-        raise UsageError(f"{path}: an animation has {SLOWEST:g} frames in a second at least, not {fps:g}")
+        raise UsageError(f"{path}: an animation has at least {SLOWEST:g} frames per second, not {fps:g}")
     if path.suffix.lower() == ".gif" and fps > FASTEST_GIF:
-        raise UsageError(f"{path}: a GIF has {FASTEST_GIF:g} frames in a second at most, not {fps:g}")
+        raise UsageError(f"{path}: a GIF has at most {FASTEST_GIF:g} frames per second, not {fps:g}")
     if path.suffix.lower() == ".mp4" and shutil.which("ffmpeg") is None:
         raise UsageError(f"{path}: MP4 files need the program ffmpeg, which is not found\nhint: name a .gif file")
 
