@@ -2,9 +2,9 @@
 
 A test function of the coefficients of the characteristic polynomial is zero where stability changes: the product of
 the eigenvalues (divergence), the last but one Hurwitz determinant (flutter), or, where the polynomial is even, its
-discriminant (collision). It is followed to a narrow interval, for all values in which the elimination goes through and
-the motion is proven to be one. A test function may be zero where nothing changes (two real eigenvalues ±σ): what counts
-are the numbers of eigenvalues right of the imaginary axis at both ends, all of which are enclosed there.
+discriminant (collision). A narrow interval around its zero is found, in which the elimination succeeds everywhere and
+there is provably one motion. A test function may also be zero where stability does not change (two real eigenvalues
+±σ). So the proof rests on the numbers of eigenvalues right of the imaginary axis at both ends, where all are enclosed.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from mbstab.model.schema import Model
 from mbstab.records import dataclass
 
 LOCATED = ("divergence", "flutter", "collision")
-"""What test functions are zero for."""
+"""Kinds of critical values at which a test function is zero."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def with_enclosures(model: Model, sweep: Sweep, progress: Callable[[float], obje
     for number, critical in enumerate(sweep.critical, 1):
         found.append(replace(critical, enclosed=_enclosed(model, sweep, critical, digits)))
         progress(number / len(sweep.critical))
-    beyond = Enclosed(reason="it lies on a path to which a fold leads; proofs follow the path of the file only")
+    beyond = Enclosed(reason="it is on a path beyond a fold; only critical values of the first path are proven")
     paths = (replace(path, critical=tuple(replace(x, enclosed=beyond) for x in path.critical)) for path in sweep.beyond)
     return replace(sweep, critical=tuple(found), beyond=tuple(paths))
 
@@ -83,7 +83,7 @@ def with_enclosures(model: Model, sweep: Sweep, progress: Callable[[float], obje
 def _enclosed(model: Model, sweep: Sweep, critical: Critical, digits: int) -> Enclosed:
     """Return what is proven about a critical value of a sweep."""
     if critical.kind not in LOCATED:
-        return Enclosed(reason=f"proofs are of {', '.join(LOCATED)}, not of what is {critical.kind!r}")
+        return Enclosed(reason=f"only {', '.join(LOCATED)} can be proven, not {critical.kind!r}")
     name = sweep.parameter
     ends = [abs(x) for x in (critical.value, float(sweep.values[-1] - sweep.values[0]))]
     apart = [abs(x.value - critical.value) / 2.0 for x in sweep.critical if x.value != critical.value]
@@ -98,7 +98,9 @@ def _enclosed(model: Model, sweep: Sweep, critical: Critical, digits: int) -> En
             continue
         if min(critical.unstable) >= 0 and change.unstable != critical.unstable:
             counts = " to ".join(map(str, change.unstable))
-            return Enclosed(reason=f"the motion that is proven there has {counts} unstable eigenvalues: another one")
+            return Enclosed(
+                reason=f"the motion proven to exist there has {counts} unstable eigenvalues: it is a different one"
+            )
         with balls.digits(digits + TOLERANCES.critical_digits_beyond):
             factor = balls.exact_factor(model.parameters[name].unit)
             value = real(balls.between(ball(change.low), ball(change.high)) / factor)
@@ -185,7 +187,7 @@ class _Search:
             raise NotProvable(f"the motion is not proven to be the same on both sides of {place}")
         cases = [best(proof) for proof in both]
         if any(e.kind == "open" for case in cases for e in case.enclosures):
-            raise NotProvable(f"not all eigenvalues are told from the imaginary axis beside {place}")
+            raise NotProvable(f"not all eigenvalues are separated from the imaginary axis next to {place}")
         before, after = (sum(e.count for e in case.enclosures if e.kind == "right") for case in cases)
         if before == after:
             raise NotProvable(f"the number of unstable eigenvalues is {before} on both sides of {place}")
@@ -204,7 +206,7 @@ class _Search:
             if b - a <= small:
                 break
             weight = fraction_beyond(real(f_a / (f_a - f_b)).mid(), True)
-            # Next to the better end, but not nearer than what is asked for.
+            # Close to the better end, but not closer than the requested accuracy.
             x = a + (b - a) * min(max(weight, Fraction(0)), Fraction(1))
             x = min(max(x, a + small / 3), b - small / 3)
             x = Fraction(round(x / small * 2**12), 2**12) * small

@@ -83,7 +83,7 @@ class Critical:
     verdicts : tuple of str
         The verdicts just below and above it; empty where there is none.
     enclosed : Enclosed or None
-        What is proven about it; None: no proof was asked for.
+        What is proven about it; None: no proof was requested.
     """
 
     value: float
