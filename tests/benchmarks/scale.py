@@ -1,18 +1,24 @@
-"""Large scenes: ``python tests/benchmarks/scale.py [--quick]``.
+"""Large scenes: ``python tests/benchmarks/scale.py [--quick] [--peers]``.
 
-For chains of some lengths: CPU time to read the text, CPU time of the whole answer relative to one
+For chains of some lengths: CPU time to read the text, CPU time of the whole answer, also relative to one
 ``scipy.linalg.eig(A, left=True, right=True)`` of a matrix of the size of the spectrum, the largest relative error of
-some frequencies, the range of bound/error, and the peak of memory. Each in a process of its own, with one thread.
+some frequencies, the range of bound/error, and the peak of memory. Each in a process of its own, with one thread,
+after a short chain of the same kind. With ``--peers`` other programs answer about the same chains (`peers.py`); those
+that are not installed (``pip install '.[benchmarks]'``) are named.
 
 Frequencies are compared with those of the chain solved link by link with many digits.
 """
 
 import argparse
+import json
+import math
 import os
 import resource
 import subprocess
 import sys
 import time
+from functools import cache, partial
+from importlib.util import find_spec
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -26,9 +32,16 @@ MODELS = {
     "spherical": (50, 200),
     "four_bars": (100, 400),
 }
+BESIDE = {"rods": (100, 200, 400), "universal": (100, 200)}
+"""The chains of which other programs are asked."""
+SHAPES = {"rods": ((1, 12), (1, 2)), "universal": ((1, 12), (1, 2)), "points": ((0, 1), (1, 1))}
+"""Moment of inertia (kg m²) and place of the centre (m) of the links of chains whose frequencies are known."""
+SHORT = 50
 QUICK = 200
 SAMPLES = 40
-"""So many frequencies are compared, the lowest, the highest and some between."""
+"""So many frequencies are compared."""
+PATIENCE = 600
+"""Wall time (s) after which a program is no longer waited for."""
 
 
 def text_of(name, count):
@@ -75,68 +88,131 @@ def exact(count, inertia, center, near):
     return mp.sqrt(z)
 
 
-def errors(name, count, result):
-    """Return the largest relative error of some frequencies, and the least and largest ratio of bound and error."""
-    if name not in ("rods", "points"):
+def nearly(name, count):
+    """Return all frequencies of a hanging chain of rods or of points to some ten digits, ascending."""
+    import numpy as np
+    import scipy.linalg
+
+    (over, under), (up, down) = SHAPES[name]
+    center, below = up / down, np.arange(count)[::-1]
+    # Angles from the vertical: the mass below link j moves with its whole length, its own with that of the centre.
+    M = center + np.minimum.outer(below, below).astype(float)
+    np.fill_diagonal(M, over / under + center**2 + below)
+    return np.sqrt(scipy.linalg.eigh(np.diag(9.81 * (center + below)), M, eigvals_only=True))
+
+
+@cache
+def truths(name, count):
+    """Return some frequencies of a chain by their numbers from below: the lowest, the highest and some between."""
+    found = nearly(name, count)
+    chosen = range(count) if count <= SAMPLES else [int(i * (count - 1) / (SAMPLES - 1)) for i in range(SAMPLES)]
+    return {i: exact(count, *SHAPES[name], found[i]) for i in chosen}
+
+
+def errors(name, count, frequencies, bounds):
+    """Return the largest relative error of some frequencies, and the least and the median ratio of bound and error."""
+    if name not in SHAPES:
         return None
-    shape = ((1, 12), (1, 2)) if name == "rods" else ((0, 1), (1, 1))
-    found = sorted((e for e in result.eigenvalues if e.value.imag > 0), key=lambda e: e.value.imag)
-    chosen = found if count <= SAMPLES else [found[int(i * (count - 1) / (SAMPLES - 1))] for i in range(SAMPLES)]
+    copies = 2 if name == "universal" else 1  # both planes
+    if len(frequencies) != copies * count:
+        return math.inf, math.nan, math.nan
     worst, ratios = 0.0, []
-    for e in chosen:
-        true = exact(count, *shape, e.value.imag)
-        off = float(abs(e.value.imag - true))
-        worst = max(worst, off / abs(e.value))
-        ratios.append(e.error_bound / max(off, 1e-300))
+    for i, true in truths(name, count).items():
+        for j in range(copies * i, copies * (i + 1)):
+            off = float(abs(frequencies[j] - true))
+            worst = max(worst, off / float(true))
+            ratios.append(bounds[j] / max(off, 1e-300))
     return worst, min(ratios), sorted(ratios)[len(ratios) // 2]
 
 
-def measured(name, count):
-    """Print one line of the table."""
-    import numpy as np
-    import scipy.linalg
-    import scipy.sparse.linalg
-
+def own(name, count):
+    """Return what mbstab needs and finds: build a chain, then solve it."""
     import mbstab
 
-    text = text_of(name, count)
-    mbstab.load("pendulum.yaml").eig()
     start = time.process_time()
-    model = mbstab.loads(text)
+    model = mbstab.loads(text_of(name, count))
     model.system()
     read = time.process_time() - start
     start = time.process_time()
     result = model.eig()
     whole = time.process_time() - start
+    found = sorted((e.value.imag, e.error_bound) for e in result.eigenvalues if e.value.imag > 0)
+    return read, whole, *zip(*found, strict=True), len(model.model.bodies), result.counts.expected, result.verdict
+
+
+def of_peer(program, name, count):
+    """Return the same of another program, which knows no bounds and no verdict."""
+    from peers import AXES, PEERS
+
+    start = time.process_time()
+    solve = PEERS[program](AXES[name], count)
+    read = time.process_time() - start
+    start = time.process_time()
+    found = solve().tolist()
+    whole = time.process_time() - start
+    return read, whole, found, [math.nan] * len(found), count, 2 * len(found), "-"
+
+
+def measured(name, count, program):
+    """Print what a program needs and finds, after a short chain of the same kind, as JSON."""
+    import numpy as np
+    import scipy.linalg
+
+    run = own if program == "mbstab" else partial(of_peer, program)
+    run(name, SHORT)
+    read, whole, found, bounds, bodies, size, verdict = run(name, count)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    size = result.counts.expected
     A = np.random.default_rng(1).standard_normal((size, size))
     start = time.process_time()
     scipy.linalg.eig(A, left=True, right=True)
     eig = time.process_time() - start
-    known = errors(name, count, result)
-    accuracy = "         -          -" if known is None else f"{known[0]:10.1e} {known[1]:4.1f}…{known[2]:<5.0f}"
+    print(json.dumps([read / bodies, whole, whole / eig, found, bounds, memory, size, verdict]))
+
+
+def line(name, count, program, base):
+    """Print one line of the table, and return the time of the answer; None if there is none."""
+    head = f"{name:10} {count:5} {program:10}"
+    if find_spec(program) is None:
+        print(f"{head} not installed", flush=True)
+        return None
+    command = [sys.executable, __file__, "--only", name, str(count), program]
+    try:
+        answer = subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=PATIENCE, check=True).stdout
+    except (subprocess.TimeoutExpired, subprocess.CalledProcessError) as error:
+        print(f"{head} {error}", flush=True)
+        return None
+    read, whole, share, found, bounds, memory, size, verdict = json.loads(answer.splitlines()[-1])
+    known = errors(name, count, found, bounds)
+    error = "-" if known is None else f"{known[0]:.1e}"
+    ratios = "-" if known is None or math.isnan(known[1]) else f"{known[1]:.1f}…{known[2]:.0f}"
+    relative = whole / (base or whole)
     print(
-        f"{name:10} {count:5} {size:5} {1e3 * read / len(model.model.bodies):8.2f} {whole:8.2f} {whole / eig:8.2f} "
-        f"{accuracy} {memory:6.0f}  {result.verdict}",
+        f"{head} {size:5} {1e3 * read:8.2f} {whole:8.3f} {share:8.2f} {relative:8.2f} {error:>9} {ratios:>10} "
+        f"{memory:6.0f}  {verdict}",
         flush=True,
     )
+    return whole
 
 
 def main():
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="short chains only")
-    parser.add_argument("--only", nargs=2, metavar=("MODEL", "COUNT"))
+    parser.add_argument("--peers", action="store_true", help="other programs as well, where they are installed")
+    parser.add_argument("--only", nargs=3, metavar=("MODEL", "COUNT", "PROGRAM"))
     options = parser.parse_args()
     if options.only:
-        measured(options.only[0], int(options.only[1]))
+        measured(options.only[0], int(options.only[1]), options.only[2])
         return
-    print("model          N   n_f  ms/body    s all   x eig      error  bound/err     MB  verdict")
-    for name, counts in MODELS.items():
+    from peers import PEERS
+
+    print("model          N program      n_f  ms/body    s all    x eig x mbstab     error  bound/err     MB  verdict")
+    for name, counts in (BESIDE if options.peers else MODELS).items():
         for count in counts:
             if not options.quick or count <= QUICK:
-                subprocess.run([sys.executable, __file__, "--only", name, str(count)], check=False)
+                base = line(name, count, "mbstab", None)
+                for program in PEERS if options.peers else ():
+                    line(name, count, program, base)
 
 
 if __name__ == "__main__":
