@@ -44,13 +44,18 @@ def visible(text: str, lines: bool = True) -> str:
     return text if lines else text.replace("\n", "\\n").replace("\t", "\\t")
 
 
-@dataclass(frozen=True, order=True)
+@dataclass(frozen=True)
 class Location:
     """A place in a text file; line and column count from 1."""
 
     file: str
     line: int
     column: int
+
+    @property
+    def order(self) -> tuple[str, int, int]:
+        """Return what places are sorted by."""
+        return self.file, self.line, self.column
 
     def __str__(self) -> str:
         return f"{visible(self.file, lines=False)}:{self.line}:{self.column}"
@@ -125,7 +130,7 @@ class ModelFileError(MbstabError):
     exit_code = 2
 
     def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems = sorted(problems, key=lambda problem: problem.location)
+        self.problems = sorted(problems, key=lambda problem: problem.location.order)
         super().__init__("\n\n".join(str(problem) for problem in self.problems))
 
 

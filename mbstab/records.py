@@ -1,55 +1,108 @@
-"""Dataclasses whose methods are written when they are first needed.
+"""Dataclasses whose methods are functions that all of them share.
 
-`dataclasses.dataclass` writes and compiles the methods of a class when the class is made. A command imports a hundred
-such classes and makes instances of half of them; here their methods wait for the first instance, or for the first
-question about their fields.
+`dataclasses.dataclass` writes the text of every method of every class and compiles it: for the hundred classes of a
+command that takes longer than most answers. Here the fields are those of `dataclasses` (with `fields`, `replace`,
+`asdict`, matching), and the methods are closures over their names.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from threading import RLock
+from operator import attrgetter
+from reprlib import recursive_repr
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dataclasses import dataclass as dataclass
 else:
-    _FIELDS = "__dataclass_fields__"
-    _LOCK = RLock()
 
-    class _Waiting:
-        """Stands for the fields of a class whose methods are not yet written."""
-
-        def __init__(self, finish):
-            self.finish = finish
-
-        def __get__(self, instance, owner):
-            self.finish()
-            return getattr(owner, _FIELDS)
-
-    def dataclass(cls=None, /, **options):
-        """Return a decorator like that of `dataclasses.dataclass`; with ``slots`` it writes the methods at once."""
-        if options.get("slots"):
-            return dataclasses.dataclass(cls, **options)
+    def dataclass(cls=None, /, *, frozen=False, eq=True, repr=True, **options):
+        """Return a decorator like that of `dataclasses.dataclass`; with other options it is that."""
 
         def decorate(cls):
-            def finish():
-                with _LOCK:
-                    if isinstance(cls.__dict__.get(_FIELDS), _Waiting):
-                        for name in (_FIELDS, "__init__", "__setstate__"):
-                            delattr(cls, name)
-                        dataclasses.dataclass(**options)(cls)
-
-            def __init__(self, *values, **named):
-                finish()
-                cls.__init__(self, *values, **named)
-
-            def __setstate__(self, state):  # copies, and what pickle reads
-                finish()
-                self.__dict__.update(state)
-
-            cls.__init__, cls.__setstate__ = __init__, __setstate__
-            setattr(cls, _FIELDS, _Waiting(finish))
+            if options:
+                return dataclasses.dataclass(cls, frozen=frozen, eq=eq, repr=repr, **options)
+            own = set(vars(cls))
+            dataclasses.dataclass(cls, init=False, repr=False, eq=False)
+            methods = {"__init__": _init(cls)}
+            if repr:
+                methods["__repr__"] = _repr(cls)
+            if eq:
+                methods |= _comparison(cls, frozen)
+            if frozen:
+                methods |= {"__setattr__": _refuse_assignment, "__delattr__": _refuse_deletion}
+            for name, method in methods.items():
+                if name not in own:
+                    setattr(cls, name, method)
             return cls
 
         return decorate if cls is None else decorate(cls)
+
+    def _init(cls):
+        """Return the method that sets the fields, and calls ``__post_init__`` if there is one."""
+        fields = dataclasses.fields(cls)
+        names = tuple(f.name for f in fields if f.init)
+        defaults = {f.name: f.default for f in fields if f.default is not dataclasses.MISSING}
+        factories = tuple((f.name, f.default_factory) for f in fields if f.default_factory is not dataclasses.MISSING)
+        known, count, complete = frozenset(names), len(names), len(names) == len(fields)
+        checked = hasattr(cls, "__post_init__")
+
+        def __init__(self, *values, **named):
+            state = self.__dict__
+            if complete and len(values) == count and not named:
+                state.update(zip(names, values, strict=True))
+            else:
+                if (
+                    len(values) > count
+                    or not known.issuperset(named)
+                    or not named.keys().isdisjoint(names[: len(values)])
+                ):
+                    raise TypeError(f"{cls.__qualname__}() takes {', '.join(names)}, each at most once")
+                state.update(defaults)
+                state.update(zip(names, values, strict=False))
+                state.update(named)
+                for name, factory in factories:
+                    if name not in state:
+                        state[name] = factory()
+                if missing := [name for name in names if name not in state]:
+                    raise TypeError(f"{cls.__qualname__}() needs {', '.join(missing)}")
+            if checked:
+                self.__post_init__()
+
+        return __init__
+
+    def _repr(cls):
+        names = [f.name for f in dataclasses.fields(cls) if f.repr]
+
+        @recursive_repr()
+        def __repr__(self):
+            shown = (f"{name}={getattr(self, name)!r}" for name in names)
+            return f"{type(self).__qualname__}({', '.join(shown)})"
+
+        return __repr__
+
+    def _comparison(cls, hashable):
+        """Return the methods for what is equal if all fields are, and a hash where these stay what they are."""
+        names = [f.name for f in dataclasses.fields(cls) if f.compare]
+        values = attrgetter(*names) if len(names) > 1 else lambda self: tuple(getattr(self, name) for name in names)
+
+        def __eq__(self, other):
+            return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
+
+        def __hash__(self):
+            return hash(values(self))
+
+        return {"__eq__": __eq__, "__hash__": __hash__ if hashable else None}
+
+    def _refuse_assignment(self, name, value):
+        _refuse(self, name, "assign to")
+        object.__setattr__(self, name, value)
+
+    def _refuse_deletion(self, name):
+        _refuse(self, name, "delete")
+        object.__delattr__(self, name)
+
+    def _refuse(self, name, what):
+        """Refuse to change a field, or any attribute but those that a plain subclass adds."""
+        if "__dataclass_fields__" in type(self).__dict__ or name in self.__dataclass_fields__:
+            raise dataclasses.FrozenInstanceError(f"cannot {what} field {name!r}")

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
-from click.shell_completion import CompletionItem
 
 from mbstab.errors import MbstabError
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from mbstab.model.schema import Model
+
+
+def _item(value: str, **options: Any) -> CompletionItem:
+    from click.shell_completion import CompletionItem  # where something is completed only
+
+    return CompletionItem(value, **options)
 
 
 def model_files(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -30,8 +37,8 @@ def model_files(context: click.Context, parameter: click.Parameter, incomplete: 
         if path.name.startswith(begin) and (path.suffix == SUFFIX or path.is_dir()) and path.name[0] not in ".\n"
     ]
     # The shell itself completes files only if nothing else is offered.
-    found = [CompletionItem(name) for name in dict.fromkeys([*names, *beside])]
-    return found or [CompletionItem(incomplete, type="file")]
+    found = [_item(name) for name in dict.fromkeys([*names, *beside])]
+    return found or [_item(incomplete, type="file")]
 
 
 def _model(context: click.Context) -> Model | None:
@@ -52,14 +59,14 @@ def settings(context: click.Context, parameter: click.Parameter, incomplete: str
     """Return parameters as ``NAME=``."""
     model = _model(context)
     names = [] if model is None else model.parameters
-    return [CompletionItem(f"{name}=", nospace=True) for name in names if name.startswith(incomplete)]
+    return [_item(f"{name}=", nospace=True) for name in names if name.startswith(incomplete)]
 
 
 def parameters(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Return parameters with their descriptions."""
     model = _model(context)
     found = {} if model is None else model.parameters
-    return [CompletionItem(name, help=x.description) for name, x in found.items() if name.startswith(incomplete)]
+    return [_item(name, help=x.description) for name, x in found.items() if name.startswith(incomplete)]
 
 
 def quantities(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -77,4 +84,4 @@ def quantities(context: click.Context, parameter: click.Parameter, incomplete: s
         known += [*motions, *(f"rate({name})" for name in motions)]
         known += [f"{what}({name})" for name in joints for what in ("force", "torque")]
         known += [f"effort({name})" for name in (*forces, *drives)]
-    return [CompletionItem(word) for word in known if word.startswith(incomplete)]
+    return [_item(word) for word in known if word.startswith(incomplete)]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import io
-import logging
 import os
 import signal
 import sys
@@ -143,5 +142,3 @@ def main() -> None:
     --verify contradicts.
     """
     one_thread_by_default()
-    # It finds another place for its fonts where it may not write, and need not print a warning.
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)

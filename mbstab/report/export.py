@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -31,6 +29,8 @@ Named = tuple[Any, list[str], list[str]]
 
 def to_json(data: Any) -> str:
     """Return one JSON object; numbers with all digits, null for numbers that are not finite."""
+    import json
+
     return json.dumps(_plain(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -48,6 +48,8 @@ def _plain(x: Any) -> Any:
 
 def to_csv(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """Return comma-separated values with a head line; numbers with all digits."""
+    import csv
+
     out = StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(heads)
