@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from functools import lru_cache
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -12,17 +13,85 @@ import numpy.typing as npt
 from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
 from mbstab.model.jets import Jet
 
+Index = npt.NDArray[np.intp]
+
 OF_ROWS = ("E", "V", "B", "J", "D", "V_q", "A_q", "A_u")
 """Outputs of kernels whose first index is a row, not a coordinate."""
 
 
+class Plan:
+    """Which returned value is added to which entry of each matrix.
+
+    Parameters
+    ----------
+    shapes : dict
+        Of the matrices, by their keys.
+    places : dict
+        The numbers of the values and those of the entries (counted row by row) that they are added to, by key.
+    """
+
+    def __init__(self, shapes: dict[str, tuple[int, ...]], places: dict[str, tuple[Index, Index]]) -> None:
+        self.shapes, self.places = shapes, places
+        self.sizes = {key: math.prod(shape) for key, shape in shapes.items()}
+        starts = dict(zip(shapes, accumulate(self.sizes.values(), initial=0), strict=False))
+        # All matrices one behind the other.
+        self._take = np.concatenate([places[key][0] for key in shapes])
+        self._target = np.concatenate([places[key][1] + starts[key] for key in shapes])
+        self._parts = {key: slice(start, start + self.sizes[key]) for key, start in starts.items()}
+
+    def matrices(self, values: list[Any]) -> dict[str, Any] | None:
+        """Return the matrices at one point, or None if an entry of theirs is no finite float."""
+        if are_plain(values):
+            weights = np.array(values, dtype=float)[self._take]
+            flat = np.bincount(self._target, weights=weights, minlength=sum(self.sizes.values()))
+            if not np.isfinite(flat).all():
+                return None
+            return {key: flat[part].reshape(self.shapes[key]) for key, part in self._parts.items()}
+        out = {key: self._matrix(key, values) for key in self.shapes}
+        finite = all(matrix.dtype == object or np.isfinite(matrix).all() for matrix in out.values())
+        return out if finite else None
+
+    def _matrix(self, key: str, values: list[Any]) -> Any:
+        """Return a matrix; of floats, if all that is added to it is plain."""
+        take, target = self.places[key]
+        size, shape = self.sizes[key], self.shapes[key]
+        chosen = [values[i] for i in take]
+        if are_plain(chosen):
+            return np.bincount(target, weights=np.array(chosen, dtype=float), minlength=size).reshape(shape)
+        dense = np.full(size, 0, dtype=object)
+        for place, value in zip(target, chosen, strict=True):
+            dense[place] = dense[place] + value
+        return dense.reshape(shape)
+
+    def at_points(self, values: list[Any], points: int) -> dict[str, Any]:
+        """Return a matrix for each point of a sweep, or one with a first axis of length 1 if it is the same for all."""
+        return {key: self._stack(key, values, points) for key in self.shapes}
+
+    def _stack(self, key: str, values: list[Any], points: int) -> Any:
+        take, target = self.places[key]
+        if are_plain([values[i] for i in take]):
+            return self._matrix(key, values)[None]
+        dense = np.zeros((self.sizes[key], points))
+        for i, place in zip(take, target, strict=True):
+            dense[place] += values[i]
+        return np.ascontiguousarray(dense.T).reshape(points, *self.shapes[key])
+
+
+def are_plain(values: list[Any]) -> bool:
+    """Whether all values are Python numbers."""
+    return all(issubclass(kind, (int, float)) for kind in set(map(type, values)))
+
+
 @lru_cache(maxsize=64)
 def plan_of(
-    function: str, keys: tuple[str, ...], elements: tuple[tuple[Any, tuple[int, ...], tuple[int, ...]], ...], n_q: int
-) -> dict[str, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
+    function: str,
+    shapes: tuple[tuple[str, tuple[int, ...]], ...],
+    elements: tuple[tuple[Any, tuple[int, ...], tuple[int, ...]], ...],
+    n_q: int,
+) -> Plan:
     """Return the plan of elements given by their kernels, columns and rows; the scenes of a model share it."""
-    take: dict[str, list[int]] = {key: [] for key in keys}
-    target: dict[str, list[int]] = {key: [] for key in keys}
+    take: dict[str, list[int]] = {key: [] for key, _ in shapes}
+    target: dict[str, list[int]] = {key: [] for key, _ in shapes}
     position = 0
     for kernel, columns, rows in elements:
         for key, entries in getattr(kernel, function.upper()).items():
@@ -38,7 +107,8 @@ def plan_of(
                     take[key].append(position)
                     target[key].append(place)
                 position += 1
-    return {key: (np.array(take[key], dtype=np.intp), np.array(target[key], dtype=np.intp)) for key in keys}
+    places = {key: (np.array(take[key], dtype=np.intp), np.array(target[key], dtype=np.intp)) for key in take}
+    return Plan(dict(shapes), places)
 
 
 class Time:
@@ -73,28 +143,3 @@ def listed(x: Any) -> list[Any]:
 def padded(x: Any, zero: Any) -> list[Any]:
     """Return a vector as a list with one fixed coordinate appended."""
     return [*listed(x), zero]
-
-
-def scatter_points(values: Sequence[Any], take: Any, target: Any, shape: tuple[int, ...], points: int) -> Any:
-    """Return a matrix for each point of a sweep, or one with a first axis of length 1 if it is the same for all."""
-    size = int(np.prod(shape))
-    if all(isinstance(values[i], (int, float)) for i in take):
-        return scatter(values, take, target, shape)[None]
-    dense = np.zeros((size, points))
-    for i, place in zip(take, target, strict=True):
-        dense[place] += values[i]
-    return np.ascontiguousarray(dense.T).reshape(points, *shape)
-
-
-def scatter(values: Sequence[Any], take: Any, target: Any, shape: tuple[int, ...]) -> Any:
-    """Return a matrix in which the values `take` are added to the entries `target`."""
-    size = int(np.prod(shape))
-    chosen = [values[i] for i in take]
-    if not chosen:
-        return np.zeros(shape)
-    if all(isinstance(value, (int, float)) for value in chosen):
-        return np.bincount(target, weights=np.array(chosen, dtype=float), minlength=size).reshape(shape)
-    dense = np.full(size, 0, dtype=object)
-    for place, value in zip(target, chosen, strict=True):
-        dense[place] = dense[place] + value
-    return dense.reshape(shape)

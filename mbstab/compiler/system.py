@@ -36,7 +36,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.compiler.grouped import FLOATS, Assembly, Form, Numbers, What
-from mbstab.compiler.scatter import Time, arithmetic_of, listed, padded, plan_of, scatter, scatter_points, signals_at
+from mbstab.compiler.scatter import Plan, Time, arithmetic_of, listed, padded, plan_of, signals_at
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
 from mbstab.mechanics.catalogue import GROUND, ElementUse, Role
@@ -230,7 +230,7 @@ class System:
         self.rows = [row for group in (*holonomic, *nonholonomic) for row in group]
         self.n_h, self.n_n = (sum(map(len, groups)) for groups in (holonomic, nonholonomic))
         self._elements = self._place(uses)
-        self._plans: dict[str, dict[str, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]] = {}
+        self._plans: dict[str, Plan] = {}
         self._assembly: Assembly | None = None
 
     @property
@@ -509,9 +509,9 @@ class System:
         if plan is None:
             plan = self._plans[function] = self._plan(function, shapes)
         if points is not None:
-            return {key: scatter_points(values, *plan[key], shape, points) for key, shape in shapes.items()}
-        out = {key: scatter(values, *plan[key], shape) for key, shape in shapes.items()}
-        if any(matrix.dtype != object and not np.isfinite(matrix).all() for matrix in out.values()):
+            return plan.at_points(values, points)
+        out = plan.matrices(values)
+        if out is None:
             raise _overflow()
         return out
 
@@ -552,13 +552,11 @@ class System:
         """Return the elements that have this function: all, or those with rows."""
         return [element for element in self._elements if element.rows or function != "linearize_rows"]
 
-    def _plan(
-        self, function: str, shapes: dict[str, tuple[int, ...]]
-    ) -> dict[str, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
-        """Return for each matrix which returned value is added to which entry (counted row by row)."""
+    def _plan(self, function: str, shapes: dict[str, tuple[int, ...]]) -> Plan:
+        """Return for each matrix which returned value is added to which entry."""
         elements = self._running(function)
         known = tuple((element.kernel, element.columns, element.rows) for element in elements)
-        return plan_of(function, tuple(shapes), known, self.n_q)
+        return plan_of(function, tuple(shapes.items()), known, self.n_q)
 
 
 def _overflow() -> NumericalError:
