@@ -238,6 +238,11 @@ class System:
         """Number of constraint rows."""
         return self.n_h + self.n_n
 
+    @cached_property
+    def places(self) -> npt.NDArray[np.intp]:
+        """Numbers of the coordinates of the place of each body, shape (bodies, 2 or 3)."""
+        return np.array([range(part.start, part.start + self.scene.dimension) for part in self.body_slices])
+
     def parts(self) -> Iterator[tuple[str, System]]:
         """Yield each entry of the scene, such as ``joints.pivot``, and a system in which only it acts."""
         for path in dict.fromkeys(element.path for element in self._elements):

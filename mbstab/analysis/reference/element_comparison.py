@@ -130,8 +130,7 @@ class ElementComparison:
     @cached_property
     def rows_there(self) -> list[tuple[Any, Array]]:
         """J at the states that satisfy the constraints, and the sizes of its rows."""
-        found = (self.system.dynamics(x.q, x.u, self.motion.time).J for x in self.on_rows)
-        return [(J, abs(J) @ self.motion.sizes) for J in found]
+        return [(x.dynamics.J, abs(x.dynamics.J) @ self.motion.sizes) for x in self.on_rows]
 
     @cached_property
     def seen(self) -> bool:

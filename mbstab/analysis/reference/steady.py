@@ -12,7 +12,7 @@ frame, has constant coefficients: with Ξ = DX(q₀) and Ξ₂ = Ξ² + D²X[X, 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -98,19 +98,17 @@ class Generator:
         return slope, slope @ slope + growth
 
     def _evaluate(self, q: Array) -> tuple[Array, Array, Array]:
-        n, d = q.shape[-1], self.system.scene.dimension
-        rate = np.asarray(self.rate)[..., None]
-        turns = bool(np.any(rate))
+        n, d, places = q.shape[-1], self.system.scene.dimension, self.system.places
         X = np.broadcast_to(self.spins, q.shape).astype(q.dtype)
         slope, growth = np.zeros((*q.shape, n), q.dtype), np.zeros((*q.shape, n), q.dtype)
+        X[..., places] += self.velocity[..., None, :d]
+        if not self.turns:
+            return X, slope, growth
+        rate = np.asarray(self.rate)[..., None]
         cross = rate[..., None] * cross_matrix(self.axis)[:d, :d]
-        for body, part in zip(self.system.scene.bodies, self.system.body_slices, strict=True):
-            place = slice(part.start, part.start + d)
-            X[..., place] += (cross @ (q[..., place] - self.point[:d])[..., None])[..., 0] + self.velocity[..., :d]
-            slope[..., place, place] = cross
-            angles = slice(place.stop, part.stop)
-            if not body.orientation or not turns:
-                continue
+        X[..., places] += (q[..., places] - self.point[:d]) @ cross.swapaxes(-1, -2)
+        slope[..., places[:, :, None], places[:, None, :]] = cross[..., None, :, :]
+        for body, angles in self._oriented():
             if d == 2:
                 X[..., angles] += rate * self.axis[2]
                 continue
@@ -120,24 +118,27 @@ class Generator:
             growth[..., angles, angles] = rate[..., None] ** 2 * second
         return X, slope, growth
 
+    def _oriented(self) -> Iterator[tuple[BodyValues, slice]]:
+        """Yield the bodies that have an orientation, and where their angles are."""
+        d = self.system.scene.dimension
+        for body, part in zip(self.system.scene.bodies, self.system.body_slices, strict=True):
+            if body.orientation:
+                yield body, slice(part.start + d, part.stop)
+
     def flow(self, q: Array, time: float) -> tuple[Array, Array]:
         """Return Φ_t(q) and DΦ_t(q) after a time (s)."""
-        d = self.system.scene.dimension
+        d, places = self.system.scene.dimension, self.system.places
         moved, T = q + time * self.spins, np.eye(len(q))
-        turning = self.field(q) - self.spins
+        if not self.turns:
+            moved[places] += time * self.velocity[:d]
+            return moved, T
         turn = rotation_matrix(self.axis, self.rate * time)
-        point, velocity = self.point, self.velocity
-        if self.turns:
-            along = self.axis * (self.axis @ velocity)
-            point, velocity = point + np.cross(self.axis, velocity - along) / self.rate, along
-        for body, part in zip(self.system.scene.bodies, self.system.body_slices, strict=True):
-            place = slice(part.start, part.start + d)
-            shifted = (turn[:d, :d] - np.eye(d)) @ (q[place] - point[:d])
-            moved[place] += shifted + time * velocity[:d]
-            T[place, place] = turn[:d, :d]
-            angles = slice(place.stop, part.stop)
-            if not body.orientation or not self.turns:
-                continue
+        along = self.axis * (self.axis @ self.velocity)
+        point = self.point + np.cross(self.axis, self.velocity - along) / self.rate
+        moved[places] += (q[places] - point[:d]) @ (turn[:d, :d] - np.eye(d)).T + time * along[:d]
+        T[places[:, :, None], places[:, None, :]] = turn[:d, :d]
+        turning = self.field(q) - self.spins
+        for body, angles in self._oriented():
             if d == 2:
                 moved[angles] += self.rate * self.axis[2] * time
                 continue
