@@ -235,16 +235,16 @@ class ElementComparison:
     def same(self, element: Acting, here: State, there: State, T: Array, exact: bool) -> bool:
         """Whether Tᵀ F(there) = F(here) for one element."""
         columns, time = list(element.columns), self.motion.time
-        signs = T.diagonal()[columns]
-        if exact and element.written and np.array_equal(own_part(T, columns), np.diag(np.sign(signs))):
+        if element.written:
+            signs = T.diagonal()[columns]
+            if not exact or not np.array_equal(own_part(T, columns), np.diag(np.sign(signs))):
+                return self._same_to_rounding(element, here, there, T)
             with Digits(element, exact=True) as f:
                 first, second = (
                     element.force(numbers(x.q, f), numbers(x.u, f), numbers(x.a, f), time, f) for x in (here, there)
                 )
                 pairs = zip(first, second, signs.tolist(), strict=True)
                 return all(abs(x - sign * y) <= TOLERANCES.comparison_exact * (abs(x) + abs(y)) for x, y, sign in pairs)
-        if element.written:
-            return self._same_to_rounding(element, here, there, T)
         reached, rows = rows_of(T, columns)  # the element has no force on others
         F, moved = put(self._force(element, here), columns, reached, len(self.motion.q)), self._force(element, there)
         after: Array = moved @ rows
