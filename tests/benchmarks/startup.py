@@ -13,6 +13,7 @@ COMMANDS = {
     "eig pendulum.yaml --format json": FLOOR,
     "eig top.yaml": FLOOR,
     "eig rolling_disk.yaml": FLOOR,
+    "eig whipple_bicycle.yaml": FLOOR,
     "eig governor.yaml": FLOOR,
     "check four_bar.yaml": FLOOR,
     "sweep top.yaml --param omega --plot none": FLOOR,

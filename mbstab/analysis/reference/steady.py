@@ -11,6 +11,7 @@ frame, has constant coefficients: with Ξ = DX(q₀) and Ξ₂ = Ξ² + D²X[X, 
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -55,6 +56,9 @@ class Generator:
     rate: float
     velocity: Array
     spins: Array
+    _known: dict[bytes, tuple[Array, Array, Array]] = dataclasses.field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
 
     @property
     def turns(self) -> bool:
@@ -84,18 +88,29 @@ class Generator:
 
     def field(self, q: Array) -> Array:
         """Return X(q), shape (…, n_q)."""
-        return self._evaluate(q)[0]
+        return self._at(q)[0].copy()
 
     def acceleration(self, q: Array) -> Array:
         """Return DX(q) X(q), the acceleration of the steady motion, shape (…, n_q)."""
-        X, slope, _ = self._evaluate(q)
+        X, slope, _ = self._at(q)
         result: Array = (slope @ X[..., None])[..., 0]
         return result
 
     def frame(self, q: Array) -> tuple[Array, Array]:
         """Return Ξ = DX(q) and Ξ₂ = Ξ² + D²X[X, ·], shape (…, n_q, n_q)."""
-        _, slope, growth = self._evaluate(q)
-        return slope, slope @ slope + growth
+        _, slope, growth = self._at(q)
+        return slope.copy(), slope @ slope + growth
+
+    def _at(self, q: Array) -> tuple[Array, Array, Array]:
+        """Return X, its slope and the rate of that along X; single points are asked for again and again."""
+        if q.ndim > 1 or q.dtype != float:
+            return self._evaluate(q)
+        key = q.tobytes()
+        if key not in self._known:
+            if len(self._known) == 64:
+                self._known.clear()
+            self._known[key] = self._evaluate(q)
+        return self._known[key]
 
     def _evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         n, d, places = q.shape[-1], self.system.scene.dimension, self.system.places
