@@ -23,9 +23,12 @@ import numpy as np
 
 from mbstab.analysis.algebra.budget import Cost, Task
 from mbstab.analysis.algebra.failures import guarded
+from mbstab.analysis.compare.check import CheckReport, check_scene
+from mbstab.analysis.compare.expectations import Outcome, check_expectations
 from mbstab.analysis.linear.eigenvalues import answer
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, linearize, state_space
 from mbstab.analysis.linear.results import EigenResult
+from mbstab.analysis.linear.symbolic import SymbolicBlocks, Track, symbolic_blocks
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
 from mbstab.compiler.system import Array, System
@@ -41,13 +44,10 @@ from mbstab.records import dataclass
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-    from mbstab.analysis.compare.check import CheckReport
-    from mbstab.analysis.compare.expectations import Outcome
     from mbstab.analysis.compare.integrators import Integrations
     from mbstab.analysis.compare.methods import Comparison
     from mbstab.analysis.compare.verify import Verification
     from mbstab.analysis.linear.precise import PreciseResult
-    from mbstab.analysis.linear.symbolic import SymbolicBlocks, Track
     from mbstab.analysis.proof.certify import Certificate
     from mbstab.analysis.reference.equilibrium import Equilibrium
     from mbstab.analysis.simulate.energy import Energies
@@ -537,8 +537,6 @@ class Mechanism:
     @guarded
     def check(self, **parameters: Setting) -> CheckReport:
         """Return what the scene consists of, what it does not need, and how well the reference fits."""
-        from mbstab.analysis.compare.check import check_scene
-
         return check_scene(self._affordable("motion", parameters))
 
     def symbolic(self, track: Track = list) -> SymbolicBlocks:
@@ -546,8 +544,6 @@ class Mechanism:
 
         `track` takes the list of entries to be simplified and returns them one by one, for a progress bar.
         """
-        from mbstab.analysis.linear.symbolic import symbolic_blocks
-
         return symbolic_blocks(self.model, track, self.force)
 
     def parameters(self, **parameters: Setting) -> dict[str, float]:
@@ -556,8 +552,6 @@ class Mechanism:
 
     def test(self) -> list[Outcome]:
         """Return for each entry of ``expect:`` whether it holds."""
-        from mbstab.analysis.compare.expectations import check_expectations
-
         return check_expectations(self.model)
 
 
