@@ -303,3 +303,59 @@ reference: {{coordinates: {{a: {{x: 0, y: 0}}}}}}
 """).modes(2)
     assert result.counts.unstable_proven != 0
     assert result.verdict in ("unstable", "undecided")
+
+
+def equal_oscillators(copies, odd):
+    """Return the text of equal damped points in a plane with another one among them: ẍ = −k x − d ẋ ∓ c y."""
+    blocks = [(4.0, 0.5, 0.0)] * copies
+    blocks[copies // 2] = odd
+    bodies = "".join(f"  p{i}: {{type: planar_point, mass: 1}}\n" for i in range(copies))
+    forces = "".join(
+        f"  f{i}: {{type: expression, on: {{p{i}.x: '{-k!r}*p{i}.x + {-d!r}*rate(p{i}.x) + {-c!r}*p{i}.y', "
+        f"p{i}.y: '{-k!r}*p{i}.y + {-d!r}*rate(p{i}.y) + {c!r}*p{i}.x'}}}}\n"
+        for i, (k, d, c) in enumerate(blocks)
+    )
+    places = "".join(f"    p{i}: {{x: 0, y: 0}}\n" for i in range(copies))
+    return f"mbstab: 1\nbodies:\n{bodies}forces:\n{forces}reference:\n  coordinates:\n{places}"
+
+
+@pytest.mark.parametrize("copies", [7, 16, 20, 48])
+@pytest.mark.parametrize(
+    ("odd", "unstable"),
+    [
+        ((9.0, -0.1, 0.0), 4),
+        ((4.0, 0.5, 0.1), 0),
+        ((9.0, 1e-3, 2.9997e-3), 0),
+        ((9.0, 1e-3, 3.0003e-3), 2),
+        ((-1.0, 0.3, 0.0), 2),
+    ],
+)
+def test_many_equal_eigenvalues_are_counted_right(copies, odd, unstable):
+    result = mbstab.loads(equal_oscillators(copies, odd)).modes(2)
+    assert result.counts.unstable_proven == unstable
+    assert (result.verdict == "unstable") == (unstable > 0)
+
+
+@pytest.mark.parametrize(("damping", "unstable"), [(0.1, 0), (1.5, 2)])
+def test_a_long_chain_with_a_circulatory_force_is_counted_right(damping, unstable):
+    n, k = 120, 60
+    K = 3.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    K[0, 0] = K[-1, -1] = 2.0
+    R = 0.4 * np.eye(n)
+    K[k, k + 1] += 0.05
+    K[k + 1, k] -= 0.05
+    R[k, k] -= damping
+    values = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-K, -R]]))
+    assert np.sum(values.real > 0.0) == unstable
+    names = [f"p{i}.x" for i in range(n)]
+    forces = "".join(
+        f"  f{i}: {{type: expression, on: {{{x}: '"
+        + " ".join(f"{-K[i, j]:+}*{y}" for j, y in enumerate(names) if K[i, j])
+        + f" {-R[i, i]:+}*rate({x})'}}}}\n"
+        for i, x in enumerate(names)
+    )
+    bodies = "".join(f"  p{i}: {{type: planar_point, mass: 1}}\n" for i in range(n))
+    rails = "".join(f"  r{i}: {{type: point_on_line, between: [ground, p{i}], axis: x}}\n" for i in range(n))
+    places = "".join(f"    p{i}: {{x: 0, y: 0}}\n" for i in range(n))
+    text = f"mbstab: 1\nbodies:\n{bodies}joints:\n{rails}forces:\n{forces}reference:\n  coordinates:\n{places}"
+    assert mbstab.loads(text).modes(2).counts.unstable_proven == unstable

@@ -130,9 +130,9 @@ class Tolerances:
     winding_arnoldi_steps: Final = 14
     """Arnoldi steps for the estimate of this distance."""
     winding_phase: Final = math.pi / 3.0
-    """A change of phase agrees with the slopes to within this (rad)."""
-    winding_slope_step: Final = 1e-4
-    """Distance of the points for slopes, in radii."""
+    """Maximum error of the change of phase that the slopes give (rad)."""
+    winding_slope_step: Final = 1e-2
+    """Distance of the points for slopes, in radii divided by the number of eigenvalues."""
     winding_factorizations: Final = 3000
     """Maximum number of factorizations …"""
     winding_rows: Final = 3e6
