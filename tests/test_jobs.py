@@ -19,7 +19,7 @@ from click.testing import CliRunner
 from sampling import sample
 
 import mbstab
-from mbstab.analysis.sweep import jobs
+from mbstab.analysis.sweep import blocks, jobs
 from mbstab.analysis.sweep.tolerances import TOLERANCES as SWEEP_TOLERANCES
 from mbstab.cli import main
 from mbstab.errors import NumericalError, OutputError, UsageError
@@ -97,12 +97,12 @@ def test_blocks_of_large_scenes_have_fewer_points():
     )
     small, large = mbstab.load("top.yaml").model, mbstab.loads(text).model
     x = np.linspace(1.0, 2.0, 9_000)
-    assert [len(task.values["omega"]) for task in jobs.tasks(small, {"omega": x})] == [9_000]
-    parts = [task.values["m"] for task in jobs.tasks(large, {"m": x})]
+    assert [len(task.values["omega"]) for task in blocks.tasks(small, {"omega": x})] == [9_000]
+    parts = [task.values["m"] for task in blocks.tasks(large, {"m": x})]
     assert len(parts) == 3
     assert np.array_equal(np.concatenate(parts), x)
-    assert jobs.block_size(6) == SWEEP_TOLERANCES.block_points
-    assert jobs.block_size(10_000) == SWEEP_TOLERANCES.block_points_least
+    assert blocks.block_size(6) == SWEEP_TOLERANCES.block_points
+    assert blocks.block_size(10_000) == SWEEP_TOLERANCES.block_points_least
 
 
 def test_two_processes_give_the_same_bits(bicycle, whole):

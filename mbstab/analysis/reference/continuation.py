@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
 from itertools import pairwise
@@ -23,7 +24,8 @@ from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.roots import root
 from mbstab.analysis.reference.curve_points import Point, Run, at_zero, joined, nearest_turn
 from mbstab.analysis.reference.equilibrium import Problem
-from mbstab.analysis.reference.paths import Path, Sheet
+from mbstab.analysis.reference.paths import Path, Sheet, Surface
+from mbstab.analysis.reference.smooth import SmoothSolutions
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError
@@ -78,19 +80,22 @@ def follow(
     else:
         assert failure is not None
         raise failure
+    moved = "" if failure is None else str(failure).splitlines()[0]
+    if smooth := curve.smooth(start):
+        return replace(smooth, moved=moved)
     up, down = (curve.traced(sign, further) for sign in (1.0, -1.0))
     main = joined(down[0], up[0])
     beyond = [curve.path(run, run.ends[0][0]) for run in (*up[1:], *down[1:])]
     for fold in curve.branchings:
         beyond += curve.switched(fold)
-    moved = "" if failure is None else str(failure).splitlines()[0]
     return replace(curve.path(main, start), moved=moved, beyond=tuple(beyond))
 
 
-def follow_all(model: Model, parameters: tuple[str, str], x: Array, y: Array) -> Sheet:
-    """Return the solutions over two parameters: paths over the first one, started from a path over the second one.
+def follow_all(model: Model, parameters: tuple[str, str], x: Array, y: Array) -> Sheet | Surface:
+    """Return the solutions over two parameters, all at once if they are smooth.
 
-    That path is at the lowest value of the first one or, where there is no solution, at the highest or in the middle.
+    Otherwise as paths over the first one, started from a path over the second one. That path is at the lowest value
+    of the first one or, where there is no solution, at the highest or in the middle.
 
     Raises
     ------
@@ -98,6 +103,8 @@ def follow_all(model: Model, parameters: tuple[str, str], x: Array, y: Array) ->
         If there is no solution to start from.
     """
     one, other = parameters
+    if surface := _surface(model, {one: x, other: y}):
+        return surface
     edge, begin = _edge(model, parameters, x, y)
     paths: list[Path | None] = []
     for value, covered in zip(y, edge.covers({other: y}), strict=True):
@@ -109,6 +116,18 @@ def follow_all(model: Model, parameters: tuple[str, str], x: Array, y: Array) ->
                 path = follow(at, one, float(x[0]), float(x[-1]), begin, (q[0], c[0]), further=False)
         paths.append(path)
     return Sheet(model.parameters[other], y, tuple(paths), edge)
+
+
+def _surface(model: Model, axes: Mapping[str, Array]) -> Surface | None:
+    """Return the solutions over two parameters around the one at their least values, if they are smooth."""
+    start = {name: float(x[0]) for name, x in axes.items()}
+    try:
+        problem = Problem(System(evaluate(model, start)))
+        _, search, at, _ = problem.solved(problem.start)
+    except MbstabError:
+        return None
+    ranges = {name: (float(x[0]), float(x[-1])) for name, x in axes.items()}
+    return SmoothSolutions(model, search.balance, ranges, start, at.q, at.c).surface()
 
 
 def _edge(model: Model, parameters: tuple[str, str], x: Array, y: Array) -> tuple[Path, float]:
@@ -179,6 +198,18 @@ class _Curve:
             middle = 0.5 * (good + bad)
             good, bad = (middle, bad) if valid(middle) else (good, middle)
         return good
+
+    def smooth(self, start: float) -> Path | None:
+        """Return the path over the whole range if it is smooth."""
+        if start not in (self.low, self.high) or self.low == self.high:
+            return None
+        ranges, at = {self.parameter: (self.low, self.high)}, {self.parameter: start}
+        surface = SmoothSolutions(self.model, self.balance, ranges, at, self.first.q, self.first.c).surface()
+        if surface is None:
+            return None
+        values = np.array([self.low, self.high])
+        q, c = surface.predicted({self.parameter: values})
+        return Path(self.model.parameters[self.parameter], values, q, c, (), (), start, surface=surface)
 
     def path(self, run: Run, start: float) -> Path:
         """Return a run as a path."""

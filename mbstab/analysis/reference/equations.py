@@ -22,7 +22,7 @@ from mbstab.analysis.algebra.arrays import Index, norms
 from mbstab.analysis.algebra.deflation import in_frame
 from mbstab.analysis.reference.steady import Family, Generator, declared_family
 from mbstab.analysis.reference.tolerances import TOLERANCES
-from mbstab.compiler.system import Array, System
+from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.records import dataclass
 
 
@@ -37,6 +37,7 @@ class State:
     steady: Generator
     u: Array
     a: Array
+    dynamics: Dynamics
     M: Array
     J: Array
 
@@ -167,7 +168,7 @@ class Balance:
             ]
         all_nu = np.zeros((*nu.shape[:-1], system.n_c))
         all_nu[..., self.rows] = nu * self.energy / lengths
-        return State(q, full, all_nu, joined(parts, 1), steady, u, a, M, J)
+        return State(q, full, all_nu, joined(parts, 1), steady, u, a, dynamics, M, J)
 
     def _lengths(self, J: Array) -> Array:
         return norms(J * self.sizes)

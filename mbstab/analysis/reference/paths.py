@@ -1,4 +1,4 @@
-"""Paths of equilibria over a parameter, and sheets of them over two."""
+"""Paths of equilibria over a parameter, sheets of them over two, and surfaces where they are smooth."""
 
 from __future__ import annotations
 
@@ -16,6 +16,46 @@ from mbstab.records import dataclass
 
 Values = Mapping[str, Array]
 """Parameters that vary, arrays of shape (points,)."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Solutions over ranges of parameters, as polynomials.
+
+    Attributes
+    ----------
+    ranges : dict
+        The lowest and the highest value of each parameter (SI).
+    coefficients : ndarray, shape (k, …, n_q + size of the family)
+        Of products of Chebyshev polynomials, an axis for each parameter.
+    n_q : int
+    """
+
+    ranges: dict[str, tuple[float, float]]
+    coefficients: Array
+    n_q: int
+
+    def covers(self, values: Values) -> Flags:
+        """Return which points lie within the ranges, shape (points,)."""
+        parts = [(values[name] >= low) & (values[name] <= high) for name, (low, high) in self.ranges.items()]
+        inside: Flags = np.logical_and.reduce(parts)
+        return inside
+
+    def missing(self, values: Values, i: int) -> str:
+        """Say why there is no solution at a point."""
+        outside = [name for name, (low, high) in self.ranges.items() if not low <= float(values[name][i]) <= high]
+        return f"no solution is known here: {', '.join(outside)} is beyond the range"
+
+    def predicted(self, values: Values) -> tuple[Array, Array]:
+        """Return starting values at points, shapes (points, n_q) and (points, size)."""
+        from numpy.polynomial.chebyshev import chebvander
+
+        products = np.ones((len(next(iter(values.values()))), 1))
+        for (name, (low, high)), count in zip(self.ranges.items(), self.coefficients.shape, strict=False):
+            place = np.clip((2.0 * values[name] - low - high) / ((high - low) or 1.0), -1.0, 1.0)
+            products = (products[:, :, None] * chebvander(place, count - 1)[:, None, :]).reshape(len(place), -1)
+        found = products @ self.coefficients.reshape(products.shape[1], -1)
+        return found[:, : self.n_q], found[:, self.n_q :]
 
 
 @dataclass(frozen=True)
@@ -40,6 +80,8 @@ class Path:
         Why it was not followed from the requested value.
     beyond : tuple of Path
         Paths to which it leads through folds: first from its upper end, then from its lower end.
+    surface : Surface or None
+        The solutions at all values in between, if they are smooth.
     """
 
     parameter: Parameter
@@ -51,6 +93,7 @@ class Path:
     start: float
     moved: str = ""
     beyond: tuple[Path, ...] = ()
+    surface: Surface | None = None
 
     def covers(self, values: Values) -> Flags:
         """Return which points lie on the path, shape (points,)."""
@@ -98,6 +141,8 @@ class Path:
 
     def predicted(self, values: Values) -> tuple[Array, Array]:
         """Return starting values at points, shapes (points, n_q) and (points, size)."""
+        if self.surface is not None:
+            return self.surface.predicted(values)
         x = values[self.parameter.name]
         if len(self.values) < 2:
             return np.repeat(self.q, len(x), axis=0), np.repeat(self.c, len(x), axis=0)

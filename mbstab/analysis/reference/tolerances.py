@@ -146,6 +146,40 @@ class Tolerances:
     parameter_halvings: Final = 40
     """Bisections of a path in the search for a value of the parameter."""
 
+    # Solutions at many points of a sweep together
+    steps_at_many_points: Final = 20
+    """Steps from a predicted solution …"""
+    newton_step_at_many_points: Final = 1e-7
+    """… and the size of the last one: what it leaves is its square."""
+    reach_at_many_points: Final = 0.2
+    """No step is longer than this part of the size of the scene, or this angle (rad)."""
+    normal_equations_ridge: Final = 1e-14
+    """Normal equations are regularized by this part of their trace."""
+    points_of_a_derivative: Final = 16
+    """One of so many points lends its derivative to those near it …"""
+    chord_contraction: Final = 0.25
+    """… if each step is at most this part of the one before, …"""
+    chord_step_settled: Final = 5e-14
+    """… until steps are no larger than this: rounding."""
+    newton_step_on_the_way: Final = 1e-3
+    """The last step where solutions are the start of others."""
+    smooth_points_first: Final = (9, 5)
+    """Chebyshev points between which solutions are polynomials, along one parameter or each of two, at first …"""
+    smooth_points_most: Final = 1200
+    """… and in all at most, at twice as many each time …"""
+    smooth_decay: Final = 0.25
+    """… while the last coefficients fall below this part of what they were …"""
+    smooth_remainder_enough: Final = 1e-13
+    """… and are larger than this, in sizes of the scene; …"""
+    smooth_remainder: Final = 1e-9
+    """… in the end they must be smaller than this."""
+    smooth_first_step: Final = 0.25
+    """Part of the way from one solution to all of them that is gone in the first step …"""
+    smooth_least_step: Final = 0.05
+    """… and the least one."""
+    smooth_determinant_points: Final = 200
+    """At so many points of a range the sign of the determinant is looked at."""
+
     # Symmetries: whether elements are carried into themselves
     force_change: Final = 1e-11
     """An element is invariant if each of its forces changes by no more than this fraction of its size …"""

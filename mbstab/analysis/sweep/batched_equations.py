@@ -8,17 +8,18 @@ for the points, of length 1 where all points agree.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Flags, norms
+from mbstab.analysis.algebra.arrays import Flags, Index, norms
 from mbstab.analysis.algebra.deflation import deflated_matrix, in_frame
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.equations import Balance
+from mbstab.analysis.reference.many_points import polished
 from mbstab.analysis.reference.steady import Family, Generator, spins_freely
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.sweep.batched_structure import Known, Points
@@ -61,11 +62,20 @@ class Equations:
         A system with parameters of shape (points,).
     points : int
     start : tuple of ndarray, optional
-        Predicted coordinates and rates, if equilibria are followed.
+        Predicted coordinates and rates, if equilibria are followed, and …
+    some : callable, optional
+        … a function that returns the system of some of the points, by their numbers.
     """
 
-    def __init__(self, pattern: Pattern, system: System, points: int, start: tuple[Array, Array] | None = None) -> None:
-        self.pattern, self.system, self.points, self.start = pattern, system, points, start
+    def __init__(
+        self,
+        pattern: Pattern,
+        system: System,
+        points: int,
+        start: tuple[Array, Array] | None = None,
+        some: Callable[[Index], System] | None = None,
+    ) -> None:
+        self.pattern, self.system, self.points, self.start, self.some = pattern, system, points, start, some
         self.good: Flags = np.ones(points, dtype=bool)
         if pattern.family is not None:
             self.good &= spins_freely(system, pattern.family.columns)
@@ -79,18 +89,16 @@ class Equations:
             Ratio of the terms of the matrices to their sums; 1 if not given.
         """
         pattern, system = self.pattern, self.system
-        q, steady, u = self._motion()
-        dynamics = system.dynamics(q, u)
+        q, steady, u, dynamics = self._motion()
         self._require_rows(dynamics, u)
         # A pattern at rest does not apply to motions, nor the reverse.
         self.good &= np.any(u, axis=1) != pattern.linear.motion.at_rest
         M, J, scale, row_scale = self._scaled(dynamics)
-        N, Z, D_u = self._subspaces(J)
+        N, Z, inverse, W_inverse = self._subspaces(J)
         a = steady.acceleration(q) if steady is not None else np.zeros_like(q)
-        K, R, D_q, balance, inverse = self._coefficients(q, u, a, steady, dynamics, J, scale, row_scale)
+        K, R, D_q, balance = self._coefficients(q, u, a, steady, dynamics, (J, inverse), scale, row_scale)
         T = N @ Z
         self.good &= np.max(np.abs(transposed(T) @ balance[0][..., None]), axis=(-1, -2), initial=0.0) <= balance[1]
-        W_inverse: Array = np.asarray(np.linalg.pinv(D_u @ N, rcond=ALGEBRA.singular_value_zero), dtype=float)
         P = -(W_inverse @ (D_q @ N))
         A, M_z = deflated_matrix(M, R, K, N, Z, P)
         gamma = _time_scales(A, N.shape[-1])
@@ -132,8 +140,7 @@ class Equations:
     def growth(self) -> Array:
         """Return the ratio of the terms of the matrices to their sums, shape (points,)."""
         system = self.system
-        q, steady, u = self._motion()
-        dynamics = system.dynamics(q, u)
+        q, steady, u, dynamics = self._motion()
         _, J, scale, row_scale = self._scaled(dynamics)
         a = steady.acceleration(q) if steady is not None else np.zeros_like(q)
         inverse = np.linalg.pinv(J, rcond=ALGEBRA.singular_value_zero) if system.n_c else np.zeros((1, system.n_q, 0))
@@ -153,12 +160,13 @@ class Equations:
         found: Array = np.broadcast_to((sizes[0][0] + sizes[1][0] * gamma) / np.maximum(whole, 1e-300), (self.points,))
         return np.maximum(np.nan_to_num(found, nan=1.0, posinf=1e6), 1.0)
 
-    def _motion(self) -> tuple[Array, Generator | None, Array]:
-        """Return the coordinates, the steady motion and the speeds."""
+    def _motion(self) -> tuple[Array, Generator | None, Array, Dynamics]:
+        """Return the coordinates, the steady motion, the speeds and the equations of motion there."""
         if self.start is not None:
             return self._balanced(*self.start)
         q = self._coordinates()
-        return q, *self._speeds(q)
+        steady, u = self._speeds(q)
+        return q, steady, u, self.system.dynamics(q, u)
 
     # --- the reference ----------------------------------------------------------------------------------------------
 
@@ -190,28 +198,14 @@ class Equations:
                 break
         return q
 
-    def _balanced(self, q: Array, c: Array) -> tuple[Array, Generator | None, Array]:
+    def _balanced(self, q: Array, c: Array) -> tuple[Array, Generator | None, Array, Dynamics]:
         """Return equilibria or steady motions near predicted ones, by Newton's method."""
-        assert self.pattern.balance is not None
-        balance = self.pattern.balance.over(self.system)
-        q = balance.completed(q)
-        at = balance.state(q, c)
-        for _ in range(TOLERANCES.newton_steps_polishing):
-            G = balance.jacobian(at)
-            square = transposed(G) @ G
-            size = np.trace(square, axis1=-2, axis2=-1)[:, None, None]
-            # Coordinates that nothing depends on do not change.
-            step = -np.linalg.solve(
-                square + TOLERANCES.normal_equations_ridge * size * np.eye(G.shape[-1]),
-                transposed(G) @ at.residual[..., None],
-            )[..., 0]
-            self.good &= np.max(np.abs(step[:, : balance.moving]), axis=1, initial=0.0) < 0.2
-            step[~self.good] = 0.0
-            at = balance.state(*balance.moved(at, step))
-            if not np.max(np.abs(step[:, : balance.moving]), initial=0.0) > TOLERANCES.newton_step_polished:
-                break
-        self.good &= np.max(np.abs(at.residual), axis=1) <= REFERENCE.residual
-        return at.q, (at.steady if self.pattern.family is not None else None), at.u
+        balance, some = self.pattern.balance, self.some
+        assert balance is not None
+        assert some is not None
+        at, good = polished(balance.over(self.system), lambda index: balance.over(some(index)), q, c)
+        self.good &= good
+        return at.q, (at.steady if self.pattern.family is not None else None), at.u, at.dynamics
 
     def _speeds(self, q: Array) -> tuple[Generator | None, Array]:
         """Return the generator of the motion in a rotating frame, if there is one, and the speeds."""
@@ -286,11 +280,36 @@ class Equations:
         row_scale = np.where(lengths > 0.0, 1.0 / np.where(lengths > 0.0, lengths, 1.0), 1.0)
         return dynamics.M * scale[:, None, :] * scale[:, :, None], J * row_scale[..., None], scale, row_scale
 
-    def _subspaces(self, J: Array) -> tuple[Array, Array, Array]:
-        spaces, n_h = self.pattern.linear.motion.spaces, self.system.n_h
+    def _subspaces(self, J: Array) -> tuple[Array, Array, Array, Array]:
+        """Return N, Z, J⁺ and (D_u N)⁺, checking the ranks at every point."""
+        spaces, (n_h, n_c) = self.pattern.linear.motion.spaces, (self.system.n_h, self.system.n_c)
+        if n_c and (spaces.C.rank, spaces.W.rank) == (n_h, n_c - n_h):
+            return self._independent(J)
         N = self._null(J[:, :n_h], spaces.C.rank)
-        D_u = J[:, n_h:]
-        return N, self._null(D_u @ N, spaces.W.rank), D_u
+        across = J[:, n_h:] @ N
+        inverse, W_inverse = (np.linalg.pinv(x, rcond=ALGEBRA.singular_value_zero) for x in (J, across))
+        return N, self._null(across, spaces.W.rank), np.asarray(inverse), np.asarray(W_inverse)
+
+    def _independent(self, J: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the same where all rows are independent: from Jᵀ = Q R, with J⁺ = Q R⁻ᵀ."""
+        n_c, n_q = J.shape[-2:]
+        n_h = self.system.n_h
+        Q, R = np.linalg.qr(transposed(J), mode="complete")
+        diagonal = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
+        regular = np.min(diagonal, axis=-1) > 0.0
+        self.good &= regular
+        R_inverse = np.linalg.inv(np.where(regular[:, None, None], R[:, :n_c], np.eye(n_c)))
+        for rows in (slice(0, n_h), slice(n_h, n_c)):
+            # The norm of the inverse bounds the least singular value; where it does not tell, that itself does.
+            doubtful = np.flatnonzero(_norm(R_inverse[:, rows, rows]) * ALGEBRA.singular_value_kept > 1.0)
+            if len(doubtful):
+                kept = np.ones(len(J), dtype=bool)
+                s = np.linalg.svd(R[doubtful, rows, rows], compute_uv=False)
+                kept[doubtful] = s[:, -1] >= ALGEBRA.singular_value_kept
+                self.good &= kept
+        W_inverse = np.zeros((len(J), n_q - n_h, n_c - n_h))
+        W_inverse[:, : n_c - n_h] = transposed(R_inverse[:, n_h:, n_h:])
+        return Q[..., n_h:], np.eye(n_q - n_h)[None, :, n_c - n_h :], Q[..., :n_c] @ transposed(R_inverse), W_inverse
 
     def _null(self, matrix: Array, rank: int) -> Array:
         """Return the null space, checking the rank at every point."""
@@ -313,20 +332,18 @@ class Equations:
         a: Array,
         steady: Generator | None,
         dynamics: Dynamics,
-        J: Array,
+        rows: tuple[Array, Array],
         scale: Array,
         row_scale: Array,
-    ) -> tuple[Array, Array, Array, tuple[Array, Array, Array], Array]:
-        """Return K, R, D_q in scaled coordinates, the imbalance of the forces and its limit, and J⁺.
+    ) -> tuple[Array, Array, Array, tuple[Array, Array, Array]]:
+        """Return K, R, D_q in scaled coordinates, and the imbalance of the forces and its limit, from J and J⁺.
 
         The third entry of the forces is the force across rows on speeds, relative to all forces.
         """
-        system, n_h = self.system, self.system.n_h
+        system, n_h, (J, inverse) = self.system, self.system.n_h, rows
         force = (_times(dynamics.M, a) + dynamics.F0) * scale
         nu, balance, across = np.zeros((1, system.n_c)), force, np.zeros(1)
-        inverse: Array = np.zeros((1, system.n_q, 0))
         if system.n_c:
-            inverse = np.asarray(np.linalg.pinv(J, rcond=ALGEBRA.singular_value_zero), dtype=float)
             nu = -_times(transposed(inverse), force)
             balance = force + _times(transposed(J), nu)
             largest = np.maximum(np.max(np.abs(force), axis=-1), 1e-300)
@@ -339,11 +356,10 @@ class Equations:
         largest = np.maximum(np.max(np.abs(dynamics.F0 * scale), axis=-1), weights)
         allowed = REFERENCE.unbalance * largest + REFERENCE.coordinate_rounding * np.max(changes, axis=-1)
         if steady is not None:
-            Xi, Xi_2 = steady.frame(q)
-            R, K, D_q = in_frame(dynamics.M, R, K, dynamics.J[:, n_h:], D_q, Xi, Xi_2)
+            R, K, D_q = in_frame(dynamics.M, R, K, dynamics.J[:, n_h:], D_q, *steady.frame(q))
         both = scale[:, None, :] * scale[:, :, None]
         D_q = D_q * scale[:, None, :] * row_scale[:, n_h:, None]
-        return K * both, R * both, D_q, (balance, allowed, across), inverse
+        return K * both, R * both, D_q, (balance, allowed, across)
 
 
 def _times(matrix: Array, vector: Array) -> Array:

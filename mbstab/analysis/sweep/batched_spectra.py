@@ -8,7 +8,8 @@ by one. Points that the bounds for many points do not decide are judged by the c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,7 @@ from mbstab.analysis.linear.verdict import UNDECIDED, judge, place
 from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.equilibrium import Problem, found_motion
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.reference.paths import Path, Sheet
+from mbstab.analysis.reference.paths import Path, Sheet, Surface
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.steady import Family, spinning_columns
 from mbstab.analysis.sweep.batched_equations import Equations, Pattern
@@ -94,17 +95,26 @@ class Evaluator:
     Parameters
     ----------
     model : Model
-    path : Path or Sheet, optional
+    path : Path, Sheet or Surface, optional
         Equilibria over the parameters that vary, if a file asks to find them; without it
         each point is solved by itself.
+    patterns : sequence of Pattern, optional
+        Those that are tried first.
     """
 
-    def __init__(self, model: Model, path: Path | Sheet | None = None) -> None:
+    def __init__(
+        self, model: Model, path: Path | Sheet | Surface | None = None, patterns: Sequence[Pattern] = ()
+    ) -> None:
         self.model, self.path = model, path
-        self.patterns: list[Pattern] = []
+        self.patterns = list(patterns)
         self.growth = 1.0
 
-    def spectra(self, values: Mapping[str, Array], progress: Callable[[float], object] = lambda done: None) -> Spectra:
+    def spectra(
+        self,
+        values: Mapping[str, Array],
+        progress: Callable[[float], object] = lambda done: None,
+        share: float = 1.0,
+    ) -> Spectra:
         """Return the eigenvalues and verdicts at many points.
 
         Parameters
@@ -113,10 +123,12 @@ class Evaluator:
             Parameter values in SI, arrays of shape (points,).
         progress : callable, optional
             Called with the fraction of the work that is done, from 0 to 1.
+        share : float
+            The fraction of all points of the sweep that these are.
         """
         work = _Work(self, values, progress)
         work.run()
-        work.guard()
+        work.guard(math.ceil(share * TOLERANCES.points_guarded))
         work.decide()
         return work.gathered()
 
@@ -167,6 +179,15 @@ class Evaluator:
         space = state_space(linear)
         found, vectors = np.linalg.eig(space.A)
         return found.astype(complex), space.to_coordinates @ vectors, linear
+
+    def patterns_at(self, values: Mapping[str, float]) -> tuple[Pattern, ...]:
+        """Return the pattern of a point; none if it has a problem."""
+        path = self.path
+        at = {name: np.array([x]) for name, x in values.items()}
+        if path is not None and not path.covers(at).all():
+            return ()
+        found = _Work(self, at, lambda done: None).pattern(0)
+        return () if found is None else (found,)
 
     def learn(self, values: Mapping[str, Array]) -> None:
         """Compute the patterns of some of many points."""
@@ -224,7 +245,7 @@ class _Work:
             # In varying order: special values are often in the middle or at an end.
             i = int(pending[int(len(pending) * ((0.37 + 0.618 * number) % 1.0))])
             number += 1
-            own = self._pattern(i)
+            own = self.pattern(i)
             pending = pending[pending != i]
             if own is not None and lonely < TOLERANCES.lonely_patterns and len(pending):
                 done = self._fitting(own, pending)
@@ -233,7 +254,7 @@ class _Work:
                 if np.sum(done) > TOLERANCES.points_of_lonely_pattern:
                     self.evaluator.patterns.append(own)
 
-    def _missing(self, i: int, path: Path | Sheet) -> str:
+    def _missing(self, i: int, path: Path | Sheet | Surface) -> str:
         """Return why there is no solution at a point: the scene itself may not exist there."""
         try:
             self.scene(i)
@@ -254,18 +275,14 @@ class _Work:
 
     # --- what is checked at some points, or decided one by one ------------------------------------------------------
 
-    def guard(self) -> None:
-        """Refuse points whose motion is not steady in the frame of their pattern, as tested at a sample.
+    def guard(self, number: int) -> None:
+        """Refuse points whose motion is not steady in the frame of their pattern, as tested at so many of them.
 
         Where a sample has less structure than its pattern, the points of the pattern are computed
         one by one.
         """
         good = np.sort(np.concatenate([part.index for part in self.found])) if self.found else np.arange(0)
-        sample = (
-            good[np.unique(np.linspace(0, len(good) - 1, TOLERANCES.points_guarded).round().astype(int))]
-            if len(good)
-            else good
-        )
+        sample = good[np.unique(np.linspace(0, len(good) - 1, number).round().astype(int))] if len(good) else good
         ends = self._ends()
         compared = {i: self._grounds(i) for known in ends for i in ends[known]}
         doubts = {int(i): self._doubt(int(i)) for i in sample if int(i) not in compared}
@@ -482,7 +499,7 @@ class _Work:
         self.found.append(_Part(np.array([i]), found, Known(grounds), alone=True))
         return word
 
-    def _pattern(self, i: int) -> Pattern | None:
+    def pattern(self, i: int) -> Pattern | None:
         """Compute a point in full; return its pattern, or None if it has a problem."""
         grounds = self._grounds(i)
         if grounds is None:
@@ -532,8 +549,7 @@ class _Work:
             )
         with np.errstate(all="ignore"):
             try:
-                equations = Equations(pattern, System(scene), len(index), self._start(index))
-                good, points = equations.linearized(growth)
+                good, points = self._equations(pattern, index, scene).linearized(growth)
                 separation = pattern.known.separated(points)
                 for x in self.values.values():
                     good = good & ((x[index] == 0.0) | (np.abs(x[index]) >= LINEAR.number_lost))
@@ -544,6 +560,11 @@ class _Work:
         if np.any(good):
             self.found.append(_Part(index[good], found.at(good), pattern.known))
         return good
+
+    def _equations(self, pattern: Pattern, index: Index, scene: Scene) -> Equations:
+        """Return the equations of some points of a pattern."""
+        some = lambda part: System(self.scene(index[part]))  # noqa: E731
+        return Equations(pattern, System(scene), len(index), self._start(index), some)
 
     def _start(self, index: Index) -> tuple[Array, Array] | None:
         if self.path is None:
@@ -557,7 +578,7 @@ class _Work:
             return np.full(1, evaluator.growth)
         some = np.unique(np.linspace(0, len(index) - 1, TOLERANCES.points_with_terms).round().astype(int))
         try:
-            growth = Equations(pattern, System(self.scene(index[some])), len(some), self._start(index[some])).growth()
+            growth = self._equations(pattern, index[some], self.scene(index[some])).growth()
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
             growth = np.full(len(some), evaluator.growth)
         evaluator.growth = max(evaluator.growth, float(np.max(growth)))

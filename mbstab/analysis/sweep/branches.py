@@ -13,7 +13,7 @@ from mbstab.analysis.linear.verdict import UNDECIDED
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
 from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, settled, unplaced
-from mbstab.analysis.sweep.jobs import Block
+from mbstab.analysis.sweep.blocks import Block
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, follow, has_twins
 from mbstab.compiler.system import Array

@@ -2,8 +2,9 @@
 
 All points of a grid are computed together. On every edge between two neighbours that differ
 the change is located by bisection, all edges at once, and the points found are joined through
-the cells of the grid to curves. Where a file asks for equilibria, they are followed over the
-first parameter, starting from those at its lowest value.
+the cells of the grid to curves. Where a file asks for equilibria, they are computed over both
+parameters at once if they are smooth; otherwise they are followed over the first parameter, starting
+from those at its lowest value.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ import numpy.typing as npt
 
 from mbstab.analysis.linear.verdict import UNDECIDED, WORDS
 from mbstab.analysis.reference.continuation import follow_all
-from mbstab.analysis.reference.paths import Sheet
+from mbstab.analysis.reference.paths import Sheet, Surface
 from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
 from mbstab.analysis.sweep.batched_verdict import WORD, settled
 from mbstab.analysis.sweep.batched_verdict import unplaced as unplaced_of
-from mbstab.analysis.sweep.jobs import Block, Progress, Task, merged, run, stored, tasks
+from mbstab.analysis.sweep.blocks import Block, Progress, Task, home_of, merged, patterns_at, tasks
+from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import discriminant, product
@@ -95,7 +97,7 @@ def chart(
             raise UsageError(f"the values of {name} must ascend in a chart")
     points = {one: np.tile(x, len(y)), other: np.repeat(y, len(x))}
     sheet = follow_all(model, (one, other), x, y) if model.reference.find is not None else None
-    all_tasks = tasks(model, points, followed=False) if sheet is None else _rows(model, sheet, one, x)
+    all_tasks = _rows(model, sheet, one, x) if isinstance(sheet, Sheet) else tasks(model, points, sheet, followed=False)
     with stored(all_tasks, settings) as store:
         blocks = run(all_tasks, store, settings, progress)
         return _charted(model, (one, other), (x, y), points, sheet, blocks)
@@ -106,14 +108,15 @@ def _charted(
     names: tuple[str, str],
     axes: tuple[Array, Array],
     points: Mapping[str, Array],
-    sheet: Sheet | None,
+    sheet: Sheet | Surface | None,
     blocks: list[Block],
 ) -> Chart:
     """Return the chart of the blocks of its points."""
     (one, other), (x, y) = names, axes
     place, problems = np.arange(len(x) * len(y)), {}
-    evaluator = Evaluator(model, sheet)
-    if sheet is not None:
+    known = None if isinstance(sheet, Sheet) else patterns_at(model, sheet, home_of(points))
+    evaluator = Evaluator(model, sheet, known or ())
+    if isinstance(sheet, Sheet):
         place = np.flatnonzero(np.repeat([path is not None for path in sheet.paths], len(x)))
         problems = {int(i): sheet.missing(points, int(i)) for i in np.setdiff1d(np.arange(len(x) * len(y)), place)}
     shape = len(y), len(x)
@@ -129,7 +132,7 @@ def _charted(
         growing.flat[list(problems)] = -1
     evaluator.learn(points)
     boundaries = _boundaries(evaluator, (one, other), x, y, growing, count, unplaced)
-    if sheet is not None:
+    if isinstance(sheet, Sheet):
         boundaries += _ends(sheet)
     return Chart((one, other), x, y, unstable, boundaries, dict(sorted(problems.items())), words)
 
@@ -171,7 +174,7 @@ def _boundaries(
     """Return the curves on which the number of unstable eigenvalues changes."""
     edges: list[Edge] = []
     sides = [(unstable[:, :-1], unstable[:, 1:]), (unstable[:-1], unstable[1:])]
-    if evaluator.path is not None:
+    if isinstance(evaluator.path, Sheet):
         del sides[1]  # between paths that differ nothing is followed
     for axis, (left, right) in enumerate(sides):
         rows, columns = np.nonzero((left != right) & (left >= 0) & (right >= 0))

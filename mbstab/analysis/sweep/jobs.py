@@ -1,7 +1,6 @@
 """Long sweeps in blocks of points: computed by this process, by several, or by a cluster, and kept on disk.
 
-A block is computed from its task alone, so its result does not depend on where and in which
-order it is computed. Finished blocks are written to a directory, each completely or not at all;
+Finished blocks are written to a directory, each completely or not at all;
 an interrupted sweep reads them when it is resumed.
 """
 
@@ -14,178 +13,23 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
-import numpy.typing as npt
 
 import mbstab
-from mbstab.analysis.algebra.arrays import Complex, Flags
-from mbstab.analysis.linear.verdict import UNDECIDED
-from mbstab.analysis.reference.paths import Path as Solutions
-from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, signs, unplaced, unstable_counts
+from mbstab.analysis.sweep.blocks import ARRAYS, Block, Progress, Task, compute
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, continuous, follow, turning
-from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError, OutputError, UsageError
-from mbstab.model.parameters import bound
-from mbstab.model.reader import read_model_text
-from mbstab.model.schema import Model
-from mbstab.records import dataclass
 
 LABEL, LOCK = "sweep.json", "lock"
 """Files that name the sweep of a directory of blocks, and the process at work in it."""
-
-Progress = Callable[[float], object]
-
-
-@dataclass(frozen=True)
-class Task:
-    """The data from which a block is computed.
-
-    Attributes
-    ----------
-    text, name : str
-        The text of the model file, and its name in messages.
-    settings : dict
-        Values of other parameters (`Model.settings`).
-    values : dict
-        Parameters that vary, arrays of shape (points,).
-    solutions : Path or None
-        Equilibria over the parameter, if the file asks to find them.
-    followed : bool
-        Whether eigenvalues are followed from point to point.
-    """
-
-    text: str
-    name: str
-    settings: dict[str, int | float | str]
-    values: dict[str, Array]
-    solutions: Solutions | None
-    followed: bool = True
-
-
-@dataclass(frozen=True)
-class Block:
-    """Spectra of consecutive points.
-
-    Attributes
-    ----------
-    values : ndarray of complex, shape (points, r)
-        In columns that are continuous …
-    clear : ndarray of bool, shape (points − 1,)
-        … to the next point, where the links are certain.
-    problems : dict
-        By the number of a point within the block.
-    neutral : int
-    sides : ndarray of int8, shape (points, r)
-        Side of the imaginary axis of each eigenvalue, as in `mbstab.analysis.sweep.batched_verdict`.
-    words : ndarray of int8, shape (points,)
-        Numbers of the verdicts.
-    mirrored : ndarray of bool, shape (points,)
-        Whether the spectrum is symmetric about the imaginary axis by structure.
-    passes : ndarray of bool, shape (points,)
-        Whether a real part may change its sign before the next point …
-    turns : ndarray of bool, shape (points,)
-        … or come close to zero and turn back at this one.
-    """
-
-    values: Complex
-    clear: Flags
-    problems: dict[int, str]
-    neutral: int
-    sides: Sides
-    words: npt.NDArray[np.int8]
-    mirrored: Flags
-    passes: Flags
-    turns: Flags
-
-    @property
-    def unstable(self) -> npt.NDArray[np.intp]:
-        """Number of unstable eigenvalues of each point; −1 where the verdict is open."""
-        return unstable_counts(self.sides, self.words)
-
-
-ARRAYS = ("values", "clear", "sides", "words", "mirrored", "passes", "turns")
-"""The arrays of a block."""
-
-
-def compute(task: Task, progress: Progress = lambda done: None) -> Block:
-    """Return the block of a task."""
-    evaluator = Evaluator(bound(read_model_text(task.text, task.name), task.settings), task.solutions)
-    found = evaluator.spectra(task.values, progress)
-    number = unplaced(found.sides, found.words, found.problems)
-    whole = pinned(found.values, found.sides, found.sizes, number)
-    if not task.followed:
-        unknown = np.zeros(len(whole), dtype=bool)
-        return Block(
-            whole,
-            unknown[1:],
-            found.problems,
-            found.neutral,
-            found.sides,
-            found.words,
-            found.mirrored,
-            unknown,
-            unknown,
-        )
-    links, clear = follow(whole[:-1], whole[1:])
-    order = continuous(links, clear)
-    values: Complex = np.take_along_axis(whole, order, axis=1)
-    sides: Sides = np.take_along_axis(found.sides, order, axis=1)
-    watched = _watched(values, sides)
-    return Block(values, clear, found.problems, found.neutral, sides, found.words, found.mirrored, *watched)
-
-
-def _watched(values: Complex, sides: Sides) -> tuple[Flags, Flags]:
-    """Return where real parts may pass zero, and where they may touch it; ends count as touching."""
-    passes, turns = np.ones(len(values), dtype=bool), np.ones(len(values), dtype=bool)
-    with np.errstate(invalid="ignore"):
-        sign = signs(sides)
-        passes[:-1] = np.any(sign[1:] * sign[:-1] < 0, axis=1)
-        turns[1:-1] = np.any(turning(values[:-2], values[1:-1], values[2:]) & (sign[1:-1] != 0), axis=1)
-    return passes, turns
-
-
-def block_size(n_q: int) -> int:
-    """Return the number of points per block for a scene with `n_q` coordinates.
-
-    Work is estimated, not timed: the last bits of a result depend on the block, and must be the same in every run.
-    """
-    return min(
-        TOLERANCES.block_points,
-        max(TOLERANCES.block_points_least, int(TOLERANCES.block_time / (TOLERANCES.point_time * max(n_q, 1) ** 2))),
-    )
-
-
-def tasks(
-    model: Model,
-    values: Mapping[str, Array],
-    solutions: Solutions | None = None,
-    followed: bool = True,
-) -> list[Task]:
-    """Return the tasks of a sweep over points given by arrays of the same shape (points,)."""
-    points, size = len(next(iter(values.values()))), block_size(len(model.coordinates()))
-    text = "\n".join(model.document.lines)
-    return [
-        Task(
-            text,
-            model.name,
-            model.settings,
-            {name: x[start : start + size] for name, x in values.items()},
-            solutions and replace(solutions, beyond=()),
-            followed,
-        )
-        for start in range(0, points, size)
-    ]
 
 
 class Store:
@@ -463,54 +307,6 @@ def run(
             store.remove()
         raise
     return [blocks[number] for number in range(len(all_tasks))]
-
-
-def merged(blocks: list[Block]) -> Block:
-    """Return consecutive blocks as one, with the most frequent number of neutral eigenvalues."""
-    sizes: dict[tuple[int, int], int] = {}
-    for block in blocks:
-        if len(block.problems) < len(block.values):
-            key = block.values.shape[1] + block.neutral, block.neutral
-            sizes[key] = sizes.get(key, 0) + len(block.values)
-    total, neutral = max(sizes, key=lambda key: sizes[key]) if sizes else (0, 0)
-    fitted = [_fitted(block, total, neutral) for block in blocks]
-    clear: list[Flags] = []
-    problems: dict[int, str] = {}
-    start = 0
-    for n, block in enumerate(fitted):
-        if n:
-            link, is_clear = follow(fitted[n - 1].values[-1:], block.values[:1])
-            clear.append(is_clear)
-            if is_clear[0] and block.values.shape[1] > 1:
-                fitted[n] = replace(block, values=block.values[:, link[0]], sides=block.sides[:, link[0]])
-        clear.append(block.clear)
-        problems |= {start + i: text for i, text in block.problems.items()}
-        start += len(block.values)
-    arrays = {name: np.concatenate([getattr(block, name) for block in fitted]) for name in ARRAYS if name != "clear"}
-    return Block(clear=np.concatenate(clear), problems=problems, neutral=neutral, **arrays)
-
-
-def _fitted(block: Block, total: int, neutral: int) -> Block:
-    """Return a block with given numbers of all and of neutral eigenvalues."""
-    points, here = len(block.values), block.values.shape[1] + block.neutral
-    count, own = total - neutral, block.values.shape[1]
-    if here != total or len(block.problems) == points:
-        text = f"{here} finite eigenvalues exist here, elsewhere {total}"
-        return replace(
-            block, values=np.full((points, count), NO_EIGENVALUE), sides=np.full((points, count), OPEN, dtype=np.int8),
-            words=np.full(points, WORD[UNDECIDED], dtype=np.int8), clear=np.zeros(points - 1, dtype=bool),
-            problems={i: block.problems.get(i, text) for i in range(points)}, neutral=neutral,
-        )  # fmt: skip
-    if own == count:
-        return block
-    # Zeros of a symmetry that does not exist elsewhere, or eigenvalues that are zero elsewhere.
-    width = max(count - own, 0)
-    values = np.pad(block.values, ((0, 0), (0, width)))
-    sides = np.pad(block.sides, ((0, 0), (0, width)))
-    order = np.argsort(-np.abs(values), axis=1, kind="stable")[:, :count] if own > count else np.arange(count)[None]
-    order = np.broadcast_to(order, (points, count))
-    values, sides = np.take_along_axis(values, order, axis=1), np.take_along_axis(sides, order, axis=1)
-    return replace(block, values=values, sides=sides, clear=np.zeros(points - 1, dtype=bool), neutral=neutral)
 
 
 def _in_processes(

@@ -30,8 +30,9 @@ from mbstab.analysis.sweep.batched_verdict import (
     WORD,
     unstable_counts,
 )
+from mbstab.analysis.sweep.blocks import Block, Progress, home_of, merged, patterns_at, tasks
 from mbstab.analysis.sweep.critical_values import Critical, CriticalValues
-from mbstab.analysis.sweep.jobs import Block, Progress, merged, run, stored, tasks
+from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
@@ -158,7 +159,7 @@ def sweep(
 
 def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw: Block) -> Sweep:
     """Return the branches and critical values along one path of solutions."""
-    evaluator = Evaluator(model, path)
+    evaluator = Evaluator(model, path, patterns_at(model, path, home_of({parameter: x})))
     tracker = CriticalValues(evaluator, parameter, x, raw)
     branches = tracker.branches()
     critical = tracker.critical(branches)

@@ -9,12 +9,6 @@ class Tolerances:
     __slots__ = ()
 
     # Equations and spectra of many points together
-    newton_steps_polishing: Final = 20
-    """Newton steps from a predicted equilibrium …"""
-    newton_step_polished: Final = 1e-7
-    """… and the size of the last one: the remaining error is its square."""
-    normal_equations_ridge: Final = 1e-14
-    """Normal equations are regularized by this fraction of their trace."""
     roundings_of_matrix: Final = 4.0
     """Matrices are known to this many roundings of their norms."""
     direction_closure: Final = 1e-10
@@ -27,6 +21,8 @@ class Tolerances:
     """Number of points, spread over a sweep, at which the motion is checked to be steady in its frame."""
     neutral_elsewhere: Final = 1e-6
     """Eigenvalues below this fraction of the largest are left out where those of other points are neutral."""
+    place_of_home: Final = 0.37
+    """The pattern of the point at this fraction of a sweep is tried first at all of them."""
     points_of_lonely_pattern: Final = 8
     """A pattern that fits no more points than this counts as isolated …"""
     lonely_patterns: Final = 4

@@ -1,0 +1,155 @@
+"""Sweeps and charts of equilibria that are found all at once: against single answers and closed forms."""
+
+import numpy as np
+import pytest
+from sampling import sample
+from test_sweep import CUBIC, optimal
+
+import mbstab
+from mbstab.analysis.linear.verdict import WORDS
+from mbstab.analysis.reference import many_points
+from mbstab.analysis.reference.continuation import follow, follow_all
+from mbstab.analysis.reference.paths import Path, Sheet, Surface
+from mbstab.analysis.sweep.batched_spectra import Evaluator
+from mbstab.analysis.sweep.blocks import home_of, patterns_at
+from mbstab.model.parameters import settings_in_si
+
+SWEEPS = [
+    ("rotating_pendulum", {"Omega": (5.0, 20.0)}),
+    ("bead_on_hoop", {"Omega": (1.0, 4.0), "R": (0.3, 0.6)}),
+    ("andrews_squeezer", {"m3": (0.02, 0.03)}),
+    ("von_mises_truss", {"k": (60.0, 200.0), "h": (0.4, 0.6)}),
+    ("governor", {"omega": (1.0, 40.0)}),
+    ("bead_on_hoop", {"Omega": (1.0, 8.0)}),
+    ("rotating_pendulum", {"Omega": (6.0, 12.0), "l": (0.45, 0.7)}),
+    ("bricard", {"m": (0.5, 2.0)}),
+    ("governor_paper", {"sigma": (2.0, 20.0)}),
+    ("governor", {"omega": (1.0, 40.0), "m_c": (2.0, 4.0)}),
+    ("flyball_governor", {"omega": (4.0, 8.0)}),
+]
+"""Models whose reference is found, with parameters and their ranges."""
+
+
+def grid(ranges, points):
+    """Return the points of a sweep, or of a chart row by row."""
+    axes = np.meshgrid(*(np.linspace(*ends, points) for ends in ranges.values()))
+    return {name: x.ravel() for name, x in zip(ranges, axes, strict=True)}
+
+
+def solutions(model, ranges):
+    """Return the equilibria over one parameter or two."""
+    if len(ranges) == 1:
+        ((name, ends),) = ranges.items()
+        return follow(model, name, *ends)
+    return follow_all(model, tuple(ranges), *(np.linspace(*ends, 24) for ends in ranges.values()))
+
+
+@pytest.mark.parametrize(("name", "ranges"), sample(SWEEPS, 6))
+def test_points_at_random_are_answered_as_eig_answers_them(name, ranges):
+    mechanism = mbstab.load(f"{name}.yaml")
+    values = grid(ranges, 24 if len(ranges) > 1 else 60)
+    found = Evaluator(mechanism.model, solutions(mechanism.model, ranges)).spectra(values)
+    assert found.problems == {}
+    for i in np.random.default_rng(len(name)).choice(len(found.values), 4, replace=False).tolist():
+        single = mechanism.eig(**settings_in_si({key: float(x[i]) for key, x in values.items()}))
+        exact = single.values()
+        assert optimal(found.values[i], exact) <= 1e-13 * np.max(np.abs(exact))
+        assert WORDS[found.words[i]] == single.judged.word
+
+
+def test_a_steady_motion_over_two_parameters_is_the_closed_form_everywhere():
+    # The bob turns with z = −g/Ω².
+    axes = np.linspace(6.0, 12.0, 5), np.linspace(0.45, 0.7, 5)
+    model = mbstab.load("rotating_pendulum.yaml").model
+    surface = follow_all(model, ("Omega", "l"), *axes)
+    assert isinstance(surface, Surface)
+    values = {
+        "Omega": np.random.default_rng(1).uniform(6.0, 12.0, 50),
+        "l": np.random.default_rng(2).uniform(0.45, 0.7, 50),
+    }
+    q, _ = surface.predicted(values)
+    z = mbstab.load("rotating_pendulum.yaml").system().names.index("bob.z")
+    assert np.max(np.abs(q[:, z] + 9.81 / values["Omega"] ** 2)) < 1e-10
+    assert surface.covers({"Omega": np.array([6.0, 5.9]), "l": np.array([0.7, 0.5])}).tolist() == [True, False]
+    assert "Omega is beyond the range" in surface.missing({"Omega": np.array([5.9]), "l": np.array([0.5])}, 0)
+
+
+def test_a_polynomial_says_what_the_path_that_is_followed_says(monkeypatch):
+    model, x = mbstab.load("rotating_pendulum.yaml").model, np.linspace(7.0, 12.0, 31)
+    smooth = follow(model, "Omega", 7.0, 12.0)
+    monkeypatch.setattr("mbstab.analysis.reference.tolerances.Tolerances.smooth_points_most", 0)
+    followed = follow(model, "Omega", 7.0, 12.0)
+    assert smooth.surface is not None
+    assert followed.surface is None
+    assert (followed.ends, followed.crossings) == (smooth.ends, smooth.crossings) == ((), ())
+    assert np.max(np.abs(smooth.predicted({"Omega": followed.values})[0] - followed.q)) < 1e-9
+    one, other = (Evaluator(model, path).spectra({"Omega": x}) for path in (smooth, followed))
+    assert np.array_equal(one.words, other.words)
+    for left, right in zip(one.values, other.values, strict=True):
+        assert optimal(left, right) < 1e-13 * np.max(np.abs(left))
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "ends", "kind"),
+    [
+        ("bead_on_hoop", "Omega", (0.0, 8.0), "crossing"),
+        ("von_mises_truss", "P", (-10.0, 10.0), "fold"),
+    ],
+)
+def test_where_others_branch_off_or_it_turns_back_a_path_is_followed(name, parameter, ends, kind):
+    path = follow(mbstab.load(f"{name}.yaml").model, parameter, *ends)
+    assert path.surface is None
+    if kind == "crossing":
+        assert path.crossings == pytest.approx([np.sqrt(9.81 / 0.5)])
+    else:
+        assert path.ends
+
+
+def test_a_crossing_between_the_points_is_seen_by_the_determinant():
+    # On the path x = 0 of μ x − x³ all but the determinant is smooth.
+    model = mbstab.loads(CUBIC.replace("LOAD", "mu*p.x - p.x**3").replace("{mu: 0, x0: 1}", "{mu: 0, x0: 0}")).model
+    path = follow(model, "mu", -2.0, 2.1)
+    assert path.surface is None
+    assert path.crossings == pytest.approx([0.0], abs=1e-12)
+    assert follow(model, "mu", -2.0, -0.1).surface is not None
+
+
+def test_a_chart_in_which_some_rows_fold_is_followed_row_by_row():
+    model = mbstab.load("von_mises_truss.yaml").model
+    sheet = follow_all(model, ("P", "h"), np.linspace(0.0, 6.0, 5), np.linspace(0.2, 0.6, 3))
+    assert isinstance(sheet, Sheet)
+    assert [isinstance(path, Path) for path in sheet.paths] == [True] * 3
+
+
+def test_neighbours_share_derivatives_also_where_rows_of_a_chart_begin(monkeypatch):
+    ranges = {"Omega": (6.0, 12.0), "l": (0.45, 0.7)}
+    model, values = mbstab.load("rotating_pendulum.yaml").model, grid(ranges, 24)
+    evaluator = Evaluator(
+        model, solutions(model, ranges), patterns_at(model, solutions(model, ranges), home_of(values))
+    )
+    expected = evaluator.near(values, 2).values
+    monkeypatch.setattr(many_points, "newton", None)  # no point needs its own
+    assert np.array_equal(evaluator.near(values, 2).values, expected)
+
+
+def test_from_a_start_that_is_far_points_take_their_own_derivatives():
+    model = mbstab.load("rotating_pendulum.yaml").model
+    path, values = follow(model, "Omega", 7.0, 12.0), {"Omega": np.linspace(7.0, 12.0, 100)}
+    expected = Evaluator(model, path).spectra(values)
+    # The first coefficients only: the prediction is wrong by centimetres.
+    rough = Surface(path.surface.ranges, path.surface.coefficients[:4], path.surface.n_q)
+    found = Evaluator(model, rough).spectra(values)
+    assert np.array_equal(found.words, expected.words)
+    assert max(optimal(a, b) for a, b in zip(found.values, expected.values, strict=True)) < 1e-12
+
+
+def test_the_pattern_of_a_sweep_in_blocks_is_worked_out_once(monkeypatch):
+    asked = []
+    original = Evaluator.patterns_at
+    monkeypatch.setattr(Evaluator, "patterns_at", lambda self, at: asked.append(at) or original(self, at))
+    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.block_points", 40)
+    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.block_points_least", 40)
+    x = np.linspace(5.5, 19.5, 200)
+    result = mbstab.load("rotating_pendulum.yaml").sweep("Omega", x)
+    assert asked == [{"Omega": x[int(0.37 * 200)]}]
+    assert result.problems == {}
