@@ -14,7 +14,7 @@ from __future__ import annotations
 import numbers
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, replace
+from dataclasses import field, fields, replace
 from decimal import Decimal
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -35,7 +35,7 @@ from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError, nearest
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.library import find_model
-from mbstab.model.parameters import bound, evaluate_parameters
+from mbstab.model.parameters import Latest, bound, evaluate_parameters
 from mbstab.model.reader import read_model, read_model_text
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
@@ -80,6 +80,7 @@ class Mechanism:
 
     model: Model
     force: bool = False
+    _latest: Latest[System] = field(default_factory=Latest, init=False, repr=False, compare=False)
 
     def at(self, **parameters: Setting) -> Mechanism:
         """Return the mechanism at parameter values; what is asked of it is asked there.
@@ -118,7 +119,7 @@ class Mechanism:
         ModelFileError
             If a value is out of range.
         """
-        return System(evaluate(self.at(**parameters).model))
+        return self._latest.of(parameters, lambda: System(evaluate(self.at(**parameters).model)))
 
     @guarded
     def motion(self, **parameters: Setting) -> Motion:
@@ -424,7 +425,7 @@ class Mechanism:
         UsageError
             If a keyword is nearer to a setting than to a parameter, but none; if settings are wrong.
         """
-        names = [field.name for field in fields(kind)]
+        names = [x.name for x in fields(kind)]
         parameters = {name: x for name, x in keywords.items() if name not in names}
         for name in parameters.keys() - self.model.parameters.keys():
             if (near := nearest(name, [*self.model.parameters, *names])) in names:

@@ -49,7 +49,7 @@ LONG_FUNCTIONS = {
     "mbstab/analysis/algebra/balls.py:ball_arithmetic",
     "mbstab/analysis/linear/symbolic.py:symbolic_blocks",
     "mbstab/analysis/simulate/run.py:_Leg.follow",
-    "mbstab/analysis/simulate/steppers/compiled.py:machine_of",
+    "mbstab/analysis/simulate/steppers/compiled.py:layout_of",
     "mbstab/compiler/derive.py:differentiate",
     "mbstab/compiler/machine.py:march",
     "tests/random_mechanisms.py:_joined",
@@ -59,7 +59,7 @@ LONG_FUNCTIONS = {
 COMPLEX_FUNCTIONS = {
     "mbstab/analysis/linear/critical.py:critical_zero",
     "mbstab/analysis/linear/verdict.py:judge",
-    "mbstab/analysis/simulate/steppers/compiled.py:machine_of",
+    "mbstab/analysis/simulate/steppers/compiled.py:layout_of",
     "mbstab/compiler/machine.py:march",
     "mbstab/report/certificate.py:certificate_text",
     "tests/linear_oracle.py:truth",

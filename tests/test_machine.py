@@ -22,7 +22,30 @@ from mbstab.model.functions import TABLE
 from mbstab.model.library import installed_models
 
 machine = pytest.importorskip("mbstab.compiler.machine")
+numba = pytest.importorskip("numba")
 MODELS = {path.stem: path for path in installed_models()}
+
+
+@machine.called
+def interpret(m, start, stop):
+    return machine.interpret(m, start, stop)
+
+
+@machine.called
+def slope(m, t, y, dy):
+    return machine.slope(m, t, y, dy)
+
+
+@machine.called
+def power(m, y):
+    return machine.power(m, y)
+
+
+@machine.called
+def factor_and_solve(m):
+    machine.factor(m)
+    machine.floats(m, machine.B)[:] = 1.0
+    return machine.solve(m)
 
 
 def compiled_steps(name, perturb=None, **parameters):
@@ -58,17 +81,14 @@ def test_an_operation_is_that_of_floats(operation):
     some = 0
     for x in [*VALUES, 800.0]:
         for y in VALUES:
-            one = ONE_BODY._replace(
-                operations=np.array([OPERATIONS.index(operation)]),
-                first=np.array([0]),
-                second=np.array([1]),
-                w=np.array([x, y, math.nan]),
-                base=2,
-            )
+            tables = {name: np.zeros(0) for name in (*machine.INTEGERS, *machine.FLOATS)}
+            tables |= {"run_operation": [OPERATIONS.index(operation)], "run_start": [0, 1], "first": [0], "second": [1]}
+            numbers = {name: getattr(ONE_BODY, name) for name in ONE_BODY._fields[2:]} | {"base": 2}
+            one = machine.machine(tables | {"w": [x, y, math.nan]}, **numbers)
             expected = of_floats(operation, x, y)
-            assert machine.interpret(one, 0, 1) == (expected is not None), (x, y)
+            assert interpret(one, 0, 1) == (expected is not None), (x, y)
             if expected is not None:
-                assert one.w[2] == pytest.approx(expected, rel=4e-16, abs=0.0), (x, y)
+                assert machine.table(one, "w")[2] == pytest.approx(expected, rel=4e-16, abs=0.0), (x, y)
                 some += 1
     assert some > 20
 
@@ -84,11 +104,14 @@ def test_a_program_is_that_of_the_text():
     f = trace.arithmetic()
     groups = [[f.exp(-x) * y, 3.0], [-(x / y), f.atan2(-y, x), f.exp(-x) * y + 2.0, 0.0, x]]
     code = trace.code([x, y, unused], groups)
-    assert code.ends[0] < code.ends[1] == len(code.operations)
+    assert code.ends[0] < code.ends[1] == len(code.runs)
     values = {0: 0.7, 1: 1.9, 2: math.nan}
     registers = [*values.values(), *code.constants]
-    for operation, (one, other) in zip(code.operations, code.operands, strict=True):
-        registers.append(of_floats(OPERATIONS[operation], registers[one], registers[other]))
+    start = 0
+    for operation, end in code.runs:
+        for one, other in code.operands[start:end]:
+            registers.append(of_floats(OPERATIONS[operation], registers[one], registers[other]))
+        start = end
     found = [-registers[i] if negative else registers[i] for i, negative in code.results]
     a, b = 0.7, 1.9
     part = math.exp(-a) * b
@@ -144,7 +167,7 @@ def test_accelerations_and_power_are_those_of_the_system_at_any_state(name):
         q = start.motion.q + 0.2 * rng.uniform(-1.0, 1.0, n) * equations.sizes
         u = start.motion.u + rng.uniform(-1.0, 1.0, n) * equations.sizes
         dy = np.empty(2 * n)
-        assert machine.slope(m, t, np.concatenate([q, u]), dy)
+        assert slope(m, t, np.concatenate([q, u]), dy)
         state = system.dynamics(q, u, t)
         kept = equations.kept
         A = np.block([[state.M, state.J[kept].T], [state.J[kept], np.zeros((len(kept), len(kept)))]])
@@ -156,8 +179,8 @@ def test_accelerations_and_power_are_those_of_the_system_at_any_state(name):
         assert dy[:n].tolist() == u.tolist()
         nu = np.zeros(system.n_c)
         nu[kept] = expected[n:]
-        terms = energy.power(parts, q, u, t) - (float(nu @ (state.J @ u)) if energy.driven else 0.0)
-        assert machine.power(m, np.concatenate([q, u])) == pytest.approx(
+        terms = sum(energy.powers(parts, q, u, t).values()) - (float(nu @ (state.J @ u)) if energy.driven else 0.0)
+        assert power(m, np.concatenate([q, u])) == pytest.approx(
             terms, rel=1e-9, abs=1e-10 * float(np.abs(nu) @ np.abs(state.J) @ np.abs(u) + 1.0)
         )
 
@@ -189,10 +212,8 @@ reference:
     one, other = (model.simulate(3.0, compiled=x, **options) for x in (False, True))
     assert np.max(np.abs(one.q - other.q)) < 1e-7
     m = compiled_steps("pendulum")[0].machine
-    m.w[:] = 0.0  # a matrix of zeros
-    machine.factor(m)
-    m.b[:] = 1.0
-    assert not machine.solve(m)
+    machine.table(m, "w")[:] = 0.0  # a matrix of zeros
+    assert not factor_and_solve(m)
 
 
 # --- motions --------------------------------------------------------------------------------------------------------
@@ -353,15 +374,15 @@ def test_compiled_steps_need_numba(monkeypatch):
         mbstab.load("pendulum.yaml").simulate(1.0, compiled=True)
 
 
-def test_compiling_is_said_once_and_what_is_kept_is_not():
-    import numba
-
+def test_compiling_is_told_step_by_step_and_that_of_others_is_not(monkeypatch):
+    first, second = numba.njit(lambda x: x + 1), numba.njit(lambda x: x + 2)
+    monkeypatch.setattr(machine, "MADE", {first.py_func, second.py_func})
     told = []
-    with machine.telling(lambda: told.append(1)):
-        mbstab.load("pendulum.yaml").simulate(0.1, compiled=True)
-        before = len(told)  # the machine may have been compiled before this test
-        numba.njit(lambda x: x + 1)(1)
-        numba.njit(lambda x: x + 2)(1)
-    assert (before, len(told)) in ((0, 1), (1, 1))
-    numba.njit(lambda x: x + 3)(1)
-    assert len(told) == 1
+    with machine.telling(told.append):
+        numba.njit(lambda x: x + 3)(1)  # none of ours
+        assert told == []
+        first(1)
+        first(2)
+        second(1)
+    second(1.0)
+    assert told == [0.0, 0.5, 1.0]

@@ -29,7 +29,7 @@ class Form:
         """The straight-line functions."""
         from mbstab.compiler.fused import Fused
 
-        return Fused(self.system)
+        return self.system.remember("fused", None, lambda: Fused(self.system))
 
     @property
     def quick(self) -> bool:

@@ -26,11 +26,11 @@ constraints come first (n_h of them), then the n_n nonholonomic ones.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -50,6 +50,7 @@ from mbstab.model.schema import Entry, unit_of
 from mbstab.records import dataclass
 
 Array = npt.NDArray[np.float64]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -231,7 +232,32 @@ class System:
         self.n_h, self.n_n = (sum(map(len, groups)) for groups in (holonomic, nonholonomic))
         self._elements = self._place(uses)
         self._plans: dict[str, Plan] = {}
+        self._known: dict[str, tuple[Any, Any]] = {}
         self._assembly: Assembly | None = None
+
+    def remember(self, what: str, key: Any, make: Callable[[], T]) -> T:
+        """Return what was made for the same key the last time, or make it; nobody must change it.
+
+        Parameters
+        ----------
+        what : str
+            One result for each is kept as long as the system.
+        key : hashable
+            All that it depends on besides the system.
+        """
+        known = self._known.get(what)
+        if known is None or known[0] != key:
+            known = self._known[what] = key, make()
+        found: T = known[1]
+        return found
+
+    def _with(self, elements: list[_Placed]) -> System:
+        """Return a system in which only some elements act."""
+        part = copy(self)
+        part._elements, part._plans, part._known = elements, {}, {}
+        if self._assembly is not None:
+            part._assembly = self._assembly.of(elements)
+        return part
 
     @property
     def n_c(self) -> int:
@@ -246,21 +272,11 @@ class System:
     def parts(self) -> Iterator[tuple[str, System]]:
         """Yield each entry of the scene, such as ``joints.pivot``, and a system in which only it acts."""
         for path in dict.fromkeys(element.path for element in self._elements):
-            part = copy(self)
-            part._elements = [element for element in self._elements if element.path == path]
-            part._plans = {}
-            if self._assembly is not None:
-                part._assembly = self._assembly.of(part._elements)
-            yield path, part
+            yield path, self._with([element for element in self._elements if element.path == path])
 
     def containing(self, columns: frozenset[int]) -> System:
         """Return a system with only those elements with rows that contain some coordinates."""
-        part = copy(self)
-        part._elements = [e for e in self._elements if e.rows and not columns.isdisjoint(e.columns)]
-        part._plans = {}
-        if self._assembly is not None:
-            part._assembly = self._assembly.of(part._elements)
-        return part
+        return self._with([e for e in self._elements if e.rows and not columns.isdisjoint(e.columns)])
 
     @property
     def sparse(self) -> bool:
@@ -269,7 +285,7 @@ class System:
 
     def in_matrices(self, form: Form, numbers: Numbers = FLOATS) -> System:
         """Return the same equations with sparse matrices made by a function; see `Form`."""
-        other = copy(self)
+        other = self._with(self._elements)
         other._assembly = Assembly(self._elements, self.n_q, form, numbers)
         return other
 
@@ -280,12 +296,12 @@ class System:
 
     def in_arithmetic(self, scene: Scene) -> System:
         """Return the same elements in the arithmetic of another scene, which must not differ otherwise."""
-        other = copy(self)
+
+        def law(x: Any) -> Any:
+            return replace(x, arithmetic=scene.arithmetic) if isinstance(x, Law) else x
+
+        other = self._with([replace(e, laws=tuple(map(law, e.laws))) for e in self._elements])
         other.scene, other._assembly = scene, None
-        other._elements = [
-            replace(e, laws=tuple(replace(x, arithmetic=scene.arithmetic) if isinstance(x, Law) else x for x in e.laws))
-            for e in self._elements
-        ]
         return other
 
     def loads(self, q: Any, u: Any, a: Any, time: Any = None) -> Any:

@@ -42,20 +42,20 @@ class Code:
     Attributes
     ----------
     inputs : int
-        Number of inputs.
-    operations : list of int
-        Indices into `OPERATIONS`.
+        How many.
+    runs : list of (int, int)
+        Index into `OPERATIONS` of each run of equal operations, and how many operations are done after it.
     operands : list of (int, int)
-        Registers of the operands; the second repeats the first if there is only one.
+        Registers that each operation takes; the second repeats the first where it takes one.
     constants : list of float
     results : list of (int, bool)
         Register of each output, and whether its negative is meant.
     ends : list of int
-        Number of operations up to the end of each group of outputs.
+        How many runs each group of outputs needs, those before it included.
     """
 
     inputs: int
-    operations: list[int]
+    runs: list[tuple[int, int]]
     operands: list[tuple[int, int]]
     constants: list[float]
     results: list[tuple[int, bool]]
@@ -258,7 +258,7 @@ class Trace:
         return "\n".join([*lines, *(f"        {writer.term(x)}," for x in outputs), "    )", ""])
 
     def code(self, inputs: Sequence[Traced], groups: Sequence[Sequence[Any]]) -> Code:
-        """Return the program that computes groups of outputs, one after the other.
+        """Return the program that finds groups of outputs, one after the other, with long runs of equal operations.
 
         Parameters
         ----------
@@ -292,19 +292,22 @@ class Trace:
                 return constants[float(x)]
             return put("negative", registers[x.step], registers[x.step]) if x.negative else registers[x.step]
 
-        counts = []
-        for i, number in enumerate(needed):
+        counts = [0]
+        for number in needed:
             x, *rest = map(register, self.steps[number].operands)
             registers[number] = put(self.steps[number].operation, x, rest[0] if rest else x)
-            if i + 1 in ends:
-                counts.append((i + 1, len(operations)))
-        length = dict(counts) | {0: 0}
+            counts.append(len(operations))
+        order, runs, stops = _in_runs(operations, operands, first, [counts[end] for end in ends])
+        place = list(range(first)) + [0] * len(order)
+        for new, old in enumerate(order):
+            place[first + old] = first + new
         results = [
-            (registers[x.step], x.negative) if isinstance(x, Traced) else (constants[float(x)], False)
+            (place[registers[x.step]], x.negative) if isinstance(x, Traced) else (constants[float(x)], False)
             for group in groups
             for x in group
         ]
-        return Code(len(inputs), operations, operands, list(constants), results, [length[end] for end in ends])
+        taken = [(place[x], place[y]) for x, y in (operands[i] for i in order)]
+        return Code(len(inputs), runs, taken, list(constants), results, stops)
 
     def _names(self, inputs: Iterable[Traced]) -> list[str]:
         return [self.steps[x.step].operands[0] for x in inputs]
@@ -318,6 +321,50 @@ class Trace:
                 needed.add(number)
                 stack.extend(x.step for x in self.steps[number].operands if isinstance(x, Traced))
         return sorted(needed)
+
+
+def _in_runs(
+    operations: Sequence[int], operands: Sequence[tuple[int, int]], first: int, ends: Sequence[int]
+) -> tuple[list[int], list[tuple[int, int]], list[int]]:
+    """Return an order of operations with few runs of equal ones, each after those it uses; the runs; runs per group.
+
+    Parameters
+    ----------
+    operations, operands
+        As in `Code`, in an order in which each stands after those it uses.
+    first : int
+        Register of the first result.
+    ends : sequence of int
+        How many operations each group needs, those before it included.
+    """
+    order: list[int] = []
+    runs: list[tuple[int, int]] = []
+    stops: list[int] = []
+    start = 0
+    for end in ends:
+        users: dict[int, list[int]] = {}
+        ready: dict[int, list[int]] = {}
+        waiting: dict[int, int] = {}
+        for i in range(start, end):
+            used = {x - first for x in operands[i] if x - first >= start}
+            waiting[i] = len(used)
+            for x in used:
+                users.setdefault(x, []).append(i)
+            if not used:
+                ready.setdefault(operations[i], []).append(i)
+        while ready:
+            operation = max(ready, key=lambda x: len(ready[x]))
+            run = ready.pop(operation)
+            for i in run:  # which grows meanwhile
+                for user in users.get(i, ()):
+                    waiting[user] -= 1
+                    if not waiting[user]:
+                        (run if operations[user] == operation else ready.setdefault(operations[user], [])).append(user)
+            order += run
+            runs.append((operation, len(order)))
+        stops.append(len(runs))
+        start = end
+    return order, runs, stops
 
 
 class _Writer:

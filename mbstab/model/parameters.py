@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numbers
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from decimal import Decimal, localcontext
 from fractions import Fraction
+from typing import Generic, TypeVar
 
 from mbstab.errors import UsageError, suggestion
 from mbstab.mechanics.catalogue import Number
@@ -23,6 +24,30 @@ from mbstab.model.schema import (
     parse_finite,
 )
 from mbstab.model.units import UNITS, exact_factor, parse_unit
+
+T = TypeVar("T")
+
+
+class Latest(Generic[T]):
+    """Keeps what was made last of the settings of parameters; a copy keeps nothing."""
+
+    def __init__(self) -> None:
+        self._known: tuple[object, T] | None = None
+
+    def __reduce__(self) -> tuple[type[Latest[T]], tuple[()]]:
+        return Latest, ()
+
+    def of(self, settings: Mapping[str, object], make: Callable[[], T]) -> T:
+        """Return what was made of the same settings the last time, or make it."""
+        # A number may be equal to one of another type, or with the other sign, that means something else.
+        key = tuple((name, type(value), repr(value)) for name, value in settings.items())
+        known = self._known
+        if known is not None and known[0] == key:
+            return known[1]
+        made = make()
+        if all(isinstance(value, (int, float, str, Fraction, Decimal)) for value in settings.values()):
+            self._known = key, made
+        return made
 
 
 def bound(model: Model, settings: Mapping[str, object]) -> Model:

@@ -54,7 +54,11 @@ def _array(rows: list[list[Any]], angles: Array) -> Array:
     """Return an array of rows of numbers, with leading axes where the numbers are those of several points."""
     if angles.ndim == 1:
         return np.array(rows)
-    return np.stack([np.stack([np.broadcast_to(x, angles.shape[:-1]) for x in row], -1) for row in rows], -2)
+    found = np.empty((*angles.shape[:-1], len(rows), len(rows[0])), dtype=angles.dtype)
+    for i, row in enumerate(rows):
+        for j, x in enumerate(row):
+            found[..., i, j] = x
+    return found
 
 
 def orientation(body: BodyValues, angles: Array) -> Array:

@@ -37,7 +37,7 @@ class Work:
         self.rate = max(relative, pulled, 1.0 / float(follower.times[-1] - follower.times[0]))
         falling = math.sqrt(math.hypot(*map(float, follower.system.scene.gravity)) / float(np.max(motion.sizes)))
         self.natural = max(self.rate, falling)
-        self.longest = longest_step(follower)
+        self.longest, self.largest = longest_step(follower), tol
         self.estimate, self.fast, self.runs, self.evaluations = math.nan, math.nan, 0, 0
         self.warnings = pulses(
             follower.system, float(follower.times[0]), float(follower.times[-1]), step or self.longest
@@ -46,8 +46,8 @@ class Work:
 
     def once(self, tol: float, progress: Callable[[float], object] | None = None) -> Run:
         """Follow the motion with a tolerance per step."""
-        # The longest step shrinks with the tolerance like the others: else runs would not differ where it is active.
-        longest = self.longest * (tol / self.tol) ** (self.method.power / self.method.order)
+        # The longest step shrinks with the tolerance as the others do: otherwise runs would not differ where it binds.
+        longest = self.longest * (tol / self.largest) ** (self.method.power / self.method.order)
         options = Options(tol, self.step, None, self.rate, longest, self.solver, self.compiled)
         if self.follower.budget:
             self.follower.budget.start_run(self._further(refining=progress is not None))
@@ -67,9 +67,11 @@ class Work:
     def refined(self) -> Run:
         """Follow the motion until the estimate of its global error is below the tolerance."""
         least = TOLERANCES.step_tolerance_least
-        local = max(self.tol, least)
+        loose = min(TOLERANCES.step_tolerance_first * self.tol, TOLERANCES.step_tolerance_most)
+        local = max(loose, self.tol, least)
+        self.largest = max(local, 10.0 * least)
         sizes = self.follower.motion.sizes
-        before = self.once(local, self._share(0.0, 0.15))
+        local, before = self._followed(local, self._share(0.0, 0.15))
         if not before.complete:
             return before
         started, speed = self.rate, fastest(before, float(np.max(sizes)))
@@ -79,14 +81,15 @@ class Work:
         # A first run that assumed too large a rate as fast has larger errors of speeds than its tolerance.
         if following >= local or TOLERANCES.step_tolerance_reduction * started > self.rate:
             following, local = (least, 10.0 * least) if following >= local else (following, local)
-            before = self.once(local, self._share(0.15, 0.2))
+            local, before = self._followed(local, self._share(0.15, 0.2))
             if not before.complete:
                 return before
+            following = min(following, max(local * TOLERANCES.step_tolerance_reduction, least))
         shares = [0.15, 0.3, 0.5, 0.8, 0.95, 1.0]
         # The first run assumed another rate as fast: for speeds its tolerance was smaller by that factor.
         earlier, improved = [(local * (min(started / self.rate, 1.0) if self.runs == 1 else 1.0), before)], True
         for k in range(1, TOLERANCES.runs_most):
-            run = self.once(following, self._share(shares[k - 1], shares[k]))
+            following, run = self._followed(following, self._share(shares[k - 1], shares[k]))
             if not run.complete:
                 return self._better(before, run)
             # Earlier runs may have missed something.
@@ -95,13 +98,13 @@ class Work:
             improved = not self.estimate > TOLERANCES.estimate_improvement * last
             if following <= least or (self.estimate <= self.tol and k + 1 >= TOLERANCES.runs_least):
                 break
-            wanted = TOLERANCES.step_tolerance_reduction * following
-            if self.estimate > self.tol:
+            wanted, aim = following, TOLERANCES.repeated_run_aim * self.tol
+            if self.estimate > aim:
                 order = TOLERANCES.order_counted_on * self.method.power
-                wanted = following * (TOLERANCES.repeated_run_aim * self.tol / self.estimate) ** (1.0 / order)
+                wanted = following * (aim / self.estimate) ** (1.0 / order)
             earlier.append((following, run))
             before = run
-            following = max(min(wanted, 0.3 * following), least)
+            following = max(min(wanted, TOLERANCES.step_tolerance_repeated * following), least)
         if self.estimate > self.tol:
             reason = (
                 f"stopped after {self.runs} runs"
@@ -117,6 +120,14 @@ class Work:
             )
         self.progress(1.0)
         return run
+
+    def _followed(self, local: float, progress: Callable[[float], object]) -> tuple[float, Run]:
+        """Return a run and the tolerance of its steps: that given, or a smaller one where it fails.
+
+        Where and why a motion ends early is found with that of the result, if not with a smaller one.
+        """
+        run, strict = self.once(local, progress), max(self.tol, TOLERANCES.step_tolerance_least)
+        return (strict, self.once(strict, progress)) if run.failure and local > strict else (local, run)
 
     def _estimated(self, run: Run, tol: float, earlier: list[tuple[float, Run]], fast: float) -> float:
         """Return the error of a run: the largest estimate from its differences to earlier ones."""
@@ -141,8 +152,12 @@ class Work:
 
 def longest_step(follower: Follower) -> float:
     """Return the longest step (s): with functions of time that may rest, about the distance of two output times."""
-    given = (x for item in follower.system.scene.items for x in expressions_in(item.entry.values))
-    if not any(map(uneven_in_time, given)):
+    system = follower.system
+
+    def uneven() -> bool:
+        return any(uneven_in_time(x) for item in system.scene.items for x in expressions_in(item.entry.values))
+
+    if not system.remember("uneven", None, uneven):
         return math.inf
     times = follower.times
     duration = float(times[-1] - times[0])

@@ -16,6 +16,7 @@ start. Everything is computed in coordinates scaled by the masses they carry.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError, amount
+from mbstab.model.arithmetic import array_arithmetic
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
@@ -143,6 +145,35 @@ class Constrained:
         a, nu = self.solve(state, -state.F0, state.B)
         return a, nu, state
 
+    def together(self, times: Array, q: Array, u: Array) -> tuple[Array, Array, Dynamics, Array] | None:
+        """Return a, the multipliers ν, the matrices and the residuals at several states, each with an axis for them.
+
+        None where that is impossible, and each state has to be looked at by itself.
+
+        Parameters
+        ----------
+        times : ndarray, shape (n_t,)
+        q, u : ndarray, shape (n_t, n_q)
+        """
+        if not self.full:
+            return None
+        scene, n = self.system.scene, self.n
+        try:
+            state = self.system.in_arithmetic(replace(scene, arithmetic=array_arithmetic())).dynamics(q, u, times)
+            A, b = np.zeros((len(q), n + self.rank, n + self.rank)), np.empty((len(q), n + self.rank))
+            J = state.J * self._rows
+            A[:, :n, :n], A[:, n:, :n], A[:, :n, n:] = state.M * self._weights, J, np.swapaxes(J, -1, -2)
+            b[:, :n], b[:, n:] = -state.F0 * self.scale, -state.B * self.row_scale
+            found = np.linalg.solve(A, b[..., None])[..., 0]
+            fast = np.max(np.abs(u / self.sizes), axis=-1, initial=0.0)[:, None]
+            residuals = self._residuals(state, np.maximum(fast, self.slowest))
+        except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
+            return None
+        left = np.stack(np.broadcast_arrays(*residuals, fast[:, 0])[:2], axis=-1)
+        if not (np.isfinite(found).all() and np.isfinite(left).all()):
+            return None
+        return found[:, :n] * self.scale, found[:, n:] * self.row_scale, state, left
+
     def acceleration(self, t: float, q: Array, u: Array) -> Array:
         """Return a (n_q,) alone at a state, from the straight-line functions where there are some."""
         program = self._program or self._quick_program()
@@ -205,10 +236,14 @@ class Constrained:
         `fastest` is the largest speed of a coordinate in its size (1/s); where all are slow, residuals in velocity
         count relative to `slowest`.
         """
+        position, velocity = self._residuals(state, max(fastest, self.slowest))
+        return float(position), float(velocity)
+
+    def _residuals(self, state: Dynamics, fastest: Any) -> tuple[Any, Any]:
         reach = np.abs(state.J) @ self.sizes + 1e-300
-        position = np.abs(state.E[: self.n_h]) / reach[: self.n_h]
-        velocity = np.abs(state.V) / (reach * max(fastest, self.slowest))
-        return float(np.max(position, initial=0.0)), float(np.max(velocity, initial=0.0))
+        position = np.abs(state.E[..., : self.n_h]) / reach[..., : self.n_h]
+        velocity = np.abs(state.V) / (reach * fastest)
+        return np.max(position, axis=-1, initial=0.0), np.max(velocity, axis=-1, initial=0.0)
 
     def onto_positions(self, t: float, q: Array, held: Flags | None = None) -> tuple[Array, float]:
         """Return the nearest coordinates that satisfy C(q, t) = 0, and the remaining residual.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 
@@ -15,10 +16,11 @@ DRIVEN = ("drives", "constraints")
 """Sections whose rows may do work."""
 
 
-def quadrature(order: int) -> list[tuple[float, float]]:
+@cache
+def quadrature(order: int) -> tuple[tuple[float, float], ...]:
     """Return nodes in −1 … 1 and weights for the power over a part of a step of a method of some order (Gauss)."""
     nodes, weights = np.polynomial.legendre.leggauss(max(2, (order + 1) // 2))
-    return list(zip(nodes.tolist(), weights.tolist(), strict=True))
+    return tuple(zip(nodes.tolist(), weights.tolist(), strict=True))
 
 
 @dataclass(frozen=True)

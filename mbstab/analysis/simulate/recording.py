@@ -13,7 +13,7 @@ from mbstab.analysis.reference.efforts import Placement, efforts, moving_joints,
 from mbstab.analysis.reference.reactions import reactions
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.tolerances import TOLERANCES
-from mbstab.compiler.system import Array, System
+from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.records import dataclass
 
 
@@ -145,8 +145,35 @@ class Record:
     def _part(cls, frame: Frame, samples: Sequence[Sample], before: Array) -> Record:
         equations, system = frame.equations, frame.system
         q, u = (np.array([getattr(s, name) for s in samples]) for name in "qu")
-        a, nu, J = np.empty_like(q), np.empty((len(q), system.n_c)), np.empty((len(q), system.n_c, system.n_q))
-        kinetic, residuals = np.empty(len(q)), []
+        times = np.array([s.t for s in samples])
+        given = any(sample.a is not None for sample in samples)
+        found = None if given or len(samples) < TOLERANCES.states_singly else equations.together(times, q, u)
+        a, nu, J, kinetic, residuals = cls._singly(equations, samples) if found is None else _summed(u, *found)
+        loads: dict[tuple[str, str, str], Array] = {}
+        for r in reactions(system, q, u, J, nu):
+            turning = "xyz" if r.torque.shape[-1] == 3 else "z"
+            for what, letters, vector in (("force", "xyz", r.force), ("torque", turning, r.torque)):
+                loads |= {(r.owner, r.body, f"{what} {x}"): v for x, v in zip(letters, vector.T, strict=False)}
+        at = Placement(frame.attitudes, system, q, u)
+        driving = {(acted.owner, acted.unit): acted.values for acted in efforts(at, nu, times)}
+        moving = moving_joints(system.scene)
+        motions = np.array([at.motion(*x) for x in moving]).reshape(len(moving), len(q)).T
+        motion_rates = np.array([at.rate(*x) for x in moving]).reshape(len(moving), len(q)).T
+        shown = _continued(frame, q, before)
+        potential = system.potential(q)
+        q, u, a = frame.attitudes.in_file(system, q, u, a, shown)
+        return cls(q, u, a, nu, loads, driving, motions, motion_rates, kinetic, potential, residuals)
+
+    @staticmethod
+    def _singly(equations: Constrained, samples: Sequence[Sample]) -> tuple[Array, ...]:
+        """Return a, ν, J, kinetic energies and residuals."""
+        system, count = equations.system, len(samples)
+        a, nu, J = (
+            np.empty((count, system.n_q)),
+            np.empty((count, system.n_c)),
+            np.empty((count, system.n_c, system.n_q)),
+        )
+        kinetic, residuals = np.empty(count), np.empty((count, 2))
         for i, sample in enumerate(samples):
             if sample.a is None:
                 a[i], multipliers, state = equations.accelerations(sample.t, sample.q, sample.u)
@@ -156,21 +183,16 @@ class Record:
                 nu[i] = equations.multipliers(state, a[i])
             J[i] = state.J
             kinetic[i] = 0.5 * float(sample.u @ state.M @ sample.u)
-            residuals.append(equations.residuals(state, equations.fastest(sample.u)))
-        loads: dict[tuple[str, str, str], Array] = {}
-        for r in reactions(system, q, u, J, nu):
-            turning = "xyz" if r.torque.shape[-1] == 3 else "z"
-            for what, letters, vector in (("force", "xyz", r.force), ("torque", turning, r.torque)):
-                loads |= {(r.owner, r.body, f"{what} {x}"): v for x, v in zip(letters, vector.T, strict=False)}
-        at, times = Placement(frame.attitudes, system, q, u), np.array([s.t for s in samples])
-        driving = {(acted.owner, acted.unit): acted.values for acted in efforts(at, nu, times)}
-        moving = moving_joints(system.scene)
-        motions = np.array([at.motion(*x) for x in moving]).reshape(len(moving), len(q)).T
-        motion_rates = np.array([at.rate(*x) for x in moving]).reshape(len(moving), len(q)).T
-        shown = _continued(frame, q, before)
-        potential = system.potential(q)
-        q, u, a = frame.attitudes.in_file(system, q, u, a, shown)
-        return cls(q, u, a, nu, loads, driving, motions, motion_rates, kinetic, potential, np.array(residuals))
+            residuals[i] = equations.residuals(state, equations.fastest(sample.u))
+        return a, nu, J, kinetic, residuals
+
+
+def _summed(
+    u: Array, a: Array, nu: Array, state: Dynamics, residuals: Array
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Return a, ν, J, kinetic energies and residuals at several states."""
+    kinetic = 0.5 * (u[:, None, :] @ state.M @ u[:, :, None])[:, 0, 0]
+    return a, nu, np.broadcast_to(state.J, (len(u), *state.J.shape[1:])), kinetic, residuals
 
 
 def states(samples: Sequence[Sample]) -> tuple[Array, Array]:
@@ -198,6 +220,8 @@ def _groups(samples: Sequence[Sample]) -> Iterator[tuple[Frame, list[Sample]]]:
     for _, group in groupby(samples, lambda s: id(s.frame)):
         found = list(group)
         system = found[0].frame.system
-        count = min(TOLERANCES.states_together, 1 + TOLERANCES.matrix_numbers_together // (1 + system.n_c * system.n_q))
+        count = min(
+            TOLERANCES.states_together, 1 + TOLERANCES.matrix_numbers_together // (1 + (system.n_c + system.n_q) ** 2)
+        )
         for k in range(0, len(found), count):
             yield found[0].frame, found[k : k + count]

@@ -22,7 +22,6 @@ from mbstab.analysis.simulate.recording import Frame, Sample, Track
 from mbstab.analysis.simulate.singular_passage import NODES as NODES_OF_PASSAGE
 from mbstab.analysis.simulate.singular_passage import Passage, passage, predicted
 from mbstab.analysis.simulate.steppers.compiled import Marching
-from mbstab.analysis.simulate.steppers.explicit import first_step
 from mbstab.analysis.simulate.steppers.interface import Method, Options, Stepper
 from mbstab.analysis.simulate.stiffness import Pace
 from mbstab.analysis.simulate.time_budget import Budget
@@ -296,12 +295,11 @@ class _Leg:
         run, n = self.run, len(q)
         marching, base, covered = self.follower.marching(self.equations, options.solver), self.work, 0
         times, steps = self.follower.times[self.done :], run.steps
-        if options.first is None:
-            options = replace(options, first=first_step(self.equations, t, q, u, limit, options))
         near = TOLERANCES.passage_tried_from if self.follower.through else TOLERANCES.singular_failure
-        reason = marching.start(self.system, t, q, u, times, limit, options, self.least, near)
+        marching.start(self.system, t, q, u, times, limit, options, self.least, near)
         state = marching.state
         while True:
+            reason = marching.go()
             for time, found in zip(times[covered : state.done], state.found[covered : state.done], strict=True):
                 self.work = base + float(found[2 * n])
                 self.sample(float(time), found[:n], found[n : 2 * n], settled=True)
@@ -311,7 +309,6 @@ class _Leg:
             if reason != "more":
                 break
             pace.look(run.steps, state, self.equations, options)
-            reason = marching.go()
         if reason != "chart":
             self.watch = self.equations.refresh(self.equations.evaluate(state.t, state.q, state.u))
         self.least, self.work = state.least, base + state.work

@@ -152,7 +152,7 @@ def _result(begin: Start, follower: Follower, work: Work, run: Run, settings: Si
         runs=work.runs,
         charts=run.charts,
         peak=run.peak,
-        sizes=follower.motion.sizes,
+        sizes=follower.motion.sizes.copy(),
         conservative=follower.energy.conservative,
         warnings=(*begin.warnings, *work.warnings, *work.notes),
         complete=run.complete,

@@ -90,8 +90,16 @@ def start_of(
         If a name is unknown or a value is not a number; if no state near the given values satisfies the constraints, or
         no state at all has one of them; if they have to be moved, and `strict`; if the reference is invalid.
     """
+    given = perturb or {}
+    if not all(isinstance(value, (int, float, str)) for value in given.values()):
+        return _start_of(system, given, time, strict)
+    key = tuple((name, type(value), repr(value)) for name, value in given.items()), repr(time), strict
+    return system.remember("start", key, lambda: _start_of(system, given, time, strict))
+
+
+def _start_of(system: System, perturb: Mapping[str, float | str], time: float | None, strict: bool) -> Start:
     scene = system.scene
-    q0, u0, motion = _reference(system)
+    q0, u0, motion = system.remember("reference", None, lambda: _reference(system))
     begin = scene.initial.time if time is None else time
     begin = float(scene.time if begin is None else begin)
     n = system.n_q
@@ -103,9 +111,9 @@ def start_of(
     ):
         for name, value in values.items():
             x[number[name]], held[number[name]] = float(value), True
-    for name, value in (perturb or {}).items():
+    for name, value in perturb.items():
         _disturb(system, motion, wanted, name, value)
-    system = System(replace(scene, time=begin))
+    system = system if begin == scene.time else System(replace(scene, time=begin))
     finder = Finder(system)
     equations = Constrained(system, motion)
     warnings: list[str] = []

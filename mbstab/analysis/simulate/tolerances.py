@@ -91,8 +91,14 @@ class Tolerances:
     """Speeds below this fraction of the natural rate count as rest."""
     step_tolerance_least: Final = 1e-13
     """Tolerance per step below which rounding dominates."""
+    step_tolerance_first: Final = 100.0
+    """Tolerance per step of the first run, in multiples of the tolerance of the result …"""
+    step_tolerance_most: Final = 1e-3
+    """… and its maximum, unless the tolerance of the result is larger."""
     step_tolerance_reduction: Final = 0.1
-    """Ratio of the tolerances per step of the first and the second run."""
+    """Ratio of the tolerances per step of the first and the second run …"""
+    step_tolerance_repeated: Final = 0.3
+    """… and its maximum for later runs."""
     step_tolerance_ratio: Final = 0.5
     """Largest ratio of tolerances whose runs give an estimate of the error."""
     estimate_improvement: Final = 0.7
@@ -169,6 +175,8 @@ class Tolerances:
     """Maximum number of states that are processed together …"""
     matrix_numbers_together: Final = 4_000_000
     """… and of numbers in their constraint matrices."""
+    states_singly: Final = 8
+    """Fewer states are looked at one by one."""
     progress_shown: Final = 0.002
     """The progress function is called each time this fraction of the work is done."""
     time_told: Final = 60.0

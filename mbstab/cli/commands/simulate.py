@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -180,15 +181,23 @@ SIMULATED = (
 """Options that do not apply to a linear mode."""
 
 
-def _compiling(compiled: bool) -> contextlib.AbstractContextManager[object]:
-    """Return a context that tells the user when steps are being compiled."""
+@contextlib.contextmanager
+def _compiling(compiled: bool) -> Iterator[None]:
+    """Tell the user when steps are being compiled, and how far that is."""
     if not compiled:
-        return contextlib.nullcontext()
+        yield
+        return
     from mbstab.analysis.simulate.steppers.compiled import machine_code
 
-    said = "compiling the steps: half a minute, the first time only"
-    context: contextlib.AbstractContextManager[object] = machine_code().telling(lambda: note(said))
-    return context
+    with progress_bar("compiling") as show:
+
+        def tell(done: float) -> None:
+            if not done:
+                note("the steps are compiled, the first time only")
+            show(done)
+
+        with machine_code().telling(tell):
+            yield
 
 
 def _check_options(mode: bool, step: bool, plots: bool) -> None:

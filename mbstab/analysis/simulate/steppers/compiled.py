@@ -8,6 +8,7 @@ Where something unusual happens, a march stops before it and the caller continue
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -86,13 +87,32 @@ def _floats(values: Any) -> Array:
     return np.array(list(values), dtype=np.float64)
 
 
-def machine_of(equations: Constrained, free: Sequence[int], attitudes: Attitudes, energy: Energy) -> Machine:
-    """Return a scene as arrays; the base rotations of some bodies are set later."""
-    from mbstab.compiler.machine import DELTA, Machine
+@dataclass(frozen=True)
+class Layout:
+    """A scene as arrays, but for what depends on where a motion starts.
 
-    fused = Fused(equations.system, free=free)
-    n, kept, traced = equations.n, equations.kept, fused.traced
-    rank, rows = len(kept), equations.n_c
+    Attributes
+    ----------
+    machine : Machine
+        With signs for factors, without scales; its working memory is not to be used.
+    entries : ndarray of int, shape (2, n)
+        Unknowns to which the entries of the matrix belong, the coordinates and then the rows kept.
+    order : ndarray of int, shape (N,)
+        The unknowns by place.
+    """
+
+    machine: Machine
+    entries: Any
+    order: Any
+
+
+def layout_of(system: System, kept: Sequence[int], free: Sequence[int], attitudes: Attitudes, energy: Energy) -> Layout:
+    """Write the equations of a scene with the rows kept; the base rotations of some bodies are set later."""
+    from mbstab.compiler.machine import DELTA
+
+    fused = Fused(system, free=free)
+    n, traced = system.n_q, fused.traced
+    rank, rows = len(kept), system.n_c
     mass, jacobian = _entries(traced.M), _entries(traced.J)
     unknown = {row: n + k for k, row in enumerate(kept)}
     matrix = [(i, j, x) for i, j, x in mass if i >= j]
@@ -110,7 +130,7 @@ def machine_of(equations: Constrained, free: Sequence[int], attitudes: Attitudes
 
     working = not energy.conservative
     power = [fused.traced_power(energy.working, energy.damped)] if working else []
-    right = [*traced.F0.tolist(), *traced.B[kept].tolist()]
+    right = [*traced.F0.tolist(), *traced.B[list(kept)].tolist()]
     residuals = [*traced.E.tolist(), *traced.V.tolist()]
     groups = [
         [*(x for *_, x in matrix), *right, *power],
@@ -130,75 +150,92 @@ def machine_of(equations: Constrained, free: Sequence[int], attitudes: Attitudes
     jacobian_register, jacobian_sign = registers(len(jacobian))
     residual_register, residual_sign = registers(2 * rows)
 
-    factors = np.concatenate([equations.scale, equations.row_scale[kept]])
     order = np.argsort(place)
     shift = np.where(np.arange(n + rank) < n, DELTA, -DELTA)
     places = [(place[i], place[j]) for i, j, _ in matrix]
     base = code.inputs + len(code.constants)
-    w = np.zeros(base + len(code.operations))
+    w = np.zeros(base + len(code.operands))
     w[code.inputs : base] = code.constants
-    size = n + rank
-    return Machine(
-        operations=_integers(code.operations),
-        first=_integers(x for x, _ in code.operands),
-        second=_integers(x for _, x in code.operands),
-        ends=_integers(code.ends),
-        w=w,
-        base=base,
-        entry_register=entry,
-        entry_factor=entry_sign * [factors[i] * factors[j] for i, j, _ in matrix],
-        entry_row=_integers(max(pair) for pair in places),
-        entry_column=_integers(min(pair) for pair in places),
-        entry_target=_integers(-1 if i == j else at[max(i, j), min(i, j)] for i, j in places),
-        entry_value=np.zeros(len(matrix)),
-        right_register=right_register[order],
-        right_factor=(-right_sign * factors)[order],
-        shift=shift[order],
-        column_start=_integers(start),
-        lower_row=_integers(row for column in columns for row in column),
-        lower=np.zeros(int(start[-1])),
-        diagonal=np.zeros(size),
-        update_start=_integers(np.cumsum([0, *map(len, updates)])),
-        update_target=_integers(target for column in updates for target in column),
-        b=np.zeros(size),
-        x=np.zeros(size),
-        dx=np.zeros(size),
-        place=_integers(place[:n]),
-        row_place=_integers(place[unknown[i]] if i in unknown else -1 for i in range(rows)),
-        scale=equations.scale.astype(float),
-        row_scale=equations.row_scale.astype(float),
-        holonomic=equations.n_h,
-        jacobian_row=_integers(i for i, _, _ in jacobian),
-        jacobian_column=_integers(j for _, j, _ in jacobian),
-        jacobian_register=jacobian_register,
-        jacobian_sign=jacobian_sign,
-        mass_row=_integers(i for i, _, _ in mass),
-        mass_column=_integers(j for _, j, _ in mass),
-        mass_register=mass_register,
-        mass_sign=mass_sign,
-        residual_register=residual_register,
-        residual_sign=residual_sign,
-        power_register=int(power_register),
-        power_sign=float(power_sign),
-        driven=int(energy.driven),
-        sizes=equations.sizes.astype(float),
-        slowest=float(equations.slowest),
-        projections=TOLERANCES.projection_steps,
-        projected=TOLERANCES.projection_residual,
-        accepted=TOLERANCES.projection_residual_failed,
-        angle=_integers(part.start + 1 for _, part in attitudes.parts),
-        least_cosine=_floats(
+    tables = {
+        "run_operation": [operation for operation, _ in code.runs],
+        "run_start": [0, *(end for _, end in code.runs)],
+        "first": [x for x, _ in code.operands],
+        "second": [x for _, x in code.operands],
+        "ends": code.ends,
+        "w": w,
+        "entry_register": entry,
+        "entry_factor": entry_sign,
+        "entry_row": [max(pair) for pair in places],
+        "entry_column": [min(pair) for pair in places],
+        "entry_target": [-1 if i == j else at[max(i, j), min(i, j)] for i, j in places],
+        "entry_value": np.zeros(len(matrix)),
+        "right_register": right_register[order],
+        "right_factor": -right_sign[order],
+        "shift": shift[order],
+        "column_start": start,
+        "lower_row": [row for column in columns for row in column],
+        "lower": np.zeros(int(start[-1])),
+        "update_start": np.cumsum([0, *map(len, updates)]),
+        "update_target": [target for column in updates for target in column],
+        **{name: np.zeros(n + rank) for name in ("diagonal", "b", "x", "dx", "right")},
+        "place": place[:n],
+        "row_place": [place[unknown[i]] if i in unknown else -1 for i in range(rows)],
+        "jacobian_row": [i for i, _, _ in jacobian],
+        "jacobian_column": [j for _, j, _ in jacobian],
+        "jacobian_register": jacobian_register,
+        "jacobian_sign": jacobian_sign,
+        "mass_row": [i for i, _, _ in mass],
+        "mass_column": [j for _, j, _ in mass],
+        "mass_register": mass_register,
+        "mass_sign": mass_sign,
+        "residual_register": residual_register,
+        "residual_sign": residual_sign,
+        "left": np.where(shift[order] < 0.0, 1.0 / np.sqrt(max(rank, 1)), 0.0),
+        "reach": np.zeros(rows),
+        "best": np.zeros(2 * n),
+        "scale": np.zeros(n),
+        "row_scale": np.zeros(rows),
+        "sizes": np.zeros(n),
+        "angle": [part.start + 1 for _, part in attitudes.parts],
+        "least_cosine": [
             REFERENCE.euler_cosine_pinned if i in attitudes.pinned else REFERENCE.euler_cosine_chart_left
             for i, _ in attitudes.parts
-        ),
-        pinned=_integers(i in attitudes.pinned for i, _ in attitudes.parts),
-        left=np.where(shift[order] < 0.0, 1.0 / np.sqrt(max(rank, 1)), 0.0),
-        right=np.zeros(size),
-        reach=np.zeros(rows),
-        best=np.zeros(2 * n),
-    )
+        ],
+        "pinned": [i in attitudes.pinned for i, _ in attitudes.parts],
+    }
+    numbers = {
+        "coordinates": n,
+        "rows": rows,
+        "holonomic": system.n_h,
+        "base": base,
+        "power_register": int(power_register),
+        "power_sign": float(power_sign),
+        "driven": int(energy.driven),
+        "projections": TOLERANCES.projection_steps,
+        "projected": TOLERANCES.projection_residual,
+        "accepted": TOLERANCES.projection_residual_failed,
+        "slowest": 0.0,
+    }
+    entries = np.array([(i, j) for i, j, _ in matrix], dtype=np.int64).reshape(-1, 2).T
+    return Layout(machine_code().machine(tables, **numbers), entries, order)
 
 
+def machine_of(equations: Constrained, free: Sequence[int], attitudes: Attitudes, energy: Energy) -> Machine:
+    """Return a scene as arrays; the base rotations of some bodies are set later."""
+    system, kept, table = equations.system, equations.kept, machine_code().table
+    key = (*kept, None, *free), energy
+    layout = system.remember("layout", key, lambda: layout_of(system, kept, free, attitudes, energy))
+    floats = layout.machine.floats.copy()
+    machine = layout.machine._replace(floats=floats, slowest=float(equations.slowest))
+    factors = np.concatenate([equations.scale, equations.row_scale[kept]])
+    table(machine, "entry_factor")[:] *= factors[layout.entries[0]] * factors[layout.entries[1]]
+    table(machine, "right_factor")[:] *= factors[layout.order]
+    for name in ("scale", "row_scale", "sizes"):
+        table(machine, name)[:] = getattr(equations, name)
+    return machine
+
+
+@cache
 def tableau_of(solver: str) -> Tableau:
     """Return an explicit integrator of SciPy, DOP853 or RK45, as arrays."""
     import scipy.integrate
@@ -214,11 +251,11 @@ def tableau_of(solver: str) -> Tableau:
     B = np.zeros(len(C))
     B[:s] = method.B
     if not len(more):
-        return Tableau(A, B, C, method.E[None], np.ascontiguousarray(method.P.T), s, 0, -1.0 / 5.0)
+        return Tableau(A, B, C, method.E[None], np.ascontiguousarray(method.P.T), 1, s, 0, -1.0 / 5.0)
     A[s + 1 :] = method.A_EXTRA
     first, last = np.eye(len(C))[[0, s]]
     W = np.vstack([B, first - B, 2.0 * B - first - last, method.D])
-    return Tableau(A, B, C, np.stack([method.E5, method.E3]), W, s, 1, -1.0 / 8.0)
+    return Tableau(A, B, C, np.stack([method.E5, method.E3]), W, 1, s, 1, -1.0 / 8.0)
 
 
 class State:
@@ -250,7 +287,7 @@ class State:
             before=np.concatenate([q, u]),
             k=np.zeros((stages, 2 * n)),
             power=np.zeros(stages),
-            t=np.array([t, options.first, 0.0, 0.0, 0.0, 0.0, least]),
+            t=np.array([t, options.step or options.first or 0.0, 0.0, 0.0, 0.0, 0.0, least]),
             counts=np.zeros(4, dtype=np.int64),
             absolute=options.tolerances(sizes),
             relative=TOLERANCES.step_tolerance_relative,
@@ -368,6 +405,7 @@ class Marching:
     def __init__(self, equations: Constrained, attitudes: Attitudes, energy: Energy, solver: str) -> None:
         self._code = machine_code()
         self._free = [i for i, _ in attitudes.parts if i not in attitudes.pinned]
+        self._sizes, self._fresh = equations.sizes, True
         self.machine = machine_of(equations, self._free, attitudes, energy)
         self.tableau = tableau_of(solver)
 
@@ -382,8 +420,8 @@ class Marching:
         options: Options,
         least: float,
         near: float,
-    ) -> str:
-        """Start at a state; return ``more``, or ``look`` if nothing can be done there.
+    ) -> None:
+        """Start at a state.
 
         Parameters
         ----------
@@ -395,18 +433,18 @@ class Marching:
             Remaining output times (s).
         end : float (s)
         options : Options
-            Options with a first step.
         least : float
             Square of the smallest singular value, in the metric of M, that others are compared with; 0: that here.
         near : float
             Fraction of that singular value below which no compiled steps are taken.
         """
         bases = [x for i in self._free for x in system.scene.bodies[i].base]
-        self.machine.w[2 * len(q) + 1 : 2 * len(q) + 1 + len(bases)] = bases
-        self.state = State(t, q, u, times, end, len(self.tableau.C), self.machine.sizes, options, least, near)
-        return "more" if self._code.begin(self.machine, self.state.march) else "look"
+        self._code.table(self.machine, "w")[2 * len(q) + 1 : 2 * len(q) + 1 + len(bases)] = bases
+        self.state = State(t, q, u, times, end, len(self.tableau.C), self._sizes, options, least, near)
+        self._fresh = True
 
     def go(self) -> str:
         """Take a limited number of steps; return why it stopped: ``done``, ``more``, ``chart`` or ``look``."""
-        reason = self._code.march(self.machine, self.tableau, self.state.march, TOLERANCES.compiled_steps)
-        return {self._code.DONE: "done", self._code.MORE: "more", self._code.CHART: "chart"}.get(reason, "look")
+        code, fresh, self._fresh = self._code, self._fresh, False
+        reason = code.march(self.machine, self.tableau, self.state.march, TOLERANCES.compiled_steps, fresh)
+        return {code.DONE: "done", code.MORE: "more", code.CHART: "chart"}.get(reason, "look")

@@ -92,11 +92,6 @@ class Projected:
         return y[: self.n], y[self.n :]
 
 
-def first_step(equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> float:
-    """Return the step (s) with which an explicit integrator of SciPy begins."""
-    return float(Projected(equations, t, q, u, end, options, implicit=False)._solver.h_abs)
-
-
 def explicit(equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> Stepper:
     """Start an explicit integrator of SciPy with projection."""
     return Projected(equations, t, q, u, end, options, implicit=False)

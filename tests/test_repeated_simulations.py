@@ -1,0 +1,147 @@
+"""What simulations of one mechanism share, what they must not share, and states that are recorded together."""
+
+import copy
+import itertools
+import math
+
+import numpy as np
+import pytest
+from chains import straight_chain
+
+import mbstab
+from mbstab.analysis.simulate import start
+from mbstab.analysis.simulate.constrained import Constrained
+from mbstab.analysis.simulate.steppers import compiled
+from mbstab.analysis.simulate.tolerances import TOLERANCES
+from mbstab.compiler.trace import OPERATIONS, Trace
+
+SWING = {"rod.theta": math.pi / 4}
+
+
+def counted(monkeypatch, module, name):
+    """Return a list that grows with each call of a function."""
+    calls, function = [], getattr(module, name)
+    monkeypatch.setattr(module, name, lambda *arguments: calls.append(1) or function(*arguments))
+    return calls
+
+
+def test_a_mechanism_that_is_simulated_again_is_not_worked_out_again(monkeypatch):
+    model = mbstab.load("pendulum.yaml")
+    references, starts = counted(monkeypatch, start, "_reference"), counted(monkeypatch, start, "_start_of")
+    one, other = (model.simulate(0.2, perturb=SWING, points=3, tol=tol) for tol in (1e-4, 1e-6))
+    assert (len(references), len(starts)) == (1, 1)
+    assert np.array_equal(one.q[0], other.q[0])
+    turned = model.simulate(0.2, perturb={"rod.theta": 0.1}, points=3)
+    assert (len(references), len(starts)) == (1, 2)
+    assert turned.q[0, 2] - 1.5 * math.pi == pytest.approx(0.1, abs=1e-14)
+    longer = model.simulate(0.2, perturb=SWING, points=3, L=0.4)
+    assert (len(references), len(starts)) == (2, 3)
+    assert longer.q[0, 0] == pytest.approx(2.0 * one.q[0, 0], rel=1e-12)
+
+
+def test_the_equations_for_machine_code_are_written_once(monkeypatch):
+    pytest.importorskip("numba")
+    model, written = mbstab.load("pendulum.yaml"), counted(monkeypatch, compiled, "layout_of")
+    first, _, again = (
+        model.simulate(0.2, perturb={"rod.theta": angle}, points=3, compiled=True) for angle in (0.3, 1.0, 0.3)
+    )
+    assert len(written) == 1
+    assert np.array_equal(first.q, again.q)  # nothing of the motion between them is left
+    model.simulate(0.2, points=3, compiled=True, L=0.4)
+    assert len(written) == 2
+
+
+def test_what_is_shared_is_not_changed_from_outside():
+    model = mbstab.load("pendulum.yaml")
+    one = model.simulate(0.1, perturb=SWING, points=3)
+    before = one.q.copy()
+    for x in (one.q, one.u, one.a, one.nu, one.sizes, one.positions):
+        x[...] = math.nan
+    assert np.array_equal(model.simulate(0.1, perturb=SWING, points=3).q, before)
+
+
+def test_numbers_that_are_equal_but_written_otherwise_are_others():
+    model = mbstab.load("pendulum.yaml")
+    assert model.system(L=0.2) is model.system(L=0.2)
+    assert model.system(L=1) is not model.system(L=1.0)
+    with pytest.raises(mbstab.errors.UsageError, match="one number"):
+        model.system(L=True)
+    assert model.system(L="0.2") is not model.system(L="200 mm")
+    assert copy.deepcopy(model).system(L=0.2) is not model.system(L=0.2)
+    with pytest.raises(mbstab.errors.UsageError, match="one number"):
+        _ = [model.simulate(0.1, perturb={"rod.theta": x}, points=2, once=True) for x in (1, True)]
+
+
+def test_parts_of_a_system_know_nothing_of_the_whole():
+    system = mbstab.load("double_pendulum.yaml").system()
+    assert system.remember("what", 1, lambda: "whole") == "whole"
+    assert system.remember("what", 1, lambda: "again") == "whole"
+    for _, part in system.parts():
+        assert part.remember("what", 1, lambda: "part") == "part"
+    assert system.in_arithmetic(system.scene).remember("what", 1, lambda: "other") == "other"
+    assert system.remember("what", 2, lambda: "again") == "again"
+
+
+@pytest.mark.parametrize("name", ["pendulum", "top", "kapitza", "governor", "rolling_disk", "slider_crank"])
+def test_states_looked_at_together_are_those_looked_at_one_by_one(name, monkeypatch):
+    model, found = mbstab.load(f"{name}.yaml"), []
+    together = Constrained.together
+
+    def looked(*arguments):
+        found.append(together(*arguments))
+        return found[-1]
+
+    monkeypatch.setattr(Constrained, "together", looked)
+    one = model.simulate(0.05, once=True, tol=1e-4, points=12)
+    assert found
+    assert all(x is not None for x in found)
+    monkeypatch.setattr(Constrained, "together", lambda *arguments: None)
+    other = model.simulate(0.05, once=True, tol=1e-4, points=12)
+    for key in ("q", "u", "a", "nu", "loads", "efforts", "kinetic", "work"):
+        a, b = getattr(one, key), getattr(other, key)
+        assert np.max(np.abs(a - b), initial=0.0) <= 1e-10 * np.max(np.abs(b), initial=0.0), key
+    assert np.max(np.abs(one.residuals - other.residuals)) <= 1e-15
+
+
+@pytest.mark.parametrize("name", ["pendulum", "top"])
+def test_the_error_is_neither_above_the_tolerance_nor_far_below(name):
+    perturb = SWING if name == "pendulum" else {"top.theta": 0.3}
+    model = mbstab.load(f"{name}.yaml")
+    exact = model.simulate(10.0, perturb=perturb, tol=1e-13, once=True, points=6)
+    sim = model.simulate(10.0, perturb=perturb, tol=1e-6, points=6)
+    error = max(
+        np.max(np.abs(sim.rotations - exact.rotations)),
+        np.max(np.abs(sim.positions - exact.positions)) / np.max(sim.sizes),
+    )
+    assert 1e-2 <= error / 1e-6 <= TOLERANCES.error_factor
+    assert sim.error_estimate <= 1e-6
+
+
+def test_operations_stand_in_long_runs_each_after_those_it_uses():
+    trace = Trace()
+    x = [trace.input(f"x{i}") for i in range(20)]
+    f = trace.arithmetic()
+    results = [f.sin(a) * f.cos(b) + a * b - f.exp(a) for a, b in itertools.pairwise(x)]
+    code = trace.code(x, [results, [a / b for a, b in itertools.pairwise(results)]])
+    ends = [end for _, end in code.runs]
+    assert len(code.runs) <= 8
+    assert ends[-1] == len(code.operands) > 120
+    assert ends == sorted(ends)
+    assert [OPERATIONS[k] for k, _ in code.runs[code.ends[0] :]] == ["/"]
+    first = code.inputs + len(code.constants)
+    assert all(max(pair) < first + i for i, pair in enumerate(code.operands))
+
+
+def test_a_chain_is_a_few_runs_of_operations():
+    pytest.importorskip("numba")
+    begin = start.start_of(mbstab.loads(straight_chain(20)).system())
+    equations = Constrained(begin.system, begin.motion)
+    from mbstab.analysis.reference.attitude import Attitudes
+    from mbstab.analysis.simulate.energy import Energy
+
+    machine = compiled.machine_of(equations, [], Attitudes.of(begin.system), Energy.of(begin.system))
+    table = compiled.machine_code()
+    place = table.RUN_START
+    starts = machine.integers[machine.integers[place] : machine.integers[place + 1]]
+    assert len(starts) < 16
+    assert starts[-1] > 400
