@@ -420,3 +420,16 @@ def test_matrices_that_nobody_reads_are_refused(monkeypatch, capsys):
     with pytest.raises(SystemExit) as stop:
         main(["linearize", "double_pendulum.yaml", "--symbolic", "--force"])
     assert not stop.value.code
+
+
+def test_values_in_a_unit_are_those_that_were_asked_for(tmp_path):
+    path = tmp_path / "rotor.yaml"
+    path.write_text(
+        "mbstab: 1\nparameters: {n: {value: 3000, unit: rpm}}\nbodies:\n  p: {type: point, mass: 1}\n"
+        "forces:\n  f: {type: expression, on: {p.x: -n*p.x, p.y: -n*p.y, p.z: -n*p.z}}\n"
+    )
+    asked = ("sweep", path, "--param", "n", "--from", 500, "--to", 4000, "--points", 8)
+    lines = run(*asked, "--format", "csv").stdout.splitlines()
+    assert [float(line.split(",")[0]) for line in lines[1:9]] == [500.0 * i for i in range(1, 9)]
+    data = json.loads(run("eig", path, "--set", "n=1500", "--format", "json").stdout)
+    assert data["parameters"]["n"]["value"] == 1500.0

@@ -294,6 +294,10 @@ class System:
         for element in self._elements:
             yield from ((element.path, law) for law in element.laws if isinstance(law, Law))
 
+    def numbers(self) -> Iterator[Any]:
+        """Yield the numbers of all elements: parameters, components of vectors, base rotations."""
+        yield from (number for element in self._elements for number in element.parameters)
+
     def in_arithmetic(self, scene: Scene) -> System:
         """Return the same elements in the arithmetic of another scene, which must not differ otherwise."""
 

@@ -144,6 +144,26 @@ class Expression:
             for node in self.walk()
         )
 
+    def coefficients(self, names: Mapping[str, Any], arithmetic: Arithmetic) -> list[Any]:
+        """Return the values of the largest parts that contain no other names than these, such as a − b in (a - b)*x."""
+        found: list[Any] = []
+
+        def known(node: Node) -> bool:
+            match node:
+                case Name():
+                    return node.name in names or node.name in CONSTANTS
+                case Rate():
+                    return False
+            parts = [(part, known(part)) for part in _parts(node)]
+            if all(whole for _, whole in parts):
+                return True
+            found.extend(_evaluate(part, names, {}, arithmetic) for part, whole in parts if whole)
+            return False
+
+        if known(self.root):
+            found.append(_evaluate(self.root, names, {}, arithmetic))
+        return found
+
     def evaluate(self, names: Mapping[str, Any], arithmetic: Arithmetic, rates: Mapping[str, Any] | None = None) -> Any:
         """Return the value.
 

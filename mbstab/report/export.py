@@ -58,10 +58,22 @@ def to_csv(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     return out.getvalue()
 
 
+def in_unit(values: Any, factor: float) -> Any:
+    """Return SI values in a unit: to 15 digits where these differ by rounding only, so that 500 rpm stays 500."""
+    import numpy as np
+
+    exact = np.asarray(values, dtype=float) / factor
+    short = np.array([float(f"{x:.15g}") for x in exact.ravel()]).reshape(exact.shape)
+    return np.where(np.abs(short * factor - values) <= 2.0 * np.spacing(np.abs(values)), short, exact)
+
+
 def parameters_data(model: Model, values: Mapping[str, float]) -> dict[str, Any]:
     """Return parameters as part of a JSON object: ``value`` in its ``unit``, and ``si`` for each."""
-    units = model.parameters
-    return {name: {"value": x / units[name].factor, "unit": units[name].unit, "si": x} for name, x in values.items()}
+    given = {name: model.parameters[name] for name in values}
+    return {
+        name: {"value": float(in_unit(values[name], p.factor)), "unit": p.unit, "si": values[name]}
+        for name, p in given.items()
+    }
 
 
 def _asked(result: EigenResult | PreciseResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
@@ -294,7 +306,7 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
 
 def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
     return {
-        "values": (result.values / factor).tolist(),
+        "values": in_unit(result.values, factor).tolist(),
         "branches": [{"real": column.real, "imag": column.imag} for column in result.branches.T],
         "unstable": [int(n) if n >= 0 else None for n in result.unstable],
         "verdicts": result.verdicts,
@@ -341,7 +353,7 @@ def sweep_csv(result: Sweep, factor: float) -> str:
     rows: list[list[Any]] = []
     for number, path in enumerate(paths, 1):
         missing = [float("nan")] * (2 * (count - path.branches.shape[1]))
-        columns = zip(path.values / factor, path.unstable, path.verdicts, path.branches, strict=True)
+        columns = zip(in_unit(path.values, factor), path.unstable, path.verdicts, path.branches, strict=True)
         for i, (x, n, verdict, row) in enumerate(columns):
             numbers = [float(part) for s in row for part in (s.real, s.imag)]
             status = path.problems.get(i, UNDECIDED if verdict == UNDECIDED else "ok").splitlines()[0]
@@ -366,7 +378,7 @@ def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
     wide = [np.pad(x.branches, ((0, 0), (0, count - x.branches.shape[1])), constant_values=np.nan) for x in paths]
     return {
         "parameter": np.array(result.parameter),
-        "values": np.concatenate([path.values for path in paths]) / factor,
+        "values": in_unit(np.concatenate([path.values for path in paths]), factor),
         "branches": np.concatenate(wide),
         "unstable": np.concatenate([path.unstable for path in paths]),
         "verdicts": np.array([word for path in paths for word in path.verdicts]),
@@ -447,7 +459,7 @@ def chart_data(result: Chart, labels: Sequence[tuple[str, float]], model: str, t
         "title": title,
         "parameters": result.parameters,
         "units": [unit for unit, _ in labels],
-        "values": [(x / factor).tolist() for x, (_, factor) in zip((result.x, result.y), labels, strict=True)],
+        "values": [in_unit(x, factor).tolist() for x, (_, factor) in zip((result.x, result.y), labels, strict=True)],
         "unstable": [[int(n) if n >= 0 else None for n in row] for row in result.unstable],
         "verdicts": result.verdicts,
         "boundaries": [curve / [factor for _, factor in labels] for curve in result.boundaries],
@@ -458,7 +470,7 @@ def chart_data(result: Chart, labels: Sequence[tuple[str, float]], model: str, t
 def chart_csv(result: Chart, labels: Sequence[tuple[str, float]]) -> str:
     """Return one line for each point of a chart."""
     verdicts = result.verdicts
-    x, y = (along / factor for along, (_, factor) in zip((result.x, result.y), labels, strict=True))
+    x, y = (in_unit(along, factor) for along, (_, factor) in zip((result.x, result.y), labels, strict=True))
     rows = [
         [float(a), float(b), int(result.unstable[i, j]) if result.unstable[i, j] >= 0 else "", verdicts[i][j]]
         for i, b in enumerate(y)
@@ -475,8 +487,8 @@ def chart_arrays(result: Chart, labels: Sequence[tuple[str, float]]) -> dict[str
     curves = [part for curve in result.boundaries for part in (curve / factors, np.full((1, 2), np.nan))]
     return {
         "parameters": np.array(result.parameters),
-        "x": result.x / factors[0],
-        "y": result.y / factors[1],
+        "x": in_unit(result.x, factors[0]),
+        "y": in_unit(result.y, factors[1]),
         "unstable": result.unstable,
         "verdicts": np.array(result.verdicts),
         "boundaries": np.concatenate(curves) if curves else np.zeros((0, 2)),

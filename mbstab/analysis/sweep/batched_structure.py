@@ -507,6 +507,26 @@ class Known:
         return kernel @ complement(orthonormal(inside @ transposed(right[:, right.shape[1] - along :]), along, good))
 
 
+def signs(system: System) -> Array:
+    """Return the signs of the numbers of all elements and of the coefficients in written expressions.
+
+    A force that is zero at one point and not at another has no trace in linear equations where it is of higher order,
+    and one that changes its sign drives instead of damping: structure is carried only between equal signs.
+
+    Returns
+    -------
+    ndarray, shape (points or 1, number)
+    """
+    scene = system.scene
+    written = [expression for item in scene.items for expression in item.entry.equations.values()]
+    written += [law.expression for _, law in system.given_functions()]
+    numbers = list(system.numbers())
+    for expression in written:
+        numbers += expression.coefficients(scene.parameters, scene.arithmetic)
+    found = [np.sign(np.atleast_1d(np.asarray(x, dtype=float))) for x in numbers]
+    return np.stack(np.broadcast_arrays(*found), axis=-1) if found else np.zeros((1, 0))
+
+
 def _reduced(matrix: Array, basis: Array) -> Array:
     """Return matrices restricted to a basis."""
     result: Array = transposed(basis) @ matrix @ basis

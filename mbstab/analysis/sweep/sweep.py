@@ -26,7 +26,6 @@ from mbstab.analysis.reference.continuation import follow as follow_path
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.batched_verdict import (
-    OPEN,
     WORD,
     unstable_counts,
 )
@@ -183,8 +182,8 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
 
 
 def _undecided(raw: Block) -> Index:
-    """Return the numbers of points that open eigenvalues leave undecided."""
-    open_ = np.any(raw.sides == OPEN, axis=1) & (raw.words == WORD[UNDECIDED])
+    """Return the numbers of points that are undecided; zeros that are neutral elsewhere are not among the values."""
+    open_ = raw.words == WORD[UNDECIDED]
     open_[list(raw.problems)] = False
     return np.flatnonzero(open_)
 
