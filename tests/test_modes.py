@@ -13,8 +13,8 @@ from sampling import sample
 from scipy import sparse
 
 import mbstab
-from mbstab.analysis.algebra.independent_rows import independent_rows
 from mbstab.analysis.algebra.inertia import ConstrainedForms
+from mbstab.analysis.algebra.sparse_rank import sparse_rank
 from mbstab.analysis.linear.verdict import STRENGTH
 from mbstab.cli import main
 from mbstab.errors import MbstabError, UsageError
@@ -209,7 +209,7 @@ def test_negative_squares_of_random_forms():
         J = np.where(rng.random((c, n)) < 0.3, rng.normal(size=(c, n)), 0.0)
         J = J[np.linalg.norm(J, axis=1) > 0.0]
         J = J / np.linalg.norm(J, axis=1, keepdims=True)
-        J = J[independent_rows(sparse.csr_array(J)).kept]
+        J = J[sparse_rank(sparse.csr_array(J)).kept]
         assert np.linalg.matrix_rank(J) == len(J)
         K = np.where(rng.random((n, n)) < 0.2, rng.normal(size=(n, n)), 0.0)
         K = K + K.T

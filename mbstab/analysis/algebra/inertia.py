@@ -4,12 +4,12 @@ With N a basis of the null space of J, which has c independent rows, NᵀKN has 
 [[K, Jᵀ], [J, 0]] (Chabrillac and Crouzeix 1984, Linear Algebra Appl. 63; Gould 1985, Math. Prog. 32). Those are
 counted by an LDLᵀ factorization (Sylvester's law of inertia), which must not pivot off the diagonal:
 
-    A = [[K/κ + JᵀJ, Jᵀ], [J, 0]],   κ = max |K|
+    A = [[K/κ + ρ JᵀJ, Jᵀ], [J, 0]],   κ = max |K|
 
-has the same inertia, and no zeros on the diagonal in place of K. Each row is matched with a coordinate, so that the
+has the same inertia for any ρ, and no zeros on the diagonal of K. Each row is matched with a coordinate, so that the
 product of the entries is largest (Duff and Pralet 2005, SIAM J. Matrix Anal. Appl. 27); rotations that diagonalize the
-2×2 blocks [[a, j], [j, 0]] of the pairs give B = TᵀAT without zeros on its diagonal. The computed factors are exactly
-those of B + E; the count is that of B if |E| is less than the smallest singular value of B, with a margin.
+2×2 tiles [[a, j], [j, 0]] of the pairs leave B = TᵀAT without zeros on its diagonal. The factors that are found are
+exactly those of B + E; the count is that of B if |E| is less than the smallest singular value of B, with a margin.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.sparse import bordered
 from mbstab.analysis.algebra.tolerances import EPS, TOLERANCES
 from mbstab.compiler.system import Array
 
@@ -53,18 +54,22 @@ class ConstrainedForms:
         if not largest:
             return None
         unsure = unsure / largest + 4.0 * TOLERANCES.entry_rounding * self.c**0.5
-        found = self._sparse(K / largest, unsure) if self._partner is not None else None
+        found = None
+        # Pivots that cancel with one weight do not with another.
+        for weight in TOLERANCES.weights_of_rows if self._partner is not None else ():
+            found = self._sparse(K / largest, unsure, weight)
+            if found is not None or not self.c:
+                break
         if found is None and self.n <= TOLERANCES.dense_null_space:
             found = self._dense((K / largest).toarray(), unsure)
         return found
 
-    def _sparse(self, K: Any, unsure: float) -> int | None:
-        from scipy import sparse
+    def _sparse(self, K: Any, unsure: float, weight: float) -> int | None:
         from scipy.sparse.linalg import splu
 
         B = K
         if self.c:
-            A = sparse.block_array([[K + self._squares, self.J.T], [self.J, None]], format="csr")
+            A = bordered(K + weight * self._squares, self.J).tocsr()
             T = self._rotations(A.diagonal())
             B = T.T @ A @ T
         B = 0.5 * (B + B.T)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from decimal import Decimal
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 from mbstab.analysis.algebra.tolerances import EPS
@@ -202,6 +202,7 @@ def _held(x: Any) -> Any:
     return 0.0 if a <= 0.0 else 1.0 if a >= 1.0 else x
 
 
+@lru_cache(maxsize=4096)
 def _number(text: str) -> Any:
     v = float(text)
     exact = (v.is_integer() and abs(v) < 1e15 and "e-" not in text) or Decimal(text) == Decimal(v)

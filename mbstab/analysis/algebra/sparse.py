@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import lru_cache
 from typing import Any
 
@@ -20,13 +21,23 @@ def large(system: System) -> bool:
 
 def in_sparse(system: System, numbers: Numbers = FLOATS) -> System:
     """Return the same equations with matrices M, J, K, R, D_q, … as `scipy.sparse.csr_array`."""
+    known: dict[int, tuple[Any, Any]] = {}
 
     def form(data: Any, indices: Any, starts: Any, shape: tuple[int, int]) -> Any:
         from scipy.sparse import csr_array
 
-        return csr_array((data, indices, starts), shape=shape)
+        if id(indices) not in known:
+            known[id(indices)] = csr_array((data, indices, starts), shape=shape), indices
+        return with_data(known[id(indices)][0], data)
 
     return system.in_matrices(form, numbers)
+
+
+def with_data(A: Any, data: Any) -> Any:
+    """Return a sparse matrix with the pattern of another one; SciPy would check it again, which takes longer."""
+    found = copy(A)
+    found.data = data
+    return found
 
 
 def is_sparse(A: Any) -> bool:
@@ -46,7 +57,18 @@ def scaled(A: Any, columns: Array, rows: Array | None = None) -> Any:
     data = A.data * columns[A.indices]
     if rows is not None:
         data = data * np.repeat(rows, np.diff(A.indptr))
-    return type(A)((data, A.indices, A.indptr), shape=A.shape)
+    return with_data(A, data)
+
+
+def bordered(A: Any, J: Any, corner: float = 0.0) -> Any:
+    """Return [A Jᵀ; J c·1] by columns, of sparse arrays, to be factored; `scipy.sparse.block_array` takes longer."""
+    from scipy.sparse import csc_array
+
+    (c, n), A = J.shape, A.tocoo()
+    rows, last = np.repeat(np.arange(n, n + c), np.diff(J.indptr)), np.arange(n, n + c) if corner else np.arange(0)
+    i = np.concatenate([A.coords[0], rows, J.indices, last])
+    j = np.concatenate([A.coords[1], J.indices, rows, last])
+    return csc_array((np.concatenate([A.data, J.data, J.data, np.full(len(last), corner)]), (i, j)), shape=(n + c,) * 2)
 
 
 def row_norms(A: Any) -> Array:
@@ -103,13 +125,19 @@ def congruent(A: Any, N: Array) -> Array:
 # --- derivatives of maps that change few coordinates ----------------------------------------------------------------
 
 
+@lru_cache(maxsize=2)
 def unchanged(n: int) -> Any:
-    """Return the identity matrix, sparse for many coordinates."""
-    return np.eye(n) if n < TOLERANCES.sparse_derivatives_from else _unit_matrix(n)
+    """Return the identity matrix, sparse for many coordinates; always the same object, so that it is recognized."""
+    if n >= TOLERANCES.sparse_derivatives_from:
+        return identity(n)
+    found = np.eye(n)
+    found.flags.writeable = False
+    return found
 
 
 @lru_cache(maxsize=2)
-def _unit_matrix(n: int) -> Any:
+def identity(n: int) -> Any:
+    """Return the identity matrix, sparse."""
     from scipy.sparse import csr_array, eye_array
 
     return csr_array(eye_array(n))
@@ -127,6 +155,7 @@ def nothing(n: int) -> Any:
 def with_block(A: Any, part: slice, block: Array) -> Any:
     """Return a square matrix with one diagonal block replaced."""
     if not is_sparse(A):
+        A = A.copy()
         A[part, part] = block
         return A
     places = np.arange(part.start, part.stop)
@@ -143,23 +172,24 @@ def own_part(A: Any, places: Any) -> Array:
     if not is_sparse(A):
         result: Array = A[np.ix_(places, places)]
         return result
-    if A is _unit_matrix(A.shape[0]):
-        return np.eye(len(places))
-    part: Array = A[places][:, places].toarray()
-    return part
+    reached, rows = rows_of(A, np.asarray(places).tolist())
+    return rows if reached is places else rows[:, np.searchsorted(reached, places)]
 
 
 def rows_of(A: Any, places: list[int]) -> tuple[Any, Array]:
     """Return the nonzero columns of some rows of a square matrix, and the rows there; for an array all columns."""
+    if A is unchanged(A.shape[0]):
+        return places, np.eye(len(places))
     if not is_sparse(A):
         return slice(None), A[places]
-    if A is _unit_matrix(A.shape[0]):
-        # The fixed number of places of an element may repeat a coordinate.
-        reached, position = np.unique(places, return_inverse=True)
-        return reached, np.eye(len(reached))[position]
-    rows = A[places]
-    reached = np.union1d(rows.indices, places)
-    return reached, rows[:, reached].toarray()
+    # Much faster than indexing, which checks what it makes.
+    parts = [slice(A.indptr[i], A.indptr[i + 1]) for i in places]
+    columns = np.concatenate([A.indices[part] for part in parts])
+    reached = np.unique(np.concatenate([columns, places]))
+    rows = np.zeros((len(places), len(reached)))
+    own = np.repeat(np.arange(len(places)), [part.stop - part.start for part in parts])
+    rows[own, np.searchsorted(reached, columns)] = np.concatenate([A.data[part] for part in parts])
+    return reached, rows
 
 
 def put(values: Array, places: list[int], reached: Any, n: int) -> Array:
@@ -168,6 +198,8 @@ def put(values: Array, places: list[int], reached: Any, n: int) -> Array:
         result: Array = np.zeros(n)
         result[places] = values
         return result
+    if reached is places:
+        return values
     result = np.zeros(len(reached))
     result[np.searchsorted(reached, places)] = values
     return result

@@ -9,14 +9,17 @@ H [x; y] = [b; 0] gives the projection x of b onto the null space, and the least
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.rank import Rank
-from mbstab.analysis.algebra.sparse import row_norms, scaled
+from mbstab.analysis.algebra.arrays import Index
+from mbstab.analysis.algebra.inertia import ConstrainedForms
+from mbstab.analysis.algebra.sparse import bordered, identity, row_norms, scaled
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
+from mbstab.records import dataclass
 
 
 class Rows:
@@ -30,13 +33,10 @@ class Rows:
     """
 
     def __init__(self, J: Any, shift: float = 0.0) -> None:
-        from scipy.sparse import block_array, eye_array
         from scipy.sparse.linalg import splu
 
         self.J, (self.c, self.n) = J, J.shape
-        corner = -(shift**2) * eye_array(self.c) if shift else None
-        H = block_array([[eye_array(self.n), J.T], [J, corner]], format="csc")
-        self._lu = splu(H) if self.n + self.c else None
+        self._lu = splu(bordered(identity(self.n), J, -(shift**2))) if self.n + self.c else None
 
     def solve(self, top: Array, bottom: Array) -> tuple[Array, Array]:
         """Return x, y of H [x; y] = [top; bottom], vectors or columns."""
@@ -62,34 +62,94 @@ class Rows:
         return self.solve(np.zeros((self.n, *b.shape[1:])), b)[0]
 
 
-def sparse_rank(J: Any, tolerance: float = TOLERANCES.singular_value_zero) -> Rank:
-    """Return rank, null spaces and pseudo-inverse of sparse rows of unit length."""
-    from scipy.sparse.linalg import LinearOperator
+@dataclass(frozen=True)
+class SparseRank:
+    """A rank decision about sparse rows; as `mbstab.analysis.algebra.rank.Rank`, with bases that are made when asked.
 
-    c, n = J.shape
+    Attributes
+    ----------
+    J : sparse array, shape (c, n)
+        The rows.
+    kept : ndarray of int
+        Numbers of rows that are independent and span the others.
+    smallest_kept, largest_dropped : float
+        Singular values on both sides of the decision (inf and 0 where there is none).
+    left_null : ndarray, shape (c, c − rank)
+        Orthonormal combinations of rows that vanish.
+    doubtful : ndarray, shape (c,)
+        The combination of rows that is smallest without vanishing.
+    """
+
+    J: Any
+    kept: Index
+    smallest_kept: float
+    largest_dropped: float
+    left_null: Array
+    doubtful: Array
+
+    @property
+    def rank(self) -> int:
+        """Number of independent rows."""
+        return len(self.kept)
+
+    @property
+    def dropped(self) -> Index:
+        """Numbers of the other rows."""
+        return np.setdiff1d(np.arange(self.J.shape[0]), self.kept)
+
+    @property
+    def gap(self) -> float:
+        """Ratio of the singular values on both sides of the decision."""
+        return self.smallest_kept / self.largest_dropped if self.largest_dropped > 0.0 else np.inf
+
+    @cached_property
+    def rows(self) -> Rows:
+        """The independent rows, factored."""
+        return Rows(self.J[self.kept])
+
+    @cached_property
+    def forms(self) -> ConstrainedForms:
+        """Symmetric forms on the null space, counted without it."""
+        return ConstrainedForms(self.J[self.kept])
+
+    @cached_property
+    def null(self) -> Array:
+        """Orthonormal basis of the null space, as columns."""
+        return _null_space(self.rows, self.rows.n - self.rank)
+
+    @cached_property
+    def pseudo_inverse(self) -> Any:
+        """The pseudo-inverse, a linear operator."""
+        from scipy.sparse.linalg import LinearOperator
+
+        c, dependent = self.J.shape[0], self.left_null
+
+        def inverse(b: Array) -> Array:
+            b = np.asarray(b, dtype=float)
+            return self.rows.shortest((b - dependent @ (dependent.T @ b))[self.kept])
+
+        def transposed(b: Array) -> Array:
+            b = np.asarray(b, dtype=float)
+            y = np.zeros((c, *b.shape[1:]))
+            y[self.kept] = self.rows.multipliers(b)
+            return np.asarray(y - dependent @ (dependent.T @ y))
+
+        functions = {"matvec": inverse, "matmat": inverse, "rmatvec": transposed, "rmatmat": transposed}
+        return LinearOperator(self.J.shape[::-1], dtype=float, **functions)
+
+
+def sparse_rank(J: Any, tolerance: float = TOLERANCES.singular_value_zero) -> SparseRank:
+    """Return which sparse rows of unit length, or zero, are independent."""
+    c = J.shape[0]
     s, left = smallest_singular_values(J, tolerance) if c else (np.zeros(0), np.zeros((0, 0)))
     null = s <= tolerance
-    dependent, s_kept = left[:, null], s[~null]
-    dropped = [last for last, _ in last_rows(dependent)]
-    kept = np.setdiff1d(np.arange(c), dropped)
-    rows = Rows(J[kept])
-
-    def inverse(b: Array) -> Array:
-        b = np.asarray(b, dtype=float)
-        return rows.shortest((b - dependent @ (dependent.T @ b))[kept])
-
-    def transposed(b: Array) -> Array:
-        b = np.asarray(b, dtype=float)
-        y = np.zeros((c, *b.shape[1:]))
-        y[kept] = rows.multipliers(b)
-        return np.asarray(y - dependent @ (dependent.T @ y))
-
-    functions = {"matvec": inverse, "matmat": inverse, "rmatvec": transposed, "rmatmat": transposed}
-    operator = LinearOperator((n, c), dtype=float, **functions)
-    doubtful = left[:, ~null][:, int(np.argmin(s_kept))] if len(s_kept) else np.zeros(c)
-    least = float(np.min(s_kept)) if len(s_kept) else np.inf
-    most = float(np.max(s[null], initial=0.0))
-    return Rank(len(kept), least, most, _null_space(rows, n - len(kept)), dependent, doubtful, operator)
+    dependent, above = left[:, null], np.flatnonzero(~null)
+    kept = np.setdiff1d(np.arange(c), [last for last, _ in last_rows(dependent)])
+    least, doubtful = np.inf, np.zeros(c)
+    if len(above):
+        first = above[int(np.argmin(s[above]))]
+        least, doubtful = float(s[first]), left[:, first]
+    return SparseRank(J, kept, least, float(np.max(s[null], initial=0.0)), dependent, doubtful)
 
 
 def smallest_singular_values(

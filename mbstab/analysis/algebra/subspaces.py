@@ -12,13 +12,13 @@ eigenvalues.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from mbstab.analysis.algebra.rank import Rank, rank_of
 from mbstab.analysis.algebra.sparse import is_sparse, row_norms, scaled
-from mbstab.analysis.algebra.sparse_rank import last_rows, sparse_rank
+from mbstab.analysis.algebra.sparse_rank import SparseRank, last_rows, sparse_rank
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Row
 from mbstab.errors import ConstraintError
@@ -55,7 +55,7 @@ class Subspaces:
 
     scale: Array
     row_scale: Array
-    C: Rank
+    C: Rank | SparseRank
     W: Rank
 
     @property
@@ -73,6 +73,13 @@ class Subspaces:
         """Basis of the speeds that all rows allow, N Z, shape (n_q, dim η)."""
         return self.N @ self.Z if self.W.left_null.size or self.W.rank else self.N
 
+    def projected(self, x: Array) -> Array:
+        """Return the part of a vector that all rows allow."""
+        if isinstance(self.C, SparseRank) and not len(self.W.left_null):
+            return self.C.rows.allowed(x)
+        result: Array = self.allowed @ (self.allowed.T @ x)
+        return result
+
     def inverse(self, J: Any) -> Any:
         """Return the pseudo-inverse of the scaled rows, all together, shape (n_q, n_c)."""
         if is_sparse(J):
@@ -82,7 +89,7 @@ class Subspaces:
     @property
     def n_f(self) -> int:
         """Number of finite eigenvalues."""
-        return int(self.N.shape[1] + self.Z.shape[1])
+        return 2 * (len(self.scale) - self.C.rank) - self.W.rank
 
 
 def coordinate_scale(M: Any, sizes: Array) -> Array:
@@ -121,25 +128,12 @@ def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array) -> Su
     unit = scaled(J, scale, row_scale)
     C = sparse_rank(unit[:n_h]) if is_sparse(J) else rank_of(unit[:n_h])
     require_gap(C, rows[:n_h])
-    W = rank_of(unit[n_h:] @ C.null)
+    W = rank_of(unit[n_h:] @ C.null if n_h < len(rows) else np.zeros((0, len(scale) - C.rank)))
     require_gap(W, rows[n_h:])
     return Subspaces(scale, row_scale, C, W)
 
 
-class Decision(Protocol):
-    """A rank decision with the singular values on both sides, and the row combination of the smallest kept one."""
-
-    @property
-    def smallest_kept(self) -> float: ...  # noqa: D102
-    @property
-    def largest_dropped(self) -> float: ...  # noqa: D102
-    @property
-    def gap(self) -> float: ...  # noqa: D102
-    @property
-    def doubtful(self) -> Array: ...  # noqa: D102
-
-
-def require_gap(rank: Decision, rows: Sequence[Row]) -> None:
+def require_gap(rank: Rank | SparseRank, rows: Sequence[Row]) -> None:
     """Refuse a rank decision without a gap.
 
     Raises

@@ -46,6 +46,8 @@ class Tolerances:
     exists."""
     entry_rounding: Final = 4.0 * EPS
     """Accuracy of the entries of rows."""
+    weights_of_rows: Final = (0.7, 1.3, 0.3)
+    """Weights with which squares of rows are added to forms that are factored, in turn."""
     inertia_error: Final = 0.1
     """Backward errors of factors and errors of entries may be this fraction of the smallest singular value."""
     dense_null_space: Final = 1500

@@ -49,6 +49,7 @@ import numpy.typing as npt
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.rank import Rank, rank_of
+from mbstab.analysis.algebra.sparse_rank import SparseRank
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.methods import Found
@@ -273,7 +274,7 @@ def _vectors(A: Array, values: Complex) -> Complex:
     return found
 
 
-def _row_rates(rate: Array, rows: Rank) -> Complex:
+def _row_rates(rate: Array, rows: Rank | SparseRank) -> Complex:
     """Return the eigenvalues of G in rate = G · rows, on the row space."""
     kept = rank_of(rows.left_null.T).null
     result: Complex = np.linalg.eigvals(kept.T @ rate @ rows.pseudo_inverse @ kept).astype(complex)

@@ -144,46 +144,42 @@ class Modes:
     """Bodies and coordinates that move in each mode; in large scenes conjugates share a vector."""
 
     def __init__(self, linear: Linearization, placed: Placed) -> None:
-        self.linear, self.placed = linear, placed
-        scale = linear.motion.spaces.scale
-        self._mass = scaled(linear.M, scale, scale)
-        self._known: dict[int, tuple[dict[str, float], Complex | None]] = {}
+        self.placed, scale = placed, linear.motion.spaces.scale
+        self._shares = participation(scaled(linear.M, scale, scale), linear.names, placed.vectors)
+        self._shapes = mode_shapes(scale[:, None] * placed.vectors, linear.motion.sizes)
 
     def of(self, i: int) -> tuple[dict[str, float], Complex | None]:
         """Return the participation of the bodies and the shape of a mode."""
-        linear, placed = self.linear, self.placed
+        placed = self.placed
         j = i if placed.column is None else int(placed.column[i])
-        if j not in self._known:
-            x = placed.vectors[:, j] + 0j
-            shape = mode_shape(linear.motion.spaces.scale * x, linear.motion.sizes)
-            self._known[j] = participation(self._mass, linear.names, x), shape
-        shares, shape = self._known[j]
+        shares, shape = self._shares[j], self._shapes[j]
         mirrored = placed.column is not None and placed.values[i].imag < 0.0
         return shares, shape.conj() if mirrored and shape is not None else shape
 
 
-def mode_shape(dq: Complex, sizes: Array) -> Complex | None:
-    """Return a mode scaled so that the coordinate that moves most, relative to its size, is 1; None if nothing moves.
+def mode_shapes(dq: Any, sizes: Array) -> list[Complex | None]:
+    """Return modes scaled so that the coordinate that moves most, relative to its size, is 1; None if nothing moves.
 
     Parameters
     ----------
-    dq : ndarray of complex, shape (n_q,)
+    dq : ndarray, shape (n_q, k)
+        Modes as columns.
     sizes : ndarray, shape (n_q,)
         Characteristic sizes of the coordinates (m, rad).
     """
-    moved = np.abs(dq) / sizes
-    most = float(np.max(moved, initial=0.0))
-    if not (most > 0.0 and math.isfinite(most)):
-        return None
-    # The first of those that move equally, so that rounding does not decide.
-    largest = int(np.flatnonzero(moved >= (1.0 - 1e-9) * most)[0])
-    shape: Complex = dq / dq[largest] + 0.0
-    shape[largest] = 1.0
-    return shape
+    moved = np.abs(dq) / sizes[:, None]
+    most = np.max(moved, axis=0, initial=0.0)
+    with np.errstate(all="ignore"):
+        # The first of those that move equally, so that rounding does not decide.
+        largest = np.argmax(moved >= (1.0 - 1e-9) * most, axis=0)
+        columns = np.arange(dq.shape[1])
+        shapes = (dq / dq[largest, columns]).astype(complex).T + 0.0
+    shapes[columns, largest] = 1.0
+    return [shape if 0.0 < size < math.inf else None for shape, size in zip(shapes, most.tolist(), strict=True)]
 
 
-def participation(M: Any, names: Sequence[str], x: Complex) -> dict[str, float]:
-    """Return the share of each body in the kinetic energy of a mode.
+def participation(M: Any, names: Sequence[str], x: Any) -> list[dict[str, float]]:
+    """Return for each mode the share of each body in its kinetic energy.
 
     Parameters
     ----------
@@ -191,14 +187,15 @@ def participation(M: Any, names: Sequence[str], x: Complex) -> dict[str, float]:
         In scaled coordinates.
     names : sequence of str
         Names of the coordinates.
-    x : ndarray of complex, shape (n_q,)
-        Δq in scaled coordinates.
+    x : ndarray, shape (n_q, k)
+        Δq in scaled coordinates, as columns.
     """
     energy = np.real(x.conj() * (M @ x))
-    total = float(np.sum(energy))
+    total = np.sum(energy, axis=0)
     bodies, owner = _owners(tuple(names))
-    shares = np.bincount(owner, weights=energy / total if total > 0.0 else 0.0 * energy, minlength=len(bodies))
-    return dict(zip(bodies, shares.tolist(), strict=True))
+    shares = np.zeros((len(bodies), x.shape[1]))
+    np.add.at(shares, owner, np.where(total > 0.0, energy / np.where(total > 0.0, total, 1.0), 0.0))
+    return [dict(zip(bodies, mode, strict=True)) for mode in shares.T.tolist()]
 
 
 @lru_cache(maxsize=8)
@@ -261,8 +258,10 @@ def _of_large(system: System, zeros: Callable[[], int] | None) -> EigenResult | 
             raise
     if found is None:
         return None
-    known = all(e.error_bound < math.inf for e in found.eigenvalues if e.kind != "neutral")
-    return found if (known and found.verdict != UNDECIDED) or not affordable else None
+    # Many of which nothing can be said are no clearer with dense matrices, which take minutes for them.
+    vague = sum(e.kind == "undecided" or e.error_bound == math.inf for e in found.eigenvalues if e.kind != "neutral")
+    settled = found.verdict != UNDECIDED and not any(e.error_bound == math.inf for e in found.eigenvalues)
+    return found if settled or not affordable or vague > TOLERANCES.vague_looked_at_again else None
 
 
 def inexact(found: list[Eigenvalue], remedy: str = "; --precision gives more digits") -> tuple[str, ...]:

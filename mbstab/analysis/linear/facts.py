@@ -326,5 +326,6 @@ def balanced(space: StateSpace, gamma: float) -> Array:
     """Return S with speeds in units of γ, so that its blocks are of similar size."""
     weights = np.ones(len(space.A))
     weights[space.n_xi :] = gamma
-    result: Array = space.A * weights / weights[:, None]
+    result: Array = space.A * weights
+    result /= weights[:, None]
     return result

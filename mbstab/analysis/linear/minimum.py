@@ -21,10 +21,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.algebra.sparse import congruent
+from mbstab.analysis.algebra.inertia import ConstrainedForms
+from mbstab.analysis.algebra.sparse import scaled
+from mbstab.analysis.algebra.sparse_rank import SparseRank
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
-from mbstab.analysis.linear.neutral import Separated, Structure, complement, orthonormal
+from mbstab.analysis.linear.neutral import Separated, Structure
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import Minimum
@@ -158,24 +160,22 @@ class SecondVariation:
         return sign_of(W.T @ self.H @ W, np.abs(W).T @ self.known_to @ np.abs(W))
 
     def _definite_in_large(self) -> int:
-        """Return the same at rest and without rows on speeds, where positions and speeds decouple."""
-        linear, space, spaces = self.linear, self.structure.space, self.linear.motion.spaces
-        n, symmetries = space.n_xi, self.structure.invariance.symmetries
-        columns = [self.structure.column(x.direction, x.rate)[:n] for x in symmetries]
-        W = complement(orthonormal(columns, n)) if columns else None
-        N = spaces.scale[:, None] * spaces.N
-        stiffness = congruent(linear.K, N)
-        found = []
-        errors = roundings(linear).errors
-        for own, of, error in ((stiffness, linear.K, errors.K), (space.M_z, linear.M, errors.M)):
-            h, known = (
-                0.5 * (own + own.T),
-                congruent(error + TOLERANCES.roundings_of_variation * EPS * abs(of), np.abs(N)),
-            )
-            if W is not None and own is stiffness:
-                h, known = W.T @ h @ W, np.abs(W).T @ known @ np.abs(W)
-            found.append(signature(h, 0.5 * (known + known.T)))
-        return found[0] if found[0] == found[1] else 0
+        """Return 1 if the stiffness is positive on all motions that are allowed, apart from symmetries; 0 if unknown.
+
+        So it is at rest and without rows on speeds; that these motions carry mass is known.
+        """
+        from scipy.sparse import csr_array, vstack
+
+        linear, spaces = self.linear, self.linear.motion.spaces
+        assert isinstance(spaces.C, SparseRank)
+        forms, symmetries = spaces.C.forms, self.structure.invariance.symmetries
+        if symmetries:
+            basis = np.linalg.qr(np.array([x.direction / spaces.scale for x in symmetries]).T)[0]
+            further = csr_array(np.where(np.abs(basis) > EPS, basis, 0.0).T)
+            forms = ConstrainedForms(vstack([spaces.C.J[spaces.C.kept], further], format="csr"))
+        error = roundings(linear).errors.K + TOLERANCES.roundings_of_variation * EPS * abs(linear.K)
+        K, error = (scaled(x, spaces.scale, spaces.scale) for x in (linear.K, error))
+        return int(forms.negatives(0.5 * (K + K.T), float(np.linalg.norm(error.data))) == 0)
 
     # --- what it says -------------------------------------------------------------------------------------------------
 
@@ -324,26 +324,3 @@ def sign_of(h: Array, known_to: Array) -> int:
             if least > float(np.linalg.norm(known_to * scale * scale[:, None], 2)):
                 return sign
     return 0
-
-
-def signature(h: Array, known_to: Array) -> int:
-    """Return the same as `sign_of` for a large matrix; the rounding is bounded by a single factor (Collatz 1942)."""
-    if not len(h):
-        return 1
-    sign = 1 if h[0, 0] > 0.0 else -1
-    diagonal = sign * np.diag(h)
-    if not np.all(diagonal > np.diag(known_to)):
-        return 0
-    scale = 1.0 / np.sqrt(diagonal)
-    known = known_to * scale * scale[:, None]
-    x = np.ones(len(h))
-    for _ in range(TOLERANCES.variation_powers):
-        y = known @ x + EPS * x
-        most, x = float(np.max(y / x)), y / np.max(y)
-    shifted = sign * h * scale * scale[:, None]
-    shifted[np.diag_indices(len(h))] -= 2.0 * most + len(h) * EPS
-    try:
-        np.linalg.cholesky(shifted)
-    except np.linalg.LinAlgError:
-        return 0
-    return sign

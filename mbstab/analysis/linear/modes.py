@@ -21,7 +21,7 @@ import numpy as np
 from mbstab.analysis.algebra.budget import Cost
 from mbstab.analysis.linear.census import Resting, census, resting
 from mbstab.analysis.linear.constancy import time_doubt
-from mbstab.analysis.linear.eigenvalues import inexact, mode_shape, participation, with_saddles
+from mbstab.analysis.linear.eigenvalues import inexact, mode_shapes, participation, with_saddles
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.few import Few, few
 from mbstab.analysis.linear.linearize import Linearization, linearize
@@ -183,13 +183,12 @@ def _result(subject: _Subject, found: Few, number: Census, warnings: tuple[str, 
     )  # fmt: skip
     verdict = judge(facts)
     listed: list[Eigenvalue] = []
-    M = equations.matrices.M
-    for i, disc in enumerate(discs):
-        x = found.vectors[:, i]
-        vector = mode_shape(equations.scale * x, subject.sizes)
+    shares = participation(equations.matrices.M, subject.names, found.vectors)
+    vectors = mode_shapes(equations.scale[:, None] * found.vectors, subject.sizes)
+    for i, (disc, share, vector) in enumerate(zip(discs, shares, vectors, strict=True)):
         e = Eigenvalue(
             disc.centre, _kind(disc), disc.radius, float(found.condition[i]), float(found.backward_error[i]),
-            participation(M, subject.names, x), vector=vector,
+            share, vector=vector,
         )  # fmt: skip
         listed.append(e)
         if disc.centre.imag:

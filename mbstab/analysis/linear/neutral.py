@@ -127,7 +127,7 @@ class Structure:
         eta = spaces.Z.T @ (spaces.N.T @ (rate.T / spaces.scale).T - space.A[:n, :n] @ xi)
         return np.concatenate([xi, eta / self.gamma])
 
-    def _columns(self, pairs: list[tuple[Array, Array]]) -> list[Array]:
+    def columns(self, pairs: list[tuple[Array, Array]]) -> list[Array]:
         """Return disturbances one by one; those of a large scene are computed together."""
         if not self.linear.system.sparse or not pairs:
             return [self.column(direction, rate) for direction, rate in pairs]
@@ -158,8 +158,8 @@ class Structure:
             return unseparated(S)
         symmetries = self.invariance.symmetries
         boosts = self.invariance.boosts
-        columns = self._columns([(item.direction, item.rate) for item in symmetries])
-        columns += self._columns([(np.zeros_like(item.direction), item.direction) for item in boosts])
+        columns = self.columns([(item.direction, item.rate) for item in symmetries])
+        columns += self.columns([(np.zeros_like(item.direction), item.direction) for item in boosts])
         family = [f"speed along {_axis(item)}" for item in boosts]
         rest, named = self._rest(S, columns)
         T = orthonormal([*columns, *rest], n)
@@ -198,7 +198,7 @@ class Structure:
 
     def symmetric(self, n: int) -> Array:
         """Return orthonormal directions of the symmetries alone, shape (n, d)."""
-        return orthonormal(self._columns([(item.direction, item.rate) for item in self.invariance.symmetries]), n)
+        return orthonormal(self.columns([(item.direction, item.rate) for item in self.invariance.symmetries]), n)
 
     def _rest(self, S: Array, columns: list[Array]) -> tuple[list[Array], list[str]]:
         """Return the directions of neighbouring rest positions, where rows on speeds leave a manifold of them.
@@ -316,7 +316,7 @@ class Structure:
 
         Motions of such a family need not be steady where other conserved functions have other values.
         """
-        return any(not self.invariance.conserves(item.of) for item in self.invariance.boosts)
+        return not all(self.invariance.passing([x.of for x in self.invariance.boosts], self.invariance.conserves))
 
 
 def admissible(directions: Array, allowed: Array) -> Array:

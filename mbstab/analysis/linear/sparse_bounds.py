@@ -32,9 +32,12 @@ Key = tuple[int, ...]
 
 @dataclass
 class _Vectors:
-    """Right vectors, as positions, and left ones, as forces, in scaled coordinates, of eigenvalues with Im s ≥ 0."""
+    """Right vectors, as positions, and left ones, as forces, in scaled coordinates, of eigenvalues with Im s ≥ 0.
 
-    s: Complex
+    Of squares s all are real, and left vectors are the right ones.
+    """
+
+    s: Any
     x: Any
     y: Any
 
@@ -44,11 +47,33 @@ def sparse_enclosures(linear: Linearization, space: StateSpace, gamma: float, S:
     pencil = SparsePencil(linear)
     with np.errstate(all="ignore"):
         still = _idle(space, T, L) if pencil.undamped else None
-        if still is not None:
-            found, rest = _undamped(space, still)
+        if still is None:
+            return _Discs(pencil, *_general(space, gamma, S, T, L)).placed()
+        return _rooted(_Discs(SparsePencil(linear, squares=True), _undamped(space, still), _Rest(0.0, 0.0)).placed())
+
+
+def _rooted(squares: Placed) -> Placed:
+    """Return ±√λ with their discs; a disc of squares that holds zero makes one disc about zero."""
+    roots: Complex = np.sqrt(squares.values.astype(complex))
+    values, count = np.asarray(np.concatenate([roots, -roots]) + 0.0, dtype=complex), len(roots)
+    bounds, discs = np.full(2 * count, np.inf), list[Disc]()
+    for disc in squares.discs:
+        size, radius = abs(disc.centre), disc.radius
+        images = tuple(count + i for i in disc.members)
+        if size <= radius < math.inf:
+            found = [Disc(0j, math.sqrt(size + radius) * (1.0 + 4.0 * EPS), disc.members + images)]
         else:
-            found, rest = _general(space, gamma, S, T, L)
-        return _Discs(pencil, found, rest).placed()
+            centre, reach = complex(np.sqrt(disc.centre + 0j)), math.inf
+            if radius < math.inf:
+                reach = radius / (math.sqrt(size) + math.sqrt(size - radius)) + 4.0 * EPS * math.sqrt(size)
+            found = [Disc(centre, reach, disc.members), Disc(-centre + 0.0, reach, images)]
+        for d in found:
+            own = list(d.members)
+            bounds[own] = d.radius + np.abs(values[own] - d.centre)
+        discs += found
+    column = np.tile(np.arange(count) if squares.column is None else squares.column, 2)
+    backward = np.tile(squares.backward_error, 2)
+    return Placed(values, discs, bounds, relative(bounds / EPS, values), backward, squares.vectors, column=column)
 
 
 @dataclass(frozen=True)
@@ -60,18 +85,14 @@ class _Rest:
     condition : float
     rate : float
         Size of S restricted to them (1/s).
-    free : float
-        1/mass of free motions.
     """
 
     condition: float
     rate: float
-    free: float = 0.0
 
     def at(self, s: Array) -> Array:
         """Return a bound of their part of the resolvent at a distance from zero."""
-        powers = [self.condition * self.rate**k / s ** (k + 1) for k in range(4)]
-        result: Array = sum(powers, self.free / s**2)
+        result: Array = np.asarray(sum(self.condition * self.rate**k / s ** (k + 1) for k in range(4)))
         return result
 
 
@@ -94,26 +115,22 @@ def _onto(X: Array) -> Array:
     return np.asarray(Q @ Q.T)
 
 
-def _undamped(space: StateSpace, still: Array) -> tuple[_Vectors, _Rest]:
-    """Return the pairs ±iω, or ±σ, of a symmetric problem without damping, apart from free positions."""
+def _undamped(space: StateSpace, still: Array) -> _Vectors:
+    """Return the squares λ of a symmetric problem without damping, apart from free positions.
+
+    Free positions do not couple to the others: K maps them to zero, and the others are orthogonal to them in M.
+    """
     from scipy.linalg import eigh
 
     n, M, k = space.n_xi, space.M_z, still.shape[1]
     stiffness = -M @ space.A[n:, :n]
-    stiffness, M, rest = 0.5 * (stiffness + stiffness.T), 0.5 * (M + M.T), _Rest(0.0, 0.0)
-    B = None
+    stiffness, M, N = 0.5 * (stiffness + stiffness.T), 0.5 * (M + M.T), space.spaces.N
     if k:
         B = np.linalg.qr(M @ still, mode="complete")[0][:, k:]
-        stiffness, inertia = B.T @ stiffness @ B, B.T @ M @ B
-        rest = _Rest(0.0, 0.0, 1.0 / float(np.linalg.eigvalsh(still.T @ M @ still)[0]))
-    squares, X = eigh(stiffness, M if B is None else inertia, check_finite=False)
-    rates = np.sqrt(np.abs(squares))
-    x = space.spaces.N @ (X if B is None else B @ X)
-    swings = squares > 0.0
-    values = np.concatenate([1j * rates[swings], rates[~swings], -rates[~swings]]).astype(complex)
-    columns = np.concatenate([np.flatnonzero(swings), *[np.flatnonzero(~swings)] * 2])
-    x = x if swings.all() else x[:, columns]
-    return _Vectors(values, x, x), rest
+        stiffness, M, N = B.T @ stiffness @ B, B.T @ M @ B, N @ B
+    squares, X = eigh(stiffness, M, check_finite=False)
+    x = N @ X
+    return _Vectors(-squares, x, x)
 
 
 def _general(space: StateSpace, gamma: float, S: Array, T: Array, L: Array) -> tuple[_Vectors, _Rest]:
@@ -175,7 +192,7 @@ class _Discs:
     def __init__(self, pencil: SparsePencil, found: _Vectors, rest: _Rest) -> None:
         self.pencil, self.found, self.rest = pencil, found, rest
         k = len(found.s)
-        self.s, self.slope = np.zeros((2, k), dtype=complex)
+        self.s, self.slope = np.zeros((2, k), dtype=found.s.dtype)
         self.step, self.first, self.right, self.left, self.backward = np.zeros((5, k))
         self.coupling = np.full(k, np.inf)
         for start in range(0, k, TOLERANCES.eigenvectors_at_once):
@@ -185,11 +202,8 @@ class _Discs:
             self._put(index, pencil.pairs(found.s[index], x, y))
 
     def _put(self, index: Any, pairs: Pairs) -> None:
-        real = self.found.s[index].imag == 0.0
-        # An undamped pair stays on the axis, a real eigenvalue real.
-        self.s[index] = np.where(real, pairs.s.real, pairs.s)
-        if self.found.y is self.found.x:
-            self.s[index] = np.where(real, self.s[index], 1j * self.s[index].imag)
+        # A real eigenvalue stays real.
+        self.s[index] = np.where(self.found.s[index].imag == 0.0, pairs.s.real, pairs.s)
         for name in ("slope", "step", "first", "right", "left", "backward"):
             getattr(self, name)[index] = getattr(pairs, name)
         self.first[index] += np.abs(pairs.s - self.s[index])
@@ -238,12 +252,11 @@ class _Discs:
         radius, second = self._singles()
         poor = np.flatnonzero(np.isfinite(radius) & (second > TOLERANCES.second_order_in_bound * self.first))
         for i in poor.tolist():
-            s = complex(self.s[i])
-            x, y = self.found.x[:, i].astype(complex), self.found.y[:, i].astype(complex)
-            found = self.pencil.better(s, x, y)
+            s = self.s[i]
+            found = self.pencil.better(s, *(z[:, [i]].astype(self.s.dtype) for z in (self.found.x, self.found.y)))
             if found is None:
                 continue
-            pairs = self.pencil.pairs(np.array([s]), found[0][:, None], found[1][:, None])
+            pairs = self.pencil.pairs(np.array([s]), *found)
             if pairs.right[0] * pairs.left[0] < self.right[i] * self.left[i] * abs(pairs.slope[0] / self.slope[i]):
                 self._put(np.array([i]), pairs)
 
@@ -271,13 +284,14 @@ class _Discs:
         """Return the effect of some eigenvalues and their conjugates on others."""
         x, y = self._unit(others)
         s = self.found.s[others]
-        nu = self.pencil.multipliers(self.pencil.force(s, x))
-        mu = self.pencil.multipliers(self.pencil.force(s.conj(), y, transposed=True))
+        nu = mu = self.pencil.multipliers(self.pencil.force(s, x))
+        if not self.pencil.squares:
+            mu = self.pencil.multipliers(self.pencil.force(s.conj(), y, transposed=True))
         # Sizes are the same for both.
         into = np.abs(y).T @ r.open + np.abs(mu).T @ r.rows
         back = np.abs(x).T @ r.shut + np.abs(nu).T @ r.columns
         total = np.zeros(len(own))
-        for image in (False, True):
+        for image in (False,) if self.pencil.squares else (False, True):
             x, y, nu, mu = (z.conj() if image else z for z in (x, y, nu, mu))
             centres = self.s[others].conj() if image else self.s[others]
             distance = np.abs(centres[:, None] - self.s[own])
@@ -324,10 +338,11 @@ class _Discs:
                 i = g[0]
                 one = [Disc(complex(centres[i]), float(radii[i]), (i,))]
                 discs += known[tuple(sorted(g))] if len(g) > 1 else one
-            met = _meeting(discs)
-            if not met:
+            found = [(discs[i].members[0], discs[j].members[0]) for i, j in _meeting(discs)]
+            if self.pencil.squares:  # in squares the equations are linear: their blocks may be wide
+                found += _lost(values, groups, known)
+            if not found:
                 return discs
-            found = [(discs[i].members[0], discs[j].members[0]) for i, j in met]
             joined = united(singles, found + [(g[0], i) for g in groups for i in g[1:]], partner)
             if len(joined) == len(groups):
                 groups_of = {i: g for g, members in enumerate(groups) for i in members}
@@ -352,8 +367,11 @@ class _Discs:
                 known[g] = [Disc(d.centre.conjugate(), d.radius, tuple(partner[i] for i in d.members))
                             for d in known[mirror[g]]]  # fmt: skip
 
-    def _basis(self, members: Key, values: Complex, partner: list[int], real: bool) -> tuple[complex, Complex, Complex]:
+    def _basis(self, members: Key, values: Complex, partner: list[int], real: bool) -> tuple[Any, Any, Any]:
         """Return the middle of a group and orthonormal bases of its right and left vectors."""
+        if self.pencil.squares:
+            X = np.linalg.qr(self.found.x[:, members])[0]
+            return np.mean(values[list(members)]), X, X
         count = len(self.s)
         x, y = (
             np.column_stack([z[:, i] if i < count else z[:, partner[i]].conj() for i in members]).astype(complex)
@@ -369,7 +387,7 @@ class _Discs:
     def _cluster(self, found: Block, members: Group, values: Complex, partner: list[int], real: bool) -> list[Disc]:
         """Return the discs of a group."""
         centre = found.s
-        unknown = [Disc(centre, math.inf, tuple(members))]
+        unknown = [Disc(complex(centre), math.inf, tuple(members))]
         others = np.ones(len(values), dtype=bool)
         others[members] = False
         everything, of = self._all
@@ -379,7 +397,7 @@ class _Discs:
             return unknown
         total = float(np.sum(1.0 / (distance * np.abs(self.slope[of[others]]))))
         error = found.error(total + float(self.rest.at(np.abs(np.array([centre])))[0]))
-        w, W = (z.astype(complex) for z in np.linalg.eig(found.D.real if real else found.D))
+        w, W = self._turned(found, real)
         reach = np.sum(np.abs(row_scaled_inverse(W)) @ error @ np.abs(W), axis=1) + 4.0 * EPS * abs(centre)
         reach = np.where(np.isfinite(reach), reach, np.inf)
         # The values are replaced by those of the block, in an order that keeps conjugates together.
@@ -392,13 +410,25 @@ class _Discs:
         for part in _covering_groups(w, reach):
             middle = complex(np.mean(w[part]))
             radius = float(np.max(np.abs(w[part] - middle) + reach[part]))
-            discs.append(Disc(centre + middle, radius, tuple(members[i] for i in part)))
+            discs.append(Disc(complex(centre) + middle, radius, tuple(members[i] for i in part)))
         # Even near to defective: no eigenvalue is farther from the middle than the norm.
         whole = float(np.linalg.norm(found.D, 2) + np.linalg.norm(error, 2)) + 4.0 * EPS * abs(centre)
         if not all(d.radius < whole for d in discs):
-            discs = [Disc(centre, whole, tuple(members))]
+            discs = [Disc(complex(centre), whole, tuple(members))]
         apart = max(abs(d.centre - centre) + d.radius for d in discs) < TOLERANCES.sparse_disc_distance * nearest
         return discs if apart else unknown
+
+    def _turned(self, found: Block, real: bool) -> tuple[Any, Any]:
+        """Return the eigenvalues of a block and their vectors."""
+        if not self.pencil.squares:
+            w, W = np.linalg.eig(found.D.real if real else found.D)
+            return w.astype(complex), W.astype(complex)
+        from scipy.linalg import eigh
+
+        mass = np.linalg.inv(found.inverse)
+        form = mass @ found.D
+        w, W = eigh(0.5 * (form + form.T), 0.5 * (mass + mass.T))
+        return w, W
 
 
 def partners_of(values: Complex, count: int) -> list[int]:
@@ -419,6 +449,17 @@ def _neighbours(values: Complex) -> tuple[Array, Any]:
         index[rows] = np.argmin(gap, axis=1)
         distance[rows] = np.min(gap, axis=1)
     return distance, index
+
+
+def _lost(values: Any, groups: list[Group], known: dict[Key, list[Disc]]) -> list[tuple[int, int]]:
+    """Return pairs to be joined: groups that are not apart from the others, each with the value nearest to it."""
+    found = []
+    for group in groups:
+        if 1 < len(group) < len(values) and math.isinf(known[tuple(sorted(group))][0].radius):
+            distance = np.min(np.abs(values - values[group][:, None]), axis=0)
+            distance[group] = np.inf
+            found.append((group[0], int(np.argmin(distance))))
+    return found
 
 
 def _meeting(discs: list[Disc]) -> list[tuple[int, int]]:

@@ -15,11 +15,13 @@ import numpy as np
 
 from mbstab.analysis.algebra.inertia import ConstrainedForms
 from mbstab.analysis.algebra.shift_invert import SparseQuadratic
+from mbstab.analysis.algebra.sparse import scaled
+from mbstab.analysis.algebra.sparse_rank import sparse_rank
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.reference.coefficients import Matrices
-from mbstab.analysis.reference.resting import Rest, scaled
+from mbstab.analysis.reference.resting import Rest
 from mbstab.compiler.system import Array
 from mbstab.model.schema import is_length
 from mbstab.records import dataclass
@@ -91,14 +93,12 @@ class SparseEquations:
         """Return the equations of any motion, from dense matrices."""
         from scipy.sparse import csr_array
 
-        from mbstab.analysis.algebra.independent_rows import independent_rows
-
         spaces, n_h = linear.motion.spaces, linear.n_h
         columns, rows = spaces.scale, spaces.row_scale
         J = linear.J * columns * rows[:, None]
-        C = independent_rows(csr_array(J[:n_h])).kept
+        C = sparse_rank(csr_array(J[:n_h])).kept
         both = np.concatenate([C, np.arange(n_h, len(J))]).astype(np.intp)
-        kept = both[independent_rows(csr_array(J[both])).kept]
+        kept = both[sparse_rank(csr_array(J[both])).kept]
 
         def chosen(m: Matrices) -> Matrices:
             weights = columns * columns[:, None]

@@ -6,6 +6,9 @@ With motions x, forces y and the multipliers ν, μ that belong to them, a two-s
 
 makes eigenvalues of the reduced matrix as accurate as the entries of the equations: errors of x and y enter as their
 product only (Lancaster 1961; Schwetlick and Schreiber 2012, Linear Algebra Appl. 436).
+
+Without damping the unknown is the square: λ = s² in Q = [λM + K, Jᵀ; J, 0], which is symmetric and linear in λ. Its
+eigenvalues are real and its vectors orthogonal, also where s = 0 is a double eigenvalue with one vector.
 """
 
 from __future__ import annotations
@@ -18,7 +21,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.algebra.sparse import largest, scaled
+from mbstab.analysis.algebra.sparse import bordered, largest, scaled
+from mbstab.analysis.algebra.sparse_rank import SparseRank
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.roundings import roundings
@@ -86,14 +90,25 @@ class Residuals(NamedTuple):
 
 
 class SparsePencil:
-    """M, R, K and J of a linearization without rows on speeds, in scaled coordinates, with their error bounds."""
+    """M, R, K and J of a linearization without rows on speeds, in scaled coordinates, with their error bounds.
 
-    def __init__(self, linear: Linearization) -> None:
-        self.linear = linear
+    Parameters
+    ----------
+    linear : Linearization
+    squares : bool
+        Take the square of a rate for `s` everywhere; see `undamped`.
+    """
+
+    def __init__(self, linear: Linearization, squares: bool = False) -> None:
+        self.linear, self.squares = linear, squares
         spaces = linear.motion.spaces
         self.scale, self.rows = spaces.scale, spaces.row_scale
         self.M, self.R, self.K, self.J, _ = self._scaled(Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q))
-        self.inverse = spaces.C.pseudo_inverse
+        self._odd = 0.5 * (self.K - self.K.T)
+        if squares:
+            self.K = self.K - self._odd
+        assert isinstance(spaces.C, SparseRank)
+        self.inverse, self.kept = spaces.C.pseudo_inverse, spaces.C.kept
         self.norms = [math.sqrt(float(abs(x).sum(axis=0).max()) * float(abs(x).sum(axis=1).max())) if x.nnz else 0.0
                       for x in (self.M, self.R, self.K, self.J)]  # fmt: skip
 
@@ -108,6 +123,8 @@ class SparsePencil:
         summed = (TOLERANCES.roundings_of_sum + 0.5 * math.log2(n)) * EPS
         own = (self.M, self.R, self.K, self.J)
         M, R, K, J = (x + summed * abs(y) for x, y in zip(found[:4], own, strict=True))
+        if self.squares:
+            M, K = M.maximum(M.T), K.maximum(K.T) + abs(self._odd)
         return Matrices(M, R, K, J, found.D_q)
 
     @cached_property
@@ -118,7 +135,7 @@ class SparsePencil:
     @property
     def undamped(self) -> bool:
         """Whether no force depends on speeds and K is symmetric."""
-        return not largest(self.R) and largest(self.K - self.K.T) <= TOLERANCES.symmetric_part * largest(self.K)
+        return not largest(self.R) and largest(self._odd) <= 0.5 * TOLERANCES.symmetric_part * largest(self.K)
 
     # --- products ---------------------------------------------------------------------------------------------------
 
@@ -127,7 +144,14 @@ class SparsePencil:
         M, R, K = (self.M, self.R, self.K) if parts is None else parts
         if transposed:
             M, R, K = M.T, R.T, K.T
+        if self.squares:
+            return s * product(M, x) + product(K, x)
         return s * s * product(M, x) + s * product(R, x) + product(K, x)
+
+    def slope(self, s: Complex, x: Any, transposed: bool = False) -> Any:
+        """Return the derivative of that by s, (2sM + R) x."""
+        M, R = (self.M.T, self.R.T) if transposed else (self.M, self.R)
+        return product(M, x) if self.squares else 2.0 * s * product(M, x) + product(R, x)
 
     def multipliers(self, force: Any) -> Any:
         """Return the least-squares solution ν of Jᵀ ν = −force."""
@@ -135,16 +159,18 @@ class SparsePencil:
 
     def residuals(self, s: Complex, x: Any, y: Any) -> Residuals:
         """Return the residuals of the equations with approximate eigenvectors, column by column."""
-        pull, push = self.force(s, x), self.force(s.conj(), y, transposed=True)
-        nu, mu = self.multipliers(pull), self.multipliers(push)
-        size_x, size_nu, size_y, size_mu = (np.abs(z) for z in (x, nu, y, mu))
-        J, e, size = self.J, self.errors, np.abs(s)
-        return Residuals(
-            nu, mu, pull + product(J.T, nu), product(J, x), push + product(J.T, mu), product(J, y),
-            self.force(size, size_x, e[:3]) + e.J.T @ size_nu, e.J @ size_x,
-            self.force(size, size_y, e[:3], transposed=True) + e.J.T @ size_mu, e.J @ size_y,
-            2.0 * s * product(self.M, x) + product(self.R, x),
-        )  # fmt: skip
+        right = self._side(s, x, False)
+        nu, off, gap, open_, rows = right
+        mu, back, drift, shut, columns = right if self.squares else self._side(s.conj(), y, True)
+        return Residuals(nu, mu, off, gap, back, drift, open_, rows, shut, columns, self.slope(s, x))
+
+    def _side(self, s: Complex, x: Any, transposed: bool) -> tuple[Any, Any, Any, Array, Array]:
+        """Return multipliers, residuals of forces and rows, and their bounds from the errors of the data."""
+        pull = self.force(s, x, transposed=transposed)
+        nu = self.multipliers(pull)
+        J, e, size, size_nu = self.J, self.errors, np.abs(x), np.abs(nu)
+        open_ = self.force(np.abs(s), size, e[:3], transposed) + e.J.T @ size_nu
+        return nu, pull + product(J.T, nu), product(J, x), open_, e.J @ size
 
     def pairs(self, s: Complex, x: Any, y: Any) -> Pairs:
         """Return corrected eigenvalues with the residuals of their vectors."""
@@ -165,7 +191,7 @@ class SparsePencil:
     def _weight(self, s: Complex) -> Array:
         M, R, K, _ = self.norms
         size = np.abs(s)
-        result: Array = size**2 * M + size * R + K
+        result: Array = (size * M if self.squares else size**2 * M + size * R) + K
         return result
 
     def across(self, s: Complex, gap: Array) -> Array:
@@ -175,25 +201,19 @@ class SparsePencil:
 
     # --- better vectors ---------------------------------------------------------------------------------------------
 
-    @cached_property
-    def _kept(self) -> Any:
-        redundant = {id(item.row) for item in self.linear.motion.redundant}
-        return np.array([i for i, row in enumerate(self.linear.rows) if id(row) not in redundant], dtype=int)
-
-    def better(self, s: complex, x: Complex, y: Complex) -> tuple[Complex, Complex] | None:
-        """Return vectors after one step of inverse iteration on both sides, or None."""
-        from scipy.sparse import block_array
+    def better(self, s: Any, x: Any, y: Any) -> tuple[Any, Any] | None:
+        """Return columns after one step of inverse iteration on both sides, or None."""
         from scipy.sparse.linalg import splu
 
-        n, J = len(self.scale), self.J[self._kept]
+        n, J = len(self.scale), self.J[self.kept]
         t = s * (1.0 + TOLERANCES.vector_shift)
-        H = block_array([[t * t * self.M + t * self.R + self.K, J.T], [J, None]], format="csc").astype(complex)
-        none = np.zeros(J.shape[0], dtype=complex)
+        forces = t * self.M + self.K if self.squares else t * t * self.M + t * self.R + self.K
+        H = bordered(forces, J).astype(x.dtype)
+        none = np.zeros((J.shape[0], 1), dtype=x.dtype)
         try:
             lu = splu(H)
-            right = lu.solve(np.concatenate([2.0 * s * (self.M @ x) + self.R @ x, none]))[:n]
-            slope = 2.0 * s.conjugate() * (self.M.T @ y) + self.R.T @ y
-            left = lu.solve(np.concatenate([slope, none]), "H")[:n]
+            right = lu.solve(np.concatenate([self.slope(s, x), none]))[:n]
+            left = lu.solve(np.concatenate([self.slope(s.conjugate(), y, transposed=True), none]), "H")[:n]
         except RuntimeError:
             return None
         return (right, left) if np.isfinite(right).all() and np.isfinite(left).all() else None
@@ -215,9 +235,9 @@ class Block:
         Sizes of the remaining residuals, including the effect of data errors.
     """
 
-    s: complex
-    D: Complex
-    inverse: Complex
+    s: Any
+    D: Any
+    inverse: Any
     data: Array
     bent: Array
     right: float
@@ -230,14 +250,17 @@ class Block:
         return result
 
 
-def blocks_of(pencil: SparsePencil, centres: list[complex], right: list[Complex], left: list[Complex]) -> list[Block]:
+def blocks_of(pencil: SparsePencil, centres: list[Any], right: list[Any], left: list[Any]) -> list[Block]:
     """Return the equations on several subspaces, given by bases of right and of left vectors."""
     widths = [X.shape[1] for X in right]
-    s, X, Y = np.repeat(np.array(centres, dtype=complex), widths), np.hstack(right), np.hstack(left)
+    s, X, Y = np.repeat(np.array(centres), widths), np.hstack(right), np.hstack(left)
     r = pencil.residuals(s, X, Y)
-    mass = product(pencil.M, X)
-    other = 2.0 * s.conj() * product(pencil.M.T, Y) + product(pencil.R.T, Y)
-    changes = [pencil.force(s, X, change[:3]) for change in pencil.displaced]
+    mass = product(pencil.M, X) * (not pencil.squares)  # half of Q''
+    other = pencil.slope(s.conj(), Y, transposed=True)
+    changes = [
+        (pencil.force(s, X, change[:3]) + product(change.J.T, r.nu), product(change.J, X))
+        for change in pencil.displaced
+    ]
     found, start = [], 0
     for centre, width in zip(centres, widths, strict=True):
         at = np.s_[:, start : start + width]
@@ -250,7 +273,7 @@ def blocks_of(pencil: SparsePencil, centres: list[complex], right: list[Complex]
             inverse = np.full(G.shape, np.nan + 0j)
         D = -inverse @ (Y_t @ r.off[at] + mu_t @ r.gap[at])
         data = np.abs(Y_t) @ r.open[at] + np.abs(mu_t) @ r.rows[at]
-        data = data + sum(np.abs(Y_t @ x[at]) for x in changes)
+        data = data + sum(np.abs(Y_t @ force[at] + mu_t @ gap[at]) for force, gap in changes)
         # The part of the residuals in the block is not an error.
         sizes = [
             _norm(r.off[at] + r.slope[at] @ D, r.open[at]),

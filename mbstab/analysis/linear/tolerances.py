@@ -87,6 +87,8 @@ class Tolerances:
     """Vectors are improved where the second order is more than this many times the first."""
     sparse_joining_rounds: Final = 12
     """Rounds of joining eigenvalues that cannot be told apart."""
+    vague_looked_at_again: Final = 30
+    """Up to so many eigenvalues that cannot be told from others or from the axis are looked at with dense matrices."""
     eigenvectors_at_once: Final = 64
     """Eigenvectors that are processed at once."""
     symmetric_part: Final = 1e-13
@@ -240,8 +242,6 @@ class Tolerances:
     # Second variation of the energy
     roundings_of_variation: Final = 30.0
     """The second variation is known to this many roundings of its terms."""
-    variation_powers: Final = 8
-    """Steps of the power method that bound the error of a large matrix."""
     force_across_rows: Final = 1e-9
     """Forces across rows on speeds vanish to this, relative to all forces."""
     momentum_multiples: Final = 33

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -71,6 +72,68 @@ class ElementComparison:
         self.elements = [_general(element) for element in system.acting()]
         self._steady: dict[bytes, bool] = {}
         self._forces: dict[tuple[int, int], tuple[State, Array]] = {}
+
+    @cached_property
+    def _numbers(self) -> dict[int, list[int]]:
+        """Numbers of the elements that contain each coordinate."""
+        found: dict[int, list[int]] = {}
+        for number, element in enumerate(self.elements):
+            for column in element.columns:
+                found.setdefault(column, []).append(number)
+        return found
+
+    def containing(self, field: Field) -> list[Acting]:
+        """Return the elements that contain coordinates that a shift changes; for other fields all of them."""
+        if not isinstance(field, Shift):
+            return self.elements
+        reached = {number for column in field.changed for number in self._numbers.get(column, ())}
+        return [self.elements[number] for number in sorted(reached)]
+
+    def passing(self, fields: Sequence[Field], test: Callable[[Any], bool]) -> list[bool]:
+        """Return which fields pass a test that asks elements and rows one by one.
+
+        In large scenes shifts of which no element and no row sees two are tested together, as long as they pass.
+        """
+        found, together = [False] * len(fields), list[tuple[Any, set[tuple[str, int]], list[int]]]()
+        for k, field in enumerate(fields):
+            if not (self.system.sparse and isinstance(field, Shift)):
+                found[k] = test(field)
+                continue
+            key, seen = self._sort(field), self._seeing(field)
+            for other, taken, members in together:
+                if key == other and taken.isdisjoint(seen):
+                    taken |= seen
+                    members.append(k)
+                    break
+            else:
+                together.append((key, seen, [k]))
+        parts = [members for _, _, members in together]
+        while parts:
+            part = parts.pop()
+            first: Any = fields[part[0]]
+            if test(first if len(part) == 1 else _sum([fields[k] for k in part])):
+                for k in part:
+                    found[k] = True
+            elif len(part) > 1:
+                parts += [part[: len(part) // 2], part[len(part) // 2 :]]
+        return found
+
+    def _sort(self, field: Shift) -> tuple[float, ...]:
+        """Return what shifts must have in common to be tested together: their steps and sizes."""
+        size = np.abs(field.direction)
+        return field.step, float(np.max(size)), float(np.max(size / self.motion.sizes))
+
+    def _seeing(self, field: Shift) -> set[tuple[str, int]]:
+        """Return the elements and the rows that contain coordinates that a shift changes."""
+        columns = self._columns_of_rows
+        rows = {
+            ("row", int(i)) for k in field.changed for i in columns.indices[columns.indptr[k] : columns.indptr[k + 1]]
+        }
+        return rows | {("element", i) for k in field.changed for i in self._numbers.get(k, ())}
+
+    @cached_property
+    def _columns_of_rows(self) -> Any:
+        return self.motion.dynamics.J.tocsc()
 
     @cached_property
     def rate(self) -> float:
@@ -169,7 +232,8 @@ class ElementComparison:
         try:
             for _ in range(TOLERANCES.newton_steps_onto_rows if n_h else 0):
                 state = system.dynamics(q, 0.0 * u, time)
-                step = self._shortest(state.J[:n_h], -state.E[:n_h])
+                shortest = self._shortest(state.J[:n_h])
+                step = shortest(-state.E[:n_h])
                 if float(np.max(np.abs(step))) > 4.0:
                     return None
                 q = q + sizes * step
@@ -177,24 +241,25 @@ class ElementComparison:
                     break
             for _ in range(2 if system.n_c else 0):
                 state = system.dynamics(q, u, time)
-                u = u + sizes * self._shortest(state.J, -state.V)
+                if system.n_n:
+                    shortest = self._shortest(state.J)
+                u = u + sizes * shortest(-state.V)
         except (MbstabError, ValueError, RuntimeError, np.linalg.LinAlgError):
             return None
         state = system.dynamics(q, u, time)
         return OnRows(q, u, 0.0 * u, state) if self._holds(state, u, within) else None
 
-    def _shortest(self, J: Any, b: Array) -> Array:
-        """Return the least-squares solution of J x = b of least norm, scaled by the sizes of the scene."""
-        if not is_sparse(J):
-            J = J * self.motion.sizes
-            lengths = np.linalg.norm(J, axis=1) + 1e-300
-            return np.asarray(np.linalg.lstsq(J / lengths[:, None], b / lengths, rcond=1e-10)[0])
+    def _shortest(self, J: Any) -> Callable[[Array], Array]:
+        """Return what gives the shortest x, in sizes of the scene, with J x = b, as nearly as can be."""
         J = scaled(J, self.motion.sizes)
-        lengths = row_norms(J)
-        redundant = {id(item.row) for item in self.motion.redundant}
-        kept = [i for i, row in enumerate(self.system.rows[: len(b)]) if id(row) not in redundant]
+        lengths = row_norms(J) if is_sparse(J) else np.linalg.norm(J, axis=1) + 1e-300
         unit = scaled(J, np.ones(len(self.motion.sizes)), 1.0 / lengths)
-        return Rows(unit[kept]).shortest((b / lengths)[kept])
+        if not is_sparse(J):
+            return lambda b: np.asarray(np.linalg.lstsq(unit, b / lengths, rcond=1e-10)[0])
+        redundant = {id(item.row) for item in self.motion.redundant}
+        kept = [i for i, row in enumerate(self.system.rows[: len(lengths)]) if id(row) not in redundant]
+        rows = Rows(unit[kept] if redundant else unit)
+        return lambda b: rows.shortest((b / lengths)[kept])
 
     def satisfies(self, q: Array, u: Array, time: float | None = None, part: System | None = None) -> bool:
         """Whether a state satisfies the constraint rows, or those of a part of the system."""
@@ -322,6 +387,8 @@ class ElementComparison:
     def accelerations(self, state: State, moved: Array, T: Array) -> Array:
         """Return the accelerations of a motion through a state after a map with the derivative T."""
         a: Array = T @ state.a
+        if not np.any(state.u) and not np.any(state.a):
+            return a
         for body, part in zip(self.system.scene.bodies, self.system.body_slices, strict=True):
             if body.orientation and self.system.scene.dimension == 3:
                 if is_sparse(T) and np.array_equal(moved[part], state.q[part]):
@@ -337,6 +404,11 @@ class ElementComparison:
                 )
                 a[angles] += np.linalg.solve(G, drift)
         return a
+
+
+def _sum(shifts: list[Any]) -> Shift:
+    """Return several shifts at once."""
+    return Shift(np.sum([x.direction for x in shifts], axis=0), shifts[0].step)
 
 
 def _general(element: Acting) -> Acting:

@@ -65,7 +65,7 @@ class Turn:
         return self.generator.field(q)
 
     def slope(self, q: Array) -> Any:  # noqa: D102
-        return self.generator.frame(q)[0]
+        return self.generator.slope(q)
 
     def moved(self, q: Array) -> tuple[Array, Any]:  # noqa: D102
         return self.generator.flow(q, self.time)

@@ -12,6 +12,7 @@ gives the accelerations and the multipliers. Which motion the file asks for is d
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NoReturn
 
@@ -20,8 +21,8 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.rank import rank_of
-from mbstab.analysis.algebra.sparse import congruent, dense, difference, largest, scaled
-from mbstab.analysis.algebra.sparse_rank import last_rows
+from mbstab.analysis.algebra.sparse import bordered, congruent, dense, difference, identity, largest, scaled
+from mbstab.analysis.algebra.sparse_rank import SparseRank, last_rows
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.steady import Family, Generator
@@ -31,6 +32,9 @@ from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, a
 from mbstab.model.schema import is_length
 from mbstab.model.units import parse_unit
 from mbstab.records import dataclass
+
+Accelerate = Callable[[Array, Array], Array]
+"""Returns a with M a + Jᵀ ν = force and J a = −gap of a force and a gap."""
 
 
 @dataclass(frozen=True)
@@ -353,12 +357,11 @@ class Finder:
         redundant = redundancies(state.J, spaces, system.n_h, system.rows)
         scale, row_scale = spaces.scale, spaces.row_scale
         J, M = scaled(state.J, scale, row_scale), scaled(state.M, scale, scale)
-        allowed = spaces.allowed
-        self._check_mass(state.M, allowed.T @ M @ allowed, allowed)
         inverse = spaces.inverse(J)
+        accelerate = self._accelerations(state.M, M, inverse, spaces)
         force, bias = -(state.F0 * scale), state.B * row_scale
         self._check_compatible(bias - J @ (inverse @ bias), bias)
-        a, nu = _balance(M, J, inverse, allowed, force, bias)
+        a, nu = _balance(M, J, inverse, accelerate, force, bias)
         if redundant:
             self._check_constant_rank(q, u, time, spaces, state.M)
             self.warnings += [f"redundant constraint: {item}" for item in redundant]
@@ -374,12 +377,35 @@ class Finder:
         )  # fmt: skip
         if steady is not None:
             expected = steady.acceleration(q)
-            self._check_steady(motion, allowed, expected, steady)
+            self._check_steady(motion, expected, steady)
             # The accelerations are known exactly; only the reactions are asked for.
             a = expected / scale
-            _, nu = _balance(M, J, inverse, allowed[:, :0], force - M @ a, 0.0 * bias)
+            _, nu = _balance(M, J, inverse, lambda missing, gap: 0.0 * missing, force - M @ a, 0.0 * bias)
             motion = replace(motion, a=expected, nu=nu * row_scale, generators=(steady,), declared=declared)
         return motion
+
+    def _accelerations(self, mass: Any, M: Any, inverse: Any, spaces: Subspaces) -> Accelerate:
+        """Return the solver of M a + Jᵀ ν = force, J a = −gap, in scaled coordinates; refuse massless motions."""
+        C = spaces.C
+        if isinstance(C, SparseRank) and not len(spaces.W.left_null):
+            least = TOLERANCES.massless * largest(M)
+            from scipy.sparse.linalg import splu
+
+            n, rounding = M.shape[0], TOLERANCES.rest_rounding * float(abs(M).sum())
+            # Most mass matrices are positive by themselves, whatever the rows allow.
+            dominant = bool(np.all(2.0 * M.diagonal() - np.asarray(abs(M).sum(axis=1)).ravel() > least + rounding))
+            if dominant or C.forms.negatives(M - least * identity(n), rounding) == 0:
+                lu = splu(bordered(M, C.J[C.kept]))
+                return lambda force, gap: lu.solve(np.concatenate([force, -gap[C.kept]]))[:n]
+        allowed = spaces.allowed
+        M_z = allowed.T @ M @ allowed
+        self._check_mass(mass, M_z, allowed)
+
+        def accelerate(force: Array, gap: Array) -> Array:
+            a: Array = -inverse @ gap
+            return a + allowed @ np.linalg.solve(M_z, allowed.T @ (force - M @ a)) if M_z.size else a
+
+        return accelerate
 
     def _check_mass(self, M: Any, M_z: Array, allowed: Array) -> None:
         """Refuse a motion that the constraints allow and that carries no mass."""
@@ -408,16 +434,16 @@ class Finder:
                 f"(residual {residual[worst]:.3g} of {np.max(np.abs(bias)):.3g})"
             )
 
-    def _check_steady(self, motion: Motion, allowed: Array, expected: Array, steady: Generator) -> None:
+    def _check_steady(self, motion: Motion, expected: Array, steady: Generator) -> None:
         """Refuse a steady motion, or a state at rest, that does not persist."""
-        scale, excess = motion.spaces.scale, motion.a - expected
+        spaces, scale, excess = motion.spaces, motion.spaces.scale, motion.a - expected
         if np.max(np.abs((motion.dynamics.M @ excess) * scale)) <= unbalance(self.system, motion):
             return
         worst = int(np.argmax(np.abs(excess / scale)))
         name = self.system.names[worst]
-        if np.linalg.norm(allowed[worst]) >= TOLERANCES.coordinate_rounding:
+        if np.linalg.norm(spaces.projected(np.eye(1, len(scale), worst)[0])) >= TOLERANCES.coordinate_rounding:
             force = motion.dynamics.F0 + motion.dynamics.M @ expected
-            load = -(allowed @ (allowed.T @ (force * scale)))[worst] / scale[worst]
+            load = -spaces.projected(force * scale)[worst] / scale[worst]
             self.refuse_unbalanced(worst, float(excess[worst]), float(load), "" if motion.at_rest else str(steady))
         what = "is at rest at this time only" if motion.at_rest else "is steady at this time only"
         unit = "m/s^2" if self.is_length[worst] else "rad/s^2"
@@ -562,15 +588,12 @@ def force_change(
     return float(np.max((abs(K) @ sizes + abs(R) @ np.abs(u)) * scale))
 
 
-def _balance(M: Array, J: Array, inverse: Array, allowed: Array, force: Array, bias: Array) -> tuple[Array, Array]:
-    """Return a and ν with M a + Jᵀ ν = force and J a = −bias, where `allowed` spans the a with J a = 0."""
-    M_z = allowed.T @ M @ allowed
+def _balance(M: Any, J: Any, inverse: Any, accelerate: Accelerate, force: Array, bias: Array) -> tuple[Array, Array]:
+    """Return a and ν with M a + Jᵀ ν = force and J a = −bias."""
     a, nu = np.zeros(len(force)), np.zeros(len(bias))
     for _ in range(TOLERANCES.balance_refinements):
         missing = difference(force, (M, a), (J.T, nu))
-        step = -inverse @ (bias + J @ a)
-        if M_z.size:
-            step += allowed @ np.linalg.solve(M_z, allowed.T @ (missing - M @ step))
+        step = accelerate(missing, bias + J @ a)
         a += step
         nu += inverse.T @ (missing - M @ step)
     return a, nu

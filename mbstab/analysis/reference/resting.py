@@ -17,10 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.independent_rows import Independent, independent_rows
 from mbstab.analysis.algebra.inertia import ConstrainedForms
-from mbstab.analysis.algebra.sparse import in_sparse
-from mbstab.analysis.algebra.sparse_rank import Rows
+from mbstab.analysis.algebra.sparse import identity, in_sparse, row_norms, scaled
+from mbstab.analysis.algebra.sparse_rank import Rows, SparseRank, sparse_rank
 from mbstab.analysis.algebra.subspaces import Redundancy, coordinate_scale, require_gap
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.coefficients import Matrices
@@ -100,15 +99,14 @@ def at_rest(system: System) -> Rest | None:
     if np.any(state.V) or np.any(state.B):
         return None
     scale = _power_of_two(coordinate_scale(state.M, finder.sizes))
-    lengths = np.sqrt(np.asarray(scaled(state.J, scale).power(2).sum(axis=1)).ravel())
-    row_scale = _power_of_two(1.0 / np.where(lengths > 0.0, lengths, 1.0))
+    row_scale = _power_of_two(1.0 / row_norms(scaled(state.J, scale)))
     J = scaled(state.J, scale, row_scale)
     kept, rank, warnings = _independent(system, J)
     forms = ConstrainedForms(J[kept])
     M = scaled(state.M, scale, scale)
     if (
         forms.negatives(
-            M - TOLERANCES.massless * abs(M).max() * _identity(system.n_q),
+            M - TOLERANCES.massless * abs(M).max() * identity(system.n_q),
             TOLERANCES.rest_rounding * float(abs(M).sum()),
         )
         != 0
@@ -122,20 +120,6 @@ def at_rest(system: System) -> Rest | None:
     return _balanced(finder, rest, J)
 
 
-def scaled(matrix: Any, columns: Array, rows: Array | None = None) -> Any:
-    """Return a sparse matrix with its columns and rows multiplied by factors."""
-    from scipy.sparse import csr_array, diags_array
-
-    found = matrix @ diags_array(columns)
-    return csr_array(found if rows is None else diags_array(rows) @ found)
-
-
-def _identity(n: int) -> Any:
-    from scipy.sparse import eye_array
-
-    return eye_array(n, format="csr")
-
-
 def _power_of_two(x: Array) -> Array:
     result: Array = np.exp2(np.round(np.log2(x)))
     return result
@@ -143,12 +127,12 @@ def _power_of_two(x: Array) -> Array:
 
 def _independent(system: System, J: Any) -> tuple[Any, int, list[str]]:
     """Return which rows to keep, how many of them are holonomic, and warnings about the others."""
-    C = independent_rows(J[: system.n_h])
+    C = sparse_rank(J[: system.n_h])
     require_gap(C, system.rows[: system.n_h])
     rows = np.concatenate([C.kept, np.arange(system.n_h, system.n_c)]).astype(np.intp)
     if system.n_c == system.n_h:
         return rows, C.rank, _redundant(system, C, np.arange(system.n_h))
-    both = independent_rows(J[rows])
+    both = sparse_rank(J[rows])
     require_gap(both, [system.rows[i] for i in rows])
     kept = rows[both.kept]
     return kept, int(np.sum(kept < system.n_h)), [
@@ -156,7 +140,7 @@ def _independent(system: System, J: Any) -> tuple[Any, int, list[str]]:
     ]  # fmt: skip
 
 
-def _redundant(system: System, found: Independent, rows: Any) -> list[str]:
+def _redundant(system: System, found: SparseRank, rows: Any) -> list[str]:
     """Return warnings about redundant rows."""
     if not len(found.dropped):
         return []
@@ -262,7 +246,7 @@ def _check_constant_rank(rest: Rest, J: Any) -> None:
     dropped = np.setdiff1d(np.arange(system.n_h), rest.kept)
     if not len(dropped):
         return
-    left_null = independent_rows(J[: system.n_h]).left_null
+    left_null = sparse_rank(J[: system.n_h]).left_null
     probes = Rows(J[rest.kept]).split(np.random.default_rng(9).normal(size=(system.n_q, TOLERANCES.curvature_probes)))[
         0
     ]

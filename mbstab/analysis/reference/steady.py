@@ -96,6 +96,10 @@ class Generator:
         result: Array = (slope @ X[..., None])[..., 0]
         return result
 
+    def slope(self, q: Array) -> Array:
+        """Return Ξ = DX(q), shape (…, n_q, n_q)."""
+        return self._at(q)[1].copy()
+
     def frame(self, q: Array) -> tuple[Array, Array]:
         """Return Ξ = DX(q) and Ξ₂ = Ξ² + D²X[X, ·], shape (…, n_q, n_q)."""
         _, slope, growth = self._at(q)

@@ -53,7 +53,9 @@ class Invariance(SymmetryCandidates):
     @cached_property
     def fields(self) -> list[tuple[str, Field]]:
         """All verified groups with their names, including those that do not move the reference."""
-        found = [(name, field) for name, field in self._candidates() if self.carries(field)]
+        candidates = list(self._candidates())
+        carried = self.passing([field for _, field in candidates], self.carries)
+        found = [candidate for candidate, good in zip(candidates, carried, strict=True) if good]
         for generator in self.motion.generators:
             if generator.turns or np.any(generator.velocity) or np.any(generator.spins):
                 return [*found, ("the motion itself", self.along(generator))] if self.steady(generator) else found
@@ -86,28 +88,35 @@ class Invariance(SymmetryCandidates):
     @cached_property
     def boosts(self) -> list[Symmetry]:
         """Shifts that may also be added to the speeds: another constant speed along them changes nothing else."""
-        found = []
-        for item in self.symmetries:
-            if isinstance(item.of, Shift) and self._boosts(item.of.direction):
-                found.append(item)
-        return found
+        shifts = [item for item in self.symmetries if isinstance(item.of, Shift)]
+        if self.system.sparse and shifts and self.states:
+            felt = self._felt(np.array([item.direction for item in shifts]).T)
+            shifts = [item for item, feels in zip(shifts, felt, strict=True) if not feels]
+        good = self.passing([item.of for item in shifts], self._boosts)
+        return [item for item, passes in zip(shifts, good, strict=True) if passes]
 
-    def _boosts(self, direction: Array) -> bool:
-        """Return whether no element and no row depends on a common speed along a direction."""
+    def _felt(self, directions: Array) -> Any:
+        """Return along which columns speeds change forces to first order, by more than rounding: no boosts."""
+        state, time, none = self.states[-1], self.motion.time, np.zeros(self.system.n_c)
+        R = self.system.linearize(state.q, state.u, state.a, none, time)[1]
+        sizes = self.system.terms(state.q, state.u, state.a, none, time)["R"]
+        return np.any(np.abs(R @ directions) > TOLERANCES.speed_felt * (sizes @ np.abs(directions)), axis=0)
+
+    def _boosts(self, shift: Shift) -> bool:
+        """Whether all elements and rows are blind to a common speed along a shift."""
+        direction = shift.direction
         step = self.rate * float(self.motion.sizes.max()) * TOLERANCES.trial_move / float(np.max(np.abs(direction)))
         faster = short(step) * direction
-        for element in self.elements:
-            if not any(direction[i] for i in element.columns):
-                continue
+        for element in self.containing(shift):
             if not element.analytic:
                 return False
             for state, part in ((state, part) for state in self.states for part in TOLERANCES.trial_parts):
                 there = State(state.q, state.u + part * faster, state.a)
                 if not self.same(element, state, there, unchanged(len(direction)), exact=True):
                     return False
-        touched = self._containing(Shift(direction, 1.0))
+        touched = self._containing(shift)
         faithful = all(self.satisfies(state.q, state.u + faster, part=touched) for state in self.on_rows)
-        return faithful and self._horizontal(Shift(direction, 1.0))
+        return faithful and self._horizontal(shift)
 
     def _containing(self, field: Shift) -> System:
         """Return a system with only the rows that a shift changes; in a small scene with all rows."""
@@ -122,7 +131,8 @@ class Invariance(SymmetryCandidates):
         A wheel that rolls along a line conserves neither its momentum nor its spin, but a combination of both.
         """
         q, u = self.motion.q, self.motion.u
-        found = [item for item in self.symmetries if self.conserves(item.of)]
+        kept = self.passing([item.of for item in self.symmetries], self.conserves)
+        found = [item for item, good in zip(self.symmetries, kept, strict=True) if good]
         single = np.array([[float(item is other) for other in self.symmetries] for item in found])
         single = single.reshape(len(found), len(self.symmetries))
         for c in self._idle_combinations():
@@ -235,9 +245,11 @@ class Invariance(SymmetryCandidates):
             Y = np.array([field.field(there.q) for field in fields]).T
             J = there.dynamics.J
             rows += list((J @ Y) / (abs(J) @ np.abs(Y) + 1e-300).max(axis=1, keepdims=True))
-        for element in self.elements:
-            for state in self.states if not element.inertia else []:
-                Y = np.array([field.field(state.q) for field in fields])[:, list(element.columns)]
+        acting = [element for element in self.elements if not element.inertia]
+        for state in self.states if acting else []:
+            every = np.array([field.field(state.q) for field in fields])
+            for element in acting:
+                Y = every[:, list(element.columns)]
                 force = np.array(element.force(state.q, state.u, state.a, self.motion.time), dtype=float)
                 size = float(np.max(np.abs(Y) @ np.abs(force)))
                 rows += [(Y @ force) / size] if size > 0.0 else []
@@ -285,14 +297,19 @@ class Invariance(SymmetryCandidates):
 
     def conserves(self, field: Field) -> bool:
         """Return whether the momentum along a symmetry is constant along every motion."""
-        return all(e.inertia or self._idle(e, field) for e in self.elements) and self._horizontal(field)
+        acting = [e for e in self.containing(field) if not e.inertia]
+        return (not acting or self._idle(acting, field)) and self._horizontal(field)
 
-    def _idle(self, element: Acting, field: Field) -> bool:
-        """Return whether an element does no work along a field, in any state."""
-        if not element.analytic and any(field.field(self.motion.q)[i] for i in element.columns):
-            return False
-        for state in self.states:
-            Y = field.field(state.q)
+    def _idle(self, acting: list[Acting], field: Field) -> bool:
+        """Whether elements, each by itself, do no work along a field, whatever the state."""
+        here, directions = field.field(self.motion.q), [field.field(state.q) for state in self.states]
+        return all(
+            (e.analytic or not any(here[i] for i in e.columns)) and self._workless(e, field, directions) for e in acting
+        )
+
+    def _workless(self, element: Acting, field: Field, directions: list[Array]) -> bool:
+        """Whether an element does no work along a field, which has these directions at the states."""
+        for state, Y in zip(self.states, directions, strict=True):
             if not any(Y[i] for i in element.columns):
                 continue
             if element.written and not steps_are_exact(field):
@@ -303,9 +320,10 @@ class Invariance(SymmetryCandidates):
                     return False
                 continue
             with Digits(element, exact=steps_are_exact(field)) as f:
-                force = element.force(
-                    numbers(state.q, f), numbers(state.u, f), numbers(state.a, f), self.motion.time, f
-                )
+                force: Any = self._force(element, state)
+                if f.name == "mpmath":
+                    q, u, a = (numbers(x, f) for x in (state.q, state.u, state.a))
+                    force = element.force(q, u, a, self.motion.time, f)
                 work = [x * f.number(repr(float(Y[i]))) for i, x in zip(element.columns, force, strict=True)]
                 limit = TOLERANCES.comparison_exact if f.name == "mpmath" else TOLERANCES.force_change
                 if abs(sum(work)) > limit * sum(abs(x) for x in work):
@@ -330,7 +348,7 @@ class Invariance(SymmetryCandidates):
         try:
             if not self._allowed(field) or not self._rows_carried(field):
                 return False
-            seen = [e for e in self.elements if not self._unseen(e, field)]
+            seen = [e for e in self.containing(field) if not self._unseen(e, field)]
             if not seen:
                 return True
             images = [self._moved(field, state) for state in self.states]

@@ -219,6 +219,8 @@ class Tolerances:
     """Fields are independent if the smallest singular value of their unit vectors is larger than this."""
     trial_parts: Final = (1.0, 2.0**-20, 2.0**-40)
     """Fractions of a step that are tried: functions may be flat except in a narrow range."""
+    speed_felt: Final = 1e-6
+    """Forces change with the speeds along a shift for sure where they do by more than this part of their terms."""
     trial_speeds: Final = (0.3, -1.0, 3.0, 1e-3, -1e-6, 1e-9, -1e-12)
     """Speeds along symmetries, in rates of the scene, at which a scene at rest is tested."""
     trial_centres: Final = 8
