@@ -957,7 +957,7 @@ def test_ctrl_c_leaves_the_finished_part_on_disk(tmp_path):
 def test_a_full_disk_is_said_and_the_summary_still_shown():
     result = run("pendulum.yaml", "--to", "0.2", "--points", "3", "--format", "csv", "-o", "/dev/full")
     assert result.exit_code == 1
-    kept = re.search(r"/dev/full: cannot be written: No space left on device; .* is in (\S+)", result.stderr)[1]
+    kept = re.search(r"/dev/full: cannot be written: No space left on device; .* is kept in (\S+)", result.stderr)[1]
     assert len(Path(kept).read_text(encoding="utf-8").splitlines()) > 3
     Path(kept).unlink()
     assert "energy" in result.stdout

@@ -306,7 +306,7 @@ def test_rest_is_found_to_the_tolerance_with_few_steps(compiled):
 
 def test_matrices_of_large_scenes_are_held_for_few_states(monkeypatch):
     held = []
-    monkeypatch.setattr(recording, "reactions", lambda system, q, J, nu: held.append(J.shape) or [])
+    monkeypatch.setattr(recording, "reactions", lambda system, q, u, J, nu: held.append(J.shape) or [])
     monkeypatch.setattr("mbstab.analysis.simulate.tolerances.Tolerances.matrix_numbers_together", 3 * 20)
     result = mbstab.load("double_pendulum.yaml").simulate(0.01, points=11)
     assert len(result.times) == 11

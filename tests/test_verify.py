@@ -436,5 +436,5 @@ def test_work_is_not_added_up_where_nobody_asks_for_it(monkeypatch):
     def power(*arguments):
         raise AssertionError
 
-    monkeypatch.setattr(Energy, "power", power)
+    monkeypatch.setattr(Energy, "powers", power)
     assert mbstab.load("ziegler_column.yaml").verify(b_1=1, b_2=1).verdict == "confirmed"

@@ -37,7 +37,7 @@ class Work:
         self.rate = max(relative, pulled, 1.0 / float(follower.times[-1] - follower.times[0]))
         falling = math.sqrt(math.hypot(*map(float, follower.system.scene.gravity)) / float(np.max(motion.sizes)))
         self.natural = max(self.rate, falling)
-        self.longest, self.largest = longest_step(follower), tol
+        self.longest = longest_step(follower)
         self.estimate, self.fast, self.runs, self.evaluations = math.nan, math.nan, 0, 0
         self.warnings = pulses(
             follower.system, float(follower.times[0]), float(follower.times[-1]), step or self.longest
@@ -46,8 +46,8 @@ class Work:
 
     def once(self, tol: float, progress: Callable[[float], object] | None = None) -> Run:
         """Follow the motion with a tolerance per step."""
-        # The longest step shrinks with the tolerance as the others do: otherwise runs would not differ where it binds.
-        longest = self.longest * (tol / self.largest) ** (self.method.power / self.method.order)
+        # The longest step shrinks with the tolerance like the others: else runs would not differ where it is active.
+        longest = self.longest * (tol / self.tol) ** (self.method.power / self.method.order)
         options = Options(tol, self.step, None, self.rate, longest, self.solver, self.compiled)
         if self.follower.budget:
             self.follower.budget.start_run(self._further(refining=progress is not None))
@@ -67,11 +67,9 @@ class Work:
     def refined(self) -> Run:
         """Follow the motion until the estimate of its global error is below the tolerance."""
         least = TOLERANCES.step_tolerance_least
-        loose = min(TOLERANCES.step_tolerance_first * self.tol, TOLERANCES.step_tolerance_most)
-        local = max(loose, self.tol, least)
-        self.largest = max(local, 10.0 * least)
+        local = max(self.tol, least)
         sizes = self.follower.motion.sizes
-        local, before = self._followed(local, self._share(0.0, 0.15))
+        before = self.once(local, self._share(0.0, 0.15))
         if not before.complete:
             return before
         started, speed = self.rate, fastest(before, float(np.max(sizes)))
@@ -81,15 +79,14 @@ class Work:
         # A first run that assumed too large a rate as fast has larger errors of speeds than its tolerance.
         if following >= local or TOLERANCES.step_tolerance_reduction * started > self.rate:
             following, local = (least, 10.0 * least) if following >= local else (following, local)
-            local, before = self._followed(local, self._share(0.15, 0.2))
+            before = self.once(local, self._share(0.15, 0.2))
             if not before.complete:
                 return before
-            following = min(following, max(local * TOLERANCES.step_tolerance_reduction, least))
         shares = [0.15, 0.3, 0.5, 0.8, 0.95, 1.0]
         # The first run assumed another rate as fast: for speeds its tolerance was smaller by that factor.
         earlier, improved = [(local * (min(started / self.rate, 1.0) if self.runs == 1 else 1.0), before)], True
         for k in range(1, TOLERANCES.runs_most):
-            following, run = self._followed(following, self._share(shares[k - 1], shares[k]))
+            run = self.once(following, self._share(shares[k - 1], shares[k]))
             if not run.complete:
                 return self._better(before, run)
             # Earlier runs may have missed something.
@@ -98,13 +95,13 @@ class Work:
             improved = not self.estimate > TOLERANCES.estimate_improvement * last
             if following <= least or (self.estimate <= self.tol and k + 1 >= TOLERANCES.runs_least):
                 break
-            wanted, aim = following, TOLERANCES.repeated_run_aim * self.tol
-            if self.estimate > aim:
+            wanted = TOLERANCES.step_tolerance_reduction * following
+            if self.estimate > self.tol:
                 order = TOLERANCES.order_counted_on * self.method.power
-                wanted = following * (aim / self.estimate) ** (1.0 / order)
+                wanted = following * (TOLERANCES.repeated_run_aim * self.tol / self.estimate) ** (1.0 / order)
             earlier.append((following, run))
             before = run
-            following = max(min(wanted, TOLERANCES.step_tolerance_repeated * following), least)
+            following = max(min(wanted, 0.3 * following), least)
         if self.estimate > self.tol:
             reason = (
                 f"stopped after {self.runs} runs"
@@ -120,14 +117,6 @@ class Work:
             )
         self.progress(1.0)
         return run
-
-    def _followed(self, local: float, progress: Callable[[float], object]) -> tuple[float, Run]:
-        """Return a run and the tolerance of its steps: that given, or a smaller one where it fails.
-
-        Where and why a motion ends early is found with that of the result, if not with a smaller one.
-        """
-        run, strict = self.once(local, progress), max(self.tol, TOLERANCES.step_tolerance_least)
-        return (strict, self.once(strict, progress)) if run.failure and local > strict else (local, run)
 
     def _estimated(self, run: Run, tol: float, earlier: list[tuple[float, Run]], fast: float) -> float:
         """Return the error of a run: the largest estimate from its differences to earlier ones."""

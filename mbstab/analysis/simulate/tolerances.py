@@ -91,14 +91,8 @@ class Tolerances:
     """Speeds below this fraction of the natural rate count as rest."""
     step_tolerance_least: Final = 1e-13
     """Tolerance per step below which rounding dominates."""
-    step_tolerance_first: Final = 100.0
-    """Tolerance per step of the first run, in multiples of the tolerance of the result …"""
-    step_tolerance_most: Final = 1e-3
-    """… and its maximum, unless the tolerance of the result is larger."""
     step_tolerance_reduction: Final = 0.1
-    """Ratio of the tolerances per step of the first and the second run …"""
-    step_tolerance_repeated: Final = 0.3
-    """… and its maximum for later runs."""
+    """Ratio of the tolerances per step of the first and the second run."""
     step_tolerance_ratio: Final = 0.5
     """Largest ratio of tolerances whose runs give an estimate of the error."""
     estimate_improvement: Final = 0.7
