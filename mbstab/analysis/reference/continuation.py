@@ -5,7 +5,8 @@ next one is predicted along the tangent and corrected by Newton's method perpend
 (pseudo-arclength continuation; Keller 1977), so the path may pass folds. Between two folds
 the parameter is monotonic: such a part is a `Path`, and the others to which it
 leads are those `beyond` it. Where another path crosses, the determinant of the equations,
-bordered by the tangent, changes its sign.
+bordered by the tangent, changes its sign. Where it changes without a crossing in between, the step
+has led to another path, and is repeated with half its length.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import math
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 import numpy as np
 
@@ -41,6 +42,8 @@ AWAY = "positions grow beyond all bounds there"
 AGAIN = f"it turns back after {TOLERANCES.folds_of_path} folds and is not followed further"
 
 LONG = "it is not followed further: the equations were evaluated too often; a smaller range may lead on"
+
+UNSURE = "it is not followed further: another path is so near there that the two cannot be told apart"
 
 HIDDEN = "it is not followed further: positions grow so fast there that a turn cannot be told from rounding"
 
@@ -298,14 +301,6 @@ class _Curve:
 
         The parameter increases at first where `sign` is positive.
         """
-        runs = self._runs(sign, further)
-        for run in runs:
-            for one, other in list(pairwise(run.points)):
-                if one.sign != other.sign:
-                    self._cross(run, one, other)
-        return runs
-
-    def _runs(self, sign: float, further: bool) -> list[Run]:
         at = replace(self.first, tangent=self.first.tangent * (sign if self.first.rise >= 0.0 else -sign))
         runs = [Run([at])]
         while True:
@@ -317,7 +312,7 @@ class _Curve:
             if len(runs) > TOLERANCES.folds_of_path:
                 runs[-1].ends.append((fold.p, AGAIN))
                 return runs
-            branches = fold.least < TOLERANCES.branching_singular_value * self.first.least
+            branches = self._branches(fold)
             runs[-1].ends.append((fold.p, BRANCHES if branches else TURNS))
             self._close_in(runs, fold)
             # On a closed curve this part has been followed from the other side.
@@ -327,6 +322,10 @@ class _Curve:
             if branches:
                 self.branchings.append(fold)
 
+    def _branches(self, fold: Point) -> bool:
+        """Return whether another path branches off at a fold."""
+        return fold.least < TOLERANCES.branching_singular_value * self.first.least
+
     @property
     def spent(self) -> bool:
         """Return whether the allowed work is used up."""
@@ -334,13 +333,13 @@ class _Curve:
 
     def _run(self, run: Run) -> Point | None:
         """Add points until the parameter turns back or leaves the range; return the fold if it turns."""
-        length = TOLERANCES.path_first_step
+        length, jumped = TOLERANCES.path_first_step, False
         while True:
             at = run.points[-1]
             end = self.high if at.rise > 0.0 else self.low
             if at.p == end:
                 return None
-            if len(run.points) == TOLERANCES.points_between_folds or self.spent:
+            if len(run.points) >= TOLERANCES.points_between_folds or self.spent:
                 run.ends.append((at.p, LONG))
                 return None
             step = length * at.tangent
@@ -348,12 +347,7 @@ class _Curve:
             if abs(step[-1]) >= abs(room):
                 step = at.tangent * (room / at.rise)
                 hold = np.eye(len(step))[-1]
-            found = self._corrected(at, step, hold)
-            if (
-                found is not None
-                and found[1] <= TOLERANCES.path_prediction_error
-                and found[0].tangent @ at.tangent > TOLERANCES.path_turn_cosine
-            ):
+            if found := self._fitting(at, step, hold):
                 point, error = found
                 if point.rise * at.rise <= 0.0:
                     if abs(at.rise) <= TOLERANCES.path_turning_slope:
@@ -361,30 +355,49 @@ class _Curve:
                         return None
                     fold = self._fold(at, float(np.linalg.norm(step)))
                     if fold is not None:
-                        return fold
+                        if self._branches(fold) or self._leads(run, at, fold):
+                            return fold
+                        jumped = True
                 elif self.low <= point.p <= self.high:
-                    if hold is not at.tangent:
-                        point = replace(point, p=end)
-                    run.points.append(point)
-                    pole = self._pole(run.points, end)
-                    if pole is not None:
-                        run.ends.append((pole, AWAY))
-                        return None
-                    if error < 0.3 * TOLERANCES.path_prediction_error:
-                        length *= 1.6
-                    continue
+                    point = point if hold is at.tangent else replace(point, p=end)
+                    if self._leads(run, at, point):
+                        run.points.append(point)
+                        jumped, pole = False, self._pole(run.points, end)
+                        if pole is not None:
+                            run.ends.append((pole, AWAY))
+                            return None
+                        length *= 1.6 if error < 0.3 * TOLERANCES.path_prediction_error else 1.0
+                        continue
+                    jumped = True
             length = 0.5 * min(length, float(np.linalg.norm(step)))
             if length < TOLERANCES.path_least_step:
-                if abs(end - at.p) < TOLERANCES.kink_step * self.width:
-                    # Another path crosses at the end of the range: the crossing is judged elsewhere.
-                    run.points.append(replace(at, p=end))
-                    return None
-                beyond = self._beyond_a_kink(at, end)
+                beyond = self._stuck(run, end, jumped)
                 if beyond is None:
-                    run.ends.append((at.p, LONG if self.spent else ENDS))
                     return None
                 run.points.append(beyond)
-                length = TOLERANCES.path_first_step
+                length, jumped = TOLERANCES.path_first_step, False
+
+    def _fitting(self, at: Point, step: Array, hold: Array) -> tuple[Point, float] | None:
+        """Return the solution near a step and the error of its prediction, if both fit the path so far."""
+        found = self._corrected(at, step, hold)
+        if (
+            found is None
+            or found[1] > TOLERANCES.path_prediction_error
+            or found[0].tangent @ at.tangent <= TOLERANCES.path_turn_cosine
+        ):
+            return None
+        return found
+
+    def _stuck(self, run: Run, end: float, jumped: bool) -> Point | None:
+        """Return the next point where no step leads on, or None and note why the path ends."""
+        at = run.points[-1]
+        if abs(end - at.p) < TOLERANCES.kink_step * self.width:
+            # Another path crosses at the end of the range: the crossing is judged elsewhere.
+            return replace(at, p=end)
+        beyond = None if jumped else self._beyond_a_kink(at, end)
+        if beyond is None:
+            run.ends.append((at.p, LONG if self.spent else UNSURE if jumped else ENDS))
+        return beyond
 
     def _pole(self, points: list[Point], end: float) -> float | None:
         """Return the value before an end of the range at which positions become infinite, as far as it is known.
@@ -423,35 +436,45 @@ class _Curve:
         turned = np.copysign(1.0, at.rise * found[0].rise)
         return replace(found[0], tangent=turned * found[0].tangent)
 
-    def _cross(self, run: Run, before: Point, after: Point) -> None:
-        """Note where another path crosses between two points, and add points that close in on it."""
+    def _leads(self, run: Run, before: Point, after: Point) -> bool:
+        """Return whether the path leads from one point to another: both have one sign, or another path crosses."""
+        return before.sign == after.sign or self._cross(run, before, after)
+
+    def _cross(self, run: Run, before: Point, after: Point) -> bool:
+        """Note where another path crosses between two points, and add points that close in on it.
+
+        Return False if the sign changes without a crossing: the points lie on different paths.
+        """
         low, high = before, after
         for _ in range(TOLERANCES.points_between_folds):
             if self.spent:
-                return
+                return False
             length = float(np.linalg.norm(self._open(self._between(low, high))))
             part = low.least / max(low.least + high.least, 1e-300)
             if length < TOLERANCES.crossing_distance:
                 break
             found = self._inside(low, high, min(max(part, 0.1), 0.9)) or self._inside(low, high, 0.5)
             if found is None:
-                return
+                return False
             low, high = (found, high) if found.sign == low.sign else (low, found)
         # Where the equations are nearly dependent all along the path, the sign is only rounding.
         if low.least > 10.0 * TOLERANCES.crossing_distance * min(self.first.least, max(before.least, after.least)):
-            return
+            return True
         q, c = (x + part * (y - x) for x, y in ((low.q, high.q), (low.c, high.c)))
         at = replace(low, q=q, c=c, p=low.p + part * (high.p - low.p), tangent=0.5 * (low.tangent + high.tangent))
         if min(at.p - self.low, self.high - at.p) <= TOLERANCES.crossing_distance**2 * self.width:
-            return  # whether it lies within the range is rounding
+            return True  # whether it lies within the range is rounding
         run.crossings.append(at.p)
         for pair in ((before, at), (at, after)):
+            halves: list[Point] = []
             for _ in range(TOLERANCES.fold_halvings):
                 half = self._inside(*pair, 0.5)
                 if half is None:
                     break
-                run.points.append(half)
+                halves.append(half)
                 pair = (half, at) if pair[1] is at else (at, half)
+            run.points += halves if pair[1] is at else halves[::-1]
+        return True
 
     def _inside(self, one: Point, other: Point, part: float) -> Point | None:
         """Return a solution between two, predicted by a cubic through both; its tangent must fit their path."""
@@ -524,6 +547,9 @@ class _Curve:
                 for k in range(1, TOLERANCES.fold_halvings + 1)
             ]
             sides.append([found[0] for found in near if found is not None])
+        if not self._branches(fold):
+            # A point whose sign differs lies beyond a crossing, or on another path.
+            sides[1] = list(takewhile(lambda x: x.sign == fold.sign, sides[1][::-1]))[::-1]
         rising = at.rise > 0.0
         before.points += [x for x in sides[0] if (x.rise > 0.0) == rising]
         before.points.append(fold)

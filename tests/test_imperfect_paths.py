@@ -1,0 +1,116 @@
+"""Paths of equilibria past imperfect pitchforks and transcritical bifurcations, against roots of the polynomial."""
+
+import math
+
+import numpy as np
+import pytest
+
+import mbstab
+from mbstab.analysis.reference import continuation
+
+RAIL = """\
+mbstab: 1
+parameters: {q: 0}
+bodies:
+  p: {type: planar_point, mass: 1}
+constraints:
+  rail: {holonomic: p.y}
+forces:
+  f: {type: expression, on: {p.x: LOAD - rate(p.x)}}
+reference: {find: equilibrium, guess: {p: {x: 0, y: 0}}}
+"""
+
+ROD = """\
+mbstab: 1
+parameters: {m: 1, k: 4}
+gravity: [0, -10]
+bodies: {rod: {type: planar, mass: m, inertia: 0.1, points: {O: [0, -1]}}}
+joints: {pivot: {type: revolute, between: [rod.O, ground]}}
+forces: {hinge: {type: joint_spring, joint: pivot, stiffness: k, damping: 1, rest: 5.0e-4}}
+reference: {find: equilibrium, guess: {rod: {x: 0, y: 1, theta: 0}}}
+"""
+
+SIZES = [1e-2, 2e-3, 1e-3, 1e-4, 1e-6, 1e-8]
+BOTH = [1.0, -1.0]
+
+
+def rail(power, e):
+    return mbstab.loads(RAIL.replace("LOAD", f"q*p.x - p.x**{power} + ({e!r})"))
+
+
+def equilibrium(power, e, up, q):
+    """Return the root of q x - x**power + e on the path that begins at q = -1 (up) or 1; None beyond its fold."""
+    if power == 2:
+        square = q * q + 4.0 * e
+        if square < 0.0 or (e < 0.0 and q * up > 0.0):
+            return None
+        far = 0.5 * (q - up * math.sqrt(square))
+        return 0.5 * (q + up * math.sqrt(square)) if q * up > 0.0 else -e / far
+    roots = np.roots([-1.0, 0.0, q, e])
+    real = np.sort(roots.real[np.abs(roots.imag) < 1e-13 * np.max(np.abs(roots))])
+    if up > 0.0:
+        return float(real[-1] if e > 0.0 else real[0])
+    return float(real[1]) if q > 3.0 * (0.5 * abs(e)) ** (2.0 / 3.0) else None
+
+
+@pytest.mark.parametrize("sign", BOTH)
+@pytest.mark.parametrize("up", BOTH)
+@pytest.mark.parametrize("power", [2, 3])
+@pytest.mark.parametrize("size", SIZES)
+def test_an_imperfect_bifurcation_is_followed_on_one_branch(size, power, up, sign):
+    e = sign * size
+    path = continuation.follow(rail(power, e).model, "q", -1.0, 1.0, first_at=-up)
+    assert path.crossings == ()
+    folds = path.ends
+    for q, x in zip(path.values.tolist(), path.q[:, 0].tolist(), strict=True):
+        # At the fold itself the roots are equal.
+        exact = None if any(q == fold for fold, _ in folds) else equilibrium(power, e, up, q)
+        if exact is not None:
+            assert abs(x - exact) < 1e-7
+        else:
+            assert any(abs(q - fold) < 1e-9 for fold, _ in folds)
+    if power == 3 and up < 0.0:
+        assert [fold for fold, _ in folds] == pytest.approx([3.0 * (0.5 * size) ** (2.0 / 3.0)], rel=1e-6)
+    elif power == 2 and e < 0.0:
+        assert [fold for fold, _ in folds] == pytest.approx([-2.0 * up * math.sqrt(size)], rel=1e-6)
+    else:
+        assert (path.values[0], path.values[-1], folds) == (-1.0, 1.0, ())
+
+
+@pytest.mark.parametrize("points", [15, 41, 401])
+@pytest.mark.parametrize(
+    ("power", "e", "up"), [(3, 1e-3, 1.0), (3, 1e-8, 1.0), (3, 1e-4, -1.0), (2, 1e-3, 1.0), (2, -1e-4, 1.0)]
+)
+def test_a_sweep_past_an_imperfect_bifurcation_answers_for_one_branch(power, e, up, points):
+    result = rail(power, e).sweep("q", np.linspace(-up, up, points))
+    for q, count, values in zip(result.values, result.unstable, result.branches, strict=True):
+        x = None if abs(q + 0.02) < 1e-12 and e < 0.0 else equilibrium(power, e, up, float(q))  # -0.02: the fold
+        assert count == (-1 if x is None else int(up < 0.0))
+        if x is not None:
+            assert abs(np.prod(values) + q - power * x ** (power - 1)) < 1e-9
+    folds = [3.0 * (0.5 * e) ** (2.0 / 3.0)] if power == 3 and up < 0.0 else [-0.02] if e < 0.0 else []
+    assert [c.kind for c in result.critical] == ["fold"] * len(folds)
+    assert [c.value for c in result.critical] == pytest.approx(folds, rel=1e-9)
+
+
+def test_a_rod_on_a_spring_that_is_not_quite_upright_stays_stable():
+    result = mbstab.loads(ROD).sweep("m", np.linspace(0.1, 0.8, 15))
+    assert result.critical == ()
+    assert result.problems == {}
+    assert set(result.unstable) == {0}
+    # k (theta - rest) = m g sin(theta)
+    for m, values in zip(result.values, result.branches, strict=True):
+        low, high = 1e-4, math.pi
+        for _ in range(60):
+            theta = 0.5 * (low + high)
+            low, high = (theta, high) if 4.0 * (theta - 5e-4) < 10.0 * m * math.sin(theta) else (low, theta)
+        stiffness = (4.0 - 10.0 * m * math.cos(theta)) / (m + 0.1)
+        assert np.prod(values).real == pytest.approx(stiffness, rel=1e-7)
+
+
+def test_the_path_ends_where_branches_cannot_be_told_apart(monkeypatch):
+    monkeypatch.setattr(continuation._Curve, "_cross", lambda self, run, *ends: False)
+    result = rail(3, 0.0).sweep("q", np.linspace(-1.0, 1.0, 14))
+    assert set(result.unstable[:7]) == {0}
+    assert set(result.unstable[7:]) == {-1}
+    assert all(continuation.UNSURE in message for message in result.problems.values())
