@@ -63,6 +63,8 @@ def in_unit(values: Any, factor: float) -> Any:
     import numpy as np
 
     exact = np.asarray(values, dtype=float) / factor
+    if factor == 1.0:
+        return exact
     short = np.array([float(f"{x:.15g}") for x in exact.ravel()]).reshape(exact.shape)
     return np.where(np.abs(short * factor - values) <= 2.0 * np.spacing(np.abs(values)), short, exact)
 
