@@ -1210,3 +1210,11 @@ def test_parts_are_gone_when_the_file_is_written_but_the_terminal_fails(tmp_path
     with open("/dev/full", "w") as full:
         assert subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True).returncode == 1
     assert [x.name for x in tmp_path.iterdir()] == ["t.csv"]
+
+
+def test_branches_that_pass_the_axis_together_are_one_event():
+    text = PLANE.replace("PUSH", "-rate(p.x) - e*p.x").replace("-K*p.y - c*rate(p.y)", "-2*rate(p.y) - e*p.y")
+    result = mbstab.loads(text).sweep("e", np.linspace(-1.0, 1.0, 41))
+    (critical,) = result.critical
+    assert (critical.value, critical.kind, critical.unstable) == (0.0, "divergence", (2, 0))
+    assert len(critical.branches) == 2

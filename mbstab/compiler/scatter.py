@@ -43,7 +43,7 @@ class Plan:
         """Return the matrices at one point, or None if an entry of theirs is no finite float."""
         if are_plain(values):
             weights = np.array(values, dtype=float)[self._take]
-            flat = np.bincount(self._target, weights=weights, minlength=sum(self.sizes.values()))
+            flat = _summed(self._target, weights, sum(self.sizes.values()))
             if not np.isfinite(flat).all():
                 return None
             return {key: flat[part].reshape(self.shapes[key]) for key, part in self._parts.items()}
@@ -57,7 +57,7 @@ class Plan:
         size, shape = self.sizes[key], self.shapes[key]
         chosen = [values[i] for i in take]
         if are_plain(chosen):
-            return np.bincount(target, weights=np.array(chosen, dtype=float), minlength=size).reshape(shape)
+            return _summed(target, np.array(chosen, dtype=float), size).reshape(shape)
         dense = np.full(size, 0, dtype=object)
         for place, value in zip(target, chosen, strict=True):
             dense[place] = dense[place] + value
@@ -75,6 +75,11 @@ class Plan:
         for i, place in zip(take, target, strict=True):
             dense[place] += values[i]
         return np.ascontiguousarray(dense.T).reshape(points, *self.shapes[key])
+
+
+def _summed(target: Index, weights: npt.NDArray[np.float64], size: int) -> npt.NDArray[np.float64]:
+    """Return the sums of the weights of each entry; `numpy.bincount` returns integers where there are none."""
+    return np.bincount(target, weights=weights, minlength=size).astype(float, copy=False)
 
 
 def are_plain(values: list[Any]) -> bool:

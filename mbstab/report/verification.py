@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def verification_text(found: Verification) -> str:
     """Return the part of ``mbstab eig --verify`` that follows the eigenvalues."""
-    heads = ["", "predicted\n(1/s)", "observed\n(1/s)", "relative\nerror", "known\nto", "time\n(s)", ""]
+    heads = ["mode", "predicted\n(1/s)", "observed\n(1/s)", "relative\nerror", "known\nto", "time\n(s)", "verdict"]
     lines = []
     if found.modes:
         lines.append(table(heads, [_row(x) for x in found.modes], left=(6,)))

@@ -144,7 +144,12 @@ class CriticalValues(Branches):
         found: list[Critical] = []
         for first, last in self._suspects(branches):
             found += self._changes(self._closer(first, last), branches)
-        return found + self._at_ends(branches)
+        # Branches that pass the axis at the same value are found one by one, and described alike.
+        different: list[Critical] = []
+        for c in [*found, *self._at_ends(branches)]:
+            if not any(self.known(c.value, [other]) and replace(c, value=other.value) == other for other in different):
+                different.append(c)
+        return different
 
     def _at_ends(self, branches: Complex) -> list[Critical]:
         """Return where stability changes exactly at an end of the range, as the spectra just beyond it show."""
@@ -524,7 +529,11 @@ class CriticalValues(Branches):
     ) -> Critical:
         """Return a critical value with the branches that are involved and their frequency."""
         if kind == "divergence":
-            frequency, involved = 0.0, [int(np.argmin(np.abs(spectrum)))]
+            # As many as pass there together.
+            size = np.abs(spectrum)
+            zeros = int(np.sum(size <= TOLERANCES.test_function_zero * np.max(size)))
+            passing = max(1, min(zeros, abs(unstable[1] - unstable[0])))
+            frequency, involved = 0.0, np.argsort(size, kind="stable")[:passing].tolist()
         elif kind == "collision":
             gaps = np.abs(spectrum[:, None] - spectrum[None, :]) + np.diag(np.full(len(spectrum), np.inf))
             i, j = divmod(int(np.argmin(gaps)), len(spectrum))
