@@ -140,7 +140,7 @@ def require_placed(error: MbstabError, text: str) -> None:
     assert isinstance(error, ModelFileError)
     lines = re.split(r"\r\n|\r|\n", text.removeprefix("\ufeff"))
     assert error.problems
-    assert error.problems == sorted(error.problems, key=lambda problem: problem.location)
+    assert error.problems == sorted(error.problems, key=lambda problem: problem.location.order)
     for problem in error.problems:
         place = problem.location
         assert problem.message

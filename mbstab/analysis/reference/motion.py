@@ -527,10 +527,11 @@ def inertias_too_far_apart(system: System, M: Any, sizes: Array) -> str:
     moved = np.flatnonzero(diagonal > 0.0)
     if not len(moved):
         return ""
-    inertia = diagonal[moved] * sizes[moved] ** 2
+    # Squares of sizes may leave the range of double precision.
+    inertia = np.log10(diagonal[moved]) + 2.0 * np.log10(sizes[moved])
     heavy, light = moved[np.argmax(inertia)], moved[np.argmin(inertia)]
-    ratio = float(np.max(inertia) / np.min(inertia))
-    if ratio * ALGEBRA.singular_value_zero**2 < 1.0:
+    decades, most = float(np.ptp(inertia)), -2.0 * math.log10(ALGEBRA.singular_value_zero)
+    if decades < most:
         return ""
 
     def shown(i: np.intp) -> str:
@@ -538,7 +539,7 @@ def inertias_too_far_apart(system: System, M: Any, sizes: Array) -> str:
 
     return (
         f"the inertias are too far apart for double precision: {shown(heavy)}, {shown(light)} "
-        f"(ratio {ratio:.0e}, at most {ALGEBRA.singular_value_zero**-2:.0e})\n"
+        f"(ratio 1e{decades:.0f}, at most 1e{most:.0f})\n"
         "hint: correct the larger or the smaller; what is meant to stand still can be joined to ground"
     )
 
