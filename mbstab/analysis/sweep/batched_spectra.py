@@ -27,7 +27,7 @@ from mbstab.analysis.reference.paths import Path, Sheet, Surface
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.steady import Family, spinning_columns
 from mbstab.analysis.sweep.batched_equations import Equations, Pattern
-from mbstab.analysis.sweep.batched_structure import Known, signs
+from mbstab.analysis.sweep.batched_structure import Known
 from mbstab.analysis.sweep.batched_verdict import (
     AXIS,
     LEFT,
@@ -549,13 +549,11 @@ class _Work:
             )
         with np.errstate(all="ignore"):
             try:
-                equations = self._equations(pattern, index, scene)
-                good, points = equations.linearized(growth)
+                good, points = self._equations(pattern, index, scene).linearized(growth)
                 separation = pattern.known.separated(points)
                 for x in self.values.values():
                     good = good & ((x[index] == 0.0) | (np.abs(x[index]) >= LINEAR.number_lost))
-                good = good & separation.good & pattern.known.keeps_energy(points)
-                good &= np.all(signs(equations.system) == signs(pattern.linear.system), axis=1)
+                good = good & separation.good & pattern.known.same_signs(points) & pattern.known.keeps_energy(points)
                 found = judged(pattern.known, points, separation)
             except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
                 return np.zeros(len(index), dtype=bool)

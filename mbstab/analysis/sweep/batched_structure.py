@@ -377,6 +377,16 @@ class Known:
 
     # --- the energy -------------------------------------------------------------------------------------------------
 
+    @cached_property
+    def signs(self) -> Array:
+        """Signs of the numbers at the point, as `number_signs`, shape (1, number)."""
+        return number_signs(self.grounds.linear.system)
+
+    def same_signs(self, points: Points) -> Flags:
+        """Return where all numbers have the signs that they have at the point."""
+        result: Flags = np.all(number_signs(points.system) == self.signs, axis=1)
+        return result
+
     def keeps_energy(self, points: Points) -> Flags:
         """Return where the matrices are those of forces that conserve or dissipate energy, as the pattern requires.
 
@@ -507,7 +517,7 @@ class Known:
         return kernel @ complement(orthonormal(inside @ transposed(right[:, right.shape[1] - along :]), along, good))
 
 
-def signs(system: System) -> Array:
+def number_signs(system: System) -> Array:
     """Return the signs of the numbers of all elements and of the coefficients in written expressions.
 
     A force that is zero at one point and not at another has no trace in linear equations where it is of higher order,
