@@ -346,7 +346,7 @@ class System:
         pieced = {
             item.entry.path
             for item in self.scene.items
-            if any(expression.pieced() for expression in item.entry.equations.values())
+            if any(expression.pieced(self.names) for expression in item.entry.equations.values())
         }
         for e in self._elements:
             if e.rows:

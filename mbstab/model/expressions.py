@@ -10,7 +10,7 @@ depth and exponent keep a hostile text from taking much time.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -135,12 +135,12 @@ class Expression:
                 found[node.name] = min(node.position, found.get(node.name, node.position))
         return found
 
-    def pieced(self) -> bool:
+    def pieced(self, coordinates: Container[str]) -> bool:
         """Whether it is piecewise in the motion: a function with a kink or a joint, of a coordinate or its rate."""
         return any(
             isinstance(node, Call)
             and node.function in PIECED
-            and any(isinstance(x, Rate) or (isinstance(x, Name) and "." in x.name) for x in _below(node))
+            and any(isinstance(x, Rate) or (isinstance(x, Name) and x.name in coordinates) for x in _below(node))
             for node in self.walk()
         )
 

@@ -20,6 +20,7 @@ from mbstab.model.schema import (
     REFERENCE_FIELDS,
     SECTIONS,
     SIGNS,
+    STATE_FIELDS,
     STEADY_FIELDS,
     SWEEP_FIELDS,
     VERSION,
@@ -27,7 +28,7 @@ from mbstab.model.schema import (
 from mbstab.model.words import WORDS
 
 INTEGER = {"type": "integer"}
-STATE = {"type": "object", "additionalProperties": BY_NAME}
+STATE = {"type": "object", "additionalProperties": {"anyOf": [BY_NAME, NUMBER]}}
 
 
 def json_schema() -> dict[str, Any]:
@@ -41,6 +42,7 @@ def json_schema() -> dict[str, Any]:
         "ground": object_schema(GEOMETRY_FIELDS, points=_by_name(VECTOR), directions=_by_name(DIRECTION)),
         **{name: _by_name({"anyOf": _kinds(name)}) for name in KINDS},
         "constraints": _by_name(object_schema(CONSTRAINT_FIELDS, holonomic=TEXT, nonholonomic=TEXT)),
+        "states": _by_name({**object_schema(STATE_FIELDS, rate=NUMBER), "required": ["rate"]}),
         "reference": _reference(),
         "initial": object_schema(INITIAL_FIELDS, time=NUMBER, coordinates=STATE, rates=STATE),
         "sweep": _by_name(_sweep()),

@@ -10,7 +10,7 @@ from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import Expression, ExpressionError, parse
 from mbstab.model.functions import FUNCTIONS
 from mbstab.model.names import Names, owner_of_point
-from mbstab.model.schema import Components, Quantity, parse_finite
+from mbstab.model.schema import Components, Quantity, is_state, parse_finite
 from mbstab.model.yamlfile import Scalar, Sequence, YamlNode
 
 AXES = {"x": 0, "y": 1, "z": 2}
@@ -68,10 +68,11 @@ class QuantityReader:
                 continue
             if name == "t":
                 raise ExpressionError("the time t cannot be used here", at)
-            if "." in name:
+            if "." in name or name in self.names.coordinates:
                 self._check_coordinate(name, at, state)
                 continue
             known = [*parameters, *FUNCTIONS, *CONSTANTS, *(("t",) if time else ())]
+            known += [x for x in self.names.coordinates if is_state(x)]
             raise ExpressionError(f"unknown parameter {name!r}", at, suggestion(name, known))
         for name, at in expression.rates().items():
             if not state:
@@ -80,7 +81,8 @@ class QuantityReader:
 
     def _check_coordinate(self, name: str, at: int, allowed: bool) -> None:
         if not allowed:
-            raise ExpressionError(f"coordinates such as {name!r} cannot be used here", at)
+            what = f"states such as {name!r}" if is_state(name) else f"coordinates such as {name!r}"
+            raise ExpressionError(f"{what} cannot be used here", at)
         coordinates = self.names.coordinates
         if name not in coordinates and not self.names.unread(name):
             raise ExpressionError(f"unknown coordinate {name!r}", at, suggestion(name, coordinates))

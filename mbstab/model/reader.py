@@ -64,6 +64,7 @@ def _read(document: Document, root: Mapping) -> Model:
     found = entry_reader.find_bodies(root)
     entry_reader.read_ground(top.get("ground"))
     bodies = entry_reader.read_bodies(found)
+    entry_reader.find_states(top.get("states"))
     entries = entry_reader.read(top)
     reference, expectations = ReferenceReader(quantities), ExpectationReader(quantities)
     gravity = Scalar("0", root.location) if "gravity" not in top else top["gravity"]

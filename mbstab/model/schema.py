@@ -29,6 +29,7 @@ SECTIONS: dict[str, str] = {
     "drives": "motions given as functions of time, by name",
     "forces": "springs, dampers, forces and torques, by name",
     "constraints": "constraints written as expressions, by name: {holonomic: …} or {nonholonomic: …}",
+    "states": "first-order states (filters, lags, integrals, currents), by name: {rate: expression}",
     "reference": "the motion whose stability is asked for: coordinates and rates by body",
     "initial": "where mbstab simulate starts: coordinates and rates by body; the others are those of the reference",
     "sweep": "default ranges of parameters: {from, to, points}",
@@ -284,8 +285,14 @@ class Model:
         return {name: x.given.setting for name, x in self.parameters.items() if x.given is not None}
 
     def coordinates(self) -> list[str]:
-        """Return the names of the coordinates in the order of q, such as ``rod.theta``."""
-        return [f"{name}.{c}" for name, body in self.bodies.items() for c in body_coordinates(body)]
+        """Return the names of the coordinates in the order of q, such as ``rod.theta``; the states come last."""
+        placed = [f"{name}.{c}" for name, body in self.bodies.items() for c in body_coordinates(body)]
+        return [*placed, *self.states]
+
+    @property
+    def states(self) -> dict[str, Entry]:
+        """Return the first-order states."""
+        return self.entries["states"]
 
 
 def entry_word(section: str) -> str:
@@ -299,8 +306,18 @@ def body_coordinates(body: Entry) -> tuple[str, ...]:
 
 
 def is_length(coordinate: str) -> bool:
-    """Whether a coordinate such as ``rod.x`` is a length; the others are angles."""
-    return coordinate.rpartition(".")[2] in ("x", "y", "z")
+    """Whether a coordinate such as ``rod.x`` is a length; the others are angles and states."""
+    return coordinate.rpartition(".")[1:] in ((".", "x"), (".", "y"), (".", "z"))
+
+
+def is_state(coordinate: str) -> bool:
+    """Whether a coordinate is a first-order state, which belongs to no body."""
+    return "." not in coordinate
+
+
+def is_angle(coordinate: str) -> bool:
+    """Whether a coordinate such as ``rod.theta`` is an angle."""
+    return not is_length(coordinate) and not is_state(coordinate)
 
 
 def after_number(unit: str) -> str:
@@ -309,8 +326,8 @@ def after_number(unit: str) -> str:
 
 
 def unit_of(coordinate: str) -> str:
-    """Return the SI unit of a coordinate: m, or rad."""
-    return "m" if is_length(coordinate) else "rad"
+    """Return the SI unit of a coordinate: m, rad, or 1 for a state, whose unit its equation decides."""
+    return "m" if is_length(coordinate) else "1" if is_state(coordinate) else "rad"
 
 
 SIGNS: tuple[Sign, ...] = ("positive", "nonnegative", "nonzero")
@@ -367,6 +384,7 @@ PART_FIELDS = {"mass": "mass of the part (kg)", "at": "its centre in the body fr
 ALONG = "axis of symmetry of the shape in the body frame: x, y or z"
 EIGENVALUE_FIELDS = {"real": "real part (1/s)", "imag": "imaginary part (rad/s)"}
 GEOMETRY_FIELDS = {"points": "named points (m)", "directions": "named directions"}
+STATE_FIELDS = {"rate": "its rate: an expression of coordinates, rates rate(body.x), states, parameters and t"}
 CONSTRAINT_FIELDS = {
     "holonomic": "expression of coordinates and t that must be zero",
     "nonholonomic": "expression of coordinates, rates rate(body.x) and t that must be zero",
@@ -377,6 +395,7 @@ SECTION_FIELDS: dict[str, dict[str, str]] = {
     "parameters": PARAMETER_FIELDS,
     "ground": GEOMETRY_FIELDS,
     "constraints": CONSTRAINT_FIELDS,
+    "states": STATE_FIELDS,
     "reference": REFERENCE_FIELDS,
     "reference.steady": STEADY_FIELDS,
     "initial": INITIAL_FIELDS,

@@ -76,6 +76,9 @@ class _Assembly(Evaluator):
             {name: self.number(value) for name, value in values.items()}
             for values in (reference.coordinates, reference.rates, reference.guess)
         )
+        if reference.find is None:
+            unsaid = (name for name in model.states if name not in coordinates and name not in guess)
+            coordinates.update((name, self.f.number("0")) for name in unsaid)
         steady, period = self.steady(reference.steady), self.period(reference.period)
         initial = self.initial()
         self.document.raise_problems()

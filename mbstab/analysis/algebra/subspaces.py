@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.rank import Rank, rank_of
-from mbstab.analysis.algebra.sparse import is_sparse, row_norms, scaled
+from mbstab.analysis.algebra.sparse import dense, is_sparse, row_norms, scaled
 from mbstab.analysis.algebra.sparse_rank import SparseRank, last_rows, sparse_rank
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Row
@@ -92,14 +92,24 @@ class Subspaces:
         return 2 * (len(self.scale) - self.C.rank) - self.W.rank
 
 
-def coordinate_scale(M: Any, sizes: Array) -> Array:
-    """Return 1/√M_ii; for a coordinate without mass a value that follows from the others and the sizes."""
+def coordinate_scale(M: Any, sizes: Array, speeds: Any) -> Array:
+    """Return 1/√M_ii; for a coordinate without mass a value that follows from the others and the sizes.
+
+    It is large enough that the rows of the speeds, (n, n_q), which determine a state from the others, are not
+    dominated by these.
+    """
     diagonal = M.diagonal()
     heavy = diagonal > 0.0
     scale = sizes.copy()
     scale[heavy] = 1.0 / np.sqrt(diagonal[heavy])
     if heavy.any() and not heavy.all():
         scale[~heavy] *= np.median(scale[heavy] / sizes[heavy])
+        if speeds.shape[0]:
+            rows = abs(dense(speeds))
+            others = np.sqrt(((rows * scale)[:, heavy] ** 2).sum(axis=1))
+            for i in np.flatnonzero(~heavy):
+                held = rows[:, i] > 0.0
+                scale[i] = max(scale[i], np.max(others[held] / rows[held, i], initial=0.0))
     return scale
 
 
@@ -123,7 +133,7 @@ def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array) -> Su
     ConstraintError
         If a rank decision has no gap.
     """
-    scale = coordinate_scale(M, sizes)
+    scale = coordinate_scale(M, sizes, J[n_h:])
     row_scale = 1.0 / row_norms(scaled(J, scale))
     unit = scaled(J, scale, row_scale)
     C = sparse_rank(unit[:n_h]) if is_sparse(J) else rank_of(unit[:n_h])

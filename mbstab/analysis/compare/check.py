@@ -107,7 +107,7 @@ def _constraints(system: System) -> list[tuple[str, str, int, int]]:
         for entry in model.entries[section].values():
             mine = [i for i, row in enumerate(system.rows) if (row.section, row.name) == (section, entry.name)]
             if mine:
-                kind = f"{entry.kind.name} {section.removesuffix('s')}"
+                kind = " ".join(dict.fromkeys([entry.kind.name, section.removesuffix("s")]))
                 found.append((entry.name, kind, sum(i < system.n_h for i in mine), sum(i >= system.n_h for i in mine)))
     return found
 

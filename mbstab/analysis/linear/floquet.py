@@ -38,7 +38,7 @@ from mbstab.analysis.reference.motion import Motion
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError, amount
-from mbstab.model.schema import is_length, unit_of
+from mbstab.model.schema import is_angle, unit_of
 from mbstab.records import dataclass
 
 FIX = (
@@ -342,11 +342,11 @@ def _check_periodic(flow: _Flow, end: Array, fastest: float, rounding: float) ->
         raise _not_periodic(flow, then.a - now.a, "acceleration", "/s^2")
     if (worst := _change(flow, now, then)) > TOLERANCES.periodicity + rounding:
         advance = (end - flow.begin)[0, :, 0] * sizes
-        angular = np.array([not is_length(name) for name in flow.system.names])
+        angular = np.array([is_angle(name) for name in flow.system.names])
         advance[angular] -= 2.0 * math.pi * np.round(advance[angular] / (2.0 * math.pi))
         i = int(np.argmax(np.abs(advance / sizes)))
         moved = abs(advance[i] / sizes[i]) > TOLERANCES.periodicity + rounding
-        reason = f"{flow.system.names[i]} differs by {advance[i]:.6g} {'rad' if angular[i] else 'm'}"
+        reason = f"{flow.system.names[i]} differs by {advance[i]:.6g} {unit_of(flow.system.names[i])}"
         message = f"small motions have other coefficients after {period:.6g} s, by {worst:.2g} of their size: "
         raise _problem(flow, message + (reason if moved else "given functions of time do not have this period"))
     return max(float(np.max(np.abs(speeds), initial=0.0)) / max(fastest, TOLERANCES.motion_in_period), worst)

@@ -34,7 +34,7 @@ from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.fields import Shift, Turn
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array
-from mbstab.model.schema import is_length
+from mbstab.model.schema import is_angle
 
 RATIOS = ((1, 1), (1, 2), (1, 3))
 """Ratios of frequencies at which modes of opposite energy may excite each other."""
@@ -214,7 +214,7 @@ class SecondVariation:
         return False
 
     def _angles(self) -> npt.NDArray[np.bool_]:
-        return np.array([not is_length(name) for name in self.linear.names])
+        return np.array([is_angle(name) for name in self.linear.names])
 
     def _idle_turns(self) -> list[Generator]:
         """Return rotations of the ground that do not move the reference, with spins that compensate them."""

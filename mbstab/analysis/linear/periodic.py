@@ -40,7 +40,7 @@ from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.reference.motion import Motion, motion_at
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.compiler.system import Array, System
-from mbstab.model.schema import is_length, unit_of
+from mbstab.model.schema import is_angle, unit_of
 from mbstab.records import dataclass
 
 INSTANTS = (0.0, 0.2360679775, 0.5278640450, 0.8196601125)
@@ -174,8 +174,8 @@ class Cycle:
     def _elsewhere(self) -> str:
         """Say where the motion is after the period, unless that is the same by a symmetry."""
         names, sizes = self.system.names, self.motion.sizes
-        lengths = np.array([is_length(name) for name in names])
-        turns = np.where(lengths, 0.0, 2.0 * math.pi * np.round(self.flow.advance / (2.0 * math.pi)))
+        angles = np.array([is_angle(name) for name in names])
+        turns = np.where(angles, 2.0 * math.pi * np.round(self.flow.advance / (2.0 * math.pi)), 0.0)
         off = self.flow.advance - turns
         advance = turns + np.where(np.abs(off) > TOLERANCES.periodicity * sizes, off, 0.0)
         if not np.any(advance) or all(self._carried(invariance, advance) for invariance in self.invariances):

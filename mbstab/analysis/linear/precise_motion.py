@@ -213,7 +213,7 @@ def _balanced(balance: Balance, at: State, system: System) -> tuple[Matrix, Gene
         force = (product(exact(state.M), a) + state.F0) * sizes / balance.energy
         force = force + product((J * sizes / lengths[:, None]).T, x[moving:])
         parts = [force, E[:n_h] / lengths[:n_h]]
-        if balance.family.size:
+        if balance.with_speeds:
             parts += [
                 V / (lengths * balance.speed),
                 (u[balance.given] - rates) / (sizes[balance.given] * balance.speed),

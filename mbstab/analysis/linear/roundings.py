@@ -344,7 +344,7 @@ class _Roundings:
             (np.abs(force[0]) + force[1]) * motion.sizes / balance.energy,
             _misfits(state.E[:n_h]) / lengths[:n_h],
         ]
-        if family.size:
+        if balance.with_speeds:
             rates = (self._off(balance.given) + du[balance.given]) / motion.sizes[balance.given]
             misfit += [_misfits(state.V) / (lengths * balance.speed), rates / balance.speed]
         G = balance.jacobian(at)

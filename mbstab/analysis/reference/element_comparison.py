@@ -21,6 +21,7 @@ from mbstab.analysis.reference.rotation import rate_drift, rate_matrix
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Acting, Array, Dynamics, System
 from mbstab.errors import MbstabError
+from mbstab.mechanics.catalogue import ROWS
 from mbstab.model.arithmetic import FLOAT, mpmath_arithmetic
 from mbstab.records import dataclass
 
@@ -200,8 +201,10 @@ class ElementComparison:
         """Whether there are states other than the reference at which constraint rows can be tested."""
         if not self.system.n_c or not self.motion.spaces.N.shape[1]:
             return True
-        rows = (item for item in self.system.scene.items if item.entry.section == "constraints")
-        pieced = any(expression.pieced() for item in rows for expression in expressions_in(item.entry.values))
+        rows = (item for item in self.system.scene.items if item.kind.written in ROWS)
+        pieced = any(
+            expression.pieced(self.system.names) for item in rows for expression in expressions_in(item.entry.values)
+        )
         return len(self.on_rows) > 1 and not pieced
 
     def _projected(self, rng: RandomNumbers, spread: float) -> OnRows | None:

@@ -3,7 +3,9 @@
 The unknowns are the coordinates q, the rates c of a generator X(q; c) that are not given, and the
 multipliers ν. With u = X and a = DX X,
 
-    M a + F0 + Jᵀν = 0,   C(q, t) = 0,   V(q, X, t) = 0,   X_i = given rates.
+    M a + F0 + Jᵀν = 0,   C(q, t) = 0,   V(q, X, t) = 0,   X_i = given rates;
+
+at rest V = 0 is needed for first-order states only.
 
 The derivative of the first row by q is the stiffness matrix of the co-moving frame,
 K + R Ξ + M Ξ₂. Rows and unknowns are scaled by the size of the scene, its energy and its speed.
@@ -161,7 +163,7 @@ class Balance:
         rows = J * self.sizes / lengths[..., None]
         nu = -multipliers(rows, force)
         parts = [force + (np.swapaxes(rows, -1, -2) @ nu[..., None])[..., 0], E[..., :n_h] / lengths[..., :n_h]]
-        if self.family.size:
+        if self.with_speeds:
             parts += [
                 V / (lengths * self.speed),
                 (u[..., self.given] - self.ramp * self.rates) / (self.sizes[self.given] * self.speed),
@@ -172,6 +174,11 @@ class Balance:
 
     def _lengths(self, J: Array) -> Array:
         return norms(J * self.sizes)
+
+    @property
+    def with_speeds(self) -> bool:
+        """Whether the rows of the speeds say something: on a motion, and where states must come to rest."""
+        return bool(self.family.size or self.system.scene.model.states)
 
     @property
     def moving(self) -> int:
@@ -193,7 +200,7 @@ class Balance:
         A = A[..., : len(units)] + A[..., len(units) :]
         weights, columns = (self.sizes / self.energy)[:, None], self.sizes[self.open]
         c, n_c = len(units), J.shape[-2]
-        V_q = system.linearize_rows(at.q, at.u, at.a)[0][..., self.rows, :] if self.family.size else 0.0 * J
+        V_q = system.linearize_rows(at.q, at.u, at.a)[0][..., self.rows, :] if self.with_speeds else 0.0 * J
         _, stiffness, turned = in_frame(M, R, K, J, V_q, Xi, Xi_2)
         blocks = [
             joined(
@@ -213,7 +220,7 @@ class Balance:
                 2,
             ),
         ]
-        if self.family.size:
+        if self.with_speeds:
             rows = (lengths * self.speed)[..., None]
             blocks.append(
                 joined([turned[..., self.open] * columns / rows, J @ X * self.speed / rows, np.zeros((n_c, n_c))], 2)

@@ -35,7 +35,7 @@ from mbstab.analysis.reference.symmetries import symmetries
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, UsageError, counted
-from mbstab.model.schema import is_length, unit_of
+from mbstab.model.schema import is_angle, is_length, unit_of
 from mbstab.records import dataclass
 
 STRATEGIES = ("Newton", "relaxation", "spin-up")
@@ -316,7 +316,7 @@ class Problem:
     def elsewhere(self, rng: np.random.Generator) -> Array:
         """Return a random start that satisfies the constraints as well as possible."""
         self.boost = float(np.exp(rng.uniform(-3.0, 1.5)))
-        far = np.where(self.finder.is_length, 2.0 * self.finder.sizes, math.pi)
+        far = np.where([is_angle(name) for name in self.system.names], math.pi, 2.0 * self.finder.sizes)
         change = rng.uniform(-1.0, 1.0, len(self.start)) * far
         q = self.start + np.where(self.held, 0.0, change)
         if self.system.n_h and not self.held.all():
@@ -410,7 +410,7 @@ class Problem:
     def _wrong_rate(self, search: Search, state: State) -> tuple[str, str] | None:
         """Return the given rate or the constraint that does not fit the motion where a search ended, and a hint."""
         n, n_h = self.system.n_q, search.balance.n_h
-        count = len(search.balance.rows) if self.family.size else 0
+        count = len(search.balance.rows) if search.balance.with_speeds else 0
         speeds, rates = np.split(np.abs(state.residual[n + n_h :]), [count])
         largest = max((float(np.max(x, initial=0.0)) for x in (speeds, rates)), default=0.0)
         if largest <= max(1e-6, float(np.max(np.abs(state.residual[:n])))):
@@ -564,7 +564,7 @@ def _signature(system: System, found: Equilibrium) -> Array:
     spaces, scale = motion.spaces, motion.spaces.scale
     full = found_in.K * scale * scale[:, None]
     mass = spaces.N.T @ (found_in.M * scale * scale[:, None]) @ spaces.N
-    values = np.linalg.eigvals(np.linalg.solve(mass, spaces.N.T @ full @ spaces.N))
+    values = np.linalg.eigvals(np.linalg.pinv(mass) @ spaces.N.T @ full @ spaces.N)
     loads = [float(np.linalg.norm(r.force)) for r in found.reactions]
     return np.concatenate([np.sort(values.real), np.sort(np.abs(values.imag)), loads])
 

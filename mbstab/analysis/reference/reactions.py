@@ -57,7 +57,7 @@ def reactions(system: System, q: Array, u: Array, J: Array, nu: Array) -> list[R
     parts = {path: part for path, part in system.parts() if path in transmitting} if transmitting else {}
     for item in system.scene.items:
         rows = [i for i, row in enumerate(system.rows) if (row.section, row.name) == (item.entry.section, item.name)]
-        if rows:
+        if rows and item.entry.section != "states":
             load = -(nu[..., None, rows] @ J[..., rows, :])[..., 0, :]
             found += _reactions(system, q, item, load)
         elif item.entry.path in parts:

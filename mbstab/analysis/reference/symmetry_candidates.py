@@ -20,6 +20,7 @@ from mbstab.analysis.reference.steady import Generator, axis_text, through
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.mechanics.catalogue import GROUND
+from mbstab.model.schema import is_state
 
 UNEVEN = 5661 / 4096
 """Steps are this times a power of two."""
@@ -95,7 +96,7 @@ class SymmetryCandidates(ElementComparison):
         for i in np.flatnonzero(single):
             direction = np.zeros(len(names))
             direction[i] = 1.0
-            yield names[i], direction
+            yield f"state {names[i]}" if is_state(names[i]) else names[i], direction
 
     def _blind(self) -> Array:
         """Return constant shifts that change neither forces nor rows at some states, as orthonormal columns."""

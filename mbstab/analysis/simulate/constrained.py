@@ -29,6 +29,7 @@ from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError, amount
 from mbstab.model.arithmetic import array_arithmetic
+from mbstab.model.schema import is_state
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
@@ -101,6 +102,7 @@ class Constrained:
         natural = max(self.fastest(motion.u), float(np.sqrt(np.max(pulled, initial=0.0))))
         self.slowest = TOLERANCES.resting_speed_of_forces * (natural or 1.0)
         self.least_energy = 0.5 * float(np.diag(motion.dynamics.M) @ (motion.sizes * self.slowest) ** 2)
+        self._massless = np.flatnonzero([is_state(name) for name in system.names])
         self.full = self.rank == self.n_c
         self._weights = self.scale * self.scale[:, None]
         self._rows = self.scale * self.row_scale[:, None]
@@ -346,6 +348,9 @@ class Constrained:
         n, r = self.n, len(J)
         A, b = np.zeros((n + r, n + r)), np.zeros(n + r)
         A[:n, :n], A[:n, n:], A[n:, :n] = M, J.T, J
+        if rows == self.n_h:
+            # First-order states have no mass; only their rates follow the others.
+            A[self._massless, self._massless] = 1.0
         b[n:] = goal
         change = self._solved(A, b)[:n]
         return np.asarray(change * self.scale)

@@ -37,7 +37,7 @@ from mbstab.analysis.sweep.stacks import (
 )
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
-from mbstab.model.schema import is_length
+from mbstab.model.schema import is_angle
 from mbstab.records import dataclass
 
 
@@ -446,7 +446,7 @@ class Known:
         As in `mbstab.analysis.linear.minimum`: a multiple of the momentum of a turn that does not move the reference.
         """
         found = np.zeros(len(points.S), dtype=bool)
-        angles = np.array([not is_length(name) for name in points.system.names])
+        angles = np.array([is_angle(name) for name in points.system.names])
         reach = 4.0 * np.max(np.abs(points.u[:, angles]), axis=1, initial=0.0)
         for step in self.idle:
             ratios, last = np.linspace(-1.0, 1.0, LINEAR.momentum_multiples).tolist(), 0.0

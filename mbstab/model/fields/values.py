@@ -7,6 +7,7 @@ from typing import Any
 
 from mbstab.mechanics.catalogue import Field, Number, Vector
 from mbstab.model.evaluator import Law
+from mbstab.model.expressions import parse
 from mbstab.model.fields.base import NUMBER, NUMBERS, TEXT, VECTOR, FieldKind, Owner, Reading
 from mbstab.model.schema import Components, Quantity
 from mbstab.model.yamlfile import Sequence, YamlNode
@@ -176,6 +177,34 @@ class NonholonomicField(ConstraintField):
             reading.nodes.complain(node, expression.path, "the constraint contains no rate of a coordinate")
 
 
+class RateField(FieldKind):
+    """The rate of a first-order state: an expression of coordinates, rates, states and time."""
+
+    name = "rate"
+    moving = True
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity | None:
+        """Return the expression that must be zero: rate(state) minus the given one."""
+        given = reading.quantities.quantity(node, path, time=True, state=True)
+        if given is None:
+            return None
+        state = reading.path.partition(".")[2]
+        if state in given.rates():
+            message = f"the rate of {state!r} depends on itself"
+            reading.nodes.complain(node, path, message, "solve the equation for the rate")
+            return None
+        text = f"rate({state}) - ({given.text})"
+        return Quantity(text, parse(text).root, given.location, path)
+
+    def coordinates(self, value: Quantity) -> Iterable[str]:
+        """Return the names in the expression, and those of its rates."""
+        return {*value.names(), *value.rates()}
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of a number or an expression."""
+        return {**NUMBER}
+
+
 KINDS = (
     NumberField(),
     VectorField(),
@@ -185,4 +214,5 @@ KINDS = (
     ChoiceField(),
     HolonomicField(),
     NonholonomicField(),
+    RateField(),
 )

@@ -11,11 +11,20 @@ from collections.abc import Mapping as MappingType
 from mbstab.errors import suggestion
 from mbstab.mechanics.catalogue import ROWS, Field, Kind
 from mbstab.mechanics.elements import KINDS
+from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.fields.base import Reading
 from mbstab.model.fields.catalogue import given_fields, kind_of
+from mbstab.model.functions import FUNCTIONS
 from mbstab.model.names import in_order
 from mbstab.model.quantities import QuantityReader
-from mbstab.model.schema import CONSTRAINT_FIELDS, GEOMETRY_FIELDS, Entry, body_coordinates, entry_word
+from mbstab.model.schema import (
+    CONSTRAINT_FIELDS,
+    GEOMETRY_FIELDS,
+    STATE_FIELDS,
+    Entry,
+    body_coordinates,
+    entry_word,
+)
 from mbstab.model.yamlfile import Mapping, Scalar, YamlNode
 
 NAMING = tuple(section for section in KINDS if section != "bodies")
@@ -26,6 +35,16 @@ CONSTRAINT_KINDS = {
     for role in ROWS
     for doc in [CONSTRAINT_FIELDS[role]]
 }
+
+STATE_KIND = Kind(
+    "state",
+    "a variable with its own rate",
+    (2, 3),
+    (Field("rate", "rate", STATE_FIELDS["rate"], required=True),),
+    lambda item: (),
+    written="nonholonomic",
+)
+"""A state z is a coordinate without mass; its rate is a row of the speeds, rate(z) - g = 0, that takes no force."""
 
 Found = dict[str, tuple[Kind, Mapping]]
 """Entries by name whose types are known, but whose fields have not been read yet."""
@@ -50,7 +69,27 @@ class EntryReader:
             for section in NAMING
         }
         self._refuse_circles(entries["joints"])
-        return {**entries, "constraints": self._constraints(sections.get("constraints"))}
+        states = self.nodes.optional(sections.get("states"), "states")
+        return {
+            **entries,
+            "constraints": self._constraints(sections.get("constraints")),
+            "states": {
+                key.text: self._entry("states", key.text, STATE_KIND, item)
+                for key, node in (states.pairs() if states else ())
+                if key.text in self.names.coordinates
+                and (item := self.nodes.mapping(node, f"states.{key.text}", "{rate: expression}")) is not None
+            },
+        }
+
+    def find_states(self, node: YamlNode | None) -> None:
+        """Find the names of the states, which then count as coordinates."""
+        section = self.nodes.optional(node, "states")
+        names = self.names
+        taken = {"t", "ground", *CONSTANTS, *FUNCTIONS, *names.bodies, *names.parameters}
+        for key, _ in section.pairs() if section else ():
+            path = f"states.{key.text}"
+            if self.nodes.check_name(key, path, "state", taken):
+                names.coordinates[key.text] = None
 
     # --- the ground and the bodies ----------------------------------------------------------------------------------
 
@@ -156,7 +195,8 @@ class EntryReader:
     def _entry(self, section: str, name: str, kind: Kind, node: Mapping) -> Entry:
         path = f"{section}.{name}"
         fields = [field for field in kind.fields if self.names.dimension in field.dimensions]
-        self.nodes.known_keys(node, path, ["type", *[field.name for field in fields]])
+        typed = [] if kind is STATE_KIND else ["type"]
+        self.nodes.known_keys(node, path, [*typed, *[field.name for field in fields]])
         reading = Reading(self.quantities, node, path)
         for field in fields:
             item = node.entries.get(field.name)

@@ -27,6 +27,9 @@ def read_state(quantities: QuantityReader, node: YamlNode | None, path: str, per
     state = {}
     for key, item in mapping.pairs() if mapping else ():
         body, here = key.text, f"{path}.{key.text}"
+        if body in names.coordinates:  # a first-order state
+            state[body] = quantities.expression(item, here)
+            continue
         inner = nodes.mapping(item, here)
         if not names.has_body(key, path, body):
             continue
@@ -35,8 +38,8 @@ def read_state(quantities: QuantityReader, node: YamlNode | None, path: str, per
             nodes.known_keys(inner, here, known)
         for coordinate, value in inner.entries.items() if inner else ():
             if coordinate in known:
-                unit = unit_of(coordinate) + per
-                state[f"{body}.{coordinate}"] = quantities.expression(value, f"{here}.{coordinate}", unit)
+                name = f"{body}.{coordinate}"
+                state[name] = quantities.expression(value, f"{here}.{coordinate}", unit_of(name) + per)
     return state
 
 

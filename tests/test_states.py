@@ -1,0 +1,289 @@
+"""First-order states: filters, lags, integrals and currents, against closed forms and other formulations."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.optimize import linear_sum_assignment
+
+import mbstab
+from mbstab.cli.main import main
+from mbstab.errors import ModelFileError
+
+LINE = """\
+mbstab: 1
+parameters: {{{parameters}}}
+bodies:
+  b: {{type: planar_point, mass: m}}
+constraints:
+  line: {{holonomic: b.y}}
+states:
+  {states}
+forces:
+  all: {{type: expression, on: {{b.x: {force}}}}}
+{rest}
+"""
+
+
+def on_a_line(parameters, states, force, rest=""):
+    """Return a mass on a line with states."""
+    return mbstab.loads(LINE.format(parameters=parameters, states=states, force=force, rest=rest))
+
+
+def turning(parameters, states, torque, rest=""):
+    """Return a disk on a fixed axle with states."""
+    return mbstab.loads(
+        f"mbstab: 1\nparameters: {{{parameters}}}\nbodies: {{b: {{type: planar, mass: 1, inertia: J}}}}\n"
+        f"joints: {{axle: {{type: revolute, between: [b, ground]}}}}\nstates:\n  {states}\n"
+        f"forces: {{all: {{type: expression, on: {{b.theta: {torque}}}}}}}\n{rest}"
+    )
+
+
+def close(found, expected, part):
+    """Whether two sets of eigenvalues are equal, each relative to its own size."""
+    found, expected = np.asarray(found, dtype=complex), np.asarray(expected, dtype=complex)
+    assert len(found) == len(expected)
+    cost = np.abs(found[:, None] - expected)
+    rows, columns = linear_sum_assignment(cost)
+    return bool(np.all(cost[rows, columns] <= part * np.abs(expected[columns])))
+
+
+def pairs(*values):
+    """Return numbers with the conjugates of those that are complex."""
+    return [x for s in values for x in ((s, np.conj(s)) if isinstance(s, complex) else (s,))]
+
+
+ZENER = "F: {rate: km*rate(b.x) - km/c*F}", "-k*b.x - F"
+LAGGED = """\
+mbstab: 1
+parameters: {T: 0.05}
+gravity: [0, -9.81]
+bodies:
+  cart: {type: planar_point, mass: 0.5}
+  rod: {type: planar, mass: 0.2, inertia: 0.006}
+joints: {pivot: {type: revolute, between: [cart, {body: rod, point: [0, -0.3]}]}}
+constraints: {rail: {holonomic: cart.y}}
+states:
+  F: {rate: (-40*rod.theta + 20*sum - 8*rate(rod.theta) - F)/T}
+  sum: {rate: -rod.theta}
+forces: {motor: {type: expression, on: {cart.x: F - 0.1*rate(cart.x)}}}
+reference: {coordinates: {cart: {x: 0, y: 0}, rod: {x: 0, y: 0.3, theta: 0}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ((1, 100, 400, 10), pairs(-6.52189615220069 + 10.28852254136692j, -26.95620769559862)),
+        ((2, 50, 200, 30), pairs(-1.41773500115668, -2.624465832754993 + 10.52000879048247j)),
+    ],
+)
+def test_a_zener_element_adds_one_eigenvalue(values, expected):
+    """m x'' + k x + F = 0, F' = k_m x' - (k_m/c) F."""
+    mechanism = on_a_line("m: {}, k: {}, km: {}, c: {}".format(*values), *ZENER)
+    found = mechanism.eig()
+    assert found.counts.expected == 3
+    assert found.verdict == "asymptotically stable"
+    assert close(found.values(), expected, 1e-14)
+    assert all(abs(e.value - min(expected, key=lambda x: abs(x - e.value))) <= e.error_bound for e in found.eigenvalues)
+
+
+@pytest.mark.parametrize(
+    ("T", "expected"),
+    [
+        (0.02, pairs(-0.683869916855054, -3.999842985286747, -22.74905263983819 + 32.59914507909302j)),
+        (0.05, pairs(-0.68058468468294108, -4.074047905647982, -7.713592795743629 + 23.75021277225299j)),
+        (0.1, pairs(-0.6752765168220667, -4.189941870254077, -2.658299897371019 + 17.27653212646016j)),
+    ],
+)
+def test_a_cart_and_pendulum_with_control_and_a_lag_of_the_actuator(T, expected):
+    """T F' = 40 θ + 20 ∫θ + 8 θ' − F; place and speed of the cart are neutral."""
+    found = mbstab.loads(LAGGED).eig(T=T)
+    assert close(found.values(), expected, 1e-12)
+    assert (found.counts.expected, found.counts.neutral) == (6, 2)
+    assert found.verdict == "asymptotically stable up to symmetry"
+
+
+def test_the_critical_lag_is_found():
+    swept = mbstab.loads(LAGGED).sweep("T", np.linspace(0.02, 0.4, 13))
+    (critical,) = swept.critical
+    assert critical.value == pytest.approx(0.20478619158233459, rel=1e-12)
+    assert critical.frequency == pytest.approx(12.013237476893, rel=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ((0.01, 0.1, 0.01, 1, 0.5), [-2.00250078173866305, -9.99749921826133695]),
+        ((3.2284e-6, 3.5077e-6, 0.0274, 4, 2.75e-6), [-59.2260384878323432, -1454487.3150204099]),
+    ],
+)
+def test_a_motor_with_its_current(values, expected):
+    """J ω' + b ω = K i, L i' + R i = V − K ω; the angle is neutral."""
+    motor = turning("J: {}, d: {}, K: {}, R: {}, L: {}".format(*values), *MOTOR)
+    found = motor.eig()
+    assert close(found.values(), expected, 1e-11)
+    assert all(np.min(np.abs(np.array(expected) - e.value)) <= e.error_bound for e in found.eigenvalues[:2])
+    assert found.counts.neutral == 1
+    precise = motor.eig_precise(20)
+    assert close([complex(x) for x in precise.values()], expected, 1e-15)
+
+
+MOTOR = "i: {rate: (-K*rate(b.theta) - R*i)/L}", "K*i - d*rate(b.theta)"
+
+
+def test_a_motor_with_a_pendulum():
+    motor = turning(
+        "J: 0.01, d: 0.1, K: 0.01, R: 1, L: 0.5",
+        MOTOR[0],
+        "K*i - d*rate(b.theta) - 0.3*sin(b.theta)",
+    )
+    expected = pairs(-1.99715040970956369, -5.00142479514521816 + 2.24244394823927014j)
+    assert close(motor.eig().values(), expected, 1e-13)
+    # Half a turn away it falls over.
+    assert motor.eig().verdict == "asymptotically stable"
+    up = turning("J: 0.01, d: 0.1, K: 0.01, R: 1, L: 0.5", MOTOR[0], "K*i - d*rate(b.theta) + 0.3*sin(b.theta)")
+    assert up.eig().verdict == "unstable"
+
+
+def test_shimmy_with_relaxation_of_the_tyre():
+    """I ψ'' + d ψ' + (e + t) C α' = 0, (σ/V) dα'/dt + α' = ψ + e ψ'/V: Hurwitz gives both critical speeds."""
+    wheel = turning(
+        "J: 0.25, d: 1.5, e: 0.08, trail: 0.02, C: 15000, sigma: 0.25, V: 10",
+        "slip: {rate: (b.theta + e*rate(b.theta)/V - slip)*V/sigma}",
+        "-d*rate(b.theta) - (e + trail)*C*slip",
+    )
+    expected = pairs(10.55332535975057 + 58.86445414291477j, -67.10665071950114)
+    assert close(wheel.eig().values(), expected, 1e-13)
+    expected = pairs(1.875780182693704 + 76.50940571085784j, -409.7515603653874)
+    assert close(wheel.eig(V=100).values(), expected, 1e-13)
+    swept = wheel.sweep("V", np.geomspace(0.3, 300.0, 21))
+    assert [c.value for c in swept.critical] == pytest.approx([0.71520186173908039567, 167.7847981382609196], rel=1e-11)
+
+
+def test_every_way_of_asking_gives_the_same():
+    mechanism = mbstab.loads(LAGGED)
+    expected = mechanism.eig().values()
+    for method in ("index3", "paper"):
+        assert close(mechanism.eig(method).values(), expected, 1e-9)
+    swept = mechanism.sweep("T", np.array([0.04, 0.05, 0.06])).branches[1]
+    assert close(swept[np.abs(swept) > 1e-6], expected, 1e-11)
+
+
+def test_eigenvalues_with_states_are_proven():
+    pytest.importorskip("flint")
+    proven = on_a_line("m: 1, k: 100, km: 400, c: 10", *ZENER).certify()
+    assert proven.verdict == "asymptotically stable"
+    proven = on_a_line("m: 1, k: 100, km: 400, c: -10", *ZENER).certify()
+    assert proven.verdict == "unstable"
+
+
+def test_the_nonlinear_motion_confirms_the_eigenvalues():
+    checked = on_a_line("m: 1, k: 100, km: 400, c: 10", *ZENER).verify()
+    assert checked.verdict == "confirmed"
+
+
+@pytest.mark.parametrize("settings", [{}, {"method": "radau"}, {"method": "alpha", "tol": 1e-5}, {"compiled": True}])
+def test_a_simulation_follows_the_exact_solution(settings):
+    if settings.get("compiled"):
+        pytest.importorskip("numba")
+    mechanism = on_a_line("m: 1, k: 100, km: 400, c: 10", *ZENER)
+    run = mechanism.simulate(to=0.3, points=4, perturb={"b.x": 0.1}, **settings)
+    A = np.array([[0.0, 1.0, 0.0], [-100.0, 0.0, -1.0], [0.0, 400.0, -40.0]])
+    for t, q, u in zip(run.times, run.q, run.u, strict=True):
+        x, v, F = expm(A * t) @ [0.1, 0.0, 0.0]
+        assert [q[0], u[0], q[2]] == pytest.approx([x, v, F], abs=20 * settings.get("tol", 1e-8))
+
+
+def test_a_state_is_solved_for_with_an_equilibrium():
+    """The force of an integral controller comes to rest where the error is zero: it carries the load."""
+    text = "x: {rate: 3*(0.2 - b.x)}"
+    rest = "reference: {find: equilibrium, guess: {b: {x: 0.1}}}"
+    mechanism = on_a_line("m: 1", text, "x - 7 - 5*b.x - 2*rate(b.x)", rest)
+    (found,) = mechanism.equilibria()
+    assert found.motion.q == pytest.approx([0.2, 0.0, 8.0], abs=1e-12)
+    expected = np.roots([1.0, 2.0, 5.0, 3.0])
+    assert close(mechanism.eig().values(), expected, 1e-13)
+    assert close([complex(x) for x in mechanism.eig_precise(25).values()], expected, 1e-14)
+
+
+def test_a_state_in_a_turning_frame():
+    """r'' - r θ'^2 = -k z, (r^2 θ')' = 0, T z' = r - z, for a circle with the rate ω."""
+    k, T, r = 4.0, 0.3, 1.5
+    mechanism = mbstab.loads(
+        f"mbstab: 1\nparameters: {{k: {k}, T: {T}, r: {r}}}\nbodies: {{b: {{type: planar_point, mass: 1}}}}\n"
+        "states: {z: {rate: (sqrt(b.x**2 + b.y**2) - z)/T}}\n"
+        "forces: {pull: {type: expression, on: {b.x: -k*z*b.x/sqrt(b.x**2 + b.y**2), "
+        "b.y: -k*z*b.y/sqrt(b.x**2 + b.y**2)}}}\n"
+        "reference: {steady: {axis: z, rate: sqrt(k)}, coordinates: {b: {x: r, y: 0}, z: r}}"
+    )
+    # With h = r^2 θ' held: ρ'' + 3 ω^2 ρ = -k ζ, T ζ' = ρ - ζ.
+    expected = np.linalg.eigvals([[0.0, 1.0, 0.0], [-3.0 * k, 0.0, -k], [1.0 / T, 0.0, -1.0 / T]])
+    found = mechanism.eig()
+    assert found.counts.expected == 5
+    assert close(found.values()[np.abs(found.values()) > 1e-6], expected, 1e-12)
+    assert found.verdict == "unstable"
+
+
+def test_multipliers_of_a_periodic_motion_with_a_state():
+    """x'' + (1 + 0.4 cos 2t) x + z = 0, z' = x' - 0.5 z: the multipliers of a fundamental matrix."""
+    mechanism = on_a_line(
+        "m: 1",
+        "z: {rate: rate(b.x) - 0.5*z}",
+        "-(1 + 0.4*cos(2*t))*b.x - z",
+        "reference: {period: pi, coordinates: {b: {x: 0, y: 0}}}",
+    )
+
+    def slope(t, y):
+        x, v, z = y.reshape(3, 3)
+        return np.concatenate([v, -(1.0 + 0.4 * np.cos(2.0 * t)) * x - z, v - 0.5 * z])
+
+    end = solve_ivp(slope, (0.0, np.pi), np.eye(3).ravel(), method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+    expected = np.linalg.eigvals(end.reshape(3, 3))
+    found = mechanism.eig()
+    assert close([e.multiplier for e in found.eigenvalues], expected, 1e-8)
+
+
+def test_states_stand_last_and_are_given_under_their_names():
+    mechanism = on_a_line("m: 1", "F: {rate: 3 - F}", "F - 3 - b.x", "reference: {coordinates: {b: {x: 0}, F: 3}}")
+    motion = mechanism.motion()
+    assert motion.q.tolist() == [0.0, 0.0, 3.0]
+    assert motion.at_rest
+    data = json.loads(CliRunner().invoke(main, ["eig", "-", "--format", "json"], input=str(SCENE)).output)
+    assert [x["name"] for x in data["coordinates"]] == ["b.x", "b.y", "F"]
+    assert data["coordinates"][2]["unit"] == "1"
+
+
+SCENE = LINE.format(parameters="m: 1", states="F: {rate: -F}", force="F - b.x", rest="")
+
+
+@pytest.mark.parametrize(
+    ("states", "message"),
+    [
+        ("m: {rate: 1}", "the name 'm' is taken"),
+        ("t: {rate: 1}", "the name 't' is taken"),
+        ("sin: {rate: 1}", "the name 'sin' is taken"),
+        ("b: {rate: 1}", "the name 'b' is taken"),
+        ("F: {}", "the key 'rate' is missing"),
+        ("F: {rate: 1, type: state}", "unknown key 'type'"),
+        ("F: 3", "expected {rate: expression}"),
+        ("F: {rate: 2*rate(F) + 1}", "the rate of 'F' depends on itself"),
+        ("F: {rate: G}", "unknown parameter 'G'"),
+        ("F: {rate: -F}\n  G: {rate: rate(H)}", "unknown coordinate 'H'"),
+    ],
+)
+def test_bad_states_are_refused_where_they_stand(states, message):
+    with pytest.raises(ModelFileError) as caught:
+        on_a_line("m: 1", states, "-b.x")
+    assert message in str(caught.value)
+    assert re.search("<text>:[789]:[0-9]+: states", str(caught.value))
+
+
+def test_states_cannot_stand_where_only_the_time_may():
+    text = SCENE + "drives: {d: {type: coordinate, coordinate: b.x, position: F}}"
+    with pytest.raises(ModelFileError, match="states such as 'F' cannot be used here"):
+        mbstab.loads(text)
