@@ -8,7 +8,7 @@ import pytest
 
 import mbstab
 from mbstab.analysis.algebra.matching import matched
-from mbstab.errors import ConstraintError, MassError, MbstabError, ModelFileError
+from mbstab.errors import ConstraintError, EquilibriumError, MassError, MbstabError, ModelFileError
 from mbstab.model.library import find_model
 
 
@@ -1106,6 +1106,14 @@ def test_a_motion_without_mass_is_an_error_that_names_the_body():
 def test_inertias_too_far_apart_for_a_rank_decision_are_named(name, parameter):
     with pytest.raises(MbstabError, match=r"inertias are too far apart for double precision: 1e\+30 kg"):
         mbstab.load(f"{name}.yaml").eig(**{parameter: 1e30})
+
+
+def test_a_search_does_not_follow_motions_of_inertias_that_are_too_far_apart():
+    text = find_model("governor_paper.yaml").path.read_text(encoding="utf-8")
+    far = text.replace("C: [e, 0, 0]", "C: [e, 0, tan(pi/2)]")
+    assert far != text
+    with pytest.raises(EquilibriumError, match=r"found in [0-9]{1,2} steps(.|\n)*inertias are too far apart"):
+        mbstab.loads(far).motion()
 
 
 def test_no_inertia_is_needed_where_a_joint_gives_a_lever():

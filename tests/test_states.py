@@ -187,7 +187,9 @@ def test_the_nonlinear_motion_confirms_the_eigenvalues():
     assert checked.verdict == "confirmed"
 
 
-@pytest.mark.parametrize("settings", [{}, {"method": "radau", "once": True}, {"method": "alpha", "tol": 1e-4}, {"compiled": True}])
+@pytest.mark.parametrize(
+    "settings", [{}, {"method": "radau", "once": True}, {"method": "alpha", "tol": 1e-4}, {"compiled": True}]
+)
 def test_a_simulation_follows_the_exact_solution(settings):
     if settings.get("compiled"):
         pytest.importorskip("numba")

@@ -50,7 +50,7 @@ class _Group(click.Group):
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:
-            hint = suggestion(args[0], COMMANDS)
+            hint = suggestion(args[0], COMMANDS) if args else ""
             raise click.UsageError(error.message + (f"\nhint: {hint}" if hint else ""), ctx) from None
 
     def invoke(self, ctx: click.Context) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.reference.equations import Balance, State
-from mbstab.analysis.reference.motion import Finder, force_change
+from mbstab.analysis.reference.motion import Finder, force_change, inertias_too_far_apart
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError
@@ -186,9 +186,11 @@ class Search:
             try:
                 return strategy(), name
             except Stalled:
-                continue
+                pass
             except FAILURES:
                 continue
+            if name == "Newton" and inertias_too_far_apart(self.system, self.state(q, c).dynamics.M, self.sizes):
+                break  # the others follow a motion, of which these inertias leave no digits
         raise Stalled(self.best)
 
     def _measure(self, q: Array, c: Array) -> None:
