@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import lru_cache, reduce
 from operator import add
-from types import SimpleNamespace
 from typing import Any
 
 from mbstab.model.arithmetic import Arithmetic
+from mbstab.model.duals import Dual, dual_arithmetic
 from mbstab.model.functions import TABLE
 from mbstab.records import dataclass
 
@@ -74,64 +74,9 @@ class Jet:
         return Jet.of(other) / self
 
 
-class _Dual:
-    """A value with its first derivative: enough for the slopes of a function."""
-
-    __slots__ = ("rate", "value")
-
-    def __init__(self, value: Any, rate: Any = 0) -> None:
-        self.value, self.rate = value, rate
-
-    def __add__(self, other: Any) -> _Dual:
-        if other.__class__ is not _Dual:
-            return _Dual(self.value + other, self.rate)
-        return _Dual(self.value + other.value, self.rate + other.rate)
-
-    __radd__ = __add__
-
-    def __neg__(self) -> _Dual:
-        return _Dual(-self.value, -self.rate)
-
-    def __sub__(self, other: Any) -> _Dual:
-        if other.__class__ is not _Dual:
-            return _Dual(self.value - other, self.rate)
-        return _Dual(self.value - other.value, self.rate - other.rate)
-
-    def __rsub__(self, other: Any) -> _Dual:
-        return _Dual(other - self.value, -self.rate)
-
-    def __mul__(self, other: Any) -> _Dual:
-        if other.__class__ is not _Dual:
-            return _Dual(self.value * other, self.rate * other)
-        return _Dual(self.value * other.value, self.rate * other.value + self.value * other.rate)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: Any) -> _Dual:
-        if other.__class__ is not _Dual:
-            return _Dual(self.value / other, self.rate / other)
-        value = self.value / other.value
-        return _Dual(value, (self.rate - value * other.rate) / other.value)
-
-    def __rtruediv__(self, other: Any) -> _Dual:
-        value = other / self.value
-        return _Dual(value, -(value * self.rate) / self.value)
-
-
 @lru_cache(maxsize=8)
 def jet_arithmetic(f: Arithmetic) -> Arithmetic:
     """Return the arithmetic of jets over the number system `f`."""
-
-    def dual(name: str) -> Callable[..., _Dual]:
-        plain, slopes = getattr(f, name), TABLE[name].slopes
-
-        def function(*arguments: Any) -> _Dual:
-            values = [x.value for x in arguments]
-            value = plain(*values)
-            parts = [slope * x.rate for slope, x in zip(slopes(f, value, *values), arguments, strict=True)]
-            return _Dual(value, reduce(add, parts))
-
-        return function
 
     def jet(name: str) -> Callable[..., Jet]:
         plain, slopes = getattr(f, name), TABLE[name].slopes
@@ -147,8 +92,8 @@ def jet_arithmetic(f: Arithmetic) -> Arithmetic:
             known = slopes(f, value, *values)
             rate = reduce(add, [known[i] * jets[i].rate for i in moving])
             # The rates of the slopes make the second derivative.
-            changing = slopes(duals, _Dual(value, rate), *[_Dual(x.value, x.rate) for x in jets])
-            parts = [changing[i].value * jets[i].second + changing[i].rate * jets[i].rate for i in moving]
+            changing = slopes(duals, Dual(value, rate), *[Dual(x.value, x.rate) for x in jets])
+            parts = [changing[i].value * jets[i].second + changing[i].slope * jets[i].rate for i in moving]
             return Jet(value, rate, reduce(add, parts))
 
         return function
@@ -167,7 +112,7 @@ def jet_arithmetic(f: Arithmetic) -> Arithmetic:
         result: Jet = functions["exp"](exponent * functions["log"](base))
         return result
 
-    duals = SimpleNamespace(**{name: dual(name) for name in TABLE})
+    duals = dual_arithmetic(f)
     functions: dict[str, Any] = {name: jet(name) for name in TABLE}
     return Arithmetic(f"jet of {f.name}", f.number, f.constants, {**functions, "power": power})
 
