@@ -34,6 +34,33 @@ def test_a_shaft_turns_at_any_speed_and_every_command_says_so():
     assert rotor.eig(Om=15.5).verdict == UNSTABLE
 
 
+RIGID = """
+mbstab: 1
+parameters: {n: 100, ci: 20}
+bodies:
+  rotor: {type: spatial, mass: 20, inertia: [0.8, 0.8, 1.1], points: {A: [0, 0, -0.3], B: [0, 0, 0.2]}}
+forces:
+  A: {type: bearing, between: [rotor.A, {body: ground, point: [0, 0, -0.3]}], stiffness: 2e5, damping: 30}
+  B: {type: bearing, between: [rotor.B, {body: ground, point: [0, 0, 0.2]}], stiffness: 3e5, damping: 30}
+  inner: {type: bearing, between: [{body: ground, point: [0, 0, -0.3]}, rotor.A], damping: ci}
+constraints: {axial: {holonomic: rotor.z}}
+reference:
+  coordinates: {rotor: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}
+  rates: {rotor: {psi: n}}
+"""
+
+
+def test_the_speed_of_a_rotor_is_neutral_at_every_speed_and_in_every_command():
+    rotor = mbstab.loads(RIGID)
+    for n in (0, 100):
+        assert rotor.eig(n=n).modulo.family == ("speed of rotor.psi",)
+    swept = rotor.sweep("n", np.linspace(0.0, 200.0, 9))
+    assert (swept.neutral, swept.branches.shape[1]) == (2, 8)
+    proven = rotor.certify(n=100)
+    assert proven.verdict == ASYMPTOTIC_UP_TO
+    assert proven.conditions == ("motions at any speed of rotor.psi exist (checked in double precision)",)
+
+
 def test_so_does_one_with_other_sizes_of_masses_and_forces():
     settings = {"m": 0.0628, "I": 58.7, "k": 66.9, "ci": 0.00264, "ce": 0.328, "Om": 148.66}
     assert mbstab.loads(ROTOR).eig(**settings).verdict == ASYMPTOTIC_UP_TO

@@ -167,8 +167,8 @@ class Structure:
         L, kept = self._conserved(T, S)
         family += kept
         # Where conserved functions have other values, the motion need not be steady.
-        moving, slow = self._moving(T) if not len(L) else ([], [])
-        family += slow
+        moving, speeds, slow = self._moving(T) if not len(L) else ([], [], [])
+        family += speeds
         T = orthonormal([*T.T, *moving], n) if moving else T
         d = T.shape[1]
         B = complement(np.hstack([T, L.T]))
@@ -222,15 +222,16 @@ class Structure:
         further = len(found) - orthonormal(columns, len(S)).shape[1]
         return found, ["position at rest"] if further > 0 else []
 
-    def _moving(self, T: Array) -> tuple[list[Array], list[str]]:
-        """Return speeds along symmetries at which a scene at rest may move steadily, apart from T.
+    def _moving(self, T: Array) -> tuple[list[Array], list[str], list[str]]:
+        """Return speeds along symmetries at which a scene may move as steadily as at rest, and as the reference does.
 
-        A wheel at rest may roll at any speed, although no momentum along it is conserved.
+        A wheel may roll, and a balanced rotor turn, at any speed, although no momentum along it is conserved. The names
+        of speeds that the energy may bound, those of a scene at rest, are repeated.
         """
         invariance, linear = self.invariance, self.linear
-        items = invariance.symmetries
-        if np.any(linear.motion.u) or not items or not self.work.rows_at_rest:
-            return [], []
+        items, u = [x for x in invariance.symmetries if self._commutes(x)], linear.motion.u
+        if not items or not self.work.rows_at_rest:
+            return [], [], []
         spaces = linear.motion.spaces
         directions = np.array([x.direction for x in items]).T
         columns = self.gamma * np.array([self.column(np.zeros_like(x), x) for x in directions.T]).T
@@ -240,19 +241,21 @@ class Structure:
         c = admissible(directions, spaces.allowed)
         _, s, right = np.linalg.svd(columns @ c - T @ (T.T @ (columns @ c)))
         c = c @ right[: int(np.sum(s > TOLERANCES.independent_direction))].T
-        if not c.shape[1]:
-            return [], []
+        along, own = directions @ c, u / spaces.scale
+        off = own - along @ (np.linalg.pinv(along) @ own)
+        if not c.shape[1] or np.linalg.norm(off) > TOLERANCES.independent_direction * np.linalg.norm(own):
+            return [], [], []
         chosen = _sparse(c / lengths[:, None])
         mixed = [*RandomNumbers(7).uniform(-1.0, 1.0, 2 if c.shape[1] > 1 else 0, c.shape[1])]
         if not all(
             invariance.moves_on(Combination(_parts(x, items)))
             for x in (*chosen, *(np.array(chosen).T @ x for x in mixed))
         ):
-            return [], []
+            return [], [], []
         names = [
             f"speed of {items[int(np.argmax(np.abs(x)))].name}" if np.sum(x != 0.0) == 1 else "speed" for x in chosen
         ]
-        return [columns @ x for x in c.T], names
+        return [columns @ x for x in c.T], names, [] if np.any(u) else names
 
     def _conserved(self, T: Array, S: Array) -> tuple[Array, list[str]]:
         """Return independent differentials that vanish on T, and names of what their values distinguish."""

@@ -125,6 +125,12 @@ class Case:
                 still = [ball(0)] * len(direction)
                 name = f"speed along {item.name.removeprefix('translation along ')}"
                 found.append((name, False, self.proof.column(still, direction)))
+        if self.grounds.plain.speeds:
+            for item in self.symmetries:
+                name = f"speed of {item.name}"
+                if name in self.grounds.plain.neutral.family and self._accepts("open", f"motions at any {name} exist"):
+                    direction, _ = self.identities.disturbance(item, self.proof)
+                    found.append((name, False, self.proof.column([ball(0)] * len(direction), direction)))
         return found + [("position at rest", False, x) for x in self._rests()]
 
     def _rests(self) -> Matrix:

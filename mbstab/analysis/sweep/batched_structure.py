@@ -288,15 +288,16 @@ class Known:
         return orthonormal(columns, self.directions, good)
 
     def _moving(self, points: Points, T: Array, good: Flags) -> Array:
-        """Return the directions with speeds at which a scene at rest may move, as `Structure._moving`."""
-        directions = stacked([disturbance(item, points)[0] for item in self.symmetries]) / points.scale[:, :, None]
+        """Return the directions with speeds at which a scene may move as steadily, as `Structure._moving`."""
+        items = [x for x in self.symmetries if self.grounds.structure._commutes(x)]
+        directions = stacked([disturbance(item, points)[0] for item in items]) / points.scale[:, :, None]
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         allowed, directions = points.N @ points.Z, directions / lengths
         eta = transposed(points.Z) @ (transposed(points.N) @ directions)
         columns = under(np.zeros((1, points.n_xi, eta.shape[-1])), eta)
         across = directions - allowed @ (transposed(allowed) @ directions)
         _, s, right = np.linalg.svd(across)
-        full = np.zeros((len(s), len(self.symmetries)))
+        full = np.zeros((len(s), len(items)))
         full[:, : s.shape[-1]] = s
         free = int(np.sum(full[0] <= LINEAR.independent_direction))
         good &= np.sum(full <= LINEAR.independent_direction, axis=1) == free
