@@ -49,6 +49,18 @@ def test_a_steady_motion_keeps_its_energy():
     assert abs(found.total.power) < 1e-12 * found.total.kinetic
 
 
+@pytest.mark.parametrize("name", ["governor", "rolling_disk"])
+def test_power_that_is_rounding_is_zero(name):
+    found = mbstab.load(f"{name}.yaml").energies()
+    (drive,) = (x for x in found.shares if x.owner.startswith("drive"))
+    assert drive.power == found.total.power == 0.0 < drive.power_error < 1e-10
+
+
+def test_a_weak_power_beside_strong_ones_is_told():
+    (weak,) = (x for x in mbstab.loads(DRIVEN.replace("-0.1", "-1e-30")).energies().shares if "fan" in x.owner)
+    assert weak.power == pytest.approx(-3e-30)
+
+
 def test_energy_is_told_as_a_table_and_as_json(tmp_path):
     path = tmp_path / "rod.yaml"
     path.write_text(DRIVEN)

@@ -81,6 +81,7 @@ def test_names_that_are_nearly_right_are_suggested(ask):
     [
         ("m", "2 m", r"m=2 m: m is not a unit of m, which is declared in kg\nhint: give it in kg"),
         ("l", "2 foo", "l=2 foo: unknown unit 'foo'"),
+        ("l", "0x10", "l=0x10: numbers are decimal"),
         ("bare", "2 kg", "bare has no unit in the file\nhint: give the number alone"),
         ("l", "2 pi", r"unexpected 'pi' in an expression\nhint: write \*pi"),
         ("l", "2 b", r"unexpected 'b' in an expression\nhint: write \*b"),

@@ -85,7 +85,7 @@ def parse_settings(settings: tuple[str, ...], option: str = "--set") -> dict[str
         name, equals, value = setting.partition("=")
         name = name.strip()
         if not equals or not name or not value.strip():
-            raise UsageError(f"{option} {setting}: write NAME=VALUE")
+            raise UsageError(f"{option} {setting}: write NAME=VALUE, such as {option} {name or 'NAME'}=0.5")
         if name in found:
             raise UsageError(f"{option} {name} is given twice")
         found[name] = value.strip()

@@ -87,6 +87,7 @@ def _parameter(model: Model, name: str) -> Parameter:
 
 _WITH_UNIT = re.compile(r"(?P<value>[-+*/(). 0-9eE]*[0-9.)])\s*(?![eE][0-9])(?P<unit>[A-Za-z1].*)")
 
+_NOT_DECIMAL = re.compile(r"[-+]?0[xXoObB]\w+")
 
 MANY = 2000
 """Digits that are kept of a setting given as a multiprecision number."""
@@ -166,6 +167,8 @@ def _end(model: Model, name: str, text: str) -> tuple[Expression, str | None]:
         match = _WITH_UNIT.fullmatch(text)
         if match is None or match["unit"] in {*model.parameters, *CONSTANTS} - {*UNITS}:
             raise
+        if _NOT_DECIMAL.fullmatch(text):
+            raise ExpressionError("numbers are decimal, such as 16 or 1.6e1") from None
         expression, unit = parse(match["value"]), match["unit"].strip()
     else:
         _check_names(model, expression)

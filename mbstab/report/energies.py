@@ -23,8 +23,8 @@ def energies_data(result: Energies, model: str, title: str) -> dict[str, Any]:
     """Return the JSON object of ``mbstab energy``.
 
     Keys: ``model``, ``title``, ``time`` (s), ``entries`` (``owner``, ``kinetic`` and ``potential`` in J, ``power`` in
-    W: what forces without a potential, dampers and drives do on the scene) and ``sum`` of them: its power is the rate
-    at which the energy changes.
+    W: what forces without a potential, dampers and drives do on the scene, 0 where it is below ``power_error``, the
+    bound of its rounding error) and ``sum`` of them: its power is the rate at which the energy changes.
     """
     return {
         "model": model,

@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.deflation import in_frame
-from mbstab.analysis.algebra.sparse import scaled, sizes_times
+from mbstab.analysis.algebra.sparse import scaled
 from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
 from mbstab.analysis.reference.guard import coefficients
 from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.reference.multiplier_sizes import multiplier_sizes
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.compiler.system import Array, Row, System
@@ -193,13 +194,7 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
 
 def _terms(system: System, motion: Motion, generator: Generator | None) -> Matrices:
     """Return the sizes of the terms of which the coefficients are sums, the same for all directions of a body."""
-    state, spaces = motion.dynamics, motion.spaces
-    # Multipliers contain the rounding of all the forces that they balance, and of the coordinates of these.
-    loads = system.terms(motion.q, motion.u, motion.a, motion.nu, motion.time)
-    inverse = spaces.inverse(scaled(state.J, spaces.scale, spaces.row_scale))
-    balanced = loads["F"] + loads["M"] @ np.abs(motion.a) + loads["J"].T @ np.abs(motion.nu)
-    balanced = balanced + loads["K"] @ motion.sizes + loads["R"] @ np.abs(motion.u)
-    nu = np.abs(motion.nu) + sizes_times(inverse.T, balanced * spaces.scale) * spaces.row_scale
+    nu = multiplier_sizes(system, motion)
     M, R, K, J, D_q = _entries(system, motion, generator, nu)
     # Rotated axes mix the directions of a body: none of them is known better than the others.
     kinds = [(name.partition(".")[0], is_length(name)) for name in system.names]

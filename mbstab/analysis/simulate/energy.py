@@ -7,7 +7,10 @@ from functools import cache
 
 import numpy as np
 
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.reference.multiplier_sizes import multiplier_sizes
+from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.records import dataclass
@@ -77,13 +80,22 @@ class Share:
     kinetic, potential : float (J)
         The potential energy of a body is that of its weight.
     power : float (W)
-        What forces without a potential, dampers and driven rows do on the scene; negative where they take energy out.
+        What forces without a potential, dampers and driven rows do on the scene; negative where they take energy out;
+        0 where it is below its rounding error.
+    power_error : float (W)
+        Bound of the rounding error of the power, from the sizes of the terms of which it is the sum.
     """
 
     owner: str
     kinetic: float
     potential: float
     power: float
+    power_error: float
+
+    @classmethod
+    def of(cls, owner: str, kinetic: float, potential: float, power: float, power_error: float) -> Share:
+        """Return a share, without a power that is rounding."""
+        return cls(owner, kinetic, potential, power if abs(power) > power_error else 0.0, power_error)
 
 
 @dataclass(frozen=True)
@@ -103,15 +115,17 @@ class Energies:
     @property
     def total(self) -> Share:
         """The sum over the scene; its power is the rate at which kinetic and potential energy change."""
-        kinetic, potential, power = (
-            sum(getattr(x, name) for x in self.shares) for name in ("kinetic", "potential", "power")
+        kinetic, potential, power, error = (
+            sum(getattr(x, name) for x in self.shares) for name in ("kinetic", "potential", "power", "power_error")
         )
-        return Share("sum", kinetic, potential, power)
+        return Share.of("sum", kinetic, potential, power, error)
 
 
 def energies(motion: Motion, system: System) -> Energies:
     """Return the energies at a reference motion, and the power of what is not conservative."""
     q, u, t = motion.q, motion.u, motion.time
+    zero, sizes, rounding = np.zeros(len(u)), np.abs(u), TOLERANCES.roundings_of_power * EPS
+    reactions = multiplier_sizes(system, motion)
     energy, parts = Energy.of(system), dict(system.parts())
     powers = energy.powers(parts, q, u, t)
     called = {f"bodies.{body.name}": f"body {body.name!r}" for body in system.scene.bodies}
@@ -123,10 +137,14 @@ def energies(motion: Motion, system: System) -> Energies:
             continue
         section, _, own = path.partition(".")
         rows = [i for i, row in enumerate(system.rows) if (row.section, row.name) == (section, own)]
-        power = powers.get(path, 0.0)
+        power, terms = powers.get(path, 0.0), 0.0
+        if path in powers:
+            terms += float(part.terms(q, u, zero, motion.nu[rows], t)["F"] @ sizes)
         if section in DRIVEN:
-            power -= float(motion.nu[rows] @ (motion.dynamics.J[rows] @ u))
+            J = motion.dynamics.J[rows]
+            power -= float(motion.nu[rows] @ (J @ u))
+            terms += float(reactions[rows] @ np.abs(J @ u)) + float(np.abs(motion.nu[rows]) @ (abs(J) @ sizes))
         kinetic = 0.5 * float(u @ part.dynamics(q, u, t).M @ u) if section == "bodies" else 0.0
         if not rows or section in DRIVEN:
-            shares.append(Share(name, kinetic, float(part.potential(q)), power))
+            shares.append(Share.of(name, kinetic, float(part.potential(q)), power, rounding * terms))
     return Energies(motion, tuple(shares))

@@ -110,6 +110,8 @@ class Tolerances:
     longest_step_parts: Final = (100.0, 1000.0)
     """With functions of time that may rest, a step is at most that of the output, between these fractions of the
     duration."""
+    roundings_of_power: Final = 8.0
+    """Powers are known to this many roundings of the terms of which they are sums."""
     roundings_of_time: Final = 8.0
     """Accuracy of speeds is limited to their change in this many roundings of the time."""
     fixed_step_shortened: Final = 0.999

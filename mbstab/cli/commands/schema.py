@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from mbstab.cli.output import Output, output_options
-from mbstab.errors import UsageError, suggestion
+from mbstab.errors import UsageError, nearest, suggestion
 
 
 @click.command()
@@ -53,7 +53,9 @@ def section_text(section: str) -> str:
     name, _, kind = section.partition(".")
     if name not in KINDS:
         known = [*KINDS, "shape", "functions", *SECTION_FIELDS]
-        hint = suggestion(section, known) or "one of " + ", ".join(known)
+        ends = {x.rpartition(".")[2]: x for x in known}
+        near = nearest(section, [*known, *ends])
+        hint = f"did you mean {ends.get(near, near)!r}?" if near else "one of " + ", ".join(known)
         raise UsageError(f"there is no section {section!r}\nhint: {hint}")
     kinds = {id(k): k for (k_name, _), k in KINDS[name].items() if kind in ("", k_name)}
     if not kinds:
