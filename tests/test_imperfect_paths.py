@@ -77,6 +77,38 @@ def test_an_imperfect_bifurcation_is_followed_on_one_branch(size, power, up, sig
         assert (path.values[0], path.values[-1], folds) == (-1.0, 1.0, ())
 
 
+TWO_RAILS = """\
+mbstab: 1
+parameters: {q: 0}
+bodies:
+  p: {type: planar_point, mass: 1}
+  r: {type: planar_point, mass: 1}
+constraints:
+  one: {holonomic: p.y}
+  other: {holonomic: r.y}
+forces:
+  f:
+    type: expression
+    on: {p.x: q*p.x - p.x**3 + ONE - rate(p.x), r.x: (q - LATER)*r.x - r.x**3 + (OTHER) - rate(r.x)}
+reference: {find: equilibrium, guess: {p: {x: 0, y: 0}, r: {x: 0, y: 0}}}
+"""
+
+
+@pytest.mark.parametrize("later", [0.0, 1e-2])
+@pytest.mark.parametrize("part", [1.0, -0.5, 1e-3])
+@pytest.mark.parametrize("size", [1e-3, 1e-4])
+def test_two_eigenvalues_that_change_sign_together_are_no_way_to_another_path(size, part, later):
+    other = part * size
+    text = TWO_RAILS.replace("ONE", repr(size)).replace("OTHER", repr(other)).replace("LATER", repr(later))
+    path = continuation.follow(mbstab.loads(text).model, "q", -1.0, 1.0)
+    assert path.crossings == ()
+    reached = path.values[-1]
+    assert reached == 1.0 or path.ends == ((reached, continuation.UNSURE),)
+    for q, x, y in zip(path.values.tolist(), path.q[:, 0].tolist(), path.q[:, 2].tolist(), strict=True):
+        assert abs(x - equilibrium(3, size, 1.0, q)) < 1e-7
+        assert abs(y - equilibrium(3, other, 1.0, q - later)) < 1e-7
+
+
 @pytest.mark.parametrize("points", [15, 41, 401])
 @pytest.mark.parametrize(
     ("power", "e", "up"), [(3, 1e-3, 1.0), (3, 1e-8, 1.0), (3, 1e-4, -1.0), (2, 1e-3, 1.0), (2, -1e-4, 1.0)]

@@ -4,8 +4,8 @@ A path is a curve in the space of coordinates, rates and the parameter. From one
 next one is predicted along the tangent and corrected by Newton's method perpendicular to it
 (pseudo-arclength continuation; Keller 1977), so the path may pass folds. Between two folds
 the parameter is monotonic: such a part is a `Path`, and the others to which it
-leads are those `beyond` it. Where another path crosses, the determinant of the equations,
-bordered by the tangent, changes its sign. Where it changes without a crossing in between, the step
+leads are those `beyond` it. Where another path crosses, the equations, bordered by the tangent, are
+singular, and eigenvalues change their sign. Where some do without a crossing in between, the step
 has led to another path, and is repeated with half its length.
 """
 
@@ -264,7 +264,7 @@ class _Curve:
             left, right = left @ nearest_turn(left.T @ before.left), right @ nearest_turn(right.T @ before.right)
         bordered = np.block([[A, left], [right.T, np.zeros((right.shape[1], left.shape[1]))]])
         sign = float(np.linalg.slogdet(bordered)[0])
-        return Point(q, c, p, tangent, left, right, sign, float(s[self.rank - 1]) if self.rank else 0.0)
+        return Point(q, c, p, tangent, left, right, bordered, sign, float(s[self.rank - 1]) if self.rank else 0.0)
 
     def _corrected(self, start: Point, ahead: Array, hold: Array) -> tuple[Point, float] | None:
         """Return the solution near a step, perpendicular to `hold`, and how far the step missed it."""
@@ -437,15 +437,16 @@ class _Curve:
         return replace(found[0], tangent=turned * found[0].tangent)
 
     def _leads(self, run: Run, before: Point, after: Point) -> bool:
-        """Return whether the path leads from one point to another: both have one sign, or another path crosses."""
-        return before.sign == after.sign or self._cross(run, before, after)
+        """Return whether the path leads from one point to another: nothing changes sign, or another path crosses."""
+        return not before.turns_to(after) or self._cross(run, before, after)
 
     def _cross(self, run: Run, before: Point, after: Point) -> bool:
         """Note where another path crosses between two points, and add points that close in on it.
 
-        Return False if the sign changes without a crossing: the points lie on different paths.
+        Return False if a sign changes without a crossing: the points lie on different paths.
         """
         low, high = before, after
+        clear = 10.0 * TOLERANCES.crossing_distance * min(self.first.least, max(before.least, after.least))
         for _ in range(TOLERANCES.points_between_folds):
             if self.spent:
                 return False
@@ -456,9 +457,17 @@ class _Curve:
             found = self._inside(low, high, min(max(part, 0.1), 0.9)) or self._inside(low, high, 0.5)
             if found is None:
                 return False
-            low, high = (found, high) if found.sign == low.sign else (low, found)
+            turns = low.turns_to(found), found.turns_to(high)
+            if not any(turns):
+                return True  # a long step, but along the path
+            if all(turns) and found.least > clear:
+                if not self._cross(run, low, found):
+                    return False
+                run.points.append(found)
+                return self._cross(run, found, high)
+            low, high = (low, found) if turns[0] else (found, high)
         # Where the equations are nearly dependent all along the path, the sign is only rounding.
-        if low.least > 10.0 * TOLERANCES.crossing_distance * min(self.first.least, max(before.least, after.least)):
+        if low.least > clear:
             return True
         q, c = (x + part * (y - x) for x, y in ((low.q, high.q), (low.c, high.c)))
         at = replace(low, q=q, c=c, p=low.p + part * (high.p - low.p), tangent=0.5 * (low.tangent + high.tangent))

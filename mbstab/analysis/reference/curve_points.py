@@ -22,8 +22,10 @@ class Point:
         Of the path in scaled unknowns, of length 1.
     left, right : ndarray
         Bases of the left and right null spaces of the equations, aligned from point to point.
+    bordered : ndarray
+        The derivative of the equations, bordered by them.
     sign : float
-        Sign of the determinant of the equations bordered by them.
+        Sign of its determinant.
     least : float
         Smallest singular value apart from those null spaces.
     """
@@ -34,6 +36,7 @@ class Point:
     tangent: Array
     left: Array
     right: Array
+    bordered: Array
     sign: float
     least: float
 
@@ -41,6 +44,20 @@ class Point:
     def rise(self) -> float:
         """The derivative of the parameter by the arc length."""
         return float(self.tangent[-1])
+
+    def turns_to(self, other: Point) -> bool:
+        """Return whether the equations may be singular on the way to another solution.
+
+        An eigenvalue of B⁻¹ B' is negative where B + t (B' − B) is singular for a t in 0 … 1; two that change together
+        leave the sign of the determinant. Those near 1 are not computed.
+        """
+        if self.sign != other.sign:
+            return True
+        change = other.bordered - self.bordered
+        if not self.least or np.linalg.norm(change) < min(self.least, 1.0):
+            return False
+        values = np.linalg.eigvals(np.linalg.solve(self.bordered, other.bordered))
+        return bool(np.any(values.real < 0.0))
 
 
 @dataclass
