@@ -30,19 +30,20 @@ from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
+from itertools import chain
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from mbstab.compiler.grouped import FLOATS, Assembly, Form, Numbers, What
+from mbstab.compiler.placed import Acting, Placed
 from mbstab.compiler.scatter import Plan, Time, arithmetic_of, listed, padded, plan_of, signals_at
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
 from mbstab.mechanics.catalogue import GROUND, ElementUse, Role
 from mbstab.mechanics.elements import ELEMENTS, kernel_name
-from mbstab.mechanics.vectors import plain_zero
-from mbstab.model.arithmetic import FLOAT, Arithmetic
+from mbstab.model.arithmetic import FLOAT
 from mbstab.model.evaluator import Law
 from mbstab.model.expressions import Expression
 from mbstab.model.scene import Scene
@@ -82,122 +83,6 @@ class Dynamics:
     V: Any
     J: Any
     B: Any
-
-
-@dataclass(frozen=True)
-class _Placed:
-    """An element of a scene: its kernel, its places among coordinates and rows, its numbers."""
-
-    kernel: Any
-    columns: tuple[int, ...]
-    rows: tuple[int, ...]
-    parameters: tuple[Any, ...]
-    laws: tuple[Any, ...]
-    takes_acceleration: bool
-    path: str
-
-    @property
-    def hint(self) -> str:
-        """Return a hint for a state without finite equations."""
-        element = ELEMENTS.get(self.kernel.__name__.rpartition(".")[2])
-        if element is not None and element.hint:
-            return f"hint: {element.hint}"
-        return (
-            "hint: two points that coincide, a wheel lying flat, an expression outside its domain or at a kink has no "
-            "derivative"
-        )
-
-
-@dataclass(frozen=True)
-class Acting:
-    """A single element without rows, which exerts forces or has inertia.
-
-    Attributes
-    ----------
-    path : str
-        The entry it belongs to.
-    columns : tuple of int
-        Numbers of the coordinates it contains.
-    written : bool
-        Whether it is written as expressions in the file.
-    inertia : bool
-    damping : tuple of numbers or None
-        The coefficients of the dissipation function of a force with one and a potential; None for others.
-    analytic : bool
-        Whether it is an analytic function of the state: no abs and the like of coordinates.
-    slots : frozenset of (int, int)
-        Entries of ∂F/∂q that are not identically zero, as numbers of coordinates.
-    """
-
-    path: str
-    columns: tuple[int, ...]
-    written: bool
-    inertia: bool
-    damping: tuple[Any, ...] | None
-    analytic: bool
-    slots: frozenset[tuple[int, int]]
-    placed: _Placed
-
-    @cached_property
-    def seen(self) -> frozenset[int]:
-        """Numbers of the coordinates by which ∂F/∂q is not identically zero."""
-        return frozenset(j for _, j in self.slots)
-
-    @property
-    def stored(self) -> bool:
-        """Whether its force comes from a potential and a dissipation function."""
-        return self.damping is not None
-
-    @property
-    def damped(self) -> bool:
-        """Whether such a force has a dissipation function."""
-        return any(not plain_zero(x) for x in self.damping or ())
-
-    def force(self, q: Any, u: Any, a: Any, time: Any, f: Arithmetic = FLOAT) -> list[Any]:
-        """Return its part of the residual F, with its inertia, on its own columns.
-
-        Parameters
-        ----------
-        q, u, a : sequences of numbers, length n_q
-        time : number (s)
-        f : Arithmetic
-            Arithmetic of the numbers.
-        """
-        n, zero = len(q), f.number("0")
-        return self.own_force([[x[i] if i < n else zero for i in self.placed.columns] for x in (q, u, a)], time, f)
-
-    def own_force(self, own: list[list[Any]], time: Any, f: Arithmetic = FLOAT) -> list[Any]:
-        """Return the same for the coordinates, speeds and accelerations that it contains, in its order."""
-        e, zero = self.placed, f.number("0")
-        signals = signals_at(e.laws, time) if e.laws else ()
-        values = iter(e.kernel.dynamics(f, own[0], own[1], e.parameters, signals))
-        place = {column: k for k, column in enumerate(self.columns)}
-        total = [zero] * len(self.columns)
-        for key, entries in e.kernel.DYNAMICS.items():
-            for index in entries:
-                value = next(values)
-                row = place.get(e.columns[index[0]])
-                if row is not None:
-                    total[row] = total[row] + (value * own[2][index[1]] if key == "M" else value)
-        return total
-
-    def slopes(self, q: Any, u: Any, a: Any, time: Any, f: Arithmetic = FLOAT) -> tuple[list[list[Any]], ...]:
-        """Return the parts of ∂F/∂q and ∂F/∂u on its own columns, as rows."""
-        e, zero = self.placed, f.number("0")
-        n = len(q)
-        own = [[x[i] if i < n else zero for i in e.columns] for x in (q, u, a)]
-        signals = signals_at(e.laws, time) if e.laws else ()
-        arguments = [own[0], own[1], e.parameters, signals, *([own[2]] if e.takes_acceleration else [])]
-        values = iter(e.kernel.linearize(f, *arguments))
-        place = {column: k for k, column in enumerate(self.columns)}
-        found: dict[str, list[list[Any]]] = {key: [[zero] * len(place) for _ in place] for key in "KR"}
-        for key, entries in e.kernel.LINEARIZE.items():
-            for i, j in entries:
-                value = next(values)
-                if e.columns[i] in place and e.columns[j] in place:
-                    row = found[key][place[e.columns[i]]]
-                    row[place[e.columns[j]]] = row[place[e.columns[j]]] + value
-        return found["K"], found["R"]
 
 
 class System:
@@ -251,7 +136,7 @@ class System:
         found: T = known[1]
         return found
 
-    def _with(self, elements: list[_Placed]) -> System:
+    def _with(self, elements: list[Placed]) -> System:
         """Return a system in which only some elements act."""
         part = copy(self)
         part._elements, part._plans, part._known = elements, {}, {}
@@ -277,6 +162,15 @@ class System:
     def containing(self, columns: frozenset[int]) -> System:
         """Return a system with only those elements with rows that contain some coordinates."""
         return self._with([e for e in self._elements if e.rows and not columns.isdisjoint(e.columns)])
+
+    @property
+    def closing(self) -> System:
+        """A system with only inertia and holonomic rows: what closes a mechanism has a value without its speeds."""
+
+        def closes(element: Placed) -> bool:
+            return element.takes_acceleration or bool(element.rows and max(element.rows) < self.n_h)
+
+        return self.remember("closing", None, lambda: self._with([e for e in self._elements if closes(e)]))
 
     @property
     def sparse(self) -> bool:
@@ -394,7 +288,7 @@ class System:
         labels = [label] if count == 1 else [f"{label} {axis}" for axis in "xyz"[:count]]
         return [Row(entry.section, entry.name, text, unit, entry.location) for text in labels]
 
-    def _place(self, uses: list[tuple[Any, Entry | None, Role]]) -> list[_Placed]:
+    def _place(self, uses: list[tuple[Any, Entry | None, Role]]) -> list[Placed]:
         next_row = {"holonomic": 0, "nonholonomic": self.n_h}
         placed = []
         for use, entry, role in uses:
@@ -409,7 +303,7 @@ class System:
                 kernel = _kernel(name)
                 columns, bases = self._columns(use, name)
                 placed.append(
-                    _Placed(kernel, columns, rows, (*bases, *use.parameters), use.laws, role == "inertia", path)
+                    Placed(kernel, columns, rows, (*bases, *use.parameters), use.laws, role == "inertia", path)
                 )
             else:
                 assert entry is not None
@@ -436,18 +330,21 @@ class System:
 
     def _place_expressions(
         self, equations: dict[str, Expression], entry: Entry, role: str, rows: tuple[int, ...]
-    ) -> _Placed:
+    ) -> Placed:
+        from mbstab.compiler.measured import measured
         from mbstab.compiler.user import user_kernel
 
         number = {name: i for i, name in enumerate(self.names)}
         acted, expressions = tuple(equations) if role == "force" else (), tuple(equations.values())
         used = {name for e in expressions for name in (*e.names(), *e.rates())} | set(acted)
+        measures = measured(self.scene, used) if self.scene.measures else {}
+        used.update(name for measure in measures for body in measure.bodies for name in body)
         coordinates = tuple(name for name in self.names if name in used)
         parameters = tuple(name for name in self.scene.parameters if name in used)
-        kernel = user_kernel(role, expressions, acted, coordinates, parameters)
-        values = tuple(self.scene.parameters[name] for name in parameters)
+        kernel = user_kernel(role, expressions, acted, coordinates, parameters, tuple(measures))
+        values = (*(self.scene.parameters[name] for name in parameters), *chain.from_iterable(measures.values()))
         columns = tuple(number[name] for name in coordinates)
-        return _Placed(kernel, columns, rows, values, (_TIME,), False, entry.path)
+        return Placed(kernel, columns, rows, values, (_TIME,), False, entry.path, len(parameters))
 
     # --- numbers ----------------------------------------------------------------------------------------------------
 
@@ -573,7 +470,7 @@ class System:
         model = self.scene.model
         return (model.bodies if section == "bodies" else model.entries[section])[name].location
 
-    def _running(self, function: str) -> list[_Placed]:
+    def _running(self, function: str) -> list[Placed]:
         """Return the elements that have this function: all, or those with rows."""
         return [element for element in self._elements if element.rows or function != "linearize_rows"]
 

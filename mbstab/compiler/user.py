@@ -6,6 +6,7 @@ from functools import lru_cache
 from types import ModuleType
 from typing import Any
 
+from mbstab.compiler.measured import Measured
 from mbstab.model.expressions import Expression
 
 
@@ -15,6 +16,7 @@ def user_kernel(
     rows: tuple[str, ...],
     coordinates: tuple[str, ...],
     parameters: tuple[str, ...],
+    measures: tuple[Measured, ...] = (),
 ) -> Any:
     """Return a kernel for constraints or generalized forces written as expressions.
 
@@ -29,13 +31,20 @@ def user_kernel(
     coordinates, parameters : tuple of str
         The names that occur; the kernel takes their values in this order. The time is its
         one given function.
+    measures : tuple of Measured
+        The measures that occur; base rotations and numbers of each follow the parameters.
     """
-    return _kernel(role, tuple(e.text for e in expressions), rows, coordinates, parameters)
+    return _kernel(role, tuple(e.text for e in expressions), rows, coordinates, parameters, measures)
 
 
 @lru_cache(maxsize=256)
 def _kernel(
-    role: str, texts: tuple[str, ...], rows: tuple[str, ...], coordinates: tuple[str, ...], parameters: tuple[str, ...]
+    role: str,
+    texts: tuple[str, ...],
+    rows: tuple[str, ...],
+    coordinates: tuple[str, ...],
+    parameters: tuple[str, ...],
+    measures: tuple[Measured, ...],
 ) -> Any:
     from mbstab.compiler.derive import differentiate
     from mbstab.compiler.emit import emit
@@ -44,12 +53,18 @@ def _kernel(
     from mbstab.model.expressions import parse
 
     q, u, a = ([f"{x}{i}" for i in range(len(coordinates))] for x in ("q", "u", "a"))
-    p = [f"p{i}" for i in range(len(parameters))]
+    own = sum(x.size for x in measures)
+    p = [f"p{i}" for i in range(len(parameters) + own)]
     tape = Tape()
-    inputs = zip((*coordinates, *parameters, "t"), (*q, *p, "s1"), strict=True)
+    inputs = zip((*coordinates, *parameters, "t"), (*q, *p[: len(parameters)], "s1"), strict=True)
     names = {name: tape.input(symbol) for name, symbol in inputs}
     rates = {name: tape.input(symbol) for name, symbol in zip(coordinates, u, strict=True)}
+    total = tape.tangent({names[name]: rates[name] for name in coordinates})
+    numbers = map(tape.input, p[len(parameters) :])
     f = tape.arithmetic()
+    for measure in measures:
+        value = tape.term(measure.of(f, names, numbers, lambda x: total(tape.term(x))))
+        names[measure.name], rates[measure.name] = value, value if measure.kind.speed else total(value)
     definition: Any = [tape.term(parse(text).evaluate(names, f, rates)) for text in texts]
     if role == "force":
         definition = Load(power=((definition, [rates[name] for name in rows]),))

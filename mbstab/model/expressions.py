@@ -2,7 +2,7 @@
 
 Grammar: numbers, names (with a dot for coordinates, ``rod.theta``), ``+ - * / **``,
 parentheses, the functions of `mbstab.model.functions`, the constants of `mbstab.model.arithmetic`, and
-``rate(rod.theta)`` for the time derivative of a coordinate. Nothing else: no
+``rate(rod.theta)`` for the time derivative of a coordinate or a measure (`mbstab.mechanics.measures`). Nothing else: no
 attribute access, no calls of anything else. Limits on length,
 depth and exponent keep a hostile text from taking much time.
 """
@@ -14,7 +14,8 @@ from collections.abc import Callable, Container, Iterator, Mapping
 from functools import lru_cache
 from typing import Any
 
-from mbstab.errors import MbstabError, suggestion
+from mbstab.errors import MbstabError, counted, suggestion
+from mbstab.mechanics.measures import MEASURES, is_measure
 from mbstab.model.arithmetic import CONSTANTS, Arithmetic
 from mbstab.model.functions import FUNCTIONS, PIECED
 from mbstab.records import dataclass
@@ -140,7 +141,7 @@ class Expression:
         return any(
             isinstance(node, Call)
             and node.function in PIECED
-            and any(isinstance(x, Rate) or (isinstance(x, Name) and x.name in coordinates) for x in _below(node))
+            and any(isinstance(x, Rate) or (isinstance(x, Name) and moves(x.name, coordinates)) for x in _below(node))
             for node in self.walk()
         )
 
@@ -182,6 +183,11 @@ class Expression:
             If the expression has no value (division by zero, logarithm of a negative number, …).
         """
         return _evaluate(self.root, names, rates or {}, arithmetic)
+
+
+def moves(name: str, coordinates: Container[str]) -> bool:
+    """Whether a name in an expression changes with the motion: a coordinate or a measure."""
+    return name in coordinates or is_measure(name)
 
 
 def _below(node: Node) -> Iterator[Node]:
@@ -368,9 +374,32 @@ class _Parser:
         found = "the expression ends" if kind == "end" else f"found {token!r}"
         raise ExpressionError(f"expected a number, a name or '(', {found}", at)
 
+    def _measure(self, kind: str, at: int) -> Node:
+        self._expect("(")
+        arguments = [self._word(kind)]
+        while self._accept(","):
+            arguments.append(self._word(kind))
+        self._expect(")")
+        expected = MEASURES[kind].arguments
+        if len(arguments) != len(expected):
+            said = " and ".join(f"a {x}" for x in expected)
+            raise ExpressionError(f"{kind}() takes {said}, got {counted(len(arguments), 'name', 'names')}", at)
+        name = f"{kind}({', '.join(arguments)})"
+        return Rate(name, at) if MEASURES[kind].speed else Name(name, at)
+
+    def _word(self, kind: str) -> str:
+        token, text, at = self.tokens[self.index]
+        if token != "name":
+            first = MEASURES[kind].arguments[0]
+            raise ExpressionError(f"{kind}() takes the name of a {first}, found {text or 'the end'!r}", at)
+        self.index += 1
+        return text
+
     def _call(self, function: str, at: int) -> Node:
+        if function in MEASURES:
+            return self._measure(function, at)
         if function != "rate" and function not in FUNCTIONS:
-            hint = suggestion(function, [*FUNCTIONS, "rate"]) or "known functions: " + ", ".join(FUNCTIONS)
+            hint = suggestion(function, [*FUNCTIONS, *MEASURES, "rate"]) or "known functions: " + ", ".join(FUNCTIONS)
             raise ExpressionError(f"unknown function {function!r}", at, hint)
         self._expect("(")
         self._deeper(at)
@@ -381,7 +410,8 @@ class _Parser:
         self.depth -= 1
         if function == "rate":
             if len(arguments) != 1 or not isinstance(arguments[0], Name):
-                raise ExpressionError("rate(...) takes one coordinate, such as rate(body.x)", at)
+                hint = "the speed of a point in the axes of its body is vx(body.point)"
+                raise ExpressionError("rate(...) takes one coordinate or measure, such as rate(body.x)", at, hint)
             return Rate(arguments[0].name, at)
         expected = FUNCTIONS[function].arguments
         if len(arguments) != expected:

@@ -8,7 +8,7 @@ from mbstab.errors import suggestion
 from mbstab.mechanics.catalogue import Kind
 from mbstab.model import units
 from mbstab.model.nodes import NodeReader
-from mbstab.model.schema import Components, Entry, Parameter
+from mbstab.model.schema import Components, Entry, MeasureValue, Parameter
 from mbstab.model.yamlfile import Scalar, YamlNode
 
 
@@ -30,6 +30,8 @@ class Names:
         By section, every name in the file; an entry with a problem is written, but not known.
     coordinates : dict
         Names of all coordinates, such as ``rod.theta``, in the order of q.
+    measures : dict
+        What the measures in expressions name.
     geometry : dict of pairs of dict
         Named points and named directions by body; None stands for the ground.
     """
@@ -43,6 +45,7 @@ class Names:
         self.joints: dict[str, Kind] = {}
         self.written: dict[str, Collection[str]] = {}
         self.coordinates: dict[str, None] = {}
+        self.measures: dict[str, MeasureValue] = {}
         self.geometry: dict[str | None, tuple[dict[str, Components], dict[str, Components]]] = {}
 
     def unread(self, coordinate: str) -> bool:

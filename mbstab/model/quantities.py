@@ -5,12 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from mbstab.errors import Location, suggestion
+from mbstab.mechanics.measures import MEASURES, is_measure, parts
 from mbstab.model import units
 from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import Expression, ExpressionError, parse
 from mbstab.model.functions import FUNCTIONS
 from mbstab.model.names import Names, owner_of_point
-from mbstab.model.schema import Components, Quantity, is_state, parse_finite
+from mbstab.model.schema import (
+    Components,
+    MarkerValue,
+    MeasureValue,
+    Quantity,
+    body_coordinates,
+    is_state,
+    parse_finite,
+)
 from mbstab.model.yamlfile import Scalar, Sequence, YamlNode
 
 AXES = {"x": 0, "y": 1, "z": 2}
@@ -68,7 +77,7 @@ class QuantityReader:
                 continue
             if name == "t":
                 raise ExpressionError("the time t cannot be used here", at)
-            if "." in name or name in self.names.coordinates:
+            if is_measure(name) or "." in name or name in self.names.coordinates:
                 self._check_coordinate(name, at, state)
                 continue
             known = [*parameters, *FUNCTIONS, *CONSTANTS, *(("t",) if time else ())]
@@ -81,11 +90,66 @@ class QuantityReader:
 
     def _check_coordinate(self, name: str, at: int, allowed: bool) -> None:
         if not allowed:
-            what = f"states such as {name!r}" if is_state(name) else f"coordinates such as {name!r}"
-            raise ExpressionError(f"{what} cannot be used here", at)
+            what = "measures" if is_measure(name) else "states" if is_state(name) else "coordinates"
+            raise ExpressionError(f"{what} such as {name!r} cannot be used here", at)
+        if is_measure(name):
+            self.measure(name, at)
+            return
         coordinates = self.names.coordinates
         if name not in coordinates and not self.names.unread(name):
             raise ExpressionError(f"unknown coordinate {name!r}", at, suggestion(name, coordinates))
+
+    def measure(self, name: str, at: int = 0) -> None:
+        """Note what a measure names.
+
+        Raises
+        ------
+        ExpressionError
+            If there is no such joint, point or body.
+        """
+        names = self.names
+        kind, arguments = parts(name)
+        if names.dimension not in MEASURES[kind].dimensions:
+            hint = "turn rates in the plane are rate(body.theta)" if kind.startswith("w") else ""
+            raise ExpressionError(f"{kind}() does not exist in a planar scene", at, hint)
+        if name in names.measures:
+            return
+        joint, points = None, []
+        for role, word in zip(MEASURES[kind].arguments, arguments, strict=True):
+            if role == "joint":
+                joint = word
+                self._check_joint(kind, word, at)
+            else:
+                points.append(self._point(word, at, role == "body"))
+        names.measures[name] = MeasureValue(kind, joint, tuple(points))
+
+    def _check_joint(self, kind: str, word: str, at: int) -> None:
+        """Refuse a joint that does not exist, or does not have this motion."""
+        joints = self.names.joints
+        if word not in joints:
+            raise ExpressionError(f"there is no joint {word!r}", at, suggestion(word, joints))
+        if kind not in joints[word].motions:
+            has = " and ".join(joints[word].motions)
+            raise ExpressionError(f"a {joints[word].name} joint has no {kind}{f', only {has}' if has else ''}", at)
+
+    def _point(self, word: str, at: int, whole: bool) -> MarkerValue:
+        """Return a point of a body or of the ground, or with `whole` a body with an orientation."""
+        names = self.names
+        body, _, point = word.partition(".")
+        owner = None if body == "ground" else body
+        if owner is not None and owner not in names.bodies and owner not in names.written["bodies"]:
+            raise ExpressionError(f"there is no body {body!r}", at, suggestion(body, [*names.bodies, "ground"]))
+        known = names.bodies.get(owner or "")
+        if whole and (point or owner is None or (known and len(body_coordinates(known)) == names.dimension)):
+            raise ExpressionError(f"{word!r} is no body with an orientation", at)
+        if not point or (owner is not None and known is None):  # a body with a problem of its own
+            place = Location(self.nodes.document.name, 1, 1)
+            return MarkerValue(owner, Components((constant("0", place, ""),) * names.dimension, place, ""))
+        points = names.geometry[owner][0]
+        if point not in points:
+            hint = suggestion(point, points) or "its points: " + (", ".join(points) or "none")
+            raise ExpressionError(f"{owner_of_point(owner)} has no point {point!r}", at, hint)
+        return MarkerValue(owner, points[point])
 
     def check_unit(self, expression: Expression, unit: str) -> None:
         """Refuse an expression that is known to have another unit.

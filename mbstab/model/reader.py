@@ -82,6 +82,7 @@ def _read(document: Document, root: Mapping) -> Model:
         initial=reference.initial(root),
         sweep=expectations.sweep(top.get("sweep")),
         expect=expectations.expect(top.get("expect")),
+        measures=quantities.names.measures,
     )
 
 

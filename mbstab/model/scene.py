@@ -69,6 +69,15 @@ class InitialValues:
 
 
 @dataclass(frozen=True)
+class MeasureNumbers:
+    """A measure in an expression: its kind, the numbers of its bodies (`GROUND` is −1), and its own numbers."""
+
+    kind: str
+    bodies: tuple[int, ...]
+    numbers: Vector
+
+
+@dataclass(frozen=True)
 class Scene:
     """A model at given parameter values.
 
@@ -93,6 +102,8 @@ class Scene:
         Where a simulation starts.
     turned : tuple of str
         Bodies whose given angles are singular; theirs count from the given orientation instead (`mbstab.model.charts`).
+    measures : dict of MeasureNumbers
+        What expressions measure, such as ``angle(pivot)``.
     """
 
     model: Model
@@ -111,6 +122,7 @@ class Scene:
     lengths: list[float] = field(default_factory=list)
     initial: InitialValues = field(default_factory=InitialValues)
     turned: tuple[str, ...] = ()
+    measures: dict[str, MeasureNumbers] = field(default_factory=dict)
 
     @property
     def dimension(self) -> int:

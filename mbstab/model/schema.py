@@ -114,6 +114,15 @@ class MarkerValue:
 
 
 @dataclass(frozen=True)
+class MeasureValue:
+    """A measure in an expression (`mbstab.mechanics.measures`): the joint or the points and bodies that it names."""
+
+    kind: str
+    joint: str | None
+    points: tuple[MarkerValue, ...]
+
+
+@dataclass(frozen=True)
 class ShapeValue:
     """A homogeneous shape with its lengths; `along` is the number of the axis or None."""
 
@@ -258,6 +267,8 @@ class Model:
         With what a question gives some of them (`mbstab.model.parameters.bound`).
     order : tuple of str
         Sections in the order of the file; constraint rows follow it.
+    measures : dict
+        What the measures in expressions name, by the measure, such as ``angle(pivot)``.
     """
 
     document: Document
@@ -273,6 +284,7 @@ class Model:
     initial: Initial
     sweep: dict[str, SweepRange]
     expect: tuple[Expectation, ...]
+    measures: dict[str, MeasureValue]
 
     @property
     def name(self) -> str:

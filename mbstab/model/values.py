@@ -11,15 +11,18 @@ from typing import Any
 
 from mbstab.mechanics import vectors
 from mbstab.mechanics.bodies import combine
-from mbstab.mechanics.catalogue import Number, Vector
+from mbstab.mechanics.catalogue import GROUND, Number, Vector
+from mbstab.mechanics.joints import motion_parameters
+from mbstab.mechanics.measures import MEASURES
 from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
 from mbstab.model.charts import euler_matrix, regular
 from mbstab.model.evaluator import Evaluator
 from mbstab.model.numbers import all_of, is_finite, nominal
 from mbstab.model.parameters import evaluate_parameters
-from mbstab.model.scene import BodyValues, InitialValues, ItemValues, Scene, SteadyValues
+from mbstab.model.scene import BodyValues, InitialValues, ItemValues, MeasureNumbers, Scene, SteadyValues
 from mbstab.model.schema import (
     Entry,
+    MeasureValue,
     Model,
     Quantity,
     Steady,
@@ -85,7 +88,18 @@ class _Assembly(Evaluator):
         return regular(Scene(
             model, self.f, self.parameters, gravity, bodies, items, time, coordinates, rates, guess, steady,
             period, self.points(), self.lengths, initial,
+            measures={name: self.measure(value, joints) for name, value in model.measures.items()},
         ))  # fmt: skip
+
+    def measure(self, value: MeasureValue, joints: Mapping[str, ItemValues]) -> MeasureNumbers:
+        if value.joint is not None:
+            joint = joints[value.joint]
+            bodies = tuple(marker.body for marker in joint.markers("between"))
+            return MeasureNumbers(value.kind, bodies, motion_parameters(joint, value.kind))
+        bodies = tuple(GROUND if x.body is None else self.body_numbers[x.body] for x in value.points)
+        whole = [MEASURES[value.kind].arguments == ("body",) for _ in value.points]
+        numbers = (x for x, body in zip(value.points, whole, strict=True) if not body)
+        return MeasureNumbers(value.kind, bodies, tuple(y for x in numbers for y in self.vector(x.point, length=True)))
 
     def initial(self) -> InitialValues:
         given = self.model.initial

@@ -244,14 +244,14 @@ def _assembled(start: Start, system: System) -> Matrix:
         return q
     columns, sizes = np.flatnonzero(missing), motion.sizes
     still = zeros(system.n_q)
-    J = start.system.dynamics(motion.q, np.zeros(system.n_q), motion.time).J[:n_h][:, columns] * sizes[columns]
+    J = start.system.closing.dynamics(motion.q, np.zeros(system.n_q), motion.time).J[:n_h][:, columns] * sizes[columns]
     lengths = norms(J)
     inverse = np.linalg.pinv(J / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
 
     def correction(x: Matrix) -> Matrix:
         place = q.copy()
         place[columns] = x * sizes[columns]
-        return -applied(inverse, exact(system.dynamics(place, still, scene.time).E)[:n_h] / lengths)
+        return -applied(inverse, exact(system.closing.dynamics(place, still, scene.time).E)[:n_h] / lengths)
 
     try:
         q[columns] = polished(q[columns] / sizes[columns], correction, 1.0) * sizes[columns]

@@ -208,7 +208,7 @@ class _Roundings:
             return self._balanced(steady, dq)
         if self.missing.any() and self.plain.n_h:
             still = [0.0] * self.plain.n_q
-            E = self.system.dynamics(_with(motion.q, dq), still, self.time).E
+            E = self.system.closing.dynamics(_with(motion.q, dq), still, self.time).E
             dq = self._coordinates(E, dq)
         if motion.declared and steady is not None:
             return dq, self._steady(steady, dq)

@@ -11,8 +11,9 @@ import numpy as np
 from mbstab.analysis.linear.constancy import SMOOTH, Place, call_at, cut, expressions
 from mbstab.analysis.linear.exact_sums import Atom, Monomial, Structure, Sum, atoms
 from mbstab.analysis.linear.tolerances import TOLERANCES
+from mbstab.compiler.measured import values
 from mbstab.compiler.system import System
-from mbstab.model.expressions import Call, Expression, ExpressionError
+from mbstab.model.expressions import Call, Expression, ExpressionError, moves
 from mbstab.model.functions import FUNCTIONS, PIECED, Break
 from mbstab.model.schema import is_length
 
@@ -41,7 +42,9 @@ def kinks(system: System, q: Any, u: Any, time: Any, order: int = 2, along: bool
     state = set(system.names)
     corners: _Corners | None = None
     for path, role, expression, _ in expressions(system):
-        if role in ("position", "velocity") or not (state & expression.names().keys() or expression.rates()):
+        if role in ("position", "velocity") or not (
+            expression.rates() or any(moves(name, state) for name in expression.names())
+        ):
             continue
         corners = corners or _Corners(Structure(system.scene), system, q, u, time, along)
         try:
@@ -72,6 +75,14 @@ class _Corners:
             self.names[name], self.names[f"rate({name})"] = q[..., i], u[..., i]
             self.steps[name] = TOLERANCES.kink_distance * max(float(np.max(np.abs(q[..., i]))), sizes[i])
             self.steps[f"rate({name})"] = TOLERANCES.kink_distance * speed * sizes[i]
+        if system.scene.measures:
+            measures = values(system.scene, system.names, q, u)
+            self.names |= measures
+            reach = float(np.max(sizes, initial=1.0))
+            for name, value in measures.items():
+                size = reach * (speed if name.startswith("rate(") else 1.0)
+                self.steps[name] = TOLERANCES.kink_distance * max(float(np.max(np.abs(value))), size)
+        self.angles = {name for name, x in system.scene.measures.items() if x.kind == "angle" and len(x.numbers)}
 
     def near(self, x: Sum) -> bool:
         """Whether a sum is zero within rounding, or has no value."""
@@ -111,6 +122,8 @@ class _Corners:
         x = atom.arguments[0] if atom.arguments else Sum.of(atom)
         if atom.kind == "power":
             return self._of_power(atom)
+        if atom.name in self.angles and np.any(math.pi - np.abs(self.names[atom.name]) <= self.steps[atom.name]):
+            return -1, "the joint is turned by half a turn"
         if atom.kind in ("group", "state"):
             return (-1, "it divides by 0") if n < 0 and self.near(x) else (SMOOTH, "")
         found = [(self._smooth(where, atom, n, monomial), where.text) for where in self._met(atom)]

@@ -136,9 +136,10 @@ def _require_readable(entries: Iterable[Any]) -> None:
 
 
 def _weight(entry: Any) -> int:
-    """Return the cost of simplifying an entry: its operations, times five for each further angle."""
+    """Return the cost of simplifying an entry: its operations, times 5 for each further angle, 25 for each denominator."""
     import sympy
 
     angles = {x.args[0] for x in entry.atoms(sympy.sin, sympy.cos)}
+    below = {x.base for x in entry.atoms(sympy.Pow) if x.exp.is_negative and x.base.has(*angles)}
     operations: int = entry.count_ops()
-    return operations * int(5 ** max(0, len(angles) - 1))
+    return operations * int(5 ** (max(0, len(angles) - 1) + 2 * len(below)))

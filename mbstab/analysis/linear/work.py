@@ -26,7 +26,8 @@ from mbstab.analysis.reference.element_comparison import Digits, State, numbers
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
-from mbstab.compiler.system import Acting, Array
+from mbstab.compiler.placed import Acting
+from mbstab.compiler.system import Array
 
 Kind = Literal["potential", "powerless", "damping", "other"]
 
@@ -167,6 +168,8 @@ class Work:
         """Return whether a force that does no work does none in the co-moving frame either."""
         if self.generator is None:
             return True
+        if not self.invariance.states:
+            return False
         zero = 0.0 * self.motion.q
         for state in self.invariance.states:
             X = self._field(state.q)
@@ -181,6 +184,8 @@ class Work:
         """Return whether a damper depends only on speeds relative to the motion."""
         if self.generator is None:
             return True
+        if not self.invariance.states:
+            return False
         sizes, zero = self.motion.sizes[list(element.columns)], 0.0 * self.motion.q
         change = size = 0.0
         for state in self.invariance.states:

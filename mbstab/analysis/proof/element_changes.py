@@ -20,7 +20,8 @@ from mbstab.analysis.reference.element_comparison import State as Rough
 from mbstab.analysis.reference.fields import Field as Group
 from mbstab.analysis.reference.fields import OwnTurn, Shift, Symmetry, Turn
 from mbstab.analysis.reference.steady import Generator
-from mbstab.compiler.system import Acting, Array
+from mbstab.compiler.placed import Acting
+from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
 from mbstab.model.jets import Jet
 from mbstab.records import dataclass
@@ -100,15 +101,15 @@ class ElementChanges:
             return moved
 
         def residual(x: Sequence[Ball]) -> list[Ball]:
-            E = ball_matrices.vector(self.system.dynamics(put(x), zero, self.time).E)
+            E = ball_matrices.vector(self.system.closing.dynamics(put(x), zero, self.time).E)
             return [E[i] for i in rows[:r_h]]
 
         def jacobian(x: Sequence[Ball]) -> Matrix:
-            J = ball_matrices.matrix(self.system.dynamics(put(x), zero, self.time).J)
+            J = ball_matrices.matrix(self.system.closing.dynamics(put(x), zero, self.time).J)
             return [[J[i][j] for j in columns] for i in rows[:r_h]]
 
         columns: list[int] = []
-        J = _middle(self.system.dynamics(start, zero, self.time).J)[rows] * sizes
+        J = _middle(self.system.closing.dynamics(start, zero, self.time).J)[rows] * sizes
         columns = independent_rows(J[:r_h].T, r_h)
         q = put(krawczyk_boxes(residual, jacobian, [start[i] for i in columns], "a state on the constraints")[0])
         u = self._fitted(q, zero, _exact(rough.u), lambda at: at.V)

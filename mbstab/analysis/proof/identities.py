@@ -32,7 +32,8 @@ from mbstab.analysis.proof.element_changes import (
 from mbstab.analysis.proof.fields import short
 from mbstab.analysis.reference.fields import Field as Group
 from mbstab.analysis.reference.fields import Shift, Symmetry
-from mbstab.compiler.system import Acting, System
+from mbstab.compiler.placed import Acting
+from mbstab.compiler.system import System
 
 
 class Identities(ElementChanges):

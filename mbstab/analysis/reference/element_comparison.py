@@ -19,7 +19,8 @@ from mbstab.analysis.reference.fields import Combination, Field, OwnTurn, Shift
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.rotation import rate_drift, rate_matrix
 from mbstab.analysis.reference.tolerances import TOLERANCES
-from mbstab.compiler.system import Acting, Array, Dynamics, System
+from mbstab.compiler.placed import Acting
+from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import MbstabError
 from mbstab.mechanics.catalogue import ROWS
 from mbstab.model.arithmetic import FLOAT, mpmath_arithmetic
@@ -51,6 +52,9 @@ class OnRows(State):
 
     dynamics: Dynamics
 
+
+RESTING = 2
+"""How many of the states are at rest."""
 
 Numbers = list[float | Rounded]
 
@@ -147,7 +151,10 @@ class ElementComparison:
 
     @cached_property
     def states(self) -> list[State]:
-        """States off the constraints at which all elements have a value: at rest, in motion, accelerating."""
+        """States off the constraints at which all elements have a value: at rest, in motion, accelerating.
+
+        None at all where there are too few: nothing may be concluded then.
+        """
         motion, sizes = self.motion, self.motion.sizes
         for spread in TOLERANCES.state_spreads:
             rng = RandomNumbers(11)
@@ -165,14 +172,20 @@ class ElementComparison:
                 q, u = _on_grid(motion.q + part * q, sizes), moves * (motion.u + self.rate * u)
                 u = _on_grid(u, self.rate * sizes)
                 found.append(State(q, u, accelerates * (motion.a + self.rate**2 * a)))
-            try:
-                for state in found:
-                    for element in self.elements:
-                        element.force(*state.listed, motion.time)
-                return found
-            except (ArithmeticError, ValueError):
-                continue
+            good = [state for state in found if self._has_value(state)]
+            # Forces such as those of tyres have no value at rest.
+            if len(good) == len(found) or (not motion.at_rest and len(good) >= len(found) - RESTING):
+                return good
         return []
+
+    def _has_value(self, state: State) -> bool:
+        """Whether all elements have a value at a state."""
+        try:
+            for element in self.elements:
+                element.force(*state.listed, self.motion.time)
+        except (ArithmeticError, ValueError):
+            return False
+        return True
 
     @cached_property
     def on_rows(self) -> list[OnRows]:
@@ -234,7 +247,7 @@ class ElementComparison:
         n_h = system.n_h
         try:
             for _ in range(TOLERANCES.newton_steps_onto_rows if n_h else 0):
-                state = system.dynamics(q, 0.0 * u, time)
+                state = system.closing.dynamics(q, 0.0 * u, time)
                 shortest = self._shortest(state.J[:n_h])
                 step = shortest(-state.E[:n_h])
                 if float(np.max(np.abs(step))) > 4.0:
@@ -421,10 +434,10 @@ def _general(element: Acting) -> Acting:
     """
     if not element.written:
         return element
-    rng = RandomNumbers(len(element.placed.parameters))
-    parameters = tuple(
-        x * (1.0 + TOLERANCES.parameter_offset * float(rng.uniform(0.5, 1.0))) for x in element.placed.parameters
-    )
+    named, others = element.placed.parameters[: element.placed.named], element.placed.parameters[element.placed.named :]
+    rng = RandomNumbers(len(named))
+    offsets = (TOLERANCES.parameter_offset * float(rng.uniform(0.5, 1.0)) for _ in named)
+    parameters = (*(x * (1.0 + offset) for x, offset in zip(named, offsets, strict=True)), *others)
     return replace(element, placed=replace(element.placed, parameters=parameters))
 
 

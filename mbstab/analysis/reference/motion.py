@@ -144,7 +144,7 @@ class Finder:
             q = self.assemble(q, missing)
             self.check_chart(q, np.zeros(len(q), dtype=bool))
         self.solved += [n for n, lacks in zip(system.names, missing, strict=True) if lacks]
-        state = system.dynamics(q, np.zeros(system.n_q), scene.time)
+        state = system.closing.dynamics(q, np.zeros(system.n_q), scene.time)
         allowed = TOLERANCES.residual * abs(state.J) @ self.sizes
         bad = [i for i in range(system.n_h) if not abs(state.E[i]) <= allowed[i] + 1e-300]
         hint = "correct the values, or leave out those that the constraints determine"
@@ -185,7 +185,7 @@ class Finder:
         columns = np.flatnonzero(missing)
 
         def state(x: Array) -> tuple[Array, Array]:
-            found = self.system.dynamics(x, zero, self.scene.time)
+            found = self.system.closing.dynamics(x, zero, self.scene.time)
             J = dense(found.J[:n_h]) * sizes
             lengths = norms(J)
             return found.E[:n_h] / lengths, J / lengths[:, None]

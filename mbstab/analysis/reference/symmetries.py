@@ -27,7 +27,8 @@ from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetry_candidates import UNEVEN, SymmetryCandidates, echelon, in_whole_numbers, short
 from mbstab.analysis.reference.tolerances import TOLERANCES
-from mbstab.compiler.system import Acting, Array, System
+from mbstab.compiler.placed import Acting
+from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
 
 
@@ -104,6 +105,8 @@ class Invariance(SymmetryCandidates):
 
     def _boosts(self, shift: Shift) -> bool:
         """Whether all elements and rows are blind to a common speed along a shift."""
+        if not self.states:
+            return False
         direction = shift.direction
         step = self.rate * float(self.motion.sizes.max()) * TOLERANCES.trial_move / float(np.max(np.abs(direction)))
         faster = short(step) * direction
@@ -298,7 +301,7 @@ class Invariance(SymmetryCandidates):
     def conserves(self, field: Field) -> bool:
         """Return whether the momentum along a symmetry is constant along every motion."""
         acting = [e for e in self.containing(field) if not e.inertia]
-        return (not acting or self._idle(acting, field)) and self._horizontal(field)
+        return (not acting or (bool(self.states) and self._idle(acting, field))) and self._horizontal(field)
 
     def _idle(self, acting: list[Acting], field: Field) -> bool:
         """Whether elements, each by itself, do no work along a field, whatever the state."""

@@ -258,7 +258,7 @@ class Constrained:
         zero = np.zeros(self.n)
         best, least = q, np.inf
         for _ in range(TOLERANCES.projection_steps if self.n_h else 0):
-            state = self.evaluate(t, q, zero)
+            state = self.system.closing.dynamics(q, zero, t)
             residual = self.residuals(state, 1.0)[0]
             if residual >= 0.5 * least:  # rounding is reached, or it does not converge
                 if residual < least:

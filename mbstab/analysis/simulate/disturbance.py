@@ -161,7 +161,7 @@ def reached(
     for k in range(1, count + 1):
         wanted = [start + k / count * (goal - start) for (_, goal), start in zip(goals, first, strict=True)]
         for _ in range(TOLERANCES.newton_steps_to_values):
-            at, state = Placement(attitudes, system, q, zero), equations.evaluate(t, q, zero)
+            at, state = Placement(attitudes, system, q, zero), system.closing.dynamics(q, zero, t)
             J, E = state.J[: equations.n_h] * sizes, state.E[: equations.n_h]
             lengths = norms(J)
             missing = [(x.value(at, goal) - goal) / x.size for (x, _), goal in zip(goals, wanted, strict=True)]
@@ -174,7 +174,7 @@ def reached(
                 break
         if left > TOLERANCES.value_reached:
             return q, left
-    return q, max(left, equations.residuals(equations.evaluate(t, q, zero), 1.0)[0])
+    return q, max(left, equations.residuals(system.closing.dynamics(q, zero, t), 1.0)[0])
 
 
 def speeds(

@@ -187,7 +187,7 @@ class Equations:
         """Solve C = 0 for the missing coordinates, from those of the pattern."""
         sizes, n_h = self.pattern.sizes[missing], self.system.n_h
         for _ in range(REFERENCE.newton_steps_onto_constraints):
-            dynamics = self.system.dynamics(q, 0.0 * q)
+            dynamics = self.system.closing.dynamics(q, 0.0 * q)
             J = dynamics.J[:, :n_h, missing] * sizes
             lengths = norms(dynamics.J[:, :n_h] * self.pattern.sizes)
             weighted = J / lengths[..., None], (dynamics.E[:, :n_h] / lengths)[..., None]

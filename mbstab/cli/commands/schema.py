@@ -40,6 +40,7 @@ def section_text(section: str) -> str:
         If there is no such section or type.
     """
     from mbstab.mechanics.elements import KINDS
+    from mbstab.mechanics.measures import MEASURES
     from mbstab.model.functions import FUNCTIONS
     from mbstab.model.schema import SECTION_FIELDS
     from mbstab.report.kinds import keys_text, kinds_text, shapes_text
@@ -48,11 +49,13 @@ def section_text(section: str) -> str:
         return shapes_text()
     if section == "functions":
         return "".join(f"{name}({', '.join(x.names)}): {x.doc}\n" for name, x in FUNCTIONS.items())
+    if section == "measures":
+        return "".join(f"{name}({', '.join(x.arguments)}): {x.doc} ({x.unit})\n" for name, x in MEASURES.items())
     if section in SECTION_FIELDS:
         return keys_text(SECTION_FIELDS[section])
     name, _, kind = section.partition(".")
     if name not in KINDS:
-        known = [*KINDS, "shape", "functions", *SECTION_FIELDS]
+        known = [*KINDS, "shape", "functions", "measures", *SECTION_FIELDS]
         ends = {x.rpartition(".")[2]: x for x in known}
         near = nearest(section, [*known, *ends])
         hint = f"did you mean {ends.get(near, near)!r}?" if near else "one of " + ", ".join(known)

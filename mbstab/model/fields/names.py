@@ -6,10 +6,11 @@ from collections.abc import Iterable
 from typing import Any
 
 from mbstab.mechanics.catalogue import Field
+from mbstab.model.expressions import Name, Rate
 from mbstab.model.fields.base import BY_NAME, TEXT, FieldKind, Owner, Reading
 from mbstab.model.fields.values import ChoiceField
 from mbstab.model.schema import Quantity, body_coordinates
-from mbstab.model.yamlfile import YamlNode
+from mbstab.model.yamlfile import Scalar, YamlNode
 
 
 class BodyField(FieldKind):
@@ -123,9 +124,27 @@ class LoadsField(FieldKind):
         loads = {}
         for key, item in mapping.pairs():
             expression = reading.quantities.expression(item, f"{path}.{key.text}", time=True, state=True)
-            if reading.names.coordinate(key, path) is not None:
-                loads[key.text] = expression
+            name = self._along(reading, key, path)
+            if name is not None:
+                loads[name] = expression
         return loads
+
+    @staticmethod
+    def _along(reading: Reading, key: Scalar, path: str) -> str | None:
+        """Return the coordinate or the measure along which a force acts."""
+        if "(" not in key.text:
+            return reading.names.coordinate(key, path)
+        quantity = reading.quantities.quantity(key, f"{path}.{key.text}", state=True)
+        root = quantity.root if quantity is not None else None
+        if not isinstance(root, (Name, Rate)):
+            if quantity is not None:
+                hint = "a coordinate such as body.x, or a measure such as angle(joint)"
+                reading.nodes.complain(key, path, f"a force cannot act along {key.text!r}", hint)
+            return None
+        if isinstance(root, Rate) and root.name in ("", *reading.names.coordinates):
+            reading.nodes.complain(key, path, f"write {root.name} instead of {key.text}")
+            return None
+        return root.name
 
     def coordinates(self, value: dict[str, Quantity]) -> Iterable[str]:
         """Return the coordinates acted on, and the names in the expressions and of their rates."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from mbstab.mechanics.catalogue import Field, Number, Vector
 from mbstab.model.evaluator import Law
-from mbstab.model.expressions import parse
+from mbstab.model.expressions import moves, parse
 from mbstab.model.fields.base import NUMBER, NUMBERS, TEXT, VECTOR, FieldKind, Owner, Reading
 from mbstab.model.schema import Components, Quantity
 from mbstab.model.yamlfile import Sequence, YamlNode
@@ -162,7 +162,7 @@ class HolonomicField(ConstraintField):
         if expression.rates():
             message = "a holonomic constraint contains no rates"
             reading.nodes.complain(node, expression.path, message, "make it nonholonomic")
-        elif not expression.names().keys() & reading.names.coordinates.keys():
+        elif not any(moves(name, reading.names.coordinates) for name in expression.names()):
             reading.nodes.complain(node, expression.path, "the constraint contains no coordinate")
 
 

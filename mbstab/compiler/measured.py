@@ -1,0 +1,102 @@
+"""The measures in the expressions of a scene: in terms of its coordinates, and their values at a state."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterator, Mapping
+from itertools import chain
+from typing import Any
+
+from mbstab.mechanics.catalogue import GROUND
+from mbstab.mechanics.measures import MEASURES, Measure, Pose, Rate, parts
+from mbstab.model.arithmetic import array_arithmetic
+from mbstab.model.jets import Jet, jet_arithmetic
+from mbstab.model.scene import Scene
+from mbstab.records import dataclass
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A measure that occurs, such as ``angle(pivot)``.
+
+    Attributes
+    ----------
+    name : str
+    dimension : int
+    bodies : tuple of tuple of str
+        Names of the coordinates of each of its bodies; empty for the ground.
+    count : int
+        Number of its own numbers, which follow the base rotations of its bodies.
+    """
+
+    name: str
+    dimension: int
+    bodies: tuple[tuple[str, ...], ...]
+    count: int
+
+    @property
+    def kind(self) -> Measure:
+        """What it measures."""
+        return MEASURES[parts(self.name)[0]]
+
+    @property
+    def bases(self) -> list[int]:
+        """Sizes of the base rotations of its bodies."""
+        return [9 if self.dimension == 3 and len(body) == 6 else 0 for body in self.bodies]
+
+    @property
+    def size(self) -> int:
+        """Number of all numbers that belong to it."""
+        return sum(self.bases) + self.count
+
+    def of(self, f: Any, names: Mapping[str, Any], numbers: Iterator[Any], rate: Rate) -> Any:
+        """Return the measure, or the speed that it is, from coordinates and the numbers that belong to it.
+
+        Parameters
+        ----------
+        f : arithmetic
+        names : mapping
+            Coordinates by name.
+        numbers : iterator
+            The next ones are those of this measure.
+        rate : callable
+            Returns the time derivative of what was computed from the coordinates.
+        """
+        poses = [
+            Pose(f, self.dimension, [names[c] for c in body], [next(numbers) for _ in range(size)])
+            for body, size in zip(self.bodies, self.bases, strict=True)
+        ]
+        return self.kind.formula(poses, [next(numbers) for _ in range(self.count)], rate)
+
+
+def measured(scene: Scene, used: Container[str]) -> dict[Measured, tuple[Any, ...]]:
+    """Return the measures of a scene among some names, each with the numbers that belong to it."""
+    found = {}
+    for name, measure in scene.measures.items():
+        if name not in used:
+            continue
+        bodies = [None if body == GROUND else scene.bodies[body] for body in measure.bodies]
+        names = tuple(tuple(f"{x.name}.{c}" for c in x.coordinates) if x else () for x in bodies)
+        one = Measured(name, scene.dimension, names, len(measure.numbers))
+        bases = [body.base if body and size else () for body, size in zip(bodies, one.bases, strict=True)]
+        found[one] = (*chain.from_iterable(bases), *measure.numbers)
+    return found
+
+
+def values(scene: Scene, names: list[str], q: Any, u: Any) -> dict[str, Any]:
+    """Return the values of all measures of a scene, and those of their rates under ``rate(…)``.
+
+    Parameters
+    ----------
+    names : list of str
+        Coordinates in the order of q.
+    q, u : ndarray, shape (…, n_q)
+    """
+    moving = {name: Jet(q[..., i], u[..., i]) for i, name in enumerate(names)}
+    f, found = jet_arithmetic(array_arithmetic()), {}
+    for one, numbers in measured(scene, scene.measures).items():
+        jet = Jet.of(one.of(f, moving, iter(numbers), lambda x: Jet.of(x).rate))
+        if one.kind.speed:
+            found[f"rate({one.name})"] = jet.value
+        else:
+            found[one.name], found[f"rate({one.name})"] = jet.value, jet.rate
+    return found

@@ -1,0 +1,130 @@
+"""Elements where they stand in a scene: each with its kernel, its coordinates and rows, and its numbers."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+from mbstab.compiler.scatter import signals_at
+from mbstab.mechanics.elements import ELEMENTS
+from mbstab.mechanics.vectors import plain_zero
+from mbstab.model.arithmetic import FLOAT, Arithmetic
+from mbstab.records import dataclass
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An element of a scene: its kernel, its places among coordinates and rows, its numbers."""
+
+    kernel: Any
+    columns: tuple[int, ...]
+    rows: tuple[int, ...]
+    parameters: tuple[Any, ...]
+    laws: tuple[Any, ...]
+    takes_acceleration: bool
+    path: str
+    named: int = 0
+    """How many of the parameters are those that its expressions name; the others are numbers of measures."""
+
+    @property
+    def hint(self) -> str:
+        """Return a hint for a state without finite equations."""
+        element = ELEMENTS.get(self.kernel.__name__.rpartition(".")[2])
+        if element is not None and element.hint:
+            return f"hint: {element.hint}"
+        return (
+            "hint: two points that coincide, a wheel lying flat, an expression outside its domain or at a kink has no "
+            "derivative"
+        )
+
+
+@dataclass(frozen=True)
+class Acting:
+    """A single element without rows, which exerts forces or has inertia.
+
+    Attributes
+    ----------
+    path : str
+        The entry it belongs to.
+    columns : tuple of int
+        Numbers of the coordinates it contains.
+    written : bool
+        Whether it is written as expressions in the file.
+    inertia : bool
+    damping : tuple of numbers or None
+        The coefficients of the dissipation function of a force with one and a potential; None for others.
+    analytic : bool
+        Whether it is an analytic function of the state: no abs and the like of coordinates.
+    slots : frozenset of (int, int)
+        Entries of ∂F/∂q that are not identically zero, as numbers of coordinates.
+    """
+
+    path: str
+    columns: tuple[int, ...]
+    written: bool
+    inertia: bool
+    damping: tuple[Any, ...] | None
+    analytic: bool
+    slots: frozenset[tuple[int, int]]
+    placed: Placed
+
+    @cached_property
+    def seen(self) -> frozenset[int]:
+        """Numbers of the coordinates by which ∂F/∂q is not identically zero."""
+        return frozenset(j for _, j in self.slots)
+
+    @property
+    def stored(self) -> bool:
+        """Whether its force comes from a potential and a dissipation function."""
+        return self.damping is not None
+
+    @property
+    def damped(self) -> bool:
+        """Whether such a force has a dissipation function."""
+        return any(not plain_zero(x) for x in self.damping or ())
+
+    def force(self, q: Any, u: Any, a: Any, time: Any, f: Arithmetic = FLOAT) -> list[Any]:
+        """Return its part of the residual F, with its inertia, on its own columns.
+
+        Parameters
+        ----------
+        q, u, a : sequences of numbers, length n_q
+        time : number (s)
+        f : Arithmetic
+            Arithmetic of the numbers.
+        """
+        n, zero = len(q), f.number("0")
+        return self.own_force([[x[i] if i < n else zero for i in self.placed.columns] for x in (q, u, a)], time, f)
+
+    def own_force(self, own: list[list[Any]], time: Any, f: Arithmetic = FLOAT) -> list[Any]:
+        """Return the same for the coordinates, speeds and accelerations that it contains, in its order."""
+        e, zero = self.placed, f.number("0")
+        signals = signals_at(e.laws, time) if e.laws else ()
+        values = iter(e.kernel.dynamics(f, own[0], own[1], e.parameters, signals))
+        place = {column: k for k, column in enumerate(self.columns)}
+        total = [zero] * len(self.columns)
+        for key, entries in e.kernel.DYNAMICS.items():
+            for index in entries:
+                value = next(values)
+                row = place.get(e.columns[index[0]])
+                if row is not None:
+                    total[row] = total[row] + (value * own[2][index[1]] if key == "M" else value)
+        return total
+
+    def slopes(self, q: Any, u: Any, a: Any, time: Any, f: Arithmetic = FLOAT) -> tuple[list[list[Any]], ...]:
+        """Return the parts of ∂F/∂q and ∂F/∂u on its own columns, as rows."""
+        e, zero = self.placed, f.number("0")
+        n = len(q)
+        own = [[x[i] if i < n else zero for i in e.columns] for x in (q, u, a)]
+        signals = signals_at(e.laws, time) if e.laws else ()
+        arguments = [own[0], own[1], e.parameters, signals, *([own[2]] if e.takes_acceleration else [])]
+        values = iter(e.kernel.linearize(f, *arguments))
+        place = {column: k for k, column in enumerate(self.columns)}
+        found: dict[str, list[list[Any]]] = {key: [[zero] * len(place) for _ in place] for key in "KR"}
+        for key, entries in e.kernel.LINEARIZE.items():
+            for i, j in entries:
+                value = next(values)
+                if e.columns[i] in place and e.columns[j] in place:
+                    row = found[key][place[e.columns[i]]]
+                    row[place[e.columns[j]]] = row[place[e.columns[j]]] + value
+        return found["K"], found["R"]
