@@ -136,7 +136,7 @@ def _require_readable(entries: Iterable[Any]) -> None:
 
 
 def _weight(entry: Any) -> int:
-    """Return the cost of simplifying an entry: its operations, times 5 for each further angle, 25 for each denominator."""
+    """Return the cost of simplifying an entry: its operations, times 5 for each further angle, 25 for a denominator."""
     import sympy
 
     angles = {x.args[0] for x in entry.atoms(sympy.sin, sympy.cos)}

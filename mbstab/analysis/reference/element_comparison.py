@@ -53,9 +53,6 @@ class OnRows(State):
     dynamics: Dynamics
 
 
-RESTING = 2
-"""How many of the states are at rest."""
-
 Numbers = list[float | Rounded]
 
 
@@ -172,10 +169,10 @@ class ElementComparison:
                 q, u = _on_grid(motion.q + part * q, sizes), moves * (motion.u + self.rate * u)
                 u = _on_grid(u, self.rate * sizes)
                 found.append(State(q, u, accelerates * (motion.a + self.rate**2 * a)))
-            good = [state for state in found if self._has_value(state)]
+            good = [self._has_value(state) for state in found]
             # Forces such as those of tyres have no value at rest.
-            if len(good) == len(found) or (not motion.at_rest and len(good) >= len(found) - RESTING):
-                return good
+            if all(has or (not np.any(x.u) and not motion.at_rest) for x, has in zip(found, good, strict=True)):
+                return [x for x, has in zip(found, good, strict=True) if has]
         return []
 
     def _has_value(self, state: State) -> bool:
