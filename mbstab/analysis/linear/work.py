@@ -28,6 +28,7 @@ from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.compiler.placed import Acting
 from mbstab.compiler.system import Array
+from mbstab.errors import MbstabError
 
 Kind = Literal["potential", "powerless", "damping", "other"]
 
@@ -99,10 +100,13 @@ class Work:
             X = field(state.q)
             fast = max(float(np.max(np.abs(x / motion.sizes))) for x in (X, state.u))
             fast = max(fast, REFERENCE.resting_speed * self.invariance.rate)
-            at, there = (
-                state.dynamics if np.array_equal(u, state.u) else system.dynamics(state.q, u, motion.time)
-                for u in (X, X + 2.0 * (state.u - X))
-            )
+            try:
+                at, there = (
+                    state.dynamics if np.array_equal(u, state.u) else system.dynamics(state.q, u, motion.time)
+                    for u in (X, X + 2.0 * (state.u - X))
+                )
+            except MbstabError:  # rows with the slip of a tyre have no value at rest
+                return False
             if not np.any(X) and np.any(at.V):
                 return False  # a row that rest does not satisfy is not rounding
             allowed = self.invariance.agreed * fast * (abs(at.J) @ motion.sizes)
