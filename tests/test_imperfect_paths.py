@@ -95,18 +95,13 @@ reference: {find: equilibrium, guess: {p: {x: 0, y: 0}, r: {x: 0, y: 0}}}
 
 
 @pytest.mark.parametrize("later", [0.0, 1e-2])
-@pytest.mark.parametrize("part", [1.0, -0.5, 1e-3])
-@pytest.mark.parametrize("size", [1e-3, 1e-4])
-def test_two_eigenvalues_that_change_sign_together_are_no_way_to_another_path(size, part, later):
-    other = part * size
+@pytest.mark.parametrize("part", [1.0, -1.0, 0.5])
+def test_two_eigenvalues_that_change_sign_together_are_no_way_to_another_path(part, later):
+    size, other = 1e-3, part * 1e-3
     text = TWO_RAILS.replace("ONE", repr(size)).replace("OTHER", repr(other)).replace("LATER", repr(later))
-    path = continuation.follow(mbstab.loads(text).model, "q", -1.0, 1.0)
-    assert path.crossings == ()
-    reached = path.values[-1]
-    assert reached == 1.0 or path.ends == ((reached, continuation.UNSURE),)
-    for q, x, y in zip(path.values.tolist(), path.q[:, 0].tolist(), path.q[:, 2].tolist(), strict=True):
-        assert abs(x - equilibrium(3, size, 1.0, q)) < 1e-7
-        assert abs(y - equilibrium(3, other, 1.0, q - later)) < 1e-7
+    values = np.linspace(-1.0, 1.0, 15)
+    swept = mbstab.loads(text).sweep("q", values)
+    assert set(swept.unstable) == {0}
 
 
 @pytest.mark.parametrize("points", [15, 41, 401])
