@@ -94,14 +94,21 @@ reference: {find: equilibrium, guess: {p: {x: 0, y: 0}, r: {x: 0, y: 0}}}
 """
 
 
-@pytest.mark.parametrize("later", [0.0, 1e-2])
-@pytest.mark.parametrize("part", [1.0, -1.0, 0.5])
+@pytest.mark.parametrize(("later", "part"), [(0.0, 1.0), (0.0, -1.0), (1e-2, 0.5)])
 def test_two_eigenvalues_that_change_sign_together_are_no_way_to_another_path(part, later):
     size, other = 1e-3, part * 1e-3
     text = TWO_RAILS.replace("ONE", repr(size)).replace("OTHER", repr(other)).replace("LATER", repr(later))
     values = np.linspace(-1.0, 1.0, 15)
     swept = mbstab.loads(text).sweep("q", values)
     assert set(swept.unstable) == {0}
+    # At the end both rest where their loads push them: q x - x^3 + e = 0, x of the sign of e.
+    expected = []
+    for e, q in ((size, 1.0), (other, 1.0 - later)):
+        roots = np.roots([1.0, 0.0, -q, -e])
+        x = max(roots[np.abs(roots.imag) < 1e-9].real, key=lambda root: root * np.sign(e))
+        expected += list(np.roots([1.0, 1.0, 3.0 * x * x - q]))
+    found = np.sort_complex(np.round(swept.branches[-1], 9))
+    np.testing.assert_allclose(found, np.sort_complex(np.round(expected, 9)), atol=2e-9)
 
 
 @pytest.mark.parametrize("points", [15, 41, 401])
