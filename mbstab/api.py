@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-import numbers
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import field, fields, replace
@@ -19,13 +18,11 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
-
 from mbstab.analysis.algebra.budget import Cost, Task
 from mbstab.analysis.algebra.failures import guarded
 from mbstab.analysis.compare.check import CheckReport, check_scene
 from mbstab.analysis.compare.expectations import Outcome, check_expectations
-from mbstab.analysis.linear.eigenvalues import answer
+from mbstab.analysis.linear.eigenvalues import answer, with_energies
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, linearize, state_space
 from mbstab.analysis.linear.results import EigenResult
 from mbstab.analysis.linear.symbolic import SymbolicBlocks, Track, symbolic_blocks
@@ -33,6 +30,7 @@ from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError, nearest
+from mbstab.model.arguments import series, whole
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.library import find_model
 from mbstab.model.parameters import Latest, bound, evaluate_parameters
@@ -162,7 +160,7 @@ class Mechanism:
         """
         from mbstab.analysis.reference.equilibrium import find_equilibria
 
-        starts, seed = _whole("starts", starts, 1), _whole("seed", seed)
+        starts, seed = whole("starts", starts, 1), whole("seed", seed)
         return find_equilibria(self._affordable("motion", parameters), starts, seed, track)
 
     @guarded
@@ -186,6 +184,7 @@ class Mechanism:
         method: str = "nullspace",
         frozen: bool = False,
         progress: Callable[[float], object] | None = None,
+        energies: bool = False,
         **parameters: Setting,
     ) -> EigenResult:
         """Return eigenvalues (1/s) with error bounds, and the verdict.
@@ -200,6 +199,8 @@ class Mechanism:
             still in its coordinates these eigenvalues say nothing about stability.
         progress : callable, optional
             Is called with the part of the work that is done, from 0 to 1, where that takes long.
+        energies : bool
+            Add to each mode its energies and powers, entry by entry (`Eigenvalue.energy`).
 
         Raises
         ------
@@ -214,10 +215,13 @@ class Mechanism:
         """
         system = self.system(**parameters)
         task: Task = "spectrum" if method == "nullspace" and not frozen and fits_sparse(system) else "modes"
-        return answer(self._within(task, system), method, frozen, progress, self._zeros(parameters))
+        result = answer(self._within(task, system), method, frozen, progress, self._zeros(parameters))
+        return self._with_energies(result, frozen, parameters) if energies else result
 
     @guarded
-    def modes(self, count: int, near: complex = 0.0, rightmost: bool = False, **parameters: Setting) -> EigenResult:
+    def modes(
+        self, count: int, near: complex = 0.0, rightmost: bool = False, energies: bool = False, **parameters: Setting
+    ) -> EigenResult:
         """Return a few eigenvalues (1/s) of a scene of any size with error bounds, and the verdict.
 
         How many eigenvalues lie right of the imaginary axis is counted without finding them
@@ -231,6 +235,8 @@ class Mechanism:
             Those nearest to it are looked for (1/s).
         rightmost : bool
             Look for those with the largest real parts instead.
+        energies : bool
+            As in `eig`.
 
         Raises
         ------
@@ -241,10 +247,15 @@ class Mechanism:
         MbstabError
             As `eig`.
         """
-        count = _whole("count", count, 1)
+        count = whole("count", count, 1)
         from mbstab.analysis.linear.modes import modes
 
-        return modes(self.system(**parameters), count, near, rightmost, self.force)
+        result = modes(self.system(**parameters), count, near, rightmost, self.force)
+        return self._with_energies(result, False, parameters) if energies else result
+
+    def _with_energies(self, result: EigenResult, frozen: bool, parameters: Mapping[str, Setting]) -> EigenResult:
+        """Return eigenvalues with the energies of their modes; multipliers have none."""
+        return result if result.period is not None else with_energies(result, self.linearize(frozen, **parameters))
 
     def _zeros(self, parameters: Mapping[str, Setting]) -> Callable[[], int]:
         """Return the function that counts the eigenvalues that are zero to many digits."""
@@ -284,7 +295,7 @@ class Mechanism:
         NumericalError
             If the digits cannot be reached.
         """
-        digits = _whole("digits", digits)
+        digits = whole("digits", digits)
         model = self._afforded("modes", parameters)
         from mbstab.analysis.linear.precise import precise_eigenvalues
 
@@ -310,7 +321,7 @@ class Mechanism:
         UsageError
             If python-flint is missing, or a parameter is unknown.
         """
-        digits = _whole("digits", digits)
+        digits = whole("digits", digits)
         model = self._afforded("modes", parameters)
         from mbstab.analysis.proof.certify import certify
 
@@ -366,7 +377,7 @@ class Mechanism:
         UsageError
             If the parameter is unknown, the values are not in order, or python-flint is missing for `certify`.
         """
-        values = _series(parameter, values)
+        values = series(parameter, values)
         from mbstab.analysis.sweep.settings import SweepSettings
         from mbstab.analysis.sweep.sweep import sweep
 
@@ -443,7 +454,7 @@ class Mechanism:
         """
         from mbstab.analysis.simulate.mode_shape import swing
 
-        number, points = _whole("number", number), _whole("points", points, 1)
+        number, points = whole("number", number), whole("points", points, 1)
         return swing(self._affordable("modes", parameters), number, points)
 
     @guarded
@@ -462,7 +473,7 @@ class Mechanism:
         progress, **keywords
             As in `sweep`.
         """
-        values = {name: _series(name, x) for name, x in values.items()}
+        values = {name: series(name, x) for name, x in values.items()}
         from mbstab.analysis.sweep.chart import chart
         from mbstab.analysis.sweep.settings import SweepSettings
 
@@ -493,7 +504,7 @@ class Mechanism:
         UsageError
             If the tolerance cannot be judged, or the motion is periodic.
         """
-        digits = _whole("digits", digits)
+        digits = whole("digits", digits)
         model = self._afforded("modes", parameters)
         from mbstab.analysis.compare.methods import compare
 
@@ -554,26 +565,6 @@ class Mechanism:
     def test(self) -> list[Outcome]:
         """Return for each entry of ``expect:`` whether it holds."""
         return check_expectations(self.model)
-
-
-def _whole(name: str, value: object, least: int = 0) -> int:
-    """Return an argument that is a whole number."""
-    if not isinstance(value, numbers.Integral) or isinstance(value, bool) or value < least:
-        raise UsageError(f"{name}={value!r}: give a whole number, {least} or more")
-    return int(value)
-
-
-def _series(name: object, values: object) -> Array:
-    """Return the values of a swept parameter as an array, shape (points,)."""
-    if not isinstance(name, str):
-        raise UsageError(f"{name!r} is not a parameter\nhint: give its name as a text")
-    try:
-        found = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        found = np.zeros(())
-    if found.ndim != 1 or not np.all(np.isfinite(found)):
-        raise UsageError(f"{name}: a sweep takes a list of finite numbers\nhint: such as numpy.linspace(1, 2, 11)")
-    return found
 
 
 def load(path: str | os.PathLike[str], force: bool = False) -> Mechanism:

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 import mbstab
-from mbstab.report.export import eigen_data, to_json
+from mbstab.report.eigenvalue_data import eigen_data
+from mbstab.report.export import to_json
 
 STORE = Path(__file__).parent / "truths" / "gallery.json"
 ROUNDING = 1e-12

@@ -11,6 +11,7 @@ from mbstab.analysis.linear.methods import DEFAULT
 from mbstab.analysis.linear.verdict import Verdict, show
 from mbstab.errors import counted
 from mbstab.report import WIDTH
+from mbstab.report.modes import modes_table, shapes_text, value_text
 from mbstab.report.tables import eigenvalue, number, table
 
 if TYPE_CHECKING:
@@ -21,16 +22,22 @@ ZERO = 1e-3
 """An eigenvalue that may be zero is printed as 0 if its error bound is below this fraction of the largest one."""
 
 
-def eigen_text(result: EigenResult, title: str) -> str:
-    """Return the answer of ``mbstab eig`` as text."""
+def eigen_text(result: EigenResult, title: str, shapes: bool = False) -> str:
+    """Return the answer of ``mbstab eig`` as text, with all shapes of modes if these are asked for."""
     lines = [title, ""] if title else []
     shown = _pairs(result)
     fill = _multipliers if result.period is not None else _eigenvalues
     lines.append(fill(result, shown) if shown else "no finite eigenvalues: the motion is fully prescribed\n")
     bodies = list(dict.fromkeys(name for e, _ in shown for name in e.participation))
+    told = [e for e, _ in shown if e.motions]
     if len(bodies) > 1:
+        if not shapes and any(len(e.motions) > 1 for e in told):
+            lines.append("Motion of each mode, relative to the largest and to the size of the scene:")
+            lines.append(modes_table(told))
         lines.append("Share of the kinetic energy of each mode:")
         lines.append(_participation(shown, bodies))
+    if shapes:
+        lines.append(shapes_text(result))
     lines += [*verdict_lines(result.judged), "", *_counts(result)]
     return "\n".join(lines) + "\n"
 
@@ -150,8 +157,7 @@ def _participation(shown: Sequence[tuple[Eigenvalue, int]], bodies: Sequence[str
             continue
         order = sorted(bodies, key=lambda name: -e.participation.get(name, 0.0))
         strong = [f"{name} {e.participation[name]:.1%}" for name in order if e.participation.get(name, 0.0) >= 0.0005]
-        value = "0 ± " + f"{abs(e.value.imag):.6g}i" if e.kind == "center" else show(e.value)
-        rows.append([value, _fitting(strong, WIDTH - 28)])
+        rows.append([value_text(e), _fitting(strong, WIDTH - 28)])
     return table(["eigenvalue (1/s)", "bodies"], rows, left=(1,))
 
 

@@ -25,6 +25,8 @@ from mbstab.analysis.linear.discs import Placed
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.methods import DEFAULT, METHODS, Found, solver
+from mbstab.analysis.linear.mode_energy import mode_energies
+from mbstab.analysis.linear.named_motions import Telling, Whirl
 from mbstab.analysis.linear.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import STABLE, STABLE_UP_TO, UNDECIDED, Disc, Verdict, judge, place, show
@@ -137,7 +139,18 @@ def _eigenvalue(placed: Placed, i: int, kind: str, modes: Modes) -> Eigenvalue:
     bound = float(placed.bounds[i]) if np.isfinite(placed.bounds[i]) else math.inf
     condition, backward_error = float(placed.condition[i]), float(placed.backward_error[i])
     shares, vector = modes.of(i)
-    return Eigenvalue(value, kind, bound, condition, backward_error, shares, vector=vector)
+    motions, whirl = modes.telling.told(vector), modes.whirl.of(value, vector)
+    return Eigenvalue(value, kind, bound, condition, backward_error, shares, None, vector, motions, whirl)
+
+
+def with_energies(result: EigenResult, linear: Linearization) -> EigenResult:
+    """Return eigenvalues with the energies of their modes, except those that cannot be told from zero."""
+    told = {
+        i: e.vector for i, e in enumerate(result.eigenvalues) if e.vector is not None and e.error_bound < abs(e.value)
+    }
+    found = mode_energies(linear, [(result.eigenvalues[i].value, vector) for i, vector in told.items()])
+    energies = dict(zip(told, found, strict=True))
+    return replace(result, eigenvalues=[replace(e, energy=energies.get(i)) for i, e in enumerate(result.eigenvalues)])
 
 
 class Modes:
@@ -145,6 +158,9 @@ class Modes:
 
     def __init__(self, linear: Linearization, placed: Placed) -> None:
         self.placed, scale = placed, linear.motion.spaces.scale
+        motion = linear.motion
+        self.telling = Telling.of(linear.system, motion.q, motion.sizes, lambda: scale[:, None] * motion.spaces.N)
+        self.whirl = Whirl(linear.system, linear.motion, linear.generator)
         self._shares = participation(scaled(linear.M, scale, scale), linear.names, placed.vectors)
         self._shapes = mode_shapes(scale[:, None] * placed.vectors, linear.motion.sizes)
 

@@ -19,12 +19,15 @@ from dataclasses import replace
 import numpy as np
 
 from mbstab.analysis.algebra.budget import Cost
+from mbstab.analysis.algebra.rank import rank_of
+from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.linear.census import Resting, census, resting
 from mbstab.analysis.linear.constancy import time_doubt
 from mbstab.analysis.linear.eigenvalues import inexact, mode_shapes, participation, with_saddles
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.few import Few, few
 from mbstab.analysis.linear.linearize import Linearization, linearize
+from mbstab.analysis.linear.named_motions import Telling
 from mbstab.analysis.linear.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.linear.smoothness import kinks
 from mbstab.analysis.linear.sparse_equations import SparseEquations
@@ -43,6 +46,8 @@ METHOD = "shift-invert"
 class _Subject:
     """The equations that are judged, with sparse or dense matrices."""
 
+    system: System
+    q: Array
     equations: SparseEquations
     resting: Resting | None
     names: tuple[str, ...]
@@ -119,8 +124,8 @@ def _subject(system: System, force: bool) -> _Subject:
     structure = resting(system, rest.q, rest.time, kept - rank)
     still = np.zeros_like(rest.q)
     return _Subject(
-        SparseEquations.of_rest(rest), structure, tuple(system.names), rest.sizes, (rank, kept - rank), system.n_h,
-        system.n_n, rest.warnings, time_doubt(system),
+        system, rest.q, SparseEquations.of_rest(rest), structure, tuple(system.names), rest.sizes, (rank, kept - rank),
+        system.n_h, system.n_n, rest.warnings, time_doubt(system),
         lambda order: kinks(system, rest.q, still, rest.time, order),
     )  # fmt: skip
 
@@ -131,7 +136,8 @@ def _of_motion(linear: Linearization) -> _Subject:
     still = motion.at_rest and not turning and not np.any(motion.a)
     structure = resting(linear.system, motion.q, motion.time, spaces.W.rank) if still else None
     return _Subject(
-        SparseEquations.of_linearization(linear), structure, linear.names, motion.sizes, (spaces.C.rank, spaces.W.rank),
+        linear.system, motion.q, SparseEquations.of_linearization(linear), structure, linear.names, motion.sizes,
+        (spaces.C.rank, spaces.W.rank),
         linear.n_h, len(linear.D_q), motion.warnings, grounds.time, grounds.kink,
         str(linear.generator) if turning else "",
     )  # fmt: skip
@@ -185,15 +191,16 @@ def _result(subject: _Subject, found: Few, number: Census, warnings: tuple[str, 
     listed: list[Eigenvalue] = []
     shares = participation(equations.matrices.M, subject.names, found.vectors)
     vectors = mode_shapes(equations.scale[:, None] * found.vectors, subject.sizes)
+    telling = Telling.of(subject.system, subject.q, subject.sizes, lambda: _allowed(equations))
     for i, (disc, share, vector) in enumerate(zip(discs, shares, vectors, strict=True)):
         e = Eigenvalue(
             disc.centre, _kind(disc), disc.radius, float(found.condition[i]), float(found.backward_error[i]),
-            share, vector=vector,
+            share, vector=vector, motions=telling.told(vector),
         )  # fmt: skip
         listed.append(e)
         if disc.centre.imag:
             other = None if vector is None else vector.conj()
-            listed.append(replace(e, value=disc.centre.conjugate(), vector=other))
+            listed.append(replace(e, value=disc.centre.conjugate(), vector=other, motions=telling.told(other)))
     listed = with_saddles(listed)
     listed += [Eigenvalue(0j, "neutral", math.nan, math.nan, math.nan) for _ in range(neutral)]
     listed.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
@@ -205,6 +212,11 @@ def _result(subject: _Subject, found: Few, number: Census, warnings: tuple[str, 
         listed, verdict, counts, METHOD, (*subject.warnings, *inexact(listed, ""), *warnings, *verdict.warnings),
         subject.frame, coordinates=subject.names,
     )  # fmt: skip
+
+
+def _allowed(equations: SparseEquations) -> Array:
+    """Return a basis of the small motions that the holonomic rows allow."""
+    return equations.scale[:, None] * rank_of(dense(equations.matrices.J[: equations.n_h])).null
 
 
 def _disc(s: complex, radius: float, conservative: bool) -> Disc:

@@ -8,6 +8,8 @@ from dataclasses import field
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.linear.mode_energy import EnergyBalance
+from mbstab.analysis.linear.named_motions import Told
 from mbstab.analysis.linear.verdict import Judged, Verdict
 from mbstab.records import dataclass
 
@@ -34,6 +36,13 @@ class Eigenvalue:
     vector : ndarray of complex, shape (n_q,), or None
         Mode shape (m, rad), in the order of `EigenResult.coordinates`; the coordinate that moves most,
         lengths relative to the size of the scene, is 1. None for neutral eigenvalues and multipliers.
+    motions : tuple of (str, complex)
+        The mode in few words: independent motions of joints, such as ``angle(pivot)``, and coordinates that are not
+        small, with amplitudes relative to the size of the scene or 1 rad; the first is the largest, and 1.
+    whirl : str
+        ``forward``, ``backward`` or ``mixed``: sense in which bodies that spin whirl; empty if none does.
+    energy : EnergyBalance or None
+        Energies and powers, entry by entry, if they are asked for and the eigenvalue is known not to be zero.
     """
 
     value: complex
@@ -44,6 +53,9 @@ class Eigenvalue:
     participation: dict[str, float] = field(default_factory=dict)
     multiplier: complex | None = None
     vector: Complex | None = field(default=None, compare=False, repr=False)
+    motions: Told = field(default=(), compare=False, repr=False)
+    whirl: str = field(default="", compare=False)
+    energy: EnergyBalance | None = field(default=None, compare=False, repr=False)
 
     @property
     def frequency(self) -> float:

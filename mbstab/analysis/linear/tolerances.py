@@ -299,5 +299,29 @@ class Tolerances:
     multiplier_circle_parts: Final = (0.5, 0.2, 0.05, 0.01)
     """Radii of circles around a group that are tried, as fractions of the distance to the next one."""
 
+    # Modes in words
+    told_coordinates: Final = 300
+    """Modes of scenes with more coordinates are not told in words: choosing these takes as long as the modes."""
+    told_joint_independent: Final = 0.1
+    """Part of the motion of a joint that the motions chosen before do not determine, from which on it is chosen."""
+    told_independent: Final = 1e-6
+    """The same for coordinates."""
+    told_held: Final = 1e-9
+    """A motion is held if all that the constraints allow moves it by at most this, relative to its own size."""
+    told_part: Final = 0.05
+    """Motions smaller than this fraction of the largest are not told …"""
+    told_motions: Final = 4
+    """… and at most this many."""
+    balance_defect: Final = 1e-14
+    """Modes whose energy balance closes less well are improved …"""
+    balance_improvements: Final = 3
+    """… by at most this many Newton steps."""
+    rotor_still: Final = 1e-9
+    """An axis or a centre stands still if its rate is at most this fraction of the spin."""
+    rotor_moves: Final = 1e-2
+    """A spinning body that moves less than this fraction of the largest motion does not whirl."""
+    whirl_round: Final = 0.02
+    """A straight line has no sense: difference of the squares of both circles, relative to their sum."""
+
 
 TOLERANCES = Tolerances()

@@ -16,6 +16,7 @@ from mbstab.model.words import REQUIRED
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
+    from mbstab.analysis.linear.results import EigenResult
     from mbstab.api import Mechanism
     from mbstab.model.schema import Model
 
@@ -66,6 +67,12 @@ CERTIFIED_DIGITS = 50
     "Exit with 3 if it contradicts.",
 )
 @click.option(
+    "--shapes",
+    is_flag=True,
+    help="Print each mode coordinate by coordinate, with magnitude and phase, and its energies and powers, entry by "
+    "entry; JSON holds the energies, too.",
+)
+@click.option(
     "--require",
     type=click.Choice(tuple(REQUIRED)),
     help="Exit with 3 unless at least this stable, if only up to symmetry: position, heading, speed. "
@@ -83,6 +90,7 @@ def eig(
     near: str | None,
     rightmost: bool,
     verify: bool,
+    shapes: bool,
     require: str | None,
     output: Output,
 ) -> None:
@@ -93,6 +101,8 @@ def eig(
     Example: mbstab eig pendulum.yaml --set L=0.5
     """
     _refuse(method, frozen, precision, certify, count, verify, output.format)
+    if shapes and (precision is not None or certify or verify or output.format == "csv"):
+        raise UsageError("--shapes goes with none of --precision, --certify, --verify and the format csv")
     shift = _few(count, near, rightmost)
     if len(set(names)) < len(names):
         raise UsageError("a file is named twice")
@@ -103,8 +113,8 @@ def eig(
         if precision is not None:
             return _precise(mechanism, frozen, precision)
         if count is not None:
-            return _modes(mechanism, count, shift, rightmost)
-        return _verified(mechanism, frozen) if verify else _plain(mechanism, method, frozen)
+            return _shaped(mechanism, mechanism.modes(count, shift, rightmost, shapes), shapes)
+        return _verified(mechanism, frozen) if verify else _plain(mechanism, method, frozen, shapes)
 
     replies: list[_Reply] = []
     failures: list[MbstabError] = []
@@ -204,13 +214,22 @@ def _failure(reply: _Reply, require: str | None, name: str) -> list[MbstabError]
     return []
 
 
-def _plain(mechanism: Mechanism, method: str, frozen: bool) -> _Reply:
+def _plain(mechanism: Mechanism, method: str, frozen: bool, shapes: bool) -> _Reply:
     """Answer in double precision."""
     with progress_bar("following the period") as progress:
-        result = mechanism.eig(method, frozen, progress)
-    from mbstab.report import eigenvalues, export
+        result = mechanism.eig(method, frozen, progress, shapes)
+    return _shaped(mechanism, result, shapes)
 
-    return _told(mechanism, result, eigenvalues.eigen_text, export.eigen_data, export.eigen_rows)
+
+def _shaped(mechanism: Mechanism, result: EigenResult, shapes: bool) -> _Reply:
+    """Return an answer with or without the shapes of modes."""
+    from mbstab.report import eigenvalue_data as data
+    from mbstab.report import eigenvalues
+
+    def text(result: EigenResult, title: str) -> str:
+        return eigenvalues.eigen_text(result, title, shapes)
+
+    return _told(mechanism, result, text, data.eigen_data, data.eigen_rows)
 
 
 def _few(count: int | None, near: str | None, rightmost: bool) -> complex:
@@ -230,21 +249,15 @@ def _few(count: int | None, near: str | None, rightmost: bool) -> complex:
     return shift
 
 
-def _modes(mechanism: Mechanism, count: int, near: complex, rightmost: bool) -> _Reply:
-    """Answer with a few eigenvalues."""
-    result = mechanism.modes(count, near, rightmost)
-    from mbstab.report import eigenvalues, export
-
-    return _told(mechanism, result, eigenvalues.eigen_text, export.eigen_data, export.eigen_rows)
-
-
 def _precise(mechanism: Mechanism, frozen: bool, digits: int) -> _Reply:
     """Answer with many digits."""
     with progress_bar("more digits") as progress:
         result = mechanism.eig_precise(digits, frozen, progress)
-    from mbstab.report import eigenvalues, export
+    from mbstab.report import eigenvalue_data, eigenvalues
 
-    return _told(mechanism, result, eigenvalues.precise_text, export.precise_data, export.precise_rows)
+    return _told(
+        mechanism, result, eigenvalues.precise_text, eigenvalue_data.precise_data, eigenvalue_data.precise_rows
+    )
 
 
 def _told(
@@ -273,7 +286,8 @@ def _verified(mechanism: Mechanism, frozen: bool) -> _Reply:
         found = mechanism.verify(frozen, progress)
     warn(found.result.warnings)
     model, values, result = mechanism.model, mechanism.parameters(), found.result
-    from mbstab.report import eigenvalues, export, verification
+    from mbstab.report import eigenvalue_data as data
+    from mbstab.report import eigenvalues, verification
 
     failure = None
     if found.verdict == "contradicted":
@@ -283,7 +297,7 @@ def _verified(mechanism: Mechanism, frozen: bool) -> _Reply:
         result.verdict,
         result.reasons,
         lambda: f"{eigenvalues.eigen_text(result, model.title)}\n{verification.verification_text(found)}",
-        lambda: export.eigen_data(result, model, values) | {"verification": verification.verification_data(found)},
+        lambda: data.eigen_data(result, model, values) | {"verification": verification.verification_data(found)},
         failure=failure,
     )
 

@@ -1,0 +1,172 @@
+"""Eigenvalues as data: JSON and CSV."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from mbstab.model.schema import Model, unit_of
+from mbstab.report.export import parameters_data
+
+if TYPE_CHECKING:
+    from mbstab.analysis.linear.mode_energy import EnergyBalance, EnergyShare
+    from mbstab.analysis.linear.precise import PreciseResult
+    from mbstab.analysis.linear.results import EigenResult
+    from mbstab.analysis.linear.verdict import Verdict
+
+
+def _asked(result: EigenResult | PreciseResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
+    """Return what eigenvalues belong to as the first part of their JSON object."""
+    return {
+        "model": model.name,
+        "title": model.title,
+        "parameters": parameters_data(model, values),
+        "method": result.method,
+        "frame": result.frame,
+        "frozen_time": result.frozen,
+    }
+
+
+def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab eig``.
+
+    Keys: ``model``, ``title``, ``parameters`` (see `parameters_data`), ``method``, ``frame`` (the steady
+    motion that defines the frame of the equations; empty: the coordinates of the file), ``frozen_time``
+    (true: no stability verdict), ``period`` (s, of a periodic motion; its eigenvalues are Floquet exponents
+    with a ``multiplier``), the keys of `verdict_data`, ``eigenvalues`` (``real`` and ``imag`` in 1/s,
+    ``kind``, ``frequency`` in Hz, ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s,
+    ``error_bound`` in 1/s, ``condition``, ``backward_error``, ``participation``, ``vector``, ``motions``, ``whirl``,
+    ``energy``), ``coordinates`` (their names and units, in the order of the vectors), ``counts``
+    (`mbstab.analysis.linear.results.Counts`), ``neutral_directions`` (what the neutral eigenvalues belong to, in
+    words, whatever the verdict), ``warnings``. A ``vector`` has ``magnitude`` (m or rad) and
+    ``phase`` (rad) of each coordinate; the one that moves most, lengths relative to the size of the scene,
+    has magnitude 1 and phase 0. It is null for neutral eigenvalues and multipliers. ``motions`` are the independent
+    ones of joints and coordinates that are not small, the largest first: ``name``, and ``magnitude`` and ``phase``
+    (rad) relative to it, lengths counted in the size of the scene. ``whirl`` is ``forward``, ``backward`` or
+    ``mixed``, null where nothing whirls. ``energy`` is null unless it is asked for: see `energy_data`.
+    """
+    return {
+        **_asked(result, model, values),
+        "period": result.period,
+        **verdict_data(result.judged),
+        "eigenvalues": [
+            {
+                "real": e.value.real,
+                "imag": e.value.imag,
+                "kind": e.kind,
+                "frequency": e.frequency,
+                "damping_ratio": e.damping_ratio,
+                "time_to_double": e.time_to_double if e.time_to_double > 0 else math.nan,
+                "time_to_half": -e.time_to_double if e.time_to_double < 0 else math.nan,
+                "multiplier": None if e.multiplier is None else {"real": e.multiplier.real, "imag": e.multiplier.imag},
+                "error_bound": e.error_bound,
+                "condition": e.condition,
+                "backward_error": e.backward_error,
+                "participation": e.participation,
+                "vector": None if e.vector is None else _polar(e.vector),
+                "motions": [{"name": name, **_polar(x)} for name, x in e.motions],
+                "whirl": e.whirl or None,
+                "energy": None if e.energy is None else energy_data(e.energy),
+            }
+            for e in result.eigenvalues
+        ],
+        "coordinates": [{"name": name, "unit": unit_of(name)} for name in result.coordinates],
+        "counts": {**asdict(result.counts), "degrees_of_freedom": result.counts.degrees_of_freedom},
+        "neutral_directions": result.neutral_directions,
+        "warnings": result.warnings,
+    }
+
+
+def _polar(vector: Any) -> dict[str, Any]:
+    import numpy as np
+
+    return {"magnitude": np.abs(vector), "phase": np.angle(vector)}
+
+
+def energy_data(balance: EnergyBalance) -> dict[str, Any]:
+    """Return the energy of a mode as part of a JSON object.
+
+    Keys: ``of`` (a list with ``entry``, the energies ``kinetic``, ``strain`` and ``load`` relative to the kinetic
+    energy of the mode, and the powers ``damping``, ``circulation`` and ``reaction`` relative to it, in 1/s), ``total``
+    (the sums), ``real`` (of the eigenvalue: twice it times the energy is the power), ``defect`` (by how much it is
+    not, relative to the largest term). `mbstab.analysis.linear.mode_energy` says what they are.
+    """
+    shares = [{"entry": share.owner, **_numbers(share)} for share in balance.shares]
+    return {
+        "of": shares, "total": _numbers(balance.total), "real": balance.value.real, "defect": balance.defect
+    }  # fmt: skip
+
+
+def _numbers(share: EnergyShare) -> dict[str, float]:
+    return {name: value for name, value in asdict(share).items() if name != "owner"}
+
+
+def verdict_data(judged: Verdict) -> dict[str, Any]:
+    """Return a verdict as part of a JSON object.
+
+    Keys: ``verdict`` (the word), ``modulo`` (up to what it holds: ``symmetries`` that map all motions to motions,
+    ``family``: what distinguishes motions of the same kind, such as the speed), ``in_place`` (whether disturbed
+    motions also stay near the reference itself; null: not claimed), ``reason`` (its grounds, in one text),
+    ``reasons`` (the same, sentence by sentence), ``evidence`` (its weakest fact: ``structural``, ``enclosed`` or
+    ``numerical``).
+    """
+    return {
+        "verdict": judged.word,
+        "modulo": {"symmetries": judged.symmetries, "family": judged.family},
+        "in_place": judged.in_place,
+        "reason": "; ".join(judged.reasons),
+        "reasons": judged.reasons,
+        "evidence": judged.evidence,
+    }
+
+
+def eigen_rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
+    """Return heads and rows of a CSV file: one eigenvalue per row, with magnitude and phase of every coordinate."""
+    heads = ["real (1/s)", "imag (1/s)", "kind", "frequency (Hz)", "damping ratio", "error bound (1/s)", "whirl"]
+    for name in result.coordinates:
+        heads += [f"magnitude of {name} ({unit_of(name)})", f"phase of {name} (rad)"]
+    rows = []
+    for e in result.eigenvalues:
+        shape: list[Any] = [""] * (2 * len(result.coordinates))
+        if e.vector is not None:
+            polar = _polar(e.vector)
+            shape[::2], shape[1::2] = polar["magnitude"].tolist(), polar["phase"].tolist()
+        rows.append([e.value.real, e.value.imag, e.kind, e.frequency, e.damping_ratio, e.error_bound, e.whirl, *shape])
+    return heads, rows
+
+
+def precise_data(result: PreciseResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab eig --precision``.
+
+    Keys: ``model``, ``title``, ``parameters`` (see `parameters_data`, rounded to doubles), ``method``, ``frame``,
+    ``frozen_time``, ``digits`` (all of them correct), ``working_digits``, ``seconds``, the keys of `verdict_data`,
+    ``eigenvalues`` without the neutral ones (``real``, ``imag`` and ``error_bound`` in 1/s as decimal strings;
+    ``kind``),
+    ``neutral`` (``zeros`` and the frequencies ``shifts`` of pairs, rad/s as decimal strings), ``counts``,
+    ``smallest_pivot`` and ``largest_zero_pivot`` (the rank decisions about zero eigenvalues, as decimal strings),
+    ``double_precision`` (``verdict`` there), ``warnings``.
+    """
+    return {
+        **_asked(result, model, values),
+        "digits": result.digits,
+        "working_digits": result.working_digits,
+        "seconds": result.seconds,
+        **verdict_data(result.judged),
+        "eigenvalues": [
+            {"real": e.real, "imag": e.imag, "kind": e.kind, "error_bound": e.bound} for e in result.eigenvalues
+        ],
+        "neutral": {"zeros": result.zeros, "shifts": result.shifts},
+        "counts": {**asdict(result.counts), "degrees_of_freedom": result.counts.degrees_of_freedom},
+        "smallest_pivot": result.kept,
+        "largest_zero_pivot": result.dropped,
+        "double_precision": {"verdict": result.plain.verdict},
+        "warnings": result.warnings,
+    }
+
+
+def precise_rows(result: PreciseResult) -> tuple[list[str], list[list[Any]]]:
+    """Return heads and lines of a CSV file of eigenvalues with many digits."""
+    rows = [[e.real, e.imag, e.kind, e.bound] for e in result.eigenvalues]
+    return ["real (1/s)", "imag (1/s)", "kind", "error bound (1/s)"], rows

@@ -1,0 +1,258 @@
+"""Modes in words, the energies and powers of modes, and whirl."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from random_mechanisms import random_mechanism
+from sampling import sample
+
+import mbstab
+from mbstab.cli import main
+from mbstab.errors import MbstabError
+from mbstab.model.library import installed_models
+
+BALANCE = 1e-12
+"""The balance of every mode closes to this, relative to its largest term."""
+
+ROTOR = """\
+mbstab: 1
+parameters:
+  Omega: {value: 40, unit: rad/s}
+  k: {value: 1000, unit: N/m}
+bodies:
+  rotor:
+    type: spatial
+    mass: 2
+    inertia: [0.05, 0.05, 0.08]
+    points: {A: [0, 0, 0.3], B: [0, 0, -0.3], tip: [0, 0, 0.3]}
+forces:
+  upper: {type: bearing, between: [rotor.A, {body: ground, point: [0, 0, 0.3]}], stiffness: k, damping: 0}
+  lower: {type: bearing, between: [rotor.B, {body: ground, point: [0, 0, -0.3]}], stiffness: k, damping: 0}
+reference:
+  coordinates: {rotor: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}
+  rates: {rotor: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: Omega}}
+"""
+
+
+def modes(result):
+    """Return one of each pair of modes with a shape."""
+    return [e for e in result.eigenvalues if e.vector is not None and e.value.imag >= 0.0]
+
+
+def balances(model):
+    """Return the largest defect of the energy balances of a model."""
+    found = modes(model.eig(energies=True))
+    # What cannot be told from zero has no energies.
+    assert [e.energy is not None for e in found] == [e.error_bound < abs(e.value) for e in found]
+    return max((e.energy.defect for e in found if e.energy is not None), default=0.0)
+
+
+# --- the balance ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", installed_models(), ids=lambda path: path.stem)
+def test_the_energy_balance_of_every_mode_closes(path):
+    """Turning frames, redundant rows, neutral directions and nonholonomic rows are all among them."""
+    assert balances(mbstab.load(path)) <= BALANCE
+
+
+@pytest.mark.parametrize("seed", sample(range(160), every=8))
+def test_the_energy_balance_of_random_mechanisms_closes(seed):
+    try:
+        defect = balances(mbstab.loads(random_mechanism(seed)))
+    except MbstabError as error:
+        pytest.skip(str(error))
+    assert defect <= BALANCE
+
+
+def test_an_oscillator_loses_what_its_damper_takes():
+    text = """
+mbstab: 1
+bodies: {b: {type: planar_point, mass: 2}}
+forces: {s: {type: spring, between: [b, {body: ground, point: [-2, 0]}], stiffness: 50, damping: 3, length: 2}}
+reference: {coordinates: {b: {x: 0, y: 0}}}
+"""
+    (pair,) = modes(mbstab.loads(text).eig(energies=True))
+    assert pair.value == pytest.approx(complex(-0.75, math.sqrt(25.0 - 0.75**2)), rel=1e-14)
+    body, spring = pair.energy.shares
+    # |λ|² = k/m: strain and kinetic energy are equal; the damper takes c|λ|² of m|λ|²/2.
+    assert (body.owner, spring.owner) == ("body 'b'", "force 's'")
+    assert (body.kinetic, body.strain, body.load, body.power) == pytest.approx((1.0, 0.0, 0.0, 0.0))
+    assert (spring.kinetic, spring.strain, spring.load) == pytest.approx((0.0, 1.0, 0.0), abs=1e-15)
+    assert (spring.damping, spring.circulation) == pytest.approx((-3.0, 0.0), abs=1e-15)
+
+
+def test_tension_is_a_load_not_a_strain():
+    """A mass between two tight strings swings across them by their tension alone."""
+    text = """
+mbstab: 1
+bodies: {b: {type: planar_point, mass: 1}}
+forces:
+  left: {type: spring, between: [b, {body: ground, point: [-2, 0]}], stiffness: 50, length: 1.5}
+  right: {type: spring, between: [b, {body: ground, point: [2, 0]}], stiffness: 50, length: 1.5}
+reference: {coordinates: {b: {x: 0, y: 0}}}
+"""
+    across, along = sorted(modes(mbstab.loads(text).eig(energies=True)), key=lambda e: e.value.imag)
+    # Tension 25 N over 2 m, twice; along the strings the springs act alone.
+    assert across.value.imag == pytest.approx(5.0)
+    assert (across.energy.total.strain, across.energy.total.load) == pytest.approx((0.0, 1.0), abs=1e-14)
+    assert (along.energy.total.strain, along.energy.total.load) == pytest.approx((1.0, 0.0), abs=1e-14)
+
+
+def test_a_sleigh_loses_energy_to_the_turning_of_its_runner():
+    """The reaction of the knife edge does work on a disturbance, because a turn of the sleigh turns the edge."""
+    (mode,) = modes(mbstab.load("chaplygin_sleigh.yaml").eig(energies=True))
+    total = mode.energy.total
+    assert total.reaction == pytest.approx(2.0 * mode.value.real, rel=1e-13)
+    assert (total.kinetic, total.strain, total.load, total.damping, total.circulation) == (1.0, 0.0, 0.0, 0.0, 0.0)
+    (row,) = [x for x in mode.energy.shares if x.reaction]
+    assert row.owner.startswith("contact")
+
+
+def test_powers_tell_what_feeds_flutter():
+    """The follower force feeds the column, dampers take from it."""
+    growing, decaying = modes(mbstab.load("ziegler_column.yaml").eig(energies=True))
+    assert growing.value.real > 0.0 > decaying.value.real
+    by_owner = {x.owner: x for x in growing.energy.shares}
+    feeding = max(by_owner.values(), key=lambda x: x.power)
+    assert feeding.owner == "force 'thrust'" or feeding.circulation > 0.0
+    total = growing.energy.total
+    assert total.damping < 0.0 < total.circulation
+    assert 2.0 * growing.value.real * total.energy == pytest.approx(total.power, rel=1e-12)
+
+
+def test_energies_of_a_few_modes_are_those_of_all():
+    model = mbstab.load("double_pendulum.yaml")
+    few, full = modes(model.modes(1, energies=True))[0], modes(model.eig(energies=True))
+    same = min(full, key=lambda e: abs(e.value - few.value))
+    for one, other in zip(few.energy.shares, same.energy.shares, strict=True):
+        assert (one.owner, one.kinetic, one.load) == (
+            other.owner,
+            pytest.approx(other.kinetic),
+            pytest.approx(other.load),
+        )
+    assert few.motions[0][0] == same.motions[0][0]
+
+
+# --- in words -------------------------------------------------------------------------------------------------------
+
+
+def test_modes_are_told_by_independent_motions():
+    capsize, weave, castering = modes(mbstab.load("whipple_bicycle.yaml").eig())
+    assert [name for name, _ in capsize.motions] == ["rear_body.y", "rear_body.psi"]
+    assert {name for name, _ in weave.motions} == {"rear_body.psi", "angle(steering)", "rear_body.phi", "rear_body.y"}
+    assert castering.motions[0] == ("angle(steering)", 1.0)
+    for e in (capsize, weave, castering):
+        sizes = [abs(x) for _, x in e.motions]
+        assert e.motions[0][1] == 1.0
+        assert sizes == sorted(sizes, reverse=True)
+
+
+def test_a_motion_of_a_joint_is_that_of_its_bodies():
+    """The steering angle is the turn of the front body against the rear body about the steering axis."""
+    _, weave, _ = modes(mbstab.load("whipple_bicycle.yaml").eig())
+    names, told = mbstab.load("whipple_bicycle.yaml").eig().coordinates, dict(weave.motions)
+    x = dict(zip(names, weave.vector, strict=True))
+    tilt = math.pi / 10
+    turns = [
+        np.array([x[f"{body}.{angle}"] for angle in ("phi", "theta", "psi")]) for body in ("front_body", "rear_body")
+    ]
+    # Upright, the rates of all three angles are those about the ground axes.
+    steer = (turns[0] - turns[1]) @ np.array([-math.sin(tilt), 0.0, math.cos(tilt)])
+    assert abs(told["angle(steering)"] / told["rear_body.psi"]) == pytest.approx(
+        abs(steer / x["rear_body.psi"]), rel=1e-9
+    )
+
+
+def test_one_mode_of_one_motion_is_that_motion():
+    (pair,) = modes(mbstab.load("four_bar.yaml").eig())
+    assert pair.motions == (("angle(A)", 1.0),)
+
+
+def test_a_held_joint_is_not_named():
+    """The driven angle of the hoop does not move; the bead does."""
+    (pair,) = modes(mbstab.load("bead_on_hoop.yaml").eig())
+    assert [name for name, _ in pair.motions] == ["bead.x"]
+
+
+# --- whirl ----------------------------------------------------------------------------------------------------------
+
+
+def whirls(text, **values):
+    """Return frequencies and senses of the modes of a rotor, ascending."""
+    return sorted((e.value.imag, e.whirl) for e in modes(mbstab.loads(text).eig(**values)) if e.whirl)
+
+
+@pytest.mark.parametrize("Omega", [40, -40])
+def test_gyroscopic_modes_whirl_forward_above_and_backward_below(Omega):
+    """Conical modes of a rotor on bearings: I ω² − I_p Ω ω − k = 0; forward are those that the spin makes faster."""
+    moment, polar, stiffness = 0.05, 0.08, 2 * 1000 * 0.3**2
+    roots = np.roots([moment, -polar * abs(Omega), -stiffness])
+    found = whirls(ROTOR, Omega=Omega)
+    conical = {sense: w for w, sense in found if min(abs(abs(roots) - w)) < 1e-9 * w}
+    assert conical["forward"] == pytest.approx(max(abs(roots)), rel=1e-12)
+    assert conical["backward"] == pytest.approx(min(abs(roots)), rel=1e-12)
+
+
+def test_without_spin_nothing_whirls():
+    assert whirls(ROTOR, Omega=0) == []
+
+
+def test_whirl_in_a_turning_frame_is_that_on_the_ground():
+    """A rotor that is not quite round is seen from a frame that turns with it, where frequencies differ by the spin."""
+    odd = ROTOR.replace("inertia: [0.05, 0.05, 0.08]", "inertia: [0.05, 0.05 + 1e-9, 0.08]")
+    model = mbstab.loads(odd.replace("reference:\n", "reference:\n  steady: {axis: z, rate: Omega}\n"))
+    assert model.eig().frame
+    # Conical modes at 100 and 36 rad/s; those along the bearings have the same frequency in all directions.
+    along, conical = math.sqrt(2 * 1000 / 2), dict((sense, w) for w, sense in whirls(ROTOR) if sense != "mixed")
+    expected = [(abs(w - 40), "forward") for w in (along, conical["forward"])]
+    expected += [(w + 40, "backward") for w in (along, conical["backward"])]
+    found = sorted((e.value.imag, e.whirl) for e in modes(model.eig()) if e.whirl)
+    assert [sense for _, sense in found] == [sense for _, sense in sorted(expected)]
+    assert [w for w, _ in found] == pytest.approx([w for w, _ in sorted(expected)], rel=1e-6)
+
+
+# --- printed --------------------------------------------------------------------------------------------------------
+
+
+def printed(capsys, *arguments):
+    with pytest.raises(SystemExit) as stop:
+        main(["eig", *arguments])
+    assert not stop.value.code
+    return capsys.readouterr().out
+
+
+def test_the_table_tells_modes_in_words(capsys):
+    text = printed(capsys, "whipple_bicycle.yaml")
+    assert "rear_body.psi 1.00, angle(steering) 0.98 ∠ \N{MINUS SIGN}84°" in " ".join(text.split())
+
+
+def test_shapes_are_printed_on_request(capsys):
+    text = printed(capsys, "wheelset.yaml", "--shapes")
+    assert "wheelset.theta   0.541827  rad       94.243" in text
+    assert "2 Re λ · energy = -4.80862 1/s, power -4.80862 1/s" in text
+    assert "force 'creep'" in text
+
+
+def test_json_has_motions_whirl_and_energies(capsys):
+    plain = json.loads(printed(capsys, "wheelset.yaml", "--format", "json"))["eigenvalues"][0]
+    assert plain["energy"] is None
+    assert plain["motions"][0] == {"name": "wheelset.y", "magnitude": 1.0, "phase": 0.0}
+    assert plain["whirl"] is None
+    energy = json.loads(printed(capsys, "wheelset.yaml", "--format", "json", "--shapes"))["eigenvalues"][0]["energy"]
+    total = energy["total"]
+    assert total["kinetic"] == pytest.approx(1.0)
+    inner = total["kinetic"] + total["strain"] + total["load"]
+    power = total["damping"] + total["circulation"] + total["reaction"]
+    assert 2.0 * energy["real"] * inner == pytest.approx(power, rel=1e-12)
+    assert sum(x["strain"] for x in energy["of"]) == pytest.approx(total["strain"])
+
+
+@pytest.mark.parametrize("other", [["--precision", "20"], ["--certify"], ["--verify"], ["--format", "csv"]])
+def test_shapes_go_with_the_eigenvalues_only(other, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["eig", "pendulum.yaml", "--shapes", *other])
+    assert stop.value.code == 2
+    assert "--shapes goes with none of" in capsys.readouterr().err
