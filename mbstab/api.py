@@ -216,7 +216,7 @@ class Mechanism:
         system = self.system(**parameters)
         task: Task = "spectrum" if method == "nullspace" and not frozen and fits_sparse(system) else "modes"
         result = answer(self._within(task, system), method, frozen, progress, self._zeros(parameters))
-        return self._with_energies(result, frozen, parameters) if energies else result
+        return self._described(result, frozen, energies, parameters)
 
     @guarded
     def modes(
@@ -251,11 +251,18 @@ class Mechanism:
         from mbstab.analysis.linear.modes import modes
 
         result = modes(self.system(**parameters), count, near, rightmost, self.force)
-        return self._with_energies(result, False, parameters) if energies else result
+        return self._described(result, False, energies, parameters)
 
-    def _with_energies(self, result: EigenResult, frozen: bool, parameters: Mapping[str, Setting]) -> EigenResult:
-        """Return eigenvalues with the energies of their modes; multipliers have none."""
-        return result if result.period is not None else with_energies(result, self.linearize(frozen, **parameters))
+    def _described(
+        self, result: EigenResult, frozen: bool, energies: bool, parameters: Mapping[str, Setting]
+    ) -> EigenResult:
+        """Return eigenvalues with the names of their modes, and their energies if they are asked for."""
+        if self.model.modes:
+            from mbstab.analysis.sweep.named_branches import with_names
+
+            result = with_names(self.at(**parameters).model, result)
+        told = energies and result.period is None
+        return with_energies(result, self.linearize(frozen, **parameters)) if told else result
 
     def _zeros(self, parameters: Mapping[str, Setting]) -> Callable[[], int]:
         """Return the function that counts the eigenvalues that are zero to many digits."""
@@ -383,14 +390,16 @@ class Mechanism:
 
         settings, parameters = self._parted(SweepSettings, keywords)
         model = self._afforded("modes", parameters)
+        from mbstab.analysis.sweep.named_branches import with_branch_names
+
         if not certify:
-            return sweep(model, parameter, values, progress, settings)
+            return with_branch_names(model, sweep(model, parameter, values, progress, settings))
         from mbstab.analysis.algebra.balls import require_flint
         from mbstab.analysis.proof.critical_values import with_enclosures
 
         require_flint()
         found = sweep(model, parameter, values, lambda done: progress(0.5 * done), settings)
-        return with_enclosures(model, found, lambda done: progress(0.5 + 0.5 * done))
+        return with_branch_names(model, with_enclosures(model, found, lambda done: progress(0.5 + 0.5 * done)))
 
     @guarded
     def simulate(

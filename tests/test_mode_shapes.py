@@ -226,7 +226,7 @@ def printed(capsys, *arguments):
 
 def test_the_table_tells_modes_in_words(capsys):
     text = printed(capsys, "whipple_bicycle.yaml")
-    assert "rear_body.psi 1.00, angle(steering) 0.98 ∠ \N{MINUS SIGN}84°" in " ".join(text.split())
+    assert "rear_body.psi 1.00, angle(steering) 0.98∠\N{MINUS SIGN}84°" in " ".join(text.split())
 
 
 def test_shapes_are_printed_on_request(capsys):

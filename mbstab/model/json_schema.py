@@ -16,6 +16,7 @@ from mbstab.model.schema import (
     FINDS,
     GEOMETRY_FIELDS,
     INITIAL_FIELDS,
+    MODE_FIELDS,
     PARAMETER_FIELDS,
     REFERENCE_FIELDS,
     SECTIONS,
@@ -46,6 +47,7 @@ def json_schema() -> dict[str, Any]:
         "reference": _reference(),
         "initial": object_schema(INITIAL_FIELDS, time=NUMBER, coordinates=STATE, rates=STATE),
         "sweep": _by_name(_sweep()),
+        "modes": _by_name(object_schema(MODE_FIELDS, near=NUMBER, shape=BY_NAME, at=BY_NAME)),
         "expect": {"type": "array", "items": _expectation()},
     }
     return {

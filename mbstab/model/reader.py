@@ -13,6 +13,7 @@ from mbstab.model.quantities import QuantityReader
 from mbstab.model.schema import SECTIONS, VERSION, Model
 from mbstab.model.sections.entries import EntryReader
 from mbstab.model.sections.expectations import ExpectationReader
+from mbstab.model.sections.modes import ModeReader
 from mbstab.model.sections.parameters import ParameterReader
 from mbstab.model.sections.reference import ReferenceReader
 from mbstab.model.yamlfile import Document, Mapping, Scalar, parse_yaml, read_text
@@ -81,6 +82,7 @@ def _read(document: Document, root: Mapping) -> Model:
         reference=reference.reference(root),
         initial=reference.initial(root),
         sweep=expectations.sweep(top.get("sweep")),
+        modes=ModeReader(quantities, expectations).read(top.get("modes")),
         expect=expectations.expect(top.get("expect")),
         measures=quantities.names.measures,
     )

@@ -33,6 +33,7 @@ SECTIONS: dict[str, str] = {
     "reference": "the motion whose stability is asked for: coordinates and rates by body",
     "initial": "where mbstab simulate starts: coordinates and rates by body; the others are those of the reference",
     "sweep": "default ranges of parameters: {from, to, points}",
+    "modes": "names of modes: {near: eigenvalue} or {shape: motions}, each with {at: parameter values}",
     "expect": "what the answer must be, checked by mbstab test",
 }
 """Keys at the top of a model file."""
@@ -219,6 +220,20 @@ class SweepRange:
 
 
 @dataclass(frozen=True)
+class ModeName:
+    """The name of a mode: near an eigenvalue (1/s), or similar to a shape, at these parameters.
+
+    `shape` holds complex amplitudes (m, rad) of coordinates and motions of joints, such as ``angle(pivot)``.
+    """
+
+    name: str
+    location: Location
+    at: dict[str, Quantity]
+    near: complex | None
+    shape: dict[str, complex]
+
+
+@dataclass(frozen=True)
 class ExpectedEigenvalue:
     """Real and imaginary part; a conjugate pair if the imaginary part is not zero."""
 
@@ -283,6 +298,7 @@ class Model:
     reference: Reference
     initial: Initial
     sweep: dict[str, SweepRange]
+    modes: tuple[ModeName, ...]
     expect: tuple[Expectation, ...]
     measures: dict[str, MeasureValue]
 
@@ -372,6 +388,11 @@ STEADY_FIELDS = {
     "speed": "speed of the translation; solved for if not given (m/s)",
 }
 SWEEP_FIELDS = {"from": "first value", "to": "last value", "points": "number of points"}
+MODE_FIELDS = {
+    "near": "the eigenvalue it is nearest to, such as -0.3+4.4i (1/s)",
+    "shape": "coordinates (m, rad) and motions of joints, {body.phi: 1, angle(joint): 0.5 ∠ -30}, phases in degrees",
+    "at": "parameter values at which it is found, those of the file if not given; followed from there: {v: 5}",
+}
 EXPECT_FIELDS = {
     "at": "parameter values: {omega: 4}",
     "eigenvalues": "all that are not neutral: {real, imag}; an entry with imag stands for the conjugate pair",
@@ -412,6 +433,7 @@ SECTION_FIELDS: dict[str, dict[str, str]] = {
     "reference.steady": STEADY_FIELDS,
     "initial": INITIAL_FIELDS,
     "sweep": SWEEP_FIELDS,
+    "modes": MODE_FIELDS,
     "expect": EXPECT_FIELDS,
     "expect.critical": CRITICAL_FIELDS,
 }

@@ -38,14 +38,15 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
     with a ``multiplier``), the keys of `verdict_data`, ``eigenvalues`` (``real`` and ``imag`` in 1/s,
     ``kind``, ``frequency`` in Hz, ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s,
     ``error_bound`` in 1/s, ``condition``, ``backward_error``, ``participation``, ``vector``, ``motions``, ``whirl``,
-    ``energy``), ``coordinates`` (their names and units, in the order of the vectors), ``counts``
+    ``energy``, ``name``), ``coordinates`` (their names and units, in the order of the vectors), ``counts``
     (`mbstab.analysis.linear.results.Counts`), ``neutral_directions`` (what the neutral eigenvalues belong to, in
     words, whatever the verdict), ``warnings``. A ``vector`` has ``magnitude`` (m or rad) and
     ``phase`` (rad) of each coordinate; the one that moves most, lengths relative to the size of the scene,
     has magnitude 1 and phase 0. It is null for neutral eigenvalues and multipliers. ``motions`` are the independent
     ones of joints and coordinates that are not small, the largest first: ``name``, and ``magnitude`` and ``phase``
     (rad) relative to it, lengths counted in the size of the scene. ``whirl`` is ``forward``, ``backward`` or
-    ``mixed``, null where nothing whirls. ``energy`` is null unless it is asked for: see `energy_data`.
+    ``mixed``, null where nothing whirls. ``energy`` is null unless it is asked for: see `energy_data`. ``name`` is
+    that of the file, null where it has none.
     """
     return {
         **_asked(result, model, values),
@@ -68,6 +69,7 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
                 "vector": None if e.vector is None else _polar(e.vector),
                 "motions": [{"name": name, **_polar(x)} for name, x in e.motions],
                 "whirl": e.whirl or None,
+                "name": e.name or None,
                 "energy": None if e.energy is None else energy_data(e.energy),
             }
             for e in result.eigenvalues
@@ -124,7 +126,16 @@ def verdict_data(judged: Verdict) -> dict[str, Any]:
 
 def eigen_rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
     """Return heads and rows of a CSV file: one eigenvalue per row, with magnitude and phase of every coordinate."""
-    heads = ["real (1/s)", "imag (1/s)", "kind", "frequency (Hz)", "damping ratio", "error bound (1/s)", "whirl"]
+    heads = [
+        "real (1/s)",
+        "imag (1/s)",
+        "kind",
+        "frequency (Hz)",
+        "damping ratio",
+        "error bound (1/s)",
+        "whirl",
+        "mode",
+    ]
     for name in result.coordinates:
         heads += [f"magnitude of {name} ({unit_of(name)})", f"phase of {name} (rad)"]
     rows = []
@@ -133,7 +144,9 @@ def eigen_rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
         if e.vector is not None:
             polar = _polar(e.vector)
             shape[::2], shape[1::2] = polar["magnitude"].tolist(), polar["phase"].tolist()
-        rows.append([e.value.real, e.value.imag, e.kind, e.frequency, e.damping_ratio, e.error_bound, e.whirl, *shape])
+        rows.append(
+            [e.value.real, e.value.imag, e.kind, e.frequency, e.damping_ratio, e.error_bound, e.whirl, e.name, *shape]
+        )
     return heads, rows
 
 

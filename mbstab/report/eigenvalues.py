@@ -91,7 +91,9 @@ def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
         else:
             rows.append(_eigenvalue_row(e))
     heads = ["eigenvalue\n(1/s)", "freq.\n(Hz)", "damping\nratio", "doubles or\nhalves in s", "error\nbound", "type"]
-    return table(heads, rows, left=(5,))
+    named = [f"{e.name} {value_text(e)}" for e, _ in shown if e.name]
+    text = table(heads, rows, left=(5,))
+    return text + "".join(f"{line}\n" for line in wrap(f"named: {', '.join(named)}", WIDTH)) if named else text
 
 
 def _eigenvalue_row(e: Eigenvalue) -> list[str]:

@@ -161,8 +161,9 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     ``frequency`` in rad/s, ``krein_signatures`` of a collision, ``branching``, ``unstable_below``,
     ``unstable_above``, ``verdict_below``, ``verdict_above``, null where there is none, and ``enclosure``, see below),
     ``meetings`` (``value``, ``kind``), ``problems`` (``point`` counting from 0, ``reason``),
-    ``warnings``, ``start`` (from where equilibria were followed, null if they are given) and ``beyond``: for
-    each path beyond a fold, an object with the same keys from ``values`` on.
+    ``warnings``, ``names`` (of the branches, null for those without), ``start`` (from where equilibria were followed,
+    null if they are given) and ``beyond``: for each path beyond a fold, an object with the same keys from ``values``
+    on.
 
     An ``enclosure`` is null unless proofs are asked for: ``midpoint`` and ``radius`` as decimal texts, in the unit of
     the parameter (null where nothing is proven), ``conditions`` (what is not proven and must hold), ``reason`` (why
@@ -198,6 +199,7 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
         "meetings": [{"value": value / factor, "kind": kind} for value, kind in result.meetings],
         "problems": [{"point": i, "reason": reason} for i, reason in result.problems.items()],
         "warnings": list(result.warnings),
+        "names": [name or None for name in result.names] or [None] * result.branches.shape[1],
         "start": None if result.start is None else result.start / factor,
     }
 
@@ -211,13 +213,15 @@ def _enclosure(enclosed: Enclosed) -> dict[str, Any]:
 def sweep_csv(result: Sweep, factor: float) -> str:
     """Return one line per value: the value, the number of unstable eigenvalues, the verdict, the branches, the path.
 
-    Paths count from 1; those beyond folds come after the first. The last column says why there is no answer,
-    ``undecided`` where the verdict is open, and ``ok`` otherwise. Where proofs are requested, a line for
-    each critical value follows those of its path; its last column begins with ``critical`` and says what is proven.
+    The heads of branches with names contain these. Paths count from 1; those beyond folds come after the first. The
+    last column says why there is no answer, ``undecided`` where the verdict is open, and ``ok`` otherwise. Where proofs
+    are requested, a line for each critical value follows those of its path; its last column begins with ``critical``
+    and says what is proven.
     """
     paths = (result, *result.beyond)
     count = max(path.branches.shape[1] for path in paths)
-    parts = [f"{part} {b + 1}" for b in range(count) for part in ("real", "imag")]
+    names = [f" ({name})" if name else "" for name in result.names] + [""] * count
+    parts = [f"{part} {b + 1}{names[b]}" for b in range(count) for part in ("real", "imag")]
     rows: list[list[Any]] = []
     for number, path in enumerate(paths, 1):
         missing = [float("nan")] * (2 * (count - path.branches.shape[1]))
@@ -250,6 +254,7 @@ def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
         "branches": np.concatenate(wide),
         "unstable": np.concatenate([path.unstable for path in paths]),
         "verdicts": np.array([word for path in paths for word in path.verdicts]),
+        "names": np.array(result.names or [""] * count),
         "path": np.repeat(np.arange(len(paths)) + 1, [len(path.values) for path in paths]),
         "critical": np.array([c.value / factor for path in paths for c in path.critical]),
         "critical_kind": np.array([c.kind for path in paths for c in path.critical]),

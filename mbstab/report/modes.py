@@ -29,24 +29,27 @@ def value_text(e: Eigenvalue) -> str:
 
 
 def motions_text(motions: Sequence[tuple[str, complex]]) -> str:
-    """Return the motions of a mode in words: ``rear_body.psi 1.00, angle(steering) 0.62 ∠ −34°``."""
+    """Return the motions of a mode in words: ``rear_body.psi 1.00, angle(steering) 0.62∠−34°``."""
     parts = []
     for name, x in motions:
         degrees = round(math.degrees(math.atan2(x.imag, x.real)))
-        angle = f" ∠ {degrees}°".replace("-", "\N{MINUS SIGN}") if degrees else ""
+        angle = f"∠{degrees}°".replace("-", "\N{MINUS SIGN}") if degrees else ""
         parts.append(f"{name} {abs(x):.2f}{angle}")
     return ", ".join(parts)
 
 
 def modes_table(modes: Sequence[Eigenvalue]) -> str:
     """Return a table of modes in words."""
-    columns = [
-        ("eigenvalue (1/s)", [value_text(e) for e in modes]),
-        ("whirl", [e.whirl for e in modes]),
-        ("motion", [motions_text(e.motions) for e in modes]),
-    ]
-    heads, cells = zip(*((head, column) for head, column in columns if any(column)), strict=True)
-    return table(heads, list(zip(*cells, strict=True)), left=tuple(range(1, len(heads))))
+    rows = [[e.name or value_text(e), told_text(e)] for e in modes]
+    return table(["mode", "motion"], rows, left=(0, 1))
+
+
+def told_text(e: Eigenvalue) -> str:
+    """Return a mode in words, with its whirl."""
+    return motions_text(e.motions) + (f"; whirls {_ADVERBS[e.whirl]}" if e.whirl else "")
+
+
+_ADVERBS = {"forward": "forward", "backward": "backward", "mixed": "forward and backward"}
 
 
 def shapes_text(result: EigenResult) -> str:
@@ -55,10 +58,9 @@ def shapes_text(result: EigenResult) -> str:
     lines = []
     for n, e in enumerate(modes, 1):
         assert e.vector is not None
-        lines += [f"Mode {n}: {value_text(e)} 1/s", ""]
+        lines += [f"Mode {n}{f' ({e.name})' if e.name else ''}: {value_text(e)} 1/s", ""]
         if e.motions:
-            whirl = f"; whirl {e.whirl}" if e.whirl else ""
-            lines += [*wrap(motions_text(e.motions) + whirl, WIDTH, initial_indent="  ", subsequent_indent="  "), ""]
+            lines += [*wrap(told_text(e), WIDTH, initial_indent="  ", subsequent_indent="  "), ""]
         rows = [
             [name, number(abs(x), 6), unit_of(name), number(round(math.degrees(math.atan2(x.imag, x.real)), 3), 6)]
             for name, x in zip(result.coordinates, e.vector.tolist(), strict=True)

@@ -35,7 +35,12 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
     first, last = (number(float(result.values[k]) / factor, 6) for k in (0, -1))
     count = result.branches.shape[1]
     lines.append(f"{label} from {first} to {last}, {len(result.values)} points")
-    lines.append(f"{counted(count, 'branch', 'branches')}, {counted(result.neutral, 'neutral eigenvalue')} besides")
+    numbers: dict[str, list[str]] = {}
+    for b, name in enumerate(result.names, 1):
+        numbers.setdefault(name, []).append(str(b))
+    named = "; ".join(f"{', '.join(own)} {name}" for name, own in numbers.items() if name)
+    branches = counted(count, "branch", "branches") + (f" ({named})" if named else "")
+    lines += wrap(f"{branches}, {counted(result.neutral, 'neutral eigenvalue')} besides", width=WIDTH)
     if result.start is not None:
         lines.append(f"equilibria followed from {result.parameter} = {number(result.start / factor)}")
     if result.moved:
@@ -63,7 +68,7 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
                 *_place(c, result, factor),
                 c.kind + _signs(c) + (", branch point" if c.branching and c.kind != "branch point" else ""),
                 number(c.frequency, 6) if c.frequency else "-",
-                ", ".join(str(b + 1) for b in c.branches) or "-",
+                ", ".join(_branch(result, b) for b in c.branches) or "-",
                 " → ".join("none" if n < 0 else str(n) for n in c.unstable),
             ]
             for c in result.critical
@@ -83,6 +88,12 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
         for text in _refused(result, factor):
             lines += wrap(text, width=WIDTH, initial_indent="  ", subsequent_indent="    ")
     return lines
+
+
+def _branch(result: Sweep, b: int) -> str:
+    """Return what a branch is called: its number, and its name."""
+    name = result.names[b] if result.names else ""
+    return f"{b + 1} {name}" if name else str(b + 1)
 
 
 def _place(c: Critical, result: Sweep, factor: float) -> list[str]:

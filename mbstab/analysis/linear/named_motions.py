@@ -20,7 +20,7 @@ from mbstab.analysis.reference.efforts import MOTION_UNITS, Placement, motion_na
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array, System
-from mbstab.model.schema import is_length, unit_of
+from mbstab.model.schema import is_length, is_state, unit_of
 from mbstab.records import dataclass
 
 Told = tuple[tuple[str, complex], ...]
@@ -38,7 +38,7 @@ class NamedMotions:
     rows : ndarray, shape (m, n_q)
         Their derivatives by the coordinates.
     sizes : ndarray, shape (m,)
-        Characteristic sizes (m, rad).
+        Characteristic sizes (in the same units).
     joints : int
         Number of motions of joints.
     """
@@ -64,7 +64,7 @@ class NamedMotions:
             (*(motion_name(kind, item.name) for kind, item in joints), *system.names),
             units,
             np.vstack([*found, np.eye(n)]),
-            np.array([length if unit == "m" else 1.0 for unit in units]),
+            np.array([*(length if MOTION_UNITS[kind] == "m" else 1.0 for kind, _ in joints), *scales]),
             len(joints),
         )
 
@@ -123,12 +123,13 @@ class Telling:
 
 
 def _by_mass(system: System, named: NamedMotions) -> Iterator[list[int]]:
-    """Yield the numbers of the coordinates of each body, the heaviest body first, angles before lengths."""
+    """Yield the numbers of the coordinates of each body, heavy ones first, angles before lengths; then states."""
     bodies = zip(system.scene.bodies, system.body_slices, strict=True)
     for _, part in sorted(bodies, key=lambda x: -float(x[0].mass)):
         own = range(named.joints + part.start, named.joints + part.stop)
         for unit in ("rad", "m"):
             yield [i for i in own if named.units[i] == unit]
+    yield [i for i, name in enumerate(named.names) if i >= named.joints and is_state(name)]
 
 
 def _independent(rows: Array, groups: Iterable[Sequence[int]]) -> list[int]:

@@ -41,6 +41,8 @@ class Eigenvalue:
         small, with amplitudes relative to the size of the scene or 1 rad; the first is the largest, and 1.
     whirl : str
         ``forward``, ``backward`` or ``mixed``: sense in which bodies that spin whirl; empty if none does.
+    name : str
+        The name that the file gives the mode under ``modes``; empty if none.
     energy : EnergyBalance or None
         Energies and powers, entry by entry, if they are asked for and the eigenvalue is known not to be zero.
     """
@@ -55,6 +57,7 @@ class Eigenvalue:
     vector: Complex | None = field(default=None, compare=False, repr=False)
     motions: Told = field(default=(), compare=False, repr=False)
     whirl: str = field(default="", compare=False)
+    name: str = field(default="", compare=False)
     energy: EnergyBalance | None = field(default=None, compare=False, repr=False)
 
     @property

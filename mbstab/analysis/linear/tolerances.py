@@ -312,6 +312,16 @@ class Tolerances:
     """Motions smaller than this fraction of the largest are not told …"""
     told_motions: Final = 4
     """… and at most this many."""
+    mode_near: Final = 0.5
+    """An eigenvalue farther from the given one than this fraction of it is not the named mode."""
+    mode_difference: Final = 0.5
+    """A mode that differs from the named one by more than this, of 1 at most, is not the one."""
+    mode_ambiguous: Final = 0.05
+    """A name is ambiguous if another mode differs by at most so much more."""
+    mode_massless: Final = 1e-12
+    """Motions without mass count with this fraction of the mean mass."""
+    mode_held: Final = 1e-6
+    """A shape is allowed if its amplitudes are reached to this, relative to the largest."""
     balance_defect: Final = 1e-14
     """Modes whose energy balance closes less well are improved …"""
     balance_improvements: Final = 3

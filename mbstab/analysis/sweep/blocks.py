@@ -19,7 +19,7 @@ from mbstab.analysis.linear.verdict import UNDECIDED
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.paths import Surface
 from mbstab.analysis.sweep.batched_equations import Pattern
-from mbstab.analysis.sweep.batched_spectra import Evaluator
+from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
 from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, signs, unplaced, unstable_counts
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, continuous, follow, turning
@@ -129,9 +129,14 @@ def compute(task: Task, progress: Progress = lambda done: None) -> Block:
             unknown,
             unknown,
         )
-    links, clear = follow(whole[:-1], whole[1:])
+    return followed(replace(found, values=whole))
+
+
+def followed(found: Spectra) -> Block:
+    """Return spectra as a block, with columns that are continuous where links are certain."""
+    links, clear = follow(found.values[:-1], found.values[1:])
     order = continuous(links, clear)
-    values: Complex = np.take_along_axis(whole, order, axis=1)
+    values: Complex = np.take_along_axis(found.values, order, axis=1)
     sides: Sides = np.take_along_axis(found.sides, order, axis=1)
     watched = _watched(values, sides)
     return Block(values, clear, found.problems, found.neutral, sides, found.words, found.mirrored, *watched)

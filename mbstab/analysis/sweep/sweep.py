@@ -71,6 +71,8 @@ class Sweep:
         Numbers of the verdicts among `mbstab.analysis.linear.verdict.WORDS`; `verdicts` has them in words.
     warnings : tuple of str
         Where the search for critical values ended early.
+    names : tuple of str
+        Names of the branches, from the modes that the file names; without them none.
     """
 
     parameter: str
@@ -86,6 +88,7 @@ class Sweep:
     beyond: tuple[Sweep, ...] = ()
     words: npt.NDArray[np.int8] = field(default_factory=lambda: np.zeros(0, dtype=np.int8))
     warnings: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
 
     @property
     def verdicts(self) -> list[str]:

@@ -116,5 +116,9 @@ class Tolerances:
     block_retries: Final = 3
     """Number of times that a block whose worker died is computed again."""
 
+    # Names
+    points_followed: Final = 33
+    """Points at which eigenvalues are looked at between where a mode is named and where it is asked for."""
+
 
 TOLERANCES = Tolerances()

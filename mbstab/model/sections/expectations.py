@@ -66,7 +66,7 @@ class ExpectationReader:
         frozen = "frozen" in entries and nodes.choice(entries["frozen"], f"{path}.frozen", ("true", "false")) == "true"
         return Expectation(
             mapping.location,
-            self._parameter_values(entries.get("at"), f"{path}.at"),
+            self.parameter_values(entries.get("at"), f"{path}.at"),
             self._eigenvalues(entries.get("eigenvalues"), f"{path}.eigenvalues"),
             self._tolerance(entries.get("tolerance"), f"{path}.tolerance", 1e-9),
             self._count(entries.get("neutral"), f"{path}.neutral"),
@@ -78,7 +78,8 @@ class ExpectationReader:
             nodes.text(entries.get("source"), f"{path}.source"),
         )
 
-    def _parameter_values(self, node: YamlNode | None, path: str) -> dict[str, Quantity]:
+    def parameter_values(self, node: YamlNode | None, path: str) -> dict[str, Quantity]:
+        """Return values of parameters by name."""
         mapping = self.nodes.optional(node, path)
         values = {}
         for key, item in mapping.pairs() if mapping else ():

@@ -105,7 +105,9 @@ def legend_entries(curves: SweepCurves, seen: Mask | None = None, unlabelled: in
     unlabelled : int, optional
         In panels over the parameter, the number of critical values without a label.
     """
-    handles: list[Artist] = []
+    handles: list[Artist] = [
+        Line2D([], [], color=ink, linewidth=THIN, label=name) for name, ink in curves.named.items()
+    ]
     growing = curves.growing if seen is None else curves.growing & seen
     if np.any(growing) or any(np.any(other.growing) for other in curves.others):
         handles.append(Line2D([], [], color="k", linewidth=THICK, label="unstable eigenvalue"))

@@ -40,6 +40,8 @@ class SweepCurves:
         Range of the parameter.
     ink : list of str
         A colour for each branch; conjugate branches share theirs.
+    named : dict
+        Names of branches with their colours.
     critical : list of list of Critical
         Critical values grouped if they agree in six digits; values in the declared unit.
     marked : list of list of Critical
@@ -65,6 +67,7 @@ class SweepCurves:
         finite = np.abs(branches[~np.isnan(branches)])
         self.size = float(np.max(finite, initial=0.0)) or 1.0
         self.ink = _inks(branches)
+        self.named = {name: ink for name, ink in zip(result.names, self.ink, strict=False) if name}
         x, branches, self.growing = _refined(x, branches, _growing(branches, self.unstable), result)
         if down and not turned:
             x, branches, self.growing = x[::-1], branches[::-1], self.growing[::-1]
