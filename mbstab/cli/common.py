@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -159,3 +160,14 @@ def one_thread_by_default() -> None:
     if "numpy" not in sys.modules:
         for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
             os.environ.setdefault(name, "1")
+
+
+def listed(one: Any = click.STRING) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], tuple[Any, ...]]:
+    """Return a parser for the values of an option that may be repeated, or given as a list with commas, or both."""
+
+    def callback(context: click.Context, option: click.Parameter, given: tuple[str, ...]) -> tuple[Any, ...]:
+        # Commas within parentheses belong to an expression.
+        parts = [part.strip() for text in given for part in re.split(r",(?![^(]*\))", text)]
+        return tuple(one.convert(part, option, context) for part in parts)
+
+    return callback

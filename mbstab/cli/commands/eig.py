@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import cmath
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from mbstab.analysis.linear.methods import DEFAULT, METHODS
-from mbstab.cli.common import files_argument, force_option, load_model, progress_bar, set_option
-from mbstab.cli.output import Answer, Output, output_options, warn
+from mbstab.cli.common import files_argument, force_option, listed, load_model, progress_bar, set_option
+from mbstab.cli.output import (
+    Answer,
+    Output,
+    check_pictures,
+    output_options,
+    picture_paths,
+    picture_stem,
+    pictures_option,
+    save_picture,
+    warn,
+)
 from mbstab.errors import ExpectationError, MbstabError, NumericalError, SeveralErrors, UsageError, visible
 from mbstab.model.words import REQUIRED
 from mbstab.records import dataclass
@@ -21,6 +33,7 @@ if TYPE_CHECKING:
     from mbstab.model.schema import Model
 
 CERTIFIED_DIGITS = 50
+PICTURES = ("spectrum",)
 
 
 @click.command()
@@ -73,6 +86,16 @@ CERTIFIED_DIGITS = 50
     "entry; JSON holds the energies, too.",
 )
 @click.option(
+    "--plot",
+    "pictures",
+    callback=listed(click.Choice(PICTURES)),
+    metavar="[" + "|".join(PICTURES) + "]",
+    multiple=True,
+    help="Pictures to draw, separated by commas or repeated. spectrum: the eigenvalues in the complex plane, with "
+    "bounds, names, and lines of equal damping and frequency.",
+)
+@pictures_option
+@click.option(
     "--require",
     type=click.Choice(tuple(REQUIRED)),
     help="Exit with 3 unless at least this stable, if only up to symmetry: position, heading, speed. "
@@ -91,6 +114,8 @@ def eig(
     rightmost: bool,
     verify: bool,
     shapes: bool,
+    pictures: tuple[str, ...],
+    place: Path | None,
     require: str | None,
     output: Output,
 ) -> None:
@@ -101,11 +126,14 @@ def eig(
     Example: mbstab eig pendulum.yaml --set L=0.5
     """
     _refuse(method, frozen, precision, certify, count, verify, output.format)
-    if shapes and (precision is not None or certify or verify or output.format == "csv"):
-        raise UsageError("--shapes goes with none of --precision, --certify, --verify and the format csv")
     shift = _few(count, near, rightmost)
     if len(set(names)) < len(names):
         raise UsageError("a file is named twice")
+    many_digits = precision is not None or certify
+    if shapes and (many_digits or verify or output.format == "csv"):
+        raise UsageError("--shapes goes with none of --precision, --certify, --verify and the format csv")
+    _refuse_pictures(pictures, place, many_digits, len(names) > 1)
+    paths: dict[str, Path] = {}
 
     def reply(mechanism: Mechanism) -> _Reply:
         if certify:
@@ -120,7 +148,9 @@ def eig(
     failures: list[MbstabError] = []
     for name in names:
         try:
-            replies.append(reply(load_model(name, settings)))
+            mechanism = load_model(name, settings)
+            paths = picture_paths(*picture_stem(place, output.path, Path(mechanism.model.name)), pictures)
+            replies.append(reply(mechanism))
             failures += _failure(replies[-1], require, name if len(names) > 1 else "")
         except MbstabError as error:
             if len(names) == 1:
@@ -128,6 +158,8 @@ def eig(
             failures.append(error)
     if replies:
         output.write(_joined(replies, len(names) > 1))
+        for picture, path in paths.items():
+            save_picture(replies[0].pictures[picture](), path)
     if failures:
         raise failures[0] if len(failures) == 1 else SeveralErrors(failures)
 
@@ -148,6 +180,15 @@ def _refuse(
         raise UsageError(f"{message}\nhint: leave out --modes for all eigenvalues")
 
 
+def _refuse_pictures(pictures: tuple[str, ...], place: Path | None, many_digits: bool, several: bool) -> None:
+    """Refuse pictures of what cannot be drawn."""
+    if pictures and (many_digits or several):
+        raise UsageError("--plot goes with a single file, and neither with --precision nor with --certify")
+    if place is not None and not pictures:
+        raise UsageError("--pictures goes with --plot")
+    check_pictures(place)
+
+
 @dataclass(frozen=True)
 class _Reply:
     """The answer about one model.
@@ -165,6 +206,8 @@ class _Reply:
         Returns the heads and the lines of a CSV file.
     failure : MbstabError or None
         Error with which the command fails although there is an answer.
+    pictures : mapping
+        Functions that draw, by name.
     """
 
     model: Model
@@ -174,6 +217,7 @@ class _Reply:
     data: Callable[[], dict[str, Any]]
     rows: Callable[[], tuple[list[str], list[list[Any]]]] = lambda: ([], [])
     failure: MbstabError | None = None
+    pictures: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
 
 
 def _joined(replies: list[_Reply], several: bool) -> Answer:
@@ -229,7 +273,18 @@ def _shaped(mechanism: Mechanism, result: EigenResult, shapes: bool) -> _Reply:
     def text(result: EigenResult, title: str) -> str:
         return eigenvalues.eigen_text(result, title, shapes)
 
-    return _told(mechanism, result, text, data.eigen_data, data.eigen_rows)
+    return _drawn(_told(mechanism, result, text, data.eigen_data, data.eigen_rows), mechanism, result)
+
+
+def _drawn(reply: _Reply, mechanism: Mechanism, result: EigenResult) -> _Reply:
+    """Return an answer with the pictures that can be drawn of it."""
+
+    def spectrum() -> Any:
+        from mbstab.report.pictures.spectrum import spectrum
+
+        return spectrum(result, mechanism.model.title)
+
+    return replace(reply, pictures={"spectrum": spectrum})
 
 
 def _few(count: int | None, near: str | None, rightmost: bool) -> complex:
@@ -292,7 +347,7 @@ def _verified(mechanism: Mechanism, frozen: bool) -> _Reply:
     failure = None
     if found.verdict == "contradicted":
         failure = ExpectationError(f"the nonlinear motion contradicts the eigenvalues: {found.reason}")
-    return _Reply(
+    reply = _Reply(
         model,
         result.verdict,
         result.reasons,
@@ -300,6 +355,7 @@ def _verified(mechanism: Mechanism, frozen: bool) -> _Reply:
         lambda: data.eigen_data(result, model, values) | {"verification": verification.verification_data(found)},
         failure=failure,
     )
+    return _drawn(reply, mechanism, result)
 
 
 def _certified(mechanism: Mechanism, digits: int) -> _Reply:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,7 @@ import click
 
 from mbstab.analysis.sweep.settings import SweepSettings
 from mbstab.cli import completion
-from mbstab.cli.common import file_argument, force_option, load_model, progress_bar, set_option
+from mbstab.cli.common import file_argument, force_option, listed, load_model, progress_bar, set_option
 from mbstab.cli.output import (
     Answer,
     Output,
@@ -38,17 +37,6 @@ PICTURES = ("map", "locus", "campbell", "none")
 CHART_POINTS = 101
 
 
-def _listed(one: Any = click.STRING) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], tuple[Any, ...]]:
-    """Return a parser for the values of an option that may be repeated, or given as a list with commas, or both."""
-
-    def callback(context: click.Context, option: click.Parameter, given: tuple[str, ...]) -> tuple[Any, ...]:
-        # Commas within parentheses belong to an expression.
-        parts = [part.strip() for text in given for part in re.split(r",(?![^(]*\))", text)]
-        return tuple(one.convert(part, option, context) for part in parts)
-
-    return callback
-
-
 @click.command()
 @file_argument
 @click.option(
@@ -65,14 +53,14 @@ def _listed(one: Any = click.STRING) -> Callable[[click.Context, click.Parameter
     "start",
     metavar="VALUE",
     multiple=True,
-    callback=_listed(),
+    callback=listed(),
     help="First value, in the parameter's unit or an expression; with two parameters one for each: A,B or repeated.",
 )
-@click.option("--to", "stop", metavar="VALUE", multiple=True, callback=_listed(), help="Last value.")
+@click.option("--to", "stop", metavar="VALUE", multiple=True, callback=listed(), help="Last value.")
 @click.option(
     "--points",
     multiple=True,
-    callback=_listed(click.IntRange(2, 10_000_000)),
+    callback=listed(click.IntRange(2, 10_000_000)),
     metavar="NUMBER",
     help="Number of values.",
 )
@@ -83,7 +71,7 @@ def _listed(one: Any = click.STRING) -> Callable[[click.Context, click.Parameter
 @click.option(
     "--plot",
     "pictures",
-    callback=_listed(click.Choice(PICTURES)),
+    callback=listed(click.Choice(PICTURES)),
     metavar="[" + "|".join(PICTURES) + "]",
     multiple=True,
     help="Pictures to draw, separated by commas or repeated; map and locus if not given, none for none.",

@@ -1,0 +1,159 @@
+"""Eigenvalues in the complex plane, with their bounds and lines of equal damping and frequency; multipliers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
+from matplotlib.ticker import SymmetricalLogLocator
+
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.linear.results import EigenResult, Eigenvalue
+from mbstab.compiler.system import Array
+from mbstab.report.pictures.curves import INK
+from mbstab.report.pictures.drawing import FONT, UNSTABLE_SHADE, draw_legend, house_style, titled_figure
+from mbstab.report.pictures.point_labels import LABELS, PointLabels
+from mbstab.report.pictures.scales import axis_range, number_text, set_real_scale
+
+DAMPING = (0.05, 0.1, 0.2, 0.4, 0.7)
+"""Damping ratios whose lines are drawn."""
+
+FAINT: dict[str, Any] = {"color": "0.72", "linewidth": 0.7, "linestyle": (0, (1.5, 2.0)), "zorder": 1}
+"""Style of the lines of equal damping and frequency."""
+
+FLAT = 5.0
+"""Real parts are drawn logarithmically if the largest is this many times the largest imaginary part."""
+
+MARKERS = {
+    "decays": ("o", INK[0], INK[0]),
+    "grows": ("s", INK[1], INK[1]),
+    "on the axis": ("D", "w", INK[0]),
+    "undecided": ("o", "w", INK[0]),
+    "neutral": ("x", INK[0], INK[0]),
+}
+"""Marker, face and edge by what an eigenvalue says."""
+
+
+def spectrum(result: EigenResult, title: str) -> Figure:
+    """Return the eigenvalues, or for a periodic motion the multipliers, in the complex plane.
+
+    Discs that contain the eigenvalues are drawn where they are large enough to be seen.
+    """
+    with house_style():
+        figure, (axes,) = titled_figure(title, heights=(5.0,), above=0.18)
+        listed = [e for e in result.eigenvalues if e.kind != "neutral"]
+        if result.period is None:
+            values = np.array([e.value for e in result.eigenvalues], dtype=complex)
+            handles = _plane(axes, values, [e for e in listed if e.value.imag])
+        else:
+            values = np.array([e.multiplier or 0j for e in result.eigenvalues], dtype=complex)
+            handles = _circle(axes, values)
+        for said, (marker, face, edge) in MARKERS.items():
+            own = [i for i, e in enumerate(result.eigenvalues) if _said(e, result.period is not None) == said]
+            if own:
+                style: dict[str, Any] = {
+                    "linestyle": "",
+                    "markerfacecolor": face,
+                    "markeredgecolor": edge,
+                    "markersize": 6.5,
+                }
+                axes.plot(values[own].real, values[own].imag, marker, **style, zorder=5)
+                text = f"{said}, {len(own)}×" if said == "neutral" else said
+                text = text.replace("axis", "axis" if result.period is None else "circle")
+                handles.append(Line2D([], [], marker=marker, **style, label=text))
+        for e, value in zip(result.eigenvalues, values.tolist(), strict=True):
+            if math.isfinite(e.error_bound):
+                axes.add_patch(Circle((value.real, value.imag), e.error_bound, fill=False, edgecolor="0.3", zorder=4))
+        if any(0.004 * np.ptp(axes.get_ylim()) < e.error_bound < math.inf for e in listed):
+            handles.append(Line2D([], [], linestyle="", marker="o", color="0.3", markerfacecolor="none", markersize=9.0,
+                                  label="contains the eigenvalue"))  # fmt: skip
+        labels = PointLabels(axes)
+        for e, value in zip(result.eigenvalues, values.tolist(), strict=True):
+            if e.name and value.imag >= 0.0 and len(labels.wanted) < LABELS:
+                labels.add(value.real, value.imag, e.name)
+        labels.draw()
+        draw_legend(figure, handles)
+        return figure
+
+
+def _said(e: Eigenvalue, periodic: bool) -> str:
+    """Return what an eigenvalue says, a key of `MARKERS`."""
+    if e.kind in ("neutral", "undecided"):
+        return e.kind
+    if e.kind == "center":
+        return "on the axis"
+    side = abs(e.multiplier or 0j) - 1.0 if periodic else e.value.real
+    return "grows" if side > 0.0 else "decays"
+
+
+def _plane(axes: Axes, values: Complex, pairs: list[Eigenvalue]) -> list[Artist]:
+    """Draw axes of the plane, and lines of equal damping and frequency if there are pairs."""
+    axes.set_xlabel("real part (1/s)")
+    axes.set_ylabel("imaginary part (rad/s)")
+    size = float(np.max(np.abs(values), initial=0.0)) or 1.0
+    axes.set_ylim(axis_range(values.imag, size))
+    high = float(np.max(values.imag, initial=0.0))
+    if pairs and size > FLAT * high:
+        _squeeze(axes, values.real, 10.0 ** math.ceil(math.log10(high)))
+    else:
+        set_real_scale(axes, "x", values.real[None, :], size)
+    axes.axvspan(0.0, axes.get_xlim()[1], color=UNSTABLE_SHADE, linewidth=0, zorder=0)
+    axes.axvline(0.0, color="0.5", linewidth=1.4, zorder=1.5)
+    axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=1)
+    for at, text in ((0.01, "stable side"), (0.99, "unstable side")):
+        axes.text(at, 1.015, text, transform=axes.transAxes, ha="left" if at < 0.5 else "right", va="bottom",
+                  style="italic")  # fmt: skip
+    if not pairs:
+        return []
+    top, left = axes.get_ylim()[1], axes.get_xlim()[0]
+    reach = 2.0 * math.hypot(top, left)
+    out = np.concatenate([[0.0], np.geomspace(1e-6 * reach, reach, 600)])
+    labelled: list[Any] = []
+    for ratio in DAMPING[::-1]:
+        x, y = -ratio * out, math.sqrt(1.0 - ratio**2) * out
+        for sign in (1.0, -1.0):
+            axes.plot(x, sign * y, **FAINT, scalex=False, scaley=False)
+        k = int(np.flatnonzero((y < 0.93 * top) & (x > _within(axes, 0.06)))[-1])
+        here = axes.transData.transform((x[k], -y[k]))  # below, where no names are
+        if any(np.hypot(*(here - other)) < 0.35 * axes.figure.dpi for other in labelled):
+            continue
+        labelled.append(here)
+        axes.text(x[k], -y[k], f"{ratio:g}", fontsize=FONT - 2.0, color="0.4", ha="center", va="center", zorder=2,
+                  bbox={"boxstyle": "square,pad=0.1", "facecolor": "w", "linewidth": 0})  # fmt: skip
+    angles = np.linspace(0.5 * math.pi, 1.5 * math.pi, 361)
+    for radius in (tick for tick in axes.get_yticks() if 0.0 < tick < reach):
+        axes.plot(radius * np.cos(angles), radius * np.sin(angles), **FAINT, scalex=False, scaley=False)
+    return [Line2D([], [], **{k: v for k, v in FAINT.items() if k != "zorder"}, label="equal damping ratio, modulus")]
+
+
+def _squeeze(axes: Axes, real: Array, threshold: float) -> None:
+    """Make the axis of the real parts logarithmic beyond a threshold."""
+    axes.set_xscale("symlog", linthresh=threshold, linscale=1.5)
+    axes.xaxis.set_major_locator(SymmetricalLogLocator(base=10.0, linthresh=threshold))
+    axes.set_xlim(2.0 * min(float(np.min(real)), -threshold), 2.0 * max(float(np.max(real)), 0.1 * threshold))
+    axes.set_xlabel(f"real part (1/s), logarithmic beyond ±{threshold:g}")
+
+
+def _within(axes: Axes, part: float) -> float:
+    """Return the abscissa at a fraction of the width of the axes."""
+    place = axes.transAxes.transform((part, 0.5))
+    return float(axes.transData.inverted().transform(place)[0])
+
+
+def _circle(axes: Axes, values: Complex) -> list[Artist]:
+    """Draw the unit circle of multipliers."""
+    axes.set_xlabel("real part of the multiplier")
+    axes.set_ylabel("imaginary part of the multiplier")
+    axes.add_patch(Circle((0.0, 0.0), 1.0, facecolor="none", edgecolor="0.5", linewidth=1.4, zorder=1.5))
+    reach = 1.15 * max(1.0, float(np.max(np.abs(values), initial=0.0)))
+    axes.set_xlim(-reach, reach)
+    axes.set_ylim(-reach, reach)
+    axes.set_aspect("equal")
+    far = number_text(float(np.max(np.abs(values), initial=0.0)), 1.0, 6)
+    return [Line2D([], [], color="0.5", linewidth=1.4, label=f"unit circle; largest modulus {far}")]

@@ -1,0 +1,85 @@
+"""Pictures of eigenvalues in the complex plane, and of multipliers."""
+
+import numpy as np
+import pytest
+
+import mbstab
+from mbstab.cli import main
+from mbstab.report.pictures.spectrum import spectrum
+
+
+def drawn(figure):
+    """Return the markers of a picture by what they say, and its texts."""
+    (axes,) = figure.axes
+    points = {line.get_marker(): line.get_xydata() for line in axes.get_lines() if line.get_linestyle() == "None"}
+    texts = [text.get_text() for text in (*axes.texts, *figure.legends[0].get_texts())]
+    return axes, points, texts
+
+
+def test_eigenvalues_are_where_they_are_with_their_names():
+    result = mbstab.load("whipple_bicycle.yaml").eig(v=3)
+    _, points, texts = drawn(spectrum(result, "bicycle"))
+    growing = [(1.7067560567397352, 2.3158244738432436), (1.7067560567397352, -2.3158244738432436)]
+    assert np.allclose(points["s"], growing)
+    assert np.allclose(sorted(points["o"][:, 0]), [-10.3510146724592282, -2.6336613725366530])
+    assert {"weave", "capsize", "castering", "neutral, 6×", "0.7"} <= set(texts)
+
+
+def test_lines_of_equal_damping_have_their_ratio():
+    result = mbstab.load("ziegler_column.yaml").eig()
+    axes, _, _ = drawn(spectrum(result, ""))
+    ratios = set()
+    for line in axes.get_lines():
+        x, y = np.asarray(line.get_xydata(), dtype=float).T
+        if len(x) == 601:  # a ray, not an arc
+            ratios.add(round(-x[-1] / np.hypot(x[-1], y[-1]), 12))
+    assert ratios == {0.05, 0.1, 0.2, 0.4, 0.7}
+
+
+def test_fast_eigenvalues_do_not_hide_slow_ones():
+    axes, _, _ = drawn(spectrum(mbstab.load("flyball_governor.yaml").eig(), ""))
+    assert axes.get_xscale() == "symlog"
+    assert "logarithmic beyond" in axes.get_xlabel()
+
+
+def test_discs_are_drawn_where_they_can_be_seen():
+    result = mbstab.load("top.yaml").eig(omega="5.5677284")
+    axes, _, _ = drawn(spectrum(result, ""))
+    radii = sorted(patch.get_radius() for patch in axes.patches if hasattr(patch, "get_radius"))
+    assert radii == sorted(e.error_bound for e in result.eigenvalues if np.isfinite(e.error_bound))
+
+
+def test_multipliers_are_drawn_with_the_unit_circle():
+    axes, points, texts = drawn(spectrum(mbstab.load("kapitza.yaml").eig(), ""))
+    assert np.allclose(np.hypot(*points["D"].T), 1.0)
+    assert axes.get_aspect() == 1.0
+    assert "on the circle" in texts
+
+
+def run(*arguments):
+    with pytest.raises(SystemExit) as stop:
+        main(["eig", *arguments])
+    return stop.value.code
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
+def test_the_command_draws(suffix, tmp_path, capsys):
+    goal = tmp_path / f"p.{suffix}"
+    assert not run("pendulum.yaml", "--plot", "spectrum", "--pictures", str(goal))
+    assert (tmp_path / f"p-spectrum.{suffix}").stat().st_size > 1000
+    assert "Verdict: stable" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["pendulum.yaml", "--pictures", "x.png"], "--pictures goes with --plot"),
+        (["pendulum.yaml", "top.yaml", "--plot", "spectrum"], "--plot goes with a single file"),
+        (["pendulum.yaml", "--plot", "spectrum", "--certify"], "--plot goes with a single file"),
+        (["pendulum.yaml", "--plot", "spectrum", "--pictures", "x.gif"], "no picture ends with .gif"),
+        (["pendulum.yaml", "--plot", "locus"], "spectrum"),
+    ],
+)
+def test_mistakes_are_told(arguments, message, capsys):
+    assert run(*arguments) == 2
+    assert message in capsys.readouterr().err
