@@ -223,8 +223,12 @@ def _factor(unit: str, factor: float, arithmetic: Arithmetic) -> Number:
     return factor if factor == 1.0 or arithmetic.name in ("float", "array") else exact_factor(unit, arithmetic)
 
 
-def evaluate_parameters(model: Model, overrides: Mapping[str, Number], arithmetic: Arithmetic) -> dict[str, Number]:
+def evaluate_parameters(
+    model: Model, overrides: Mapping[str, Number], arithmetic: Arithmetic, added: Mapping[str, Number] | None = None
+) -> dict[str, Number]:
     """Return the value of every parameter in SI, with some of them replaced.
+
+    What is `added` to parameters counts in those that are written in terms of them, too.
 
     Raises
     ------
@@ -246,6 +250,8 @@ def evaluate_parameters(model: Model, overrides: Mapping[str, Number], arithmeti
             else:
                 value = parameter.expression.evaluate(values, arithmetic)
                 value = require_finite(value * _factor(parameter.unit, parameter.factor, arithmetic))
+            if added and name in added:
+                value = value + added[name]
             if arithmetic.name != "symbol" and (broken := broken_sign(value, parameter.sign)):
                 rule, shown = broken
                 got = f"{shown / parameter.factor:g}{after_number(parameter.unit)}"

@@ -31,9 +31,12 @@ from mbstab.model.schema import (
 
 
 def evaluate(
-    model: Model, overrides: Mapping[str, Number] | None = None, arithmetic: Arithmetic | None = None
+    model: Model,
+    overrides: Mapping[str, Number] | None = None,
+    arithmetic: Arithmetic | None = None,
+    added: Mapping[str, Number] | None = None,
 ) -> Scene:
-    """Return the scene at the given parameter values (SI).
+    """Return the scene at the given parameter values (SI), `added` as in `evaluate_parameters`.
 
     Raises
     ------
@@ -46,7 +49,7 @@ def evaluate(
     if arithmetic is None:
         arithmetic = array_arithmetic() if any(hasattr(v, "shape") for v in overrides.values()) else FLOAT
     with _quiet(arithmetic):
-        return _Assembly(model, evaluate_parameters(model, overrides, arithmetic), arithmetic).scene()
+        return _Assembly(model, evaluate_parameters(model, overrides, arithmetic, added), arithmetic).scene()
 
 
 def _quiet(arithmetic: Arithmetic) -> contextlib.AbstractContextManager[Any]:

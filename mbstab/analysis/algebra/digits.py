@@ -19,20 +19,11 @@ import numpy.typing as npt
 from mpmath import mp
 
 from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.refining import Matrix, Refining, Stalled
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError
 from mbstab.records import dataclass
-
-Matrix = npt.NDArray[Any]
-"""An array of mpmath numbers."""
-
-
-class Stalled(Exception):
-    """Refinement stalled before the digits were reached; `reached` is the size of the last step."""
-
-    def __init__(self, reached: float) -> None:
-        self.reached = reached
 
 
 def exact(x: Any) -> Matrix:
@@ -103,36 +94,20 @@ def polished(start: Matrix, correction: Callable[[Matrix], Matrix], floor: float
     raise Stalled(float(before / size))
 
 
-def solved(A: Matrix, B: Matrix, inverse: Array) -> Matrix:
-    """Return X with A X = B from an approximate (pseudo-)inverse of A."""
-    return polished(zeros(*inverse.shape[:1], *B.shape[1:]), lambda X: applied(inverse, B - product(A, X)))
+class _ManyDigits(Refining):
+    """Arrays of mpmath numbers."""
 
-
-class _ManyDigits:
-    """Arrays of mpmath numbers as `mbstab.analysis.algebra.deflation.Algebra`."""
-
-    def times(self, *factors: Matrix) -> Matrix:
-        return product(*factors)
-
-    def plus(self, *terms: Matrix) -> Matrix:
-        return exact(sum(terms[1:], terms[0]))
-
-    def transposed(self, A: Matrix) -> Matrix:
-        return A.T
+    zero = mp.zero
+    exact = staticmethod(exact)
+    zeros = staticmethod(zeros)
+    largest = staticmethod(largest)
+    times = staticmethod(product)
+    applied = staticmethod(applied)
+    polished = staticmethod(polished)
+    sqrt = staticmethod(mp.sqrt)
 
 
 MANY_DIGITS = _ManyDigits()
-
-
-def null_space(A: Matrix, start: Array, inverse: Array) -> Matrix:
-    """Return a basis of the null space from a basis and a pseudo-inverse in double precision.
-
-    Raises
-    ------
-    Stalled
-        If A has a larger rank than in double precision.
-    """
-    return polished(exact(start), lambda N: -applied(inverse, product(A, N)), 1.0)
 
 
 def misfits(A: Matrix, rank: int) -> Any:

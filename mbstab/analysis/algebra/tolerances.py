@@ -78,6 +78,10 @@ class Tolerances:
     """… and the decision is trusted if the next pivot is larger by this further fraction of them."""
     polished_digits: Final = 0.8
     """A refined number is accepted if its corrections stop shrinking after this fraction of the digits."""
+    slope_steps: Final = 8
+    """Most steps of Newton's method for derivatives by parameters; each has the accuracy of the Jacobian."""
+    slope_rounding: Final = 1e-9
+    """Derivatives of the reference are accepted if their corrections stop shrinking below this fraction of them."""
     cluster_widths: Final = (1e-7, 1e-4, 1e-2)
     """Eigenvalues closer than this fraction of the norm are computed together; tried in this order."""
 

@@ -19,16 +19,16 @@ import numpy as np
 from mpmath import mp
 
 from mbstab.analysis.algebra import digits as more
-from mbstab.analysis.algebra.deflation import in_frame, on_speeds, restricted
-from mbstab.analysis.algebra.digits import Matrix, Stalled, exact, largest, product
+from mbstab.analysis.algebra.digits import exact, largest
 from mbstab.analysis.algebra.matching import assigned
-from mbstab.analysis.algebra.subspaces import Subspaces
+from mbstab.analysis.algebra.refining import Stalled
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.eigenvalues import kind_in, with_saddles
 from mbstab.analysis.linear.facts import Grounds, time_scale
 from mbstab.analysis.linear.linearize import Linearization, state_space
 from mbstab.analysis.linear.methods import DEFAULT
-from mbstab.analysis.linear.precise_motion import Point, Start, another_rank, rank_misfit, reference_point
+from mbstab.analysis.linear.precise_motion import Start, another_rank, rank_misfit, reference_point
+from mbstab.analysis.linear.refined_matrix import deflated, state_matrix
 from mbstab.analysis.linear.results import Counts, EigenResult
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import STRENGTH, UNDECIDED, Disc, Judged, Verdict, judge, place, show
@@ -276,8 +276,13 @@ def _polished_spectrum(start: Start, work: int) -> _Spectrum:
     with mp.workdps(work):
         arithmetic = mpmath_arithmetic()
         system = System(evaluate(start.model, arithmetic=arithmetic))
-        point = reference_point(start, system)
-        S = _state_matrix(start, system, point)
+        point = reference_point(start, system, more.MANY_DIGITS)
+        try:
+            S = state_matrix(start, system, point, more.MANY_DIGITS)
+        except Stalled as stalled:
+            spaces, J = start.motion.spaces, exact(point.state.J)
+            misfit = rank_misfit(start.motion, J * spaces.scale * spaces.row_scale[:, None], system.n_h)
+            raise another_rank(start.motion, misfit or stalled.reached) from None
         rough = sorted({s.imag for s in start.grounds.separated.frequencies() if s.imag > 0.0})
         frequencies = [_nearest(point.rates, x) for x in rough]
         deflation = more.deflated(S, frequencies)
@@ -287,53 +292,6 @@ def _polished_spectrum(start: Start, work: int) -> _Spectrum:
 
 def _nearest(rates: Sequence[Any], rough: float) -> Any:
     return min(rates, key=lambda x: abs(x - rough))
-
-
-def _state_matrix(start: Start, system: System, point: Point) -> Matrix:
-    """Return S of ẏ = S y for a basis that is nearly orthonormal (`mbstab.analysis.linear.linearize`)."""
-    spaces, n_h = start.motion.spaces, system.n_h
-    K, R, D_q = (exact(x) for x in system.linearize(point.q, point.u, point.a, point.nu, system.scene.time))
-    M, J = exact(point.state.M), exact(point.state.J)
-    if point.generator is not None:
-        Xi, Xi_2 = (exact(x) for x in point.generator.frame(point.q))
-        R, K, D_q = in_frame(M, R, K, J[n_h:], D_q, Xi, Xi_2, more.MANY_DIGITS)
-    gamma = start.grounds.gamma  # the unit of speeds
-    try:
-        return _deflated(spaces, gamma, (M, R, K), J, D_q)
-    except Stalled as stalled:
-        misfit = rank_misfit(start.motion, J * spaces.scale * spaces.row_scale[:, None], n_h)
-        raise another_rank(start.motion, misfit or stalled.reached) from None
-
-
-def _deflated(
-    spaces: Subspaces, gamma: float, matrices: tuple[Matrix, Matrix, Matrix], J: Matrix, D_q: Matrix
-) -> Matrix:
-    """Return S from M, R and K, the constraint rows and ∂D/∂q.
-
-    Raises
-    ------
-    Stalled
-        If the rank of the rows differs from that in double precision.
-    """
-    scale, row_scale, n_h = spaces.scale, spaces.row_scale, len(J) - len(D_q)
-    M, R, K = (x * scale * scale[:, None] for x in matrices)
-    J = J * scale * row_scale[:, None]
-    D_q = D_q * scale * row_scale[n_h:, None]
-    N = more.null_space(J[:n_h], spaces.N, spaces.C.pseudo_inverse)
-    W, drift = product(J[n_h:], N), product(D_q, N)
-    Z = more.null_space(W, spaces.Z, spaces.W.pseudo_inverse)
-    P = -more.solved(W, drift, spaces.W.pseudo_inverse)
-    M_z, K_z, R_z = on_speeds(*restricted(M, R, K, N, more.MANY_DIGITS), Z, P, more.MANY_DIGITS)
-    n, lower = N.shape[1], np.hstack([K_z, R_z])
-    if M_z.size:
-        try:
-            lower = -more.solved(M_z, lower, np.linalg.inv(M_z.astype(float)))
-        except (Stalled, np.linalg.LinAlgError):
-            raise NumericalError("the mass matrix of the motions that are allowed is singular") from None
-    S = np.vstack([np.hstack([P, Z]), lower])
-    weights = np.ones(len(S))
-    weights[n:] = gamma
-    return exact(S * weights / weights[:, None])
 
 
 def rounded_eigenvalues(linear: Linearization, digits: int) -> list[Any] | None:
@@ -346,7 +304,7 @@ def rounded_eigenvalues(linear: Linearization, digits: int) -> list[Any] | None:
         matrices = (exact(linear.M), exact(linear.R), exact(linear.K))
         gamma = time_scale(state_space(linear))
         try:
-            S = _deflated(linear.motion.spaces, gamma, matrices, exact(linear.J), exact(linear.D_q))
+            S = deflated(linear.motion.spaces, gamma, matrices, exact(linear.J), exact(linear.D_q), more.MANY_DIGITS)
             return [e.value for e in more.eigenvalues(S)]
         except (Stalled, NumericalError):
             return None

@@ -1,12 +1,13 @@
-"""The reference motion with any number of digits, starting from double precision.
+"""The reference motion in refined numbers, starting from double precision: with any number of digits, or with slopes.
 
 Given values are the decimals of the file. Double precision selects the solution;
 the residual of the same equations on mpmath numbers, corrected by the Jacobian in double
-precision, takes it to all digits.
+precision, takes it to all digits; on numbers with slopes, to its derivatives by parameters.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -14,8 +15,9 @@ import numpy as np
 from mpmath import mp
 
 from mbstab.analysis.algebra.arrays import norms
-from mbstab.analysis.algebra.digits import Matrix, Stalled, applied, exact, largest, misfits, polished, product, zeros
+from mbstab.analysis.algebra.digits import misfits
 from mbstab.analysis.algebra.rank import rank_of
+from mbstab.analysis.algebra.refining import Matrix, Refining, Stalled
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.eigenvalues import judged
 from mbstab.analysis.linear.facts import Grounds
@@ -45,6 +47,8 @@ class Start:
     model : Model
     frozen : bool
         As in `mbstab.analysis.linear.linearize.linearize`.
+    zeros : callable, optional
+        As in `mbstab.analysis.linear.eigenvalues.eigenvalues`.
 
     Attributes
     ----------
@@ -63,13 +67,13 @@ class Start:
         If the motion is periodic.
     """
 
-    def __init__(self, model: Model, frozen: bool) -> None:
+    def __init__(self, model: Model, frozen: bool, zeros: Callable[[], int] | None = None) -> None:
         self.model = model
         self.system = system = System(evaluate(model))
         if system.scene.period is not None and not frozen:
             raise UsageError(
-                f"{model.name} describes a periodic motion: its multipliers come in double precision only\n"
-                "hint: leave out --precision"
+                f"{model.name} describes a periodic motion: its multipliers come in double precision only, "
+                "without derivatives\nhint: leave out --precision or --sensitivity"
             )
         self.at: State | None = None
         self.balance: Balance | None = None
@@ -79,7 +83,7 @@ class Start:
         else:
             self.motion = reference_motion(system)
         self.linear: Linearization = linearize(system, self.motion, frozen)
-        self.grounds = Grounds(self.linear)
+        self.grounds = Grounds(self.linear, zeros)
         self.plain = judged(self.grounds)
 
     @cached_property
@@ -109,14 +113,14 @@ class Start:
 
 @dataclass(frozen=True)
 class Point:
-    """The reference motion with all digits.
+    """The reference motion with all digits, or with slopes.
 
     Attributes
     ----------
-    q, u, a, nu : ndarray of mpf
+    q, u, a, nu : ndarray of objects
         As in `mbstab.analysis.reference.motion.Motion`.
     state : Dynamics
-        Matrices of mpf and exact floats.
+        Matrices of objects and exact floats.
     generator : Generator or None
         Generator of the rotating frame in which the equations are written.
     rates : tuple of mpf
@@ -135,8 +139,8 @@ class Point:
     excess: tuple[Any, str]
 
 
-def reference_point(start: Start, system: System) -> Point:
-    """Return the reference motion of a scene in mpmath numbers, with the digits of ``mpmath.mp``.
+def reference_point(start: Start, system: System, f: Refining) -> Point:
+    """Return the reference motion of a scene in numbers that are refined.
 
     Raises
     ------
@@ -146,59 +150,62 @@ def reference_point(start: Start, system: System) -> Point:
     motion, scene = start.motion, system.scene
     steady: Generator | None = None
     if start.balance is not None and start.at is not None:
-        q, steady = _balanced(start.balance, start.at, system)
-        u = exact(steady.field(q))
+        q, steady = _balanced(f, start.balance, start.at, system)
+        u = f.exact(steady.field(q))
     else:
-        q = _assembled(start, system)
+        q = _assembled(f, start, system)
         if scene.steady is not None:
-            steady = _declared(start, system, q)
-            u = exact(steady.field(q))
+            steady = _declared(f, start, system, q)
+            u = f.exact(steady.field(q))
         else:
-            u = _rates(start, system, q)
+            u = _rates(f, start, system, q)
             if motion.at_rest:
-                steady = _family(system, Family(system, None, np.zeros(3), np.zeros((0, 3)), ()))[0].generator(zeros(0))
+                steady = _family(f, system, Family(system, None, np.zeros(3), np.zeros((0, 3)), ()))[0].generator(
+                    f.zeros(0)
+                )
     state = system.dynamics(q, u, scene.time)
-    a, nu, force = _accelerations(start, state, None if steady is None else exact(steady.acceleration(q)))
+    a, nu, force = _accelerations(f, start, state, None if steady is None else f.exact(steady.acceleration(q)))
     generator = start.linear.generator
     if generator is not None and generator.turns and (steady is None or not steady.turns):
-        steady = _detected(start, system, q, u)
-    excess = _excess(system, motion, state, u, force)
-    turning = steady if generator is not None and generator.turns else None
+        steady = _detected(f, start, system, q, u)
+    excess = _excess(f, system, motion, state, u, force)
+    # A rate of zero may have a derivative.
+    turning = steady if (generator is not None and generator.turns) or (steady is not None and steady.starts) else None
     rates = tuple(u) if turning is None else (turning.rate, *turning.spins)
     return Point(q, u, a, nu, state, turning, tuple(abs(x) for x in rates), excess)
 
 
-def _family(system: System, family: Family) -> tuple[Family, dict[int, Any]]:
-    """Return a family of steady motions in mpmath numbers, and its given coefficients."""
+def _family(f: Refining, system: System, family: Family) -> tuple[Family, dict[int, Any]]:
+    """Return a family of steady motions in such numbers, and its given coefficients."""
     steady, d = system.scene.steady, system.scene.dimension
-    point, directions, axis = zeros(3), zeros(len(family.directions), 3), None
+    point, directions, axis = f.zeros(3), f.zeros(len(family.directions), 3), None
     known: list[Any] = []
     if steady is not None:
         point[:d] = steady.point
         if steady.axis is not None:
-            axis = exact(steady.axis)
+            axis = f.exact(steady.axis)
             known.append(steady.rate)
         if steady.direction is not None:
             directions[0, :d] = steady.direction
             known.append(steady.speed)
-    given = {k: x + mp.zero for k, x in enumerate(known) if x is not None}
+    given = {k: x + f.zero for k, x in enumerate(known) if x is not None}
     return Family(system, axis, point, directions, family.columns), given
 
 
-def _balanced(balance: Balance, at: State, system: System) -> tuple[Matrix, Generator]:
+def _balanced(f: Refining, balance: Balance, at: State, system: System) -> tuple[Matrix, Generator]:
     """Return coordinates and generator of an equilibrium or a steady motion, refined with `Balance`."""
-    family, known = _family(system, balance.family)
+    family, known = _family(f, system, balance.family)
     names, scene, sizes = system.names, system.scene, balance.sizes
     lengths = norms(at.J * sizes)
     open_, free, rows, n_h, moving = balance.open, balance.free, balance.rows, balance.n_h, balance.moving
-    fixed = exact(at.q)
+    fixed = f.exact(at.q)
     for i in np.setdiff1d(np.arange(system.n_q), open_):
-        fixed[i] = scene.coordinates[names[i]] + mp.zero
-    rates = exact([scene.rates[names[i]] for i in balance.given])
+        fixed[i] = scene.coordinates[names[i]] + f.zero
+    rates = f.exact([scene.rates[names[i]] for i in balance.given])
     inverse = np.linalg.pinv(balance.jacobian(at), rcond=TOLERANCES.sharpened_slope)
 
     def unpacked(x: Matrix) -> tuple[Matrix, Generator]:
-        q, c = fixed.copy(), exact(at.c)
+        q, c = fixed.copy(), f.exact(at.c)
         q[open_] = x[: len(open_)] * sizes[open_]
         for k, value in known.items():
             c[k] = value
@@ -207,23 +214,23 @@ def _balanced(balance: Balance, at: State, system: System) -> tuple[Matrix, Gene
 
     def residual(x: Matrix) -> Matrix:
         q, steady = unpacked(x)
-        u, a = exact(steady.field(q)), exact(steady.acceleration(q))
+        u, a = f.exact(steady.field(q)), f.exact(steady.acceleration(q))
         state = system.dynamics(q, u)
-        J, E, V = exact(state.J)[rows], exact(state.E)[rows], exact(state.V)[rows]
-        force = (product(exact(state.M), a) + state.F0) * sizes / balance.energy
-        force = force + product((J * sizes / lengths[:, None]).T, x[moving:])
+        J, E, V = f.exact(state.J)[rows], f.exact(state.E)[rows], f.exact(state.V)[rows]
+        force = (f.times(f.exact(state.M), a) + state.F0) * sizes / balance.energy
+        force = force + f.times((J * sizes / lengths[:, None]).T, x[moving:])
         parts = [force, E[:n_h] / lengths[:n_h]]
         if balance.with_speeds:
             parts += [
                 V / (lengths * balance.speed),
                 (u[balance.given] - rates) / (sizes[balance.given] * balance.speed),
             ]
-        return exact(np.concatenate(parts))
+        return f.exact(np.concatenate(parts))
 
     nu = at.nu[rows] * lengths / balance.energy
-    first = exact(np.concatenate([at.q[open_] / sizes[open_], at.c[free] / balance.speed, nu]))
+    first = f.exact(np.concatenate([at.q[open_] / sizes[open_], at.c[free] / balance.speed, nu]))
     try:
-        x = polished(first, lambda x: -applied(inverse, residual(x)), 1.0)
+        x = f.polished(first, lambda x: -f.applied(inverse, residual(x)), 1.0)
     except Stalled as stalled:
         raise EquilibriumError(
             f"{scene.model.reference.location}: reference: Newton's method does not sharpen the solution of double "
@@ -233,17 +240,17 @@ def _balanced(balance: Balance, at: State, system: System) -> tuple[Matrix, Gene
     return unpacked(x)
 
 
-def _assembled(start: Start, system: System) -> Matrix:
+def _assembled(f: Refining, start: Start, system: System) -> Matrix:
     """Return the coordinates: given ones unchanged, the others from the constraints."""
     scene, motion, n_h = system.scene, start.motion, system.n_h
-    q = exact(motion.q)
+    q = f.exact(motion.q)
     missing = np.array([name not in scene.coordinates for name in system.names])
     for i in np.flatnonzero(~missing):
-        q[i] = scene.coordinates[system.names[i]] + mp.zero
+        q[i] = scene.coordinates[system.names[i]] + f.zero
     if not (missing.any() and n_h):
         return q
     columns, sizes = np.flatnonzero(missing), motion.sizes
-    still = zeros(system.n_q)
+    still = f.zeros(system.n_q)
     J = start.system.closing.dynamics(motion.q, np.zeros(system.n_q), motion.time).J[:n_h][:, columns] * sizes[columns]
     lengths = norms(J)
     inverse = np.linalg.pinv(J / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
@@ -251,22 +258,22 @@ def _assembled(start: Start, system: System) -> Matrix:
     def correction(x: Matrix) -> Matrix:
         place = q.copy()
         place[columns] = x * sizes[columns]
-        return -applied(inverse, exact(system.closing.dynamics(place, still, scene.time).E)[:n_h] / lengths)
+        return -f.applied(inverse, f.exact(system.closing.dynamics(place, still, scene.time).E)[:n_h] / lengths)
 
     try:
-        q[columns] = polished(q[columns] / sizes[columns], correction, 1.0) * sizes[columns]
+        q[columns] = f.polished(q[columns] / sizes[columns], correction, 1.0) * sizes[columns]
     except Stalled:
         raise _unassembled(system) from None
     return q
 
 
-def _rates(start: Start, system: System, q: Matrix) -> Matrix:
+def _rates(f: Refining, start: Start, system: System, q: Matrix) -> Matrix:
     """Return the rates: given ones unchanged, the others from the constraints."""
     scene, motion = system.scene, start.motion
-    u = exact(motion.u)
+    u = f.exact(motion.u)
     missing = np.array([name not in scene.rates for name in system.names])
     for i in np.flatnonzero(~missing):
-        u[i] = scene.rates[system.names[i]] + mp.zero
+        u[i] = scene.rates[system.names[i]] + f.zero
     columns, sizes = np.flatnonzero(missing), motion.sizes
     if not (len(columns) and system.n_c):
         return u
@@ -278,10 +285,10 @@ def _rates(start: Start, system: System, q: Matrix) -> Matrix:
     def correction(x: Matrix) -> Matrix:
         speeds = u.copy()
         speeds[columns] = x * sizes[columns]
-        return -applied(inverse, exact(system.dynamics(q, speeds, scene.time).V) / lengths)
+        return -f.applied(inverse, f.exact(system.dynamics(q, speeds, scene.time).V) / lengths)
 
     try:
-        u[columns] = polished(u[columns] / sizes[columns], correction, fastest) * sizes[columns]
+        u[columns] = f.polished(u[columns] / sizes[columns], correction, fastest) * sizes[columns]
     except Stalled:
         raise _unassembled(system) from None
     return u
@@ -296,22 +303,22 @@ def _unassembled(system: System) -> ConstraintError:
     )
 
 
-def _declared(start: Start, system: System, q: Matrix) -> Generator:
+def _declared(f: Refining, start: Start, system: System, q: Matrix) -> Generator:
     """Return the generator of a declared steady motion whose position is given."""
     motion, scene = start.motion, system.scene
     rough, rough_known = declared_family(start.system)
-    family, known = _family(system, rough)
+    family, known = _family(f, system, rough)
     found = motion.generators[0]
     c = [*([found.rate] if rough.axis is not None else []), *(rough.directions @ found.velocity)]
     plain = np.array([*c, *found.spins[list(rough.columns)]], dtype=float)
     free = [k for k in range(rough.size) if k not in rough_known]
-    full = exact(plain)
+    full = f.exact(plain)
     for k, value in known.items():
         full[k] = value
     if not free:
         return family.generator(full)
     given = [i for i, name in enumerate(system.names) if name in scene.rates]
-    rates = exact([scene.rates[system.names[i]] for i in given])
+    rates = f.exact([scene.rates[system.names[i]] for i in given])
     basis = rough.basis(motion.q)[:, free]
     sizes = motion.sizes
     weights = 1.0 / norms(np.vstack([motion.dynamics.J * sizes, np.diag(sizes)[given]]))
@@ -320,58 +327,60 @@ def _declared(start: Start, system: System, q: Matrix) -> Generator:
     def correction(x: Matrix) -> Matrix:
         c = full.copy()
         c[free] = x
-        u = exact(family.generator(c).field(q))
-        residual = np.concatenate([exact(system.dynamics(q, u, scene.time).V), u[given] - rates])
-        return -applied(inverse, residual * weights)
+        u = f.exact(family.generator(c).field(q))
+        residual = np.concatenate([f.exact(system.dynamics(q, u, scene.time).V), u[given] - rates])
+        return -f.applied(inverse, residual * weights)
 
     try:
-        full[free] = polished(full[free], correction, float(np.max(np.abs(plain), initial=0.0)))
+        full[free] = f.polished(full[free], correction, float(np.max(np.abs(plain), initial=0.0)))
     except Stalled:
         raise _unassembled(system) from None
     return family.generator(full)
 
 
-def _detected(start: Start, system: System, q: Matrix, u: Matrix) -> Generator:
+def _detected(f: Refining, start: Start, system: System, q: Matrix, u: Matrix) -> Generator:
     """Return the generator that double precision has found in the speeds of a motion, with all digits."""
     rough = start.linear.generator
     assert rough is not None
     d, sizes = system.scene.dimension, start.motion.sizes
     columns = tuple(int(i) for i in np.flatnonzero(rough.spins))
     moves = bool(np.any(rough.point) or np.any(rough.velocity))
-    axis = _axis(start, system, q, u)
-    family = Family(system, axis, zeros(3), exact(np.eye(3))[: d if moves else 0], columns)
+    axis = _axis(f, start, system, q, u)
+    family = Family(system, axis, f.zeros(3), f.exact(np.eye(3))[: d if moves else 0], columns)
     plain = Family(start.system, rough.axis, np.zeros(3), np.eye(3)[: d if moves else 0], columns)
     inverse = np.linalg.pinv(plain.basis(start.motion.q) / sizes[:, None], rcond=1e-12)
-    basis = exact(np.array([exact(unit.field(q)) for unit in map(family.generator, exact(np.eye(family.size)))])).T
-    c = polished(zeros(family.size), lambda c: applied(inverse, (u - product(basis, c)) / sizes), abs(rough.rate))
+    basis = f.exact(
+        np.array([f.exact(unit.field(q)) for unit in map(family.generator, f.exact(np.eye(family.size)))])
+    ).T
+    c = f.polished(f.zeros(family.size), lambda c: f.applied(inverse, (u - f.times(basis, c)) / sizes), abs(rough.rate))
     found = family.generator(c)
     return centered(found) if moves else found
 
 
-def _axis(start: Start, system: System, q: Matrix, u: Matrix) -> Matrix:
+def _axis(f: Refining, start: Start, system: System, q: Matrix, u: Matrix) -> Matrix:
     """Return the axis of rotation with all digits: the vertical, x, y, z, or that of a spin."""
     rough = start.linear.generator
     assert rough is not None
-    gravity = exact(system.scene.gravity)
-    candidates = [sign * row for row in exact(np.eye(3)) for sign in (1, -1)]
+    gravity = f.exact(system.scene.gravity)
+    candidates = [sign * row for row in f.exact(np.eye(3)) for sign in (1, -1)]
     if system.scene.dimension == 3:
         candidates += [-gravity]
         for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
             if body.orientation:
                 angles = slice(part.start + 3, part.stop)
-                candidates.append(exact(rate_matrix(body, q[angles]) @ u[angles]))
-    units = [x / mp.sqrt(mp.fsum(x * x)) for x in candidates if largest(x)]
+                candidates.append(f.exact(rate_matrix(body, q[angles]) @ u[angles]))
+    units = [x / f.sqrt(sum(x * x)) for x in candidates if f.largest(x)]
     return min(units, key=lambda x: float(np.linalg.norm((x - rough.axis).astype(float))))
 
 
-def _accelerations(start: Start, state: Dynamics, known: Matrix | None) -> tuple[Matrix, Matrix, Matrix]:
+def _accelerations(f: Refining, start: Start, state: Dynamics, known: Matrix | None) -> tuple[Matrix, Matrix, Matrix]:
     """Return a and ν with M a + Jᵀ ν = −F0 and J a = −B, or the known a, and the relative imbalance of the forces."""
     motion, linear = start.motion, start.linear
     spaces = motion.spaces
     scale, row_scale = spaces.scale, spaces.row_scale
-    M = exact(state.M) * scale * scale[:, None]
-    J = exact(state.J) * scale * row_scale[:, None]
-    force, bias = -(exact(state.F0) * scale), exact(state.B) * row_scale
+    M = f.exact(state.M) * scale * scale[:, None]
+    J = f.exact(state.J) * scale * row_scale[:, None]
+    force, bias = -(f.exact(state.F0) * scale), f.exact(state.B) * row_scale
     plain_M = motion.dynamics.M * scale * scale[:, None]
     plain_J = motion.dynamics.J * scale * row_scale[:, None]
     inverse = np.linalg.pinv(plain_J, rcond=ALGEBRA.singular_value_zero) if len(plain_J) else plain_J.T
@@ -382,30 +391,30 @@ def _accelerations(start: Start, state: Dynamics, known: Matrix | None) -> tuple
     floor = float(np.max(size, initial=0.0))
     if known is not None:
         a = known / scale
-        loads = force - product(M, a)
+        loads = force - f.times(M, a)
         # The imbalance is kept: its rounding in double precision would exceed the digits.
-        to_nu = exact(inverse.T)
+        to_nu = f.exact(inverse.T)
         try:
-            nu = polished(zeros(len(J)), lambda nu: product(to_nu, loads - product(J.T, nu)), floor)
+            nu = f.polished(f.zeros(len(J)), lambda nu: f.times(to_nu, loads - f.times(J.T, nu)), floor)
         except Stalled as stalled:
             raise _undetermined(start, J, stalled) from None
-        return known, nu * row_scale, (loads - product(J.T, nu)) / (floor or 1.0)
+        return known, nu * row_scale, (loads - f.times(J.T, nu)) / (floor or 1.0)
     M_z = allowed.T @ plain_M @ allowed
     move = allowed @ np.linalg.solve(M_z, allowed.T) if M_z.size else np.zeros((n, n))
 
     def correction(x: Matrix) -> Matrix:
         a, nu = x[:n], x[n:]
-        missing = force - product(M, a) - product(J.T, nu)
-        step = -applied(inverse, bias + product(J, a))
-        step = step + applied(move, missing - applied(plain_M, step))
-        return exact(np.concatenate([step, applied(inverse.T, missing - applied(plain_M, step))]))
+        missing = force - f.times(M, a) - f.times(J.T, nu)
+        step = -f.applied(inverse, bias + f.times(J, a))
+        step = step + f.applied(move, missing - f.applied(plain_M, step))
+        return f.exact(np.concatenate([step, f.applied(inverse.T, missing - f.applied(plain_M, step))]))
 
     try:
-        x = polished(zeros(n + len(J)), correction, floor)
+        x = f.polished(f.zeros(n + len(J)), correction, floor)
     except Stalled as stalled:
         raise _undetermined(start, J, stalled) from None
     a, nu = x[:n], x[n:]
-    return a * scale, nu * row_scale, (force - product(M, a) - product(J.T, nu)) / (floor or 1.0)
+    return a * scale, nu * row_scale, (force - f.times(M, a) - f.times(J.T, nu)) / (floor or 1.0)
 
 
 def _undetermined(start: Start, J: Matrix, stalled: Stalled) -> MbstabError:
@@ -438,15 +447,15 @@ def another_rank(motion: Motion, misfit: Any) -> ConstraintError:
     )
 
 
-def _excess(system: System, motion: Motion, state: Dynamics, u: Matrix, force: Matrix) -> tuple[Any, str]:
+def _excess(f: Refining, system: System, motion: Motion, state: Dynamics, u: Matrix, force: Matrix) -> tuple[Any, str]:
     """Return the largest residual of the reference motion, relative to the terms that balance, and its name."""
     n_h, sizes = system.n_h, motion.sizes
     lengths = norms(motion.dynamics.J * sizes)
     fastest = float(np.max(np.abs(motion.u / sizes), initial=0.0)) or 1.0
-    candidates = [(mp.zero, "")]
+    candidates = [(f.zero, "")]
     for i, row in enumerate(system.rows):
         if i < n_h:
-            candidates.append((abs(exact(state.E)[i]) / lengths[i], str(row)))
-        candidates.append((abs(exact(state.V)[i]) / (lengths[i] * fastest), f"the rates of {row}"))
+            candidates.append((abs(f.exact(state.E)[i]) / lengths[i], str(row)))
+        candidates.append((abs(f.exact(state.V)[i]) / (lengths[i] * fastest), f"the rates of {row}"))
     candidates += [(abs(x), f"the balance of forces on {system.names[i]}") for i, x in enumerate(force)]
     return max(candidates, key=lambda pair: pair[0])

@@ -179,6 +179,10 @@ class Tolerances:
     """Norms of matrices from this size on …"""
     norm_powers: Final = 20
     """… are estimated by this many steps of the power method."""
+    slope_of_residual: Final = 1e-7
+    """A reference follows a parameter if this fraction of the slopes of the terms is left in sums that vanish."""
+    neutral_apart: Final = 1e-9
+    """An eigenvalue has no derivative if a neutral one is nearer than this fraction of it."""
     turning_frequency: Final = 1e-3
     """Relative agreement of the frequencies of neutral directions with those of the motion."""
     chain_length: Final = 4

@@ -65,6 +65,11 @@ class Generator:
         """Whether the ground rotates; if not, X is constant and the frame is that of the ground."""
         return bool(np.any(self.rate))
 
+    @property
+    def starts(self) -> bool:
+        """Whether the ground does not rotate, but its rate has a slope: it would with another value of a parameter."""
+        return self.turns and not float(self.rate)
+
     def __str__(self) -> str:
         """Return it in words, such as ``rotation about z at 10 rad/s``."""
         words = []
