@@ -47,7 +47,7 @@ from mbstab.model.arithmetic import FLOAT
 from mbstab.model.evaluator import Law
 from mbstab.model.expressions import Expression
 from mbstab.model.scene import Scene
-from mbstab.model.schema import Entry, unit_of
+from mbstab.model.schema import Entry, is_state, unit_of
 from mbstab.records import dataclass
 
 Array = npt.NDArray[np.float64]
@@ -171,6 +171,35 @@ class System:
             return element.takes_acceleration or bool(element.rows and max(element.rows) < self.n_h)
 
         return self.remember("closing", None, lambda: self._with([e for e in self._elements if closes(e)]))
+
+    @property
+    def bodily(self) -> System:
+        """A system with only inertia and the rows of bodies: states follow them, and take no force from them."""
+
+        def bodily(element: Placed) -> bool:
+            return element.takes_acceleration or bool(element.rows and element.path.partition(".")[0] != "states")
+
+        return self.remember("bodily", None, lambda: self._with([e for e in self._elements if bodily(e)]))
+
+    @cached_property
+    def states(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+        """Numbers of the coordinates that are first-order states, and of the rows of their rates."""
+        rows = [i for i, row in enumerate(self.rows) if row.section == "states"]
+        columns = [i for i, name in enumerate(self.names) if is_state(name)]
+        return np.array(columns, dtype=np.intp), np.array(rows, dtype=np.intp)
+
+    def with_state_rates(self, q: Array, u: Array, time: Any = None) -> Array:
+        """Return speeds in which the rates of the states follow from the others, shape (n_q,)."""
+        columns, rows = self.states
+        # Affine in the rates of states, unless these stand in functions of each other.
+        for _ in range(3 if len(rows) else 0):
+            at = self.dynamics(q, u, time)
+            J, V = (at.J.toarray() if self.sparse else at.J)[np.ix_(rows, columns)], at.V[rows]
+            if not np.any(V):
+                break
+            u = u.copy()
+            u[columns] -= np.linalg.solve(J, V)
+        return u
 
     @property
     def sparse(self) -> bool:

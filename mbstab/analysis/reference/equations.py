@@ -160,7 +160,7 @@ class Balance:
         if self.ramp < 1.0:
             # The given rates of drives are scaled by the ramp.
             V = V - (1.0 - self.ramp) * system.dynamics(q, 0.0 * u).V[..., self.rows]
-        rows = J * self.sizes / lengths[..., None]
+        rows = self._pushing(J) * self.sizes / lengths[..., None]
         nu = -multipliers(rows, force)
         parts = [force + (np.swapaxes(rows, -1, -2) @ nu[..., None])[..., 0], E[..., :n_h] / lengths[..., :n_h]]
         if self.with_speeds:
@@ -171,6 +171,11 @@ class Balance:
         all_nu = np.zeros((*nu.shape[:-1], system.n_c))
         all_nu[..., self.rows] = nu * self.energy / lengths
         return State(q, full, all_nu, joined(parts, 1), steady, u, a, dynamics, M, J)
+
+    def _pushing(self, J: Array) -> Array:
+        """Return the rows as they act on the coordinates: those of first-order states take no force."""
+        states = np.isin(self.rows, self.system.states[1])
+        return np.where(states[:, None], 0.0, J) if states.any() else J
 
     def _lengths(self, J: Array) -> Array:
         return norms(J * self.sizes)
@@ -207,7 +212,7 @@ class Balance:
                 [
                     stiffness[..., self.open] * columns * weights,
                     (R @ X + M @ A) * self.speed * weights,
-                    np.swapaxes(J * (self.energy / lengths)[..., None], -1, -2) * weights,
+                    np.swapaxes(self._pushing(J) * (self.energy / lengths)[..., None], -1, -2) * weights,
                 ],
                 2,
             ),

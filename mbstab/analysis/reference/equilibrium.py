@@ -26,7 +26,8 @@ from mbstab.analysis.reference.efforts import Acted, Placement, efforts
 from mbstab.analysis.reference.equations import Balance, State
 from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.reference.guard import coefficients
-from mbstab.analysis.reference.motion import Finder, Motion, force_change, inertias_too_far_apart
+from mbstab.analysis.reference.imbalance import force_change, state_rounding
+from mbstab.analysis.reference.motion import Finder, Motion, inertias_too_far_apart
 from mbstab.analysis.reference.newton import Search, Stalled, newton_step
 from mbstab.analysis.reference.reactions import Reaction, reactions
 from mbstab.analysis.reference.rotation import orientation
@@ -248,7 +249,8 @@ class Problem:
         fastest = float(np.max(np.abs(at.u / self.finder.sizes), initial=0.0))
         n_h = self.system.n_h
         good = np.all(np.abs(dynamics.E[:n_h]) <= allowed[:n_h])
-        return bool(good and np.all(np.abs(dynamics.V) <= allowed * max(fastest, 1e-300)))
+        rounding = state_rounding(self.system, at.q, at.u, self.scene.time)
+        return bool(good and np.all(np.abs(dynamics.V) <= allowed * max(fastest, 1e-300) + rounding))
 
     def _weighed(self, search: Search, at: State) -> bool:
         """Return whether the imbalance is small relative to the forces that balance, for each coordinate by itself."""

@@ -25,11 +25,12 @@ from mbstab.analysis.algebra.sparse import bordered, congruent, dense, differenc
 from mbstab.analysis.algebra.sparse_rank import SparseRank, last_rows
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.reference.imbalance import state_rounding, unbalance_at
 from mbstab.analysis.reference.steady import Family, Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, amount
-from mbstab.model.schema import is_length
+from mbstab.model.schema import is_length, is_state
 from mbstab.model.units import parse_unit
 from mbstab.records import dataclass
 
@@ -223,9 +224,10 @@ class Finder:
         system, scene = self.system, self.scene
         u = np.array([scene.rates.get(n, 0.0) for n in system.names], dtype=float)
         missing = np.array([n not in scene.rates for n in system.names])
-        columns = np.flatnonzero(missing)
+        states = system.states[0]
+        columns = np.setdiff1d(np.flatnonzero(missing), states)
         sizes = self.sizes
-        state = system.dynamics(q, u, scene.time)
+        state = system.bodily.dynamics(q, u, scene.time)
         if len(columns) and system.n_c:
             # The rows may be nonlinear in the rates; one step solves linear rows.
             for _ in range(TOLERANCES.newton_steps_onto_constraints):
@@ -236,24 +238,32 @@ class Finder:
                 if np.all(small):
                     break
                 u[columns] += step
-                state = system.dynamics(q, u, scene.time)
+                state = system.bodily.dynamics(q, u, scene.time)
+        free = dense(state.J)[:, columns] * sizes[columns]
+        if np.any(missing[states]):
+            u = system.with_state_rates(q, u, scene.time)
+        state = system.dynamics(q, u, scene.time)
         # Rounding errors of the solution are set to zero.
         fastest = float(np.max(np.abs(u / sizes), initial=0.0))
         noise = missing & (np.abs(u / sizes) < 1e-14 * fastest)
+        noise[states] |= missing[states] & (np.abs(u[states]) <= self._rounding(q, u)[system.states[1]])
         if np.any(u[noise]):
             u[noise] = 0.0
             state = system.dynamics(q, u, scene.time)
-        self._check_rates(u, state)
+        self._check_rates(q, u, state)
         if np.any(u):
-            self._check_determined(state.J[:, columns] * sizes[columns], columns, u / sizes)
-        self.solved += [f"rate of {system.names[i]}" for i in columns if u[i]]
+            self._check_determined(free, columns, u / sizes)
+        self.solved += [f"rate of {system.names[i]}" for i in np.flatnonzero(missing) if u[i]]
         return u, state
 
-    def _check_rates(self, u: Array, state: Dynamics) -> None:
+    def _rounding(self, q: Array, u: Array) -> Array:
+        return state_rounding(self.system, q, u, self.scene.time)
+
+    def _check_rates(self, q: Array, u: Array, state: Dynamics) -> None:
         """Refuse rates that do not satisfy the constraints."""
         system = self.system
         fastest = float(np.max(np.abs(u / self.sizes), initial=0.0))
-        allowed = TOLERANCES.residual * abs(state.J) @ (self.sizes * fastest)
+        allowed = TOLERANCES.residual * abs(state.J) @ (self.sizes * fastest) + self._rounding(q, u)
         bad = [i for i in range(system.n_c) if not abs(state.V[i]) <= allowed[i] + 1e-300]
         hint = "correct the rates, or leave out those that the constraints determine"
         self._fail([self._residual(i, state.V[i], "/s" if i < system.n_h else "", hint) for i in bad])
@@ -326,7 +336,7 @@ class Finder:
                 problems.append(self._at_reference(message, "leave it out, or correct reference.steady"))
         self._fail(problems)
         state = system.dynamics(q, u, scene.time)
-        self._check_rates(u, state)
+        self._check_rates(q, u, state)
         return generator, state
 
     # --- accelerations and multipliers ------------------------------------------------------------------------------
@@ -418,8 +428,8 @@ class Finder:
         _, vectors = np.linalg.eigh(M_z)
         motion = np.abs(allowed @ vectors[:, 0])
         involved = [self.system.names[i] for i in np.argsort(-motion) if motion[i] > 0.3 * motion.max()][:4]
-        body = involved[0].partition(".")[0]
-        location = next(b.location for b in self.scene.bodies if b.name == body)
+        body = next(iter(dict.fromkeys(n.partition(".")[0] for n in involved if not is_state(n))), "")
+        location = next((b.location for b in self.scene.bodies if b.name == body), self.scene.bodies[0].location)
         message = f"a motion of {', '.join(involved)} carries no mass and nothing holds it"
         hint = "give the body an inertia in this direction, add a joint or a drive, or make it a point"
         raise MassError(str(self.document.problem(location, f"bodies.{body}", message, hint)))
@@ -555,38 +565,6 @@ def unbalance(system: System, motion: Motion) -> float:
     """Return the tolerance for scaled forces that should vanish; see `unbalance_at`."""
     at = motion.q, motion.u, motion.a, motion.nu
     return unbalance_at(system, at, motion.dynamics.F0, motion.sizes, motion.spaces.scale, motion.time)
-
-
-def unbalance_at(
-    system: System, at: tuple[Array, Array, Array, Array], force: Array, sizes: Array, scale: Array, time: float
-) -> float:
-    """Return the tolerance for scaled forces that should vanish, at q, u, a and ν.
-
-    It is a small part of the forces that balance. Where springs and inertia balance by
-    themselves, it is at least the effect of rounded coordinates and speeds.
-    """
-    scene = system.scene
-    gravity = float(np.linalg.norm(scene.gravity))
-    weights = [math.sqrt(float(body.mass)) * gravity for body in scene.bodies]
-    balancing = max(float(np.max(np.abs(force * scale))), *weights)
-    return TOLERANCES.unbalance * balancing + TOLERANCES.coordinate_rounding * force_change(
-        system, at, sizes, scale, time
-    )
-
-
-def force_change(
-    system: System, at: tuple[Array, Array, Array, Array], sizes: Array, scale: Array, time: float = 0.0
-) -> float:
-    """Return how much scaled forces change over the size of the scene, by their slope at q, u, a and ν.
-
-    Near a singular point of a force its slope does not tell this: 0 is returned.
-    """
-    q, u, a, nu = at
-    K, R, _ = system.linearize(q, u, a, nu, time)
-    beside, _, _ = system.linearize(q + TOLERANCES.coordinate_rounding * sizes, u, a, nu, time)
-    if largest(beside - K) > 0.01 * largest(K):
-        return 0.0
-    return float(np.max((abs(K) @ sizes + abs(R) @ np.abs(u)) * scale))
 
 
 def _balance(M: Any, J: Any, inverse: Any, accelerate: Accelerate, force: Array, bias: Array) -> tuple[Array, Array]:

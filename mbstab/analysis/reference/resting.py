@@ -23,7 +23,8 @@ from mbstab.analysis.algebra.sparse_rank import Rows, SparseRank, sparse_rank
 from mbstab.analysis.algebra.subspaces import Redundancy, coordinate_scale, require_gap
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.coefficients import Matrices
-from mbstab.analysis.reference.motion import Finder, singular_configuration, unbalance_at
+from mbstab.analysis.reference.imbalance import unbalance_at
+from mbstab.analysis.reference.motion import Finder, singular_configuration
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, amount

@@ -187,7 +187,7 @@ def speeds(
     wanted = np.array([goal / x.size for x, goal in goals])
     left = np.inf
     for _ in range(TOLERANCES.newton_steps_to_values):
-        state = equations.evaluate(t, q, u)
+        state = system.bodily.dynamics(q, u, t)
         J = state.J * sizes
         lengths = norms(J)
         residual = np.concatenate([state.V / lengths, rows @ (u / sizes) - wanted])
@@ -197,4 +197,4 @@ def speeds(
         if np.linalg.norm(step) <= 1e-15 * fast:
             break
         u = u + step * sizes
-    return u, left
+    return system.with_state_rates(q, u, t), left

@@ -273,7 +273,7 @@ class _Held:
         if not named:
             return (goal, none) if not equations.n_h else self._nearest()
         at = Placement(self.attitudes, self.system, self.q0, self.u0)
-        J = equations.evaluate(t, self.q0, np.zeros(len(goal))).J[: equations.n_h]
+        J = self.system.closing.dynamics(self.q0, np.zeros(len(goal)), t).J[: equations.n_h]
         others = staying(at, J, named, self.finder.sizes)
         if wanted.joints:
             q = self._with_joints(at, others)
@@ -334,7 +334,7 @@ class _Held:
         if named or wanted.joints or np.any(wanted.held_q):
             at = Placement(self.attitudes, self.system, q, goal)
             before = Placement(self.attitudes, self.system, self.q0, self.u0)
-            others = staying(at, equations.evaluate(t, q, goal).J, named, self.finder.sizes)
+            others = staying(at, self.system.bodily.dynamics(q, goal, t).J, named, self.finder.sizes)
             asked = [(self.own[i], float(goal[i])) for i in np.flatnonzero(held)]
             asked += [(x, float(x.gradient(before) @ self.u0) + change) for x, change in wanted.joint_rates]
             for goals in (asked + [(x, float(x.gradient(before) @ goal)) for x in others], asked):

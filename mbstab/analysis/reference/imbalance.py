@@ -1,0 +1,57 @@
+"""How much forces may be out of balance, and rates of states off zero, by rounding."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbstab.analysis.algebra.sparse import dense, largest
+from mbstab.analysis.reference.tolerances import TOLERANCES
+from mbstab.compiler.system import Array, System
+
+
+def state_rounding(system: System, q: Array, u: Array, time: float) -> Array:
+    """Return the rates of first-order states that are rounding of the terms in their equations, shape (n_c,).
+
+    Zero for the other rows.
+    """
+    found, rows = np.zeros(system.n_c), system.states[1]
+    if len(rows):
+        V_q = dense(system.linearize_rows(q, u, 0.0 * u, time)[0])[rows]
+        J = dense(system.dynamics(q, u, time).J)[rows]
+        J[np.arange(len(rows)), system.states[0]] = 0.0
+        found[rows] = TOLERANCES.coordinate_rounding * (np.abs(V_q) @ np.abs(q) + np.abs(J) @ np.abs(u))
+    return found
+
+
+def unbalance_at(
+    system: System, at: tuple[Array, Array, Array, Array], force: Array, sizes: Array, scale: Array, time: float
+) -> float:
+    """Return the tolerance for scaled forces that should vanish, at q, u, a and ν.
+
+    It is a small part of the forces that balance. Where springs and inertia balance by
+    themselves, it is at least the effect of rounded coordinates and speeds.
+    """
+    scene = system.scene
+    gravity = float(np.linalg.norm(scene.gravity))
+    weights = [math.sqrt(float(body.mass)) * gravity for body in scene.bodies]
+    balancing = max(float(np.max(np.abs(force * scale))), *weights)
+    return TOLERANCES.unbalance * balancing + TOLERANCES.coordinate_rounding * force_change(
+        system, at, sizes, scale, time
+    )
+
+
+def force_change(
+    system: System, at: tuple[Array, Array, Array, Array], sizes: Array, scale: Array, time: float = 0.0
+) -> float:
+    """Return how much scaled forces change over the size of the scene, by their slope at q, u, a and ν.
+
+    Near a singular point of a force its slope does not tell this: 0 is returned.
+    """
+    q, u, a, nu = at
+    K, R, _ = system.linearize(q, u, a, nu, time)
+    beside, _, _ = system.linearize(q + TOLERANCES.coordinate_rounding * sizes, u, a, nu, time)
+    if largest(beside - K) > 0.01 * largest(K):
+        return 0.0
+    return float(np.max((abs(K) @ sizes + abs(R) @ np.abs(u)) * scale))
