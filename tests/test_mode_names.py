@@ -6,6 +6,8 @@ import json
 
 import numpy as np
 import pytest
+from avoided_crossings import swaps
+from sampling import sample
 
 import mbstab
 from mbstab.cli import main
@@ -140,6 +142,23 @@ def test_names_stay_on_their_branches_where_these_veer():
     result = model.sweep("k", np.linspace(0.5, 4, 6))
     at = {name: abs(result.branches[-1, b].imag) for b, name in enumerate(result.names)}
     assert at["low"] < at["high"]
+
+
+@pytest.mark.parametrize("seed", [15, *sample(range(200), every=40)])
+def test_names_pass_random_avoided_crossings(seed):
+    """Against left and right eigenvectors that are followed with very small steps."""
+    assert swaps(seed)[0] == 0
+
+
+@pytest.mark.parametrize("points", [2, 3, 6, 20])
+def test_frequencies_that_pass_each_other_in_the_middle_of_an_interval_do_not_swap(points):
+    """At both of its ends each is where the other was."""
+    model = mbstab.loads(
+        TWO.format(coupling=0, modes="  up: {near: 1i}\n  down: {near: 2i}").replace("-2*two.x", "(k - 5)*two.x")
+    )
+    result = model.sweep("k", np.linspace(1, 4, points))
+    at = {name: abs(result.branches[-1, b].imag) for b, name in enumerate(result.names)}
+    assert at == {"up": pytest.approx(2.0), "down": pytest.approx(1.0)}
 
 
 def test_branches_of_a_sweep_have_names():

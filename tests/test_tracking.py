@@ -27,7 +27,7 @@ from mbstab.analysis.sweep.batched_verdict import (
 )
 from mbstab.analysis.sweep.stacks import inertia
 from mbstab.analysis.sweep.tolerances import TOLERANCES as SWEEP
-from mbstab.analysis.sweep.tracking import continuous, discriminant, follow, product, squares
+from mbstab.analysis.sweep.tracking import continuous, discriminant, doubtful, follow, product, squares
 from mbstab.errors import NumericalError
 
 
@@ -281,6 +281,18 @@ def test_columns_that_are_followed_are_continuous(m):
     values = np.take_along_axis(smooth, orders, axis=1).astype(complex)
     found = np.take_along_axis(values, continuous(*follow(values[:-1], values[1:])), axis=1)
     assert np.all(np.abs(np.diff(found, axis=0)) < 0.011)
+
+
+def test_eigenvalues_that_pass_each_other_in_the_middle_of_an_interval_are_doubtful():
+    x = np.arange(6.0)
+    values = np.stack([x - 2.5, 2.5 - x], axis=1) * 1j
+    links, clear = follow(values[:-1], values[1:])
+    assert clear[2]
+    assert links[2].tolist() == [1, 0]
+    assert doubtful(clear)[2]
+    assert doubtful(np.array([True, True, False, True, True])).tolist() == [False] * 5
+    assert doubtful(np.array([True, False, True, True, False])).tolist() == [True] + [False] * 4
+    assert doubtful(np.array([True])).tolist() == [True]
 
 
 @pytest.mark.parametrize("r", [0, 1])

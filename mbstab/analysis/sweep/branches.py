@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex, Index
+from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.linear.verdict import UNDECIDED
 from mbstab.analysis.reference.paths import Path as Solutions
@@ -15,7 +15,7 @@ from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
 from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, settled, unplaced
 from mbstab.analysis.sweep.blocks import Block
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, follow, has_twins
+from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, doubtful, follow, has_twins
 from mbstab.compiler.system import Array
 from mbstab.model.schema import after_number
 from mbstab.records import dataclass
@@ -148,22 +148,36 @@ class Branches:
         current = np.lexsort((-values[first].imag, -values[first].real))
         branches = np.empty_like(values)
         # Elsewhere the order of the eigenvalues does not change.
-        for k, link in sorted(self._refined(np.flatnonzero(good[:-1] & good[1:] & ~self.raw.clear)).items()):
+        clear = self.raw.clear & ~doubtful(self.raw.clear)
+        for k, link in sorted(self._links(good[:-1] & good[1:] & ~clear).items()):
             branches[start : k + 1] = values[start : k + 1, current]
             current, start = link[current], k + 1
         branches[start:] = values[start:, current]
         return branches
 
-    def _refined(self, intervals: Index) -> dict[int, Index]:
+    def _links(self, unclear: Flags) -> dict[int, Index]:
+        """Return the links of the eigenvalues in intervals where these are not clear from both ends."""
+        x, values = self.x, self.values
+        # Where some meet at a point, both intervals beside it are one: their links show only beyond it.
+        twins = has_twins(values)
+        meet = 1 + np.flatnonzero(unclear[:-1] & unclear[1:] & twins[1:-1] & ~twins[:-2] & ~twins[2:])
+        single = np.flatnonzero(unclear & ~np.isin(np.arange(len(unclear)), [*(meet - 1), *meet]))
+        ends = [(int(k), int(k) + 1) for k in single] + [(int(k) - 1, int(k) + 1) for k in meet]
+        links = self._refined([_Piece(a, float(x[a]), float(x[b]), values[a], values[b]) for a, b in ends])
+        for k in meet.tolist():
+            here = assigned(np.abs(values[k - 1][:, None] - values[k][None, :]))
+            links[k] = links[k - 1][np.argsort(here)]
+            links[k - 1] = here
+        return links
+
+    def _refined(self, pieces: list[_Piece]) -> dict[int, Index]:
         """Divide intervals until eigenvalues can be followed through each part; return their links."""
-        pieces = [
-            _Piece(int(k), float(self.x[k]), float(self.x[k + 1]), self.values[k], self.values[k + 1])
-            for k in intervals
-        ]
-        done: dict[int, list[tuple[_Piece, Index | None]]] = {int(k): [] for k in intervals}
+        done: dict[int, list[tuple[_Piece, Index | None]]] = {piece.interval: [] for piece in pieces}
         inner = np.linspace(0.0, 1.0, TOLERANCES.branch_split + 1)[1:-1]
-        equal = has_twins(self.values[intervals]) & has_twins(self.values[intervals + 1])
-        multiple = dict(zip(intervals.tolist(), equal.tolist(), strict=True))
+        multiple = {
+            piece.interval: bool(has_twins(piece.before[None])[0] and has_twins(piece.after[None])[0])
+            for piece in pieces
+        }
         while pieces:
             pieces, left = self._affordable(pieces)
             for piece in left:
@@ -192,6 +206,8 @@ class Branches:
             # Equal eigenvalues at an intermediate point are a meeting, unless they are equal from end to end.
             twins = np.array([multiple[x.interval] for x in parts])
             links, clear = follow(np.array([x.before for x in parts]), np.array([x.after for x in parts]), twins)
+            # The parts of one piece follow each other.
+            clear &= ~np.apply_along_axis(doubtful, 1, clear.reshape(-1, TOLERANCES.branch_split)).ravel()
             pieces = []
             for part, link, is_clear in zip(parts, links, clear, strict=True):
                 if is_clear:

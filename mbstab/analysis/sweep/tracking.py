@@ -127,6 +127,18 @@ def continuous(links: Index, clear: Flags) -> Index:
     return order[:m]
 
 
+def doubtful(clear: Flags) -> Flags:
+    """Return in which intervals nearest successors may be wrong although they are clear, shape (m − 1,).
+
+    Where two eigenvalues pass each other in the middle of an interval, each is then where the other was. In the
+    intervals beside it they move too far to be clear; so an interval between such ones has nothing that confirms it.
+    """
+    confirmed = np.zeros_like(clear)
+    confirmed[1:] |= clear[:-1]
+    confirmed[:-1] |= clear[1:]
+    return clear & ~confirmed
+
+
 def turning(before: Complex, now: Complex, after: Complex) -> Flags:
     """Return whether real parts come close to zero and turn back, for spectra in continuous columns, shape (m, r)."""
     rising, falling = now.real - before.real, now.real - after.real
