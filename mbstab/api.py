@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field, fields, replace
 from decimal import Decimal
 from fractions import Fraction
@@ -23,7 +23,7 @@ from mbstab.analysis.algebra.failures import guarded
 from mbstab.analysis.compare.check import CheckReport, check_scene
 from mbstab.analysis.compare.expectations import Outcome, check_expectations
 from mbstab.analysis.linear.eigenvalues import answer, with_energies
-from mbstab.analysis.linear.linearize import Linearization, StateSpace, linearize, state_space
+from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.results import EigenResult
 from mbstab.analysis.linear.symbolic import SymbolicBlocks, Track, symbolic_blocks
 from mbstab.analysis.reference.motion import Motion
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.compare.integrators import Integrations
     from mbstab.analysis.compare.methods import Comparison
     from mbstab.analysis.compare.verify import Verification
+    from mbstab.analysis.linear.control import ControlModel
     from mbstab.analysis.linear.precise import PreciseResult
     from mbstab.analysis.proof.certify import Certificate
     from mbstab.analysis.reference.equilibrium import Equilibrium
@@ -165,18 +166,16 @@ class Mechanism:
 
     @guarded
     def linearize(self, frozen: bool = False, **parameters: Setting) -> Linearization:
-        """Return M, R, K, J, D_q at the reference motion (Pappalardo et al. 2020, Eqs. (57)-(67)).
-
-        They are written in the frame of a steady motion, or with `frozen` in the coordinates of
-        the file as they are at the reference time.
-        """
+        """Return M, R, K, J, D_q at the reference, as `mbstab.analysis.linear.linearize.linearize` does."""
         system = self._affordable("motion", parameters)
         return linearize(system, reference_motion(system), frozen)
 
     @guarded
-    def state_space(self, frozen: bool = False, **parameters: Setting) -> StateSpace:
-        """Return the deflated system ẏ = A y with the maps to Δq and Δu."""
-        return state_space(self.linearize(frozen, **parameters))
+    def state_space(self, states: Sequence[str] = (), frozen: bool = False, **parameters: Setting) -> ControlModel:
+        """Return A, B, C, D for the inputs and outputs of the file; `states` as in `control_model`."""
+        from mbstab.analysis.linear.control import control_model
+
+        return control_model(self.linearize(frozen, **parameters), states)
 
     @guarded
     def eig(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mbstab.mechanics import bodies, contacts, drives, forces, joints
+from mbstab.mechanics import bodies, contacts, drives, forces, inputs, joints
 from mbstab.mechanics.catalogue import Element, Kind
 
 ELEMENTS: dict[str, Element] = {
@@ -30,5 +30,6 @@ KINDS: dict[str, dict[tuple[str, int], Kind]] = {
     "contacts": contacts.KINDS,
     "drives": _by_dimension(drives.KINDS),
     "forces": forces.KINDS,
+    "inputs": inputs.KINDS,
 }
 """Types by section of a model file, under (name, dimension of the scene)."""

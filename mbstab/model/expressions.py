@@ -25,6 +25,8 @@ MAX_DEPTH = 60
 MAX_CHAIN = 480
 MAX_EXPONENT = 100.0
 MAX_NUMBER = 1e300
+DERIVED = ("rate", "acceleration")
+"""Time derivatives of what is measured."""
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
@@ -241,8 +243,14 @@ OPERATIONS: dict[str, Callable[[Any, Any, Arithmetic], Any]] = {
 
 
 @lru_cache(maxsize=4096)
-def parse(text: str) -> Expression:
+def parse(text: str, measures: tuple[str, ...] = ()) -> Expression:
     """Read an expression; the same texts stand in a file again and again.
+
+    Parameters
+    ----------
+    measures : tuple of str
+        Words that name what is measured: each call of one, such as ``angle(pivot)``, is a `Name` with that text, and
+        so are ``rate(...)`` and ``acceleration(...)`` of one or of a coordinate.
 
     Raises
     ------
@@ -251,13 +259,14 @@ def parse(text: str) -> Expression:
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"an expression may have at most {MAX_LENGTH} characters, this one has {len(text)}")
-    return Expression(text, _Parser(text).parse())
+    return Expression(text, _Parser(text, measures).parse())
 
 
 class _Parser:
     """Recursive descent; every level of nesting costs one unit of `MAX_DEPTH`."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, measures: tuple[str, ...] = ()) -> None:
+        self.measures = measures
         self.tokens = list(self._tokens(text))
         self.index = 0
         self.depth = 0
@@ -395,8 +404,22 @@ class _Parser:
         self.index += 1
         return text
 
+    def _measured(self, function: str, at: int) -> Node:
+        """Return the name of something measured, as it is called."""
+        self._expect("(")
+        self._deeper(at)
+        inner = self._sum()
+        self._expect(")")
+        self.depth -= 1
+        called = isinstance(inner, Name) and "(" in inner.name
+        if not isinstance(inner, Name) or called != (function in DERIVED and called):
+            raise ExpressionError(f"{function}(...) takes one name, such as {function}(name)", at)
+        return Name(f"{function}({inner.name})", at)
+
     def _call(self, function: str, at: int) -> Node:
-        if function in MEASURES:
+        if function in self.measures or (self.measures and function in DERIVED):
+            return self._measured(function, at)
+        if function in MEASURES and not self.measures:
             return self._measure(function, at)
         if function != "rate" and function not in FUNCTIONS:
             hint = suggestion(function, [*FUNCTIONS, *MEASURES, "rate"]) or "known functions: " + ", ".join(FUNCTIONS)

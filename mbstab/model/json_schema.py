@@ -44,6 +44,7 @@ def json_schema() -> dict[str, Any]:
         **{name: _by_name({"anyOf": _kinds(name)}) for name in KINDS},
         "constraints": _by_name(object_schema(CONSTRAINT_FIELDS, holonomic=TEXT, nonholonomic=TEXT)),
         "states": _by_name({**object_schema(STATE_FIELDS, rate=NUMBER), "required": ["rate"]}),
+        "outputs": _by_name(TEXT),
         "reference": _reference(),
         "initial": object_schema(INITIAL_FIELDS, time=NUMBER, coordinates=STATE, rates=STATE),
         "sweep": _by_name(_sweep()),

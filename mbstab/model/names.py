@@ -59,7 +59,7 @@ class Names:
         """Whether a name is known; one that is written but could not be read has its problem already."""
         found = word in known or word in also
         if not found and word not in self.written[section]:
-            what = {"bodies": "body", "joints": "joint"}[section]
+            what = {"bodies": "body", "joints": "joint", "drives": "drive"}[section]
             self.nodes.complain(node, path, f"there is no {what} {word!r}", suggestion(word, [*known, *also]))
         return found
 
@@ -70,6 +70,10 @@ class Names:
     def has_body_or_ground(self, node: YamlNode, path: str, word: str) -> bool:
         """Whether a name is that of a body, or ``ground``; refuse it if not."""
         return self._known(node, path, word, "bodies", self.bodies, ("ground",))
+
+    def has_drive(self, node: YamlNode, path: str, word: str) -> bool:
+        """Whether there is a drive of that name; refuse it if not."""
+        return self._known(node, path, word, "drives", self.written["drives"])
 
     def joint(self, node: YamlNode, path: str, word: str) -> Kind | None:
         """Return the type of the joint of that name."""

@@ -14,6 +14,7 @@ from mbstab.model.schema import SECTIONS, VERSION, Model
 from mbstab.model.sections.entries import EntryReader
 from mbstab.model.sections.expectations import ExpectationReader
 from mbstab.model.sections.modes import ModeReader
+from mbstab.model.sections.outputs import read_outputs
 from mbstab.model.sections.parameters import ParameterReader
 from mbstab.model.sections.reference import ReferenceReader
 from mbstab.model.yamlfile import Document, Mapping, Scalar, parse_yaml, read_text
@@ -67,6 +68,7 @@ def _read(document: Document, root: Mapping) -> Model:
     bodies = entry_reader.read_bodies(found)
     entry_reader.find_states(top.get("states"))
     entries = entry_reader.read(top)
+    inputs = entries.pop("inputs")
     reference, expectations = ReferenceReader(quantities), ExpectationReader(quantities)
     gravity = Scalar("0", root.location) if "gravity" not in top else top["gravity"]
     return Model(
@@ -79,6 +81,8 @@ def _read(document: Document, root: Mapping) -> Model:
         gravity=quantities.vector(gravity, "gravity", "m/s^2"),
         bodies=bodies,
         entries=entries,
+        inputs=inputs,
+        outputs=read_outputs(quantities, top.get("outputs"), entries),
         reference=reference.reference(root),
         initial=reference.initial(root),
         sweep=expectations.sweep(top.get("sweep")),

@@ -104,6 +104,8 @@ class Scene:
         Bodies whose given angles are singular; theirs count from the given orientation instead (`mbstab.model.charts`).
     measures : dict of MeasureNumbers
         What expressions measure, such as ``angle(pivot)``.
+    inputs : tuple of ItemValues
+        Signals on the linearized motion, which are zero and so act nowhere else.
     """
 
     model: Model
@@ -123,6 +125,7 @@ class Scene:
     initial: InitialValues = field(default_factory=InitialValues)
     turned: tuple[str, ...] = ()
     measures: dict[str, MeasureNumbers] = field(default_factory=dict)
+    inputs: tuple[ItemValues, ...] = ()
 
     @property
     def dimension(self) -> int:

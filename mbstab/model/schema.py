@@ -28,8 +28,12 @@ SECTIONS: dict[str, str] = {
     "contacts": "contacts with fixed lines and planes, by name",
     "drives": "motions given as functions of time, by name",
     "forces": "springs, dampers, forces and torques, by name",
+    "inputs": "signals that act on the linearized motion, by name; none of them changes the reference motion",
     "constraints": "constraints written as expressions, by name: {holonomic: …} or {nonholonomic: …}",
     "states": "first-order states (filters, lags, integrals, currents), by name: {rate: expression}",
+    "outputs": "what is measured of the linearized motion, by name: expressions of coordinates, angle(joint), "
+    "displacement(joint), place(body.point.x), their rate(...) and acceleration(...), force(joint.x), torque(joint.z), "
+    "effort(name)",
     "reference": "the motion whose stability is asked for: coordinates and rates by body",
     "initial": "where mbstab simulate starts: coordinates and rates by body; the others are those of the reference",
     "sweep": "default ranges of parameters: {from, to, points}",
@@ -295,6 +299,8 @@ class Model:
     gravity: Components
     bodies: dict[str, Entry]
     entries: dict[str, dict[str, Entry]]
+    inputs: dict[str, Entry]
+    outputs: dict[str, Quantity]
     reference: Reference
     initial: Initial
     sweep: dict[str, SweepRange]

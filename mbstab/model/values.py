@@ -76,7 +76,8 @@ class _Assembly(Evaluator):
             for section in model.order
             for entry in model.entries[section].values()
         ]
-        for item in items:
+        inputs = tuple(ItemValues(entry, self, joints) for entry in model.inputs.values())
+        for item in (*items, *inputs):
             item.check(time)
         coordinates, rates, guess = (
             {name: self.number(value) for name, value in values.items()}
@@ -90,7 +91,7 @@ class _Assembly(Evaluator):
         self.document.raise_problems()
         return regular(Scene(
             model, self.f, self.parameters, gravity, bodies, items, time, coordinates, rates, guess, steady,
-            period, self.points(), self.lengths, initial,
+            period, self.points(), self.lengths, initial, inputs=inputs,
             measures={name: self.measure(value, joints) for name, value in model.measures.items()},
         ))  # fmt: skip
 

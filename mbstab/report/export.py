@@ -15,13 +15,10 @@ from mbstab.report.tables import decimals
 if TYPE_CHECKING:
     from mbstab.analysis.compare.check import CheckReport
     from mbstab.analysis.compare.methods import Comparison, Outcome
-    from mbstab.analysis.linear.linearize import Linearization, StateSpace
     from mbstab.analysis.reference.equilibrium import Equilibrium
     from mbstab.analysis.sweep.chart import Chart
     from mbstab.analysis.sweep.critical_values import Enclosed
     from mbstab.analysis.sweep.sweep import Sweep
-
-Named = tuple[Any, list[str], list[str]]
 
 
 def to_json(data: Any) -> str:
@@ -366,90 +363,6 @@ def chart_arrays(result: Chart, labels: Sequence[tuple[str, float]]) -> dict[str
         "verdicts": np.array(result.verdicts),
         "boundaries": np.concatenate(curves) if curves else np.zeros((0, 2)),
     }
-
-
-def forms(linear: Linearization, space: StateSpace) -> dict[str, dict[str, Named]]:
-    """Return every matrix with the names of its rows and columns, by form."""
-    q = list(linear.names)
-    rows = [f"{row.name}: {row.label}" for row in linear.rows]
-    speeds = [f"d/dt {name}" for name in q]
-    holonomic, nonholonomic = rows[: linear.n_h], rows[linear.n_h :]
-    M, R, K = linear.composite()
-    A, E = linear.pencil()
-    nu = [f"ν {row}" for row in rows]
-    y = [f"y{i + 1}" for i in range(len(space.A))]
-    both = [*q, *nu]
-    return {
-        "equations": {
-            "M": (linear.M, q, q),
-            "R": (linear.R, q, q),
-            "K": (linear.K, q, q),
-            "C_q": (linear.J[: linear.n_h], holonomic, q),
-            "D_u": (linear.J[linear.n_h :], nonholonomic, q),
-            "D_q": (linear.D_q, nonholonomic, q),
-        },
-        "composite": {
-            "M_composite": (M, both, both),
-            "R_composite": (R, both, both),
-            "K_composite": (K, both, both),
-        },
-        "pencil": {
-            "A": (A, [*q, *speeds, *rows], [*q, *nu, *speeds]),
-            "E": (E, [*q, *speeds, *rows], [*q, *nu, *speeds]),
-        },
-        "state-space": {
-            "A_state": (space.A, y, y),
-            "to_coordinates": (space.to_coordinates, q, y),
-            "to_rates": (space.to_rates, speeds, y),
-        },
-    }
-
-
-def linearize_data(linear: Linearization, space: StateSpace, model: str, title: str) -> dict[str, Any]:
-    """Return the JSON object of ``mbstab linearize``.
-
-    Keys: ``model``, ``title``, ``coordinates``, ``rows``, ``reference`` (``q``, ``u``, ``a``,
-    ``multipliers``, ``time``), ``frame`` (the motion of the axes in which the equations are
-    constant, in words; empty: the coordinates of the file), ``frozen``, ``variation`` and for each
-    form its matrices, row by row.
-    """
-    motion = linear.motion
-    return {
-        "model": model,
-        "title": title,
-        "coordinates": linear.names,
-        "rows": [{"name": row.name, "label": row.label, "unit": row.unit} for row in linear.rows],
-        "frame": str(linear.generator) if linear.generator is not None and linear.generator.turns else "",
-        "frozen": linear.frozen,
-        "reference": {"q": motion.q, "u": motion.u, "a": motion.a, "multipliers": motion.nu, "time": motion.time},
-        "variation": linear.variation,
-        **{form: {key: m for key, (m, _, _) in group.items()} for form, group in forms(linear, space).items()},
-    }
-
-
-def linearize_csv(linear: Linearization, space: StateSpace) -> str:
-    """Return all nonzero entries of all matrices as CSV, one entry per line."""
-    rows = [
-        [form, name, i + 1, j + 1, row, column, float(matrix[i][j])]
-        for form, group in forms(linear, space).items()
-        for name, (matrix, names, columns) in group.items()
-        for i, row in enumerate(names)
-        for j, column in enumerate(columns)
-        if matrix[i][j] != 0.0
-    ]
-    return to_csv(["form", "matrix", "row", "column", "row name", "column name", "value"], rows)
-
-
-def linearize_arrays(linear: Linearization, space: StateSpace) -> dict[str, Any]:
-    """Return all matrices and the names of coordinates and rows, for npz and mat files."""
-    import numpy as np
-
-    arrays = {name: np.asarray(m) for group in forms(linear, space).values() for name, (m, _, _) in group.items()}
-    motion = linear.motion
-    arrays |= {"q": motion.q, "u": motion.u, "a": motion.a, "multipliers": motion.nu}
-    arrays["coordinates"] = np.array(linear.names)
-    arrays["rows"] = np.array([f"{row.name}: {row.label}" for row in linear.rows])
-    return arrays
 
 
 def npz_bytes(arrays: dict[str, Any]) -> bytes:

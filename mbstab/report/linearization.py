@@ -11,7 +11,8 @@ from mbstab.report import WIDTH
 from mbstab.report.tables import table
 
 if TYPE_CHECKING:
-    from mbstab.analysis.linear.linearize import Linearization, StateSpace
+    from mbstab.analysis.linear.control import ControlModel
+    from mbstab.analysis.linear.linearize import Linearization
 
 LARGE = 12
 """Matrices with more rows or columns are shown only on request."""
@@ -40,13 +41,15 @@ def matrix_text(name: str, matrix: Any, rows: Sequence[str], columns: Sequence[s
     return text
 
 
-def linearize_text(linear: Linearization, space: StateSpace, form: str, title: str, full: bool = False) -> str:
+def linearize_text(control: ControlModel, form: str, title: str, full: bool = False) -> str:
     """Return the answer of ``mbstab linearize`` as text; large matrices only if `full` is set."""
-    from mbstab.report.export import forms
+    from mbstab.report.linear_data import forms
 
     lines = [title, ""] if title else []
-    lines += _linear_summary(linear, space)
-    matrices = forms(linear, space)[form]
+    lines += _linear_summary(control.linear)
+    if form == "state-space":
+        lines += _signals(control)
+    matrices = forms(control)[form]
     hidden = {} if full else {name: m for name, m in matrices.items() if max(len(m[1]), len(m[2])) > LARGE}
     lines += [matrix_text(name, *m) for name, m in matrices.items() if name not in hidden]
     if hidden:
@@ -59,12 +62,28 @@ def linearize_text(linear: Linearization, space: StateSpace, form: str, title: s
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
-def _linear_summary(linear: Linearization, space: StateSpace) -> list[str]:
+def _linear_summary(linear: Linearization) -> list[str]:
     """Return the sizes of the linearized equations, and the frame in which they are constant."""
     n_n = len(linear.J) - linear.n_h
     rows = f"{counted(linear.n_h, 'holonomic row')}, {counted(n_n, 'nonholonomic row')}"
-    text = f"{counted(len(linear.M), 'coordinate')}, {rows}, {counted(len(space.A), 'state')} after deflation"
+    text = f"{counted(len(linear.M), 'coordinate')}, {rows}, {counted(linear.n_f, 'state')} after deflation"
     lines = wrap(text, width=WIDTH)
     if linear.generator is not None and linear.generator.turns:
         lines += wrap(f"in the frame of the steady motion: {linear.generator}", width=WIDTH, subsequent_indent="  ")
+    return [*lines, ""]
+
+
+def _signals(control: ControlModel) -> list[str]:
+    """Return states, inputs and outputs with their units."""
+    lines = []
+    for what, names, units in (
+        ("states x", control.states, control.state_units),
+        ("inputs w", control.inputs, control.input_units),
+        ("outputs z", control.outputs, control.output_units),
+    ):
+        shown = [
+            name + (f" ({unit})" if unit not in ("", "1") else "") for name, unit in zip(names, units, strict=True)
+        ]
+        text = f"{what}: {', '.join(shown) or 'none'}"
+        lines += wrap(text, width=WIDTH, subsequent_indent="  ", break_on_hyphens=False)
     return [*lines, ""]

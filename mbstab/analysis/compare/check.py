@@ -169,7 +169,17 @@ def _used_parameters(system: System) -> set[str]:
     """Return the parameters that occur in the model, directly or through other parameters."""
     model = system.scene.model
     entries = [*model.bodies.values(), *(e for group in model.entries.values() for e in group.values())]
-    found = names_in([model.gravity, [entry.values for entry in entries], model.reference, model.initial, model.expect])
+    entries += model.inputs.values()
+    found = names_in(
+        [
+            model.gravity,
+            model.outputs,
+            [entry.values for entry in entries],
+            model.reference,
+            model.initial,
+            model.expect,
+        ]
+    )
     for parameter in reversed(list(model.parameters.values())):
         if parameter.name in found:
             found |= names_in(parameter.expression)

@@ -336,6 +336,17 @@ class Tolerances:
     """A spinning body that moves less than this fraction of the largest motion does not whirl."""
     whirl_round: Final = 0.02
     """A straight line has no sense: difference of the squares of both circles, relative to their sum."""
+    # Inputs and outputs
+    steady_signal: Final = 1e-9
+    """Columns of inputs and rows of outputs that change by no more than this fraction are constant."""
+    pivot: Final = 0.1
+    """The rates of the chosen coordinates are states unless their smallest pivot is less than this fraction."""
+    unreached: Final = 1e-11
+    """What an input moves by no more than this fraction of the largest it does not move."""
+    roundings_of_zeros: Final = 100.0
+    """The matrix of zeros is known to this many roundings of its norm."""
+    independent_states: Final = 1e-8
+    """The smallest singular value of the unit rows of states must be larger."""
 
 
 TOLERANCES = Tolerances()

@@ -24,35 +24,52 @@ FORMS = ("equations", "composite", "pencil", "state-space")
 )
 @click.option("--full", is_flag=True, help="Print large matrices as well, of which else only the sizes are shown.")
 @click.option("--frozen", is_flag=True, help="Write a steady motion in the coordinates of the file, frozen in time.")
+@click.option(
+    "--states",
+    metavar="X,...",
+    help="States of A, B, C, D: coordinates, angle(joint), displacement(joint), place(body.point.x) and rate(...) of "
+    "these; else chosen so that the map from them is well conditioned. Fewer than all will do if their rates depend "
+    "on them only, such as roll and steer of a bicycle.",
+)
 @click.option("--symbolic", is_flag=True, help="Print the blocks of the composite matrices with symbols.")
 @output_options("table", "json", "csv", "npz", "mat", "latex")
 def linearize(
-    file: str, settings: tuple[str, ...], form: str, full: bool, frozen: bool, symbolic: bool, output: Output
+    file: str,
+    settings: tuple[str, ...],
+    form: str,
+    full: bool,
+    frozen: bool,
+    states: str | None,
+    symbolic: bool,
+    output: Output,
 ) -> None:
-    """Print mass, damping and stiffness matrices, constraint rows, pencil and state space.
+    """Print mass, damping and stiffness matrices, constraint rows, descriptor form and state space.
 
-    Example: mbstab linearize pendulum.yaml --symbolic
+    The state space A, B, C, D belongs to the sections inputs: and outputs: of the file.
+
+    Example: mbstab linearize whipple_bicycle.yaml --form state-space
     """
-    if output.format == "latex" and not symbolic:
-        raise UsageError("the format latex goes with --symbolic")
+    if symbolic and states is not None:
+        raise UsageError("--symbolic shows the blocks of coordinates; --states has no effect with it")
     if symbolic:
         _symbolic(file, settings, frozen, output)
         return
     mechanism = load_model(file, settings)
     model = mechanism.model
-    from mbstab.analysis.linear.linearize import state_space
-    from mbstab.report import export, linearization
+    from mbstab.analysis.linear.control import control_model, split_states
+    from mbstab.report import export, linear_data, linearization
 
     linear = mechanism.linearize(frozen)
     warn(linear.motion.warnings)
-    space = state_space(linear)
+    found = control_model(linear, split_states(states or ""))
     output.write(
         {
-            "table": lambda: linearization.linearize_text(linear, space, form, model.title, full),
-            "json": lambda: export.to_json(export.linearize_data(linear, space, model.name, model.title)),
-            "csv": lambda: export.linearize_csv(linear, space),
-            "npz": lambda: export.npz_bytes(export.linearize_arrays(linear, space)),
-            "mat": lambda: export.mat_bytes(export.linearize_arrays(linear, space)),
+            "table": lambda: linearization.linearize_text(found, form, model.title, full),
+            "json": lambda: export.to_json(linear_data.linearize_data(found, model.name, model.title)),
+            "csv": lambda: linear_data.linearize_csv(found),
+            "npz": lambda: export.npz_bytes(linear_data.linearize_arrays(found)),
+            "mat": lambda: export.mat_bytes(linear_data.linearize_arrays(found)),
+            "latex": lambda: linear_data.linearize_latex(found),
         }
     )
 

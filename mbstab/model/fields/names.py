@@ -109,6 +109,39 @@ class CoordinateField(FieldKind):
         return {**TEXT}
 
 
+class DriveField(FieldKind):
+    """The name of a drive, wherever it stands in the file."""
+
+    name = "drive"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> str | None:
+        """Return the name."""
+        word = reading.nodes.word(node, path, "the name of a drive")
+        return word if word is not None and reading.names.has_drive(node, path, word) else None
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of a name."""
+        return {**TEXT}
+
+
+class ParameterField(FieldKind):
+    """The name of a parameter."""
+
+    name = "parameter"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> str | None:
+        """Return the name."""
+        word = reading.nodes.word(node, path, "the name of a parameter")
+        if word is None or not isinstance(node, Scalar):
+            return None
+        reading.names.check_parameter(node, path)
+        return word
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of a name."""
+        return {**TEXT}
+
+
 class LoadsField(FieldKind):
     """Generalized forces by coordinate, as expressions of coordinates, rates and time."""
 
@@ -155,4 +188,4 @@ class LoadsField(FieldKind):
         return {**BY_NAME}
 
 
-KINDS = (BodyField(), JointField(), MotionField(), CoordinateField(), LoadsField())
+KINDS = (BodyField(), JointField(), MotionField(), CoordinateField(), DriveField(), ParameterField(), LoadsField())

@@ -108,9 +108,9 @@ def titled_figure(title: str, heights: Sequence[float], above: float = 0.0) -> t
     return figure, panels
 
 
-def draw_legend(figure: Figure, handles: Sequence[Artist]) -> None:
-    """Draw a legend below the panels."""
-    columns = 3 if len(handles) <= 6 else 4
+def draw_legend(figure: Figure, handles: Sequence[Artist], columns: int = 0) -> None:
+    """Draw a legend below the panels, with so many columns; 0: as many as short texts need."""
+    columns = columns or (3 if len(handles) <= 6 else 4)
     figure.legend(
         handles=handles,
         loc="lower center",

@@ -1,0 +1,113 @@
+"""Frequency responses and responses over time as text and as data."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbstab.errors import counted
+from mbstab.report.export import to_csv
+from mbstab.report.tables import eigenvalue, table
+
+if TYPE_CHECKING:
+    from mbstab.analysis.linear.response import Channel, Response, Zeros
+
+ROWS = 13
+"""Rows of a table; the other formats hold all."""
+
+
+def decibels(value: Any) -> Any:
+    """Return 20 log₁₀ of a size."""
+    with np.errstate(divide="ignore"):
+        return 20.0 * np.log10(np.abs(value))
+
+
+def phase(values: Any) -> Any:
+    """Return the phase without jumps (degrees), the first one between -180 and 180."""
+    return np.degrees(np.unwrap(np.angle(values)))
+
+
+def unit(channel: Channel) -> str:
+    """Return the unit of a transfer function, such as ``rad/(N*m)``; empty if it is not known."""
+    source, goal = channel.source_unit, channel.goal_unit
+    if not source or not goal:
+        return ""
+    return f"{goal}/({source})" if any(x in source for x in "*/") else f"{goal}/{source}"
+
+
+def response_text(result: Response, title: str) -> str:
+    """Return the answer of ``mbstab response`` as text."""
+    lines = [title, ""] if title else []
+    rows = np.unique(np.linspace(0, len(result.x) - 1, ROWS).round().astype(int))
+    for channel, values, zeros in zip(result.channels, result.values, result.zeros, strict=True):
+        own = unit(channel)
+        lines.append(f"From {channel.source} to {channel.goal}" + (f" ({own})" if own else ""))
+        if result.kind == "frequency":
+            size, angle = decibels(values), phase(values)
+            body = [[f"{x:.6g}" for x in (result.x[k], abs(values[k]), size[k], angle[k])] for k in rows]
+            lines.append(table(["ω (rad/s)", "gain", "gain (dB)", "phase (°)"], body))
+        else:
+            body = [[f"{x:.6g}" for x in (result.x[k], values[k])] for k in rows]
+            lines.append(table(["time (s)", f"after a unit {result.kind}"], body))
+        lines += [*_zeros_text(zeros), ""]
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _zeros_text(zeros: Zeros) -> list[str]:
+    if zeros.vanishes:
+        return ["the output does not respond to the input"]
+    shown = ", ".join(f"{eigenvalue(z)} ± {e:.0e}" for z, e in zip(zeros.values, zeros.errors, strict=True))
+    lines = [f"zeros (1/s, with errors): {shown or 'none'}"]
+    words = {True: "minimum phase", False: "not minimum phase", None: "whether it is minimum phase is not decided"}
+    lines.append(words[zeros.minimum_phase])
+    if zeros.hidden:
+        lines.append(f"{counted(zeros.hidden, 'eigenvalue')} that the input does not reach or the output does not see")
+    return lines
+
+
+def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab response``.
+
+    Keys: ``model``, ``title``, ``kind``, ``frequency`` (rad/s) or ``time`` (s), ``poles`` and ``channels``: ``input``,
+    ``output``, ``unit``, ``real`` and ``imag`` or ``values``, ``zeros`` (``real``, ``imag``, ``error``),
+    ``minimum_phase`` (null: not decided), ``hidden`` and ``vanishes``.
+    """
+    found = []
+    for channel, values, zeros in zip(result.channels, result.values, result.zeros, strict=True):
+        many = {"real": values.real, "imag": values.imag} if result.kind == "frequency" else {"values": values}
+        known = [
+            {"real": z.real, "imag": z.imag, "error": float(e)}
+            for z, e in zip(zeros.values.tolist(), zeros.errors, strict=True)
+        ]
+        found.append(
+            {
+                "input": channel.source,
+                "output": channel.goal,
+                "unit": unit(channel),
+                **many,
+                "zeros": known,
+                "minimum_phase": zeros.minimum_phase,
+                "hidden": zeros.hidden,
+                "vanishes": zeros.vanishes,
+            }
+        )
+    return {
+        "model": model,
+        "title": title,
+        "kind": result.kind,
+        "frequency" if result.kind == "frequency" else "time": result.x,
+        "poles": [{"real": s.real, "imag": s.imag} for s in result.poles.tolist()],
+        "channels": found,
+    }
+
+
+def response_csv(result: Response) -> str:
+    """Return one line for each frequency or time, with all channels."""
+    names = [f"{c.goal}/{c.source}" for c in result.channels]
+    if result.kind == "frequency":
+        heads = ["frequency (rad/s)", *(f"{name} {part}" for name in names for part in ("real", "imag"))]
+        columns = [part for values in result.values for part in (values.real, values.imag)]
+    else:
+        heads, columns = ["time (s)", *names], list(result.values)
+    return to_csv(heads, np.column_stack([result.x, *columns]).tolist())

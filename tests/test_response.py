@@ -1,0 +1,145 @@
+"""Frequency responses, zeros and step responses against closed forms."""
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+from test_cli import run
+from test_control import MASSES, WHIPPLE, cart
+
+import mbstab
+from mbstab.analysis.linear.response import answer, channels
+from mbstab.errors import UsageError
+
+
+def channel(model, source, goal):
+    return channels(model, (source,), (goal,))[0]
+
+
+@pytest.mark.parametrize("states", [WHIPPLE, []])
+def test_the_bicycle_at_5_m_per_s(states):
+    model = mbstab.load("whipple_bicycle.yaml").state_space(states, v=5)
+    roll, steer = channel(model, "steer_torque", "roll"), channel(model, "steer_torque", "steer")
+    known = {
+        0.1: (-0.9868355698423036 + 0.311818946057855j, -0.4139805160943399 + 0.1349011784455204j),
+        1.0: (-0.08684857153592184 + 0.3377703770044555j, -0.02600477922341272 + 0.1589365093804886j),
+        100.0: (1.258669834379354e-5 - 7.089108793684031e-6j, -0.0004240188630987565 - 6.783239645706545e-5j),
+    }
+    for omega, (first, second) in known.items():
+        assert abs(roll.at([omega])[0] - first) < 1e-10 * abs(first)
+        assert abs(steer.at([omega])[0] - second) < 1e-10 * abs(second)
+    for source, goal, zeros in (
+        ("steer_torque", "roll", [-59.25992316246231, -13.7464996092469]),
+        ("steer_torque", "steer", [-3.13466385808362, 3.13466385808362]),
+        ("roll_torque", "roll", [-16.09472211912259, -12.19888055817634]),
+        ("roll_torque", "steer", [-2.523609225797761, 4.356737470927877]),
+    ):
+        found = channel(model, source, goal).zeros()
+        np.testing.assert_allclose(found.values, zeros, rtol=1e-12)
+        assert np.all(np.abs(found.values - zeros) <= found.errors + 1e-14 * np.abs(zeros))
+        assert np.all(found.errors < 1e-10)
+        assert found.minimum_phase is (goal == "roll")
+        assert found.hidden == (0 if states else 6)
+
+
+def test_zeros_of_two_masses_beside_the_force_and_behind_the_spring():
+    model = mbstab.loads(MASSES).state_space()
+    near, far = channel(model, "push", "near").zeros(), channel(model, "push", "far").zeros()
+    np.testing.assert_allclose(near.values, [-0.125 - 7.06996287118963589j, -0.125 + 7.06996287118963589j], rtol=1e-12)
+    np.testing.assert_allclose(far.values, [-200.0], rtol=1e-10)
+    assert near.minimum_phase
+    assert far.minimum_phase
+
+
+def test_zeros_that_cancel_eigenvalues_are_hidden():
+    """Of a cart with a pendulum above it: the angle does not see where the cart is, nor how fast it moves."""
+    found = channel(cart(outputs=["bob.theta"]).state_space(), "push", "z0").zeros()
+    assert len(found.values) == 0
+    assert found.hidden == 2
+    zeros = channel(cart(outputs=["cart.x"]).state_space(), "push", "z0").zeros()
+    np.testing.assert_allclose(zeros.values, [-(19.62**0.5), 19.62**0.5], rtol=1e-12)
+    assert zeros.minimum_phase is False
+    vanishing = channel(cart(outputs=["cart.y"]).state_space(), "push", "z0").zeros()
+    assert vanishing.vanishes
+    assert vanishing.minimum_phase is None
+
+
+DRIVEN = "drives:\n  motor: {type: joint, joint: rail, position: 0}"
+
+
+def test_the_function_of_a_drive_has_its_zeros_too():
+    """The tilt follows the acceleration of the cart: two zeros at 0; and its effort has four."""
+    model = cart("{type: drive, drive: motor}", ["bob.theta", "effort(motor)", "place(cart.x)"], DRIVEN).state_space()
+    tilt = channel(model, "push", "z0")
+    np.testing.assert_allclose(tilt.zeros().values, [0, 0], atol=1e-6)
+    assert tilt.zeros().minimum_phase is not True
+    effort = channel(model, "push", "z1")
+    assert len(effort.zeros().values) == 4
+    np.testing.assert_allclose(np.abs(effort.zeros().values.real).max(), (9.81 * 1.1 / 0.5) ** 0.5, rtol=1e-6)
+    times = np.linspace(0, 1, 11)
+    np.testing.assert_allclose(channel(model, "push", "z2").step(times), 1.0, rtol=1e-14)
+    # A unit step of the cart leaves the bob where it is.
+    np.testing.assert_allclose(tilt.step(times), 2.0 * np.cosh(19.62**0.5 * times), rtol=1e-11)
+    with pytest.raises(UsageError, match="has impulses after a step of push"):
+        effort.step(times)
+
+
+def test_steps_and_impulses():
+    model = cart(outputs=["bob.theta"]).state_space()
+    times, rate = np.linspace(0, 0.5, 6), 4.64564312017184549
+    found = answer(model, duration=0.5, points=6)
+    np.testing.assert_allclose(found.values[0], 2.0 * (np.cosh(rate * times) - 1) / rate**2, rtol=1e-11, atol=1e-15)
+    found = answer(model, duration=0.5, points=6, impulse=True)
+    np.testing.assert_allclose(found.values[0], 2.0 * np.sinh(rate * times) / rate, rtol=1e-11, atol=1e-15)
+
+
+def test_the_command_writes_the_same_numbers_in_each_format(tmp_path):
+    arguments = (
+        "response",
+        "whipple_bicycle.yaml",
+        "--input",
+        "steer_torque",
+        "--from",
+        "0.1",
+        "--to",
+        "10",
+        "--points",
+        "3",
+    )
+    data = json.loads(run(*arguments, "--format", "json").stdout)
+    rows = list(csv.reader(io.StringIO(run(*arguments, "--format", "csv").stdout)))
+    np.testing.assert_allclose(data["frequency"], [0.1, 1, 10], rtol=1e-14)
+    first = data["channels"][0]
+    assert (first["input"], first["output"], first["unit"]) == ("steer_torque", "roll", "rad/(N*m)")
+    assert rows[0][:3] == ["frequency (rad/s)", "roll/steer_torque real", "roll/steer_torque imag"]
+    assert [float(row[1]) for row in rows[1:]] == first["real"]
+    text = run(*arguments).stdout
+    assert "-13.7464996" in text
+    assert "0.298201" in text  # dB
+    assert "162.465" in text
+    assert "not minimum phase" in text
+    picture = tmp_path / "a.svg"
+    for extra, name in (((), "bode"), (("--step", "2"), "step"), (("--impulse", "2"), "impulse")):
+        result = run("response", "whipple_bicycle.yaml", "--points", "20", *extra, "--pictures", str(picture))
+        assert result.exit_code == 0
+        assert (tmp_path / f"a-{name}.svg").stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("whipple_bicycle.yaml", "--input", "steer"), "there is no input 'steer'"),
+        (("whipple_bicycle.yaml", "--measured", "rol"), "did you mean 'roll'"),
+        (("whipple_bicycle.yaml", "--from", "2", "--to", "1"), "the smaller first"),
+        (("whipple_bicycle.yaml", "--step", "1", "--impulse", "1"), "exclude each other"),
+        (("whipple_bicycle.yaml", "--step", "-1"), "give a positive time"),
+        (("whipple_bicycle.yaml", "--step", "1", "--from", "1"), "are frequencies"),
+        (("pendulum.yaml",), "the model declares no inputs"),
+    ],
+)
+def test_wrong_questions_are_refused(arguments, message):
+    result = run("response", *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
