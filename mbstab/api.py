@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field, fields, replace
+from dataclasses import field, replace
 from decimal import Decimal
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.algebra.budget import Cost, Task
 from mbstab.analysis.algebra.failures import guarded
@@ -29,8 +29,8 @@ from mbstab.analysis.linear.symbolic import SymbolicBlocks, Track, symbolic_bloc
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
 from mbstab.compiler.system import Array, System
-from mbstab.errors import UsageError, nearest
-from mbstab.model.arguments import series, whole
+from mbstab.errors import UsageError
+from mbstab.model.arguments import parted, series, whole
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.library import find_model
 from mbstab.model.parameters import Latest, bound, evaluate_parameters
@@ -40,13 +40,12 @@ from mbstab.model.values import evaluate
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
     from mbstab.analysis.compare.integrators import Integrations
     from mbstab.analysis.compare.methods import Comparison
     from mbstab.analysis.compare.verify import Verification
     from mbstab.analysis.linear.control import ControlModel
     from mbstab.analysis.linear.precise import PreciseResult
+    from mbstab.analysis.linear.sensitivity import Sensitivities
     from mbstab.analysis.proof.certify import Certificate
     from mbstab.analysis.reference.equilibrium import Equilibrium
     from mbstab.analysis.simulate.energy import Energies
@@ -56,7 +55,6 @@ if TYPE_CHECKING:
     from mbstab.analysis.sweep.sweep import Sweep
 
 Setting = float | str | Fraction | Decimal
-S = TypeVar("S", bound="DataclassInstance")
 Starts = Callable[[list[int]], Iterator[int]]
 
 
@@ -308,6 +306,22 @@ class Mechanism:
         return precise_eigenvalues(model, digits, frozen, progress)
 
     @guarded
+    def sensitivities(self, frozen: bool = False, **parameters: Setting) -> Sensitivities:
+        """Return the derivatives of all eigenvalues by all parameters, with the motion of the reference included.
+
+        Raises
+        ------
+        UsageError
+            If the file has no parameters, or the motion is periodic.
+        MbstabError
+            As `eig`; also where the reference has no derivative.
+        """
+        from mbstab.analysis.linear.sensitivity import sensitivities
+
+        found = sensitivities(self._afforded("modes", parameters), frozen, self._zeros(parameters))
+        return replace(found, result=self._described(found.result, frozen, False, parameters))
+
+    @guarded
     def certify(
         self, digits: int = 50, progress: Callable[[float], object] = lambda done: None, **parameters: Setting
     ) -> Certificate:
@@ -387,7 +401,7 @@ class Mechanism:
         from mbstab.analysis.sweep.settings import SweepSettings
         from mbstab.analysis.sweep.sweep import sweep
 
-        settings, parameters = self._parted(SweepSettings, keywords)
+        settings, parameters = parted(SweepSettings, keywords, self.model.parameters)
         model = self._afforded("modes", parameters)
         from mbstab.analysis.sweep.named_branches import with_branch_names
 
@@ -433,23 +447,8 @@ class Mechanism:
         from mbstab.analysis.simulate.settings import SimulationSettings
         from mbstab.analysis.simulate.simulate import simulate
 
-        settings, parameters = self._parted(SimulationSettings, {"to": to, **keywords})
+        settings, parameters = parted(SimulationSettings, {"to": to, **keywords}, self.model.parameters)
         return simulate(self._affordable("run", parameters), settings, progress, tell, self.force)
-
-    def _parted(self, kind: type[S], keywords: Mapping[str, Any]) -> tuple[S, dict[str, Any]]:
-        """Return settings of a kind, and the parameters among keywords.
-
-        Raises
-        ------
-        UsageError
-            If a keyword is nearer to a setting than to a parameter, but none; if settings are wrong.
-        """
-        names = [x.name for x in fields(kind)]
-        parameters = {name: x for name, x in keywords.items() if name not in names}
-        for name in parameters.keys() - self.model.parameters.keys():
-            if (near := nearest(name, [*self.model.parameters, *names])) in names:
-                raise UsageError(f"there is no setting or parameter {name!r}\nhint: did you mean {near!r}?")
-        return kind(**{name: x for name, x in keywords.items() if name in names}), parameters
 
     @guarded
     def swing(self, number: int = 1, points: int = 50, **parameters: Setting) -> Swing:
@@ -485,7 +484,7 @@ class Mechanism:
         from mbstab.analysis.sweep.chart import chart
         from mbstab.analysis.sweep.settings import SweepSettings
 
-        settings, parameters = self._parted(SweepSettings, keywords)
+        settings, parameters = parted(SweepSettings, keywords, self.model.parameters)
         return chart(self._afforded("modes", parameters), values, progress, settings)
 
     @guarded

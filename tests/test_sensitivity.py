@@ -1,41 +1,28 @@
 """Derivatives of eigenvalues by parameters, against closed forms and against differences with many digits."""
 
+import csv
+import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
-from mpmath import mp
+from click.testing import CliRunner
+from differences import differences
 
+import mbstab
 from mbstab import load, loads
-from mbstab.analysis.linear.sensitivity import sensitivities
+from mbstab.cli import main
 from mbstab.errors import MbstabError, UsageError
-from mbstab.model.arithmetic import mpmath_arithmetic
-from mbstab.model.parameters import evaluate_parameters
+from mbstab.report.pictures.sensitivity_bars import sensitivity_bars
 
 
 def slopes(found, name, number=0):
     return found.derivatives[number].slopes[found.parameters.index(name)]
 
 
-def differences(mechanism, name, digits=30):
-    """Return the differences of eigenvalues with many digits over a tiny step of a parameter, and the eigenvalues."""
-    with mp.workdps(2 * digits):
-        value = evaluate_parameters(mechanism.model, {}, mpmath_arithmetic())[name]
-        h = (abs(value) or 1) * mp.mpf(10) ** (-digits // 2)
-        ends = []
-        for sign in (1, -1):
-            result = mechanism.eig_precise(digits, **{name: f"1*({mp.nstr(value + sign * h, 2 * digits)})"})
-            ends.append([e.value for e in result.eigenvalues])
-
-        def slope(s):
-            after, before = (min(end, key=lambda x: abs(x - s)) for end in ends)
-            return complex((after - before) / (2 * h))
-
-        return slope
-
-
 def assert_slopes(mechanism, names, tolerance=1e-10):
-    found = sensitivities(mechanism.model)
+    found = mechanism.sensitivities()
     scales = np.where(found.values, np.abs(found.values), 1.0)
     compared = 0
     for name in names:
@@ -45,7 +32,7 @@ def assert_slopes(mechanism, names, tolerance=1e-10):
         for item in found.derivatives:
             if not item.missing:
                 row = np.nanmax(np.abs(item.slopes) * scales) / scales[k]
-                off = abs(item.slopes[k] - exact(item.eigenvalue.value))
+                off = abs(item.slopes[k] - exact(found.eigenvalue(item).value))
                 assert off <= tolerance * row
                 assert off <= 10.0 * item.errors[k] + 1e-14 * row  # the estimate is no fiction
                 compared += 1
@@ -54,7 +41,7 @@ def assert_slopes(mechanism, names, tolerance=1e-10):
 
 
 def test_a_pendulum():
-    found = sensitivities(load("pendulum.yaml").model)
+    found = load("pendulum.yaml").sensitivities()
     assert slopes(found, "L") == pytest.approx(-15.1631749643667965j, rel=1e-14)
     assert slopes(found, "g") == pytest.approx(0.309137104268436218j, rel=1e-14)
     assert abs(slopes(found, "m")) < 1e-14  # the inertia is written in terms of m
@@ -63,9 +50,9 @@ def test_a_pendulum():
 
 
 def test_the_whipple_bicycle():
-    found = sensitivities(load("whipple_bicycle.yaml").at(v=5).model)
+    found = load("whipple_bicycle.yaml").sensitivities(v=5)
     weave, capsize, castering = (
-        next(i for i, x in enumerate(found.derivatives) if abs(x.eigenvalue.value - s) < 0.01)
+        next(i for i, x in enumerate(found.derivatives) if abs(found.eigenvalue(x).value - s) < 0.01)
         for s in (-0.7753 + 4.4649j, -0.3229, -14.078)
     )
     assert slopes(found, "v", capsize) == pytest.approx(0.5592202429888759, rel=1e-12)
@@ -121,16 +108,16 @@ reference:
 
 
 def test_equal_eigenvalues_have_no_derivative_and_say_so():
-    found = sensitivities(loads(SPRING).model)
+    found = loads(SPRING).sensitivities()
     double, single = sorted(found.derivatives, key=lambda x: not x.missing)[::2]
     assert "2 eigenvalues cannot be told apart" in double.missing
     assert np.isnan(double.slopes).all()
-    assert single.eigenvalue.value == pytest.approx(5j)
+    assert found.eigenvalue(single).value == pytest.approx(5j)
     assert not single.missing
 
 
 def test_a_given_position_that_does_not_follow_a_parameter():
-    found = sensitivities(loads(SPRING).model)
+    found = loads(SPRING).sensitivities()
     assert set(found.missing) == {"x_0"}
     assert "do not balance" in found.missing["x_0"]
     assert all(math.isnan(abs(x.slopes[found.parameters.index("x_0")])) for x in found.derivatives)
@@ -138,9 +125,66 @@ def test_a_given_position_that_does_not_follow_a_parameter():
 
 def test_no_parameters_is_an_error_in_words():
     with pytest.raises(UsageError, match="no parameters"):
-        sensitivities(loads("mbstab: 1\nbodies:\n  a: {type: planar, mass: 1, inertia: 1}\n").model)
+        loads("mbstab: 1\nbodies:\n  a: {type: planar, mass: 1, inertia: 1}\n").sensitivities()
 
 
 def test_a_periodic_motion_is_refused():
     with pytest.raises(MbstabError, match="without derivatives"):
-        sensitivities(load("kapitza.yaml").model)
+        load("kapitza.yaml").sensitivities()
+
+
+KINK = """
+mbstab: 1
+parameters: {k: 4.0, e: 0.0}
+bodies:
+  a: {type: planar, mass: 1, inertia: 1}
+forces:
+  spring: {type: expression, on: {a.x: -(k + abs(e))*a.x, a.y: -9*a.y, a.theta: -25*a.theta}}
+"""
+
+
+def test_a_kink_at_the_value_of_a_parameter_is_named():
+    with pytest.raises(MbstabError, match=r"abs has no derivative at 0"):
+        loads(KINK).sensitivities()
+
+
+def test_the_command_prints_what_moves_an_eigenvalue_most_first():
+    run = CliRunner().invoke(main, ["eig", "top.yaml", "--sensitivity"], catch_exceptions=False)
+    assert run.exit_code == 0, run.output
+    lines = run.stdout.rstrip().splitlines()
+    assert lines[-9] == "0 ± 11.5865i 1/s"
+    assert [line.split()[0] for line in lines[-6:]] == ["I_z", "omega", "I_x", "H", "m", "g"]
+    assert lines[-6].split() == ["I_z", "kg*m^2", "0", "+", "34871.124i", "0", "+", "0.1395i", lines[-6].split()[-1]]
+
+
+def test_json_and_csv_have_the_derivatives_per_declared_unit():
+    text = (Path(mbstab.__file__).parents[1] / "models" / "pendulum.yaml").read_text()
+    arguments = ["eig", "-", "--sensitivity", "--format"]
+    file = text.replace("L: {value: 0.2, unit: m,", "L: {value: 200, unit: mm,")
+    run = CliRunner().invoke(main, [*arguments, "json"], input=file, catch_exceptions=False)
+    (item,) = json.loads(run.stdout)["sensitivity"]["eigenvalues"]
+    assert item["derivatives"]["L"]["imag"] == pytest.approx(-0.0151631749643667965, rel=1e-13)
+    assert item["derivatives"]["L"]["percent_imag"] == pytest.approx(-0.030326349928733593, rel=1e-13)
+    run = CliRunner().invoke(main, [*arguments, "csv"], input=file, catch_exceptions=False)
+    lines = {row["parameter"]: row for row in csv.DictReader(run.stdout.splitlines())}
+    assert float(lines["L"]["derivative_imag"]) == item["derivatives"]["L"]["imag"]
+    assert lines["L"]["unit"] == "mm"
+
+
+def test_options_that_contradict_are_refused():
+    run = CliRunner().invoke(main, ["eig", "pendulum.yaml", "--sensitivity", "--certify"])
+    assert run.exit_code == 2
+    assert "--sensitivity goes with none of" in run.output
+
+
+def test_the_picture_has_a_panel_for_each_eigenvalue_and_the_longest_bar_first(tmp_path):
+    figure = sensitivity_bars(load("whipple_bicycle.yaml").sensitivities(v=5), "")
+    assert [len(panel.patches) for panel in figure.axes] == [8, 16, 8]  # a pair has two bars for each parameter
+    assert [panel.get_yticklabels()[0].get_text() for panel in figure.axes] == ["x_S", "x_H", "w"]
+    assert figure.axes[2].patches[0].get_width() == pytest.approx(0.01 * 1.02 * 21.1149432666, rel=1e-9)
+    arguments = ["eig", "pendulum.yaml", "--sensitivity", "--plot", "sensitivity", "--pictures", f"{tmp_path}/a"]
+    assert CliRunner().invoke(main, arguments).exit_code == 0
+    assert (tmp_path / "a-sensitivity.png").read_bytes().startswith(b"\x89PNG")
+    run = CliRunner().invoke(main, ["eig", "pendulum.yaml", "--plot", "sensitivity"])
+    assert run.exit_code == 2
+    assert "give both" in run.output

@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import numbers
+from collections.abc import Collection, Mapping
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.errors import UsageError
+from mbstab.errors import UsageError, nearest
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+S = TypeVar("S", bound="DataclassInstance")
 
 
 def whole(name: str, value: object, least: int = 0) -> int:
@@ -28,3 +36,19 @@ def series(name: object, values: object) -> npt.NDArray[np.float64]:
     if found.ndim != 1 or not np.all(np.isfinite(found)):
         raise UsageError(f"{name}: a sweep takes a list of finite numbers\nhint: such as numpy.linspace(1, 2, 11)")
     return found
+
+
+def parted(kind: type[S], keywords: Mapping[str, Any], known: Collection[str]) -> tuple[S, dict[str, Any]]:
+    """Return settings of a kind, and the parameters among keywords, some of which are known.
+
+    Raises
+    ------
+    UsageError
+        If a keyword is nearer to a setting than to a parameter, but none; if settings are wrong.
+    """
+    names = [x.name for x in fields(kind)]
+    parameters = {name: x for name, x in keywords.items() if name not in names}
+    for name in parameters.keys() - known:
+        if (near := nearest(name, [*known, *names])) in names:
+            raise UsageError(f"there is no setting or parameter {name!r}\nhint: did you mean {near!r}?")
+    return kind(**{name: x for name, x in keywords.items() if name in names}), parameters

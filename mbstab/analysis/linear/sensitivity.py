@@ -41,11 +41,12 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class Derivatives:
-    """An eigenvalue and its derivatives by the parameters; of a conjugate pair, the one with Im λ > 0.
+    """The derivatives of an eigenvalue by the parameters; of a conjugate pair, of the one with Im λ > 0.
 
     Attributes
     ----------
-    eigenvalue : Eigenvalue
+    number : int
+        Which of the eigenvalues of the answer it is.
     slopes : ndarray of complex, shape (parameters,)
         dλ/dp in 1/s per SI unit of each parameter; nan where there is none.
     errors : ndarray, shape (parameters,)
@@ -54,7 +55,7 @@ class Derivatives:
         Why it has no derivatives; empty: it has.
     """
 
-    eigenvalue: Eigenvalue
+    number: int
     slopes: Complex
     errors: Array
     missing: str = ""
@@ -82,6 +83,19 @@ class Sensitivities:
     values: Array
     missing: dict[str, str]
     derivatives: list[Derivatives]
+
+    def eigenvalue(self, item: Derivatives) -> Eigenvalue:
+        """Return the eigenvalue to which derivatives belong."""
+        return self.result.eigenvalues[item.number]
+
+    def order(self, item: Derivatives) -> list[int]:
+        """Return the numbers of the parameters with derivatives, what moves an eigenvalue most per percent first.
+
+        Parameters that are zero have no percent; they are last.
+        """
+        change = np.abs(item.slopes * self.values)
+        known = np.flatnonzero(~np.isnan(change)).tolist()
+        return sorted(known, key=lambda k: (-change[k], not self.values[k], -abs(item.slopes[k])))
 
 
 def sensitivities(model: Model, frozen: bool = False, zeros: Callable[[], int] | None = None) -> Sensitivities:
@@ -192,14 +206,14 @@ def _differentiated(grounds: Grounds, result: EigenResult, slopes: Array) -> lis
     neutral = [e.value for e in result.eigenvalues if e.kind == "neutral"]
     count, found = len(slopes), []
     left = _Vectors(grounds)
-    for e in listed:
-        if e.value.imag < 0.0:
+    for number, e in enumerate(result.eigenvalues):
+        if e.kind == "neutral" or e.value.imag < 0.0:
             continue
         missing = _multiple(e, listed, neutral)
         derivative, error = np.full(count, math.nan + 0j), np.full(count, math.nan)
         if not missing:
             derivative, error = left.derivative(e, slopes)
-        found.append(Derivatives(e, derivative, error, missing))
+        found.append(Derivatives(number, derivative, error, missing))
     return found
 
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from mbstab.model.schema import Model
 
 CERTIFIED_DIGITS = 50
-PICTURES = ("spectrum",)
+PICTURES = ("spectrum", "sensitivity")
 
 
 @click.command()
@@ -86,13 +86,19 @@ PICTURES = ("spectrum",)
     "entry; JSON holds the energies, too.",
 )
 @click.option(
+    "--sensitivity",
+    is_flag=True,
+    help="Print the derivative of each eigenvalue by each parameter, the motion of the reference included, and the "
+    "change per percent, what moves it most first; CSV holds these alone.",
+)
+@click.option(
     "--plot",
     "pictures",
     callback=listed(click.Choice(PICTURES)),
     metavar="[" + "|".join(PICTURES) + "]",
     multiple=True,
     help="Pictures to draw, separated by commas or repeated. spectrum: the eigenvalues in the complex plane, with "
-    "bounds, names, and lines of equal damping and frequency.",
+    "bounds, names, and lines of equal damping and frequency; sensitivity, with --sensitivity: its bars.",
 )
 @pictures_option
 @click.option(
@@ -114,6 +120,7 @@ def eig(
     rightmost: bool,
     verify: bool,
     shapes: bool,
+    sensitivity: bool,
     pictures: tuple[str, ...],
     place: Path | None,
     require: str | None,
@@ -130,9 +137,8 @@ def eig(
     if len(set(names)) < len(names):
         raise UsageError("a file is named twice")
     many_digits = precision is not None or certify
-    if shapes and (many_digits or verify or output.format == "csv"):
-        raise UsageError("--shapes goes with none of --precision, --certify, --verify and the format csv")
-    _refuse_pictures(pictures, place, many_digits, len(names) > 1)
+    _refuse_more(shapes, sensitivity, many_digits or verify, count is not None or method != DEFAULT, output.format)
+    _refuse_pictures(pictures, place, many_digits, len(names) > 1, sensitivity)
     paths: dict[str, Path] = {}
 
     def reply(mechanism: Mechanism) -> _Reply:
@@ -142,6 +148,8 @@ def eig(
             return _precise(mechanism, frozen, precision)
         if count is not None:
             return _shaped(mechanism, mechanism.modes(count, shift, rightmost, shapes), shapes)
+        if sensitivity:
+            return _differentiated(mechanism, frozen)
         return _verified(mechanism, frozen) if verify else _plain(mechanism, method, frozen, shapes)
 
     replies: list[_Reply] = []
@@ -157,11 +165,16 @@ def eig(
                 raise
             failures.append(error)
     if replies:
-        output.write(_joined(replies, len(names) > 1))
-        for picture, path in paths.items():
-            save_picture(replies[0].pictures[picture](), path)
+        _write(replies, len(names) > 1, output, paths)
     if failures:
         raise failures[0] if len(failures) == 1 else SeveralErrors(failures)
+
+
+def _write(replies: list[_Reply], several: bool, output: Output, paths: Mapping[str, Path]) -> None:
+    """Write the answers, and the pictures of a single one."""
+    output.write(_joined(replies, several))
+    for picture, path in paths.items():
+        save_picture(replies[0].pictures[picture](), path)
 
 
 def _refuse(
@@ -180,8 +193,22 @@ def _refuse(
         raise UsageError(f"{message}\nhint: leave out --modes for all eigenvalues")
 
 
-def _refuse_pictures(pictures: tuple[str, ...], place: Path | None, many_digits: bool, several: bool) -> None:
+def _refuse_more(shapes: bool, sensitivity: bool, other: bool, partial: bool, form: str) -> None:
+    """Refuse details of the modes where the answer is another one, or one by another method."""
+    if shapes and (other or form == "csv"):
+        raise UsageError("--shapes goes with none of --precision, --certify, --verify and the format csv")
+    if sensitivity and (other or partial or shapes):
+        raise UsageError(
+            "--sensitivity goes with none of --precision, --certify, --verify, --shapes, --modes, --method"
+        )
+
+
+def _refuse_pictures(
+    pictures: tuple[str, ...], place: Path | None, many_digits: bool, several: bool, sensitivity: bool
+) -> None:
     """Refuse pictures of what cannot be drawn."""
+    if "sensitivity" in pictures and not sensitivity:
+        raise UsageError("--plot sensitivity draws what --sensitivity computes\nhint: give both")
     if pictures and (many_digits or several):
         raise UsageError("--plot goes with a single file, and neither with --precision nor with --certify")
     if place is not None and not pictures:
@@ -356,6 +383,32 @@ def _verified(mechanism: Mechanism, frozen: bool) -> _Reply:
         failure=failure,
     )
     return _drawn(reply, mechanism, result)
+
+
+def _differentiated(mechanism: Mechanism, frozen: bool) -> _Reply:
+    """Answer with the eigenvalues and their derivatives by the parameters."""
+    found = mechanism.sensitivities(frozen)
+    from mbstab.report import eigenvalue_data as data
+    from mbstab.report import eigenvalues, sensitivity
+
+    model = mechanism.model
+
+    def text(result: EigenResult, title: str) -> str:
+        return f"{eigenvalues.eigen_text(result, title)}\n{sensitivity.sensitivity_text(found, model)}"
+
+    def both(result: EigenResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
+        return data.eigen_data(result, model, values) | sensitivity.sensitivity_data(found, model)
+
+    def rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
+        return sensitivity.sensitivity_rows(found, model)
+
+    def bars() -> Any:
+        from mbstab.report.pictures.sensitivity_bars import sensitivity_bars
+
+        return sensitivity_bars(found, model.title)
+
+    reply = _drawn(_told(mechanism, found.result, text, both, rows), mechanism, found.result)
+    return replace(reply, pictures={**reply.pictures, "sensitivity": bars})
 
 
 def _certified(mechanism: Mechanism, digits: int) -> _Reply:

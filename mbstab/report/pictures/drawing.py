@@ -92,11 +92,13 @@ def house_style() -> Iterator[None]:
         yield
 
 
-def titled_figure(title: str, heights: Sequence[float], above: float = 0.0) -> tuple[Figure, list[Axes]]:
-    """Return a figure with panels (heights in inches) below each other, room above them, and its title."""
+def titled_figure(
+    title: str, heights: Sequence[float], above: float = 0.0, gap: float = 0.12
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with panels (heights and gap in inches) below each other, room above them, and its title."""
     lines = wrap(title, 80)[:3]
     top = 0.15 + 0.2 * len(lines) + above + 0.1
-    gap, bottom = 0.12, 1.05
+    bottom = 1.05
     total = top + sum(heights) + gap * (len(heights) - 1) + bottom
     figure = Figure(figsize=(WIDTH, total))
     panels, at = [], total - top

@@ -1,0 +1,61 @@
+"""What moves each eigenvalue most: bars for its change with one percent of each parameter."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from mbstab.analysis.linear.sensitivity import Derivatives, Sensitivities
+from mbstab.report.modes import value_text
+from mbstab.report.pictures.drawing import FONT, draw_legend, house_style, titled_figure
+
+PANELS, BARS = 6, 8
+"""The largest number of eigenvalues that are drawn, those that decay least, and of parameters for each."""
+
+NAME = 13
+"""Characters of a parameter that fit beside a panel."""
+
+
+def sensitivity_bars(found: Sensitivities, title: str) -> Figure:
+    """Return a panel for each eigenvalue with derivatives: bars for the real and the imaginary part of its change.
+
+    Parameters that are zero have no percent and no bar; neither have those that do not move the eigenvalue.
+    """
+    panels: list[tuple[Derivatives, list[int]]] = []
+    for item in found.derivatives:
+        order = [k for k in found.order(item) if abs(item.slopes[k]) > item.errors[k] and found.values[k]]
+        if order and len(panels) < PANELS:
+            panels.append((item, order[:BARS]))
+    with house_style():
+        heights = [0.3 + 0.22 * len(order) for _, order in panels] or [1.0]
+        figure, axes = titled_figure(title, heights, gap=0.35)
+        for panel, (item, order) in zip(axes, panels, strict=False):
+            e = found.eigenvalue(item)
+            change = 0.01 * item.slopes[order] * found.values[order]
+            rows = np.arange(len(order))
+            pair = e.value.imag != 0.0
+            panel.barh(rows - 0.19 * pair, change.real, 0.36 if pair else 0.5, color="0.15", zorder=3)
+            if pair:
+                panel.barh(rows + 0.19, change.imag, 0.36, facecolor="w", edgecolor="0.15", hatch="/////", zorder=3)
+            names = [found.parameters[k] for k in order]
+            panel.set_yticks(rows, [x if len(x) <= NAME else f"{x[: NAME - 1]}…" for x in names], parse_math=False)
+            panel.set_ylim(len(order) - 0.4, -1.5)
+            reach = 1.08 * max(np.max(np.abs(change.real)), np.max(np.abs(change.imag)))
+            panel.set_xlim(-reach, reach)
+            panel.axvline(0.0, color="k", linewidth=0.8, zorder=4)
+            panel.grid(axis="x", color="0.85", linewidth=0.6)
+            panel.tick_params(axis="y", length=0)
+            text = f"{e.name}{': ' if e.name else ''}{value_text(e)} 1/s"
+            panel.text(0.01, 0.97, text, transform=panel.transAxes, va="top", fontsize=FONT, parse_math=False)
+        if not panels:
+            axes[0].text(0.5, 0.5, "no eigenvalue has derivatives", transform=axes[0].transAxes, ha="center")
+            axes[0].set_yticks([])
+        axes[-1].set_xlabel("change of the eigenvalue with one percent more of a parameter (1/s)")
+        handles: list[Artist] = [
+            Patch(facecolor="0.15", label="real part: damping"),
+            Patch(facecolor="w", edgecolor="0.15", hatch="/////", label="imaginary part: frequency"),
+        ]
+        draw_legend(figure, handles)
+        return figure

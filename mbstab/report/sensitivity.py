@@ -1,0 +1,119 @@
+"""Derivatives of eigenvalues by parameters: text, JSON and CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbstab.model.schema import Model
+from mbstab.report import WIDTH
+from mbstab.report.modes import value_text
+from mbstab.report.tables import number, table
+
+if TYPE_CHECKING:
+    from mbstab.analysis.linear.sensitivity import Derivatives, Sensitivities
+
+SHOWN = 1e-12
+"""Derivatives smaller than this fraction of the largest one per percent are rounding, and left out of the text."""
+
+
+def sensitivity_text(found: Sensitivities, model: Model) -> str:
+    """Return a table for each eigenvalue: what moves it most, first."""
+    lines = ["Derivatives by the parameters, and the change for one percent more of each:", ""]
+    for item in found.derivatives:
+        e = found.eigenvalue(item)
+        lines.append(f"{e.name}{': ' if e.name else ''}{value_text(e)} 1/s")
+        if item.missing:
+            lines += [*wrap(f"no derivatives: {item.missing}", WIDTH, initial_indent="  "), ""]
+            continue
+        rows = [row for _, row in _rows(found, item, model)]
+        if rows:
+            heads = ["parameter", "unit", "dλ/dp (1/s per unit)", "per percent (1/s)", "error"]
+            lines.append(table(heads, rows, left=(0, 1)))
+        else:
+            lines += ["  no parameter moves it", ""]
+    for name, reason in found.missing.items():
+        lines += wrap(f"{name}: no derivatives: {reason}", WIDTH, subsequent_indent="  ")
+    return "\n".join(lines) + "\n"
+
+
+def _rows(found: Sensitivities, item: Derivatives, model: Model) -> Iterator[tuple[int, list[str]]]:
+    """Yield the parameters that move an eigenvalue, and the cells of the table."""
+    real = not found.eigenvalue(item).value.imag
+    for k in found.order(item):
+        name = found.parameters[k]
+        parameter = model.parameters[name]
+        slope, change = item.slopes[k] * parameter.factor, item.slopes[k] * 0.01 * found.values[k]
+        if abs(slope) <= item.errors[k] * parameter.factor:
+            continue
+        error = item.errors[k] * parameter.factor
+        per_percent = _complex(change, real, 4) if found.values[k] else "-"
+        yield k, [name, parameter.unit or "1", _complex(slope, real, 8), per_percent, f"{error:.0e}"]
+
+
+def _complex(x: complex, real: bool, digits: int) -> str:
+    """Return a complex number; parts that are rounding of the whole are 0."""
+    parts = [0.0 if abs(part) <= SHOWN * abs(x) else part for part in (x.real, x.imag)]
+    if real:
+        return number(parts[0], digits)
+    sign = "-" if parts[1] < 0.0 else "+"
+    return f"{number(parts[0], digits)} {sign} {number(abs(parts[1]), digits)}i"
+
+
+def sensitivity_data(found: Sensitivities, model: Model) -> dict[str, Any]:
+    """Return the key ``sensitivity`` of the JSON object of ``mbstab eig --sensitivity``.
+
+    Keys: ``eigenvalues`` (``real`` and ``imag`` in 1/s, ``missing``: why there are no derivatives, and
+    ``derivatives`` by the names of the parameters, what moves the eigenvalue most first), ``missing`` (why there
+    are none by some parameters). A derivative has ``real``, ``imag`` and ``error`` in 1/s per declared unit of the
+    parameter, ``unit``, and ``percent_real`` and ``percent_imag``, the change in 1/s for one percent more of the
+    parameter, null if that is zero.
+    """
+    return {
+        "sensitivity": {
+            "eigenvalues": [
+                {
+                    "real": found.eigenvalue(item).value.real,
+                    "imag": found.eigenvalue(item).value.imag,
+                    "missing": item.missing,
+                    "derivatives": {} if item.missing else dict(_entries(found, item, model)),
+                }
+                for item in found.derivatives
+            ],
+            "missing": found.missing,
+        }
+    }
+
+
+def _entries(found: Sensitivities, item: Derivatives, model: Model) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the parameters by which an eigenvalue has derivatives, and these."""
+    for k in found.order(item):
+        parameter = model.parameters[found.parameters[k]]
+        slope, value = complex(item.slopes[k]) * parameter.factor, float(found.values[k])
+        percent = complex(item.slopes[k]) * 0.01 * value if value else complex(np.nan, np.nan)
+        yield (
+            parameter.name,
+            {
+                "real": slope.real,
+                "imag": slope.imag,
+                "error": float(item.errors[k]) * parameter.factor,
+                "unit": parameter.unit,
+                "percent_real": percent.real,
+                "percent_imag": percent.imag,
+            },
+        )
+
+
+def sensitivity_rows(found: Sensitivities, model: Model) -> tuple[list[str], list[list[Any]]]:
+    """Return the heads and the lines of a CSV file: one line for each eigenvalue and parameter."""
+    heads = ["real", "imag", "parameter", "unit", "derivative_real", "derivative_imag", "error", "percent_real"]
+    rows = []
+    for item in found.derivatives:
+        s = found.eigenvalue(item).value
+        for name, x in _entries(found, item, model) if not item.missing else ():
+            cells = [x[key] for key in ("unit", "real", "imag", "error", "percent_real", "percent_imag")]
+            rows.append([s.real, s.imag, name, *cells])
+    return [*heads, "percent_imag"], rows
