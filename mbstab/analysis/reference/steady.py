@@ -107,11 +107,11 @@ class Generator:
 
     def frame(self, q: Array) -> tuple[Array, Array]:
         """Return Ξ = DX(q) and Ξ₂ = Ξ² + D²X[X, ·], shape (…, n_q, n_q)."""
-        _, slope, growth = self._at(q)
-        return slope.copy(), slope @ slope + growth
+        _, slope, second = self._at(q)
+        return slope.copy(), second.copy()
 
     def _at(self, q: Array) -> tuple[Array, Array, Array]:
-        """Return X, its slope and the rate of that along X; single points are asked for again and again."""
+        """Return X, Ξ and Ξ₂; single points are asked for again and again."""
         if q.ndim > 1 or q.dtype != float:
             return self._evaluate(q)
         key = q.tobytes()
@@ -124,23 +124,26 @@ class Generator:
     def _evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         n, d, places = q.shape[-1], self.system.scene.dimension, self.system.places
         X = np.broadcast_to(self.spins, q.shape).astype(q.dtype)
-        slope, growth = np.zeros((*q.shape, n), q.dtype), np.zeros((*q.shape, n), q.dtype)
+        slope, twice = np.zeros((*q.shape, n), q.dtype), np.zeros((*q.shape, n), q.dtype)
         X[..., places] += self.velocity[..., None, :d]
         if not self.turns:
-            return X, slope, growth
+            return X, slope, twice
         rate = np.asarray(self.rate)[..., None]
         cross = rate[..., None] * cross_matrix(self.axis)[:d, :d]
         X[..., places] += (q[..., places] - self.point[:d]) @ cross.swapaxes(-1, -2)
+        # Both are blocks, one for the place and one for the angles of each body.
         slope[..., places[:, :, None], places[:, None, :]] = cross[..., None, :, :]
+        twice[..., places[:, :, None], places[:, None, :]] = (cross @ cross)[..., None, :, :]
         for body, angles in self._oriented():
             if d == 2:
                 X[..., angles] += rate * self.axis[2]
                 continue
             x, first, second = turning_rates(body, q[..., angles], self.axis)
             X[..., angles] += rate * x
-            slope[..., angles, angles] = rate[..., None] * first
-            growth[..., angles, angles] = rate[..., None] ** 2 * second
-        return X, slope, growth
+            block = rate[..., None] * first
+            slope[..., angles, angles] = block
+            twice[..., angles, angles] = block @ block + rate[..., None] ** 2 * second
+        return X, slope, twice
 
     def _oriented(self) -> Iterator[tuple[BodyValues, slice]]:
         """Yield the bodies that have an orientation, and where their angles are."""
