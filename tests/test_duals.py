@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from mpmath import mp
 
+from mbstab.analysis.algebra.refining import Stalled
+from mbstab.analysis.algebra.slopes import Slopes
 from mbstab.model.arithmetic import FLOAT, mpmath_arithmetic
 from mbstab.model.duals import Dual, dual_arithmetic
 from mbstab.model.expressions import ExpressionError, parse
@@ -56,3 +58,22 @@ def test_a_number_is_zero_only_if_it_stays_zero():
     assert Dual(1.0, np.zeros(1)) == 1.0
     assert abs(Dual(-2.0, np.ones(1))).slope[0] == -1.0
     assert (Dual(3.0, np.ones(1)) ** 2).slope[0] == 6.0
+
+
+def test_matrix_products_and_newton_steps_have_slopes():
+    f = Slopes(np.ones(2))
+    p, r = Dual(2.0, np.array([1.0, 0.0])), Dual(3.0, np.array([0.0, 1.0]))
+    A = np.array([[p, 1.0], [0.5, r]], dtype=object)
+    values, slopes = f.parts(f.times(A, A, np.array([1.0, 2.0])))
+    np.testing.assert_allclose(values, [14.5, 21.5])  # A² (1, 2) with A² = [[p² + 1/2, p + r], [(p + r)/2, r² + 1/2]]
+    np.testing.assert_allclose(slopes, [[6.0, 0.5], [2.0, 12.5]])
+    inverse = np.linalg.inv(f.values(A).astype(float)) * (1.0 + 1e-9)  # each step leaves an error of 1e-9
+    x = f.solved(A, np.array([1.0, 2.0]), inverse)
+    determinant, expected = 5.5, np.array([1.0, 3.5]) / 5.5
+    np.testing.assert_allclose(f.parts(x)[0], expected, rtol=1e-15)
+    np.testing.assert_allclose(
+        f.parts(x)[1][0], [-3.0 / determinant * expected[0], 2.0 / determinant - 3.0 / determinant * expected[1]],
+        rtol=1e-14,
+    )  # fmt: skip
+    with pytest.raises(Stalled):
+        f.solved(A, np.array([1.0, 2.0]), -inverse)

@@ -61,6 +61,10 @@ class Slopes(Refining):
         """Return an array of objects; floats have no slope."""
         return np.array(x, dtype=object)
 
+    def values(self, x: Matrix) -> Matrix:
+        """Return an array without slopes."""
+        return self.parts(x)[0]
+
     def zeros(self, *shape: int) -> Matrix:
         """Return an array of zeros."""
         return np.full(shape, 0.0, dtype=object)

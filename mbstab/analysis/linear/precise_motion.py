@@ -397,7 +397,7 @@ def _accelerations(f: Refining, start: Start, state: Dynamics, known: Matrix | N
         try:
             nu = f.polished(f.zeros(len(J)), lambda nu: f.times(to_nu, loads - f.times(J.T, nu)), floor)
         except Stalled as stalled:
-            raise _undetermined(start, J, stalled) from None
+            raise _undetermined(start, f.values(J), stalled) from None
         return known, nu * row_scale, (loads - f.times(J.T, nu)) / (floor or 1.0)
     M_z = allowed.T @ plain_M @ allowed
     move = allowed @ np.linalg.solve(M_z, allowed.T) if M_z.size else np.zeros((n, n))
@@ -412,7 +412,7 @@ def _accelerations(f: Refining, start: Start, state: Dynamics, known: Matrix | N
     try:
         x = f.polished(f.zeros(n + len(J)), correction, floor)
     except Stalled as stalled:
-        raise _undetermined(start, J, stalled) from None
+        raise _undetermined(start, f.values(J), stalled) from None
     a, nu = x[:n], x[n:]
     return a * scale, nu * row_scale, (force - f.times(M, a) - f.times(J.T, nu)) / (floor or 1.0)
 
