@@ -158,6 +158,13 @@ def test_a_car_on_tyres_with_relaxation(u, expected):
     np.testing.assert_allclose(moving(found), expected, rtol=1e-12)
 
 
+def test_a_car_whose_heading_is_changed_is_simulated():
+    """Slip has no value at rest, which no part of the start needs."""
+    run = mbstab.loads(CAR.format(**RELAXED)).simulate(to=0.1, points=2, perturb={"car.theta": 0.02})
+    assert run.q[0][2] == 0.02
+    assert run.u[0][0] == pytest.approx(10.0)
+
+
 def test_an_oversteering_car_diverges_at_its_critical_speed():
     """The critical speed does not depend on the relaxation of the tyres."""
     for which in (STIFF, RELAXED):

@@ -305,3 +305,65 @@ def test_badly_conditioned_rates_of_states_stay_within_the_bounds():
     )
     for e in mechanism.eig().eigenvalues:
         assert min(abs(e.value - s) for s in expected) <= e.error_bound
+
+
+LINK = """\
+mbstab: 1
+gravity: [0, -9.81]
+parameters: {T: 0.05, P: 50, D: 10}
+bodies: {rod: {type: planar, mass: 1, inertia: 0.1, points: {O: [-0.5, 0]}}}
+joints: {pin: {type: revolute, between: [rod.O, ground]}}
+states: {M: {rate: (-P*angle(pin) - D*rate(angle(pin)) - M)/T}}
+forces: {motor: {type: expression, on: {angle(pin): M}}}
+"""
+
+
+@pytest.mark.parametrize("perturbed", [False, True])
+def test_states_follow_the_bodies_where_a_simulation_starts(perturbed):
+    """A changed angle leaves the rod at rest: the rate of the state follows, it does not push the rod."""
+    text = LINK + "reference: {coordinates: {rod: {theta: 0}, M: 4.905}}\n"
+    if not perturbed:
+        text += "initial: {coordinates: {rod: {theta: 0.1}}}\n"
+    run = mbstab.loads(text).simulate(to=0.1, points=3, perturb={"rod.theta": 0.1} if perturbed else None)
+    assert run.u[0][2] == pytest.approx(0.0, abs=1e-12)
+
+    def slope(t, y):
+        theta, w, M = y
+        return [w, (M - 9.81 * 0.5 * np.cos(theta)) / (0.1 + 0.25), (-50.0 * theta - 10.0 * w - M) / 0.05]
+
+    exact = solve_ivp(slope, (0.0, 0.1), [0.1, 0.0, 4.905], method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    assert [run.q[-1][2], run.u[-1][2], run.q[-1][3]] == pytest.approx(exact.tolist(), abs=1e-6)
+
+
+def test_an_equilibrium_with_a_fast_state_is_found():
+    found = mbstab.loads(LINK + "reference: {find: equilibrium, guess: {rod: {x: 0.5, theta: 0}}}\n").eig()
+    motion = mbstab.loads(LINK + "reference: {find: equilibrium, guess: {rod: {x: 0.5, theta: 0}}}\n").motion()
+    theta, M = motion.q[2], motion.q[3]
+    assert pytest.approx(-50.0 * theta, rel=1e-12) == M
+    assert pytest.approx(9.81 * 0.5 * np.cos(theta), rel=1e-12) == M
+    stiffness = -9.81 * 0.5 * np.sin(theta)
+    expected = np.roots(np.polyadd(np.polymul([0.35, 0.0, stiffness], [0.05, 1.0]), [10.0, 50.0]))
+    assert close(found.values(), expected, 1e-12)
+
+
+def test_rates_that_are_left_out_are_those_of_bodies_at_rest():
+    """Off balance the state moves, and the rod does not for now."""
+    motion = mbstab.loads(LINK + "reference: {coordinates: {rod: {theta: 0.1}, M: 4.905}}\n").motion()
+    assert motion.u.tolist() == pytest.approx([0.0, 0.0, 0.0, (-5.0 - 4.905) / 0.05])
+
+
+def test_states_are_plotted_by_their_names(tmp_path):
+    file = tmp_path / "link.yaml"
+    file.write_text(LINK + "reference: {coordinates: {rod: {theta: 0}, M: 4.905}}\n", encoding="utf-8")
+    arguments = ["simulate", str(file), "--to", "0.1", "--plot", "M", "--pictures", str(tmp_path / "x")]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 0, result.output
+    assert list(tmp_path.glob("x*.png"))
+
+
+def test_growth_along_a_symmetry_is_not_denied_where_it_is_of_second_order():
+    """z1' = z2^2 with z2 constant: z1 leaves, although no eigenvalue says so."""
+    found = on_a_line("m: 1", "z1: {rate: z2**2}\n  z2: {rate: 0}", "-b.x - rate(b.x)").eig()
+    assert found.verdict == "asymptotically stable up to symmetry"
+    assert found.in_place is None
+    assert "is not judged" in found.judged.reasons[0]

@@ -211,7 +211,8 @@ def participation(M: Any, names: Sequence[str], x: Any) -> list[dict[str, float]
     bodies, owner = _owners(tuple(names))
     shares = np.zeros((len(bodies), x.shape[1]))
     np.add.at(shares, owner, np.where(total > 0.0, energy / np.where(total > 0.0, total, 1.0), 0.0))
-    return [dict(zip(bodies, mode, strict=True)) for mode in shares.T.tolist()]
+    own = [k for k, body in enumerate(bodies) if body not in names]  # states have no energy
+    return [{bodies[k]: mode[k] for k in own} for mode in shares.T.tolist()]
 
 
 @lru_cache(maxsize=8)

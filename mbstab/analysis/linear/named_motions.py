@@ -20,6 +20,7 @@ from mbstab.analysis.reference.efforts import MOTION_UNITS, Placement, motion_na
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array, System
+from mbstab.mechanics.measures import is_measure
 from mbstab.model.schema import is_length, is_state, unit_of
 from mbstab.records import dataclass
 
@@ -112,6 +113,9 @@ class Telling:
             return ()
         moved = self.rows @ shape
         sizes = np.abs(moved)
+        states = np.array([is_state(name) and not is_measure(name) for name in self.names])
+        if np.any(sizes[~states] > 0.0):
+            sizes[states] = 0.0  # in units of their own
         most = float(np.max(sizes))
         if not most > 0.0:
             return ()

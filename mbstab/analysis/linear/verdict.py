@@ -530,10 +530,12 @@ def _critical(facts: Facts, critical: Critical) -> Verdict:
 def _up_to(facts: Facts, word: str, reason: str) -> Verdict:
     """Return a verdict that holds up to the neutral directions."""
     neutral = facts.neutral
-    reasons = [reason + _growing(neutral.drift)]
+    # Other motions of a family may move along the symmetries, however slowly: x' = y^2, y' = 0.
+    known = bool(neutral.drift) or not (neutral.symmetries and neutral.family)
+    reasons = [reason + (_growing(neutral.drift) if known else "; whether that goes on growing is not judged")]
     if neutral.checked:
         reasons.append(f"as far as checked: {neutral.checked}")
-    in_place = neutral.drift == 0 if word == ASYMPTOTIC_UP_TO else None
+    in_place = neutral.drift == 0 if known and word == ASYMPTOTIC_UP_TO else None
     return Verdict(word, tuple(reasons), neutral.symmetries, neutral.family, in_place, neutral.evidence, facts.warnings)
 
 

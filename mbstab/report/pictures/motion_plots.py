@@ -382,7 +382,7 @@ def _quantities(model: Model, word: str) -> list[Quantity]:
         return [WORDS[word]]
     call = _CALL.fullmatch(word)
     if call is None:
-        if "." not in word:
+        if "." not in word and word not in model.states:
             known = [*model.coordinates(), *WORDS, *GROUPS]
             hint = suggestion(word, known)
             if not hint and word in model.bodies:
