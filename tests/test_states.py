@@ -289,6 +289,7 @@ def test_states_cannot_stand_where_only_the_time_may():
     text = SCENE + "drives: {d: {type: coordinate, coordinate: b.x, position: F}}"
     with pytest.raises(ModelFileError, match="states such as 'F' cannot be used here"):
         mbstab.loads(text)
+<<<<<<< HEAD
 
 
 def test_badly_conditioned_rates_of_states_stay_within_the_bounds():
@@ -367,3 +368,5 @@ def test_growth_along_a_symmetry_is_not_denied_where_it_is_of_second_order():
     assert found.verdict == "asymptotically stable up to symmetry"
     assert found.in_place is None
     assert "is not judged" in found.judged.reasons[0]
+=======
+>>>>>>> parent of dcafa5a (Bounds: the pseudo-inverse of rows on speeds is refined)

@@ -43,9 +43,6 @@ class BackwardErrors:
         # Where a light body is constrained, rounding of zeros in the bases would cause a large force.
         C, D_u = self.m.J[: self.n_h], self.m.J[self.n_h :]
         self.N = spaces.N - self.lift_C @ (C @ spaces.N)
-        # One step of Newton and Schulz: where rows on speeds are badly conditioned, it has few digits.
-        W = D_u @ self.N
-        self.lift_W = 2.0 * self.lift_W - self.lift_W @ (W @ self.lift_W)
         self.Z = spaces.Z - self.lift_W @ ((D_u @ self.N) @ spaces.Z)
 
     def scaled(self, matrices: Matrices) -> Matrices:
