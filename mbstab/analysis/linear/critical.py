@@ -117,7 +117,8 @@ def _definite_beside(energy: SecondVariation, structure: Structure, separated: S
     scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(h)), np.max(np.abs(h)) * 1e-12))
     _, vectors = np.linalg.eigh(h * scale * scale[:, None])
     rest = W @ (scale[:, None] * vectors[:, 1:])
-    return not rest.shape[1] or sign_of(*energy.on(rest)) == 1
+    known = np.abs(rest).T @ energy.known_to @ np.abs(rest)
+    return not rest.shape[1] or sign_of(rest.T @ energy.H @ rest, known) == 1
 
 
 def _direction(structure: Structure, separated: Separated) -> Array | None:

@@ -27,10 +27,10 @@ from mbstab.analysis.algebra.sparse_rank import SparseRank
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.neutral import Separated, Structure
-from mbstab.analysis.linear.roundings import roundings, share_roundings
+from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import Minimum
-from mbstab.analysis.reference.coefficients import Matrices, matrices_in
+from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.fields import Shift, Turn
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array
@@ -81,48 +81,22 @@ class SecondVariation:
 
     @cached_property
     def known_to(self) -> Array:
-        """Bound of the rounding error of each entry of H, shape (n, n); inf: not known.
-
-        From the errors of M and K, and from what the inserted motions may violate of the constraints.
-        """
-        linear, n, n_h = self.linear, self.structure.space.n_xi, self.linear.n_h
-        spaces, known = linear.motion.spaces, roundings(linear)
-        C, W = spaces.C.pseudo_inverse, spaces.W.pseudo_inverse
-        M, _, K, J, D_q = self._scaled(Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q))
-        own = TOLERANCES.roundings_of_variation * EPS
-        of_M, _, of_K, of_J, of_D = (
-            e + own * np.abs(x) for e, x in zip(self._scaled(known.errors), (M, 0.0, K, J, D_q), strict=True)
-        )
-        N, rates, speeds = spaces.N, self.rates, J[n_h:]
-        V, positions = N @ rates, np.eye(n, rates.shape[1])
-        off_N = np.abs(C) @ (np.abs(J[:n_h] @ N) + of_J[:n_h] @ np.abs(N))
-        off = np.abs(speeds @ V + (D_q @ N) @ positions) + of_J[n_h:] @ np.abs(V) + of_D @ np.abs(N) @ positions
-        off_V = off_N @ np.abs(rates)
-        off = off + np.abs(speeds) @ off_V + np.abs(D_q) @ off_N @ positions
-        off_V = off_V + np.abs(N @ W) @ off
-        result = _error_of_form(M, of_M, V, off_V)
-        result[:n, :n] += _error_of_form(K, of_K, N, off_N)
-        for change in known.displaced:
-            dM, _, dK, dJ, _ = self._scaled(change)
-            moved = -C @ (dJ[:n_h] @ N)
-            result += np.abs(V.T @ dM @ V + _with_transpose(V.T @ M @ moved @ rates))
-            result[:n, :n] += np.abs(N.T @ dK @ N + _with_transpose(N.T @ K @ moved))
-        return np.nan_to_num(result, nan=np.inf)
-
-    def _scaled(self, matrices: Matrices) -> Matrices:
-        """Return M, R, K, J and D_q in scaled coordinates and rows."""
-        spaces, n_h = self.linear.motion.spaces, self.linear.n_h
-        rows = (spaces.scale, spaces.scale, spaces.scale, spaces.row_scale, spaces.row_scale[n_h:])
-        return Matrices(*(x * spaces.scale * row[:, None] for x, row in zip(matrices, rows, strict=True)))
-
-    def on(self, W: Array) -> tuple[Array, Array]:
-        """Return H on the span of the columns W, and the bound of the rounding error of each entry."""
-        h = W.T @ self.H @ W
-        known = np.abs(W).T @ self.known_to @ np.abs(W)
-        # Columns that are computed, not coordinates, lie beside those that are meant.
-        lengths = np.linalg.norm(W, axis=0)
-        off = TOLERANCES.roundings_of_sum * EPS * np.where(np.max(np.abs(W), axis=0, initial=0.0) < lengths, lengths, 0)
-        return h, known + _with_transpose(np.outer(np.sum(np.abs(W.T @ self.H), axis=1), off))
+        """Bound of the rounding error of each entry of H, shape (n, n)."""
+        terms, spaces = self.linear.terms, self.linear.motion.spaces
+        N = np.abs(spaces.scale[:, None] * spaces.N)
+        n, rates = N.shape[1], np.abs(self.rates)
+        size = rates.T @ (N.T @ terms.M @ N) @ rates
+        stiffness = N.T @ terms.K @ N
+        size[:n, :n] += 0.5 * (stiffness + stiffness.T)
+        result: Array = TOLERANCES.roundings_of_variation * EPS * size
+        if self.linear.system.scene.model.reference.find is not None:
+            # Coordinates that were solved for are the less accurate the flatter the energy is.
+            known = roundings(self.linear)
+            result[:n, :n] += N.T @ known.errors.K @ N
+            basis = spaces.scale[:, None] * spaces.N
+            for changes in known.displaced:
+                result[:n, :n] += np.abs(basis.T @ changes.K @ basis)
+        return result
 
     @cached_property
     def applies(self) -> bool:
@@ -183,7 +157,7 @@ class SecondVariation:
         W = self.basis
         if not W.shape[1]:
             return 1
-        return sign_of(*self.on(W))
+        return sign_of(W.T @ self.H @ W, np.abs(W).T @ self.known_to @ np.abs(W))
 
     def _definite_in_large(self) -> int:
         """Return 1 if the stiffness is positive on all motions that are allowed, apart from symmetries; 0 if unknown.
@@ -269,10 +243,10 @@ class SecondVariation:
         velocity = np.zeros(3) if own is None else own.velocity
         generator = Generator(step.system, step.axis, step.point, turn, velocity, spins)
         other = self._seen_from(generator)
-        h, known = other.on(other.basis)
-        if not np.isfinite(known).all():
-            return -1.0
+        W = other.basis
+        h = W.T @ other.H @ W
         scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(h)), 1e-300))
+        known = np.abs(W).T @ other.known_to @ np.abs(W)
         least = float(np.linalg.eigvalsh(h * scale * scale[:, None])[0])
         return least - float(np.linalg.norm(known * scale * scale[:, None], 2))
 
@@ -283,7 +257,6 @@ class SecondVariation:
         other: Linearization = replace(
             linear, M=matrices.M, R=matrices.R, K=matrices.K, D_q=matrices.D_q, generator=generator
         )
-        share_roundings(linear, other)
         return SecondVariation(Structure(other, structure.space, structure.gamma, structure.invariance), self.separated)
 
     # --- warnings -----------------------------------------------------------------------------------------------------
@@ -331,18 +304,6 @@ class SecondVariation:
         return tuple(texts)
 
 
-def _with_transpose(x: Array) -> Array:
-    result: Array = x + x.T
-    return result
-
-
-def _error_of_form(form: Array, error: Array, X: Array, off: Array) -> Array:
-    """Return the bound of the error of Xᵀ form X, entry by entry, for errors of the form and of X."""
-    crossed = np.abs(X.T @ form) @ off + 0.5 * (off.T @ np.abs(form) @ off)
-    result: Array = np.abs(X).T @ error @ np.abs(X) + _with_transpose(crossed)
-    return result
-
-
 def _null(rows: list[Array], n: int) -> Array:
     """Return an orthonormal basis of the null space of rows of length n."""
     if not rows:
@@ -356,8 +317,6 @@ def _null(rows: list[Array], n: int) -> Array:
 def sign_of(h: Array, known_to: Array) -> int:
     """Return the sign of a definite matrix with given rounding errors, or 0."""
     diagonal = np.diag(h)
-    if not np.isfinite(known_to).all():
-        return 0
     for sign in (1, -1):
         if np.all(sign * diagonal > np.diag(known_to)):
             scale = 1.0 / np.sqrt(sign * diagonal)

@@ -11,7 +11,6 @@ from the residuals of their equations and from the rounding of these.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -118,20 +117,8 @@ def roundings(linear: Linearization) -> Roundings:
     Computed once for each linearization.
     """
     if "roundings" not in linear.kept:
-        linear.kept["roundings"] = _analysis(linear).found(linear)
+        linear.kept["roundings"] = _Roundings(linear).found()
     known: Roundings = linear.kept["roundings"]
-    return known
-
-
-def share_roundings(linear: Linearization, other: Linearization) -> None:
-    """Let the error bounds of a linearization follow from those of the same motion in another frame."""
-    other.kept["error analysis"] = _analysis(linear)
-
-
-def _analysis(linear: Linearization) -> _Roundings:
-    if "error analysis" not in linear.kept:
-        linear.kept["error analysis"] = _Roundings(linear)
-    known: _Roundings = linear.kept["error analysis"]
     return known
 
 
@@ -161,18 +148,9 @@ class _Roundings:
             [name not in self.system.scene.coordinates for name in self.plain.names]
         )
 
-    def found(self, linear: Linearization) -> Roundings:
-        """Return the error bounds of the matrices in the frame of a linearization."""
-        (M, R, K, J, D_q), dq = self._unturned
-        generator = linear.generator
-        if generator is not None and generator.turns:
-            K, R, D_q = self._turned(generator, Matrices(M, R, K, J, D_q), dq)
-        return Roundings(Matrices(M, R, K, J, D_q), _displaced(linear, self.directions), dq)
-
-    @cached_property
-    def _unturned(self) -> tuple[Matrices, Array]:
-        """The error bounds of the matrices in the coordinates of the file, and of q."""
-        motion, system = self.motion, self.system
+    def found(self) -> Roundings:
+        """Return the error bounds of the matrices."""
+        linear, motion, system = self.linear, self.motion, self.system
         dq, du = self._state()
         q, u = _with(motion.q, dq), _with(motion.u, du)
         state = system.dynamics(q, u, self.time)
@@ -181,7 +159,10 @@ class _Roundings:
         dnu = self._multipliers(state, M, J, da)
         a, nu = _with(motion.a, da), _with(motion.nu, dnu)
         K, R, D_q = (_errors(x) for x in system.linearize(q, u, a, nu, self.time))
-        return Matrices(M, R, K, J, D_q), dq
+        generator = linear.generator
+        if generator is not None and generator.turns:
+            K, R, D_q = self._turned(generator, Matrices(M, R, K, J, D_q), dq)
+        return Roundings(Matrices(M, R, K, J, D_q), _displaced(linear, self.directions), dq)
 
     def _turned(self, generator: Generator, errors: Matrices, dq: Array) -> tuple[Array, Array, Array]:
         """Return the error bounds of K, R and D_q in a rotating frame."""
