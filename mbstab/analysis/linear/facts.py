@@ -221,9 +221,7 @@ class Grounds:
         energy, B = self.second_variation, self.separated.B
         if not energy.applies or not B.shape[1]:
             return False
-        h, known = energy.on(B)
-        if not np.isfinite(known).all():
-            return False
+        h, known = B.T @ energy.H @ B, np.abs(B).T @ energy.known_to @ np.abs(B)
         scale = 1.0 / np.sqrt(np.maximum(np.max(np.abs(h), axis=1), 1e-300))
         least = float(np.linalg.svd(h * scale * scale[:, None], compute_uv=False)[-1])
         return least > float(np.linalg.norm(known * scale * scale[:, None], 2))
