@@ -7,7 +7,7 @@ Sound and Vibration 37(8)). Each name belongs to at most one mode, and each mode
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -40,8 +40,10 @@ class Found:
     notes: tuple[str, ...]
 
 
-def find_modes(linear: Linearization, result: EigenResult, names: Sequence[ModeName]) -> Found:
+def find_modes(linear: Callable[[], Linearization], result: EigenResult, names: Sequence[ModeName]) -> Found:
     """Find the modes that names stand for among those of a result.
+
+    The linearization is asked for only where a mode is given by its shape.
 
     Raises
     ------
@@ -71,15 +73,16 @@ def find_modes(linear: Linearization, result: EigenResult, names: Sequence[ModeN
     return Found(values, tuple(notes))
 
 
-def _differences(linear: Linearization, modes: Sequence[Eigenvalue], mode: ModeName) -> Array:
+def _differences(linear: Callable[[], Linearization], modes: Sequence[Eigenvalue], mode: ModeName) -> Array:
     """Return by how much each mode differs from a named one, 0 to 1."""
     if mode.near is not None:
         near = complex(mode.near.real, abs(mode.near.imag))
         far = np.array([abs(e.value - near) for e in modes])
         size = max([abs(near), *(abs(e.value) for e in modes)])
         return np.asarray(far / (far + TOLERANCES.mode_near * (abs(near) or size)))
-    shape = reference_shape(linear, mode)
-    return np.array([1.0 - mac(linear.M, shape, e.vector) for e in modes if e.vector is not None])
+    here = linear()
+    shape = reference_shape(here, mode)
+    return np.array([1.0 - mac(here.M, shape, e.vector) for e in modes if e.vector is not None])
 
 
 def mac(M: Array, x: Complex, y: Complex) -> float:

@@ -42,7 +42,7 @@ def with_names(model: Model, result: EigenResult) -> EigenResult:
     if not model.modes or result.period is not None:
         return result
     values = _values(result)
-    carried, notes = _carried(model, values)
+    carried, notes = _carried(model, values, result)
     names = iter(paired(carried, values))
     listed = [replace(e, name=next(names) if e.vector is not None else "") for e in result.eigenvalues]
     return replace(result, eigenvalues=listed, warnings=(*result.warnings, *notes))
@@ -65,15 +65,18 @@ def _values(result: EigenResult) -> Complex:
     return np.array([e.value for e in result.eigenvalues if e.vector is not None], dtype=complex)
 
 
-def _carried(model: Model, values: Complex) -> tuple[list[str], list[str]]:
-    """Return the name of each of the eigenvalues at the values of a model, and what is to be said about them."""
+def _carried(model: Model, values: Complex, known: EigenResult | None = None) -> tuple[list[str], list[str]]:
+    """Return the name of each of the eigenvalues at the values of a model, and what is to be said about them.
+
+    ``known`` is the answer there, if there is one: it serves where modes are defined at the same values.
+    """
     groups: dict[tuple[tuple[str, str], ...], list[ModeName]] = {}
     for mode in model.modes:
         groups.setdefault(tuple((name, x.text) for name, x in mode.at.items()), []).append(mode)
     names, notes = [list[str]() for _ in values], list[str]()
     for modes in groups.values():
         try:
-            found, more = _followed(model, modes, values)
+            found, more = _followed(model, modes, values, known)
         except ModelFileError:
             raise
         except MbstabError as error:
@@ -91,7 +94,9 @@ def _start(model: Model, mode: ModeName) -> Model:
     return bound(of_file(model), {name: x.text for name, x in mode.at.items()})
 
 
-def _followed(model: Model, modes: Sequence[ModeName], values: Complex) -> tuple[list[str], list[str]]:
+def _followed(
+    model: Model, modes: Sequence[ModeName], values: Complex, known: EigenResult | None
+) -> tuple[list[str], list[str]]:
     """Return the names of eigenvalues at the values of a model, for modes that are defined at one point.
 
     Raises
@@ -100,13 +105,13 @@ def _followed(model: Model, modes: Sequence[ModeName], values: Complex) -> tuple
         If the eigenvalues cannot be followed from there.
     """
     start = _start(model, modes[0])
-    system = System(evaluate(start))
-    result = answer(system)
-    found = find_modes(linearize(system, reference_motion(system)), result, modes)
-    now = _values(result)
-    names = [_named(found.values, value) for value in now]
     first, last = (evaluate_parameters(x, {}, FLOAT) for x in (start, model))
     changed = [name for name in {**start.settings, **model.settings} if first[name] != last[name]]
+    system = System(evaluate(start))
+    result = answer(system) if changed or known is None else known
+    found = find_modes(lambda: linearize(system, reference_motion(system)), result, modes)
+    now = _values(result)
+    names = [_named(found.values, value) for value in now]
     here = {name: first[name] for name in changed}
     fixed = {name: last[name] for name in {**start.settings, **model.settings} if name not in changed}
     for name in changed:
