@@ -351,3 +351,19 @@ def test_growth_along_a_symmetry_is_not_denied_where_it_is_of_second_order():
     assert found.verdict == "asymptotically stable up to symmetry"
     assert found.in_place is None
     assert "is not judged" in found.judged.reasons[0]
+
+
+def test_badly_conditioned_rates_of_states_stay_within_the_bounds():
+    """The rows of the rates have the condition number 1e6; the expected values have 50 digits."""
+    mechanism = on_a_line(
+        "m: 1",
+        "z0: {rate: b.x + 2e6*rate(b.x) + 5*z1 + 2e7*z2}\n"
+        "  z1: {rate: 0.02*b.x + 1e-8*z0 - 300*z1 - 0.5*rate(z0)}\n"
+        "  z2: {rate: -1e-6*b.x + 0.002*rate(b.x) + 5e3*z0 + 1e8*z1 + rate(z0)}",
+        "-0.01*b.x + 1e9*z0 - 0.003*z2 + rate(z2)",
+    )
+    expected = pairs(
+        42954930.38716767972, -20954566.21256233559, -746.4193950132463431, 39.8733948345565978 + 240.7216186960688838j
+    )
+    for e in mechanism.eig().eigenvalues:
+        assert min(abs(e.value - s) for s in expected) <= e.error_bound

@@ -43,7 +43,13 @@ class BackwardErrors:
         # Where a light body is constrained, rounding of zeros in the bases would cause a large force.
         C, D_u = self.m.J[: self.n_h], self.m.J[self.n_h :]
         self.N = spaces.N - self.lift_C @ (C @ spaces.N)
-        self.Z = spaces.Z - self.lift_W @ ((D_u @ self.N) @ spaces.Z)
+        W = D_u @ self.N
+        if np.max(np.abs(W @ self.lift_W - np.eye(len(W))), initial=0.0) > TOLERANCES.inverse_refined:
+            # One step of Newton and Schulz: where rows on speeds are badly conditioned, few digits are right.
+            self.lift_W = 2.0 * self.lift_W - self.lift_W @ (W @ self.lift_W)
+        self.off_W = np.abs(W @ self.lift_W - np.eye(len(W)))
+        self.off_W += TOLERANCES.roundings_of_sum * EPS * (np.abs(W) @ np.abs(self.lift_W))
+        self.Z = spaces.Z - self.lift_W @ (W @ spaces.Z)
 
     def scaled(self, matrices: Matrices) -> Matrices:
         """Return M, R, K, J and D_q in scaled coordinates and rows."""
@@ -121,6 +127,13 @@ class BackwardErrors:
         """Return the second-order terms where neither motions nor forces satisfy the constraints exactly."""
         rows, lift, size = self.m.J[: self.n_h], np.abs(self.lift_C), np.abs(C)
         result: Array = np.zeros((len(w.y), len(w.y)))
+        if len(self.off_W):
+            # The weights of rows on speeds, and the motions, follow from a pseudo-inverse that is not exact.
+            D_u, D_q = self.m.J[self.n_h :], self.m.D_q
+            rounding = TOLERANCES.roundings_of_sum * EPS
+            violated = np.abs(D_u @ x.vel + D_q @ x.pos)
+            violated += rounding * (np.abs(D_u) @ np.abs(x.vel) + np.abs(D_q) @ np.abs(x.pos))
+            result += _polynomial(tuple(np.abs(part) @ self.off_W for part in w.mu), violated, size)
         if not len(rows):
             return result
         rounding = TOLERANCES.roundings_of_sum * EPS * np.abs(rows)
