@@ -367,3 +367,13 @@ def test_badly_conditioned_rates_of_states_stay_within_the_bounds():
     )
     for e in mechanism.eig().eigenvalues:
         assert min(abs(e.value - s) for s in expected) <= e.error_bound
+
+
+def test_a_joint_shift_with_a_small_part_is_exact():
+    """With s = rate of the state, s = 4e5 x − 5e8 ẋ + 0.8 z and ẍ = −2e-6 s: λ² − 1000.8 λ + 0.8 = 0, and a zero."""
+    mechanism = on_a_line("m: 1", "z0: {rate: 4e5*b.x - 5e8*rate(b.x) + 0.8*z0}", "-2e-6*rate(z0)")
+    large, small, zero = sorted(mechanism.eig().eigenvalues, key=lambda e: -abs(e.value))
+    assert zero.kind == "neutral"
+    # 50 digits.
+    assert abs(large.value - 1000.7992006388499417977) <= large.error_bound
+    assert abs(small.value - 0.00079936115005820206) <= small.error_bound

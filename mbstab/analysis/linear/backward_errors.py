@@ -44,12 +44,14 @@ class BackwardErrors:
         C, D_u = self.m.J[: self.n_h], self.m.J[self.n_h :]
         self.N = spaces.N - self.lift_C @ (C @ spaces.N)
         W = D_u @ self.N
+        self.Z = spaces.Z
         if np.max(np.abs(W @ self.lift_W - np.eye(len(W))), initial=0.0) > TOLERANCES.inverse_refined:
             # One step of Newton and Schulz: where rows on speeds are badly conditioned, few digits are right.
             self.lift_W = 2.0 * self.lift_W - self.lift_W @ (W @ self.lift_W)
+            self.Z = self.Z - self.lift_W @ (W @ self.Z)
         self.off_W = np.abs(W @ self.lift_W - np.eye(len(W)))
         self.off_W += TOLERANCES.roundings_of_sum * EPS * (np.abs(W) @ np.abs(self.lift_W))
-        self.Z = spaces.Z - self.lift_W @ (W @ spaces.Z)
+        self.Z = self.Z - self.lift_W @ (W @ self.Z)
 
     def scaled(self, matrices: Matrices) -> Matrices:
         """Return M, R, K, J and D_q in scaled coordinates and rows."""

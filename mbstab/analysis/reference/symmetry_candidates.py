@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from fractions import Fraction
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,21 @@ class SymmetryCandidates(ElementComparison):
         for direction in echelon(left.T[: int(np.sum(s > 1e-6))] * sizes):
             size = np.abs(direction)
             strong = [n for n, x in zip(system.names, size, strict=True) if x > 0.3 * np.max(size)]
-            yield "joint shift of " + ", ".join(strong[:4]), self._shift(direction)
+            yield "joint shift of " + ", ".join(strong[:4]), self._shift(self._refined(direction))
+
+    def _refined(self, direction: Array) -> Array:
+        """Return a shift with its small entries as exact as its large ones.
+
+        In a basis from singular values all entries have the same absolute error.
+        """
+        if self.system.sparse or np.array_equal(direction, np.round(direction)):
+            return direction
+        sizes, pivot = self.motion.sizes, int(np.argmax(np.abs(direction)))
+        x = direction / sizes
+        x = x - np.linalg.pinv(self._changes_by_shifts, rcond=1e-8) @ (self._changes_by_shifts @ x)
+        x = np.where(direction != 0.0, x, 0.0) * sizes
+        result: Array = x * (direction[pivot] / x[pivot])
+        return result
 
     def _shift(self, direction: Array) -> Shift:
         """Return the shift along a direction by a noticeable step."""
@@ -100,10 +115,17 @@ class SymmetryCandidates(ElementComparison):
 
     def _blind(self) -> Array:
         """Return constant shifts that change neither forces nor rows at some states, as orthonormal columns."""
-        system, sizes = self.system, self.motion.sizes
-        if system.sparse:
+        if self.system.sparse:
             return self._blind_in_large()
-        blocks = []
+        _, s, right = np.linalg.svd(self._changes_by_shifts)
+        result: Array = right[int(np.sum(s > 1e-8 * max(1.0, np.max(s, initial=0.0)))) :].T
+        return result
+
+    @cached_property
+    def _changes_by_shifts(self) -> Array:
+        """Changes of forces and rows of constraints at some states by constant shifts, as rows of unit length."""
+        system, sizes = self.system, self.motion.sizes
+        blocks = [np.zeros((0, system.n_q))]
         for state in self.on_rows:
             dynamics, still = state.dynamics, np.zeros(system.n_c)
             K, _, D_q = system.linearize(state.q, state.u, state.a, still, self.motion.time)
@@ -119,12 +141,8 @@ class SymmetryCandidates(ElementComparison):
             lengths = np.linalg.norm(forces, axis=1)
             total = float(np.max(np.abs(K * sizes * sizes[:, None]), initial=0.0))
             blocks.append(forces[lengths > 1e-9 * total])
-        stacked = np.vstack(blocks) if blocks else np.zeros((0, system.n_q))
-        if not len(stacked):
-            return np.eye(system.n_q)
-        stacked = stacked / np.linalg.norm(stacked, axis=1)[:, None]
-        _, s, right = np.linalg.svd(stacked)
-        result: Array = right[int(np.sum(s > 1e-8 * max(1.0, s[0]))) :].T
+        stacked = np.vstack(blocks)
+        result: Array = stacked / np.linalg.norm(stacked, axis=1)[:, None]
         return result
 
     def _blind_in_large(self) -> Array:
