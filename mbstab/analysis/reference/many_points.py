@@ -28,14 +28,19 @@ def newton(balance: Balance, q: Array, c: Array) -> tuple[State, Flags]:
     c : ndarray, shape (points, size of the family)
     """
     good: Flags = np.ones(len(q), dtype=bool)
-    at = balance.state(balance.completed(q), c)
+    at, last = balance.state(balance.completed(q), c), np.inf
     for _ in range(TOLERANCES.steps_at_many_points):
         step = _step(balance, at)
         good &= _length(balance, step) < TOLERANCES.reach_at_many_points
         step[~good] = 0.0
         at = balance.state(*balance.moved(at, step))
-        if not np.max(_length(balance, step), initial=0.0) > TOLERANCES.newton_step_at_many_points:
+        longest = float(np.max(_length(balance, step), initial=0.0))
+        # Small steps end where they do not become smaller: then they are rounding.
+        if not longest > TOLERANCES.newton_step_at_many_points and (
+            longest <= TOLERANCES.chord_step_settled or longest >= TOLERANCES.chord_contraction * last
+        ):
             break
+        last = longest
     return at, good & (np.max(np.abs(at.residual), axis=1) <= TOLERANCES.residual)
 
 

@@ -194,10 +194,13 @@ class Finder:
         E, J = state(q)
         for _ in range(TOLERANCES.newton_steps_onto_constraints):
             step = np.zeros(len(q))
-            step[columns] = np.linalg.lstsq(J[:, columns], -E, rcond=1e-12)[0] * sizes[columns]
-            if not np.any(step):
-                break
+            scaled = np.linalg.lstsq(J[:, columns], -E, rcond=1e-12)[0]
+            step[columns] = scaled * sizes[columns]
             fraction, before = 1.0, float(np.linalg.norm(E))
+            # Where linear rows promise nothing, no state is near.
+            promised = float(np.linalg.norm(E + J[:, columns] @ scaled))
+            if not np.any(step) or promised > (1.0 - TOLERANCES.assembly_gain) * before:
+                break
             while True:
                 trial = q + fraction * step
                 E, J = state(trial)

@@ -25,6 +25,8 @@ class Tolerances:
     """Refinement steps of accelerations and multipliers: after the first, small ones are wrong beside large ones."""
     newton_steps_onto_constraints: Final = 60
     """Newton steps for coordinates and speeds that the file leaves out."""
+    assembly_gain: Final = 1e-3
+    """Coordinates are given up where a step would reduce the residuals of linear rows by less than this part."""
     euler_cosine_refused: Final = 1e-6
     """Euler angles are refused as singular where |cos θ| is below this …"""
     euler_cosine_warned: Final = 0.02
