@@ -376,6 +376,7 @@ class Mechanism:
         values: Array,
         progress: Callable[[float], object] = lambda done: None,
         certify: bool = False,
+        sensitivity: bool = False,
         **keywords: Any,
     ) -> Sweep:
         """Return eigenvalue branches over a parameter, and where stability changes.
@@ -389,6 +390,8 @@ class Mechanism:
             Is called with the part of the work that is done, from 0 to 1.
         certify : bool
             Enclose each critical value in a ball, or say why that is not proven (`Critical.enclosed`).
+        sensitivity : bool
+            Differentiate each by the other parameters, or say why that is not possible (`Critical.slopes`).
         **keywords
             Other parameters, and fields of `mbstab.analysis.sweep.settings.SweepSettings`.
 
@@ -398,21 +401,11 @@ class Mechanism:
             If the parameter is unknown, the values are not in order, or python-flint is missing for `certify`.
         """
         values = series(parameter, values)
+        from mbstab.analysis.proof.swept import swept
         from mbstab.analysis.sweep.settings import SweepSettings
-        from mbstab.analysis.sweep.sweep import sweep
 
         settings, parameters = parted(SweepSettings, keywords, self.model.parameters)
-        model = self._afforded("modes", parameters)
-        from mbstab.analysis.sweep.named_branches import with_branch_names
-
-        if not certify:
-            return with_branch_names(model, sweep(model, parameter, values, progress, settings))
-        from mbstab.analysis.algebra.balls import require_flint
-        from mbstab.analysis.proof.critical_values import with_enclosures
-
-        require_flint()
-        found = sweep(model, parameter, values, lambda done: progress(0.5 * done), settings)
-        return with_branch_names(model, with_enclosures(model, found, lambda done: progress(0.5 + 0.5 * done)))
+        return swept(self._afforded("modes", parameters), parameter, values, settings, progress, certify, sensitivity)
 
     @guarded
     def simulate(

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.text import Text
 
 import mbstab
-from mbstab.analysis.sweep.critical_values import Critical
+from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.sweep import Sweep, sweep
 from mbstab.report.pictures.campbell import campbell
 from mbstab.report.pictures.curves import INK, THICK, THIN

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.compare.methods import Comparison, Outcome
     from mbstab.analysis.reference.equilibrium import Equilibrium
     from mbstab.analysis.sweep.chart import Chart
-    from mbstab.analysis.sweep.critical_values import Enclosed
+    from mbstab.analysis.sweep.critical import Enclosed
     from mbstab.analysis.sweep.sweep import Sweep
 
 

@@ -1,4 +1,4 @@
-"""Derivatives of eigenvalues by parameters: text, JSON and CSV."""
+"""Derivatives of eigenvalues and of critical values by parameters: text, JSON and CSV."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbstab.model.schema import Model
+from mbstab.model.schema import Model, after_number
 from mbstab.report import WIDTH
 from mbstab.report.modes import value_text
 from mbstab.report.tables import number, table
 
 if TYPE_CHECKING:
     from mbstab.analysis.linear.sensitivity import Derivatives, Sensitivities
+    from mbstab.analysis.sweep.critical import Critical, CriticalSlopes
+    from mbstab.analysis.sweep.sweep import Sweep
 
 SHOWN = 1e-12
 """Derivatives smaller than this fraction of the largest one per percent are rounding, and left out of the text."""
@@ -117,3 +119,85 @@ def sensitivity_rows(found: Sensitivities, model: Model) -> tuple[list[str], lis
             cells = [x[key] for key in ("unit", "real", "imag", "error", "percent_real", "percent_imag")]
             rows.append([s.real, s.imag, name, *cells])
     return [*heads, "percent_imag"], rows
+
+
+def critical_text(result: Sweep, model: Model) -> str:
+    """Return a table for each critical value of a sweep: what moves it most, first."""
+    own = model.parameters[result.parameter]
+    lines = ["Derivatives of the critical values, and the change for one percent more of each parameter:", ""]
+    for c, slopes in _critical(result):
+        lines.append(f"{own.name} = {number(c.value / own.factor, 10)}{after_number(own.unit)}, {c.kind}")
+        if slopes.missing:
+            lines += [*wrap(f"no derivatives: {slopes.missing}", WIDTH, initial_indent="  "), ""]
+            continue
+        entries = dict(_critical_entries(slopes, model, own.factor))
+        rows = [
+            [name, x["unit"] or "1", *(number(x[key], 8) for key in ("derivative", "percent")), f"{x['error']:.0e}"]
+            for name, x in entries.items()
+            if abs(x["derivative"]) > x["error"]
+        ]
+        heads = ["parameter", "unit", f"d{own.name}/dp", "per percent", "error"]
+        lines += [table(heads, rows, left=(0, 1))] if rows else ["  no parameter moves it", ""]
+        for name, reason in slopes.reasons.items():
+            lines += wrap(f"{name}: no derivative: {reason}", WIDTH, subsequent_indent="  ")
+    if len(lines) == 2:
+        lines.append("there is no critical value")
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def critical_data(result: Sweep, model: Model) -> dict[str, Any]:
+    """Return the key ``sensitivity`` of the JSON object of ``mbstab sweep --sensitivity``.
+
+    A list of objects, one for each critical value of all paths, in their order: ``value`` in the unit of the swept
+    parameter, ``kind``, ``missing`` (why there are no derivatives), ``reasons`` (why there are none by some of the
+    parameters), and ``derivatives`` by the names of the parameters, what moves the critical value most first. A
+    derivative has ``derivative`` and ``error`` in the declared units of both parameters, ``unit`` of the other one,
+    and ``percent``, the change of the critical value for one percent more of it, null if that is zero.
+    """
+    factor = model.parameters[result.parameter].factor
+    return {
+        "sensitivity": [
+            {
+                "value": c.value / factor,
+                "kind": c.kind,
+                "missing": slopes.missing,
+                "reasons": slopes.reasons,
+                "derivatives": dict(_critical_entries(slopes, model, factor)),
+            }
+            for c, slopes in _critical(result)
+        ]
+    }
+
+
+def critical_rows(result: Sweep, model: Model) -> tuple[list[str], list[list[Any]]]:
+    """Return the heads and the lines of a CSV file: one line for each critical value and parameter."""
+    factor = model.parameters[result.parameter].factor
+    keys = ["unit", "derivative", "error", "percent"]
+    rows = [
+        [c.value / factor, c.kind, name, *(x[key] for key in keys)]
+        for c, slopes in _critical(result)
+        for name, x in _critical_entries(slopes, model, factor)
+    ]
+    return [result.parameter, "kind", "parameter", *keys], rows
+
+
+def _critical(result: Sweep) -> Iterator[tuple[Critical, CriticalSlopes]]:
+    """Yield the critical values of all paths with their derivatives."""
+    for path in (result, *result.beyond):
+        yield from ((c, c.slopes) for c in path.critical if c.slopes is not None)
+
+
+def _critical_entries(slopes: CriticalSlopes, model: Model, factor: float) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the parameters by which a critical value has derivatives, and these."""
+    for k in slopes.order:
+        parameter = model.parameters[slopes.names[k]]
+        slope, value, unit = float(slopes.slopes[k]) / factor, float(slopes.values[k]), parameter.factor
+        yield (
+            parameter.name,
+            {
+                "derivative": slope * unit,
+                "error": float(slopes.errors[k]) / factor * unit,
+                "unit": parameter.unit,
+                "percent": 0.01 * slope * value if value else np.nan,
+            },
+        )

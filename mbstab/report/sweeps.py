@@ -17,7 +17,7 @@ from mbstab.report.tables import decimals, number, table
 
 if TYPE_CHECKING:
     from mbstab.analysis.sweep.chart import Chart
-    from mbstab.analysis.sweep.critical_values import Critical
+    from mbstab.analysis.sweep.critical import Critical
     from mbstab.analysis.sweep.sweep import Sweep
     from mbstab.compiler.system import Array
 

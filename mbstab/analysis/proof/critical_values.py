@@ -21,7 +21,7 @@ from mbstab.analysis.proof.characteristic import GENERIC, Proof
 from mbstab.analysis.proof.identities import Identities
 from mbstab.analysis.proof.proven_facts import Case, best
 from mbstab.analysis.proof.tolerances import TOLERANCES
-from mbstab.analysis.sweep.critical_values import Critical, Enclosed
+from mbstab.analysis.sweep.critical import Critical, Enclosed
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.errors import MbstabError
 from mbstab.model.schema import Model

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from mbstab.analysis.sweep.batched_verdict import (
     signs,
 )
 from mbstab.analysis.sweep.branches import Branches
+from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, discriminant, follow, product, turning
 from mbstab.compiler.system import Array
@@ -32,69 +32,6 @@ Test = Callable[[Complex, float], float]
 
 Bracket = tuple[int, int, str, Test | None]
 """Numbers of two points, what happens between them, and a function of the spectrum that is zero there."""
-
-
-@dataclass(frozen=True)
-class Enclosed:
-    """What is proven about a critical value.
-
-    Attributes
-    ----------
-    value : ball or None
-        ``flint.arb``, in the unit of the parameter: somewhere inside stability changes; None: nothing is proven.
-    digits : int
-        Digits to which it is enclosed.
-    conditions : tuple of str
-        What is not proven and must hold, as clauses of a sentence.
-    reason : str
-        Why nothing is proven.
-    """
-
-    value: Any = None
-    digits: int = 0
-    conditions: tuple[str, ...] = ()
-    reason: str = ""
-
-
-@dataclass(frozen=True)
-class Critical:
-    """A parameter value at which stability changes.
-
-    Attributes
-    ----------
-    value : float
-        In SI.
-    kind : str
-        ``divergence`` (an eigenvalue passes zero), ``flutter`` (a pair passes the imaginary
-        axis), ``collision`` (two pairs meet on the imaginary axis), ``branch
-        point`` (other equilibria branch off; stability need not change), ``fold`` (the path of
-        equilibria turns back), ``loss of equilibrium`` (it ends), ``unresolved``.
-    branches : tuple of int
-        The branches that are involved.
-    frequency : float (rad/s)
-        Frequency of the motion at the boundary; 0 for a divergence.
-    unstable : tuple of int
-        Number of unstable eigenvalues below and above; −1 where there are none to count.
-    signatures : tuple of int or None
-        For a collision: the signs of the energies of the two modes that meet (Krein
-        signatures); only modes of opposite sign can leave the axis.
-    branching : bool
-        Whether another path of equilibria crosses there.
-    verdicts : tuple of str
-        The verdicts just below and above it; empty where there is none.
-    enclosed : Enclosed or None
-        What is proven about it; None: no proof was requested.
-    """
-
-    value: float
-    kind: str
-    branches: tuple[int, ...]
-    frequency: float
-    unstable: tuple[int, int]
-    signatures: tuple[int, int] | None = None
-    branching: bool = False
-    verdicts: tuple[str, str] = ("", "")
-    enclosed: Enclosed | None = None
 
 
 @dataclass(frozen=True)

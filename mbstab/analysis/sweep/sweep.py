@@ -30,7 +30,8 @@ from mbstab.analysis.sweep.batched_verdict import (
     unstable_counts,
 )
 from mbstab.analysis.sweep.blocks import Block, Progress, home_of, merged, patterns_at, tasks
-from mbstab.analysis.sweep.critical_values import Critical, CriticalValues
+from mbstab.analysis.sweep.critical import Critical
+from mbstab.analysis.sweep.critical_values import CriticalValues
 from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.compiler.system import Array

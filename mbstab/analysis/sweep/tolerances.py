@@ -102,6 +102,18 @@ class Tolerances:
     edge_halvings: Final = 40
     """Bisections of an edge: to 1e-12 of it."""
 
+    # Derivatives of critical values
+    slope_reach: Final = 1e-2
+    """Steps to both sides, relative to the critical value …"""
+    slope_trials: Final = 4
+    """… and how often they become four times shorter …"""
+    slope_fine: Final = 1e-7
+    """… unless the errors are below this, relative to the largest derivative."""
+    slope_settled: Final = 1e-4
+    """With larger errors there is no derivative."""
+    slope_square: Final = 1e-4
+    """At the critical value the square of what is zero there is below this fraction of those beside it."""
+
     # Blocks
     block_points: Final = 25_000
     """Maximum number of points of a block …"""

@@ -78,6 +78,12 @@ CHART_POINTS = 101
 )
 @pictures_option
 @click.option("--certify", is_flag=True, help="Prove each critical value: enclose it in a ball, or say why not.")
+@click.option(
+    "--sensitivity",
+    is_flag=True,
+    help="Print the derivative of each critical value by each other parameter, what moves it most per percent first; "
+    "CSV holds these alone.",
+)
 @click.option("--resume", is_flag=True, help="Go on with a sweep to --output that was interrupted.")
 @click.option("--jobs", type=click.IntRange(1, 1024), default=1, show_default=True, help="Number of processes.")
 @click.option("--cluster", metavar="ADDRESS", default="", help="Compute on a Dask cluster, tcp://HOST:PORT.")
@@ -94,6 +100,7 @@ def sweep(
     pictures: tuple[str, ...],
     place: Path | None,
     certify: bool,
+    sensitivity: bool,
     resume: bool,
     jobs: int,
     cluster: str,
@@ -109,8 +116,10 @@ def sweep(
     """
     given = {"--from": start, "--to": stop, "--points": points}
     _check_options(parameters, given, values is not None, pictures, place)
-    if certify and len(parameters) == 2:
-        raise UsageError("--certify goes with one parameter")
+    if (certify or sensitivity) and len(parameters) == 2:
+        raise UsageError(f"--{'certify' if certify else 'sensitivity'} goes with one parameter")
+    if sensitivity and output.format == "npz":
+        raise UsageError("--sensitivity goes with the formats table, json and csv")
     directory = output.path.with_name(output.path.name + ".parts") if output.path is not None else None
     run = SweepSettings(directory, True, resume, jobs, cluster)
     mechanism = load_model(file, settings)
@@ -121,7 +130,7 @@ def sweep(
     drawn = () if "none" in wanted else wanted
     paths = picture_paths(*stem, drawn if len(parameters) == 1 else ("chart",) * bool(drawn))
     if len(parameters) == 1:
-        total, missing = _sweep(mechanism, parameters[0], grids, run, paths, output, certify)
+        total, missing = _sweep(mechanism, parameters[0], grids, run, paths, output, certify, sensitivity)
     else:
         total, missing = _chart(mechanism, grids, run, paths, output)
     if missing:
@@ -136,15 +145,15 @@ def _sweep(
     paths: dict[str, Path],
     output: Output,
     certify: bool,
+    sensitivity: bool,
 ) -> tuple[int, int]:
     """Sweep a parameter, write and draw the answer; return the number of points, and of those without an answer."""
     model = mechanism.model
-    unit, factor = model.parameters[parameter].unit, model.parameters[parameter].factor
     with _kept(run.directory, output.path):
         with progress_bar("sweeping") as progress:
-            answer = mechanism.sweep(parameter, grids[parameter], progress, certify, **vars(run))
-        output.write(_sweep_answer(answer, unit, factor, model.name, model.title), summary=True)
-        _draw(answer, paths, _label(parameter, unit), model.title)
+            answer = mechanism.sweep(parameter, grids[parameter], progress, certify, sensitivity, **vars(run))
+        output.write(_sweep_answer(answer, model, sensitivity), summary=True)
+        _draw(answer, paths, _label(parameter, model.parameters[parameter].unit), model.title)
     warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))
     return len(answer.values), len(answer.unanswered)
 
@@ -232,14 +241,28 @@ def _chart_points(model: Model, parameter: str) -> int:
     return min(model.sweep[parameter].points, CHART_POINTS) if parameter in model.sweep else CHART_POINTS
 
 
-def _sweep_answer(result: Sweep, unit: str, factor: float, name: str, title: str) -> Answer:
+def _sweep_answer(result: Sweep, model: Model, sensitivity: bool) -> Answer:
     """Return the functions that write a sweep, by format."""
     from mbstab.report import export, sweeps
+    from mbstab.report import sensitivity as slopes
+
+    unit, factor = model.parameters[result.parameter].unit, model.parameters[result.parameter].factor
+
+    def text() -> str:
+        more = f"\n{slopes.critical_text(result, model)}" if sensitivity else ""
+        return sweeps.sweep_text(result, unit, factor, model.title) + more
+
+    def json() -> str:
+        more = slopes.critical_data(result, model) if sensitivity else {}
+        return export.to_json(export.sweep_data(result, unit, factor, model.name, model.title) | more)
+
+    def csv() -> str:
+        return export.to_csv(*slopes.critical_rows(result, model)) if sensitivity else export.sweep_csv(result, factor)
 
     return {
-        "table": lambda: sweeps.sweep_text(result, unit, factor, title),
-        "json": lambda: export.to_json(export.sweep_data(result, unit, factor, name, title)),
-        "csv": lambda: export.sweep_csv(result, factor),
+        "table": text,
+        "json": json,
+        "csv": csv,
         "npz": lambda: export.npz_bytes(export.sweep_arrays(result, factor)),
     }
 

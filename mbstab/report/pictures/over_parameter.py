@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.transforms import Affine2D, blended_transform_factory
 
-from mbstab.analysis.sweep.critical_values import Critical
+from mbstab.analysis.sweep.critical import Critical
 from mbstab.report.pictures.curves import BEYOND_INK, THICK, THIN, Mask
 from mbstab.report.pictures.drawing import (
     CRITICAL_STYLE,

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.sweep.critical_values import Critical
+from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.compiler.system import Array
 from mbstab.report.pictures.curves import INK, Mask
