@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.compare.integrators import Integrations
     from mbstab.analysis.compare.methods import Comparison
     from mbstab.analysis.compare.verify import Verification
+    from mbstab.analysis.design.design import Design
     from mbstab.analysis.linear.control import ControlModel
     from mbstab.analysis.linear.precise import PreciseResult
     from mbstab.analysis.linear.sensitivity import Sensitivities
@@ -56,6 +57,11 @@ if TYPE_CHECKING:
 
 Setting = float | str | Fraction | Decimal
 Starts = Callable[[list[int]], Iterator[int]]
+Progress = Callable[[float], object]
+
+
+def _untold(done: float) -> None:
+    """Tell nobody how much is done."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,7 @@ class Mechanism:
     Every method takes parameter values as keywords: ``model.eig(omega=5.6)``. A number, also one
     of NumPy, `fractions` or `decimal`, counts in the declared unit of the parameter; a text is an
     expression in SI, or a number with or without a unit, such as ``"2 mm"``. `at` binds them for several questions.
+    Where something takes long, `progress` is called with the part of the work that is done, from 0 to 1.
 
     Attributes
     ----------
@@ -180,7 +187,7 @@ class Mechanism:
         self,
         method: str = "nullspace",
         frozen: bool = False,
-        progress: Callable[[float], object] | None = None,
+        progress: Progress | None = None,
         energies: bool = False,
         **parameters: Setting,
     ) -> EigenResult:
@@ -273,11 +280,7 @@ class Mechanism:
 
     @guarded
     def eig_precise(
-        self,
-        digits: int = 50,
-        frozen: bool = False,
-        progress: Callable[[float], object] = lambda done: None,
-        **parameters: Setting,
+        self, digits: int = 50, frozen: bool = False, progress: Progress = _untold, **parameters: Setting
     ) -> PreciseResult:
         """Return eigenvalues (1/s) of which so many decimal digits are right, and the verdict.
 
@@ -322,9 +325,7 @@ class Mechanism:
         return replace(found, result=self._described(found.result, frozen, False, parameters))
 
     @guarded
-    def certify(
-        self, digits: int = 50, progress: Callable[[float], object] = lambda done: None, **parameters: Setting
-    ) -> Certificate:
+    def certify(self, digits: int = 50, progress: Progress = _untold, **parameters: Setting) -> Certificate:
         """Return enclosures of all eigenvalues with proven radii, and a proven verdict or why there is none.
 
         Parameters
@@ -348,17 +349,13 @@ class Mechanism:
         return certify(model, digits, progress)
 
     @guarded
-    def verify(
-        self, frozen: bool = False, progress: Callable[[float], object] = lambda done: None, **parameters: Setting
-    ) -> Verification:
+    def verify(self, frozen: bool = False, progress: Progress = _untold, **parameters: Setting) -> Verification:
         """Return what the nonlinear motion says about the eigenvalues: each mode, each neutral direction excited.
 
         Parameters
         ----------
         frozen : bool
             Judge the eigenvalues of the equations frozen at the reference time.
-        progress : callable
-            Is called with the part of the work that is done, from 0 to 1.
 
         Raises
         ------
@@ -374,7 +371,7 @@ class Mechanism:
         self,
         parameter: str,
         values: Array,
-        progress: Callable[[float], object] = lambda done: None,
+        progress: Progress = _untold,
         certify: bool = False,
         sensitivity: bool = False,
         **keywords: Any,
@@ -386,8 +383,6 @@ class Mechanism:
         parameter : str
         values : ndarray, shape (points,)
             Of the parameter in SI, ascending or descending.
-        progress : callable
-            Is called with the part of the work that is done, from 0 to 1.
         certify : bool
             Enclose each critical value in a ball, or say why that is not proven (`Critical.enclosed`).
         sensitivity : bool
@@ -408,11 +403,34 @@ class Mechanism:
         return swept(self._afforded("modes", parameters), parameter, values, settings, progress, certify, sensitivity)
 
     @guarded
+    def design(
+        self, vary: Mapping[str, str | Sequence[float]], goal: str, progress: Progress = _untold, **keywords: Any
+    ) -> Design:
+        """Return the best values of parameters that are found: ``model.design({"k": (1, 9)}, "decay", least=0.5)``.
+
+        `vary`, `goal` and the keywords ``over``, ``least`` and ``steps`` are as in
+        `mbstab.analysis.design.task.read_task`; other keywords are parameters.
+
+        Raises
+        ------
+        UsageError
+            If what is asked is wrong, the motion is periodic, or the reference cannot follow a parameter.
+        MbstabError
+            As `sensitivities`.
+        """
+        from mbstab.analysis.design.design import design
+        from mbstab.analysis.design.task import Limits, read_task
+
+        limits, parameters = parted(Limits, keywords, self.model.parameters)
+        model = self._afforded("modes", parameters)
+        return design(model, read_task(model, vary, goal, limits), progress)
+
+    @guarded
     def simulate(
         self,
         to: float | None = None,
         *,
-        progress: Callable[[float], object] = lambda done: None,
+        progress: Progress = _untold,
         tell: Callable[[str], object] = lambda text: None,
         **keywords: Any,
     ) -> Simulation:
@@ -422,8 +440,6 @@ class Mechanism:
         ----------
         to : float, optional
             Last time (s).
-        progress : callable
-            Is called with the part of the work that is done, from 0 to 1.
         tell : callable
             Is called with what should be known before the end: warnings, and how long it takes and why, where that
             is long.
@@ -458,12 +474,7 @@ class Mechanism:
         return swing(self._affordable("modes", parameters), number, points)
 
     @guarded
-    def chart(
-        self,
-        values: Mapping[str, Array],
-        progress: Callable[[float], object] = lambda done: None,
-        **keywords: Any,
-    ) -> Chart:
+    def chart(self, values: Mapping[str, Array], progress: Progress = _untold, **keywords: Any) -> Chart:
         """Return the number of unstable eigenvalues over two parameters, and the curves where it changes.
 
         Parameters
@@ -482,11 +493,7 @@ class Mechanism:
 
     @guarded
     def compare(
-        self,
-        digits: int = 50,
-        tolerance: float | None = None,
-        progress: Callable[[float], object] = lambda done: None,
-        **parameters: Setting,
+        self, digits: int = 50, tolerance: float | None = None, progress: Progress = _untold, **parameters: Setting
     ) -> Comparison:
         """Return what each method keeps of the eigenvalues to many digits, and what it costs.
 
@@ -496,8 +503,6 @@ class Mechanism:
             Of the truth.
         tolerance : float, optional
             Largest relative error, for the choice of a method.
-        progress : callable
-            Is called with the part of the work that is done, from 0 to 1.
 
         Raises
         ------
@@ -516,7 +521,7 @@ class Mechanism:
         to: float | None = None,
         perturb: Mapping[str, float | str] | None = None,
         tolerance: float | None = None,
-        progress: Callable[[float], object] = lambda done: None,
+        progress: Progress = _untold,
         **parameters: Setting,
     ) -> Integrations:
         """Return error, cost and drift of every integrator on the nonlinear motion, with several tolerances.
@@ -529,8 +534,6 @@ class Mechanism:
             As in `simulate`; a tenth of the first mode if neither this nor the file disturbs the reference.
         tolerance : float, optional
             Largest global error, for the choice of an integrator.
-        progress : callable
-            Is called with the part of the work that is done, from 0 to 1.
 
         Raises
         ------

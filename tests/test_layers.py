@@ -13,7 +13,7 @@ PACKAGE = Path(mbstab.__file__).parent
 # The types and symbols of mechanics come before the model: the file format is read from their tables.
 LAYERS = ["records", "errors", "mechanics", "model", "compiler", "analysis", "report", "api", "cli"]
 # Inside of the analysis: every wing rests on those before it.
-WINGS = ["algebra", "reference", "linear", "sweep", "simulate", "proof", "compare"]
+WINGS = ["algebra", "reference", "linear", "sweep", "design", "simulate", "proof", "compare"]
 ONLY_IN = {
     "yaml": {"model/yamlfile.py"},
     "click": {"cli"},

@@ -38,6 +38,7 @@ COMMANDS = {
     "equilibrium": (("equilibrium", PENDULUM), ("txt", "json", "csv")),
     "linearize": (("linearize", PENDULUM), ("txt", "json", "csv", "npz", "mat", "tex")),
     "linearize --symbolic": (("linearize", PENDULUM, "--symbolic"), ("txt", "tex")),
+    "design": (("design", PENDULUM, "--vary", "L=5%", "--goal", "decay"), ("txt", "json", "yaml")),
     "response": (("response", models_folder() / "whipple_bicycle.yaml"), ("txt", "json", "csv")),
     "sweep": (SWEEP, ("txt", "json", "csv", "npz")),
     "simulate": (("simulate", PENDULUM, "--to", "0.1", "--points", "3"), ("txt", "json", "csv", "npz")),

@@ -28,6 +28,7 @@ Answer = Mapping[str, Callable[[], "str | bytes"]]
 
 SUFFIXES = {
     "table": ".txt", "json": ".json", "csv": ".csv", "npz": ".npz", "mat": ".mat", "latex": ".tex", "junit": ".xml",
+    "yaml": ".yaml",
 }  # fmt: skip
 """The suffix of each format."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from mbstab.errors import UsageError
@@ -57,6 +58,60 @@ def sweep_values(
             raise UsageError(f"--log needs positive ends, not {first:g} and {last:g}")
         return np.geomspace(first, last, count)
     return np.linspace(first, last, count)
+
+
+def interval(model: Model, parameter: str, given: str | Sequence[float]) -> tuple[float, float]:
+    """Return the ends of a range in SI, written ``0.9..1.1`` or, about the present value, ``5%``; or two numbers.
+
+    Raises
+    ------
+    UsageError
+        If the parameter is unknown, or the range is empty, reversed or not one.
+    ModelFileError
+        If an end is a value that the file forbids.
+    """
+    bound(model, {parameter: 0.0})  # is there such a parameter?
+    text = given.strip() if isinstance(given, str) else ""
+    if text.endswith("%"):
+        value = float(evaluate_parameters(model, {}, FLOAT)[parameter])
+        reach = abs(value) * _percent(parameter, text)
+        if not reach > 0.0:
+            raise UsageError(f"{parameter}={text}: that is no range about {value:g}\nhint: {parameter}=FIRST..LAST")
+        return value - reach, value + reach
+    parts = text.split("..") if isinstance(given, str) else list(given)
+    if len(parts) != 2:
+        shown = given if isinstance(given, str) else list(given)
+        raise UsageError(f"{parameter}={shown}: a range is written FIRST..LAST, such as 0.9..1.1, or 5%")
+    first, last = (_value(model, parameter, part) for part in parts)
+    if not first < last:
+        what = "empty" if first == last else "reversed"
+        raise UsageError(f"the range of {parameter} is {what}: {parts[0]}..{parts[1]}")
+    for end in (first, last):
+        evaluate_parameters(model, {parameter: end}, FLOAT)  # does the file allow it?
+    return first, last
+
+
+def swept_interval(model: Model, parameter: str) -> tuple[float, float]:
+    """Return the ends of the ``sweep:`` block of a parameter, in SI and in ascending order.
+
+    Raises
+    ------
+    UsageError
+        If the file has none.
+    """
+    if parameter not in model.sweep:
+        message = f"{model.name} has no sweep: block for {parameter} that says where to look"
+        raise UsageError(f"{message}\nhint: give the range, such as range:{parameter}=0..10")
+    first, last = sorted(_ends(model, parameter, None, None, model.sweep[parameter]))
+    return first, last
+
+
+def _percent(parameter: str, text: str) -> float:
+    """Return a number of percent as a fraction."""
+    try:
+        return 0.01 * float(text.removesuffix("%"))
+    except ValueError:
+        raise UsageError(f"{parameter}={text}: write a number of percent, such as 5%") from None
 
 
 def _listed(model: Model, parameter: str, values: str) -> Any:

@@ -1,0 +1,1 @@
+"""Values of parameters that are best for a goal."""

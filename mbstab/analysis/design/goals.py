@@ -1,0 +1,374 @@
+"""Goals of a design: their values at many points together, and the inequalities that bound them to first order.
+
+A margin is the smallest of the decay rates, or of the damping ratios, of all eigenvalues at all places of a box. A
+range ends where a first real part becomes positive. Both are smallest or largest values of smooth functions, one for
+each eigenvalue and place: near a point x each gives a linear inequality. Where two eigenvalues λ± = m ± √d meet, their
+derivatives grow without bound, but m and d are smooth: on the side Re √d = 0 the inequality is that of m
+(Burke, Lewis and Overton 2006, on the spectral abscissa, which is not Lipschitz there).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Protocol
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex, Index
+from mbstab.analysis.design.plant import Local, Plant
+from mbstab.analysis.design.rows import Rows
+from mbstab.analysis.design.tolerances import TOLERANCES
+from mbstab.compiler.system import Array
+from mbstab.records import dataclass
+
+Ends = tuple[float, float]
+Variant = Callable[[float], Rows]
+"""Inequalities for a reach of the next step."""
+
+
+@dataclass(frozen=True)
+class Active:
+    """An eigenvalue that limits a goal.
+
+    Attributes
+    ----------
+    value : complex
+        With Im >= 0 (1/s).
+    place : dict
+        Where, in SI: values of the parameters of the box, or the end of the range.
+    meets : bool
+        Whether it nearly meets another one there.
+    """
+
+    value: complex
+    place: dict[str, float]
+    meets: bool
+
+
+class Goal(Protocol):
+    """What is to become large.
+
+    Attributes
+    ----------
+    limits : ndarray, shape (k, 2)
+        Bounds of the unknowns of the inequalities.
+    """
+
+    limits: Array
+
+    def values(self, x: Array) -> Array:
+        """Return its values at points of the unit cube, shape (points,); -inf where there is none."""
+
+    def model(self, x: Array) -> tuple[Rows, list[Variant]]:
+        """Return the inequalities of all eigenvalues near a point, and those to be tried besides."""
+
+    def active(self, x: Array) -> list[Active]:
+        """Return what limits it at a point."""
+
+
+class Cube:
+    """Parameters that vary between two ends, as a unit cube."""
+
+    def __init__(self, vary: Mapping[str, Ends]) -> None:
+        self.names = tuple(vary)
+        ends = np.array(list(vary.values()))
+        self.low, self.size = ends[:, 0], ends[:, 1] - ends[:, 0]
+
+    def at(self, x: Array) -> dict[str, float]:
+        """Return the values of the parameters at a point."""
+        return dict(zip(self.names, (self.low + self.size * x).tolist(), strict=True))
+
+    def points(self, x: Array, others: Mapping[str, Array]) -> dict[str, Array]:
+        """Return values at points, each with all values of other parameters; these of shape (points, k) or (k,)."""
+        k = next(iter(others.values())).shape[-1] if others else 1
+        found = {name: np.repeat(self.low[i] + self.size[i] * x[:, i], k) for i, name in enumerate(self.names)}
+        return found | {name: np.broadcast_to(v, (len(x), k)).ravel() for name, v in others.items()}
+
+    def of(self, values: Mapping[str, float]) -> Array:
+        """Return the point of the cube next to values."""
+        given = np.array([values[name] for name in self.names])
+        return np.asarray(np.clip((given - self.low) / self.size, 0.0, 1.0))
+
+
+def measure(kind: str, s: Complex) -> Array:
+    """Return decay rates (1/s), or damping ratios."""
+    return -s.real if kind == "decay" else -s.real / np.maximum(np.abs(s), 1e-300)
+
+
+def _measure_slope(kind: str, s: complex, slopes: Complex) -> Array:
+    """Return the derivatives of a measure."""
+    if kind == "decay":
+        return -slopes.real
+    size = abs(s) or 1e-300
+    return np.asarray(-slopes.real / size + s.real * (s.conjugate() * slopes).real / size**3)
+
+
+class Margin:
+    """The smallest decay rate or damping ratio over a box of other parameters."""
+
+    limits = np.array([[-np.inf, np.inf]])
+
+    def __init__(self, plant: Plant, cube: Cube, kind: str, over: Mapping[str, Ends]) -> None:
+        self.plant, self.cube, self.kind = plant, cube, kind
+        self.box, self.sides = Cube(over) if over else None, len(over)
+        few = self.sides <= len(TOLERANCES.grid)
+        self.count = TOLERANCES.grid[self.sides - 1] if few else TOLERANCES.grid_of_many
+        self.finer = TOLERANCES.finer[self.sides - 1] if few else 2
+
+    def values(self, x: Array) -> Array:
+        """Return the worst margins at points of the unit cube."""
+        if self.box is None:
+            return self._at(x, None)[:, 0]
+        worst, found = self._coarse(x)
+        return np.asarray(np.min(self._refined(x, worst[:, None], np.min(found, axis=1)[:, None])[1], axis=1))
+
+    def _at(self, x: Array, box: Array | None) -> Array:
+        """Return the margins at points, shape (points, k), for places in the box, shape (points, k, sides)."""
+        others = {} if box is None or self.box is None else self.box_values(box)
+        values = self.plant.values(self.cube.points(x, others))
+        margins = np.min(measure(self.kind, values), axis=1, initial=np.inf)
+        return np.where(np.isnan(margins), -np.inf, margins).reshape(len(x), -1)
+
+    def box_values(self, box: Array) -> dict[str, Array]:
+        """Return values of the parameters of the box at its places, shape (..., sides)."""
+        assert self.box is not None
+        return {name: self.box.low[i] + self.box.size[i] * box[..., i] for i, name in enumerate(self.box.names)}
+
+    def _grid(self, count: int) -> Array:
+        """Return the places of a grid over the unit box, shape (places, sides)."""
+        axes = np.meshgrid(*[np.linspace(0.0, 1.0, count)] * self.sides, indexing="ij")
+        return np.stack([axis.ravel() for axis in axes], axis=1)
+
+    def _coarse(self, x: Array) -> tuple[Array, Array]:
+        """Return the worst place of a grid for each point, and the margins at all of them."""
+        grid = self._grid(self.count)
+        found = self._at(x, np.broadcast_to(grid, (len(x), *grid.shape)))
+        return grid[np.argmin(found, axis=1)], found
+
+    def _refined(self, x: Array, places: Array, margins: Array) -> tuple[Array, Array]:
+        """Return places that are worse than given ones, shape (points, k, sides), and their margins."""
+        width = 1.0 / (self.count - 1)
+        cell = 2.0 * self._grid(self.finer) - 1.0
+        k = places.shape[1]
+        for _ in range(TOLERANCES.finer_rounds):
+            near = np.clip(places[:, :, None, :] + width * cell, 0.0, 1.0)
+            found = self._at(x, near.reshape(len(x), -1, self.sides)).reshape(len(x), k, -1)
+            best = np.argmin(found, axis=2)
+            better = np.take_along_axis(near, best[:, :, None, None], axis=2)[:, :, 0]
+            lower = np.min(found, axis=2)
+            places = np.where((lower < margins)[:, :, None], better, places)
+            margins = np.minimum(lower, margins)
+            width *= 2.0 / (self.finer - 1)
+        return places, margins
+
+    def places(self, x: Array) -> list[dict[str, float]]:
+        """Return where in the box the margin has its smallest minima, the smallest first."""
+        if self.box is None:
+            return [{}]
+        _, found = self._coarse(x[None])
+        grid, step = self._grid(self.count), 1.5 / (self.count - 1)
+        chosen: list[int] = []
+        for i in np.argsort(found[0], kind="stable").tolist():
+            near = np.max(np.abs(grid - grid[i]), axis=1) <= step
+            if found[0, i] <= np.min(found[0, near]) and not any(near[j] for j in chosen):
+                chosen.append(i)
+            if len(chosen) == TOLERANCES.places:
+                break
+        places, margins = self._refined(x[None], grid[chosen][None], found[:, chosen])
+        return [self.box.at(places[0, i]) for i in np.argsort(margins[0], kind="stable")]
+
+    def _locals(self, x: Array) -> Iterator[tuple[dict[str, float], Local]]:
+        for place in self.places(x):
+            local = self.plant.known(self.cube.at(x) | place, self.cube.names)
+            if local is not None:
+                yield place, local
+
+    def model(self, x: Array) -> tuple[Rows, list[Variant]]:
+        """Return the inequalities near a point, plain and on the smooth side of meetings."""
+        found = [local for _, local in self._locals(x)]
+        plain = [self._rows(local, i, x) for local in found for i in local.upper]
+        if not plain:
+            return Rows(np.zeros((0, len(x))), np.zeros((0, 1)), np.zeros(0), np.zeros(0)), []
+
+        def smooth(part: float) -> Variant:
+            def rows(reach: float) -> Rows:
+                shift = part * reach**2
+                return Rows.joined([r for local in found for i in local.upper for r in self._apart(local, i, x, shift)])
+
+            return rows
+
+        return Rows.joined(plain), [smooth(0.0), smooth(1.0)]
+
+    def _rows(self, local: Local, i: int, x: Array) -> Rows:
+        """Return the inequality of an eigenvalue."""
+        return self._below(local.values[i], local.slopes[i], x)
+
+    def _below(self, s: complex, slopes: Complex, x: Array) -> Rows:
+        """Return that a margin t is at most that of a number s that moves."""
+        slope = _measure_slope(self.kind, complex(s), slopes) * self.cube.size
+        return Rows.of(-slope, np.ones(1), measure(self.kind, np.array([s])), x)
+
+    def _apart(self, local: Local, i: int, x: Array, shift: float) -> list[Rows]:
+        """Return the inequalities of an eigenvalue: those of a pair that may meet on the side where it does not."""
+        j = local.partner(i) if len(local.values) > 1 else i
+        s, other = local.values[i], local.values[j]
+        size = max(abs(s), abs(other))
+        if i == j or abs(s - other) > TOLERANCES.near_partner * size or np.isnan(local.slopes[j]).any():
+            return [self._rows(local, i, x)]
+        ds, dother = local.slopes[i], local.slopes[j]
+        half = 0.5 * (s - other)
+        d, slope = (half / size) ** 2, half * (ds - dother) * self.cube.size / size**2
+        plain = abs((s + other).imag) <= TOLERANCES.on_a_line * size  # both real, or a pair
+        rows = [(1.0, d.real, slope.real, shift)]
+        if not plain:
+            rows = [(sign, d.imag, slope.imag, 0.0) for sign in (1.0, -1.0)] + [(1.0, d.real, slope.real, 0.0)]
+            rows += [(-1.0, d.real, slope.real, 0.0)] if self.kind == "damping" else []
+        found = [self._below(0.5 * (s + other), 0.5 * (ds + dother), x)]
+        for sign, value, along, room in rows:
+            own = Rows.of(sign * along, np.zeros(1), np.array([-sign * value - room]), x)
+            found.append(Rows(own.A, own.B, own.b, np.ones(1)))
+        return found
+
+    def active(self, x: Array) -> list[Active]:
+        """Return the eigenvalues with the smallest margins."""
+        found = []
+        for place, local in self._locals(x):
+            margins = measure(self.kind, local.values)
+            sizes = np.abs(local.values) if self.kind == "decay" else np.ones(len(margins))
+            found += [(float(margins[i]), float(sizes[i]), local, i, place) for i in range(len(margins))]
+        worst = min((x[0] for x in found), default=0.0)
+        scale = max((x[1] for x in found if x[0] == worst), default=0.0)
+        return [
+            Active(complex(local.values[i]), place, _meets(local, i))
+            for margin, _, local, i, place in found
+            if local.values[i].imag >= 0.0 and (margin <= worst + TOLERANCES.active * scale or _slow(local, i))
+        ]
+
+
+def _meets(local: Local, i: int) -> bool:
+    """Return whether an eigenvalue nearly meets another one."""
+    if len(local.values) < 2:
+        return False
+    s, other = local.values[i], local.values[local.partner(i)]
+    return bool(abs(s - other) <= TOLERANCES.meets * max(abs(s), abs(other)))
+
+
+def _slow(local: Local, i: int) -> bool:
+    """Return whether an eigenvalue nearly reaches the axis, although its damping ratio may be 1."""
+    return bool(local.values[i].real >= -TOLERANCES.active * np.max(np.abs(local.values)))
+
+
+class Range:
+    """The width of the widest range of a parameter in which all eigenvalues lie left of the imaginary axis."""
+
+    def __init__(self, plant: Plant, cube: Cube, parameter: str, window: Ends) -> None:
+        self.plant, self.cube, self.parameter, self.window = plant, cube, parameter, window
+        self.limits = np.array([window, (-window[1], -window[0])])
+
+    def values(self, x: Array) -> Array:
+        """Return the widths at points of the unit cube; -inf where no value in the window is stable."""
+        low, high = self.ends(x)
+        return np.where(np.isnan(low), -np.inf, high - low)
+
+    def _growth(self, x: Array, v: Array) -> Array:
+        """Return the largest real parts, shape (points, k), at values of the parameter of shape (points, k) or (k,)."""
+        values = self.plant.values(self.cube.points(x, {self.parameter: v}))
+        growth = np.max(values.real, axis=1, initial=-np.inf)
+        return np.where(np.isnan(growth), np.inf, growth).reshape(len(x), -1)
+
+    def ends(self, x: Array, points: int = TOLERANCES.range_points) -> tuple[Array, Array]:
+        """Return the ends of the widest ranges, nan where there are none."""
+        low, high, _, _ = self._ranges(x, points)
+        return low, high
+
+    def _ranges(self, x: Array, points: int = TOLERANCES.range_points) -> tuple[Array, Array, Array, Array]:
+        """Return the ends of the widest ranges, the values at which they are looked for, and the growth there."""
+        # At the ends themselves a motion may have more symmetries, such as one at rest.
+        first, last = self.window
+        inside = TOLERANCES.window_inside * (last - first)
+        v = np.linspace(first + inside, last - inside, points)
+        growth = self._growth(x, v)
+        runs = [_longest(row) for row in growth < 0.0]
+        known = np.array([run is not None for run in runs])
+        rows = np.arange(len(x))[:, None]
+        stable = np.array([run or (0, 0) for run in runs])
+        other = np.clip(stable + np.array([-1, 1]), 0, points - 1)
+        ends = self._located(x, (v[stable], v[other]), (growth[rows, stable], growth[rows, other]))
+        ends = np.where(stable == [0, points - 1], self.window, ends)
+        return np.where(known, ends[:, 0], np.nan), np.where(known, ends[:, 1], np.nan), v, growth
+
+    def _located(self, x: Array, places: tuple[Array, Array], growth: tuple[Array, Array]) -> Array:
+        """Return the last stable values between stable ones and others, shape (points, 2)."""
+        (a, b), (fa, fb) = places, growth
+        for number in range(TOLERANCES.range_rounds):
+            # Secants, with a bisection now and then; where one end has no eigenvalues only these.
+            part = _secant(fa, fb) if number % 3 < 2 else np.full(a.shape, np.nan)
+            middle = a + np.where(np.isnan(part), 0.5, part) * (b - a)
+            f = self._growth(x, middle)
+            inside = f < 0.0
+            a, fa = np.where(inside, middle, a), np.where(inside, f, fa)
+            b, fb = np.where(inside, b, middle), np.where(inside, fb, f)
+        return a + np.nan_to_num(_secant(fa, fb)) * (b - a)
+
+    def _places(self, x: Array) -> tuple[list[tuple[float, int]], list[float]]:
+        """Return where eigenvalues are looked at, and the ends of the range; nothing where no value is stable.
+
+        Places are next to the low end (0), to the high one (1), or inside (2).
+        """
+        lows, highs, v, found = self._ranges(x[None])
+        low, high, growth = float(lows[0]), float(highs[0]), found[0]
+        if np.isnan(low):
+            return [], []
+        step = min(TOLERANCES.inside * (self.window[1] - self.window[0]), 0.25 * (high - low))
+        inside = [i for i in range(1, len(v) - 1) if low < v[i - 1] and v[i + 1] < high]
+        least = -TOLERANCES.peak * max((-growth[i] for i in inside), default=0.0)
+        peaks = [i for i in inside if growth[i] >= max(growth[i - 1], growth[i + 1], least)]
+        return [(low + step, 0), (high - step, 1), *((float(v[i]), 2) for i in peaks)], [low, high]
+
+    def model(self, x: Array) -> tuple[Rows, list[Variant]]:
+        """Return the inequalities near a point: no eigenvalue has a positive real part in the range."""
+        names, found = (*self.cube.names, self.parameter), []
+        for v, side in self._places(x)[0]:
+            local = self.plant.known(self.cube.at(x) | {self.parameter: v}, names)
+            for i in [] if local is None else local.upper.tolist():
+                assert local is not None
+                slopes, growth = local.slopes[i].real, local.values[i].real
+                B = slopes[-1] * np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 0.0]][side])
+                b = np.array([-growth + (slopes[-1] * v if side < 2 else 0.0)])
+                found.append(Rows.of(slopes[:-1] * self.cube.size, B, b, x))
+        if not found:
+            return Rows(np.zeros((0, len(x))), np.zeros((0, 2)), np.zeros(0), np.zeros(0)), []
+        return Rows.joined(found), []
+
+    def active(self, x: Array) -> list[Active]:
+        """Return the eigenvalues that reach the axis at the ends of the range, or inside."""
+        places, ends = self._places(x)
+        if not places:
+            return []
+        v = np.array([ends[side] if side < 2 else v for v, side in places])
+        values = self.plant.values(self.cube.points(x[None], {self.parameter: v}))
+        found = []
+        for row, at in zip(values, v.tolist(), strict=True):
+            s, size = complex(row[np.argmax(row.real)]), float(np.max(np.abs(row)))
+            if s.real >= -TOLERANCES.active * size:
+                gaps = np.sort(np.abs(row - s))
+                meets = len(row) > 1 and bool(gaps[1] <= TOLERANCES.meets * abs(s))
+                found.append(Active(complex(s.real, abs(s.imag)), {self.parameter: at}, meets))
+        return found
+
+
+def _secant(fa: Array, fb: Array) -> Array:
+    """Return the fraction of the way from a to b at which a linear function is zero; nan where it is not between."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        part = fa / (fa - fb)
+        return np.where((part > 0.0) & (part < 1.0), part, np.nan)
+
+
+def _longest(row: Index) -> tuple[int, int] | None:
+    """Return the first and the last number of the longest run of true entries; None if there is none."""
+    padded = np.concatenate([[False], row, [False]]).astype(np.int8)
+    starts, stops = np.flatnonzero(np.diff(padded) == 1), np.flatnonzero(np.diff(padded) == -1)
+    if not len(starts):
+        return None
+    k = int(np.argmax(stops - starts))
+    return int(starts[k]), int(stops[k]) - 1

@@ -1,0 +1,114 @@
+"""The search: steps to the best points of linear inequalities within trust regions; the best point so far is kept.
+
+In every step the inequalities of the eigenvalues at the present point are solved as linear programs within regions of
+many sizes (sequential linear programming; Fletcher and Sainz de la Maza 1989, Math. Program. 43), alone, together with
+those of former steps, and on the smooth sides of meetings. The goal itself is computed at all these points at once,
+and the best of them is taken if it is better than the present one. So no model has to be trusted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from mbstab.analysis.design.goals import Goal, Variant
+from mbstab.analysis.design.rows import Rows
+from mbstab.analysis.design.tolerances import TOLERANCES
+from mbstab.compiler.system import Array
+from mbstab.records import dataclass
+
+OPTIMUM, SLOW, ENOUGH, STEPS, STOPPED, BLIND = (
+    "no step to any distance is better: a local optimum as far as was tried",
+    "two steps in a row gained next to nothing: near a local optimum",
+    "the value asked for is reached",
+    "the steps are used up: a better point may exist nearby",
+    "interrupted: a better point may exist nearby",
+    "the eigenvalues that limit it have no derivatives there: they meet, or cannot be told apart",
+)
+"""Why the search ended."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """The best point.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n,)
+        In the unit cube.
+    value : float
+        Of the goal.
+    steps : int
+        Number of steps.
+    ended : str
+        Why there are no more.
+    """
+
+    x: Array
+    value: float
+    steps: int
+    ended: str
+
+
+def search(
+    goal: Goal, start: Array, steps: int, least: float | None, progress: Callable[[float], object] = lambda done: None
+) -> Found:
+    """Return the best point that is found from a start; if it is interrupted (Ctrl-C), the best so far."""
+    best = Found(start, float(goal.values(start[None])[0]), 0, STEPS)
+    cuts: list[Rows] = []
+    reach, before, small = 1.0, start, 0
+    try:
+        for number in range(1, steps + 1):
+            if least is not None and best.value >= least:
+                return replace(best, ended=ENOUGH)
+            plain, variants = goal.model(best.x)
+            if not len(plain.b):
+                return replace(best, ended=BLIND)
+            cuts = [*cuts[-TOLERANCES.cuts :], plain]
+            found = _better(goal, best, before, reach, cuts, variants)
+            if found is None:
+                return replace(best, ended=OPTIMUM)
+            # A region somewhat larger than the step that was best is the largest one next time.
+            x, value = found
+            reach = min(1.0, TOLERANCES.reach_ratio**2 * float(np.max(np.abs(x - best.x))))
+            small = small + 1 if value - best.value <= TOLERANCES.gain_enough * abs(value) else 0
+            before, best = best.x, Found(x, value, number, STEPS)
+            progress(number / steps)
+            if small == TOLERANCES.small_gains:
+                return replace(best, ended=SLOW)
+    except KeyboardInterrupt:
+        return replace(best, ended=STOPPED)
+    return replace(best, ended=ENOUGH if least is not None and best.value >= least else STEPS)
+
+
+def _better(
+    goal: Goal, best: Found, before: Array, reach: float, cuts: list[Rows], variants: list[Variant]
+) -> tuple[Array, float] | None:
+    """Return a better point and its value, None if there is none at any distance that is tried."""
+    while reach > TOLERANCES.reach_least:
+        trials = _trials(goal, best.x, before, reach, cuts, variants)
+        values = goal.values(trials) if len(trials) else np.array([-np.inf])
+        most = float(np.max(values))
+        if most - best.value > TOLERANCES.gain * abs(most):
+            # The nearest of those that are equally good.
+            alike = np.flatnonzero(values >= most - TOLERANCES.alike * abs(most))
+            k = int(alike[np.argmin(np.max(np.abs(trials[alike] - best.x), axis=1))])
+            return trials[k], float(values[k])
+        reach /= TOLERANCES.reach_ratio**TOLERANCES.reaches
+    return None
+
+
+def _trials(goal: Goal, x: Array, before: Array, reach: float, cuts: list[Rows], variants: list[Variant]) -> Array:
+    """Return the points that are tried next, shape (points, n)."""
+    together = Rows.joined(cuts)
+    found = [np.clip(x + part * (x - before), 0.0, 1.0) for part in (1.0, 3.0)] if np.any(x != before) else []
+    for k in range(TOLERANCES.reaches):
+        within = reach / TOLERANCES.reach_ratio**k
+        for rows in (cuts[-1], *([together] if len(cuts) > 1 else []), *(variant(within) for variant in variants)):
+            point = rows.best(x, within, goal.limits)
+            if point is not None:
+                found.append(point)
+    others = [point for point in found if np.max(np.abs(point - x)) > TOLERANCES.reach_least * within]
+    return np.unique(np.array(others).reshape(len(others), len(x)), axis=0)

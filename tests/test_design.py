@@ -1,0 +1,264 @@
+"""Designs against optima that are known in closed form, most of them where eigenvalues meet or several are active."""
+
+import json
+import math
+
+import pytest
+from click.testing import CliRunner
+
+from mbstab import load, loads
+from mbstab.cli import main
+from mbstab.errors import NumericalError, UsageError
+
+OSCILLATOR = """
+mbstab: 1
+parameters: {m: 1.0, k: 4.0, c: 0.5}
+bodies:
+  a: {type: planar, mass: m, inertia: 1}
+joints:
+  rail: {type: prismatic, between: [a, ground], axis: [1, 0]}
+forces:
+  spring: {type: expression, on: {a.x: -k*a.x - c*rate(a.x)}}
+"""
+
+
+def test_critical_damping_is_the_fastest_decay():
+    """The optimum is where the two eigenvalues meet: on one side the rate falls with an infinite slope."""
+    found = loads(OSCILLATOR).design({"c": (0.1, 10.0)}, "decay")
+    assert found.first == pytest.approx(0.25, rel=1e-12)
+    assert found.best == pytest.approx(2.0, rel=1e-7)
+    assert found.values["c"] == pytest.approx(4.0, rel=1e-7)
+    assert found.active[0].meets
+    assert not found.bounds
+    assert found.result.verdict == "asymptotically stable"
+    # From the other side, too.
+    assert loads(OSCILLATOR).design({"c": (0.1, 10.0)}, "decay", c=9.0).best == pytest.approx(2.0, rel=1e-6)
+
+
+def test_along_the_ridge_where_eigenvalues_meet():
+    found = loads(OSCILLATOR).design({"c": (0.1, 10.0), "k": (1.0, 9.0)}, "decay")
+    assert found.best == pytest.approx(3.0, rel=1e-6)
+    assert found.values == pytest.approx({"c": 6.0, "k": 9.0}, rel=1e-6)
+    assert found.bounds == {"k": "last"}
+
+
+ABSORBER = """
+mbstab: 1
+parameters: {mu: 0.1, f: 0.8, z: 0.1}
+bodies:
+  a: {type: planar, mass: 1, inertia: 1}
+  b: {type: planar, mass: mu, inertia: 1}
+joints:
+  rail: {type: prismatic, between: [a, ground], axis: [1, 0]}
+  rail_b: {type: prismatic, between: [b, ground], axis: [1, 0]}
+forces:
+  springs:
+    type: expression
+    on:
+      a.x: -a.x + mu*f**2*(b.x - a.x) + 2*z*mu*f*(rate(b.x) - rate(a.x))
+      b.x: -mu*f**2*(b.x - a.x) - 2*z*mu*f*(rate(b.x) - rate(a.x))
+"""
+
+
+def test_the_vibration_absorber_of_largest_decay():
+    """Stability maximization (Nishihara and Matsuhisa 1997, Trans. JSME C 63): both pairs of eigenvalues coincide."""
+    found = loads(ABSORBER).design({"f": (0.5, 1.5), "z": (0.01, 0.9)}, "decay")
+    assert found.best == pytest.approx(0.5 * math.sqrt(0.1 / 1.1), rel=1e-4)
+    assert found.values == pytest.approx({"f": 1 / 1.1, "z": math.sqrt(0.1 / 1.1)}, rel=1e-4)
+    assert len(found.active) == 2
+    assert all(x.meets for x in found.active)
+
+
+THREE = """
+mbstab: 1
+parameters: {p: 0.1, r: 0.2}
+bodies:
+  a: {type: planar, mass: 1, inertia: 1}
+forces:
+  springs:
+    type: expression
+    on:
+      a.x: -9*a.x - p*rate(a.x)
+      a.y: -16*a.y - r*rate(a.y)
+      a.theta: -25*a.theta - (1.2 - p - r)*rate(a.theta)
+"""
+
+
+def test_three_active_eigenvalues():
+    found = loads(THREE).design({"p": (0.0, 2.0), "r": (0.0, 2.0)}, "decay")
+    assert found.best == pytest.approx(0.2, rel=1e-9)
+    assert found.values == pytest.approx({"p": 0.4, "r": 0.4}, rel=1e-8)
+    assert sorted(round(x.value.imag) for x in found.active) == [3, 4, 5]
+
+
+@pytest.mark.long
+def test_a_smooth_optimum_inside():
+    text = OSCILLATOR.replace("c: 0.5", "p: 0.9, r: 0.9").replace("c*rate", "(1 - (p - 0.3)**2 - 2*(r - p)**2)*rate")
+    found = loads(text).design({"p": (0.0, 1.0), "r": (0.0, 1.0)}, "decay")
+    assert found.best == pytest.approx(0.5, rel=1e-5)
+    assert found.values == pytest.approx({"p": 0.3, "r": 0.3}, abs=0.01)
+
+
+def test_the_worst_of_a_box():
+    """Overdamped for small masses, slow for large ones: c/4 = c - sqrt(c**2 - 8)."""
+    found = loads(OSCILLATOR).design({"c": (0.1, 10.0)}, "decay", over={"m": (0.5, 2.0)})
+    assert found.values["c"] == pytest.approx(math.sqrt(128 / 7), rel=1e-6)
+    assert found.best == pytest.approx(math.sqrt(128 / 7) / 4, rel=1e-6)
+    assert sorted(x.place["m"] for x in found.active) == pytest.approx([0.5, 2.0])
+    assert found.worst["m"] in (0.5, 2.0)
+
+
+@pytest.mark.long
+def test_the_worst_inside_of_a_box():
+    text = OSCILLATOR.replace("m: 1.0", "m: 1.0, w: 0.0").replace("c*rate", "(1 + (w - 0.37)**2)*(c - c**2/4)*rate")
+    found = loads(text).design({"c": (0.1, 3.0)}, "decay", over={"w": (0.0, 1.0)})
+    assert found.best == pytest.approx(0.5, rel=1e-5)
+    assert found.worst["w"] == pytest.approx(0.37, abs=0.01)
+
+
+def test_the_widest_stable_range():
+    """Shimmy: stable for a between (l ± sqrt(l**2 - 4 I/m))/2."""
+    found = load("shimmy.yaml").design({"I": (0.1, 0.21), "l": (0.9, 1.1)}, "range:a=0.05..1.05")
+    assert found.interval_before == pytest.approx((0.3, 0.7), rel=1e-9)
+    assert found.values == {"I": 0.1, "l": 1.1}
+    half = math.sqrt(1.1**2 - 0.4) / 2
+    assert found.interval == pytest.approx((0.55 - half, 0.55 + half), rel=1e-9)
+    assert found.best == pytest.approx(2 * half, rel=1e-9)
+    assert found.bounds == {"I": "first", "l": "last"}
+    assert sorted(x.place["a"] for x in found.active) == pytest.approx(sorted(found.interval))
+
+
+def test_a_range_that_is_split_inside():
+    """The damping at k = 2, the least, is positive for p < 0.4 - sqrt(0.02): there two ranges become one."""
+    text = OSCILLATOR.replace("c: 0.5", "p: 0.34").replace("c*rate", "(3*(k - 2)**2 + p**2 - 0.8*p + 0.14)*rate")
+    found = loads(text).design({"p": (0.0, 0.35)}, "range:k=0.5..3.5")
+    assert found.first == pytest.approx(1.5 - math.sqrt(0.0164 / 3), rel=1e-6)
+    assert found.best == pytest.approx(3.0, rel=1e-9)
+    assert found.values["p"] < 0.4 - math.sqrt(0.02)
+
+
+def test_an_unstable_start_first_becomes_stable():
+    found = loads(OSCILLATOR).design({"c": (-3.0, 3.0)}, "damping", c=-1.0)
+    assert found.first == pytest.approx(-0.25)
+    assert found.best == pytest.approx(0.75, rel=1e-6)
+    assert found.bounds == {"c": "last"}
+    text = OSCILLATOR.replace("c: 0.5", "c: -0.5, p: 0.0").replace("c*rate(a.x)", "(c + p - 0.1*(k - 4)**2)*rate(a.x)")
+    found = loads(text).design({"p": (0.0, 1.0)}, "range:k=1..9")
+    assert found.interval_before is None
+    assert found.interval == pytest.approx((4 - math.sqrt(5), 4 + math.sqrt(5)), rel=1e-6)
+
+
+def test_neutral_directions_do_not_count():
+    text = ABSORBER.replace("-a.x + mu", "mu").replace("mu: 0.1, f: 0.8", "mu: 0.5, f: 2.0")
+    found = loads(text).design({"z": (0.01, 3.0)}, "decay")
+    assert found.result.counts.neutral == 2
+    # m x'' + 2 z mu f x' + mu f**2 x = 0 with the reduced mass m = mu/(1 + mu).
+    assert found.values["z"] == pytest.approx(1 / math.sqrt(1.5), rel=1e-6)
+    assert found.best == pytest.approx(2.0 * math.sqrt(1.5), rel=1e-6)
+
+
+def test_values_at_which_there_is_no_answer_are_avoided():
+    text = OSCILLATOR.replace("m: 1.0", "p: 0.5").replace("mass: m", "mass: 2 - p").replace("c: 0.5", "c: 1")
+    found = loads(text).design({"p": (0.0, 3.0)}, "decay")
+    assert found.values["p"] == pytest.approx(2 - 1 / 16, rel=1e-6)
+    assert found.best == pytest.approx(8.0, rel=1e-5)
+
+
+def test_a_conservative_system_gains_nothing_and_says_so():
+    found = load("pendulum.yaml").design({"L": "5%"}, "decay")
+    assert not found.reached
+    assert abs(found.best) < 1e-12
+    run = CliRunner().invoke(main, ["design", "pendulum.yaml", "--vary", "L=5%", "--goal", "decay"])
+    assert run.exit_code == 0
+    assert "no motion was found about which all disturbances decay" in run.output
+
+
+def test_the_best_so_far_is_kept_when_it_is_interrupted_or_out_of_steps():
+    def stop(done):
+        raise KeyboardInterrupt
+
+    found = loads(ABSORBER).design({"f": (0.5, 1.5), "z": (0.01, 0.9)}, "decay", stop)
+    assert found.steps == 1
+    assert found.ended.startswith("interrupted")
+    once = loads(ABSORBER).design({"f": (0.5, 1.5), "z": (0.01, 0.9)}, "decay", steps=1)
+    assert once.values == found.values
+    assert once.ended.startswith("the steps are used up")
+    assert once.best > once.first
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--vary", "cc=1..2", "--goal", "decay"], "did you mean 'c'"),
+        (["--vary", "c=2..1", "--goal", "decay"], "the range of c is reversed"),
+        (["--vary", "c=1..1", "--goal", "decay"], "the range of c is empty"),
+        (["--vary", "c=1", "--goal", "decay"], "FIRST..LAST"),
+        (["--vary", "c=x%", "--goal", "decay"], "number of percent"),
+        (["--vary", "c=1..2", "--goal", "dekay"], "did you mean 'decay'"),
+        (["--vary", "c=1..2", "--goal", "range"], "there is no goal 'range'"),
+        (["--vary", "c=1..2", "--goal", "range:k"], "no sweep: block for k"),
+        (["--vary", "c=1..2", "--goal", "range:c=1..2"], "c is varied, and is the range of the goal"),
+        (["--vary", "c=1..2", "--goal", "decay", "--over", "c=1..2"], "c is varied, and spans the box"),
+        (["--vary", "c=1..2", "--goal", "range:k=1..2", "--over", "m=1..2"], "--over goes with"),
+        (["--vary", "c=1..2", "--goal", "decay", "--at-least", "-1"], "give a positive number"),
+    ],
+)
+def test_what_is_wrong_is_said_with_exit_code_2(arguments, said):
+    run = CliRunner().invoke(main, ["design", "-", *arguments], input=OSCILLATOR)
+    assert run.exit_code == 2, run.output
+    assert said in run.output
+
+
+def test_a_periodic_motion_and_a_reference_that_cannot_follow_are_refused():
+    with pytest.raises(UsageError, match="periodic motion"):
+        load("kapitza.yaml").design({"L": "5%"}, "decay")
+    text = OSCILLATOR.replace("m: 1.0", "m: 1.0, d: 0").replace("-k*a.x", "-k*(a.x - d)")
+    with pytest.raises(UsageError, match="d cannot be varied"):
+        loads(text).design({"d": (-1.0, 1.0)}, "decay")
+    free = "mbstab: 1\nparameters: {m: 1.0}\nbodies:\n  a: {type: planar, mass: m, inertia: 1}\n"
+    with pytest.raises(NumericalError, match="neutral eigenvalues only"):
+        loads(free).design({"m": (1.0, 2.0)}, "decay")
+
+
+def test_the_command_says_what_was_found_and_how_to_repeat_it(tmp_path):
+    file = tmp_path / "model.yaml"
+    file.write_text(OSCILLATOR.replace("c: 0.5", "c: {value: 500, unit: g/s}"))
+    arguments = ["design", str(file), "--vary", "c=100..10000", "--goal", "decay", "--certify"]
+    run = CliRunner().invoke(main, arguments, catch_exceptions=False)
+    assert run.exit_code == 0, run.output
+    assert "decay rate of the slowest disturbance: 0.25 1/s before, 2 1/s now" in run.output
+    assert "which nearly meets another one" in run.output
+    assert "proof: " in run.output
+    setting = run.output.rstrip().splitlines()[-1].removeprefix("again: --set ")
+    again = CliRunner().invoke(main, ["eig", str(file), "--set", setting, "--format", "json"], catch_exceptions=False)
+    assert json.loads(again.stdout)["verdict"] == "asymptotically stable"
+    run = CliRunner().invoke(main, [*arguments[:-1], "--format", "json"], catch_exceptions=False)
+    data = json.loads(run.stdout)
+    assert data["best"] == pytest.approx(2.0, rel=1e-6)
+    assert data["parameters"]["c"]["value"] == pytest.approx(4000.0, rel=1e-6)
+    copy = tmp_path / "better.yaml"
+    run = CliRunner().invoke(main, [*arguments[:-1], "-o", str(copy)], catch_exceptions=False)
+    assert run.exit_code == 0
+    assert load(copy).parameters()["c"] == pytest.approx(4.0, rel=1e-6)
+
+
+def test_at_least():
+    arguments = ["design", "-", "--vary", "c=0.1..10", "--goal", "decay", "--at-least"]
+    run = CliRunner().invoke(main, [*arguments, "1", "--format", "json"], input=OSCILLATOR)
+    assert run.exit_code == 0
+    assert json.loads(run.stdout)["best"] >= 1.0
+    assert json.loads(run.stdout)["ended"] == "the value asked for is reached"
+    run = CliRunner().invoke(main, [*arguments, "3"], input=OSCILLATOR)
+    assert run.exit_code == 3
+    assert "at least 3 was asked for" in run.output
+
+
+@pytest.mark.long
+def test_a_bicycle_with_a_wider_range_of_stable_speeds():
+    """The optimum is at ends of all ranges; tests/benchmarks/design.py confirms it by a grid."""
+    vary = {name: "5%" for name in ("w", "c", "tilt", "x_H", "z_H")}
+    found = load("whipple_bicycle.yaml").design(vary, "range:v")
+    assert found.interval_before == pytest.approx((4.29238253634111, 6.02426201538837), rel=1e-7)
+    assert found.best > 2.08
+    assert found.bounds == {"w": "first", "c": "last", "tilt": "first", "x_H": "last", "z_H": "first"}
+    assert found.result.verdict == "asymptotically stable up to symmetry"
