@@ -58,6 +58,15 @@ def test_the_bicycle_has_the_matrices_of_meijaard_et_al(v):
     assert found.coordinates == ("rear_wheel.phi", "rear_body.phi", "front_body.phi", "front_wheel.phi")
 
 
+@pytest.mark.long
+def test_the_bicycle_has_them_at_101_speeds():
+    mechanism = mbstab.load("whipple_bicycle.yaml")
+    for v in np.linspace(0.0, 10.0, 101):
+        found = mechanism.state_space(WHIPPLE, v=v)
+        for x, known in zip((found.A, found.B), whipple(v), strict=True):
+            np.testing.assert_allclose(x, known, rtol=0, atol=1e-12 * np.abs(known).max())
+
+
 def test_all_states_and_the_descriptor_form_have_the_same_transfer_functions():
     model = mbstab.load("whipple_bicycle.yaml")
     few, all_ = model.state_space(WHIPPLE), model.state_space()

@@ -10,7 +10,8 @@ from test_cli import run
 from test_control import MASSES, WHIPPLE, cart
 
 import mbstab
-from mbstab.analysis.linear.response import answer, channels
+from mbstab.analysis.linear.response import answer
+from mbstab.analysis.linear.transfer import channels
 from mbstab.errors import UsageError
 
 

@@ -238,8 +238,8 @@ class Output:
     format: str = "table"
 
     @classmethod
-    def of(cls, path: Path | None, format_: str | None, formats: tuple[str, ...]) -> Output:
-        """Read the options; the suffix selects the format unless it is given.
+    def of(cls, path: Path | None, format_: str | None, formats: tuple[str, ...], unnamed: str = "") -> Output:
+        """Read the options; the suffix selects the format unless it is given, and `unnamed` is a hint if none does.
 
         Raises
         ------
@@ -247,7 +247,7 @@ class Output:
             If the suffix belongs to no format, a binary format has no file, or the file cannot be written.
         """
         path = None if path == Path("-") else path
-        format_ = _format_of(path, formats) if format_ is None else format_
+        format_ = _format_of(path, formats, unnamed) if format_ is None else format_
         suffix = "" if path is None else path.suffix.lower()
         if suffix in SUFFIXES.values() and suffix != SUFFIXES[format_]:
             raise UsageError(f"--output {path} and --format {format_} contradict each other\nhint: leave out --format")
@@ -279,7 +279,7 @@ class Output:
                 show(str(answer["table"]()))
 
 
-def _format_of(path: Path | None, formats: tuple[str, ...]) -> str:
+def _format_of(path: Path | None, formats: tuple[str, ...], unnamed: str) -> str:
     if path is None or (path.exists() and not path.is_file() and not path.is_dir()):
         return formats[0]
     known = {SUFFIXES[name]: name for name in formats}
@@ -290,11 +290,16 @@ def _format_of(path: Path | None, formats: tuple[str, ...]) -> str:
     hint = f"{', '.join(known)}, or --format"
     if suffix in PICTURES:
         hint += "; pictures are asked for by --plot"
+    elif unnamed and not suffix:
+        hint += f"; {unnamed}"
     raise UsageError(f"--output {path}: {what}\nhint: {hint}")
 
 
-def output_options(*formats: str) -> Callable[[F], F]:
-    """Add --format, --output and --quiet to a command, which takes an `Output` as the keyword ``output``."""
+def output_options(*formats: str, unnamed: str = "") -> Callable[[F], F]:
+    """Add --format, --output and --quiet to a command, which takes an `Output` as the keyword ``output``.
+
+    `unnamed` is a further hint if --output has no suffix.
+    """
 
     def decorated(command: F) -> F:
         @quiet_option
@@ -314,7 +319,7 @@ def output_options(*formats: str) -> Callable[[F], F]:
         )
         @functools.wraps(command)
         def run(*arguments: Any, format_: str | None, output: Path | None, **options: Any) -> Any:
-            return command(*arguments, output=Output.of(output, format_, formats), **options)
+            return command(*arguments, output=Output.of(output, format_, formats, unnamed), **options)
 
         return run  # type: ignore[return-value]
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbstab.errors import counted
+from mbstab.report import WIDTH
 from mbstab.report.export import to_csv
 from mbstab.report.tables import eigenvalue, table
 
 if TYPE_CHECKING:
-    from mbstab.analysis.linear.response import Channel, Response, Zeros
+    from mbstab.analysis.linear.margins import LargestGain, Margins
+    from mbstab.analysis.linear.response import Response
+    from mbstab.analysis.linear.transfer import Channel, Zeros
 
 ROWS = 13
 """Rows of a table; the other formats hold all."""
@@ -40,7 +44,7 @@ def response_text(result: Response, title: str) -> str:
     """Return the answer of ``mbstab response`` as text."""
     lines = [title, ""] if title else []
     rows = np.unique(np.linspace(0, len(result.x) - 1, ROWS).round().astype(int))
-    for channel, values, zeros in zip(result.channels, result.values, result.zeros, strict=True):
+    for i, (channel, values, zeros) in enumerate(zip(result.channels, result.values, result.zeros, strict=True)):
         own = unit(channel)
         lines.append(f"From {channel.source} to {channel.goal}" + (f" ({own})" if own else ""))
         if result.kind == "frequency":
@@ -50,11 +54,18 @@ def response_text(result: Response, title: str) -> str:
         else:
             body = [[f"{x:.6g}" for x in (result.x[k], values[k])] for k in rows]
             lines.append(table(["time (s)", f"after a unit {result.kind}"], body))
-        lines += [*_zeros_text(zeros), ""]
+        lines += _zeros_text(zeros)
+        if result.margins:
+            lines += [_largest_text(result.largest[i]), *_margins_text(result.margins[i], zeros.hidden)]
+        elif result.kind == "frequency":
+            lines.append(f"margins and the largest gain are not computed for {len(result.poles)} states")
+        lines.append("")
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
 def _zeros_text(zeros: Zeros) -> list[str]:
+    if zeros.doubt:
+        return wrap(f"zeros: not decided, because ranks are not: {zeros.doubt}", WIDTH)
     if zeros.vanishes:
         return ["the output does not respond to the input"]
     shown = ", ".join(f"{eigenvalue(z)} ± {e:.0e}" for z, e in zip(zeros.values, zeros.errors, strict=True))
@@ -66,15 +77,57 @@ def _zeros_text(zeros: Zeros) -> list[str]:
     return lines
 
 
+def _largest_text(found: LargestGain) -> str:
+    if np.isnan(found.value):
+        return f"largest gain (H∞ norm): none: {found.reason}"
+    if np.isinf(found.value):
+        return f"largest gain (H∞ norm): infinite: {found.reason}"
+    at = f"at {found.frequency:.6g} rad/s" if np.isfinite(found.frequency) else "at high frequencies"
+    return f"largest gain (H∞ norm): {found.value:.10g} {at}, relative error at most {found.tolerance:g}"
+
+
+def _margins_text(found: Margins, hidden: int) -> list[str]:
+    words = {True: "stable", False: "unstable", None: "stable or not, which is not decided"}
+    apart = f", apart from the {counted(hidden, 'hidden eigenvalue')}" if hidden else ""
+    lines = wrap(f"with the output subtracted from the input the loop is {words[found.closed]}{apart}", WIDTH)
+    if found.always_real:
+        lines.append("gain margins: none; the response is real at all frequencies")
+    else:
+        each = [f"× {x.factor:.6g} ({decibels(x.factor):.4g} dB) at {x.frequency:.6g} rad/s" for x in found.gain]
+        lines += wrap(f"gain margins: {', '.join(each) or 'none'}", WIDTH)
+    each = [f"{x.phase:.6g}° (delay {x.delay:.6g} s) at {x.frequency:.6g} rad/s" for x in found.phase]
+    return lines + wrap(f"phase margins: {', '.join(each) or 'none'}", WIDTH)
+
+
+def _margins_data(found: Margins, largest: LargestGain) -> dict[str, Any]:
+    return {
+        "margins": {
+            "closed_loop_stable": found.closed,
+            "gain": [{"frequency": x.frequency, "factor": x.factor} for x in found.gain],
+            "phase": [{"frequency": x.frequency, "phase": x.phase, "delay": x.delay} for x in found.phase],
+            "always_real": found.always_real,
+        },
+        "largest_gain": {
+            "value": largest.value,
+            "frequency": largest.frequency,
+            "tolerance": largest.tolerance,
+            "infinite": bool(np.isinf(largest.value)),
+            "reason": largest.reason,
+        },
+    }
+
+
 def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
     """Return the JSON object of ``mbstab response``.
 
     Keys: ``model``, ``title``, ``kind``, ``frequency`` (rad/s) or ``time`` (s), ``poles`` and ``channels``: ``input``,
-    ``output``, ``unit``, ``real`` and ``imag`` or ``values``, ``zeros`` (``real``, ``imag``, ``error``),
-    ``minimum_phase`` (null: not decided), ``hidden`` and ``vanishes``.
+    ``output``, ``unit``, ``real`` and ``imag`` or ``values``, ``zeros`` (``real``, ``imag``, ``error``; null: not
+    decided, for the reason in ``doubt``), ``minimum_phase`` (null: not decided), ``hidden``, ``vanishes``, and over
+    frequency ``margins`` (``closed_loop_stable``, ``gain``, ``phase``, ``always_real``) and ``largest_gain``
+    (``value``, null if there is none or if it is ``infinite``, ``frequency``, ``tolerance``, ``reason``).
     """
     found = []
-    for channel, values, zeros in zip(result.channels, result.values, result.zeros, strict=True):
+    for i, (channel, values, zeros) in enumerate(zip(result.channels, result.values, result.zeros, strict=True)):
         many = {"real": values.real, "imag": values.imag} if result.kind == "frequency" else {"values": values}
         known = [
             {"real": z.real, "imag": z.imag, "error": float(e)}
@@ -86,10 +139,12 @@ def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
                 "output": channel.goal,
                 "unit": unit(channel),
                 **many,
-                "zeros": known,
+                "zeros": None if zeros.doubt else known,
+                "doubt": zeros.doubt,
                 "minimum_phase": zeros.minimum_phase,
                 "hidden": zeros.hidden,
                 "vanishes": zeros.vanishes,
+                **(_margins_data(result.margins[i], result.largest[i]) if result.margins else {}),
             }
         )
     return {

@@ -347,6 +347,22 @@ class Tolerances:
     """What an input moves by no more than this fraction of the largest it does not move."""
     roundings_of_zeros: Final = 100.0
     """The matrix of zeros is known to this many roundings of its norm."""
+    crossing_search: Final = 1e-3
+    """Eigenvalues whose real part is at most this fraction of their size may belong to a crossing …"""
+    newton_steps_crossing: Final = 30
+    """… which Newton's method finds in at most this many steps …"""
+    crossing_found: Final = 1e-14
+    """… and which is found if the last one is no longer than this, relative to the frequency."""
+    crossing_apart: Final = 1e-9
+    """Crossings closer than this, relative to the frequency, are one."""
+    real_response: Final = 1e-10
+    """A response is real if its imaginary part is at most this fraction of it at all samples."""
+    level_step: Final = 1e-9
+    """The largest gain is known to this, relatively, unless rounding is larger."""
+    summit: Final = 1e-4
+    """The largest gain is improved within this fraction of its frequency."""
+    margin_states: Final = 150
+    """Margins and norms of channels with more states are not computed: that would take minutes."""
     independent_states: Final = 1e-8
     """The smallest singular value of the unit rows of states must be larger."""
 

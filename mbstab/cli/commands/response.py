@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from mbstab.cli.common import file_argument, force_option, load_model, set_option
+from mbstab.cli.common import file_argument, force_option, listed, load_model, set_option
 from mbstab.cli.output import (
     Output,
     check_pictures,
@@ -18,6 +18,8 @@ from mbstab.cli.output import (
     warn,
 )
 from mbstab.errors import UsageError
+
+PICTURES = ("bode", "nyquist", "step", "impulse")
 
 
 @click.command()
@@ -34,9 +36,16 @@ from mbstab.errors import UsageError
 )
 @click.option("--impulse", type=float, metavar="T", help="The same after a unit impulse.")
 @click.option("--frozen", is_flag=True, help="Take the equations as they are at the reference time.")
-@click.option("--plot", is_flag=True, help="Draw Bode diagrams, or what follows a step or an impulse.")
+@click.option(
+    "--plot",
+    "pictures",
+    callback=listed(click.Choice(PICTURES)),
+    metavar="[" + "|".join(PICTURES) + "]",
+    multiple=True,
+    help="Pictures to draw, separated by commas or repeated: bode or nyquist; step or impulse with these options.",
+)
 @pictures_option
-@output_options("table", "json", "csv")
+@output_options("table", "json", "csv", unnamed="outputs of the model are chosen by --measured")
 def response(
     file: str,
     settings: tuple[str, ...],
@@ -48,13 +57,14 @@ def response(
     step: float | None,
     impulse: float | None,
     frozen: bool,
-    plot: bool,
+    pictures: tuple[str, ...],
     place: Path | None,
     output: Output,
 ) -> None:
-    """Compute frequency responses and zeros from the inputs: to the outputs: of the file, or step responses.
+    """Compute frequency responses from the inputs: to the outputs: of the file with zeros, margins and largest gains.
 
     Zeros have error estimates; a transfer function is called minimum phase, or not, only where these decide it.
+    Margins are those of the loop in which the output is subtracted from the input.
     Frequencies are those of the eigenvalues and a decade beyond unless --from and --to say others.
 
     Example: mbstab response whipple_bicycle.yaml --input steer_torque
@@ -69,11 +79,11 @@ def response(
     check_pictures(place)
     mechanism = load_model(file, settings)
     model = mechanism.model
-    name = "bode" if duration is None else "impulse" if step is None else "step"
-    paths = {}
-    if plot or place is not None:
-        stem, suffix = picture_stem(place, output.path, Path(model.name))
-        paths = picture_paths(stem, suffix, [name])
+    possible = ("bode", "nyquist") if duration is None else ("impulse",) if step is None else ("step",)
+    if wrong := [x for x in pictures if x not in possible]:
+        raise UsageError(f"--plot {wrong[0]}: this response is drawn as {' or '.join(possible)}")
+    wanted = pictures or possible[:1] * (place is not None)
+    paths = picture_paths(*picture_stem(place, output.path, Path(model.name)), wanted)
     from mbstab.analysis.linear.response import answer
     from mbstab.report import export, responses
 
@@ -87,7 +97,8 @@ def response(
             "csv": lambda: responses.response_csv(result),
         }
     )
-    for path in paths.values():
-        from mbstab.report.pictures.responses import response_picture
+    if paths:
+        from mbstab.report.pictures.responses import nyquist, response_picture
 
-        save_picture(response_picture(result, model.title), path)
+        for name, path in paths.items():
+            save_picture((nyquist if name == "nyquist" else response_picture)(result, model.title), path)

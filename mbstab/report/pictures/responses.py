@@ -1,20 +1,44 @@
-"""Bode diagrams, and what follows a step or an impulse."""
+"""Bode and Nyquist diagrams, and what follows a step or an impulse."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
 from mbstab.analysis.linear.response import Response
-from mbstab.report.pictures.drawing import draw_legend, house_style, titled_figure
+from mbstab.analysis.linear.transfer import Channel
+from mbstab.compiler.system import Array
+from mbstab.report.pictures.drawing import FONT, draw_legend, house_style, titled_figure
 from mbstab.report.responses import decibels, phase, unit
 
 STYLES = ("-", "--", "-.", ":")
 TURN = 45.0
 """Smallest step of the marks of phases (degrees)."""
+
+FAR = 4.0
+"""Nyquist diagrams show the critical point if it is within so many times the size of the curves …"""
+
+NEAR = 12.0
+"""… and no more than so many times its distance from 0 if it is shown."""
+
+RING = np.tan(np.linspace(-1.5, 1.5, 81))
+"""Frequencies around a resonance, from the middle in half widths: equal steps along its circle."""
+
+
+def _style(k: int) -> dict[str, Any]:
+    """Return how the curve of a channel is drawn."""
+    return {"color": f"C{k}", "linestyle": STYLES[k % len(STYLES)], "linewidth": 1.3 + 0.3 * (k // 4)}
+
+
+def _entry(channel: Channel, style: dict[str, Any]) -> Line2D:
+    """Return the legend entry of a channel."""
+    own = unit(channel)
+    return Line2D([], [], label=f"{channel.source} → {channel.goal}" + (f" ({own})" if own else ""), **style)
 
 
 def response_picture(result: Response, title: str) -> Figure:
@@ -24,14 +48,8 @@ def response_picture(result: Response, title: str) -> Figure:
         figure, panels = titled_figure(title, heights=(2.6, 2.0) if bode else (3.4,))
         handles, spread = [], 0.0
         for k, (channel, values) in enumerate(zip(result.channels, result.values, strict=True)):
-            style: dict[str, Any] = {
-                "color": f"C{k}",
-                "linestyle": STYLES[k % len(STYLES)],
-                "linewidth": 1.3 + 0.3 * (k // 4),
-            }
-            own = unit(channel)
-            text = f"{channel.source} → {channel.goal}" + (f" ({own})" if own else "")
-            handles.append(Line2D([], [], label=text, **style))
+            style = _style(k)
+            handles.append(_entry(channel, style))
             if bode:
                 angle = phase(values)
                 spread = max(spread, float(angle.max() - angle.min()))
@@ -53,3 +71,88 @@ def response_picture(result: Response, title: str) -> Figure:
             panels[0].set_xlabel("time (s)")
         draw_legend(figure, handles, 2)
         return figure
+
+
+def nyquist(result: Response, title: str) -> Figure:
+    """Return the frequency responses in the complex plane, for positive and, thin, for negative frequencies."""
+    with house_style():
+        figure, (axes,) = titled_figure(title, heights=(5.2,))
+        handles, curves = [], []
+        for k, channel in enumerate(result.channels):
+            values = channel.at(_fine(result))
+            curves.append(values)
+            style = _style(k)
+            handles.append(_entry(channel, style))
+            axes.plot(values.real, values.imag, **style, zorder=3)
+            axes.plot(values.real, -values.imag, **{**style, "linewidth": 0.6}, zorder=2)
+        side, critical = _extent(curves)
+        _set_plane(axes, curves, side, critical)
+        for k, values in enumerate(curves):
+            _arrow(axes, values, f"C{k}", side)
+        if critical:
+            turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 201))
+            axes.plot(turn.real, turn.imag, color="0.6", linewidth=0.7, linestyle=(0, (1.5, 2.0)), zorder=1)
+            axes.plot(-1.0, 0.0, "P", color="k", markersize=7, markerfacecolor="w", zorder=5)
+            handles.append(
+                Line2D(
+                    [],
+                    [],
+                    linestyle="",
+                    marker="P",
+                    color="k",
+                    markerfacecolor="w",
+                    label="critical point \N{MINUS SIGN}1",
+                )
+            )
+        handles.append(Line2D([], [], color="0.3", linewidth=0.6, label="negative frequencies"))
+        draw_legend(figure, handles, 2)
+        return figure
+
+
+def _fine(result: Response) -> Array:
+    """Return the frequencies of a response (rad/s), and more of them around resonances."""
+    rings = [abs(p.imag) + max(abs(p.real), 1e-6 * abs(p)) * RING for p in result.poles.tolist()]
+    x: Array = np.unique(np.concatenate([result.x, *rings]))
+    inside: Array = x[(x >= result.x[0]) & (x <= result.x[-1])]
+    return inside
+
+
+def _extent(curves: list[Any]) -> tuple[float, bool]:
+    """Return how far from 0 the plane is shown, and whether the critical point is."""
+    size = max((float(np.max(np.abs(z[np.isfinite(z)]), initial=0.0)) for z in curves), default=0.0) or 1.0
+    critical = size * FAR >= 1.0
+    return (min(max(1.08 * size, 1.3), NEAR) if critical else 1.08 * size), critical
+
+
+def _set_plane(axes: Axes, curves: list[Any], side: float, critical: bool) -> None:
+    """Set the limits and the labels of the plane, with equal scales."""
+    z = np.concatenate([*curves, np.array([0j] + [-1.0 + 0j] * critical)])
+    z = z[np.isfinite(z)]
+    real = np.clip(z.real, -side, side)
+    low, high = float(real.min()), float(real.max())
+    up = float(np.max(np.clip(np.abs(z.imag), 0.0, side), initial=0.0))
+    extra = 0.07 * max(high - low, 2.0 * up)
+    axes.set_xlim(low - extra, high + extra)
+    axes.set_ylim(-up - extra, up + extra)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=1)
+    axes.axvline(0.0, color="0.6", linewidth=0.6, zorder=1)
+    axes.set_xlabel("real part")
+    axes.set_ylabel("imaginary part")
+
+
+def _arrow(axes: Axes, values: Any, color: str, side: float) -> None:
+    """Mark the direction of rising frequency in the middle of what is seen of a curve."""
+    seen = np.flatnonzero(np.isfinite(values) & (np.abs(values) <= side))
+    if len(seen) < 3:
+        return
+    length = np.cumsum(np.abs(np.diff(values[seen])))
+    k = int(np.clip(np.searchsorted(length, 0.5 * length[-1]), 0, len(seen) - 2))
+    start, end = values[seen[k]], values[seen[k + 1]]
+    if start == end:
+        return
+    way = (end - start) / abs(end - start) * 1e-3 * side
+    axes.annotate(
+        "", (end.real, end.imag), (end.real - way.real, end.imag - way.imag), zorder=4,
+        arrowprops={"arrowstyle": "-|>", "color": color, "mutation_scale": 1.6 * FONT, "linewidth": 0},
+    )  # fmt: skip

@@ -1,0 +1,270 @@
+"""Transfer functions of the linear model from one input to one output: values, zeros, and responses over time.
+
+Rates and second derivatives of an input count with s and s²; what of them reaches the output directly is a polynomial:
+
+    G(s) = C (s − A)⁻¹ B + D₀ + s D₁ + s² D₂,   B = b₀ + A b₁ + A² b₂,   D₀ = d₀ + C b₁ + C A b₂,   D₁ = d₁ + C b₂.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.tolerances import EPS
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.linear.control import ControlModel
+from mbstab.analysis.linear.tolerances import TOLERANCES
+from mbstab.compiler.system import Array
+from mbstab.errors import UsageError, suggestion
+from mbstab.records import dataclass
+
+
+@dataclass(frozen=True)
+class Zeros:
+    """The zeros of a transfer function.
+
+    Attributes
+    ----------
+    values : ndarray of complex (1/s)
+        Sorted by their real parts.
+    errors : ndarray
+        First-order estimates of their errors: condition times backward error.
+    hidden : int
+        How many eigenvalues the input does not reach or the output does not see.
+    vanishes : bool
+        Whether the transfer function is zero.
+    doubt : str
+        Why ranks, and with them the number of zeros, are not decided; empty if they are.
+    """
+
+    values: Complex
+    errors: Array
+    hidden: int
+    vanishes: bool
+    doubt: str = ""
+
+    @property
+    def minimum_phase(self) -> bool | None:
+        """Whether all zeros lie left of the imaginary axis; None: that is not decided."""
+        if self.doubt:
+            return None
+        if np.any(self.values.real > self.errors):
+            return False
+        return True if np.all(self.values.real < -self.errors) and not self.vanishes else None
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The part of a system that an input reaches and an output sees.
+
+    Attributes
+    ----------
+    A, B, C : ndarray, shapes (n, n), (n,), (n,)
+    hidden : int
+        How many eigenvalues are not in it.
+    doubt : str
+        Why this number is not decided; empty if it is.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    hidden: int
+    doubt: str
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One input and one output.
+
+    Attributes
+    ----------
+    source, goal : str
+        Their names.
+    source_unit, goal_unit : str
+    A, B, C : ndarray, shapes (n, n), (n,), (n,)
+        States are scaled, so that they are not those of the model.
+    D : ndarray, shape (3,)
+        The polynomial D₀, D₁, D₂.
+    """
+
+    source: str
+    goal: str
+    source_unit: str
+    goal_unit: str
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+
+    def at(self, omega: Array) -> Complex:
+        """Return G(iω) at angular frequencies (rad/s); infinite on a pole."""
+        found = np.empty(len(omega), dtype=complex)
+        for k, s in enumerate(1j * np.asarray(omega)):
+            try:
+                x = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B.astype(complex))
+            except np.linalg.LinAlgError:
+                found[k] = np.inf
+                continue
+            found[k] = self.C @ x + self.D @ s ** np.arange(3)
+        return found
+
+    def step(self, times: Array, impulse: bool = False) -> Array:
+        """Return the output after a unit step, or a unit impulse, of the input at time 0, without its impulses.
+
+        Parameters
+        ----------
+        times : ndarray, shape (n_t,)
+            Equally spaced from 0 (s).
+
+        Raises
+        ------
+        UsageError
+            If the output has impulses: it follows the rate of the input.
+        """
+        from scipy.linalg import expm
+
+        if np.any(self.D[(0 if impulse else 1) :]):
+            what = "an impulse" if impulse else "a step"
+            raise UsageError(
+                f"{self.goal} has impulses after {what} of {self.source}, which it follows directly\n"
+                "hint: ask for its frequency response"
+            )
+        n = len(self.A)
+        whole = np.zeros((n + 1, n + 1))
+        whole[:n, :n], whole[:n, n] = self.A, self.B
+        advance = expm(whole * (times[1] - times[0]))
+        state = np.append(self.B, 0.0) if impulse else np.append(np.zeros(n), 1.0)
+        out = np.empty(len(times))
+        for k in range(len(times)):
+            out[k] = self.C @ state[:n] + (0.0 if impulse else self.D[0])
+            state = advance @ state
+        return out
+
+    def seen(self) -> Seen:
+        """Return what of the states the input reaches and the output sees."""
+        ranks = _Ranks()
+        A, B, C = _reached(self.A, self.B, self.C, ranks)
+        A_t, C_t, B_t = _reached(A.T, C, B, ranks)
+        return Seen(A_t.T, B_t, C_t, len(self.A) - len(A_t), ranks.doubt)
+
+    def zeros(self) -> Zeros:
+        """Return the zeros, without the eigenvalues that the input does not reach or the output does not see."""
+        seen = self.seen()
+        A, B, C, D = seen.A, seen.B, seen.C, self.D[0]
+        if np.any(self.D[1:]):
+            # The second derivative of the input as input, the input and its rate as states: the zeros stay.
+            n = len(A)
+            wide = np.zeros((n + 2, n + 2))
+            wide[:n, :n], wide[:n, n], wide[n, n + 1] = A, B, 1.0
+            A, B, C, D = wide, np.eye(n + 2)[n + 1], np.concatenate([C, self.D[:2]]), self.D[2]
+        ranks = _Ranks()
+        values, errors, vanishes = _zeros(A, B, C, float(D), ranks)
+        if doubt := seen.doubt or ranks.doubt:
+            return Zeros(np.zeros(0, dtype=complex), np.zeros(0), seen.hidden, False, doubt)
+        return Zeros(values, errors, seen.hidden, vanishes)
+
+
+class _Ranks:
+    """Decisions whether a number vanishes beside another, and how clear they are."""
+
+    def __init__(self) -> None:
+        self.kept, self.dropped = np.inf, 0.0
+
+    def vanishes(self, value: float, size: float) -> bool:
+        """Whether a value is zero beside a size."""
+        part = value / size if size > 0.0 else np.inf if value > 0.0 else 0.0
+        if part <= TOLERANCES.unreached:
+            self.dropped = max(self.dropped, part)
+            return True
+        self.kept = min(self.kept, part)
+        return False
+
+    @property
+    def doubt(self) -> str:
+        """What is not clear; empty if all is."""
+        if self.kept >= max(ALGEBRA.singular_value_kept, ALGEBRA.rank_gap * self.dropped):
+            return ""
+        return f"{self.kept:.1e} was taken for different from 0, and {self.dropped:.1e} for 0"
+
+
+def _reached(A: Array, B: Array, C: Array, ranks: _Ranks) -> tuple[Array, Array, Array]:
+    """Return a system on the smallest subspace that contains B and that A maps into itself."""
+    size = float(np.linalg.norm(A))
+    basis = np.zeros((len(A), 0))
+    x, scale = B, float(np.linalg.norm(B))
+    while basis.shape[1] < len(A):
+        for _ in range(2):
+            x = x - basis @ (basis.T @ x)
+        length = float(np.linalg.norm(x))
+        if ranks.vanishes(length, scale):
+            break
+        basis = np.column_stack([basis, x / length])
+        x, scale = A @ basis[:, -1], size
+    return basis.T @ A @ basis, basis.T @ B, C @ basis
+
+
+def _zeros(A: Array, B: Array, C: Array, D: float, ranks: _Ranks) -> tuple[Complex, Array, bool]:
+    """Return zeros, errors and whether all vanishes: motions that keep the output and all its derivatives zero."""
+    none = np.zeros(0, dtype=complex), np.zeros(0)
+    while len(A) and ranks.vanishes(abs(D), float(np.linalg.norm(B) * np.linalg.norm(C))):
+        length = float(np.linalg.norm(C))
+        if ranks.vanishes(length, float(np.linalg.norm(A))):
+            return *none, True
+        c = C / length
+        Q = np.linalg.qr(c[:, None], mode="complete")[0][:, 1:]
+        A, B, C, D = Q.T @ A @ Q, Q.T @ B, (c @ A) @ Q, float(c @ B)
+    if not len(A):
+        return *none, D == 0.0
+    values, errors = simple_eigenvalues(
+        A - np.outer(B, C) / D, float(np.linalg.norm(A) + np.linalg.norm(np.outer(B, C)) / abs(D))
+    )
+    order = np.lexsort((values.imag, values.real))
+    return values[order], errors[order], False
+
+
+def simple_eigenvalues(A: Array, size: float) -> tuple[Complex, Array]:
+    """Return eigenvalues and first-order estimates of their errors, for a matrix known to roundings of a size."""
+    from scipy.linalg import eig
+
+    values, left, right = eig(A, left=True)
+    condition = 1.0 / np.maximum(np.abs(np.sum(left.conj() * right, axis=0)), EPS)
+    return values, TOLERANCES.roundings_of_zeros * EPS * size * condition
+
+
+def _number(name: str, known: tuple[str, ...], what: str) -> int:
+    if name not in known:
+        hint = suggestion(name, known) or f"{what}s of the file: " + (", ".join(known) or "none")
+        raise UsageError(f"there is no {what} {name!r}\nhint: {hint}")
+    return known.index(name)
+
+
+def channels(model: ControlModel, sources: tuple[str, ...] = (), goals: tuple[str, ...] = ()) -> list[Channel]:
+    """Return the channels from some inputs, or all, to some outputs, or all.
+
+    Raises
+    ------
+    UsageError
+        If a name is unknown, or the file declares no inputs or no outputs.
+    """
+    from scipy.linalg import matrix_balance
+
+    for what, found in (("inputs", model.inputs), ("outputs", model.outputs)):
+        if not found:
+            raise UsageError(f"the model declares no {what}\nhint: add the section {what}: to the file")
+    ins = [_number(x, model.inputs, "input") for x in sources or model.inputs]
+    outs = [_number(x, model.outputs, "output") for x in goals or model.outputs]
+    A, (scale, _) = matrix_balance(model.A, permute=False, separate=True)
+    result = []
+    for i in ins:
+        b, d = np.zeros((3, len(A))), np.zeros((3, len(model.outputs)))
+        for column, (own, k) in enumerate(model.orders):
+            if own == i:
+                b[k], d[k] = model.B[:, column] / scale, model.D[:, column]
+        B = b[0] + A @ (b[1] + A @ b[2])
+        for j in outs:
+            C = model.C[j] * scale
+            D = np.array([d[0, j] + C @ (b[1] + A @ b[2]), d[1, j] + C @ b[2], d[2, j]])
+            units = model.input_units[i], model.output_units[j]
+            result.append(Channel(model.inputs[i], model.outputs[j], *units, A, B, C, D))
+    return result

@@ -1,0 +1,159 @@
+"""Margins, largest gains and rank decisions of transfer functions, against closed forms and fine grids."""
+
+import json
+
+import numpy as np
+import pytest
+from test_cli import run
+
+from mbstab.analysis.linear.margins import gain_crossings, largest_gain, margins
+from mbstab.analysis.linear.transfer import Channel
+
+
+def channel(A, B, C, *D):
+    D = np.array([*D, 0.0, 0.0, 0.0][:3])
+    return Channel("w", "z", "", "", np.array(A, dtype=float), np.array(B, dtype=float), np.array(C, dtype=float), D)
+
+
+def resonance(zeta, omega=3.0, *D):
+    return channel([[0, 1], [-(omega**2), -2 * zeta * omega]], [0, 1], [omega**2, 0], *D)
+
+
+def test_three_equal_lags():
+    """4/(s + 1)³: phase -180° at √3, where the gain is 1/2; gain 1 where (1 + ω²)³ = 16."""
+    loop = channel(np.diag([-1.0] * 3) + np.diag([1.0, 1.0], 1), [0, 0, 4], [1, 0, 0])
+    found = margins(loop)
+    assert found.closed is True
+    (gain,), (phase,) = found.gain, found.phase
+    np.testing.assert_allclose([gain.frequency, gain.factor], [3**0.5, 2.0], rtol=1e-13)
+    omega = (16 ** (1 / 3) - 1) ** 0.5
+    margin = np.pi - 3 * np.arctan(omega)
+    np.testing.assert_allclose(
+        [phase.frequency, phase.phase, phase.delay], [omega, np.degrees(margin), margin / omega], rtol=1e-12
+    )
+    largest = largest_gain(loop)
+    assert (largest.value, largest.frequency) == (pytest.approx(4.0, rel=1e-14), 0.0)
+
+
+@pytest.mark.parametrize("zeta", [0.5, 0.05, 1e-4])
+def test_the_peak_of_a_resonance(zeta):
+    found = largest_gain(resonance(zeta))
+    np.testing.assert_allclose(found.value, 1 / (2 * zeta * (1 - zeta**2) ** 0.5), rtol=1e-12)
+    np.testing.assert_allclose(found.frequency, 3 * (1 - 2 * zeta**2) ** 0.5, rtol=1e-7)
+    assert found.tolerance <= 1e-7
+
+
+def test_a_norm_that_is_infinite_or_does_not_exist():
+    for zeta, value, word in ((0.0, np.inf, "no damping"), (-0.1, np.nan, "unstable")):
+        found = largest_gain(resonance(zeta))
+        np.testing.assert_equal(found.value, value)
+        assert word in found.reason
+    following = largest_gain(resonance(0.1, 3.0, 0.0, 1.0))
+    assert following.value == np.inf
+    assert "rate of the input" in following.reason
+    through = largest_gain(channel([[-1.0]], [1.0], [-1.0], 2.0))
+    assert (through.value, through.frequency) == (2.0, np.inf)
+
+
+def test_an_output_that_follows_the_rate_of_its_input_has_margins_too():
+    """G = s/(s + 2): never 1 before infinity; 3 s: 1 at 1/3 with the phase 90°."""
+    assert margins(channel([[-2.0]], [1.0], [-2.0], 1.0)).phase == ()
+    (phase,) = margins(channel(np.zeros((0, 0)), [], [], 0.0, 3.0)).phase
+    np.testing.assert_allclose([phase.frequency, phase.phase], [1 / 3, -90.0], rtol=1e-13)
+
+
+def test_a_response_without_damping_is_real_everywhere():
+    found = margins(resonance(0.0))
+    assert found.always_real
+    assert found.gain == ()
+    (phase,) = found.phase
+    # |9/(9 - ω²)| = 1 at √18.
+    np.testing.assert_allclose([phase.frequency, abs(phase.phase)], [18**0.5, 0.0], atol=1e-12)
+    assert found.closed is not True
+
+
+def test_random_systems_against_a_fine_grid():
+    rng = np.random.default_rng(3)
+    omega = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 4001)])
+    seen = 0
+    for _ in range(25):
+        n = int(rng.integers(2, 10))
+        A = rng.normal(size=(n, n))
+        A -= np.eye(n) * (np.linalg.eigvals(A).real.max() + rng.choice([0.03, 0.3]))
+        loop = channel(A, rng.choice([1.0, 10.0]) * rng.normal(size=n), rng.normal(size=n), rng.choice([0.0, 0.7]))
+        G, found = loop.at(omega), margins(loop)
+        largest, peak = largest_gain(loop), np.abs(G).max()
+        assert peak <= (1 + largest.tolerance) * largest.value
+        assert largest.value < 1.01 * peak
+        assert largest.tolerance <= 1e-7
+        up = np.flatnonzero(np.diff(np.sign(np.abs(G[1:]) - 1)))
+        assert len(found.phase) == len(up)
+        for k, crossing in zip(up, found.phase, strict=True):
+            assert omega[k + 1] <= crossing.frequency <= omega[k + 2]
+            assert abs(abs(loop.at([crossing.frequency])[0]) - 1) < 1e-11
+        across = np.flatnonzero(np.diff(np.sign(G[1:].imag)) * (G[2:].real < 0))
+        moving = [x for x in found.gain if x.frequency > 0.0]
+        assert len(moving) == len(across)
+        for crossing in moving:
+            np.testing.assert_allclose(loop.at([crossing.frequency])[0], -1 / crossing.factor, rtol=1e-9)
+        closed = np.linalg.eigvals(A - np.outer(loop.B, loop.C) / (1 + loop.D[0]))
+        assert found.closed is bool(closed.real.max() < 0)
+        seen += len(up) + len(across)
+    assert seen > 30
+    assert len(gain_crossings(loop, 0.5 * peak)) > 0
+
+
+def chain(n, seen):
+    """Return a chain of masses with springs and dampers that is pushed at its first one."""
+    K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-9.0 * K, -0.05 * K]])
+    return channel(A, np.eye(2 * n)[n], np.eye(2 * n)[seen])
+
+
+def test_zeros_are_told_only_where_ranks_are_decided():
+    for part, many in ((1e-3, 1), (1e-6, 1), (1e-9, None), (1e-10, None), (1e-13, 0)):
+        found = channel(np.diag([-1.0, -2.0]), [1.0, part], [1.0, 1.0]).zeros()
+        if many is None:
+            assert "was taken for different from 0" in found.doubt
+            assert found.minimum_phase is None
+            assert len(found.values) == 0
+        else:
+            assert (found.doubt, len(found.values), found.hidden) == ("", many, 1 - many)
+    near, far = chain(20, 0).zeros(), chain(20, 19).zeros()
+    assert (near.doubt, len(near.values), near.minimum_phase) == ("", 38, True)
+    assert far.doubt
+    short = chain(3, 2).zeros()
+    np.testing.assert_allclose(short.values, [-180.0, -180.0], rtol=1e-5)  # a double one
+
+
+def test_the_command_tells_margins_and_draws_nyquist_diagrams(tmp_path):
+    bicycle = ("response", "whipple_bicycle.yaml", "--set", "v=5", "--points", "5")
+    result = run(*bicycle, "--plot", "bode,nyquist", "--pictures", str(tmp_path / "a.svg"))
+    assert result.exit_code == 0
+    assert all((tmp_path / f"a-{name}.svg").stat().st_size > 5000 for name in ("bode", "nyquist"))
+    assert "gain margins: × 2.19707 (6.837 dB) at 0 rad/s" in result.stdout
+    first = json.loads(run(*bicycle, "--input", "steer_torque", "--format", "json").stdout)["channels"][0]
+    (phase,) = first["margins"]["phase"]
+    assert first["margins"]["closed_loop_stable"] is False
+    assert 0.1 < phase["frequency"] < 0.2
+    # T_δ→φ of Meijaard et al. at rest in the turn: (g K₀ + v² K₂)⁻¹.
+    K = 9.81 * np.array([[-80.95, -2.599516852498716], [-2.599516852498716, -0.8032948845861769]])
+    K += 25 * np.array([[0, 76.59734589573222], [0, 2.65431523794604]])
+    np.testing.assert_allclose(first["largest_gain"]["value"], abs(np.linalg.inv(K)[0, 1]), rtol=1e-10)
+    unstable = json.loads(run("response", "whipple_bicycle.yaml", "--set", "v=3", "--format", "json").stdout)
+    assert unstable["channels"][0]["largest_gain"]["value"] is None
+    assert "unstable" in unstable["channels"][0]["largest_gain"]["reason"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--output", "roll"), "outputs of the model are chosen by --measured"),
+        (("--plot", "step"), "drawn as bode or nyquist"),
+        (("--step", "1", "--plot", "nyquist"), "drawn as step"),
+    ],
+)
+def test_wrong_questions_are_refused(arguments, message):
+    result = run("response", "whipple_bicycle.yaml", *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
