@@ -9,6 +9,7 @@ import pytest
 from test_cli import run
 
 import mbstab
+from mbstab.analysis.linear import control
 from mbstab.analysis.linear.measured import Meter
 from mbstab.analysis.linear.signals import Signals, State
 from mbstab.analysis.reference.reactions import reactions
@@ -426,3 +427,20 @@ def test_as_a_model_of_scipy_and_of_python_control():
 def test_a_model_without_inputs_cannot_be_exported():
     with pytest.raises(UsageError, match="declares no inputs"):
         mbstab.load("pendulum.yaml").state_space().to_scipy()
+
+
+def test_the_control_model_is_built_only_where_it_is_asked_for(monkeypatch):
+    asked = []
+    own = control.control_model
+    monkeypatch.setattr("mbstab.analysis.linear.control.control_model", lambda *x: asked.append(x) or own(*x))
+    for form in ("equations", "composite"):
+        assert run("linearize", "pendulum.yaml", "--form", form).exit_code == 0
+    assert not asked
+    # Inputs and outputs are checked whatever is shown.
+    for arguments in (
+        ("pendulum.yaml", "--form", "pencil"),
+        ("whipple_bicycle.yaml",),
+        ("pendulum.yaml", "--format=json"),
+    ):
+        assert run("linearize", *arguments).exit_code == 0
+    assert len(asked) == 3

@@ -10,21 +10,18 @@ from mbstab.report.export import to_csv
 
 if TYPE_CHECKING:
     from mbstab.analysis.linear.control import ControlModel
+    from mbstab.analysis.linear.linearize import Linearization
 
 Named = tuple[Any, Sequence[str], Sequence[str]]
 
 
-def forms(control: ControlModel) -> dict[str, dict[str, Named]]:
-    """Return every matrix with the names of its rows and columns, by form; no two have the same name."""
-    linear, descriptor = control.linear, control.descriptor
+def equation_forms(linear: Linearization) -> dict[str, dict[str, Named]]:
+    """Return the matrices of the linearized equations with the names of their rows and columns, by form."""
     q = list(linear.names)
-    rows = [f"{row.name}: {row.label}" for row in linear.rows]
+    rows = _rows(linear)
     holonomic, nonholonomic = rows[: linear.n_h], rows[linear.n_h :]
     M, R, K = linear.composite()
     both = [*q, *(f"ν {row}" for row in rows)]
-    equations = [*q, *(f"d/dt {x}" for x in q), *rows]
-    equations += descriptor.variables[len(equations) :]
-    known = control.coordinates
     return {
         "equations": {
             "M": (linear.M, q, q),
@@ -39,6 +36,16 @@ def forms(control: ControlModel) -> dict[str, dict[str, Named]]:
             "R_composite": (R, both, both),
             "K_composite": (K, both, both),
         },
+    }
+
+
+def forms(control: ControlModel) -> dict[str, dict[str, Named]]:
+    """Return every matrix with the names of its rows and columns, by form; no two have the same name."""
+    linear, descriptor, known = control.linear, control.descriptor, control.coordinates
+    equations = [*linear.names, *(f"d/dt {x}" for x in linear.names), *_rows(linear)]
+    equations += descriptor.variables[len(equations) :]
+    return {
+        **equation_forms(linear),
         "pencil": {
             "A_descriptor": (descriptor.A, equations, descriptor.variables),
             "E_descriptor": (descriptor.E, equations, descriptor.variables),
@@ -55,6 +62,10 @@ def forms(control: ControlModel) -> dict[str, dict[str, Named]]:
             "to_rates": (control.to_rates, [f"rate({x})" for x in known], control.states),
         },
     }
+
+
+def _rows(linear: Linearization) -> list[str]:
+    return [f"{row.name}: {row.label}" for row in linear.rows]
 
 
 def linearize_data(control: ControlModel, model: str, title: str) -> dict[str, Any]:
@@ -113,7 +124,7 @@ def linearize_arrays(control: ControlModel) -> dict[str, Any]:
     arrays = {name: np.asarray(m) for group in forms(control).values() for name, (m, _, _) in group.items()}
     linear, motion = control.linear, control.linear.motion
     arrays |= {"q": motion.q, "u": motion.u, "a": motion.a, "multipliers": motion.nu}
-    arrays["rows"] = np.array([f"{row.name}: {row.label}" for row in linear.rows], dtype=str)
+    arrays["rows"] = np.array(_rows(linear), dtype=str)
     names = {
         "coordinates": linear.names,
         "determined": control.coordinates,

@@ -41,15 +41,20 @@ def matrix_text(name: str, matrix: Any, rows: Sequence[str], columns: Sequence[s
     return text
 
 
-def linearize_text(control: ControlModel, form: str, title: str, full: bool = False) -> str:
-    """Return the answer of ``mbstab linearize`` as text; large matrices only if `full` is set."""
-    from mbstab.report.linear_data import forms
+def linearize_text(
+    linear: Linearization, control: ControlModel | None, form: str, title: str, full: bool = False
+) -> str:
+    """Return the answer of ``mbstab linearize`` as text; large matrices only if `full` is set.
+
+    Pencil and state space need a control model.
+    """
+    from mbstab.report.linear_data import equation_forms, forms
 
     lines = [title, ""] if title else []
-    lines += _linear_summary(control.linear)
-    if form == "state-space":
+    lines += _linear_summary(linear)
+    if control is not None and form == "state-space":
         lines += _signals(control)
-    matrices = forms(control)[form]
+    matrices = (equation_forms(linear) if control is None else forms(control))[form]
     hidden = {} if full else {name: m for name, m in matrices.items() if max(len(m[1]), len(m[2])) > LARGE}
     lines += [matrix_text(name, *m) for name, m in matrices.items() if name not in hidden]
     if hidden:

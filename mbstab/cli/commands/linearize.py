@@ -8,7 +8,8 @@ from mbstab.cli.common import file_argument, force_option, load_model, set_optio
 from mbstab.cli.output import Output, note, output_options, warn
 from mbstab.errors import UsageError, counted
 
-FORMS = ("equations", "composite", "pencil", "state-space")
+EQUATIONS = ("equations", "composite")
+FORMS = (*EQUATIONS, "pencil", "state-space")
 
 
 @click.command()
@@ -61,10 +62,14 @@ def linearize(
 
     linear = mechanism.linearize(frozen)
     warn(linear.motion.warnings)
+    ported = bool(model.outputs or linear.system.scene.inputs)
+    if output.format == "table" and form in EQUATIONS and states is None and not ported:
+        output.write({"table": lambda: linearization.linearize_text(linear, None, form, model.title, full)})
+        return
     found = control_model(linear, split_states(states or ""))
     output.write(
         {
-            "table": lambda: linearization.linearize_text(found, form, model.title, full),
+            "table": lambda: linearization.linearize_text(linear, found, form, model.title, full),
             "json": lambda: export.to_json(linear_data.linearize_data(found, model.name, model.title)),
             "csv": lambda: linear_data.linearize_csv(found),
             "npz": lambda: export.npz_bytes(linear_data.linearize_arrays(found)),
