@@ -374,6 +374,7 @@ class Mechanism:
         progress: Progress = _untold,
         certify: bool = False,
         sensitivity: bool = False,
+        orders: Sequence[float] = (),
         **keywords: Any,
     ) -> Sweep:
         """Return eigenvalue branches over a parameter, and where stability changes.
@@ -387,20 +388,23 @@ class Mechanism:
             Enclose each critical value in a ball, or say why that is not proven (`Critical.enclosed`).
         sensitivity : bool
             Differentiate each by the other parameters, or say why that is not possible (`Critical.slopes`).
+        orders : sequence of float
+            Multiples of the parameter, an angular velocity, whose crossings with frequencies are looked for.
         **keywords
             Other parameters, and fields of `mbstab.analysis.sweep.settings.SweepSettings`.
 
         Raises
         ------
         UsageError
-            If the parameter is unknown, the values are not in order, or python-flint is missing for `certify`.
+            If names, values or orders are wrong, or python-flint is missing for `certify`.
         """
         values = series(parameter, values)
         from mbstab.analysis.proof.swept import swept
         from mbstab.analysis.sweep.settings import SweepSettings
 
         settings, parameters = parted(SweepSettings, keywords, self.model.parameters)
-        return swept(self._afforded("modes", parameters), parameter, values, settings, progress, certify, sensitivity)
+        model = self._afforded("modes", parameters)
+        return swept(model, parameter, values, settings, progress, certify, sensitivity, orders)
 
     @guarded
     def design(

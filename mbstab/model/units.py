@@ -54,6 +54,14 @@ UNITS: dict[str, tuple[float, Dimension]] = {
 _FACTOR = re.compile(r"\s*(?P<name>[A-Za-z]+|1)\s*(?:(?:\^|\*\*)\s*(?P<power>-?[0-9]{1,2}))?\s*")
 
 
+_TURNS = re.compile(r"\s*(rad|deg)\s*/\s*(s|ms|min|h)\s*|rpm")
+
+
+def is_angular_velocity(unit: str) -> bool:
+    """Whether a unit is that of an angular velocity, such as rad/s, deg/s or rpm."""
+    return _TURNS.fullmatch(unit) is not None
+
+
 def parse_unit(text: str) -> tuple[float, Dimension]:
     """Return the factor to SI and the dimension of a unit such as ``kg*m^2`` or ``N*s/m``.
 

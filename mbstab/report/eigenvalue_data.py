@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from mbstab.model.schema import Model, unit_of
-from mbstab.report.export import parameters_data
+from mbstab.report.export import parameters_data, polar
 
 if TYPE_CHECKING:
     from mbstab.analysis.linear.mode_energy import EnergyBalance, EnergyShare
@@ -66,8 +66,8 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
                 "condition": e.condition,
                 "backward_error": e.backward_error,
                 "participation": e.participation,
-                "vector": None if e.vector is None else _polar(e.vector),
-                "motions": [{"name": name, **_polar(x)} for name, x in e.motions],
+                "vector": None if e.vector is None else polar(e.vector),
+                "motions": [{"name": name, **polar(x)} for name, x in e.motions],
                 "whirl": e.whirl or None,
                 "name": e.name or None,
                 "energy": None if e.energy is None else energy_data(e.energy),
@@ -79,12 +79,6 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
         "neutral_directions": result.neutral_directions,
         "warnings": result.warnings,
     }
-
-
-def _polar(vector: Any) -> dict[str, Any]:
-    import numpy as np
-
-    return {"magnitude": np.abs(vector), "phase": np.angle(vector)}
 
 
 def energy_data(balance: EnergyBalance) -> dict[str, Any]:
@@ -142,8 +136,8 @@ def eigen_rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
     for e in result.eigenvalues:
         shape: list[Any] = [""] * (2 * len(result.coordinates))
         if e.vector is not None:
-            polar = _polar(e.vector)
-            shape[::2], shape[1::2] = polar["magnitude"].tolist(), polar["phase"].tolist()
+            parts = polar(e.vector)
+            shape[::2], shape[1::2] = parts["magnitude"].tolist(), parts["phase"].tolist()
         rows.append(
             [e.value.real, e.value.imag, e.kind, e.frequency, e.damping_ratio, e.error_bound, e.whirl, e.name, *shape]
         )

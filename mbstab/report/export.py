@@ -40,6 +40,13 @@ def _plain(x: Any) -> Any:
     return x
 
 
+def polar(vector: Any) -> dict[str, Any]:
+    """Return magnitude and phase (rad) of complex numbers."""
+    import numpy as np
+
+    return {"magnitude": np.abs(vector), "phase": np.angle(vector)}
+
+
 def to_csv(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """Return comma-separated values with a head line; numbers with all digits."""
     import csv
@@ -159,8 +166,9 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     ``unstable_above``, ``verdict_below``, ``verdict_above``, null where there is none, and ``enclosure``, see below),
     ``meetings`` (``value``, ``kind``), ``problems`` (``point`` counting from 0, ``reason``),
     ``warnings``, ``names`` (of the branches, null for those without), ``start`` (from where equilibria were followed,
-    null if they are given) and ``beyond``: for each path beyond a fold, an object with the same keys from ``values``
-    on.
+    null if they are given), ``orders``, ``crossings`` (of frequencies with these: ``value``, ``order``,
+    ``frequency`` in rad/s, ``branch``, ``name``, ``whirl``, ``motions``) and ``beyond``: for each path beyond a fold,
+    an object with the same keys from ``values`` on.
 
     An ``enclosure`` is null unless proofs are asked for: ``midpoint`` and ``radius`` as decimal texts, in the unit of
     the parameter (null where nothing is proven), ``conditions`` (what is not proven and must hold), ``reason`` (why
@@ -198,6 +206,19 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
         "warnings": list(result.warnings),
         "names": [name or None for name in result.names] or [None] * result.branches.shape[1],
         "start": None if result.start is None else result.start / factor,
+        "orders": list(result.orders),
+        "crossings": [
+            {
+                "value": c.value / factor,
+                "order": c.order,
+                "frequency": c.frequency,
+                "branch": c.branch,
+                "name": c.name or None,
+                "whirl": c.whirl or None,
+                "motions": [{"name": name, **polar(x)} for name, x in c.motions],
+            }
+            for c in result.crossings
+        ],
     }
 
 

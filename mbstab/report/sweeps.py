@@ -55,7 +55,23 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
             "",
             *_path(path, label, factor),
         ]
+    if result.orders:
+        lines += ["", *_crossings(result, label, factor)]
     return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _crossings(result: Sweep, label: str, factor: float) -> list[str]:
+    """Return the crossings of frequencies with orders of the parameter."""
+    orders = ", ".join(f"{k:g}" for k in result.orders)
+    if not result.crossings:
+        return [f"no frequency crosses the orders {orders}"]
+    rows = [
+        [f"{c.value / factor:.12g}", f"{c.order:g}", f"{c.frequency:.12g}", _branch(result, c.branch), c.whirl or "-",
+         c.motions[0][0] if c.motions else "-"]
+        for c in result.crossings
+    ]  # fmt: skip
+    heads = [f"crossing at\n{label}", "order", "frequency\n(rad/s)", "branch", "whirl", "moves most"]
+    return [table(heads, rows, left=(3, 4, 5))]
 
 
 def _path(result: Sweep, label: str, factor: float) -> list[str]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from mbstab.analysis.sweep.critical_slopes import with_slopes
 from mbstab.analysis.sweep.named_branches import with_branch_names
+from mbstab.analysis.sweep.orders import with_orders
 from mbstab.analysis.sweep.settings import SweepSettings
 from mbstab.analysis.sweep.sweep import Sweep, sweep
 from mbstab.compiler.system import Array
@@ -20,13 +21,14 @@ def swept(
     progress: Callable[[float], object],
     certify: bool,
     sensitivity: bool,
+    orders: Sequence[float],
 ) -> Sweep:
     """Return a sweep as `mbstab.api.Mechanism.sweep` does.
 
     Raises
     ------
     UsageError
-        As `mbstab.analysis.sweep.sweep.sweep`, or if python-flint is missing for proofs.
+        As `mbstab.analysis.sweep.sweep.sweep`, if orders are wrong, or if python-flint is missing for proofs.
     """
     parts = 1 + certify + sensitivity
     if certify:
@@ -40,4 +42,4 @@ def swept(
         found = with_enclosures(model, found, lambda done: progress((1 + done) / parts))
     if sensitivity:
         found = with_slopes(model, found, lambda done: progress((parts - 1 + done) / parts))
-    return with_branch_names(model, found)
+    return with_orders(model, with_branch_names(model, found), orders)

@@ -41,6 +41,35 @@ from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)
+class OrderCrossing:
+    """Where the frequency of a branch is a multiple of the parameter, an angular velocity.
+
+    Attributes
+    ----------
+    order : float
+        The multiple.
+    value : float
+        Of the parameter (SI).
+    frequency : float (rad/s)
+    branch : int
+    name : str
+        Of the branch, empty if it has none.
+    whirl : str
+        ``forward``, ``backward`` or ``mixed``; empty if no body that spins whirls.
+    motions : tuple of (str, complex)
+        The mode in words, as `mbstab.analysis.linear.results.Eigenvalue` has it.
+    """
+
+    order: float
+    value: float
+    frequency: float
+    branch: int
+    name: str
+    whirl: str
+    motions: tuple[tuple[str, complex], ...] = ()
+
+
+@dataclass(frozen=True)
 class Sweep:
     """Eigenvalue branches over a parameter.
 
@@ -74,6 +103,10 @@ class Sweep:
         Where the search for critical values ended early.
     names : tuple of str
         Names of the branches, from the modes that the file names; without them none.
+    orders : tuple of float
+        Multiples of the parameter whose crossings with the frequencies are asked for …
+    crossings : tuple of OrderCrossing
+        … and found, in the order of the parameter.
     """
 
     parameter: str
@@ -90,6 +123,8 @@ class Sweep:
     words: npt.NDArray[np.int8] = field(default_factory=lambda: np.zeros(0, dtype=np.int8))
     warnings: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
+    orders: tuple[float, ...] = ()
+    crossings: tuple[OrderCrossing, ...] = ()
 
     @property
     def verdicts(self) -> list[str]:

@@ -128,6 +128,10 @@ class Tolerances:
     block_retries: Final = 3
     """Number of times that a block whose worker died is computed again."""
 
+    # Orders
+    crossing: Final = 1e-10
+    """A frequency that differs from its order by more than this fraction at the crossing jumps there."""
+
     # Names
     points_followed: Final = 33
     """Points at which eigenvalues are looked at between where a mode is named and where it is asked for."""

@@ -25,6 +25,7 @@ from mbstab.cli.output import (
     warn,
 )
 from mbstab.errors import NumericalError, OutputError, UsageError
+from mbstab.model.units import is_angular_velocity
 
 if TYPE_CHECKING:
     from mbstab.analysis.sweep.chart import Chart
@@ -77,6 +78,14 @@ CHART_POINTS = 101
     help="Pictures to draw, separated by commas or repeated; map and locus if not given, none for none.",
 )
 @pictures_option
+@click.option(
+    "--orders",
+    callback=listed(click.FLOAT),
+    metavar="K,...",
+    multiple=True,
+    help="List where frequencies cross these multiples of the parameter, an angular velocity, and draw their lines in "
+    "--plot campbell, which shows the first order if none is given.",
+)
 @click.option("--certify", is_flag=True, help="Prove each critical value: enclose it in a ball, or say why not.")
 @click.option(
     "--sensitivity",
@@ -99,6 +108,7 @@ def sweep(
     settings: tuple[str, ...],
     pictures: tuple[str, ...],
     place: Path | None,
+    orders: tuple[float, ...],
     certify: bool,
     sensitivity: bool,
     resume: bool,
@@ -116,8 +126,9 @@ def sweep(
     """
     given = {"--from": start, "--to": stop, "--points": points}
     _check_options(parameters, given, values is not None, pictures, place)
-    if (certify or sensitivity) and len(parameters) == 2:
-        raise UsageError(f"--{'certify' if certify else 'sensitivity'} goes with one parameter")
+    if (certify or sensitivity or orders) and len(parameters) == 2:
+        option = "--certify" if certify else "--sensitivity" if sensitivity else "--orders"
+        raise UsageError(f"{option} goes with one parameter")
     if sensitivity and output.format == "npz":
         raise UsageError("--sensitivity goes with the formats table, json and csv")
     directory = output.path.with_name(output.path.name + ".parts") if output.path is not None else None
@@ -130,7 +141,10 @@ def sweep(
     drawn = () if "none" in wanted else wanted
     paths = picture_paths(*stem, drawn if len(parameters) == 1 else ("chart",) * bool(drawn))
     if len(parameters) == 1:
-        total, missing = _sweep(mechanism, parameters[0], grids, run, paths, output, certify, sensitivity)
+        if "campbell" in paths and is_angular_velocity(model.parameters[parameters[0]].unit):
+            orders = orders or (1.0,)
+        asked = {"certify": certify, "sensitivity": sensitivity, "orders": orders}
+        total, missing = _sweep(mechanism, parameters[0], grids, run, paths, output, asked)
     else:
         total, missing = _chart(mechanism, grids, run, paths, output)
     if missing:
@@ -144,15 +158,14 @@ def _sweep(
     run: SweepSettings,
     paths: dict[str, Path],
     output: Output,
-    certify: bool,
-    sensitivity: bool,
+    asked: dict[str, Any],
 ) -> tuple[int, int]:
     """Sweep a parameter, write and draw the answer; return the number of points, and of those without an answer."""
     model = mechanism.model
     with _kept(run.directory, output.path):
         with progress_bar("sweeping") as progress:
-            answer = mechanism.sweep(parameter, grids[parameter], progress, certify, sensitivity, **vars(run))
-        output.write(_sweep_answer(answer, model, sensitivity), summary=True)
+            answer = mechanism.sweep(parameter, grids[parameter], progress, **asked, **vars(run))
+        output.write(_sweep_answer(answer, model, asked["sensitivity"]), summary=True)
         _draw(answer, paths, _label(parameter, model.parameters[parameter].unit), model.title)
     warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))
     return len(answer.values), len(answer.unanswered)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -20,8 +21,8 @@ from mbstab.report.pictures.scales import Axis, number_text, upward_range
 from mbstab.report.pictures.sweep_curves import SweepCurves
 
 
-def campbell(result: Sweep, label: Axis | str, title: str, excitations: Sequence[float] = (1.0,)) -> Figure:
-    """Return the frequencies of all branches over the parameter.
+def campbell(result: Sweep, label: Axis | str, title: str) -> Figure:
+    """Return the frequencies of all branches over the parameter, with lines of its orders and their crossings.
 
     Parameters
     ----------
@@ -29,9 +30,6 @@ def campbell(result: Sweep, label: Axis | str, title: str, excitations: Sequence
     label : Axis or str
         The parameter; as text with its declared unit, such as ``omega (rpm)``.
     title : str
-    excitations : sequence of float
-        Multiples n of the parameter whose lines n·|parameter|/2π are drawn if it is an
-        angular velocity; crossings with branches are marked.
     """
     label = Axis.read(label)
     with house_style():
@@ -45,43 +43,36 @@ def campbell(result: Sweep, label: Axis | str, title: str, excitations: Sequence
             draw_branch(axes, curves.x, frequency[:, j], curves.ink[j], curves.growing[:, j])
         axes.set_ylim(upward_range(curves.all(SweepCurves.upper_half) / (2.0 * math.pi), curves.size / (2.0 * math.pi)))
         handles: list[Artist] = [Line2D([], [], color="k", linewidth=THIN, label="frequency of a mode")]
-        if label.turns and excitations:
-            labels = PointLabels(axes)
-            crossings = []
-            for n in excitations:
-                line = abs(n) * np.abs(curves.x) * label.factor / (2.0 * math.pi)
-                axes.plot(*decimated(curves.x, line), color="0.25", linewidth=1.1, linestyle=(0, (1.5, 1.8)), zorder=2)
-                _name_excitation(labels, curves.x, line, f"{n:g}×")
-                crossings += _crossings(curves.x, frequency, line)
-            crossings.sort()
-            for x, y in crossings[:LABELS]:
-                labels.add(x, y, f"{label.name} = {number_text(x, curves.span, 4)}")
-            if crossings:
-                axes.plot(*zip(*crossings, strict=True), "o", color="k", markersize=6, markerfacecolor="w", zorder=5)
-            labels.draw()
-            text = f"n× {label.name}"
-            handles.append(Line2D([], [], color="0.25", linewidth=1.1, linestyle=(0, (1.5, 1.8)), label=text))
-            if crossings:
-                handles.append(legend_marker("o", 6.0, "crossing"))
+        if result.orders:
+            handles += _draw_orders(axes, result, curves)
         draw_legend(figure, handles + legend_entries(curves, frequency > 0.0, unlabelled))
         return figure
 
 
-def _crossings(x: Array, frequency: Array, line: Array) -> list[tuple[float, float]]:
-    """Return the crossings of branches with an excitation line, each once; not those where both are zero."""
-    found: list[tuple[float, float]] = []
-    top = float(np.nanmax(frequency)) if frequency.size and not np.all(np.isnan(frequency)) else 0.0
-    span = float(np.ptp(x)) if len(x) else 0.0
-    with np.errstate(invalid="ignore"):
-        gap = frequency - line[:, None]
-        passed = (gap[:-1] * gap[1:] < 0.0) | ((gap[:-1] == 0.0) & (gap[1:] != 0.0))
-    for i, j in zip(*np.nonzero(passed), strict=True):
-        part = float(gap[i, j] / (gap[i, j] - gap[i + 1, j]))
-        at = (float(x[i] + part * (x[i + 1] - x[i])), float(line[i] + part * (line[i + 1] - line[i])))
-        new = all(abs(at[0] - a) > 1e-4 * span or abs(at[1] - b) > 1e-4 * top for a, b in found)
-        if at[1] > 1e-6 * top and new:
-            found.append(at)
-    return found
+_LINE: dict[str, Any] = {"color": "0.25", "linewidth": 1.1}
+MARKERS = {"forward": ("^", "crossing, forward whirl"), "backward": ("v", "crossing, backward whirl")}
+"""Marker of crossings by whirl, and its text."""
+
+
+def _draw_orders(axes: Axes, result: Sweep, curves: SweepCurves) -> list[Artist]:
+    """Draw the lines of orders and their crossings; return the legend entries."""
+    label, labels, style = curves.label, PointLabels(axes), _LINE
+    dots: Any = (0, (1.5, 1.8))
+    for order in result.orders:
+        line = order * np.abs(curves.x) * label.factor / (2.0 * math.pi)
+        axes.plot(*decimated(curves.x, line), linestyle=dots, zorder=2, **style)
+        _name_excitation(labels, curves.x, line, f"{order:g}×")
+    handles: list[Artist] = [Line2D([], [], linestyle=dots, label=f"orders of {label.name}", **style)]
+    shown: dict[str, Artist] = {}
+    for c in result.crossings:
+        marker, text = MARKERS.get(c.whirl, ("o", "crossing"))
+        at = c.value / label.factor, c.frequency / (2.0 * math.pi)
+        axes.plot(*at, marker, color="k", markersize=6.5, markerfacecolor="w", zorder=5)
+        shown.setdefault(text, legend_marker(marker, 6.5, text))
+        if len(labels.wanted) < LABELS:
+            labels.add(*at, f"{number_text(at[0], curves.span, 4)}")
+    labels.draw()
+    return handles + list(shown.values())
 
 
 def _name_excitation(labels: PointLabels, x: Array, line: Array, text: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -42,13 +41,6 @@ class Axis:
     def text(self) -> str:
         """Name and unit."""
         return f"{self.name} ({self.unit})" if self.unit not in ("", "1") else self.name
-
-    @property
-    def turns(self) -> bool:
-        """Whether the parameter is an angular velocity by its unit, such as rad/s, deg/s or rpm."""
-        if self.unit == "rpm":
-            return True
-        return re.fullmatch(r"\s*(rad|deg)\s*/\s*(s|ms|min|h)\s*", self.unit) is not None
 
 
 def parameter_range(x: Array) -> tuple[float, float]:

@@ -1,0 +1,118 @@
+"""Crossings of frequencies with orders of a speed: where an excitation k times in each turn meets a mode.
+
+The parameter is an angular velocity Ω. Where Im λ - kΩ changes its sign between two points of a sweep, the eigenvalue
+is followed in between and the zero located; a branch that crosses a line twice between two points is not seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.roots import root
+from mbstab.analysis.linear.eigenvalues import eigenvalues
+from mbstab.analysis.linear.linearize import Linearization
+from mbstab.analysis.linear.results import Eigenvalue
+from mbstab.analysis.reference.continuation import follow as follow_path
+from mbstab.analysis.sweep.batched_spectra import Evaluator
+from mbstab.analysis.sweep.sweep import OrderCrossing, Sweep
+from mbstab.analysis.sweep.tolerances import TOLERANCES
+from mbstab.errors import MbstabError, UsageError
+from mbstab.model.schema import Model
+from mbstab.model.units import is_angular_velocity
+
+TURNING = "the frequencies are those seen from a turning frame ({}), and so are their orders"
+
+
+def with_orders(model: Model, result: Sweep, orders: Sequence[float]) -> Sweep:
+    """Return a sweep over an angular velocity with the crossings of its branches and some orders of it.
+
+    Raises
+    ------
+    UsageError
+        If the parameter is no angular velocity, or an order is not a positive number.
+    """
+    if not orders:
+        return result
+    unit = model.parameters[result.parameter].unit
+    if not is_angular_velocity(unit):
+        what = f"has the unit {unit}" if unit not in ("", "1") else "has no unit"
+        raise UsageError(
+            f"orders are multiples of an angular velocity, and {result.parameter} {what}\n"
+            "hint: sweep a parameter in rad/s, deg/s or rpm"
+        )
+    if wrong := [k for k in orders if not 0.0 < k < np.inf]:
+        raise UsageError(f"order {wrong[0]:g}: orders are positive numbers, such as 1, 2 or 0.5")
+    search = _Search(model, result)
+    found, notes = [], list[str]()
+    for order in dict.fromkeys(float(k) for k in orders):
+        for j, i in _passed(result, order):
+            try:
+                found.append(search.crossing(order, j, i))
+            except MbstabError as error:
+                place = f"between {result.values[i]:.6g} and {result.values[i + 1]:.6g}"
+                first = str(error).splitlines()[0]
+                notes.append(f"a crossing of branch {j + 1} with order {order:g} {place} is not located: {first}")
+    found.sort(key=lambda c: (c.value, c.order, c.frequency))
+    notes += search.notes
+    return replace(
+        result, orders=tuple(orders), crossings=tuple(found), warnings=(*result.warnings, *dict.fromkeys(notes))
+    )
+
+
+def _passed(result: Sweep, order: float) -> Iterator[tuple[int, int]]:
+    """Yield branches that cross a line, one of each pair, and the points before the crossings."""
+    line = order * np.abs(result.values)
+    with np.errstate(invalid="ignore"):
+        gap = result.branches.imag - line[:, None]
+        swings = (result.branches.imag[:-1] > 0.0) & (result.branches.imag[1:] > 0.0)
+        passed = swings & ((gap[:-1] * gap[1:] < 0.0) | ((gap[:-1] == 0.0) & (gap[1:] != 0.0)))
+    for i, j in zip(*np.nonzero(passed), strict=True):
+        yield int(j), int(i)
+
+
+class _Search:
+    """Eigenvalues between the points of a sweep."""
+
+    def __init__(self, model: Model, result: Sweep) -> None:
+        self.result, self.notes = result, list[str]()
+        ends = sorted((float(result.values[0]), float(result.values[-1])))
+        path = None
+        if model.reference.find is not None:
+            path = follow_path(model, result.parameter, ends[0], ends[1], float(result.values[0]))
+        self.evaluator = Evaluator(model, path)
+
+    def crossing(self, order: float, branch: int, i: int) -> OrderCrossing:
+        """Return the crossing of a branch after a point.
+
+        Raises
+        ------
+        MbstabError
+            If there are no eigenvalues in between, or the branch jumps there.
+        """
+        (a, b), ends = self.result.values[i : i + 2].tolist(), self.result.branches[i : i + 2, branch]
+
+        def near(x: float) -> tuple[complex, Linearization]:
+            values, _, linear = self.evaluator.modes({self.result.parameter: x})
+            return _nearest(values, complex(ends[0] + (x - a) / (b - a) * (ends[1] - ends[0]))), linear
+
+        value = root(lambda x: near(x)[0].imag - order * abs(x), a, b)
+        s, linear = near(value)
+        if not abs(s.imag - order * abs(value)) <= TOLERANCES.crossing * abs(s):
+            raise UsageError("its frequency jumps there")
+        if linear.generator is not None and linear.generator.turns:
+            self.notes.append(TURNING.format(linear.generator))
+        mode = self._mode(linear, s)
+        name = self.result.names[branch] if self.result.names else ""
+        return OrderCrossing(order, value, s.imag, branch, name, mode.whirl, mode.motions)
+
+    @staticmethod
+    def _mode(linear: Linearization, s: complex) -> Eigenvalue:
+        return min(eigenvalues(linear).eigenvalues, key=lambda e: abs(e.value - s))
+
+
+def _nearest(values: Complex, place: complex) -> complex:
+    return complex(values[np.argmin(np.abs(values - place))])

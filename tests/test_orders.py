@@ -1,0 +1,91 @@
+"""Crossings of frequencies with orders of the spin, against closed forms of a rigid rotor on two bearings."""
+
+import json
+
+import numpy as np
+import pytest
+from test_cli import run
+
+import mbstab
+from mbstab.errors import UsageError
+
+MASS, TRANSVERSE, POLAR, HALF = 122.679193122681426, 2.86251450619589994, 0.61339596561340713, 0.25
+ROTOR = f"""mbstab: 1
+title: Rigid rotor on two bearings
+parameters:
+  Omega: {{value: 300, unit: rad/s}}
+  k_1: {{value: 1.0e6, unit: N/m}}
+  k_2: {{value: 1.3e6, unit: N/m}}
+  c: {{value: 0, unit: N*s/m}}
+bodies:
+  rotor:
+    type: spatial
+    mass: {MASS}
+    inertia: [{TRANSVERSE}, {TRANSVERSE}, {POLAR}]
+    points: {{A: [0, 0, {HALF}], B: [0, 0, -{HALF}]}}
+forces:
+  upper: {{type: bearing, between: [rotor.A, {{body: ground, point: [0, 0, {HALF}]}}], stiffness: k_1, damping: c}}
+  lower: {{type: bearing, between: [rotor.B, {{body: ground, point: [0, 0, -{HALF}]}}], stiffness: k_2, damping: c}}
+constraints: {{axial: {{holonomic: rotor.z}}}}
+outputs: {{x: rotor.x, y: rotor.y, tilt: rotor.theta}}
+reference:
+  coordinates: {{rotor: {{x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}}}
+  rates: {{rotor: {{x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: Omega}}}}
+"""
+
+
+def critical_speed(order, sense, k_1=1e6, k_2=1.3e6):
+    """Return the speeds at which forward (+1) or backward (-1) whirl has this order: a quadratic in Ω²."""
+    k, c, h = k_1 + k_2, (k_1 - k_2) * HALF, (k_1 + k_2) * HALF**2
+    # (k - m n²Ω²)(h - (I_d n² ∓ I_p n) Ω²) = c²
+    turning = TRANSVERSE * order**2 - sense * POLAR * order
+    roots = np.roots([MASS * order**2 * turning, -(k * turning + h * MASS * order**2), k * h - c * c])
+    return sorted(np.sqrt(roots))
+
+
+def test_critical_speeds_and_orders_of_a_rigid_rotor():
+    found = mbstab.loads(ROTOR).sweep("Omega", np.linspace(0.0, 400.0, 41), orders=(1.0, 2.0, 3.0))
+    expected = [
+        (speed, order, word)
+        for order in (1, 2, 3)
+        for word, sense in (("forward", 1), ("backward", -1))
+        for speed in critical_speed(order, sense)
+    ]
+    assert [(c.order, c.whirl) for c in found.crossings] == [x[1:] for x in sorted(expected)]
+    np.testing.assert_allclose([c.value for c in found.crossings], [x[0] for x in sorted(expected)], rtol=1e-11)
+    for c in found.crossings:
+        assert abs(c.frequency - c.order * c.value) <= 1e-10 * c.frequency
+    # Friswell, Penny, Garvey and Lees (2010), example 3.5.1 with these bearings.
+    first = [c.value for c in found.crossings if c.order == 1]
+    known = [134.829299181393875, 135.281713243235735, 204.75648095431793, 253.694444835764111]
+    np.testing.assert_allclose(first, known, rtol=1e-11)
+
+
+def test_speeds_that_fall_and_names_of_modes():
+    named = ROTOR + "modes: {bounce: {near: 135i, at: {Omega: 300, k_2: 1.0e6}}}\n"
+    down = mbstab.loads(named).sweep("Omega", np.linspace(400.0, 50.0, 36), orders=(1.0,))
+    np.testing.assert_allclose(down.crossings[-1].value, 253.694444835764111, rtol=1e-11)
+    assert down.crossings[0].motions
+
+
+def test_the_command_lists_and_draws_crossings(tmp_path):
+    path = tmp_path / "rotor.yaml"
+    path.write_text(ROTOR)
+    arguments = ("sweep", str(path), "--param", "Omega", "--from", "100", "--to", "300", "--points", "21")
+    result = run(*arguments, "--plot", "campbell", "--pictures", str(tmp_path / "a.svg"))
+    assert result.exit_code == 0
+    assert "135.281713243" in result.stdout  # the first order, as none is given
+    assert (tmp_path / "a-campbell.svg").stat().st_size > 5000
+    data = json.loads(run(*arguments, "--orders", "1,0.5", "--format", "json", "--plot", "none").stdout)
+    assert data["orders"] == [1.0, 0.5]
+    assert {c["whirl"] for c in data["crossings"]} == {"forward", "backward"}
+    assert data["crossings"][0]["motions"][0]["magnitude"] == 1.0
+    assert "no frequency crosses" in run(*arguments, "--orders", "9", "--plot", "none").stdout
+
+
+@pytest.mark.parametrize(
+    ("parameter", "orders", "message"), [("k_1", (1.0,), "has the unit N/m"), ("Omega", (-1.0,), "positive numbers")]
+)
+def test_wrong_questions_are_refused(parameter, orders, message):
+    with pytest.raises(UsageError, match=message):
+        mbstab.loads(ROTOR).sweep(parameter, np.linspace(1e6, 2e6, 3), orders=orders)
