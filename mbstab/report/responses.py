@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.linear.margins import LargestGain, Margins
     from mbstab.analysis.linear.response import Response
     from mbstab.analysis.linear.transfer import Channel, Zeros
+    from mbstab.analysis.linear.unbalance import UnbalanceResponse
 
 ROWS = 13
 """Rows of a table; the other formats hold all."""
@@ -155,6 +156,39 @@ def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
         "poles": [{"real": s.real, "imag": s.imag} for s in result.poles.tolist()],
         "channels": found,
     }
+
+
+def unbalance_text(result: UnbalanceResponse, title: str) -> str:
+    """Return the answer of ``mbstab response --unbalance`` as text."""
+    lines = [title, ""] if title else []
+    rows = np.unique(np.linspace(0, len(result.speeds) - 1, ROWS).round().astype(int))
+    for name, own, values in zip(result.outputs, result.units, result.values, strict=True):
+        lines.append(f"From an unbalance at {result.point} to {name}" + (f" ({own})" if own else ""))
+        angle = phase(values)
+        body = [[f"{x:.6g}" for x in (result.speeds[k], abs(values[k]), angle[k])] for k in rows]
+        lines += [table([f"{result.parameter} (rad/s)", "amplitude", "phase (°)"], body), ""]
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def unbalance_data(result: UnbalanceResponse, model: str, title: str) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab response --unbalance``.
+
+    Keys: ``model``, ``title``, ``kind``, ``point``, ``parameter``, ``speed`` (rad/s) and ``outputs``: ``name``,
+    ``unit``, ``real`` and ``imag``, for an unbalance of 1 kg m.
+    """
+    found = [
+        {"name": name, "unit": own, "real": values.real, "imag": values.imag}
+        for name, own, values in zip(result.outputs, result.units, result.values, strict=True)
+    ]
+    head = {"model": model, "title": title, "kind": "unbalance", "point": result.point, "parameter": result.parameter}
+    return head | {"speed": result.speeds, "outputs": found}
+
+
+def unbalance_csv(result: UnbalanceResponse) -> str:
+    """Return one line for each speed, with all outputs."""
+    heads = [f"{result.parameter} (rad/s)", *(f"{name} {part}" for name in result.outputs for part in ("real", "imag"))]
+    columns = [part for values in result.values for part in (values.real, values.imag)]
+    return to_csv(heads, np.column_stack([result.speeds, *columns]).tolist())
 
 
 def response_csv(result: Response) -> str:

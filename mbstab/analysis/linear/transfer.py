@@ -232,9 +232,10 @@ def simple_eigenvalues(A: Array, size: float) -> tuple[Complex, Array]:
     return values, TOLERANCES.roundings_of_zeros * EPS * size * condition
 
 
-def _number(name: str, known: tuple[str, ...], what: str) -> int:
+def number_of(name: str, known: tuple[str, ...], what: str, listed: str) -> int:
+    """Return the number of a name; refuse one that is not known."""
     if name not in known:
-        hint = suggestion(name, known) or f"{what}s of the file: " + (", ".join(known) or "none")
+        hint = suggestion(name, known) or f"{listed}: " + (", ".join(known) or "none")
         raise UsageError(f"there is no {what} {name!r}\nhint: {hint}")
     return known.index(name)
 
@@ -252,8 +253,8 @@ def channels(model: ControlModel, sources: tuple[str, ...] = (), goals: tuple[st
     for what, found in (("inputs", model.inputs), ("outputs", model.outputs)):
         if not found:
             raise UsageError(f"the model declares no {what}\nhint: add the section {what}: to the file")
-    ins = [_number(x, model.inputs, "input") for x in sources or model.inputs]
-    outs = [_number(x, model.outputs, "output") for x in goals or model.outputs]
+    ins = [number_of(x, model.inputs, "input", "inputs of the file") for x in sources or model.inputs]
+    outs = [number_of(x, model.outputs, "output", "outputs of the file") for x in goals or model.outputs]
     A, (scale, _) = matrix_balance(model.A, permute=False, separate=True)
     result = []
     for i in ins:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -19,7 +20,11 @@ from mbstab.cli.output import (
 )
 from mbstab.errors import UsageError
 
-PICTURES = ("bode", "nyquist", "step", "impulse")
+if TYPE_CHECKING:
+    from mbstab.analysis.linear.response import Response
+    from mbstab.model.schema import Model
+
+PICTURES = ("bode", "nyquist", "step", "impulse", "unbalance")
 
 
 @click.command()
@@ -35,6 +40,13 @@ PICTURES = ("bode", "nyquist", "step", "impulse")
     "--step", type=float, metavar="T", help="The outputs for T seconds after a unit step of an input instead."
 )
 @click.option("--impulse", type=float, metavar="T", help="The same after a unit impulse.")
+@click.option(
+    "--unbalance",
+    metavar="POINT",
+    help="Instead of inputs: the outputs that an unbalance of 1 kg m at this body or body.point causes, over its spin "
+    "from --from to --to.",
+)
+@click.option("--speed", metavar="PARAMETER", help="With --unbalance: the parameter that is the spin of the body.")
 @click.option("--frozen", is_flag=True, help="Take the equations as they are at the reference time.")
 @click.option(
     "--plot",
@@ -42,7 +54,8 @@ PICTURES = ("bode", "nyquist", "step", "impulse")
     callback=listed(click.Choice(PICTURES)),
     metavar="[" + "|".join(PICTURES) + "]",
     multiple=True,
-    help="Pictures to draw, separated by commas or repeated: bode or nyquist; step or impulse with these options.",
+    help="Pictures to draw, separated by commas or repeated: bode or nyquist; step, impulse or unbalance with "
+    "these options.",
 )
 @pictures_option
 @output_options("table", "json", "csv", unnamed="outputs of the model are chosen by --measured")
@@ -56,6 +69,8 @@ def response(
     points: int,
     step: float | None,
     impulse: float | None,
+    unbalance: str | None,
+    speed: str | None,
     frozen: bool,
     pictures: tuple[str, ...],
     place: Path | None,
@@ -69,27 +84,45 @@ def response(
 
     Example: mbstab response whipple_bicycle.yaml --input steer_torque
     """
+    duration = _duration(step, impulse, (start, stop))
+    if unbalance is not None or speed is not None:
+        _refuse_beside_unbalance(unbalance, speed, duration, bool(sources), frozen, (start, stop))
+    possible = ("bode", "nyquist") if duration is None else ("impulse",) if step is None else ("step",)
+    if unbalance is not None:
+        possible = ("unbalance",)
+    if wrong := [x for x in pictures if x not in possible]:
+        raise UsageError(f"--plot {wrong[0]}: this response is drawn as {' or '.join(possible)}")
+    check_pictures(place)
+    mechanism = load_model(file, settings)
+    wanted = pictures or possible[:1] * (place is not None)
+    paths = picture_paths(*picture_stem(place, output.path, Path(mechanism.model.name)), wanted)
+    if unbalance is not None and speed is not None:
+        _unbalance(mechanism.model, unbalance, speed, goals, (start or 0.0, stop or 0.0, points), paths, output)
+        return
+    from mbstab.analysis.linear.response import answer
+
+    found = mechanism.state_space(frozen=frozen)
+    warn(found.linear.motion.warnings)
+    result = answer(found, sources, goals, (start, stop), points, duration, step is None)
+    _write(result, mechanism.model, paths, output)
+
+
+def _duration(step: float | None, impulse: float | None, ends: tuple[float | None, float | None]) -> float | None:
+    """Return the duration of a response over time (s), None for one over frequency; refuse what is none."""
     if step is not None and impulse is not None:
         raise UsageError("--step and --impulse exclude each other")
     duration = impulse if step is None else step
     if duration is not None and not 0.0 < duration < float("inf"):
         raise UsageError(f"a response over {duration:g} s: give a positive time")
-    if duration is not None and (start is not None or stop is not None):
+    if duration is not None and any(end is not None for end in ends):
         raise UsageError("--from and --to are frequencies, which --step and --impulse do not have")
-    check_pictures(place)
-    mechanism = load_model(file, settings)
-    model = mechanism.model
-    possible = ("bode", "nyquist") if duration is None else ("impulse",) if step is None else ("step",)
-    if wrong := [x for x in pictures if x not in possible]:
-        raise UsageError(f"--plot {wrong[0]}: this response is drawn as {' or '.join(possible)}")
-    wanted = pictures or possible[:1] * (place is not None)
-    paths = picture_paths(*picture_stem(place, output.path, Path(model.name)), wanted)
-    from mbstab.analysis.linear.response import answer
+    return duration
+
+
+def _write(result: Response, model: Model, paths: dict[str, Path], output: Output) -> None:
+    """Write and draw responses from inputs to outputs."""
     from mbstab.report import export, responses
 
-    found = mechanism.state_space(frozen=frozen)
-    warn(found.linear.motion.warnings)
-    result = answer(found, sources, goals, (start, stop), points, duration, step is None)
     output.write(
         {
             "table": lambda: responses.response_text(result, model.title),
@@ -102,3 +135,52 @@ def response(
 
         for name, path in paths.items():
             save_picture((nyquist if name == "nyquist" else response_picture)(result, model.title), path)
+
+
+def _refuse_beside_unbalance(
+    point: str | None,
+    speed: str | None,
+    duration: float | None,
+    sources: bool,
+    frozen: bool,
+    ends: tuple[float | None, float | None],
+) -> None:
+    """Refuse what an unbalance response needs and does not have, or cannot have."""
+    if point is None or speed is None:
+        raise UsageError("--unbalance and --speed go together: the point, and the parameter that is the spin")
+    if duration is not None or sources or frozen:
+        raise UsageError("--unbalance goes with none of --input, --step, --impulse and --frozen")
+    start, stop = ends
+    if start is None or stop is None or not 0.0 < start < stop < float("inf"):
+        raise UsageError(
+            "--unbalance needs the range of the spin\nhint: give --from and --to in rad/s, positive, the smaller first"
+        )
+
+
+def _unbalance(
+    model: Model,
+    point: str,
+    speed: str,
+    goals: tuple[str, ...],
+    grid: tuple[float, float, int],
+    paths: dict[str, Path],
+    output: Output,
+) -> None:
+    """Write and draw an unbalance response."""
+    import numpy as np
+
+    from mbstab.analysis.linear.unbalance import unbalance
+    from mbstab.report import export, responses
+
+    found = unbalance(model, point, speed, np.linspace(*grid), goals)
+    output.write(
+        {
+            "table": lambda: responses.unbalance_text(found, model.title),
+            "json": lambda: export.to_json(responses.unbalance_data(found, model.name, model.title)),
+            "csv": lambda: responses.unbalance_csv(found),
+        }
+    )
+    for path in paths.values():
+        from mbstab.report.pictures.responses import unbalance_picture
+
+        save_picture(unbalance_picture(found, model.title), path)

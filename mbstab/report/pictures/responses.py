@@ -12,6 +12,7 @@ from matplotlib.ticker import MultipleLocator
 
 from mbstab.analysis.linear.response import Response
 from mbstab.analysis.linear.transfer import Channel
+from mbstab.analysis.linear.unbalance import UnbalanceResponse
 from mbstab.compiler.system import Array
 from mbstab.report.pictures.drawing import FONT, draw_legend, house_style, titled_figure
 from mbstab.report.responses import decibels, phase, unit
@@ -70,6 +71,29 @@ def response_picture(result: Response, title: str) -> Figure:
             panels[0].set_ylabel(f"output after a unit {result.kind}")
             panels[0].set_xlabel("time (s)")
         draw_legend(figure, handles, 2)
+        return figure
+
+
+def unbalance_picture(result: UnbalanceResponse, title: str) -> Figure:
+    """Return the amplitudes and phases of all outputs over the spin."""
+    with house_style():
+        figure, panels = titled_figure(title, heights=(2.6, 2.0))
+        handles, spread = [], 0.0
+        for k, (name, own, values) in enumerate(zip(result.outputs, result.units, result.values, strict=True)):
+            style, angle = _style(k), phase(values)
+            spread = max(spread, float(angle.max() - angle.min()))
+            handles.append(Line2D([], [], label=name + (f" ({own})" if own else ""), **style))
+            panels[0].semilogy(result.speeds, np.abs(values), **style)
+            panels[1].plot(result.speeds, angle, **style)
+        for axes in panels:
+            axes.set_xlim(result.speeds[0], result.speeds[-1])
+            axes.grid(color="0.85", linewidth=0.6)
+        panels[0].set_ylabel("amplitude for 1 kg m")
+        panels[0].tick_params(labelbottom=False)
+        panels[1].set_ylabel("phase (°)")
+        panels[1].yaxis.set_major_locator(MultipleLocator(TURN * (2 if spread > 200.0 else 1)))
+        panels[1].set_xlabel(f"{result.parameter} (rad/s)")
+        draw_legend(figure, handles)
         return figure
 
 

@@ -1,0 +1,107 @@
+"""Unbalance responses against closed forms: the Jeffcott rotor, and a rigid rotor on two bearings."""
+
+import json
+
+import numpy as np
+import pytest
+from test_cli import run
+from test_orders import HALF, MASS, POLAR, ROTOR, TRANSVERSE
+
+import mbstab
+from mbstab.analysis.linear.unbalance import unbalance
+from mbstab.errors import NumericalError, UsageError
+
+JEFFCOTT = """mbstab: 1
+parameters: {n: {value: 10, unit: rad/s}, c: {value: 8, unit: N*s/m}}
+bodies:
+  disk: {type: planar, mass: 5, inertia: 0.2}
+forces:
+  right: {type: bearing, between: [disk, ground], stiffness: 4500, damping: c}
+outputs: {u: disk.x, v: disk.y, speed: rate(disk.x)}
+reference:
+  coordinates: {disk: {x: 0, y: 0, theta: 0}}
+  rates: {disk: {x: 0, y: 0, theta: n}}
+"""
+
+
+def test_the_jeffcott_rotor():
+    """r = m e Ω²/(k - m Ω² + i c Ω), whirling with the unbalance: v follows u a quarter of a turn later."""
+    speeds = np.array([5.0, 20.0, 30.0, 33.0, 200.0])
+    found = unbalance(mbstab.loads(JEFFCOTT).model, "disk", "n", speeds)
+    r = speeds**2 / (4500 - 5 * speeds**2 + 8j * speeds)
+    np.testing.assert_allclose(found.values, [r, -1j * r, 1j * speeds * r], rtol=1e-12)
+    assert found.outputs == ("u", "v", "speed")
+    assert found.units[0] == "m/(kg*m)"
+    # Without damping the critical speed √(k/m) has no bound.
+    undamped = unbalance(mbstab.loads(JEFFCOTT).at(c=0).model, "disk", "n", np.array([29.9, 30.0]), ("v",))
+    assert abs(undamped.values[0, 0]) == pytest.approx(29.9**2 / (4500 - 5 * 29.9**2), rel=1e-10)
+    assert abs(undamped.values[0, 1]) > 1e12
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_a_rigid_rotor_on_two_unequal_bearings(sense):
+    """Forward whirl r, φ: (K + iΩC - Ω² diag(m, I_d - I_p)) (r, φ) = Ω² (1, h), with the unbalance at one bearing."""
+    text = ROTOR.replace("c: {value: 0", "c: {value: 500").replace("psi: Omega}", f"psi: {sense}*Omega}}")
+    speeds = np.array([50.0, 135.0, 250.0, 400.0])
+    found = unbalance(mbstab.loads(text).model, "rotor.A", "Omega", speeds, ("x", "y", "tilt"))
+    for speed, values in zip(speeds, found.values.T, strict=True):
+        a, b = 1e6 + 500j * speed, 1.3e6 + 500j * speed
+        K = np.array([[a + b, (a - b) * HALF], [(a - b) * HALF, (a + b) * HALF**2]])
+        r, tilt = np.linalg.solve(K - speed**2 * np.diag([MASS, TRANSVERSE - POLAR]), speed**2 * np.array([1.0, HALF]))
+        np.testing.assert_allclose(values, [r, -1j * sense * r, tilt], rtol=1e-11)
+
+
+def test_the_command_writes_and_draws_it(tmp_path):
+    path = tmp_path / "rotor.yaml"
+    path.write_text(JEFFCOTT)
+    arguments = ("response", str(path), "--unbalance", "disk", "--speed", "n", "--from", "10", "--to", "60")
+    result = run(*arguments, "--points", "6", "--plot", "unbalance", "--pictures", str(tmp_path / "a.svg"))
+    assert result.exit_code == 0
+    assert "From an unbalance at disk to u (m/(kg*m))" in result.stdout
+    assert (tmp_path / "a-unbalance.svg").stat().st_size > 5000
+    data = json.loads(run(*arguments, "--points", "2", "--measured", "v", "--format", "json").stdout)
+    (output,) = data["outputs"]
+    r = 3600 / (4500 - 5 * 3600 + 480j)
+    np.testing.assert_allclose([output["real"][1], output["imag"][1]], [(-1j * r).real, (-1j * r).imag], rtol=1e-12)
+    lines = run(*arguments, "--points", "2", "--format", "csv").stdout.splitlines()
+    assert lines[0].startswith("n (rad/s),u real,u imag")
+    assert len(lines) == 3
+
+
+@pytest.mark.parametrize(
+    ("point", "speed", "message"),
+    [
+        ("dsk", "n", "did you mean 'disk'"),
+        ("disk.rim", "n", "there is no point of 'disk' 'rim'"),
+        ("disk", "c", "spins with 10 rad/s"),
+        ("disk", "m", "has no parameter 'm'"),
+    ],
+)
+def test_wrong_questions_are_refused(point, speed, message):
+    with pytest.raises(UsageError, match=message):
+        unbalance(mbstab.loads(JEFFCOTT).model, point, speed, np.array([5.0]))
+
+
+def test_a_turning_frame_is_refused():
+    odd = ROTOR.replace(f"[{TRANSVERSE}, {TRANSVERSE}", f"[{TRANSVERSE}, {1.01 * TRANSVERSE}")
+    odd = odd.replace("reference:\n", "reference:\n  steady: {axis: z, rate: Omega}\n")
+    with pytest.raises((NumericalError, UsageError)) as stop:
+        unbalance(mbstab.loads(odd).model, "rotor.A", "Omega", np.array([50.0]))
+    assert "turning frame" in str(stop.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--unbalance", "disk"), "go together"),
+        (("--unbalance", "disk", "--speed", "n"), "needs the range of the spin"),
+        (("--unbalance", "disk", "--speed", "n", "--step", "1"), "goes with none of"),
+        (("--unbalance", "disk", "--speed", "n", "--from", "1", "--to", "2", "--plot", "bode"), "drawn as unbalance"),
+    ],
+)
+def test_wrong_options_are_refused(arguments, message, tmp_path):
+    path = tmp_path / "rotor.yaml"
+    path.write_text(JEFFCOTT)
+    result = run("response", str(path), *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
