@@ -30,12 +30,15 @@ class Swing:
         Coordinates (m, rad).
     positions, rotations : ndarray, shape (n_t, n_b, d) and (n_t, n_b, d, d)
         Positions of the bodies, as in `mbstab.analysis.simulate.result.Simulation`.
+    rest : (ndarray, ndarray)
+        The same, of shapes (n_b, d) and (n_b, d, d), at the reference.
     """
 
     value: complex
     q: Array
     positions: Array
     rotations: Array
+    rest: tuple[Array, Array]
 
 
 def swing(system: System, number: int, points: int, amplitude: float = TOLERANCES.swing_amplitude) -> Swing:
@@ -70,6 +73,8 @@ def swing(system: System, number: int, points: int, amplitude: float = TOLERANCE
         goal = motion.q + amplitude / largest * np.real(dq * phase * (1.0 if value.imag else -1j))
         q, left = equations.onto_positions(motion.time, goal) if equations.n_h else (goal, 0.0)
         found.append(q if left <= TOLERANCES.projection_residual_failed else goal)
-    positions = np.array([[q[p.start : p.start + d] for p in system.body_slices] for q in found])
-    rotations = attitudes.orientations(system, np.array(found))
-    return Swing(value, np.array(found), positions, rotations)
+    # The last one is the reference itself.
+    every = np.array([*found, motion.q])
+    positions = np.array([[q[p.start : p.start + d] for p in system.body_slices] for q in every])
+    rotations = attitudes.orientations(system, every)
+    return Swing(value, every[:-1], positions[:-1], rotations[:-1], (positions[-1], rotations[-1]))

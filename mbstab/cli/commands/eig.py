@@ -33,7 +33,9 @@ if TYPE_CHECKING:
     from mbstab.model.schema import Model
 
 CERTIFIED_DIGITS = 50
-PICTURES = ("spectrum", "sensitivity")
+PICTURES = ("spectrum", "modes", "sensitivity")
+MOST_SHAPES = 8
+"""Modes that are drawn; an animation shows any other."""
 
 
 @click.command()
@@ -98,7 +100,8 @@ PICTURES = ("spectrum", "sensitivity")
     metavar="[" + "|".join(PICTURES) + "]",
     multiple=True,
     help="Pictures to draw, separated by commas or repeated. spectrum: the eigenvalues in the complex plane, with "
-    "bounds, names, and lines of equal damping and frequency; sensitivity, with --sensitivity: its bars.",
+    "bounds, names, and lines of equal damping and frequency; modes: the shapes of the first ones; "
+    "sensitivity, with --sensitivity: its bars.",
 )
 @pictures_option
 @click.option(
@@ -138,7 +141,7 @@ def eig(
         raise UsageError("a file is named twice")
     many_digits = precision is not None or certify
     _refuse_more(shapes, sensitivity, many_digits or verify, count is not None or method != DEFAULT, output.format)
-    _refuse_pictures(pictures, place, many_digits, len(names) > 1, sensitivity)
+    _refuse_pictures(pictures, place, many_digits, len(names) > 1, sensitivity, count is not None)
     paths: dict[str, Path] = {}
 
     def reply(mechanism: Mechanism) -> _Reply:
@@ -204,11 +207,15 @@ def _refuse_more(shapes: bool, sensitivity: bool, other: bool, partial: bool, fo
 
 
 def _refuse_pictures(
-    pictures: tuple[str, ...], place: Path | None, many_digits: bool, several: bool, sensitivity: bool
+    pictures: tuple[str, ...], place: Path | None, many_digits: bool, several: bool, sensitivity: bool, partial: bool
 ) -> None:
     """Refuse pictures of what cannot be drawn."""
     if "sensitivity" in pictures and not sensitivity:
         raise UsageError("--plot sensitivity draws what --sensitivity computes\nhint: give both")
+    if "modes" in pictures and partial:
+        raise UsageError(
+            "--plot modes draws the first modes of all, --modes computes a part of them\nhint: leave out one of them"
+        )
     if pictures and (many_digits or several):
         raise UsageError("--plot goes with a single file, and neither with --precision nor with --certify")
     if place is not None and not pictures:
@@ -311,7 +318,14 @@ def _drawn(reply: _Reply, mechanism: Mechanism, result: EigenResult) -> _Reply:
 
         return spectrum(result, mechanism.model.title)
 
-    return replace(reply, pictures={"spectrum": spectrum})
+    def modes() -> Any:
+        from mbstab.report.animation.stills import mode_stills
+
+        shaped = [e for e in result.eigenvalues if e.vector is not None and e.value.imag >= 0.0][:MOST_SHAPES]
+        swings = [mechanism.swing(number, 4) for number in range(1, len(shaped) + 1)]
+        return mode_stills(mechanism.system(), shaped, swings, mechanism.model.title)
+
+    return replace(reply, pictures={"spectrum": spectrum, "modes": modes})
 
 
 def _few(count: int | None, near: str | None, rightmost: bool) -> complex:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -126,6 +127,18 @@ def _padded(positions: Array, rotations: Array) -> tuple[Array, Array]:
     turn = np.broadcast_to(np.eye(3), (*rotations.shape[:-2], 3, 3)).copy()
     place[..., :d], turn[..., :d, :d] = positions, rotations
     return place, turn
+
+
+def still_frames(swings: Sequence[Swing]) -> Frames:
+    """Return the reference, and of each mode both extremes, from its positions at four instants of a period."""
+    positions, rotations = [swings[0].rest[0]], [swings[0].rest[1]]
+    for swing in swings:
+        # A mode without frequency starts at the reference.
+        for k in (0, 2) if swing.value.imag else (1, 3):
+            positions.append(swing.positions[k])
+            rotations.append(swing.rotations[k])
+    place, turn = _padded(np.array(positions), np.array(rotations))
+    return Frames(FPS, [""] * len(place), place, turn, (place, turn))
 
 
 def swing_frames(swing: Swing, number: int, fps: float = FPS) -> Frames:

@@ -1,0 +1,109 @@
+"""Shapes of modes as a picture: the extremes of each mode over the reference."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import wrap
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+
+from mbstab.analysis.linear.results import Eigenvalue
+from mbstab.analysis.simulate.mode_shape import Swing
+from mbstab.compiler.system import Array, System
+from mbstab.errors import UsageError
+from mbstab.mechanics.catalogue import Marker
+from mbstab.report.animation.frames import still_frames
+from mbstab.report.animation.sketch import Sketch
+from mbstab.report.animation.solids import hull
+from mbstab.report.animation.view import View
+from mbstab.report.modes import motions_text, value_text
+from mbstab.report.pictures.curves import INK
+from mbstab.report.pictures.drawing import FONT, WIDTH, draw_legend, house_style
+
+COLUMNS = 2
+TOLD = 2
+"""Motions of a mode that are named above its picture."""
+
+STYLES = (("0.78", 1.0), (INK[1], 0.7), (INK[0], 1.3))
+"""Ink and width of the reference and of both extremes."""
+
+
+def mode_stills(system: System, modes: Sequence[Eigenvalue], swings: Sequence[Swing], title: str) -> Figure:
+    """Return the extremes of modes, exaggerated, in a panel each, all from the same side and of the same scale.
+
+    Parameters
+    ----------
+    system : System
+    modes : sequence of Eigenvalue
+    swings : sequence of Swing
+        Of the same modes, at four instants.
+
+    Raises
+    ------
+    UsageError
+        If there are no modes with a shape.
+    """
+    if not modes:
+        raise UsageError("--plot modes: no mode has a shape")
+    frames = still_frames(swings)
+    view = View(Sketch.of(system), frames)
+    with house_style():
+        rows = -(-len(modes) // COLUMNS)
+        wide = (WIDTH - 0.5 - 0.3 * (COLUMNS - 1)) / COLUMNS
+        tall = float(np.clip(wide * (view.high - view.low)[1] / (view.high - view.low)[0], 1.2, 3.6))
+        above, head, below = 0.3 if title else 0.05, 0.5, 0.45
+        total = above + rows * (tall + head) + below
+        figure = Figure(figsize=(WIDTH, total))
+        lines = "\n".join(wrap(title, 80)[:1])
+        figure.text(0.5, 1.0 - 0.1 / total, lines, ha="center", va="top", fontsize=FONT + 2.0, parse_math=False)
+        view.fit(wide, tall)
+        for n, mode in enumerate(modes):
+            row, column = divmod(n, COLUMNS)
+            left, low = 0.25 + column * (wide + 0.3), total - above - (row + 1) * (tall + head)
+            axes = figure.add_axes((left / WIDTH, low / total, wide / WIDTH, tall / total))
+            _draw(axes, view, (0, 2 * n + 2, 2 * n + 1))
+            name = f"{mode.name}, " if mode.name else ""
+            said = f"{n + 1}: {name}{value_text(mode)} 1/s".replace("-", "\N{MINUS SIGN}")
+            axes.set_title(f"{said}\n{motions_text(mode.motions[:TOLD])}", fontsize=FONT - 0.5, pad=3.0)
+        texts = ("reference", "other extreme", "extreme, exaggerated")
+        handles = [
+            Line2D([], [], color=ink, linewidth=1.4 * width, label=text)
+            for (ink, width), text in zip(STYLES, texts, strict=True)
+        ]
+        draw_legend(figure, [handles[0], *handles[:0:-1]])
+        return figure
+
+
+def _draw(axes: Axes, view: View, frames: Sequence[int]) -> None:
+    """Draw the bodies, rods, springs and point masses of some frames over each other."""
+    axes.set_xlim(view.low[0], view.high[0])
+    axes.set_ylim(view.low[1], view.high[1])
+    axes.set_aspect("equal")
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_color("0.8")
+    sketch = view.sketch
+    for layer, (frame, (ink, width)) in enumerate(zip(frames, STYLES, strict=True), 2):
+
+        def draw(line: Array, wide: float, ink: str = ink, layer: int = layer) -> None:
+            axes.plot(*view.flat(line).T, color=ink, linewidth=wide, zorder=layer, solid_capstyle="round")
+
+        for number in range(len(sketch.pieces)):
+            outline = view.outline(number, frame)
+            if len(outline.skin):
+                corners = hull(view.flat(outline.skin))
+                axes.add_patch(Polygon(corners, fill=False, edgecolor=ink, linewidth=width, zorder=layer))
+            for stroke in outline.seen(view.across[2]):
+                draw(stroke, 0.7 * width * outline.width)
+        for link in sketch.links:
+            ends = np.array([view.path(link.first)[frame], view.path(link.second)[frame]])
+            draw(ends, (0.6 if link.spring else 1.5) * width)
+        pins = [pin.place for pin in sketch.pins]
+        for markers, size in ((pins, 3.0), ([Marker(b, (0.0, 0.0, 0.0)) for b in sketch.masses], 6.5)):
+            places = np.array([view.path(m)[frame] for m in markers]).reshape(len(markers), 3)
+            axes.plot(*view.flat(places).T, "o", color=ink, markersize=size, zorder=layer)
