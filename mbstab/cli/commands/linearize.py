@@ -2,11 +2,28 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 import click
 
 from mbstab.cli.common import file_argument, force_option, load_model, set_option, tracked
-from mbstab.cli.output import Output, note, output_options, warn
+from mbstab.cli.output import (
+    Output,
+    check_pictures,
+    note,
+    output_options,
+    picture_paths,
+    picture_stem,
+    pictures_option,
+    save_picture,
+    warn,
+)
 from mbstab.errors import UsageError, counted
+
+if TYPE_CHECKING:
+    from mbstab.analysis.linear.linearize import Linearization
+    from mbstab.model.schema import Model
 
 EQUATIONS = ("equations", "composite")
 FORMS = (*EQUATIONS, "pencil", "state-space")
@@ -33,6 +50,10 @@ FORMS = (*EQUATIONS, "pencil", "state-space")
     "on them only, such as roll and steer of a bicycle.",
 )
 @click.option("--symbolic", is_flag=True, help="Print the blocks of the composite matrices with symbols.")
+@click.option(
+    "--plot", is_flag=True, help="Draw the pattern of the pencil s E - A, with its blocks labelled by body and joint."
+)
+@pictures_option
 @output_options("table", "json", "csv", "npz", "mat", "latex")
 def linearize(
     file: str,
@@ -42,6 +63,8 @@ def linearize(
     frozen: bool,
     states: str | None,
     symbolic: bool,
+    plot: bool,
+    place: Path | None,
     output: Output,
 ) -> None:
     """Print mass, damping and stiffness matrices, constraint rows, descriptor form and state space.
@@ -52,16 +75,30 @@ def linearize(
     """
     if symbolic and states is not None:
         raise UsageError("--symbolic shows the blocks of coordinates; --states has no effect with it")
+    if symbolic and (plot or place is not None):
+        raise UsageError("--plot draws numbers; it goes without --symbolic")
+    check_pictures(place)
     if symbolic:
         _symbolic(file, settings, frozen, output)
         return
     mechanism = load_model(file, settings)
     model = mechanism.model
+    wanted = ("pencil",) * (plot or place is not None)
+    paths = picture_paths(*picture_stem(place, output.path, Path(model.name)), wanted)
+    linear = mechanism.linearize(frozen)
+    warn(linear.motion.warnings)
+    _write(linear, model, form, states, full, output)
+    for path in paths.values():
+        from mbstab.report.pictures.pencil import pencil_pattern
+
+        save_picture(pencil_pattern(linear, model.title), path)
+
+
+def _write(linear: Linearization, model: Model, form: str, states: str | None, full: bool, output: Output) -> None:
+    """Write the matrices; the control model is built only where it is asked for or the file has inputs or outputs."""
     from mbstab.analysis.linear.control import control_model, split_states
     from mbstab.report import export, linear_data, linearization
 
-    linear = mechanism.linearize(frozen)
-    warn(linear.motion.warnings)
     ported = bool(model.outputs or linear.system.scene.inputs)
     if output.format == "table" and form in EQUATIONS and states is None and not ported:
         output.write({"table": lambda: linearization.linearize_text(linear, None, form, model.title, full)})
