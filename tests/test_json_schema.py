@@ -17,7 +17,11 @@ from mbstab.model import schema
 from mbstab.model.json_schema import json_schema
 
 ROOT = Path(__file__).parents[1]
-FILES = [path for folder in ("models", "tests/scenes") for path in sorted((ROOT / folder).glob("*.yaml"))]
+FILES = [
+    path
+    for folder in ("models", "mbstab/model/starts", "tests/scenes")
+    for path in sorted((ROOT / folder).glob("*.yaml"))
+]
 SCHEMA = json_schema()
 
 

@@ -33,6 +33,11 @@ def installed_models() -> list[Path]:
     return sorted(models_folder().glob(f"*{SUFFIX}"))
 
 
+def starts_folder() -> Path:
+    """Return the folder of the commented files with which own models begin, one for each kind."""
+    return Path(__file__).resolve().parent / "starts"
+
+
 def _beside(path: Path) -> list[Path]:
     """Return the model files in the folder of a path."""
     try:

@@ -1,0 +1,76 @@
+"""mbstab new: commented files with which own models begin."""
+
+import re
+
+import pytest
+from click.testing import CliRunner
+
+import mbstab
+from mbstab.cli import main
+from mbstab.model.library import starts_folder
+
+KINDS = sorted(path.stem for path in starts_folder().glob("*.yaml"))
+
+
+def run(*words):
+    return CliRunner().invoke(main, [*words])
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_kinds_are_listed():
+    assert KINDS == ["controller", "planar", "robot", "rotor", "spatial", "vehicle"]
+    lines = run("new").stdout.splitlines()
+    assert [line.split()[0] for line in lines] == KINDS
+    assert all(20 < len(line) <= 80 for line in lines)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_file_runs_at_once(kind, here):
+    made = run("new", kind, "own.yaml")
+    assert (made.exit_code, made.stdout, made.stderr) == (0, "", "wrote own.yaml\n")
+    text = (here / "own.yaml").read_text()
+    assert text.startswith("# yaml-language-server: $schema=mbstab.schema.json\n")
+    assert text.count("#") > 8  # commented
+    assert kind + ".yaml" not in text
+    model = mbstab.load(here / "own.yaml")
+    # Nothing is solved differently, and no warning is needed, but for the top: gyroscopic stability is not robust.
+    answer = model.eig()
+    assert answer.verdict in ("asymptotically stable", "asymptotically stable up to symmetry", "marginally stable")
+    assert len(answer.warnings) == (kind == "spatial")
+    asked = re.findall(r"^#   mbstab (\w+) own\.yaml(?: --param (\w+))?", text, flags=re.M)
+    assert ("eig", "") in asked
+    assert {name for command, name in asked if command == "sweep"} <= model.parameters().keys()
+    for command, name in asked:
+        if command != "sweep":
+            assert run(command, "own.yaml").exit_code == 0
+        else:  # the range of the file, at its ends only
+            swept = run(command, "own.yaml", "--param", name, "--points", "2", "--plot", "none")
+            assert swept.exit_code == 0, swept.stderr
+
+
+def test_the_name_is_that_of_the_kind_if_none_is_given(here):
+    assert run("new", "rotor").stderr == "wrote rotor.yaml\n"
+    (here / "folder").mkdir()
+    assert run("new", "rotor", "folder").exit_code == 0
+    assert (here / "folder" / "rotor.yaml").is_file()
+
+
+def test_no_file_is_overwritten(here):
+    (here / "rotor.yaml").write_text("mine")
+    answer = run("new", "rotor")
+    assert answer.exit_code == 2
+    assert "rotor.yaml exists already\nhint: name another FILE" in answer.stderr
+    assert (here / "rotor.yaml").read_text() == "mine"
+
+
+def test_an_unknown_kind_is_refused_with_the_nearest_one(here):
+    answer = run("new", "vehicel")
+    assert answer.exit_code == 2
+    assert "there is no kind 'vehicel' of model\nhint: did you mean 'vehicle'?" in answer.stderr
+    assert "one of controller, planar," in run("new", "zzz").stderr
+    assert list(here.iterdir()) == []
