@@ -20,6 +20,8 @@ ONLY_IN = {
     "sympy": {"mechanics", "compiler", "model/arithmetic.py", "analysis/linear/symbolic.py", "report/symbolic.py"},
     "matplotlib": {"report/pictures", "report/animation"},
     "PIL": {"report/animation"},
+    "rich": {"cli/handbook/terminal.py"},
+    "markdown_it": {"cli/handbook/site.py"},
     "numba": {"compiler/machine.py"},
     "scipy": {"analysis", "report/export.py", "report/animation/solids.py"},
     "mpmath": {"model/arithmetic.py", "analysis/algebra/digits.py", "analysis/compare/methods.py"}

@@ -1,0 +1,72 @@
+"""``mbstab manual``: the manual, by topic, by search, or as a web site."""
+
+from __future__ import annotations
+
+import sys
+import textwrap
+
+import click
+from click.shell_completion import CompletionItem
+
+from mbstab.cli.output import show
+from mbstab.errors import UsageError
+from mbstab.report import WIDTH
+
+SHOWN = 20
+"""Places that a search shows."""
+
+
+def _topics(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    from mbstab.cli.handbook.pages import TOPICS
+
+    return [CompletionItem(topic) for topic in TOPICS if topic.startswith(incomplete)]
+
+
+@click.command(context_settings={"ignore_unknown_options": True})  # an option may be searched for
+@click.argument("words", metavar="[TOPIC]", nargs=-1, shell_complete=_topics)
+@click.option("--search", is_flag=True, help="Show where the manual says something about the words given.")
+def manual(words: tuple[str, ...], search: bool) -> None:
+    """Show a page of the manual; without TOPIC, list the topics.
+
+    On a terminal pages are set with colours if the library rich is installed (pip install 'mbstab[manual]').
+
+    Example: mbstab manual tutorial
+    """
+    from mbstab.cli.handbook import pages
+
+    group = click.get_current_context().find_root().command
+    assert isinstance(group, click.Group)
+    if search:
+        show(_answer({name: pages.page(name, group) for name in pages.TOPICS}, words))
+    elif len(words) > 1:
+        raise UsageError(f"one TOPIC at a time, not {' '.join(words)!r}\nhint: --search looks for words")
+    elif words:
+        _show_page(pages.page(words[0], group))
+    else:
+        width = max(map(len, pages.TOPICS)) + 2
+        lines = "".join(f"  {name:{width}}{title}\n" for name, title in pages.titles().items())
+        show(f"mbstab manual TOPIC shows a page, mbstab manual --search WORDS looks inside.\n\n{lines}")
+
+
+def _show_page(text: str) -> None:
+    from mbstab.cli.handbook.terminal import plain, rendered
+
+    if sys.stdout.isatty():
+        click.echo_via_pager(rendered(text), color=True)
+    else:
+        show(plain(text))
+
+
+def _answer(texts: dict[str, str], words: tuple[str, ...]) -> str:
+    """Return where something is said, with the page and the heading."""
+    from mbstab.cli.handbook.lookup import found_places, places
+
+    found = found_places([place for topic, text in texts.items() for place in places(topic, text)], " ".join(words))
+    lines = []
+    for place in found[:SHOWN]:
+        lines.append(f"{place.topic}: {place.heading.replace('`', '')}")
+        short = textwrap.shorten(place.text, 4 * WIDTH, placeholder=" …")
+        lines += textwrap.wrap(short, WIDTH, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
+    if len(found) > SHOWN:
+        lines.append(f"and {len(found) - SHOWN} more places: add a word")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,75 @@
+"""Search in the manual: by paragraph, item or row, whichever holds all the words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+from mbstab.errors import UsageError, nearest
+from mbstab.records import dataclass
+
+
+@dataclass(frozen=True)
+class Place:
+    """A piece of the manual: a paragraph, an item of a list, a row of a table or an entry of a listing.
+
+    Attributes
+    ----------
+    topic, heading, text : str
+        Where it stands, and the text in one line.
+    """
+
+    topic: str
+    heading: str
+    text: str
+
+    def holds(self, words: list[str]) -> bool:
+        """Whether all words are in it or its heading, and at least one in the text itself."""
+        own, all_ = self.text.lower(), f"{self.heading} {self.text}".lower()
+        return all(word in all_ for word in words) and any(word in own for word in words)
+
+    def explains(self, words: list[str]) -> bool:
+        """Whether it begins with the words, as a definition does."""
+        beginning = re.match(r"[*|\s]*(`[^`]*`|.*)", self.text.lower())
+        assert beginning is not None
+        said = beginning[1]
+        return all(word in said for word in words) if said[:1] == "`" else said.startswith(" ".join(words))
+
+
+def places(topic: str, text: str) -> Iterator[Place]:
+    """Yield the pieces of a page."""
+    heading = topic
+    for block in re.split(r"\n\s*\n", text):
+        for piece in re.split(r"\n(?=\* |\||\s*[\w ,()-]+: |- )", block):
+            joined = " ".join(piece.split())
+            if re.match(r"#+ ", joined):
+                heading, _, joined = joined.lstrip("# ").partition("\n")
+                yield Place(topic, heading, heading)
+            elif joined and not joined.startswith("```") and not re.fullmatch(r"[|\s:-]+", joined):
+                yield Place(topic, heading, joined)
+
+
+def found_places(every: Sequence[Place], query: str) -> list[Place]:
+    """Return the pieces that hold all words of a query, those that explain it first.
+
+    Raises
+    ------
+    UsageError
+        If there is none.
+    """
+    words = query.lower().split()
+    if not words:
+        raise UsageError("--search needs a word, such as --search damping")
+    found = [place for place in every if place.holds(words)]
+    if not found:
+        known = sorted({word for place in every for word in re.findall(r"[\w-]{3,}", place.text.lower())})
+        alone = [word for word in words if not any(word in place.text.lower() for place in every)]
+        near = _nearest(alone[0], known) if alone else ""
+        hint = f"did you mean {near!r}?" if near else "use fewer or other words; mbstab manual lists the topics"
+        raise UsageError(f"the manual has nothing about {query!r}\nhint: {hint}")
+    return sorted(found, key=lambda place: not place.explains(words))
+
+
+def _nearest(word: str, known: list[str]) -> str:
+    """Return the nearest known word with the same first letter."""
+    return nearest(word, [other for other in known if other[0] == word[0]])

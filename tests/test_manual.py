@@ -1,0 +1,160 @@
+"""The manual: all its blocks run, all that the program knows is found in it, and it fits a terminal of 80 columns."""
+
+import re
+from pathlib import Path
+
+import click
+import pytest
+from blocks import blocks, read, run, sessions
+from click.testing import CliRunner
+
+from mbstab.analysis.linear.methods import METHODS
+from mbstab.cli import main
+from mbstab.cli.handbook.lookup import found_places, places
+from mbstab.cli.handbook.pages import FOLDER, TOPICS, WRITTEN, page
+from mbstab.cli.main import COMMANDS
+from mbstab.mechanics.elements import KINDS
+from mbstab.model.functions import FUNCTIONS
+from mbstab.model.library import installed_models
+from mbstab.model.schema import SECTION_FIELDS, SECTIONS
+from mbstab.model.words import WORDS
+
+PAGES = {topic: page(topic, main) for topic in TOPICS}
+
+
+def said(*words):
+    return CliRunner().invoke(main, ["manual", *words])
+
+
+@pytest.mark.parametrize("topic", WRITTEN)
+def test_the_blocks_of_a_page_run_in_their_order(topic, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for kind, text in blocks(PAGES[topic]):
+        if kind == "console":
+            for line, printed in sessions(text):
+                run(line, printed)
+        elif kind == "yaml":
+            assert read(text, tmp_path).verdict
+        else:
+            assert kind in ("text", "pycon"), "blocks that are run, and listings; pycon is run by doctest"
+
+
+def test_the_tutorial_and_the_how_to_are_commands_to_type():
+    for topic in ("tutorial", "how-to", "verdicts"):
+        assert sum(len(sessions(text)) for kind, text in blocks(PAGES[topic]) if kind == "console") > 5
+
+
+def test_every_page_is_a_topic_and_listed():
+    assert {path.stem for path in FOLDER.glob("*.md")} == set(WRITTEN)
+    listed = said().stdout
+    for topic, text in PAGES.items():
+        assert re.search(rf"^  {topic} +{re.escape(text.splitlines()[0][2:])}$", listed, flags=re.M)
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_a_page_is_plain_text_of_80_columns_when_piped(topic):
+    answer = said(topic)
+    assert answer.exit_code == 0
+    assert "\x1b" not in answer.stdout
+    text = re.sub(r"^\$ .*$|^```(yaml|pycon)\n.*?^```$", "", answer.stdout, flags=re.M | re.S)  # typed as they stand
+    assert [line for line in text.splitlines() if len(line) > 80 and " " in line.strip()] == []
+
+
+def test_pages_are_set_with_colours_on_a_terminal(monkeypatch):
+    pytest.importorskip("rich")
+    from mbstab.cli.handbook.terminal import rendered
+
+    monkeypatch.setenv("COLUMNS", "200")
+    for topic in ("verdicts", "digits"):
+        text = rendered(PAGES[topic])
+        assert "\x1b[" in text
+        plain = re.sub(r"\x1b\[[\d;]*m", "", text)
+        assert max(map(len, plain.splitlines())) <= 80
+        assert "| --- |" not in plain
+
+
+def test_without_rich_pages_are_plain(monkeypatch):
+    from mbstab.cli.handbook import terminal
+
+    monkeypatch.setattr(terminal, "find_spec", lambda name: None)
+    assert terminal.rendered(PAGES["limits"]) == terminal.plain(PAGES["limits"])
+
+
+def options(command):
+    return [option for parameter in command.params if isinstance(parameter, click.Option) for option in parameter.opts]
+
+
+def every_word():
+    """Yield what a search must find, with the beginning of a line of its answer."""
+    for name in COMMANDS:
+        command = main.get_command(None, name)
+        for inner in command.commands.values() if isinstance(command, click.Group) else [command]:
+            path = f"mbstab {name}" + (f" {inner.name}" if inner is not command else "")
+            yield path, f"commands: {path}"
+            for option in options(inner):
+                yield f"{path} {option}", f"commands: {path}"
+    for name in SECTIONS:
+        yield name, ""
+    for fields in SECTION_FIELDS.values():
+        yield from ((key, "") for key in fields)
+    for section, kinds in KINDS.items():
+        for (name, _), kind in kinds.items():
+            yield f"{section} {name}", f"keys: {section}"
+            yield from ((f"{section} {field.name}", f"keys: {section}") for field in kind.fields)
+    yield from ((name, "keys: ") for name in FUNCTIONS)
+    yield from ((word, "verdicts: ") for word in WORDS)
+    yield from ((name, "how-to: ") for name in METHODS)
+
+
+def test_every_command_option_key_and_verdict_is_found():
+    every = [place for topic, text in PAGES.items() for place in places(topic, text)]
+    missing = []
+    for words, place in {*every_word()}:
+        lines = [f"{found.topic}: {found.heading.replace('`', '')}" for found in found_places(every, words)]
+        if not any(line.startswith(place) for line in lines):
+            missing.append((words, place, lines))
+    assert missing == []
+
+
+def test_a_search_shows_what_explains_the_words_first():
+    assert said("--search", "krein", "signature").stdout.startswith("glossary: ")
+    first = said("--search", "--rightmost").stdout.splitlines()
+    assert first[0] == "commands: mbstab eig"
+    assert "largest real" in " ".join(first[1:4])
+    assert all(len(line) <= 80 for line in said("--search", "eigenvalues").stdout.splitlines())
+    assert re.search(r"^and \d+ more places: add a word$", said("--search", "eigenvalues").stdout, flags=re.M)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["tutorail"], "there is no topic 'tutorail'\nhint: did you mean 'tutorial'?"),
+        (["zzz"], "hint: mbstab manual lists the topics; mbstab manual --search zzz looks inside"),
+        (["--search", "eigenvalus"], "the manual has nothing about 'eigenvalus'\nhint: did you mean 'eigenvalues'?"),
+        (["--search", " "], "--search needs a word"),
+        (["limits", "theory"], "one TOPIC at a time, not 'limits theory'\nhint: --search looks for words"),
+    ],
+)
+def test_what_is_not_there_is_refused_with_a_hint(words, message):
+    answer = said(*words)
+    assert answer.exit_code == 2
+    assert message in answer.stderr
+
+
+def test_examples_and_functions_and_joints_are_told():
+    listed = set(re.findall(r"^\| `(\w+)\.yaml` \|", PAGES["examples"], flags=re.M))
+    assert listed == {path.stem for path in installed_models()}
+
+
+def test_every_method_is_told_with_what_it_does():
+    text = " ".join(PAGES["how-to"].split())
+    for name, method in METHODS.items():
+        assert f"`{name}` ({method.description})" in text
+
+
+def test_links_between_pages_and_models_exist():
+    for topic, text in PAGES.items():
+        for name in re.findall(r"`mbstab manual ([a-z][\w-]*)`", text):
+            assert name in TOPICS, f"{topic} tells of {name}"
+        for target in re.findall(r"\]\(([^)#]+)\)", text):
+            assert target.startswith("https://") or (Path(FOLDER) / target).exists(), f"{topic} links to {target}"
