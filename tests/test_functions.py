@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import sympy
 
+import mbstab
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
 from mbstab.cli.commands.schema import section_text
 from mbstab.compiler.tape import Tape
@@ -48,7 +49,7 @@ def test_what_the_table_says_of_a_function_is_true(name):
 
 
 def test_the_text_for_users_lists_all_functions():
-    text = " ".join((Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8").split())
+    text = " ".join((Path(mbstab.__file__).parent / "manual" / "model-file.md").read_text(encoding="utf-8").split())
     assert f"and {', '.join(FUNCTIONS)}." in text
     assert [line.split("(")[0] for line in section_text("functions").splitlines()] == list(FUNCTIONS)
 
