@@ -98,12 +98,7 @@ def _eigen_outcomes(model: Model, expectation: Expectation, where: str) -> list[
     result = _answer(model, expectation.frozen)
     outcomes = []
     if expectation.eigenvalues is not None:
-        parameters = evaluate_parameters(model, {}, FLOAT)
-        expected: list[complex] = []
-        for item in expectation.eigenvalues:
-            value = complex(item.real.evaluate(parameters, FLOAT), item.imag.evaluate(parameters, FLOAT))
-            expected += [value, value.conjugate()] if value.imag else [value]
-        outcomes.append(_compare(result, expected, expectation, where))
+        outcomes.append(_compare(result, expected_eigenvalues(model, expectation), expectation, where))
     if expectation.neutral is not None:
         found = result.counts.neutral
         what = f"{expectation.neutral} neutral eigenvalues{where}"
@@ -113,6 +108,23 @@ def _eigen_outcomes(model: Model, expectation: Expectation, where: str) -> list[
         passed = result.verdict == expectation.verdict
         outcomes.append(Outcome(expectation.location, f"{expectation.verdict}{where}", passed, detail))
     return outcomes
+
+
+def expected_eigenvalues(model: Model, expectation: Expectation) -> list[complex]:
+    """Return the eigenvalues that an entry demands, conjugates included (1/s).
+
+    Parameters
+    ----------
+    model : Model
+        With the parameter values of the entry.
+    expectation : Expectation
+    """
+    parameters = evaluate_parameters(model, {}, FLOAT)
+    expected: list[complex] = []
+    for item in expectation.eigenvalues or ():
+        value = complex(item.real.evaluate(parameters, FLOAT), item.imag.evaluate(parameters, FLOAT))
+        expected += [value, value.conjugate()] if value.imag else [value]
+    return expected
 
 
 def _compare(result: EigenResult, expected: list[complex], expectation: Expectation, where: str) -> Outcome:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import sys
 import textwrap
+from pathlib import Path
 
 import click
 from click.shell_completion import CompletionItem
 
-from mbstab.cli.output import show
+from mbstab.cli.common import progress_bar
+from mbstab.cli.output import note, quiet_option, show
 from mbstab.errors import UsageError
 from mbstab.report import WIDTH
 
@@ -25,7 +27,16 @@ def _topics(context: click.Context, parameter: click.Parameter, incomplete: str)
 @click.command(context_settings={"ignore_unknown_options": True})  # an option may be searched for
 @click.argument("words", metavar="[TOPIC]", nargs=-1, shell_complete=_topics)
 @click.option("--search", is_flag=True, help="Show where the manual says something about the words given.")
-def manual(words: tuple[str, ...], search: bool) -> None:
+@click.option(
+    "--html",
+    "folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="FOLDER",
+    help="Write the manual as a web site that needs no network, with a page for each example model, or for the models "
+    "named as TOPIC; some minutes for all.",
+)
+@quiet_option
+def manual(words: tuple[str, ...], search: bool, folder: Path | None) -> None:
     """Show a page of the manual; without TOPIC, list the topics.
 
     On a terminal pages are set with colours if the library rich is installed (pip install 'mbstab[manual]').
@@ -36,7 +47,9 @@ def manual(words: tuple[str, ...], search: bool) -> None:
 
     group = click.get_current_context().find_root().command
     assert isinstance(group, click.Group)
-    if search:
+    if folder is not None:
+        _write_site(folder, group, words, search)
+    elif search:
         show(_answer({name: pages.page(name, group) for name in pages.TOPICS}, words))
     elif len(words) > 1:
         raise UsageError(f"one TOPIC at a time, not {' '.join(words)!r}\nhint: --search looks for words")
@@ -46,6 +59,18 @@ def manual(words: tuple[str, ...], search: bool) -> None:
         width = max(map(len, pages.TOPICS)) + 2
         lines = "".join(f"  {name:{width}}{title}\n" for name, title in pages.titles().items())
         show(f"mbstab manual TOPIC shows a page, mbstab manual --search WORDS looks inside.\n\n{lines}")
+
+
+def _write_site(folder: Path, group: click.Group, names: tuple[str, ...], search: bool) -> None:
+    from mbstab.cli.handbook.site import write_site
+    from mbstab.model.library import find_model, installed_models
+
+    if search:
+        raise UsageError("--search and --html exclude each other")
+    models = [find_model(name).path for name in names] or installed_models()
+    with progress_bar("pages of models") as progress:
+        write_site(folder, group, models, progress)
+    note(f"wrote {folder / 'index.html'}")
 
 
 def _show_page(text: str) -> None:

@@ -1,0 +1,146 @@
+"""The manual as a web site: no broken link, nothing from a network, a page for every model."""
+
+import re
+from html.parser import HTMLParser
+
+import pytest
+from click.testing import CliRunner
+
+import mbstab
+from mbstab.cli import main
+from mbstab.cli.handbook.pages import TOPICS
+from mbstab.model.library import installed_models
+
+pytest.importorskip("markdown_it")
+
+
+class Page(HTMLParser):
+    """Links, sources and the balance of tags of a page."""
+
+    VOID = ("meta", "link", "img", "br", "hr")
+
+    def __init__(self, path):
+        super().__init__()
+        self.targets, self.open = [], []
+        self.text = path.read_text(encoding="utf-8")
+        self.feed(self.text)
+
+    def handle_starttag(self, tag, attrs):
+        self.targets += [value for name, value in attrs if name in ("href", "src")]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def built(folder, *names):
+    return CliRunner().invoke(main, ["manual", "--html", str(folder), *names])
+
+
+def check(folder, names):
+    """Check every page: links lead to files of the site, and every page and model is there."""
+    pages = {path.relative_to(folder).as_posix(): Page(path) for path in folder.rglob("*.html")}
+    assert pages.keys() == {
+        "index.html", *(f"{topic}.html" for topic in TOPICS), *(f"models/{name}.html" for name in names),
+    }  # fmt: skip
+    linked = set()
+    for name, page in pages.items():
+        assert page.open == []
+        assert '<meta name="viewport" content="width=device-width' in page.text
+        assert "<script" not in page.text
+        for target in page.targets:
+            if target != "data:,":  # no icon is asked for
+                place = ((folder / name).parent / target).resolve()
+                assert place.is_file(), f"{name} links to {target}"
+                linked.add(place)
+    # What is there can be reached.
+    assert {path.resolve() for path in folder.rglob("*.*")} == linked
+    return pages
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("site") / "manual"
+    answer = built(folder, "top", "kapitza")
+    assert answer.exit_code == 0, answer.output
+    assert answer.stderr.endswith(f"wrote {folder / 'index.html'}\n")
+    return folder
+
+
+def test_no_link_is_broken_and_nothing_comes_from_a_network(site):
+    pages = check(site, ["top", "kapitza"])
+    assert all("//" not in target for page in pages.values() for target in page.targets)
+    assert "@media print" in (site / "style.css").read_text()
+
+
+def test_the_page_of_a_model_has_what_was_computed_beside_what_is_published(site):
+    text = (site / "models" / "top.html").read_text()
+    assert "$ mbstab eig top.yaml\n" in text
+    assert "$ mbstab sweep top.yaml --param omega " in text
+    assert "Verdict: marginally stable" in text
+    assert "5.567728" in text  # the critical spin, from the sweep
+    rows = re.findall(r'<tr><td>([^<]*)</td><td class="number">([^<]*)</td><td class="number">([^<]*)</td>', text)
+    assert ("omega = 4", "2.451222599 ± 2.53164557i", "2.451222599 ± 2.53164557i") in rows
+    assert len(rows) == sum(len(e.eigenvalues or ()) for e in mbstab.load("top.yaml").model.expect)
+    assert (site / "models" / "top.yaml").read_bytes() == next(
+        path for path in installed_models() if path.stem == "top"
+    ).read_bytes()
+    assert {"models/top.gif", "models/top-map.png"} <= {f"models/{x.name}" for x in (site / "models").iterdir()}
+
+
+def test_what_cannot_be_drawn_is_left_out_with_the_reason(site):
+    text = (site / "models" / "kapitza.html").read_text()
+    assert "modes of periodic motions have no shape that swings" in text
+    assert not (site / "models" / "kapitza.gif").exists()
+
+
+def test_topics_and_models_are_linked_where_they_are_mentioned(site):
+    assert '<a href="verdicts.html"><code>mbstab manual verdicts</code></a>' in (site / "tutorial.html").read_text()
+    assert '<a href="models/top.html"><code>top.yaml</code></a>' in (site / "examples.html").read_text()
+
+
+def test_a_folder_with_other_files_is_refused_and_a_site_is_written_again(tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    answer = built(tmp_path, "pendulum")
+    assert answer.exit_code == 2
+    assert "contains other files\nhint: name a folder" in answer.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+    assert built(tmp_path / "site", "pendulum").exit_code == 0
+    (tmp_path / "site" / "limits.html").unlink()
+    assert built(tmp_path / "site", "pendulum").exit_code == 0
+    check(tmp_path / "site", ["pendulum"])
+
+
+def test_an_own_model_with_any_name_has_a_page(tmp_path):
+    own = tmp_path / "k 1.yaml"
+    text = (
+        "mbstab: 1\ntitle: a <b> & c\nparameters: {k: 9}\nbodies: {k: {type: planar_point, mass: 1}}\n"
+        "forces: {k: {type: expression, on: {k.x: -k*k.x, k.y: -k*k.y}}}\nreference: {coordinates: {k: {x: 0, y: 0}}}\n"
+        "sweep: {k: {from: 1, to: 2, points: 3}}\n"
+    )
+    own.write_text(text)
+    answer = built(tmp_path / "site", str(own))
+    assert answer.exit_code == 0, answer.output
+    page = Page(tmp_path / "site" / "models" / "k 1.html")
+    assert "a &lt;b&gt; &amp; c" in page.text
+    assert {"k%201.yaml", "k%201.gif", "k%201-map.png"} <= set(page.targets)
+    assert (tmp_path / "site" / "models" / "k 1-map.png").is_file()
+
+
+def test_wrong_requests_are_refused(tmp_path, monkeypatch):
+    assert "did you mean 'pendulum'?" in built(tmp_path / "site", "pendulm").stderr
+    both = CliRunner().invoke(main, ["manual", "--html", str(tmp_path / "site"), "--search", "top"])
+    assert (both.exit_code, "exclude each other" in both.stderr) == (2, True)
+    from mbstab.cli.handbook import site
+
+    monkeypatch.setattr(site, "find_spec", lambda name: None)
+    assert "hint: pip install 'mbstab[manual]'" in built(tmp_path / "site", "top").stderr
+    assert not (tmp_path / "site").exists()
+
+
+@pytest.mark.long
+def test_every_example_has_a_page(tmp_path):
+    answer = built(tmp_path / "site")
+    assert answer.exit_code == 0, answer.output
+    check(tmp_path / "site", [path.stem for path in installed_models()])
