@@ -329,7 +329,11 @@ def test_a_float_that_overflows_in_a_function_is_refused(text):
 
 NAMES = {"x": 0.37, "y": 0.81, "b.x": 0.59}
 RATES = {"b.x": 0.23}
-TEXTS = {name: f"{name}(x{', y' * (entry.arguments - 1)})" for name, entry in FUNCTIONS.items()} | {
+WIDTH = ", x/16"
+TEXTS = {
+    name: f"{name}(x{', y' * (entry.arguments - 1 - entry.smoothed)}{WIDTH * entry.smoothed})"
+    for name, entry in FUNCTIONS.items()
+} | {
     "operators": "x + y*b.x - x/y/b.x - -y",
     "powers": "x**2 + y**-3 + b.x**0.5 + x**y",
     "constants": "pi*x + 30*deg",
@@ -380,10 +384,10 @@ def test_every_arithmetic_has_every_function(name):
 
 @pytest.mark.parametrize(("x", "expected"), [(-0.5, -1.0), (0.0, 0.0), (2.0, 1.0)])
 def test_the_sign_is_the_same_in_every_arithmetic(x, expected):
-    assert FLOAT.sign(x) == expected
-    assert array_arithmetic().sign(np.array([x]))[0] == expected
-    assert mpmath_arithmetic().sign(mpmath.mpf(x)) == expected
-    assert float(symbol_arithmetic().sign(sympy.Rational(x))) == expected
+    assert FLOAT.signum(x) == expected
+    assert array_arithmetic().signum(np.array([x]))[0] == expected
+    assert mpmath_arithmetic().signum(mpmath.mpf(x)) == expected
+    assert float(symbol_arithmetic().signum(sympy.Rational(x))) == expected
 
 
 def test_an_arithmetic_has_no_other_functions():

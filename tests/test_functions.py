@@ -2,6 +2,7 @@
 
 import math
 import random
+import re
 from fractions import Fraction
 from pathlib import Path
 
@@ -9,13 +10,16 @@ import mpmath
 import numpy as np
 import pytest
 import sympy
+from scipy.integrate import solve_ivp
 
 import mbstab
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
 from mbstab.cli.commands.schema import section_text
 from mbstab.compiler.tape import Tape
 from mbstab.compiler.trace import Trace
+from mbstab.errors import ModelFileError
 from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic, symbol_arithmetic
+from mbstab.model.expressions import parse
 from mbstab.model.functions import FUNCTIONS, NATIVE
 from mbstab.model.jets import Jet, jet_arithmetic
 
@@ -50,13 +54,13 @@ def test_what_the_table_says_of_a_function_is_true(name):
 
 def test_the_text_for_users_lists_all_functions():
     text = " ".join((Path(mbstab.__file__).parent / "manual" / "model-file.md").read_text(encoding="utf-8").split())
-    assert f"and {', '.join(FUNCTIONS)}." in text
+    assert f"and {', '.join(name for name, entry in FUNCTIONS.items() if not entry.smoothed)}." in text
     assert [line.split("(")[0] for line in section_text("functions").splitlines()] == list(FUNCTIONS)
 
 
 # --- the same function everywhere -----------------------------------------------------------------------------------
 
-PLACES = {name: [0.4375, 0.75][: entry.arguments] for name, entry in FUNCTIONS.items()}
+PLACES = {name: [0.4375, 0.75, 1.5, 0.25][: entry.arguments] for name, entry in FUNCTIONS.items()}
 
 
 def exact(name, arguments=None):
@@ -135,3 +139,103 @@ def test_a_kernel_can_be_differentiated(name):
     inputs = [tape.input(f"x{i}") for i in range(FUNCTIONS[name].arguments)]
     value = getattr(tape.arithmetic(), name)(*inputs)
     assert not any(slope.is_zero for slope in tape.gradient([(tape.term(1), value)], inputs))
+
+
+# --- smoothed over a width ------------------------------------------------------------------------------------------
+
+SMOOTHED = {
+    "sign": (("x",), "x/sqrt(x**2 + w**2)"),
+    "min": (("a", "b"), "(a + b - sqrt((a - b)**2 + w**2))/2"),
+    "max": (("a", "b"), "(a + b + sqrt((a - b)**2 + w**2))/2"),
+    "saturate": (("x", "lo", "hi"), "(lo + hi + sqrt((x - lo)**2 + w**2) - sqrt((x - hi)**2 + w**2))/2"),
+}
+
+
+@pytest.mark.parametrize("name", SMOOTHED)
+def test_a_smoothed_function_is_what_its_text_says(name):
+    arguments, formula = SMOOTHED[name]
+    assert f"{name}({', '.join(arguments)}, w): {formula}," in section_text("functions")
+    rng = random.Random(name)
+    with mpmath.workdps(40):
+        for _ in range(5):
+            at = {x: mpmath.mpf(rng.uniform(-2.0, 2.0)) for x in (*arguments, "w")}
+            expected = parse(formula).evaluate(at, mpmath_arithmetic())
+            assert abs(getattr(mpmath_arithmetic(), name)(*at.values()) - expected) < mpmath.mpf("1e-37")
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "expected"),
+    [
+        ("sign", (-3.0,), -1.0),
+        ("min", (2.0, -5.0), -5.0),
+        ("max", (2.0, -5.0), 2.0),
+        ("saturate", (1e17, -1.0, 2.0), 2.0),
+        ("saturate", (-1e17, -1.0, 2.0), -1.0),
+        ("saturate", (0.5, -1.0, 2.0), 0.5),
+    ],
+)
+def test_far_from_its_corner_a_smoothed_function_is_the_sharp_one(name, arguments, expected):
+    assert getattr(FLOAT, name)(*arguments, 1e-9) == pytest.approx(expected, rel=1e-15)
+
+
+SLIDER = """\
+mbstab: 1
+parameters: {{w: {w}, F: 2, k: 64}}
+bodies: {{b: {{type: planar_point, mass: 1}}}}
+constraints: {{line: {{holonomic: b.y}}}}
+forces:
+  all: {{type: expression, on: {{b.x: "{force}"}}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("force", "slope", "at"),
+    [
+        ("-F*sign(rate(b.x), w) - k*b.x", 2.0 / 0.1, "u"),
+        ("saturate(-k*b.x, -F, F, w)", 64.0 * 2.0 / math.hypot(2.0, 0.1), "q"),
+        ("w/2 - max(k*b.x, 2*k*b.x, w)", 96.0, "q"),
+        ("-w/2 - min(k*b.x, 2*k*b.x, w)", 96.0, "q"),
+    ],
+)
+def test_a_smoothed_function_in_a_force_has_its_slope(force, slope, at):
+    mechanism = mbstab.loads(SLIDER.format(w=0.1, force=force))
+    motion = mechanism.motion()
+    K, R, _ = mechanism.system().linearize(motion.q, motion.u, motion.a, motion.nu)
+    assert (K if at == "q" else R)[0, 0] == pytest.approx(slope, rel=1e-15)
+
+
+def test_friction_that_is_smoothed_is_judged_swept_proven_and_simulated():
+    mechanism = mbstab.loads(SLIDER.format(w=0.1, force="-F*sign(rate(b.x), w) - k*b.x"))
+    expected = np.roots([1.0, 2.0 / 0.1, 64.0])
+    found = mechanism.eig()
+    assert np.sort_complex(found.values()) == pytest.approx(np.sort_complex(expected), rel=1e-12, abs=1e-12)
+    for method in ("index3", "paper"):
+        assert np.sort(mechanism.eig(method).values().real) == pytest.approx(np.sort(expected.real), rel=1e-6)
+    assert np.max(mechanism.sweep("w", np.array([0.05, 0.1])).branches[1].real) == pytest.approx(max(expected.real))
+    run = mechanism.simulate(to=0.2, points=3, perturb={"b.x": 0.1})
+
+    def slope(t, y):
+        return [y[1], -2.0 * y[1] / math.sqrt(y[1] ** 2 + 0.01) - 64.0 * y[0]]
+
+    end = solve_ivp(slope, (0.0, 0.2), [0.1, 0.0], method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+    assert [run.q[-1][0], run.u[-1][0]] == pytest.approx(end.tolist(), abs=1e-6)
+    pytest.importorskip("flint")
+    damped = mbstab.loads(SLIDER.format(w=0.1, force="-F*sign(rate(b.x), w) - saturate(k*b.x, -F, F, w)"))
+    assert damped.certify().verdict == "asymptotically stable"
+
+
+@pytest.mark.parametrize(
+    ("force", "message"),
+    [
+        ("-F*sign(rate(b.x), b.x)", "the width of sign() must be constant"),
+        ("-F*sign(rate(b.x), t)", "the width of sign() must be constant"),
+        ("-F*sign(rate(b.x), -w)", "the width of sign() must be positive, got -0.1"),
+        ("-F*max(b.x, 0, 0)", "the width of max() must be positive, got 0"),
+        ("-F*sign(rate(b.x))", "sign() takes 2 arguments, got 1"),
+    ],
+)
+def test_a_width_is_a_positive_constant(force, message):
+    with pytest.raises(ModelFileError) as caught:
+        mbstab.loads(SLIDER.format(w=0.1, force=force)).system()
+    assert re.search("<text>:6:[0-9]+: forces.all", str(caught.value))
+    assert message in str(caught.value)

@@ -61,7 +61,7 @@ TEXTS = {name: f"math.{name}(x{', y' * (TABLE[name].arguments - 1)})" for name i
     "negative": "-x",
     "power": "math.pow(x, y)",
     "abs": "abs(x)",
-    "sign": "0.0 if x == 0.0 else math.copysign(1.0, x)",
+    "signum": "0.0 if x == 0.0 else math.copysign(1.0, x)",
     "abs_slope": "math.copysign(1.0, x)",
     "held": "min(max(x, 0.0), 1.0)",
 }

@@ -56,7 +56,7 @@ class Arithmetic:
         raise AttributeError(f"{self.name} arithmetic has no function {name!r}")
 
 
-def _sign(x: float) -> float:
+def _signum(x: float) -> float:
     return float(x > 0.0) - float(x < 0.0)
 
 
@@ -75,7 +75,7 @@ FLOAT = Arithmetic(
     float,
     dict(CONSTANTS),
     {name: getattr(math, name) for name in NATIVE if hasattr(math, name)}
-    | {"abs": abs, "sign": _sign, "abs_slope": _abs_slope, "held": _held, "power": math.pow},
+    | {"abs": abs, "signum": _signum, "abs_slope": _abs_slope, "held": _held, "power": math.pow},
 )
 """Python floats."""
 
@@ -88,8 +88,8 @@ def array_arithmetic() -> Arithmetic:
     def abs_slope(x: Any) -> Any:
         return np.where(np.equal(x, 0.0), np.nan, np.sign(x))
 
-    functions = {name: getattr(np, name) for name in TABLE if hasattr(np, name)}
-    functions |= {"abs_slope": abs_slope, "held": lambda x: np.clip(x, 0.0, 1.0), "power": np.power}
+    functions = {name: getattr(np, name) for name in NATIVE if hasattr(np, name)}
+    functions |= {"signum": np.sign, "abs_slope": abs_slope, "held": lambda x: np.clip(x, 0.0, 1.0), "power": np.power}
     return Arithmetic("array", float, dict(CONSTANTS), functions)
 
 
@@ -112,8 +112,8 @@ def symbol_arithmetic() -> Arithmetic:
                 raise OverflowError(f"a power of more than {MAX_DIGITS} digits")
         return base**exponent
 
-    functions = {name: getattr(sympy, name) for name in TABLE if hasattr(sympy, name)}
-    functions |= {"abs": sympy.Abs, "abs_slope": sympy.sign, "held": held, "power": power}
+    functions = {name: getattr(sympy, name) for name in NATIVE if hasattr(sympy, name)}
+    functions |= {"abs": sympy.Abs, "signum": sympy.sign, "abs_slope": sympy.sign, "held": held, "power": power}
     formulas = {name: entry.formula for name, entry in TABLE.items() if entry.formula and name not in functions}
     functions |= {name: folded(formula) for name, formula in formulas.items()}
     f = Arithmetic("symbol", sympy.Rational, {"pi": sympy.pi, "deg": sympy.pi / 180}, functions)
@@ -146,10 +146,10 @@ def mpmath_arithmetic() -> Arithmetic:
     def held(x: Any) -> Any:
         return mp.mpf(0) if x <= 0 else mp.mpf(1) if x >= 1 else x
 
-    functions = {name: real(getattr(mp, name)) for name in TABLE if hasattr(mp, name)}
+    functions = {name: real(getattr(mp, name)) for name in NATIVE if hasattr(mp, name)}
     return Arithmetic(
         "mpmath",
         mp.mpf,
         {"pi": mp.pi, "deg": mp.degree},  # digits come when they are used
-        functions | {"abs": mp.fabs, "abs_slope": abs_slope, "held": held, "power": real(power)},
+        functions | {"abs": mp.fabs, "signum": mp.sign, "abs_slope": abs_slope, "held": held, "power": real(power)},
     )

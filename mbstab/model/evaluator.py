@@ -9,7 +9,7 @@ from dataclasses import replace
 from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import Field, Number, Vector
 from mbstab.model.arithmetic import Arithmetic
-from mbstab.model.expressions import ExpressionError
+from mbstab.model.expressions import Expression, ExpressionError
 from mbstab.model.jets import Jet, jet_arithmetic
 from mbstab.model.numbers import all_of, broken_sign, is_finite, nominal, require_finite
 from mbstab.model.schema import (
@@ -59,6 +59,7 @@ class Evaluator:
         except ExpressionError as error:
             self.complain(quantity, error.message)
             return 1.0
+        self.check_widths(quantity)
         if self.symbolic:
             return value
         if not is_finite(value):
@@ -70,6 +71,18 @@ class Evaluator:
             if field.unit == "m" and not hasattr(value, "shape"):
                 self.lengths.append(abs(value))
         return value
+
+    def check_widths(self, quantity: Quantity) -> None:
+        """Record a problem if a function is smoothed over a width that is not positive."""
+        for function, width in () if self.symbolic else quantity.widths():
+            try:
+                broken = broken_sign(Expression("", width).evaluate(self.parameters, self.f), "positive")
+            except ExpressionError as error:
+                self.complain(quantity, error.message)
+                continue
+            if broken is not None:
+                hint = "it is the size over which the change is smoothed"
+                self.complain(quantity, f"the width of {function}() must {broken[0]}, got {broken[1]:g}", hint)
 
     def _has_sign(self, value: Number, quantity: Quantity, field: Field) -> bool:
         broken = broken_sign(value, field.sign)
@@ -104,6 +117,7 @@ class Evaluator:
 
     def check_law(self, law: Law, time: Number) -> None:
         """Record a problem if a function of time or one of its derivatives is not finite at a time (s)."""
+        self.check_widths(law.expression)
         if self.symbolic:
             return
         try:

@@ -138,6 +138,11 @@ class Expression:
                 found[node.name] = min(node.position, found.get(node.name, node.position))
         return found
 
+    def widths(self) -> list[tuple[str, Node]]:
+        """Return the widths over which functions in it are smoothed, each with the name of its function."""
+        calls = (node for node in self.walk() if isinstance(node, Call))
+        return [(node.function, node.arguments[-1]) for node in calls if FUNCTIONS[node.function].smoothed]
+
     def pieced(self, coordinates: Container[str]) -> bool:
         """Whether it is piecewise in the motion: a function with a kink or a joint, of a coordinate or its rate."""
         return any(
@@ -320,7 +325,8 @@ class _Parser:
         if self._accept(operator) is None:
             kind, token, at = self.tokens[self.index]
             found = "the end" if kind == "end" else repr(token)
-            raise ExpressionError(f"expected {operator!r}, found {found}", at)
+            hint = "within { } or [ ] an expression with a comma stands in quotes" if kind == "end" else ""
+            raise ExpressionError(f"expected {operator!r}, found {found}", at, hint)
 
     def _deeper(self, at: int) -> None:
         self.depth += 1

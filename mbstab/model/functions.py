@@ -86,6 +86,8 @@ class Function:
         Whether it nowhere decreases, and has values everywhere.
     half_turn : int
         By what it is multiplied when π is added to its argument; 0: it does not repeat.
+    smoothed : bool
+        Whether its last argument is the width over which it is smoothed, a positive constant.
     """
 
     doc: str
@@ -101,6 +103,7 @@ class Function:
     span: tuple[float, float] = (-math.inf, math.inf)
     rising: bool = False
     half_turn: int = 0
+    smoothed: bool = False
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -164,7 +167,37 @@ def _atan2_slopes(f: Any, value: Any, y: Any, x: Any) -> tuple[Any, ...]:
     return x / square, -y / square
 
 
+def _sign_slopes(f: Any, value: Any, x: Any, w: Any) -> tuple[Any, ...]:
+    far = f.hypot(x, w)
+    cube = far * far * far
+    return w * w / cube, -x * w / cube
+
+
+def _max_slopes(f: Any, value: Any, a: Any, b: Any, w: Any) -> tuple[Any, ...]:
+    far = f.hypot(a - b, w)
+    part = (a - b) / far
+    return (1 + part) / 2, (1 - part) / 2, w / (2 * far)
+
+
+def _min_slopes(f: Any, value: Any, a: Any, b: Any, w: Any) -> tuple[Any, ...]:
+    of_a, of_b, of_w = _max_slopes(f, value, a, b, w)
+    return of_b, of_a, -of_w
+
+
+def _saturate(f: Any, x: Any, lo: Any, hi: Any, w: Any) -> Any:
+    # The difference of the two distances, without cancellation.
+    above, below = f.hypot(x - lo, w), f.hypot(x - hi, w)
+    return (lo + hi) / 2 + (hi - lo) * ((x - lo) + (x - hi)) / (2 * (above + below))
+
+
+def _saturate_slopes(f: Any, value: Any, x: Any, lo: Any, hi: Any, w: Any) -> tuple[Any, ...]:
+    above, below = f.hypot(x - lo, w), f.hypot(x - hi, w)
+    first, second = (x - lo) / above, (x - hi) / below
+    return (first - second) / 2, (1 - first) / 2, (1 + second) / 2, (w / above - w / below) / 2
+
+
 _AT_ZERO = "its argument is 0"
+_NO_WIDTH = "its width is 0"
 _AT_ONE = "its argument is 1 or -1"
 _INSIDE_ONE = (
     Break(lambda f, x: (x - 1,), _AT_ONE),
@@ -243,14 +276,37 @@ FUNCTIONS: dict[str, Function] = {
         lambda f, x, y: f.sqrt(x * x + y * y), unit="same", span=(0.0, math.inf),
         breaks=(Break(lambda f, x, y: (x, y), "both arguments are 0", 0, zero=True, square=True),),
     ),
+    "sign": Function(
+        "x/sqrt(x**2 + w**2), sign smoothed over the width w", _sign_slopes, lambda f, x, w: x / f.hypot(x, w),
+        unit="ratio", parity="odd", breaks=(Break(lambda f, x, w: (x, w), _NO_WIDTH),), span=(-1.0, 1.0), smoothed=True,
+    ),
+    "min": Function(
+        "(a + b - sqrt((a - b)**2 + w**2))/2, the smaller one smoothed over the width w",
+        _min_slopes, lambda f, a, b, w: (a + b - f.hypot(a - b, w)) / 2, unit="same",
+        breaks=(Break(lambda f, a, b, w: (a - b, w), _NO_WIDTH),), smoothed=True,
+    ),
+    "max": Function(
+        "(a + b + sqrt((a - b)**2 + w**2))/2, the larger one smoothed over the width w",
+        _max_slopes, lambda f, a, b, w: (a + b + f.hypot(a - b, w)) / 2, unit="same",
+        breaks=(Break(lambda f, a, b, w: (a - b, w), _NO_WIDTH),), smoothed=True,
+    ),
+    "saturate": Function(
+        "(lo + hi + sqrt((x - lo)**2 + w**2) - sqrt((x - hi)**2 + w**2))/2, x between lo and hi smoothed over the "
+        "width w",
+        _saturate_slopes, _saturate, unit="same", smoothed=True,
+        breaks=(
+            Break(lambda f, x, lo, hi, w: (x - lo, w), _NO_WIDTH),
+            Break(lambda f, x, lo, hi, w: (x - hi, w), _NO_WIDTH),
+        ),
+    ),
 }  # fmt: skip
 """Functions that an expression may call."""
 
 AUXILIARY: dict[str, Function] = {
-    "sign": Function("-1, 0 or 1", lambda f, value, x: (0 * x,), parity="odd"),
+    "signum": Function("-1, 0 or 1", lambda f, value, x: (0 * x,), parity="odd"),
     "abs_slope": Function("the derivative of abs, which does not exist at 0", lambda f, v, x: (0 * x,), parity="odd"),
     "held": Function(
-        "the number between 0 and 1 that is next to it", lambda f, v, x: ((f.sign(x) - f.sign(x - 1)) / 2,)
+        "the number between 0 and 1 that is next to it", lambda f, v, x: ((f.signum(x) - f.signum(x - 1)) / 2,)
     ),
 }
 """Functions in which others are written; every number system has its own."""

@@ -54,6 +54,7 @@ class QuantityReader:
         try:
             expression = parse_finite(node.text, self.names.parameters)
             self._check_names(expression, time, state)
+            self._check_widths(expression)
             self.check_unit(expression, unit)
         except ExpressionError as error:
             self.complain(node, path, error)
@@ -87,6 +88,14 @@ class QuantityReader:
             if not state:
                 raise ExpressionError("rate(...) cannot be used here", at)
             self._check_coordinate(name, at, state)
+
+    def _check_widths(self, expression: Expression) -> None:
+        """Refuse a width of smoothing that is not a constant."""
+        for function, width in expression.widths():
+            inside = Expression("", width)
+            if inside.rates() or not set(inside.names()) <= set(self.names.parameters):
+                hint = "make it of numbers and parameters"
+                raise ExpressionError(f"the width of {function}() must be constant", width.position, hint)
 
     def _check_coordinate(self, name: str, at: int, allowed: bool) -> None:
         if not allowed:

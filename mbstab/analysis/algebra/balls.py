@@ -26,7 +26,7 @@ from mbstab.compiler.system import System
 from mbstab.errors import MbstabError, UsageError
 from mbstab.model.arithmetic import MAX_DIGITS, Arithmetic
 from mbstab.model.expressions import ExpressionError
-from mbstab.model.functions import TABLE
+from mbstab.model.functions import NATIVE
 from mbstab.model.jets import Jet
 from mbstab.model.parameters import of_file
 from mbstab.model.schema import Model
@@ -385,7 +385,7 @@ def ball_arithmetic() -> Arithmetic:
             return finite(ball(base) ** int(whole))
         return finite(real(base) ** real(exponent))
 
-    functions: dict[str, Callable[..., Any]] = {name: plain(name) for name in TABLE if hasattr(arb, name)}
+    functions: dict[str, Callable[..., Any]] = {name: plain(name) for name in NATIVE if hasattr(arb, name)}
     functions |= {
         "sin": sin,
         "cos": cos,
@@ -393,7 +393,7 @@ def ball_arithmetic() -> Arithmetic:
         "tan": lambda x: finite(sin(x) / cos(x)),
         "atan2": lambda y, x: finite(arb.atan2(real(y), real(x))),
         "abs": lambda x: abs(ball(x)),
-        "sign": sign,
+        "signum": sign,
         "abs_slope": abs_slope,
         "held": held,
         "power": power,

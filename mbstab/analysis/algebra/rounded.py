@@ -185,7 +185,7 @@ def _atan2(y: Any, x: Any) -> Rounded:
     return Rounded(v, error + FUNCTION * abs(v))
 
 
-def _sign(x: Any) -> float:
+def _signum(x: Any) -> float:
     a, _ = value_and_error(x)
     return float(a > 0.0) - float(a < 0.0)
 
@@ -217,7 +217,7 @@ def rounded_arithmetic() -> Arithmetic:
         "atan2": _atan2,
         "sqrt": _sqrt,
         "abs": abs,
-        "sign": _sign,
+        "signum": _signum,
         "abs_slope": _abs_slope,
         "held": _held,
         "power": _power,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from mbstab.mechanics.catalogue import Field
+from mbstab.mechanics.catalogue import Field, Number
 from mbstab.model.expressions import Name, Rate
 from mbstab.model.fields.base import BY_NAME, TEXT, FieldKind, Owner, Reading
 from mbstab.model.fields.values import ChoiceField
@@ -178,6 +178,11 @@ class LoadsField(FieldKind):
             reading.nodes.complain(key, path, f"write {root.name} instead of {key.text}")
             return None
         return root.name
+
+    def check(self, owner: Owner, field: Field, numbers: dict[str, Quantity], time: Number) -> None:
+        """Require positive widths of smoothing."""
+        for expression in numbers.values():
+            owner.evaluator.check_widths(expression)
 
     def coordinates(self, value: dict[str, Quantity]) -> Iterable[str]:
         """Return the coordinates acted on, and the names in the expressions and of their rates."""

@@ -143,6 +143,10 @@ class ConstraintField(FieldKind):
         """Check that the expression depends on what it must depend on."""
         raise NotImplementedError
 
+    def check(self, owner: Owner, field: Field, numbers: Quantity, time: Number) -> None:
+        """Require positive widths of smoothing."""
+        owner.evaluator.check_widths(numbers)
+
     def coordinates(self, value: Quantity) -> Iterable[str]:
         """Return the names in the expression, and those of its rates."""
         return {*value.names(), *value.rates()}
@@ -195,6 +199,10 @@ class RateField(FieldKind):
             return None
         text = f"rate({state}) - ({given.text})"
         return Quantity(text, parse(text).root, given.location, path)
+
+    def check(self, owner: Owner, field: Field, numbers: Quantity, time: Number) -> None:
+        """Require positive widths of smoothing."""
+        owner.evaluator.check_widths(numbers)
 
     def coordinates(self, value: Quantity) -> Iterable[str]:
         """Return the names in the expression, and those of its rates."""
