@@ -7,7 +7,7 @@ from types import ModuleType
 from typing import Any
 
 from mbstab.compiler.measured import Measured
-from mbstab.model.expressions import Expression
+from mbstab.model.expressions import Expression, Node
 
 
 def user_kernel(
@@ -34,13 +34,13 @@ def user_kernel(
     measures : tuple of Measured
         The measures that occur; base rotations and numbers of each follow the parameters.
     """
-    return _kernel(role, tuple(e.text for e in expressions), rows, coordinates, parameters, measures)
+    return _kernel(role, tuple(e.root for e in expressions), rows, coordinates, parameters, measures)
 
 
 @lru_cache(maxsize=256)
 def _kernel(
     role: str,
-    texts: tuple[str, ...],
+    roots: tuple[Node, ...],
     rows: tuple[str, ...],
     coordinates: tuple[str, ...],
     parameters: tuple[str, ...],
@@ -50,7 +50,6 @@ def _kernel(
     from mbstab.compiler.emit import emit
     from mbstab.compiler.tape import Tape
     from mbstab.mechanics.catalogue import Load
-    from mbstab.model.expressions import parse
 
     q, u, a = ([f"{x}{i}" for i in range(len(coordinates))] for x in ("q", "u", "a"))
     own = sum(x.size for x in measures)
@@ -65,7 +64,7 @@ def _kernel(
     for measure in measures:
         value = tape.term(measure.of(f, names, numbers, lambda x: total(tape.term(x))))
         names[measure.name], rates[measure.name] = value, value if measure.kind.speed else total(value)
-    definition: Any = [tape.term(parse(text).evaluate(names, f, rates)) for text in texts]
+    definition: Any = [tape.term(Expression("", root).evaluate(names, f, rates)) for root in roots]
     if role == "force":
         definition = Load(power=((definition, [rates[name] for name in rows]),))
     derived = differentiate(tape, role, definition, q, u, a, ["s1"], p)

@@ -25,6 +25,7 @@ MAX_DEPTH = 60
 MAX_CHAIN = 480
 MAX_EXPONENT = 100.0
 MAX_NUMBER = 1e300
+MAX_NODES = 20_000
 DERIVED = ("rate", "acceleration")
 """Time derivatives of what is measured."""
 
@@ -112,7 +113,7 @@ class Expression:
     def literal(self) -> bool:
         """Whether the text is a plain number, with or without a sign."""
         root = self.root.operand if isinstance(self.root, Negative) else self.root
-        return isinstance(root, Number)
+        return isinstance(root, Number) and root.text in self.text  # not by the name of a definition
 
     def walk(self) -> Iterator[Node]:
         """Yield every node."""
@@ -190,6 +191,55 @@ class Expression:
             If the expression has no value (division by zero, logarithm of a negative number, …).
         """
         return _evaluate(self.root, names, rates or {}, arithmetic)
+
+
+def with_definitions(
+    expression: Expression, definitions: Mapping[str, Expression], measures: tuple[str, ...] = ()
+) -> Expression:
+    """Return an expression with definitions in the place of their names; its text and its positions stay.
+
+    Parameters
+    ----------
+    definitions : mapping
+        None of them needs itself.
+    measures : tuple of str
+        As in `parse`.
+
+    Raises
+    ------
+    ExpressionError
+        If it becomes too large, or contains the rate of a definition.
+    """
+    if not any(isinstance(node, (Name, Rate)) and node.name in definitions for node in expression.walk()):
+        return expression
+    size = 0
+
+    def put(node: Node, at: int | None, depth: int) -> Node:
+        nonlocal size
+        size += 1
+        here = node.position if at is None else at
+        if size > MAX_NODES or depth > MAX_CHAIN:
+            raise ExpressionError("the expression is too long with all its definitions", here)
+        match node:
+            case Name() if node.name in definitions:
+                return put(parse(definitions[node.name].text, measures).root, here, depth + 1)
+            case Rate() if node.name in definitions:
+                hint = "rate(...) takes a coordinate or a measure; write out the rate of a definition"
+                raise ExpressionError(f"{node.name!r} is a definition", here, hint)
+            case Call():
+                arguments = tuple(put(x, at, depth + 1) for x in node.arguments)
+                return Call(node.function, arguments, here)
+            case Binary():
+                left, right = put(node.left, at, depth + 1), put(node.right, at, depth + 1)
+                return Binary(node.operator, left, right, here)
+            case Negative():
+                return Negative(put(node.operand, at, depth + 1), here)
+            case Number():
+                return Number(node.text, here)
+            case _:
+                return node.__class__(node.name, here)
+
+    return Expression(expression.text, put(expression.root, None, 0))
 
 
 def moves(name: str, coordinates: Container[str]) -> bool:
@@ -362,8 +412,7 @@ class _Parser:
         self._deeper(found[1])
         exponent = self._sign()
         self.depth -= 1
-        literal = Expression("", exponent)
-        if literal.literal and abs(float(_magnitude(exponent))) > MAX_EXPONENT:
+        if abs(float(_magnitude(exponent))) > MAX_EXPONENT:
             raise ExpressionError(f"an exponent may be at most {MAX_EXPONENT:g}", exponent.position)
         return Binary("**", base, exponent, found[1])
 

@@ -39,6 +39,7 @@ def json_schema() -> dict[str, Any]:
         "title": TEXT,
         "source": TEXT,
         "parameters": {"type": "object", "additionalProperties": {"anyOf": [NUMBER, _parameter()]}},
+        "definitions": BY_NAME,
         "gravity": VECTOR,
         "ground": object_schema(GEOMETRY_FIELDS, points=_by_name(VECTOR), directions=_by_name(DIRECTION)),
         **{name: _by_name({"anyOf": _kinds(name)}) for name in KINDS},

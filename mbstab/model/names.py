@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 from mbstab.errors import suggestion
 from mbstab.mechanics.catalogue import Kind
 from mbstab.model import units
+from mbstab.model.expressions import Expression
 from mbstab.model.nodes import NodeReader
 from mbstab.model.schema import Components, Entry, MeasureValue, Parameter
 from mbstab.model.yamlfile import Scalar, YamlNode
@@ -28,6 +29,8 @@ class Names:
         joints that stand further down.
     written : dict of collections of str
         By section, every name in the file; an entry with a problem is written, but not known.
+    definitions : dict of Expression
+        Named expressions, as they are written.
     coordinates : dict
         Names of all coordinates, such as ``rod.theta``, in the order of q.
     measures : dict
@@ -44,6 +47,7 @@ class Names:
         self.bodies: dict[str, Entry] = {}
         self.joints: dict[str, Kind] = {}
         self.written: dict[str, Collection[str]] = {}
+        self.definitions: dict[str, Expression] = {}
         self.coordinates: dict[str, None] = {}
         self.measures: dict[str, MeasureValue] = {}
         self.geometry: dict[str | None, tuple[dict[str, Components], dict[str, Components]]] = {}

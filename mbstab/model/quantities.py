@@ -8,7 +8,7 @@ from mbstab.errors import Location, suggestion
 from mbstab.mechanics.measures import MEASURES, is_measure, parts
 from mbstab.model import units
 from mbstab.model.arithmetic import CONSTANTS
-from mbstab.model.expressions import Expression, ExpressionError, parse
+from mbstab.model.expressions import Expression, ExpressionError, parse, with_definitions
 from mbstab.model.functions import FUNCTIONS
 from mbstab.model.names import Names, owner_of_point
 from mbstab.model.schema import (
@@ -35,7 +35,13 @@ class QuantityReader:
     # --- one expression ---------------------------------------------------------------------------------------------
 
     def quantity(
-        self, node: YamlNode, path: str, unit: str = "", time: bool = False, state: bool = False
+        self,
+        node: YamlNode,
+        path: str,
+        unit: str = "",
+        time: bool = False,
+        state: bool = False,
+        shared: bool = True,
     ) -> Quantity | None:
         """Return an expression, None if there is a problem.
 
@@ -47,12 +53,16 @@ class QuantityReader:
             Whether it may contain the time t.
         state : bool
             Whether it may contain coordinates and rates.
+        shared : bool
+            Whether it may contain definitions; those of parameters may not.
         """
         if not isinstance(node, Scalar) or node.empty:
             self.nodes.complain(node, path, "expected a number or an expression" + _in_brackets(unit))
             return None
         try:
             expression = parse_finite(node.text, self.names.parameters)
+            if shared:
+                expression = with_definitions(expression, self.names.definitions)
             self._check_names(expression, time, state)
             self._check_widths(expression)
             self.check_unit(expression, unit)
@@ -76,13 +86,15 @@ class QuantityReader:
         for name, at in expression.names().items():
             if name in parameters or (name == "t" and time):
                 continue
+            if name in self.names.definitions:
+                raise ExpressionError(f"definitions such as {name!r} cannot be used here", at, "write out what it is")
             if name == "t":
                 raise ExpressionError("the time t cannot be used here", at)
             if is_measure(name) or "." in name or name in self.names.coordinates:
                 self._check_coordinate(name, at, state)
                 continue
             known = [*parameters, *FUNCTIONS, *CONSTANTS, *(("t",) if time else ())]
-            known += [x for x in self.names.coordinates if is_state(x)]
+            known += [*self.names.definitions, *(x for x in self.names.coordinates if is_state(x))]
             raise ExpressionError(f"unknown parameter {name!r}", at, suggestion(name, known))
         for name, at in expression.rates().items():
             if not state:

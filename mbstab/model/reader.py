@@ -11,6 +11,7 @@ from mbstab.model.names import Names
 from mbstab.model.nodes import NodeReader
 from mbstab.model.quantities import QuantityReader
 from mbstab.model.schema import SECTIONS, VERSION, Model
+from mbstab.model.sections.definitions import DefinitionReader
 from mbstab.model.sections.entries import EntryReader
 from mbstab.model.sections.expectations import ExpectationReader
 from mbstab.model.sections.modes import ModeReader
@@ -62,12 +63,14 @@ def _read(document: Document, root: Mapping) -> Model:
     nodes.known_keys(root, "", SECTIONS)
     _check_version(nodes, root)
     ParameterReader(quantities).read(top.get("parameters"))
+    definitions = DefinitionReader(quantities)
+    definitions.find(top.get("definitions"))
     entry_reader = EntryReader(quantities)
     found = entry_reader.find_bodies(root)
     entry_reader.read_ground(top.get("ground"))
     bodies = entry_reader.read_bodies(found)
     entry_reader.find_states(top.get("states"))
-    entries = entry_reader.read(top)
+    entries = entry_reader.read(top, definitions)
     inputs = entries.pop("inputs")
     reference, expectations = ReferenceReader(quantities), ExpectationReader(quantities)
     gravity = Scalar("0", root.location) if "gravity" not in top else top["gravity"]
@@ -89,6 +92,7 @@ def _read(document: Document, root: Mapping) -> Model:
         modes=ModeReader(quantities, expectations).read(top.get("modes")),
         expect=expectations.expect(top.get("expect")),
         measures=quantities.names.measures,
+        definitions=quantities.names.definitions,
     )
 
 

@@ -21,6 +21,8 @@ SECTIONS: dict[str, str] = {
     "title": "one line that names the system",
     "source": "where the model and its expected values come from",
     "parameters": "named numbers: value, or {value, unit, sign, description}; values may be expressions of others",
+    "definitions": "named expressions of parameters, coordinates, measures, states and t that all others may use, but "
+    "those of parameters",
     "gravity": "acceleration of gravity, a vector in ground axes (m/s^2); without it there is none",
     "ground": "named points and directions of the ground",
     "bodies": "the bodies, by name",
@@ -288,6 +290,8 @@ class Model:
         Sections in the order of the file; constraint rows follow it.
     measures : dict
         What the measures in expressions name, by the measure, such as ``angle(pivot)``.
+    definitions : dict
+        Named expressions, as they are written; all others have them in the place of their names.
     """
 
     document: Document
@@ -307,6 +311,7 @@ class Model:
     modes: tuple[ModeName, ...]
     expect: tuple[Expectation, ...]
     measures: dict[str, MeasureValue]
+    definitions: dict[str, Expression]
 
     @property
     def name(self) -> str:

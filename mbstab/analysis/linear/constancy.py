@@ -20,6 +20,7 @@ The same form tells where an expression has no second derivative with respect to
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import field
 from fractions import Fraction
@@ -309,7 +310,10 @@ def _part(structure: Structure, expression: Expression, kind: str) -> str:
 
 
 def call_at(text: str, at: int) -> str:
-    """Return the call that begins at a position."""
+    """Return the call that begins at a position, or the name that stands for it."""
+    name = re.match(r"\w*", text[at:])
+    if name is not None and not text[at + name.end() :].lstrip().startswith("("):
+        return name[0]
     depth = 0
     for end in range(text.index("(", at), len(text)):
         depth += {"(": 1, ")": -1}.get(text[end], 0)

@@ -252,13 +252,14 @@ def multipliers(rows: Array, force: Array) -> Array:
     """Return the least-squares solution x of rowsᵀ x = force, shapes (…, n_c, n_q) and (…, n_q).
 
     Over the points of a sweep the normal equations are solved and corrected twice: independent rows of unit length
-    are well conditioned, and this is several times faster.
+    are well conditioned, and this is several times faster. Rows of zeros, which take no force, have none.
     """
     if not rows.shape[-2]:
         return np.zeros((*force.shape[:-1], 0))
     if rows.ndim == 2:
         return np.asarray(np.linalg.lstsq(rows.T, force, rcond=1e-12)[0], dtype=np.float64)
-    inverse = np.linalg.inv(rows @ np.swapaxes(rows, -1, -2))
+    idle = ~np.any(rows, axis=-1)
+    inverse = np.linalg.inv(rows @ np.swapaxes(rows, -1, -2) + idle[..., None] * np.eye(rows.shape[-2]))
     x: Array = np.zeros((*np.broadcast_shapes(rows.shape[:-2], force.shape[:-1]), rows.shape[-2]))
     for _ in range(3):
         missing = force - (np.swapaxes(rows, -1, -2) @ x[..., None])[..., 0]

@@ -7,7 +7,7 @@ from typing import Any
 
 from mbstab.mechanics.catalogue import Field, Number, Vector
 from mbstab.model.evaluator import Law
-from mbstab.model.expressions import moves, parse
+from mbstab.model.expressions import Binary, Rate, moves
 from mbstab.model.fields.base import NUMBER, NUMBERS, TEXT, VECTOR, FieldKind, Owner, Reading
 from mbstab.model.schema import Components, Quantity
 from mbstab.model.yamlfile import Sequence, YamlNode
@@ -197,8 +197,8 @@ class RateField(FieldKind):
             message = f"the rate of {state!r} depends on itself"
             reading.nodes.complain(node, path, message, "solve the equation for the rate")
             return None
-        text = f"rate({state}) - ({given.text})"
-        return Quantity(text, parse(text).root, given.location, path)
+        root = Binary("-", Rate(state, 0), given.root, 0)
+        return Quantity(f"rate({state}) - ({given.text})", root, given.location, path)
 
     def check(self, owner: Owner, field: Field, numbers: Quantity, time: Number) -> None:
         """Require positive widths of smoothing."""

@@ -25,6 +25,7 @@ from mbstab.model.schema import (
     body_coordinates,
     entry_word,
 )
+from mbstab.model.sections.definitions import DefinitionReader
 from mbstab.model.yamlfile import Mapping, Scalar, YamlNode
 
 NAMING = tuple(section for section in KINDS if section != "bodies")
@@ -57,13 +58,14 @@ class EntryReader:
         self.quantities = quantities
         self.nodes, self.names = quantities.nodes, quantities.names
 
-    def read(self, sections: MappingType[str, YamlNode]) -> dict[str, dict[str, Entry]]:
+    def read(self, sections: MappingType[str, YamlNode], definitions: DefinitionReader) -> dict[str, dict[str, Entry]]:
         """Return the entries of all sections but the bodies, which must have been read; an entry may name any other."""
         found = {
             section: self._find(section, self.nodes.optional(sections.get(section), section), self.names.dimension)
             for section in NAMING
         }
         self.names.joints = {name: kind for name, (kind, _) in found["joints"].items()}
+        definitions.check()
         entries = {
             section: {name: self._entry(section, name, *item) for name, item in found[section].items()}
             for section in NAMING
@@ -85,7 +87,7 @@ class EntryReader:
         """Find the names of the states, which then count as coordinates."""
         section = self.nodes.optional(node, "states")
         names = self.names
-        taken = {"t", "ground", *CONSTANTS, *FUNCTIONS, *names.bodies, *names.parameters}
+        taken = {"t", "ground", *CONSTANTS, *FUNCTIONS, *names.bodies, *names.parameters, *names.definitions}
         for key, _ in section.pairs() if section else ():
             path = f"states.{key.text}"
             if self.nodes.check_name(key, path, "state", taken):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from mbstab.model.arithmetic import FLOAT
-from mbstab.model.quantities import QuantityReader
+from mbstab.model.quantities import QuantityReader, constant
 from mbstab.model.schema import (
     CRITICAL_FIELDS,
     EIGENVALUE_FIELDS,
@@ -41,7 +41,7 @@ class ExpectationReader:
                 continue
             self.nodes.known_keys(inner, path, SWEEP_FIELDS)
             ends = [(self.nodes.required(inner, key, path), f"{path}.{key}") for key in ("from", "to")]
-            start, stop = (self.quantities.expression(end or Scalar("1", inner.location), here) for end, here in ends)
+            start, stop = (self._value(end or Scalar("1", inner.location), here) for end, here in ends)
             points = self.nodes.integer(inner.entries.get("points"), f"{path}.points", 2, 10_000_000, 401)
             ranges[key.text] = SweepRange(start, stop, points)
         return ranges
@@ -84,8 +84,12 @@ class ExpectationReader:
         values = {}
         for key, item in mapping.pairs() if mapping else ():
             self.names.check_parameter(key, path)
-            values[key.text] = self.quantities.expression(item, f"{path}.{key.text}")
+            values[key.text] = self._value(item, f"{path}.{key.text}")
         return values
+
+    def _value(self, node: YamlNode, path: str) -> Quantity:
+        """Return the value of a parameter: in its unit if it is a number."""
+        return self.quantities.quantity(node, path, shared=False) or constant("1", node.location, path)
 
     def _count(self, node: YamlNode | None, path: str) -> int | None:
         return None if node is None else self.nodes.integer(node, path, 0, 10_000, 0)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from mbstab.errors import suggestion
 from mbstab.model.arithmetic import CONSTANTS
-from mbstab.model.expressions import DERIVED, ExpressionError, parse
+from mbstab.model.expressions import DERIVED, Expression, ExpressionError, parse, with_definitions
 from mbstab.model.measures import MEASURES, TRANSMITTED, Measure
 from mbstab.model.quantities import AXES, QuantityReader
 from mbstab.model.schema import Entry, Model, Quantity
@@ -26,7 +26,7 @@ def read_outputs(quantities: QuantityReader, node: YamlNode | None, entries: Ent
             nodes.complain(item, path, "expected an expression such as rod.theta or angle(pivot)")
             continue
         try:
-            expression = parse(item.text, tuple(MEASURES))
+            expression = _parsed(item.text, names.definitions)
             coordinates = [x for x in names.coordinates if not names.unread(x)]
             _check(expression.names(), entries, names.bodies, coordinates, names.parameters, names.dimension)
         except ExpressionError as error:
@@ -44,9 +44,14 @@ def measured_expression(model: Model, text: str) -> Quantity:
     ExpressionError
         If it is none, or names what the file does not have.
     """
-    expression = parse(text, tuple(MEASURES))
+    expression = _parsed(text, model.definitions)
     _check(expression.names(), model.entries, model.bodies, model.coordinates(), model.parameters, model.dimension)
     return Quantity(expression.text, expression.root, model.reference.location, text)
+
+
+def _parsed(text: str, definitions: Mapping[str, Expression]) -> Expression:
+    measures = tuple(MEASURES)
+    return with_definitions(parse(text, measures), definitions, measures)
 
 
 def _check(
