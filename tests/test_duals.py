@@ -17,7 +17,7 @@ EXPRESSIONS = [
     "a*b + a/b - b/3 + 2/a - (1 - b)",
     "-a**3 + a**b + 2**b + a**(-0.5)",
     "sin(a*b)*exp(-b)/sqrt(1 + a**2)",
-    *(f"{name}(a*b{', b' if f.arguments == 2 else ''})" for name, f in FUNCTIONS.items()),
+    *(f"{name}(a*b{', b' * (f.arguments - 1)})" for name, f in FUNCTIONS.items()),
 ]
 
 

@@ -85,7 +85,7 @@ def test_a_law_has_its_derivatives_in_symbols(text):
 def test_a_function_of_a_moving_argument_obeys_the_chain_rule(name):
     # An argument with second derivative, which a function of t alone does not test.
     count = 2 if name == "power" else FUNCTIONS[name].arguments
-    moving = [Jet(0.4, 0.7, -1.3), Jet(0.9, -0.6, 0.8)][:count]
+    moving = [Jet(0.4, 0.7, -1.3), Jet(0.9, -0.6, 0.8), Jet(1.3, 0.5, -0.9), Jet(0.2, 0.1, 0.3)][:count]
     jet = getattr(jet_arithmetic(FLOAT), name)(*moving)
     f = mpmath_arithmetic()
     with mpmath.workdps(40):

@@ -676,7 +676,7 @@ def test_arrays_give_what_their_elements_give_one_by_one(name, function):
 # --- kernels of expressions -----------------------------------------------------------------------------------------
 
 ARGUMENTS = {"acos": "b.x*b.y/4", "asin": "b.x*b.y/4", "atan2": "b.x - L*t, b.y + t", "smooth_start": "b.x*b.y/4 + t/8"}
-SOME = ("b.x*b.y + t**2", "b.x - b.y*t")
+SOME = ("b.x*b.y + t**2", "b.x - b.y*t", "L*b.y + t", "L/4")
 TEXTS = {
     name: f"L*{name}({ARGUMENTS.get(name, ', '.join(SOME[: FUNCTIONS[name].arguments]))}) + b.x" for name in FUNCTIONS
 } | {
