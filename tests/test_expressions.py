@@ -18,7 +18,7 @@ from mbstab.model.arithmetic import (
     symbol_arithmetic,
 )
 from mbstab.model.expressions import MAX_CHAIN, MAX_DEPTH, MAX_LENGTH, ExpressionError, Number, parse
-from mbstab.model.functions import FUNCTIONS, TABLE
+from mbstab.model.functions import CALLED, FUNCTIONS, TABLE
 from mbstab.model.jets import Jet, jet_arithmetic
 
 
@@ -210,7 +210,7 @@ def test_a_name_is_only_looked_up_among_the_given_names(text):
         ("artan(1)", "did you mean 'atan'?"),
         ("sqr(1)", "did you mean 'sqrt'?"),
         ("Rate(1)", "did you mean 'rate'?"),
-        ("xyzzy(1)", "known functions: " + ", ".join(FUNCTIONS)),
+        ("xyzzy(1)", "known functions: " + ", ".join(CALLED)),
     ],
 )
 def test_an_unknown_function_is_refused_with_a_suggestion(text, hint):

@@ -64,6 +64,7 @@ TEXTS = {name: f"math.{name}(x{', y' * (TABLE[name].arguments - 1)})" for name i
     "signum": "0.0 if x == 0.0 else math.copysign(1.0, x)",
     "abs_slope": "math.copysign(1.0, x)",
     "held": "min(max(x, 0.0), 1.0)",
+    "inside": "0.0 if 0.0 <= x <= 1.0 else math.nan",
 }
 """What each of `OPERATIONS` does to x, or to x and y."""
 

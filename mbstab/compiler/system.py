@@ -488,8 +488,9 @@ class System:
                 values.extend(getattr(element.kernel, function)(f, *arguments))
             except (ArithmeticError, ValueError) as error:
                 place = self._location(element.path)
+                hint = self.scene.model.table_hint(error) or element.hint
                 raise NumericalError(
-                    f"{place}: {element.path} has no finite equations here ({error})\n{element.hint}"
+                    f"{place}: {element.path} has no finite equations here ({error})\n{hint}"
                 ) from None
         return values
 

@@ -14,6 +14,7 @@ from functools import partial
 from typing import Any
 
 from mbstab.model.functions import NATIVE, TABLE
+from mbstab.model.hermite import float_hermite
 
 CONSTANTS: dict[str, float] = {"pi": math.pi, "deg": math.pi / 180.0}
 """Names an expression may use without declaring them; ``30*deg`` is an angle of 30 degrees."""
@@ -70,12 +71,20 @@ def _held(x: float) -> float:
     return min(max(x, 0.0), 1.0)
 
 
+def _inside(x: float) -> float:
+    if not 0.0 <= x <= 1.0:
+        raise ValueError("outside of a table")
+    return 0.0
+
+
 FLOAT = Arithmetic(
     "float",
     float,
     dict(CONSTANTS),
     {name: getattr(math, name) for name in NATIVE if hasattr(math, name)}
-    | {"abs": abs, "signum": _signum, "abs_slope": _abs_slope, "held": _held, "power": math.pow},
+    | {"abs": abs, "signum": _signum, "abs_slope": _abs_slope, "held": _held, "inside": _inside, "power": math.pow}
+    | {"table": float_hermite(0), "spline": float_hermite(0)}
+    | {f"hermite{order}": float_hermite(order) for order in (1, 2, 3)},
 )
 """Python floats."""
 
@@ -90,6 +99,7 @@ def array_arithmetic() -> Arithmetic:
 
     functions = {name: getattr(np, name) for name in NATIVE if hasattr(np, name)}
     functions |= {"signum": np.sign, "abs_slope": abs_slope, "held": lambda x: np.clip(x, 0.0, 1.0), "power": np.power}
+    functions["inside"] = lambda x: np.where((x >= 0.0) & (x <= 1.0), 0.0, np.nan)
     return Arithmetic("array", float, dict(CONSTANTS), functions)
 
 
@@ -114,6 +124,7 @@ def symbol_arithmetic() -> Arithmetic:
 
     functions = {name: getattr(sympy, name) for name in NATIVE if hasattr(sympy, name)}
     functions |= {"abs": sympy.Abs, "signum": sympy.sign, "abs_slope": sympy.sign, "held": held, "power": power}
+    functions["inside"] = lambda x: sympy.Piecewise((0, (x >= 0) & (x <= 1)), (sympy.nan, True))
     formulas = {name: entry.formula for name, entry in TABLE.items() if entry.formula and name not in functions}
     functions |= {name: folded(formula) for name, formula in formulas.items()}
     f = Arithmetic("symbol", sympy.Rational, {"pi": sympy.pi, "deg": sympy.pi / 180}, functions)
@@ -146,10 +157,23 @@ def mpmath_arithmetic() -> Arithmetic:
     def held(x: Any) -> Any:
         return mp.mpf(0) if x <= 0 else mp.mpf(1) if x >= 1 else x
 
+    def inside(x: Any) -> Any:
+        if not 0 <= x <= 1:
+            raise ValueError("outside of a table")
+        return mp.mpf(0)
+
     functions = {name: real(getattr(mp, name)) for name in NATIVE if hasattr(mp, name)}
     return Arithmetic(
         "mpmath",
         mp.mpf,
         {"pi": mp.pi, "deg": mp.degree},  # digits come when they are used
-        functions | {"abs": mp.fabs, "signum": mp.sign, "abs_slope": abs_slope, "held": held, "power": real(power)},
+        functions
+        | {
+            "abs": mp.fabs,
+            "signum": mp.sign,
+            "abs_slope": abs_slope,
+            "held": held,
+            "inside": inside,
+            "power": real(power),
+        },
     )

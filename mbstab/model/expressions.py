@@ -12,12 +12,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Container, Iterator, Mapping
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 from mbstab.errors import MbstabError, counted, suggestion
 from mbstab.mechanics.measures import MEASURES, is_measure
 from mbstab.model.arithmetic import CONSTANTS, Arithmetic
-from mbstab.model.functions import FUNCTIONS, PIECED
+from mbstab.model.functions import CALLED, PIECED
 from mbstab.records import dataclass
 
 MAX_LENGTH = 5_000
@@ -102,6 +102,13 @@ class Negative:
 Node = Number | Name | Rate | Call | Binary | Negative
 
 
+class Table(Protocol):
+    """A function given by points."""
+
+    def points(self, function: str) -> tuple[str, ...]:
+        """Return x, y and slope of each point."""
+
+
 @dataclass(frozen=True)
 class Expression:
     """A parsed expression and the text it came from."""
@@ -142,7 +149,7 @@ class Expression:
     def widths(self) -> list[tuple[str, Node]]:
         """Return the widths over which functions in it are smoothed, each with the name of its function."""
         calls = (node for node in self.walk() if isinstance(node, Call))
-        return [(node.function, node.arguments[-1]) for node in calls if FUNCTIONS[node.function].smoothed]
+        return [(node.function, node.arguments[-1]) for node in calls if CALLED[node.function].smoothed]
 
     def pieced(self, coordinates: Container[str]) -> bool:
         """Whether it is piecewise in the motion: a function with a kink or a joint, of a coordinate or its rate."""
@@ -193,24 +200,29 @@ class Expression:
         return _evaluate(self.root, names, rates or {}, arithmetic)
 
 
-def with_definitions(
-    expression: Expression, definitions: Mapping[str, Expression], measures: tuple[str, ...] = ()
+def filled_in(
+    expression: Expression,
+    definitions: Mapping[str, Expression],
+    tables: Mapping[str, Table],
+    measures: tuple[str, ...] = (),
 ) -> Expression:
-    """Return an expression with definitions in the place of their names; its text and its positions stay.
+    """Return an expression with definitions and points in the place of names; its text and its positions stay.
 
     Parameters
     ----------
     definitions : mapping
         None of them needs itself.
+    tables : mapping
+        Points by the name of the table and the function.
     measures : tuple of str
         As in `parse`.
 
     Raises
     ------
     ExpressionError
-        If it becomes too large, or contains the rate of a definition.
+        If it becomes too large, contains the rate of a definition, or calls a table that does not exist.
     """
-    if not any(isinstance(node, (Name, Rate)) and node.name in definitions for node in expression.walk()):
+    if not any(_is_filled(node, definitions) for node in expression.walk()):
         return expression
     size = 0
 
@@ -226,6 +238,12 @@ def with_definitions(
             case Rate() if node.name in definitions:
                 hint = "rate(...) takes a coordinate or a measure; write out the rate of a definition"
                 raise ExpressionError(f"{node.name!r} is a definition", here, hint)
+            case Call() if CALLED[node.function].knots >= 0 and isinstance(node.arguments[-1], Name):
+                x, name = put(node.arguments[0], at, depth + 1), _word_of(node.arguments[-1])
+                if name not in tables:
+                    raise ExpressionError(f"there is no table {name!r}", here, suggestion(name, tables))
+                points = tables[name].points(node.function)
+                return Call(node.function, (x, *(Number(text, here) for text in points)), here)
             case Call():
                 arguments = tuple(put(x, at, depth + 1) for x in node.arguments)
                 return Call(node.function, arguments, here)
@@ -240,6 +258,16 @@ def with_definitions(
                 return node.__class__(node.name, here)
 
     return Expression(expression.text, put(expression.root, None, 0))
+
+
+def _word_of(node: Node) -> str:
+    return node.name if isinstance(node, Name) else ""
+
+
+def _is_filled(node: Node, definitions: Container[str]) -> bool:
+    if isinstance(node, Call):
+        return CALLED[node.function].knots >= 0
+    return isinstance(node, (Name, Rate)) and node.name in definitions
 
 
 def moves(name: str, coordinates: Container[str]) -> bool:
@@ -476,8 +504,8 @@ class _Parser:
             return self._measured(function, at)
         if function in MEASURES and not self.measures:
             return self._measure(function, at)
-        if function != "rate" and function not in FUNCTIONS:
-            hint = suggestion(function, [*FUNCTIONS, *MEASURES, "rate"]) or "known functions: " + ", ".join(FUNCTIONS)
+        if function != "rate" and function not in CALLED:
+            hint = suggestion(function, [*CALLED, *MEASURES, "rate"]) or "known functions: " + ", ".join(CALLED)
             raise ExpressionError(f"unknown function {function!r}", at, hint)
         self._expect("(")
         self._deeper(at)
@@ -491,7 +519,10 @@ class _Parser:
                 hint = "the speed of a point in the axes of its body is vx(body.point)"
                 raise ExpressionError("rate(...) takes one coordinate or measure, such as rate(body.x)", at, hint)
             return Rate(arguments[0].name, at)
-        expected = FUNCTIONS[function].arguments
+        expected = CALLED[function].arguments
+        if CALLED[function].knots >= 0 and not (len(arguments) == 2 and isinstance(arguments[1], Name)):
+            hint = f"{function}(x, NAME) with the name of one under tables:"
+            raise ExpressionError(f"{function}() takes a number and the name of a table", at, hint)
         if len(arguments) != expected:
             plural = "" if expected == 1 else "s"
             raise ExpressionError(f"{function}() takes {expected} argument{plural}, got {len(arguments)}", at)

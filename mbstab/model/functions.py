@@ -19,6 +19,7 @@ from functools import cached_property
 from inspect import signature
 from typing import Any, Literal
 
+from mbstab.model.hermite import hermite
 from mbstab.records import dataclass
 
 Slope = Callable[[float], float]
@@ -67,8 +68,8 @@ class Function:
     formula : callable or None
         ``formula(f, *arguments)``: its value in terms of other functions.
     unit : str
-        ``plain``: takes numbers and angles; ``same``: the unit of its arguments; ``root``: the square root of
-        it; ``ratio``: arguments of one unit, a plain result.
+        ``free``: takes everything; ``plain``: takes numbers and angles; ``same``: the unit of its arguments;
+        ``root``: the square root of it; ``ratio``: arguments of one unit, a plain result.
     parity : str
         ``odd`` or ``even``.
     exact : dict
@@ -86,6 +87,8 @@ class Function:
         Whether it nowhere decreases, and has values everywhere.
     half_turn : int
         By what it is multiplied when π is added to its argument; 0: it does not repeat.
+    knots : int
+        Of a function given by points: number of its continuous derivatives there; −1: it is not given by points.
     smoothed : bool
         Whether its last argument is the width over which it is smoothed, a positive constant.
     """
@@ -93,7 +96,7 @@ class Function:
     doc: str
     slopes: Callable[..., tuple[Any, ...]]
     formula: Callable[..., Any] | None = None
-    unit: Literal["plain", "same", "root", "ratio"] = "plain"
+    unit: Literal["free", "plain", "same", "root", "ratio"] = "plain"
     parity: Literal["odd", "even", ""] = ""
     exact: tuple[tuple[int, int], ...] = ()
     steepest: Callable[[Slope, float, float], float] | None = None
@@ -103,6 +106,7 @@ class Function:
     span: tuple[float, float] = (-math.inf, math.inf)
     rising: bool = False
     half_turn: int = 0
+    knots: int = -1
     smoothed: bool = False
 
     @cached_property
@@ -114,6 +118,18 @@ class Function:
     def arguments(self) -> int:
         """How many arguments it takes."""
         return len(self.names)
+
+    def breaks_at(self, arguments: int) -> tuple[Break, ...]:
+        """Return where it is not analytic, if it has so many arguments."""
+        if self.knots < 0:
+            return self.breaks
+
+        def at(i: int) -> Callable[..., tuple[Any, ...]]:
+            return lambda f, *given: (given[0] - given[i],)
+
+        first, *inner, last = range(1, arguments, 3)
+        ends = [Break(at(i), "its table ends") for i in (first, last)]
+        return (*ends, *(Break(at(i), "its argument is a point of the table", self.knots) for i in inner))
 
     def at(self, x: Fraction) -> int | None:
         """Return its value at a rational point where that is known to be a whole number."""
@@ -194,6 +210,15 @@ def _saturate_slopes(f: Any, value: Any, x: Any, lo: Any, hi: Any, w: Any) -> tu
     above, below = f.hypot(x - lo, w), f.hypot(x - hi, w)
     first, second = (x - lo) / above, (x - hi) / below
     return (first - second) / 2, (1 - first) / 2, (1 + second) / 2, (w / above - w / below) / 2
+
+
+def _derivative(name: str) -> Callable[..., tuple[Any, ...]]:
+    """Return the slopes of a function given by points; those do not move."""
+
+    def slopes(f: Any, value: Any, x: Any, *table: Any) -> tuple[Any, ...]:
+        return getattr(f, name)(x, *table), *(0 for _ in table)
+
+    return slopes
 
 
 _AT_ZERO = "its argument is 0"
@@ -300,6 +325,22 @@ FUNCTIONS: dict[str, Function] = {
         ),
     ),
 }  # fmt: skip
+"""Functions that an expression may call with numbers."""
+
+TABULATED: dict[str, Function] = {
+    "table": Function(
+        "value of a table of the file: cubics that rise and fall only as the points do (Fritsch, Butland); one "
+        "continuous derivative", _derivative("hermite1"), hermite(0), unit="free", knots=1,
+    ),
+    "spline": Function(
+        "the same with two continuous derivatives: a cubic spline, with second derivative 0 at both ends",
+        _derivative("hermite1"), hermite(0), unit="free", knots=2,
+    ),
+}  # fmt: skip
+"""Functions given by points: an expression calls them with a number and the name of a table, evaluation with a number
+and the points (`mbstab.model.hermite`)."""
+
+CALLED = FUNCTIONS | TABULATED
 """Functions that an expression may call."""
 
 AUXILIARY: dict[str, Function] = {
@@ -308,14 +349,22 @@ AUXILIARY: dict[str, Function] = {
     "held": Function(
         "the number between 0 and 1 that is next to it", lambda f, v, x: ((f.signum(x) - f.signum(x - 1)) / 2,)
     ),
+    "inside": Function("0 between 0 and 1, and no value elsewhere", lambda f, value, x: (0 * x,)),
+    "hermite1": Function("first derivative of a function given by points", _derivative("hermite2"), hermite(1)),
+    "hermite2": Function("second derivative of it", _derivative("hermite3"), hermite(2)),
+    "hermite3": Function("third derivative of it", lambda f, v, x, *name: (0 * x, *(0 for _ in name)), hermite(3)),
 }
-"""Functions in which others are written; every number system has its own."""
+"""Functions in which others are written; every number system has its own of those without a formula."""
 
-TABLE = FUNCTIONS | AUXILIARY
+TABLE = CALLED | AUXILIARY
 """All functions of an arithmetic but ``power``."""
 
-PIECED = tuple(name for name, function in FUNCTIONS.items() if function.joints)
+PIECED = tuple(name for name, function in CALLED.items() if function.joints or function.knots >= 0)
 """Functions that are put together from pieces."""
 
-NATIVE = tuple(name for name in TABLE if name in ("abs", *AUXILIARY) or hasattr(math, name))
+NATIVE = tuple(
+    name
+    for name, function in TABLE.items()
+    if name == "abs" or hasattr(math, name) or (name in AUXILIARY and function.formula is None)
+)
 """Functions that are one operation on floats."""

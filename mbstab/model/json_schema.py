@@ -24,6 +24,7 @@ from mbstab.model.schema import (
     STATE_FIELDS,
     STEADY_FIELDS,
     SWEEP_FIELDS,
+    TABLE_FIELDS,
     VERSION,
 )
 from mbstab.model.words import WORDS
@@ -34,11 +35,13 @@ STATE = {"type": "object", "additionalProperties": {"anyOf": [BY_NAME, NUMBER]}}
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of model files."""
+    column = {"anyOf": [TEXT, {"type": "array", "items": {"type": "number"}}]}
     properties: dict[str, Any] = {
         "mbstab": {"const": int(VERSION)},
         "title": TEXT,
         "source": TEXT,
         "parameters": {"type": "object", "additionalProperties": {"anyOf": [NUMBER, _parameter()]}},
+        "tables": _by_name({**object_schema(TABLE_FIELDS, x=column, y=column, file=TEXT)}),
         "definitions": BY_NAME,
         "gravity": VECTOR,
         "ground": object_schema(GEOMETRY_FIELDS, points=_by_name(VECTOR), directions=_by_name(DIRECTION)),

@@ -9,7 +9,7 @@ from mbstab.mechanics.catalogue import Kind
 from mbstab.model import units
 from mbstab.model.expressions import Expression
 from mbstab.model.nodes import NodeReader
-from mbstab.model.schema import Components, Entry, MeasureValue, Parameter
+from mbstab.model.schema import Components, Entry, MeasureValue, Parameter, TableValue
 from mbstab.model.yamlfile import Scalar, YamlNode
 
 
@@ -29,6 +29,8 @@ class Names:
         joints that stand further down.
     written : dict of collections of str
         By section, every name in the file; an entry with a problem is written, but not known.
+    tables : dict of TableValue
+        Functions given by points.
     definitions : dict of Expression
         Named expressions, as they are written.
     coordinates : dict
@@ -47,6 +49,7 @@ class Names:
         self.bodies: dict[str, Entry] = {}
         self.joints: dict[str, Kind] = {}
         self.written: dict[str, Collection[str]] = {}
+        self.tables: dict[str, TableValue] = {}
         self.definitions: dict[str, Expression] = {}
         self.coordinates: dict[str, None] = {}
         self.measures: dict[str, MeasureValue] = {}

@@ -8,8 +8,8 @@ from mbstab.errors import Location, suggestion
 from mbstab.mechanics.measures import MEASURES, is_measure, parts
 from mbstab.model import units
 from mbstab.model.arithmetic import CONSTANTS
-from mbstab.model.expressions import Expression, ExpressionError, parse, with_definitions
-from mbstab.model.functions import FUNCTIONS
+from mbstab.model.expressions import Expression, ExpressionError, filled_in, parse
+from mbstab.model.functions import CALLED
 from mbstab.model.names import Names, owner_of_point
 from mbstab.model.schema import (
     Components,
@@ -61,8 +61,7 @@ class QuantityReader:
             return None
         try:
             expression = parse_finite(node.text, self.names.parameters)
-            if shared:
-                expression = with_definitions(expression, self.names.definitions)
+            expression = filled_in(expression, self.names.definitions if shared else {}, self.names.tables)
             self._check_names(expression, time, state)
             self._check_widths(expression)
             self.check_unit(expression, unit)
@@ -93,7 +92,7 @@ class QuantityReader:
             if is_measure(name) or "." in name or name in self.names.coordinates:
                 self._check_coordinate(name, at, state)
                 continue
-            known = [*parameters, *FUNCTIONS, *CONSTANTS, *(("t",) if time else ())]
+            known = [*parameters, *CALLED, *CONSTANTS, *(("t",) if time else ())]
             known += [*self.names.definitions, *(x for x in self.names.coordinates if is_state(x))]
             raise ExpressionError(f"unknown parameter {name!r}", at, suggestion(name, known))
         for name, at in expression.rates().items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
+from collections.abc import Mapping as MappingType
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from mbstab.model.sections.modes import ModeReader
 from mbstab.model.sections.outputs import read_outputs
 from mbstab.model.sections.parameters import ParameterReader
 from mbstab.model.sections.reference import ReferenceReader
+from mbstab.model.sections.tables import TableReader
 from mbstab.model.yamlfile import Document, Mapping, Scalar, parse_yaml, read_text
 
 
@@ -34,10 +36,11 @@ def read_model(path: Path) -> Model:
     return read_model_text(read_text(path), str(path))
 
 
-def read_model_text(text: str | bytes, name: str = "<text>") -> Model:
-    """Read a model from text; `name` is what messages call it."""
+def read_model_text(text: str | bytes, name: str = "<text>", beside: MappingType[str, str] | None = None) -> Model:
+    """Read a model from text; `name` is what messages call it, `beside` has other files that it names."""
     with _uncollected():
         document, root = parse_yaml(text, name)
+        document.beside.update(beside or {})
         model = _read(document, root)
     document.raise_problems()
     return model
@@ -62,6 +65,7 @@ def _read(document: Document, root: Mapping) -> Model:
     top = root.entries
     nodes.known_keys(root, "", SECTIONS)
     _check_version(nodes, root)
+    quantities.names.tables = TableReader(nodes).read(top.get("tables"))
     ParameterReader(quantities).read(top.get("parameters"))
     definitions = DefinitionReader(quantities)
     definitions.find(top.get("definitions"))
@@ -93,6 +97,7 @@ def _read(document: Document, root: Mapping) -> Model:
         expect=expectations.expect(top.get("expect")),
         measures=quantities.names.measures,
         definitions=quantities.names.definitions,
+        tables=quantities.names.tables,
     )
 
 

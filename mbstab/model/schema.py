@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container
+from decimal import Decimal
 from typing import Any
 
 from mbstab.errors import Location
 from mbstab.mechanics import bodies
 from mbstab.mechanics.catalogue import Kind, Sign
 from mbstab.model.expressions import Expression, ExpressionError, parse
+from mbstab.model.functions import TABULATED
+from mbstab.model.hermite import OutsideTable, monotone_slopes, spline_slopes
 from mbstab.model.words import WORDS
 from mbstab.model.yamlfile import Document
 from mbstab.records import dataclass
@@ -21,6 +24,7 @@ SECTIONS: dict[str, str] = {
     "title": "one line that names the system",
     "source": "where the model and its expected values come from",
     "parameters": "named numbers: value, or {value, unit, sign, description}; values may be expressions of others",
+    "tables": "functions given by points, by name, that table(x, NAME) and spline(x, NAME) evaluate",
     "definitions": "named expressions of parameters, coordinates, measures, states and t that all others may use, but "
     "those of parameters",
     "gravity": "acceleration of gravity, a vector in ground axes (m/s^2); without it there is none",
@@ -277,6 +281,20 @@ class Expectation:
 
 
 @dataclass(frozen=True)
+class TableValue:
+    """A function given by points."""
+
+    x: tuple[Decimal, ...]
+    y: tuple[Decimal, ...]
+    location: Location
+
+    def points(self, function: str) -> tuple[str, ...]:
+        """Return x, y and slope of each point for a function of `mbstab.model.functions.TABULATED`."""
+        slopes = (monotone_slopes if function == "table" else spline_slopes)(self.x, self.y)
+        return tuple(str(number) for row in zip(self.x, self.y, slopes, strict=True) for number in row)
+
+
+@dataclass(frozen=True)
 class Model:
     """Everything a model file says.
 
@@ -312,11 +330,22 @@ class Model:
     expect: tuple[Expectation, ...]
     measures: dict[str, MeasureValue]
     definitions: dict[str, Expression]
+    tables: dict[str, TableValue]
 
     @property
     def name(self) -> str:
         """Return what messages call the file."""
         return self.document.name
+
+    def table_hint(self, error: Exception) -> str:
+        """Return what to do where a table was left; nothing for another error."""
+        if not isinstance(error, OutsideTable):
+            return ""
+        known = ((name, x.points(function)) for name, x in self.tables.items() for function in TABULATED)
+        name = next(name for name, points in known if tuple(map(float, points)) == error.points)
+        return (
+            f"hint: give the table {name!r} ({self.tables[name].location}) more points, or saturate(...) its argument"
+        )
 
     @property
     def settings(self) -> dict[str, int | float | str]:
@@ -427,6 +456,11 @@ MARKER_FIELDS = {"body": "name of a body, or ground", "point": "the point in the
 PART_FIELDS = {"mass": "mass of the part (kg)", "at": "its centre in the body frame (m)"}
 ALONG = "axis of symmetry of the shape in the body frame: x, y or z"
 EIGENVALUE_FIELDS = {"real": "real part (1/s)", "imag": "imaginary part (rad/s)"}
+TABLE_FIELDS = {
+    "x": "values of the argument, which increase (SI); with file the name of the column, the first if not given",
+    "y": "values of the function (SI); with file the name of the column, the second if not given",
+    "file": "name of a CSV file beside the model, with the names of its columns in the first line",
+}
 GEOMETRY_FIELDS = {"points": "named points (m)", "directions": "named directions"}
 STATE_FIELDS = {"rate": "its rate: an expression of coordinates, rates rate(body.x), states, parameters and t"}
 CONSTRAINT_FIELDS = {
@@ -437,6 +471,7 @@ CONSTRAINT_FIELDS = {
 
 SECTION_FIELDS: dict[str, dict[str, str]] = {
     "parameters": PARAMETER_FIELDS,
+    "tables": TABLE_FIELDS,
     "ground": GEOMETRY_FIELDS,
     "constraints": CONSTRAINT_FIELDS,
     "states": STATE_FIELDS,

@@ -15,7 +15,7 @@ from typing import Any
 from mbstab.errors import suggestion
 from mbstab.model.arithmetic import CONSTANTS, Arithmetic
 from mbstab.model.expressions import Binary, Call, Expression, ExpressionError, Name, Negative, Node, Number, Rate
-from mbstab.model.functions import FUNCTIONS
+from mbstab.model.functions import CALLED
 
 Dimension = tuple[Fraction, Fraction, Fraction]
 
@@ -218,7 +218,9 @@ def _raise(base: Known, exponent: Known, node: Binary) -> Known:
 
 def _infer_call(node: Call, names: Mapping[str, Known]) -> Known:
     arguments = [_infer(argument, names) for argument in node.arguments]
-    rule = FUNCTIONS[node.function].unit
+    rule = CALLED[node.function].unit
+    if rule == "free":
+        return UNKNOWN
     if rule == "root":
         return arguments[0] if isinstance(arguments[0], str) else _times(NONE, arguments[0], Fraction(1, 2))
     if rule != "plain":

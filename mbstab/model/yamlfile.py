@@ -71,10 +71,13 @@ class Document:
     name: str
     lines: list[str]
     problems: list[Problem] = field(default_factory=list)
+    beside: dict[str, str] = field(default_factory=dict)
+    """Texts of other files that it names, by their names."""
 
     def problem(self, location: Location, path: str, message: str, hint: str = "") -> Problem:
         """Return a problem at a place, with its line of the file."""
-        source = self.lines[location.line - 1] if 0 < location.line <= len(self.lines) else ""
+        lines = self.beside[location.file].splitlines() if location.file in self.beside else self.lines
+        source = lines[location.line - 1] if 0 < location.line <= len(lines) else ""
         return Problem(location, path, message, hint, source)
 
     def complain(self, location: Location, path: str, message: str, hint: str = "") -> None:
@@ -119,6 +122,24 @@ def read_text(path: Path) -> bytes:
             return read_limited(stream, str(path))
     except OSError as error:
         raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def read_beside(document: Document, name: str) -> str:
+    """Return the text of a file in the folder of a model file, which then belongs to it.
+
+    Raises
+    ------
+    UsageError
+        If it cannot be read, or has another folder in its name.
+    """
+    if name not in document.beside:
+        if Path(name).name != name:
+            raise UsageError(f"{name!r} is not the name of a file in the folder of the model")
+        try:
+            document.beside[name] = read_text(Path(document.name).parent / name).decode("utf-8-sig")
+        except UnicodeDecodeError:
+            raise UsageError(f"{name}: is not text in UTF-8") from None
+    return document.beside[name]
 
 
 def read_limited(stream: BinaryIO, name: str) -> bytes:

@@ -379,6 +379,12 @@ def ball_arithmetic() -> Arithmetic:
             return x
         raise ValueError("it reaches over an end of a piece")
 
+    def inside(x: Any) -> Any:
+        x = ball(x)
+        if x >= 0 and x <= 1:
+            return ball(0)
+        raise ValueError("it may lie outside of a table")
+
     def power(base: Any, exponent: Any) -> Any:
         whole = _rational(exponent)
         if whole is not None and whole.denominator == 1:
@@ -396,6 +402,7 @@ def ball_arithmetic() -> Arithmetic:
         "signum": sign,
         "abs_slope": abs_slope,
         "held": held,
+        "inside": inside,
         "power": power,
     }
     return Arithmetic("ball", number, _Constants(), functions)

@@ -202,6 +202,10 @@ def _held(x: Any) -> Any:
     return 0.0 if a <= 0.0 else 1.0 if a >= 1.0 else x
 
 
+def _inside(x: Any) -> float:
+    return FLOAT.inside(value_and_error(x)[0])  # type: ignore[no-any-return]
+
+
 @lru_cache(maxsize=4096)
 def _number(text: str) -> Any:
     v = float(text)
@@ -220,6 +224,7 @@ def rounded_arithmetic() -> Arithmetic:
         "signum": _signum,
         "abs_slope": _abs_slope,
         "held": _held,
+        "inside": _inside,
         "power": _power,
     }
     constants = {name: Rounded(x, UNIT * x) for name, x in CONSTANTS.items()}

@@ -50,7 +50,7 @@ from mbstab.errors import counted
 from mbstab.mechanics.catalogue import ROWS
 from mbstab.model.expressions import Call, Expression, ExpressionError, Name
 from mbstab.model.fields.catalogue import given_fields
-from mbstab.model.functions import FUNCTIONS, PIECED
+from mbstab.model.functions import CALLED, PIECED
 from mbstab.model.scene import ItemValues
 from mbstab.records import dataclass
 
@@ -179,7 +179,7 @@ def _inside(atom: Atom) -> tuple[Sum, tuple[Sum, ...]] | None:
         return None
     known = [part for part in parts if part is not None]
     slope, found = known[0][0], tuple(f for _, more in known for f in more)
-    entry = FUNCTIONS.get(atom.kind)
+    entry = CALLED.get(atom.kind)
     if entry is not None and entry.half_turn and slope:
         return (slope, found) if entry.half_turn < 0 else (Sum(), (slope * 2, *found))
     if any(s for s, _ in known):
@@ -289,10 +289,10 @@ def _later(structure: Structure, expression: Expression, role: Role, x: Sum) -> 
 def _ends(structure: Structure, x: Sum) -> Iterator[Sum]:
     """Yield the times at which a piece of a function of time ends for good."""
     for atom in atoms(x):
-        line = linear(atom.arguments[0]) if atom.kind in PIECED and atom.time else None
+        line = linear(atom.arguments[0]) if atom.kind in PIECED and CALLED[atom.kind].joints and atom.time else None
         if line is None or line[1].state or not (sign := structure.sign(line[0])):
             continue
-        joints = FUNCTIONS[atom.kind].joints
+        joints = CALLED[atom.kind].joints
         yield (joints[-1 if sign > 0 else 0] - line[1]) / line[0]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.model.arithmetic import Arithmetic, array_arithmetic
 from mbstab.model.expressions import Expression
-from mbstab.model.functions import FUNCTIONS
+from mbstab.model.functions import CALLED
 from mbstab.model.scene import Scene
 from mbstab.model.schema import Parameter
 from mbstab.model.units import exact_factor
@@ -235,9 +235,9 @@ def function(name: str, *arguments: Sum) -> Sum:
     if name == "sqrt" and value is not None and value >= 0:
         return _root(value)
     if value is not None:
-        if FUNCTIONS[name].joints:
+        if CALLED[name].joints:
             return Sum.of(getattr(FRACTIONS, name)(value))
-        if len(arguments) == 1 and (known := FUNCTIONS[name].at(value)) is not None:
+        if len(arguments) == 1 and (known := CALLED[name].at(value)) is not None:
             return Sum.of(known)
     if name in ("sin", "cos") and (quarters := ratio(x, PI)) is not None and (2 * quarters).denominator == 1:
         return Sum.of((0, 1, 0, -1)[(int(2 * quarters) + (name == "cos")) % 4])
@@ -326,13 +326,13 @@ class Structure:
 
     def arithmetic(self, start: Sum | None = None) -> Arithmetic:
         """Return the arithmetic of sums; with `start`, piecewise functions are replaced by their piece from then on."""
-        functions: dict[str, Any] = {name: partial(self._call, name, start) for name in FUNCTIONS}
+        functions: dict[str, Any] = {name: partial(self._call, name, start) for name in CALLED}
         constants = {"pi": PI, "deg": PI / 180}
         return Arithmetic("sum", lambda text: Sum.of(Fraction(text)), constants, functions | {"power": _power})
 
     def _call(self, name: str, start: Sum | None, *arguments: Sum) -> Sum:
         x = arguments[0]
-        entry = FUNCTIONS[name]
+        entry = CALLED[name]
         if start is not None and entry.outside is not None and x.rational is None:
             before, behind = entry.outside
             if self.nonnegative(x - entry.joints[-1], start):
@@ -415,7 +415,7 @@ class Structure:
         inside = self._spans[key]
         if atom.kind == "group":
             return inside
-        entry = FUNCTIONS.get(atom.kind)
+        entry = CALLED.get(atom.kind)
         if entry is not None and entry.rising:
             f = array_arithmetic()
             with np.errstate(all="ignore"):

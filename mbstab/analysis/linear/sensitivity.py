@@ -29,6 +29,7 @@ from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.precise_motion import Point, Start, reference_point
 from mbstab.analysis.linear.refined_matrix import state_matrix
 from mbstab.analysis.linear.results import EigenResult, Eigenvalue
+from mbstab.analysis.linear.smoothness import kinks
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError, UsageError
@@ -134,7 +135,9 @@ def sensitivities(model: Model, frozen: bool = False, zeros: Callable[[], int] |
     names = tuple(model.parameters)
     values = np.array([float(system.scene.parameters[name]) for name in names])
     missing = _unfollowed(start, system, point, f, values)
-    found = _differentiated(start.grounds, start.plain, slopes)
+    motion = start.motion
+    kink = kinks(start.linear.system, motion.q, motion.u, motion.time)
+    found = _differentiated(start.grounds, start.plain, slopes, kink)
     lost = [name in missing for name in names]
     for item in found:
         item.slopes[lost], item.errors[lost] = math.nan, math.nan
@@ -200,8 +203,8 @@ def _unfollowed(start: Start, system: System, point: Point, f: Slopes, values: A
 # --- the eigenvalues ------------------------------------------------------------------------------------------------
 
 
-def _differentiated(grounds: Grounds, result: EigenResult, slopes: Array) -> list[Derivatives]:
-    """Return the derivatives of all eigenvalues that are not neutral."""
+def _differentiated(grounds: Grounds, result: EigenResult, slopes: Array, kink: str) -> list[Derivatives]:
+    """Return the derivatives of all eigenvalues that are not neutral; with a kink there are none."""
     listed = [e for e in result.eigenvalues if e.kind != "neutral"]
     neutral = [e.value for e in result.eigenvalues if e.kind == "neutral"]
     count, found = len(slopes), []
@@ -209,7 +212,7 @@ def _differentiated(grounds: Grounds, result: EigenResult, slopes: Array) -> lis
     for number, e in enumerate(result.eigenvalues):
         if e.kind == "neutral" or e.value.imag < 0.0:
             continue
-        missing = _multiple(e, listed, neutral)
+        missing = kink or _multiple(e, listed, neutral)
         derivative, error = np.full(count, math.nan + 0j), np.full(count, math.nan)
         if not missing:
             derivative, error = left.derivative(e, slopes)

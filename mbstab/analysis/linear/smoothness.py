@@ -14,7 +14,7 @@ from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.measured import values
 from mbstab.compiler.system import System
 from mbstab.model.expressions import Call, Expression, ExpressionError, moves
-from mbstab.model.functions import FUNCTIONS, PIECED, Break
+from mbstab.model.functions import CALLED, PIECED, Break
 from mbstab.model.schema import is_length
 
 
@@ -132,7 +132,7 @@ class _Corners:
     def _met(self, atom: Atom) -> Iterator[Break]:
         """Yield the breaks of a function near which the state is."""
         f = self.structure.arithmetic()
-        for where in FUNCTIONS[atom.kind].breaks if atom.kind in FUNCTIONS else ():
+        for where in CALLED[atom.kind].breaks_at(len(atom.arguments)) if atom.kind in CALLED else ():
             if all(map(self.near, where.where(f, *atom.arguments))):
                 saving = None if where.unless is None else where.unless(f, *atom.arguments)
                 if saving is None or self.near(saving) or not np.all(self.structure.value(saving, self.names)[0] > 0.0):

@@ -15,7 +15,7 @@ from mbstab.analysis.algebra.balls import Ball as BallType
 from mbstab.analysis.algebra.balls import NotProvable, at_part, ball, ball_arithmetic, parameters
 from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.model.expressions import OPERATIONS, Binary, Call, Expression, Name, Negative, Node, Number, Rate
-from mbstab.model.functions import FUNCTIONS, PIECED, Break
+from mbstab.model.functions import CALLED, PIECED, Break
 from mbstab.model.schema import Model
 
 Known = BallType | None
@@ -102,7 +102,7 @@ class _Reader:
             if any(x is None for x in found):
                 if node.function in PIECED:
                     raise self._refuse(f"{node.function} has pieces")
-            elif not all(self._avoided(where, found) for where in FUNCTIONS[node.function].breaks):
+            elif not all(self._avoided(where, found) for where in CALLED[node.function].breaks_at(len(found))):
                 raise self._refuse(f"{node.function} has no single analytic piece")
         if any(x is None for x in found):
             return None

@@ -52,6 +52,8 @@ class Task:
         The point of the whole sweep whose pattern is tried first.
     share : float
         The fraction of all points of the sweep that these are.
+    beside : dict
+        Texts of other files that the model names.
     """
 
     text: str
@@ -62,6 +64,7 @@ class Task:
     followed: bool = True
     home: dict[str, float] = field(default_factory=dict)
     share: float = 1.0
+    beside: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -111,7 +114,7 @@ ARRAYS = ("values", "clear", "sides", "words", "mirrored", "passes", "turns")
 
 def compute(task: Task, progress: Progress = lambda done: None) -> Block:
     """Return the block of a task."""
-    model = bound(read_model_text(task.text, task.name), task.settings)
+    model = bound(read_model_text(task.text, task.name, task.beside), task.settings)
     evaluator = Evaluator(model, task.solutions, patterns_at(model, task.solutions, task.home))
     found = evaluator.spectra(task.values, progress, task.share)
     number = unplaced(found.sides, found.words, found.problems)
@@ -208,6 +211,7 @@ def tasks(
             followed,
             home,
             min(size, points - start) / points,
+            model.document.beside,
         )
         for start in range(0, points, size)
     ]

@@ -246,7 +246,7 @@ def key_of(all_tasks: list[Task]) -> str:
     """Return a text that is unique to a sweep and a version of the program."""
     digest = hashlib.sha256(_program().encode())
     for task in all_tasks:
-        digest.update(repr((task.text, sorted(task.settings.items()))).encode())
+        digest.update(repr((task.text, sorted(task.beside.items()), sorted(task.settings.items()))).encode())
         for name, x in sorted(task.values.items()):
             digest.update(name.encode() + x.tobytes())
     return digest.hexdigest()

@@ -41,14 +41,14 @@ def section_text(section: str) -> str:
     """
     from mbstab.mechanics.elements import KINDS
     from mbstab.mechanics.measures import MEASURES
-    from mbstab.model.functions import FUNCTIONS
+    from mbstab.model.functions import CALLED
     from mbstab.model.schema import SECTION_FIELDS
     from mbstab.report.kinds import keys_text, kinds_text, shapes_text
 
     if section == "shape":
         return shapes_text()
     if section == "functions":
-        return "".join(f"{name}({', '.join(x.names)}): {x.doc}\n" for name, x in FUNCTIONS.items())
+        return "".join(f"{name}({', '.join(x.names)}): {x.doc}\n" for name, x in CALLED.items())
     if section == "measures":
         return "".join(f"{name}({', '.join(x.arguments)}): {x.doc} ({x.unit})\n" for name, x in MEASURES.items())
     if section in SECTION_FIELDS:

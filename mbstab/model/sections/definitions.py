@@ -20,7 +20,7 @@ class DefinitionReader:
     def find(self, node: YamlNode | None) -> None:
         """Read the expressions; what they contain is known later, and checked then."""
         section = self.nodes.optional(node, "definitions")
-        taken = {"ground", *RESERVED, *self.names.parameters}
+        taken = {"ground", *RESERVED, *self.names.parameters, *self.names.tables}
         for key, item in section.pairs() if section else ():
             path = f"definitions.{key.text}"
             if not self.nodes.check_name(key, path, "definition", taken):

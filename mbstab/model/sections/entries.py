@@ -14,7 +14,7 @@ from mbstab.mechanics.elements import KINDS
 from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.fields.base import Reading
 from mbstab.model.fields.catalogue import given_fields, kind_of
-from mbstab.model.functions import FUNCTIONS
+from mbstab.model.functions import CALLED
 from mbstab.model.names import in_order
 from mbstab.model.quantities import QuantityReader
 from mbstab.model.schema import (
@@ -87,7 +87,16 @@ class EntryReader:
         """Find the names of the states, which then count as coordinates."""
         section = self.nodes.optional(node, "states")
         names = self.names
-        taken = {"t", "ground", *CONSTANTS, *FUNCTIONS, *names.bodies, *names.parameters, *names.definitions}
+        taken = {
+            "t",
+            "ground",
+            *CONSTANTS,
+            *CALLED,
+            *names.bodies,
+            *names.parameters,
+            *names.definitions,
+            *names.tables,
+        }
         for key, _ in section.pairs() if section else ():
             path = f"states.{key.text}"
             if self.nodes.check_name(key, path, "state", taken):

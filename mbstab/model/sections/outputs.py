@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 from mbstab.errors import suggestion
 from mbstab.model.arithmetic import CONSTANTS
-from mbstab.model.expressions import DERIVED, Expression, ExpressionError, parse, with_definitions
+from mbstab.model.expressions import DERIVED, Expression, ExpressionError, filled_in, parse
 from mbstab.model.measures import MEASURES, TRANSMITTED, Measure
 from mbstab.model.quantities import AXES, QuantityReader
-from mbstab.model.schema import Entry, Model, Quantity
+from mbstab.model.schema import Entry, Model, Quantity, TableValue
 from mbstab.model.yamlfile import Scalar, YamlNode
 
 Entries = Mapping[str, Mapping[str, Entry]]
@@ -26,7 +26,7 @@ def read_outputs(quantities: QuantityReader, node: YamlNode | None, entries: Ent
             nodes.complain(item, path, "expected an expression such as rod.theta or angle(pivot)")
             continue
         try:
-            expression = _parsed(item.text, names.definitions)
+            expression = _parsed(item.text, names.definitions, names.tables)
             coordinates = [x for x in names.coordinates if not names.unread(x)]
             _check(expression.names(), entries, names.bodies, coordinates, names.parameters, names.dimension)
         except ExpressionError as error:
@@ -44,14 +44,14 @@ def measured_expression(model: Model, text: str) -> Quantity:
     ExpressionError
         If it is none, or names what the file does not have.
     """
-    expression = _parsed(text, model.definitions)
+    expression = _parsed(text, model.definitions, model.tables)
     _check(expression.names(), model.entries, model.bodies, model.coordinates(), model.parameters, model.dimension)
     return Quantity(expression.text, expression.root, model.reference.location, text)
 
 
-def _parsed(text: str, definitions: Mapping[str, Expression]) -> Expression:
+def _parsed(text: str, definitions: Mapping[str, Expression], tables: Mapping[str, TableValue]) -> Expression:
     measures = tuple(MEASURES)
-    return with_definitions(parse(text, measures), definitions, measures)
+    return filled_in(parse(text, measures), definitions, tables, measures)
 
 
 def _check(

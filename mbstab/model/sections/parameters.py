@@ -6,14 +6,14 @@ from mbstab.mechanics.catalogue import Sign
 from mbstab.model import units
 from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import ExpressionError, parse
-from mbstab.model.functions import FUNCTIONS
+from mbstab.model.functions import CALLED
 from mbstab.model.names import in_order
 from mbstab.model.quantities import QuantityReader, constant
 from mbstab.model.schema import PARAMETER_FIELDS, SIGNS, Parameter, Quantity
 from mbstab.model.yamlfile import Mapping, Scalar, YamlNode
 from mbstab.records import dataclass
 
-RESERVED = ("t", "rate", *FUNCTIONS, *CONSTANTS)
+RESERVED = ("t", "rate", *CALLED, *CONSTANTS)
 """Names that expressions use for something else."""
 
 
@@ -41,7 +41,7 @@ class ParameterReader:
         written: dict[str, _Written] = {}
         for key, item in section.pairs() if section else ():
             path = f"parameters.{key.text}"
-            if self.nodes.check_name(key, path, "parameter", reserved=RESERVED):
+            if self.nodes.check_name(key, path, "parameter", reserved=(*RESERVED, *self.names.tables)):
                 written[key.text] = self._written(item, path)
         # The names first: a value may use any of them.
         self.names.parameters = {

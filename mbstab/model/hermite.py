@@ -1,0 +1,121 @@
+"""Functions given by points: cubics between the points of a table, in any number system.
+
+A table is a flat sequence of numbers, x, y and slope of each point, by ascending x.
+"""
+
+from __future__ import annotations
+
+import itertools
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from decimal import Context, Decimal, localcontext
+from typing import Any
+
+DIGITS = 60
+"""Digits of the slopes at the points."""
+
+
+class OutsideTable(ValueError):
+    """A table was left; `points` is the table."""
+
+    def __init__(self, x: float, points: tuple[Any, ...]) -> None:
+        super().__init__(f"{x:.9g} is outside the table, which goes from {points[0]:g} to {points[-3]:g}")
+        self.points = points
+
+
+def _piece(order: int, s: Any, start: Sequence[Any], end: Sequence[Any]) -> Any:
+    """Return a derivative of the cubic between two points at the distance s from the first."""
+    (x0, y0, d0), (x1, y1, d1) = start, end
+    h = x1 - x0
+    chord = (y1 - y0) / h
+    second, third = (3 * chord - 2 * d0 - d1) / h, (d0 + d1 - 2 * chord) / (h * h)
+    match order:
+        case 0:
+            return y0 + s * (d0 + s * (second + s * third))
+        case 1:
+            return d0 + s * (2 * second + 3 * s * third)
+        case 2:
+            return 2 * second + 6 * s * third
+        case _:
+            return 6 * third
+
+
+def hermite(order: int) -> Callable[..., Any]:
+    """Return the formula of a derivative of a table: the sum of its pieces, of which one counts."""
+
+    def formula(f: Any, x: Any, *points: Any) -> Any:
+        rows = [points[i : i + 3] for i in range(0, len(points), 3)]
+        first, last = rows[0][0], rows[-1][0]
+        total = f.inside((x - first) / (last - first))
+        sides = [f.signum(x - row[0]) for row in rows[1:-1]]
+        for i, (start, end) in enumerate(itertools.pairwise(rows)):
+            part = _piece(order, x - start[0], start, end)
+            if len(rows) > 2:
+                left = 1 if i == 0 else sides[i - 1]
+                right = -1 if i == len(sides) else sides[i]
+                part = part * (left - right) / 2
+            total = total + part
+        return total
+
+    return formula
+
+
+def float_hermite(order: int) -> Callable[..., float]:
+    """Return a derivative of a table for floats."""
+
+    def function(x: float, *points: float) -> float:
+        at = points[::3]
+        if not at[0] <= x <= at[-1]:
+            raise OutsideTable(x, points)
+        i = bisect_right(at, x, 0, len(at) - 1) - 1
+        found = _piece(order, x - at[i], points[3 * i : 3 * i + 3], points[3 * i + 3 : 3 * i + 6])
+        if order >= 2 and i and x == at[i]:
+            found = (found + _piece(order, x - at[i - 1], points[3 * i - 3 : 3 * i], points[3 * i : 3 * i + 3])) / 2
+        return float(found)
+
+    return function
+
+
+def monotone_slopes(x: Sequence[Decimal], y: Sequence[Decimal]) -> list[Decimal]:
+    """Return slopes with which the cubics between points neither overshoot nor turn back (Fritsch, Butland 1984)."""
+    with localcontext(Context(prec=DIGITS)):
+        h = [b - a for a, b in itertools.pairwise(x)]
+        chords = [(b - a) / step for a, b, step in zip(y[:-1], y[1:], h, strict=True)]
+        if len(x) == 2:
+            return [chords[0]] * 2
+        found = [_end_slope(h[0], h[1], chords[0], chords[1])]
+        for i in range(1, len(h)):
+            left, right = chords[i - 1], chords[i]
+            weights = 2 * h[i] + h[i - 1], h[i] + 2 * h[i - 1]
+            flat = left * right <= 0
+            found.append(Decimal(0) if flat else sum(weights) / (weights[0] / left + weights[1] / right))
+        return [*found, _end_slope(h[-1], h[-2], chords[-1], chords[-2])]
+
+
+def _end_slope(h: Decimal, beyond: Decimal, chord: Decimal, next_chord: Decimal) -> Decimal:
+    slope = ((2 * h + beyond) * chord - h * next_chord) / (h + beyond)
+    if slope * chord <= 0:
+        return Decimal(0)
+    if chord * next_chord < 0 and abs(slope) > 3 * abs(chord):
+        return 3 * chord
+    return slope
+
+
+def spline_slopes(x: Sequence[Decimal], y: Sequence[Decimal]) -> list[Decimal]:
+    """Return slopes with which the second derivative is continuous, and zero at both ends."""
+    with localcontext(Context(prec=DIGITS + 20)):
+        h = [b - a for a, b in itertools.pairwise(x)]
+        chords = [(b - a) / step for a, b, step in zip(y[:-1], y[1:], h, strict=True)]
+        zero, one = Decimal(0), Decimal(1)
+        rows = [(zero, 2 * one, one, 3 * chords[0])]
+        for i in range(1, len(h)):
+            rows.append((h[i], 2 * (h[i - 1] + h[i]), h[i - 1], 3 * (h[i] * chords[i - 1] + h[i - 1] * chords[i])))
+        rows.append((one, 2 * one, zero, 3 * chords[-1]))
+        factors: list[tuple[Decimal, Decimal]] = [(zero, zero)]
+        for below, diagonal, above, right in rows:
+            pivot = diagonal - below * factors[-1][0]
+            factors.append((above / pivot, (right - below * factors[-1][1]) / pivot))
+        found = [zero]
+        for factor, right in reversed(factors[1:]):
+            found.append(right - factor * found[-1])
+        return [+d for d in reversed(found[1:])]
