@@ -9,11 +9,11 @@ from mbstab.model.expressions import ExpressionError, parse
 from mbstab.model.functions import FUNCTIONS
 from mbstab.model.units import LITERAL, NONE, UNITS, UNKNOWN, dimension_of, parse_unit, show
 
-KG, M, S = (tuple(Fraction(int(i == j)) for i in range(3)) for j in range(3))
+KG, M, S = (tuple(Fraction(int(i == j)) for i in range(4)) for j in range(3))
 
 
-def dimension(kilogram, metre, second):
-    return Fraction(kilogram), Fraction(metre), Fraction(second)
+def dimension(kilogram, metre, second, ampere=0):
+    return Fraction(kilogram), Fraction(metre), Fraction(second), Fraction(ampere)
 
 
 NEWTON = dimension(1, 1, -2)
@@ -51,6 +51,15 @@ def infer(text):
         ("J", 1.0, dimension(1, 2, -2)),
         ("W", 1.0, dimension(1, 2, -3)),
         ("Pa", 1.0, dimension(1, -1, -2)),
+        ("A", 1.0, dimension(0, 0, 0, 1)),
+        ("mA", 1e-3, dimension(0, 0, 0, 1)),
+        ("V", 1.0, dimension(1, 2, -3, -1)),
+        ("ohm", 1.0, dimension(1, 2, -3, -2)),
+        ("H", 1.0, dimension(1, 2, -2, -2)),
+        ("mH", 1e-3, dimension(1, 2, -2, -2)),
+        ("F", 1.0, dimension(-1, -2, 4, 2)),
+        ("V*s/rad", 1.0, dimension(1, 2, -2, -1)),
+        ("N*m/A", 1.0, dimension(1, 2, -2, -1)),
         ("kg*m^2", 1.0, dimension(1, 2, 0)),
         ("kg*m**2", 1.0, dimension(1, 2, 0)),
         ("N*s/m", 1.0, dimension(1, 0, -1)),

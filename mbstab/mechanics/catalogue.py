@@ -11,7 +11,7 @@ every derivative is derived from it ahead of time (`mbstab.compiler.derive`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal, Protocol
 
 from mbstab.records import dataclass
@@ -109,6 +109,8 @@ class Field:
         What kind of field it is, one of those in `mbstab.model.fields`.
     unit : str
         SI unit; "" and "1" stand for everything without a declared unit.
+    made : bool
+        Whether the program writes it, from the other fields.
     """
 
     name: str
@@ -120,6 +122,30 @@ class Field:
     sign: Sign = "any"
     choices: tuple[str, ...] = ()
     dimensions: tuple[int, ...] = (2, 3)
+    made: bool = False
+
+
+class PartError(Exception):
+    """The keys of an entry do not fit each other; `key` is the one to change."""
+
+    def __init__(self, key: str, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.key, self.message, self.hint = key, message, hint
+
+
+@dataclass(frozen=True)
+class Part:
+    """What an entry with states of its own stands for: expressions, as they would stand in a file.
+
+    Attributes
+    ----------
+    states : dict
+        Their rates by name.
+    effort : str
+    """
+
+    states: dict[str, str]
+    effort: str
 
 
 @dataclass(frozen=True)
@@ -286,6 +312,9 @@ class Kind:
         Whether a force is one between two points whose force and torque are listed with the reactions of joints.
     look : callable or None
         From an `Item` to how it is drawn, if it is.
+    part : callable or None
+        From what it acts along, its name and the texts of its keys (lists and mappings of texts) to a `Part`; the field
+        ``on`` is made of it. Raises `PartError`.
     """
 
     name: str
@@ -299,6 +328,7 @@ class Kind:
     look: Callable[[Item], Look] | None = None
     written: Role | None = None
     transmits: bool = False
+    part: Callable[[str, str, Mapping[str, Any]], Part] | None = None
 
     def field(self, name: str) -> Field:
         """Return the field of that name."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mbstab.mechanics import bodies, contacts, drives, forces, inputs, joints
+from mbstab.mechanics import bodies, contacts, controllers, drives, forces, inputs, joints
 from mbstab.mechanics.catalogue import Element, Kind
 
 ELEMENTS: dict[str, Element] = {
@@ -29,7 +29,7 @@ KINDS: dict[str, dict[tuple[str, int], Kind]] = {
     "joints": joints.KINDS,
     "contacts": contacts.KINDS,
     "drives": _by_dimension(drives.KINDS),
-    "forces": forces.KINDS,
+    "forces": forces.KINDS | controllers.KINDS,
     "inputs": inputs.KINDS,
 }
 """Types by section of a model file, under (name, dimension of the scene)."""

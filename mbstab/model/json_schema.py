@@ -75,7 +75,7 @@ def _kinds(section: str) -> list[dict[str, Any]]:
 
 
 def _kind(kind: Kind) -> dict[str, Any]:
-    properties = {field.name: described(kind_of(field), field) for field in kind.fields}
+    properties = {field.name: described(kind_of(field), field) for field in kind.fields if not field.made}
     return typed_schema(kind.name, kind.doc, properties, [field.name for field in kind.fields if field.required])
 
 

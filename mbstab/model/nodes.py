@@ -56,6 +56,11 @@ class NodeReader:
             return None
         return self.mapping(node, path)
 
+    def optional_pairs(self, node: YamlNode | None, path: str) -> dict[str, YamlNode]:
+        """Return the entries of a mapping that may be missing or empty."""
+        mapping = self.optional(node, path)
+        return {} if mapping is None else mapping.entries
+
     def required(self, node: Mapping, key: str, path: str, hint: str = "") -> YamlNode | None:
         """Return the value of a key that must be there."""
         if key not in node.entries:

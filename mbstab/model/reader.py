@@ -73,7 +73,7 @@ def _read(document: Document, root: Mapping) -> Model:
     found = entry_reader.find_bodies(root)
     entry_reader.read_ground(top.get("ground"))
     bodies = entry_reader.read_bodies(found)
-    entry_reader.find_states(top.get("states"))
+    entry_reader.find_states(top)
     entries = entry_reader.read(top, definitions)
     inputs = entries.pop("inputs")
     reference, expectations = ReferenceReader(quantities), ExpectationReader(quantities)
@@ -81,7 +81,7 @@ def _read(document: Document, root: Mapping) -> Model:
     return Model(
         document=document,
         dimension=quantities.names.dimension,
-        order=tuple(key for key in top if key in entries),
+        order=(*(key for key in top if key in entries), *(("states",) if "states" not in top else ())),
         title=nodes.text(top.get("title"), "title"),
         source=nodes.text(top.get("source"), "source"),
         parameters=quantities.names.parameters,

@@ -177,7 +177,7 @@ class Entry:
         """Return the equations that the file itself gives (`Kind.written`): forces by coordinate, a row by its role."""
         if self.kind.written is None:
             return {}
-        (value,) = self.values.values()
+        value = next(self.values[key] for key in ("on", "rate", self.kind.written) if key in self.values)
         return value if isinstance(value, dict) else {self.kind.written: value}
 
 

@@ -1,6 +1,6 @@
 """Units of parameters, and a check that expressions fit the unit of the place they stand in.
 
-A dimension is the triple of exponents of kilogram, metre and second; radians and plain
+A dimension holds the exponents of kilogram, metre, second and ampere; radians and plain
 numbers have none. Quantities without a declared unit always fit.
 """
 
@@ -17,14 +17,16 @@ from mbstab.model.arithmetic import CONSTANTS, Arithmetic
 from mbstab.model.expressions import Binary, Call, Expression, ExpressionError, Name, Negative, Node, Number, Rate
 from mbstab.model.functions import CALLED
 
-Dimension = tuple[Fraction, Fraction, Fraction]
+Dimension = tuple[Fraction, Fraction, Fraction, Fraction]
 
 
-def _dimension(kilogram: int, metre: int, second: int) -> Dimension:
-    return Fraction(kilogram), Fraction(metre), Fraction(second)
+def _dimension(kilogram: int, metre: int, second: int, ampere: int = 0) -> Dimension:
+    return Fraction(kilogram), Fraction(metre), Fraction(second), Fraction(ampere)
 
 
 NONE = _dimension(0, 0, 0)
+
+_BASE = ("kg", "m", "s", "A")
 
 UNITS: dict[str, tuple[float, Dimension]] = {
     "1": (1.0, NONE),
@@ -48,6 +50,13 @@ UNITS: dict[str, tuple[float, Dimension]] = {
     "J": (1.0, _dimension(1, 2, -2)),
     "W": (1.0, _dimension(1, 2, -3)),
     "Pa": (1.0, _dimension(1, -1, -2)),
+    "A": (1.0, _dimension(0, 0, 0, 1)),
+    "mA": (1e-3, _dimension(0, 0, 0, 1)),
+    "V": (1.0, _dimension(1, 2, -3, -1)),
+    "ohm": (1.0, _dimension(1, 2, -3, -2)),
+    "H": (1.0, _dimension(1, 2, -2, -2)),
+    "mH": (1e-3, _dimension(1, 2, -2, -2)),
+    "F": (1.0, _dimension(-1, -2, 4, 2)),
 }
 """Factor to SI and dimension of every unit a file may name."""
 
@@ -123,13 +132,14 @@ def exact_factor(text: str, arithmetic: Arithmetic) -> Any:
 
 
 def _times(a: Dimension, b: Dimension, power: Fraction | int = 1) -> Dimension:
-    return a[0] + b[0] * power, a[1] + b[1] * power, a[2] + b[2] * power
+    first, second, third, fourth = (x + y * power for x, y in zip(a, b, strict=True))
+    return first, second, third, fourth
 
 
 def show(dimension: Dimension) -> str:
     """Return a dimension in SI units, such as ``kg*m^2/s^2``."""
-    over = [_power(n, e) for n, e in zip(("kg", "m", "s"), dimension, strict=True) if e > 0]
-    under = [_power(n, -e) for n, e in zip(("kg", "m", "s"), dimension, strict=True) if e < 0]
+    over = [_power(n, e) for n, e in zip(_BASE, dimension, strict=True) if e > 0]
+    under = [_power(n, -e) for n, e in zip(_BASE, dimension, strict=True) if e < 0]
     return "/".join(["*".join(over) or "1", *under])
 
 

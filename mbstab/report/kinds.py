@@ -19,7 +19,7 @@ def kinds_text(kinds: Sequence[Kind]) -> str:
     lines: list[str] = []
     for kind in kinds:
         lines += wrap(f"{kind.name}: {kind.doc} ({SCENES[kind.dimensions]})", WIDTH, subsequent_indent="  ")
-        for field in kind.fields:
+        for field in (field for field in kind.fields if not field.made):
             lines += wrap(_field(field), WIDTH, initial_indent="  ", subsequent_indent="      ")
         lines.append("")
     return "\n".join(lines)

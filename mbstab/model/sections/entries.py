@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping as MappingType
 
-from mbstab.errors import suggestion
-from mbstab.mechanics.catalogue import ROWS, Field, Kind
+from mbstab.errors import Location, suggestion
+from mbstab.mechanics.catalogue import ROWS, Field, Kind, Part, PartError
 from mbstab.mechanics.elements import KINDS
 from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.fields.base import Reading
@@ -26,6 +26,7 @@ from mbstab.model.schema import (
     entry_word,
 )
 from mbstab.model.sections.definitions import DefinitionReader
+from mbstab.model.sections.parts import part_of, write_effort
 from mbstab.model.yamlfile import Mapping, Scalar, YamlNode
 
 NAMING = tuple(section for section in KINDS if section != "bodies")
@@ -57,6 +58,8 @@ class EntryReader:
     def __init__(self, quantities: QuantityReader) -> None:
         self.quantities = quantities
         self.nodes, self.names = quantities.nodes, quantities.names
+        self.parts: dict[str, Part] = {}
+        self.places: dict[str, Location] = {}
 
     def read(self, sections: MappingType[str, YamlNode], definitions: DefinitionReader) -> dict[str, dict[str, Entry]]:
         """Return the entries of all sections but the bodies, which must have been read; an entry may name any other."""
@@ -71,21 +74,31 @@ class EntryReader:
             for section in NAMING
         }
         self._refuse_circles(entries["joints"])
-        states = self.nodes.optional(sections.get("states"), "states")
+        states = {
+            **self.nodes.optional_pairs(sections.get("states"), "states"),
+            **{
+                state: Mapping({"rate": Scalar(rate, at)}, {"rate": Scalar("rate", at)}, at)
+                for name, part in self.parts.items()
+                for state, rate in part.states.items()
+                for at in [self.places[name]]
+            },
+        }
+        found_states = {
+            name: self._entry("states", name, STATE_KIND, item)
+            for name, node in states.items()
+            if name in self.names.coordinates
+            and (item := self.nodes.mapping(node, f"states.{name}", "{rate: expression}")) is not None
+        }
+        self._refuse_loops(found_states)
         return {
             **entries,
             "constraints": self._constraints(sections.get("constraints")),
-            "states": {
-                key.text: self._entry("states", key.text, STATE_KIND, item)
-                for key, node in (states.pairs() if states else ())
-                if key.text in self.names.coordinates
-                and (item := self.nodes.mapping(node, f"states.{key.text}", "{rate: expression}")) is not None
-            },
+            "states": found_states,
         }
 
-    def find_states(self, node: YamlNode | None) -> None:
-        """Find the names of the states, which then count as coordinates."""
-        section = self.nodes.optional(node, "states")
+    def find_states(self, sections: MappingType[str, YamlNode]) -> None:
+        """Find the names of the states, which then count as coordinates, those of controllers and motors last."""
+        section = self.nodes.optional(sections.get("states"), "states")
         names = self.names
         taken = {
             "t",
@@ -101,6 +114,31 @@ class EntryReader:
             path = f"states.{key.text}"
             if self.nodes.check_name(key, path, "state", taken):
                 names.coordinates[key.text] = None
+        forces = sections.get("forces")
+        for key, node in forces.pairs() if isinstance(forces, Mapping) else ():
+            type_node = node.entries.get("type") if isinstance(node, Mapping) else None
+            kind = KINDS["forces"].get((type_node.text if isinstance(type_node, Scalar) else "", names.dimension))
+            if not isinstance(node, Mapping) or kind is None or kind.part is None:
+                continue
+            try:
+                part = part_of(kind, key.text, node)
+            except PartError as error:
+                at = node.entries.get(error.key, node)
+                self.nodes.complain(at, f"forces.{key.text}", error.message, error.hint)
+                continue
+            except (
+                AttributeError,
+                KeyError,
+                TypeError,
+                ValueError,
+            ):  # a key that is missing, or no list: told where it is read
+                continue
+            self.parts[key.text], self.places[key.text] = part, key.location
+            for state in part.states:
+                if state in taken or state in names.coordinates:
+                    message = f"its state would be called {state!r}, and that name is taken"
+                    self.nodes.complain(key, f"forces.{key.text}", message, "give one of them another name")
+                names.coordinates[state] = None
 
     # --- the ground and the bodies ----------------------------------------------------------------------------------
 
@@ -205,7 +243,7 @@ class EntryReader:
 
     def _entry(self, section: str, name: str, kind: Kind, node: Mapping) -> Entry:
         path = f"{section}.{name}"
-        fields = [field for field in kind.fields if self.names.dimension in field.dimensions]
+        fields = [field for field in kind.fields if self.names.dimension in field.dimensions and not field.made]
         typed = [] if kind is STATE_KIND else ["type"]
         self.nodes.known_keys(node, path, [*typed, *[field.name for field in fields]])
         reading = Reading(self.quantities, node, path)
@@ -224,6 +262,9 @@ class EntryReader:
                 self.nodes.complain(node, path, f"give one of {' and '.join(map(repr, group))}, {said} given")
         for field in fields:
             kind_of(field).finish(reading, field)
+        if kind.part is not None and name in self.parts:
+            part = write_effort(reading, kind, name, node)
+            self.parts[name] = part or Part(dict.fromkeys(self.parts[name].states, "0"), "0")
         places = {field.name: node.entries[field.name].location for field in fields if field.name in node.entries}
         return Entry(section, name, kind, reading.values, node.location, places)
 
@@ -238,6 +279,20 @@ class EntryReader:
             joint, key = joints[circle[-2]], named[circle[-2]][circle[-1]]
             message = "joints depend on each other in a circle: " + " → ".join(circle)
             self.nodes.complain(joint.places[key], f"{joint.path}.{key}", message, "let one of them name another joint")
+
+    def _refuse_loops(self, states: dict[str, Entry]) -> None:
+        """Refuse states whose rates need each other: nothing says in which order they follow."""
+        needs = {
+            name: [x for x in state.values["rate"].rates() if x in states and x != name]
+            for name, state in states.items()
+            if "rate" in state.values
+        }
+        needs = {name: [x for x in named if x in needs] for name, named in needs.items()}
+        for circle in in_order(needs)[1]:
+            state = states[circle[0]]
+            message = "an algebraic loop: rates depend on each other in a circle: " + " → ".join(circle)
+            hint = "solve the equations for the rates, or let one of them be a lag: (x - z)/T"
+            self.nodes.complain(state.places["rate"], f"{state.path}.rate", message, hint)
 
     # --- constraints ------------------------------------------------------------------------------------------------
 

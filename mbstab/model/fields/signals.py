@@ -1,0 +1,122 @@
+"""Fields of controllers and motors: expressions of the motion, lists of numbers, gains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from mbstab.mechanics.catalogue import Field, Number
+from mbstab.model.fields.base import BY_NAME, NUMBER, NUMBERS, FieldKind, Owner, Reading
+from mbstab.model.schema import Quantity
+from mbstab.model.yamlfile import Scalar, Sequence, YamlNode
+
+
+class SignalField(FieldKind):
+    """An expression of coordinates, rates, states and time."""
+
+    name = "signal"
+    moving = True
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity | None:
+        """Return the expression."""
+        return reading.quantities.quantity(node, path, time=True, state=True)
+
+    def check(self, owner: Owner, field: Field, numbers: Quantity, time: Number) -> None:
+        """Require positive widths of smoothing."""
+        owner.evaluator.check_widths(numbers)
+
+    def coordinates(self, value: Quantity) -> Iterable[str]:
+        """Return the names in the expression, and those of its rates."""
+        return {*value.names(), *value.rates()}
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of a number or an expression."""
+        return {**NUMBER}
+
+
+class NumbersField(FieldKind):
+    """A list of numbers, at least one."""
+
+    name = "numbers"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> tuple[Quantity, ...] | None:
+        """Return their expressions."""
+        if not isinstance(node, Sequence) or not node.items:
+            reading.nodes.complain(node, path, "expected a list of numbers", "for example [1, 0.5]")
+            return None
+        return reading.quantities.components(node.items, node, path).values
+
+    def numbers(self, owner: Owner, field: Field, value: tuple[Quantity, ...]) -> tuple[Number, ...]:
+        """Return the numbers."""
+        return tuple(owner.evaluator.number(x) for x in value)
+
+    def check(self, owner: Owner, field: Field, numbers: tuple[Number, ...], time: Number) -> None:
+        """Refuse a leading coefficient of a denominator that is zero."""
+        first = owner.entry.values[field.name][0]
+        if field.name == "denominator" and not owner.evaluator.symbolic:
+            owner.evaluator.number(first, Field("its first coefficient", "number", "", sign="nonzero"))
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of a list of numbers."""
+        return {**NUMBERS}
+
+
+class MatrixField(FieldKind):
+    """Rows of numbers."""
+
+    name = "matrix"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> list[tuple[Quantity, ...]] | None:
+        """Return their expressions row by row."""
+        if not isinstance(node, Sequence) or not node.items or not all(isinstance(x, Sequence) for x in node.items):
+            reading.nodes.complain(node, path, "expected rows of numbers", "for example [[0, 1], [-2, -3]]")
+            return None
+        rows = (x for x in node.items if isinstance(x, Sequence))
+        return [reading.quantities.components(x.items, x, f"{path}[{i}]").values for i, x in enumerate(rows)]
+
+    def numbers(self, owner: Owner, field: Field, value: list[tuple[Quantity, ...]]) -> tuple[Number, ...]:
+        """Return the numbers, row by row."""
+        return tuple(owner.evaluator.number(x) for row in value for x in row)
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of rows of numbers."""
+        return {"type": "array", "items": NUMBERS}
+
+
+class GainsField(FieldKind):
+    """Numbers by expression of the motion."""
+
+    name = "gains"
+    moving = True
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> list[Quantity] | None:
+        """Return the expressions, those of the motion first."""
+        hint = "for example {angle(knee): 40, rate(angle(knee)): 3}"
+        mapping = reading.nodes.mapping(node, path, "gains by expression", hint)
+        if mapping is None:
+            return None
+        if not mapping.entries:
+            reading.nodes.complain(node, path, "there are no gains", hint)
+        signals = [self._signal(reading, key, path) for key in mapping.keys.values()]
+        gains = [reading.quantities.quantity(x, f"{path}.{key.text}") for key, x in mapping.pairs()]
+        return [x for x in (*signals, *gains) if x is not None]
+
+    @staticmethod
+    def _signal(reading: Reading, key: Scalar, path: str) -> Quantity | None:
+        return reading.quantities.quantity(key, f"{path}.{key.text}", time=True, state=True)
+
+    def check(self, owner: Owner, field: Field, numbers: list[Quantity], time: Number) -> None:
+        """Require positive widths of smoothing."""
+        for expression in numbers:
+            owner.evaluator.check_widths(expression)
+
+    def coordinates(self, value: list[Quantity]) -> Iterable[str]:
+        """Return the names in the expressions, and those of their rates."""
+        return {name for x in value for name in (*x.names(), *x.rates())}
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of numbers by name."""
+        return {**BY_NAME}
+
+
+KINDS = (SignalField(), NumbersField(), MatrixField(), GainsField())

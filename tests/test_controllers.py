@@ -1,0 +1,275 @@
+"""Controllers and motors: against formulas in matrices, published digits, and the same written as states."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.linalg import expm
+from scipy.optimize import linear_sum_assignment
+
+import mbstab
+from mbstab.cli.main import main
+from mbstab.errors import ModelFileError
+
+
+def close(found, expected, part):
+    """Whether two sets of eigenvalues are equal, each relative to its own size."""
+    found, expected = np.asarray(found, dtype=complex), np.asarray(expected, dtype=complex)
+    assert len(found) == len(expected)
+    cost = np.abs(found[:, None] - expected)
+    rows, columns = linear_sum_assignment(cost)
+    return bool(np.all(cost[rows, columns] <= part * np.abs(expected[columns])))
+
+
+def pairs(*values):
+    """Return numbers with the conjugates of those that are complex."""
+    return [x for s in values for x in ((s, np.conj(s)) if isinstance(s, complex) else (s,))]
+
+
+CART = """\
+mbstab: 1
+parameters: {T: 0.05}
+gravity: [0, -9.81]
+bodies:
+  cart: {type: planar_point, mass: 0.5}
+  rod: {type: planar, mass: 0.2, inertia: 0.006}
+joints: {pivot: {type: revolute, between: [cart, {body: rod, point: [0, -0.3]}]}}
+constraints: {rail: {holonomic: cart.y}}
+forces:
+  control: {type: pid, coordinate: cart.x, of: rod.theta, P: 40, I: 20, D: 8, lag: T}
+  friction: {type: expression, on: {cart.x: -0.1*rate(cart.x)}}
+reference: {coordinates: {cart: {x: 0, y: 0}, rod: {x: 0, y: 0.3, theta: 0}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("T", "expected"),
+    [
+        (0.02, pairs(-0.683869916855054, -3.999842985286747, -22.74905263983819 + 32.59914507909302j)),
+        (0.05, pairs(-0.68058468468294108, -4.074047905647982, -7.713592795743629 + 23.75021277225299j)),
+        (0.1, pairs(-0.6752765168220667, -4.189941870254077, -2.658299897371019 + 17.27653212646016j)),
+    ],
+)
+def test_a_cart_and_pendulum_with_a_lagging_controller(T, expected):
+    found = mbstab.loads(CART).eig(T=T)
+    assert close(found.values(), expected, 1e-12)
+    assert (found.counts.expected, found.counts.neutral) == (6, 2)
+    assert found.verdict == "asymptotically stable up to symmetry"
+
+
+def test_the_cart_is_swept_and_asked_by_every_method():
+    mechanism = mbstab.loads(CART)
+    (critical,) = mechanism.sweep("T", np.linspace(0.02, 0.4, 13)).critical
+    assert critical.value == pytest.approx(0.20478619158233459, rel=1e-12)
+    assert critical.frequency == pytest.approx(12.013237476893, rel=1e-11)
+    expected = mechanism.eig().values()
+    for method in ("index3", "paper"):
+        assert close(mechanism.eig(method).values(), expected, 1e-9)
+    assert mechanism.system().names[-2:] == ["control_integral", "control_effort"]
+
+
+DISK = """\
+mbstab: 1
+parameters: {parameters}
+bodies: {{b: {{type: planar, mass: 1, inertia: J}}}}
+joints: {{axle: {{type: revolute, between: [b, ground]}}}}
+forces:
+  {forces}
+  rub: {{type: expression, on: {{angle(axle): {rub}}}}}
+{rest}
+"""
+
+
+def disk(forces, rub="-d*rate(angle(axle))", rest="", **parameters):
+    """Return a disk on an axle."""
+    return mbstab.loads(
+        DISK.format(parameters=json.dumps({"J": 0.7, "d": 0.1, **parameters}), forces=forces, rub=rub, rest=rest)
+    )
+
+
+MOTOR = "drive: {type: motor, joint: axle, resistance: R, inductance: L, constant: K}"
+FIRST = {"J": 0.01, "d": 0.1, "K": 0.01, "R": 1, "L": 0.5}
+
+
+def test_a_motor_and_its_stiff_twin():
+    expected = [-2.00250078173866305, -9.99749921826133695]
+    motor = disk(MOTOR, **FIRST)
+    assert close(motor.eig().values(), expected, 1e-13)
+    assert motor.eig().counts.neutral == 1
+    assert close([complex(x) for x in motor.eig_precise(20).values()], expected, 1e-15)
+    stiff = disk(MOTOR, J=3.2284e-6, d=3.5077e-6, K=0.0274, R=4, L=2.75e-6)
+    expected = [-59.2260384878323432, -1454487.3150204099]
+    assert close(stiff.eig().values(), expected, 1e-11)
+
+
+def test_a_motor_with_an_arm_and_one_with_a_gear():
+    arm = disk(MOTOR, rub="-d*rate(angle(axle)) - 0.3*sin(angle(axle))", **FIRST)
+    expected = pairs(-1.99715040970956369, -5.00142479514521816 + 2.24244394823927014j)
+    assert close(arm.eig().values(), expected, 1e-13)
+    geared = disk(MOTOR.replace("constant: K", "constant: K/3, ratio: 3"), **FIRST)
+    assert close(geared.eig().values(), disk(MOTOR, **FIRST).eig().values(), 1e-14)
+    pytest.importorskip("flint")
+    assert arm.certify().verdict == "asymptotically stable"
+
+
+def test_a_motor_turns_as_its_matrix_says():
+    motor = disk(
+        MOTOR.replace("joint:", "voltage: 2, joint:"),
+        rest="reference: {find: steady, steady: {axis: z}, guess: {drive_current: 1}}",
+        **FIRST,
+    )
+    speed = 0.01 * 2.0 / (0.1 * 1.0 + 0.01**2)
+    motion, found = motor.motion(), motor.eig().values()
+    assert motion.u[2] == pytest.approx(speed, rel=1e-12)
+    assert motion.q[3] == pytest.approx(0.1 * speed / 0.01, rel=1e-12)
+    assert close(found[np.abs(found) > 1e-9], [-2.00250078173866305, -9.99749921826133695], 1e-12)
+
+
+def closed_loop(A, B, C, D, J=0.7, d=0.1):
+    """Return the eigenvalues of J θ'' + d θ' = u, u = C x + D y, x' = A x + B y with y = -θ."""
+    n = len(A)
+    S = np.zeros((n + 2, n + 2))
+    S[0, 1] = 1.0
+    S[1, 0], S[1, 1], S[1, 2:] = -D / J, -d / J, np.asarray(C) / J
+    S[2:, 0], S[2:, 2:] = -np.asarray(B), A
+    return np.linalg.eigvals(S)
+
+
+def test_a_state_space_controller():
+    A, B, C, D = [[-1.0, 2.0], [-3.0, -4.0]], [1.0, 0.5], [2.0, -1.0], 3.0
+    text = f"u: {{type: state_space, joint: axle, signal: -angle(axle), A: {A}, B: {B}, C: {C}, D: {D}}}"
+    assert close(disk(text).eig().values(), closed_loop(A, B, C, D), 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("above", "below"),
+    [
+        ([3.0, 2.0, 5.0], [2.0, 3.0, 4.0]),
+        ([5.0], [2.0, 3.0, 4.0, 1.5]),
+        ([2.0, 5.0], [1.0, 3.0]),
+        ([5.0], [2.0]),
+    ],
+)
+def test_a_transfer_function(above, below):
+    text = (
+        f"u: {{type: transfer_function, joint: axle, signal: -angle(axle), numerator: {above}, denominator: {below}}}"
+    )
+    # (J s² + d s) below(s) + above(s) = 0.
+    expected = np.roots(np.polyadd(np.polymul([0.7, 0.1, 0.0], below), above))
+    found = disk(text)
+    assert close(found.eig().values(), expected, 1e-11)
+    assert found.eig().counts.expected == len(below) + 1
+
+
+def test_state_feedback_with_and_without_a_lag():
+    text = "u: {type: state_feedback, joint: axle, gains: {angle(axle): 4, rate(angle(axle)): k}}"
+    assert close(disk(text, k=2).eig().values(), np.roots([0.7, 2.1, 4.0]), 1e-13)
+    lagging = disk(text.replace("gains", "lag: 0.2, gains"), k=2)
+    expected = np.roots(np.polyadd(np.polymul([0.7, 0.1, 0.0], [0.2, 1.0]), [2.0, 4.0]))
+    assert close(lagging.eig().values(), expected, 1e-12)
+
+
+def test_a_filtered_derivative_and_a_target():
+    text = "u: {type: pid, joint: axle, of: angle(axle), target: 0.3, P: 4, I: 3, D: 2, filter: 0.05}"
+    rest = "reference: {find: equilibrium, guess: {b: {theta: 0.1}}}"
+    mechanism = disk(text, rest=rest)
+    motion = mechanism.motion()
+    assert motion.q[2] == pytest.approx(0.3, abs=1e-12)
+    # (J s² + d s) s (T s + 1) + (P s + I)(T s + 1) + D s² = 0.
+    loop = np.polymul(np.polymul([0.7, 0.1, 0.0], [1.0, 0.0]), [0.05, 1.0])
+    expected = np.roots(np.polyadd(loop, np.polyadd(np.polymul([4.0, 3.0], [0.05, 1.0]), [2.0, 0.0, 0.0])))
+    assert close(mechanism.eig().values(), expected, 1e-11)
+    pytest.importorskip("flint")
+    at_rest = "reference: {coordinates: {b: {theta: 0.3}, u_filtered: 0.3}}"
+    assert disk(text, rest=at_rest).certify().verdict == "asymptotically stable"
+
+
+def test_a_controlled_motion_follows_the_exact_one():
+    text = "u: {type: pid, joint: axle, of: angle(axle), P: 4, D: 2, filter: 0.05}"
+    run = disk(text).simulate(to=0.5, points=3, perturb={"b.theta": 0.1})
+    A = np.array([[0.0, 1.0, 0.0], [-(4.0 + 40.0) / 0.7, -0.1 / 0.7, 40.0 / 0.7], [20.0, 0.0, -20.0]])
+    for t, q, u in zip(run.times, run.q, run.u, strict=True):
+        expected = expm(A * t) @ [0.1, 0.0, 0.0]
+        assert [q[2], u[2], q[3]] == pytest.approx(expected.tolist(), abs=1e-6)
+
+
+def test_sensitivity_and_response_know_controllers():
+    text = DISK.format(
+        parameters="{J: 0.7, d: 0.1, P: 4}",
+        forces="u: {type: pid, joint: axle, of: angle(axle), P: P, D: 2, lag: 0.1}",
+        rub="-d*rate(angle(axle))",
+        rest="inputs: {push: {type: joint, joint: axle}}\noutputs: {turn: angle(axle)}",
+    )
+    result = CliRunner().invoke(main, ["eig", "-", "--sensitivity", "--format", "json"], input=text)
+    for row in json.loads(result.output)["sensitivity"]["eigenvalues"]:
+        s = complex(row["real"], row["imag"])
+        # (J s² + d s)(T s + 1) + P + D s = 0.
+        slope = np.polyval(np.polyder(np.polyadd(np.polymul([0.7, 0.1, 0.0], [0.1, 1.0]), [2.0, 4.0])), s)
+        found = row["derivatives"]["P"]
+        assert complex(found["real"], found["imag"]) == pytest.approx(-1.0 / slope, rel=1e-10)
+    result = CliRunner().invoke(main, ["response", "-", "--format", "json"], input=text)
+    assert result.exit_code == 0, result.output
+
+
+def bad(forces, rest=""):
+    """Return the message of a model that is refused."""
+    with pytest.raises(ModelFileError) as caught:
+        disk(forces, rest=rest, R=1, L=1, K=1).system()
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("type: pid, joint: axle, of: angle(axle)", "give at least one of 'P', 'I' and 'D'"),
+        ("type: pid, joint: axle, of: angle(axle), P: 1, filter: 1", "there is no derivative to be filtered"),
+        ("type: pid, joint: axle, of: angle(axle), D: 1, filter: 0", "filter must be positive, got 0 s"),
+        ("type: pid, of: angle(axle), P: 1", "give one of 'joint' and 'coordinate', none given"),
+        ("type: pid, joint: axle, coordinate: b.x, of: b.x, P: 1", "give one of 'joint' and 'coordinate', both given"),
+        ("type: pid, joint: axel, of: angle(axle), P: 1", "there is no joint 'axel'"),
+        ("type: pid, joint: axle, P: 1", "the key 'of' is missing"),
+        ("type: pid, joint: axle, of: angel(axle), P: 1", "unknown function 'angel'"),
+        ("type: pid, joint: axle, of: angle(axle) + 1, D: 1", "rate(...) takes one coordinate or measure"),
+        ("type: motor, joint: axle, resistance: R, constant: K", "the key 'inductance' is missing"),
+        ("type: motor, joint: axle, resistance: R, constant: K, inductance: 0", "inductance must be positive, got 0 H"),
+        ("type: state_feedback, joint: axle, gains: {}", "there are no gains"),
+        ("type: state_feedback, joint: axle, gains: [1]", "expected gains by expression"),
+        (
+            "type: transfer_function, joint: axle, signal: b.x, numerator: [1, 2, 3], denominator: [1, 2]",
+            "the degree 2",
+        ),
+        ("type: transfer_function, joint: axle, signal: b.x, numerator: [1], denominator: [0, 2]", "must not be zero"),
+        (
+            "type: transfer_function, joint: axle, signal: b.x, numerator: 1, denominator: [1]",
+            "expected a list of numbers",
+        ),
+        ("type: state_space, joint: axle, signal: b.x, A: [[1, 2]], B: [1], C: [1]", "A must be square"),
+        ("type: state_space, joint: axle, signal: b.x, A: [[1]], B: [1, 2], C: [1]", "B must have as many numbers"),
+        ("type: state_space, joint: axle, signal: b.x, A: [[1]], B: [1], C: []", "expected a list of numbers"),
+        ("type: state_space, joint: axle, signal: b.x, A: 3, B: [1], C: [1]", "expected rows of numbers"),
+    ],
+)
+def test_a_controller_that_does_not_fit_is_refused_where_it_stands(entry, message):
+    said = bad(f"u: {{{entry}}}")
+    assert message in said
+    assert re.search("<text>:6:[0-9]+: forces.u", said)
+
+
+def test_names_of_states_are_not_taken_twice():
+    said = bad("u: {type: pid, joint: axle, of: angle(axle), I: 1}", "states: {u_integral: {rate: 1}}")
+    assert "its state would be called 'u_integral', and that name is taken" in said
+
+
+@pytest.mark.parametrize(
+    ("states", "message"),
+    [
+        ("a: {rate: rate(c) - a}, c: {rate: rate(a)}", "an algebraic loop: rates depend on each other in a circle"),
+        ("a: {rate: rate(a)}", "the rate of 'a' depends on itself"),
+    ],
+)
+def test_an_algebraic_loop_is_told(states, message):
+    said = bad("u: {type: pid, joint: axle, of: angle(axle), P: 1}", f"states: {{{states}}}")
+    assert message in said
+    assert "<text>:8:" in said
