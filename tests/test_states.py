@@ -377,3 +377,41 @@ def test_a_joint_shift_with_a_small_part_is_exact():
     # 50 digits.
     assert abs(large.value - 1000.7992006388499417977) <= large.error_bound
     assert abs(small.value - 0.00079936115005820206) <= small.error_bound
+
+
+COIL = """\
+mbstab: 1
+parameters:
+  R: {{value: 1, unit: ohm}}
+  L: {{value: 0.5, unit: H}}
+  U: {{value: 2, unit: V}}
+  K: {{value: 0.01, unit: N*m/A}}
+  m: {{value: 1, unit: kg}}
+bodies: {{b: {{type: planar, mass: m, inertia: 0.01}}}}
+joints: {{axle: {{type: revolute, between: [b, ground]}}}}
+states: {{i: {{{state}}}}}
+forces: {{all: {{type: expression, on: {{angle(axle): {torque}}}}}}}
+reference: {{coordinates: {{b: {{x: 0, y: 0}}, i: {given}}}}}
+"""
+
+
+def test_states_have_units():
+    text = COIL.format(state="rate: (U - R*i)/L, unit: A", torque="K*(i - U/R)", given="U/R")
+    assert close(mbstab.loads(text).eig().values(), [-2.0], 1e-14)
+
+
+@pytest.mark.parametrize(
+    ("state", "torque", "given", "message"),
+    [
+        ("rate: (U - R*i), unit: A", "K*i", "2", "'U - R*i' has the unit kg*m^2/s^3/A, expected A/s"),
+        ("rate: (U - i)/L, unit: A", "K*i", "2", "kg*m^2/s^3/A and A cannot be added or compared"),
+        ("rate: (U - R*i)/L, unit: A", "K*i + m", "2", "kg*m^2/s^2 and kg cannot be added or compared"),
+        ("rate: (U - R*i)/L, unit: A", "K*i", "U", "'U' has the unit kg*m^2/s^3/A, expected A"),
+        ("rate: (U - R*i)/L, unit: mA", "K*i", "2", "a state cannot have the unit mA"),
+        ("rate: (U - R*i)/L, unit: Amp", "K*i", "2", "unknown unit 'Amp'"),
+    ],
+)
+def test_units_of_states_are_checked(state, torque, given, message):
+    with pytest.raises(ModelFileError) as caught:
+        mbstab.loads(COIL.format(state=state, torque=torque, given=given))
+    assert message.replace("(", "").replace(")", "") in str(caught.value).replace("(", "").replace(")", "")

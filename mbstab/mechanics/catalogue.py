@@ -12,6 +12,7 @@ every derivative is derived from it ahead of time (`mbstab.compiler.derive`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import field
 from typing import Any, Literal, Protocol
 
 from mbstab.records import dataclass
@@ -142,10 +143,13 @@ class Part:
     states : dict
         Their rates by name.
     effort : str
+    units : dict
+        Units of the states that have one.
     """
 
     states: dict[str, str]
     effort: str
+    units: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,7 @@ def _motor(along: str, name: str, given: Mapping[str, Any]) -> Part:
     current, constant = f"{name}_current", f"({given['constant']})*({given.get('ratio', '1')})"
     voltage = given.get("voltage", "0")
     drop = f"({voltage}) - ({given['resistance']})*{current} - {constant}*rate({along})"
-    return Part({current: f"({drop})/({given['inductance']})"}, f"{constant}*{current}")
+    return Part({current: f"({drop})/({given['inductance']})"}, f"{constant}*{current}", {current: "A"})
 
 
 _TARGETS = (

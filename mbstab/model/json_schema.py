@@ -47,7 +47,7 @@ def json_schema() -> dict[str, Any]:
         "ground": object_schema(GEOMETRY_FIELDS, points=_by_name(VECTOR), directions=_by_name(DIRECTION)),
         **{name: _by_name({"anyOf": _kinds(name)}) for name in KINDS},
         "constraints": _by_name(object_schema(CONSTRAINT_FIELDS, holonomic=TEXT, nonholonomic=TEXT)),
-        "states": _by_name({**object_schema(STATE_FIELDS, rate=NUMBER), "required": ["rate"]}),
+        "states": _by_name({**object_schema(STATE_FIELDS, rate=NUMBER, unit=TEXT), "required": ["rate"]}),
         "outputs": _by_name(TEXT),
         "reference": _reference(),
         "initial": object_schema(INITIAL_FIELDS, time=NUMBER, coordinates=STATE, rates=STATE),

@@ -22,6 +22,8 @@ class Names:
         2 for a planar scene, 3 for a spatial one.
     parameters, units : dict
         Parameters by name, and what is known of their units.
+    state_units : dict
+        Units of the states that have one, as they are written.
     bodies : dict of Entry
         The bodies that were read.
     joints : dict of Kind
@@ -46,6 +48,7 @@ class Names:
         self.dimension = 3
         self.parameters: dict[str, Parameter] = {}
         self.units: dict[str, units.Known] = {}
+        self.state_units: dict[str, str] = {}
         self.bodies: dict[str, Entry] = {}
         self.joints: dict[str, Kind] = {}
         self.written: dict[str, Collection[str]] = {}

@@ -462,7 +462,10 @@ TABLE_FIELDS = {
     "file": "name of a CSV file beside the model, with the names of its columns in the first line",
 }
 GEOMETRY_FIELDS = {"points": "named points (m)", "directions": "named directions"}
-STATE_FIELDS = {"rate": "its rate: an expression of coordinates, rates rate(body.x), states, parameters and t"}
+STATE_FIELDS = {
+    "rate": "its rate: an expression of coordinates, rates rate(body.x), states, parameters and t",
+    "unit": "its unit, such as A, V, m or N, with which its rate and the sums it stands in are checked",
+}
 CONSTRAINT_FIELDS = {
     "holonomic": "expression of coordinates and t that must be zero",
     "nonholonomic": "expression of coordinates, rates rate(body.x) and t that must be zero",

@@ -7,9 +7,10 @@ from typing import Any
 
 from mbstab.mechanics.catalogue import Field, Number, Vector
 from mbstab.model.evaluator import Law
-from mbstab.model.expressions import Binary, Rate, moves
+from mbstab.model.expressions import Binary, ExpressionError, Rate, moves
 from mbstab.model.fields.base import NUMBER, NUMBERS, TEXT, VECTOR, FieldKind, Owner, Reading
 from mbstab.model.schema import Components, Quantity
+from mbstab.model.units import parse_unit
 from mbstab.model.yamlfile import Sequence, YamlNode
 
 
@@ -193,6 +194,11 @@ class RateField(FieldKind):
         if given is None:
             return None
         state = reading.path.partition(".")[2]
+        unit = reading.names.state_units.get(state)
+        try:
+            reading.quantities.check_unit(given, f"{unit}/s" if unit else "")
+        except ExpressionError as error:
+            reading.nodes.complain(node, path, error.message, error.hint)
         if state in given.rates():
             message = f"the rate of {state!r} depends on itself"
             reading.nodes.complain(node, path, message, "solve the equation for the rate")
@@ -213,6 +219,31 @@ class RateField(FieldKind):
         return {**NUMBER}
 
 
+class UnitField(FieldKind):
+    """A unit in which numbers in SI count."""
+
+    name = "unit"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> str | None:
+        """Return it as it is written."""
+        word = reading.nodes.word(node, path, "a unit such as A or N*m")
+        if word is None:
+            return None
+        try:
+            factor = parse_unit(word)[0]
+        except ExpressionError as error:
+            reading.nodes.complain(node, path, error.message, error.hint)
+            return None
+        if factor != 1.0:
+            hint = "expressions are computed in kg, m, s, A and rad; declare the unit in these"
+            reading.nodes.complain(node, path, f"a state cannot have the unit {word}", hint)
+        return word
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of a unit."""
+        return {**TEXT}
+
+
 KINDS = (
     NumberField(),
     VectorField(),
@@ -223,4 +254,5 @@ KINDS = (
     HolonomicField(),
     NonholonomicField(),
     RateField(),
+    UnitField(),
 )

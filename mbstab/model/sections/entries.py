@@ -7,11 +7,13 @@ What an entry may contain comes from `mbstab.mechanics.elements.KINDS`, how a fi
 from __future__ import annotations
 
 from collections.abc import Mapping as MappingType
+from contextlib import suppress
 
 from mbstab.errors import Location, suggestion
 from mbstab.mechanics.catalogue import ROWS, Field, Kind, Part, PartError
 from mbstab.mechanics.elements import KINDS
 from mbstab.model.arithmetic import CONSTANTS
+from mbstab.model.expressions import ExpressionError
 from mbstab.model.fields.base import Reading
 from mbstab.model.fields.catalogue import given_fields, kind_of
 from mbstab.model.functions import CALLED
@@ -27,6 +29,7 @@ from mbstab.model.schema import (
 )
 from mbstab.model.sections.definitions import DefinitionReader
 from mbstab.model.sections.parts import part_of, write_effort
+from mbstab.model.units import parse_unit
 from mbstab.model.yamlfile import Mapping, Scalar, YamlNode
 
 NAMING = tuple(section for section in KINDS if section != "bodies")
@@ -42,7 +45,10 @@ STATE_KIND = Kind(
     "state",
     "a variable with its own rate",
     (2, 3),
-    (Field("rate", "rate", STATE_FIELDS["rate"], required=True),),
+    (
+        Field("rate", "rate", STATE_FIELDS["rate"], required=True),
+        Field("unit", "unit", STATE_FIELDS["unit"]),
+    ),
     lambda item: (),
     written="nonholonomic",
 )
@@ -110,10 +116,11 @@ class EntryReader:
             *names.definitions,
             *names.tables,
         }
-        for key, _ in section.pairs() if section else ():
+        for key, node in section.pairs() if section else ():
             path = f"states.{key.text}"
             if self.nodes.check_name(key, path, "state", taken):
                 names.coordinates[key.text] = None
+                self._note_unit(key.text, node.entries.get("unit") if isinstance(node, Mapping) else None)
         forces = sections.get("forces")
         for key, node in forces.pairs() if isinstance(forces, Mapping) else ():
             type_node = node.entries.get("type") if isinstance(node, Mapping) else None
@@ -139,6 +146,14 @@ class EntryReader:
                     message = f"its state would be called {state!r}, and that name is taken"
                     self.nodes.complain(key, f"forces.{key.text}", message, "give one of them another name")
                 names.coordinates[state] = None
+                self._note_unit(state, Scalar(part.units[state], key.location) if state in part.units else None)
+
+    def _note_unit(self, state: str, node: YamlNode | None) -> None:
+        """Note the unit of a state; one with a problem is refused when the state is read."""
+        if isinstance(node, Scalar):
+            with suppress(ExpressionError):
+                self.names.units[state] = parse_unit(node.text)[1]
+                self.names.state_units[state] = node.text
 
     # --- the ground and the bodies ----------------------------------------------------------------------------------
 

@@ -28,7 +28,8 @@ def read_state(quantities: QuantityReader, node: YamlNode | None, path: str, per
     for key, item in mapping.pairs() if mapping else ():
         body, here = key.text, f"{path}.{key.text}"
         if body in names.coordinates:  # a first-order state
-            state[body] = quantities.expression(item, here)
+            unit = names.state_units.get(body, "")
+            state[body] = quantities.expression(item, here, unit + per if unit else "")
             continue
         inner = nodes.mapping(item, here)
         if not names.has_body(key, path, body):
