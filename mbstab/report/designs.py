@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
+from mbstab.analysis.design.tolerances import TOLERANCES
 from mbstab.errors import NumericalError, counted
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import evaluate_parameters
@@ -26,15 +27,15 @@ SHOWN = 1e-12
 """A goal smaller than this fraction of the eigenvalues is rounding, and shown as zero."""
 
 
-def design_text(found: Design, model: Model, given: Mapping[str, str], proof: Certificate | None) -> str:
+def design_text(found: Design, model: Model, given: Mapping[str, str], proofs: Sequence[Certificate]) -> str:
     """Return the answer of ``mbstab design`` as text.
 
     Parameters
     ----------
     given : mapping
         All parameters that are to be set, as texts in their declared units.
-    proof : Certificate or None
-        What is proven about the result.
+    proofs : sequence of Certificate
+        What is proven about the result: over an interval, or at the values at which it is checked.
     """
     task = found.task
     lines = [model.title, ""] if model.title else []
@@ -52,8 +53,8 @@ def design_text(found: Design, model: Model, given: Mapping[str, str], proof: Ce
         lines += [f"  {_active(x, model)}" for x in found.active]
     lines += wrap("; ".join([counted(found.steps, "step"), *filter(None, [found.ended])]), WIDTH)
     lines += [*wrap(f"checked {_at(found.worst, model)}: {found.result.verdict}", WIDTH, subsequent_indent="  ")]
-    if proof is not None:
-        lines += wrap(f"proof: {proof.statement}", WIDTH, subsequent_indent="  ")
+    for text in _statements(proofs, found, model):
+        lines += wrap(f"proof {text}", WIDTH, subsequent_indent="  ")
     lines += ["", "again: " + " ".join(f"--set {name}={text}" for name, text in given.items())]
     return "\n".join(lines) + "\n"
 
@@ -95,6 +96,9 @@ def _gain(found: Design, model: Model) -> list[str]:
             if ends is not None:
                 text = f"{_interval(own.name, ends, model)}, {number(width / own.factor, 8)} wide"
             lines.append(f"stable {when}: {text}")
+        lines.append(
+            f"(as {TOLERANCES.range_points_checked} values show: what is narrower than their distance may be missed)"
+        )
     if task.limits.least is not None:
         lines.append(f"at least {task.limits.least:g} was asked for: {'' if found.reached else 'not '}reached")
     return [part for line in lines for part in wrap(line, WIDTH, subsequent_indent="  ")]
@@ -113,14 +117,20 @@ def _at(place: Mapping[str, float], model: Model) -> str:
     return f"at {', '.join(shown)}" if shown else "at these values"
 
 
-def design_data(found: Design, model: Model, given: Mapping[str, str], proof: Certificate | None) -> dict[str, Any]:
+def _statements(proofs: Sequence[Certificate], found: Design, model: Model) -> list[str]:
+    """Return what proofs say, and where."""
+    where = ["over an interval" if proof.parameter else _at(found.worst, model) for proof in proofs]
+    return [f"{place}: {proof.statement}" for place, proof in zip(where, proofs, strict=True)]
+
+
+def design_data(found: Design, model: Model, given: Mapping[str, str], proofs: Sequence[Certificate]) -> dict[str, Any]:
     """Return the JSON object of ``mbstab design``.
 
     Keys: ``model``, ``title``, ``goal``, ``parameter`` (of a range, else null), ``parameters`` (by name: ``unit``,
     ``before``, ``value``, ``from``, ``to``, ``bound``: ``first``, ``last`` or null), ``before`` and ``best`` (the goal:
     1/s, a ratio, or a width in the unit of the parameter; null where there is none), ``range_before`` and ``range``
     (ends in that unit, or null), ``reached``, ``active`` (``real`` and ``imag`` in 1/s, ``at``: values of parameters,
-    ``meets``), ``checked_at``, ``verdict``, ``proof`` (its statement, or null), ``steps``, ``ended``, ``set``
+    ``meets``), ``checked_at``, ``verdict``, ``proofs`` (what they say), ``steps``, ``ended``, ``set``
     (settings that repeat it).
     """
     task, factors = found.task, {name: x.factor for name, x in model.parameters.items()}
@@ -158,7 +168,7 @@ def design_data(found: Design, model: Model, given: Mapping[str, str], proof: Ce
         ],
         "checked_at": place(found.worst),
         "verdict": found.result.verdict,
-        "proof": None if proof is None else proof.statement,
+        "proofs": _statements(proofs, found, model),
         "steps": found.steps,
         "ended": found.ended,
         "set": dict(given),

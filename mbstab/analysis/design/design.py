@@ -109,7 +109,9 @@ def design(model: Model, task: Task, progress: Callable[[float], object] = lambd
     first, interval = float(goal.values(given[None])[0]), _interval(goal, given)
     found = _stable(plant, cube, task, start, float(goal.values(start[None])[0]), others, progress)
     value = float(goal.values(found.x[None])[0])
-    if found.ended != STOPPED and (task.goal == "decay" or value > (0.0 if task.goal == "damping" else -np.inf)):
+    if found.ended != STOPPED and (
+        task.goal == "decay" or value > (goal.rounding if task.goal == "damping" else -np.inf)
+    ):
         best = search(goal, found.x, task.limits.steps - found.steps, task.limits.least, progress)
         found = replace(best, steps=found.steps + best.steps)
     return _checked(model, task, cube, goal, found, (before, first, interval))
@@ -144,14 +146,14 @@ def _stable(
     progress: Callable[[float], object],
 ) -> Found:
     """Return a point from which the goal can be improved, or the least unstable one that is found."""
-    if value > 0.0 or task.goal == "decay":
+    if task.goal == "decay" or value > 0.0:
         return Found(start, value, 0, "")
     vary, over = dict(task.vary), task.over
     if task.goal == "range":
         vary[task.parameter], over = task.window, {}
     wide = Cube(vary)
     goal = Margin(plant, wide, "decay", over)
-    found = search(goal, wide.of(cube.at(start) | others), task.limits.steps, TOLERANCES.decay_at_all, progress)
+    found = search(goal, wide.of(cube.at(start) | others), task.limits.steps, goal.rounding, progress)
     return replace(found, x=found.x[: len(start)])
 
 

@@ -52,9 +52,12 @@ class Goal(Protocol):
     ----------
     limits : ndarray, shape (k, 2)
         Bounds of the unknowns of the inequalities.
+    rounding : float
+        Values that differ by less are equal.
     """
 
     limits: Array
+    rounding: float
 
     def values(self, x: Array) -> Array:
         """Return its values at points of the unit cube, shape (points,); -inf where there is none."""
@@ -110,6 +113,7 @@ class Margin:
 
     def __init__(self, plant: Plant, cube: Cube, kind: str, over: Mapping[str, Ends]) -> None:
         self.plant, self.cube, self.kind = plant, cube, kind
+        self.rounding = TOLERANCES.rounding * (plant.size if kind == "decay" else 1.0)
         self.box, self.sides = Cube(over) if over else None, len(over)
         few = self.sides <= len(TOLERANCES.grid)
         self.count = TOLERANCES.grid[self.sides - 1] if few else TOLERANCES.grid_of_many
@@ -263,6 +267,7 @@ class Range:
 
     def __init__(self, plant: Plant, cube: Cube, parameter: str, window: Ends) -> None:
         self.plant, self.cube, self.parameter, self.window = plant, cube, parameter, window
+        self.rounding = TOLERANCES.rounding * (window[1] - window[0])
         self.limits = np.array([window, (-window[1], -window[0])])
 
     def values(self, x: Array) -> Array:
@@ -300,14 +305,20 @@ class Range:
     def _located(self, x: Array, places: tuple[Array, Array], growth: tuple[Array, Array]) -> Array:
         """Return the last stable values between stable ones and others, shape (points, 2)."""
         (a, b), (fa, fb) = places, growth
-        for number in range(TOLERANCES.range_rounds):
-            # Secants, with a bisection now and then; where one end has no eigenvalues only these.
-            part = _secant(fa, fb) if number % 3 < 2 else np.full(a.shape, np.nan)
+        kept = np.zeros(a.shape)
+        for _ in range(TOLERANCES.range_rounds):
+            # Where one side has no eigenvalues, bisection.
+            part = _secant(fa, fb)
             middle = a + np.where(np.isnan(part), 0.5, part) * (b - a)
             f = self._growth(x, middle)
             inside = f < 0.0
-            a, fa = np.where(inside, middle, a), np.where(inside, f, fa)
-            b, fb = np.where(inside, b, middle), np.where(inside, fb, f)
+            # The end that stays twice counts half (Illinois rule; Dowell and Jarratt 1971, BIT 11).
+            fa = np.where(inside, f, np.where(kept < 0.0, 0.5 * fa, fa))
+            fb = np.where(inside, np.where(kept > 0.0, 0.5 * fb, fb), f)
+            a, b = np.where(inside, middle, a), np.where(inside, b, middle)
+            kept = np.where(inside, 1.0, -1.0)
+            if np.all(np.abs(b - a) <= TOLERANCES.range_known * np.abs(a)):
+                break
         return a + np.nan_to_num(_secant(fa, fb)) * (b - a)
 
     def _places(self, x: Array) -> tuple[list[tuple[float, int]], list[float]]:

@@ -54,6 +54,13 @@ class Plant:
     start : mapping
         Values in SI at which it is asked first.
 
+    Attributes
+    ----------
+    count : int
+        Number of eigenvalues that are not neutral there.
+    size : float
+        The largest of them (1/s).
+
     Raises
     ------
     MbstabError
@@ -62,7 +69,8 @@ class Plant:
 
     def __init__(self, model: Model, start: Place) -> None:
         self.model, self.evaluator = model, Evaluator(model)
-        self.count = len(self.local(start, tuple(start)).values)
+        values = self.local(start, tuple(start)).values
+        self.count, self.size = len(values), float(np.max(np.abs(values), initial=0.0))
         self.evaluator.patterns += self.evaluator.patterns_at(start)
         found = self.evaluator.near({name: np.array([x]) for name, x in start.items()}, self.count)
         for reason in found.problems.values():

@@ -91,7 +91,7 @@ def _better(
         trials = _trials(goal, best.x, before, reach, cuts, variants)
         values = goal.values(trials) if len(trials) else np.array([-np.inf])
         most = float(np.max(values))
-        if most - best.value > TOLERANCES.gain * abs(most):
+        if most - best.value > TOLERANCES.gain * abs(most) + goal.rounding:
             # The nearest of those that are equally good.
             alike = np.flatnonzero(values >= most - TOLERANCES.alike * abs(most))
             k = int(alike[np.argmin(np.max(np.abs(trials[alike] - best.x), axis=1))])

@@ -18,7 +18,9 @@ class Tolerances:
     cost_of_slack: Final = 10.0
     """Price of leaving the side of a meeting on which real parts are smooth, relative to the goal."""
     gain: Final = 1e-9
-    """A step must gain this fraction of the value of the goal."""
+    """A step must gain this fraction of the value of the goal …"""
+    rounding: Final = 1e-12
+    """… and this fraction of the largest eigenvalue, of 1, or of the window."""
     gain_enough: Final = 1e-7
     """The search ends after steps that gain less than this fraction …"""
     small_gains: Final = 2
@@ -27,8 +29,6 @@ class Tolerances:
     """Points whose values differ by less than this fraction are equally good."""
     cuts: Final = 4
     """Former steps whose inequalities are tried again."""
-    decay_at_all: Final = 1e-300
-    """A decay rate (1/s) that is enough where a stable motion is looked for."""
     near_partner: Final = 0.5
     """Eigenvalues nearer to each other than this fraction of their size may meet."""
     meets: Final = 1e-2
@@ -57,8 +57,10 @@ class Tolerances:
     """… and at which the best one is checked."""
     window_inside: Final = 1e-7
     """The first and the last of them are inside of the window by this fraction."""
-    range_rounds: Final = 9
-    """Steps with which all ends of ranges are located."""
+    range_rounds: Final = 14
+    """Steps at most with which all ends of ranges are located …"""
+    range_known: Final = 1e-12
+    """… to this fraction."""
     inside: Final = 2e-4
     """Derivatives at the end of a range are taken inside of it by this fraction of the window."""
     peak: Final = 0.25

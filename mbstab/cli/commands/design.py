@@ -37,8 +37,8 @@ INSIDE = 1e-3
     metavar="[decay|damping|range:NAME]",
     required=True,
     help="decay: the slowest disturbance decays as fast as possible; damping: the smallest damping ratio is as large "
-    "as possible; range:NAME: this parameter has the widest stable range within that of its sweep: block, or within "
-    "range:NAME=FIRST..LAST.",
+    "as possible, where that of a real eigenvalue is 1 or -1; range:NAME: this parameter has the widest stable range "
+    "within that of its sweep: block, or within range:NAME=FIRST..LAST.",
 )
 @click.option(
     "--over",
@@ -58,8 +58,8 @@ INSIDE = 1e-3
 @click.option(
     "--certify",
     is_flag=True,
-    help="Prove the verdict about the result: over the range of the goal, or of a single --over, but for its ends; "
-    "with several for the worst values.",
+    help="Prove the verdict about the result: over the range of the goal but for its ends, or of a single --over; "
+    "otherwise, or if that is not proven, for the worst values.",
 )
 @set_option
 @force_option
@@ -95,11 +95,11 @@ def design(
     values = mechanism.parameters()
     given = as_settings(model, {name: values[name] for name in model.settings} | found.values)
     warn(found.result.warnings)
-    proof = _proof(mechanism, found) if certify and found.ended != STOPPED else None
+    proofs = _proofs(mechanism, found) if certify and found.ended != STOPPED else []
     output.write(
         {
-            "table": lambda: designs.design_text(found, model, given, proof),
-            "json": lambda: export.to_json(designs.design_data(found, model, given, proof)),
+            "table": lambda: designs.design_text(found, model, given, proofs),
+            "json": lambda: export.to_json(designs.design_data(found, model, given, proofs)),
             "yaml": lambda: designs.with_values(model, given),
         },
         summary=True,
@@ -108,23 +108,27 @@ def design(
         note("its expect: entries are still those of the old values")
     if found.ended == STOPPED:
         raise NumericalError("interrupted; the answer is the best that was found until then")
-    if proof is not None and not proof.decided:
+    if proofs and not any(proof.decided for proof in proofs):
         raise NumericalError("no verdict is proven; the answer says why")
     if least is not None and not found.reached:
         raise ExpectationError(f"at least {least:g} was asked for, {found.best:.6g} is the best that was found")
 
 
-def _proof(mechanism: Mechanism, found: Design) -> Certificate:
-    """Return what is proven about a design: over a range, or at the worst values."""
+def _proofs(mechanism: Mechanism, found: Design) -> list[Certificate]:
+    """Return what is proven about a design: over a range; if nothing is, at the worst values."""
     from mbstab.analysis.design.design import settings
 
     model, task = mechanism.model, found.task
-    place = settings(model, found.worst)
     intervals = {task.parameter: found.interval} if found.interval is not None else dict(task.over)
+    places = [settings(model, found.worst)]
     if len(intervals) == 1:
         ((name, ends),) = intervals.items()
         inside = INSIDE * (ends[1] - ends[0]) if task.parameter else 0.0
         low, high = (settings(model, {name: x})[name] for x in (ends[0] + inside, ends[1] - inside))
-        place[name] = f"[{low}, {high}]"
-    with progress_bar("dividing the interval") as progress:
-        return mechanism.certify(CERTIFIED_DIGITS, progress, **settings(model, found.values), **place)
+        places.insert(0, {name: f"[{low}, {high}]"})
+    proofs: list[Certificate] = []
+    for place in places:
+        if not any(proof.decided for proof in proofs):
+            with progress_bar("proving") as progress:
+                proofs.append(mechanism.certify(CERTIFIED_DIGITS, progress, **settings(model, found.values), **place))
+    return proofs
