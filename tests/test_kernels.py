@@ -559,6 +559,18 @@ def mounted(bodies, p, u, w):
     return local(bodies), rates, virtual, virtual
 
 
+def coupled_mount(b, p, s, u, w):
+    """Return the power of a force with matrices of stiffness and damping across an axis."""
+    across = np.array([p["second_v2"], p["second_v3"]]) if b[0].size == 3 else np.eye(2, dtype=int)
+
+    def local(at):
+        return across @ (at[1].matrix().T @ gap(at, p))
+
+    K, C = p["stiffness"].reshape(2, 2), p["damping"].reshape(2, 2)
+    rates, virtual = (np.array([rate_of(lambda at, i=i: local(at)[i], b, v) for i in range(2)]) for v in (u, w))
+    return -(K @ local(b) + C @ rates) @ virtual
+
+
 def turned(bodies, p, u, w):
     spins, virtual = (bodies[0].spin(v[0]) - bodies[1].spin(v[1]) for v in (u, w))
     if bodies[0].size == 2:
@@ -578,6 +590,7 @@ POWER = {
     "mount_torque": mount(turned),
     "spring": spring(length),
     "bearing": bearing,
+    "coupled_mount": coupled_mount,
     "ideal_spring": ideal_spring,
     "angle_spring": spring(angle),
     "displacement_spring": spring(travel),

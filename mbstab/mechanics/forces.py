@@ -33,7 +33,7 @@ def _ideal_spring(frames: Any, p: Any, s: Any) -> Load:
     return Load(p.stiffness[0] * gap.dot(gap) / 2)
 
 
-def _gap_and_speed(frames: Any, p: Any) -> tuple[Any, Any]:
+def gap_and_speed(frames: Any, p: Any) -> tuple[Any, Any]:
     """Return the gap between two points and its rate in the axes of the second body, both in ground components."""
     first, second = frames
     gap = first.position(p.first) - second.position(p.second)
@@ -44,7 +44,7 @@ def _gap_and_speed(frames: Any, p: Any) -> tuple[Any, Any]:
 
 def _bearing(frames: Any, p: Any, s: Any) -> Load:
     # The speed is that in the axes of the second body: turning with it dissipates nothing.
-    gap, speed = _gap_and_speed(frames, p)
+    gap, speed = gap_and_speed(frames, p)
     return Load(p.stiffness[0] * gap.dot(gap) / 2, p.damping[0] * speed.dot(speed) / 2)
 
 
@@ -61,7 +61,7 @@ def _mount(p: Any, moved: Any, speeds: Any) -> Load:
 
 
 def _mount_force(frames: Any, p: Any, s: Any) -> Load:
-    gap, speed = _gap_and_speed(frames, p)
+    gap, speed = gap_and_speed(frames, p)
     second = frames[1]
     vectors = (p.second_v1, p.second_v2, p.second_v3) if second.dimension == 3 else ([1, 0], [0, 1])
     axes = [second.direction(v) for v in vectors]

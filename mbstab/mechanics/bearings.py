@@ -1,0 +1,105 @@
+"""Bearings of rotors: eight coefficients across the axis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind, Load, Look
+from mbstab.mechanics.forces import gap_and_speed
+from mbstab.mechanics.vectors import plain_zero
+
+# --- elements -------------------------------------------------------------------------------------------------------
+
+
+def _coupled_mount(frames: Any, p: Any, s: Any) -> Load:
+    import sympy
+
+    second = frames[1]
+    axes = [second.direction(v) for v in ((p.second_v2, p.second_v3) if second.dimension == 3 else ([1, 0], [0, 1]))]
+    gap, speed = gap_and_speed(frames, p)
+    x, v = (sympy.Matrix([axis.dot(vector) for axis in axes]) for vector in (gap, speed))
+    K, C = sympy.Matrix(2, 2, list(p.stiffness)), sympy.Matrix(2, 2, list(p.damping))
+    return Load(power=((-K * x - C * v, v),))
+
+
+_ENDPOINTS = (("first", 0), ("second", 0))
+_MATRICES = (("stiffness", 4), ("damping", 4))
+
+ELEMENTS = (
+    Element("coupled_mount", "force", ("planar",), 2, (*_ENDPOINTS, *_MATRICES), _coupled_mount),
+    Element(
+        "coupled_mount",
+        "force",
+        ("spatial",),
+        2,
+        (*_ENDPOINTS, ("second_v2", 3), ("second_v3", 3), *_MATRICES),
+        _coupled_mount,
+    ),
+)
+
+# --- kinds ----------------------------------------------------------------------------------------------------------
+
+_PLACES = ("xx", "xy", "yx", "yy")
+
+
+def _rotor_bearing(item: Item) -> Iterable[ElementUse]:
+    first, second = item.markers("between")
+    K, C = ([item.number(f"{letter}{place}") for place in _PLACES] for letter in "kc")
+    slots, ends = (first.body, second.body), (*first.point, *second.point)
+    spatial = item.dimension == 3
+    axes = item.triads("axis", "zero")[1] if spatial else None
+    if all(plain_zero(x) for x in (*K[1:3], *C[1:3])):
+        # Springs and dampers along two axes, which have a potential and a dissipation function.
+        own = (*axes.v1, *axes.v2, *axes.v3) if axes else ()
+        along = (0.0,) * (1 if spatial else 0)
+        numbers = (*along, K[0], K[3], *along, C[0], C[3], *along, 0.0, 0.0)
+        yield ElementUse("mount_force", slots, (*ends, *own, *numbers))
+    else:
+        across = (*axes.v2, *axes.v3) if axes else ()
+        yield ElementUse("coupled_mount", slots, (*ends, *across, *K, *C))
+
+
+def _look(item: Item) -> Look:
+    return Look("spring", item.markers("between"))
+
+
+_BODIES = "in the frame of each body: x, -y, a named direction or a vector; a list of two if they differ"
+_FIELDS = (
+    Field("between", "markers", "a point of the shaft and one of the housing or the ground", required=True),
+    Field("axis", "directions", f"axis of the bearing, {_BODIES}", default="z", dimensions=(3,)),
+    Field(
+        "zero",
+        "zero directions",
+        f"direction x across the axis, {_BODIES}; y is the axis times x",
+        default="x",
+        dimensions=(3,),
+    ),
+    *(Field(f"k{x}", "number", f"stiffness, k{x} of the matrix", "N/m", default="0") for x in _PLACES),
+    *(
+        Field(
+            f"c{x}",
+            "number",
+            f"damping, c{x} of the matrix",
+            "N*s/m",
+            default="0",
+            sign="nonnegative" if x in ("xx", "yy") else "any",
+        )
+        for x in _PLACES
+    ),
+)
+
+KINDS: dict[tuple[str, int], Kind] = {
+    ("rotor_bearing", dimension): Kind(
+        "rotor_bearing",
+        "bearing or seal of a rotor with eight coefficients: the force on the shaft is -[kxx, kxy; kyx, kyy]*(x, y) "
+        "- [cxx, cxy; cyx, cyy]*(rates of x and y), with its displacement (x, y) across the axis in the axes of the "
+        "second body",
+        (dimension,),
+        tuple(field for field in _FIELDS if dimension in field.dimensions),
+        _rotor_bearing,
+        transmits=True,
+        look=_look,
+    )
+    for dimension in (2, 3)
+}

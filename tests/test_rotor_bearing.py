@@ -1,0 +1,192 @@
+"""Bearings of rotors with eight coefficients: a rigid rotor on two of them against closed forms and its matrices."""
+
+import math
+
+import numpy as np
+import pytest
+
+import mbstab
+from mbstab.errors import ModelFileError
+
+# Uniform, 0.5 m long, 0.2 m thick, 7810 kg/m^3.
+ROTOR = """\
+mbstab: 1
+parameters: {{rho: 7810, L: 0.5, D: 0.2, Omega: {{value: {speed}, unit: rad/s}}, k: 1e6, c: 0, q: 0}}
+bodies:
+  rotor:
+    type: spatial
+    mass: rho*pi*D**2/4*L
+    shape: {{type: cylinder, radius: D/2, length: L}}
+    points: {{A: [0, 0, -L/2], B: [0, 0, L/2]}}
+ground: {{points: {{A: [0, 0, -L/2], B: [0, 0, L/2]}}}}
+joints: {{thrust: {{type: point_on_plane, between: [rotor, ground], axis: z}}}}
+forces:
+  A: {{type: rotor_bearing, between: [rotor.A, ground.A], {A}}}
+  B: {{type: rotor_bearing, between: [rotor.B, ground.B], {B}}}
+reference:
+  coordinates: {{rotor: {{x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}}}
+  rates: {{rotor: {{psi: Omega}}}}
+"""
+EQUAL = "kxx: k, kyy: k"
+WHIRL = "kxx: k, kyy: k, kxy: q, kyx: -q, cxx: c, cyy: c"
+m, I_d, I_p, L = 122.679193122681426, 2.86251450619589994, 0.61339596561340713, 0.5
+RPM = 2 * math.pi / 60
+
+
+def rotor(A=EQUAL, B=EQUAL, speed=0.0):
+    return mbstab.loads(ROTOR.format(A=A, B=B, speed=speed))
+
+
+def upper(found):
+    """Return the eigenvalues above the real axis, by imaginary part."""
+    return sorted((e.value for e in found.eigenvalues if e.value.imag > 0.0), key=lambda s: s.imag)
+
+
+def matrices(K, C, omega):
+    """Return the eigenvalues of the four equations of motion in x, y of the middle and the slopes of both."""
+    n = np.zeros((2, 2))
+    T = [np.block([np.eye(2), z * np.eye(2)]) for z in (-L / 2, L / 2)]
+    stiffness, damping = (sum(t.T @ x @ t for t, x in zip(T, pair, strict=True)) for pair in (K, C))
+    damping[2:, 2:] += I_p * omega * np.array([[0, 1], [-1, 0]])
+    inverse = np.diag([1 / m, 1 / m, 1 / I_d, 1 / I_d])
+    Z = np.block([[n, n], [n, n]])
+    return np.linalg.eigvals(np.block([[Z, np.eye(4)], [-inverse @ stiffness, -inverse @ damping]]))
+
+
+@pytest.mark.parametrize(
+    ("rpm", "conical"),
+    [
+        (0, [208.9686602731978] * 2),
+        (4000, [168.8538317121584, 258.6136218147239]),
+        (20000, [82.23226718348597, 531.0312176963136]),
+    ],
+)
+def test_a_rigid_rotor_on_equal_bearings_whirls_backward_and_forward(rpm, conical):
+    found = rotor(speed=rpm * RPM).eig()
+    translation = [math.sqrt(2e6 / m)] * 2
+    np.testing.assert_allclose([s.imag for s in upper(found)], sorted([*translation, *conical]), rtol=1e-12)
+    assert all(s.real == 0.0 for s in upper(found))
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "expected"),
+    [
+        (EQUAL, "kxx: 1.3*k, kyy: 1.3*k", [134.0016537067822, 135.587903835689, 185.8712193266342, 274.0447593002928]),
+        (
+            "kxx: 1.0*k, kyy: 1.5*k",
+            "kxx: 1.3*k, kyy: 2.0*k",
+            [134.9123312276425, 165.5850036774177, 204.8381938751225, 307.2345965398704],
+        ),
+    ],
+)
+def test_unequal_and_anisotropic_bearings_split_the_frequencies(A, B, expected):
+    found = rotor(A, B, 4000 * RPM).eig()
+    np.testing.assert_allclose([s.imag for s in upper(found)], expected, rtol=1e-12)
+
+
+def test_eight_coefficients_of_two_bearings_have_the_eigenvalues_of_their_matrices():
+    A = "kxx: 1e6, kxy: 2e5, kyx: -3e5, kyy: 1.4e6, cxx: 2e3, cxy: -300, cyx: -300, cyy: 2.5e3"
+    B = "kxx: 1.3e6, kxy: 1e5, kyx: -2e5, kyy: 1.6e6, cxx: 1.5e3, cxy: -200, cyx: -200, cyy: 3e3"
+    found = rotor(A, B, 300.0).eig()
+    printed = [
+        -9.71478675327962 + 140.9113642271649j,
+        -28.28138224560473 + 149.5328357673775j,
+        -54.14184119797078 + 206.0294316139652j,
+        -42.79580382014412 + 268.8436618185044j,
+    ]
+    np.testing.assert_allclose(upper(found), printed, rtol=1e-12)
+    K = [np.array([[1e6, 2e5], [-3e5, 1.4e6]]), np.array([[1.3e6, 1e5], [-2e5, 1.6e6]])]
+    C = [np.array([[2e3, -300], [-300, 2.5e3]]), np.array([[1.5e3, -200], [-200, 3e3]])]
+    expected = matrices(K, C, 300.0)
+    for e in found.eigenvalues:
+        if e.value.imag:
+            assert np.min(np.abs(expected - e.value)) < e.error_bound + 1e-13 * abs(e.value)
+    assert found.verdict == "asymptotically stable up to symmetry"
+
+
+def test_cross_coupling_drives_forward_whirl_beyond_its_limit():
+    """q > c sqrt(2k/m) makes the translation unstable, at its frequency."""
+    limit = 2e3 * math.sqrt(2e6 / m)
+    swept = rotor(WHIRL, WHIRL).sweep("q", np.linspace(2.4e5, 2.8e5, 3), c=2e3)
+    (critical,) = swept.critical
+    assert critical.value == pytest.approx(limit, rel=1e-11)
+    assert critical.value == pytest.approx(255363.92095345074414, rel=1e-11)
+    assert critical.frequency == pytest.approx(127.6819604767254, rel=1e-11)
+
+
+def test_the_axes_of_the_housing_turn_the_coefficients():
+    K = "kxx: 1e6, kxy: 2e5, kyx: -3e5, kyy: 1.4e6, cxx: 2e3, cxy: -300, cyx: 100, cyy: 2.5e3"
+    turned = "zero: y, kxx: 1.4e6, kxy: 3e5, kyx: -2e5, kyy: 1e6, cxx: 2.5e3, cxy: -100, cyx: 300, cyy: 2e3"
+    one, other = (rotor(A, EQUAL, 100.0).eig() for A in (K, turned))
+    np.testing.assert_allclose(upper(one), upper(other), rtol=1e-12)
+
+
+def test_a_bearing_between_a_rotor_and_a_moving_stator_acts_on_both():
+    """Stator m_s on springs k_s, both in the plane: translation as z = x + iy of two masses."""
+    text = """\
+mbstab: 1
+bodies:
+  rotor: {type: planar, mass: 3, inertia: 0.1}
+  stator: {type: planar, mass: 5, inertia: 0.2}
+forces:
+  film: {type: rotor_bearing, between: [rotor, stator], kxx: 4e3, kyy: 4e3, kxy: 900, kyx: -900, cxx: 20, cyy: 20}
+  mount: {type: bushing, between: [stator, ground], stiffness: [9e3, 9e3], torsional_stiffness: 100}
+"""
+    found = mbstab.loads(text).eig()
+    # m z'' + c w' + (k - iq) w = 0 and m_s z_s'' - c w' - (k - iq) w + k_s z_s = 0 with w = z - z_s.
+    k = 4e3 - 900j
+    expected = np.roots(np.polyadd(np.polymul([3, 20, k], [5, 20, k + 9e3]), -np.polymul([20, k], [20, k])))
+    expected = np.concatenate([expected, np.conj(expected), [1j * math.sqrt(500), -1j * math.sqrt(500)]])
+    for e in found.eigenvalues:
+        if e.value:
+            assert np.min(np.abs(expected - e.value)) < 1e-12 * abs(e.value)
+    assert sum(e.value != 0 for e in found.eigenvalues) == 10
+
+
+def test_energy_that_a_film_gives_to_the_rotor_is_told_as_work():
+    run = rotor(WHIRL, WHIRL, 100.0).simulate(0.02, points=3, tol=1e-7, perturb={"rotor.x": 1e-3}, q=3e5, c=2e3)
+    energy = run.kinetic + run.potential
+    np.testing.assert_allclose(energy - run.work, energy[0], rtol=1e-8)
+    assert abs(run.work[-1]) > 1e-3
+
+
+PLANE = """\
+mbstab: 1
+gravity: [0, -10]
+bodies: {rotor: {type: planar, mass: 3, inertia: 0.1}}
+forces: {film: {type: rotor_bearing, between: [rotor, ground], kxx: 4e3, kyy: 5e3, COUPLING}}
+constraints: {level: {holonomic: rotor.theta}}
+reference: {find: equilibrium}
+"""
+
+
+def jeffcott(coupling):
+    return mbstab.loads(PLANE.replace("COUPLING", coupling))
+
+
+def test_a_bearing_transmits_the_weight_and_shifts_the_rotor_across_it():
+    (found,) = jeffcott("kxy: 1e3, kyx: -2e3").equilibria()
+    x, y = np.linalg.solve([[4e3, 1e3], [-2e3, 5e3]], [0, -30])
+    np.testing.assert_allclose(found.motion.q, [x, y, 0], rtol=1e-12, atol=1e-15)
+    reaction = next(r for r in found.reactions if r.owner == "force 'film'")
+    np.testing.assert_allclose(reaction.force, [0, 30], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("coupling", ["cxx: 50, cyy: 80", "kxy: 1e3, kyx: -2e3, cxx: 50, cyy: 80, cxy: 9, cyx: 4"])
+def test_bearings_are_proven(coupling):
+    certified = jeffcott(coupling).certify()
+    assert certified.proven
+    assert certified.verdict == "asymptotically stable"
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("kxx: k, cxx: -3", r"cxx must .*got -3 N\*s/m"),
+        ("kxx: k, axis: z, zero: z", "zero must not be along the axis"),
+        ("kx: k", "unknown key 'kx'"),
+    ],
+)
+def test_bad_bearings_are_refused(entry, message):
+    with pytest.raises(ModelFileError, match=message):
+        rotor(entry).eig()
