@@ -104,7 +104,8 @@ class _Search:
         if float(np.linalg.norm(left[:n])) * self.rate > TOLERANCES.force_vanishes * fastest:
             return False
         direction = left[n:] * sizes
-        M = self.system.dynamics(state.q, state.u, self.motion.time).M
+        at = self.system.dynamics(state.q, state.u, self.motion.time)
+        M = at.M
         push = float(direction @ M @ direction) * self.rate**2
         still = np.zeros(n)
         each = each_size = 0.0
@@ -116,7 +117,7 @@ class _Search:
             each += abs(float((force - before) @ direction[columns]))
             each_size += float(np.abs(force) @ np.abs(direction[columns]))
         a, nu = self._balanced(state.q, state.u)
-        each_size += float(np.abs(M @ a) @ np.abs(direction))
+        each_size += float((np.abs(M @ a) + np.abs(nu) @ np.abs(at.J)) @ np.abs(direction))
         # Where no force acts at all, the residual is the effect of rounding in the change; a residual that is
         # zero to the last bit is zero by structure.
         K, R, _ = self.system.linearize(state.q, state.u, a, nu, self.motion.time)
