@@ -32,11 +32,17 @@ BUDGET = {
 # What a definition divides by, and nothing else.
 DIVISORS = {
     "planar_distance": {"length"},
+    "planar_relaxed_tyre": {"sqrt"},
     "planar_spring": {"sqrt"},
+    "planar_tyre": {"sqrt"},
+    "planar_tyre_relaxation": {"sqrt", "relaxation"},
     "spatial_distance": {"length"},
     "spatial_mount_torque": {"sqrt"},
+    "spatial_relaxed_tyre": {"sqrt"},
     "spatial_screw": {"lead", "pi"},
     "spatial_spring": {"sqrt"},
+    "spatial_tyre": {"sqrt", "sum of squares", "cornering"},
+    "spatial_tyre_relaxation": {"sqrt", "sum of squares", "cornering", "relaxation"},
     "spatial_angle_effort": {"sum of squares"},
     "spatial_angle_spring": {"sum of squares"},
     "spatial_ellipsoid_height": {"sqrt"},

@@ -106,8 +106,8 @@ class Case:
         def numbers(count):
             return np.array([mpmath.mpf(rng.uniform(0.2, 1.2)) for _ in range(count)], dtype=object)
 
-        n = self.size * self.element.slots
-        self.n = n
+        self.own = self.size * self.element.slots
+        n = self.n = self.own + self.element.states
         self.rows = 1 + max((i for (i,) in self.kernel.DYNAMICS.get("E", ())), default=-1)
         angles = numbers(3 * self.element.slots).reshape(-1, 3)
         self.bases = [turn(0, x) @ turn(1, y) @ turn(2, z) for x, y, z in angles]
@@ -128,17 +128,21 @@ class Case:
         """The given functions of time, without their derivatives."""
         return self.inputs["s"][: self.element.signals]
 
+    def parted(self, x):
+        """Return the part of each body, then each state by itself."""
+        return [*x[: self.own].reshape(-1, self.size), *x[self.own :]]
+
     def bodies(self):
-        parts = self.inputs["q"].reshape(-1, self.size)
-        return [Body(self.frame, q, base) for q, base in zip(parts, self.bases, strict=True)]
+        parts, count = self.parted(self.inputs["q"]), self.element.slots
+        return [*(Body(self.frame, q, base) for q, base in zip(parts[:count], self.bases, strict=True)), *parts[count:]]
 
     def virtual(self):
         """Yield each coordinate's unit velocity, body by body."""
         for j in range(self.n):
-            yield np.array([mpmath.mpf(int(i == j)) for i in range(self.n)]).reshape(-1, self.size)
+            yield self.parted(np.array([mpmath.mpf(int(i == j)) for i in range(self.n)]))
 
     def speeds(self):
-        return self.inputs["u"].reshape(-1, self.size)
+        return self.parted(self.inputs["u"])
 
     def arguments(self, function, inputs):
         last = {"dynamics": [], "linearize": list(self.last.values()), "linearize_rows": [self.a]}[function]
@@ -449,7 +453,32 @@ def angle_velocity(bodies, p, s, u):
     return [axis @ (bodies[0].spin(u[0]) - bodies[1].spin(u[1])) - s[0]]
 
 
+def rolling(body, p, u):
+    """Return speeds of a wheel along and across its plane, its turn rate about the normal, and its lean."""
+    if body.size == 2:
+        heading, velocity = body.matrix() @ p["along"], body.velocity(p["point"], u)
+        return heading @ velocity, np.array([-heading[1], heading[0]]) @ velocity, u[2], 0
+    axle, n = body.matrix() @ p["axle"], p["normal"]
+    heading = unit(np.cross(axle, n))
+    contact = body.velocity(body.matrix().T @ (lowest(body, p) - body.q[:3]), u)
+    lean = mpmath.pi / 2 - mpmath.acos(axle @ n)
+    return heading @ body.velocity(p["center"], u), np.cross(n, heading) @ contact, n @ body.spin(u), lean
+
+
+def slip_angle(body, p, u):
+    along, across, _, lean = rolling(body, p, u)
+    thrust = p["camber"][0] * lean / p["cornering"][0] if body.size == 3 else 0
+    return mpmath.atan(across / abs(along)) + thrust
+
+
+def tyre_relaxation(bodies, p, s, u):
+    along, across, _, _ = rolling(bodies[0], p, u[0])
+    lag = p["relaxation"][0] / mpmath.hypot(along, across)
+    return [u[1] - (slip_angle(bodies[0], p, u[0]) - bodies[1]) / lag]
+
+
 NONHOLONOMIC = {
+    "tyre_relaxation": tyre_relaxation,
     "disk_slip": disk_slip,
     "wheel_slip_along": wheel_slip(across=False),
     "wheel_slip_across": wheel_slip(across=True),
@@ -585,7 +614,18 @@ def turned(bodies, p, u, w):
     return turns(bodies), axes @ spins, growing, axes @ virtual
 
 
+def tyre(b, p, s, u, w):
+    """Return the power of a side force at the contact and its moment, which falls with the cosine of the slip angle."""
+    force = -p["cornering"][0] * (b[1] if len(b) > 1 else slip_angle(b[0], p, u[0]))
+    along, across, _, _ = rolling(b[0], p, u[0])
+    arm = p["trail"][0] * mpmath.cos(mpmath.atan2(across, along))
+    _, side, turn, _ = rolling(b[0], p, w[0])
+    return force * side - arm * force * turn
+
+
 POWER = {
+    "tyre": tyre,
+    "relaxed_tyre": tyre,
     "mount_force": mount(mounted),
     "mount_torque": mount(turned),
     "spring": spring(length),
@@ -605,7 +645,7 @@ POWER = {
 
 @pytest.mark.parametrize("name", named("force"))
 def test_a_force_has_the_power_that_force_times_velocity_gives_in_every_virtual_motion(name):
-    case = Case(name)
+    case = with_units(name)
     power = POWER[case.element.name]
     expected = [-power(case.bodies(), case.p, case.s, case.speeds(), w) for w in case.virtual()]
     assert_close(case.run("dynamics")["F"], expected)

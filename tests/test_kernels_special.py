@@ -17,7 +17,7 @@ from mbstab.mechanics.elements import ELEMENTS
 from mbstab.model.arithmetic import FLOAT, mpmath_arithmetic
 
 # Lengths that a definition divides by, and vectors that may not vanish.
-POSITIVE = {"length", "lead", "radius", "mass", "stiffness", "damping", "tube", "rest"}
+POSITIVE = {"length", "lead", "radius", "mass", "stiffness", "damping", "tube", "rest", "cornering", "relaxation"}
 SEMI_AXES = (2, 3, 1)  # and the ball inside it has the shortest
 
 
@@ -25,6 +25,9 @@ def states(name):
     """Yield inputs made of 0, 1 and right angles, such that the definition itself has a value."""
     element = ELEMENTS[name]
     frame = name.removesuffix(f"_{element.name}")
+    # Tyres must not stand: slip has no value at rest.
+    moving = "xyz" * ("cornering" in dict(element.parameters))
+    ones = [mpmath.mpf(1)] * element.states
     rng = random.Random(name)
     half_turn = mpmath.pi / 2
     for trial in range(12):
@@ -34,8 +37,9 @@ def states(name):
             turns = coordinate in ("phi", "psi") or (coordinate == "theta" and frame == "planar")
             angle = rng.choice([0, 0, half_turn, -half_turn]) if turns else 0
             q.append(mpmath.mpf(slot * 2 + 1) if coordinate == "x" else mpmath.mpf(angle))
-            u.append(mpmath.mpf(rng.choice([0, 0, 1])))
+            u.append(mpmath.mpf(rng.choice([1] if coordinate in moving else [0, 0, 1])))
             a.append(mpmath.mpf(rng.choice([0, 0, 1])))
+        q, u, a = q + ones, u + ones, a + ones
         p = []
         if frame == "spatial":
             p = [mpmath.mpf(i == j) for _ in range(element.slots) for i in range(3) for j in range(3)]

@@ -105,7 +105,11 @@ def test_planar_numbers_are_those_of_a_hand_calculation() -> None:
     assert frame.center == pytest.approx((0, 1 / 3), rel=1e-15)
     assert frame.inertia == pytest.approx((1 / 3 + 4 / 9 + 1 / 2 + 1 / 9 + 2 / 5 + 1 / 9,), rel=1e-15)
     assert scene.time == 2.0
-    assert scene.coordinates == {"rod.x": 0.25, "rod.theta": pytest.approx(math.pi / 6, rel=1e-15)}
+    assert scene.coordinates == {
+        "rod.x": 0.25,
+        "rod.theta": pytest.approx(math.pi / 6, rel=1e-15),
+        "tyre_slip": 0.0,
+    }
     assert scene.rates == {"rod.theta": pytest.approx(math.pi, rel=1e-15)}
     assert scene.guess == {"disk.x": -0.25}
 

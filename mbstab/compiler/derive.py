@@ -70,7 +70,8 @@ def derive(element: Element, frame: str) -> Derived:
 
     from mbstab.mechanics.frames import Frame
 
-    frames = [Frame(frame, number + 1) for number in range(element.slots)]
+    kinds = [*[frame] * element.slots, *["coordinate"] * element.states]
+    frames = [Frame(kind, number + 1) for number, kind in enumerate(kinds)]
     p = SimpleNamespace()
     flat: list[Any] = []
     for name, size in parameter_sizes(element, frame):

@@ -341,13 +341,14 @@ class System:
 
     def _columns(self, use: ElementUse, name: str) -> tuple[tuple[int, ...], tuple[Any, ...]]:
         """Return the coordinate numbers of an element, n_q where a coordinate is fixed, and its base rotations."""
-        if ELEMENTS[name].on_coordinates:
+        element = ELEMENTS[name]
+        if element.on_coordinates:
             return use.slots, ()
         size = 3 if self.scene.dimension == 2 else 6
         columns: list[int] = []
         bases: list[Any] = []
         identity = tuple(float(i == j) for i in range(3) for j in range(3))
-        for body in use.slots:
+        for body in use.slots[: element.slots]:
             if body == GROUND:
                 columns += [self.n_q] * size
                 bases += identity if size == 6 else ()
@@ -355,7 +356,7 @@ class System:
             own = range(*self.body_slices[body].indices(self.n_q))
             columns += [*own, *[self.n_q] * (size - len(own))]
             bases += self.scene.bodies[body].base
-        return tuple(columns), tuple(bases)
+        return (*columns, *use.slots[element.slots :]), tuple(bases)
 
     def _place_expressions(
         self, equations: dict[str, Expression], entry: Entry, role: str, rows: tuple[int, ...]

@@ -63,6 +63,8 @@ class Element:
         ``define(frames, parameters, signals)`` with symbolic frames; SymPy is imported inside.
     hint : str
         What to do where it has no finite equations.
+    states : int
+        Number of first-order states it contains; each is a slot after those of the bodies.
     """
 
     name: str
@@ -74,6 +76,7 @@ class Element:
     signals: int = 0
     units: tuple[str, ...] = ()
     hint: str = ""
+    states: int = 0
 
     @property
     def on_coordinates(self) -> bool:
@@ -178,7 +181,7 @@ class ElementUse:
     element : str
         Name of the element, without the frame.
     slots : tuple of int
-        Body numbers, or coordinate numbers where the element's frame is ``coordinate``.
+        Body numbers, or coordinate numbers where the element's frame is ``coordinate``, and of its states.
     parameters : tuple
         Its numbers, in the order of `Element.parameters`, flattened.
     laws : tuple
@@ -271,6 +274,10 @@ class Item(Protocol):
     functions: Any
     """The functions of the number system in use: ``sqrt``, ``atan2``, …"""
 
+    @property
+    def state(self) -> int:
+        """Number of the coordinate that is its own first-order state (`Kind.state`)."""
+
     def given(self, name: str) -> bool: ...  # noqa: D102
     def value(self, name: str) -> Any: ...  # noqa: D102
     def number(self, name: str) -> Number: ...  # noqa: D102
@@ -283,11 +290,34 @@ class Item(Protocol):
     def triads(self, axis: str, zero: str) -> tuple[Triad, Triad]: ...  # noqa: D102
     def coordinate(self, name: str) -> int: ...  # noqa: D102
     def joint(self, name: str) -> Item: ...  # noqa: D102
+    def contact(self, name: str) -> Item: ...  # noqa: D102
     def law(self, name: str) -> Any: ...  # noqa: D102
     def laws(self, name: str) -> tuple[Any, ...]: ...  # noqa: D102
 
 
 Build = Callable[[Item], Iterable[ElementUse]]
+
+
+@dataclass(frozen=True)
+class OwnState:
+    """A first-order state that an entry has where one of its fields is given.
+
+    Attributes
+    ----------
+    field : str
+        Name of the field.
+    suffix : str
+        The state is called after the entry, ``NAME_suffix``.
+    doc : str
+        What it is.
+    build : callable
+        From the `Item` to the elements with the row of its rate.
+    """
+
+    field: str
+    suffix: str
+    doc: str
+    build: Build
 
 
 @dataclass(frozen=True)
@@ -319,6 +349,8 @@ class Kind:
     part : callable or None
         From what it acts along, its name and the texts of its keys (lists and mappings of texts) to a `Part`; the field
         ``on`` is made of it. Raises `PartError`.
+    state : OwnState or None
+        For forces: the first-order state that an entry may have.
     """
 
     name: str
@@ -333,6 +365,7 @@ class Kind:
     written: Role | None = None
     transmits: bool = False
     part: Callable[[str, str, Mapping[str, Any]], Part] | None = None
+    state: OwnState | None = None
 
     def field(self, name: str) -> Field:
         """Return the field of that name."""

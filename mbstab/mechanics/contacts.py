@@ -32,7 +32,7 @@ def _disk_slip(frames: Any, p: Any, s: Any) -> Any:
     return [p.normal[1] * velocity[0] - p.normal[0] * velocity[1] + p.radius[0] * frames[0].u[2]]
 
 
-def _wheel(frame: Any, p: Any) -> tuple[Any, Any, Any]:
+def wheel_at_contact(frame: Any, p: Any) -> tuple[Any, Any, Any]:
     """Return the vector from the centre to the contact, and the unit directions along and across the track."""
     import sympy
 
@@ -44,12 +44,12 @@ def _wheel(frame: Any, p: Any) -> tuple[Any, Any, Any]:
 
 
 def _wheel_height(frames: Any, p: Any, s: Any) -> Any:
-    arm, _, _ = _wheel(frames[0], p)
+    arm, _, _ = wheel_at_contact(frames[0], p)
     return [p.normal.dot(frames[0].position(p.center) + arm) - p.level[0]]
 
 
 def _wheel_slip(frames: Any, p: Any, sideways: bool) -> Any:
-    arm, along, across = _wheel(frames[0], p)
+    arm, along, across = wheel_at_contact(frames[0], p)
     velocity = frames[0].velocity(p.center) + frames[0].angular_velocity().cross(arm)
     return [(across if sideways else along).dot(velocity)]
 
@@ -167,6 +167,8 @@ _ROWS = {
     "sideways": ("wheel_slip_along",),
     "frictionless": (),
 }
+SLIPPING = ("sideways", "frictionless")
+"""Motions of a wheel that may slip across its track."""
 
 
 def _disk(item: Item) -> Iterable[ElementUse]:

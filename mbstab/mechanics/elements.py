@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from mbstab.mechanics import bearings, bodies, contacts, controllers, drives, forces, inputs, joints
+from mbstab.mechanics import bearings, bodies, contacts, controllers, drives, forces, inputs, joints, tyres
 from mbstab.mechanics.catalogue import Element, Kind
 
 ELEMENTS: dict[str, Element] = {
     f"{frame}_{element.name}": element
-    for module in (bodies, joints, contacts, drives, forces, bearings)
+    for module in (bodies, joints, contacts, drives, forces, bearings, tyres)
     for element in module.ELEMENTS
     for frame in element.frames
 }
@@ -29,7 +29,7 @@ KINDS: dict[str, dict[tuple[str, int], Kind]] = {
     "joints": joints.KINDS,
     "contacts": contacts.KINDS,
     "drives": _by_dimension(drives.KINDS),
-    "forces": forces.KINDS | bearings.KINDS | controllers.KINDS,
+    "forces": forces.KINDS | bearings.KINDS | tyres.KINDS | controllers.KINDS,
     "inputs": inputs.KINDS,
 }
 """Types by section of a model file, under (name, dimension of the scene)."""

@@ -9,7 +9,8 @@ from mbstab.mechanics.catalogue import Kind
 from mbstab.model import units
 from mbstab.model.expressions import Expression
 from mbstab.model.nodes import NodeReader
-from mbstab.model.schema import Components, Entry, MeasureValue, Parameter, TableValue
+from mbstab.model.schema import Components, Entry, MeasureValue, Parameter, TableValue, entry_word
+from mbstab.model.yamlfile import Mapping as MappingNode
 from mbstab.model.yamlfile import Scalar, YamlNode
 
 
@@ -29,6 +30,8 @@ class Names:
     joints : dict of Kind
         The types of the joints. They are known before any joint is read, so entries may name
         joints that stand further down.
+    contacts : dict of (Kind, Mapping)
+        The types of the contacts, and what is written of them, known before any is read.
     written : dict of collections of str
         By section, every name in the file; an entry with a problem is written, but not known.
     tables : dict of TableValue
@@ -51,6 +54,7 @@ class Names:
         self.state_units: dict[str, str] = {}
         self.bodies: dict[str, Entry] = {}
         self.joints: dict[str, Kind] = {}
+        self.contacts: dict[str, tuple[Kind, MappingNode]] = {}
         self.written: dict[str, Collection[str]] = {}
         self.tables: dict[str, TableValue] = {}
         self.definitions: dict[str, Expression] = {}
@@ -69,7 +73,7 @@ class Names:
         """Whether a name is known; one that is written but could not be read has its problem already."""
         found = word in known or word in also
         if not found and word not in self.written[section]:
-            what = {"bodies": "body", "joints": "joint", "drives": "drive"}[section]
+            what = entry_word(section)
             self.nodes.complain(node, path, f"there is no {what} {word!r}", suggestion(word, [*known, *also]))
         return found
 
@@ -88,6 +92,10 @@ class Names:
     def joint(self, node: YamlNode, path: str, word: str) -> Kind | None:
         """Return the type of the joint of that name."""
         return self.joints[word] if self._known(node, path, word, "joints", self.joints) else None
+
+    def contact(self, node: YamlNode, path: str, word: str) -> tuple[Kind, MappingNode] | None:
+        """Return the type of the contact of that name, and what is written of it."""
+        return self.contacts[word] if self._known(node, path, word, "contacts", self.contacts) else None
 
     def coordinate(self, node: YamlNode, path: str) -> str | None:
         """Return the name of a coordinate."""

@@ -81,7 +81,9 @@ def _read(document: Document, root: Mapping) -> Model:
     return Model(
         document=document,
         dimension=quantities.names.dimension,
-        order=(*(key for key in top if key in entries), *(("states",) if "states" not in top else ())),
+        order=tuple(
+            dict.fromkeys([*(key for key in top if key in entries), *(["states"] if entries["states"] else [])])
+        ),
         title=nodes.text(top.get("title"), "title"),
         source=nodes.text(top.get("source"), "source"),
         parameters=quantities.names.parameters,

@@ -140,14 +140,14 @@ class Scene:
 class ItemValues:
     """An entry with its numbers; the `Item` that `Kind.build` sees."""
 
-    def __init__(self, entry: Entry, evaluator: Evaluator, joints: Mapping[str, ItemValues]) -> None:
+    def __init__(self, entry: Entry, evaluator: Evaluator, others: Mapping[str, ItemValues]) -> None:
         self.entry = entry
         self.name = entry.name
         self.kind: Kind = entry.kind
         self.functions = evaluator.f
         self.dimension = evaluator.model.dimension
         self.evaluator = evaluator
-        self._joints = joints
+        self._others = others
         self._numbers: dict[str, Any] = {}
 
     def check(self, time: Number) -> None:
@@ -167,11 +167,22 @@ class ItemValues:
         return self._numbers[name]
 
     # The names under which the mechanics ask for it say what kind of field they expect.
-    number = vector = direction = choice = body = marker = markers = coordinate = joint = law = laws = value
+    number = vector = direction = choice = body = marker = markers = coordinate = joint = contact = law = laws = value
 
     def joint_named(self, name: str) -> ItemValues:
         """Return the joint of that name."""
-        return self._joints[name]
+        return self._others[f"joints.{name}"]
+
+    def contact_named(self, name: str) -> ItemValues:
+        """Return the contact of that name."""
+        return self._others[f"contacts.{name}"]
+
+    @property
+    def state(self) -> int:
+        """Number of the coordinate that is its own first-order state."""
+        name = self.name if self.entry.section == "states" else self.entry.own_state
+        assert name is not None
+        return self.evaluator.coordinate_numbers[name]
 
     def triads(self, axis: str, zero: str) -> tuple[Triad, Triad]:
         """Return the triads of the two markers of a joint."""
@@ -201,4 +212,4 @@ class ItemValues:
     def points_acted_on(self) -> list[Marker]:
         """Return the points of bodies at which the entry acts, by itself or through the joint that it names."""
         named = (name for _, kind, value in given_fields(self.entry) for name in kind.joints(value))
-        return self.points() or next((self._joints[name].points_acted_on() for name in named), [])
+        return self.points() or next((self.joint_named(name).points_acted_on() for name in named), [])

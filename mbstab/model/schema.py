@@ -173,6 +173,12 @@ class Entry:
         return f"{entry_word(self.section)} {self.name!r}"
 
     @property
+    def own_state(self) -> str | None:
+        """Return the name of its own first-order state, if it has one."""
+        state = self.kind.state
+        return f"{self.name}_{state.suffix}" if state is not None and state.field in self.values else None
+
+    @property
     def equations(self) -> dict[str, Expression]:
         """Return the equations that the file itself gives (`Kind.written`): forces by coordinate, a row by its role."""
         if self.kind.written is None:

@@ -69,14 +69,15 @@ class _Assembly(Evaluator):
         gravity = self.vector(model.gravity)
         time = self.number(reference.time)
         bodies = tuple(self.body(entry, time) for entry in model.bodies.values())
-        joints: dict[str, ItemValues] = {}
-        joints.update((name, ItemValues(entry, self, joints)) for name, entry in model.entries["joints"].items())
+        named: dict[str, ItemValues] = {}
+        for section in ("joints", "contacts"):
+            named.update((entry.path, ItemValues(entry, self, named)) for entry in model.entries[section].values())
         items = [
-            joints[entry.name] if section == "joints" else ItemValues(entry, self, joints)
+            named.get(entry.path) or ItemValues(entry, self, named)
             for section in model.order
             for entry in model.entries[section].values()
         ]
-        inputs = tuple(ItemValues(entry, self, joints) for entry in model.inputs.values())
+        inputs = tuple(ItemValues(entry, self, named) for entry in model.inputs.values())
         for item in (*items, *inputs):
             item.check(time)
         coordinates, rates, guess = (
@@ -92,12 +93,12 @@ class _Assembly(Evaluator):
         return regular(Scene(
             model, self.f, self.parameters, gravity, bodies, items, time, coordinates, rates, guess, steady,
             period, self.points(), self.lengths, initial, inputs=inputs,
-            measures={name: self.measure(value, joints) for name, value in model.measures.items()},
+            measures={name: self.measure(value, named) for name, value in model.measures.items()},
         ))  # fmt: skip
 
-    def measure(self, value: MeasureValue, joints: Mapping[str, ItemValues]) -> MeasureNumbers:
+    def measure(self, value: MeasureValue, named: Mapping[str, ItemValues]) -> MeasureNumbers:
         if value.joint is not None:
-            joint = joints[value.joint]
+            joint = named[f"joints.{value.joint}"]
             bodies = tuple(marker.body for marker in joint.markers("between"))
             return MeasureNumbers(value.kind, bodies, motion_parameters(joint, value.kind))
         bodies = tuple(GROUND if x.body is None else self.body_numbers[x.body] for x in value.points)

@@ -54,6 +54,7 @@ class Owner(Protocol):
 
     def value(self, name: str) -> Any: ...  # noqa: D102
     def joint_named(self, name: str) -> Any: ...  # noqa: D102
+    def contact_named(self, name: str) -> Any: ...  # noqa: D102
     def triads(self, axis: str, zero: str) -> Any: ...  # noqa: D102
 
 

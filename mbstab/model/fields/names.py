@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from mbstab.mechanics.catalogue import Field, Number
+from mbstab.mechanics.catalogue import Field, Marker, Number
+from mbstab.mechanics.contacts import SLIPPING
 from mbstab.model.expressions import Name, Rate
 from mbstab.model.fields.base import BY_NAME, TEXT, FieldKind, Owner, Reading
 from mbstab.model.fields.values import ChoiceField
@@ -85,6 +86,43 @@ class MotionField(ChoiceField):
         elif given and reading.values[field.name] not in joint.motions:
             message = f"a {joint.name} joint has no {reading.values[field.name]}, only {joint.motions[0]}"
             reading.nodes.complain(reading.node.entries[field.name], f"{reading.path}.{field.name}", message)
+
+
+class SlippingWheelField(FieldKind):
+    """The name of a contact of a wheel that may slip across its track, wherever it stands in the file."""
+
+    name = "slipping wheel"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> str | None:
+        """Return the name."""
+        word = reading.nodes.word(node, path, "the name of a contact")
+        found = reading.names.contact(node, path, word) if word is not None else None
+        if found is None:
+            return None
+        kind, contact = found
+        if kind.name != "wheel":
+            hint = "name a contact of type: wheel"
+            reading.nodes.complain(node, path, f"the contact {word!r} is not a wheel but of type {kind.name!r}", hint)
+            return None
+        motion = contact.entries.get("motion")
+        written = motion.text if isinstance(motion, Scalar) else kind.field("motion").default
+        if written not in SLIPPING:
+            message = f"the contact {word!r} holds its wheel across the track (motion: {written}): there is no slip"
+            reading.nodes.complain(node, path, message, f"write motion: {SLIPPING[0]} in this contact")
+            return None
+        return word
+
+    def numbers(self, owner: Owner, field: Field, value: str) -> Any:
+        """Return the contact, an `Item`."""
+        return owner.contact_named(value)
+
+    def markers(self, numbers: Any) -> Iterable[Marker]:
+        """Return the centre of the wheel."""
+        return (numbers.marker("center"),)
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of a name."""
+        return {**TEXT}
 
 
 class CoordinateField(FieldKind):
@@ -193,4 +231,13 @@ class LoadsField(FieldKind):
         return {**BY_NAME}
 
 
-KINDS = (BodyField(), JointField(), MotionField(), CoordinateField(), DriveField(), ParameterField(), LoadsField())
+KINDS = (
+    BodyField(),
+    JointField(),
+    MotionField(),
+    SlippingWheelField(),
+    CoordinateField(),
+    DriveField(),
+    ParameterField(),
+    LoadsField(),
+)

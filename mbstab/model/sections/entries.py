@@ -6,8 +6,10 @@ What an entry may contain comes from `mbstab.mechanics.elements.KINDS`, how a fi
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from collections.abc import Mapping as MappingType
 from contextlib import suppress
+from dataclasses import replace
 
 from mbstab.errors import Location, suggestion
 from mbstab.mechanics.catalogue import ROWS, Field, Kind, Part, PartError
@@ -75,6 +77,7 @@ class EntryReader:
         }
         self.names.joints = {name: kind for name, (kind, _) in found["joints"].items()}
         definitions.check()
+        self.names.contacts = found["contacts"]
         entries = {
             section: {name: self._entry(section, name, *item) for name, item in found[section].items()}
             for section in NAMING
@@ -99,11 +102,20 @@ class EntryReader:
         return {
             **entries,
             "constraints": self._constraints(sections.get("constraints")),
-            "states": found_states,
+            "states": found_states | dict(self._own_states(entries["forces"])),
         }
 
+    @staticmethod
+    def _own_states(forces: dict[str, Entry]) -> Iterator[tuple[str, Entry]]:
+        """Yield the states that forces have themselves, by name: entries with the same fields."""
+        for entry in forces.values():
+            name, state = entry.own_state, entry.kind.state
+            if name is not None and state is not None:
+                kind = Kind(entry.kind.name, state.doc, entry.kind.dimensions, entry.kind.fields, state.build)
+                yield name, replace(entry, section="states", name=name, kind=kind)
+
     def find_states(self, sections: MappingType[str, YamlNode]) -> None:
-        """Find the names of the states, which then count as coordinates, those of controllers and motors last."""
+        """Find the names of the states, those of forces after those of the file; all then count as coordinates."""
         section = self.nodes.optional(sections.get("states"), "states")
         names = self.names
         taken = {
@@ -125,28 +137,31 @@ class EntryReader:
         for key, node in forces.pairs() if isinstance(forces, Mapping) else ():
             type_node = node.entries.get("type") if isinstance(node, Mapping) else None
             kind = KINDS["forces"].get((type_node.text if isinstance(type_node, Scalar) else "", names.dimension))
-            if not isinstance(node, Mapping) or kind is None or kind.part is None:
+            if not isinstance(node, Mapping) or kind is None:
                 continue
-            try:
-                part = part_of(kind, key.text, node)
-            except PartError as error:
-                at = node.entries.get(error.key, node)
-                self.nodes.complain(at, f"forces.{key.text}", error.message, error.hint)
-                continue
-            except (
-                AttributeError,
-                KeyError,
-                TypeError,
-                ValueError,
-            ):  # a key that is missing, or no list: told where it is read
-                continue
-            self.parts[key.text], self.places[key.text] = part, key.location
-            for state in part.states:
+            for state, unit in self._states_of(kind, key, node):
                 if state in taken or state in names.coordinates:
                     message = f"its state would be called {state!r}, and that name is taken"
                     self.nodes.complain(key, f"forces.{key.text}", message, "give one of them another name")
                 names.coordinates[state] = None
-                self._note_unit(state, Scalar(part.units[state], key.location) if state in part.units else None)
+                self._note_unit(state, None if unit is None else Scalar(unit, key.location))
+
+    def _states_of(self, kind: Kind, key: Scalar, node: Mapping) -> list[tuple[str, str | None]]:
+        """Return the names and units of the states of a force; a part that they belong to is noted."""
+        if kind.state is not None and kind.state.field in node.entries:
+            return [(f"{key.text}_{kind.state.suffix}", None)]
+        if kind.part is None:
+            return []
+        try:
+            part = part_of(kind, key.text, node)
+        except PartError as error:
+            at = node.entries.get(error.key, node)
+            self.nodes.complain(at, f"forces.{key.text}", error.message, error.hint)
+            return []
+        except (AttributeError, KeyError, TypeError, ValueError):  # a key that is missing, or no list: told where read
+            return []
+        self.parts[key.text], self.places[key.text] = part, key.location
+        return [(state, part.units.get(state)) for state in part.states]
 
     def _note_unit(self, state: str, node: YamlNode | None) -> None:
         """Note the unit of a state; one with a problem is refused when the state is read."""

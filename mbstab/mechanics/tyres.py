@@ -1,0 +1,199 @@
+"""Tyres: side force and aligning moment of a wheel that rolls with a slip angle.
+
+The slip angle α is that of the speed of the contact against the plane of the wheel, sin α = v_y/|v| with v_x of the
+centre and v_y of the contact, positive to the left of the heading; the lean γ is positive to the right. At small slip
+the side force −C z, z = α + γ C_γ/C, acts a pneumatic trail t behind the contact: its moment there is −t cos α times
+the force. With a relaxation length σ the slip z is a first-order state, z' = |v|/σ (α + γ C_γ/C − z): it follows over
+the distance travelled (Pacejka, Tire and Vehicle Dynamics, 2012, chapters 1, 4 and 7).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind, Load, Look, OwnState
+from mbstab.mechanics.contacts import wheel_at_contact
+from mbstab.records import dataclass
+
+# --- elements -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Rolling:
+    """How a wheel moves over the ground, as symbols: speeds along and across, turn rate about the normal, lean."""
+
+    along: Any
+    across: Any
+    turn: Any
+    lean: Any
+
+    @property
+    def speed(self) -> Any:
+        import sympy
+
+        return sympy.sqrt(self.along**2 + self.across**2)
+
+
+def _rolling(frame: Any, p: Any) -> _Rolling:
+    import sympy
+
+    if frame.dimension == 2:
+        heading, velocity = frame.direction(p.along), frame.velocity(p.point)
+        left = sympy.Matrix([-heading[1], heading[0]])
+        return _Rolling(heading.dot(velocity), left.dot(velocity), frame.u[2], 0)
+    arm, heading, left = wheel_at_contact(frame, p)
+    centre, turn = frame.velocity(p.center), frame.angular_velocity()
+    axle = frame.direction(p.axle)
+    level = axle.cross(p.normal)
+    lean = sympy.atan2(p.normal.dot(axle), sympy.sqrt(level.dot(level)))
+    return _Rolling(heading.dot(centre), left.dot(centre + turn.cross(arm)), p.normal.dot(turn), lean)
+
+
+def _settled(at: _Rolling, p: Any) -> Any:
+    """Return the slip without relaxation."""
+    import sympy
+
+    slip = sympy.asin(at.across / at.speed)
+    return slip + p.camber[0] / p.cornering[0] * at.lean if at.lean != 0 else slip
+
+
+def _acting(at: _Rolling, p: Any, slip: Any) -> Load:
+    import sympy
+
+    force = -p.cornering[0] * slip
+    moment = -p.trail[0] * at.along / at.speed * force
+    return Load(power=((sympy.Matrix([force, moment]), sympy.Matrix([at.across, at.turn])),))
+
+
+def _tyre(frames: Any, p: Any, s: Any) -> Load:
+    at = _rolling(frames[0], p)
+    return _acting(at, p, _settled(at, p))
+
+
+def _relaxed_tyre(frames: Any, p: Any, s: Any) -> Load:
+    wheel, state = frames
+    return _acting(_rolling(wheel, p), p, state.q[0])
+
+
+def _tyre_relaxation(frames: Any, p: Any, s: Any) -> Any:
+    wheel, state = frames
+    at = _rolling(wheel, p)
+    return [state.u[0] - at.speed / p.relaxation[0] * (_settled(at, p) - state.q[0])]
+
+
+_PLACES: dict[str, tuple[tuple[str, int], ...]] = {
+    "planar": (("point", 2), ("along", 2)),
+    "spatial": (("center", 3), ("axle", 3), ("radius", 1), ("tube", 1), ("normal", 3)),
+}
+_CAMBER: dict[str, tuple[tuple[str, int], ...]] = {"planar": (), "spatial": (("camber", 1),)}
+_FORCE = (("cornering", 1), ("trail", 1))
+_AT_REST = (
+    "the slip of a tyre has no value where its wheel does not move over the ground: give the body a speed under "
+    "reference: rates:, or hold a wheel that stands by a contact instead"
+)
+
+ELEMENTS = tuple(
+    element
+    for frame, place in _PLACES.items()
+    for element in (
+        Element("tyre", "force", (frame,), 1, (*place, *_FORCE, *_CAMBER[frame]), _tyre, hint=_AT_REST),
+        Element("relaxed_tyre", "force", (frame,), 1, (*place, *_FORCE), _relaxed_tyre, states=1, hint=_AT_REST),
+        Element(
+            "tyre_relaxation",
+            "nonholonomic",
+            (frame,),
+            1,
+            (*place, ("relaxation", 1), ("cornering", 1), *_CAMBER[frame]),
+            _tyre_relaxation,
+            states=1,
+            units=("rad/s",),
+            hint=_AT_REST,
+        ),
+    )
+)
+
+# --- kinds ----------------------------------------------------------------------------------------------------------
+
+
+def _place(item: Item) -> tuple[int, tuple[Any, ...]]:
+    """Return the body of the wheel, and the numbers that say where it is."""
+    if item.dimension == 2:
+        point = item.marker("at")
+        return point.body, (*point.point, *item.direction("along"))
+    contact = item.contact("contact")
+    center = contact.marker("center")
+    sizes = (contact.number("radius"), contact.number("tube"))
+    return center.body, (*center.point, *contact.direction("axle"), *sizes, *contact.direction("normal"))
+
+
+def _camber(item: Item) -> tuple[Any, ...]:
+    return (item.number("camber_stiffness"),) if item.dimension == 3 else ()
+
+
+def _tyre_elements(item: Item) -> Iterable[ElementUse]:
+    body, place = _place(item)
+    force = item.number("cornering_stiffness"), item.number("trail")
+    if item.given("relaxation_length"):
+        yield ElementUse("relaxed_tyre", (body, item.state), (*place, *force))
+    else:
+        yield ElementUse("tyre", (body,), (*place, *force, *_camber(item)))
+
+
+def _relaxation(item: Item) -> Iterable[ElementUse]:
+    body, place = _place(item)
+    numbers = (*place, item.number("relaxation_length"), item.number("cornering_stiffness"), *_camber(item))
+    yield ElementUse("tyre_relaxation", (body, item.state), numbers, labels=("relaxation",))
+
+
+def _look(item: Item) -> Look:
+    return Look("blade", (item.marker("at"),), item.direction("along"))
+
+
+_WHERE = {
+    2: (
+        Field("at", "marker", "where the wheel stands, seen from above: body or body.point", required=True),
+        Field("along", "direction", "heading of the wheel in the frame of its body", default="x"),
+    ),
+    3: (
+        Field(
+            "contact",
+            "slipping wheel",
+            "name of a contact of type wheel that may slip across its track, motion: sideways or frictionless",
+            required=True,
+        ),
+    ),
+}
+_STIFFNESS = (
+    Field("cornering_stiffness", "number", "side force over slip angle", "N/rad", required=True, sign="positive"),
+    Field(
+        "camber_stiffness",
+        "number",
+        "side force over lean, towards the side to which the wheel leans",
+        "N/rad",
+        default="0",
+        dimensions=(3,),
+    ),
+    Field("trail", "number", "pneumatic trail: distance of the side force behind the contact", "m", default="0"),
+    Field(
+        "relaxation_length",
+        "number",
+        "distance over which the side force follows the slip, which is then a state named NAME_slip (rad)",
+        "m",
+        sign="positive",
+    ),
+)
+
+KINDS: dict[tuple[str, int], Kind] = {
+    ("tyre", dimension): Kind(
+        "tyre",
+        "side force and aligning moment of a rolling wheel, " + ("seen from above", "with a contact")[dimension - 2],
+        (dimension,),
+        (*where, *(field for field in _STIFFNESS if dimension in field.dimensions)),
+        _tyre_elements,
+        transmits=True,
+        look=_look if dimension == 2 else None,
+        state=OwnState("relaxation_length", "slip", "slip angle that the side force of a tyre follows", _relaxation),
+    )
+    for dimension, where in _WHERE.items()
+}
