@@ -17,7 +17,19 @@ from mbstab.mechanics.elements import ELEMENTS
 from mbstab.model.arithmetic import FLOAT, mpmath_arithmetic
 
 # Lengths that a definition divides by, and vectors that may not vanish.
-POSITIVE = {"length", "lead", "radius", "mass", "stiffness", "damping", "tube", "rest", "cornering", "relaxation"}
+POSITIVE = {
+    "length",
+    "lead",
+    "radius",
+    "mass",
+    "stiffness",
+    "damping",
+    "tube",
+    "rest",
+    "cornering",
+    "relaxation",
+    "half_gauge",
+}
 SEMI_AXES = (2, 3, 1)  # and the ball inside it has the shortest
 
 
@@ -25,8 +37,8 @@ def states(name):
     """Yield inputs made of 0, 1 and right angles, such that the definition itself has a value."""
     element = ELEMENTS[name]
     frame = name.removesuffix(f"_{element.name}")
-    # Tyres must not stand: slip has no value at rest.
-    moving = "xyz" * ("cornering" in dict(element.parameters))
+    # Wheels must not stand: slip has no value at rest.
+    moving = "xyz" * (not {"cornering", "conicity"}.isdisjoint(dict(element.parameters)))
     ones = [mpmath.mpf(1)] * element.states
     rng = random.Random(name)
     half_turn = mpmath.pi / 2

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
-from mbstab.mechanics import bearings, bodies, contacts, controllers, drives, forces, inputs, joints, tyres
+from mbstab.mechanics import (
+    bearings,
+    bodies,
+    contacts,
+    controllers,
+    creep,
+    drives,
+    forces,
+    inputs,
+    joints,
+    tyres,
+)
 from mbstab.mechanics.catalogue import Element, Kind
 
 ELEMENTS: dict[str, Element] = {
     f"{frame}_{element.name}": element
-    for module in (bodies, joints, contacts, drives, forces, bearings, tyres)
+    for module in (bodies, joints, contacts, drives, forces, bearings, tyres, creep)
     for element in module.ELEMENTS
     for frame in element.frames
 }
@@ -29,7 +40,7 @@ KINDS: dict[str, dict[tuple[str, int], Kind]] = {
     "joints": joints.KINDS,
     "contacts": contacts.KINDS,
     "drives": _by_dimension(drives.KINDS),
-    "forces": forces.KINDS | bearings.KINDS | tyres.KINDS | controllers.KINDS,
+    "forces": forces.KINDS | bearings.KINDS | tyres.KINDS | creep.KINDS | controllers.KINDS,
     "inputs": inputs.KINDS,
 }
 """Types by section of a model file, under (name, dimension of the scene)."""
