@@ -182,6 +182,8 @@ def test_a_filtered_derivative_and_a_target():
     expected = np.roots(np.polyadd(loop, np.polyadd(np.polymul([4.0, 3.0], [0.05, 1.0]), [2.0, 0.0, 0.0])))
     assert close(mechanism.eig().values(), expected, 1e-11)
     pytest.importorskip("flint")
+    assert mechanism.certify().verdict == "asymptotically stable"
+    assert disk(text.replace("I: 3", "I: 300"), rest=rest).certify().verdict == "unstable"
     at_rest = "reference: {coordinates: {b: {theta: 0.3}, u_filtered: 0.3}}"
     assert disk(text, rest=at_rest).certify().verdict == "asymptotically stable"
 

@@ -415,3 +415,19 @@ def test_units_of_states_are_checked(state, torque, given, message):
     with pytest.raises(ModelFileError) as caught:
         mbstab.loads(COIL.format(state=state, torque=torque, given=given))
     assert message.replace("(", "").replace(")", "") in str(caught.value).replace("(", "").replace(")", "")
+
+
+def test_an_actuator_may_push_with_a_state():
+    """The same as an expression along the motion of the joint, and lags and drives by a constraint."""
+    pushed = LINK.replace("{type: expression, on: {angle(pin): M}}", "{type: actuator, joint: pin, effort: 2*M - M}")
+    reference = "reference: {find: equilibrium, guess: {rod: {x: 0.5, theta: 0}}}\n"
+    found = mbstab.loads(pushed + reference).eig().values()
+    assert close(found, mbstab.loads(LINK + reference).eig().values(), 1e-13)
+    with pytest.raises(ModelFileError, match="unknown parameter 'N'"):
+        mbstab.loads(pushed.replace("2*M - M", "2*M - N") + reference)
+
+
+def test_a_motion_that_follows_a_state():
+    """θ = z with z' = -3 z: the only eigenvalue; the torque is a reaction."""
+    text = turning("J: 0.3", "z: {rate: -3*z}", "-rate(b.theta)", "constraints: {d: {holonomic: angle(axle) - z}}")
+    assert close(text.eig().values(), [-3.0], 1e-14)

@@ -351,6 +351,8 @@ class Kind:
         ``on`` is made of it. Raises `PartError`.
     state : OwnState or None
         For forces: the first-order state that an entry may have.
+    following : Kind or None
+        What it is instead where one of its laws depends on the motion, not only on the time.
     """
 
     name: str
@@ -366,6 +368,7 @@ class Kind:
     transmits: bool = False
     part: Callable[[str, str, Mapping[str, Any]], Part] | None = None
     state: OwnState | None = None
+    following: Kind | None = None
 
     def field(self, name: str) -> Field:
         """Return the field of that name."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from mbstab.mechanics.catalogue import Effort, Element, ElementUse, Field, Item, Kind, Load, Look, Sign
+from mbstab.mechanics.catalogue import Effort, Element, ElementUse, Field, Item, Kind, Load, Look, Part, Sign
 from mbstab.mechanics.drives import MOTION, TRAVEL, TURN, joint_motion
 from mbstab.mechanics.joints import joint_angle_functions, joint_displacement, motion_parameters
 from mbstab.mechanics.vectors import plain_zero
@@ -295,6 +295,8 @@ _FRAME = Field(
     choices=("ground", "body"),
 )
 
+_EFFORT = "force in N or torque in N*m; may depend on the time t, on states, coordinates and measures"
+
 KINDS: dict[tuple[str, int], Kind] = {
     (kind.name, dimension): kind
     for kind in (
@@ -375,10 +377,24 @@ KINDS: dict[tuple[str, int], Kind] = {
             (
                 _JOINT,
                 MOTION,
-                Field("effort", "law", "force in N or torque in N*m; may depend on the time t", "", required=True),
+                Field("effort", "law", _EFFORT, "", required=True),
             ),
             _actuator,
             effort=_actuator_effort,
+            following=Kind(
+                "actuator",
+                "the same with an effort that depends on the motion or on states",
+                (2, 3),
+                (
+                    _JOINT,
+                    MOTION,
+                    Field("effort", "signal", _EFFORT, "", required=True),
+                    Field("on", "loads", "the effort along the motion of the joint", made=True),
+                ),
+                lambda item: (),
+                written="force",
+                part=lambda along, name, given: Part({}, given["effort"]),
+            ),
         ),
         Kind(
             "force",

@@ -111,7 +111,10 @@ class QuantityReader:
     def _check_coordinate(self, name: str, at: int, allowed: bool) -> None:
         if not allowed:
             what = "measures" if is_measure(name) else "states" if is_state(name) else "coordinates"
-            hint = "a force of type: expression takes them, on: {angle(joint): …}"
+            hint = (
+                "a force of type: expression takes them, on: {angle(joint): …}; what moves with them is a constraint, "
+                "{holonomic: angle(joint) - …}"
+            )
             raise ExpressionError(f"{what} such as {name!r} cannot be used here", at, hint)
         if is_measure(name):
             self.measure(name, at)

@@ -48,7 +48,7 @@ def forces(M: Matrix, a: Sequence[Ball], F0: Sequence[Ball], J: Matrix, nu: Sequ
 
 
 class Equations:
-    """The equations F = 0, E = 0 of an equilibrium, and V = 0 of a steady motion, in balls.
+    """The equations F = 0, E = 0 of an equilibrium, and V = 0 of a steady motion or with states, in balls.
 
     The unknowns are the coordinates that are not given, the coefficients of the steady motion that
     are not given, and the multipliers of the chosen rows.
@@ -68,7 +68,7 @@ class Equations:
         self.open = [i for i, name in enumerate(names) if not hold and name not in scene.coordinates]
         self.free = known.free_rates()
         self.given = {i: ball(scene.rates[name]) for i, name in enumerate(names) if name in scene.rates}
-        self.moving = scene.steady is not None
+        self.moving = scene.steady is not None or bool(scene.model.states)  # which must come to rest
 
     @cached_property
     def multipliers(self) -> Array:

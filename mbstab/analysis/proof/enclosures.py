@@ -412,7 +412,7 @@ class Reference:
         """Return the equilibrium or steady motion that is proven to exist near the solution in double precision."""
         equations = Equations(self, q, hold)
         start, moving = equations.start(), equations.moving
-        what = "the steady motion" if moving else "the equilibrium"
+        what = "the steady motion" if self.system.scene.steady is not None else "the equilibrium"
         chosen = list(earlier.equations) if (earlier := self._earlier()) else equations.independent(start, what)
         found = self._solve(
             lambda x: [y for i, y in enumerate(equations.residual(x)) if i in set(chosen)],

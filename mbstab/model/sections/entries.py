@@ -15,7 +15,7 @@ from mbstab.errors import Location, suggestion
 from mbstab.mechanics.catalogue import ROWS, Field, Kind, Part, PartError
 from mbstab.mechanics.elements import KINDS
 from mbstab.model.arithmetic import CONSTANTS
-from mbstab.model.expressions import ExpressionError
+from mbstab.model.expressions import ExpressionError, filled_in, moves, parse
 from mbstab.model.fields.base import Reading
 from mbstab.model.fields.catalogue import given_fields, kind_of
 from mbstab.model.functions import CALLED
@@ -248,8 +248,20 @@ class EntryReader:
             entry = self.nodes.mapping(item, path)
             kind = self._type(entry, section, path, dimension) if entry else None
             if entry is not None and kind is not None:
-                found[key.text] = kind, entry
+                found[key.text] = self._of_its_laws(kind, key.text, entry), entry
         return found
+
+    def _of_its_laws(self, kind: Kind, name: str, node: Mapping) -> Kind:
+        """Return what a kind is with the laws of an entry: another one if they depend on the motion."""
+        for field in kind.fields if kind.following is not None else ():
+            item = node.entries.get(field.name)
+            if field.shape == "law" and isinstance(item, Scalar):
+                with suppress(ExpressionError):
+                    law = filled_in(parse(item.text), self.names.definitions, self.names.tables)
+                    if law.rates() or any(moves(x, self.names.coordinates) for x in law.names()):
+                        self.parts[name], self.places[name] = Part({}, item.text), node.location
+                        return kind.following or kind
+        return kind
 
     def _type(self, node: Mapping, section: str, path: str, dimension: int | None) -> Kind | None:
         kinds = KINDS[section]
