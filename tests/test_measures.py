@@ -250,7 +250,7 @@ def test_a_force_along_nothing_is_refused(along, message):
 
 def test_measures_do_not_stand_where_only_the_time_may():
     with pytest.raises(ModelFileError, match=r"measures such as 'angle\(turn\)' cannot be used here"):
-        mbstab.loads(f"mbstab: 1\n{BODIES[2]}forces: {{f: {{type: actuator, joint: turn, effort: angle(turn)}}}}\n")
+        mbstab.loads(f"mbstab: 1\n{BODIES[2]}drives: {{d: {{type: joint, joint: turn, position: angle(turn)}}}}\n")
 
 
 def test_the_text_for_users_lists_all_measures():
