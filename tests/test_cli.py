@@ -115,7 +115,7 @@ def test_a_file_here_wins_over_an_example(tmp_path, monkeypatch):
         (("eig", "pendulum.yaml", "--set", "L=1", "--set", "L=2"), 2, "given twice"),
         (("eig", "pendulum.yaml", "--set", "L=nan"), 2, "'nan' is not a number"),
         (("eig", "pendulum.yaml", "--set", "L=1e300**2"), 2, "no value here"),
-        (("eig", "pendulum.yaml", "--set", "m=-1"), 2, "bodies.rod.mass: mass must be positive, got -1 kg"),
+        (("eig", "pendulum.yaml", "--set", "m=-1"), 2, "bodies.rod.mass: mass must not be negative, got -1 kg"),
         (("eig", "pendulum.yaml", "--method", "qz"), 2, "Invalid value for '--method'"),
         (("linearize", "pendulum.yaml", "--format", "npz"), 2, "is binary: name a file with --output"),
         (("linearize", "pendulum.yaml", "--symbolic", "--format", "csv"), 2, "goes with the formats table and latex"),

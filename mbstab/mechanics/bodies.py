@@ -204,7 +204,7 @@ def combine(parts: Iterable[tuple[Number, Vector, Vector]], dimension: int) -> t
 
 # --- kinds ----------------------------------------------------------------------------------------------------------
 
-_MASS = Field("mass", "number", "mass", "kg", sign="positive")
+_MASS = Field("mass", "number", "mass; 0 where joints and forces determine the motion", "kg", sign="nonnegative")
 _GEOMETRY = (
     Field("points", "points", "named points in the body frame, used as body.point", "m"),
     Field("directions", "named directions", "named directions in the body frame, used as axes of joints"),

@@ -103,7 +103,9 @@ class Placement:
         return np.sum(axis * speed + _across(self._spin(second), axis) * gap, axis=-1)
 
     def _angle(self, marker: Marker) -> Any:
-        return 0.0 if marker.body == GROUND else self.q[..., self.system.body_slices[marker.body].start + 2]
+        if marker.body == GROUND or not self.system.scene.bodies[marker.body].orientation:
+            return 0.0
+        return self.q[..., self.system.body_slices[marker.body].start + 2]
 
     def _direction(self, marker: Marker, vector: Any) -> Array:
         fixed = np.array(vector[: self.system.scene.dimension], dtype=float)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any
 
 from mbstab.errors import suggestion
@@ -169,7 +170,7 @@ class PartsField(FieldKind):
 
     def numbers(self, owner: Owner, field: Field, value: tuple[PartValue, ...]) -> list[tuple[Number, Vector, Vector]]:
         """Return mass (kg), place (m) and principal moments (kg·m²) of each part."""
-        evaluator, mass_field = owner.evaluator, owner.entry.kind.field("mass")
+        evaluator, mass_field = owner.evaluator, replace(owner.entry.kind.field("mass"), sign="positive")
         found = []
         for part in value:
             mass = evaluator.number(part.mass, mass_field)
