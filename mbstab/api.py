@@ -142,7 +142,7 @@ class Mechanism:
         from mbstab.analysis.simulate.energy import energies
 
         system = self._affordable("motion", parameters)
-        return energies(reference_motion(system), system)
+        return energies(reference_motion(system, massless=True), system)
 
     @guarded
     def equilibria(
@@ -173,7 +173,7 @@ class Mechanism:
     def linearize(self, frozen: bool = False, **parameters: Setting) -> Linearization:
         """Return M, R, K, J, D_q at the reference, as `mbstab.analysis.linear.linearize.linearize` does."""
         system = self._affordable("motion", parameters)
-        return linearize(system, reference_motion(system), frozen)
+        return linearize(system, reference_motion(system, massless=True), frozen)
 
     @guarded
     def state_space(self, states: Sequence[str] = (), frozen: bool = False, **parameters: Setting) -> ControlModel:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from mpmath import mp
 from scipy.optimize import linear_sum_assignment
 
 import mbstab
-from mbstab.errors import MassError
+from mbstab.errors import MassError, MbstabError
 
 
 def close(found, expected, part):
@@ -103,5 +104,241 @@ def test_a_massless_yoke_between_two_hinges_is_a_universal_joint():
 
 def test_what_nothing_determines_is_refused_where_it_stands():
     text = RODS.replace("  C: {type: revolute, between: [two, b]}\n", "").replace("mass: M", "mass: M + 0")
-    with pytest.raises(MassError, match=r"<text>:7:8: bodies\.two: a motion of two\.theta.* carries no mass"):
+    with pytest.raises(MassError, match=r"<text>:7:8: bodies\.two: the motion of two\.theta.* carries no mass"):
         mbstab.loads(text.replace("  b: {type: planar_point, mass: M + 0}\n", "").replace(", b: {y: -2}", "")).motion()
+
+
+# --- springs and dampers in series ------------------------------------------------------------------------------------
+
+
+def line(masses, elements, rest="", parameters=""):
+    """Return masses on a line with springs and dampers (i, j, k, c); j = −1 is the ground."""
+    n = len(masses)
+    bodies = "".join(f"  n{i}: {{type: planar_point, mass: {m}}}\n" for i, m in enumerate(masses))
+    rails = "".join(f"  r{i}: {{holonomic: n{i}.y}}\n" for i in range(n))
+    forces = ""
+    for e, (i, j, k, c) in enumerate(elements):
+        stretch = f"n{i}.x" if j < 0 else f"(n{i}.x - n{j}.x)"
+        rate = f"rate(n{i}.x)" if j < 0 else f"(rate(n{i}.x) - rate(n{j}.x))"
+        pull = f"({k})*{stretch} + ({c})*{rate}"
+        other = "" if j < 0 else f", n{j}.x: {pull}"
+        forces += f"  f{e}: {{type: expression, on: {{n{i}.x: -({pull}){other}}}}}\n"
+    head = f"mbstab: 1\nparameters: {{{parameters}}}\n" if parameters else "mbstab: 1\n"
+    return mbstab.loads(f"{head}bodies:\n{bodies}constraints:\n{rails}forces:\n{forces}{rest}")
+
+
+def exact(masses, elements):
+    """Return the finite eigenvalues of s²M + sC + K with 60 digits: roots of the determinant, interpolated."""
+    n, count = len(masses), 2 * len(masses) + 1
+    with mp.workdps(60):
+        M, C, K = mp.diag([mp.mpf(repr(m)) for m in masses]), mp.zeros(n), mp.zeros(n)
+        for i, j, *numbers in elements:
+            for A, x in zip((K, C), (mp.mpf(repr(x)) for x in numbers), strict=True):
+                A[i, i] += x
+                if j >= 0:
+                    A[j, j] += x
+                    A[i, j] -= x
+                    A[j, i] -= x
+        points = [mp.expjpi(mp.mpf(2) * k / count) for k in range(count)]
+        values = [mp.det(M * s * s + C * s + K) for s in points]
+        whole = [sum(v * s**-k for s, v in zip(points, values, strict=True)).real / count for k in range(count)]
+        size = max(abs(x) for x in whole)
+        whole = [x if abs(x) > size * mp.mpf(10) ** -50 else mp.mpf(0) for x in whole]
+        while whole[-1] == 0:
+            whole.pop()
+        zeros = next(k for k, x in enumerate(whole) if x)
+        roots = mp.polyroots(whole[zeros:][::-1], maxsteps=300, extraprec=200)
+        return [complex(x) for x in roots] + [0j] * zeros
+
+
+def some_chain(rng, decades):
+    """Return masses, more than half of them zero, and springs, dampers or both between neighbours and across."""
+
+    def number(low, high):
+        return float(f"{rng.uniform(low, high) * 10.0 ** rng.uniform(-decades, decades):.3g}")
+
+    n = int(rng.integers(2, 5))
+    masses = [0.0 if rng.uniform() < 0.55 else number(0.2, 3.0) for _ in range(n)]
+    pairs = [(i, i - 1) for i in range(n)] + [tuple(rng.integers(-1, n, 2).tolist()) for _ in range(rng.integers(0, 3))]
+    elements = []
+    for i, j in pairs:
+        springy, damped = [(True, False), (False, True), (True, True)][rng.integers(0, 3)]
+        if i >= 0 and i != j:
+            elements.append((i, j, number(1.0, 50.0) if springy else 0.0, number(0.1, 5.0) if damped else 0.0))
+    return masses if any(masses) else [1.0, *masses[1:]], elements
+
+
+@pytest.mark.parametrize(("seed", "decades"), [(seed, decades) for seed in range(13) for decades in (0, 3)])
+def test_random_chains_have_the_eigenvalues_of_their_pencil(seed, decades):
+    """Four chains each: numbers of eigenvalues, values within their bounds, and the verdict."""
+    rng = np.random.default_rng(100 * decades + seed)
+    for _ in range(4):
+        masses, elements = some_chain(rng, decades)
+        expected = np.array(exact(masses, elements))
+        found = line(masses, elements).eig()
+        values = np.array([e.value for e in found.eigenvalues])
+        assert found.counts.expected == len(values) == len(expected), (masses, elements)
+        size = float(np.max(np.abs(expected), initial=0.0))
+        bounds = np.array([1e-12 * size if e.kind == "neutral" else e.error_bound for e in found.eigenvalues])
+        distance = np.abs(values[:, None] - expected)
+        rows, columns = linear_sum_assignment(np.log(distance + 1e-300))
+        assert np.all(distance[rows, columns] <= bounds[rows]), (masses, elements)
+        assert found.verdict not in ("unstable", "undecided"), (masses, elements)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ((1, 100, 400, 10), [-6.52189615220069 + 10.28852254136692j, -26.95620769559862]),
+        ((2, 50, 200, 30), [-1.41773500115668, -2.624465832754993 + 10.52000879048247j]),
+    ],
+)
+def test_a_spring_and_a_damper_in_series_are_of_first_order(values, expected):
+    """The Zener element: m x'' + k x + F = 0, F' = k_m x' − (k_m/c) F, with a massless node between k_m and c."""
+    m, k, km, c = values
+    zener = line([m, 0], [(0, -1, k, 0), (0, 1, km, 0), (1, -1, 0, c)])
+    expected = [x for s in expected for x in ((s, np.conj(s)) if isinstance(s, complex) else (s,))]
+    found = zener.eig()
+    assert close(found.values(), expected, 1e-14)
+    assert found.verdict == "asymptotically stable"
+    assert found.counts.massless == ("n1: balance along n1.x, of first order",)
+    assert close(zener.eig("index3").values(), expected, 1e-11)
+    assert close([complex(x) for x in zener.eig_precise(30).values()], expected, 1e-14)
+
+
+def test_a_maxwell_element_alone_lets_its_mass_go():
+    """m s² + (k c s)/(k + c s) = 0: s = 0, the shift of everything, and s² + (k/c) s + k/m = 0."""
+    found = line([2.0, 0.0], [(0, 1, 8.0, 0.0), (1, -1, 0.0, 0.5)]).eig()
+    assert close([e.value for e in found.eigenvalues if e.kind != "neutral"], np.roots([1.0, 16.0, 4.0]), 1e-14)
+    assert (found.counts.expected, found.counts.neutral) == (3, 1)
+    assert found.verdict == "asymptotically stable up to symmetry"
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1e-8, 1e8])
+def test_springs_in_series_are_one_spring(ratio):
+    k = 10.0
+    springs = line([1.0, 0.0], [(0, 1, k, 0.0), (1, -1, k * ratio, 0.0)])
+    found, w = springs.eig(), np.sqrt(k * ratio / (1.0 + ratio))
+    # The sum of a stiff and a soft spring keeps half of the digits of the soft one.
+    assert close(found.values(), [1j * w, -1j * w], 1e-14 if ratio >= 1.0 else 1e-8)
+    assert all(abs(abs(e.value) - w) <= e.error_bound for e in found.eigenvalues)
+    assert close([complex(x) for x in springs.eig_precise(20).values()], [1j * w, -1j * w], 1e-15)
+    assert found.verdict == "stable"
+    assert found.counts.massless == ("n1: balance along n1.x, algebraic",)
+
+
+def test_derivatives_by_what_is_zero_without_mass_are_not_given():
+    """The mass of the node, and a damper that would be its only one, add eigenvalues; the spring does not."""
+    scene = line([1.0, "mu"], [(0, 1, "k", "c"), (1, -1, 20.0, 0.0)], parameters="mu: 0, k: 10, c: 0")
+    found = scene.sensitivities()
+    assert set(found.missing) == {"mu", "c"}
+    (item,) = found.derivatives
+    k, w = 10.0, np.sqrt(10.0 * 20.0 / 30.0)
+    assert item.slopes[1] == pytest.approx(1j * (20.0 / (k + 20.0)) ** 2 / (2.0 * w), rel=1e-12)
+
+
+LEVER = """\
+mbstab: 1
+gravity: [0, -9.81]
+parameters: {at: AT}
+bodies:
+  lever: {type: planar, mass: 0, inertia: 0, points: {pin: [at, 0], end: [2 + at, 0], mid: [1 + at, 0]}}
+  b: {type: planar_point, mass: 2}
+joints: {pin: {type: revolute, between: [lever.pin, ground]}}
+constraints: {rail: {holonomic: b.x - 2}}
+forces:
+  hanger: {type: spring, between: [b, lever.end], stiffness: 100, length: 0.5}
+  stay: {type: spring, between: [lever.mid, {body: ground, point: [1, -3]}], stiffness: 300, length: 3, damping: D}
+reference: {find: equilibrium, coordinates: {b: {x: 2}}, guess: {b: {y: -0.6}, lever: {theta: 0}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("damping", "expected"),
+    [
+        ("0", [4.64505663185974978j]),
+        ("20", [-34.2285757519512435, -0.40738213865366767 + 4.68232752999893182j]),
+    ],
+)
+def test_a_massless_lever_under_load(damping, expected):
+    """One algebraic direction without the damper, one of first order with it.
+
+    Where the body counts from another point than the pin, reactions of the pin turn the direction.
+    """
+    expected = [x for s in expected for x in ((s, np.conj(s)) if isinstance(s, complex) else (s,))]
+    lever, other = (mbstab.loads(LEVER.replace("AT", at).replace("D}", damping + "}")) for at in ("0", "0.7"))
+    for scene in (lever, other):
+        found = scene.eig()
+        assert close(found.values(), expected, 1e-13)
+        assert found.verdict == ("stable" if damping == "0" else "asymptotically stable")
+        assert scene.check().n_f == found.counts.expected == len(expected)
+    assert close([complex(x) for x in lever.eig_precise(20).values()], expected, 1e-14)
+    with pytest.raises(MbstabError, match=r"directions without mass .* are known in double precision only"):
+        other.eig_precise(20)
+
+
+# --- what is refused --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("masses", "elements", "rest", "message"),
+    [
+        ([1, 0], [(0, -1, 1, 0)], "", r"<text>:4:7: bodies\.n1: .* n1\.x carries no mass, and no force depends on it"),
+        (
+            [1, 0],
+            [(0, 1, 1, 0), (1, -1, -1, 0)],
+            "",
+            r"bodies\.n1: the motion of n1\.x carries no mass, and its own stiffness vanishes",
+        ),
+        (
+            [1, 0],
+            [(0, 1, 1, 0), (1, -1, 1, 0)],
+            "  push: {type: expression, on: {n1.x: -rate(n0.x)}}\n",
+            "a force on it depends on speeds of other bodies, and nothing damps its own motion",
+        ),
+        (
+            [1, 0],
+            [(0, 1, 1, 0), (1, -1, 1, 0)],
+            "  push: {type: expression, on: {n1.x: 1}}\n",
+            r"n1\.x carries no mass and would not stay \(unbalanced 1 N\)",
+        ),
+        (
+            [1, 0],
+            [(0, 1, 1, 0), (1, -1, 1, 0)],
+            "  push: {type: expression, on: {n0.x: sin(t)}}\n",
+            "under functions of time its motion is not determined yet",
+        ),
+        (
+            [1, 0, 0],
+            [(0, 1, 1, 0), (1, 2, 0, 1), (2, -1, 0, 1e-9)],
+            "",
+            r"the damping of motions without mass cannot be decided \(n[12]\.x, n[12]\.x\)",
+        ),
+    ],
+)
+def test_what_forces_do_not_determine_is_refused_with_its_place(masses, elements, rest, message):
+    with pytest.raises(MbstabError, match=message):
+        line(masses, elements, rest).eig()
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda x: x.simulate(to=1.0),
+        lambda x: x.certify(),
+        lambda x: x.modes(1),
+        lambda x: x.verify(),
+        lambda x: x.state_space(),
+        lambda x: x.compare(),
+        lambda x: x.eig("embedding"),
+    ],
+)
+def test_what_is_not_possible_yet_says_so(ask):
+    scene = line([1, 0], [(0, 1, 1, 0), (1, -1, 0, 1)])
+    with pytest.raises(MbstabError, match=r"carries no mass|without (it|mass)"):
+        ask(scene)
+    assert all("carries no mass" in text for text in scene_sweep().problems.values())
+
+
+def scene_sweep():
+    return line([1, 0], [(0, 1, "k", 0), (1, -1, 0, 1)], parameters="k: 1").sweep("k", np.array([1.0, 2.0]))

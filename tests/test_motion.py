@@ -1092,8 +1092,8 @@ def test_a_motion_without_mass_is_an_error_that_names_the_body():
         "y: -1", "y: 0"
     )
     message = (
-        r"<text>:4:8: bodies\.rod: a motion of rod\.theta carries no mass and nothing holds it(.|\n)*"
-        "hint: give the body an inertia"
+        r"<text>:4:8: bodies\.rod: the motion of rod\.theta carries no mass, and joints and drives do not determine "
+        r"it(.|\n)*for anything else give the body an inertia"
     )
     with pytest.raises(MassError, match=message):
         mbstab.loads(weightless).motion()

@@ -178,6 +178,8 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
     rows += f", {counted(c.n_nonholonomic, 'nonholonomic row')} (rank {c.rank_nonholonomic})"
     found = f"{c.expected} expected, {c.found} found, {c.neutral} of them neutral; method {result.method}"
     lines = [rows, f"finite eigenvalues: {found}"]
+    if c.massless:
+        lines += wrap(f"without mass: {'; '.join(c.massless)}", width=WIDTH, subsequent_indent="  ")
     if c.counted:
         number = "not counted" if c.unstable_proven is None else str(c.unstable_proven)
         lines = [rows, f"finite eigenvalues: {c.expected}, of which {c.found} were looked for; method {result.method}"]

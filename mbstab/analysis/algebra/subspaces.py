@@ -113,7 +113,7 @@ def coordinate_scale(M: Any, sizes: Array, speeds: Any) -> Array:
     return scale
 
 
-def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array) -> Subspaces:
+def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array, scale: Array | None = None) -> Subspaces:
     """Return the motions that the constraints allow.
 
     Parameters
@@ -127,13 +127,15 @@ def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array) -> Su
         For messages.
     sizes : ndarray, shape (n_q,)
         Characteristic size of each coordinate.
+    scale : ndarray, shape (n_q,), optional
+        Scale of the coordinates; that of `coordinate_scale` for the rows on speeds if not given.
 
     Raises
     ------
     ConstraintError
         If a rank decision has no gap.
     """
-    scale = coordinate_scale(M, sizes, J[n_h:])
+    scale = coordinate_scale(M, sizes, J[n_h:]) if scale is None else scale
     row_scale = 1.0 / row_norms(scaled(J, scale))
     unit = scaled(J, scale, row_scale)
     C = sparse_rank(unit[:n_h]) if is_sparse(J) else rank_of(unit[:n_h])

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import RandomNumbers
+from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.reference.dependencies import names_in
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.requested import reference_motion
@@ -76,7 +77,7 @@ def check_scene(system: System) -> CheckReport:
     MbstabError
         As `mbstab.analysis.reference.motion.reference_motion`.
     """
-    scene, motion = system.scene, reference_motion(system)
+    scene, motion = system.scene, reference_motion(system, massless=True)
     spaces, state = motion.spaces, motion.dynamics
     return CheckReport(
         dimension=scene.dimension,
@@ -87,7 +88,7 @@ def check_scene(system: System) -> CheckReport:
         n_nonholonomic=system.n_n,
         rank_holonomic=spaces.C.rank,
         rank_nonholonomic=spaces.W.rank,
-        n_f=spaces.n_f,
+        n_f=spaces.n_f if motion.massless is None else linearize(system, motion).n_f,
         gaps=(spaces.C.gap, spaces.W.gap),
         redundant=[str(item) for item in motion.redundant],
         symmetries=[item.name for item in symmetries(system, motion)],

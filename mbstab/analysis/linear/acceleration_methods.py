@@ -91,7 +91,7 @@ def basis_of(linear: Linearization) -> Basis:
     """
     from scipy.linalg import qr
 
-    spaces = linear.motion.spaces
+    spaces = linear.spaces
     rank = spaces.C.rank + spaces.W.rank
     order = np.arange(len(linear.M))
     if rank:
@@ -201,7 +201,7 @@ class Technique:
         Each is paired with a known one or with an exact one of drift, so that the sum of
         all distances is least. Zeros of both kinds cannot be distinguished: their assignment is arbitrary.
         """
-        scale = np.concatenate([linear.motion.spaces.scale, linear.motion.spaces.scale * gamma])
+        scale = np.concatenate([linear.spaces.scale, linear.spaces.scale * gamma])
         A = self.state_matrix(linear) * scale / scale[:, None]
         values = np.linalg.eigvals(A).astype(complex)
         exact = drift(linear)
@@ -220,6 +220,11 @@ class Technique:
                 "frozen in time they are others than those of coordinates\nhint: --method nullspace"
             )
         motion = linear.motion
+        if linear.massless is not None:
+            raise UsageError(
+                f"--method {self.name} is for motions that carry mass; without it: {'; '.join(linear.massless.names)}\n"
+                "hint: --method nullspace or index3"
+            )
         if motion.redundant and self.needs_independent_rows:
             rank = motion.spaces.C.rank + motion.spaces.W.rank
             repeated = "; ".join(str(item) for item in motion.redundant)
@@ -237,7 +242,7 @@ def drift(linear: Linearization) -> Complex:
     at a constant rate is T(t)⁻¹ times that rate in the co-moving frame: Ċ and D have the
     eigenvalues of −Ṫ, and C has the same ones.
     """
-    motion, spaces, n_h = linear.motion, linear.motion.spaces, linear.n_h
+    motion, spaces, n_h = linear.motion, linear.spaces, linear.n_h
     V_q, _, A_u = linear.system.linearize_rows(motion.q, motion.u, motion.a, motion.time)
     rate = A_u - V_q  # dJ/dt along the motion
     if linear.generator is not None and linear.generator.turns:

@@ -31,7 +31,7 @@ class BackwardErrors:
         self.B = np.linalg.qr(known, mode="complete")[0][:, known.shape[1] :] if known.shape[1] else np.eye(n)
         self.A = self.B.T @ S @ self.B if known.shape[1] else S
         self.inside, self.outside = T.T @ S, S @ L.T
-        spaces = linear.motion.spaces
+        spaces = linear.spaces
         scale, rows = spaces.scale, spaces.row_scale
         self.P = space.A[: self.n_xi, : self.n_xi]
         self.lift_C, self.lift_W = spaces.C.pseudo_inverse, spaces.W.pseudo_inverse

@@ -210,7 +210,7 @@ def _of_others(judge: _Eigenvectors, values: Complex, vectors: Complex) -> Place
     distance = np.full((size, size), UNLIKE)
     distance[:count, : len(known)] = np.nan_to_num(np.abs(values[:, None] - known), nan=UNLIKE, posinf=UNLIKE)
     columns = assigned(distance)[:count].tolist() if size else []
-    x = vectors[: len(judge.N)] / judge.linear.motion.spaces.scale[:, None]
+    x = vectors[: len(judge.N)] / judge.linear.spaces.scale[:, None]
     pairs = judge.pairs(values, x)
     bounds, neutral = np.full(count, np.inf), []
     for i, j in enumerate(columns):

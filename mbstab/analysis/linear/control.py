@@ -131,6 +131,11 @@ class _Ports:
                 "the coefficients change along the motion: there is no linear model with constant A, B, C, D\n"
                 "hint: --frozen takes the equations as they are at the reference time"
             )
+        if linear.massless is not None:
+            raise UsageError(
+                f"there are no A, B, C and D yet for motions without mass: {'; '.join(linear.massless.names)}\n"
+                "hint: mbstab eig has their eigenvalues, and Mechanism.linearize the matrices with their rows"
+            )
         self.linear, self.space = linear, state_space(linear)
         self.system, self.motion = linear.system, linear.motion
         self.signals = Signals(self.system)

@@ -140,7 +140,7 @@ def _direction(structure: Structure, separated: Separated) -> Array | None:
 
 def _yielding(structure: Structure, separated: Separated, measure: Array, shift: Array) -> float | None:
     """Return the speed along the critical direction that a force along it causes; None if its sign is uncertain."""
-    spaces, space, n = structure.linear.motion.spaces, structure.space, structure.space.n_xi
+    spaces, space, n = structure.linear.spaces, structure.space, structure.space.n_xi
     values, right = np.linalg.eig(separated.A)
     k = int(np.argmin(np.abs(values)))
     try:
@@ -159,7 +159,7 @@ def _yielding(structure: Structure, separated: Separated, measure: Array, shift:
 def _followed(structure: Structure, shift: Array) -> _Path | None:
     """Return the force that holds the motion along a shift, at distances halved again and again."""
     linear = structure.linear
-    motion, spaces = linear.motion, linear.motion.spaces
+    motion, spaces = linear.motion, linear.spaces
     along = spaces.scale * (spaces.N @ shift)
     unit = float(np.max(np.abs(along / motion.sizes)))
     along, measure = along / unit, (spaces.N @ shift) / spaces.scale * unit
@@ -319,7 +319,7 @@ def _drift(separated: Separated, count: int) -> int:
 
 def _family(structure: Structure, shift: Array, path: _Path, decays: bool, drift: int) -> Critical:
     """Return the verdict from a family of motions that was followed to both sides."""
-    spaces, names = structure.linear.motion.spaces, structure.linear.names
+    spaces, names = structure.linear.spaces, structure.linear.names
     change = np.abs(spaces.scale * (spaces.N @ shift) / structure.linear.motion.sizes)
     name = names[int(np.argmax(change))]
     off = max(float(np.max(np.abs(path.ahead))), float(np.max(np.abs(path.behind))))

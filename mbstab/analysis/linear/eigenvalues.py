@@ -32,7 +32,7 @@ from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.verdict import STABLE, STABLE_UP_TO, UNDECIDED, Disc, Verdict, judge, place, show
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
 from mbstab.compiler.system import Array, System
-from mbstab.errors import MbstabError, NumericalError, UsageError
+from mbstab.errors import MassError, MbstabError, NumericalError, UsageError
 
 
 def eigenvalues(linear: Linearization, method: str = DEFAULT, zeros: Callable[[], int] | None = None) -> EigenResult:
@@ -103,11 +103,11 @@ def _result(
     listed += [Eigenvalue(s, "neutral", math.nan, math.nan, math.nan) for s in neutral]
     listed.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
     besides = found or Found(np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
-    n_c = linear.J.shape[0]
+    light = linear.massless
     counts = Counts(
-        linear.M.shape[0], linear.n_h, n_c - linear.n_h, spaces.C.rank, spaces.W.rank, linear.n_f, len(listed),
-        sum(e.kind == "neutral" for e in listed), besides.infinite, besides.undefined, besides.extra,
-        besides.extra_error,
+        linear.M.shape[0], grounds.system.n_h, grounds.system.n_n, spaces.C.rank, spaces.W.rank, linear.n_f,
+        len(listed), sum(e.kind == "neutral" for e in listed), besides.infinite, besides.undefined, besides.extra,
+        besides.extra_error, massless=() if light is None else light.names,
     )  # fmt: skip
     frame = str(linear.generator) if linear.generator is not None and linear.generator.turns else ""
     shifts = tuple(s.imag for s in grounds.separated.frequencies() if s.imag > 0.0)
@@ -157,9 +157,9 @@ class Modes:
     """Bodies and coordinates that move in each mode; in large scenes conjugates share a vector."""
 
     def __init__(self, linear: Linearization, placed: Placed) -> None:
-        self.placed, scale = placed, linear.motion.spaces.scale
+        self.placed, scale = placed, linear.spaces.scale
         motion = linear.motion
-        self.telling = Telling.of(linear.system, motion.q, motion.sizes, lambda: scale[:, None] * motion.spaces.N)
+        self.telling = Telling.of(linear.system, motion.q, motion.sizes, lambda: scale[:, None] * linear.spaces.N)
         self.whirl = Whirl(linear.system, linear.motion, linear.generator)
         self._shares = participation(scaled(linear.M, scale, scale), linear.names, placed.vectors)
         self._shapes = mode_shapes(scale[:, None] * placed.vectors, linear.motion.sizes)
@@ -252,8 +252,8 @@ def answer(
         found = _of_large(system, zeros)
         if found is not None:
             return found
-    motion = reference_motion(system)
     period = system.scene.period
+    motion = reference_motion(system, massless=period is None)
     if period is not None and not frozen:
         from mbstab.analysis.linear.periodic import periodic_answer
 
@@ -270,6 +270,9 @@ def _of_large(system: System, zeros: Callable[[], int] | None) -> EigenResult | 
     affordable = Cost.of("modes", system.n_q, system.n_c).affordable
     try:
         found = eigenvalues(linearize(sparse, reference_motion(sparse)), DEFAULT, zeros)
+    except MassError:
+        if not affordable:
+            raise
     except (np.linalg.LinAlgError, RuntimeError) as error:  # from SciPy, where it cannot factor
         if isinstance(error, MbstabError) or not affordable:
             raise

@@ -232,7 +232,7 @@ class Grounds:
         work = self.structure.work
         at_rest = not np.any(self.motion.u)
         known = (at_rest and work.reversible) or (work.conserved and not self.linear.D_q.shape[0])
-        if known or work.kinds["damping"] or self.system.sparse:
+        if known or work.kinds["damping"] or self.system.sparse or self.linear.massless is not None:
             return None  # not searched in large scenes
         return reversor(self.structure, self.structure.symmetric(len(self.S)))
 
@@ -249,7 +249,7 @@ class Grounds:
     def critical(self, count: int, others_decay: bool) -> Critical | None:
         """Return the verdict of the first nonlinear coefficient about a zero eigenvalue."""
         separated = self.separated
-        if self.system.sparse:
+        if self.system.sparse or self.linear.massless is not None:
             return None
 
         def exact() -> bool:
@@ -259,7 +259,7 @@ class Grounds:
 
     def family(self, count: int) -> Neutral | None:
         """Return the neutral directions with a family of motions that was followed, unless many digits refute it."""
-        if self.system.sparse:
+        if self.system.sparse or self.linear.massless is not None:
             return None
         found = family(self.structure, self.separated, count)
         if found is None or self.zeros is None:

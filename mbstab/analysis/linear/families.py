@@ -132,7 +132,7 @@ class _Search:
 
     def _disturbance(self, y: Array) -> tuple[Array, Array]:
         """Return Δq and Δu of a disturbance in the coordinates of the balanced S."""
-        spaces, n = self.motion.spaces, self.space.n_xi
+        spaces, n = self.linear.spaces, self.space.n_xi
         direction = spaces.scale * (spaces.N @ y[:n])
         rate = spaces.scale * (spaces.N @ (self.space.A[:n, :n] @ y[:n] + self.structure.gamma * (spaces.Z @ y[n:])))
         generator = self.linear.generator
@@ -169,7 +169,7 @@ class _Search:
 
     def _balanced(self, q: Array, u: Array) -> tuple[Array, Array]:
         """Return the accelerations and the multipliers."""
-        state, spaces = self.system.dynamics(q, u, self.motion.time), self.motion.spaces
+        state, spaces = self.system.dynamics(q, u, self.motion.time), self.linear.spaces
         n, c = len(q), self.system.n_c
         M = state.M * spaces.scale * spaces.scale[:, None]
         J = state.J * spaces.scale * spaces.row_scale[:, None]

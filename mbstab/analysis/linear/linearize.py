@@ -19,6 +19,7 @@ import numpy as np
 from mbstab.analysis.algebra.deflation import in_frame
 from mbstab.analysis.algebra.sparse import scaled
 from mbstab.analysis.algebra.subspaces import Subspaces
+from mbstab.analysis.linear.massless import Massless, massless
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
 from mbstab.analysis.reference.guard import coefficients
 from mbstab.analysis.reference.motion import Motion
@@ -68,6 +69,8 @@ class Linearization:
         The symmetry that defines the frame of the equations; None: the coordinates of the file.
     frozen : bool
         Whether frozen-time coefficients were requested.
+    massless : Massless or None
+        Directions without mass, whose rows `J`, `D_q`, `n_h` and `rows` contain; None: there are none.
     kept : dict
         Results for several modules that are computed once, by name; the module that computes one reads and
         writes it.
@@ -86,6 +89,7 @@ class Linearization:
     variation: float
     generator: Generator | None = None
     frozen: bool = False
+    massless: Massless | None = None
     kept: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     @property
@@ -96,26 +100,46 @@ class Linearization:
     @property
     def n_f(self) -> int:
         """Number of finite eigenvalues, 2(n_q − rank C_q) − rank(D_u N)."""
-        return self.motion.spaces.n_f
+        return self.spaces.n_f
+
+    @property
+    def spaces(self) -> Subspaces:
+        """What all rows allow."""
+        return self.motion.spaces if self.massless is None else self.massless.spaces
+
+    @property
+    def matrices(self) -> Matrices:
+        """M, R, K, J and D_q."""
+        return Matrices(self.M, self.R, self.K, self.J, self.D_q)
+
+    @property
+    def nu(self) -> Array:
+        """Multipliers of all rows at the reference."""
+        return self.motion.nu if self.massless is None else self.massless.padded(self.motion.nu)
+
+    def with_all_rows(self, matrices: Matrices, sizes: bool = False) -> Matrices:
+        """Return matrices of the scene, or sizes of their entries, with the rows of directions without mass."""
+        return matrices if self.massless is None else self.massless.extended(matrices, sizes)
 
     @cached_property
     def terms(self) -> Matrices:
         """Sizes of the terms of which M, R, K, J and D_q are sums."""
-        return _terms(self.system, self.motion, self.generator)
+        return self.with_all_rows(_terms(self.system, self.motion, self.generator), sizes=True)
 
     @cached_property
     def entries(self) -> Matrices:
         """Sizes of the terms entry by entry, with the actual multipliers: zeros stay zero."""
         motion = self.motion
-        return _entries(self.system, motion, self.generator, np.abs(motion.nu))
+        found = _entries(self.system, motion, self.generator, np.abs(motion.nu))
+        return self.with_all_rows(found, sizes=True)
 
     def beside(self, change: Array) -> Matrices:
         """Return M, R, K, J and D_q after a small change of the coordinates, with multipliers that balance there."""
-        return _beside(self.system, self.motion, self.generator, change)
+        return self.with_all_rows(_beside(self.system, self.motion, self.generator, change))
 
     def composite(self) -> tuple[Array, Array, Array]:
         """Return M̄, R̄, K̄ of Eqs. (62)-(67), for [Δq; Δν]."""
-        return composite(Matrices(self.M, self.R, self.K, self.J, self.D_q))
+        return composite(self.matrices)
 
     def pencil(self) -> tuple[Array, Array]:
         """Return A, E of the regular index-3 pencil A y = s E y with y = [Δq; Δν; Δu], size 2 n_q + n_c."""
@@ -185,11 +209,17 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
     ------
     ModelFileError
         If the file declares a steady motion whose symmetry the scene does not have; names what breaks it.
+    MassError
+        If nothing determines a motion without mass; names body and coordinate.
     """
     variation, generator, matrices = coefficients(system, motion, frozen)
-    return Linearization(
-        system, *matrices, system.n_h, tuple(system.names), tuple(system.rows), motion, variation, generator, frozen
-    )
+    names, light = tuple(system.names), massless(system, motion, matrices)
+    if light is None:
+        rows = tuple(system.rows)
+        return Linearization(system, *matrices, system.n_h, names, rows, motion, variation, generator, frozen)
+    n_h = system.n_h + len(light.algebraic)
+    matrices = light.extended(matrices)
+    return Linearization(system, *matrices, n_h, names, light.rows, motion, variation, generator, frozen, light)
 
 
 def _terms(system: System, motion: Motion, generator: Generator | None) -> Matrices:
@@ -227,6 +257,6 @@ def _beside(system: System, motion: Motion, generator: Generator | None, change:
 
 def state_space(linear: Linearization) -> StateSpace:
     """Return the deflated system; all its eigenvalues are finite, and they are all finite eigenvalues."""
-    spaces = linear.motion.spaces
-    A, M_z = deflated(spaces, Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q))
+    spaces = linear.spaces
+    A, M_z = deflated(spaces, linear.matrices)
     return StateSpace(A, spaces.N.shape[1], M_z, spaces)

@@ -59,14 +59,14 @@ class SecondVariation:
     @cached_property
     def rates(self) -> Array:
         """The map from y to ż in the basis N, shape (n_ξ, n)."""
-        space, Z = self.structure.space, self.linear.motion.spaces.Z
+        space, Z = self.structure.space, self.linear.spaces.Z
         n = space.n_xi
         result: Array = np.hstack([space.A[:n, :n], self.structure.gamma * Z])
         return result
 
     def form(self, M: Array, K: Array) -> Array:
         """Return H in the coordinates of the balanced S, for M and K in those of the scene."""
-        spaces = self.linear.motion.spaces
+        spaces = self.linear.spaces
         N = spaces.scale[:, None] * spaces.N
         n = N.shape[1]
         H = self.rates.T @ (N.T @ M @ N) @ self.rates
@@ -82,7 +82,7 @@ class SecondVariation:
     @cached_property
     def known_to(self) -> Array:
         """Bound of the rounding error of each entry of H, shape (n, n)."""
-        terms, spaces = self.linear.terms, self.linear.motion.spaces
+        terms, spaces = self.linear.terms, self.linear.spaces
         N = np.abs(spaces.scale[:, None] * spaces.N)
         n, rates = N.shape[1], np.abs(self.rates)
         size = rates.T @ (N.T @ terms.M @ N) @ rates
@@ -107,8 +107,8 @@ class SecondVariation:
         if not self._splits():
             return False
         # Rows on speeds must not need reactions along the motions that they forbid.
-        spaces = motion.spaces
-        across = spaces.N.T @ (spaces.scale * (linear.J[linear.n_h :].T @ motion.nu[linear.n_h :]))
+        spaces = linear.spaces
+        across = spaces.N.T @ (spaces.scale * (linear.J[linear.n_h :].T @ linear.nu[linear.n_h :]))
         load = motion.dynamics.F0 + motion.dynamics.M @ motion.a
         forces = float(np.max(np.abs(load * spaces.scale), initial=0.0))
         return bool(np.max(np.abs(across), initial=0.0) <= TOLERANCES.force_across_rows * forces)
@@ -166,7 +166,7 @@ class SecondVariation:
         """
         from scipy.sparse import csr_array, vstack
 
-        linear, spaces = self.linear, self.linear.motion.spaces
+        linear, spaces = self.linear, self.linear.spaces
         assert isinstance(spaces.C, SparseRank)
         forms, symmetries = spaces.C.forms, self.structure.invariance.symmetries
         if symmetries:

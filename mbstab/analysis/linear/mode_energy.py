@@ -194,20 +194,22 @@ class _Energies:
         linear = self.linear
         if not linear.D_q.shape[0]:
             return {}
-        spaces = self.motion.spaces
+        spaces = linear.spaces
         force = (linear.M @ X) * values**2 + (linear.R @ X) * values + linear.K @ X
         inverse = spaces.inverse(scaled(linear.J, spaces.scale, spaces.row_scale))
         nu = -(inverse.T @ (force * spaces.scale[:, None])) * spaces.row_scale[:, None]
         power = -np.real(np.conj(values * (linear.J @ X)) * nu)
         found: dict[str, Array] = {}
         for row, one in zip(linear.rows[linear.n_h :], power[linear.n_h :], strict=True):
+            if row.section == "directions":
+                continue  # a direction without mass: its multiplier is zero
             path = f"{row.section}.{row.name}"
             found[path] = found.get(path, 0.0) + one
         return found
 
     def improved(self, value: complex, x: Complex) -> tuple[complex, Complex]:
         """Return eigenvalue and shape after a Newton step in the coordinates that the holonomic rows allow."""
-        linear, spaces = self.linear, self.motion.spaces
+        linear, spaces = self.linear, self.linear.spaces
         N = spaces.scale[:, None] * spaces.N
         D_u, D_q = (A * spaces.row_scale[linear.n_h :, None] for A in (linear.J[linear.n_h :], linear.D_q))
         Q, slope = value**2 * linear.M + value * linear.R + linear.K, 2.0 * value * linear.M + linear.R

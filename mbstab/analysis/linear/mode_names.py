@@ -105,7 +105,7 @@ def reference_shape(linear: Linearization, mode: ModeName) -> Complex:
     named = NamedMotions.of(system, motion.q, motion.sizes)
     number = {name: i for i, name in enumerate(named.names)}
     chosen = [number[name] for name in mode.shape]
-    N = motion.spaces.scale[:, None] * motion.spaces.N
+    N = linear.spaces.scale[:, None] * linear.spaces.N
     rows = (named.rows[chosen] @ N) / named.sizes[chosen, None]
     goal = np.array([*mode.shape.values()]) / named.sizes[chosen]
     inertia = np.asarray(N.T @ (linear.M @ N))

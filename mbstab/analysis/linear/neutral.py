@@ -111,7 +111,7 @@ class Structure:
     @cached_property
     def _basis(self) -> Array:
         """N in coordinates (m, rad)."""
-        spaces = self.linear.motion.spaces
+        spaces = self.linear.spaces
         return spaces.scale[:, None] * spaces.N
 
     # --- into the coordinates of S ----------------------------------------------------------------------------------
@@ -119,7 +119,7 @@ class Structure:
     def column(self, direction: Array, rate: Array) -> Array:
         """Return a disturbance (Δq, Δu), or columns of some, in the coordinates of the balanced S."""
         linear, space = self.linear, self.space
-        spaces, n = linear.motion.spaces, self.space.n_xi
+        spaces, n = linear.spaces, self.space.n_xi
         generator = linear.generator
         if generator is not None and generator.turns:
             rate = rate - self._slope @ direction
@@ -140,7 +140,7 @@ class Structure:
         rate of change of Y in the co-moving frame.
         """
         linear, space = self.linear, self.space
-        spaces, n = linear.motion.spaces, self.space.n_xi
+        spaces, n = linear.spaces, self.space.n_xi
         N = self._basis
         carried = rate if linear.generator is None else rate - self._slope @ direction
         speeds = direction.T @ linear.M @ N
@@ -207,6 +207,8 @@ class Structure:
         form a manifold of the dimension of the independent nonholonomic rows (Neimark, Fufaev 1972).
         """
         linear, n = self.linear, self.space.n_xi
+        if linear.massless is not None and len(linear.massless.first_order):
+            return [], []  # their rows are not satisfied by every rest
         n_eta = len(S) - n
         if n_eta >= n or np.any(linear.motion.u) or not self.work.rows_at_rest:
             return [], []
@@ -232,7 +234,7 @@ class Structure:
         items, u = [x for x in invariance.symmetries if self._commutes(x)], linear.motion.u
         if not items or not self.work.rows_at_rest:
             return [], [], []
-        spaces = linear.motion.spaces
+        spaces = linear.spaces
         directions = np.array([x.direction for x in items]).T
         columns = self.gamma * np.array([self.column(np.zeros_like(x), x) for x in directions.T]).T
         directions = directions / spaces.scale[:, None]

@@ -19,7 +19,7 @@ from mbstab.errors import NumericalError
 
 def index3(linear: Linearization, gamma: float, known: Complex) -> Found:
     """Return the finite eigenvalues of the regular index-3 pencil; it is solved in the time unit 1/γ."""
-    scale, rows = linear.motion.spaces.scale, linear.motion.spaces.row_scale
+    scale, rows = linear.spaces.scale, linear.spaces.row_scale
     # Coordinates scaled by mass, rows to unit length, speeds in units of γ: y = right · scaled y.
     right = np.concatenate([scale, rows * gamma * gamma, scale * gamma])
     left = np.concatenate([1.0 / scale, scale, rows])
@@ -28,7 +28,7 @@ def index3(linear: Linearization, gamma: float, known: Complex) -> Found:
 
 def paper(linear: Linearization, gamma: float, known: Complex) -> Found:
     """Return the finite eigenvalues of the singular pencil of Eq. (70); it is solved in the time unit 1/γ."""
-    scale, rows = linear.motion.spaces.scale, linear.motion.spaces.row_scale
+    scale, rows = linear.spaces.scale, linear.spaces.row_scale
     right = np.concatenate([scale, rows * gamma * gamma, scale * gamma, rows * gamma**3])
     left = np.concatenate([scale, rows, scale, rows])
     return _finite(*linear.paper_pencil(), left, right, linear, gamma)

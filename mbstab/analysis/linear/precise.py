@@ -304,7 +304,7 @@ def rounded_eigenvalues(linear: Linearization, digits: int) -> list[Any] | None:
         matrices = (exact(linear.M), exact(linear.R), exact(linear.K))
         gamma = time_scale(state_space(linear))
         try:
-            S = deflated(linear.motion.spaces, gamma, matrices, exact(linear.J), exact(linear.D_q), more.MANY_DIGITS)
+            S = deflated(linear.spaces, gamma, matrices, exact(linear.J), exact(linear.D_q), more.MANY_DIGITS)
             return [e.value for e in more.eigenvalues(S)]
         except (Stalled, NumericalError):
             return None
@@ -367,7 +367,7 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
     found = [e for e in found if e.kind != "neutral"]
     counts = Counts(
         start.system.n_q, start.system.n_h, start.system.n_n, spaces.C.rank, spaces.W.rank, fine.n_f, number, neutral,
-        0, 0,
+        0, 0, massless=start.plain.counts.massless,
     )  # fmt: skip
     warnings = [*start.motion.warnings, *verdict.warnings, *_differences(start, found, counts, verdict.word)]
     excess, where = fine.excess

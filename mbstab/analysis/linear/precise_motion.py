@@ -78,10 +78,10 @@ class Start:
         self.at: State | None = None
         self.balance: Balance | None = None
         if model.reference.find is not None:
-            self.motion, search, self.at, _ = Problem(system).solved(Problem(system).start)
+            self.motion, search, self.at, _ = Problem(system, massless=True).solved(Problem(system).start)
             self.balance = search.balance
         else:
-            self.motion = reference_motion(system)
+            self.motion = reference_motion(system, massless=True)
         self.linear: Linearization = linearize(system, self.motion, frozen)
         self.grounds = Grounds(self.linear, zeros)
         self.plain = judged(self.grounds)

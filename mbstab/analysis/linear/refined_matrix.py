@@ -8,6 +8,7 @@ from mbstab.analysis.algebra.deflation import in_frame, on_speeds, restricted
 from mbstab.analysis.algebra.refining import Matrix, Refining, Stalled
 from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.linear.precise_motion import Point, Start
+from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.compiler.system import System
 from mbstab.errors import NumericalError
 
@@ -20,14 +21,21 @@ def state_matrix(start: Start, system: System, point: Point, f: Refining) -> Mat
     Stalled
         If the rank of the rows differs from that in double precision.
     """
-    spaces, n_h = start.motion.spaces, system.n_h
+    n_h, light = system.n_h, start.linear.massless
     K, R, D_q = (f.exact(x) for x in system.linearize(point.q, point.u, point.a, point.nu, system.scene.time))
     M, J = f.exact(point.state.M), f.exact(point.state.J)
     if point.generator is not None:
         Xi, Xi_2 = (f.exact(x) for x in point.generator.frame(point.q))
         R, K, D_q = in_frame(M, R, K, J[n_h:], D_q, Xi, Xi_2, f)
     gamma = start.grounds.gamma  # the unit of speeds
-    return deflated(spaces, gamma, (M, R, K), J, D_q, f)
+    if light is not None:
+        if not light.exact:
+            raise NumericalError(
+                f"the directions without mass ({'; '.join(light.names)}) are known in double precision only\n"
+                "hint: ask without --precision or --sensitivity; or leave out joints and dampers oblique to them"
+            )
+        M, R, K, J, D_q = light.extended(Matrices(M, R, K, J, D_q))
+    return deflated(start.linear.spaces, gamma, (M, R, K), J, D_q, f)
 
 
 def deflated(

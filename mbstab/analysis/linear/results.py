@@ -89,7 +89,8 @@ class Counts:
     rank_holonomic, rank_nonholonomic : int
         rank C_q and rank D_u N.
     expected, found : int
-        Finite eigenvalues: 2(n_q − rank C_q) − rank(D_u N), and the number that the method returned.
+        Finite eigenvalues: 2(n_q − rank C_q) − rank(D_u N), less those that directions without mass take away, and
+        the number that the method returned.
     neutral : int
         Number of neutral eigenvalues.
     infinite, undefined : int
@@ -105,6 +106,9 @@ class Counts:
         a few are computed. None: not counted.
     counted : str
         How they are counted, or why not; empty: not requested.
+    massless : tuple of str
+        Directions without mass: algebraic ones, which take two from `expected`, and those of first order, which take
+        one.
     """
 
     n_q: int
@@ -121,6 +125,7 @@ class Counts:
     extra_error: float = 0.0
     unstable_proven: int | None = None
     counted: str = ""
+    massless: tuple[str, ...] = ()
 
     @property
     def degrees_of_freedom(self) -> int:

@@ -219,7 +219,7 @@ def _reverses(invariance: Invariance, mirror: Mirror) -> bool:
 def _trace(structure: Structure, mirror: Mirror, symmetries: Array) -> float:
     """Return the trace of the reversor on Q."""
     linear, space = structure.linear, structure.space
-    motion, spaces = linear.motion, linear.motion.spaces
+    motion, spaces = linear.motion, linear.spaces
     n, Q = space.n_xi, complement(symmetries)
     generator = linear.generator
     total = 0.0

@@ -162,7 +162,10 @@ class _Roundings:
         generator = linear.generator
         if generator is not None and generator.turns:
             K, R, D_q = self._turned(generator, Matrices(M, R, K, J, D_q), dq)
-        return Roundings(Matrices(M, R, K, J, D_q), _displaced(linear, self.directions), dq)
+        errors = linear.with_all_rows(Matrices(M, R, K, J, D_q), sizes=True)
+        if linear.massless is not None and not linear.massless.exact:
+            errors = linear.massless.with_roundings(errors, Matrices(*map(np.abs, linear.matrices)))
+        return Roundings(errors, _displaced(linear, self.directions), dq)
 
     def _turned(self, generator: Generator, errors: Matrices, dq: Array) -> tuple[Array, Array, Array]:
         """Return the error bounds of K, R and D_q in a rotating frame."""

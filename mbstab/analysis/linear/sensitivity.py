@@ -183,6 +183,13 @@ def _unfollowed(start: Start, system: System, point: Point, f: Slopes, values: A
     if motion.at_rest and point.generator is None:
         text = "the reference rests, and would move with another value"
         found.update((names[k], text) for k in np.flatnonzero(u.any(axis=1)))
+    light = start.linear.massless
+    if light is not None:
+        # What is zero without it would add eigenvalues; the equations for those that exist lack its terms.
+        text = "with another value it gives mass, or damping alone, to what has none"
+        R = system.linearize(point.q, point.u, point.a, point.nu, system.scene.time)[1]
+        for directions, x in ((light.algebraic, state.M), (light.first_order, state.M), (light.algebraic, R)):
+            found.update((names[k], text) for k in np.flatnonzero((directions @ f.parts(x)[1]).any(axis=(1, 2))))
     _, E = f.parts(state.E)
     _, V = f.parts(state.V)
     unit = np.maximum(np.max(np.abs(q), axis=1, initial=0.0), 1.0)[:, None]

@@ -93,7 +93,7 @@ class SparseEquations:
         """Return the equations of any motion, from dense matrices."""
         from scipy.sparse import csr_array
 
-        spaces, n_h = linear.motion.spaces, linear.n_h
+        spaces, n_h = linear.spaces, linear.n_h
         columns, rows = spaces.scale, spaces.row_scale
         J = linear.J * columns * rows[:, None]
         C = sparse_rank(csr_array(J[:n_h])).kept

@@ -101,7 +101,7 @@ class SparsePencil:
 
     def __init__(self, linear: Linearization, squares: bool = False) -> None:
         self.linear, self.squares = linear, squares
-        spaces = linear.motion.spaces
+        spaces = linear.spaces
         self.scale, self.rows = spaces.scale, spaces.row_scale
         self.M, self.R, self.K, self.J, _ = self._scaled(Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q))
         self._odd = 0.5 * (self.K - self.K.T)
@@ -196,7 +196,7 @@ class SparsePencil:
 
     def across(self, s: Complex, gap: Array) -> Array:
         """Return a bound of the force that is needed to close a gap in the rows."""
-        least = self.linear.motion.spaces.C.smallest_kept
+        least = self.linear.spaces.C.smallest_kept
         return self._weight(s) * gap / min(least, 1.0)
 
     # --- better vectors ---------------------------------------------------------------------------------------------

@@ -12,6 +12,10 @@ class Tolerances:
     __slots__ = ()
 
     # Errors of the matrices
+    balance_zero: Final = 1e-12
+    """Along a direction without mass, damping or stiffness below this, relative to its terms, is zero."""
+    direction_rounding: Final = 100.0 * EPS
+    """Accuracy of computed directions without mass, relative to their length."""
     roundings_of_sum: Final = 2.0
     """A sum of products has this many roundings of its terms as error, and one more for four times as many terms."""
     inverse_refined: Final = 1e-12

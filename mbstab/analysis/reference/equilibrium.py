@@ -27,9 +27,10 @@ from mbstab.analysis.reference.equations import Balance, State
 from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.reference.guard import coefficients
 from mbstab.analysis.reference.imbalance import force_change, state_rounding
-from mbstab.analysis.reference.motion import Finder, Motion, inertias_too_far_apart
+from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.newton import Search, Stalled, newton_step
 from mbstab.analysis.reference.reactions import Reaction, reactions
+from mbstab.analysis.reference.refusals import inertias_too_far_apart
 from mbstab.analysis.reference.rotation import orientation
 from mbstab.analysis.reference.steady import Family, Generator, declared_family, detected
 from mbstab.analysis.reference.symmetries import symmetries
@@ -91,7 +92,7 @@ class Equilibrium:
 # --- from a scene to its equilibria ---------------------------------------------------------------------------------
 
 
-def found_motion(system: System) -> Motion:
+def found_motion(system: System, massless: bool = False) -> Motion:
     """Return the equilibrium or steady motion that the reference of a file leads to, given coordinates held.
 
     Raises
@@ -99,7 +100,7 @@ def found_motion(system: System) -> Motion:
     EquilibriumError
         If none is found; the message says where the search stalled, and what to try.
     """
-    problem = Problem(system)
+    problem = Problem(system, massless)
     return problem.solved(problem.start)[0]
 
 
@@ -125,7 +126,7 @@ def find_equilibria(
     EquilibriumError
         If no start leads to one.
     """
-    problem = Problem(system)
+    problem = Problem(system, massless=True)
     rng = np.random.default_rng(seed)
     distinct: list[Equilibrium] = []
     failure: MbstabError | None = None
@@ -146,8 +147,8 @@ def find_equilibria(
 class Problem:
     """What is asked for, and the checks that a solution must pass."""
 
-    def __init__(self, system: System) -> None:
-        self.system, self.scene = system, system.scene
+    def __init__(self, system: System, massless: bool = False) -> None:
+        self.system, self.scene, self.massless = system, system.scene, massless
         if self.scene.period is not None:
             raise UsageError(
                 f"{self.scene.model.name} describes a periodic motion: there is no equilibrium to look for"
@@ -212,7 +213,7 @@ class Problem:
         except Stalled as stalled:
             raise self._failure(search, stalled.state) from None
         at = _tidied(search, at)
-        finder = Finder(self.system)
+        finder = Finder(self.system, self.massless)
         finder.solved = [name for name, held in zip(self.system.names, self.held, strict=True) if not held]
         if not (np.all(np.abs(at.residual) <= TOLERANCES.residual) and self._closed(at) and self._weighed(search, at)):
             raise self._failure(search, at)

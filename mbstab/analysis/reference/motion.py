@@ -26,6 +26,7 @@ from mbstab.analysis.algebra.sparse_rank import SparseRank, last_rows
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.imbalance import state_rounding, unbalance_at
+from mbstab.analysis.reference.refusals import inertias_too_far_apart, singular_configuration
 from mbstab.analysis.reference.steady import Family, Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
@@ -62,6 +63,9 @@ class Motion:
         Symmetries that the motion may follow, the simplest first.
     declared : bool
         Whether the file says that the motion is steady.
+    massless : ndarray, shape (n_q, k), or None
+        Orthonormal motions in scaled coordinates that the constraints allow and that carry no mass; None: there are
+        none. Their accelerations are not known: zero.
     """
 
     q: Array
@@ -77,6 +81,7 @@ class Motion:
     warnings: tuple[str, ...]
     generators: tuple[Generator, ...] = ()
     declared: bool = False
+    massless: Array | None = None
 
     @property
     def at_rest(self) -> bool:
@@ -97,10 +102,12 @@ class Finder:
     sizes : ndarray, shape (n_q,)
         Characteristic size of each coordinate.
     solved, warnings : list of str
+    massless : bool
+        Whether motions without mass are allowed; refused otherwise.
     """
 
-    def __init__(self, system: System) -> None:
-        self.system = system
+    def __init__(self, system: System, massless: bool = False) -> None:
+        self.system, self.massless = system, massless
         self.scene = system.scene
         self.document = system.scene.model.document
         self.is_length: npt.NDArray[np.bool_] = np.array([is_length(name) for name in system.names])
@@ -371,7 +378,7 @@ class Finder:
         scale, row_scale = spaces.scale, spaces.row_scale
         J, M = scaled(state.J, scale, row_scale), scaled(state.M, scale, scale)
         inverse = spaces.inverse(J)
-        accelerate = self._accelerations(state.M, M, inverse, spaces)
+        accelerate, massless = self._accelerations(state.M, M, inverse, spaces)
         force, bias = -(state.F0 * scale), state.B * row_scale
         self._check_compatible(bias - J @ (inverse @ bias), bias)
         a, nu = _balance(M, J, inverse, accelerate, force, bias)
@@ -386,8 +393,10 @@ class Finder:
                 )
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, self.sizes, state, spaces, redundant, tuple(self.solved),
-            tuple(self.warnings),
+            tuple(self.warnings), massless=massless,
         )  # fmt: skip
+        if massless is not None:
+            self._check_balanced(motion)
         if steady is not None:
             expected = steady.acceleration(q)
             self._check_steady(motion, expected, steady)
@@ -397,8 +406,8 @@ class Finder:
             motion = replace(motion, a=expected, nu=nu * row_scale, generators=(steady,), declared=declared)
         return motion
 
-    def _accelerations(self, mass: Any, M: Any, inverse: Any, spaces: Subspaces) -> Accelerate:
-        """Return the solver of M a + Jᵀ ν = force, J a = −gap, in scaled coordinates; refuse massless motions."""
+    def _accelerations(self, mass: Any, M: Any, inverse: Any, spaces: Subspaces) -> tuple[Accelerate, Array | None]:
+        """Return the solver of M a + Jᵀ ν = force, J a = −gap, in scaled coordinates, and motions without mass."""
         C = spaces.C
         if isinstance(C, SparseRank) and not len(spaces.W.left_null):
             least = TOLERANCES.massless * largest(M)
@@ -409,33 +418,55 @@ class Finder:
             dominant = bool(np.all(2.0 * M.diagonal() - np.asarray(abs(M).sum(axis=1)).ravel() > least + rounding))
             if dominant or C.forms.negatives(M - least * identity(n), rounding) == 0:
                 lu = splu(bordered(M, C.J[C.kept]))
-                return lambda force, gap: lu.solve(np.concatenate([force, -gap[C.kept]]))[:n]
+                return lambda force, gap: lu.solve(np.concatenate([force, -gap[C.kept]]))[:n], None
         allowed = spaces.allowed
         M_z = allowed.T @ M @ allowed
-        self._check_mass(mass, M_z, allowed)
+        massless = self._without_mass(mass, M_z, allowed)
+        if massless is not None:
+            inner = allowed.T @ massless
+            M_z = M_z + inner @ inner.T  # no force acts along them, as is checked
 
         def accelerate(force: Array, gap: Array) -> Array:
             a: Array = -inverse @ gap
             return a + allowed @ np.linalg.solve(M_z, allowed.T @ (force - M @ a)) if M_z.size else a
 
-        return accelerate
+        return accelerate, massless
 
-    def _check_mass(self, M: Any, M_z: Array, allowed: Array) -> None:
-        """Refuse a motion that the constraints allow and that carries no mass."""
+    def _without_mass(self, M: Any, M_z: Array, allowed: Array) -> Array | None:
+        """Return the motions that the constraints allow and that carry no mass; refuse them if they are not allowed."""
         if not M_z.size:
-            return
+            return None
         values = np.linalg.eigvalsh(M_z)
-        if values[0] > 1e-13 * values[-1]:
-            return
+        if values[0] > TOLERANCES.massless * values[-1]:
+            return None
         self._refuse_inertias_too_far_apart(M)
-        _, vectors = np.linalg.eigh(M_z)
+        values, vectors = np.linalg.eigh(M_z)
+        heavy = values > TOLERANCES.massless * values[-1]
+        if self.massless and np.all(values[heavy] > ALGEBRA.rank_gap * TOLERANCES.massless * values[-1]):
+            found: Array = allowed @ vectors[:, ~heavy]
+            return found
         motion = np.abs(allowed @ vectors[:, 0])
         involved = [self.system.names[i] for i in np.argsort(-motion) if motion[i] > 0.3 * motion.max()][:4]
         body = next(iter(dict.fromkeys(n.partition(".")[0] for n in involved if not is_state(n))), "")
         location = next((b.location for b in self.scene.bodies if b.name == body), self.scene.bodies[0].location)
-        message = f"a motion of {', '.join(involved)} carries no mass and nothing holds it"
+        message = f"the motion of {', '.join(involved)} carries no mass, and joints and drives do not determine it"
         hint = "give the body an inertia in this direction, add a joint or a drive, or make it a point"
+        if not self.massless:
+            hint = (
+                "mbstab eig finds what springs and dampers make of it at an equilibrium, without --modes, --certify "
+                f"and --verify; for anything else {hint}"
+            )
         raise MassError(str(self.document.problem(location, f"bodies.{body}", message, hint)))
+
+    def _check_balanced(self, motion: Motion) -> None:
+        """Refuse forces along motions without mass, which nothing could balance."""
+        assert motion.massless is not None
+        scale, state = motion.spaces.scale, motion.dynamics
+        force = (state.F0 + state.M @ motion.a + state.J.T @ motion.nu) * scale
+        left = motion.massless @ (motion.massless.T @ force)
+        if np.max(np.abs(left)) > unbalance(self.system, motion):
+            worst = int(np.argmax(np.abs(left)))
+            self.refuse_unbalanced(worst, math.inf, float(-left[worst] / scale[worst]))
 
     def _check_compatible(self, residual: Array, bias: Array) -> None:
         """Refuse redundant rows that contradict each other in the accelerations."""
@@ -477,10 +508,10 @@ class Finder:
         """
         unit, push = ("m/s^2", "N") if self.is_length[worst] else ("rad/s^2", "N*m")
         where = f"no steady motion ({steady})" if steady else "at rest but not in equilibrium"
-        message = (
-            f"the reference is {where}: {self.system.names[worst]} would accelerate with {acceleration:.6g} {unit} "
-            f"(unbalanced {load:.6g} {push})"
-        )
+        name, moves = self.system.names[worst], f"would accelerate with {acceleration:.6g} {unit}"
+        if math.isinf(acceleration):
+            moves = "carries no mass and would not stay"
+        message = f"the reference is {where}: {name} {moves} (unbalanced {load:.6g} {push})"
         find = "steady" if steady else "equilibrium"
         hint = (
             "give coordinates at which the forces balance, or the rates of the motion you mean; "
@@ -523,38 +554,6 @@ class Finder:
                 weights = np.abs(combination)
                 names = [str(self.system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
                 raise ConstraintError(singular_configuration(total / single, names))
-
-
-def singular_configuration(curvature: float, rows: list[str]) -> str:
-    """Return the message for rows that depend on each other at the reference only."""
-    return (
-        "the mechanism is at a singular configuration: constraints that are independent nearby depend on "
-        f"each other here (curvature {curvature:.3g})\nthe rows involved: {'; '.join(rows)}\n"
-        "hint: eigenvalues do not exist at such a point; move the reference away from it"
-    )
-
-
-def inertias_too_far_apart(system: System, M: Any, sizes: Array) -> str:
-    """Return what to say where inertias differ by so much that double precision cannot tell ranks; else nothing."""
-    diagonal = M.diagonal()
-    moved = np.flatnonzero(diagonal > 0.0)
-    if not len(moved):
-        return ""
-    # Squares of sizes may leave the range of double precision.
-    inertia = np.log10(diagonal[moved]) + 2.0 * np.log10(sizes[moved])
-    heavy, light = moved[np.argmax(inertia)], moved[np.argmin(inertia)]
-    decades, most = float(np.ptp(inertia)), -2.0 * math.log10(ALGEBRA.singular_value_zero)
-    if decades < most:
-        return ""
-
-    def shown(i: np.intp) -> str:
-        return f"{diagonal[i]:.3g} {'kg' if is_length(system.names[i]) else 'kg*m^2'} along {system.names[i]}"
-
-    return (
-        f"the inertias are too far apart for double precision: {shown(heavy)}, {shown(light)} "
-        f"(ratio 1e{decades:.0f}, at most 1e{most:.0f})\n"
-        "hint: correct the larger or the smaller; what is meant to stand still can be joined to ground"
-    )
 
 
 def _longest_parameter(system: System) -> float:

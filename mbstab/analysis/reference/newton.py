@@ -10,7 +10,8 @@ import numpy as np
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.reference.equations import Balance, State
 from mbstab.analysis.reference.imbalance import force_change
-from mbstab.analysis.reference.motion import Finder, inertias_too_far_apart
+from mbstab.analysis.reference.motion import Finder
+from mbstab.analysis.reference.refusals import inertias_too_far_apart
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError

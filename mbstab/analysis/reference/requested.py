@@ -13,8 +13,15 @@ from mbstab.analysis.reference.steady import declared_family, detected
 from mbstab.compiler.system import System
 
 
-def reference_motion(system: System) -> Motion:
+def reference_motion(system: System, massless: bool = False) -> Motion:
     """Return the reference motion of a scene.
+
+    Parameters
+    ----------
+    system : System
+    massless : bool
+        Whether motions without mass are allowed; then the caller determines what forces make of them
+        (`mbstab.analysis.linear.massless`).
 
     Raises
     ------
@@ -32,8 +39,8 @@ def reference_motion(system: System) -> Motion:
     if scene.model.reference.find is not None:
         from mbstab.analysis.reference.equilibrium import found_motion
 
-        return found_motion(system)
-    finder = Finder(system)
+        return found_motion(system, massless)
+    finder = Finder(system, massless)
     q = finder.coordinates()
     if scene.steady is not None:
         family, known = declared_family(system)

@@ -24,7 +24,8 @@ from mbstab.analysis.algebra.subspaces import Redundancy, coordinate_scale, requ
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.analysis.reference.imbalance import unbalance_at
-from mbstab.analysis.reference.motion import Finder, singular_configuration
+from mbstab.analysis.reference.motion import Finder
+from mbstab.analysis.reference.refusals import singular_configuration
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, amount
