@@ -243,7 +243,7 @@ def test_a_model_comes_from_stdin(tmp_path, monkeypatch):
     result = run("eig", "-", "--format", "json", input=text)
     assert json.loads(result.stdout)["model"] == "<stdin>"
     assert json.loads(result.stdout)["verdict"] == "stable"
-    wrong = run("check", "-", input=text.replace("mass: m", "mass: 0"))
+    wrong = run("check", "-", input=text.replace("mass: m", "mass: -1"))
     assert wrong.exit_code == 2
     assert wrong.stderr.startswith("<stdin>:")
     drawn = run("sweep", "-", *SWEEP[2:-2], "--plot", "map", input=text)
