@@ -53,6 +53,8 @@ class Massless:
         All rows: the holonomic ones, the algebraic ones, the nonholonomic ones, those of first order.
     spaces : Subspaces
         What all rows allow.
+    accuracy : float
+        Accuracy of directions that are computed, relative to their length.
     """
 
     algebraic: Array
@@ -62,6 +64,7 @@ class Massless:
     n_n: int
     rows: tuple[Row, ...]
     spaces: Subspaces
+    accuracy: float
 
     def extended(self, m: Matrices, sizes: bool = False) -> Matrices:
         """Return the matrices with the rows of the directions, for numbers of any type.
@@ -81,7 +84,7 @@ class Massless:
             (self.first_order, D_q[self.n_n :], sizes.K),
         ):
             lengths = np.linalg.norm(directions / scale, axis=1)[:, None]
-            into += TOLERANCES.direction_rounding * lengths * (scale @ A)
+            into += self.accuracy * lengths * (scale @ A)
         return errors._replace(J=J, D_q=D_q)
 
     def padded(self, nu: Array) -> Array:
@@ -166,7 +169,7 @@ class _Decision:
         if len(values) and not values[0] > REFERENCE.massless * values[-1]:
             self._refuse(self.basis[0], "forces do not determine it, to the digits of double precision", HINT)
         exact = self.exact and all(np.count_nonzero(x) == 1 for x in (*a, *f))
-        return Massless(a, f, exact, n_h, system.n_n, rows, spaces)
+        return Massless(a, f, exact, n_h, system.n_n, rows, spaces, TOLERANCES.direction_rounding / self.least)
 
     def _refuse_motion(self) -> None:
         """Refuse what is not known yet: motions, and functions of time."""
@@ -187,6 +190,7 @@ class _Decision:
 
         unit, n = _unit(self.R_0, self.sizes[0]), len(self.R_0)
         damping = self._rank(unit, "damping", self.basis)
+        self.least = min(damping.smallest_kept, 1.0)
         order = qr(unit.T, mode="r", pivoting=True)[1]
         first, others = np.sort(order[: damping.rank]), np.sort(order[damping.rank :])
         combinations = np.eye(n)[others]
