@@ -77,4 +77,5 @@ def keys_page(title: str) -> str:
 
 
 def _listing(section: str, text: str, named: bool) -> str:
-    return (f"Keys of `{section}`:\n\n" if named else "") + f"```text\n{text.rstrip()}\n```\n"
+    lines = [line if len(line) <= WIDTH else _filled(line, "    ") for line in text.rstrip().splitlines()]
+    return (f"Keys of `{section}`:\n\n" if named else "") + "```text\n" + "\n".join(lines) + "\n```\n"
