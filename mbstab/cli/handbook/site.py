@@ -15,8 +15,8 @@ from mbstab.cli.handbook.model_pages import ModelPage, model_page
 from mbstab.cli.handbook.pages import TOPICS, page, titles
 from mbstab.errors import OutputError, UsageError
 
-MARK = '<meta name="generator" content="mbstab manual">'
-"""Stands in every page; a folder with it may be written again."""
+MARK = "/* the manual of mbstab */"
+"""Begins the style sheet, which is written first; a folder with it may be written again."""
 
 STYLE = """\
 body { font: 17px/1.5 system-ui, sans-serif; max-width: 52em; margin: 0 auto; padding: 0 1em 3em; color: #111; }
@@ -63,7 +63,7 @@ def write_site(folder: Path, group: click.Group, models: Sequence[Path], progres
     made = []
     try:
         (folder / "models").mkdir(parents=True, exist_ok=True)
-        _put(folder / "style.css", STYLE)
+        _put(folder / "style.css", f"{MARK}\n{STYLE}")
         for number, path in enumerate(models, 1):
             model = model_page(path, folder / "models", group)
             _put(folder / "models" / f"{path.stem}.html", _whole(model.title, model.body, "../"))
@@ -78,8 +78,8 @@ def write_site(folder: Path, group: click.Group, models: Sequence[Path], progres
 
 
 def _require_free(folder: Path) -> None:
-    index = folder / "index.html"
-    ours = index.is_file() and MARK in index.read_text(encoding="utf-8", errors="replace")
+    style = folder / "style.css"
+    ours = style.is_file() and style.read_text(encoding="utf-8", errors="replace").startswith(MARK)
     if folder.exists() and not ours and (not folder.is_dir() or any(folder.iterdir())):
         raise UsageError(f"{folder} contains other files\nhint: name a folder that is empty or not there yet")
 
@@ -131,7 +131,7 @@ def _thumbnail(model: ModelPage) -> str:
 def _whole(title: str, body: str, up: str = "") -> str:
     links = "".join(f'<a href="{up}{topic}.html">{topic}</a>\n' for topic in TOPICS)
     return (
-        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{MARK}\n'
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<title>{html.escape(title)}</title>\n<link rel="icon" href="data:,">\n'
         f'<link rel="stylesheet" href="{up}style.css">\n</head>\n<body>\n'
