@@ -764,7 +764,7 @@ def test_units_are_exact():
 def test_a_kink_or_a_hole_has_no_enclosure():
     with digits(30):
         f, wide = balls.ball_arithmetic(), arb(0, 1)
-        for function in (f.sqrt, f.log, f.sign, f.abs_slope, f.smooth_start):
+        for function in (f.sqrt, f.log, f.signum, f.abs_slope, f.smooth_start):
             with pytest.raises(ValueError, match=r"."):
                 function(wide)
 

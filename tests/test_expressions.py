@@ -258,7 +258,7 @@ def test_a_text_that_would_cost_time_or_depth_is_refused_at_once(text, message):
     start = time.process_time()
     with pytest.raises(ExpressionError, match=message):
         parse(text)
-    assert time.process_time() - start < 1.0
+    assert time.process_time() - start < 5.0
 
 
 @pytest.mark.parametrize(
