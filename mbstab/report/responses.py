@@ -68,7 +68,7 @@ def _zeros_text(zeros: Zeros) -> list[str]:
     if zeros.doubt:
         return wrap(f"zeros: not decided, because ranks are not: {zeros.doubt}", WIDTH)
     if zeros.vanishes:
-        return ["the output does not respond to the input"]
+        return wrap("no response is told from zero: it is below 1e-11 of the sizes of A, B and C", WIDTH)
     shown = ", ".join(f"{eigenvalue(z)} ± {e:.0e}" for z, e in zip(zeros.values, zeros.errors, strict=True))
     lines = [f"zeros (1/s, with errors): {shown or 'none'}"]
     words = {True: "minimum phase", False: "not minimum phase", None: "whether it is minimum phase is not decided"}

@@ -159,7 +159,7 @@ class Channel:
             wide[:n, :n], wide[:n, n], wide[n, n + 1] = A, B, 1.0
             A, B, C, D = wide, np.eye(n + 2)[n + 1], np.concatenate([C, self.D[:2]]), self.D[2]
         ranks = _Ranks()
-        values, errors, vanishes = _zeros(A, B, C, float(D), ranks)
+        values, errors, vanishes = _zeros(A, B, C, float(D), ranks, float(np.linalg.norm(self.A)))
         if doubt := seen.doubt or ranks.doubt:
             return Zeros(np.zeros(0, dtype=complex), np.zeros(0), seen.hidden, False, doubt)
         return Zeros(values, errors, seen.hidden, vanishes)
@@ -204,20 +204,28 @@ def _reached(A: Array, B: Array, C: Array, ranks: _Ranks) -> tuple[Array, Array,
     return basis.T @ A @ basis, basis.T @ B, C @ basis
 
 
-def _zeros(A: Array, B: Array, C: Array, D: float, ranks: _Ranks) -> tuple[Complex, Array, bool]:
-    """Return zeros, errors and whether all vanishes: motions that keep the output and all its derivatives zero."""
+def _zeros(A: Array, B: Array, C: Array, D: float, ranks: _Ranks, size: float) -> tuple[Complex, Array, bool]:
+    """Return zeros, errors and whether all vanishes: motions that keep the output and all its derivatives zero.
+
+    `size` is the norm of the matrix of which A is a part: to its roundings A is known. Those of C and D, which grow as
+    the output is differentiated, are followed.
+    """
     none = np.zeros(0, dtype=complex), np.zeros(0)
+    size = max(size, float(np.linalg.norm(A)))
+    known_C, known_D = float(np.linalg.norm(C)), abs(D)
     while len(A) and ranks.vanishes(abs(D), float(np.linalg.norm(B) * np.linalg.norm(C))):
         length = float(np.linalg.norm(C))
         if ranks.vanishes(length, float(np.linalg.norm(A))):
             return *none, True
-        c = C / length
+        c, known_c = C / length, 1.0 + known_C / length
         Q = np.linalg.qr(c[:, None], mode="complete")[0][:, 1:]
+        known_C, known_D = size * known_c, float(np.linalg.norm(B)) * known_c
         A, B, C, D = Q.T @ A @ Q, Q.T @ B, (c @ A) @ Q, float(c @ B)
     if not len(A):
         return *none, D == 0.0
+    b, c_norm = float(np.linalg.norm(B)) / abs(D), float(np.linalg.norm(C))
     values, errors = simple_eigenvalues(
-        A - np.outer(B, C) / D, float(np.linalg.norm(A) + np.linalg.norm(np.outer(B, C)) / abs(D))
+        A - np.outer(B, C) / D, size + b * (known_C + c_norm * (1.0 + known_D / abs(D)))
     )
     order = np.lexsort((values.imag, values.real))
     return values[order], errors[order], False
