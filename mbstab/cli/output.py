@@ -249,12 +249,13 @@ class Output:
         path = None if path == Path("-") else path
         format_ = _format_of(path, formats, unnamed) if format_ is None else format_
         suffix = "" if path is None else path.suffix.lower()
-        if path is not None:
-            files().claim(path, "--output")
-        if suffix in SUFFIXES.values() and suffix != SUFFIXES[format_]:
+        told = {SUFFIXES[x] for x in SUFFIXES if x in formats or x != "yaml"}  # others may give YAML to a model file
+        if suffix in told and suffix != SUFFIXES[format_]:
             raise UsageError(f"--output {path} and --format {format_} contradict each other\nhint: leave out --format")
         if path is None and format_ in BINARY:
             raise UsageError(f"--format {format_} is binary: name a file with --output")
+        if path is not None:
+            files().claim(path, "--output")
         return cls(path, format_)
 
     def write(self, answer: Answer, summary: bool = False) -> None:

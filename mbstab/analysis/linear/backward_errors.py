@@ -52,18 +52,6 @@ class BackwardErrors:
         self.off_W = np.abs(W @ self.lift_W - np.eye(len(W)))
         self.off_W += TOLERANCES.roundings_of_sum * EPS * (np.abs(W) @ np.abs(self.lift_W))
         self.Z = self.Z - self.lift_W @ (W @ self.Z)
-        self.inner = self._inner()
-
-    def _inner(self) -> Array:
-        """Return C with S T = T C, without rounding, which stiff rows may magnify: what is no more is zero."""
-        T, rounding = np.abs(self.T), TOLERANCES.roundings_of_sum * EPS
-        inner: Array = self.inside @ self.T
-        noise = rounding * (T.T @ np.abs(self.S) @ T)
-        if len(self.off_W):
-            above = T[: self.n_xi]
-            rows = np.abs(self.lift_W) @ (np.abs(self.m.D_q) @ (np.abs(self.N) @ above))
-            noise += rounding * (above.T @ rows)
-        return np.where(np.abs(inner) > noise, inner, 0.0)
 
     def scaled(self, matrices: Matrices) -> Matrices:
         """Return M, R, K, J and D_q in scaled coordinates and rows."""
@@ -81,7 +69,7 @@ class BackwardErrors:
             shift = self.T[:n] @ c
             rate = rate + shift
             vel = vel + N @ shift
-            acc = acc + N @ (self.T[:n] @ (c @ C + self.inner @ c))
+            acc = acc + N @ (self.T[:n] @ (c @ C + (self.inside @ self.T) @ c))
         nu = self._multipliers(m.M @ acc + m.R @ vel + m.K @ pos)
         V = np.vstack([V[:n], self.Z.T @ (rate - self.P @ V[:n]) / self.gamma])
         return Motions(pos, vel, acc, nu), V
@@ -238,7 +226,7 @@ class BackwardErrors:
         """Return eigenvectors as coordinates, with their part along T."""
         if not self.T.shape[1]:
             return pos
-        inner, c = self.inner, self.inside @ V
+        inner, c = self.inside @ self.T, self.inside @ V
         solved = _triangular(inner, c) if len(inner) > TOLERANCES.schur_from_symmetries else None
         result = pos.copy()
         for j, s in enumerate(values):
