@@ -342,3 +342,20 @@ def test_what_is_not_possible_yet_says_so(ask):
 
 def scene_sweep():
     return line([1, 0], [(0, 1, "k", 0), (1, -1, 0, 1)], parameters="k: 1").sweep("k", np.array([1.0, 2.0]))
+
+
+def test_a_stiff_spring_without_mass_leaves_the_bounds_of_the_others():
+    """A spring of 34240 N/m beside one of 1 mN/m; a determinant with 120 digits gave the expected values."""
+    elements = [(1, 0, "0.4824", "0.01587"), (2, 1, "0", "16.67"), (3, 2, "34240", "0"), (0, 1, "0.0003154", "0")]
+    lines = ["mbstab: 1", "bodies:"]
+    lines += [f"  n{i}: {{type: planar_point, mass: {494.2 if i == 1 else 0}}}" for i in range(4)]
+    lines += ["constraints:", *(f"  r{i}: {{holonomic: n{i}.y}}" for i in range(4)), "forces:"]
+    lines.append("  damper: {type: expression, on: {n0.x: -208.9*rate(n0.x)}}")
+    for number, (i, j, k, c) in enumerate(elements):
+        pull = f"{k}*(n{i}.x - n{j}.x) + {c}*(rate(n{i}.x) - rate(n{j}.x))"
+        lines.append(f"  f{number}: {{type: expression, on: {{n{i}.x: -({pull}), n{j}.x: {pull}}}}}")
+    found = [e for e in mbstab.loads("\n".join(lines)).eig().eigenvalues if e.kind != "neutral"]
+    assert len(found) == 2
+    for e in found:
+        expected = complex(-0.0011713416082434485, np.copysign(0.031230033474460912, e.value.imag))
+        assert abs(e.value - expected) <= e.error_bound < 1e-15

@@ -52,6 +52,20 @@ class BackwardErrors:
         self.off_W = np.abs(W @ self.lift_W - np.eye(len(W)))
         self.off_W += TOLERANCES.roundings_of_sum * EPS * (np.abs(W) @ np.abs(self.lift_W))
         self.Z = self.Z - self.lift_W @ (W @ self.Z)
+        self.inner = self._inner()
+
+    def _inner(self) -> Array:
+        """Return C with S T = T C; what is no more than rounding is zero where stiff rows magnify the rounding."""
+        inner: Array = self.inside @ self.T
+        if not len(self.off_W):
+            return inner
+        T = np.abs(self.T)
+        above = T[: self.n_xi]
+        usual = T.T @ np.abs(self.S) @ T
+        rows = above.T @ (np.abs(self.lift_W) @ (np.abs(self.m.D_q) @ (np.abs(self.N) @ above)))
+        noise = TOLERANCES.roundings_of_sum * EPS * (usual + rows)
+        magnified = rows > TOLERANCES.magnified_rounding * usual
+        return np.where(magnified & (np.abs(inner) <= noise), 0.0, inner)
 
     def scaled(self, matrices: Matrices) -> Matrices:
         """Return M, R, K, J and D_q in scaled coordinates and rows."""
@@ -69,7 +83,7 @@ class BackwardErrors:
             shift = self.T[:n] @ c
             rate = rate + shift
             vel = vel + N @ shift
-            acc = acc + N @ (self.T[:n] @ (c @ C + (self.inside @ self.T) @ c))
+            acc = acc + N @ (self.T[:n] @ (c @ C + self.inner @ c))
         nu = self._multipliers(m.M @ acc + m.R @ vel + m.K @ pos)
         V = np.vstack([V[:n], self.Z.T @ (rate - self.P @ V[:n]) / self.gamma])
         return Motions(pos, vel, acc, nu), V
@@ -226,7 +240,7 @@ class BackwardErrors:
         """Return eigenvectors as coordinates, with their part along T."""
         if not self.T.shape[1]:
             return pos
-        inner, c = self.inside @ self.T, self.inside @ V
+        inner, c = self.inner, self.inside @ V
         solved = _triangular(inner, c) if len(inner) > TOLERANCES.schur_from_symmetries else None
         result = pos.copy()
         for j, s in enumerate(values):

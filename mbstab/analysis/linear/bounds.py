@@ -202,7 +202,7 @@ def _of_others(judge: _Eigenvectors, values: Complex, vectors: Complex) -> Place
     found = judge.found()
     own = found.placed()
     T = judge.T
-    inner = judge.inside @ T
+    inner = judge.inner
     zeros = np.linalg.eigvals(inner).astype(complex) if T.shape[1] else np.zeros(0, dtype=complex)
     rounding = TOLERANCES.roundings_of_sum * EPS * float(np.linalg.norm(inner))
     known = np.concatenate([own.values, zeros, np.zeros(judge.outside.shape[1], dtype=complex)])

@@ -20,6 +20,8 @@ class Tolerances:
     """A sum of products has this many roundings of its terms as error, and one more for four times as many terms."""
     inverse_refined: Final = 1e-12
     """The pseudo-inverse of rows on speeds is refined where a product with it misses the identity by more than this."""
+    magnified_rounding: Final = 1e3
+    """Stiff rows on speeds magnify the rounding of the action on neutral directions where it is so many times the usual."""
     loose_direction: Final = 1e-13
     """Unknowns whose error may exceed this are changed jointly along one direction …"""
     loose_directions: Final = 8
