@@ -21,7 +21,7 @@ class Tolerances:
     inverse_refined: Final = 1e-12
     """The pseudo-inverse of rows on speeds is refined where a product with it misses the identity by more than this."""
     magnified_rounding: Final = 1e3
-    """Stiff rows on speeds magnify the rounding of the action on neutral directions where it is so many times the usual."""
+    """Stiff rows on speeds magnify the rounding along neutral directions where it is so many times as large."""
     loose_direction: Final = 1e-13
     """Unknowns whose error may exceed this are changed jointly along one direction …"""
     loose_directions: Final = 8
