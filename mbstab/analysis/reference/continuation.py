@@ -125,7 +125,7 @@ def _surface(model: Model, axes: Mapping[str, Array]) -> Surface | None:
     """Return the solutions over two parameters around the one at their least values, if they are smooth."""
     start = {name: float(x[0]) for name, x in axes.items()}
     try:
-        problem = Problem(System(evaluate(model, start)))
+        problem = Problem(System(evaluate(model, start)), massless=True)
         _, search, at, _ = problem.solved(problem.start)
     except MbstabError:
         return None
@@ -169,7 +169,7 @@ class _Curve:
     ) -> None:
         self.model, self.parameter = model, parameter
         self.width = (ends[1] - ends[0]) or 1.0
-        self.problem = Problem(System(evaluate(model, {parameter: start})))
+        self.problem = Problem(System(evaluate(model, {parameter: start})), massless=True)
         system = self.problem.system
         self.work = [max(TOLERANCES.path_evaluations, TOLERANCES.path_evaluated_numbers // (system.n_q + system.n_c))]
         self.low, self.high = (self._last_valid(start, end) for end in ends)

@@ -15,6 +15,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, Index, norms
 from mbstab.analysis.algebra.deflation import deflated_matrix, in_frame
+from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
@@ -22,6 +23,7 @@ from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.many_points import polished
 from mbstab.analysis.reference.steady import Family, Generator, spins_freely
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
+from mbstab.analysis.sweep.batched_massless import Light
 from mbstab.analysis.sweep.batched_structure import Known, Points
 from mbstab.analysis.sweep.stacks import transposed
 from mbstab.analysis.sweep.tolerances import TOLERANCES
@@ -77,6 +79,7 @@ class Equations:
     ) -> None:
         self.pattern, self.system, self.points, self.start, self.some = pattern, system, points, start, some
         self.good: Flags = np.ones(points, dtype=bool)
+        self.light = None if pattern.linear.massless is None else Light(pattern.linear, pattern.linear.massless)
         if pattern.family is not None:
             self.good &= spins_freely(system, pattern.family.columns)
 
@@ -94,19 +97,30 @@ class Equations:
         # A pattern at rest does not apply to motions, nor the reverse.
         self.good &= np.any(u, axis=1) != pattern.linear.motion.at_rest
         M, J, scale, row_scale = self._scaled(dynamics)
-        N, Z, inverse, W_inverse = self._subspaces(J)
+        bases = self._subspaces(J, system.n_h, pattern.linear.motion.spaces)
+        allowed, Z, inverse, _ = bases
         a = steady.acceleration(q) if steady is not None else np.zeros_like(q)
         K, R, D_q, balance = self._coefficients(q, u, a, steady, dynamics, (J, inverse), scale, row_scale)
         if self.start is None:  # solutions balance to rounding, of which little may be left in their sums
-            T = N @ Z
+            T = allowed @ Z
             self.good &= np.max(np.abs(transposed(T) @ balance[0][..., None]), axis=(-1, -2), initial=0.0) <= balance[1]
+        if self.light is not None:
+            self.good &= self.light.found(M, R, J)
+            J, D_q, regular = self.light.extended(R, K, J, D_q)
+            self.good &= regular
+            bases = self._subspaces(J, pattern.linear.n_h, pattern.linear.spaces)
+        N, Z, inverse, W_inverse = bases
         P = -(W_inverse @ (D_q @ N))
         A, M_z = deflated_matrix(M, R, K, N, Z, P)
         gamma = _time_scales(A, N.shape[-1])
         S = self._balanced_matrix(A, gamma, N.shape[-1])
-        spread = np.ones(1) if growth is None else growth
+        if self.light is not None:
+            self.good &= self.light.carried(M_z)
+        spread = (np.ones(1) if growth is None else growth) * (1.0 if self.light is None else self.light.cancelling)
         error = self._error((M, R, K, D_q), P, M_z, gamma, inverse, W_inverse, S) * spread
-        return self.good, Points(system, q, u, a, steady, scale, M, R, K, N, Z, P, S, gamma, error, balance[2], spread)
+        return self.good, Points(
+            system, q, u, a, steady, scale, M, R, K, allowed, N, Z, P, S, gamma, error, balance[2], spread
+        )
 
     def _balanced_matrix(self, A: Array, gamma: Array, n_xi: int) -> Array:
         """Return S, as `mbstab.analysis.linear.facts.balanced`, for each point."""
@@ -274,27 +288,26 @@ class Equations:
 
     def _scaled(self, dynamics: Dynamics) -> tuple[Array, Array, Array, Array]:
         diagonal = np.diagonal(dynamics.M, axis1=-2, axis2=-1)
-        known = self.pattern.linear.motion.spaces.scale
+        known = self.pattern.linear.spaces.scale
         scale = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), known)
         J = dynamics.J * scale[:, None, :]
         lengths = np.linalg.norm(J, axis=-1)
         row_scale = np.where(lengths > 0.0, 1.0 / np.where(lengths > 0.0, lengths, 1.0), 1.0)
         return dynamics.M * scale[:, None, :] * scale[:, :, None], J * row_scale[..., None], scale, row_scale
 
-    def _subspaces(self, J: Array) -> tuple[Array, Array, Array, Array]:
-        """Return N, Z, J⁺ and (D_u N)⁺, checking the ranks at every point."""
-        spaces, (n_h, n_c) = self.pattern.linear.motion.spaces, (self.system.n_h, self.system.n_c)
+    def _subspaces(self, J: Array, n_h: int, spaces: Subspaces) -> tuple[Array, Array, Array, Array]:
+        """Return N, Z, J⁺ and (D_u N)⁺ of rows, n_h of them holonomic, with the ranks of the pattern at every point."""
+        n_c = J.shape[-2]
         if n_c and (spaces.C.rank, spaces.W.rank) == (n_h, n_c - n_h):
-            return self._independent(J)
+            return self._independent(J, n_h)
         N = self._null(J[:, :n_h], spaces.C.rank)
         across = J[:, n_h:] @ N
         inverse, W_inverse = (np.linalg.pinv(x, rcond=ALGEBRA.singular_value_zero) for x in (J, across))
         return N, self._null(across, spaces.W.rank), np.asarray(inverse), np.asarray(W_inverse)
 
-    def _independent(self, J: Array) -> tuple[Array, Array, Array, Array]:
+    def _independent(self, J: Array, n_h: int) -> tuple[Array, Array, Array, Array]:
         """Return the same where all rows are independent: from Jᵀ = Q R, with J⁺ = Q R⁻ᵀ."""
         n_c, n_q = J.shape[-2:]
-        n_h = self.system.n_h
         Q, R = np.linalg.qr(transposed(J), mode="complete")
         diagonal = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
         regular = np.min(diagonal, axis=-1) > 0.0

@@ -386,7 +386,8 @@ class _Work:
         for part in self.found:
             index, other = part.index, part.known.neutral.count
             if part.total != n_f:
-                text = f"{part.total} finite eigenvalues exist here, elsewhere {n_f}"
+                many = "eigenvalue exists" if part.total == 1 else "eigenvalues exist"
+                text = f"{part.total} finite {many} here, elsewhere {n_f}"
                 self.problems |= {int(i): text for i in index}
                 continue
             if other == neutral:
@@ -509,9 +510,9 @@ class _Work:
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as error:
             self.problems[i] = str(error)
             return None
-        if grounds.lost:
-            return None
         linear, family = grounds.linear, None
+        if grounds.lost or (linear.massless is not None and not linear.massless.exact):
+            return None
         if linear.generator is not None and linear.generator.turns:
             directions = np.eye(3)[: linear.system.scene.dimension]
             family = Family(
@@ -526,9 +527,9 @@ class _Work:
     def motion(self, system: System, i: int) -> tuple[Motion, Balance | None]:
         """Return the motion at a point, and its equations if it was solved for."""
         if self.path is None:
-            return reference_motion(system), None
+            return reference_motion(system, massless=True), None
         q, c = self.path.predicted({name: x[i : i + 1] for name, x in self.values.items()})
-        motion, search, _, _ = Problem(system).solved(q[0], c[0])
+        motion, search, _, _ = Problem(system, massless=True).solved(q[0], c[0])
         return motion, search.balance
 
     # --- many points ------------------------------------------------------------------------------------------------

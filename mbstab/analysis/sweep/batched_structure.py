@@ -53,6 +53,8 @@ class Points:
         The co-moving frame of the motions, if it rotates.
     scale : ndarray, shape (points, n_q)
     M, R, K : ndarray, shape (points, n_q, n_q)
+    allowed : ndarray, shape (points, n_q, m)
+        Motions that the constraints alone allow; N obeys the balance of what has no mass as well.
     N, Z, P : ndarray
         As in `mbstab.analysis.algebra.subspaces`.
     S : ndarray, shape (points, n, n)
@@ -76,6 +78,7 @@ class Points:
     M: Array
     R: Array
     K: Array
+    allowed: Array
     N: Array
     Z: Array
     P: Array
@@ -114,8 +117,8 @@ class Points:
             steady = Generator(steady.system, steady.axis, steady.point, rate, velocity, spins)  # type: ignore[arg-type]
         arrays = (
             some(x, index, 0) for x in (
-                self.scale, self.M, self.R, self.K, self.N, self.Z, self.P, self.S, self.gamma, self.error,
-                self.across, self.spread,
+                self.scale, self.M, self.R, self.K, self.allowed, self.N, self.Z, self.P, self.S, self.gamma,
+                self.error, self.across, self.spread,
             )
         )  # fmt: skip
         return Points(self.system, self.q[index], self.u[index], self.a[index], steady, *arrays)
@@ -395,12 +398,12 @@ class Known:
         where there are forces across rows on speeds, neither needs to hold.
         """
         work = self.grounds.structure.work
-        if not (work.conserved or work.decreases) or len(self.grounds.linear.D_q):
+        if not (work.conserved or work.decreases) or self.grounds.system.n_n:
             return np.ones(len(points.S), dtype=bool)
-        stiffness, size = _reduced(points.K, points.N), _reduced(np.abs(points.K), np.abs(points.N))
+        stiffness, size = _reduced(points.K, points.allowed), _reduced(np.abs(points.K), np.abs(points.allowed))
         limit = LINEAR.roundings_of_variation * EPS * points.spread[:, None, None]
         good: Flags = np.all(np.abs(stiffness - transposed(stiffness)) <= 2.0 * limit * size, axis=(1, 2))
-        damping, size = _reduced(points.R, points.N), _reduced(np.abs(points.R), np.abs(points.N))
+        damping, size = _reduced(points.R, points.allowed), _reduced(np.abs(points.R), np.abs(points.allowed))
         damping, size = damping + transposed(damping), limit * (size + transposed(size))
         if work.conserved:
             conserved: Flags = good & np.all(np.abs(damping) <= size, axis=(1, 2))

@@ -109,7 +109,7 @@ def _followed(
     changed = [name for name in {**start.settings, **model.settings} if first[name] != last[name]]
     system = System(evaluate(start))
     result = answer(system) if changed or known is None else known
-    found = find_modes(lambda: linearize(system, reference_motion(system)), result, modes)
+    found = find_modes(lambda: linearize(system, reference_motion(system, massless=True)), result, modes)
     now = _values(result)
     names = [_named(found.values, value) for value in now]
     here = {name: first[name] for name in changed}
