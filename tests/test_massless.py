@@ -328,7 +328,6 @@ def test_what_forces_do_not_determine_is_refused_with_its_place(masses, elements
         lambda x: x.certify(),
         lambda x: x.modes(1),
         lambda x: x.verify(),
-        lambda x: x.state_space(),
         lambda x: x.compare(),
         lambda x: x.eig("embedding"),
     ],
@@ -362,6 +361,45 @@ def test_sweeps_and_eig_of_chains_with_massless_nodes_agree(seed):
         assert found.verdicts[i] == alone.verdict
         own = sorted(alone.values(), key=abs, reverse=True)[: found.branches.shape[1]]
         assert close(found.branches[i], own, 1e-9)
+
+
+PORTS = """\
+inputs: {push: {type: force, at: n0, direction: x}, pull: {type: force, at: n1, direction: x}}
+outputs: {place: n0.x, node: n1.x, speed: rate(n1.x), both: acceleration(n1.x) + n0.x}
+"""
+
+
+@pytest.mark.parametrize(
+    "elements",
+    [
+        [(0, -1, 100.0, 0.0), (0, 1, 400.0, 0.0), (1, -1, 0.0, 10.0)],
+        [(0, -1, 100.0, 0.0), (0, 1, 400.0, 0.0), (1, -1, 60.0, 0.0)],
+        [(0, 1, 4.0, 0.3), (1, 2, 9.0, 0.0), (2, -1, 2.0, 0.5)],
+        [(0, 1, 4.0, 0.0), (1, 2, 9.0, 0.0), (2, -1, 2.0, 0.5), (0, -1, 1.0, 0.0)],
+    ],
+)
+def test_inputs_act_on_motions_without_mass_as_the_dynamic_stiffness_says(elements):
+    """A force on a massless node moves it at once: A, B, C, D and the descriptor form against (s²M + sC + K)⁻¹."""
+    n = 1 + max(i for e in elements for i in e[:2])
+    model = line([1.0] + [0.0] * (n - 1), elements, PORTS).state_space()
+    M, C, K = np.diag([1.0] + [0.0] * (n - 1)), np.zeros((n, n)), np.zeros((n, n))
+    for i, j, k, c in elements:
+        d = np.eye(n)[i] - (np.eye(n)[j] if j >= 0 else 0.0)
+        K, C = K + k * np.outer(d, d), C + c * np.outer(d, d)
+    for s in (0.3j, 4.0j, 2.0 + 50.0j):
+        X = np.linalg.inv(s * s * M + s * C + K)[:, :2]
+        expected = np.array([X[0], X[1], s * X[1], s * s * X[1] + X[0]])
+        d = model.descriptor
+        states, all_ = (
+            np.linalg.solve(s * np.eye(len(model.A)) - model.A, model.B),
+            np.linalg.solve(s * d.E - d.A, d.B),
+        )
+        found, by_w = model.C @ states + model.D, d.D * np.array([s**order for _, order in model.orders])
+        for i in range(2):
+            own = [k for k, (j, _) in enumerate(model.orders) if j == i]
+            powers = np.array([s ** model.orders[k][1] for k in own])
+            assert found[:, own] @ powers == pytest.approx(expected[:, i], rel=1e-11)
+            assert d.C @ all_[:, i] + by_w[:, own].sum(axis=1) == pytest.approx(expected[:, i], rel=1e-11)
 
 
 def test_the_critical_damping_of_a_maxwell_element_is_found():

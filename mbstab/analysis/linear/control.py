@@ -131,11 +131,6 @@ class _Ports:
                 "the coefficients change along the motion: there is no linear model with constant A, B, C, D\n"
                 "hint: --frozen takes the equations as they are at the reference time"
             )
-        if linear.massless is not None:
-            raise UsageError(
-                f"there are no A, B, C and D yet for motions without mass: {'; '.join(linear.massless.names)}\n"
-                "hint: mbstab eig has their eigenvalues, and Mechanism.linearize the matrices with their rows"
-            )
         self.linear, self.space = linear, state_space(linear)
         self.system, self.motion = linear.system, linear.motion
         self.signals = Signals(self.system)
@@ -144,6 +139,8 @@ class _Ports:
         self.at = State(motion.q, motion.u, motion.a, motion.nu, motion.time)
         self.f, self.rows = self.signals.columns(self.at)
         self._require_steady_columns()
+        if linear.massless is not None:
+            self.rows = linear.massless.with_signals(self.rows, self.f)
 
     # --- the frame ----------------------------------------------------------------------------------------------------
 
@@ -195,11 +192,11 @@ class _Ports:
     @cached_property
     def maps(self) -> dict[str, Array]:
         """δ, δ̇, δ̈ and Δν (keys q, u, a, nu; scaled), and ẏ, of y, w, ẇ and ẅ side by side."""
-        linear, spaces, n_xi, m = self.linear, self.motion.spaces, self.space.n_xi, self.m
+        linear, spaces, n_xi, m = self.linear, self.linear.spaces, self.space.n_xi, self.m
         s, r, N, Z = spaces.scale, spaces.row_scale, spaces.N, spaces.Z
         n_h, n_f = linear.n_h, len(self.space.A)
         J, D_q = (linear.J * s) * r[:, None], (linear.D_q * s) * r[n_h:, None]
-        inverse = spaces.inverse(J)
+        inverse = self._inverse(J)
         rows = self.rows * r[:, None]
         alpha = -inverse @ np.vstack([rows[:n_h], np.zeros_like(rows[n_h:])])
         beta = -inverse @ np.vstack([np.zeros_like(rows[:n_h]), rows[n_h:] + D_q @ alpha])
@@ -230,6 +227,28 @@ class _Ports:
         nu = -inverse.T @ (M @ a + R @ u + K @ q + _placed(self.f * s[:, None], blocks[0], width))
         return {"q": q * s[:, None], "u": u * s[:, None], "a": a * s[:, None], "nu": nu * r[:, None], "y": rate}
 
+    def _inverse(self, J: Array) -> Array:
+        """Return a right inverse of the scaled rows, all together."""
+        linear, spaces, own = self.linear, self.linear.spaces, self.motion.spaces
+        if linear.massless is None:
+            return np.asarray(spaces.inverse(J))
+        assert self.motion.massless is not None
+        light, units = linear.massless, (own.scale / spaces.scale)[:, None]
+        constraints = np.asarray(own.inverse(self._constraints * own.scale * own.row_scale[:, None]))
+        n = light.n_h + len(light.algebraic)
+        rows = np.concatenate([spaces.row_scale[: light.n_h], spaces.row_scale[n : n + light.n_n]])
+        constraints = units * constraints * own.row_scale / rows
+        return light.right_inverse(J, constraints, units * self.motion.massless)
+
+    @property
+    def _constraints(self) -> Array:
+        """J of the constraints alone."""
+        light, J = self.linear.massless, self.linear.J
+        if light is None:
+            return J
+        n = light.n_h + len(light.algebraic)
+        return np.concatenate([J[: light.n_h], J[n : n + light.n_n]])
+
     def _require_consistent(self, left: Array, rows: Array) -> None:
         """Refuse an input that moves a row against others that imply it."""
         for i, item in enumerate(self.signals.items):
@@ -253,7 +272,7 @@ class _Ports:
                 message, hint = "the input has no effect on the equations here", "let it act elsewhere, or remove it"
             else:
                 columns = np.flatnonzero(self.f[:, i])
-                held = [row for k, row in enumerate(self.system.rows) if np.any(self.linear.J[k, columns])]
+                held = [row for k, row in enumerate(self.linear.rows) if np.any(self.linear.J[k, columns])]
                 drives = [row.owner for row in held if row.section == "drives"] or [row.owner for row in held]
                 message = (
                     f"the input moves nothing: {', '.join(dict.fromkeys(drives))} prescribes the motion it acts on"
@@ -274,16 +293,22 @@ class _Ports:
         row = self._in_frame(self._slope(expression, self.at), None if relative else self.frame)
         if not relative:
             self._require_steady(expression, row)
-        q, u, a, nu, by_w = np.split(row, np.cumsum([self.system.n_q] * 3 + [self.system.n_c]))
+        q, u, a, nu, by_w = self._parts(row)
         self._require_unique(expression, nu)
         maps, n_f = self.maps, len(self.space.A)
         found: Array = q @ maps["q"] + u @ maps["u"] + a @ maps["a"] + nu @ maps["nu"]
         found[n_f:] += by_w
         return found
 
-    def slope(self, expression: Quantity) -> Array:
+    def slope(self, expression: Quantity) -> list[Array]:
         """Return the slopes of an output by δ, δ̇, δ̈, Δν and the signals in the frame of the equations."""
-        return self._in_frame(self._slope(expression, self.at), self.frame)
+        return self._parts(self._in_frame(self._slope(expression, self.at), self.frame))
+
+    def _parts(self, row: Array) -> list[Array]:
+        """Return the slopes by δ, δ̇, δ̈, the multipliers of all rows and the signals."""
+        q, u, a, nu, by_w = np.split(row, np.cumsum([self.system.n_q] * 3 + [self.system.n_c]))
+        light = self.linear.massless
+        return [q, u, a, nu if light is None else light.padded(nu), by_w]
 
     def _slope(self, expression: Quantity, at: State) -> Array:
         try:
@@ -324,7 +349,7 @@ class _Ports:
         """Refuse an output that needs multipliers which the motion does not determine."""
         if not np.any(nu):
             return
-        spaces = self.motion.spaces
+        spaces = self.linear.spaces
         free = rank_of(self.linear.J * spaces.scale * spaces.row_scale[:, None]).left_null
         own = nu * spaces.row_scale
         if np.max(np.abs(own @ free), initial=0.0) > TOLERANCES.steady_signal * np.max(np.abs(own)):
@@ -500,13 +525,14 @@ def _maps(ports: _Ports, S: Array, inverse: Array) -> tuple[tuple[str, ...], Arr
 
 
 def _descriptor(ports: _Ports, used: Sequence[tuple[int, int]]) -> Descriptor:
-    linear, n, c, m = ports.linear, ports.system.n_q, ports.system.n_c, ports.m
+    linear, n, c, m = ports.linear, ports.system.n_q, len(ports.linear.J), ports.m
     A, E = linear.pencil()
     B = np.zeros((2 * n + c, m))
     B[n : 2 * n], B[2 * n :] = -ports.f, ports.rows
     outputs = list(ports.system.scene.model.outputs.values())
-    slopes = np.array([ports.slope(x) for x in outputs]).reshape(len(outputs), 3 * n + c + 3 * m)
-    q, u, a, nu, by_w = np.split(slopes, np.cumsum([n, n, n, c]), axis=1)
+    slopes = [ports.slope(x) for x in outputs]
+    widths = (n, n, n, c, 3 * m)
+    q, u, a, nu, by_w = (np.array([x[k] for x in slopes]).reshape(len(slopes), width) for k, width in enumerate(widths))
     C = np.hstack([q, nu, u])
     names = linear.names
     variables = [*names, *(f"ν {row.name}: {row.label}" for row in linear.rows), *(f"rate({x})" for x in names)]

@@ -88,9 +88,33 @@ class Massless:
         return errors._replace(J=J, D_q=D_q)
 
     def padded(self, nu: Array) -> Array:
-        """Return the multipliers of all rows: those of the directions are zero."""
-        zeros = np.zeros(len(self.algebraic)), np.zeros(len(self.first_order))
-        return np.concatenate([nu[: self.n_h], zeros[0], nu[self.n_h :], zeros[1]])
+        """Return multipliers, or slopes by them along the last axis, for all rows: those of the directions are zero."""
+        zeros = (np.zeros((*nu.shape[:-1], len(x))) for x in (self.algebraic, self.first_order))
+        return np.concatenate([nu[..., : self.n_h], next(zeros), nu[..., self.n_h :], next(zeros)], axis=-1)
+
+    def with_signals(self, rows: Array, f: Array) -> Array:
+        """Return what inputs add to all rows, from what they add to those of the constraints and to the forces."""
+        parts = rows[: self.n_h], self.algebraic @ f, rows[self.n_h :], self.first_order @ f
+        return np.concatenate(parts)
+
+    def right_inverse(self, J: Array, of_constraints: Array, directions: Array) -> Array:
+        """Return X with J X = 1 for all rows J, where only motions without mass answer the rows of the directions.
+
+        Parameters
+        ----------
+        J : ndarray, shape (n_c, n_q)
+        of_constraints : ndarray, shape (n_q, n_h + n_n)
+            A right inverse of the rows of the constraints.
+        directions : ndarray, shape (n_q, k)
+            The motions without mass that the constraints allow, in the coordinates of J.
+        """
+        n = self.n_h + len(self.algebraic)
+        own = np.array([*range(self.n_h, n), *range(n + self.n_n, len(J))], dtype=int)
+        others = np.setdiff1d(np.arange(len(J)), own)
+        X = np.zeros(J.T.shape)
+        X[:, others], X[:, own] = of_constraints, np.linalg.solve((J[own] @ directions).T, directions.T).T
+        X[:, others] -= X[:, own] @ (J[own] @ of_constraints)
+        return X
 
     @property
     def names(self) -> tuple[str, ...]:
