@@ -6,7 +6,7 @@ with bounds (`mbstab.analysis.linear.few`). The number right of the axis is coun
 depend on the eigenvalues found. Without the count the answer is partial, and says so.
 
 A scene given at rest is treated with sparse matrices from the file to the answer; others are linearized as for all
-eigenvalues, at the same cost in memory.
+eigenvalues, at the same cost in memory. Where some motions carry no mass all eigenvalues are computed.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.linear.census import Resting, census, resting
 from mbstab.analysis.linear.constancy import time_doubt
-from mbstab.analysis.linear.eigenvalues import inexact, mode_shapes, participation, with_saddles
+from mbstab.analysis.linear.eigenvalues import eigenvalues, inexact, mode_shapes, participation, with_saddles
 from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.few import Few, few
 from mbstab.analysis.linear.linearize import Linearization, linearize
@@ -91,12 +91,15 @@ def modes(system: System, count: int, near: complex, rightmost: bool, force: boo
         message = "a periodic motion has multipliers, and all of them are computed"
         raise UsageError(f"{message}\nhint: ask without a number of modes")
     subject = _subject(system, force)
-    equations = subject.equations
+    equations = subject if isinstance(subject, Linearization) else subject.equations
     if count > equations.n_f:
         raise UsageError(
             f"{count} modes are asked for, there are {equations.n_f} finite eigenvalues\n"
             f"hint: give a number up to {equations.n_f}"
         )
+    if isinstance(subject, Linearization):
+        return _of_all(eigenvalues(subject), count, near, rightmost)
+    equations = subject.equations
     if not equations.n_left:
         return _result(subject, few(equations, 0j, 0, False), census(equations, subject.resting), ())
     symmetric = subject.resting is not None and subject.resting.symmetric
@@ -114,12 +117,14 @@ def modes(system: System, count: int, near: complex, rightmost: bool, force: boo
     return _result(subject, found, number, warnings)
 
 
-def _subject(system: System, force: bool) -> _Subject:
+def _subject(system: System, force: bool) -> _Subject | Linearization:
+    """Return the equations that are judged; those of motions without mass as they are."""
     rest = at_rest(system)
     if rest is None:
         if not force:
             Cost.of("motion", system.n_q, system.n_c).require()
-        return _of_motion(linearize(system, reference_motion(system)))
+        linear = linearize(system, reference_motion(system, massless=True))
+        return _of_motion(linear) if linear.massless is None else linear
     kept, rank = len(rest.kept), rest.rank_holonomic
     structure = resting(system, rest.q, rest.time, kept - rank)
     still = np.zeros_like(rest.q)
@@ -128,6 +133,18 @@ def _subject(system: System, force: bool) -> _Subject:
         system.n_h, system.n_n, rest.warnings, time_doubt(system),
         lambda order: kinks(system, rest.q, still, rest.time, order),
     )  # fmt: skip
+
+
+def _of_all(found: EigenResult, count: int, near: complex, rightmost: bool) -> EigenResult:
+    """Return some of all eigenvalues, and the verdict about all."""
+    upper = [e for e in found.eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
+    upper.sort(key=lambda e: -e.value.real if rightmost else abs(e.value - complex(near.real, abs(near.imag))))
+    kept = [e.value for e in upper[:count]]
+    listed = [e for e in found.eigenvalues if e.kind == "neutral" or complex(e.value.real, abs(e.value.imag)) in kept]
+    decided = all(e.kind != "undecided" for e in found.eigenvalues)
+    right = sum(e.value.real > e.error_bound for e in found.eigenvalues) if decided else None
+    counts = replace(found.counts, unstable_proven=right, counted="all eigenvalues were computed")
+    return replace(found, eigenvalues=listed, counts=counts)
 
 
 def _of_motion(linear: Linearization) -> _Subject:
