@@ -46,6 +46,9 @@ def run(line, expected=""):
 def read(block, folder):
     """Read a model and analyse it; it is written to the folder under the name in its first line, if it has one."""
     name = re.match(r"# (\w+\.yaml)\n", block)
-    if name:
-        (Path(folder) / name[1]).write_text(block, encoding="utf-8")
-    return mbstab.loads(block).eig()
+    if not name:
+        return mbstab.loads(block).eig()
+    path = Path(folder) / name[1]
+    path.write_text(block, encoding="utf-8")
+    # A part is read with the file that includes it.
+    return None if re.search(r"^needs:", block, re.MULTILINE) else mbstab.load(path).eig()

@@ -70,7 +70,10 @@ def _loaded(file: str) -> Mechanism:
     files().opened(found.path)
     if found.installed:
         note(f"using the example model {found.path}")
-    return Mechanism(read_model(found.path), force)
+    model = read_model(found.path)
+    for name in model.document.beside:
+        files().opened(found.path.parent / name)
+    return Mechanism(model, force)
 
 
 def parse_settings(settings: tuple[str, ...], option: str = "--set") -> dict[str, str]:

@@ -6,6 +6,7 @@ from typing import Any
 
 from mbstab.mechanics.catalogue import Kind
 from mbstab.mechanics.elements import KINDS
+from mbstab.model.expansion import ONLY_ONCE
 from mbstab.model.fields.base import BY_NAME, DIRECTION, NUMBER, TEXT, VECTOR, described, object_schema, typed_schema
 from mbstab.model.fields.catalogue import kind_of
 from mbstab.model.schema import (
@@ -15,10 +16,12 @@ from mbstab.model.schema import (
     EXPECT_FIELDS,
     FINDS,
     GEOMETRY_FIELDS,
+    INCLUDE_FIELDS,
     INITIAL_FIELDS,
     MODE_FIELDS,
     PARAMETER_FIELDS,
     REFERENCE_FIELDS,
+    REPEAT_FIELDS,
     SECTIONS,
     SIGNS,
     STATE_FIELDS,
@@ -36,10 +39,15 @@ STATE = {"type": "object", "additionalProperties": {"anyOf": [BY_NAME, NUMBER]}}
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of model files."""
     column = {"anyOf": [TEXT, {"type": "array", "items": {"type": "number"}}]}
+    include = object_schema(INCLUDE_FIELDS, file=TEXT, prefix=TEXT, **{"with": _by_name(NUMBER)})
     properties: dict[str, Any] = {
         "mbstab": {"const": int(VERSION)},
         "title": TEXT,
         "source": TEXT,
+        "counts": _by_name({"anyOf": [INTEGER, TEXT]}),
+        "repeat": {"type": "array", "items": {"type": "object"}},
+        "include": {"type": "array", "items": {**include, "required": ["file"]}},
+        "needs": _by_name(TEXT),
         "parameters": {"type": "object", "additionalProperties": {"anyOf": [NUMBER, _parameter()]}},
         "tables": _by_name({**object_schema(TABLE_FIELDS, x=column, y=column, file=TEXT)}),
         "definitions": BY_NAME,
@@ -55,12 +63,19 @@ def json_schema() -> dict[str, Any]:
         "modes": _by_name(object_schema(MODE_FIELDS, near=NUMBER, shape=BY_NAME, at=BY_NAME)),
         "expect": {"type": "array", "items": _expectation()},
     }
+    properties = {key: {**node, "description": SECTIONS[key]} for key, node in properties.items()}
+    block = {key: node for key, node in properties.items() if key not in (*ONLY_ONCE, "needs")}
+    ends = {"type": "array", "items": {"anyOf": [INTEGER, TEXT]}, "minItems": 2, "maxItems": 2}
+    block["for"] = {**_by_name(ends), "description": REPEAT_FIELDS["for"]}
+    one = {"type": "object", "properties": block, "required": ["for"], "additionalProperties": False}
+    properties["repeat"] = {**properties["repeat"], "items": one}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "mbstab model",
         "type": "object",
-        "properties": {key: {**node, "description": SECTIONS[key]} for key, node in properties.items()},
-        "required": ["mbstab", "bodies"],
+        "properties": properties,
+        "required": ["mbstab"],
+        "anyOf": [{"required": [key]} for key in ("bodies", "repeat", "include", "needs")],
         "additionalProperties": False,
     }
 

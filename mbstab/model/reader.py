@@ -8,6 +8,7 @@ from collections.abc import Mapping as MappingType
 from contextlib import contextmanager
 from pathlib import Path
 
+from mbstab.model.expansion import EXPANDED, expanded
 from mbstab.model.names import Names
 from mbstab.model.nodes import NodeReader
 from mbstab.model.quantities import QuantityReader
@@ -20,7 +21,7 @@ from mbstab.model.sections.outputs import read_outputs
 from mbstab.model.sections.parameters import ParameterReader
 from mbstab.model.sections.reference import ReferenceReader
 from mbstab.model.sections.tables import TableReader
-from mbstab.model.yamlfile import Document, Mapping, Scalar, parse_yaml, read_text
+from mbstab.model.yamlfile import Document, Mapping, Scalar, parse_yaml, read_text, yaml_text
 
 
 def read_model(path: Path) -> Model:
@@ -41,9 +42,16 @@ def read_model_text(text: str | bytes, name: str = "<text>", beside: MappingType
     with _uncollected():
         document, root = parse_yaml(text, name)
         document.beside.update(beside or {})
-        model = _read(document, root)
+        model = _read(document, expanded(document, root))
     document.raise_problems()
     return model
+
+
+def expanded_text(model: Model) -> str:
+    """Return the file of a model with its repetitions and parts written out, as YAML."""
+    document, root = parse_yaml("\n".join(model.document.lines), model.document.name)
+    document.beside.update(model.document.beside)
+    return yaml_text(expanded(document, root))
 
 
 @contextmanager
@@ -63,7 +71,7 @@ def _read(document: Document, root: Mapping) -> Model:
     nodes = NodeReader(document)
     quantities = QuantityReader(Names(nodes))
     top = root.entries
-    nodes.known_keys(root, "", SECTIONS)
+    nodes.known_keys(root, "", [key for key in SECTIONS if key not in EXPANDED])
     _check_version(nodes, root)
     quantities.names.tables = TableReader(nodes).read(top.get("tables"))
     ParameterReader(quantities).read(top.get("parameters"))

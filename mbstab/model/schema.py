@@ -23,6 +23,11 @@ SECTIONS: dict[str, str] = {
     "mbstab": "version of the file format; write 1",
     "title": "one line that names the system",
     "source": "where the model and its expected values come from",
+    "counts": "named whole numbers, for which <NAME> stands in names and values",
+    "repeat": "blocks of sections that are read once for each value of an index: {for: {i: [1, 10]}, bodies: …}; "
+    "<i>, <i - 1> and <2*i> stand for numbers in their names and values",
+    "include": "parts from other files: {file, prefix, with}; their names get the prefix",
+    "needs": "names that a part takes from the file that includes it, each with a description; only in parts",
     "parameters": "named numbers: value, or {value, unit, sign, description}; values may be expressions of others",
     "tables": "functions given by points, by name, that table(x, NAME) and spline(x, NAME) evaluate",
     "definitions": "named expressions of parameters, coordinates, measures, states and t that all others may use, but "
@@ -478,7 +483,17 @@ CONSTRAINT_FIELDS = {
 }
 
 
+REPEAT_FIELDS = {"for": "indices, each with its first and last value: {i: [1, 10]}; one may use counts: [2, N]"}
+INCLUDE_FIELDS = {
+    "file": "name of the part, a file in the folder of the model",
+    "prefix": "what is put before each of its names",
+    "with": "values of its parameters, and names for what it needs",
+}
+
+
 SECTION_FIELDS: dict[str, dict[str, str]] = {
+    "repeat": REPEAT_FIELDS,
+    "include": INCLUDE_FIELDS,
     "parameters": PARAMETER_FIELDS,
     "tables": TABLE_FIELDS,
     "ground": GEOMETRY_FIELDS,

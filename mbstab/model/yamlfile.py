@@ -73,18 +73,22 @@ class Document:
     problems: list[Problem] = field(default_factory=list)
     beside: dict[str, str] = field(default_factory=dict)
     """Texts of other files that it names, by their names."""
+    origins: dict[str, Location] = field(default_factory=dict)
+    """Where parts are included first, by the names of their files."""
 
     def problem(self, location: Location, path: str, message: str, hint: str = "") -> Problem:
         """Return a problem at a place, with its line of the file."""
-        lines = self.beside[location.file].splitlines() if location.file in self.beside else self.lines
+        lines = self._lines(location)
         source = lines[location.line - 1] if 0 < location.line <= len(lines) else ""
+        if location.file in self.origins:
+            message = f"{message} (included in {self.origins[location.file]})"
         return Problem(location, path, message, hint, source)
 
     def complain(self, location: Location, path: str, message: str, hint: str = "") -> None:
         """Record a problem at a place, once; give up after `MAX_PROBLEMS`."""
         problem = self.problem(location, path, message, hint)
-        if problem in self.problems:
-            return
+        if any((x.location, x.message) == (location, problem.message) for x in self.problems):
+            return  # in another repetition of the same text
         self.problems.append(problem)
         if len(self.problems) == MAX_PROBLEMS:
             end = Location(self.name, len(self.lines), 1)
@@ -99,9 +103,12 @@ class Document:
         """Return the place of a character of a scalar; its start if the text is not written literally on one line."""
         place = node.location
         column = place.column + (1 if node.quoted else 0)
-        if not self.lines[place.line - 1].startswith(node.text, column - 1):
+        if not self._lines(place)[place.line - 1].startswith(node.text, column - 1):
             return place
         return Location(place.file, place.line, column + position)
+
+    def _lines(self, place: Location) -> list[str]:
+        return _LINE_BREAK.split(self.beside[place.file]) if place.file in self.beside else self.lines
 
     def raise_problems(self) -> None:
         """Raise `ModelFileError` if anything was recorded."""
@@ -182,6 +189,40 @@ def parse_yaml(data: bytes | str, name: str) -> tuple[Document, Mapping]:
     if not isinstance(root, Mapping):
         document.fail(root.location, "", "a model file holds keys and values", hint)
     return document, root
+
+
+def parse_part(document: Document, text: str, name: str) -> Mapping | None:
+    """Read YAML that belongs to a file; None if it is not valid, which the document then says."""
+    try:
+        return parse_yaml(text, name)[1]
+    except ModelFileError as error:
+        document.problems.extend(error.problems)
+        return None
+
+
+def yaml_text(root: Mapping) -> str:
+    """Return nodes as YAML."""
+
+    def events(node: YamlNode, depth: int) -> Iterator[yaml.Event]:
+        if isinstance(node, Scalar):
+            yield yaml.ScalarEvent(None, None, (True, True), node.text, style="'" if node.quoted else None)
+        elif isinstance(node, Sequence):
+            flat = depth > 1 or not any(isinstance(x, Mapping) for x in node.items)
+            yield yaml.SequenceStartEvent(None, None, True, flow_style=flat)
+            for item in node.items:
+                yield from events(item, depth + 1)
+            yield yaml.SequenceEndEvent()
+        else:
+            yield yaml.MappingStartEvent(None, None, True, flow_style=depth > 1)
+            for key, value in node.pairs():
+                yield from events(key, depth + 1)
+                yield from events(value, depth + 1)
+            yield yaml.MappingEndEvent()
+
+    document = [yaml.DocumentStartEvent(explicit=False), *events(root, 0), yaml.DocumentEndEvent(explicit=False)]
+    return str(
+        yaml.emit([yaml.StreamStartEvent(), *document, yaml.StreamEndEvent()], width=1_000_000, allow_unicode=True)
+    )
 
 
 def _refuse_invisible(document: Document) -> None:

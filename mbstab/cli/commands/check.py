@@ -12,13 +12,19 @@ from mbstab.cli.output import Output, output_options, warn
 @file_argument
 @set_option
 @force_option
+@click.option("--expanded", is_flag=True, help="Print the file with its repetitions and parts written out, and stop.")
 @output_options("table", "json")
-def check(file: str, settings: tuple[str, ...], output: Output) -> None:
+def check(file: str, settings: tuple[str, ...], expanded: bool, output: Output) -> None:
     """Say what the scene consists of, its degrees of freedom, and what it does not need.
 
     Example: mbstab check four_bar.yaml
     """
     mechanism = load_model(file, settings)
+    if expanded:
+        from mbstab.model.reader import expanded_text
+
+        output.write({"table": lambda: expanded_text(mechanism.model)})
+        return
     report, model = mechanism.check(), mechanism.model
     warn(report.warnings)
     from mbstab.report import export, model_check

@@ -1,0 +1,244 @@
+"""Counts, repetitions and included parts: what they write out, what is refused, and where messages point."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.linalg import eigh
+
+import mbstab
+from mbstab.cli.main import main
+from mbstab.errors import MbstabError, ModelFileError
+from mbstab.model.expansion import MAX_NODES
+from mbstab.model.library import installed_models
+
+CHAIN = """\
+mbstab: 1
+counts: {N: COUNT}
+parameters: {m: 2, k: 100}
+repeat:
+  - for: {i: [1, N]}
+    bodies: {b<i>: {type: planar_point, mass: m}}
+    constraints: {rail<i>: {holonomic: b<i>.y}}
+    reference: {coordinates: {b<i>: {x: 0.1*<i>}}}
+  - for: {i: [2, N]}
+    forces: {spring<i>: {type: spring, between: [b<i-1>, b<i>], stiffness: k, length: 0.1}}
+forces:
+  first: {type: spring, between: [ground, b1], stiffness: k, length: 0.1}
+"""
+
+WHEEL = """\
+mbstab: 1
+title: a wheel <1>
+needs: {mount: the body that carries it}
+counts: {S: 1}
+parameters:
+  m: 3
+  k: {value: 100, unit: N/m, description: stiffness of the tyre}
+bodies:
+  hub: {type: planar_point, mass: m}
+constraints:
+  rail: {holonomic: hub.y}
+ground:
+  points: {foot: [1, 0]}
+repeat:
+  - for: {j: [1, S]}
+    forces:
+      pull<j>: {type: expression, on: {hub.x: -k*(hub.x - mount.x)/<S>, mount.x: k*(hub.x - mount.x)/<S>}}
+forces:
+  tyre: {type: spring, between: [ground.foot, hub], stiffness: k, length: 1}
+"""
+
+CAR = """\
+mbstab: 1
+parameters: {stiff: 200}
+bodies:
+  chassis: {type: planar_point, mass: 10}
+constraints:
+  straight: {holonomic: chassis.y}
+include:
+  - {file: wheel.yaml, prefix: front_, with: {mount: chassis, k: stiff, S: 3}}
+  - {file: wheel.yaml, prefix: rear_, with: {mount: chassis}}
+"""
+
+
+@pytest.fixture
+def car(tmp_path):
+    (tmp_path / "wheel.yaml").write_text(WHEEL)
+    (tmp_path / "car.yaml").write_text(CAR)
+    return tmp_path / "car.yaml"
+
+
+def frequencies(K, M):
+    return np.sort(np.sqrt(eigh(K, M, eigvals_only=True)))
+
+
+@pytest.mark.parametrize("count", [1, 2, 7])
+def test_a_chain_of_masses_is_written_once(count):
+    found = mbstab.loads(CHAIN.replace("COUNT", str(count))).eig()
+    K = 100.0 * (2.0 * np.eye(count) - np.eye(count, k=1) - np.eye(count, k=-1))
+    K[-1, -1] = 100.0
+    own = np.sort([x.imag for x in found.values() if x.imag > 0.0])
+    assert own == pytest.approx(frequencies(K, 2.0 * np.eye(count)), rel=1e-13)
+
+
+def test_a_part_is_included_twice_with_its_own_values(car):
+    model = mbstab.load(car)
+    assert list(model.model.bodies) == ["chassis", "front_hub", "rear_hub"]
+    K = np.array([[300.0, -200.0, -100.0], [-200.0, 400.0, 0.0], [-100.0, 0.0, 200.0]])
+    own = np.sort([x.imag for x in model.eig().values() if x.imag > 0.0])
+    assert own == pytest.approx(frequencies(K, np.diag([10.0, 3.0, 3.0])), rel=1e-13)
+    softer = mbstab.load(car).at(rear_k="50", stiff="100")
+    K = np.array([[150.0, -100.0, -50.0], [-100.0, 200.0, 0.0], [-50.0, 0.0, 100.0]])
+    own = np.sort([x.imag for x in softer.eig().values() if x.imag > 0.0])
+    assert own == pytest.approx(frequencies(K, np.diag([10.0, 3.0, 3.0])), rel=1e-13)
+    swept = model.sweep("rear_k", np.array([50.0, 100.0]))
+    assert not swept.problems
+
+
+def test_the_expanded_file_has_bit_for_bit_the_same_answer(car, tmp_path):
+    chain = tmp_path / "chain.yaml"
+    chain.write_text(CHAIN.replace("COUNT", "4"))
+    for path in (car, chain):
+        written = CliRunner().invoke(main, ["check", str(path), "--expanded"])
+        assert written.exit_code == 0
+        assert "include" not in written.stdout
+        assert "repeat" not in written.stdout
+        other = tmp_path / "expanded.yaml"
+        other.write_text(written.stdout)
+        answers = [
+            json.loads(CliRunner().invoke(main, ["eig", str(x), "--format", "json"]).stdout) for x in (path, other)
+        ]
+        for answer in answers:
+            del answer["model"]
+        assert answers[0] == answers[1]
+
+
+def test_expansion_leaves_other_files_alone():
+    """No installed model is made of parts, so that one file can be copied, and its expansion changes nothing."""
+    for path in installed_models():
+        model = mbstab.load(path)
+        assert not {"repeat", "include", "counts"} & {line.partition(":")[0] for line in model.model.document.lines}
+
+
+def test_an_index_in_an_index_and_a_part_in_a_repetition(tmp_path):
+    (tmp_path / "mass.yaml").write_text(
+        "mbstab: 1\nparameters: {m: 1}\nbodies: {p: {type: planar_point, mass: m}}\n"
+        "constraints: {fixed: {holonomic: p.y}}\n"
+        "forces: {hold: {type: expression, on: {p.x: -4*p.x}}}\n"
+    )
+    (tmp_path / "grid.yaml").write_text(
+        "mbstab: 1\nrepeat:\n  - for: {i: [1, 2], j: [0, i]}\n".replace("[0, i]", "[0, 1]")
+        + "    repeat: {for: {k: [<i>, 2]}, include: {file: mass.yaml, prefix: p<i>_<j>_<k>_, with: {m: <10*i + k>}}}\n"
+    )
+    model = mbstab.load(tmp_path / "grid.yaml")
+    assert list(model.model.bodies) == ["p1_0_1_p", "p1_0_2_p", "p1_1_1_p", "p1_1_2_p", "p2_0_2_p", "p2_1_2_p"]
+    own = np.sort([x.imag for x in model.eig().values() if x.imag > 0.0])
+    assert own == pytest.approx(np.sort(np.sqrt(4.0 / np.array([11, 12, 11, 12, 22, 22]))), rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[2, N]", "[2, M]", r"chain:9:18: repeat\.for\.i: there is no count or index 'M'"),
+        ("<i-1>", "<i/2>", r"'i/2' is not a whole number"),
+        ("<i-1>", "<j>", r"chain:10:\d+: .*there is no count or index 'j'"),
+        ("[2, N]", "[2]", r"expected the first and the last value"),
+        ("b<i>: {type", "b: {type", r"chain:6:14: bodies\.b: the name 'b' is there already, from chain:6"),
+        ("[1, N]", "[1, 1000000000]", r"1000000000 repetitions are too many"),
+        ("for: {i: [2, N]}", "fro: {i: [2, N]}", r"the key 'for' is missing"),
+        ("COUNT", "2.5", r"chain:2:13: counts\.N: '2\.5' is not a whole number"),
+        ("mass: m}", "mas: m}", r"chain:6:41: bodies\.b1: unknown key 'mas'"),
+        ("    forces:", "    sweep: {m: {from: 1, to: 2}}\n    forces:", r"the section 'sweep' cannot be repeated"),
+    ],
+)
+def test_bad_repetitions_are_refused_where_they_stand(old, new, message):
+    with pytest.raises(ModelFileError, match=message):
+        mbstab.loads(CHAIN.replace(old, new).replace("COUNT", "3"), name="chain")
+
+
+def test_one_fault_in_many_repetitions_is_told_once():
+    with pytest.raises(ModelFileError) as caught:
+        mbstab.loads(CHAIN.replace("mass: m}", "mas: m}").replace("COUNT", "50"))
+    assert str(caught.value).count("unknown key 'mas'") == 1
+
+
+@pytest.mark.parametrize(
+    "loops", ["{i: [1, 100000], j: [1, 100000]}", "{i: [1, 200000]}, bodies: {b<i>: {type: planar_point, mass: 1}}"]
+)
+def test_floods_are_refused(loops):
+    with pytest.raises(ModelFileError, match=f"more than {MAX_NODES} nodes"):
+        mbstab.loads(f"mbstab: 1\nrepeat:\n  - {{for: {loops}}}\n")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("k: stiff", "kk: stiff", r"car\.yaml:8:\d+: include\.with: the part has no parameter and no need 'kk'"),
+        ("mount: chassis, k", "k", r"car\.yaml:8:5: include: the part needs 'mount'"),
+        ("file: wheel.yaml, prefix: front_", "file: wheal.yaml, prefix: f_", r"car\.yaml:8:12: .*cannot be read"),
+        ("prefix: rear_", "prefix: front_", r"wheel\.yaml:9:3: bodies\.front_hub: the name 'front_hub' is there"),
+        ("prefix: rear_", "prefix: 3", r"'3' cannot begin a name"),
+        ("wheel.yaml, prefix: rear_", "car.yaml, prefix: rear_", r"car\.yaml includes itself: car\.yaml → car\.yaml"),
+        ("wheel.yaml, prefix: rear_", "../car.yaml", r"is not the name of a file in the folder of the model"),
+        ("{mount: chassis}", "{mount: chasis}", r"wheel\.yaml:17:\d+: .*chasis.*included in .*car\.yaml:8"),
+        ("wheel.yaml, prefix: rear_", "., prefix: rear_", r"car\.yaml:9:\d+: include\.file: "),
+    ],
+)
+def test_bad_parts_are_refused_where_they_stand(car, old, new, message):
+    car.write_text(CAR.replace(old, new))
+    with pytest.raises(ModelFileError, match=message):
+        mbstab.load(car)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("mass: m}", "mass: m**}", r"wheel\.yaml:9:\d+: bodies\.front_hub\.mass: .*included in .*car\.yaml:8:12"),
+        ("  m: 3", "  sin: 3\n  m: 3", r"wheel\.yaml:6:3: parameters: 'sin' is a word of the file format"),
+        ("title:", "gravity: [0, -9]\ntitle:", r"wheel\.yaml:2:1: gravity: the section 'gravity' cannot be included"),
+        ("bodies:", "bodies: {", r"wheel\.yaml:\d+:\d+: not valid YAML"),
+    ],
+)
+def test_faults_in_parts_are_told_with_the_place_in_the_part(car, old, new, message):
+    (car.parent / "wheel.yaml").write_text(WHEEL.replace(old, new, 1))
+    with pytest.raises(ModelFileError, match=message):
+        mbstab.load(car)
+
+
+def test_a_part_alone_says_that_it_is_one(car):
+    with pytest.raises(ModelFileError, match=r"wheel\.yaml:3:1: this is a part of a model: it needs mount"):
+        mbstab.load(car.parent / "wheel.yaml")
+
+
+def test_parts_that_include_each_other_end(tmp_path):
+    for one, other in (("a", "b"), ("b", "a")):
+        (tmp_path / f"{one}.yaml").write_text(f"mbstab: 1\ninclude: {{file: {other}.yaml, prefix: {one}_}}\n")
+    with pytest.raises(MbstabError, match=r"b\.yaml includes itself: b\.yaml → a\.yaml → b\.yaml"):
+        mbstab.load(tmp_path / "a.yaml")
+
+
+def test_included_files_are_not_overwritten(car):
+    (car.parent / "grip.csv").write_text("x,y\n-1,-1\n0,0\n1,1\n")
+    (car.parent / "wheel.yaml").write_text(
+        WHEEL.replace("ground:", "tables: {grip: {file: grip.csv}}\nground:").replace("S: 1", "S: 1")
+    )
+    for name in ("grip.csv", "wheel.yaml"):
+        before = (car.parent / name).read_text()
+        result = CliRunner().invoke(
+            main, ["eig", str(car), "--format", "csv" if name == "grip.csv" else "json", "-o", str(car.parent / name)]
+        )
+        assert result.exit_code == 2
+        assert (car.parent / name).read_text() == before
+
+
+def test_work_that_is_taken_up_again_knows_the_parts(car):
+    """With another part the answer is computed anew."""
+    out = car.parent / "k.csv"
+    call = ["sweep", str(car), "--param", "stiff", "--from", "100", "--to", "200", "--points", "3", "-o", str(out)]
+    assert CliRunner().invoke(main, call).exit_code == 0
+    first = out.read_text()
+    (car.parent / "wheel.yaml").write_text(WHEEL.replace("m: 3", "m: 5"))
+    again = CliRunner().invoke(main, [*call, "--resume"])
+    assert again.exit_code == 2 or out.read_text() != first
