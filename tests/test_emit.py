@@ -38,6 +38,7 @@ DIVISORS = {
     "planar_tyre": {"sqrt"},
     "planar_tyre_relaxation": {"sqrt", "relaxation"},
     "spatial_distance": {"length"},
+    "spatial_equal_turns": {"1 + sum of products"},
     "spatial_mount_torque": {"sqrt"},
     "spatial_relaxed_tyre": {"sqrt"},
     "spatial_screw": {"lead", "pi"},
@@ -131,6 +132,10 @@ def divisors(function):
                     case ast.BinOp(ast.BinOp(a, ast.Mult(), b), ast.Add(), ast.BinOp(c, ast.Mult(), d)):
                         squares = ast.dump(a) == ast.dump(b) and ast.dump(c) == ast.dump(d)
                         yield "sum of squares" if squares else "sum of products"
+                    case ast.BinOp(ast.BinOp(), ast.Add(), ast.BinOp(_, ast.Mult(), _)) as sum_ if ast.unparse(
+                        sum_
+                    ).startswith("1 + "):
+                        yield "1 + sum of products"
                     case other:
                         yield ast.unparse(other)
 

@@ -17,6 +17,7 @@ ROWS = {
     ("prismatic", 2): 2,
     ("cylindrical", 3): 4,
     ("universal", 3): 4,
+    ("constant_velocity", 3): 4,
     ("spherical", 3): 3,
     ("spherical", 2): 2,
     ("planar", 3): 3,

@@ -368,6 +368,30 @@ def screw(bodies, p, s):
     return [lead / (2 * mpmath.pi) * length * mpmath.sin(angle - 2 * mpmath.pi * travel(bodies, p) / lead)]
 
 
+def triads(bodies, p):
+    """Return the triads of both bodies, first made orthonormal (v2 along its part across v1), as columns."""
+    found = []
+    for body, side in zip(bodies, ("first", "second"), strict=True):
+        v1, v2 = (p[f"{side}_v{i}"] for i in (1, 2))
+        v1 = unit(v1)
+        v2 = unit(v2 - (v2 @ v1) * v1)
+        p |= {f"{side}_v{i}": v for i, v in enumerate((v1, v2, np.cross(v1, v2)), 1)}
+        found.append(body.matrix() @ np.array([v1, v2, np.cross(v1, v2)]).T)
+    return found
+
+
+def equal_turns(bodies, p, s):
+    # If they turn equally, the shortest turn that brings the first shaft onto the second takes v2 to w2.
+    A, B = triads(bodies, p)
+    v1, w1 = A[:, 0], B[:, 0]
+    axis = unit(np.cross(v1, w1))
+    bend = mpmath.atan2(axis @ np.cross(v1, w1), v1 @ w1)
+    across = np.cross(axis, A[:, 1])
+    bent = axis * (axis @ A[:, 1]) * (1 - mpmath.cos(bend)) + mpmath.cos(bend) * A[:, 1] + mpmath.sin(bend) * across
+    twist = mpmath.atan2(w1 @ np.cross(bent, B[:, 1]), bent @ B[:, 1])
+    return [2 * mpmath.tan(twist / 2)]
+
+
 def distance(bodies, p, s):
     (length,) = p["length"]
     return [(sum(gap(bodies, p) ** 2) - length**2) / (2 * length)]
@@ -416,6 +440,7 @@ HOLONOMIC = {
     "aligned": lambda b, p, s: [b[0].q[2] - b[1].q[2] + p["angle"][0]],
     "distance": distance,
     "screw": screw,
+    "equal_turns": equal_turns,
     "disk_height": lambda b, p, s: [p["normal"] @ b[0].place(p["center"]) - p["level"][0]],
     "wheel_height": wheel_height,
     "ellipsoid_height": lambda b, p, s: [p["normal"] @ b[0].place(support(b[0], p)) - p["level"][0]],

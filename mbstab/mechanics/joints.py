@@ -53,6 +53,15 @@ def _screw(frames: Any, p: Any, s: Any) -> Any:
     return [p.lead[0] / (2 * sympy.pi) * (sine * sympy.cos(lift) - cosine * sympy.sin(lift))]
 
 
+def _equal_turns(frames: Any, p: Any, s: Any) -> Any:
+    # 2 n·v1 tan(φ/2) of the turn by φ about n from the first triad to the second: no part of it is about the shaft.
+    # v2·w3 − v3·w2 alone would vanish for every half turn, too.
+    first, second = frames
+    v1, v2, v3 = (first.direction(v) for v in (p.first_v1, p.first_v2, p.first_v3))
+    w1, w2, w3 = (second.direction(w) for w in (p.second_v1, p.second_v2, p.second_v3))
+    return [2 * (v3.dot(w2) - v2.dot(w3)) / (1 + v1.dot(w1) + v2.dot(w2) + v3.dot(w3))]
+
+
 def joint_angle_functions(first: Any, second: Any, p: Any) -> tuple[Any, Any]:
     """Return cosine and sine of the turn of the first body relative to the second about the joint axis."""
     zero = first.direction(p.first_v2)
@@ -65,6 +74,7 @@ def joint_displacement(first: Any, second: Any, p: Any) -> Any:
 
 
 _BOTH = ("planar", "spatial")
+_TRIADS = tuple((f"{side}_v{i}", 3) for side in ("first", "second") for i in (1, 2, 3))
 _POINTS = (("first", 0), ("second", 0))
 
 ELEMENTS = (
@@ -81,6 +91,17 @@ ELEMENTS = (
         (*_POINTS, ("first_v2", 0), ("second_v1", 0), ("second_v2", 0), ("second_v3", 0), ("lead", 1)),
         _screw,
         units=("m",),
+    ),
+    Element(
+        "equal_turns",
+        "holonomic",
+        ("spatial",),
+        2,
+        _TRIADS,
+        _equal_turns,
+        units=("rad",),
+        hint="one shaft is turned by half a turn against the other, about itself or by bending; a constant_velocity "
+        "joint bends by less, and the zero: directions of its shafts point the same way where it is straight",
     ),
 )
 
@@ -132,6 +153,9 @@ def _build(*primitives: Primitive) -> Any:
                     label = f"{label} {primitive.first}"
                 case "aligned":
                     parameters = (_angle_between(item),)
+                case "equal_turns":
+                    axes = (v for triad in item.triads("axis", "zero") for v in (triad.v1, triad.v2, triad.v3))
+                    parameters = tuple(x for v in axes for x in v)
                 case "screw":
                     parameters = (*motion_parameters(item, "angle and displacement"), item.number("lead"))
                 case _:
@@ -237,6 +261,13 @@ KINDS: dict[tuple[str, int], Kind] = {
             "Hooke's joint: the axes of the two bodies meet at a right angle",
             _COINCIDENT,
             Primitive("perpendicular", "v1", "v1"),
+            look=_pin,
+        ),
+        _joint(
+            "constant_velocity",
+            "homokinetic joint: the shafts along the axes of the two bodies turn equally at any bend between them",
+            _COINCIDENT,
+            Primitive("equal_turns"),
             look=_pin,
         ),
         _joint(
