@@ -31,6 +31,16 @@ BUDGET = {
 
 # What a definition divides by, and nothing else.
 DIVISORS = {
+    "planar_gear": {"scale"},
+    "planar_gear_spring": {"scale"},
+    "planar_rack": {"scale"},
+    "planar_rack_spring": {"scale"},
+    "planar_differential": {"scale"},
+    "spatial_gear": {"scale", "sum of squares"},
+    "spatial_gear_spring": {"scale", "sum of squares"},
+    "spatial_rack": {"scale", "sum of squares"},
+    "spatial_rack_spring": {"scale", "sum of squares"},
+    "spatial_differential": {"scale", "sum of squares"},
     "planar_creep": {"half_gauge", "radius", "sum of products"},
     "planar_distance": {"length"},
     "planar_relaxed_tyre": {"sqrt"},

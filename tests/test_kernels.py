@@ -362,6 +362,10 @@ def crank(bodies, p):
     return mpmath.hypot(c, s), mpmath.atan2(s, c)
 
 
+def angle(bodies, p):
+    return bodies[0].q[2] - bodies[1].q[2] if bodies[0].size == 2 else crank(bodies, p)[1]
+
+
 def screw(bodies, p, s):
     length, angle = crank(bodies, p)
     (lead,) = p["lead"]
@@ -378,6 +382,31 @@ def triads(bodies, p):
         p |= {f"{side}_v{i}": v for i, v in enumerate((v1, v2, np.cross(v1, v2)), 1)}
         found.append(body.matrix() @ np.array([v1, v2, np.cross(v1, v2)]).T)
     return found
+
+
+def sum_of(motions):
+    """Return the factors times the motions of joints, each between two bodies, less the phase."""
+
+    def total(bodies, p):
+        found = -p["phase"][0]
+        for k, motion in enumerate(motions):
+            own = {key.rpartition("_")[0]: value for key, value in p.items() if key[-1] == str(k)}
+            found += p["factors"][k] * motion(bodies[2 * k : 2 * k + 2], own)
+        return found
+
+    return total
+
+
+def train(motions):
+    """Return the row of a drive train: in space less the whole turns."""
+
+    def row(bodies, p, s=()):
+        total = sum_of(motions)(bodies, p)
+        if bodies[0].size == 3:
+            total -= 2 * mpmath.pi * mpmath.nint(total / (2 * mpmath.pi))
+        return [total / p["scale"][0]]
+
+    return row
 
 
 def equal_turns(bodies, p, s):
@@ -433,6 +462,8 @@ def rate_of(function, bodies, u):
     return (function(displaced(bodies, u, 1)) - function(displaced(bodies, u, -1))) / (2 * STEP)
 
 
+GEAR, RACK = (angle, angle), (travel, angle)
+
 HOLONOMIC = {
     "coincident": lambda b, p, s: gap(b, p),
     "in_plane": lambda b, p, s: [(b[0].matrix() @ p["normal"]) @ gap(b, p)],
@@ -441,6 +472,9 @@ HOLONOMIC = {
     "distance": distance,
     "screw": screw,
     "equal_turns": equal_turns,
+    "gear": train(GEAR),
+    "rack": train(RACK),
+    "differential": train((angle, angle, angle)),
     "disk_height": lambda b, p, s: [p["normal"] @ b[0].place(p["center"]) - p["level"][0]],
     "wheel_height": wheel_height,
     "ellipsoid_height": lambda b, p, s: [p["normal"] @ b[0].place(support(b[0], p)) - p["level"][0]],
@@ -552,10 +586,6 @@ def length(bodies, p):
     return mpmath.sqrt(sum(gap(bodies, p) ** 2))
 
 
-def angle(bodies, p):
-    return bodies[0].q[2] - bodies[1].q[2] if bodies[0].size == 2 else crank(bodies, p)[1]
-
-
 def spring(extension):
     """Return the power of a spring and damper in a virtual motion w."""
 
@@ -563,6 +593,14 @@ def spring(extension):
         speed, virtual = (rate_of(lambda at: extension(at, p), bodies, v) for v in (u, w))
         (stiffness,), (rest,), (damping,) = p["stiffness"], p["rest"], p["damping"]
         return -(stiffness * (extension(bodies, p) - rest) + damping * speed) * virtual
+
+    return power
+
+
+def elastic_train(motions):
+    def power(bodies, p, s, u, w):
+        speed, virtual = (rate_of(lambda at: sum_of(motions)(at, p), bodies, v) / p["scale"][0] for v in (u, w))
+        return -(p["stiffness"][0] * train(motions)(bodies, p)[0] + p["damping"][0] * speed) * virtual
 
     return power
 
@@ -677,6 +715,8 @@ POWER = {
     "coupled_mount": coupled_mount,
     "ideal_spring": ideal_spring,
     "angle_spring": spring(angle),
+    "gear_spring": elastic_train(GEAR),
+    "rack_spring": elastic_train(RACK),
     "displacement_spring": spring(travel),
     "angle_effort": effort(angle),
     "displacement_effort": effort(travel),
@@ -697,7 +737,7 @@ def test_a_force_has_the_power_that_force_times_velocity_gives_in_every_virtual_
 
 def test_forces_that_come_from_a_potential_and_a_dissipation_function_say_so():
     springs = {"spring", "ideal_spring", "angle_spring", "displacement_spring"}
-    stored = springs | {"bearing", "mount_force", "mount_torque"}
+    stored = springs | {"gear_spring", "rack_spring", "bearing", "mount_force", "mount_torque"}
     for name in ELEMENTS:
         case = Case(name)
         assert hasattr(case.kernel, "DAMPING") == (case.element.name in stored)

@@ -29,6 +29,7 @@ POSITIVE = {
     "cornering",
     "relaxation",
     "half_gauge",
+    "scale",
 }
 SEMI_AXES = (2, 3, 1)  # and the ball inside it has the shortest
 
@@ -42,7 +43,8 @@ def states(name):
     ones = [mpmath.mpf(1)] * element.states
     rng = random.Random(name)
     half_turn = mpmath.pi / 2
-    for trial in range(12):
+    # Each further pair of bodies may have an angle without a value.
+    for trial in range(12 * max(1, element.slots - 1)):
         q, u, a = [], [], []
         for slot, coordinate in itertools.product(range(element.slots), COORDINATES[frame]):
             # Distinct places: a spring of zero length has no direction.
@@ -92,6 +94,8 @@ def test_a_kernel_has_the_same_value_at_a_special_state_as_next_to_it(name):
             except ValueError:  # a root of what is not positive next to here
                 continue
             if any(abs(x) > 1e12 for values in beside for x in values):  # the definition itself has no value here
+                continue
+            if any(abs(abs(x) - mpmath.pi) < 1e-12 for x in beside[0]):  # half a turn off, where an angle jumps
                 continue
             for (function, extra), expected in zip(calls, beside, strict=True):
                 floats = [[float(x) for x in group] for group in (q, u, p, s)]

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field
 from typing import Any, Literal, Protocol
 
+from mbstab.mechanics.measures import Pose
 from mbstab.records import dataclass
 
 Number = Any  # float, array of the points of a sweep, or any number of the arithmetic in use
@@ -115,6 +116,8 @@ class Field:
         SI unit; "" and "1" stand for everything without a declared unit.
     made : bool
         Whether the program writes it, from the other fields.
+    needs : tuple of str
+        Fields that must be given with it.
     """
 
     name: str
@@ -127,6 +130,7 @@ class Field:
     choices: tuple[str, ...] = ()
     dimensions: tuple[int, ...] = (2, 3)
     made: bool = False
+    needs: tuple[str, ...] = ()
 
 
 class PartError(Exception):
@@ -290,6 +294,7 @@ class Item(Protocol):
     def triads(self, axis: str, zero: str) -> tuple[Triad, Triad]: ...  # noqa: D102
     def coordinate(self, name: str) -> int: ...  # noqa: D102
     def joint(self, name: str) -> Item: ...  # noqa: D102
+    def at_reference(self, body: int) -> Pose: ...  # noqa: D102
     def contact(self, name: str) -> Item: ...  # noqa: D102
     def law(self, name: str) -> Any: ...  # noqa: D102
     def laws(self, name: str) -> tuple[Any, ...]: ...  # noqa: D102

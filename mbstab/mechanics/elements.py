@@ -10,6 +10,7 @@ from mbstab.mechanics import (
     creep,
     drives,
     forces,
+    gears,
     inputs,
     joints,
     tyres,
@@ -18,7 +19,7 @@ from mbstab.mechanics.catalogue import Element, Kind
 
 ELEMENTS: dict[str, Element] = {
     f"{frame}_{element.name}": element
-    for module in (bodies, joints, contacts, drives, forces, bearings, tyres, creep)
+    for module in (bodies, joints, contacts, drives, forces, bearings, tyres, creep, gears)
     for element in module.ELEMENTS
     for frame in element.frames
 }
@@ -37,7 +38,7 @@ def _by_dimension(kinds: dict[str, Kind]) -> dict[tuple[str, int], Kind]:
 
 KINDS: dict[str, dict[tuple[str, int], Kind]] = {
     "bodies": _by_dimension(bodies.KINDS),
-    "joints": joints.KINDS,
+    "joints": joints.KINDS | gears.KINDS,
     "contacts": contacts.KINDS,
     "drives": _by_dimension(drives.KINDS),
     "forces": forces.KINDS | bearings.KINDS | tyres.KINDS | creep.KINDS | controllers.KINDS,

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import Field, Number, Vector
+from mbstab.mechanics.measures import Pose
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.expressions import Expression, ExpressionError
 from mbstab.model.jets import Jet, jet_arithmetic
@@ -36,7 +37,13 @@ class Law:
 
 
 class Evaluator:
-    """Turns the quantities of a model into numbers; after a problem is recorded, it goes on with a harmless number."""
+    """Turns the quantities of a model into numbers; after a problem is recorded, it goes on with a harmless number.
+
+    Attributes
+    ----------
+    poses : dict
+        Where bodies stand at the reference, by number, as far as the file says, and the ground.
+    """
 
     def __init__(self, model: Model, parameters: dict[str, Number], arithmetic: Arithmetic) -> None:
         self.model = model
@@ -46,6 +53,7 @@ class Evaluator:
         self.symbolic = arithmetic.name == "symbol"
         self.lengths: list[float] = []
         self.body_numbers = {name: i for i, name in enumerate(model.bodies)}
+        self.poses: dict[int, Pose] = {}
         self.coordinate_numbers = {name: i for i, name in enumerate(model.coordinates())}
 
     def complain(self, quantity: Quantity | Components, message: str, hint: str = "") -> None:

@@ -9,6 +9,7 @@ from typing import Any
 from mbstab.errors import Location
 from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import Kind, Marker, Number, Triad, Vector
+from mbstab.mechanics.measures import Pose
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.evaluator import Evaluator
 from mbstab.model.fields.catalogue import given_fields, kind_of
@@ -172,6 +173,10 @@ class ItemValues:
     def joint_named(self, name: str) -> ItemValues:
         """Return the joint of that name."""
         return self._others[f"joints.{name}"]
+
+    def at_reference(self, body: int) -> Pose:
+        """Return where a body stands at the reference, as far as the file says: guesses, or 0, where it does not."""
+        return self.evaluator.poses[body]
 
     def contact_named(self, name: str) -> ItemValues:
         """Return the contact of that name."""

@@ -13,7 +13,7 @@ from mbstab.mechanics import vectors
 from mbstab.mechanics.bodies import combine
 from mbstab.mechanics.catalogue import GROUND, Number, Vector
 from mbstab.mechanics.joints import motion_parameters
-from mbstab.mechanics.measures import MEASURES
+from mbstab.mechanics.measures import MEASURES, Pose
 from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
 from mbstab.model.charts import euler_matrix, regular
 from mbstab.model.evaluator import Evaluator
@@ -69,6 +69,11 @@ class _Assembly(Evaluator):
         gravity = self.vector(model.gravity)
         time = self.number(reference.time)
         bodies = tuple(self.body(entry, time) for entry in model.bodies.values())
+        coordinates, rates, guess = (
+            {name: self.number(value) for name, value in values.items()}
+            for values in (reference.coordinates, reference.rates, reference.guess)
+        )
+        self.poses = self.start(bodies, guess | coordinates)
         named: dict[str, ItemValues] = {}
         for section in ("joints", "contacts"):
             named.update((entry.path, ItemValues(entry, self, named)) for entry in model.entries[section].values())
@@ -80,10 +85,6 @@ class _Assembly(Evaluator):
         inputs = tuple(ItemValues(entry, self, named) for entry in model.inputs.values())
         for item in (*items, *inputs):
             item.check(time)
-        coordinates, rates, guess = (
-            {name: self.number(value) for name, value in values.items()}
-            for values in (reference.coordinates, reference.rates, reference.guess)
-        )
         if reference.find is None:
             unsaid = (name for name in model.states if name not in coordinates and name not in guess)
             coordinates.update((name, self.f.number("0")) for name in unsaid)
@@ -95,6 +96,12 @@ class _Assembly(Evaluator):
             period, self.points(), self.lengths, initial, inputs=inputs,
             measures={name: self.measure(value, named) for name, value in model.measures.items()},
         ))  # fmt: skip
+
+    def start(self, bodies: tuple[BodyValues, ...], said: Mapping[str, Number]) -> dict[int, Pose]:
+        d, zero = self.model.dimension, self.f.number("0")
+        names = {i: [f"{body.name}.{c}" for c in body.coordinates] for i, body in enumerate(bodies)}
+        poses = {i: Pose(self.f, d, [said.get(x, zero) for x in own], bodies[i].base) for i, own in names.items()}
+        return poses | {GROUND: Pose(self.f, d, (), ())}
 
     def measure(self, value: MeasureValue, named: Mapping[str, ItemValues]) -> MeasureNumbers:
         if value.joint is not None:

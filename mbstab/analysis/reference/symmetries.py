@@ -443,13 +443,22 @@ class Invariance(SymmetryCandidates):
                 F, moved = (put(self._force(element, x), columns, everything, len(state.q)) for x in (state, there))
                 after: Array = T.T @ moved
                 change = (after - F) @ allowed
+                mixing = np.max(np.abs(allowed) / self.motion.sizes[:, None], axis=0)
+                # What rounding of the coordinates makes of a stiff element must not hide the change of a weak one.
+                own = self._rounding_there(element, state, there, T) * mixing
+                change = np.where(np.abs(change) <= TOLERANCES.force_change_rounding * own, 0.0, change)
                 total += change
                 size += np.abs(change)
-                load = float(np.max((np.abs(F) + np.abs(after)) * self.motion.sizes))
-                rounding += load * np.max(np.abs(allowed) / self.motion.sizes[:, None], axis=0)
+                rounding += float(np.max((np.abs(F) + np.abs(after)) * self.motion.sizes)) * mixing
             if np.any(np.abs(total) > TOLERANCES.row_residual * size + TOLERANCES.force_change_rounding * rounding):
                 return False
         return True
+
+    def _rounding_there(self, element: Acting, state: State, there: State, T: Array) -> float:
+        """Return how much an element's force changes at a state and its image if these change by their whole size."""
+        columns, count = list(element.columns), len(state.q)
+        here, moved = (put(self._rounding(element, x), columns, slice(None), count) for x in (state, there))
+        return float(np.max((here + abs(T).T @ moved) * self.motion.sizes))
 
     def keeps_time(self, generator: Generator) -> str:
         """Return the first entry that is not invariant under a steady motion at later times; empty: none.

@@ -297,11 +297,7 @@ class EntryReader:
                 item = Scalar(field.default, node.location)
             if item is not None:
                 reading.read(kind_of(field), field, item)
-        for group in kind.one_of:
-            given = [key for key in group if key in reading.values]
-            if len(given) != 1:
-                said = "none" if not given else "both"
-                self.nodes.complain(node, path, f"give one of {' and '.join(map(repr, group))}, {said} given")
+        self._check_given(reading, kind)
         for field in fields:
             kind_of(field).finish(reading, field)
         if kind.part is not None and name in self.parts:
@@ -309,6 +305,18 @@ class EntryReader:
             self.parts[name] = part or Part(dict.fromkeys(self.parts[name].states, "0"), "0")
         places = {field.name: node.entries[field.name].location for field in fields if field.name in node.entries}
         return Entry(section, name, kind, reading.values, node.location, places)
+
+    def _check_given(self, reading: Reading, kind: Kind) -> None:
+        """Refuse keys that exclude each other, or that need one which is missing."""
+        node, path = reading.node, reading.path
+        for group in kind.one_of:
+            given = [key for key in group if key in reading.values]
+            if len(given) != 1:
+                said = " and ".join(map(repr, given)) if len(group) > 2 and given else "both" if given else "none"
+                self.nodes.complain(node, path, f"give one of {' and '.join(map(repr, group))}, {said} given")
+        for field in kind.fields:
+            for other in field.needs if field.name in node.entries else ():
+                self.nodes.required(node, other, f"{path}.{field.name}", f"it is needed for the {field.doc}")
 
     def _refuse_circles(self, joints: dict[str, Entry]) -> None:
         """Refuse joints that name each other in a circle."""
