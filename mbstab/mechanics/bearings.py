@@ -60,8 +60,8 @@ def _rotor_bearing(item: Item) -> Iterable[ElementUse]:
         yield ElementUse("coupled_mount", slots, (*ends, *across, *K, *C))
 
 
-def _look(item: Item) -> Look:
-    return Look("spring", item.markers("between"))
+def _look(item: Item) -> tuple[Look, ...]:
+    return (Look("spring", item.markers("between")),)
 
 
 _BODIES = "in the frame of each body: x, -y, a named direction or a vector; a list of two if they differ"

@@ -118,6 +118,8 @@ class Field:
         Whether the program writes it, from the other fields.
     needs : tuple of str
         Fields that must be given with it.
+    motions : tuple of str
+        Of joints: the motion that each of them must have.
     """
 
     name: str
@@ -131,6 +133,7 @@ class Field:
     dimensions: tuple[int, ...] = (2, 3)
     made: bool = False
     needs: tuple[str, ...] = ()
+    motions: tuple[str, ...] = ()
 
 
 class PartError(Exception):
@@ -368,7 +371,7 @@ class Kind:
     motions: tuple[str, ...] = ()
     one_of: tuple[tuple[str, ...], ...] = ()
     effort: Callable[[Item], Effort] | None = None
-    look: Callable[[Item], Look] | None = None
+    look: Callable[[Item], tuple[Look, ...]] | None = None
     written: Role | None = None
     transmits: bool = False
     part: Callable[[str, str, Mapping[str, Any]], Part] | None = None

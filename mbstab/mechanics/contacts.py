@@ -209,24 +209,24 @@ def _knife_edge_elements(item: Item) -> Iterable[ElementUse]:
     yield ElementUse("knife_edge", (point.body,), numbers, labels=("sideways",))
 
 
-def _disk_look(item: Item) -> Look:
+def _disk_look(item: Item) -> tuple[Look, ...]:
     form = Form("cylinder", (item.number("radius"), 0.0))
-    return Look("body", (item.marker("center"),), (), form, _surface(item))
+    return (Look("body", (item.marker("center"),), (), form, _surface(item)),)
 
 
-def _wheel_look(item: Item) -> Look:
+def _wheel_look(item: Item) -> tuple[Look, ...]:
     radius, tube = item.number("radius"), item.number("tube")
     form = Form("torus", (radius, tube)) if tube else Form("cylinder", (radius, 0.0))
-    return Look("body", (item.marker("center"),), item.direction("axle"), form, _surface(item))
+    return (Look("body", (item.marker("center"),), item.direction("axle"), form, _surface(item)),)
 
 
-def _ellipsoid_look(item: Item) -> Look:
+def _ellipsoid_look(item: Item) -> tuple[Look, ...]:
     form = Form("ellipsoid", tuple(item.number(name) for name in "abc"))
-    return Look("body", (item.marker("center"),), (), form, _surface(item))
+    return (Look("body", (item.marker("center"),), (), form, _surface(item)),)
 
 
-def _blade_look(item: Item) -> Look:
-    return Look("blade", (item.marker("at"),), item.direction("along"))
+def _blade_look(item: Item) -> tuple[Look, ...]:
+    return (Look("blade", (item.marker("at"),), item.direction("along")),)
 
 
 def _surface(item: Item) -> tuple[Vector, Vector]:

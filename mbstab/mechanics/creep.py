@@ -61,8 +61,8 @@ def _wheelset(item: Item) -> Iterable[ElementUse]:
     yield ElementUse("creep", (middle.body,), (*place, *(item.number(name) for name in _SIZES)))
 
 
-def _look(item: Item) -> Look:
-    return Look("blade", (item.marker("at"),), item.direction("along"))
+def _look(item: Item) -> tuple[Look, ...]:
+    return (Look("blade", (item.marker("at"),), item.direction("along")),)
 
 
 KINDS: dict[tuple[str, int], Kind] = {

@@ -257,8 +257,8 @@ def _actuator_effort(item: Item) -> Effort:
     return Effort(motion, joint, law=item.law("effort"))
 
 
-def _spring_look(item: Item) -> Look:
-    return Look("spring", item.markers("between"))
+def _spring_look(item: Item) -> tuple[Look, ...]:
+    return (Look("spring", item.markers("between")),)
 
 
 def _force(item: Item) -> Iterable[ElementUse]:

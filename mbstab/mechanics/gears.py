@@ -18,11 +18,11 @@ from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
-from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind, Load, Number, Vector
+from mbstab.mechanics.catalogue import GROUND, Element, ElementUse, Field, Form, Item, Kind, Load, Look, Number, Vector
 from mbstab.mechanics.drives import TRAVEL, TURN
 from mbstab.mechanics.joints import joint_angle_functions, joint_displacement, motion_parameters
 from mbstab.mechanics.measures import MEASURES, Pose, dot
-from mbstab.mechanics.vectors import representative
+from mbstab.mechanics.vectors import norm, representative
 
 # --- elements -------------------------------------------------------------------------------------------------------
 
@@ -229,10 +229,41 @@ def _differential(item: Item) -> Iterable[ElementUse]:
     yield _use(item, "differential", SIDES, (one + other, -one, -other), one + other, 1.0)
 
 
+def _circles(item: Item, radii: Vector) -> tuple[Look, ...]:
+    """Return the pitch circles of the wheels about the last joints of a train."""
+    joints = item.value("joints")
+    found = []
+    for joint, sense, radius in zip(reversed(joints), reversed(_senses(joints)), reversed(radii), strict=False):
+        side = 0 if sense > 0 else 1
+        wheel, axis = joint.markers("between")[side], ()
+        if item.dimension == 3:
+            axis = joint.triads("axis", "zero")[side].v1
+        if wheel.body != GROUND:
+            found.append(Look("body", (wheel,), axis, Form("cylinder", (abs(radius), 0.0))))
+    return tuple(found)
+
+
+def _wheels(item: Item) -> tuple[Look, ...]:
+    return _circles(item, item.value("radii") if item.given("radii") else _touching(item))
+
+
+def _touching(item: Item) -> Vector:
+    """Return radii with which two wheels on a carrier touch each other, or none."""
+    joints = item.value("joints")
+    one, other = (j.markers("between")[1 if s > 0 else 0] for j, s in zip(joints, _senses(joints), strict=True))
+    if one.body != other.body or item.kind.name == "belt":
+        return ()
+    apart = norm(tuple(x - y for x, y in zip(one.point, other.point, strict=True)), item.functions.sqrt)
+    turns, times = _ratio(item)
+    across = abs(times - turns) if item.value("internal") else turns + times
+    return (apart * turns / across, apart * times / across) if apart and across else ()
+
+
 def _fields(motions: tuple[str, ...], which: str, *own: Field, unit: str, rest: str) -> tuple[Field, ...]:
-    joints = Field("joints", "joints", f"{which}; angles and travels count against the body that they share", "", True)
+    doc = f"{which}; angles and travels count against the body that they share"
+    joints = Field("joints", "joints", doc, required=True, motions=motions)
     offset = Field("offset", "number", f"value of {rest}, which stays; that of the reference, if not given", unit)
-    return (replace(joints, choices=motions), *own, offset)
+    return (joints, *own, offset)
 
 
 def _elastic_fields(of: str, needs: tuple[str, ...] = ()) -> tuple[Field, ...]:
@@ -269,6 +300,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             _gear,
             one_of=_ONE,
             transmits=True,
+            look=_wheels,
         ),
         Kind(
             "belt",
@@ -287,6 +319,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             _gear,
             one_of=_ONE,
             transmits=True,
+            look=_wheels,
         ),
         Kind(
             "rack",
@@ -303,6 +336,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             ),
             _rack,
             transmits=True,
+            look=lambda item: _circles(item, (item.number("radius"),)),
         ),
         Kind(
             "differential",

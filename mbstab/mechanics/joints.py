@@ -203,21 +203,21 @@ def _joint(
     dimensions: tuple[int, ...] = (3,),
     fields: tuple[Field, ...] = (AXIS, ZERO),
     motions: tuple[str, ...] = (),
-    look: Callable[[Item], Look] | None = None,
+    look: Callable[[Item], tuple[Look, ...]] | None = None,
 ) -> Kind:
     return Kind(name, doc, dimensions, (BETWEEN, *fields), _build(*primitives), motions, look=look)
 
 
-def _pin(item: Item) -> Look:
-    return Look("pin", item.markers("between"))
+def _pin(item: Item) -> tuple[Look, ...]:
+    return (Look("pin", item.markers("between")),)
 
 
-def _slider(item: Item) -> Look:
-    return Look("slider", item.markers("between"))
+def _slider(item: Item) -> tuple[Look, ...]:
+    return (Look("slider", item.markers("between")),)
 
 
-def _rod(item: Item) -> Look:
-    return Look("rod", item.markers("between"))
+def _rod(item: Item) -> tuple[Look, ...]:
+    return (Look("rod", item.markers("between")),)
 
 
 _FREE_AXIS = Field(AXIS.name, AXIS.shape, "direction held parallel, in the frame of each body", default="x")

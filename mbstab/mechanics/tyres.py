@@ -146,8 +146,8 @@ def _relaxation(item: Item) -> Iterable[ElementUse]:
     yield ElementUse("tyre_relaxation", (body, item.state), numbers, labels=("relaxation",))
 
 
-def _look(item: Item) -> Look:
-    return Look("blade", (item.marker("at"),), item.direction("along"))
+def _look(item: Item) -> tuple[Look, ...]:
+    return (Look("blade", (item.marker("at"),), item.direction("along")),)
 
 
 _WHERE = {

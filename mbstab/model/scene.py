@@ -215,6 +215,6 @@ class ItemValues:
         ]
 
     def points_acted_on(self) -> list[Marker]:
-        """Return the points of bodies at which the entry acts, by itself or through the joint that it names."""
+        """Return the points of bodies at which the entry acts, by itself or through the joints that it names."""
         named = (name for _, kind, value in given_fields(self.entry) for name in kind.joints(value))
-        return self.points() or next((self.joint_named(name).points_acted_on() for name in named), [])
+        return self.points() or [marker for name in named for marker in self.joint_named(name).points_acted_on()]

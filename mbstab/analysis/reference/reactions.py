@@ -26,7 +26,7 @@ class Reaction:
     owner : str
         Such as ``joint 'pivot'``.
     body : str
-        The body acted on: the first of the joint that is not the ground.
+        The body acted on: the first of the joint that is not the ground; of drive trains each, and the ground.
     point : ndarray, shape (…, 2) or (…, 3), or None
         Point of action, in ground axes (m); None: the point of contact.
     force : ndarray, shape (…, 2) or (…, 3)
@@ -73,7 +73,29 @@ def _reactions(system: System, q: Array, item: ItemValues, load: Array) -> list[
         origin = (0.0,) * system.scene.dimension
         markers = [Marker(b, origin) for b, part in enumerate(system.body_slices) if np.any(load[..., part])][:1]
     touching = item.entry.section == "contacts" and item.given("center")
-    return [_wrench(system, q, owner, marker, load, touching) for marker in markers if marker.body != GROUND][:1]
+    places = {marker.body: marker for marker in reversed(markers)}
+    ground = places.pop(GROUND, None)
+    moving = [marker for marker in markers if places.get(marker.body) is marker]
+    if len(markers) < 3:
+        return [_wrench(system, q, owner, marker, load, touching) for marker in moving][:1]
+    # What acts through several joints does something else to each body.
+    found = [_wrench(system, q, owner, marker, load, touching) for marker in moving]
+    return found if ground is None else [*found, _on_ground(owner, ground, found)]
+
+
+def _on_ground(owner: str, marker: Marker, others: list[Reaction]) -> Reaction:
+    """Return what is left for the ground: all forces of an entry are in balance."""
+    point = np.array(marker.point, dtype=float)
+    force: Any = -sum(x.force for x in others)
+    torque: Any = -sum(x.torque + _moment(x.point - point, x.force) for x in others if x.point is not None)
+    return Reaction(owner, "ground", np.broadcast_to(point, force.shape), force, torque)
+
+
+def _moment(arm: Array, force: Array) -> Array:
+    """Return arm × force, in one component in the plane."""
+    if arm.shape[-1] == 3:
+        return np.cross(arm, force)
+    return np.asarray(arm[..., :1] * force[..., 1:] - arm[..., 1:] * force[..., :1])
 
 
 def _wrench(system: System, q: Array, owner: str, marker: Marker, load: Array, touching: bool) -> Reaction:
@@ -85,12 +107,12 @@ def _wrench(system: System, q: Array, owner: str, marker: Marker, load: Array, t
     if body.orientation and d == 3:
         arm = orientation(body, q[..., angles]) @ np.array(marker.point, dtype=float)
         rates = rate_matrix(body, q[..., angles])
-        torque = np.linalg.solve(np.swapaxes(rates, -1, -2), torque[..., None])[..., 0] - np.cross(arm, force)
+        torque = np.linalg.solve(np.swapaxes(rates, -1, -2), torque[..., None])[..., 0] - _moment(arm, force)
     elif body.orientation:
         turn = q[..., angles.start]
         (c, s), (x, y) = (np.cos(turn), np.sin(turn)), (float(x) for x in marker.point)
         arm = np.stack([c * x - s * y, s * x + c * y], axis=-1)
-        torque = torque - (arm[..., 0] * force[..., 1] - arm[..., 1] * force[..., 0])[..., None]
+        torque = torque - _moment(arm, force)
     if touching:
         return Reaction(owner, body.name, None, force, np.zeros(0))
     return Reaction(owner, body.name, q[..., place] + arm, force, torque)

@@ -15,18 +15,18 @@ from mbstab.model.yamlfile import Sequence, YamlNode
 
 
 class JointsField(FieldKind):
-    """Names of different joints, wherever they stand in the file; `Field.choices` are the motions they must have."""
+    """Names of different joints, wherever they stand in the file; `Field.motions` are the motions they must have."""
 
     name = "joints"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> tuple[str, ...] | None:
         """Return the names."""
-        count = len(field.choices)
+        count = len(field.motions)
         if not isinstance(node, Sequence) or len(node.items) != count:
             reading.nodes.complain(node, path, f"expected a list of {count} joints", field.doc)
             return None
         found: list[str] = []
-        for i, (item, motion) in enumerate(zip(node.items, field.choices, strict=True)):
+        for i, (item, motion) in enumerate(zip(node.items, field.motions, strict=True)):
             place = f"{path}[{i}]"
             word = reading.nodes.word(item, place, "the name of a joint")
             kind = reading.names.joint(item, place, word) if word is not None else None
@@ -52,7 +52,7 @@ class JointsField(FieldKind):
 
     def schema(self, field: Field) -> dict[str, Any]:
         """Return the schema of a list of names."""
-        count = len(field.choices)
+        count = len(field.motions)
         return {"type": "array", "items": TEXT, "minItems": count, "maxItems": count}
 
 
@@ -99,9 +99,14 @@ class TeethField(RadiiField):
     def check(self, owner: Owner, field: Field, numbers: tuple[Number, ...], time: Number) -> None:
         """Require positive whole numbers."""
         for number, quantity in zip(numbers, owner.entry.values[field.name].values, strict=True):
-            if not owner.evaluator.symbolic and not all_of((number > 0) & (number == nearest_whole(number))):
+            if not owner.evaluator.symbolic and not (all_of(number > 0) and _is_whole(number)):
                 message = f"a number of teeth must be whole and positive, got {nominal(number):g}"
                 owner.evaluator.complain(quantity, message, "a ratio that is no quotient of teeth is written as ratio:")
+
+
+def _is_whole(number: Number) -> bool:
+    off = number - nearest_whole(number)
+    return all_of(off <= 0) and all_of(off >= 0)
 
 
 def check_ratio(owner: Owner, ratio: Number, written: Quantity | Components) -> None:

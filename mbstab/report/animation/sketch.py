@@ -106,7 +106,7 @@ class Sketch:
         names = tuple(body.name for body in scene.bodies)
         sketch = cls(scene.dimension, names, [], [], [], [], [], [], up, weighted, _points(system))
         size = max(scene.lengths, default=0.0) or 1.0
-        looks = [item.kind.look(item) for item in scene.items if item.kind.look is not None]
+        looks = [look for item in scene.items if item.kind.look is not None for look in item.kind.look(item)]
         for look in looks:
             sketch._add(look, size)
         shaped = {look.points[0].body for look in looks if look.form is not None}
