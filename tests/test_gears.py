@@ -359,6 +359,28 @@ def test_a_planetary_train_has_the_ratios_of_willis(dimension):
     assert {key: torques[key] for key in expected} == pytest.approx(expected, rel=1e-11)
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("elastic", [False, True])
+def test_a_free_planetary_train_spins_on(elastic, dimension):
+    model = re.sub(r"forces:(.|\n)*reference", "reference", PLANETARY)
+    spinning = "guess: {planet: {x: 0.35}}, rates: {carrier: {theta: 3}, sun: {theta: 10.5}, planet: {theta: -7}}"
+    model = model.replace("find: equilibrium, guess: {planet: {x: 0.35}}", spinning)
+    if elastic:
+        model = model.replace("teeth: [20, 15]", "radii: [0.2, 0.15], stiffness: 1e5, damping: 3")
+    result = mbstab.loads(in_dimension(model, dimension)).eig()
+    values = [e.value for e in result.eigenvalues]
+    assert values.count(0) == 2
+    if not elastic:
+        assert result.verdict == "stable up to symmetry"
+        return
+    # The sun against carrier and planet, which turns by -50/15 of the carrier against it.
+    rest, arm = 0.1 + 0.5 * 0.35**2 + 0.005 * (1 - 50 / 15) ** 2, 0.2 + 0.15 * 50 / 15
+    square = 1e5 * (0.2**2 / 0.02 + arm**2 / rest)
+    decay = 3e-5 * square / 2
+    assert result.verdict == "asymptotically stable up to symmetry"
+    assert values[0] == pytest.approx(-decay + 1j * math.sqrt(square - decay**2), rel=1e-11)
+
+
 def test_a_planetary_set_is_a_differential_with_teeth():
     # The joint of the ring is written the other way round: its angle counts against the ground all the same.
     model = WHOLE.replace("  stop: {type: fixed, between: [ring, ground]}\n", "")

@@ -58,8 +58,10 @@ class Invariance(SymmetryCandidates):
         carried = self.passing([field for _, field in candidates], self.carries)
         found = [candidate for candidate, good in zip(candidates, carried, strict=True) if good]
         for generator in self.motion.generators:
-            if generator.turns or np.any(generator.velocity) or np.any(generator.spins):
-                return [*found, ("the motion itself", self.along(generator))] if self.steady(generator) else found
+            # The reference may follow several groups, of which the simplest need not be a symmetry.
+            moves = generator.turns or np.any(generator.velocity) or np.any(generator.spins)
+            if moves and self.steady(generator):
+                return [*found, ("the motion itself", self.along(generator))]
         return found
 
     @cached_property
