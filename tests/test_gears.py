@@ -499,6 +499,14 @@ def test_a_joint_may_stand_anywhere_at_the_reference():
         assert values == pytest.approx([-50 / (0.02 + 0.5 * (17 / 41) ** 2), 0.0], rel=1e-12, abs=1e-12)
 
 
+def test_bodies_that_start_across_their_hinge_are_told():
+    model = in_space(PAIR).replace("TRAIN", "type: gear, joints: [a, b], ratio: 2").replace("axis: z", "axis: [z, x]")
+    with pytest.raises(
+        mbstab.NumericalError, match=r"<text>:7:9: joints.mesh(.|\n)*give the angles of the bodies under"
+    ):
+        mbstab.loads(model).eig()
+
+
 # --- what is fixed by the file --------------------------------------------------------------------------------------
 
 

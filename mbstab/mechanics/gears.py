@@ -26,6 +26,10 @@ from mbstab.mechanics.vectors import norm, representative
 
 # --- elements -------------------------------------------------------------------------------------------------------
 
+_HINT = (
+    "the zero direction of one of its joints stands along the axis there, and the angle has no value; give the angles "
+    "of the bodies under reference.guess, or turn a body by axes:, so that the axes meet"
+)
 _OF_MOTION = {("angle", "planar"): (), ("angle", "spatial"): TURN}
 ANGLES = ("angle", "angle")
 TRAVEL_AND_ANGLE = ("displacement", "angle")
@@ -82,10 +86,10 @@ def _elements(name: str, motions: tuple[str, ...], unit: str, elastic: bool = Tr
         own = tuple((f"{key}_{k}", size) for k, keys in enumerate(of_motions) for key, size in keys)
         numbers = (("factors", len(motions)), ("phase", 1), ("scale", 1))
         slots = 2 * len(motions)
-        yield Element(name, "holonomic", (frame,), slots, (*own, *numbers), _train(motions), units=(unit,))
+        yield Element(name, "holonomic", (frame,), slots, (*own, *numbers), _train(motions), units=(unit,), hint=_HINT)
         if elastic:
             parameters = (*own, *numbers, ("stiffness", 1), ("damping", 1))
-            yield Element(f"{name}_spring", "force", (frame,), slots, parameters, _elastic(motions))
+            yield Element(f"{name}_spring", "force", (frame,), slots, parameters, _elastic(motions), hint=_HINT)
 
 
 ELEMENTS = (
