@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from closed_forms import critical_disk
+from sampling import sample
 
 import mbstab
 from mbstab.cli import main
@@ -110,6 +111,7 @@ def test_three_regions_meet():
     assert np.all(np.min(np.abs(np.concatenate(result.boundaries)), axis=1) < 1e-9)
 
 
+@pytest.mark.long
 def test_three_regions_that_meet_in_one_cell():
     # Below zero stiffness 1, above and damped 0, above and undamped by rotation 2 or more: k(c) cut by a line.
     text = OSCILLATORS.replace("-c*b.x - d*rate(b.x)", "-(k + c)*b.x").replace("-k*a.x - d*rate(a.x)", "-(k - c)*a.x")
@@ -121,9 +123,10 @@ def test_three_regions_that_meet_in_one_cell():
     assert np.max(np.minimum(np.abs(points[:, 0] - points[:, 1]), np.abs(points.sum(axis=1)))) < 1e-9
 
 
-def test_a_closed_boundary_closes():
+@pytest.mark.parametrize("points", sample([10, 24], 2))
+def test_a_closed_boundary_closes(points):
     text = OSCILLATORS.replace("-k*a.x - d*rate(a.x)", "-(k**2 + c**2 - 1)*a.x").replace("-c*b.x", "-b.x")
-    x = np.linspace(-2.1, 2.0, 24)
+    x = np.linspace(-2.1, 2.0, points)
     result = mbstab.loads(text).chart({"k": x, "c": x + 0.07})
     (curve,) = result.boundaries
     assert np.array_equal(curve[0], curve[-1])

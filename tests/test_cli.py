@@ -577,6 +577,7 @@ def test_only_what_can_be_simplified_in_time_is(monkeypatch):
     assert re.search(r"\d+ entries are not simplified", result.stderr)
 
 
+@pytest.mark.long
 def test_large_symbolic_matrices_are_not_simplified():
     result = CliRunner().invoke(main, ["linearize", "whipple_bicycle.yaml", "--symbolic", "--format", "latex"])
     assert result.exit_code == 0

@@ -12,6 +12,7 @@ import pytest
 from chains import hanging_chain
 from click.testing import CliRunner
 from mpmath import mp
+from sampling import sample
 from truth import DIGITS, exact_eigenvalues
 
 import mbstab
@@ -56,13 +57,16 @@ def by_name(result):
 
 @pytest.mark.parametrize(
     ("name", "parameters"),
-    [
-        ("pendulum", {}),
-        ("wheeled_inverted_pendulum", {}),
-        ("top", {"omega": "5.6"}),
-        ("rolling_disk", {"omega": "0.1"}),
-        ("whipple_bicycle", {"v": "5.1"}),
-    ],
+    sample(
+        [
+            ("pendulum", {}),
+            ("wheeled_inverted_pendulum", {}),
+            ("top", {"omega": "5.6"}),
+            ("rolling_disk", {"omega": "0.1"}),
+            ("whipple_bicycle", {"v": "5.1"}),
+        ],
+        2,
+    ),
 )
 def test_errors_are_distances_from_an_independent_truth(name, parameters):
     result = compared(name, **parameters)
@@ -227,7 +231,7 @@ ORDER = 10.0
 """Of the printed order: which roundings meet is chance."""
 
 
-@pytest.mark.parametrize(("name", "omega"), PRINTED)
+@pytest.mark.parametrize(("name", "omega"), sample(PRINTED, 3))
 def test_errors_are_of_the_order_that_tables_2_4_6_8_print_or_smaller(name, omega):
     found = by_name(compared(name, **({"omega": omega} if omega else {})))
     moduli = [abs(complex(s)) for s in compared(name, **({"omega": omega} if omega else {})).truth.values()]
@@ -235,7 +239,7 @@ def test_errors_are_of_the_order_that_tables_2_4_6_8_print_or_smaller(name, omeg
         assert np.max(found[method].errors * moduli) <= ORDER * printed, method
 
 
-@pytest.mark.parametrize("omega", ["0", "20"])
+@pytest.mark.parametrize("omega", sample(["20", "0"], 2))
 def test_the_five_techniques_are_applicable_to_the_governor(omega):
     found = by_name(compared("governor", omega=omega))
     for method in METHODS:
@@ -286,7 +290,7 @@ def test_csv_is_one_row_for_each_method_and_eigenvalue():
     assert float(rows[1][5]) < 1e-15
 
 
-@pytest.mark.parametrize("model", ["bricard", "whipple_bicycle", "trailer", "pendulum"])
+@pytest.mark.parametrize("model", sample(["bricard", "whipple_bicycle", "trailer", "pendulum"], 3))
 def test_the_table_fits_eighty_columns_and_says_what_is_missing(model):
     result = run(f"{model}.yaml", "--digits", "50" if model == "trailer" else "20")
     assert result.exit_code == 0, result.stderr
@@ -318,10 +322,10 @@ def test_a_fully_prescribed_motion_has_nothing_to_compare(tmp_path):
 
 
 def test_the_picture_has_one_point_for_each_method(tmp_path):
-    result = compared("bricard", 1e-10)
+    result = compared("bricard")
     # What QZ loses in a singular pencil is up to the rounding of the processor.
     outcomes = [replace(x, lost=2) if x.method == "index3" else x for x in result.outcomes]
-    result = replace(result, outcomes=tuple(outcomes))
+    result = replace(result, outcomes=tuple(outcomes), tolerance=1e-10)
     figure = work_precision(result, "Bricard")
     (axes,) = figure.axes
     shown = [n for n, x in enumerate(result.outcomes, 1) if math.isfinite(x.error)]

@@ -121,7 +121,8 @@ reference: {{find: equilibrium, guess: {{knee: {{y: 0.6}}}}}}
     np.testing.assert_allclose(sorted(state["knee.y"] for state in found), [-outer, 0.0, outer], atol=1e-13)
 
 
-def test_too_heavy_a_mass_snaps_the_toggle_through():
+@pytest.mark.parametrize("starts", sample([8, 30], 2))
+def test_too_heavy_a_mass_snaps_the_toggle_through(starts):
     text = """
 mbstab: 1
 gravity: [0, -9.81]
@@ -140,7 +141,7 @@ reference: {find: equilibrium, guess: {knee: {y: 0.7}}}
         length = math.hypot(1.0, y)
         return -800.0 * (length - 1.25) * y / length - 20.0 * G
 
-    found, _ = solutions(text, 30)
+    found, _ = solutions(text, starts)
     (state,) = found
     assert abs(state["knee.y"] - brentq(lift, -3.0, -0.7, xtol=1e-15)) < 1e-13
 
@@ -465,7 +466,7 @@ def test_the_governor_is_found_from_angles_off_by_03_rad():
         assert np.max(np.abs(difference)) < 1e-13
 
 
-@pytest.mark.parametrize(("spread", "seed"), sample([(spread, seed) for spread in (0.3, 1.0) for seed in range(5)], 5))
+@pytest.mark.parametrize(("spread", "seed"), sample([(spread, seed) for spread in (1.0, 0.3) for seed in range(5)], 10))
 def test_a_random_guess_for_the_governor_leads_to_a_steady_motion_or_an_error(spread, seed):
     system = governor()
     rng = np.random.default_rng(100 + seed)
@@ -495,12 +496,13 @@ def bicycle():
     return mbstab.loads(head + "reference:\n" + search + coordinates.replace("coordinates:", "guess:"))
 
 
-def test_a_random_guess_for_the_bicycle_leads_to_a_steady_motion_or_an_error():
+@pytest.mark.parametrize("guesses", sample([25, 100], 2))
+def test_a_random_guess_for_the_bicycle_leads_to_a_steady_motion_or_an_error(guesses):
     model = bicycle()
     system = model.system()
     rng = np.random.default_rng(200)
     verified = 0
-    for _ in range(100):
+    for _ in range(guesses):
         guess = {
             n: x + rng.uniform(-1.0, 1.0) * (0.1 if n.rpartition(".")[2] in "xyz" else 0.3)
             for n, x in system.scene.guess.items()
@@ -519,7 +521,7 @@ def test_a_random_guess_for_the_bicycle_leads_to_a_steady_motion_or_an_error():
         assert force < 1e-12
         assert rows < 1e-11
         verified += 1
-    assert verified >= 10
+    assert verified >= 0.1 * guesses
 
 
 def test_the_bicycle_upright_is_found_from_a_leaning_guess():
@@ -591,9 +593,10 @@ def test_the_same_seed_gives_the_same_solutions():
     assert one == other
 
 
-def test_random_starts_leave_held_coordinates_alone():
+@pytest.mark.parametrize("starts", sample([2, 6], 2))
+def test_random_starts_leave_held_coordinates_alone(starts):
     model = mbstab.load(MODELS["governor"])
-    for item in model.equilibria(6, 2):
+    for item in model.equilibria(starts, 2):
         state = dict(zip(model.model.coordinates(), item.motion.q, strict=True))
         assert [state[f"shaft.{k}"] for k in ("x", "y", "z", "phi", "theta", "psi")] == [0, 0, 0.1, 0, 0, 0]
 

@@ -16,7 +16,7 @@ def drawn():
     return [*steady, *random.Random(SEED).sample(pairs, PAIRS)]
 
 
-@pytest.mark.parametrize(("path", "name"), sample(drawn(), 5), ids=lambda x: getattr(x, "stem", x))
+@pytest.mark.parametrize(("path", "name"), sample(drawn(), 8), ids=lambda x: getattr(x, "stem", x))
 def test_a_parameter_of_a_model(path, name):
     answers = list(of_parameter(path, name))
     assert [answer.fault for answer in answers if answer.traceback or answer.code not in (0, 1, 2, 3)] == []

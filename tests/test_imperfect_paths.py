@@ -1,9 +1,11 @@
 """Paths of equilibria past imperfect pitchforks and transcritical bifurcations, against roots of the polynomial."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
+from sampling import sample
 
 import mbstab
 from mbstab.analysis.reference import continuation
@@ -53,10 +55,7 @@ def equilibrium(power, e, up, q):
     return float(real[1]) if q > 3.0 * (0.5 * abs(e)) ** (2.0 / 3.0) else None
 
 
-@pytest.mark.parametrize("sign", BOTH)
-@pytest.mark.parametrize("up", BOTH)
-@pytest.mark.parametrize("power", [2, 3])
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize(("size", "power", "up", "sign"), sample(product(SIZES, [2, 3], BOTH, BOTH), 7))
 def test_an_imperfect_bifurcation_is_followed_on_one_branch(size, power, up, sign):
     e = sign * size
     path = continuation.follow(rail(power, e).model, "q", -1.0, 1.0, first_at=-up)
@@ -94,7 +93,7 @@ reference: {find: equilibrium, guess: {p: {x: 0, y: 0}, r: {x: 0, y: 0}}}
 """
 
 
-@pytest.mark.parametrize(("later", "part"), [(0.0, 1.0), (0.0, -1.0), (1e-2, 0.5)])
+@pytest.mark.parametrize(("later", "part"), sample([(0.0, 1.0), (0.0, -1.0), (1e-2, 0.5)], 3))
 def test_two_eigenvalues_that_change_sign_together_are_no_way_to_another_path(part, later):
     size, other = 1e-3, part * 1e-3
     text = TWO_RAILS.replace("ONE", repr(size)).replace("OTHER", repr(other)).replace("LATER", repr(later))
@@ -111,11 +110,12 @@ def test_two_eigenvalues_that_change_sign_together_are_no_way_to_another_path(pa
     np.testing.assert_allclose(found, np.sort_complex(np.round(expected, 9)), atol=2e-9)
 
 
-@pytest.mark.parametrize("points", [15, 41, 401])
-@pytest.mark.parametrize(
-    ("power", "e", "up"), [(3, 1e-3, 1.0), (3, 1e-8, 1.0), (3, 1e-4, -1.0), (2, 1e-3, 1.0), (2, -1e-4, 1.0)]
-)
-def test_a_sweep_past_an_imperfect_bifurcation_answers_for_one_branch(power, e, up, points):
+IMPERFECT = [(3, 1e-3, 1.0), (3, 1e-8, 1.0), (3, 1e-4, -1.0), (2, 1e-3, 1.0), (2, -1e-4, 1.0)]
+
+
+@pytest.mark.parametrize(("imperfect", "points"), sample(product(IMPERFECT, [15, 41, 401]), 4))
+def test_a_sweep_past_an_imperfect_bifurcation_answers_for_one_branch(imperfect, points):
+    power, e, up = imperfect
     result = rail(power, e).sweep("q", np.linspace(-up, up, points))
     for q, count, values in zip(result.values, result.unstable, result.branches, strict=True):
         x = None if abs(q + 0.02) < 1e-12 and e < 0.0 else equilibrium(power, e, up, float(q))  # -0.02: the fold

@@ -23,6 +23,7 @@ FILES = [
     for path in sorted((ROOT / folder).glob("*.yaml"))
 ]
 SCHEMA = json_schema()
+VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 
 
 def as_an_editor_reads(text: str) -> Any:
@@ -46,7 +47,7 @@ def as_an_editor_reads(text: str) -> Any:
 
 
 def is_accepted(text: str) -> bool:
-    return jsonschema.Draft202012Validator(SCHEMA).is_valid(as_an_editor_reads(text))
+    return VALIDATOR.is_valid(as_an_editor_reads(text))
 
 
 def test_it_is_a_json_schema_and_json() -> None:
@@ -56,7 +57,7 @@ def test_it_is_a_json_schema_and_json() -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_every_model_of_the_project_is_accepted(path: Path) -> None:
-    jsonschema.validate(as_an_editor_reads(path.read_text()), SCHEMA, jsonschema.Draft202012Validator)
+    VALIDATOR.validate(as_an_editor_reads(path.read_text()))
 
 
 BODY = "bodies: {b: {type: planar, mass: 1, inertia: 1}}\n"
@@ -107,7 +108,7 @@ def test_a_misspelled_key_is_accepted_nowhere() -> None:
         model = as_an_editor_reads(path.read_text())
         for mapping in closed_mappings(model):
             mapping["mispelled"] = 1
-            assert not jsonschema.Draft202012Validator(SCHEMA).is_valid(model), f"{path.name}: {mapping}"
+            assert not VALIDATOR.is_valid(model), f"{path.name}: {mapping}"
             del mapping["mispelled"]
 
 

@@ -1,6 +1,7 @@
 """Imports point one way, heavy libraries are imported where they are needed and nowhere else."""
 
 import ast
+import functools
 import subprocess
 import sys
 from pathlib import Path
@@ -38,6 +39,7 @@ def layer(module: str) -> int | None:
     return LAYERS.index(parts[1]) if parts[0] == "mbstab" and len(parts) > 1 and parts[1] in LAYERS else None
 
 
+@functools.cache
 def imports(path: Path) -> list[str]:
     found = []
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mpmath import mp
+from sampling import sample
 from scipy.optimize import linear_sum_assignment
 
 import mbstab
@@ -168,7 +169,7 @@ def some_chain(rng, decades):
     return masses if any(masses) else [1.0, *masses[1:]], elements
 
 
-@pytest.mark.parametrize(("seed", "decades"), [(seed, decades) for seed in range(13) for decades in (0, 3)])
+@pytest.mark.parametrize(("seed", "decades"), sample([(seed, decades) for seed in range(13) for decades in (0, 3)], 5))
 def test_random_chains_have_the_eigenvalues_of_their_pencil(seed, decades):
     """Four chains each: numbers of eigenvalues, values within their bounds, and the verdict."""
     rng = np.random.default_rng(100 * decades + seed)

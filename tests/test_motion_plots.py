@@ -15,6 +15,7 @@ import pytest
 from children import child, command_line, until
 from click.testing import CliRunner
 from PIL import Image
+from sampling import sample
 
 import mbstab
 from mbstab.analysis.simulate.mode_shape import swing
@@ -635,7 +636,7 @@ output.whole_file = stalling
 QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=str)
+@pytest.mark.parametrize("number", sample([signal.SIGINT, signal.SIGTERM], 2), ids=str)
 def test_ctrl_c_while_animating_leaves_no_half_file(tmp_path, number):
     path = tmp_path / "a.gif"
     arguments = ("--perturb", "rod.theta=1", "--to", "60", "--tol", "1e-3", "--once", "--animate", path, "--fps", "50")
@@ -662,7 +663,7 @@ def test_ctrl_c_while_data_are_written_leaves_no_half_file(tmp_path, number):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=str)
+@pytest.mark.parametrize("number", sample([signal.SIGINT, signal.SIGTERM], 2), ids=str)
 def test_ffmpeg_ends_with_the_animation(tmp_path, number):
     # It says its number and swallows frames for ever.
     folder = tmp_path / "bin"

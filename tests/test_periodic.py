@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from click.testing import CliRunner
+from sampling import sample
 from scipy.integrate import solve_ivp
 from zoo import SYSTEMS
 
@@ -305,7 +306,7 @@ def test_what_is_not_a_number_is_placed_nowhere(A, error):
 # --- the verdict ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("system", [s for s in SYSTEMS if "precise" not in s.commands], ids=lambda s: s.name)
+@pytest.mark.parametrize("system", sample([s for s in SYSTEMS if "precise" not in s.commands], 2), ids=lambda s: s.name)
 def test_systems_with_known_truth_are_judged_right(system):
     try:
         verdict = mbstab.loads(system.text).eig().verdict

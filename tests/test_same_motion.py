@@ -1,11 +1,14 @@
 """A verdict does not depend on how a system is written down, and what stands far away makes it weaker at most."""
 
+import functools
 import random
 import re
+from itertools import product
 
 import pytest
 import yaml
 from linear_oracle import random_system, text, truth
+from sampling import sample
 from zoo import SYSTEMS
 
 import mbstab
@@ -80,12 +83,17 @@ CHANGES = {
 }
 
 
-@pytest.mark.parametrize("change", CHANGES)
-@pytest.mark.parametrize("name", NAMES)
+@functools.cache
+def known(name):
+    """Return the verdict on a system as it is written in the zoo."""
+    return verdict(TEXTS[name])
+
+
+@pytest.mark.parametrize(("name", "change"), sample(product(NAMES, CHANGES), 5))
 def test_the_verdict_is_the_same_or_weaker(name, change):
     # All as texts: they are expressions.
     document = yaml.load(TEXTS[name], Loader=yaml.BaseLoader)
-    before, after = verdict(TEXTS[name]), verdict(CHANGES[change](document))
+    before, after = known(name), verdict(CHANGES[change](document))
     assert after in STRENGTH[before] or before in STRENGTH[after]
     if change in ("exchanged", "renamed"):
         assert after == before
@@ -103,13 +111,14 @@ def scaled(rng, K, D):
     )
 
 
-def test_units_change_no_verdict_on_a_linear_system_but_to_a_weaker_one():
-    rng, same = random.Random(8), 0
-    for _ in range(150):
+@pytest.mark.parametrize(("seed", "systems"), sample([(8, 30), (8, 150)], 2))
+def test_units_change_no_verdict_on_a_linear_system_but_to_a_weaker_one(seed, systems):
+    rng, same = random.Random(seed), 0
+    for _ in range(systems):
         K, D = random_system(rng, rng.randint(1, 4))
         known, before = truth(K, D), verdict(text(K, D))
         after = verdict(text(*scaled(rng, K, D)))
         assert after in known.allowed, (K, D)
         assert after in STRENGTH[before], (K, D)
         same += after == before
-    assert same >= 0.8 * 150
+    assert same >= 0.8 * systems
