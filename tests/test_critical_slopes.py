@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from sampling import sample
 
 from mbstab import load, loads
 from mbstab.cli import main
@@ -86,7 +87,7 @@ reference:
 """
 
 
-@pytest.mark.parametrize("damping", [0.3, 0.0])
+@pytest.mark.parametrize("damping", sample([0.3, 0.0], 2))
 def test_a_zero_eigenvalue_beside_neutral_ones(damping):
     """An upright rod on a free cart: k = m g l, where one eigenvalue passes zero, or a pair turns real."""
     (c,) = swept(loads(STANDING).at(c=damping), "k", 5.0, 15.0)
@@ -124,10 +125,13 @@ def test_the_bicycle_against_critical_speeds_computed_again():
 
 @pytest.mark.parametrize(
     ("model", "parameter", "ends", "reason"),
-    [
-        ("bead_on_hoop.yaml", "Omega", (1.0, 8.0), "other equilibria branch off"),
-        ("von_mises_truss.yaml", "P", (-10.0, 10.0), "the path of equilibria turns back"),
-    ],
+    sample(
+        [
+            ("bead_on_hoop.yaml", "Omega", (1.0, 8.0), "other equilibria branch off"),
+            ("von_mises_truss.yaml", "P", (-10.0, 10.0), "the path of equilibria turns back"),
+        ],
+        2,
+    ),
 )
 def test_where_there_is_no_derivative_the_reason_is_said(model, parameter, ends, reason):
     (c,) = swept(load(model), parameter, *ends)

@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 import scipy.linalg
+from sampling import sample
 from scipy.integrate import solve_ivp
 from scipy.special import ellipe, ellipk
 
@@ -48,7 +49,7 @@ CONSTANT = {
 }
 
 
-@pytest.mark.parametrize("name", CONSTANT)
+@pytest.mark.parametrize("name", sample(CONSTANT, 3))
 def test_the_monodromy_matrix_of_constant_coefficients_is_their_exponential(name):
     model, T = mbstab.load(MODELS[name]), CONSTANT[name]
     system, motion = model.system(), model.motion()

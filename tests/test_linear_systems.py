@@ -8,6 +8,7 @@ import random
 import numpy as np
 import pytest
 from linear_oracle import AS, AS_UP_TO, OPEN, S_UP_TO, M, S, U, random_system, text, truth
+from sampling import sample
 
 import mbstab
 from mbstab.analysis.linear.verdict import WORDS
@@ -51,9 +52,10 @@ def test_small_systems_are_known_by_hand(K, D, word, true):
     assert found.allowed == true | {OPEN}
 
 
-def test_exact_truth_agrees_with_eigenvalues_where_those_are_clear():
+@pytest.mark.parametrize("systems", sample([400, 2000], 2))
+def test_exact_truth_agrees_with_eigenvalues_where_those_are_clear(systems):
     rng, clear = random.Random(5), 0
-    for _ in range(2000):
+    for _ in range(systems):
         n = rng.randint(1, 4)
         K, D = random_system(rng, n)
         found = truth(K, D)
@@ -65,7 +67,7 @@ def test_exact_truth_agrees_with_eigenvalues_where_those_are_clear():
             assert found.expected == (AS if np.max(values.real) < 0.0 else U)
         if np.max(values.real) > 0.05:
             assert found.expected == U
-    assert clear > 300
+    assert clear > 0.15 * systems
 
 
 # --- the verdicts ---------------------------------------------------------------------------------------------------
@@ -86,9 +88,10 @@ def checked(known, word, place, names, system):
         assert not names, (names, known, system)
 
 
-def test_no_verdict_on_a_linear_system_is_wrong():
+@pytest.mark.parametrize("systems", sample([150, 300], 2))
+def test_no_verdict_on_a_linear_system_is_wrong(systems):
     words = []
-    for system in drawn(1, 300):
+    for system in drawn(1, systems):
         known = truth(*system)
         result = mbstab.loads(text(*system)).eig()
         names = result.modulo.symmetries + result.modulo.family
@@ -122,10 +125,11 @@ def test_what_takes_combinations_to_see_is_seen(K, D):
     checked(known, result.verdict, result.in_place, result.modulo.symmetries + result.modulo.family, (K, D))
 
 
+@pytest.mark.parametrize("systems", sample([12, 40], 2))
 @pytest.mark.parametrize("command", ["precise", "certify", "index3", "sweep"])
-def test_no_command_is_wrong_about_a_linear_system(command):
+def test_no_command_is_wrong_about_a_linear_system(command, systems):
     answered = 0
-    for system in drawn(2, 40):
+    for system in drawn(2, systems):
         known, model = truth(*system), mbstab.loads(text(*system, parameter=True))
         try:
             word = ask(model, command)
@@ -133,7 +137,7 @@ def test_no_command_is_wrong_about_a_linear_system(command):
             continue
         answered += 1
         checked(known, OPEN if word == "not provable" else word, None, (), system)
-    assert answered >= 30
+    assert answered >= 0.75 * systems
 
 
 def ask(model, command):

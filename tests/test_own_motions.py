@@ -7,6 +7,7 @@ import pytest
 from click.testing import CliRunner
 from mechanisms import FREE_DISK
 from PIL import Image
+from sampling import sample
 from scipy.integrate import solve_ivp
 
 import mbstab
@@ -80,7 +81,7 @@ def rolling(t, y):
     # A disk that runs fast and sways, and one that runs slowly and leans far over.
     [(0.3, 8.0, 3.0), (0.7, 3.0, 0.8)],
 )
-@pytest.mark.parametrize("options", [{}, {"method": "radau", "tol": 1e-6}], ids=["projection", "radau"])
+@pytest.mark.parametrize("options", sample([{}, {"method": "radau", "tol": 1e-6}], 2), ids=["projection", "radau"])
 def test_a_disk_off_symmetry_rolls_as_its_own_equations_say(lean, spin, end, options):
     text = DISK.replace("LEAN", str(lean)).replace("SPIN", str(spin))
     sim = mbstab.loads(text).simulate(end, points=61, **{"tol": 1e-8, **options})

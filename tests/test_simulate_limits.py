@@ -3,11 +3,13 @@
 import itertools
 import math
 import re
+from itertools import product
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from mechanisms import SLIDER_CRANK
+from sampling import sample
 
 import mbstab
 from mbstab.analysis.algebra import budget
@@ -120,10 +122,11 @@ OTHERS = [
 ]
 
 
-@pytest.mark.parametrize("options", OTHERS, ids=str)
-@pytest.mark.parametrize(("name", "drive"), [("four-bar", "law"), ("spatial links", "rate")])
-def test_every_method_ends_at_a_limit(name, drive, options):
-    model, time, rows = text(name, drive)
+@pytest.mark.parametrize(
+    ("which", "options"), sample(product([("four-bar", "law"), ("spatial links", "rate")], OTHERS), 5), ids=str
+)
+def test_every_method_ends_at_a_limit(which, options):
+    model, time, rows = text(*which)
     with pytest.raises(SimulationError, match="singular configuration") as caught:
         mbstab.loads(model).simulate(10.0, **options)
     said = str(caught.value)
@@ -133,8 +136,7 @@ def test_every_method_ends_at_a_limit(name, drive, options):
     assert len(caught.value.partial.times) > 10
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-@pytest.mark.parametrize("gap", [1e-2, 1e-6])
+@pytest.mark.parametrize(("gap", "compiled"), sample([(1e-6, True), (1e-2, True), (1e-2, False), (1e-6, False)], 4))
 def test_a_motion_that_turns_just_before_its_limit_goes_on(gap, compiled):
     model = mbstab.loads(LINKS.replace("LAW", f"position: 1 + {1 - gap!r}*sin(t)"))
     sim = model.simulate(3.0, tol=1e-7, compiled=compiled)
@@ -164,8 +166,7 @@ reference: {coordinates: {p: {x: 1.1, y: 0}}}
 """
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-@pytest.mark.parametrize("solver", ["DOP853", "RK45"])
+@pytest.mark.parametrize(("solver", "compiled"), sample(product(["DOP853", "RK45"], [False, True]), 3))
 def test_steps_that_stability_limits_are_said(solver, compiled):
     model = mbstab.loads(DRAGGED.replace("DRAG", "2e3"))
     sim = model.simulate(0.3, tol=1e-5, once=True, solver=solver, compiled=compiled)
@@ -179,7 +180,7 @@ def test_steps_that_stability_limits_are_said(solver, compiled):
     assert model.simulate(0.3, tol=1e-5, once=True, method="radau").warnings == ()
 
 
-@pytest.mark.parametrize("solver", ["DOP853", "RK45"])
+@pytest.mark.parametrize("solver", sample(["RK45", "DOP853"], 2))
 def test_a_motion_that_would_never_end_is_refused(solver):
     with pytest.raises(SimulationError, match="limited by stability, not by accuracy") as caught:
         mbstab.loads(DRAGGED.replace("DRAG", "1e9")).simulate(2.0, solver=solver)
@@ -187,7 +188,7 @@ def test_a_motion_that_would_never_end_is_refused(solver):
     assert re.search(r"\d\.\de\+\d\d more would be needed, where 1e\+07 is the limit\nhint: use --method radau", said)
 
 
-@pytest.mark.parametrize(("name", "to"), [("kapitza", 2.0), ("rattleback", 10.0), ("wheelset", 10.0)])
+@pytest.mark.parametrize(("name", "to"), sample([("rattleback", 10.0), ("kapitza", 2.0), ("wheelset", 10.0)], 3))
 def test_the_examples_with_the_most_steps_are_not_stiff(name, to):
     sim = mbstab.load(f"{name}.yaml").simulate(to, perturb={"mode:1": 0.01}, once=True, tol=1e-10, points=2)
     assert sim.steps > SIMULATE.stiffness_first_test
@@ -214,8 +215,8 @@ def test_a_fast_motion_that_is_seen_is_not_stiff():
 @pytest.mark.parametrize(
     ("text", "to", "options", "said"),
     [
-        (SPRING, 3.0, {}, r"for errors of 1e-08 in a step; .* p\.x with \S+ m/s, .* a rate of 1\.0e\+03 1/s"),
-        (SPRING, 3.0, {"step": 1e-3, "method": "radau"}, r"steps of 1\.0e-03 s as given\nhint: a longer --step or an"),
+        (SPRING, 0.3, {}, r"for errors of 1e-08 in a step; .* p\.x with \S+ m/s, .* a rate of 1\.0e\+03 1/s"),
+        (SPRING, 0.3, {"step": 1e-3, "method": "radau"}, r"steps of 1\.0e-03 s as given\nhint: a longer --step or an"),
         (DRAGGED.replace("DRAG", "2e3"), 0.3, {"tol": 1e-5}, "limited by stability.*\nhint: --method radau .steps of"),
         (
             LINKS.replace("LAW", "position: 1 + 0.5*smooth_start(t/1.5)"),

@@ -12,7 +12,7 @@ import mbstab
 QUESTIONS = sorted(truth.stored())
 
 
-@pytest.mark.parametrize("number", sample(range(len(QUESTIONS)), 40))
+@pytest.mark.parametrize("number", sample(range(len(QUESTIONS)), 100))
 def test_a_truth_that_is_computed_again_is_the_one_that_is_stored(number):
     answer, again = truth.stored()[QUESTIONS[number]], truth.computed(json.loads(QUESTIONS[number]))
     assert again["neutral"] == answer["neutral"]
