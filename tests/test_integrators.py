@@ -35,6 +35,7 @@ def test_the_reference_is_the_exact_solution():
     assert result.known <= 1e-11
 
 
+@pytest.mark.long
 def test_errors_are_the_global_ones_of_simulations():
     result = compared()
     run = next(x for x in result.runs if (x.name, x.tol) == ("RK45", 1e-5))

@@ -537,7 +537,8 @@ def test_blocks_are_kept_until_the_answer_is_written(tmp_path, monkeypatch):
     assert "nothing to resume" in result.stderr
 
 
-@pytest.mark.parametrize("kills", sample([1, 3, 12], 3))
+@pytest.mark.long
+@pytest.mark.parametrize("kills", [3, 12])
 def test_commands_killed_at_random_moments_end_in_the_same_bytes(kills, tmp_path):
     rng = random.Random(kills)
     arguments = ("--points", "3001", "--output")

@@ -421,7 +421,8 @@ def test_a_truss_is_followed_through_both_of_its_folds(points, sign):
             assert optimal(row, [*exact, *-exact]) < 1e-9
 
 
-@pytest.mark.parametrize("points", sample([12, 101], 2))
+@pytest.mark.long
+@pytest.mark.parametrize("points", [12, 101])
 def test_the_count_before_a_fold_is_that_of_the_side_that_has_one(points):
     (critical,) = mbstab.load(TRUSS).sweep("P", np.linspace(0.0, 10.0, points)).critical
     assert critical.unstable == (0, -1)
@@ -532,6 +533,7 @@ def test_no_crossing_is_looked_for_where_nothing_crosses(monkeypatch):
     assert looked == []
 
 
+@pytest.mark.long
 def test_a_path_goes_on_beyond_a_kink():
     result = cubic("abs(mu) - p.x").sweep("mu", np.linspace(-2.0, 2.0, 41), x0=0)
     assert result.critical == ()
@@ -547,6 +549,7 @@ def test_a_model_that_is_not_valid_beyond_a_value_loses_no_equilibrium_there():
     assert [int(n) for n in result.unstable] == [0] * 5 + [-1] * 6
 
 
+@pytest.mark.long
 def test_a_mode_is_not_mistaken_for_another_one_on_a_coarse_grid():
     text = OSCILLATORS.replace("- d*rate(a.x)", "+ sin(50*d)*rate(a.x)").replace(
         "b.x: -b.x", "b.x: -b.x - 0.2*rate(b.x)"
@@ -588,6 +591,7 @@ def test_points_without_an_answer_are_not_called_stable():
     assert result.exit_code == 1
 
 
+@pytest.mark.long
 def test_a_path_that_turns_back_at_a_pitchfork_names_it():
     text = (Path(__file__).parents[1] / "models" / "bead_on_hoop.yaml").read_text(encoding="utf-8")
     raised = mbstab.loads(text.replace("theta: {value: 0,", "theta: {value: 1,"))
