@@ -595,7 +595,7 @@ def test_points_without_an_answer_are_not_called_stable():
 def test_a_path_that_turns_back_at_a_pitchfork_names_it():
     text = (Path(__file__).parents[1] / "models" / "bead_on_hoop.yaml").read_text(encoding="utf-8")
     raised = mbstab.loads(text.replace("theta: {value: 0,", "theta: {value: 1,"))
-    result = raised.sweep("Omega", np.linspace(8.0, 0.0, 17))
+    result = raised.sweep("Omega", np.linspace(8.0, 0.0, 33))
     (critical,) = result.critical
     assert critical.kind == "branch point"
     assert abs(critical.value - HOOP) < 1e-11 * HOOP
