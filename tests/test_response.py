@@ -12,7 +12,8 @@ from test_control import MASSES, WHIPPLE, cart
 import mbstab
 from mbstab.analysis.linear.response import answer
 from mbstab.analysis.linear.transfer import channels
-from mbstab.errors import UsageError
+from mbstab.errors import NumericalError, UsageError
+from mbstab.report.responses import phase, response_data
 
 
 def channel(model, source, goal):
@@ -126,6 +127,30 @@ def test_the_command_writes_the_same_numbers_in_each_format(tmp_path):
         result = run("response", "whipple_bicycle.yaml", "--points", "20", *extra, "--pictures", str(picture))
         assert result.exit_code == 0
         assert (tmp_path / f"a-{name}.svg").stat().st_size > 1000
+
+
+UNDAMPED = """\
+mbstab: 1
+bodies: {a: {type: planar_point, mass: 1}}
+constraints: {l: {holonomic: a.y}}
+forces: {f: {type: expression, on: {a.x: %s}}}
+inputs: {push: {type: force, at: a, direction: [1, 0]}}
+outputs: {pos: a.x}
+"""
+
+
+def test_a_step_that_overflows_is_refused_with_the_time():
+    for duration in (1000.0, 1e300):
+        with pytest.raises(NumericalError, match="pos after a change of push: numbers above 1e308 between"):
+            answer(mbstab.loads(UNDAMPED % "5*rate(a.x)").state_space(), duration=duration)
+
+
+def test_on_a_pole_there_is_no_phase():
+    found = answer(mbstab.loads(UNDAMPED % "-4*a.x").state_space(), ends=(1.0, 4.0), points=3)
+    assert np.isinf(found.values[0][1])
+    data = response_data(found, "", "")["channels"][0]
+    assert np.isnan(data["imag"][1])
+    np.testing.assert_array_equal(np.isnan(phase(found.values[0])), [False, True, False])
 
 
 LEAK = """\

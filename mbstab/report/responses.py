@@ -29,8 +29,10 @@ def decibels(value: Any) -> Any:
 
 
 def phase(values: Any) -> Any:
-    """Return the phase without jumps (degrees), the first one between -180 and 180."""
-    return np.degrees(np.unwrap(np.angle(values)))
+    """Return the phase without jumps (degrees), the first one between -180 and 180; nan on a pole and at 0."""
+    found, known = np.full(len(values), np.nan), np.isfinite(values) & (values != 0.0)
+    found[known] = np.degrees(np.unwrap(np.angle(values[known])))
+    return found
 
 
 def unit(channel: Channel) -> str:

@@ -15,7 +15,7 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.control import ControlModel
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
-from mbstab.errors import UsageError, suggestion
+from mbstab.errors import NumericalError, UsageError, suggestion
 from mbstab.records import dataclass
 
 
@@ -98,13 +98,13 @@ class Channel:
     D: Array
 
     def at(self, omega: Array) -> Complex:
-        """Return G(iω) at angular frequencies (rad/s); infinite on a pole."""
+        """Return G(iω) at angular frequencies (rad/s); infinite, with a part that is nan, on a pole."""
         found = np.empty(len(omega), dtype=complex)
         for k, s in enumerate(1j * np.asarray(omega)):
             try:
                 x = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B.astype(complex))
             except np.linalg.LinAlgError:
-                found[k] = np.inf
+                found[k] = complex(np.inf, np.nan)
                 continue
             found[k] = self.C @ x + self.D @ s ** np.arange(3)
         return found
@@ -121,6 +121,8 @@ class Channel:
         ------
         UsageError
             If the output has impulses: it follows the rate of the input.
+        NumericalError
+            If the states or the output overflow.
         """
         from scipy.linalg import expm
 
@@ -133,12 +135,19 @@ class Channel:
         n = len(self.A)
         whole = np.zeros((n + 1, n + 1))
         whole[:n, :n], whole[:n, n] = self.A, self.B
-        advance = expm(whole * (times[1] - times[0]))
         state = np.append(self.B, 0.0) if impulse else np.append(np.zeros(n), 1.0)
         out = np.empty(len(times))
-        for k in range(len(times)):
-            out[k] = self.C @ state[:n] + (0.0 if impulse else self.D[0])
-            state = advance @ state
+        with np.errstate(all="ignore"):
+            advance = expm(whole * (times[1] - times[0]))
+            for k in range(len(times)):
+                out[k] = self.C @ state[:n] + (0.0 if impulse else self.D[0])
+                state = advance @ state
+        if not np.all(np.isfinite(out)):
+            at = int(np.argmin(np.isfinite(out)))
+            raise NumericalError(
+                f"{self.goal} after a change of {self.source}: numbers above 1e308 between {times[at - 1]:g} and "
+                f"{times[at]:g} s\nhint: ask for a shorter time"
+            )
         return out
 
     def seen(self) -> Seen:
