@@ -273,6 +273,10 @@ def test_schema_of_a_section_is_text_for_people():
     only = run("schema", "joints.screw").stdout
     assert "lead: advance in one turn" in only
     assert "revolute" not in only
+    outputs = run("schema", "outputs").stdout
+    assert "what is measured" in outputs
+    assert "angle(joint)" in outputs
+    assert "did you mean 'outputs'?" in run("schema", "output").stderr
     assert "did you mean 'joints'?" in run("schema", "joint").stderr
     assert "did you mean 'revolute'?" in run("schema", "joints.revolut").stderr
     assert run("schema", "joint").exit_code == run("schema", "joints.revolut").exit_code == 2

@@ -48,6 +48,12 @@ def two(coupling, modes):
     return mbstab.loads(TWO.format(coupling=coupling, modes=modes))
 
 
+def test_a_mode_that_was_not_computed_is_not_said_to_be_missing():
+    whole = mbstab.loads(TWO.format(coupling=0, modes="  stiff: {shape: {two.x: 1}}"))
+    assert "stiff" in named(whole.eig())
+    assert any("no mode of the 2 eigenvalues that were computed" in x for x in whole.modes(1).warnings)
+
+
 # --- found ----------------------------------------------------------------------------------------------------------
 
 

@@ -13,7 +13,7 @@ import mbstab
 from mbstab.analysis.linear.response import answer
 from mbstab.analysis.linear.transfer import channels
 from mbstab.errors import NumericalError, UsageError
-from mbstab.report.responses import phase, response_data
+from mbstab.report.responses import phase, response_data, response_text
 
 
 def channel(model, source, goal):
@@ -170,6 +170,36 @@ def test_a_zero_at_zero_is_on_no_side_of_the_axis():
     assert len(zeros.values) == 1
     assert abs(zeros.values[0]) <= zeros.errors[0] < 1e-9
     assert zeros.minimum_phase is None
+
+
+LOOSE = """\
+mbstab: 1
+parameters: {w: 0, e: 1e-7}
+bodies: {a: {type: planar_point, mass: 1.88}, b: {type: planar_point, mass: 1}}
+constraints: {la: {holonomic: a.y}, lb: {holonomic: b.y}}
+states: {z: {rate: -0.716*a.x - 17.3*rate(a.x) - 25.4*w}}
+forces:
+  a: {type: expression, on: {a.x: -10000*a.x - 23*rate(a.x)}}
+  b: {type: expression, on: {b.x: -1000000*b.x - rate(b.x) + e*a.x}}
+inputs: {push: {type: force, at: a, direction: [1, 0]}, par: {type: parameter, parameter: w}}
+outputs: {near: a.x, far: b.x}
+"""
+
+
+def test_only_what_nothing_leads_to_is_said_not_to_respond():
+    """The parameter drives only the state, which acts on nothing; the weak spring acts, and the other way does not."""
+    found = answer(mbstab.loads(LOOSE).state_space(), ends=(0.1, 10.0), points=3)
+    assert [x.vanishes for x in found.zeros] == [False, False, True, True]
+    for values in found.values[2:]:
+        np.testing.assert_array_equal(values, 0.0)
+    weak = found.zeros[1]
+    assert weak.doubt
+    assert weak.minimum_phase is None
+    assert np.isnan(found.largest[1].value)
+    assert found.margins[1].closed is None
+    assert "does not respond" in response_text(found, "")
+    cut = answer(mbstab.loads(LOOSE).state_space(e=0), goals=("far",), points=2)
+    assert all(x.vanishes for x in cut.zeros)
 
 
 CHAIN = """\

@@ -504,6 +504,10 @@ class _Parser:
             return self._measured(function, at)
         if function in MEASURES and not self.measures:
             return self._measure(function, at)
+        if function in MEASURES:
+            raise ExpressionError(
+                f"{function}() cannot be used here", at, "measured are coordinates, " + ", ".join(self.measures)
+            )
         if function != "rate" and function not in CALLED:
             hint = suggestion(function, [*CALLED, *MEASURES, "rate"]) or "known functions: " + ", ".join(CALLED)
             raise ExpressionError(f"unknown function {function!r}", at, hint)

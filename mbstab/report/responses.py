@@ -68,15 +68,16 @@ def response_text(result: Response, title: str) -> str:
 
 def _zeros_text(zeros: Zeros) -> list[str]:
     if zeros.doubt:
-        return wrap(f"zeros: not decided, because ranks are not: {zeros.doubt}", WIDTH)
+        return wrap(f"zeros: not decided: {zeros.doubt}", WIDTH)
     if zeros.vanishes:
-        return wrap("no response is told from zero: it is below 1e-11 of the sizes of A, B and C", WIDTH)
+        return ["the output does not respond to the input: nothing leads from one to the other"]
     shown = ", ".join(f"{eigenvalue(z)} ± {e:.0e}" for z, e in zip(zeros.values, zeros.errors, strict=True))
     lines = [f"zeros (1/s, with errors): {shown or 'none'}"]
     words = {True: "minimum phase", False: "not minimum phase", None: "whether it is minimum phase is not decided"}
     lines.append(words[zeros.minimum_phase])
     if zeros.hidden:
-        lines.append(f"{counted(zeros.hidden, 'eigenvalue')} that the input does not reach or the output does not see")
+        what = "that the input does not reach or the output does not see, as far as rounding errors tell"
+        lines += wrap(f"{counted(zeros.hidden, 'eigenvalue')} {what}", WIDTH)
     return lines
 
 

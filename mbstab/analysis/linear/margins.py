@@ -209,8 +209,8 @@ def _imaginary_values(channel: Channel) -> Complex:
 
 def margins(channel: Channel) -> Margins:
     """Return the margins of the loop that is closed by subtracting the output from the input."""
-    closed = replace(channel, D=channel.D + np.array([1.0, 0.0, 0.0])).zeros().minimum_phase
-    seen = channel.seen()
+    seen, loop = channel.seen(), replace(channel, D=channel.D + np.array([1.0, 0.0, 0.0]))
+    closed = None if seen.doubt else loop.zeros().minimum_phase
     own = replace(channel, A=seen.A, B=seen.B, C=seen.C)
     phase = []
     for omega in gain_crossings(own, 1.0):

@@ -13,6 +13,7 @@ from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.control import ControlModel
+from mbstab.analysis.linear.responding import responding
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError, UsageError, suggestion
@@ -32,7 +33,7 @@ class Zeros:
     hidden : int
         How many eigenvalues the input does not reach or the output does not see.
     vanishes : bool
-        Whether the transfer function is zero.
+        Whether the transfer function is exactly zero: nothing leads from the input to the output.
     doubt : str
         Why ranks, and with them the number of zeros, are not decided; empty if they are.
     """
@@ -97,9 +98,16 @@ class Channel:
     C: Array
     D: Array
 
+    @property
+    def vanishes(self) -> bool:
+        """Whether it is exactly zero: nothing leads from the input to the output."""
+        return not np.any(self.C) and not np.any(self.D)
+
     def at(self, omega: Array) -> Complex:
         """Return G(iω) at angular frequencies (rad/s); infinite, with a part that is nan, on a pole."""
-        found = np.empty(len(omega), dtype=complex)
+        found = np.zeros(len(omega), dtype=complex)
+        if self.vanishes:
+            return found
         for k, s in enumerate(1j * np.asarray(omega)):
             try:
                 x = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B.astype(complex))
@@ -155,10 +163,15 @@ class Channel:
         ranks = _Ranks()
         A, B, C = _reached(self.A, self.B, self.C, ranks)
         A_t, C_t, B_t = _reached(A.T, C, B, ranks)
-        return Seen(A_t.T, B_t, C_t, len(self.A) - len(A_t), ranks.doubt)
+        doubt = ranks.doubt
+        if not len(A_t) and not np.any(self.D) and not self.vanishes:
+            doubt = f"the response is below {TOLERANCES.unreached:g} of the sizes of A, B and C"
+        return Seen(A_t.T, B_t, C_t, len(self.A) - len(A_t), doubt)
 
     def zeros(self) -> Zeros:
         """Return the zeros, without the eigenvalues that the input does not reach or the output does not see."""
+        if self.vanishes:
+            return Zeros(np.zeros(0, dtype=complex), np.zeros(0), len(self.A), True)
         seen = self.seen()
         A, B, C, D = seen.A, seen.B, seen.C, self.D[0]
         if np.any(self.D[1:]):
@@ -168,10 +181,13 @@ class Channel:
             wide[:n, :n], wide[:n, n], wide[n, n + 1] = A, B, 1.0
             A, B, C, D = wide, np.eye(n + 2)[n + 1], np.concatenate([C, self.D[:2]]), self.D[2]
         ranks = _Ranks()
-        values, errors, vanishes = _zeros(A, B, C, float(D), ranks, float(np.linalg.norm(self.A)))
-        if doubt := seen.doubt or ranks.doubt:
+        values, errors, small = _zeros(A, B, C, float(D), ranks, float(np.linalg.norm(self.A)))
+        doubt = seen.doubt or ranks.doubt
+        if small:
+            doubt = f"the response is below {TOLERANCES.unreached:g} of the sizes of A, B and C"
+        if doubt:
             return Zeros(np.zeros(0, dtype=complex), np.zeros(0), seen.hidden, False, doubt)
-        return Zeros(values, errors, seen.hidden, vanishes)
+        return Zeros(values, errors, seen.hidden, False)
 
 
 class _Ranks:
@@ -214,8 +230,9 @@ def _reached(A: Array, B: Array, C: Array, ranks: _Ranks) -> tuple[Array, Array,
 
 
 def _zeros(A: Array, B: Array, C: Array, D: float, ranks: _Ranks, size: float) -> tuple[Complex, Array, bool]:
-    """Return zeros, errors and whether all vanishes: motions that keep the output and all its derivatives zero.
+    """Return zeros, errors and whether all is too small to tell.
 
+    Zeros belong to motions that keep the output and all its derivatives zero.
     `size` is the norm of the matrix of which A is a part: to its roundings A is known. Those of C and D, which grow as
     the output is differentiated, are followed.
     """
@@ -273,7 +290,7 @@ def channels(model: ControlModel, sources: tuple[str, ...] = (), goals: tuple[st
     ins = [number_of(x, model.inputs, "input", "inputs of the file") for x in sources or model.inputs]
     outs = [number_of(x, model.outputs, "output", "outputs of the file") for x in goals or model.outputs]
     A, (scale, _) = matrix_balance(model.A, permute=False, separate=True)
-    result = []
+    result, told = [], responding(model)
     for i in ins:
         b, d = np.zeros((3, len(A))), np.zeros((3, len(model.outputs)))
         for column, (own, k) in enumerate(model.orders):
@@ -281,8 +298,8 @@ def channels(model: ControlModel, sources: tuple[str, ...] = (), goals: tuple[st
                 b[k], d[k] = model.B[:, column] / scale, model.D[:, column]
         B = b[0] + A @ (b[1] + A @ b[2])
         for j in outs:
-            C = model.C[j] * scale
-            D = np.array([d[0, j] + C @ (b[1] + A @ b[2]), d[1, j] + C @ b[2], d[2, j]])
+            C = model.C[j] * scale * told[j, i]
+            D = told[j, i] * np.array([d[0, j] + C @ (b[1] + A @ b[2]), d[1, j] + C @ b[2], d[2, j]])
             units = model.input_units[i], model.output_units[j]
             result.append(Channel(model.inputs[i], model.outputs[j], *units, A, B, C, D))
     return result

@@ -42,7 +42,8 @@ def section_text(section: str) -> str:
     from mbstab.mechanics.elements import KINDS
     from mbstab.mechanics.measures import MEASURES
     from mbstab.model.functions import CALLED
-    from mbstab.model.schema import SECTION_FIELDS
+    from mbstab.model.measures import MEASURES as IN_OUTPUTS
+    from mbstab.model.schema import SECTION_FIELDS, SECTIONS
     from mbstab.report.kinds import keys_text, kinds_text, shapes_text
 
     if section == "shape":
@@ -53,9 +54,11 @@ def section_text(section: str) -> str:
         return "".join(f"{name}({', '.join(x.arguments)}): {x.doc} ({x.unit})\n" for name, x in MEASURES.items())
     if section in SECTION_FIELDS:
         return keys_text(SECTION_FIELDS[section])
+    if section in SECTIONS and section not in KINDS:
+        return keys_text({section: SECTIONS[section]} | (IN_OUTPUTS if section == "outputs" else {}))
     name, _, kind = section.partition(".")
     if name not in KINDS:
-        known = [*KINDS, "shape", "functions", "measures", *SECTION_FIELDS]
+        known = list(dict.fromkeys([*KINDS, *SECTIONS, "shape", "functions", "measures", *SECTION_FIELDS]))
         ends = {x.rpartition(".")[2]: x for x in known}
         near = nearest(section, [*known, *ends])
         hint = f"did you mean {ends.get(near, near)!r}?" if near else "one of " + ", ".join(known)
