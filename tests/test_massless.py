@@ -327,7 +327,6 @@ def test_what_forces_do_not_determine_is_refused_with_its_place(masses, elements
     [
         lambda x: x.simulate(to=1.0),
         lambda x: x.certify(),
-        lambda x: x.modes(1),
         lambda x: x.verify(),
         lambda x: x.compare(),
         lambda x: x.eig("embedding"),
@@ -362,6 +361,19 @@ def test_sweeps_and_eig_of_chains_with_massless_nodes_agree(seed):
         assert found.verdicts[i] == alone.verdict
         own = sorted(alone.values(), key=abs, reverse=True)[: found.branches.shape[1]]
         assert close(found.branches[i], own, 1e-9)
+
+
+def test_some_of_all_eigenvalues_are_those_nearest_or_rightmost():
+    """m = 1, k = 100, a spring of 400 N/m and a damper of 10 N s/m in series: one pair and one node."""
+    zener = line([1.0, 0.0], [(0, -1, 100.0, 0.0), (0, 1, 400.0, 0.0), (1, -1, 0.0, 10.0)])
+    first, fast = zener.modes(1), zener.modes(1, near=-30.0)
+    assert [round(x.real, 9) for x in first.values()] == [-6.521896152] * 2
+    assert fast.values() == pytest.approx([-26.95620769559862], rel=1e-12)
+    assert zener.modes(1, rightmost=True).values() == pytest.approx(first.values())
+    assert first.counts.unstable_proven == 0
+    assert first.verdict == fast.verdict == "asymptotically stable"
+    with pytest.raises(MbstabError, match="there are 3 finite eigenvalues"):
+        zener.modes(4)
 
 
 PORTS = """\

@@ -91,7 +91,7 @@ def _put(path: Path, text: str) -> None:
 def _markdown(text: str) -> str:
     from markdown_it import MarkdownIt
 
-    return str(MarkdownIt("commonmark").enable("table").render(text))
+    return str(MarkdownIt("commonmark", {"html": False}).enable("table").render(text))
 
 
 def _linked(body: str, models: set[str]) -> str:
