@@ -145,6 +145,17 @@ def test_a_motorcycle_is_stable_between_weave_and_capsize(u, verdict):
     assert mbstab.loads(MOTORCYCLE).eig(u=u).verdict == verdict
 
 
+def test_wheels_may_leave_their_mass_to_the_frames():
+    """Where a massless wheel rolls, rounding in the row of a slip is not what determines its place."""
+    found = mbstab.loads(MOTORCYCLE).eig(u=50, w_f=0, w_r=0)
+    assert (found.counts.rank_nonholonomic, found.counts.expected) == (4, 14)
+    assert found.verdict == "unstable"
+    values = [s for s in found.values() if abs(s) > 1e-9]
+    expected = sharp(50)
+    assert len(values) == len(expected)
+    assert all(np.min(np.abs(expected - s)) < 1e-10 * abs(s) for s in values)
+
+
 def test_a_wheel_that_is_held_across_its_track_takes_no_tyre():
     text = MOTORCYCLE.replace(
         "center: rear_wheel, axle: z, radius: R, motion: sideways", "center: rear_wheel, axle: z, radius: R"

@@ -92,11 +92,11 @@ class Subspaces:
         return 2 * (len(self.scale) - self.C.rank) - self.W.rank
 
 
-def coordinate_scale(M: Any, sizes: Array, speeds: Any) -> Array:
+def coordinate_scale(M: Any, sizes: Array, speeds: Any, states: int | None = None) -> Array:
     """Return 1/√M_ii; for a coordinate without mass a value that follows from the others and the sizes.
 
-    It is large enough that the rows of the speeds, (n, n_q), which determine a state from the others, are not
-    dominated by these.
+    For the last coordinates, as many as `states` says (None: for all), it is large enough that the rows of the speeds,
+    (n, n_q), which determine them from the others, are not dominated by these.
     """
     diagonal = M.diagonal()
     heavy = diagonal > 0.0
@@ -107,7 +107,8 @@ def coordinate_scale(M: Any, sizes: Array, speeds: Any) -> Array:
         if speeds.shape[0]:
             rows = abs(dense(speeds))
             others = np.sqrt(((rows * scale)[:, heavy] ** 2).sum(axis=1))
-            for i in np.flatnonzero(~heavy):
+            first = 0 if states is None else len(scale) - states
+            for i in first + np.flatnonzero(~heavy[first:]):
                 held = rows[:, i] > 0.0
                 scale[i] = max(scale[i], np.max(others[held] / rows[held, i], initial=0.0))
     return scale
@@ -135,7 +136,8 @@ def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array, scale
     ConstraintError
         If a rank decision has no gap.
     """
-    scale = coordinate_scale(M, sizes, J[n_h:]) if scale is None else scale
+    if scale is None:
+        scale = coordinate_scale(M, sizes, J[n_h:], sum(row.section == "states" for row in rows))
     row_scale = 1.0 / row_norms(scaled(J, scale))
     unit = scaled(J, scale, row_scale)
     C = sparse_rank(unit[:n_h]) if is_sparse(J) else rank_of(unit[:n_h])
