@@ -38,6 +38,17 @@ reference: {coordinates: {b: {x: 0, y: 0}}}
 modes: {slow: {near: -1}, fast: {near: -2}}
 """
 
+OFTEN = """\
+mbstab: 1
+parameters: {k: {value: 1}}
+bodies: {one: {type: planar_point, mass: 1}, two: {type: planar_point, mass: 1}}
+constraints: {a: {holonomic: one.y}, b: {holonomic: two.y}}
+forces:
+  own: {type: expression, on: {one.x: -(3 + 2*cos(k))*one.x, two.x: -3*two.x}}
+reference: {coordinates: {one: {x: 0, y: 0}, two: {x: 0, y: 0}}}
+modes: {own: {shape: {one.x: 1}}}
+"""
+
 
 def named(result):
     """Return the upper eigenvalues by the names of their modes."""
@@ -52,6 +63,14 @@ def test_a_mode_that_was_not_computed_is_not_said_to_be_missing():
     whole = mbstab.loads(TWO.format(coupling=0, modes="  stiff: {shape: {two.x: 1}}"))
     assert "stiff" in named(whole.eig())
     assert any("no mode of the 2 eigenvalues that were computed" in x for x in whole.modes(1).warnings)
+
+
+def test_names_are_not_guessed_where_modes_cross_too_often():
+    scene = mbstab.loads(OFTEN)
+    assert named(scene.eig(k=2)).keys() == {"own"}
+    result = scene.eig(k=1e9)
+    assert not named(result)
+    assert any("'own'" in x and "cannot be told apart" in x for x in result.warnings)
 
 
 # --- found ----------------------------------------------------------------------------------------------------------

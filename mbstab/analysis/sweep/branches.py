@@ -45,8 +45,10 @@ class _Looked:
 class Branches:
     """Eigenvalues at the points of a sweep and between them, joined into branches."""
 
-    def __init__(self, evaluator: Evaluator, parameter: str, x: Array, raw: Block) -> None:
-        self.evaluator, self.parameter, self.x, self.raw = evaluator, parameter, x, raw
+    def __init__(
+        self, evaluator: Evaluator, parameter: str, x: Array, raw: Block, most: int = TOLERANCES.branch_points
+    ) -> None:
+        self.evaluator, self.parameter, self.x, self.raw, self.most = evaluator, parameter, x, raw, most
         self.values = raw.values
         evaluator.learn({parameter: x})
         self.meetings: list[tuple[float, str]] = []
@@ -73,7 +75,7 @@ class Branches:
     @property
     def budget(self) -> int:
         """Maximum number of intermediate points."""
-        return min(TOLERANCES.branch_points, TOLERANCES.branch_eigenvalues // max(int(self.values.shape[1]), 1))
+        return min(self.most, TOLERANCES.branch_eigenvalues // max(int(self.values.shape[1]), 1))
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -123,12 +123,25 @@ def _followed(
 
 
 def _branches(model: Model, parameter: str, first: float, last: float, count: int) -> Complex:
-    """Return the eigenvalues at points from one value of a parameter to another, in continuous columns."""
+    """Return the eigenvalues at points from one value of a parameter to another, in continuous columns.
+
+    Raises
+    ------
+    NumericalError
+        If they cannot be told apart all the way.
+    """
     low, high = min(first, last), max(first, last)
     path = None if model.reference.find is None else follow_path(model, parameter, low, high, first)
     evaluator = Evaluator(model, path)
     x = np.linspace(low, high, TOLERANCES.points_followed)
-    found = Branches(evaluator, parameter, x, followed(evaluator.near({parameter: x}, count))).branches()
+    raw = followed(evaluator.near({parameter: x}, count))
+    branches = Branches(evaluator, parameter, x, raw, TOLERANCES.points_between_names)
+    found = branches.branches()
+    if branches.stopped is not None:
+        raise NumericalError(
+            f"their eigenvalues cannot be told apart all the way from {parameter} = {first:.6g} to {last:.6g} (SI units); "
+            "define them nearer, with at:"
+        )
     return found if first < last else found[::-1]
 
 

@@ -134,7 +134,9 @@ class Tolerances:
 
     # Names
     points_followed: Final = 33
-    """Points at which eigenvalues are looked at between where a mode is named and where it is asked for."""
+    """Points at which eigenvalues are looked at between where a mode is named and where it is asked for …"""
+    points_between_names: Final = 5_000
+    """… and maximum number of points in between."""
 
 
 TOLERANCES = Tolerances()
