@@ -139,8 +139,8 @@ def _branches(model: Model, parameter: str, first: float, last: float, count: in
     found = branches.branches()
     if branches.stopped is not None:
         raise NumericalError(
-            f"their eigenvalues cannot be told apart all the way from {parameter} = {first:.6g} to {last:.6g} (SI units); "
-            "define them nearer, with at:"
+            f"their eigenvalues cannot be told apart all the way from {parameter} = {first:.6g} to {last:.6g} in SI "
+            "units; define them nearer, with at:"
         )
     return found if first < last else found[::-1]
 
