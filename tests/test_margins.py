@@ -19,10 +19,20 @@ def resonance(zeta, omega=3.0, *D):
     return channel([[0, 1], [-(omega**2), -2 * zeta * omega]], [0, 1], [omega**2, 0], *D)
 
 
+def margins_of(loop):
+    """Return the margins of a channel whose values are known to rounding."""
+
+    def exact(omega):
+        values = loop.at(omega)
+        return values, 1e-13 * np.abs(values)
+
+    return margins(loop, exact)
+
+
 def test_three_equal_lags():
     """4/(s + 1)³: phase -180° at √3, where the gain is 1/2; gain 1 where (1 + ω²)³ = 16."""
     loop = channel(np.diag([-1.0] * 3) + np.diag([1.0, 1.0], 1), [0, 0, 4], [1, 0, 0])
-    found = margins(loop)
+    found = margins_of(loop)
     assert found.closed is True
     (gain,), (phase,) = found.gain, found.phase
     np.testing.assert_allclose([gain.frequency, gain.factor], [3**0.5, 2.0], rtol=1e-13)
@@ -57,13 +67,13 @@ def test_a_norm_that_is_infinite_or_does_not_exist():
 
 def test_an_output_that_follows_the_rate_of_its_input_has_margins_too():
     """G = s/(s + 2): never 1 before infinity; 3 s: 1 at 1/3 with the phase 90°."""
-    assert margins(channel([[-2.0]], [1.0], [-2.0], 1.0)).phase == ()
-    (phase,) = margins(channel(np.zeros((0, 0)), [], [], 0.0, 3.0)).phase
+    assert margins_of(channel([[-2.0]], [1.0], [-2.0], 1.0)).phase == ()
+    (phase,) = margins_of(channel(np.zeros((0, 0)), [], [], 0.0, 3.0)).phase
     np.testing.assert_allclose([phase.frequency, phase.phase], [1 / 3, -90.0], rtol=1e-13)
 
 
 def test_a_response_without_damping_is_real_everywhere():
-    found = margins(resonance(0.0))
+    found = margins_of(resonance(0.0))
     assert found.always_real
     assert found.gain == ()
     (phase,) = found.phase
@@ -81,7 +91,7 @@ def test_random_systems_against_a_fine_grid():
         A = rng.normal(size=(n, n))
         A -= np.eye(n) * (np.linalg.eigvals(A).real.max() + rng.choice([0.03, 0.3]))
         loop = channel(A, rng.choice([1.0, 10.0]) * rng.normal(size=n), rng.normal(size=n), rng.choice([0.0, 0.7]))
-        G, found = loop.at(omega), margins(loop)
+        G, found = loop.at(omega), margins_of(loop)
         largest, peak = largest_gain(loop), np.abs(G).max()
         assert peak <= (1 + largest.tolerance) * largest.value
         assert largest.value < 1.01 * peak

@@ -6,10 +6,12 @@ import json
 
 import numpy as np
 import pytest
+from mpmath import mp
 from test_cli import run
 from test_control import MASSES, WHIPPLE, cart
 
 import mbstab
+from mbstab.analysis.linear.frequency import FrequencyResponse
 from mbstab.analysis.linear.response import answer
 from mbstab.analysis.linear.transfer import channels
 from mbstab.errors import NumericalError, UsageError
@@ -248,3 +250,68 @@ def test_wrong_questions_are_refused(arguments, message):
     result = run("response", *arguments)
     assert result.exit_code == 2
     assert message in result.stderr
+
+
+# --- values from the unreduced equations ----------------------------------------------------------------------------
+
+
+NOTHING_AT_REST = """\
+mbstab: 1
+parameters: {k: {value: 2, unit: kN/m}, w: {value: 0, unit: mm}}
+bodies: {a: {type: planar_point, mass: 1}}
+constraints: {line: {holonomic: a.y}}
+forces: {spring: {type: expression, on: {a.x: -k*(a.x - w) - 3*rate(a.x)}}}
+inputs: {foot: {type: parameter, parameter: w}, push: {type: force, at: a, direction: [1, 0]}}
+outputs: {x: a.x, acc: acceleration(a.x)}
+reference: {coordinates: {a: {x: 0, y: 0}}}
+"""
+
+
+TWO_MASSES = """\
+mbstab: 1
+bodies: {a: {type: planar_point, mass: 1}, b: {type: planar_point, mass: 1}}
+constraints: {la: {holonomic: a.y}, lb: {holonomic: b.y}}
+forces: {own: {type: expression, on: {a.x: -a.x - (a.x - b.x), b.x: -(b.x - a.x) - 0.1*rate(b.x)}}}
+inputs: {u: {type: force, at: a, direction: [1, 0]}}
+outputs: {x: a.x}
+reference: {coordinates: {a: {x: 0, y: 0}, b: {x: 0, y: 0}}}
+"""
+
+
+def test_values_over_many_decades_are_as_accurate_as_they_say():
+    """k/(s² + 3 s + k) and s²/(s² + 3 s + k), at frequencies at which a reduced matrix loses the small ones."""
+    model = mbstab.loads(NOTHING_AT_REST).state_space()
+    exact = FrequencyResponse(model)
+    omega = np.geomspace(1e-9, 1e9, 37)
+    values, errors = exact.over(omega)
+    with mp.workdps(40):
+        for k, x in enumerate(omega):
+            s = mp.mpc(0, x)
+            below = s**2 + 3 * s + 2000
+            true = (2000 / below, 1 / below, 2000 * s**2 / below, s**2 / below)
+            for value, error, expected in zip(values[:, :, k].ravel(), errors[:, :, k].ravel(), true, strict=True):
+                assert abs(mp.mpc(complex(value)) - expected) <= error
+                assert error <= 1e-11 * abs(expected)
+
+
+def test_an_input_that_is_a_parameter_has_the_unit_of_its_numbers():
+    model = mbstab.loads(NOTHING_AT_REST).state_space()
+    assert model.input_units == ("m", "N")
+
+
+def test_the_first_frequency_is_not_a_rounding_error():
+    """A cart that moves freely has the eigenvalue 0, which has no frequency; its gain does not say so either."""
+    text = NOTHING_AT_REST.replace("-k*(a.x - w) - 3*rate(a.x)", "-3*rate(a.x)").replace(
+        "foot: {type: parameter, parameter: w}, ", ""
+    )
+    found = answer(mbstab.loads(text).state_space(), goals=("x",))
+    assert found.x[0] == pytest.approx(0.3)
+    assert np.all(found.errors[0] <= 1e-13 * np.abs(found.values[0]))
+    assert "the eigenvalue 0 has no damping" in found.largest[0].reason
+
+
+def test_a_pair_of_zeros_is_printed_once():
+    result = answer(mbstab.loads(TWO_MASSES).state_space(), points=2)
+    (line,) = [x for x in response_text(result, "").splitlines() if x.startswith("zeros")]
+    assert len(result.zeros[0].values) == 2
+    assert line.count("±") == 2  # of the pair, and of its error

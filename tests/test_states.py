@@ -6,13 +6,15 @@ import re
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from mpmath import mp
+from sampling import sample
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
 import mbstab
 from mbstab.cli.main import main
-from mbstab.errors import ModelFileError
+from mbstab.errors import MbstabError, ModelFileError
 
 LINE = """\
 mbstab: 1
@@ -367,6 +369,60 @@ def test_badly_conditioned_rates_of_states_stay_within_the_bounds():
     )
     for e in mechanism.eig().eigenvalues:
         assert min(abs(e.value - s) for s in expected) <= e.error_bound
+
+
+RANDOM = range(250)
+
+
+def chained_states(rng):
+    """Return a point on a line with one to four states whose rates depend on each other's, and its eigenvalues.
+
+    Coefficients have one digit and sizes from 1e-8 to 1e8, so that the rows of the rates are badly conditioned.
+    The eigenvalues are those of E ẋ = A x, x = (position, speed, states), in 60 digits.
+    """
+    count = int(rng.integers(1, 5))
+    size = 2 + count
+    exponent = int(rng.choice([2, 5, 8]))
+
+    def coefficient():
+        if rng.random() < 0.35:
+            return "0"
+        return f"{rng.choice([-1, 1]) * rng.integers(1, 10)}e{rng.integers(-exponent, exponent + 1)}"
+
+    with mp.workdps(60):
+        E, A = mp.eye(size), mp.zeros(size)
+        A[0, 1] = 1
+        texts = []
+        for row in (*range(2, size), 1):
+            own = [coefficient() for _ in range(size)]
+            # Rates of states that stand before it, so that the rows can be solved.
+            rates = {j: coefficient() for j in range(2, size if row == 1 else row)}
+            for j, x in enumerate(own):
+                A[row, j] = mp.mpf(x)
+            for j, x in rates.items():
+                E[row, j] = -mp.mpf(x)
+            names = ["b.x", "rate(b.x)", *(f"z{k}" for k in range(count))]
+            terms = [f"{x}*{name}" for x, name in zip(own, names, strict=True)]
+            texts.append(" + ".join(terms + [f"{x}*rate(z{j - 2})" for j, x in rates.items()]))
+        eigenvalues = mp.eig(E**-1 * A, left=False, right=False)
+    states = "\n  ".join(f"z{k}: {{rate: '{text}'}}" for k, text in enumerate(texts[:-1]))
+    return on_a_line("m: 1", states, texts[-1]), [complex(x) for x in eigenvalues]
+
+
+@pytest.mark.parametrize("seed", sample(RANDOM, 25))
+def test_bounds_hold_for_states_whose_rates_depend_on_each_other(seed):
+    mechanism, expected = chained_states(np.random.default_rng(seed))
+    try:
+        found = mechanism.eig()
+    except MbstabError:
+        pytest.skip("beyond double precision")
+    assert len(found.eigenvalues) == len(expected)
+    values, true = np.array([e.value for e in found.eigenvalues]), np.array(expected)
+    size = np.abs(values)[:, None] + np.abs(true) + 1e-300
+    for i, k in zip(*linear_sum_assignment(np.abs(values[:, None] - true) / size), strict=True):
+        bound = found.eigenvalues[i].error_bound
+        if bound is not None and np.isfinite(bound):
+            assert abs(values[i] - true[k]) <= 3.0 * bound + 2e-16 * abs(true[k])
 
 
 def test_a_joint_shift_with_a_small_part_is_exact():

@@ -264,7 +264,7 @@ class ExpectedEigenvalue:
 
 @dataclass(frozen=True)
 class CriticalValue:
-    """A parameter value at which the verdict changes."""
+    """A parameter value at which the verdict changes, in the unit of the parameter."""
 
     parameter: str
     value: Quantity

@@ -131,6 +131,28 @@ def exact_factor(text: str, arithmetic: Arithmetic) -> Any:
     return above / below
 
 
+_SI = {
+    "deg": "rad", "g": "kg", "t": "kg", "mm": "m", "cm": "m", "km": "m", "ms": "s", "min": "s", "h": "s", "kN": "N",
+    "mA": "A", "mH": "H",
+}  # fmt: skip
+"""Units with a factor, and what they become without it; rpm becomes rad/s."""
+
+
+def si_unit(text: str) -> str:
+    """Return the unit in which a quantity is computed whose unit in the file is this one: rad/s for deg/s or rpm."""
+    found = ""
+    for sign, part in re.findall(r"([*/]?)((?:\*\*|[^*/])+)", text):
+        match = _FACTOR.fullmatch(part)
+        assert match is not None
+        name, power = match.group("name"), match.group("power")
+        raised = f"^{power}" if power else ""
+        if name == "rpm":
+            found += f"{sign}rad{raised}" + ("*" if sign == "/" else "/") + f"s{raised}"
+        else:
+            found += f"{sign}{_SI.get(name, name)}{raised}"
+    return found
+
+
 def _times(a: Dimension, b: Dimension, power: Fraction | int = 1) -> Dimension:
     first, second, third, fourth = (x + y * power for x, y in zip(a, b, strict=True))
     return first, second, third, fourth

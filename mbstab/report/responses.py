@@ -51,19 +51,27 @@ def response_text(result: Response, title: str) -> str:
         own = unit(channel)
         lines.append(f"From {channel.source} to {channel.goal}" + (f" ({own})" if own else ""))
         if result.kind == "frequency":
-            size, angle = decibels(values), phase(values)
-            body = [[f"{x:.6g}" for x in (result.x[k], abs(values[k]), size[k], angle[k])] for k in rows]
-            lines.append(table(["ω (rad/s)", "gain", "gain (dB)", "phase (°)"], body))
+            body = [_frequency_row(k, result.x, values, phase(values), result.errors[i]) for k in rows]
+            lines.append(table(["ω (rad/s)", "gain", "gain (dB)", "phase (°)", "error of gain"], body))
         else:
             body = [[f"{x:.6g}" for x in (result.x[k], values[k])] for k in rows]
             lines.append(table(["time (s)", f"after a unit {result.kind}"], body))
         lines += _zeros_text(zeros)
         if result.margins:
-            lines += [_largest_text(result.largest[i]), *_margins_text(result.margins[i], zeros.hidden)]
+            lines += [*_largest_text(result.largest[i]), *_margins_text(result.margins[i], zeros.hidden)]
         elif result.kind == "frequency":
             lines.append(f"margins and the largest gain are not computed for {len(result.poles)} states")
         lines.append("")
     return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _frequency_row(k: int, omega: Any, values: Any, angles: Any, errors: Any) -> list[str]:
+    """Return a line of the table; a gain that is no larger than its error is said to be at most the sum of both."""
+    gain, error = float(abs(values[k])), float(errors[k])
+    if gain <= error < np.inf and gain:
+        return [f"{omega[k]:.6g}", f"≤ {gain + error:.0e}", "", "", ""]
+    shown = f"{error:.0e}" if np.isfinite(error) else ""
+    return [*(f"{x:.6g}" for x in (omega[k], gain, decibels(gain), angles[k])), shown]
 
 
 def _zeros_text(zeros: Zeros) -> list[str]:
@@ -71,8 +79,9 @@ def _zeros_text(zeros: Zeros) -> list[str]:
         return wrap(f"zeros: not decided: {zeros.doubt}", WIDTH)
     if zeros.vanishes:
         return ["the output does not respond to the input: nothing leads from one to the other"]
-    shown = ", ".join(f"{eigenvalue(z)} ± {e:.0e}" for z, e in zip(zeros.values, zeros.errors, strict=True))
-    lines = [f"zeros (1/s, with errors): {shown or 'none'}"]
+    # One of each pair stands for both.
+    each = [f"{eigenvalue(z)} ± {e:.0e}" for z, e in zip(zeros.values, zeros.errors, strict=True) if z.imag >= 0.0]
+    lines = wrap(f"zeros (1/s, with errors): {', '.join(each) or 'none'}", WIDTH)
     words = {True: "minimum phase", False: "not minimum phase", None: "whether it is minimum phase is not decided"}
     lines.append(words[zeros.minimum_phase])
     if zeros.hidden:
@@ -81,16 +90,17 @@ def _zeros_text(zeros: Zeros) -> list[str]:
     return lines
 
 
-def _largest_text(found: LargestGain) -> str:
-    if np.isnan(found.value):
-        return f"largest gain (H∞ norm): none: {found.reason}"
-    if np.isinf(found.value):
-        return f"largest gain (H∞ norm): infinite: {found.reason}"
+def _largest_text(found: LargestGain) -> list[str]:
     at = f"at {found.frequency:.6g} rad/s" if np.isfinite(found.frequency) else "at high frequencies"
-    return f"largest gain (H∞ norm): {found.value:.10g} {at}, relative error at most {found.tolerance:g}"
+    what = f"{found.value:.10g} {at}, relative error at most {found.tolerance:g}"
+    if not np.isfinite(found.value):
+        what = f"{'none' if np.isnan(found.value) else 'infinite'}: {found.reason}"
+    return wrap(f"largest gain (H∞ norm): {what}", WIDTH)
 
 
 def _margins_text(found: Margins, hidden: int) -> list[str]:
+    if found.doubt:
+        return wrap(f"margins: not decided: {found.doubt}", WIDTH)
     words = {True: "stable", False: "unstable", None: "stable or not, which is not decided"}
     apart = f", apart from the {counted(hidden, 'hidden eigenvalue')}" if hidden else ""
     lines = wrap(f"with the output subtracted from the input the loop is {words[found.closed]}{apart}", WIDTH)
@@ -105,7 +115,9 @@ def _margins_text(found: Margins, hidden: int) -> list[str]:
 
 def _margins_data(found: Margins, largest: LargestGain) -> dict[str, Any]:
     return {
-        "margins": {
+        "margins": None
+        if found.doubt
+        else {
             "closed_loop_stable": found.closed,
             "gain": [{"frequency": x.frequency, "factor": x.factor} for x in found.gain],
             "phase": [{"frequency": x.frequency, "phase": x.phase, "delay": x.delay} for x in found.phase],
@@ -125,14 +137,17 @@ def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
     """Return the JSON object of ``mbstab response``.
 
     Keys: ``model``, ``title``, ``kind``, ``frequency`` (rad/s) or ``time`` (s), ``poles`` and ``channels``: ``input``,
-    ``output``, ``unit``, ``real`` and ``imag`` or ``values``, ``zeros`` (``real``, ``imag``, ``error``; null: not
-    decided, for the reason in ``doubt``), ``minimum_phase`` (null: not decided), ``hidden``, ``vanishes``, and over
-    frequency ``margins`` (``closed_loop_stable``, ``gain``, ``phase``, ``always_real``) and ``largest_gain``
-    (``value``, null if there is none or if it is ``infinite``, ``frequency``, ``tolerance``, ``reason``).
+    ``output``, ``unit``, ``real``, ``imag`` and ``error``, or ``values``, ``zeros`` (``real``, ``imag``, ``error``;
+    null: not decided, for the reason in ``doubt``), ``minimum_phase`` and ``hidden`` (null: not decided), ``vanishes``,
+    and over frequency ``margins`` (``closed_loop_stable``, ``gain``, ``phase``, ``always_real``; null: not decided) and
+    ``largest_gain`` (``value``, null if there is none or if it is ``infinite``, ``frequency``, ``tolerance``,
+    ``reason``).
     """
     found = []
     for i, (channel, values, zeros) in enumerate(zip(result.channels, result.values, result.zeros, strict=True)):
-        many = {"real": values.real, "imag": values.imag} if result.kind == "frequency" else {"values": values}
+        many = {"values": values}
+        if result.kind == "frequency":
+            many = {"real": values.real, "imag": values.imag, "error": result.errors[i]}
         known = [
             {"real": z.real, "imag": z.imag, "error": float(e)}
             for z, e in zip(zeros.values.tolist(), zeros.errors, strict=True)
@@ -146,7 +161,7 @@ def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
                 "zeros": None if zeros.doubt else known,
                 "doubt": zeros.doubt,
                 "minimum_phase": zeros.minimum_phase,
-                "hidden": zeros.hidden,
+                "hidden": None if zeros.doubt else zeros.hidden,
                 "vanishes": zeros.vanishes,
                 **(_margins_data(result.margins[i], result.largest[i]) if result.margins else {}),
             }
@@ -198,8 +213,9 @@ def response_csv(result: Response) -> str:
     """Return one line for each frequency or time, with all channels."""
     names = [f"{c.goal}/{c.source}" for c in result.channels]
     if result.kind == "frequency":
-        heads = ["frequency (rad/s)", *(f"{name} {part}" for name in names for part in ("real", "imag"))]
-        columns = [part for values in result.values for part in (values.real, values.imag)]
+        heads = ["frequency (rad/s)", *(f"{name} {part}" for name in names for part in ("real", "imag", "error"))]
+        pairs = zip(result.values, result.errors, strict=True)
+        columns = [part for values, errors in pairs for part in (values.real, values.imag, errors)]
     else:
         heads, columns = ["time (s)", *names], list(result.values)
     return to_csv(heads, np.column_stack([result.x, *columns]).tolist())

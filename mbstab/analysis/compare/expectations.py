@@ -15,7 +15,7 @@ from mbstab.errors import Location, MbstabError
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.parameters import bound, evaluate_parameters, settings_in_si
-from mbstab.model.schema import Expectation, Model
+from mbstab.model.schema import Expectation, Model, after_number
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
 
@@ -150,10 +150,14 @@ def _compare(result: EigenResult, expected: list[complex], expectation: Expectat
 def _critical_outcome(model: Model, expectation: Expectation, where: str) -> Outcome:
     critical = expectation.critical
     assert critical is not None
-    value = critical.value.evaluate(evaluate_parameters(model, {}, FLOAT), FLOAT)
+    parameter = model.parameters[critical.parameter]
+    given = critical.value.evaluate(evaluate_parameters(model, {}, FLOAT), FLOAT)
+    value = given * parameter.factor
     step = critical.tolerance * abs(value)
     sides = [settings_in_si({critical.parameter: value + side * step}) for side in (-1, 1)]
     found = [_answer(bound(model, at)).verdict for at in sides]
-    what = f"{critical.parameter} critical at {value:.12g} to {critical.tolerance:g}{where}"
+    what = (
+        f"{critical.parameter} critical at {given:.12g}{after_number(parameter.unit)} to {critical.tolerance:g}{where}"
+    )
     passed = found == [critical.below, critical.above]
     return Outcome(critical.location, what, passed, f"{found[0]} below, {found[1]} above")

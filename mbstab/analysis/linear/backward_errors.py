@@ -33,7 +33,7 @@ class BackwardErrors:
         self.inside, self.outside = T.T @ S, S @ L.T
         spaces = linear.spaces
         scale, rows = spaces.scale, spaces.row_scale
-        self.P = space.A[: self.n_xi, : self.n_xi]
+        self.P, self.M_z = space.A[: self.n_xi, : self.n_xi], space.M_z
         self.lift_C, self.lift_W = spaces.C.pseudo_inverse, spaces.W.pseudo_inverse
         self.factors = Matrices(
             scale * scale[:, None], scale * scale[:, None], scale * scale[:, None], rows[:, None] * scale,
@@ -52,6 +52,11 @@ class BackwardErrors:
         self.off_W = np.abs(W @ self.lift_W - np.eye(len(W)))
         self.off_W += TOLERANCES.roundings_of_sum * EPS * (np.abs(W) @ np.abs(self.lift_W))
         self.Z = self.Z - self.lift_W @ (W @ self.Z)
+        if len(W):
+            # With the directions as they are now: their rounding is magnified in a small mass.
+            free = self.N @ self.Z
+            self.M_z = free.T @ (self.m.M @ free)
+            self.P = -self.lift_W @ (self.m.D_q @ self.N)
         self.inner = self._inner()
 
     def _inner(self) -> Array:
@@ -74,16 +79,16 @@ class BackwardErrors:
     def motions(self, V: Complex, C: Complex) -> tuple[Motions, Complex]:
         """Return the motions of columns V with S V = V C + T c, and V with the speeds of these motions."""
         n, N, m = self.n_xi, self.N, self.m
-        # Speeds from positions, not both from V: their rounding errors must agree.
+        # Speeds from positions and accelerations from speeds, not all from V: their rounding errors must agree.
         pos, rate = N @ V[:n], V[:n] @ C
-        vel = pos @ C
-        acc = vel @ C
+        vel, turning = pos @ C, 0.0
         if self.T.shape[1]:
             c = self.inside @ V
             shift = self.T[:n] @ c
             rate = rate + shift
             vel = vel + N @ shift
-            acc = acc + N @ (self.T[:n] @ (c @ C + self.inner @ c))
+            turning = N @ (self.T[:n] @ (self.inner @ c))
+        acc = vel @ C + turning
         nu = self._multipliers(m.M @ acc + m.R @ vel + m.K @ pos)
         V = np.vstack([V[:n], self.Z.T @ (rate - self.P @ V[:n]) / self.gamma])
         return Motions(pos, vel, acc, nu), V
@@ -97,15 +102,30 @@ class BackwardErrors:
     def weights(self, Y: Complex) -> Weights:
         """Return the forces of rows Y, and the weights of the constraint rows as polynomials in s."""
         n, N, Z, m = self.n_xi, self.N, self.Z, self.m
-        M_z = self.space.M_z
-        w = np.linalg.solve(M_z.T, Y[:, n:].T / self.gamma).T if M_z.size else Y[:, n:]
+        w = np.linalg.solve(self.M_z.T, Y[:, n:].T / self.gamma).T if self.M_z.size else Y[:, n:]
         y = (w @ Z.T) @ N.T
         mass = y @ m.M
         inertia, damping = mass @ N, y @ m.R
-        mu = (Y[:, :n] - inertia @ self.P - damping @ N) @ self.lift_W, -inertia @ self.lift_W
+        mu = self._held(Y[:, :n] - inertia @ self.P - damping @ N), self._held(-inertia)
         D_u, D_q = m.J[self.n_h :], m.D_q
         lam = y @ m.K + mu[0] @ D_q, damping + mu[0] @ D_u + mu[1] @ D_q, mass + mu[1] @ D_u
-        return Weights(y, tuple(-x @ self.lift_C for x in lam), mu)
+        return Weights(y, tuple(-x @ self.lift_C for x in lam), mu, self._rounding(Y, y))
+
+    def _held(self, forces: Complex) -> Complex:
+        """Return the weights of the rows on speeds that hold forces, up to those along allowed speeds."""
+        return np.asarray((forces - (forces @ self.Z) @ self.Z.T) @ self.lift_W)
+
+    def _rounding(self, Y: Complex, y: Complex) -> tuple[Array, ...]:
+        """Return the bounds of the rounding errors of the weights of the rows on speeds."""
+        if not len(self.off_W):
+            return ()
+        N, lift, size = np.abs(self.N), np.abs(self.lift_W), np.abs(y)
+        rounding = TOLERANCES.roundings_of_sum * EPS * lift
+        inertia, damping = size @ np.abs(self.m.M) @ N, size @ np.abs(self.m.R) @ N
+        forces = np.abs(Y[:, : self.n_xi]) + inertia @ np.abs(self.P) + damping
+        # P as well follows from the pseudo-inverse.
+        carried = (inertia @ lift) @ self.off_W @ (np.abs(self.m.D_q) @ N)
+        return forces @ rounding + carried @ lift, inertia @ rounding
 
     def residual(self, x: Motions, w: Weights, C: Complex, m: Matrices | None = None) -> Complex:
         """Return y (M ẍ + R ẋ + K x + Jᵀ ν) + λ C x + μ (D_u ẋ + D_q x)."""
@@ -149,7 +169,8 @@ class BackwardErrors:
             rounding = TOLERANCES.roundings_of_sum * EPS
             violated = np.abs(D_u @ x.vel + D_q @ x.pos)
             violated += rounding * (np.abs(D_u) @ np.abs(x.vel) + np.abs(D_q) @ np.abs(x.pos))
-            result += _polynomial(tuple(np.abs(part) @ self.off_W for part in w.mu), violated, size)
+            off = tuple(np.abs(part) @ self.off_W + more for part, more in zip(w.mu, w.rounding, strict=True))
+            result += _polynomial(off, violated, size)
         if not len(rows):
             return result
         rounding = TOLERANCES.roundings_of_sum * EPS * np.abs(rows)
@@ -278,11 +299,12 @@ class Motions(NamedTuple):
 
 
 class Weights(NamedTuple):
-    """Rows lifted to forces and to weights of the constraint rows, polynomials in s."""
+    """Rows lifted to forces and to weights of the constraint rows, polynomials in s; rounding errors of `mu`."""
 
     y: Complex
     lam: tuple[Complex, ...]
     mu: tuple[Complex, ...]
+    rounding: tuple[Array, ...]
 
 
 def _polynomial(weights: tuple[Any, ...], rows: Any, C: Any) -> Any:

@@ -441,7 +441,12 @@ class Clusters:
             return math.inf
         judge, C = self.judge, np.array([[s]])
         x = Motions(*(part[:, [i]] for part in pairs))
-        w = Weights(self.w.y[[j]], tuple(y[[j]] for y in self.w.lam), tuple(y[[j]] for y in self.w.mu))
+        w = Weights(
+            self.w.y[[j]],
+            tuple(y[[j]] for y in self.w.lam),
+            tuple(y[[j]] for y in self.w.mu),
+            tuple(y[[j]] for y in self.w.rounding),
+        )
         m, n_h = judge.m, judge.n_h
         slope = w.y @ ((2.0 * s) * (m.M @ x.pos) + m.R @ x.pos) + (w.mu[0] + s * w.mu[1]) @ (m.J[n_h:] @ x.pos)
         result = float(np.abs(judge.residual(x, w, C) / slope)[0, 0]) + float(self.E[j, j])

@@ -66,12 +66,15 @@ class Margins:
         By frequency.
     always_real : bool
         The response is real at all frequencies: there are no single phase crossings.
+    doubt : str
+        Why nothing of this is known; empty if it is.
     """
 
     closed: bool | None
     gain: tuple[PhaseCrossing, ...]
     phase: tuple[GainCrossing, ...]
     always_real: bool
+    doubt: str = ""
 
 
 @dataclass(frozen=True)
@@ -207,10 +210,19 @@ def _imaginary_values(channel: Channel) -> Complex:
     return _pencil_values(whole, rates)
 
 
-def margins(channel: Channel) -> Margins:
-    """Return the margins of the loop that is closed by subtracting the output from the input."""
+def margins(channel: Channel, exact: Callable[[Array], tuple[Complex, Array]]) -> Margins:
+    """Return the margins of the loop that is closed by subtracting the output from the input.
+
+    Parameters
+    ----------
+    channel : Channel
+    exact : callable
+        Returns G(iω) and its error bounds at frequencies (rad/s).
+    """
     seen, loop = channel.seen(), replace(channel, D=channel.D + np.array([1.0, 0.0, 0.0]))
-    closed = None if seen.doubt else loop.zeros().minimum_phase
+    if seen.doubt:
+        return Margins(None, (), (), False, seen.doubt)
+    closed = loop.zeros().minimum_phase
     own = replace(channel, A=seen.A, B=seen.B, C=seen.C)
     phase = []
     for omega in gain_crossings(own, 1.0):
@@ -219,16 +231,26 @@ def margins(channel: Channel) -> Margins:
     sample = own.at(_samples(own))
     real = bool(np.all(np.abs(sample.imag) <= TOLERANCES.real_response * np.abs(sample)))
     crossings = [] if real else _real_frequencies(own, _imaginary_values(own), lambda g, d: (g.imag, d.imag))
-    values = [(omega, _slope(own, omega)[0].real) for omega in crossings]
-    if not real:
-        values = [*_at_rest(own), *values]
-    gain = tuple(PhaseCrossing(omega, -1.0 / x) for omega, x in values if x < 0.0)
+    if not real and not _singular(own.A, 0.0):
+        crossings = [0.0, *crossings]
+    values, errors = exact(np.array(crossings))
+    if len(crossings) and not np.isfinite(errors[0]):
+        values[0], errors[0] = _slope(own, crossings[0])[0], _rounding(own, crossings[0])
+    # A gain that may be zero has no margin.
+    gain = tuple(
+        PhaseCrossing(omega, -1.0 / x) for omega, x, e in zip(crossings, values.real.tolist(), errors, strict=True)
+        if x < -e
+    )  # fmt: skip
     return Margins(closed, gain, tuple(phase), real)
 
 
-def _at_rest(channel: Channel) -> list[tuple[float, float]]:
-    """Return frequency 0 with the gain there, if it is finite."""
-    return [] if _singular(channel.A, 0.0) else [(0.0, _slope(channel, 0.0)[0].real)]
+def _rounding(channel: Channel, omega: float) -> float:
+    """Return an estimate of the error of G(iω) from the rounding of A: at an eigenvalue outside of the channel."""
+    A = channel.A
+    whole = 1j * omega * np.eye(len(A)) - A
+    x, y = np.linalg.solve(whole, channel.B.astype(complex)), np.linalg.solve(whole.T, channel.C.astype(complex))
+    size = float(np.linalg.norm(y) * np.linalg.norm(A) * np.linalg.norm(x))
+    return TOLERANCES.roundings_of_zeros * EPS * (size + abs(float(channel.D[0])))
 
 
 def _singular(A: Array, s: complex) -> bool:
@@ -262,8 +284,9 @@ def largest_gain(channel: Channel) -> LargestGain:
         worst = growing[np.argmax(growing.real)]
         return LargestGain(np.nan, np.nan, np.nan, f"the eigenvalue {_text(worst)} is unstable")
     if np.any(undamped):
-        at = values[undamped][0]
-        return LargestGain(np.inf, float(abs(at.imag)), 0.0, f"the eigenvalue {_text(at)} has no damping")
+        k = int(np.flatnonzero(undamped)[0])
+        at = complex(0.0, values[k].imag if abs(values[k].imag) > errors[k] else 0.0)
+        return LargestGain(np.inf, abs(at.imag), 0.0, f"the eigenvalue {_text(at)} has no damping")
     if np.any(own.D[1:]):
         return LargestGain(np.inf, np.inf, 0.0, "the output follows the rate of the input")
     return _level_sets(own, values)

@@ -23,6 +23,7 @@ from mbstab.model.jets import Jet
 from mbstab.model.quantities import constant
 from mbstab.model.scene import ItemValues, Scene
 from mbstab.model.schema import Entry, Model, Parameter, Quantity
+from mbstab.model.units import si_unit
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
 
@@ -131,7 +132,7 @@ def _unit(item: ItemValues) -> str:
     if kind == "torque":
         return "N*m"
     if kind == "parameter":
-        return model.parameters[str(values["parameter"])].unit
+        return si_unit(model.parameters[str(values["parameter"])].unit)
     if kind == "joint":
         motion = values.get("motion") or model.entries["joints"][str(values["joint"])].kind.motions[0]
         return "N*m" if motion == "angle" else "N"

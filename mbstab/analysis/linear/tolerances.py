@@ -351,6 +351,8 @@ class Tolerances:
     """The rates of the chosen coordinates are states unless their smallest pivot is less than this fraction."""
     unreached: Final = 1e-11
     """What an input moves by no more than this fraction of the largest it does not move."""
+    scalings_of_response: Final = 4
+    """Rounds in which rows and columns of s E − A are scaled before it is factorized."""
     roundings_of_zeros: Final = 100.0
     """The matrix of zeros is known to this many roundings of its norm."""
     crossing_search: Final = 1e-3

@@ -14,6 +14,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.linear.control import ControlModel, control_model
+from mbstab.analysis.linear.frequency import FrequencyResponse
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.transfer import channels, number_of
@@ -154,6 +155,9 @@ def _directions(axis: Array) -> tuple[Array, Array]:
 
 def _amplitudes(model: ControlModel, goals: tuple[str, ...], speed: float) -> list[complex]:
     """Return z of the module's text for each output."""
-    both = [[c.at(np.array([speed]))[0] for c in channels(model, (name,), goals)] for name in NAMES]
-    found = [complex(speed**2 * (one - 1j * other)) for one, other in zip(*both, strict=True)]
+    exact = FrequencyResponse(model)
+    values, _ = exact.at(speed)
+    both = [[values[exact.number(c)] for c in channels(model, (name,), goals)] for name in NAMES]
+    with np.errstate(invalid="ignore"):  # on an eigenvalue without damping
+        found = [complex(speed**2 * (one - 1j * other)) for one, other in zip(*both, strict=True)]
     return [z if np.isfinite(z) else complex(np.inf) for z in found]

@@ -444,9 +444,15 @@ class Finder:
         heavy = values > TOLERANCES.massless * values[-1]
         if self.massless and np.all(values[heavy] > ALGEBRA.rank_gap * TOLERANCES.massless * values[-1]):
             found: Array = allowed @ vectors[:, ~heavy]
+            for involved in map(self._involved, found.T):
+                if all(map(is_state, involved)):
+                    raise ConstraintError(
+                        f"the rates of the states depend on each other too much: {', '.join(involved)} cannot be told "
+                        "from the others in double precision\nhint: give the states units in which the coefficients of "
+                        "rate(…) are near 1, or write what the rates stand for in their place"
+                    )
             return found
-        motion = np.abs(allowed @ vectors[:, 0])
-        involved = [self.system.names[i] for i in np.argsort(-motion) if motion[i] > 0.3 * motion.max()][:4]
+        involved = self._involved(allowed @ vectors[:, 0])
         body = next(iter(dict.fromkeys(n.partition(".")[0] for n in involved if not is_state(n))), "")
         location = next((b.location for b in self.scene.bodies if b.name == body), self.scene.bodies[0].location)
         message = f"the motion of {', '.join(involved)} carries no mass, and joints and drives do not determine it"
@@ -457,6 +463,11 @@ class Finder:
                 f"and --verify; for anything else {hint}"
             )
         raise MassError(str(self.document.problem(location, f"bodies.{body}", message, hint)))
+
+    def _involved(self, direction: Array) -> list[str]:
+        """Return the names of the coordinates that change most along a direction."""
+        size = np.abs(direction)
+        return [self.system.names[i] for i in np.argsort(-size) if size[i] > 0.3 * size.max()][:4]
 
     def _check_balanced(self, motion: Motion) -> None:
         """Refuse forces along motions without mass, which nothing could balance."""

@@ -102,8 +102,10 @@ def nyquist(result: Response, title: str) -> Figure:
     with house_style():
         figure, (axes,) = titled_figure(title, heights=(5.2,))
         handles, curves = [], []
+        assert result.exact is not None
+        everywhere, _ = result.exact.over(_fine(result))
         for k, channel in enumerate(result.channels):
-            values = channel.at(_fine(result))
+            values = everywhere[result.exact.number(channel)]
             curves.append(values)
             style = _style(k)
             handles.append(_entry(channel, style))

@@ -1,0 +1,122 @@
+"""Values of transfer functions on the imaginary axis, from the unreduced equations, with error bounds.
+
+The entries of the index-3 system (s E − A) y = B w, z = C y + D w come from the elements, and their zeros are exact;
+a reduction to states would fill them with rounding. With X = (s E − A)⁻¹ B and Y = C (s E − A)⁻¹ an error δ of the
+entries changes the response by Y δ X, and a residual R of X by Y R, which is added: to first order the error is
+
+    |Y| (δE |s| + δA + ε |s E − A|) |X| + ε (|Y| |B| + |C| |X|)
+
+(Skeel 1980, Math. Comp. 35).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.tolerances import EPS
+from mbstab.analysis.linear.control import ControlModel
+from mbstab.analysis.linear.responding import responding
+from mbstab.analysis.linear.roundings import roundings
+from mbstab.analysis.linear.tolerances import TOLERANCES
+from mbstab.analysis.linear.transfer import Channel
+from mbstab.compiler.system import Array
+
+
+class FrequencyResponse:
+    """G(iω) from all inputs to all outputs.
+
+    Parameters
+    ----------
+    model : ControlModel
+    """
+
+    def __init__(self, model: ControlModel) -> None:
+        self.model, found, linear = model, model.descriptor, model.linear
+        n, c = len(linear.M), len(linear.J)
+        known = roundings(linear).errors
+        errors_A, errors_E = (np.abs(x) for x in replace(linear, **known._asdict()).pencil())
+        errors_A[:n], errors_E[:n] = 0.0, 0.0  # Δq̇ = Δu
+        redundant = [id(item.row) for item in linear.motion.redundant]
+        kept = np.array([i for i, row in enumerate(linear.rows) if id(row) not in redundant], dtype=int)
+        size = len(found.A)
+        rows = np.concatenate([np.arange(2 * n), 2 * n + kept, np.arange(2 * n + c, size)])
+        columns = np.concatenate([np.arange(n), n + kept, np.arange(n + c, size)])
+        own = np.ix_(rows, columns)
+        self.E, self.A, self.B, self.C = found.E[own], found.A[own], found.B[rows], found.C[:, columns]
+        wide_A, wide_E = np.zeros((size, size)), np.zeros((size, size))
+        wide_A[: 2 * n + c, : 2 * n + c] = errors_A
+        if size == 2 * n + c:
+            wide_E = errors_E
+        else:
+            wide_A[n : 2 * n, 2 * n + c :] = known.M  # M stands beside the accelerations
+        rounding = TOLERANCES.roundings_of_sum * EPS
+        self.errors_A = wide_A[own] + rounding * np.abs(self.A)
+        self.errors_E = wide_E[own] + rounding * np.abs(self.E)
+        self.rounding, self.responds = rounding, responding(model)
+
+    def at(self, omega: float) -> tuple[Complex, Array]:
+        """Return G(iω) and its error bounds, shapes (outputs, inputs); infinite and nan on a pole.
+
+        Parameters
+        ----------
+        omega : float (rad/s)
+        """
+        s = 1j * omega
+        whole = s * self.E - self.A
+        direct = self._direct(s)
+        left, right = _scales(np.abs(whole))
+        scaled = whole * left[:, None] * right
+        try:
+            X = right[:, None] * np.linalg.solve(scaled, left[:, None] * self.B.astype(complex))
+            Y = (np.linalg.solve(scaled.T, (self.C * right).astype(complex).T) * left[:, None]).T
+        except np.linalg.LinAlgError:
+            return np.full(direct.shape, complex(np.inf, np.nan)), np.full(direct.shape, np.inf)
+        sizes = self.errors_A + abs(s) * self.errors_E
+        value = self.C @ X + Y @ (self.B - whole @ X) + direct
+        error = np.abs(Y) @ (sizes @ np.abs(X) + self.rounding * np.abs(self.B))
+        error += self.rounding * (np.abs(self.C) @ np.abs(X) + np.abs(direct))
+        return np.where(self.responds, value, 0.0), np.where(self.responds, error, 0.0)
+
+    def over(self, omega: Array) -> tuple[Complex, Array]:
+        """Return G(iω) and its error bounds at frequencies, shapes (outputs, inputs, frequencies)."""
+        shape = len(self.C), self.B.shape[1], len(omega)
+        values, errors = np.zeros(shape, dtype=complex), np.zeros(shape)
+        for k, x in enumerate(omega):
+            values[:, :, k], errors[:, :, k] = self.at(float(x))
+        return values, errors
+
+    def of(self, channel: Channel) -> Callable[[Array], tuple[Complex, Array]]:
+        """Return the function of frequencies that returns G(iω) and its error bounds from one input to one output."""
+        at = self.number(channel)
+
+        def values(omega: Array) -> tuple[Complex, Array]:
+            found, errors = self.over(omega)
+            return found[at], errors[at]
+
+        return values
+
+    def number(self, channel: Channel) -> tuple[int, int]:
+        """Return the numbers of the output and the input of a channel."""
+        return self.model.outputs.index(channel.goal), self.model.inputs.index(channel.source)
+
+    def _direct(self, s: complex) -> Complex:
+        """Return D₀ + s D₁ + s² D₂."""
+        D = self.model.descriptor.D
+        found = np.zeros((len(self.C), self.B.shape[1]), dtype=complex)
+        for column, (i, order) in enumerate(self.model.orders):
+            found[:, i] += D[:, column] * s**order
+        return found
+
+
+def _scales(sizes: Array) -> tuple[Array, Array]:
+    """Return factors of rows and columns that bring the largest entry of each near 1; powers of 2."""
+    left, right = np.ones(len(sizes)), np.ones(sizes.shape[1])
+    for _ in range(TOLERANCES.scalings_of_response):
+        for axis, factors in ((1, left), (0, right)):
+            largest = np.max(left[:, None] * sizes * right, axis=axis, initial=0.0)
+            factors *= np.exp2(-np.round(np.log2(np.where(largest > 0.0, largest, 1.0)) / 2.0))
+    return left, right
