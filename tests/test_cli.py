@@ -262,19 +262,6 @@ def test_mbstab_test_says_what_fails(tmp_path):
     assert run("test", "pendulum.yaml", "-q").stdout == "3 passed, 0 failed\n"
 
 
-def test_an_expected_critical_value_is_in_the_unit_of_its_parameter(tmp_path):
-    path = tmp_path / "wheelset.yaml"
-    text = run("models", "show", "whipple_bicycle").stdout
-    path.write_text(
-        text.replace("v: {value: 5, unit: m/s", "v: {value: 18, unit: km/h").partition("expect:")[0]
-        + "expect:\n- critical: {parameter: v, value: 15.45257713, tolerance: 1e-8, below: unstable, "
-        "above: asymptotically stable up to symmetry}\n"
-    )
-    result = run("test", str(path))
-    assert "critical at 15.45257713 km/h" in result.stdout
-    assert "1 passed, 0 failed" in result.stdout
-
-
 def test_schema_is_json():
     assert json.loads(run("schema").stdout)["title"] == "mbstab model"
 

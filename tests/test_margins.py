@@ -4,10 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from sampling import sample
+from scipy.optimize import linear_sum_assignment
 from test_cli import run
 
 from mbstab.analysis.linear.margins import gain_crossings, largest_gain, margins
 from mbstab.analysis.linear.transfer import Channel
+from mbstab.analysis.linear.zeros import find
 
 
 def channel(A, B, C, *D):
@@ -26,7 +29,22 @@ def margins_of(loop):
         values = loop.at(omega)
         return values, 1e-13 * np.abs(values)
 
-    return margins(loop, exact)
+    return margins(loop, exact, zeros_of(loop, 1.0).minimum_phase)
+
+
+def zeros_of(loop, shift=0.0):
+    """Return the zeros of G + shift of a channel whose values are known to rounding."""
+    one = np.eye(len(loop.A))
+
+    def values(s):
+        x = np.linalg.solve(s * one - loop.A, loop.B.astype(complex))
+        y = np.linalg.solve((s * one - loop.A).T, loop.C.astype(complex))
+        value = loop.C @ x + loop.D @ s ** np.arange(3) + shift
+        error = 1e-15 * (np.abs(y) @ (np.abs(s * one - loop.A) @ np.abs(x)) + np.abs(loop.C) @ np.abs(x) + shift)
+        return complex(value), float(error), complex(-y @ x + loop.D[1] + 2 * s * loop.D[2])
+
+    poles = np.linalg.eigvals(loop.A).astype(complex)
+    return find(values, poles, 1e-13 * np.abs(poles))
 
 
 def test_three_equal_lags():
@@ -121,19 +139,62 @@ def chain(n, seen):
 
 
 def test_zeros_are_told_only_where_ranks_are_decided():
-    for part, many in ((1e-3, 1), (1e-6, 1), (1e-9, None), (1e-10, None), (1e-13, 0)):
-        found = channel(np.diag([-1.0, -2.0]), [1.0, part], [1.0, 1.0]).zeros()
+    for part, many in ((1e-3, 1), (1e-9, 1), (1e-13, 1), (3e-15, None), (1e-30, 0)):
+        found = zeros_of(channel(np.diag([-1.0, -2.0]), [1.0, part], [1.0, 1.0]))
         if many is None:
-            assert "was taken for different from 0" in found.doubt
+            assert "is reached and seen" in found.doubt
             assert found.minimum_phase is None
             assert len(found.values) == 0
         else:
-            assert (found.doubt, len(found.values), found.hidden) == ("", many, 1 - many)
-    near, far = chain(20, 0).zeros(), chain(20, 19).zeros()
+            assert (found.doubt, len(found.values), len(found.hidden)) == ("", many, 1 - many)
+    near, far = zeros_of(chain(20, 0)), zeros_of(chain(20, 19))
     assert (near.doubt, len(near.values), near.minimum_phase) == ("", 38, True)
-    assert far.doubt
-    short = chain(3, 2).zeros()
+    # 19 zeros at -180: springs and dampers that one follows the other.
+    assert (far.doubt, len(far.values), far.minimum_phase) == ("", 19, True)
+    assert np.all(np.abs(far.values + 180.0) <= far.errors)
+    assert np.all(far.errors < 1.0)
+    short = zeros_of(chain(3, 2))
     np.testing.assert_allclose(short.values, [-180.0, -180.0], rtol=1e-5)  # a double one
+
+
+@pytest.mark.parametrize("seed", sample(range(60), 10))
+def test_zeros_of_random_fractions_lie_in_their_discs(seed):
+    """G = c Π (s - z) / Π (s - p) with sizes from 1e-6 to 1e6, some poles hidden, some zeros at 0 or equal."""
+    rng = np.random.default_rng(seed)
+
+    def points(count):
+        found = []
+        while len(found) < count:
+            size = 10.0 ** rng.uniform(-6, 6)
+            if rng.random() < 0.4 and len(found) + 2 <= count:
+                turn = size * np.exp(1j * rng.uniform(0.1, 3.0))
+                found += [turn, turn.conjugate()]
+            else:
+                found.append(complex(rng.choice([-1.0, 1.0]) * size))
+        return np.array(found)
+
+    poles, hidden = points(int(rng.integers(2, 8))), points(int(rng.integers(0, 3)))
+    zeros = points(int(rng.integers(0, len(poles))))
+    if len(zeros) and not rng.integers(0, 3):
+        zeros[zeros.imag == 0.0] = 0.0
+
+    def values(s):
+        G = 3.7 * np.exp(np.sum(np.log(s - zeros)) - np.sum(np.log(s - poles)))
+        return complex(G), 1e-13 * abs(G), complex(G * (np.sum(1 / (s - zeros)) - np.sum(1 / (s - poles))))
+
+    every = np.concatenate([poles, hidden])
+    found = find(values, every, 1e-14 * np.abs(every))
+    if found.doubt:
+        # The residue of a pole is lost beside what others contribute.
+        assert "is reached and seen" in found.doubt
+        return
+    assert len(found.values) == len(zeros)
+    np.testing.assert_allclose(np.sort_complex(np.array(found.hidden)), np.sort_complex(hidden))
+    distance = np.abs(found.values[:, None] - zeros)
+    rows, columns = linear_sum_assignment(np.log(distance + 1e-300))
+    assert np.all(distance[rows, columns] <= found.errors[rows])
+    single = np.abs(zeros[columns]) > 0.0
+    assert np.all(found.errors[rows][single] <= 1e-7 * np.abs(zeros[columns][single]))
 
 
 def test_the_command_tells_margins_and_draws_nyquist_diagrams(tmp_path):

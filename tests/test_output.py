@@ -436,3 +436,16 @@ def test_values_in_a_unit_are_those_that_were_asked_for(tmp_path):
     assert [float(line.split(",")[0]) for line in lines[1:9]] == [500.0 * i for i in range(1, 9)]
     data = json.loads(run("eig", path, "--set", "n=1500", "--format", "json").stdout)
     assert data["parameters"]["n"]["value"] == 1500.0
+
+
+def test_an_expected_critical_value_is_in_the_unit_of_its_parameter(tmp_path):
+    path = tmp_path / "wheelset.yaml"
+    text = run("models", "show", "whipple_bicycle").stdout
+    path.write_text(
+        text.replace("v: {value: 5, unit: m/s", "v: {value: 18, unit: km/h").partition("expect:")[0]
+        + "expect:\n- critical: {parameter: v, value: 15.45257713, tolerance: 1e-8, below: unstable, "
+        "above: asymptotically stable up to symmetry}\n"
+    )
+    result = run("test", str(path))
+    assert "critical at 15.45257713 km/h" in result.stdout
+    assert "1 passed, 0 failed" in result.stdout

@@ -15,8 +15,9 @@ from mbstab.report.tables import eigenvalue, table
 if TYPE_CHECKING:
     from mbstab.analysis.linear.margins import LargestGain, Margins
     from mbstab.analysis.linear.response import Response
-    from mbstab.analysis.linear.transfer import Channel, Zeros
+    from mbstab.analysis.linear.transfer import Channel
     from mbstab.analysis.linear.unbalance import UnbalanceResponse
+    from mbstab.analysis.linear.zeros import Zeros
 
 ROWS = 13
 """Rows of a table; the other formats hold all."""
@@ -58,7 +59,7 @@ def response_text(result: Response, title: str) -> str:
             lines.append(table(["time (s)", f"after a unit {result.kind}"], body))
         lines += _zeros_text(zeros)
         if result.margins:
-            lines += [*_largest_text(result.largest[i]), *_margins_text(result.margins[i], zeros.hidden)]
+            lines += [*_largest_text(result.largest[i]), *_margins_text(result.margins[i], len(zeros.hidden))]
         elif result.kind == "frequency":
             lines.append(f"margins and the largest gain are not computed for {len(result.poles)} states")
         lines.append("")
@@ -80,13 +81,15 @@ def _zeros_text(zeros: Zeros) -> list[str]:
     if zeros.vanishes:
         return ["the output does not respond to the input: nothing leads from one to the other"]
     # One of each pair stands for both.
-    each = [f"{eigenvalue(z)} ± {e:.0e}" for z, e in zip(zeros.values, zeros.errors, strict=True) if z.imag >= 0.0]
+    pairs = [(z if abs(z) > e else 0j, e) for z, e in zip(zeros.values, zeros.errors, strict=True) if z.imag >= 0.0]
+    each = [f"{eigenvalue(z)} ± {e:.0e}" for z, e in pairs]
     lines = wrap(f"zeros (1/s, with errors): {', '.join(each) or 'none'}", WIDTH)
     words = {True: "minimum phase", False: "not minimum phase", None: "whether it is minimum phase is not decided"}
     lines.append(words[zeros.minimum_phase])
     if zeros.hidden:
         what = "that the input does not reach or the output does not see, as far as rounding errors tell"
-        lines += wrap(f"{counted(zeros.hidden, 'eigenvalue')} {what}", WIDTH)
+        listed = ", ".join(eigenvalue(s) for s in zeros.hidden if s.imag >= 0.0)
+        lines += wrap(f"{counted(len(zeros.hidden), 'eigenvalue')} {what}: {listed}", WIDTH)
     return lines
 
 
@@ -99,11 +102,11 @@ def _largest_text(found: LargestGain) -> list[str]:
 
 
 def _margins_text(found: Margins, hidden: int) -> list[str]:
-    if found.doubt:
-        return wrap(f"margins: not decided: {found.doubt}", WIDTH)
     words = {True: "stable", False: "unstable", None: "stable or not, which is not decided"}
     apart = f", apart from the {counted(hidden, 'hidden eigenvalue')}" if hidden else ""
     lines = wrap(f"with the output subtracted from the input the loop is {words[found.closed]}{apart}", WIDTH)
+    if found.doubt:
+        return lines + wrap(f"margins: not decided: {found.doubt}", WIDTH)
     if found.always_real:
         lines.append("gain margins: none; the response is real at all frequencies")
     else:
@@ -161,7 +164,7 @@ def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
                 "zeros": None if zeros.doubt else known,
                 "doubt": zeros.doubt,
                 "minimum_phase": zeros.minimum_phase,
-                "hidden": None if zeros.doubt else zeros.hidden,
+                "hidden": None if zeros.doubt else [{"real": s.real, "imag": s.imag} for s in zeros.hidden],
                 "vanishes": zeros.vanishes,
                 **(_margins_data(result.margins[i], result.largest[i]) if result.margins else {}),
             }

@@ -58,14 +58,13 @@ class FrequencyResponse:
         self.errors_E = wide_E[own] + rounding * np.abs(self.E)
         self.rounding, self.responds = rounding, responding(model)
 
-    def at(self, omega: float) -> tuple[Complex, Array]:
-        """Return G(iω) and its error bounds, shapes (outputs, inputs); infinite and nan on a pole.
+    def at(self, s: complex) -> tuple[Complex, Array, Complex]:
+        """Return G(s), its error bounds and G'(s), shapes (outputs, inputs); infinite and nan on a pole.
 
         Parameters
         ----------
-        omega : float (rad/s)
+        s : complex (1/s)
         """
-        s = 1j * omega
         whole = s * self.E - self.A
         direct = self._direct(s)
         left, right = _scales(np.abs(whole))
@@ -74,19 +73,21 @@ class FrequencyResponse:
             X = right[:, None] * np.linalg.solve(scaled, left[:, None] * self.B.astype(complex))
             Y = (np.linalg.solve(scaled.T, (self.C * right).astype(complex).T) * left[:, None]).T
         except np.linalg.LinAlgError:
-            return np.full(direct.shape, complex(np.inf, np.nan)), np.full(direct.shape, np.inf)
+            nothing = np.full(direct.shape, complex(np.inf, np.nan))
+            return nothing, np.full(direct.shape, np.inf), nothing
         sizes = self.errors_A + abs(s) * self.errors_E
         value = self.C @ X + Y @ (self.B - whole @ X) + direct
         error = np.abs(Y) @ (sizes @ np.abs(X) + self.rounding * np.abs(self.B))
         error += self.rounding * (np.abs(self.C) @ np.abs(X) + np.abs(direct))
-        return np.where(self.responds, value, 0.0), np.where(self.responds, error, 0.0)
+        slope = self._direct(s, 1) - Y @ (self.E @ X)
+        return tuple(np.where(self.responds, x, 0.0) for x in (value, error, slope))  # type: ignore[return-value]
 
     def over(self, omega: Array) -> tuple[Complex, Array]:
         """Return G(iω) and its error bounds at frequencies, shapes (outputs, inputs, frequencies)."""
         shape = len(self.C), self.B.shape[1], len(omega)
         values, errors = np.zeros(shape, dtype=complex), np.zeros(shape)
         for k, x in enumerate(omega):
-            values[:, :, k], errors[:, :, k] = self.at(float(x))
+            values[:, :, k], errors[:, :, k], _ = self.at(1j * float(x))
         return values, errors
 
     def of(self, channel: Channel) -> Callable[[Array], tuple[Complex, Array]]:
@@ -103,12 +104,13 @@ class FrequencyResponse:
         """Return the numbers of the output and the input of a channel."""
         return self.model.outputs.index(channel.goal), self.model.inputs.index(channel.source)
 
-    def _direct(self, s: complex) -> Complex:
-        """Return D₀ + s D₁ + s² D₂."""
+    def _direct(self, s: complex, slope: int = 0) -> Complex:
+        """Return D₀ + s D₁ + s² D₂, or its derivative by s."""
         D = self.model.descriptor.D
         found = np.zeros((len(self.C), self.B.shape[1]), dtype=complex)
         for column, (i, order) in enumerate(self.model.orders):
-            found[:, i] += D[:, column] * s**order
+            if order >= slope:
+                found[:, i] += D[:, column] * (order * s ** (order - 1) if slope else s**order)
         return found
 
 

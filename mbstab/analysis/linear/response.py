@@ -11,18 +11,18 @@ from mbstab.analysis.linear.control import ControlModel
 from mbstab.analysis.linear.frequency import FrequencyResponse
 from mbstab.analysis.linear.margins import LargestGain, Margins, largest_gain, margins
 from mbstab.analysis.linear.tolerances import TOLERANCES
-from mbstab.analysis.linear.transfer import Channel, Zeros, channels, simple_eigenvalues
+from mbstab.analysis.linear.transfer import Channel, channels
+from mbstab.analysis.linear.zeros import TransferZeros, Zeros
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.records import dataclass
 
 
-def frequencies(model: ControlModel, start: float | None, stop: float | None, points: int) -> Array:
+def frequencies(zeros: TransferZeros, start: float | None, stop: float | None, points: int) -> Array:
     """Return angular frequencies (rad/s) in equal ratios; without ends, a decade beyond those of the eigenvalues."""
-    poles, errors = simple_eigenvalues(model.A, float(np.linalg.norm(model.A)))
-    sizes: Any = np.abs(poles)
+    sizes: Any = np.abs(zeros.poles)
     # What may be zero has no frequency.
-    sizes = sizes[(sizes > errors) & (sizes > TOLERANCES.slow_eigenvalue * np.max(sizes, initial=0.0))]
+    sizes = sizes[(sizes > zeros.bounds) & (sizes > TOLERANCES.slow_eigenvalue * np.max(sizes, initial=0.0))]
     low = start if start is not None else 0.1 * float(np.min(sizes, initial=np.inf)) if len(sizes) else 0.1
     high = stop if stop is not None else 10.0 * float(np.max(sizes)) if len(sizes) else 100.0
     if not 0.0 < low < high < np.inf:
@@ -47,7 +47,7 @@ class Response:
         Error bounds of G(iω); empty over time.
     zeros : tuple of Zeros
     poles : ndarray of complex (1/s)
-        Eigenvalues of A.
+        The eigenvalues.
     margins : tuple of Margins
     largest : tuple of LargestGain
         Of each channel; empty over time, and for very many states.
@@ -85,17 +85,18 @@ def answer(
     """
     found = channels(model, sources, goals)
     kind = "frequency" if duration is None else "impulse" if impulse else "step"
-    x = frequencies(model, *ends, points) if duration is None else np.linspace(0.0, duration, points)
-    exact = FrequencyResponse(model) if duration is None else None
-    if exact is None:
-        values, errors = tuple(c.step(x, impulse) for c in found), ()
-    else:
-        all_values, all_errors = exact.over(x)
-        values = tuple(all_values[exact.number(c)] for c in found)
-        errors = tuple(all_errors[exact.number(c)] for c in found)
-    poles: Complex = np.linalg.eigvals(model.A.astype(complex))
-    judged = found if len(poles) <= TOLERANCES.margin_states else []
-    beside = tuple(margins(c, exact.of(c)) for c in judged if exact)
-    largest = tuple(map(largest_gain, judged if exact else ()))
-    zeros = tuple(c.zeros() for c in found)
-    return Response(kind, tuple(found), x, values, errors, zeros, poles, beside, largest, exact)
+    exact = FrequencyResponse(model)
+    all_zeros = TransferZeros(exact)
+    zeros = tuple(map(all_zeros.of, found))
+    if duration is not None:
+        x = np.linspace(0.0, duration, points)
+        return Response(kind, tuple(found), x, tuple(c.step(x, impulse) for c in found), (), zeros, all_zeros.poles)
+    x = frequencies(all_zeros, *ends, points)
+    values, errors = exact.over(x)
+    at = [exact.number(c) for c in found]
+    judged = found if len(all_zeros.poles) <= TOLERANCES.margin_states else []
+    return Response(
+        kind, tuple(found), x, tuple(values[k] for k in at), tuple(errors[k] for k in at), zeros, all_zeros.poles,
+        tuple(margins(c, exact.of(c), all_zeros.of(c, 1.0).minimum_phase) for c in judged),
+        tuple(map(largest_gain, judged)), exact,
+    )  # fmt: skip

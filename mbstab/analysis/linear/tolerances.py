@@ -351,6 +351,14 @@ class Tolerances:
     """The rates of the chosen coordinates are states unless their smallest pivot is less than this fraction."""
     unreached: Final = 1e-11
     """What an input moves by no more than this fraction of the largest it does not move."""
+    residue_kept: Final = 30.0
+    """A singular value of the moments of a pole is different from 0 if it is this many times its error …"""
+    residue_dropped: Final = 1.0
+    """… and zero if it is no more than this many times."""
+    zero_at_zero: Final = 1e-100
+    """Zeros below this fraction of the largest eigenvalue are 0, up to this."""
+    rounds_of_zeros: Final = 60
+    """Maximum number of rounds of Aberth's iteration."""
     scalings_of_response: Final = 4
     """Rounds in which rows and columns of s E − A are scaled before it is factorized."""
     roundings_of_zeros: Final = 100.0

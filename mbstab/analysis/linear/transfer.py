@@ -21,40 +21,6 @@ from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)
-class Zeros:
-    """The zeros of a transfer function.
-
-    Attributes
-    ----------
-    values : ndarray of complex (1/s)
-        Sorted by their real parts.
-    errors : ndarray
-        First-order estimates of their errors: condition times backward error.
-    hidden : int
-        How many eigenvalues the input does not reach or the output does not see.
-    vanishes : bool
-        Whether the transfer function is exactly zero: nothing leads from the input to the output.
-    doubt : str
-        Why ranks, and with them the number of zeros, are not decided; empty if they are.
-    """
-
-    values: Complex
-    errors: Array
-    hidden: int
-    vanishes: bool
-    doubt: str = ""
-
-    @property
-    def minimum_phase(self) -> bool | None:
-        """Whether all zeros lie left of the imaginary axis; None: that is not decided."""
-        if self.doubt:
-            return None
-        if np.any(self.values.real > self.errors):
-            return False
-        return True if np.all(self.values.real < -self.errors) and not self.vanishes else None
-
-
-@dataclass(frozen=True)
 class Seen:
     """The part of a system that an input reaches and an output sees.
 
@@ -168,27 +134,6 @@ class Channel:
             doubt = f"the response is below {TOLERANCES.unreached:g} of the sizes of A, B and C"
         return Seen(A_t.T, B_t, C_t, len(self.A) - len(A_t), doubt)
 
-    def zeros(self) -> Zeros:
-        """Return the zeros, without the eigenvalues that the input does not reach or the output does not see."""
-        if self.vanishes:
-            return Zeros(np.zeros(0, dtype=complex), np.zeros(0), len(self.A), True)
-        seen = self.seen()
-        A, B, C, D = seen.A, seen.B, seen.C, self.D[0]
-        if np.any(self.D[1:]):
-            # The second derivative of the input as input, the input and its rate as states: the zeros stay.
-            n = len(A)
-            wide = np.zeros((n + 2, n + 2))
-            wide[:n, :n], wide[:n, n], wide[n, n + 1] = A, B, 1.0
-            A, B, C, D = wide, np.eye(n + 2)[n + 1], np.concatenate([C, self.D[:2]]), self.D[2]
-        ranks = _Ranks()
-        values, errors, small = _zeros(A, B, C, float(D), ranks, float(np.linalg.norm(self.A)))
-        doubt = seen.doubt or ranks.doubt
-        if small:
-            doubt = f"the response is below {TOLERANCES.unreached:g} of the sizes of A, B and C"
-        if doubt:
-            return Zeros(np.zeros(0, dtype=complex), np.zeros(0), seen.hidden, False, doubt)
-        return Zeros(values, errors, seen.hidden, False)
-
 
 class _Ranks:
     """Decisions whether a number vanishes beside another, and how clear they are."""
@@ -227,34 +172,6 @@ def _reached(A: Array, B: Array, C: Array, ranks: _Ranks) -> tuple[Array, Array,
         basis = np.column_stack([basis, x / length])
         x, scale = A @ basis[:, -1], size
     return basis.T @ A @ basis, basis.T @ B, C @ basis
-
-
-def _zeros(A: Array, B: Array, C: Array, D: float, ranks: _Ranks, size: float) -> tuple[Complex, Array, bool]:
-    """Return zeros, errors and whether all is too small to tell.
-
-    Zeros belong to motions that keep the output and all its derivatives zero.
-    `size` is the norm of the matrix of which A is a part: to its roundings A is known. Those of C and D, which grow as
-    the output is differentiated, are followed.
-    """
-    none = np.zeros(0, dtype=complex), np.zeros(0)
-    size = max(size, float(np.linalg.norm(A)))
-    known_C, known_D = float(np.linalg.norm(C)), abs(D)
-    while len(A) and ranks.vanishes(abs(D), float(np.linalg.norm(B) * np.linalg.norm(C))):
-        length = float(np.linalg.norm(C))
-        if ranks.vanishes(length, float(np.linalg.norm(A))):
-            return *none, True
-        c, known_c = C / length, 1.0 + known_C / length
-        Q = np.linalg.qr(c[:, None], mode="complete")[0][:, 1:]
-        known_C, known_D = size * known_c, float(np.linalg.norm(B)) * known_c
-        A, B, C, D = Q.T @ A @ Q, Q.T @ B, (c @ A) @ Q, float(c @ B)
-    if not len(A):
-        return *none, D == 0.0
-    b, c_norm = float(np.linalg.norm(B)) / abs(D), float(np.linalg.norm(C))
-    values, errors = simple_eigenvalues(
-        A - np.outer(B, C) / D, size + b * (known_C + c_norm * (1.0 + known_D / abs(D)))
-    )
-    order = np.lexsort((values.imag, values.real))
-    return values[order], errors[order], False
 
 
 def simple_eigenvalues(A: Array, size: float) -> tuple[Complex, Array]:

@@ -156,7 +156,7 @@ def _directions(axis: Array) -> tuple[Array, Array]:
 def _amplitudes(model: ControlModel, goals: tuple[str, ...], speed: float) -> list[complex]:
     """Return z of the module's text for each output."""
     exact = FrequencyResponse(model)
-    values, _ = exact.at(speed)
+    values, _, _ = exact.at(1j * speed)
     both = [[values[exact.number(c)] for c in channels(model, (name,), goals)] for name in NAMES]
     with np.errstate(invalid="ignore"):  # on an eigenvalue without damping
         found = [complex(speed**2 * (one - 1j * other)) for one, other in zip(*both, strict=True)]
