@@ -233,7 +233,7 @@ def bad(forces, rest=""):
         ("type: pid, joint: axel, of: angle(axle), P: 1", "there is no joint 'axel'"),
         ("type: pid, joint: axle, P: 1", "the key 'of' is missing"),
         ("type: pid, joint: axle, of: angel(axle), P: 1", "unknown function 'angel'"),
-        ("type: pid, joint: axle, of: angle(axle) + 1, D: 1", "rate(...) takes one coordinate or measure"),
+        ("type: pid, joint: axle, of: angle(axle) + 1, D: 1", "D needs its rate"),
         ("type: motor, joint: axle, resistance: R, constant: K", "the key 'inductance' is missing"),
         ("type: motor, joint: axle, resistance: R, constant: K, inductance: 0", "inductance must be positive, got 0 H"),
         ("type: state_feedback, joint: axle, gains: {}", "there are no gains"),

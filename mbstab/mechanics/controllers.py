@@ -5,11 +5,15 @@ Each is written in terms of its keys, as the rates of its states and its effort 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from mbstab.mechanics.catalogue import ElementUse, Field, Item, Kind, Part, PartError
 from mbstab.mechanics.drives import MOTION
+
+_SINGLE = re.compile(r"\s*[\w.]+\s*(\([^()+*/-]*\))?\s*")
+"""A coordinate or a measure: what has a rate of its own."""
 
 
 def _none(item: Item) -> Iterable[ElementUse]:
@@ -34,6 +38,9 @@ def _pid(name: str, given: Mapping[str, Any]) -> Part:
             follower = f"{name}_filtered"
             speed = f"({given['of']} - {follower})/({given['filter']})"
             states[follower] = speed
+        elif not _SINGLE.fullmatch(given["of"]):
+            what = "D needs its rate, so that it must be one coordinate or measure"
+            raise PartError("of", what, "give filter, a time constant, with which any expression may stand here")
         terms.append((given["D"], f"-({speed})"))
     elif "filter" in given:
         raise PartError("filter", "there is no derivative to be filtered", "give D, or leave out filter")

@@ -8,7 +8,7 @@ from typing import Any
 from mbstab.errors import UsageError
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import bound, evaluate_parameters, given_value
-from mbstab.model.schema import Model, SweepRange
+from mbstab.model.schema import Model, SweepRange, after_number
 
 POINTS = 401
 
@@ -51,13 +51,20 @@ def sweep_values(
     default = model.sweep.get(parameter)
     first, last = _ends(model, parameter, start, stop, default)
     if first == last:
-        raise UsageError(f"the range of {parameter} is empty: both ends are {first:g}")
+        raise UsageError(f"the range of {parameter} is empty: both ends are {_in_unit(model, parameter, first)}")
     count = points if points is not None else default.points if default is not None else POINTS
     if logarithmic:
         if first <= 0.0 or last <= 0.0:
-            raise UsageError(f"--log needs positive ends, not {first:g} and {last:g}")
+            ends = " and ".join(_in_unit(model, parameter, x) for x in (first, last))
+            raise UsageError(f"--log needs positive ends, not {ends}")
         return np.geomspace(first, last, count)
     return np.linspace(first, last, count)
+
+
+def _in_unit(model: Model, parameter: str, value: float) -> str:
+    """Return a value (SI) of a parameter in its unit."""
+    own = model.parameters[parameter]
+    return f"{value / own.factor:.6g}{after_number(own.unit)}"
 
 
 def interval(model: Model, parameter: str, given: str | Sequence[float]) -> tuple[float, float]:

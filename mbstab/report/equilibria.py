@@ -7,7 +7,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from mbstab.errors import counted
-from mbstab.model.schema import unit_of
+from mbstab.model.schema import is_state, unit_of
 from mbstab.report import WIDTH
 from mbstab.report.tables import number, table
 
@@ -43,9 +43,9 @@ def _state_table(item: Equilibrium, names: Sequence[str]) -> str:
     moving, fastest = bool(item.motion.u.any()), float(abs(item.motion.u).max())
     rows = []
     for name, q, u in zip(names, item.motion.q, item.motion.u, strict=True):
-        unit = unit_of(name)
+        unit = "" if is_state(name) else unit_of(name)  # its equation decides
         rate = u if abs(u) > 1e-14 * fastest else 0.0
-        rows.append([name, number(q, 10), unit, *([number(rate, 6), f"{unit}/s"] if moving else [])])
+        rows.append([name, number(q, 10), unit, *([number(rate, 6), f"{unit or 1}/s"] if moving else [])])
     heads = ["coordinate", "value", "", *(["rate", ""] if moving else [])]
     return table(heads, rows, left=(0, 2, 4))
 
