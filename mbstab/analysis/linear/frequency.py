@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +57,17 @@ class FrequencyResponse:
         rounding = TOLERANCES.roundings_of_sum * EPS
         self.errors_A = wide_A[own] + rounding * np.abs(self.A)
         self.errors_E = wide_E[own] + rounding * np.abs(self.E)
+        # How often each variable is differentiated: Δq and Δν, Δu, Δa.
+        self.rate = np.zeros(len(rows))
+        self.rate[n + len(kept) : 2 * n + len(kept)], self.rate[2 * n + len(kept) :] = 1, 2
         self.rounding, self.responds = rounding, responding(model)
+        self._scales: dict[int, tuple[Array, Array]] = {}
+        if len(self.A) >= TOLERANCES.sparse_response:
+            from scipy.sparse import csc_array
+
+            self.E, self.A, self.errors_A, self.errors_E = map(
+                csc_array, (self.E, self.A, self.errors_A, self.errors_E)
+            )
 
     def at(self, s: complex) -> tuple[Complex, Array, Complex]:
         """Return G(s), its error bounds and G'(s), shapes (outputs, inputs); infinite and nan on a pole.
@@ -67,17 +78,17 @@ class FrequencyResponse:
         """
         whole = s * self.E - self.A
         direct = self._direct(s)
-        left, right = _scales(np.abs(whole))
-        scaled = whole * left[:, None] * right
-        try:
-            X = right[:, None] * np.linalg.solve(scaled, left[:, None] * self.B.astype(complex))
-            Y = (np.linalg.solve(scaled.T, (self.C * right).astype(complex).T) * left[:, None]).T
-        except np.linalg.LinAlgError:
+        decade = round(np.log2(abs(s) or 1.0) / 4.0)
+        if decade not in self._scales:
+            self._scales[decade] = _scales(abs(whole), *self._start(abs(s) or 1.0))
+        X, Y = _solved(whole, *self._scales[decade], self.B, self.C)
+        if X is None:
             nothing = np.full(direct.shape, complex(np.inf, np.nan))
             return nothing, np.full(direct.shape, np.inf), nothing
         sizes = self.errors_A + abs(s) * self.errors_E
-        value = self.C @ X + Y @ (self.B - whole @ X) + direct
-        error = np.abs(Y) @ (sizes @ np.abs(X) + self.rounding * np.abs(self.B))
+        rest = self.B - whole @ X
+        value = self.C @ X + Y @ rest + direct
+        error = np.abs(Y) @ (sizes @ np.abs(X) + self.rounding * np.abs(self.B) + np.abs(rest))
         error += self.rounding * (np.abs(self.C) @ np.abs(X) + np.abs(direct))
         slope = self._direct(s, 1) - Y @ (self.E @ X)
         return tuple(np.where(self.responds, x, 0.0) for x in (value, error, slope))  # type: ignore[return-value]
@@ -104,6 +115,16 @@ class FrequencyResponse:
         """Return the numbers of the output and the input of a channel."""
         return self.model.outputs.index(channel.goal), self.model.inputs.index(channel.source)
 
+    def _start(self, size: float) -> tuple[Array, Array]:
+        """Return factors of rows and columns with which Δq̇ = Δu and Δu̇ = Δa do not depend on the size of s."""
+        step = float(np.exp2(np.clip(np.round(np.log2(size)), -300.0, 300.0)))
+        left, right = np.ones(len(self.rate)), np.ones(len(self.rate))
+        right *= step**self.rate
+        n = len(self.model.linear.M)
+        left[:n] = 1.0 / step
+        left[self.rate == 2] = step**-2.0
+        return left, right
+
     def _direct(self, s: complex, slope: int = 0) -> Complex:
         """Return D₀ + s D₁ + s² D₂, or its derivative by s."""
         D = self.model.descriptor.D
@@ -114,11 +135,54 @@ class FrequencyResponse:
         return found
 
 
-def _scales(sizes: Array) -> tuple[Array, Array]:
+def _solved(whole: Any, left: Array, right: Array, B: Array, C: Array) -> tuple[Any, Any]:
+    """Return P⁻¹ B and C P⁻¹ with small residuals, entry by entry; None where that is not reached.
+
+    The rows and columns of P are scaled, and solutions are refined (Skeel 1980).
+    """
+    scaled = whole * left[:, None] * right
+    if isinstance(scaled, np.ndarray):
+        from scipy.linalg.lapack import zgetrf, zgetrs
+
+        lu, pivots, singular = zgetrf(scaled)
+        if singular:
+            return None, None
+
+        def solve(b: Complex, transposed: bool) -> Complex:
+            return np.asarray(zgetrs(lu, pivots, b, trans=int(transposed))[0])
+    else:
+        from scipy.sparse.linalg import splu
+
+        try:
+            factors = splu(scaled.tocsc())
+        except RuntimeError:
+            return None, None
+
+        def solve(b: Complex, transposed: bool) -> Complex:
+            return np.asarray(factors.solve(b, trans="T" if transposed else "N"))
+
+    X = _refined(whole, B.astype(complex), left, lambda b: right[:, None] * solve(left[:, None] * b, False))
+    Y = _refined(whole.T, C.astype(complex).T, right, lambda b: left[:, None] * solve(right[:, None] * b, True))
+    return (None, None) if X is None or Y is None else (X, Y.T)
+
+
+def _refined(P: Any, b: Complex, rows: Array, solve: Callable[[Complex], Complex]) -> Complex | None:
+    """Return the solution of P x = b, or None if its residuals, in scaled rows, stay larger than rounding."""
+    sizes, x = abs(P), solve(b)
+    for _ in range(TOLERANCES.refinements_of_response):
+        rest, terms = np.abs(b - P @ x), sizes @ np.abs(x) + np.abs(b)
+        if np.all(rest <= TOLERANCES.residual_of_response * EPS * terms):
+            break
+        x = x + solve(b - P @ x)
+    largest = (float(np.max(rows[:, None] * y, initial=0.0)) for y in (rest, terms))
+    return x if next(largest) <= TOLERANCES.residual_largest * next(largest) else None
+
+
+def _scales(sizes: Any, left: Array, right: Array) -> tuple[Array, Array]:
     """Return factors of rows and columns that bring the largest entry of each near 1; powers of 2."""
-    left, right = np.ones(len(sizes)), np.ones(sizes.shape[1])
     for _ in range(TOLERANCES.scalings_of_response):
         for axis, factors in ((1, left), (0, right)):
-            largest = np.max(left[:, None] * sizes * right, axis=axis, initial=0.0)
+            largest: Any = (sizes * left[:, None] * right).max(axis=axis)
+            largest = largest if isinstance(largest, np.ndarray) else largest.toarray().ravel()
             factors *= np.exp2(-np.round(np.log2(np.where(largest > 0.0, largest, 1.0)) / 2.0))
     return left, right

@@ -359,6 +359,16 @@ class Tolerances:
     """Zeros below this fraction of the largest eigenvalue are 0, up to this."""
     rounds_of_zeros: Final = 60
     """Maximum number of rounds of Aberth's iteration."""
+    zero_states: Final = 80
+    """Zeros of channels with more states are not computed: that would take minutes."""
+    sparse_response: Final = 100
+    """s E − A of this size or larger is factorized as a sparse matrix."""
+    refinements_of_response: Final = 4
+    """Maximum number of residuals that are looked at …"""
+    residual_of_response: Final = 100.0
+    """… until they are no larger than this many roundings of their terms, …"""
+    residual_largest: Final = 1e-8
+    """… and the largest of them, relative to its terms, with which a value is known at all."""
     scalings_of_response: Final = 4
     """Rounds in which rows and columns of s E − A are scaled before it is factorized."""
     roundings_of_zeros: Final = 100.0

@@ -127,7 +127,7 @@ def order(group: Group, values: Values) -> int:
 def excess(values: Values, size: float) -> tuple[int, complex]:
     """Return r with G ~ s^-r far outside of all poles and zeros, and where that is."""
     last, there = None, 0j
-    for exponent in range(2, 31, 2):
+    for exponent in range(2, 15, 2):
         near, far = (values(1j * size * 10.0**x) for x in (exponent, exponent + 1))
         known = all(np.isfinite(x[0]) and x[1] < 1e-3 * abs(x[0]) for x in (near, far))
         if not known:
@@ -167,7 +167,7 @@ class TransferZeros:
         none = np.zeros(0, dtype=complex), np.zeros(0)
         if channel.vanishes and not shift:
             return Zeros(*none, tuple(self.poles.tolist()), True)
-        if len(self.poles) > TOLERANCES.margin_states:
+        if len(self.poles) > TOLERANCES.zero_states:
             return Zeros(*none, (), False, f"zeros are not computed for {len(self.poles)} states")
         if not np.isfinite(self.bounds).all():
             return Zeros(*none, (), False, "not all eigenvalues are known")
@@ -290,7 +290,7 @@ def _starts(values: Values, poles: Complex, m: int, size: float) -> Complex:
     if not m:
         return np.zeros(0, dtype=complex)
     turns = np.exp(2j * np.pi * (np.arange(5) + 0.3) / 5)
-    exponents = np.arange(-20.0, 21.0)
+    exponents = np.arange(-16.0, 15.0)
     inside, known = 0, []
     for x in exponents:
         radius, part = size * 10.0**x, []
@@ -302,7 +302,7 @@ def _starts(values: Values, poles: Complex, m: int, size: float) -> Complex:
         count = int(np.clip(round(float(np.mean(part))), inside, m)) if len(part) >= 3 else inside
         known += [radius * 10.0**-0.5] * (count - inside)
         inside = count
-    known += [size * 10.0**20] * (m - inside)
+    known += [size * 10.0**15] * (m - inside)
     return np.array([r * np.exp(1j * (0.4 + 2.39996 * k)) for k, r in enumerate(known)])
 
 
