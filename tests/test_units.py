@@ -3,11 +3,13 @@
 import math
 from fractions import Fraction
 
+import mpmath
 import pytest
 
+from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.expressions import ExpressionError, parse
 from mbstab.model.functions import FUNCTIONS
-from mbstab.model.units import LITERAL, NONE, UNITS, UNKNOWN, dimension_of, parse_unit, show
+from mbstab.model.units import LITERAL, NONE, UNITS, UNKNOWN, dimension_of, exact_factor, parse_unit, show
 
 KG, M, S = (tuple(Fraction(int(i == j)) for i in range(4)) for j in range(3))
 
@@ -72,12 +74,24 @@ def infer(text):
         ("m/s^2", 1.0, dimension(0, 1, -2)),
         ("deg/s", math.pi / 180, dimension(0, 0, -1)),
         (" kg * m ^ 2 / s ", 1.0, dimension(1, 2, -1)),
+        ("(m)", 1.0, dimension(0, 1, 0)),
+        ("N/(rad*s)", 1.0, dimension(1, 1, -3)),
+        ("N*m / ( deg / s )", 180 / math.pi, dimension(1, 2, -1)),
+        ("(mm/(ms^2))^-2*(m)", 1e-6, dimension(0, -1, 4)),
+        ("kg/(m*(s/(km)))/s", 1e3, dimension(1, 0, -2)),
     ],
 )
 def test_a_unit_has_its_factor_and_its_dimension(text, factor, expected):
     found = parse_unit(text)
     assert found[0] == pytest.approx(factor, rel=1e-15, abs=0)
     assert found[1] == expected
+
+
+def test_the_exact_factor_of_a_unit_with_brackets():
+    with mpmath.workdps(40):
+        f = mpmath_arithmetic()
+        assert mpmath.almosteq(exact_factor("N*m/(deg/s)", f) * f.constants["deg"], 1, 1e-39)
+        assert exact_factor("(mm/(ms^2))^-2*(m)", f) == mpmath.mpf(1) / 10**6
 
 
 def test_every_unit_of_the_table_is_tested_here():
@@ -98,7 +112,12 @@ def test_every_unit_of_the_table_is_tested_here():
         ("m^100", "is not a unit", 4),
         ("m^\u0662", "is not a unit", 1),
         ("m//s", "is not a unit", 2),
-        ("(m)", "is not a unit", 0),
+        ("()", "is not a unit", 1),
+        ("m(s)", "is not a unit", 1),
+        ("m)", "is not a unit", 1),
+        ("N/(rad*s", r"'\(' is not closed in the unit", 2),
+        ("N/(rad*/s)", "is not a unit", 7),
+        ("((m^50)^2)^3", "has a power beyond 99", 6),
         ("2*m", "is not a unit", 0),
         ("kg*metre", "unknown unit 'metre'", 3),
         ("h^99", "out of the range of numbers", 0),

@@ -7,7 +7,7 @@ numbers have none. Quantities without a declared unit always fit.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from functools import partial, reduce
 from typing import Any
@@ -60,8 +60,11 @@ UNITS: dict[str, tuple[float, Dimension]] = {
 }
 """Factor to SI and dimension of every unit a file may name."""
 
-_FACTOR = re.compile(r"\s*(?P<name>[A-Za-z]+|1)\s*(?:(?:\^|\*\*)\s*(?P<power>-?[0-9]{1,2}))?\s*")
-
+_POWER = r"\s*(?:(?:\^|\*\*)\s*(?P<power>-?[0-9]{1,2}))?\s*"
+_FACTOR = re.compile(r"\s*(?P<name>[A-Za-z]+|1)" + _POWER)
+_OPEN = re.compile(r"\s*\(")
+_CLOSE = re.compile(r"\)" + _POWER)
+_MOST = 99
 
 _TURNS = re.compile(r"\s*(rad|deg)\s*/\s*(s|ms|min|h)\s*|rpm")
 
@@ -72,39 +75,66 @@ def is_angular_velocity(unit: str) -> bool:
 
 
 def parse_unit(text: str) -> tuple[float, Dimension]:
-    """Return the factor to SI and the dimension of a unit such as ``kg*m^2`` or ``N*s/m``.
+    """Return the factor to SI and the dimension of a unit such as ``kg*m^2`` or ``N/(rad*s)``.
 
     Raises
     ------
     ExpressionError
         If the text is not a product of known units.
     """
-    factor, dimension, at, sign = 1.0, NONE, 0, 1
-    while True:
-        match = _FACTOR.match(text, at)
-        if match is None:
-            raise ExpressionError(f"{text!r} is not a unit", at, "write products of units, such as kg*m^2 or N*s/m")
-        name = match.group("name")
+    factor, dimension = 1.0, NONE
+    for name, power, at in _factors(text):
         if name not in UNITS:
             alike = [unit for unit in UNITS if unit.lower() == name.lower()]  # Kg is kg, not g
             hint = suggestion(alike[0], alike) if alike else suggestion(name, UNITS)
             hint = hint or "known units: " + ", ".join(UNITS)
-            raise ExpressionError(f"unknown unit {name!r}", match.start("name"), hint)
-        power = sign * int(match.group("power") or 1)
+            raise ExpressionError(f"unknown unit {name!r}", at, hint)
         try:
             factor *= UNITS[name][0] ** power
         except OverflowError:
             factor = 0.0
         if not 1e-300 < factor < 1e300:
-            raise ExpressionError(f"{text!r} is out of the range of numbers", match.start("name"))
+            raise ExpressionError(f"{text!r} is out of the range of numbers", at)
         dimension = _times(dimension, UNITS[name][1], power)
+    return factor, dimension
+
+
+def _factors(text: str) -> Iterator[tuple[str, int, int]]:
+    """Return the name, the power and the position of each factor of a unit, brackets multiplied out."""
+    found: list[tuple[str, int, int]] = []
+    opened: list[tuple[int, int, int]] = []  # of each open bracket: the first factor in it, its sign, its position
+    at, sign = 0, 1
+
+    def power(match: re.Match[str]) -> int:
+        return sign * int(match.group("power") or 1)
+
+    while True:
+        while (bracket := _OPEN.match(text, at)) is not None:
+            opened.append((len(found), sign, bracket.end() - 1))
+            at, sign = bracket.end(), 1
+        match = _FACTOR.match(text, at)
+        if match is None:
+            raise _no_unit(text, at)
+        found.append((match.group("name"), power(match), match.start("name")))
         at = match.end()
+        while opened and (match := _CLOSE.match(text, at)) is not None:
+            first, sign, _ = opened.pop()
+            found[first:] = [(name, before * power(match), place) for name, before, place in found[first:]]
+            if any(abs(total) > _MOST for _, total, _ in found[first:]):
+                raise ExpressionError(f"{text!r} has a power beyond {_MOST}", at)
+            at = match.end()
+        if at == len(text) and not opened:
+            return iter(found)
         if at == len(text):
-            return factor, dimension
+            raise ExpressionError(f"'(' is not closed in the unit {text!r}", opened[-1][2])
         if text[at] not in "*/":
-            raise ExpressionError(f"{text!r} is not a unit", at, "write products of units, such as kg*m^2 or N*s/m")
+            raise _no_unit(text, at)
         sign = -1 if text[at] == "/" else 1
         at += 1
+
+
+def _no_unit(text: str, at: int) -> ExpressionError:
+    return ExpressionError(f"{text!r} is not a unit", at, "write products of units, such as kg*m^2 or N/(rad*s)")
 
 
 def exact_factor(text: str, arithmetic: Arithmetic) -> Any:
@@ -113,10 +143,7 @@ def exact_factor(text: str, arithmetic: Arithmetic) -> Any:
     The float in `UNITS` is only the nearest double; its shortest decimals are the exact factor.
     """
     above, below = arithmetic.number("1"), arithmetic.number("1")
-    for sign, part in re.findall(r"([*/]?)((?:\*\*|[^*/])+)", text):
-        match = _FACTOR.fullmatch(part)
-        assert match is not None
-        name, power = match.group("name"), int(match.group("power") or 1)
+    for name, power, _ in _factors(text):
         if name == "deg":
             factor = arithmetic.constants["deg"]
         elif name == "rpm":
@@ -124,7 +151,7 @@ def exact_factor(text: str, arithmetic: Arithmetic) -> Any:
         else:
             factor = arithmetic.number(repr(UNITS[name][0]))
         for _ in range(abs(power)):
-            if (power > 0) == (sign != "/"):
+            if power > 0:
                 above = above * factor
             else:
                 below = below * factor
