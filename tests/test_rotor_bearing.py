@@ -1,11 +1,15 @@
 """Bearings of rotors with eight coefficients: a rigid rotor on two of them against closed forms and its matrices."""
 
+import json
 import math
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
+from scipy.interpolate import PchipInterpolator
 
 import mbstab
+from mbstab.cli.main import main
 from mbstab.errors import ModelFileError
 
 # Uniform, 0.5 m long, 0.2 m thick, 7810 kg/m^3.
@@ -190,3 +194,172 @@ def test_bearings_are_proven(coupling):
 def test_bad_bearings_are_refused(entry, message):
     with pytest.raises(ModelFileError, match=message):
         rotor(entry).eig()
+
+
+# --- coefficients over the speed ------------------------------------------------------------------------------------
+
+SPEEDS = [1000.0, 1500.0, 2000.0, 3000.0]
+COLUMNS = {
+    "kxx": [12.4e6, 12.8e6, 13.0e6, 13.2e6],
+    "kxy": [10.7e6, 16.4e6, 22.0e6, 33.2e6],
+    "kyx": [-22.1e6, -25.1e6, -29.0e6, -38.1e6],
+    "kyy": [10.5e6, 8.8e6, 8.0e6, 7.3e6],
+    "cxx": [250e3, 233e3, 225e3, 218e3],
+    "cxy": [-120e3, -82e3, -62e3, -42e3],
+    "cyx": [-120e3, -82e3, -62e3, -42e3],
+    "cyy": [374e3, 295e3, 262e3, 236e3],
+}
+BETWEEN = {
+    "table": lambda y: PchipInterpolator(SPEEDS, y),
+    "linear": lambda y: lambda x: np.interp(x, SPEEDS, y),
+}
+CURVES = "curves: {{file: short.csv, speed: n, function: {function}}}"
+
+
+def csv(columns=tuple(COLUMNS), unit="rpm"):
+    """Return the lines of a file with the coefficients over the speed."""
+    rows = zip([x if unit == "rpm" else repr(x * RPM) for x in SPEEDS], *(COLUMNS[c] for c in columns), strict=True)
+    return "\n".join([",".join([unit, *columns]), *(",".join(map(str, row)) for row in rows)]) + "\n"
+
+
+@pytest.fixture
+def turning(tmp_path):
+    """Return a function that writes the model with a file of coefficients beside it, and returns its path."""
+
+    def write(lines=None, function="table", n="1750, unit: rpm", **replaced):
+        (tmp_path / "short.csv").write_text(csv() if lines is None else lines, encoding="utf-8")
+        bearing = replaced.get("bearing", CURVES.format(function=function))
+        text = ROTOR.format(A=bearing, B=bearing, speed=0).replace(
+            "parameters: {", f"parameters: {{n: {{value: {n}}}, "
+        )
+        path = tmp_path / "rotor.yaml"
+        path.write_text(text.replace("psi: Omega", "psi: n"), encoding="utf-8")
+        return path
+
+    return write
+
+
+def expected(rpm, function):
+    """Return the eigenvalues of the equations with the coefficients that another library finds."""
+    k = {name: float(BETWEEN[function](y)(rpm)) for name, y in COLUMNS.items()}
+    K = np.array([[k["kxx"], k["kxy"]], [k["kyx"], k["kyy"]]])
+    C = np.array([[k["cxx"], k["cxy"]], [k["cyx"], k["cyy"]]])
+    return np.sort_complex(matrices([K, K], [C, C], rpm * RPM))
+
+
+@pytest.mark.parametrize(
+    ("function", "printed"),
+    [
+        (
+            "table",
+            [-40.35651639306624 + 97.00972806346438j, -42.06167193036435 + 95.55852904853415j, -2856.361493394868],
+        ),
+        (
+            "linear",
+            [-40.20457963902469 + 96.55810962923567j, -41.88556093315068 + 95.12467321895775j, -2858.830533471389],
+        ),
+    ],
+)
+def test_a_rotor_on_bearings_whose_coefficients_depend_on_the_speed(turning, function, printed):
+    found = mbstab.load(turning(function=function)).eig()
+    values = found.values()
+    for value in printed:
+        assert np.min(np.abs(values - value)) < 1e-12 * abs(value)
+    np.testing.assert_allclose(np.sort_complex(values), expected(1750.0, function), rtol=1e-10)
+    assert found.verdict == "asymptotically stable up to symmetry"
+
+
+@pytest.mark.parametrize("function", BETWEEN)
+def test_the_speed_is_swept_from_end_to_end_and_what_is_outside_has_no_answer(turning, function):
+    mechanism = mbstab.load(turning(function=function))
+    speeds = np.array([1000.0, 1100.0, 1500.0, 2300.0, 3000.0])
+    swept = mechanism.sweep("n", speeds * RPM)
+    for rpm, values in zip(speeds, swept.branches, strict=True):
+        np.testing.assert_allclose(np.sort_complex(values), expected(rpm, function), rtol=1e-9)
+    wide = mechanism.sweep("n", np.array([999.0, 1000.0, 3000.0, 3001.0]) * RPM)
+    assert wide.unanswered == [0, 3]
+    said = "forces.A.curves.speed: the expression has no value here (3001 is outside the table, which goes from 1000"
+    assert said in wide.problems[3]
+
+
+def test_a_speed_outside_is_refused_once_for_each_bearing_at_its_place(turning):
+    for rpm in (999.9, 3000.1):
+        with pytest.raises(ModelFileError) as caught:
+            mbstab.load(turning(n=f"{rpm}, unit: rpm")).eig()
+        assert f"({rpm} is outside the table, which goes from 1000 to 3000)" in str(caught.value)
+        assert str(caught.value).count("is outside the table") == 2
+        assert "rotor.yaml:12:" in str(caught.value)
+
+
+def test_derivatives_by_the_speed_know_the_slopes_of_the_coefficients(turning):
+    result = CliRunner().invoke(main, ["eig", str(turning()), "--sensitivity", "--format", "json"])
+    assert result.exit_code == 0, result.output
+    rows = json.loads(result.output)["sensitivity"]["eigenvalues"]
+    h = 0.01
+    above, below = (expected(1750.0 + x, "table") for x in (h, -h))
+    for row in rows:
+        value = complex(row["real"], row["imag"])
+        k = int(np.argmin(np.abs(above - value)))
+        slope = (above[k] - below[k]) / (2 * h)  # by rpm, the unit of the parameter
+        assert complex(row["derivatives"]["n"]["real"], row["derivatives"]["n"]["imag"]) == pytest.approx(
+            slope, rel=1e-5
+        )
+
+
+def test_where_two_lines_meet_eigenvalues_exist_and_derivatives_by_the_speed_do_not(turning):
+    path = turning(function="linear", n="1500, unit: rpm")
+    np.testing.assert_allclose(np.sort_complex(mbstab.load(path).eig().values()), expected(1500.0, "linear"), rtol=1e-9)
+    result = CliRunner().invoke(main, ["eig", str(path), "--sensitivity"])
+    assert result.exit_code == 2
+    assert "two lines of the table meet at 1500" in result.output
+
+
+@pytest.mark.parametrize("function", ["table", "linear"])
+def test_eigenvalues_over_the_speed_are_proven_and_computed_to_many_digits(turning, function):
+    mechanism = mbstab.load(turning(function=function))
+    values = np.sort_complex([complex(x) for x in mechanism.eig_precise(25).values()])
+    np.testing.assert_allclose(values, np.sort_complex(mechanism.eig().values()), rtol=1e-12)
+    pytest.importorskip("flint")
+    assert mechanism.certify().verdict == "asymptotically stable up to symmetry"
+
+
+def test_a_file_in_rad_per_second_with_missing_columns_given_by_keys(turning):
+    lines = csv([c for c in COLUMNS if c not in ("cxy", "cyx")], "rad/s")
+    path = turning(lines, bearing="cxy: 0, cyx: -7e4, " + CURVES.format(function="table"))
+    values = mbstab.load(path).eig().values()
+    written = ", ".join(
+        f"{c}: {float(PchipInterpolator(SPEEDS, y)(1750.0))!r}" for c, y in COLUMNS.items() if c not in ("cxy", "cyx")
+    )
+    plain = turning(bearing=f"cxy: 0, cyx: -7e4, {written}")
+    np.testing.assert_allclose(np.sort_complex(values), np.sort_complex(mbstab.load(plain).eig().values()), rtol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("lines", "bearing", "message"),
+    [
+        (csv().replace("rpm", "speed"), "", "short.csv: its first column is 'speed'"),
+        (csv().replace("kxy", "kxz"), "", "short.csv: it has a column 'kxz'"),
+        (csv().replace("kxy", "kxx"), "", "short.csv: it has two columns 'kxx'"),
+        (csv(list(COLUMNS)[:-1]), "", "short.csv: it has no column 'cyy'"),
+        (csv(), "kxx: 1e6, ", "short.csv: it has a column 'kxx', and the entry gives it too"),
+        (csv().replace("1500.0", "900"), "", "short.csv:3:1: forces.A.curves.file: x must increase"),
+        (csv().replace("13000000.0", "much"), "", "'much' is not a number"),
+        ("rpm,kxx\n", "", "short.csv has no numbers"),
+        (csv(), "rho", "forces.A.curves.speed: 'rho' has the unit kg/m^3"),
+    ],
+)
+def test_a_file_that_does_not_fit_is_refused(turning, lines, bearing, message):
+    wrong = CURVES.format(function="table")
+    path = turning(lines, bearing=wrong.replace("speed: n", "speed: rho") if bearing == "rho" else bearing + wrong)
+    text = path.read_text(encoding="utf-8").replace("rho: 7810", "rho: {value: 7810, unit: kg/m^3}")
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ModelFileError) as caught:
+        mbstab.load(path)
+    assert message in str(caught.value)
+
+
+def test_damping_that_becomes_negative_between_points_is_refused(turning):
+    lines = csv().replace("262000.0", "0").replace("236000.0", "0")
+    path = turning(lines, function="spline", n="2500, unit: rpm")
+    with pytest.raises(ModelFileError, match="cyy must not be negative, got -"):
+        mbstab.load(path).eig()

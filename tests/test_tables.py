@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from contextlib import suppress
 from decimal import Decimal
 from fractions import Fraction
 
@@ -21,13 +22,13 @@ from mbstab.compiler.trace import Trace
 from mbstab.errors import MbstabError, ModelFileError
 from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic, symbol_arithmetic
 from mbstab.model.functions import NATIVE
-from mbstab.model.hermite import monotone_slopes, spline_slopes
+from mbstab.model.hermite import monotone_slopes, no_slopes, spline_slopes
 from mbstab.model.jets import Jet, jet_arithmetic
 
 X = [-2.0, -0.5, 0.25, 1.0, 3.0, 3.5]
 Y = [-1.0, -0.75, 0.5, 2.0, 2.0, 1.25]
 PEERS = {"table": PchipInterpolator(X, Y), "spline": CubicSpline(X, Y, bc_type="natural")}
-SLOPES = {"table": monotone_slopes, "spline": spline_slopes}
+SLOPES = {"table": monotone_slopes, "spline": spline_slopes, "linear": no_slopes}
 ORDERS = ["hermite1", "hermite2", "hermite3"]
 
 
@@ -94,6 +95,50 @@ def test_derivatives_come_by_the_chain_rule(name):
     slope = tape.gradient([(tape.term(1), called)], [x])[0]
     assert not slope.is_zero
     assert not tape.gradient([(tape.term(1), slope)], [x])[0].is_zero
+
+
+def _systems():
+    """Return the number systems of single numbers, each with how its numbers are made."""
+    yield FLOAT, float
+    yield array_arithmetic(), lambda x: np.array([x])
+    with mpmath.workdps(30):
+        yield mpmath_arithmetic(), mpmath.mpf
+
+
+def test_lines_between_points_are_those_of_another_library():
+    at = points("linear")
+    chords = np.diff(Y) / np.diff(X)
+    for f, number in _systems():
+        given = list(map(number, at))
+        for x in [*INSIDE.tolist(), *X]:
+            assert float(np.squeeze(f.linear(number(x), *given))) == pytest.approx(np.interp(x, X, Y), rel=1e-14)
+        for x in INSIDE.tolist():
+            slope = chords[np.searchsorted(X, x) - 1]
+            assert float(np.squeeze(f.linear1(number(x), *given))) == pytest.approx(slope, rel=1e-13)
+    jet = jet_arithmetic(FLOAT).linear(Jet(0.8, 0.7, -1.3), *at)
+    assert [jet.value, jet.rate, jet.second] == pytest.approx([1.6, 1.4, -2.6], rel=1e-13)
+
+
+def test_where_lines_meet_there_is_no_slope():
+    at = points("linear")
+    with pytest.raises(ValueError, match=r"two lines of the table meet at 0\.25"):
+        FLOAT.linear1(0.25, *at)
+    assert np.isnan(array_arithmetic().linear1(np.array([0.25]), *at)).all()
+    with pytest.raises(ValueError, match="no derivative"):
+        mpmath_arithmetic().linear1(mpmath.mpf(0.25), *map(mpmath.mpf, at))
+    assert FLOAT.linear1(X[0], *at) == pytest.approx(1.0 / 6.0, rel=1e-15)
+    assert FLOAT.linear1(X[-1], *at) == pytest.approx(-1.5, rel=1e-15)
+
+
+@pytest.mark.parametrize("name", ["table", "spline", "linear"])
+def test_an_argument_that_is_rounded_beyond_an_end_is_the_end(name):
+    at = points(name)
+    for f, number in _systems():
+        given = list(map(number, at))
+        for end, y, out in ((X[0], Y[0], -1.0), (X[-1], Y[-1], 1.0)):
+            assert float(np.squeeze(getattr(f, name)(number(end + out * 1e-14), *given))) == pytest.approx(y, rel=1e-12)
+            with suppress(ValueError):
+                assert np.isnan(getattr(f, name)(number(end + out * 1e-11), *given)).all()
 
 
 def test_errors_of_arguments_are_carried_on():

@@ -40,12 +40,14 @@ ELEMENTS = (
 
 # --- kinds ----------------------------------------------------------------------------------------------------------
 
-_PLACES = ("xx", "xy", "yx", "yy")
+_STIFFNESS = ("kxx", "kxy", "kyx", "kyy")
+_DAMPING = ("cxx", "cxy", "cyx", "cyy")
 
 
 def _rotor_bearing(item: Item) -> Iterable[ElementUse]:
     first, second = item.markers("between")
-    K, C = ([item.number(f"{letter}{place}") for place in _PLACES] for letter in "kc")
+    curves = item.value("curves") if item.given("curves") else {}
+    K, C = ([curves[x] if x in curves else item.number(x) for x in names] for names in (_STIFFNESS, _DAMPING))
     slots, ends = (first.body, second.body), (*first.point, *second.point)
     spatial = item.dimension == 3
     axes = item.triads("axis", "zero")[1] if spatial else None
@@ -75,17 +77,23 @@ _FIELDS = (
         default="x",
         dimensions=(3,),
     ),
-    *(Field(f"k{x}", "number", f"stiffness, k{x} of the matrix", "N/m", default="0") for x in _PLACES),
+    Field(
+        "curves",
+        "speed curves",
+        "coefficients that change with the speed, from a file",
+        columns=(*_STIFFNESS, *_DAMPING),
+    ),
+    *(Field(x, "number", f"stiffness, {x} of the matrix", "N/m", default="0") for x in _STIFFNESS),
     *(
         Field(
-            f"c{x}",
+            x,
             "number",
-            f"damping, c{x} of the matrix",
+            f"damping, {x} of the matrix",
             "N*s/m",
             default="0",
-            sign="nonnegative" if x in ("xx", "yy") else "any",
+            sign="nonnegative" if x in ("cxx", "cyy") else "any",
         )
-        for x in _PLACES
+        for x in _DAMPING
     ),
 )
 

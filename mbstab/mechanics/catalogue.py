@@ -120,6 +120,8 @@ class Field:
         Fields that must be given with it.
     motions : tuple of str
         Of joints: the motion that each of them must have.
+    columns : tuple of str
+        Of curves: the numbers of the entry that may be columns of the file instead.
     """
 
     name: str
@@ -134,6 +136,7 @@ class Field:
     made: bool = False
     needs: tuple[str, ...] = ()
     motions: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()
 
 
 class PartError(Exception):

@@ -84,7 +84,8 @@ FLOAT = Arithmetic(
     {name: getattr(math, name) for name in NATIVE if hasattr(math, name)}
     | {"abs": abs, "signum": _signum, "abs_slope": _abs_slope, "held": _held, "inside": _inside, "power": math.pow}
     | {"table": float_hermite(0), "spline": float_hermite(0)}
-    | {f"hermite{order}": float_hermite(order) for order in (1, 2, 3)},
+    | {f"hermite{order}": float_hermite(order) for order in (1, 2, 3)}
+    | {"linear": float_hermite(0, lines=True), "linear1": float_hermite(1, lines=True)},
 )
 """Python floats."""
 

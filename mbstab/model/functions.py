@@ -336,6 +336,10 @@ TABULATED: dict[str, Function] = {
         "the same with two continuous derivatives: a cubic spline, with second derivative 0 at both ends",
         _derivative("hermite1"), hermite(0), unit="free", knots=2,
     ),
+    "linear": Function(
+        "the same with straight lines between the points; at a point it has no derivative",
+        _derivative("linear1"), hermite(0, lines=True), unit="free", knots=0,
+    ),
 }  # fmt: skip
 """Functions given by points: an expression calls them with a number and the name of a table, evaluation with a number
 and the points (`mbstab.model.hermite`)."""
@@ -353,6 +357,9 @@ AUXILIARY: dict[str, Function] = {
     "hermite1": Function("first derivative of a function given by points", _derivative("hermite2"), hermite(1)),
     "hermite2": Function("second derivative of it", _derivative("hermite3"), hermite(2)),
     "hermite3": Function("third derivative of it", lambda f, v, x, *name: (0 * x, *(0 for _ in name)), hermite(3)),
+    "linear1": Function(
+        "slope of lines between points", lambda f, v, x, *name: (0 * x, *(0 for _ in name)), hermite(1, lines=True)
+    ),
 }
 """Functions in which others are written; every number system has its own of those without a formula."""
 

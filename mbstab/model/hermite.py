@@ -1,4 +1,4 @@
-"""Functions given by points: cubics between the points of a table, in any number system.
+"""Functions given by points: cubics or lines between the points of a table, in any number system.
 
 A table is a flat sequence of numbers, x, y and slope of each point, by ascending x.
 """
@@ -13,6 +13,9 @@ from typing import Any
 
 DIGITS = 60
 """Digits of the slopes at the points."""
+
+EDGE = 10**12
+"""An argument beyond an end by less than 1/EDGE of the range of a table is rounded, and counts as the end."""
 
 
 class OutsideTable(ValueError):
@@ -40,16 +43,24 @@ def _piece(order: int, s: Any, start: Sequence[Any], end: Sequence[Any]) -> Any:
             return 6 * third
 
 
-def hermite(order: int) -> Callable[..., Any]:
+def _line(order: int, s: Any, start: Sequence[Any], end: Sequence[Any]) -> Any:
+    """Return the line between two points at the distance s from the first, or its slope."""
+    chord = (end[1] - start[1]) / (end[0] - start[0])
+    return start[1] + s * chord if order == 0 else chord
+
+
+def hermite(order: int, lines: bool = False) -> Callable[..., Any]:
     """Return the formula of a derivative of a table: the sum of its pieces, of which one counts."""
+    piece = _line if lines else _piece
 
     def formula(f: Any, x: Any, *points: Any) -> Any:
         rows = [points[i : i + 3] for i in range(0, len(points), 3)]
         first, last = rows[0][0], rows[-1][0]
-        total = f.inside((x - first) / (last - first))
-        sides = [f.signum(x - row[0]) for row in rows[1:-1]]
+        total = f.inside(((x - first) / (last - first) * (EDGE - 2) + 1) / EDGE)
+        side = f.abs_slope if lines and order else f.signum  # where lines meet there is no slope
+        sides = [side(x - row[0]) for row in rows[1:-1]]
         for i, (start, end) in enumerate(itertools.pairwise(rows)):
-            part = _piece(order, x - start[0], start, end)
+            part = piece(order, x - start[0], start, end)
             if len(rows) > 2:
                 left = 1 if i == 0 else sides[i - 1]
                 right = -1 if i == len(sides) else sides[i]
@@ -60,15 +71,19 @@ def hermite(order: int) -> Callable[..., Any]:
     return formula
 
 
-def float_hermite(order: int) -> Callable[..., float]:
+def float_hermite(order: int, lines: bool = False) -> Callable[..., float]:
     """Return a derivative of a table for floats."""
+    piece = _line if lines else _piece
 
     def function(x: float, *points: float) -> float:
         at = points[::3]
-        if not at[0] <= x <= at[-1]:
+        edge = (at[-1] - at[0]) / EDGE
+        if not at[0] - edge <= x <= at[-1] + edge:
             raise OutsideTable(x, points)
-        i = bisect_right(at, x, 0, len(at) - 1) - 1
-        found = _piece(order, x - at[i], points[3 * i : 3 * i + 3], points[3 * i + 3 : 3 * i + 6])
+        i = max(bisect_right(at, x, 0, len(at) - 1) - 1, 0)
+        if lines and order and any(abs(x - inner) <= edge for inner in at[1:-1]):
+            raise ValueError(f"two lines of the table meet at {x:.9g}, there is no slope")
+        found = piece(order, x - at[i], points[3 * i : 3 * i + 3], points[3 * i + 3 : 3 * i + 6])
         if order >= 2 and i and x == at[i]:
             found = (found + _piece(order, x - at[i - 1], points[3 * i - 3 : 3 * i], points[3 * i : 3 * i + 3])) / 2
         return float(found)
@@ -119,3 +134,8 @@ def spline_slopes(x: Sequence[Decimal], y: Sequence[Decimal]) -> list[Decimal]:
         for factor, right in reversed(factors[1:]):
             found.append(right - factor * found[-1])
         return [+d for d in reversed(found[1:])]
+
+
+def no_slopes(x: Sequence[Decimal], y: Sequence[Decimal]) -> list[Decimal]:
+    """Return zeros: lines between points need no slopes."""
+    return [Decimal(0)] * len(x)

@@ -12,7 +12,7 @@ from mbstab.mechanics import bodies
 from mbstab.mechanics.catalogue import Kind, Sign
 from mbstab.model.expressions import Expression, ExpressionError, parse
 from mbstab.model.functions import TABULATED
-from mbstab.model.hermite import OutsideTable, monotone_slopes, spline_slopes
+from mbstab.model.hermite import OutsideTable, monotone_slopes, no_slopes, spline_slopes
 from mbstab.model.words import WORDS
 from mbstab.model.yamlfile import Document
 from mbstab.records import dataclass
@@ -29,7 +29,7 @@ SECTIONS: dict[str, str] = {
     "include": "parts from other files: {file, prefix, with}; their names get the prefix",
     "needs": "names that a part takes from the file that includes it, each with a description; only in parts",
     "parameters": "named numbers: value, or {value, unit, sign, description}; values may be expressions of others",
-    "tables": "functions given by points, by name, that table(x, NAME) and spline(x, NAME) evaluate",
+    "tables": "functions given by points, by name, that table(x, NAME), spline(x, NAME) and linear(x, NAME) evaluate",
     "definitions": "named expressions of parameters, coordinates, measures, states and t that all others may use, but "
     "those of parameters",
     "gravity": "acceleration of gravity, a vector in ground axes (m/s^2); without it there is none",
@@ -301,7 +301,7 @@ class TableValue:
 
     def points(self, function: str) -> tuple[str, ...]:
         """Return x, y and slope of each point for a function of `mbstab.model.functions.TABULATED`."""
-        slopes = (monotone_slopes if function == "table" else spline_slopes)(self.x, self.y)
+        slopes = {"table": monotone_slopes, "spline": spline_slopes, "linear": no_slopes}[function](self.x, self.y)
         return tuple(str(number) for row in zip(self.x, self.y, slopes, strict=True) for number in row)
 
 
@@ -472,6 +472,11 @@ TABLE_FIELDS = {
     "y": "values of the function (SI); with file the name of the column, the second if not given",
     "file": "name of a CSV file beside the model, with the names of its columns in the first line",
 }
+CURVE_FIELDS = {
+    "file": "name of a CSV file beside the model; its first line has rad/s or rpm over the speed, then names of keys",
+    "speed": "the speed at which they count, an expression of parameters (rad/s)",
+    "function": "table (monotone; used if it is not given), spline or linear, between the speeds of the file",
+}
 GEOMETRY_FIELDS = {"points": "named points (m)", "directions": "named directions"}
 STATE_FIELDS = {
     "rate": "its rate: an expression of coordinates, rates rate(body.x), states, parameters and t",
@@ -496,6 +501,7 @@ SECTION_FIELDS: dict[str, dict[str, str]] = {
     "include": INCLUDE_FIELDS,
     "parameters": PARAMETER_FIELDS,
     "tables": TABLE_FIELDS,
+    "forces.curves": CURVE_FIELDS,
     "ground": GEOMETRY_FIELDS,
     "constraints": CONSTRAINT_FIELDS,
     "states": STATE_FIELDS,
