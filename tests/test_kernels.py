@@ -487,7 +487,13 @@ HOLONOMIC = {
 def disk_slip(bodies, p, s, u):
     contact = p["center"] - p["radius"][0] * (bodies[0].matrix().T @ p["normal"])
     along = np.array([p["normal"][1], -p["normal"][0]])
-    return [along @ bodies[0].velocity(contact, u[0])]
+    return [along @ (bodies[0].velocity(contact, u[0]) - carried(p, s, None))]
+
+
+def carried(p, s, place):
+    """Return the velocity of a plane that moves along itself, at a place; of one at rest 0."""
+    turn = s[3] * np.cross(p["normal"], place - p["origin"]) if len(s) == 4 else 0
+    return s[: len(p["normal"])] + turn if len(s) else 0
 
 
 def wheel_slip(across):
@@ -496,9 +502,14 @@ def wheel_slip(across):
         contact = body.matrix().T @ (lowest(body, p) - body.q[:3])
         direction = unit(np.cross(body.matrix() @ p["axle"], p["normal"]))
         direction = np.cross(p["normal"], direction) if across else direction
-        return [direction @ body.velocity(contact, u[0])]
+        return [direction @ (body.velocity(contact, u[0]) - carried(p, s, lowest(body, p)))]
 
     return row
+
+
+def ellipsoid_slip(bodies, p, s, u):
+    (body,), point = bodies, support(bodies[0], p)
+    return [p["along"] @ (body.velocity(point, u[0]) - carried(p, s, body.place(point)))]
 
 
 def knife_edge(bodies, p, s, u):
@@ -541,11 +552,15 @@ NONHOLONOMIC = {
     "disk_slip": disk_slip,
     "wheel_slip_along": wheel_slip(across=False),
     "wheel_slip_across": wheel_slip(across=True),
-    "ellipsoid_slip": lambda b, p, s, u: [p["along"] @ b[0].velocity(support(b[0], p), u[0])],
+    "ellipsoid_slip": ellipsoid_slip,
     "knife_edge": knife_edge,
     "angle_velocity": angle_velocity,
     "displacement_velocity": lambda b, p, s, u: [rate_of(lambda at: travel(at, p), b, u) - s[0]],
     "point_velocity": lambda b, p, s, u: [p["direction"] @ b[0].velocity(p["point"], u[0]) - s[0]],
+}
+
+NONHOLONOMIC |= {
+    f"carried_{name}": row for name, row in NONHOLONOMIC.items() if name.endswith(("slip", "along", "across"))
 }
 
 UNIT_VECTORS = ("normal", "axle")

@@ -1,4 +1,8 @@
-"""Contacts with a fixed line or plane: rolling wheels, skates, knife edges, ellipsoids.
+"""Contacts with a line or plane: rolling wheels, skates, knife edges, ellipsoids.
+
+The line or plane stays where it is. Its material may move along it, with a given velocity V of its point o and, in
+space, a given rate Ω about its normal: at the contact point p it has the velocity V + Ω n × (p − o), and slip counts
+against that.
 
 The wheel is a circle of radius R thickened by a tube of radius r (r = 0: a knife edge).
 With axle a and plane normal n the contact point lies at
@@ -29,7 +33,8 @@ def _disk_height(frames: Any, p: Any, s: Any) -> Any:
 def _disk_slip(frames: Any, p: Any, s: Any) -> Any:
     # Material velocity along the line at the contact: v + ω × (−R n), along t = −n turned.
     velocity = frames[0].velocity(p.center)
-    return [p.normal[1] * velocity[0] - p.normal[0] * velocity[1] + p.radius[0] * frames[0].u[2]]
+    carried = p.normal[1] * s[0] - p.normal[0] * s[1] if s else 0
+    return [p.normal[1] * velocity[0] - p.normal[0] * velocity[1] + p.radius[0] * frames[0].u[2] - carried]
 
 
 def wheel_at_contact(frame: Any, p: Any) -> tuple[Any, Any, Any]:
@@ -48,10 +53,20 @@ def _wheel_height(frames: Any, p: Any, s: Any) -> Any:
     return [p.normal.dot(frames[0].position(p.center) + arm) - p.level[0]]
 
 
-def _wheel_slip(frames: Any, p: Any, sideways: bool) -> Any:
+def _wheel_slip(frames: Any, p: Any, s: Any, sideways: bool) -> Any:
     arm, along, across = wheel_at_contact(frames[0], p)
     velocity = frames[0].velocity(p.center) + frames[0].angular_velocity().cross(arm)
-    return [(across if sideways else along).dot(velocity)]
+    direction = across if sideways else along
+    return [direction.dot(velocity) - _carried(p, s, direction, frames[0].position(p.center) + arm)]
+
+
+def _carried(p: Any, s: Any, direction: Any, contact: Any) -> Any:
+    """Return the velocity of a moving plane at the contact, along a direction of it; 0 for one at rest."""
+    import sympy
+
+    if not s:
+        return 0
+    return direction.dot(sympy.Matrix(s[:3])) + s[3] * direction.cross(p.normal).dot(contact - p.origin)
 
 
 def _in_body(frame: Any, vector: Any) -> Any:
@@ -81,7 +96,8 @@ def _ellipsoid_slip(frames: Any, p: Any, s: Any) -> Any:
     (frame,) = frames
     _, arm, _ = _ellipsoid(frame, p)
     turn = frame.local_angular_velocity().cross(p.center + arm)
-    return [p.along.dot(frame.rate(frame.origin())) + _in_body(frame, p.along).dot(turn)]
+    slip = p.along.dot(frame.rate(frame.origin())) + _in_body(frame, p.along).dot(turn)
+    return [slip - _carried(p, s, p.along, frame.position(p.center + arm))]
 
 
 def _knife_edge_planar(frames: Any, p: Any, s: Any) -> Any:
@@ -92,8 +108,18 @@ def _knife_edge_spatial(frames: Any, p: Any, s: Any) -> Any:
     return [p.normal.cross(frames[0].direction(p.along)).dot(frames[0].velocity(p.point))]
 
 
+_DISK = (("center", 2), ("normal", 2), ("radius", 1))
 _WHEEL = (("center", 3), ("axle", 3), ("radius", 1), ("tube", 1), ("normal", 3))
 _ELLIPSOID = (("center", 3), ("semi_axes", 3), ("ball", 1), ("normal", 3))
+
+
+def _slips(name: str, parameters: Any, define: Any) -> tuple[Element, Element]:
+    """Return the slip on a plane at rest, and on a moving one."""
+    return (
+        Element(name, "nonholonomic", ("spatial",), 1, parameters, define, units=("m/s",)),
+        Element(f"carried_{name}", "nonholonomic", ("spatial",), 1, (*parameters, ("origin", 3)), define, 4, ("m/s",)),
+    )
+
 
 ELEMENTS = (
     Element(
@@ -105,46 +131,15 @@ ELEMENTS = (
         _disk_height,
         units=("m",),
     ),
-    Element(
-        "disk_slip",
-        "nonholonomic",
-        ("planar",),
-        1,
-        (("center", 2), ("normal", 2), ("radius", 1)),
-        _disk_slip,
-        units=("m/s",),
-    ),
+    Element("disk_slip", "nonholonomic", ("planar",), 1, _DISK, _disk_slip, units=("m/s",)),
+    Element("carried_disk_slip", "nonholonomic", ("planar",), 1, _DISK, _disk_slip, 2, ("m/s",)),
     Element("wheel_height", "holonomic", ("spatial",), 1, (*_WHEEL, ("level", 1)), _wheel_height, units=("m",)),
-    Element(
-        "wheel_slip_along",
-        "nonholonomic",
-        ("spatial",),
-        1,
-        _WHEEL,
-        lambda f, p, s: _wheel_slip(f, p, False),
-        units=("m/s",),
-    ),
-    Element(
-        "wheel_slip_across",
-        "nonholonomic",
-        ("spatial",),
-        1,
-        _WHEEL,
-        lambda f, p, s: _wheel_slip(f, p, True),
-        units=("m/s",),
-    ),
+    *_slips("wheel_slip_along", _WHEEL, lambda f, p, s: _wheel_slip(f, p, s, False)),
+    *_slips("wheel_slip_across", _WHEEL, lambda f, p, s: _wheel_slip(f, p, s, True)),
     Element(
         "ellipsoid_height", "holonomic", ("spatial",), 1, (*_ELLIPSOID, ("level", 1)), _ellipsoid_height, units=("m",)
     ),
-    Element(
-        "ellipsoid_slip",
-        "nonholonomic",
-        ("spatial",),
-        1,
-        (*_ELLIPSOID, ("along", 3)),
-        _ellipsoid_slip,
-        units=("m/s",),
-    ),
+    *_slips("ellipsoid_slip", (*_ELLIPSOID, ("along", 3)), _ellipsoid_slip),
     Element(
         "knife_edge", "nonholonomic", ("planar",), 1, (("point", 2), ("across", 2)), _knife_edge_planar, units=("m/s",)
     ),
@@ -161,6 +156,9 @@ ELEMENTS = (
 
 # --- kinds ----------------------------------------------------------------------------------------------------------
 
+SURFACE = ("surface_velocity", "surface_rate")
+"""Fields of the motion of a surface."""
+
 _ROWS = {
     "rolling": ("wheel_slip_along", "wheel_slip_across"),
     "skate": ("wheel_slip_across",),
@@ -171,13 +169,25 @@ SLIPPING = ("sideways", "frictionless")
 """Motions of a wheel that may slip across its track."""
 
 
+def _slip(
+    item: Item, element: str, body: int, numbers: Vector, label: str, origin: Vector = ()
+) -> Iterable[ElementUse]:
+    """Yield a row of slip, against the moving plane if it is one; `origin` is the point about which it turns."""
+    velocity, rate = SURFACE
+    laws = (*item.laws(velocity), *((item.law(rate),) if item.dimension == 3 else ()))
+    if all(law.zero for law in laws):
+        yield ElementUse(element, (body,), numbers, labels=(label,))
+    else:
+        yield ElementUse(f"carried_{element}", (body,), (*numbers, *origin), laws, (label,))
+
+
 def _disk(item: Item) -> Iterable[ElementUse]:
     center, radius = item.marker("center"), item.number("radius")
     normal = item.direction("normal")
     level = radius + dot(normal, item.vector("origin"))
     yield ElementUse("disk_height", (center.body,), (*center.point, *normal, level), labels=("height",))
     if item.choice("motion") == "rolling":
-        yield ElementUse("disk_slip", (center.body,), (*center.point, *normal, radius), labels=("slip",))
+        yield from _slip(item, "disk_slip", center.body, (*center.point, *normal, radius), "slip")
 
 
 def _wheel_elements(item: Item) -> Iterable[ElementUse]:
@@ -187,7 +197,7 @@ def _wheel_elements(item: Item) -> Iterable[ElementUse]:
     yield ElementUse("wheel_height", (center.body,), (*numbers, level), labels=("height",))
     for element in _ROWS[item.choice("motion")]:
         label = element.replace("wheel_", "").replace("_", " ")
-        yield ElementUse(element, (center.body,), numbers, labels=(label,))
+        yield from _slip(item, element, center.body, numbers, label, item.vector("origin"))
 
 
 def _ellipsoid_elements(item: Item) -> Iterable[ElementUse]:
@@ -199,7 +209,7 @@ def _ellipsoid_elements(item: Item) -> Iterable[ElementUse]:
     if item.choice("motion") == "rolling":
         plane = triad(normal, None, item.functions.sqrt)
         for label, along in (("slip v2", plane.v2), ("slip v3", plane.v3)):
-            yield ElementUse("ellipsoid_slip", (center.body,), (*numbers, *along), labels=(label,))
+            yield from _slip(item, "ellipsoid_slip", center.body, (*numbers, *along), label, item.vector("origin"))
 
 
 def _knife_edge_elements(item: Item) -> Iterable[ElementUse]:
@@ -235,6 +245,24 @@ def _surface(item: Item) -> tuple[Vector, Vector]:
 
 
 _ORIGIN = Field("origin", "vector", "a point of the line or plane", "m", default="0")
+_MOVING = (
+    Field(
+        SURFACE[0],
+        "law vector",
+        "velocity with which the material of the line or plane moves along it at its origin (belt, treadmill), in the "
+        "axes of the ground; what it has across counts for nothing",
+        "m/s",
+        default="0",
+    ),
+    Field(
+        SURFACE[1],
+        "law",
+        "rate at which the material of the plane turns about its normal through its origin (turntable)",
+        "rad/s",
+        default="0",
+        dimensions=(3,),
+    ),
+)
 _CENTER = Field("center", "marker", "centre of the wheel: body or body.point", required=True)
 _RADIUS = Field("radius", "number", "radius of the wheel", "m", required=True, sign="positive")
 _MOTION = Field(
@@ -250,7 +278,7 @@ KINDS: dict[tuple[str, int], Kind] = {
     for kind in (
         Kind(
             "disk",
-            "disk on a fixed straight line",
+            "disk on a straight line, at rest or a moving belt",
             (2,),
             (
                 _CENTER,
@@ -258,13 +286,14 @@ KINDS: dict[tuple[str, int], Kind] = {
                 Field("normal", "ground direction", "normal of the line, towards the disk", default="y"),
                 _ORIGIN,
                 _MOTION,
+                _MOVING[0],
             ),
             _disk,
             look=_disk_look,
         ),
         Kind(
             "wheel",
-            "wheel with a knife edge or a round tread on a fixed plane",
+            "wheel with a knife edge or a round tread on a plane, at rest or moving (treadmill, turntable)",
             (3,),
             (
                 _CENTER,
@@ -295,13 +324,14 @@ KINDS: dict[tuple[str, int], Kind] = {
                     default="rolling",
                     choices=tuple(_ROWS),
                 ),
+                *_MOVING,
             ),
             _wheel_elements,
             look=_wheel_look,
         ),
         Kind(
             "ellipsoid",
-            "ellipsoid on a fixed plane, its semi-axes along the axes of its body (rattleback, egg, eccentric ball)",
+            "ellipsoid or ball on a plane, at rest or moving, its semi-axes along the axes of its body (rattleback)",
             (3,),
             (
                 Field("center", "marker", "centre of the ellipsoid: body or body.point", required=True),
@@ -312,6 +342,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                 Field("normal", "ground direction", "normal of the plane, towards the ellipsoid", default="z"),
                 _ORIGIN,
                 _MOTION,
+                *_MOVING,
             ),
             _ellipsoid_elements,
             look=_ellipsoid_look,

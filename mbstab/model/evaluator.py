@@ -30,6 +30,11 @@ class Law:
     names: Mapping[str, Number]
     arithmetic: Arithmetic
 
+    @property
+    def zero(self) -> bool:
+        """Whether it is written as the number 0."""
+        return self.expression.literal and float(self.expression.text) == 0.0
+
     def at(self, time: Number) -> Jet:
         """Return value, first and second derivative at a time (s)."""
         names = {**self.names, "t": Jet(time, 1, 0)}

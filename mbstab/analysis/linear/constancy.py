@@ -212,7 +212,7 @@ def expressions(system: System) -> Iterator[tuple[str, Role, Expression, bool]]:
             if not kind.moving:
                 continue
             role: Role = "force"
-            if entry.section == "drives":
+            if entry.section in ("drives", "contacts"):
                 role = "position" if known.name == "position" else "velocity"
             angular = role == "position" and _is_angle(item)
             yield from ((entry.path, role, x, angular) for x in expressions_in(value))

@@ -15,9 +15,6 @@ from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.records import dataclass
 
-DRIVEN = ("drives", "constraints")
-"""Sections whose rows may do work."""
-
 
 @cache
 def quadrature(order: int) -> tuple[tuple[float, float], ...]:
@@ -37,7 +34,7 @@ class Energy:
     damped : tuple of str
         Forces with a potential that are dampers as well.
     driven : bool
-        Whether constraints may do work: drives, and rows written as expressions.
+        Whether constraints may do work, as `may_work` says.
     """
 
     working: tuple[str, ...]
@@ -51,7 +48,7 @@ class Energy:
         return cls(
             tuple(dict.fromkeys(x.path for x in forces if not x.stored)),
             tuple(dict.fromkeys(x.path for x in forces if x.damped)),
-            any(item.entry.section in DRIVEN for item in system.scene.items),
+            bool(may_work(system)),
         )
 
     @property
@@ -67,6 +64,12 @@ class Energy:
             part = parts[path]
             found[path] = -float((part.dynamics(q, u, t).F0 - part.dynamics(q, zero, t).F0) @ u)
         return found
+
+
+def may_work(system: System) -> set[str]:
+    """Return the entries whose rows may do work: drives, rows written as expressions, contacts with moving surfaces."""
+    moved = {path for path, _ in system.given_functions() if path.startswith("contacts.")}
+    return moved | {item.entry.path for item in system.scene.items if item.entry.section in ("drives", "constraints")}
 
 
 @dataclass(frozen=True)
@@ -126,7 +129,7 @@ def energies(motion: Motion, system: System) -> Energies:
     q, u, t = motion.q, motion.u, motion.time
     zero, sizes, rounding = np.zeros(len(u)), np.abs(u), TOLERANCES.roundings_of_power * EPS
     reactions = multiplier_sizes(system, motion)
-    energy, parts = Energy.of(system), dict(system.parts())
+    energy, parts, driven = Energy.of(system), dict(system.parts()), may_work(system)
     powers = energy.powers(parts, q, u, t)
     called = {f"bodies.{body.name}": f"body {body.name!r}" for body in system.scene.bodies}
     called |= {item.entry.path: item.entry.called for item in system.scene.items}
@@ -140,11 +143,11 @@ def energies(motion: Motion, system: System) -> Energies:
         power, terms = powers.get(path, 0.0), 0.0
         if path in powers:
             terms += float(part.terms(q, u, zero, motion.nu[rows], t)["F"] @ sizes)
-        if section in DRIVEN:
+        if path in driven:
             J = motion.dynamics.J[rows]
             power -= float(motion.nu[rows] @ (J @ u))
             terms += float(reactions[rows] @ np.abs(J @ u)) + float(np.abs(motion.nu[rows]) @ (abs(J) @ sizes))
         kinetic = 0.5 * float(u @ part.dynamics(q, u, t).M @ u) if section == "bodies" else 0.0
-        if not rows or section in DRIVEN:
+        if not rows or path in driven:
             shares.append(Share.of(name, kinetic, float(part.potential(q)), power, rounding * terms))
     return Energies(motion, tuple(shares))

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from mbstab.mechanics.catalogue import Field, Marker, Number
-from mbstab.mechanics.contacts import SLIPPING
+from mbstab.mechanics.contacts import SLIPPING, SURFACE
 from mbstab.model.expressions import Name, Rate
 from mbstab.model.fields.base import BY_NAME, TEXT, FieldKind, Owner, Reading
 from mbstab.model.fields.values import ChoiceField
@@ -109,6 +109,11 @@ class SlippingWheelField(FieldKind):
         if written not in SLIPPING:
             message = f"the contact {word!r} holds its wheel across the track (motion: {written}): there is no slip"
             reading.nodes.complain(node, path, message, f"write motion: {SLIPPING[0]} in this contact")
+            return None
+        moved = next((key for key in SURFACE if key in contact.entries), None)
+        if moved is not None:
+            message = f"the contact {word!r} has a moving plane ({moved}), and slip counts against a plane at rest"
+            reading.nodes.complain(node, path, message, "let the body move over a plane at rest instead")
             return None
         return word
 
