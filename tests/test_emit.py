@@ -44,6 +44,8 @@ DIVISORS = {
     "planar_creep": {"half_gauge", "radius", "sum of products"},
     "planar_distance": {"length"},
     "planar_relaxed_tyre": {"sqrt"},
+    "planar_roller_distance": {"sqrt"},
+    "planar_roller_slip": {"sqrt"},
     "planar_spring": {"sqrt"},
     "planar_tyre": {"sqrt"},
     "planar_tyre_relaxation": {"sqrt", "relaxation"},

@@ -475,6 +475,7 @@ HOLONOMIC = {
     "gear": train(GEAR),
     "rack": train(RACK),
     "differential": train((angle, angle, angle)),
+    "roller_distance": lambda b, p, s: [mpmath.sqrt(sum(gap(b, p) ** 2)) - sum(p["radii"])],
     "disk_height": lambda b, p, s: [p["normal"] @ b[0].place(p["center"]) - p["level"][0]],
     "wheel_height": wheel_height,
     "ellipsoid_height": lambda b, p, s: [p["normal"] @ b[0].place(support(b[0], p)) - p["level"][0]],
@@ -488,6 +489,16 @@ def disk_slip(bodies, p, s, u):
     contact = p["center"] - p["radius"][0] * (bodies[0].matrix().T @ p["normal"])
     along = np.array([p["normal"][1], -p["normal"][0]])
     return [along @ (bodies[0].velocity(contact, u[0]) - carried(p, s, None))]
+
+
+def roller_slip(bodies, p, s, u):
+    away = unit(gap(bodies, p))
+    own = [
+        p["first"] - p["radii"][0] * bodies[0].matrix().T @ away,
+        p["second"] + p["radii"][1] * bodies[1].matrix().T @ away,
+    ]
+    first, second = (body.velocity(point, v) for body, point, v in zip(bodies, own, u, strict=True))
+    return [np.array([-away[1], away[0]]) @ (first - second)]
 
 
 def carried(p, s, place):
@@ -550,6 +561,7 @@ def tyre_relaxation(bodies, p, s, u):
 NONHOLONOMIC = {
     "tyre_relaxation": tyre_relaxation,
     "disk_slip": disk_slip,
+    "roller_slip": roller_slip,
     "wheel_slip_along": wheel_slip(across=False),
     "wheel_slip_across": wheel_slip(across=True),
     "ellipsoid_slip": ellipsoid_slip,

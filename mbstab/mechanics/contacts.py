@@ -37,6 +37,27 @@ def _disk_slip(frames: Any, p: Any, s: Any) -> Any:
     return [p.normal[1] * velocity[0] - p.normal[0] * velocity[1] + p.radius[0] * frames[0].u[2] - carried]
 
 
+def _between_rollers(frames: Any, p: Any) -> tuple[Any, Any]:
+    """Return the distance of two centres and the direction from the second to the first."""
+    import sympy
+
+    gap = frames[0].position(p.first) - frames[1].position(p.second)
+    apart = sympy.sqrt(gap.dot(gap))
+    return apart, gap / apart
+
+
+def _roller_distance(frames: Any, p: Any, s: Any) -> Any:
+    apart, _ = _between_rollers(frames, p)
+    return [apart - p.radii[0] - p.radii[1]]
+
+
+def _roller_slip(frames: Any, p: Any, s: Any) -> Any:
+    # Material velocities at the contact, −r₁ n from the first centre and r₂ n from the second, along n turned.
+    _, n = _between_rollers(frames, p)
+    velocity = frames[0].velocity(p.first) - frames[1].velocity(p.second)
+    return [n[0] * velocity[1] - n[1] * velocity[0] - p.radii[0] * frames[0].u[2] - p.radii[1] * frames[1].u[2]]
+
+
 def wheel_at_contact(frame: Any, p: Any) -> tuple[Any, Any, Any]:
     """Return the vector from the centre to the contact, and the unit directions along and across the track."""
     import sympy
@@ -108,6 +129,7 @@ def _knife_edge_spatial(frames: Any, p: Any, s: Any) -> Any:
     return [p.normal.cross(frames[0].direction(p.along)).dot(frames[0].velocity(p.point))]
 
 
+_ROLLERS = (("first", 2), ("second", 2), ("radii", 2))
 _DISK = (("center", 2), ("normal", 2), ("radius", 1))
 _WHEEL = (("center", 3), ("axle", 3), ("radius", 1), ("tube", 1), ("normal", 3))
 _ELLIPSOID = (("center", 3), ("semi_axes", 3), ("ball", 1), ("normal", 3))
@@ -133,6 +155,8 @@ ELEMENTS = (
     ),
     Element("disk_slip", "nonholonomic", ("planar",), 1, _DISK, _disk_slip, units=("m/s",)),
     Element("carried_disk_slip", "nonholonomic", ("planar",), 1, _DISK, _disk_slip, 2, ("m/s",)),
+    Element("roller_distance", "holonomic", ("planar",), 2, _ROLLERS, _roller_distance, units=("m",)),
+    Element("roller_slip", "nonholonomic", ("planar",), 2, _ROLLERS, _roller_slip, units=("m/s",)),
     Element("wheel_height", "holonomic", ("spatial",), 1, (*_WHEEL, ("level", 1)), _wheel_height, units=("m",)),
     *_slips("wheel_slip_along", _WHEEL, lambda f, p, s: _wheel_slip(f, p, s, False)),
     *_slips("wheel_slip_across", _WHEEL, lambda f, p, s: _wheel_slip(f, p, s, True)),
@@ -188,6 +212,20 @@ def _disk(item: Item) -> Iterable[ElementUse]:
     yield ElementUse("disk_height", (center.body,), (*center.point, *normal, level), labels=("height",))
     if item.choice("motion") == "rolling":
         yield from _slip(item, "disk_slip", center.body, (*center.point, *normal, radius), "slip")
+
+
+def _rollers(item: Item) -> Iterable[ElementUse]:
+    (first, second), (own, other) = item.markers("between"), item.value("radii")
+    slots = (first.body, second.body)
+    numbers = (*first.point, *second.point, -own if item.value("internal") else own, other)
+    yield ElementUse("roller_distance", slots, numbers, labels=("distance",))
+    if item.choice("motion") == "rolling":
+        yield ElementUse("roller_slip", slots, numbers, labels=("slip",))
+
+
+def _rollers_look(item: Item) -> tuple[Look, ...]:
+    pairs = zip(item.markers("between"), item.value("radii"), strict=True)
+    return tuple(Look("body", (marker,), (), Form("cylinder", (radius, 0.0))) for marker, radius in pairs)
 
 
 def _wheel_elements(item: Item) -> Iterable[ElementUse]:
@@ -290,6 +328,19 @@ KINDS: dict[tuple[str, int], Kind] = {
             ),
             _disk,
             look=_disk_look,
+        ),
+        Kind(
+            "rollers",
+            "two disks that roll on each other, also on the ground or inside of a ring (roller rig, cam follower)",
+            (2,),
+            (
+                Field("between", "markers", "centres of both disks", required=True),
+                Field("radii", "radii", "radii of both disks", "m", required=True, sign="positive"),
+                Field("internal", "flag", "whether the first rolls inside of the second, a ring", default="false"),
+                _MOTION,
+            ),
+            _rollers,
+            look=_rollers_look,
         ),
         Kind(
             "wheel",
