@@ -2,6 +2,7 @@
 
 import json
 import math
+from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from scipy.interpolate import PchipInterpolator
 
 import mbstab
 from mbstab.cli.main import main
-from mbstab.errors import ModelFileError
+from mbstab.errors import Location, ModelFileError
+from mbstab.model.arithmetic import FLOAT
+from mbstab.model.schema import TableValue
 
 # Uniform, 0.5 m long, 0.2 m thick, 7810 kg/m^3.
 ROTOR = """\
@@ -220,6 +223,26 @@ def csv(columns=tuple(COLUMNS), unit="rpm"):
     """Return the lines of a file with the coefficients over the speed."""
     rows = zip([x if unit == "rpm" else repr(x * RPM) for x in SPEEDS], *(COLUMNS[c] for c in columns), strict=True)
     return "\n".join([",".join([unit, *columns]), *(",".join(map(str, row)) for row in rows)]) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("column", "rpm", "value", "slope"),
+    [
+        ("kxx", 1750.0, 12916025.641025641, 397.4358974358974),
+        ("kxy", 1750.0, 19206194.6902654867, 11175.22123893805),
+        ("kyx", 1750.0, -26953362.1960206338, -7922.144436256448),
+        ("kyy", 1750.0, 8327636.36363636364, -1601.454545454545),
+        ("kxy", 1100.0, 11848014.1592920354, None),
+    ],
+)
+def test_coefficients_between_the_speeds_of_a_table(column, rpm, value, slope):
+    """Monotone cubics with three-point ends (Fritsch, Butland)."""
+    x, y = (tuple(map(Decimal, map(str, numbers))) for numbers in (SPEEDS, COLUMNS[column]))
+    table = TableValue(x, y, Location("short.csv", 1, 1))
+    points = tuple(map(float, table.points("table")))
+    assert FLOAT.table(rpm, *points) == pytest.approx(value, rel=1e-15)
+    if slope is not None:
+        assert FLOAT.hermite1(rpm, *points) == pytest.approx(slope, rel=1e-14)
 
 
 @pytest.fixture
