@@ -45,10 +45,9 @@ class _Looked:
 class Branches:
     """Eigenvalues at the points of a sweep and between them, joined into branches."""
 
-    def __init__(
-        self, evaluator: Evaluator, parameter: str, x: Array, raw: Block, most: int = TOLERANCES.branch_points
-    ) -> None:
-        self.evaluator, self.parameter, self.x, self.raw, self.most = evaluator, parameter, x, raw, most
+    def __init__(self, evaluator: Evaluator, parameter: str, x: Array, raw: Block, most: int | None = None) -> None:
+        self.evaluator, self.parameter, self.x, self.raw = evaluator, parameter, x, raw
+        self.most = TOLERANCES.branch_points if most is None else most
         self.values = raw.values
         evaluator.learn({parameter: x})
         self.meetings: list[tuple[float, str]] = []
